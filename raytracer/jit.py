@@ -1,0 +1,122 @@
+"""The one place for Numba: compiler options, the kernel cache, and dispatch by type.
+
+Everything in the inner loop is a plain function under `kernel`, or one case of a `generic` function whose
+implementation is chosen, when a scene is compiled, by the NamedTuple class of its first argument.  A scene
+without a kind of thing therefore holds no code for it.
+"""
+
+import functools
+import hashlib
+import os
+import shutil
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+from numba import types
+from numba.extending import overload
+
+# Unused at run time, but its hash names the cache folder: Numba does not notice an edited callee in another file.
+_PACKAGE = Path(__file__).parent
+
+_CACHES_KEPT = 4
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def _source_hash() -> str:
+    """Hash of the package's sources and of the compilers that they are compiled by."""
+    digest = hashlib.sha256()
+    for path in sorted(_PACKAGE.rglob("*.py")):
+        digest.update(str(path.relative_to(_PACKAGE)).encode())
+        digest.update(path.read_bytes())
+    digest.update(f"{numba.__version__} {sys.version}".encode())
+    return digest.hexdigest()[:16]
+
+
+def _cache_root() -> Path:
+    """The user's cache folder, by each system's custom; `RAYTRACER_CACHE_DIR` overrides it."""
+    if given := os.environ.get("RAYTRACER_CACHE_DIR"):
+        return Path(given)
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")) / "raytracer"
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "raytracer"
+    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "raytracer"
+
+
+def _use_cache_of_these_sources() -> Path:
+    """Point Numba at a folder that only these sources use, and drop the oldest folders of others."""
+    root = _cache_root()
+    folder = root / f"kernels-{_source_hash()}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        os.utime(folder)
+        old = sorted(root.glob("kernels-*"), key=lambda path: path.stat().st_mtime)[:-_CACHES_KEPT]
+        for path in old:
+            shutil.rmtree(path, ignore_errors=True)
+    except OSError:
+        # A read-only home: Numba falls back to compiling in memory.
+        return folder
+    numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+    return folder
+
+
+CACHE_FOLDER = _use_cache_of_these_sources()
+
+
+def kernel(function: F) -> F:
+    """Compile `function` without the interpreter lock, cached on disk, with IEEE division (1/0 is inf)."""
+    return numba.njit(nogil=True, cache=True, error_model="numpy")(function)
+
+
+def _class_of(numba_type: types.Type) -> type | None:
+    return getattr(numba_type, "instance_class", None)
+
+
+def generic(stub: F) -> F:
+    """Make `stub` a function whose implementation is chosen by the class of its first argument.
+
+    Cases are added with `@stub.register(SomeNamedTuple)`.  Called from Python it is `functools.singledispatch`;
+    called from a kernel the choice is made while compiling, so nothing is left of it at run time.
+    A case must take the same argument names as the stub.
+    """
+    dispatcher = functools.singledispatch(stub)
+
+    def choose(first: types.Type) -> Callable[..., Any] | None:
+        cls = type(None) if isinstance(first, types.NoneType) else _class_of(first)
+        found = dispatcher.dispatch(cls) if cls is not None else stub
+        return None if found is stub else found
+
+    @overload(dispatcher, strict=False)
+    def typing(first, *rest):  # type: ignore[no-untyped-def]
+        return choose(first)
+
+    return dispatcher  # type: ignore[return-value]
+
+
+def switch(case: F) -> F:
+    """Make `case(table, *args)` into `function(tables, index, *args)` that picks one table of a tuple at run time.
+
+    `tables` holds tables of different classes, so no index can reach into it; the choice becomes a chain of
+    comparisons, as long as the number of kinds in the scene and no longer.
+    """
+
+    def chosen(tables, index, *args):  # type: ignore[no-untyped-def]
+        return case(tables[index], *args)
+
+    @overload(chosen)
+    def typing(tables, index, *args):  # type: ignore[no-untyped-def]
+        if len(tables) == 1:
+            return lambda tables, index, *args: case(tables[0], *args)
+
+        def implementation(tables, index, *args):  # type: ignore[no-untyped-def]
+            if index == 0:
+                return case(tables[0], *args)
+            return chosen(tables[1:], index - 1, *args)
+
+        return implementation
+
+    return chosen  # type: ignore[return-value]

@@ -1,0 +1,103 @@
+"""Three-vectors as tuples of three float64 scalars: they live in registers and never allocate."""
+
+import math
+
+from raytracer.jit import kernel
+
+Vec3 = tuple[float, float, float]
+
+
+@kernel
+def add(a: Vec3, b: Vec3) -> Vec3:
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+@kernel
+def sub(a: Vec3, b: Vec3) -> Vec3:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+@kernel
+def mul(a: Vec3, b: Vec3) -> Vec3:
+    """The product by components."""
+    return (a[0] * b[0], a[1] * b[1], a[2] * b[2])
+
+
+@kernel
+def scale(s: float, a: Vec3) -> Vec3:
+    return (s * a[0], s * a[1], s * a[2])
+
+
+@kernel
+def madd(a: Vec3, s: float, b: Vec3) -> Vec3:
+    """a + s b."""
+    return (a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2])
+
+
+@kernel
+def neg(a: Vec3) -> Vec3:
+    return (-a[0], -a[1], -a[2])
+
+
+@kernel
+def dot(a: Vec3, b: Vec3) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def cross(a: Vec3, b: Vec3) -> Vec3:
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+@kernel
+def norm(a: Vec3) -> float:
+    return math.sqrt(dot(a, a))
+
+
+@kernel
+def normalize(a: Vec3) -> Vec3:
+    """a / |a|; the zero vector gives NaN components, which the film counts."""
+    return scale(1.0 / norm(a), a)
+
+
+@kernel
+def max_component(a: Vec3) -> float:
+    return max(a[0], max(a[1], a[2]))
+
+
+@kernel
+def max_abs(a: Vec3) -> float:
+    return max(abs(a[0]), max(abs(a[1]), abs(a[2])))
+
+
+@kernel
+def is_black(a: Vec3) -> bool:
+    return a[0] == 0.0 and a[1] == 0.0 and a[2] == 0.0
+
+
+@kernel
+def basis(n: Vec3) -> tuple[Vec3, Vec3]:
+    """Two unit tangents that make a right-handed frame (s, t, n) with the unit normal n.
+
+    References: Duff et al. 2017, "Building an Orthonormal Basis, Revisited", JCGT 6(1), listing 3.
+    """
+    sign = math.copysign(1.0, n[2])
+    a = -1.0 / (sign + n[2])
+    b = n[0] * n[1] * a
+    return (1.0 + sign * n[0] * n[0] * a, sign * b, -sign * n[0]), (b, sign + n[1] * n[1] * a, -n[1])
+
+
+@kernel
+def to_world(local: Vec3, s: Vec3, t: Vec3, n: Vec3) -> Vec3:
+    """The vector with coordinates `local` in the frame (s, t, n)."""
+    return (
+        local[0] * s[0] + local[1] * t[0] + local[2] * n[0],
+        local[0] * s[1] + local[1] * t[1] + local[2] * n[1],
+        local[0] * s[2] + local[1] * t[2] + local[2] * n[2],
+    )
+
+
+@kernel
+def reflect(d: Vec3, n: Vec3) -> Vec3:
+    """Direction of travel `d` mirrored at a surface with unit normal `n`."""
+    return madd(d, -2.0 * dot(d, n), n)
