@@ -1,0 +1,1 @@
+"""Cameras: where a sample of the film looks.  One file a kind."""

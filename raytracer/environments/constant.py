@@ -1,0 +1,33 @@
+"""Constant environment: the same radiance from everywhere.
+
+    environment: {type: constant, radiance: 1}
+"""
+
+from typing import Literal, NamedTuple
+
+from pydantic import Field
+
+from raytracer.environments.interface import background
+from raytracer.spec import Radiance, Spec
+from raytracer.vec import Vec3
+
+
+class Constant(Spec):
+    """The same radiance from all directions; 0 is no environment."""
+
+    type: Literal["constant"] = "constant"
+    radiance: Radiance = Field(description="radiance (W/(m2 sr)), by channel or grey")
+
+    def pack(self) -> "ConstantEnvironment | None":
+        return ConstantEnvironment(self.radiance) if any(self.radiance) else None
+
+
+class ConstantEnvironment(NamedTuple):
+    """Packed."""
+
+    radiance: Vec3
+
+
+@background.register(ConstantEnvironment)
+def _(environment, direction):
+    return environment.radiance

@@ -1,0 +1,39 @@
+"""Gradient environment: One Weekend's sky.
+
+    environment: {type: gradient, horizon: [1, 1, 1], zenith: [0.5, 0.7, 1.0]}
+"""
+
+from typing import Literal, NamedTuple
+
+from pydantic import Field
+
+from raytracer.environments.interface import background
+from raytracer.spec import Radiance, Spec
+from raytracer.vec import Vec3, add, scale
+
+
+class Gradient(Spec):
+    """Blends linearly with the height y of the unit direction: `horizon` at y = -1, `zenith` at y = +1.
+
+    References: Shirley et al. 2024, "Ray Tracing in One Weekend", sec. 4.2.
+    """
+
+    type: Literal["gradient"] = "gradient"
+    horizon: Radiance = Field(default=(1.0, 1.0, 1.0), description="radiance straight down, at y = -1")
+    zenith: Radiance = Field(default=(0.5, 0.7, 1.0), description="radiance straight up, at y = +1")
+
+    def pack(self) -> "GradientEnvironment | None":
+        return GradientEnvironment(self.horizon, self.zenith) if any(self.horizon + self.zenith) else None
+
+
+class GradientEnvironment(NamedTuple):
+    """Packed."""
+
+    horizon: Vec3
+    zenith: Vec3
+
+
+@background.register(GradientEnvironment)
+def _(environment, direction):
+    a = 0.5 * (direction[1] + 1.0)
+    return add(scale(1.0 - a, environment.horizon), scale(a, environment.zenith))

@@ -1,0 +1,63 @@
+"""The film: where the samples of each pixel are gathered while an image is rendered."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.film.image import Image
+
+
+@dataclass(frozen=True)
+class Film:
+    """Running statistics of every pixel, allocated once and filled in place.
+
+    Attributes:
+        mean: float64 (height, width, 3), mean of the samples.
+        m2: float64 (height, width, 3), sum of the squared differences of the samples from their mean.
+        count: int64 (height, width), samples in the mean.
+        nan_count: int64 (height, width), samples left out because they were not finite.
+
+    References: Welford 1962, "Note on a Method for Calculating Corrected Sums of Squares and Products",
+        Technometrics 4(3); it is stable where E[x^2] - E[x]^2 cancels.
+    """
+
+    mean: NDArray[np.float64]
+    m2: NDArray[np.float64]
+    count: NDArray[np.int64]
+    nan_count: NDArray[np.int64]
+
+    @classmethod
+    def empty(cls, width: int, height: int) -> "Film":
+        """A film of `width` by `height` pixels without a sample."""
+        return cls(
+            mean=np.zeros((height, width, 3)),
+            m2=np.zeros((height, width, 3)),
+            count=np.zeros((height, width), dtype=np.int64),
+            nan_count=np.zeros((height, width), dtype=np.int64),
+        )
+
+    def variance_of_mean(self) -> NDArray[np.float64]:
+        """Unbiased variance of the mean, m2 / (n (n - 1)), float64 (height, width, 3); inf for n < 2.
+
+        It holds for independent samples; stratified and low-discrepancy ones do better than it says.
+        """
+        n = self.count[..., None].astype(np.float64)
+        variance = np.full(self.mean.shape, np.inf)
+        np.divide(self.m2, n * (n - 1.0), out=variance, where=n > 1.0)
+        return variance
+
+
+def develop(film: Film, settings: Mapping[str, str | float | int]) -> Image:
+    """The image on `film`; a pixel without a sample is black.
+
+    `samples` is that of the pixel with the most; the variance is None if no pixel has two.
+    """
+    samples = int(film.count.max())
+    return Image(
+        radiance=film.mean.copy(),
+        variance=film.variance_of_mean() if samples > 1 else None,
+        samples=samples,
+        settings=dict(settings),
+    )

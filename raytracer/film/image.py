@@ -1,0 +1,50 @@
+"""A developed image: linear pixel values, how noisy they are, and how they came about."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.film import output, srgb
+
+
+@dataclass(frozen=True)
+class Image:
+    """An image in linear light with the primaries and white of Rec. 709 (which are those of sRGB).
+
+    Attributes:
+        radiance: float64 (height, width, 3), row 0 at the top, in W/(m2 sr), or in the scene's own plain numbers.
+        variance: float64 (height, width, 3), the variance of each value of `radiance` as an estimate of its
+            expectation, in the square of its unit; inf where a pixel has fewer than two samples; None if not known.
+        samples: samples a pixel.
+        settings: what the image was rendered with; written into the headers of the files that have any.
+
+    Raises:
+        ValueError: an array is not of shape (height, width, 3).
+    """
+
+    radiance: NDArray[np.float64]
+    variance: NDArray[np.float64] | None = None
+    samples: int = 0
+    settings: Mapping[str, str | float | int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        shape = np.shape(self.radiance)
+        if len(shape) != 3 or shape[2] != 3 or 0 in shape:
+            raise ValueError(f"radiance must have the shape (height, width, 3), got {shape}")
+        if self.variance is not None and np.shape(self.variance) != shape:
+            raise ValueError(f"variance must have the shape of radiance, {shape}, got {np.shape(self.variance)}")
+
+    def display(self) -> NDArray[np.uint8]:
+        """The image as a display shows it: uint8 (height, width, 3) in sRGB, clipped at 0 and 1."""
+        return srgb.to_uint8(self.radiance)
+
+    def save(self, path: str | Path) -> None:
+        """Write the image to `path`, in the format that its suffix names; see `raytracer.film.output.save`."""
+        output.save(self, path)
+
+    def _repr_png_(self) -> bytes:
+        """The image for a notebook."""
+        return output.encode_png(self)

@@ -1,0 +1,355 @@
+"""Image files: what a rendered image is written to, and what images are read from.
+
+| suffix | holds | settings |
+|---|---|---|
+| .png | 8 bits, sRGB | text chunks |
+| .jpg .jpeg | 8 bits, sRGB, quality 95, colour not subsampled | - |
+| .exr | float32, linear; variance and further layers | attributes named `rt.` and the setting's name |
+| .hdr | 8-bit mantissas with a common exponent, linear | header lines, named as in .exr |
+| .npy | float64, linear | - |
+
+A file is written aside and renamed, so that what stood there before is whole whatever goes wrong.
+"""
+
+import contextlib
+import io
+import os
+import secrets
+import shutil
+import stat
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.errors import InputError, OutputError
+from raytracer.film import rgbe, srgb
+
+if TYPE_CHECKING:
+    from raytracer.film.image import Image
+
+Layers = Mapping[str, NDArray[np.floating[Any]]]
+
+_JPEG_QUALITY = 95
+_EXR_PREFIX = "rt."
+
+# Red, green, blue and white of Rec. 709, as x and y each.
+_CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
+
+# The open files of this process, which are written to and not renamed over, even if they are regular files.
+_OPEN_FILES = (Path("/dev"), Path("/dev/fd"), Path("/proc/self/fd"))
+
+
+# ---- encoding ----
+
+
+def _header_settings(image: "Image") -> dict[str, str]:
+    """Everything that a header tells, as text: no format's own numbers hold a float64 or a 64-bit seed."""
+    return {**{key: str(value) for key, value in image.settings.items()}, "samples": str(image.samples)}
+
+
+def encode_png(image: "Image") -> bytes:
+    """`image` as an 8-bit sRGB PNG file, with a text chunk for each of its settings."""
+    import PIL.Image
+    import PIL.PngImagePlugin
+
+    info = PIL.PngImagePlugin.PngInfo()
+    info.add(b"sRGB", b"\x00")
+    for key, value in _header_settings(image).items():
+        info.add_text(key, value)
+    buffer = io.BytesIO()
+    PIL.Image.fromarray(image.display()).save(buffer, "PNG", pnginfo=info)
+    return buffer.getvalue()
+
+
+def _encode_png(image: "Image", layers: Layers) -> bytes:
+    return encode_png(image)
+
+
+def _encode_jpeg(image: "Image", layers: Layers) -> bytes:
+    import PIL.Image
+
+    buffer = io.BytesIO()
+    PIL.Image.fromarray(image.display()).save(buffer, "JPEG", quality=_JPEG_QUALITY, subsampling="4:4:4")
+    return buffer.getvalue()
+
+
+def _encode_exr(image: "Image", layers: Layers) -> bytes:
+    import OpenEXR
+
+    header: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    header["chromaticities"] = _CHROMATICITIES
+    header |= {_EXR_PREFIX + key: value for key, value in _header_settings(image).items()}
+
+    arrays: dict[str, NDArray[np.floating[Any]]] = {"": image.radiance}
+    if image.variance is not None:
+        arrays["variance."] = image.variance
+    arrays |= {name if array.ndim == 2 else name + ".": array for name, array in layers.items()}
+
+    # A float64 that float32 cannot hold becomes inf, as it should.
+    channels: dict[str, NDArray[np.float32]] = {}
+    with np.errstate(over="ignore"):
+        for name, array in arrays.items():
+            single = np.asarray(array).astype(np.float32)
+            if single.ndim == 2:
+                channels[name] = single
+            else:
+                channels |= {name + c: np.ascontiguousarray(single[..., i]) for i, c in enumerate("RGB")}
+    buffer = io.BytesIO()
+    OpenEXR.File(header, channels).write(buffer)
+    return buffer.getvalue()
+
+
+def _encode_hdr(image: "Image", layers: Layers) -> bytes:
+    return rgbe.encode(image.radiance, _header_settings(image))
+
+
+def _encode_npy(image: "Image", layers: Layers) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, np.asarray(image.radiance, dtype=np.float64), allow_pickle=False)
+    return buffer.getvalue()
+
+
+_ENCODERS: dict[str, Callable[["Image", Layers], bytes]] = {
+    ".png": _encode_png,
+    ".jpg": _encode_jpeg,
+    ".jpeg": _encode_jpeg,
+    ".exr": _encode_exr,
+    ".hdr": _encode_hdr,
+    ".npy": _encode_npy,
+}
+
+
+# ---- writing ----
+
+
+def _is_special(path: Path) -> bool:
+    """Whether `path` is a device, a pipe, or an open file of this process, which cannot be renamed over."""
+    if path.is_dir() or not path.exists():
+        return False
+    return path.parent in _OPEN_FILES or not stat.S_ISREG(path.stat().st_mode)
+
+
+def _suffix(path: Path) -> str:
+    """The format's suffix; a device without one takes PNG.
+
+    Raises:
+        InputError: the suffix is not known.
+    """
+    suffix = path.suffix.lower()
+    if suffix in _ENCODERS:
+        return suffix
+    if not suffix and _is_special(path):
+        return ".png"
+    found = f"unknown suffix {path.suffix!r}" if suffix else "no suffix"
+    raise InputError(f"{path}: {found} for an image; known: {', '.join(_ENCODERS)}")
+
+
+def check_image_path(path: str | Path) -> None:
+    """Make sure, before an image is rendered, that it can be written to `path`; leave nothing behind.
+
+    Raises:
+        InputError: the suffix is not known, `path` is a folder or protected, or its folder cannot be made or written.
+    """
+    if not Path(path).is_dir():
+        _suffix(Path(path))
+    check_writable(path)
+
+
+def check_writable(path: str | Path) -> None:
+    """As `check_image_path`, for a file of any kind."""
+    path = Path(path)
+    try:
+        if path.is_dir():
+            raise InputError(f"{path}: is a folder, not a file")
+        if path.exists() and not os.access(path, os.W_OK):
+            raise InputError(f"{path}: may not be overwritten: it is protected against writing")
+        if _is_special(path):
+            return
+
+        # Folders that are missing are made when the image is written, in the nearest that is there.
+        folder = path.resolve().parent
+        while not folder.exists():
+            folder = folder.parent
+        if not folder.is_dir():
+            raise InputError(f"{path}: cannot be written: {folder} is not a folder")
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise InputError(f"{path}: cannot be written: no permission to write in the folder {folder}")
+    except (OSError, ValueError, RuntimeError) as error:
+        # A name that is too long, holds a zero byte, or is a loop of links.
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path!s:.200}: cannot be written: {reason}") from error
+
+
+def write_bytes(path: str | Path, data: bytes) -> None:
+    """Write a file so that it is either the old one or the new one, each whole; folders are made as needed.
+
+    Devices and pipes are written to as they are; a link keeps pointing where it does.
+
+    Raises:
+        OutputError: the file cannot be written (full disk, quota, permission); nothing is left behind.
+    """
+    path = Path(path)
+    try:
+        if _is_special(path):
+            with path.open("wb") as file:
+                file.write(data)
+            return
+
+        target = path.resolve()
+        target.parent.mkdir(parents=True, exist_ok=True)
+        aside = target.parent / f".{secrets.token_hex(8)}.tmp"
+        try:
+            with aside.open("xb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            if target.exists():
+                shutil.copymode(target, aside)
+            os.replace(aside, target)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                aside.unlink(missing_ok=True)
+            raise
+    except (OSError, RuntimeError) as error:
+        raise OutputError(f"{path}: cannot be written: {getattr(error, 'strerror', None) or error}") from error
+
+
+def save(image: "Image", path: str | Path, layers: Layers | None = None) -> None:
+    """Write `image` to `path` in the format that its suffix names.
+
+    Args:
+        layers: further arrays for formats that hold them (.exr), of shape (height, width) for a channel of that
+            name, or (height, width, 3) for the channels R, G and B of a layer of that name.
+
+    Raises:
+        InputError: the suffix is not known.
+        OutputError: the format cannot hold the image, or the file cannot be written.
+    """
+    path = Path(path)
+    suffix = _suffix(path)
+    try:
+        data = _ENCODERS[suffix](image, layers or {})
+    except (ValueError, OSError, RuntimeError) as error:
+        height, width, _ = image.radiance.shape
+        raise OutputError(f"{path}: an image of {width} x {height} pixels cannot be written as {suffix}") from error
+    write_bytes(path, data)
+
+
+# ---- reading ----
+
+
+def _decode_pillow(data: bytes) -> NDArray[np.float64]:
+    import PIL.Image
+
+    with PIL.Image.open(io.BytesIO(data)) as file:
+        if file.mode.startswith("I"):
+            grey = np.asarray(file, dtype=np.float64) / 65535.0
+            return np.repeat(srgb.decode(grey)[..., None], 3, axis=2)
+        return srgb.decode(np.asarray(file.convert("RGB"), dtype=np.float64) / 255.0)
+
+
+@contextlib.contextmanager
+def _silenced() -> Iterator[None]:
+    """Keep from the terminal what the OpenEXR library prints about a broken file before it raises."""
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
+        with contextlib.suppress(OSError):
+            kept = os.dup(2)
+            stack.callback(os.close, kept)
+            stack.callback(os.dup2, kept, 2)
+            null = os.open(os.devnull, os.O_WRONLY)
+            stack.callback(os.close, null)
+            os.dup2(null, 2)
+        yield
+
+
+def _decode_exr(data: bytes) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
+    import OpenEXR
+
+    with _silenced(), OpenEXR.File(io.BytesIO(data), separate_channels=True) as file:
+        header = dict(file.header())
+        channels = {name: np.asarray(c.pixels, dtype=np.float64) for name, c in file.channels().items()}
+    prefix = _EXR_PREFIX
+    settings = {key[len(prefix) :]: str(value) for key, value in header.items() if key.startswith(prefix)}
+
+    # Put the channels R, G and B (or X, Y and Z) of a layer together again.
+    layers: dict[str, NDArray[np.float64]] = {}
+    for name in list(channels):
+        stem = name[:-1]
+        for components in ("RGB", "XYZ"):
+            names = [stem + c for c in components]
+            if all(n in channels for n in names):
+                layers[stem.removesuffix(".") or "radiance"] = np.stack([channels.pop(n) for n in names], axis=-1)
+    return {**layers, **channels}, settings
+
+
+def _decode_exr_radiance(data: bytes) -> NDArray[np.float64]:
+    layers, _ = _decode_exr(data)
+    return layers["radiance"] if "radiance" in layers else np.repeat(layers["Y"][..., None], 3, axis=2)
+
+
+def _decode_npy(data: bytes) -> NDArray[np.float64]:
+    array = np.load(io.BytesIO(data), allow_pickle=False)
+    if array.ndim != 3 or array.shape[2] != 3 or array.dtype.kind not in "fiu":
+        raise ValueError("not an array of shape (height, width, 3)")
+    return np.asarray(array, dtype=np.float64)
+
+
+_DECODERS: dict[str, Callable[[bytes], NDArray[np.float64]]] = {
+    ".png": _decode_pillow,
+    ".jpg": _decode_pillow,
+    ".jpeg": _decode_pillow,
+    ".exr": _decode_exr_radiance,
+    ".hdr": rgbe.decode,
+    ".npy": _decode_npy,
+}
+
+
+@contextlib.contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    """Turn whatever reading `path` raises into one sentence: broken files raise anything from SyntaxError on."""
+    try:
+        yield
+    except (InputError, MemoryError):
+        raise
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except OSError as error:
+        # The system's errors have a number and the decoders' have none.
+        reason = f"cannot be read: {error.strerror}" if error.errno else f"broken, or no {path.suffix} image"
+        raise InputError(f"{path}: {reason}") from error
+    except Exception as error:
+        raise InputError(f"{path}: broken, or no {path.suffix} image") from error
+
+
+def load(path: str | Path) -> NDArray[np.float64]:
+    """Linear values of an image file: float64 (height, width, 3), row 0 at the top.
+
+    .png and .jpg are decoded from sRGB, their transparency and profiles left out; a grey image has equal channels.
+
+    Raises:
+        InputError: the file is missing, unreadable or broken, or of an unknown suffix.
+    """
+    path = Path(path)
+    decode = _DECODERS[_suffix(path)]
+    with _reading(path):
+        return decode(path.read_bytes())
+
+
+def load_layers(path: str | Path) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
+    """Layers and settings of an .exr file that `save` wrote, or another program.
+
+    The layers are float64, (height, width, 3) where a layer has the channels R, G and B or X, Y and Z, and
+    (height, width) for every other channel; the image itself is called `radiance`.  The settings are text.
+
+    Raises:
+        InputError: the file is missing, unreadable or broken, or not an .exr file.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".exr":
+        raise InputError(f"{path}: only .exr files have layers")
+    with _reading(path):
+        return _decode_exr(path.read_bytes())

@@ -1,0 +1,32 @@
+"""Box filter: the mean over the pixel's square.
+
+    film: {width: 400, height: 225, filter: box}
+"""
+
+from typing import Literal, NamedTuple
+
+from pydantic import Field
+
+from raytracer.filters.interface import sample_filter
+from raytracer.spec import PositiveNumber, Spec
+
+
+class Box(Spec):
+    """The mean over a square around the pixel's centre."""
+
+    type: Literal["box"] = "box"
+    width: PositiveNumber = Field(default=1.0, description="edge of the square (pixels)")
+
+    def pack(self) -> "BoxFilter":
+        return BoxFilter(self.width)
+
+
+class BoxFilter(NamedTuple):
+    """Packed."""
+
+    width: float
+
+
+@sample_filter.register(BoxFilter)
+def _(filter, u1, u2):  # type: ignore[no-untyped-def]
+    return filter.width * (u1 - 0.5), filter.width * (u2 - 0.5), 1.0

@@ -1,0 +1,15 @@
+"""What every filter kind gives to kernels."""
+
+from raytracer.jit import generic
+
+
+@generic
+def sample_filter(filter, u1, u2):  # type: ignore[no-untyped-def]
+    """An offset (dx, dy) from the pixel's centre, in pixels, and a weight whose mean is 1.
+
+    Offsets are drawn by the filter itself, so each sample belongs to one pixel: pixels stay independent of their
+    neighbours, and of how the picture is cut into tiles.
+
+    References: Ernst, Stamminger, Greiner 2006, "Filter Importance Sampling".
+    """
+    raise NotImplementedError

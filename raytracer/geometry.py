@@ -1,0 +1,177 @@
+"""Rays against primitives in float64, and the offsets that keep a spawned ray off the surface it leaves.
+
+Embree finds the primitive in float32; these solve the accepted hit again in float64.
+"""
+
+import enum
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.jit import kernel
+from raytracer.vec import Vec3, cross, dot, madd, norm, sub
+
+
+class Primitive(enum.Enum):
+    """What a geometry's buffers describe."""
+
+    TRIANGLE = "triangle"
+    QUAD = "quad"
+    SPHERE = "sphere"
+    DISC = "disc"
+
+
+class Geometry(NamedTuple):
+    """Buffers of one shape kind for the ray caster.
+
+    vertices: one array a time step, each float32 (n, 3), or (n, 4) with the radius last for spheres and discs.
+    indices: uint32 (m, 3) for triangles, (m, 4) for quads, None for spheres and discs.
+    normals: float32 (n, 3) for discs, else None.
+    """
+
+    primitive: Primitive
+    vertices: tuple[NDArray[np.float32], ...]
+    indices: NDArray[np.uint32] | None = None
+    normals: NDArray[np.float32] | None = None
+
+
+# Bytes that Embree may read past the last element of a shared buffer (it loads 16 at a time).
+_PADDING = 16
+
+
+def padded(rows: NDArray[np.generic], dtype: type[np.generic]) -> NDArray[np.generic]:
+    """A copy of `rows` of the given 32-bit dtype, with the readable bytes behind it that Embree asks for."""
+    buffer = np.zeros(rows.size + _PADDING // 4, dtype)
+    out = buffer[: rows.size].reshape(rows.shape)
+    out[...] = rows
+    return out
+
+
+class Hit(NamedTuple):
+    """Where a ray met a surface.
+
+    point, on the surface; normal and shading normal, unit vectors to its outside; uv, its parameters;
+    offset, the distance along the normal at which float32 can no longer mistake the point's side (metres);
+    material, the reference that the material table understands.
+    """
+
+    point: Vec3
+    normal: Vec3
+    shading_normal: Vec3
+    u: float
+    v: float
+    offset: float
+    material: int
+
+
+class LightPoint(NamedTuple):
+    """A point drawn on an emitter: point, normal to its outside, pdf in solid angle (1/sr) at the shaded point.
+
+    gap, how far before the point (metres) a shadow ray must end, lest float32 finds the emitter itself in its way.
+    """
+
+    point: Vec3
+    normal: Vec3
+    pdf: float
+    gap: float
+
+
+OFFSET_ULPS = 4.0 * 2.0**-23
+"""Float32 hits are wrong by about an ulp of the largest coordinate at play; four hold over seven decades of scale."""
+
+
+@kernel
+def offset_of(extent: float) -> float:
+    """The spawn distance for a primitive whose coordinates reach `extent` (max |centre| + radius, or max |vertex|).
+
+    The error follows the primitive's own coordinates, not the hit point's: a ground sphere of radius 1000 is wrong
+    by 1e-4 near the origin, where offsets scaled by the point fail for 63 % of rays.
+    """
+    return OFFSET_ULPS * extent
+
+
+@kernel
+def plane_gap(extent: float, distance: float, cosine: float) -> float:
+    """How far from a plane, along a ray of this length that meets it at this cosine, float32 may find it.
+
+    Off the plane the error is that of the coordinates at play, which reach `extent`, and of the ray's length; along
+    the ray it is larger by 1 / cosine.
+    """
+    error = offset_of(extent + distance)
+    return error + error / cosine
+
+
+@kernel
+def sphere_gap(extent: float, distance: float, cosine: float, radius: float) -> float:
+    """As `plane_gap`, for a sphere: near its limb, half the chord h = r cosine is only known as sqrt(h^2 +- 2 r e)."""
+    error = offset_of(extent + distance)
+    half = radius * cosine
+    return error + math.sqrt(half * half + 2.0 * radius * error) - half
+
+
+@kernel
+def sphere_distance(origin: Vec3, direction: Vec3, center: Vec3, radius: float, near: float) -> float:
+    """The root of |o + t d - c| = r that is closest to `near`, for a unit direction.
+
+    The discriminant is taken from the closest approach, which cancels nothing for a far or a large sphere.
+
+    References: Haines et al. 2019, "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, ch. 7.
+    """
+    to = sub(origin, center)
+    b = -dot(to, direction)
+    approach = madd(to, b, direction)
+    half = math.sqrt(max(0.0, radius * radius - dot(approach, approach)))
+    return b - half if abs(b - half - near) <= abs(b + half - near) else b + half
+
+
+@kernel
+def plane_distance(origin: Vec3, direction: Vec3, point: Vec3, normal: Vec3, near: float) -> float:
+    """Distance along the ray to a plane; `near`, the float32 answer, where the ray lies in the plane."""
+    slope = dot(direction, normal)
+    if slope == 0.0:
+        return near
+    return dot(sub(point, origin), normal) / slope
+
+
+@kernel
+def area_pdf(reference: Vec3, point: Vec3, normal: Vec3, area: float) -> float:
+    """Density in solid angle, at `reference`, of a point drawn uniformly from `area`; 0 when seen edge on.
+
+    References: Veach 1997, thesis, eq. 8.2 (dw = dA |cos| / d^2).
+    """
+    to = sub(point, reference)
+    cosine = abs(dot(to, normal))
+    distance = norm(to)
+    return distance * distance * distance / (cosine * area) if cosine > 0.0 else 0.0
+
+
+@kernel
+def area_light_point(reference: Vec3, point: Vec3, normal: Vec3, area: float, extent: float) -> LightPoint:
+    """The LightPoint of a point drawn uniformly from a flat emitter of this area, whose coordinates reach `extent`."""
+    to = sub(point, reference)
+    cosine = abs(dot(to, normal))
+    distance = norm(to)
+    if cosine == 0.0:
+        return LightPoint(point, normal, 0.0, distance)
+    pdf = distance * distance * distance / (cosine * area)
+    return LightPoint(point, normal, pdf, plane_gap(extent, distance, cosine / distance))
+
+
+@kernel
+def barycentric(point: Vec3, a: Vec3, edge1: Vec3, edge2: Vec3) -> tuple[float, float]:
+    """Coordinates (u, v) of a point in the plane a + u edge1 + v edge2.
+
+    References: Ericson 2005, "Real-Time Collision Detection", sec. 3.4.
+    """
+    n = cross(edge1, edge2)
+    q = sub(point, a)
+    inverse = 1.0 / dot(n, n)
+    return dot(cross(q, edge2), n) * inverse, dot(cross(edge1, q), n) * inverse
+
+
+@kernel
+def row3(table, index):  # type: ignore[no-untyped-def]
+    """Row `index` of an array of shape (n, 3), float32 or float64, as a float64 vector."""
+    return (float(table[index, 0]), float(table[index, 1]), float(table[index, 2]))

@@ -1,0 +1,1 @@
+"""Lights: what a shaded point may aim at.  One file a kind."""

@@ -1,0 +1,106 @@
+"""Metal, as in One Weekend: a mirror whose reflection is moved by a random vector.
+
+    brass: {type: metal, albedo: [0.8, 0.6, 0.2], fuzz: 0.1}
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from raytracer.geometry import row3
+from raytracer.jit import kernel
+from raytracer.materials.interface import BLACK, DIRECTION, MaterialSpec, Scatter, absorbed, emission, evaluate, row, scatter
+from raytracer.sampling import sample_2d
+from raytracer.sampling.warp import sample_sphere
+from raytracer.spec import Albedo, Fraction
+from raytracer.vec import Vec3, dot, madd, normalize, reflect, scale
+
+
+class Metal(MaterialSpec):
+    """The mirrored unit direction plus `fuzz` times a random unit vector; what would go below the surface is lost.
+
+    References: Shirley et al. 2024, "Ray Tracing in One Weekend", sec. 10.5.
+    """
+
+    type: Literal["metal"] = "metal"
+    albedo: Albedo = Field(default=(0.9, 0.9, 0.9), description="fraction of light reflected, by channel")
+    fuzz: Fraction = Field(default=0.0, description="radius of the random vector that is added; 0 is a mirror")
+
+    def is_lit(self) -> bool:
+        return self.fuzz > 0.0 and any(self.albedo)
+
+    @staticmethod
+    def pack(specs: Sequence["Metal"]) -> "MetalTable":
+        return MetalTable(
+            np.array([spec.albedo for spec in specs], np.float64), np.array([spec.fuzz for spec in specs], np.float64)
+        )
+
+
+class MetalTable(NamedTuple):
+    """albedo (n, 3), fuzz (n,) float64."""
+
+    albedo: NDArray[np.float64]
+    fuzz: NDArray[np.float64]
+
+
+class MetalRow(NamedTuple):
+    """One material."""
+
+    albedo: Vec3
+    fuzz: float
+
+
+@kernel
+def pdf_fuzz(cosine: float, fuzz: float) -> float:
+    """Density in solid angle of normalize(m + fuzz u), u uniform on the unit sphere, at an angle to the unit vector m.
+
+    The ray along the direction meets the sphere of radius `fuzz` round the tip of m at distances t = c -+ h, both
+    times at an angle of cosine h / fuzz to its surface; a patch of area A there fills A h / (fuzz t^2), and has the
+    probability A / (4 pi fuzz^2).  The two roots sum to (c^2 + h^2) / (2 pi fuzz h), which is c / pi where fuzz is 1.
+    """
+    half2 = fuzz * fuzz - (1.0 - cosine) * (1.0 + cosine)
+    if half2 <= 0.0 or cosine <= 0.0:
+        return 0.0
+    return _pdf_fuzz(cosine, math.sqrt(half2), fuzz)
+
+
+@kernel
+def _pdf_fuzz(cosine: float, half: float, fuzz: float) -> float:
+    return (cosine * cosine + half * half) / (2.0 * math.pi * fuzz * half)
+
+
+@row.register(MetalTable)
+def _(table, index):
+    return MetalRow(row3(table.albedo, index), table.fuzz[index])
+
+
+@scatter.register(MetalRow)
+def _(material, direction, normal, front, draws):
+    mirrored = reflect(direction, normal)
+    if material.fuzz == 0.0:
+        return Scatter(mirrored, material.albedo, math.inf)
+    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + DIRECTION)
+    shift = sample_sphere(u1, u2)
+    outgoing = normalize(madd(mirrored, material.fuzz, shift))
+    if not dot(outgoing, normal) > 0.0:
+        return absorbed(direction)
+    # From the vector that was drawn: near the rim of the lobe the angle alone would round to a pdf of 0.
+    half = material.fuzz * abs(dot(outgoing, shift))
+    return Scatter(outgoing, material.albedo, _pdf_fuzz(dot(outgoing, mirrored), half, material.fuzz))
+
+
+@evaluate.register(MetalRow)
+def _(material, direction, normal, front, outgoing):
+    if material.fuzz == 0.0 or dot(outgoing, normal) <= 0.0:
+        return BLACK, 0.0
+    pdf = pdf_fuzz(dot(outgoing, reflect(direction, normal)), material.fuzz)
+    return scale(pdf, material.albedo), pdf
+
+
+@emission.register(MetalRow)
+def _(material, front):
+    return BLACK

@@ -1,0 +1,71 @@
+"""Flat discs."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.geometry import (
+    Geometry,
+    Hit,
+    Primitive,
+    area_light_point,
+    area_pdf,
+    offset_of,
+    padded,
+    plane_distance,
+    row3,
+)
+from raytracer.primitives.interface import areas, geometry, hit, pdf_point, sample_point
+from raytracer.sampling.warp import sample_disc
+from raytracer.vec import basis, dot, madd, max_abs, norm, sub
+
+
+class Discs(NamedTuple):
+    """center and unit normal (n, 3), radius (n,) float64, material (n,) int32."""
+
+    center: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    radius: NDArray[np.float64]
+    material: NDArray[np.int32]
+
+
+@geometry.register(Discs)
+def _(table: Discs) -> Geometry:
+    rows = np.column_stack([table.center, table.radius])
+    return Geometry(Primitive.DISC, (padded(rows, np.float32),), None, padded(table.normal, np.float32))
+
+
+@areas.register(Discs)
+def _(table: Discs) -> NDArray[np.float64]:
+    return np.asarray(np.pi * table.radius**2)
+
+
+@hit.register(Discs)
+def _(table, primitive, origin, direction, near):
+    center, normal = row3(table.center, primitive), row3(table.normal, primitive)
+    radius = table.radius[primitive]
+    point = madd(origin, plane_distance(origin, direction, center, normal, near), direction)
+    out = sub(point, center)
+    s, t = basis(normal)
+    u = 0.5 + math.atan2(dot(out, t), dot(out, s)) / (2.0 * math.pi)
+    return Hit(
+        point, normal, normal, u, norm(out) / radius, offset_of(max_abs(center) + radius), table.material[primitive]
+    )
+
+
+@sample_point.register(Discs)
+def _(table, primitive, reference, u1, u2):
+    center, normal = row3(table.center, primitive), row3(table.normal, primitive)
+    radius = table.radius[primitive]
+    s, t = basis(normal)
+    x, y = sample_disc(u1, u2)
+    point = madd(madd(center, radius * x, s), radius * y, t)
+    return area_light_point(reference, point, normal, math.pi * radius * radius, max_abs(center) + radius)
+
+
+@pdf_point.register(Discs)
+def _(table, primitive, reference, point, normal):
+    radius = table.radius[primitive]
+    return area_pdf(reference, point, normal, math.pi * radius * radius)

@@ -1,0 +1,55 @@
+"""What every primitive kind gives: its Embree geometry, the float64 hit, and points on it when it emits.
+
+A kind's file holds its packed table (one row a primitive) and its cases of the functions below.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.geometry import Geometry
+from raytracer.jit import generic, switch
+
+
+@generic
+def hit(table, primitive, origin, direction, near):  # type: ignore[no-untyped-def]
+    """The point where a ray meets `primitive`, which Embree found at distance `near`: a geometry.Hit."""
+    raise NotImplementedError
+
+
+@generic
+def sample_point(table, primitive, reference, u1, u2):  # type: ignore[no-untyped-def]
+    """A point on an emitting primitive, drawn for a shaded point at `reference`: a geometry.LightPoint."""
+    raise NotImplementedError
+
+
+@generic
+def pdf_point(table, primitive, reference, point, normal):  # type: ignore[no-untyped-def]
+    """Density of `sample_point` in solid angle (1/sr) at `point`, whose outside normal is `normal`."""
+    raise NotImplementedError
+
+
+hit_any = switch(hit)
+sample_point_any = switch(sample_point)
+pdf_point_any = switch(pdf_point)
+
+
+@generic
+def geometry(table: Any) -> Geometry:
+    """The buffers that Embree is built from."""
+    raise NotImplementedError(type(table))
+
+
+@generic
+def areas(table: Any) -> NDArray[np.float64]:
+    """Area of each primitive (m^2), shape (n,)."""
+    raise NotImplementedError(type(table))
+
+
+@generic
+def concatenate(first: Any, tables: Sequence[Any]) -> Any:
+    """One table with the rows of all `tables`, which are of the class of `first`; all fields are rows by default."""
+    fields = zip(*tables, strict=True)
+    return type(first)(*(np.ascontiguousarray(np.concatenate(columns)) for columns in fields))

@@ -1,0 +1,69 @@
+"""Parallelograms: quads and the faces of boxes."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.geometry import (
+    Geometry,
+    Hit,
+    Primitive,
+    area_light_point,
+    area_pdf,
+    barycentric,
+    offset_of,
+    padded,
+    plane_distance,
+    row3,
+)
+from raytracer.primitives.interface import areas, geometry, hit, pdf_point, sample_point
+from raytracer.vec import add, cross, madd, max_abs, norm, normalize, scale
+
+
+class Parallelograms(NamedTuple):
+    """corner, edges u and v (n, 3) float64, material (n,) int32; the outside normal is u x v."""
+
+    corner: NDArray[np.float64]
+    u: NDArray[np.float64]
+    v: NDArray[np.float64]
+    material: NDArray[np.int32]
+
+
+@geometry.register(Parallelograms)
+def _(table: Parallelograms) -> Geometry:
+    corner, u, v = table.corner, table.u, table.v
+    vertices = np.stack([corner, corner + u, corner + u + v, corner + v], axis=1).reshape(-1, 3)
+    indices = np.arange(len(vertices)).reshape(-1, 4)
+    return Geometry(Primitive.QUAD, (padded(vertices, np.float32),), padded(indices, np.uint32))
+
+
+@areas.register(Parallelograms)
+def _(table: Parallelograms) -> NDArray[np.float64]:
+    return np.asarray(np.linalg.norm(np.cross(table.u, table.v), axis=1))
+
+
+@hit.register(Parallelograms)
+def _(table, primitive, origin, direction, near):
+    corner, u, v = row3(table.corner, primitive), row3(table.u, primitive), row3(table.v, primitive)
+    normal = normalize(cross(u, v))
+    point = madd(origin, plane_distance(origin, direction, corner, normal, near), direction)
+    a, b = barycentric(point, corner, u, v)
+    offset = offset_of(max_abs(corner) + max_abs(u) + max_abs(v))
+    return Hit(point, normal, normal, a, b, offset, table.material[primitive])
+
+
+@sample_point.register(Parallelograms)
+def _(table, primitive, reference, u1, u2):
+    corner, u, v = row3(table.corner, primitive), row3(table.u, primitive), row3(table.v, primitive)
+    across = cross(u, v)
+    normal = normalize(across)
+    point = add(corner, add(scale(u1, u), scale(u2, v)))
+    extent = max_abs(corner) + max_abs(u) + max_abs(v)
+    return area_light_point(reference, point, normal, norm(across), extent)
+
+
+@pdf_point.register(Parallelograms)
+def _(table, primitive, reference, point, normal):
+    area = norm(cross(row3(table.u, primitive), row3(table.v, primitive)))
+    return area_pdf(reference, point, normal, area)

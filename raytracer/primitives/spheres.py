@@ -1,0 +1,95 @@
+"""Spheres."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.geometry import (
+    Geometry,
+    Hit,
+    LightPoint,
+    Primitive,
+    area_pdf,
+    offset_of,
+    padded,
+    row3,
+    sphere_distance,
+    sphere_gap,
+)
+from raytracer.primitives.interface import areas, geometry, hit, pdf_point, sample_point
+from raytracer.sampling.warp import pdf_cone, sample_cone, sample_sphere
+from raytracer.vec import basis, dot, madd, max_abs, norm, scale, sub, to_world
+
+
+class Spheres(NamedTuple):
+    """center (n, 3) and radius (n,) float64 (negative: the normal points inwards), material (n,) int32."""
+
+    center: NDArray[np.float64]
+    radius: NDArray[np.float64]
+    material: NDArray[np.int32]
+
+
+@geometry.register(Spheres)
+def _(table: Spheres) -> Geometry:
+    rows = np.column_stack([table.center, np.abs(table.radius)])
+    return Geometry(Primitive.SPHERE, (padded(rows, np.float32),))
+
+
+@areas.register(Spheres)
+def _(table: Spheres) -> NDArray[np.float64]:
+    return np.asarray(4.0 * np.pi * table.radius**2)
+
+
+@hit.register(Spheres)
+def _(table, primitive, origin, direction, near):
+    center, radius = row3(table.center, primitive), table.radius[primitive]
+    t = sphere_distance(origin, direction, center, radius, near)
+
+    # Project onto the sphere, so that the point is as exact as the sphere itself.
+    out = sub(madd(origin, t, direction), center)
+    out = scale(1.0 / norm(out), out)
+    point = madd(center, abs(radius), out)
+    normal = scale(math.copysign(1.0, radius), out)
+    u = 0.5 + math.atan2(-out[2], out[0]) / (2.0 * math.pi)
+    v = math.acos(max(-1.0, min(1.0, -out[1]))) / math.pi
+    return Hit(point, normal, normal, u, v, offset_of(max_abs(center) + abs(radius)), table.material[primitive])
+
+
+@sample_point.register(Spheres)
+def _(table, primitive, reference, u1, u2):
+    center, radius = row3(table.center, primitive), abs(table.radius[primitive])
+    to = sub(center, reference)
+    distance2 = dot(to, to)
+    if distance2 <= radius * radius:
+        # From inside, every point of the sphere is in view: draw by area.
+        out = sample_sphere(u1, u2)
+        point = madd(center, radius, out)
+        pdf = area_pdf(reference, point, out, 4.0 * math.pi * radius * radius)
+    else:
+        # From outside, draw a direction in the cone that the sphere fills, and follow it to the near side.
+        sin2_max = radius * radius / distance2
+        axis = scale(1.0 / math.sqrt(distance2), to)
+        s, t = basis(axis)
+        direction = to_world(sample_cone(u1, u2, sin2_max), s, t, axis)
+        foot = madd(reference, dot(to, direction), direction)
+        miss = sub(foot, center)
+        out = madd(miss, -math.sqrt(max(0.0, radius * radius - dot(miss, miss))), direction)
+        out = scale(1.0 / norm(out), out)
+        point = madd(center, radius, out)
+        pdf = pdf_cone(sin2_max)
+    way = sub(point, reference)
+    distance = norm(way)
+    gap = sphere_gap(max_abs(center) + radius, distance, abs(dot(way, out)) / distance, radius)
+    return LightPoint(point, scale(math.copysign(1.0, table.radius[primitive]), out), pdf, gap)
+
+
+@pdf_point.register(Spheres)
+def _(table, primitive, reference, point, normal):
+    center, radius = row3(table.center, primitive), table.radius[primitive]
+    to = sub(center, reference)
+    distance2 = dot(to, to)
+    if distance2 <= radius * radius:
+        return area_pdf(reference, point, normal, 4.0 * math.pi * radius * radius)
+    return pdf_cone(radius * radius / distance2)

@@ -1,0 +1,127 @@
+"""Triangles with flat faces or interpolated normals.
+
+Vertices are kept in float32, as Embree sees them: the float64 hit is then solved on the very triangle that was
+found, so neighbours share their edges exactly.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.geometry import (
+    Geometry,
+    Hit,
+    Primitive,
+    area_light_point,
+    area_pdf,
+    barycentric,
+    offset_of,
+    padded,
+    plane_distance,
+    row3,
+)
+from raytracer.jit import kernel
+from raytracer.primitives.interface import areas, concatenate, geometry, hit, pdf_point, sample_point
+from raytracer.sampling.warp import sample_triangle
+from raytracer.vec import add, cross, dot, madd, max_abs, norm, normalize, scale, sub
+
+
+class Triangles(NamedTuple):
+    """vertices (n, 3) float32, faces (m, 3) uint32, material (m,) int32; the outside is where faces run anticlockwise."""
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.uint32]
+    material: NDArray[np.int32]
+
+
+class SmoothTriangles(NamedTuple):
+    """As Triangles, with unit vertex normals (n, 3) float32 that shading interpolates."""
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.uint32]
+    material: NDArray[np.int32]
+    normals: NDArray[np.float32]
+
+
+@concatenate.register(Triangles)
+@concatenate.register(SmoothTriangles)
+def _(first, tables: Sequence[Triangles]):  # type: ignore[no-untyped-def]
+    if len(tables) == 1:
+        return first
+    starts = np.cumsum([0] + [len(table.vertices) for table in tables])
+    faces = np.concatenate([table.faces + np.uint32(start) for table, start in zip(tables, starts, strict=False)])
+    columns = {name: np.concatenate([getattr(table, name) for table in tables]) for name in first._fields}
+    columns["faces"] = padded(faces, np.uint32)
+    columns["vertices"] = padded(columns["vertices"], np.float32)
+    return type(first)(**columns)
+
+
+@geometry.register(Triangles)
+@geometry.register(SmoothTriangles)
+def _(table: Triangles) -> Geometry:
+    return Geometry(Primitive.TRIANGLE, (table.vertices,), table.faces)
+
+
+@areas.register(Triangles)
+@areas.register(SmoothTriangles)
+def _(table: Triangles) -> NDArray[np.float64]:
+    a, b, c = (table.vertices[table.faces[:, corner]].astype(np.float64) for corner in range(3))
+    return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
+
+
+@kernel
+def _corners(vertices, faces, primitive):  # type: ignore[no-untyped-def]
+    """First vertex and the two edges from it."""
+    a = row3(vertices, faces[primitive, 0])
+    return a, sub(row3(vertices, faces[primitive, 1]), a), sub(row3(vertices, faces[primitive, 2]), a)
+
+
+@kernel
+def _extent(a, edge1, edge2):  # type: ignore[no-untyped-def]
+    return max_abs(a) + max(max_abs(edge1), max_abs(edge2))
+
+
+@hit.register(Triangles)
+def _(table, primitive, origin, direction, near):
+    a, edge1, edge2 = _corners(table.vertices, table.faces, primitive)
+    normal = normalize(cross(edge1, edge2))
+    point = madd(origin, plane_distance(origin, direction, a, normal, near), direction)
+    u, v = barycentric(point, a, edge1, edge2)
+    return Hit(point, normal, normal, u, v, offset_of(_extent(a, edge1, edge2)), table.material[primitive])
+
+
+@hit.register(SmoothTriangles)
+def _(table, primitive, origin, direction, near):
+    a, edge1, edge2 = _corners(table.vertices, table.faces, primitive)
+    normal = normalize(cross(edge1, edge2))
+    point = madd(origin, plane_distance(origin, direction, a, normal, near), direction)
+    u, v = barycentric(point, a, edge1, edge2)
+
+    # Interpolate the vertex normals, and keep to the side of the face that the ray came from.
+    n0 = row3(table.normals, table.faces[primitive, 0])
+    n1 = row3(table.normals, table.faces[primitive, 1])
+    n2 = row3(table.normals, table.faces[primitive, 2])
+    shading = normalize(add(scale(1.0 - u - v, n0), add(scale(u, n1), scale(v, n2))))
+    if dot(shading, direction) * dot(normal, direction) <= 0.0:
+        shading = normal
+    return Hit(point, normal, shading, u, v, offset_of(_extent(a, edge1, edge2)), table.material[primitive])
+
+
+@sample_point.register(Triangles)
+@sample_point.register(SmoothTriangles)
+def _(table, primitive, reference, u1, u2):
+    a, edge1, edge2 = _corners(table.vertices, table.faces, primitive)
+    across = cross(edge1, edge2)
+    normal = normalize(across)
+    u, v = sample_triangle(u1, u2)
+    point = add(a, add(scale(u, edge1), scale(v, edge2)))
+    return area_light_point(reference, point, normal, 0.5 * norm(across), _extent(a, edge1, edge2))
+
+
+@pdf_point.register(Triangles)
+@pdf_point.register(SmoothTriangles)
+def _(table, primitive, reference, point, normal):
+    _, edge1, edge2 = _corners(table.vertices, table.faces, primitive)
+    return area_pdf(reference, point, normal, 0.5 * norm(cross(edge1, edge2)))

@@ -1,0 +1,15 @@
+"""Random numbers: samplers, and warps of their numbers to distributions, each with its density."""
+
+from raytracer.sampling.independent import Independent
+from raytracer.sampling.interface import pixel_key, sample_1d, sample_2d
+from raytracer.sampling.sobol import Sobol
+from raytracer.sampling.stratified import Stratified
+
+SAMPLERS = {
+    "independent": lambda seed, spp: Independent(seed),
+    "sobol": lambda seed, spp: Sobol(seed),
+    "stratified": Stratified.of,
+}
+"""Samplers by name, made from a seed and the samples per pixel."""
+
+__all__ = ["SAMPLERS", "Independent", "Sobol", "Stratified", "pixel_key", "sample_1d", "sample_2d"]

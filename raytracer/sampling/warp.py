@@ -1,0 +1,95 @@
+"""Warps of uniform numbers to distributions, each with its density beside it."""
+
+import math
+
+from raytracer.jit import kernel
+from raytracer.vec import Vec3
+
+
+@kernel
+def sample_disc(u1: float, u2: float) -> tuple[float, float]:
+    """A point of the unit disc, uniform by area, from the unit square by circles that stay circles.
+
+    References: Shirley and Chiu 1997, "A Low Distortion Map Between Disk and Square".
+    """
+    a, b = 2.0 * u1 - 1.0, 2.0 * u2 - 1.0
+    if a == 0.0 and b == 0.0:
+        return 0.0, 0.0
+    if abs(a) > abs(b):
+        radius, angle = a, math.pi / 4.0 * (b / a)
+    else:
+        radius, angle = b, math.pi / 2.0 - math.pi / 4.0 * (a / b)
+    return radius * math.cos(angle), radius * math.sin(angle)
+
+
+@kernel
+def pdf_disc() -> float:
+    """Density by area."""
+    return 1.0 / math.pi
+
+
+@kernel
+def sample_sphere(u1: float, u2: float) -> Vec3:
+    """A point of the unit sphere, uniform by area."""
+    z = 1.0 - 2.0 * u1
+    radius = 2.0 * math.sqrt(u1 * (1.0 - u1))
+    angle = 2.0 * math.pi * u2
+    return radius * math.cos(angle), radius * math.sin(angle), z
+
+
+@kernel
+def pdf_sphere() -> float:
+    """Density in solid angle."""
+    return 0.25 / math.pi
+
+
+@kernel
+def sample_cosine_hemisphere(u1: float, u2: float) -> Vec3:
+    """A direction round +z, with a density in proportion to its cosine.
+
+    References: Malley's method; Pharr et al. 2023, "Physically Based Rendering", 4th ed., A.5.3.
+    """
+    x, y = sample_disc(u1, u2)
+    return x, y, math.sqrt(max(0.0, 1.0 - x * x - y * y))
+
+
+@kernel
+def pdf_cosine_hemisphere(cosine: float) -> float:
+    """Density in solid angle, 0 below the horizon."""
+    return max(0.0, cosine) / math.pi
+
+
+@kernel
+def sample_triangle(u1: float, u2: float) -> tuple[float, float]:
+    """Barycentric (u, v) of a point of a triangle, uniform by area.
+
+    References: Heitz 2019, "A Low-Distortion Map Between Triangle and Square".
+    """
+    if u2 > u1:
+        u1 *= 0.5
+        u2 -= u1
+    else:
+        u2 *= 0.5
+        u1 -= u2
+    return u1, u2
+
+
+@kernel
+def one_minus_cosine(sin2: float) -> float:
+    """1 - cos of an angle up to 90 degrees from its sin^2, without cancellation for small ones."""
+    return sin2 / (1.0 + math.sqrt(1.0 - sin2))
+
+
+@kernel
+def sample_cone(u1: float, u2: float, sin2_max: float) -> Vec3:
+    """A direction in the cone round +z whose edge has the squared sine `sin2_max`, uniform by solid angle."""
+    height = u1 * one_minus_cosine(sin2_max)
+    radius = math.sqrt(height * (2.0 - height))
+    angle = 2.0 * math.pi * u2
+    return radius * math.cos(angle), radius * math.sin(angle), 1.0 - height
+
+
+@kernel
+def pdf_cone(sin2_max: float) -> float:
+    """Density in solid angle."""
+    return 1.0 / (2.0 * math.pi * one_minus_cosine(sin2_max))

@@ -1,0 +1,398 @@
+"""A YAML text as a tree of nodes that know their line, so that every error can name it.
+
+YAML 1.2's core schema with what a scene needs made safe: `1e-3` is a number, `on`, `yes` and `1:30` are texts,
+`inf` and `.inf` are infinite; tags, duplicate keys, several documents and expanding aliases are refused.
+
+References: YAML Ain't Markup Language 1.2.2, section 10.3 (core schema); https://yaml.org/type/merge.html
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import yaml
+from yaml.events import (
+    AliasEvent,
+    DocumentStartEvent,
+    MappingEndEvent,
+    MappingStartEvent,
+    ScalarEvent,
+    SequenceEndEvent,
+    SequenceStartEvent,
+    StreamEndEvent,
+)
+
+from raytracer.errors import SceneError, shown, suggestion
+
+MAX_BYTES = 64 * 2**20
+MAX_DEPTH = 64
+MAX_EXPANDED = 1_000_000
+
+Path: TypeAlias = tuple[str | int, ...]
+
+_INTEGER = re.compile(r"[-+]?[0-9]+")
+_PREFIXED = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
+_FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
+_INFINITE = re.compile(r"([-+]?)\.?(?:inf|Inf|INF)")
+_WORDS: dict[str, bool | float | None] = {
+    "": None,
+    "~": None,
+    "null": None,
+    "Null": None,
+    "NULL": None,
+    "true": True,
+    "True": True,
+    "TRUE": True,
+    "false": False,
+    "False": False,
+    "FALSE": False,
+    ".nan": float("nan"),
+    ".NaN": float("nan"),
+    ".NAN": float("nan"),
+}
+_DIGITS_KEPT = 400
+
+# What pydantic appends to the path of a dict's key that is itself wrong.
+_KEY = "[key]"
+
+# libyaml where PyYAML was built with it: six times as fast.
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a node was written: a line of the file (from 1), or an option of the command line."""
+
+    line: int
+    option: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A scalar (`value`), a list (`items`) or a mapping (`entries`), and where it was written.
+
+    `size` counts the values below and including this one with aliases expanded; `depth` counts the levels.
+    """
+
+    place: Place
+    value: Any = None
+    items: tuple["Node", ...] | None = None
+    entries: dict[str, tuple[Place, "Node"]] | None = None
+    size: int = 1
+    depth: int = 1
+
+    def plain(self) -> Any:
+        """The tree as Python values: dict, list, str, int, float, bool, None."""
+        if self.entries is not None:
+            return {key: node.plain() for key, (_, node) in self.entries.items()}
+        if self.items is not None:
+            return [node.plain() for node in self.items]
+        return self.value
+
+
+def collection(
+    place: Place,
+    *,
+    items: tuple[Node, ...] | None = None,
+    entries: dict[str, tuple[Place, Node]] | None = None,
+) -> Node:
+    """A list or mapping of the given nodes."""
+    below = items if items is not None else tuple(node for _, node in (entries or {}).values())
+    size, depth = 1, 0
+    for node in below:
+        size += node.size
+        depth = max(depth, node.depth)
+    return Node(place, None, items, entries, size, 1 + depth)
+
+
+def scalar(text: str) -> Any:
+    """The value of a plain scalar by the core schema."""
+    if text in _WORDS:
+        return _WORDS[text]
+    if text[0] not in "+-.0123456789iI":
+        return text
+    if _INTEGER.fullmatch(text):
+        # Python refuses to convert integers of thousands of digits; as a float such a one is infinite.
+        return int(text) if len(text) < _DIGITS_KEPT else float(text)
+    if _FLOAT.fullmatch(text):
+        return float(text)
+    if _PREFIXED.fullmatch(text):
+        return int(text, 0)
+    if match := _INFINITE.fullmatch(text):
+        return float(match[1] + "inf")
+    return text
+
+
+def node_of(value: Any, place: Place) -> Node:
+    """Python values (dict, list, tuple, array, scalars) as a tree that was written at `place`."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, dict):
+        return collection(place, entries={str(key): (place, node_of(item, place)) for key, item in value.items()})
+    if isinstance(value, list | tuple):
+        return collection(place, items=tuple(node_of(item, place) for item in value))
+    return Node(place, value)
+
+
+class _Composer:
+    """Builds the tree from the parser's events."""
+
+    def __init__(self, text: str, file: str, option: str | None) -> None:
+        self._parser = _LOADER(text)
+        self._file = file
+        self._option = option
+        self._anchors: dict[str, Node | None] = {}
+        self._literal = 0
+
+    def compose(self) -> Node | None:
+        """The one document's root; None for an empty text."""
+        self._next()
+        event = self._next()
+        if isinstance(event, StreamEndEvent):
+            return None
+        root = self._node(self._next(), 1)
+        self._next()
+        event = self._next()
+        if isinstance(event, DocumentStartEvent):
+            raise self.error(event, "a second document starts here; a scene file holds one")
+        return root
+
+    def error(self, event: Any, message: str) -> SceneError:
+        place = self._place(event)
+        return SceneError(message, file=self._file, line=place.line, source=place.option)
+
+    def _next(self) -> Any:
+        try:
+            return self._parser.get_event()
+        except yaml.MarkedYAMLError as error:
+            line = error.problem_mark.line + 1 if error.problem_mark else 1
+            raise SceneError(_syntax(error, line), file=self._file, line=line, source=self._option) from None
+        except yaml.reader.ReaderError as error:
+            raise SceneError(f"holds the control character {error.character!r}", file=self._file) from None
+
+    def _place(self, event: Any) -> Place:
+        return Place(event.start_mark.line + 1, self._option)
+
+    def _node(self, event: Any, depth: int) -> Node:
+        if depth > MAX_DEPTH:
+            raise self.error(event, f"is nested more than {MAX_DEPTH} levels deep")
+        if isinstance(event, AliasEvent):
+            return self._alias(event, depth)
+        if event.tag is not None:
+            raise self.error(event, f"the tag {event.tag!r} is refused; a scene holds plain values only")
+
+        # An anchor is open (None) while what it names is being read, so that it cannot hold itself.
+        if event.anchor is not None:
+            self._anchors[event.anchor] = None
+        self._literal += 1
+        if isinstance(event, ScalarEvent):
+            node = Node(self._place(event), scalar(event.value) if event.implicit[0] else event.value)
+        elif isinstance(event, SequenceStartEvent):
+            node = self._list(event, depth)
+        else:
+            node = self._mapping(event, depth)
+        if event.anchor is not None:
+            self._anchors[event.anchor] = node
+        if node.size > MAX_EXPANDED + self._literal:
+            raise self.error(event, f"aliases expand to more than {MAX_EXPANDED} values")
+        return node
+
+    def _alias(self, event: Any, depth: int) -> Node:
+        if event.anchor not in self._anchors:
+            hint = suggestion(event.anchor, self._anchors, "anchors")
+            raise self.error(event, f"the alias *{event.anchor} has no anchor before it; {hint}")
+        node = self._anchors[event.anchor]
+        if node is None:
+            raise self.error(event, f"the alias *{event.anchor} stands inside what it names")
+        if depth + node.depth - 1 > MAX_DEPTH:
+            raise self.error(event, f"is nested more than {MAX_DEPTH} levels deep")
+        return node
+
+    def _list(self, start: SequenceStartEvent, depth: int) -> Node:
+        items = []
+        while not isinstance(event := self._next(), SequenceEndEvent):
+            items.append(self._node(event, depth + 1))
+        return collection(self._place(start), items=tuple(items))
+
+    def _mapping(self, start: MappingStartEvent, depth: int) -> Node:
+        entries: dict[str, tuple[Place, Node]] = {}
+        merged: list[Node] = []
+        while not isinstance(event := self._next(), MappingEndEvent):
+            if not isinstance(event, ScalarEvent) or event.tag is not None:
+                raise self.error(event, "a key must be a plain text")
+            key, place = event.value, self._place(event)
+            node = self._node(self._next(), depth + 1)
+            if key == "<<" and event.implicit[0]:
+                merged.extend(self._merged(event, node))
+            elif key in entries:
+                first = f" on line {entries[key][0].line}" if self._option is None else ""
+                raise self.error(event, f"the key {key!r} is given twice, first{first or ' before'}")
+            else:
+                entries[key] = (place, node)
+
+        # A key of the mapping's own stands before merged ones, an earlier merged mapping before a later one.
+        for source in merged:
+            for key, entry in (source.entries or {}).items():
+                entries.setdefault(key, entry)
+        return collection(self._place(start), entries=entries)
+
+    def _merged(self, event: Any, node: Node) -> Sequence[Node]:
+        nodes = node.items if node.items is not None else (node,)
+        if any(item.entries is None for item in nodes):
+            raise self.error(event, "<< must name a mapping, or a list of mappings")
+        return nodes
+
+
+def _syntax(error: yaml.MarkedYAMLError, line: int) -> str:
+    """The parser's complaint as the end of a sentence."""
+    problem = error.problem or "cannot be read"
+    if "cannot start any token" in problem:
+        return "not valid YAML: a character that cannot start a value (a tab, perhaps: YAML indents with spaces)"
+    start = error.context_mark.line + 1 if error.context_mark else line
+    context = f" {error.context}" if error.context else ""
+    where = f" that starts on line {start}" if context and start != line else ""
+    return f"not valid YAML: {problem}{context}{where}"
+
+
+def parse(text: str, file: str, option: str | None = None) -> Node | None:
+    """The tree of a YAML text; None where it holds nothing.
+
+    Parameters
+    ----------
+    text: The YAML text.
+    file: Name by which errors call the file.
+    option: Option of the command line that gave the text, where it did not come from a file.
+
+    Raises
+    ------
+    SceneError: the text is not one YAML document of plain values, or is too deep, or its aliases expand too far.
+    """
+    return _Composer(text, file, option).compose()
+
+
+def read(file: str) -> str:
+    """The text of a scene file.
+
+    Raises
+    ------
+    SceneError: the file does not exist, cannot be read, is too large, or is not UTF-8.
+    """
+    try:
+        with open(file, "rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        raise SceneError("no such file", file=file) from None
+    except IsADirectoryError:
+        raise SceneError("is a folder, not a scene file", file=file) from None
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise SceneError(f"cannot be read: {reason.lower()}", file=file) from None
+    if len(data) > MAX_BYTES:
+        raise SceneError(f"is larger than {MAX_BYTES // 2**20} MB, the limit for a scene file", file=file)
+    if b"\0" in data:
+        raise SceneError("is a binary file, not a scene in YAML", file=file)
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise SceneError(f"is not UTF-8 text (byte {data[error.start]:#04x})", file=file, line=line) from None
+
+
+# ---- Paths
+
+
+_STEP = re.compile(r"\[(\d+)\]|\.?([^.\[\]]+)")
+
+
+def parse_path(text: str) -> tuple[str, ...]:
+    """The steps of a dotted path: `objects[3].radius`, `objects.3.radius` and `objects.ball.radius`.
+
+    Raises
+    ------
+    ValueError: not such a path.
+    """
+    steps = tuple(match[1] or match[2] for match in _STEP.finditer(text))
+    if not steps or "".join(match[0] for match in _STEP.finditer(text)) != text or text.startswith("."):
+        raise ValueError(f"{shown(text)} is not a path such as camera.vfov or objects[3].radius")
+    return steps
+
+
+def path_text(path: Path) -> str:
+    """`("objects", 3, "radius")` as `objects[3].radius`."""
+    result = ""
+    for step in path:
+        result += f"[{step}]" if isinstance(step, int) else f".{step}" if result else step
+    return result
+
+
+def _index(items: Sequence[Node], step: str) -> int:
+    """Index in a list that a path's step names: a number, or an item's `name`."""
+    if step.isdecimal():
+        if int(step) < len(items):
+            return int(step)
+        raise ValueError(f"there is no item {step}; the list has {len(items)}")
+    names = {
+        str(item.entries["name"][1].value): i for i, item in enumerate(items) if item.entries and "name" in item.entries
+    }
+    if step not in names:
+        raise ValueError(f"there is no item of the name {step!r}; {suggestion(step, names, 'names')}")
+    return names[step]
+
+
+def override(root: Node, path: Sequence[str], new: Node) -> Node:
+    """The tree with the value at `path` put in place of what is there; missing mappings are made.
+
+    Raises
+    ------
+    ValueError: the path leads through a value that is neither list nor mapping, or to an item that is not there.
+    """
+    if not path:
+        return new
+    step, *rest = path
+    if root.items is not None:
+        i = _index(root.items, step)
+        items = (*root.items[:i], override(root.items[i], rest, new), *root.items[i + 1 :])
+        return collection(root.place, items=items)
+    if root.entries is None and root.value is not None:
+        raise ValueError(f"{step!r} is not below {shown(root.value)}, which is neither a list nor a mapping")
+    entries = dict(root.entries or {})
+    place, below = entries.get(step, (new.place, Node(new.place)))
+    below = override(below, rest, new)
+    entries[step] = (new.place if not rest else place, below)
+    return collection(root.place if root.entries is not None else new.place, entries=entries)
+
+
+def locate(root: Node, path: Path) -> tuple[Place, Path]:
+    """Where the value at `path` is written, and the path without the type names that pydantic adds to it.
+
+    Of a path that ends in a missing or unknown key it is the place of that key, or of the mapping that lacks it.
+    """
+    node, place = root, root.place
+    found: list[str | int] = []
+    tagged = False
+    for step in path:
+        if not tagged and node.entries is not None and _type_of(node) == step:
+            tagged = True
+            continue
+        tagged = False
+        if node.entries is None and node.items is None:
+            # A bare name that stands for a mapping: the steps below it are not in the document.
+            break
+        if step == _KEY:
+            break
+        found.append(step)
+        if node.entries is not None and step in node.entries:
+            place, node = node.entries[str(step)]
+        elif node.items is not None and isinstance(step, int) and step < len(node.items):
+            node = node.items[step]
+            place = node.place
+        else:
+            break
+    return place, tuple(found)
+
+
+def _type_of(node: Node) -> Any:
+    if node.entries is not None and "type" in node.entries:
+        return node.entries["type"][1].value
+    return None

@@ -1,0 +1,139 @@
+"""From a checked scene to the packed one: a NamedTuple whose type lists the scene's effects.
+
+Only what the picture can depend on is packed: materials that no object has, and lights that nothing could reflect,
+are left out, so the compiled kernel holds no code for them.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.assets import LOADERS
+from raytracer.errors import InputError
+from raytracer.geometry import Geometry
+from raytracer.integrator import Scene
+from raytracer.kinds import MATERIALS
+from raytracer.lights.emitters import Emitters
+from raytracer.materials.interface import MaterialSpec
+from raytracer.primitives.interface import areas, concatenate, geometry
+from raytracer.sampling import SAMPLERS
+from raytracer.sampling.alias import build_alias
+from raytracer.scene.spec import SceneSpec
+from raytracer.spec import ObjectSpec, matrix_of
+
+_DEFAULT_MATERIAL = "lambertian"
+
+
+class Packed(NamedTuple):
+    """A scene ready to be built: the packed scene (its accel still 0) and the buffers that Embree is built from."""
+
+    scene: Scene
+    geometries: tuple[Geometry, ...]
+
+
+def pack(spec: SceneSpec, spp: int | None = None) -> Packed:
+    """Pack a checked scene.
+
+    Parameters
+    ----------
+    spp : samples per pixel that a stratified sampler is to expect; the scene's own if None.
+
+    Raises
+    ------
+    SceneError : an object's file cannot be read, or its transform does not suit it.
+    """
+    if not spec.objects:
+        raise spec.error("the scene has no objects, so there is nothing to render", "objects")
+    used = [material_of(spec, item) for item in spec.objects]
+    tables, references = _pack_materials(used)
+    primitives = _pack_objects(spec, references)
+    settings = spec.render
+    scene = Scene(
+        accel=0,
+        primitives=primitives,
+        materials=tables,
+        lights=_pack_emitters(primitives, used, references) if settings.max_depth > 1 else None,
+        environment=spec.environment.pack() if spec.environment else None,
+        camera=spec.camera.pack(spec.film.width, spec.film.height),
+        filter=spec.film.filter.pack(),
+        sampler=SAMPLERS[settings.sampler](settings.seed, spp or settings.spp),
+        depth=settings.max_depth,
+        roulette=settings.rr_depth,
+    )
+    return Packed(scene, tuple(geometry(table) for table in primitives))
+
+
+def material_of(spec: SceneSpec, item: ObjectSpec) -> MaterialSpec:
+    """An object's material: named, inline, or the default."""
+    if item.material is None:
+        return MATERIALS.specs()[_DEFAULT_MATERIAL]()
+    return spec.materials[item.material] if isinstance(item.material, str) else item.material
+
+
+def _pack_materials(used: Sequence[MaterialSpec]) -> tuple[tuple[Any, ...], list[int]]:
+    """One table a kind present, sorted by kind, and each object's reference: row * kinds + kind."""
+    kinds: dict[str, dict[MaterialSpec, int]] = {}
+    for material in used:
+        rows = kinds.setdefault(material.type, {})
+        rows.setdefault(material, len(rows))
+    order = sorted(kinds)
+    tables = tuple(next(iter(kinds[kind])).pack(list(kinds[kind])) for kind in order)
+    return tables, [kinds[item.type][item] * len(order) + order.index(item.type) for item in used]
+
+
+def _pack_objects(spec: SceneSpec, references: Sequence[int]) -> tuple[Any, ...]:
+    """One table a kind of primitive present, sorted by kind."""
+    tables: dict[type, list[Any]] = {}
+    for number, (item, reference) in enumerate(zip(spec.objects, references, strict=True)):
+        try:
+            assets = {key: LOADERS[kind](spec.base / getattr(item, key)) for key, kind in item.loads.items()}
+        except InputError as error:
+            (key,) = item.loads
+            raise spec.error(str(error), "objects", number, key) from None
+        try:
+            table = item.pack(matrix_of(item.transform), reference, assets)
+        except ValueError as error:
+            raise spec.error(str(error), "objects", number) from None
+        tables.setdefault(type(table), []).append(table)
+    order = sorted(tables, key=lambda kind: kind.__name__)
+    return tuple(concatenate(tables[kind][0], tables[kind]) for kind in order)
+
+
+def _pack_emitters(primitives: Sequence[Any], used: Sequence[MaterialSpec], references: Sequence[int]) -> Emitters | None:
+    """The emitting primitives, chosen by power; None where there are none, or no material reflects by choice.
+
+    A material that can be lit by choice has a pdf; mirrors and glass find lights only by being followed.
+    """
+    if not any(material.is_lit() for material in used):
+        return None
+    exitance = dict(zip(references, (material.exitance() for material in used), strict=True))
+    rows: list[tuple[NDArray[np.int64], NDArray[np.float64]]] = []
+    for table in primitives:
+        per_reference = np.array([exitance.get(reference, 0.0) for reference in range(max(exitance) + 1)])
+        power = areas(table) * per_reference[table.material]
+        rows.append((np.flatnonzero(power), power))
+    if not any(len(emitting) for emitting, _ in rows):
+        return None
+
+    # Probabilities by primitive, for the tables that emit at all.
+    choice = build_alias(np.concatenate([power[emitting] for emitting, power in rows]))
+    first, pmf, taken = np.full(len(rows), -1, np.int32), [], 0
+    for number, (emitting, power) in enumerate(rows):
+        if len(emitting):
+            first[number] = sum(map(len, pmf))
+            by_primitive = np.zeros(len(power))
+            by_primitive[emitting] = choice.pmf[taken : taken + len(emitting)]
+            pmf.append(by_primitive)
+            taken += len(emitting)
+    return Emitters(
+        table=np.concatenate([np.full(len(emitting), number, np.int32) for number, (emitting, _) in enumerate(rows)]),
+        primitive=np.concatenate([emitting for emitting, _ in rows]).astype(np.int32),
+        material=np.concatenate(
+            [table.material[emitting] for table, (emitting, _) in zip(primitives, rows, strict=True)]
+        ).astype(np.int32),
+        choice=choice,
+        first=first,
+        pmf=np.concatenate(pmf),
+    )

@@ -1,0 +1,52 @@
+"""The JSON Schema of scene files, for editors (draft 2020-12)."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from raytracer.kinds import LIGHTS
+from raytracer.scene.spec import SceneSpec
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def schema() -> dict[str, Any]:
+    """The JSON Schema of a scene file, with every key's description, unit, default and range."""
+    result = SceneSpec.model_json_schema(mode="validation")
+    definitions = result["$defs"]
+
+    # An object takes a material in place of a material's name.
+    definitions["Material"] = result["properties"]["materials"]["additionalProperties"]
+    result["properties"]["materials"]["additionalProperties"] = {"$ref": "#/$defs/Material"}
+    for definition in definitions.values():
+        if "material" in definition.get("properties", {}):
+            choices = [{"type": "string"}, {"$ref": "#/$defs/Material"}, {"type": "null"}]
+            definition["properties"]["material"] |= {"anyOf": choices}
+
+    for node in _mappings(result):
+        # A kind is told by its type, so that cannot be left out although it has a default.
+        properties = node.get("properties", {})
+        if "const" in properties.get("type", {}):
+            node["required"] = ["type", *(key for key in node.get("required", []) if key != "type")]
+
+        # Units join the descriptions, where editors show them.
+        for described in properties.values():
+            if unit := _unit(described):
+                text = described.get("description", "").rstrip(".")
+                described["description"] = f"{text} [{unit}, or with a unit]".strip()
+        node.pop("discriminator", None)
+    if not LIGHTS.specs():
+        del result["properties"]["lights"]
+    return {"$schema": DIALECT, **result, "title": "rt scene"}
+
+
+def _mappings(node: Any) -> Iterator[dict[str, Any]]:
+    """Every mapping in a tree of lists and mappings."""
+    if isinstance(node, dict):
+        yield node
+    for below in node.values() if isinstance(node, dict) else node if isinstance(node, list) else ():
+        yield from _mappings(below)
+
+
+def _unit(node: dict[str, Any]) -> str | None:
+    """The unit of a property's plain numbers."""
+    return node.get("x-unit") or next((unit for choice in node.get("anyOf", ()) if (unit := _unit(choice))), None)

@@ -1,0 +1,1 @@
+"""Shapes: what a scene file's objects may be.  Each kind's spec lowers itself to a table of primitives."""

@@ -1,0 +1,51 @@
+"""Affine transforms, as shapes use them."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Matrix = NDArray[np.float64]
+"""To world space: (4, 4) float64, column vectors, last row 0 0 0 1."""
+
+
+def points(matrix: Matrix, rows: ArrayLike) -> NDArray[np.float64]:
+    """Points (n, 3) moved by the matrix."""
+    return np.asarray(np.asarray(rows, np.float64) @ matrix[:3, :3].T + matrix[:3, 3])
+
+
+def vectors(matrix: Matrix, rows: ArrayLike) -> NDArray[np.float64]:
+    """Differences of points (n, 3), which translation leaves alone."""
+    return np.asarray(np.asarray(rows, np.float64) @ matrix[:3, :3].T)
+
+
+def normals(matrix: Matrix, rows: ArrayLike) -> NDArray[np.float64]:
+    """Unit normals (n, 3), which go by the inverse transpose and keep to their side under a mirror image.
+
+    References: Pharr et al. 2023, "Physically Based Rendering", 4th ed., sec. 3.10.3.
+    """
+    turned = np.asarray(rows, np.float64) @ np.linalg.inv(matrix[:3, :3])
+    return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True))
+
+
+def is_mirrored(matrix: Matrix) -> bool:
+    """Whether right hands become left ones, so that u x v must be turned back to stay outside."""
+    return bool(np.linalg.det(matrix[:3, :3]) < 0.0)
+
+
+def uniform_scale(matrix: Matrix, what: str) -> float:
+    """The one factor by which the matrix scales.
+
+    Raises
+    ------
+    ValueError : it scales differently along different axes, or shears; `what` ("a sphere") names who minds.
+    """
+    gram = matrix[:3, :3].T @ matrix[:3, :3]
+    size = float(gram[0, 0])
+    # Equal columns at right angles, up to the rounding of a product of rotations.
+    if not np.allclose(gram, size * np.eye(3), rtol=0.0, atol=1e-12 * size):
+        raise ValueError(f"{what} can only be scaled by the same factor along all axes")
+    return float(np.sqrt(size))
+
+
+def references(material: int, count: int = 1) -> NDArray[np.int32]:
+    """The material reference of `count` primitives."""
+    return np.full(count, material, np.int32)

@@ -1,0 +1,47 @@
+"""Box: six faces, parallel to the axes until a transform turns it.
+
+    - {type: box, min: [0, 0, 0], max: [1, 2, 1], material: white, transform: [{rotate: {axis: [0, 1, 0], angle: 15}}]}
+"""
+
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from raytracer.primitives.parallelograms import Parallelograms
+from raytracer.shapes.affine import Matrix, is_mirrored, points, references, vectors
+from raytracer.shapes.interface import Assets, ShapeSpec
+from raytracer.spec import Point
+
+# Corner, and the axes of the edges u and v, of each face of the unit cube, such that u x v points outwards.
+_FACES = (
+    ((0, 0, 0), 2, 1),
+    ((1, 0, 0), 1, 2),
+    ((0, 0, 0), 0, 2),
+    ((0, 1, 0), 2, 0),
+    ((0, 0, 0), 1, 0),
+    ((0, 0, 1), 0, 1),
+)
+
+
+class Box(ShapeSpec):
+    """A box between two opposite corners; a transform may turn or shear it."""
+
+    type: Literal["box"] = "box"
+    min: Point = Field(description="corner with the smallest coordinates (m)")
+    max: Point = Field(description="corner with the largest coordinates (m)")
+
+    @model_validator(mode="after")
+    def _has_volume(self) -> "Box":
+        if not all(low < high for low, high in zip(self.min, self.max, strict=True)):
+            raise ValueError("every coordinate of min must be less than that of max")
+        return self
+
+    def pack(self, matrix: Matrix, material: int, _: Assets) -> Parallelograms:
+        """Six rows, one a face."""
+        size = np.subtract(self.max, self.min)
+        corners = self.min + size * [corner for corner, _, _ in _FACES]
+        edges = np.diag(size)
+        first, second = (edges[[face[axis] for face in _FACES]] for axis in ((2, 1) if is_mirrored(matrix) else (1, 2)))
+        u, v = vectors(matrix, first), vectors(matrix, second)
+        return Parallelograms(points(matrix, corners), u, v, references(material, len(_FACES)))

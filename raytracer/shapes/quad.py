@@ -1,0 +1,35 @@
+"""Quad: a parallelogram.
+
+    - {type: quad, corner: [0, 0, 0], edges: [[1, 0, 0], [0, 1, 0]], material: wall}
+"""
+
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, field_validator
+
+from raytracer.primitives.parallelograms import Parallelograms
+from raytracer.shapes.affine import Matrix, is_mirrored, points, references, vectors
+from raytracer.shapes.interface import Assets, ShapeSpec
+from raytracer.spec import Point
+
+
+class Quad(ShapeSpec):
+    """A parallelogram; its normal is u x v."""
+
+    type: Literal["quad"] = "quad"
+    corner: Point = Field(description="one corner (m)")
+    edges: tuple[Point, Point] = Field(description="the two edges from the corner, u and v (m); the normal is u x v")
+
+    @field_validator("edges")
+    @classmethod
+    def _has_area(cls, edges: tuple[Point, Point]) -> tuple[Point, Point]:
+        if not np.any(np.cross(*edges)):
+            raise ValueError("the two edges must be neither zero nor parallel, or the quad has no area")
+        return edges
+
+    def pack(self, matrix: Matrix, material: int, _: Assets) -> Parallelograms:
+        """One row."""
+        edges = self.edges[::-1] if is_mirrored(matrix) else self.edges
+        u, v = (vectors(matrix, [edge]) for edge in edges)
+        return Parallelograms(points(matrix, [self.corner]), u, v, references(material))

@@ -1,0 +1,39 @@
+"""Sphere.
+
+    - {type: sphere, center: [0, 1, 0], radius: 0.5, material: glass}
+"""
+
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, field_validator
+
+from raytracer.primitives.spheres import Spheres
+from raytracer.shapes.affine import Matrix, points, references, uniform_scale
+from raytracer.shapes.interface import Assets, ShapeSpec
+from raytracer.spec import Length, Point
+
+
+class Sphere(ShapeSpec):
+    """A sphere; a negative radius turns its normal inwards, which makes a hollow inside glass."""
+
+    type: Literal["sphere"] = "sphere"
+    center: Point = Field(description="centre (m)")
+    radius: Length = Field(description="radius (m), not zero; negative turns the normal inwards")
+
+    @field_validator("radius")
+    @classmethod
+    def _not_zero(cls, radius: float) -> float:
+        if radius == 0.0:
+            raise ValueError("must not be zero")
+        return radius
+
+    def pack(self, matrix: Matrix, material: int, _: Assets) -> Spheres:
+        """One row.
+
+        Raises
+        ------
+        ValueError : a transform that would make it an ellipsoid.
+        """
+        radius = uniform_scale(matrix, "a sphere") * self.radius
+        return Spheres(points(matrix, [self.center]), np.array([radius]), references(material))

@@ -1,0 +1,150 @@
+"""Numbers with units: `50 mm`, `1/125 s`, `20 deg`.
+
+World lengths come out in metres, optic lengths in millimetres, angles in degrees, times in seconds.
+"""
+
+import math
+import re
+from typing import Literal, NamedTuple, TypeAlias
+
+from raytracer.errors import shown, suggestion
+
+Dimension: TypeAlias = Literal["length", "optic", "angle", "time", "number"]
+
+
+class _Dimension(NamedTuple):
+    noun: str
+    unit: str
+    """What a plain number is in, and every result."""
+    example: str
+    units: dict[str, tuple[float, float]]
+    """Factor and divisor to `unit`: both are exact where the ratio is not."""
+
+
+_LENGTHS = {
+    "nm": (1.0, 1e9),
+    "um": (1.0, 1e6),
+    "µm": (1.0, 1e6),
+    "μm": (1.0, 1e6),
+    "mm": (1.0, 1e3),
+    "cm": (1.0, 1e2),
+    "m": (1.0, 1.0),
+    "km": (1e3, 1.0),
+    "in": (127.0, 5e3),
+    "ft": (381.0, 1250.0),
+}
+_ANGLES = {
+    "deg": (1.0, 1.0),
+    "°": (1.0, 1.0),
+    "rad": (180.0, math.pi),
+    "mrad": (0.18, math.pi),
+    "arcmin": (1.0, 60.0),
+    "arcsec": (1.0, 3600.0),
+    "turn": (360.0, 1.0),
+}
+_TIMES = {
+    "ns": (1.0, 1e9),
+    "us": (1.0, 1e6),
+    "µs": (1.0, 1e6),
+    "μs": (1.0, 1e6),
+    "ms": (1.0, 1e3),
+    "s": (1.0, 1.0),
+    "min": (60.0, 1.0),
+    "h": (3600.0, 1.0),
+}
+
+_DIMENSIONS: dict[str, _Dimension] = {
+    "length": _Dimension("length", "metres", "2, 50 mm or 30cm", _LENGTHS),
+    "optic": _Dimension(
+        "length", "millimetres", "50, 50 mm or 5cm", {u: (1e3 * f, d) for u, (f, d) in _LENGTHS.items()}
+    ),
+    "angle": _Dimension("angle", "degrees", "20, 20 deg or 0.3 rad", _ANGLES),
+    "time": _Dimension("time", "seconds", "0.5, 1/125 s or 8 ms", _TIMES),
+    "number": _Dimension("number", "", "2, 0.5 or 1/3", {}),
+}
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_QUANTITY = re.compile(rf"\s*({_NUMBER}|[-+]?\.?inf)\s*(?:/\s*({_NUMBER})\s*)?([^\W\d_]+|°)?\s*")
+
+
+def unit_of(dimension: Dimension) -> str:
+    """The unit that plain numbers of `dimension` are in, in the plural; empty for a pure number."""
+    return _DIMENSIONS[dimension].unit
+
+
+def quantity_pattern(dimension: Dimension) -> str:
+    """An ECMA-262 regular expression of the texts that `parse_quantity` takes, for JSON Schema."""
+    units = "|".join(_DIMENSIONS[dimension].units)
+    number = _NUMBER.replace("?:", "")
+    return rf"^\s*({number}|[-+]?\.?inf)\s*(/\s*{number}\s*)?" + (rf"({units})?\s*$" if units else r"\s*$")
+
+
+def parse_quantity(value: float | str, dimension: Dimension) -> float:
+    """`value` as a number in the unit of its dimension.
+
+    Parameters
+    ----------
+    value: A plain number, or a text of a number or fraction and, if wanted, a unit. May be infinite.
+    dimension: "length" gives metres, "optic" millimetres, "angle" degrees, "time" seconds, "number" no unit.
+
+    Raises
+    ------
+    ValueError: `value` is no number, is NaN, or has a unit that is unknown or of another dimension;
+        the message is a predicate that continues "key: ".
+    """
+    if isinstance(value, bool) or not isinstance(value, float | int | str):
+        raise ValueError(f"must be {_wanted(dimension)}, got {shown(value)}")  # noqa: TRY004
+    result = _parse_text(value, dimension) if isinstance(value, str) else _to_float(value)
+    if math.isnan(result):
+        raise ValueError("must be a number, got nan")
+    return result
+
+
+def _wanted(dimension: Dimension) -> str:
+    kind = _DIMENSIONS[dimension]
+    article = "an" if kind.noun[0] in "aeiou" else "a"
+    unit = f" in {kind.unit}" if kind.unit else ""
+    return f"{article} {kind.noun}{unit} (such as {kind.example})"
+
+
+def _to_float(value: float) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        raise ValueError(f"is too large a number ({len(str(abs(value)))} digits)") from None
+
+
+def _parse_text(text: str, dimension: Dimension) -> float:
+    match = _QUANTITY.fullmatch(text)
+    if not match:
+        raise ValueError(f"must be {_wanted(dimension)}, got {shown(text)}")
+    numerator, denominator, unit = match.groups()
+
+    # Read the number or fraction.
+    result = float(numerator.replace(".inf", "inf"))
+    if denominator is not None:
+        if float(denominator) == 0.0:
+            raise ValueError(f"divides by zero in {shown(text)}")
+        result /= float(denominator)
+    if unit is None:
+        return result
+
+    # Bring it to the unit of its dimension.
+    kind = _DIMENSIONS[dimension]
+    if unit not in kind.units:
+        raise ValueError(_wrong_unit(unit, dimension))
+    factor, divisor = kind.units[unit]
+    return result * factor / divisor
+
+
+def _wrong_unit(unit: str, dimension: Dimension) -> str:
+    kind = _DIMENSIONS[dimension]
+    other = next((d.noun for d in _DIMENSIONS.values() if unit in d.units), None)
+    if not kind.units:
+        return f"must be a plain number without a unit, got the unit {unit!r}"
+    known = ", ".join(kind.units)
+    if other:
+        return f"must be {_wanted(dimension)}, but {unit!r} is a unit of {other}; known units: {known}"
+    hint = suggestion(unit, kind.units, "units")
+    listed = "" if hint.startswith("known") else f" (known units: {known})"
+    return f"has the unknown unit {unit!r}; {hint}{listed}"

@@ -1,0 +1,405 @@
+"""Meshes: one geometry whatever the format, normals against closed forms and a peer, and broken files."""
+
+import struct
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+
+from raytracer.assets import polygons, read_mesh, smooth_normals
+from raytracer.assets.meshes import _checked
+from raytracer.errors import InputError
+
+# A pyramid over the unit square: a quad and four triangles, seen from outside.
+VERTICES = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0), (0.5, 0.5, 1.25)]
+POLYGONS = [(0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)]
+TRIANGLES = [(0, 3, 2), (0, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)]
+
+PLY_HEADER = """ply
+format {format} 1.0
+comment a comment
+element vertex {vertices}
+property {type} x
+property {type} y
+property {type} z
+element face {faces}
+property list uchar int vertex_indices
+end_header
+"""
+
+
+def soup(mesh):
+    """The corners of all triangles, in an order that formats and their readers cannot change."""
+    corners = mesh.vertices[mesh.faces]
+    first = np.array([min(range(3), key=lambda k: tuple(t[k])) for t in corners])
+    turned = [np.roll(t, -k, axis=0).tolist() for t, k in zip(corners, first, strict=True)]
+    return sorted(turned)
+
+
+EXPECTED = soup(polygons.Parts(np.array(VERTICES), np.array(TRIANGLES), None))
+
+
+def ply_text(polygons=POLYGONS, vertices=VERTICES):
+    header = PLY_HEADER.format(format="ascii", vertices=len(vertices), faces=len(polygons), type="double")
+    rows = [" ".join(map(str, v)) for v in vertices] + [f"{len(p)} " + " ".join(map(str, p)) for p in polygons]
+    return (header + "\n".join(rows) + "\n").encode()
+
+
+def ply_binary(order="<", polygons=POLYGONS, vertices=VERTICES, code="f"):
+    name = {"<": "binary_little_endian", ">": "binary_big_endian"}[order]
+    kind = {"f": "float", "d": "double"}[code]
+    header = PLY_HEADER.format(format=name, vertices=len(vertices), faces=len(polygons), type=kind).encode()
+    body = b"".join(struct.pack(f"{order}3{code}", *v) for v in vertices)
+    return header + body + b"".join(struct.pack(f"{order}B{len(p)}i", len(p), *p) for p in polygons)
+
+
+def obj_text(polygons=POLYGONS, vertices=VERTICES):
+    lines = [f"v {x} {y} {z}" for x, y, z in vertices] + ["f " + " ".join(str(i + 1) for i in p) for p in polygons]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def stl_binary(triangles=TRIANGLES, vertices=VERTICES):
+    body = b"".join(struct.pack("<12fH", 0, 0, 0, *(x for i in t for x in vertices[i]), 0) for t in triangles)
+    return b"solid that says it is text".ljust(80) + struct.pack("<I", len(triangles)) + body
+
+
+def stl_text(triangles=TRIANGLES):
+    facets = [
+        "facet normal 0 0 0\nouter loop\n"
+        + "".join("vertex {} {} {}\n".format(*VERTICES[i]) for i in t)
+        + "endloop\nendfacet\n"
+        for t in triangles
+    ]
+    return ("solid pyramid\n" + "".join(facets) + "endsolid pyramid\n").encode()
+
+
+def glb(triangles=TRIANGLES):
+    return trimesh.Trimesh(VERTICES, triangles, process=False).export(file_type="glb")
+
+
+FILES = {
+    "text.ply": ply_text(),
+    "little.ply": ply_binary("<"),
+    "big.ply": ply_binary(">"),
+    "double.ply": ply_binary("<", code="d"),
+    "triangles.ply": ply_binary("<", TRIANGLES),
+    "windows.ply": ply_text().replace(b"\n", b"\r\n"),
+    "plain.obj": obj_text(),
+    "triangles.obj": obj_text(TRIANGLES),
+    "windows.obj": obj_text().replace(b"\n", b"\r\n"),
+    "binary.stl": stl_binary(),
+    "text.stl": stl_text(),
+    "UPPER.STL": stl_text().upper().replace(b"E+", b"e+"),
+    "scene.glb": glb(),
+}
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(name, data):
+        path = tmp_path / name
+        path.write_bytes(data)
+        return path
+
+    return write
+
+
+# ---- one geometry whatever the format ----
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_format_gives_the_same_triangles(name, written):
+    mesh = read_mesh(written(name, FILES[name]))
+    assert soup(mesh) == EXPECTED
+    assert len(mesh.vertices) == 5
+    assert (mesh.normals, mesh.degenerate) == (None, 0)
+    assert (mesh.vertices.dtype, mesh.faces.dtype) == (np.float64, np.uint32)
+    assert mesh.vertices.flags.c_contiguous
+    assert mesh.faces.flags.c_contiguous
+
+
+def test_a_ply_file_with_other_elements_and_properties(written):
+    header = (
+        b"ply\nformat binary_little_endian 1.0\nobj_info made by hand\n"
+        b"element material 2\nproperty list uchar float weights\nproperty short id\n"
+        b"element vertex 5\nproperty uchar red\nproperty float x\nproperty float y\nproperty float z\n"
+        b"element face 5\nproperty uchar flags\nproperty list ushort uint vertex_index\n"
+        b"property list uchar float texcoord\nelement edge 1\nproperty int a\nend_header\n"
+    )
+    body = struct.pack("<B2fh", 2, 1, 2, 3) + struct.pack("<Bh", 0, 3)
+    body += b"".join(struct.pack("<B3f", 7, *v) for v in VERTICES)
+    body += b"".join(struct.pack(f"<BH{len(p)}IB2f", 1, len(p), *p, 2, 0.5, 0.5) for p in POLYGONS)
+    assert soup(read_mesh(written("a.ply", header + body + struct.pack("<i", 3)))) == EXPECTED
+
+
+def test_obj_indices_below_zero_count_back_from_their_face(written):
+    # The format's own rule; the second vertex -1 is not the first.
+    text = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nf -3 -2 -1\nv 0 0 2\nv 1 0 2\nv 1 1 2\nf -3 -2 -1\nf 1 -1 2\n"
+    mesh = read_mesh(written("a.obj", text))
+    assert mesh.faces.tolist() == [[0, 1, 2], [3, 4, 5], [0, 5, 1]]
+
+
+def test_obj_with_everything_that_is_left_out(written):
+    text = (
+        b"# a comment\nmtllib none.mtl\no thing\ng group\nusemtl red\ns off\n"
+        b"  v 0 0 0 1 0 0\n\tv\t1 0 0 # a corner\nv 1 1 0 1.0\nv 0 1 \\\n0\nv 0.5 0.5 1.25\nvt 0 0\nvt 1 0\nvt 0 1\n"
+        b"f 1/1 4/2 3/3 2/1\nusemtl blue\nf 1 2 5 # a comment\nf 2/1 3/2 5/3\nl 1 2\nf 3// 4// 5//\nf 4 1 5"
+    )
+    assert soup(read_mesh(written("a.obj", text))) == EXPECTED
+
+
+def test_an_ngon_is_a_fan_around_its_first_corner(written):
+    angles = np.arange(6) * np.pi / 3
+    hexagon = [(float(np.cos(a)), float(np.sin(a)), 0.0) for a in angles]
+    for name, data in (("a.obj", obj_text([range(6)], hexagon)), ("a.ply", ply_text([range(6)], hexagon))):
+        assert read_mesh(written(name, data)).faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]]
+
+
+def test_stl_corners_that_are_equal_are_one_vertex_and_so_are_the_two_zeros(written):
+    data = stl_text().replace(b"vertex 0.0 ", b"vertex -0.0 ", 3)
+    assert len(read_mesh(written("a.stl", data)).vertices) == 5
+
+
+def test_a_binary_stl_file_with_bytes_left_over(written):
+    data = stl_binary().replace(b"solid", b"model") + b"left over"
+    assert soup(read_mesh(written("a.stl", data))) == EXPECTED
+
+
+def test_random_polygons_keep_their_corners():
+    # Against the definition, one polygon at a time.
+    rng = np.random.default_rng(1)
+    counts = rng.integers(3, 8, 2000)
+    corners = rng.integers(0, 1 << 30, counts.sum())
+    expected = []
+    start = 0
+    for n in counts:
+        p = corners[start : start + n]
+        expected += [[p[0], p[k], p[k + 1]] for k in range(1, n - 1)]
+        start += n
+    np.testing.assert_array_equal(polygons.fan(counts, corners), expected)
+
+
+def test_glb_nodes_are_placed_and_a_mirrored_one_keeps_its_outside(written):
+    ball = trimesh.creation.icosphere(2)
+    ball = trimesh.Trimesh(ball.vertices, ball.faces, vertex_normals=ball.vertices, process=False)
+    scale = np.diag([-2.0, 1.0, 3.0, 1.0])
+    scale[:3, 3] = [10, 0, 0]
+    scene = trimesh.Scene()
+    scene.add_geometry(ball, node_name="plain")
+    scene.add_geometry(ball, node_name="mirrored", transform=scale)
+    mesh = read_mesh(written("a.glb", scene.export(file_type="glb")))
+
+    # On the ellipsoid x^2/4 + y^2 + z^2/9 = 1 around (10, 0, 0) the normal goes as (x/4, y, z/9).
+    right = mesh.vertices[:, 0] > 4
+    p = mesh.vertices - np.where(right[:, None], [10, 0, 0], 0)
+    expected = p / np.where(right[:, None], [4, 1, 9], 1)
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    assert right.sum() == len(ball.vertices)
+    np.testing.assert_allclose(mesh.normals, expected, atol=2e-6)
+
+    # The signed volume by the divergence theorem is that of the ball, and six times that, both positive.
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    volumes = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
+    in_mirrored = right[mesh.faces[:, 0]]
+    assert volumes[~in_mirrored].sum() == pytest.approx(ball.volume, rel=1e-6)
+    assert volumes[in_mirrored].sum() == pytest.approx(6 * ball.volume, rel=1e-6)
+
+
+# ---- normals ----
+
+
+def test_normals_of_an_obj_file_split_only_vertices_that_have_several(written):
+    text = obj_text([(0, 1, 2)]) + b"vn 0 0 2\nvn 0 3 0\nf 1//1 3//2 4//-2\nf 1//1 2//1 3//1\n"
+    mesh = read_mesh(written("a.obj", text.replace(b"f 1 2 3\n", b"")))
+    of_corners = mesh.normals[mesh.faces].tolist()
+    z, y = [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]
+    assert of_corners == [[z, y, z], [z, z, z]]
+    assert len(mesh.vertices) == 5  # four that are used, one of them twice
+
+
+def test_normals_of_a_ply_file_are_made_unit(written):
+    data = ply_text().replace(b"property double z\n", b"property double z\n" + b"property float n%b\n" * 3)
+    data = data.replace(b"n%b", b"nx", 1).replace(b"n%b", b"ny", 1).replace(b"n%b", b"nz", 1)
+    head, body = data.split(b"end_header\n")
+    rows = body.split(b"\n")
+    rows[:5] = [row + b" 0 0 -1e-200" for row in rows[:4]] + [rows[4] + b" 3 0 4"]
+    mesh = read_mesh(written("a.ply", head + b"end_header\n" + b"\n".join(rows)))
+    np.testing.assert_allclose(mesh.normals, [[0, 0, -1]] * 4 + [[0.6, 0, 0.8]], rtol=1e-15)
+
+
+@pytest.mark.parametrize("bad", ["0 0 0", "nan 0 1", "inf 0 0"])
+def test_a_normal_that_is_none_is_computed(bad, written):
+    text = obj_text([]) + f"vn 1 0 0\nvn {bad}\n".encode()
+    text += b"".join(
+        b"f " + b" ".join(b"%d//%d" % (i + 1, 2 if i == 4 else 1) for i in triangle) + b"\n" for triangle in TRIANGLES
+    )
+    mesh = read_mesh(written("a.obj", text))
+    np.testing.assert_allclose(mesh.normals, [[1, 0, 0]] * 4 + [[0, 0, 1]], atol=1e-15)
+
+
+def test_smooth_normals_of_a_cube_do_not_depend_on_its_diagonals():
+    # By angle the three faces at a corner weigh the same, however they are cut: (1, 1, 1)/sqrt(3).
+    cube = trimesh.creation.box((2, 2, 2))
+    vertices, faces = np.asarray(cube.vertices), np.asarray(cube.faces)
+    np.testing.assert_allclose(smooth_normals(vertices, faces), vertices / np.sqrt(3), atol=1e-15)
+
+
+def test_smooth_normals_are_those_of_a_peer():
+    # trimesh 5.2 weights by the angle too.
+    rng = np.random.default_rng(2)
+    ball = trimesh.creation.icosphere(3)
+    vertices = ball.vertices * rng.uniform(0.8, 1.2, (len(ball.vertices), 1))
+    peer = trimesh.Trimesh(vertices, ball.faces, process=False)
+    np.testing.assert_allclose(smooth_normals(vertices, ball.faces), peer.vertex_normals, atol=1e-10)
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1e-3, 1e6, 1e30])
+def test_smooth_normals_have_no_scale(scale):
+    ball = trimesh.creation.icosphere(2)
+    expected = smooth_normals(ball.vertices, ball.faces)
+    np.testing.assert_allclose(smooth_normals(ball.vertices * scale, ball.faces), expected, atol=1e-12)
+
+
+def test_a_seam_leaves_no_trace_in_smooth_normals():
+    ball = trimesh.creation.icosphere(2)
+    vertices, faces = np.asarray(ball.vertices), np.asarray(ball.faces)
+    torn = vertices[faces.reshape(-1)]
+    normals = smooth_normals(torn, np.arange(len(torn)).reshape(-1, 3))
+    np.testing.assert_allclose(normals, smooth_normals(vertices, faces)[faces.reshape(-1)], atol=1e-12)
+
+
+def test_the_two_sides_of_a_sheet_keep_their_normals_and_a_lone_vertex_has_none():
+    vertices = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)] * 2 + [(5, 5, 5)], dtype=float)
+    normals = smooth_normals(vertices, np.array([(0, 1, 2), (3, 5, 4)]))
+    np.testing.assert_array_equal(normals, [[0, 0, 1]] * 3 + [[0, 0, -1]] * 3 + [[0, 0, 0]])
+
+
+# ---- degenerate and broken ----
+
+
+def test_triangles_without_area_are_left_out_and_counted(written):
+    # A repeated index, three points of a line, two equal points; and a sliver, which has an area.
+    vertices = [*VERTICES, (0.1, 0.1, 0.1), (0.2, 0.2, 0.2), (0.0, 0.0, 0.0), (0.5, 1e-30, 0.0)]
+    degenerate = [(1, 1, 2), (0, 5, 6), (0, 7, 3)]
+    mesh = read_mesh(written("a.obj", obj_text([*POLYGONS, *degenerate, (0, 1, 8)], vertices)))
+    assert mesh.degenerate == 3
+    assert mesh.faces.tolist() == [*map(list, TRIANGLES), [0, 1, 8]]
+
+
+BROKEN = {
+    "missing.ply": (None, "no such file"),
+    "a.fbx": (b"x", r"unknown suffix '\.fbx' for a mesh; known: \.ply, \.obj, \.stl, \.gltf, \.glb"),
+    "none": (b"x", "no suffix for a mesh; known:"),
+    **{f"empty.{s}": (b"", "is empty") for s in ("ply", "obj", "stl", "gltf", "glb")},
+    **{f"noise.{s}": (bytes(range(256)) * 4, "is|has|ends") for s in ("ply", "obj", "stl", "gltf", "glb")},
+    **{f"sentence.{s}": (b"This is no mesh.\n" * 40, "is|has|ends") for s in ("ply", "obj", "stl", "gltf", "glb")},
+    "faceless.ply": (ply_text([]), "has no faces"),
+    "faceless.obj": (obj_text([]), "has no faces"),
+    "faceless.stl": (stl_binary([]), "has no faces"),
+    "faceless2.stl": (stl_text([]), "has no faces"),
+    "points.ply": (ply_text().split(b"element face")[0] + b"end_header\n" + b"0 0 0\n" * 5, "has no faces"),
+    "flat.ply": (ply_text([(0, 1, 1)]), "has no faces with an area"),
+    "nan.ply": (ply_binary(vertices=[*VERTICES[:4], (0, float("nan"), 0)]), r"not finite \(number 4, counted from 0\)"),
+    "inf.obj": (obj_text(vertices=[*VERTICES[:4], (0, float("inf"), 0)]), "not finite"),
+    "range.ply": (ply_binary(polygons=[(0, 1, 5)]), r"the vertex 5 \(counted from 0\), and 5 vertices"),
+    "negative.ply": (ply_binary(polygons=[(0, 1, -1)]), r"the vertex -1 \(counted from 0\)"),
+    "range.obj": (obj_text([(0, 1, 5)]), "the vertex 6, and 5 vertices"),
+    "zero.obj": (obj_text([(0, 1, -1)]), "the vertex 0, and 5 vertices"),
+    "back.obj": (obj_text([]) + b"f -1 -2 -6\n", "the vertex -6, and 5 vertices"),
+    "normal.obj": (obj_text([]) + b"vn 0 0 1\nf 1//1 2//1 3//2\n", "the normal 2, and 1 normals"),
+    "normal2.obj": (obj_text([]) + b"vn 0 0 1\nf 1//1 2//1 3//-2\n", "the normal -2, and 1 normals"),
+    "two.obj": (obj_text([(0, 1)]), "fewer than 3 corners"),
+    "two.ply": (ply_binary(polygons=[(0, 1), (0, 1, 2)]), "fewer than 3 corners"),
+    "plane.obj": (b"v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", "fewer than 3 coordinates"),
+    "word.obj": (b"v 0 0 x\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "is broken"),
+    "word2.obj": (obj_text([]) + b"f 1 2 x\n", "is broken"),
+    "huge.obj": (obj_text([]) + b"f 1 2 99999999999999999999999\n", "is broken|the vertex"),
+    "word.ply": (ply_text().replace(b"1.25", b"high"), "is broken"),
+    "format.ply": (ply_text().replace(b"ascii", b"rot13"), "unknown line in its header: 'format rot13 1.0'"),
+    "type.ply": (ply_text().replace(b"property list uchar", b"property list nibble"), "unknown line in its header"),
+    "formless.ply": (ply_text().replace(b"format ascii 1.0\n", b""), "no format line"),
+    "twist.ply": (ply_text().replace(b"double z", b"double w"), "no vertices with x, y and z"),
+    "list.ply": (ply_text([(0, 1, 2)]).replace(b"\n3 0", b"\n-3 0"), "list of negative length"),
+    "many.ply": (ply_binary().replace(b"vertex 5", b"vertex 987654321987654321"), "ends early"),
+    "many2.ply": (ply_text().replace(b"face 5", b"face 987654321"), "ends early"),
+    "facets.stl": (stl_text().replace(b"endsolid", b""), "ends early"),
+    "open.stl": (stl_text().replace(b"endfacet", b"", 1), "ends early"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_broken_file_is_one_sentence_that_names_it_and_prints_nothing(name, written, tmp_path, capfd):
+    data, reason = BROKEN[name]
+    path = tmp_path / name if data is None else written(name, data)
+    with pytest.raises(InputError, match=reason) as caught:
+        read_mesh(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    assert "\n" not in message
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("part", [0.2, 0.5, 0.8])
+def test_a_file_that_ends_early_is_refused(name, part, written):
+    data = FILES[name]
+    if name.lower().endswith(".obj"):
+        # Whole lines of an OBJ file are an OBJ file, so it ends within its last face.
+        data, part = data[: len(data) - 3 - int(3 * part)], 1
+    with pytest.raises(InputError):
+        read_mesh(written(name, data[: int(part * len(data))]))
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_damage_anywhere_is_an_input_error_at_worst(name, written):
+    rng = np.random.default_rng(3)
+    data = np.frombuffer(FILES[name], dtype=np.uint8)
+    for _ in range(60):
+        damaged = data.copy()
+        damaged[rng.integers(0, len(data), 2)] = rng.integers(0, 256, 2)
+        try:
+            mesh = read_mesh(written(name, damaged.tobytes()))
+        except InputError:
+            continue
+        assert mesh.faces.max() < len(mesh.vertices)
+        assert np.isfinite(mesh.vertices).all()
+
+
+def test_a_folder_is_no_mesh(tmp_path):
+    for name in ("a.ply", "a.obj", "a.glb"):
+        (tmp_path / name).mkdir()
+        with pytest.raises(InputError, match="cannot be read"):
+            read_mesh(tmp_path / name)
+
+
+def test_more_faces_than_an_index_can_count():
+    faces = np.broadcast_to(np.zeros(3, dtype=np.int32), (2**31, 3))
+    with pytest.raises(polygons.BrokenMeshError, match="2147483648 triangles"):
+        _checked(polygons.Parts(np.zeros((1, 3)), faces, None))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="resource is of POSIX")
+def test_a_large_binary_ply_file_takes_little_more_memory_than_its_mesh(written):
+    import subprocess
+
+    # A grid of 600,000 triangles: 15 MB of vertices and faces in memory, and a file of 12 MB that is mapped.
+    n = 549
+    y, x = np.mgrid[:n, :n]
+    vertices = np.stack([x, y, np.sin(x + y)], axis=-1).reshape(-1, 3).astype("<f4")
+    corner = (y * n + x)[:-1, :-1].reshape(-1)
+    faces = np.concatenate([corner[:, None] + [0, 1, n], corner[:, None] + [1, n + 1, n]])
+    records = np.empty(len(faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
+    records["count"], records["corners"] = 3, faces
+    header = PLY_HEADER.format(format="binary_little_endian", vertices=n * n, faces=len(faces), type="float")
+    path = written("grid.ply", header.encode() + vertices.tobytes() + records.tobytes())
+    program = (
+        "import resource, sys\nfrom raytracer.assets import read_mesh\n"
+        "peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "before = peak(); mesh = read_mesh(sys.argv[1]); print(len(mesh.faces), peak() - before)"
+    )
+    out = subprocess.run([sys.executable, "-c", program, path], capture_output=True, text=True, check=True).stdout
+    triangles, grown = map(int, out.split())
+    unit = 1 if sys.platform == "darwin" else 1024
+    assert triangles == len(faces)
+    assert grown * unit < 2.5 * (path.stat().st_size + 15e6) / 2

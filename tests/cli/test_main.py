@@ -1,0 +1,128 @@
+"""The command line's frame: help at once, exit statuses, one sentence for every failure."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+
+import raytracer
+from raytracer.cli import main as cli
+from raytracer.cli.main import main
+from raytracer.errors import InputError, OutputError
+
+SCENE = "camera: {type: pinhole, look_from: [0, 0, 4], vfov: 40}\nfilm: {width: 8, height: 6}\n"
+
+
+@pytest.fixture
+def good(tmp_path: Path) -> str:
+    path = tmp_path / "good.yaml"
+    path.write_text(SCENE)
+    return str(path)
+
+
+def commands() -> list[str]:
+    return [info.name or info.callback.__name__ for info in cli.app.registered_commands if info.callback]
+
+
+def test_help_imports_nothing_slow() -> None:
+    program = (
+        "import sys; from raytracer.cli.main import main; assert main(['--help']) == 0;"
+        "slow = {'numba', 'numpy', 'pydantic', 'yaml', 'rich', 'trimesh', 'PIL', 'OpenEXR', 'scipy'};"
+        "print(sorted(slow & set(sys.modules)), file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == "[]"
+    assert "validate" in done.stdout
+
+
+@pytest.mark.parametrize("command", commands())
+def test_every_command_shows_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([command, "--help"]) == 0
+    output = capsys.readouterr().out
+    assert f"Usage: rt {command}" in output
+    assert "Example" in output
+    assert f"  rt {command}" in output
+
+
+def test_version_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"rt {raytracer.__version__}\n"
+
+
+def test_validate_names_the_right_and_every_wrong_file(
+    good: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bad = tmp_path / "bad.yaml"
+    bad.write_text(SCENE.replace("vfov", "vfv").replace("width", "widht"))
+    worse = tmp_path / "worse.yaml"
+    assert main(["validate", str(bad), good, str(worse)]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == f"{good}: valid\n"
+    first, second = captured.err.splitlines()
+    assert first.startswith(f"rt: {bad}:1: camera.vfv: unknown key 'vfv'")
+    assert second == f"rt: {worse}: no such file"
+    assert main(["validate", "--quiet", good]) == 0
+    assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "sentence"),
+    [
+        (InputError("no such lens"), 2, "rt: no such lens\n"),
+        (OutputError("a.png: no space"), 1, "rt: a.png: no space\n"),
+        (PermissionError(13, "Permission denied", "a.png"), 1, "rt: a.png: Permission denied\n"),
+        (OSError("broken"), 1, "rt: broken\n"),
+        (MemoryError(), 1, "rt: out of memory\n"),
+        (KeyboardInterrupt(), 130, "rt: interrupted\n"),
+        (ZeroDivisionError("two\nlines"), 1, "rt: internal error, ZeroDivisionError: two lines (RT_TRACEBACK=1 shows"),
+    ],
+    ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else "",
+)
+def test_every_failure_is_one_sentence(
+    error: BaseException,
+    status: int,
+    sentence: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    app = typer.Typer()
+
+    @app.callback()
+    def group() -> None:
+        pass
+
+    @app.command()
+    def fail() -> None:
+        raise error
+
+    monkeypatch.setattr(cli, "app", app)
+    monkeypatch.delenv("RT_TRACEBACK", raising=False)
+    assert main(["fail"]) == status
+    captured = capsys.readouterr()
+    assert captured.err.lstrip("\n").startswith(sentence)
+    assert captured.err.strip().count("\n") == 0
+    monkeypatch.setenv("RT_TRACEBACK", "1")
+    main(["fail"])
+    assert ("Traceback" in capsys.readouterr().err) is (status == 1 and not isinstance(error, OutputError))
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+@pytest.mark.parametrize("argument", ["schema", "--version"])
+def test_a_full_disk_under_stdout_is_a_failure_in_one_sentence(argument: str) -> None:
+    program = f"import sys; from raytracer.cli.main import main; sys.exit(main([{argument!r}]))"
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-c", program], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == 1
+    assert done.stderr == "rt: No space left on device\n"
+
+
+def test_a_reader_that_goes_away_is_no_error_message() -> None:
+    program = "import sys; from raytracer.cli.main import main; sys.exit(main(['schema']))"
+    shell = f"'{sys.executable}' -c \"{program}\" | head -c 10"
+    done = subprocess.run(["sh", "-c", shell], capture_output=True, text=True, check=False)
+    assert done.stdout.startswith("{")
+    assert done.stderr == ""

@@ -1,0 +1,83 @@
+"""Small scenes, rendered for tests.
+
+A scene's type is what gets compiled, for about five seconds each, so scenes that need not differ in type are filled up
+to one: the kinds of primitives and materials that a scene lacks come as specks of a nanometre far below everything,
+where no ray of these tests meets them.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.film.image import Image
+from raytracer.render import Rendered, render
+from raytracer.scene.load import build
+from raytracer.scene.spec import SceneSpec
+
+_SPECKS = """
+  - {type: disc, center: [0, -97, 0], normal: [0, 1, 0], radius: 1.0e-9, material: {type: metal, albedo: 0.5}}
+  - {type: quad, corner: [0, -98, 0], edges: [[1.0e-9, 0, 0], [0, 0, 1.0e-9]], material: {type: dielectric}}
+  - {type: sphere, center: [0, -99, 0], radius: 1.0e-9, material: {type: emitter, radiance: 0}}
+  - {type: triangle, vertices: [[0, -96, 0], [1.0e-9, -96, 0], [0, -96, 1.0e-9]], material: {type: lambertian}}
+"""
+
+_HEAD = """
+film: {{width: {width}, height: {height}}}
+render: {{spp: {spp}, max_depth: {max_depth}, rr_depth: {rr_depth}, sampler: {sampler}}}
+"""
+
+
+def scene(
+    text: str,
+    *,
+    width: int = 16,
+    height: int = 16,
+    spp: int = 64,
+    max_depth: int = 50,
+    rr_depth: int = 1000,
+    sampler: str = "independent",
+    filled: bool = True,
+) -> SceneSpec:
+    """A checked scene from its `camera`, `environment`, `materials` and, last, its `objects`.
+
+    filled : with specks of all kinds, so that it shares its compiled kernel with other scenes.
+    """
+    head = _HEAD.format(
+        width=width, height=height, spp=spp, max_depth=max_depth, rr_depth=rr_depth, sampler=sampler
+    )
+    return build(head + text.rstrip() + (_SPECKS if filled else "\n"), "test.yaml")
+
+
+def rendered(text: str, *, seed: int = 1, threads: int = 2, **settings: Any) -> Rendered:
+    """`scene(text, **settings)`, rendered."""
+    result = render(scene(text, **settings), seed=seed, threads=threads)
+    assert result.stats.nan_samples == 0
+    return result
+
+
+def image(text: str, **settings: Any) -> Image:
+    """The image of `scene(text, **settings)`."""
+    return rendered(text, **settings).image
+
+
+def mean(picture: Image) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Mean of all pixels by channel (3,), and its standard deviation (3,), from the variances of the pixels."""
+    assert picture.variance is not None
+    pixels = picture.radiance.shape[0] * picture.radiance.shape[1]
+    return picture.radiance.mean(axis=(0, 1)), np.sqrt(picture.variance.sum(axis=(0, 1))) / pixels
+
+
+def assert_mean(picture: Image, expected: float, *, sigmas: float = 4.0, relative_noise: float = 0.01) -> None:
+    """The mean of a picture, in every channel, is `expected` within its noise, and the noise is small enough to tell.
+
+    sigmas : 4 puts one honest mean in 16,000 outside.
+    relative_noise : the largest standard deviation of the mean, relative to `expected`, that the test is content with.
+    """
+    value, deviation = mean(picture)
+    assert np.all(deviation <= relative_noise * expected), f"too noisy to tell: {deviation} of {expected}"
+    rounding = 1e-6 * expected
+    error = np.abs(value - expected)
+    assert np.all(error <= sigmas * deviation + rounding), (
+        f"{value} is not {expected}: off by {error / expected} of it, {error / np.maximum(deviation, 1e-300)} sigma"
+    )

@@ -1,0 +1,82 @@
+"""The JSON Schema: valid by its dialect, and of one mind with the checks."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from raytracer.errors import SceneError
+from raytracer.scene.document import parse
+from raytracer.scene.load import build
+from raytracer.scene.schema import schema
+
+jsonschema = pytest.importorskip("jsonschema")
+
+SCENE = """\
+camera: {type: pinhole, look_from: [0, 0, 4], vfov: 40}
+film: {width: 8, height: 6, filter: box}
+materials: {grey: {type: lambertian, albedo: 0.5}}
+objects: [{type: sphere, name: ball, center: [0, 0, 0], radius: 1, material: grey}]
+"""
+
+
+@pytest.fixture(scope="module")
+def validator() -> Any:
+    return jsonschema.Draft202012Validator(schema())
+
+
+def test_it_is_a_schema_in_plain_json() -> None:
+    jsonschema.Draft202012Validator.check_schema(schema())
+    assert json.loads(json.dumps(schema(), allow_nan=False)) == schema()
+
+
+def test_the_scenes_of_the_repository_conform(validator: Any) -> None:
+    for path in sorted((Path(__file__).parents[2] / "scenes").glob("*.yaml")):
+        root = parse(path.read_text(encoding="utf-8"), str(path))
+        assert root is not None
+        validator.validate(root.plain())
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "valid"),
+    [
+        ("", "", True),
+        ("vfov: 40", "vfov: 0.5 rad", True),
+        ("[0, 0, 4]", "[0, 20 mm, 4]", True),
+        ("albedo: 0.5", "albedo: [0.1, 1/2, 0.3]", True),
+        ("material: grey", "material: {type: metal, albedo: 0.5}", True),
+        ("filter: box", "filter: {type: box}", True),
+        ("radius: 1", "radius: 1, transform: [{scale: 2}, {rotate: {axis: [0, 1, 0], angle: 30}}]", True),
+        ("vfov: 40", "vfv: 40", False),
+        ("vfov: 40", "vfov: 180", False),
+        ("vfov: 40", "vfov: 40 mm", False),
+        ("type: pinhole, ", "", False),
+        ("type: sphere", "type: sphree", False),
+        ("width: 8, ", "", False),
+        ("width: 8", "width: 0", False),
+        ("filter: box", "filter: bx", False),
+        ("material: grey", "material: {type: metl}", False),
+        ("albedo: 0.5", "albedo: [0.1, 0.2]", False),
+        ("albedo: 0.5", "albedo: true", False),
+        ("radius: 1", "radius: 1, transform: [{scale: 0}]", False),
+    ],
+)
+def test_it_agrees_with_the_checks(validator: Any, old: str, new: str, valid: bool) -> None:
+    text = SCENE.replace(old, new)
+    root = parse(text, "f")
+    assert root is not None
+    assert validator.is_valid(root.plain()) is valid
+    if valid:
+        build(text, "f")
+    else:
+        with pytest.raises(SceneError):
+            build(text, "f")
+
+
+def test_descriptions_tell_units_and_defaults() -> None:
+    definitions = schema()["$defs"]
+    assert "degrees" in definitions["Pinhole"]["properties"]["vfov"]["description"]
+    assert "metres" in definitions["Sphere"]["properties"]["center"]["description"]
+    assert definitions["Render"]["properties"]["spp"]["default"] == 64
+    assert definitions["Render"]["properties"]["sampler"]["enum"] == ["sobol", "independent", "stratified"]

@@ -1,0 +1,239 @@
+"""The image test must pass honest pairs of renders, whatever their noise, and fail planted faults."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+from raytracer import compare
+from raytracer.errors import InputError
+
+HEIGHT, WIDTH = 45, 64
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """A textured image with different channels."""
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    grey = (0.5 + 0.3 * np.sin(x / 5) * np.cos(y / 7)) * (1 + 0.3 * np.sign(np.sin(2.1 * x) * np.sin(1.7 * y)))
+    return grey[..., None] * [1.0, 0.7, 0.4]
+
+
+# Samples of mean 1, as (rng, shape) -> array: normal noise and the kinds that path tracers make.
+NOISES = {
+    "normal": lambda rng, shape: 1 + 0.5 * rng.standard_normal(shape),
+    "log-normal": lambda rng, shape: rng.lognormal(-0.5, 1.0, shape),
+    "fireflies": lambda rng, shape: 0.5 + 50 * (rng.random(shape) < 0.01),
+    "infinite third moment": lambda rng, shape: 1.2 * rng.pareto(2.2, shape),
+    "shadow": lambda rng, shape: (rng.random(shape) < 0.4) / 0.4,
+}
+
+
+def render(rng, scene, noise, spp):
+    samples = NOISES[noise](rng, (spp, *scene.shape[:2], 1))
+    mean, variance = samples.mean(axis=0), samples.var(axis=0, ddof=1) / spp
+    return scene * mean, scene**2 * variance
+
+
+@pytest.mark.parametrize("noise", NOISES)
+@pytest.mark.parametrize("spp", [(16, 16), (64, 64), (16, 256)])
+def test_honest_pairs_pass(noise, spp, scene):
+    rng = np.random.default_rng(1)
+    verdicts = [
+        compare.z_test(*render(rng, scene, noise, spp[0]), *render(rng, scene, noise, spp[1])) for _ in range(8)
+    ]
+    assert [v.reason for v in verdicts if not v.passed] == []
+
+
+def quick_render(rng, scene, sigma=0.5, spp=64):
+    """A render with normal noise of `sigma` a sample, by its sufficient statistics."""
+    variance = (sigma * scene) ** 2 / spp
+    grey = rng.standard_normal((*scene.shape[:2], 1))
+    chi2 = rng.chisquare(spp - 1, (*scene.shape[:2], 1)) / (spp - 1)
+    return scene + np.sqrt(variance) * grey, variance * chi2
+
+
+def test_at_most_one_honest_pair_in_two_hundred_fails(scene):
+    rng = np.random.default_rng(2)
+    failed = sum(not compare.z_test(*quick_render(rng, scene), *quick_render(rng, scene)).passed for _ in range(600))
+    assert failed <= 3
+
+
+def test_z_of_the_means_is_standard_normal(scene):
+    rng = np.random.default_rng(3)
+    z = np.array([compare.z_test(*quick_render(rng, scene), *quick_render(rng, scene)).mean_z for _ in range(400)])
+    # Means of 400: their error is 0.05, and that of the standard deviation 0.035; four of them each.
+    assert np.abs(z.mean(axis=0)).max() < 0.2
+    assert np.abs(z.std(axis=0) - 1).max() < 0.14
+
+
+def test_p_of_the_means_is_as_often_below_a_tenth_as_that_says(scene):
+    rng = np.random.default_rng(4)
+    ps = []
+    for _ in range(400):
+        # Channels of their own noise, as the correction for three tests assumes.
+        a, b = (np.concatenate([quick_render(rng, scene)[0][..., c : c + 1] for c in range(3)], axis=2) for _ in "ab")
+        variance = (0.5 * scene) ** 2 / 64
+        ps.append(compare.z_test(a, variance, b, variance).mean_p)
+    # Binomial: 40 expected, standard deviation 6.
+    assert 16 < sum(p < 0.1 for p in ps) < 64
+
+
+def changed_tile(image):
+    image = image.copy()
+    image[16:24, 40:48] *= 1.15
+    return image
+
+
+def changed_pixel(image):
+    image = image.copy()
+    image[20, 30] *= 2
+    return image
+
+
+FAULTS = {
+    "1 % brighter": (lambda image: image * 1.01, 0.2, "the mean of"),
+    "shifted by a pixel": (lambda image: np.roll(image, 1, axis=1), 0.5, "in the tile|in the pixel"),
+    "channels swapped": (lambda image: image[..., ::-1], 0.5, r"the mean of (red|blue) differs: .* \([-+][\d.]+%\)"),
+    "one wrong tile": (changed_tile, 0.5, r"in the tile at x = 40, y = 16"),
+    "one wrong pixel": (changed_pixel, 0.3, r"in the tile at x = 24, y = 16|in the pixel at x = 30, y = 20"),
+    "upside down": (lambda image: image[::-1], 0.5, "in the tile|in the pixel"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_planted_faults_fail_and_are_named(fault, scene):
+    change, sigma, reason = FAULTS[fault]
+    rng = np.random.default_rng(5)
+    for _ in range(10):
+        verdict = compare.z_test(*quick_render(rng, change(scene), sigma), *quick_render(rng, scene, sigma))
+        assert not verdict.passed
+        assert re.search(reason, verdict.reason), verdict.reason
+
+
+def test_a_bias_fails_once_the_noise_of_the_mean_permits(scene):
+    # 1 % of the mean is k standard deviations at spp samples; beyond 3.7 + 3 of them it is found 999 times of 1000.
+    rng = np.random.default_rng(6)
+    for spp in (4, 16, 64, 256, 1024, 4096):
+        a, var_a = quick_render(rng, scene * 1.01, spp=spp)
+        b, var_b = quick_render(rng, scene, spp=spp)
+        k = (0.01 * scene.mean(axis=(0, 1)) / np.sqrt((var_a + var_b).sum(axis=(0, 1)) / (HEIGHT * WIDTH) ** 2)).max()
+        verdict = compare.z_test(a, var_a, b, var_b)
+        assert not verdict.passed or k < 6.7
+        assert verdict.mean_z.max() == pytest.approx(k, abs=4)
+
+
+def test_pixels_that_are_too_far_off_are_not_hidden_by_equal_means(scene):
+    # Neighbours are moved by three standard deviations in turns up and down, which keeps the means.
+    rng = np.random.default_rng(7)
+    a, var_a = quick_render(rng, scene)
+    b, var_b = quick_render(rng, scene)
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    checkers = np.where((x + y) % 2 == 0, 1.0, -1.0)[..., None]
+    verdict = compare.z_test(a + 3 * checkers * np.sqrt(var_a), var_a, b, var_b)
+    assert not verdict.passed
+    assert verdict.exceeding.min() > 0.2
+    assert verdict.exceeding_p < 1e-10
+
+
+def test_a_pixel_without_noise_must_be_equal_to_rounding(scene):
+    assert compare.z_test(scene, None, scene * (1 + 5e-7), None).passed
+    other = scene.copy()
+    other[7, 9, 1] *= 1 + 5e-6
+    verdict = compare.z_test(other, None, scene, None)
+    assert not verdict.passed
+    assert "green differs in the pixel at x = 9, y = 7" in verdict.reason
+    assert np.isinf(verdict.pixel_z[7, 9, 1])
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_value_that_is_not_finite_fails(value, scene):
+    a, variance = quick_render(np.random.default_rng(9), scene)
+    broken = a.copy()
+    broken[3, 4] = value
+    for first, second in ((broken, a), (a, broken), (broken, broken)):
+        verdict = compare.z_test(first, variance, second, variance)
+        assert not verdict.passed
+        assert "not finite" in verdict.reason
+
+
+def test_an_exact_image_against_a_noisy_one(scene):
+    rng = np.random.default_rng(8)
+    assert compare.z_test(*quick_render(rng, scene), scene, None).passed
+    assert not compare.z_test(*quick_render(rng, scene * 1.05), scene, None).passed
+
+
+def test_z_has_the_sign_and_size_that_it_is_defined_by():
+    # One tile: all means are those of the pixels, with var_a + var_b = 0.25 each.
+    shape = (8, 8, 3)
+    a, b = np.full(shape, 1.5), np.full(shape, 1.0)
+    a[..., 1] = 1.0
+    verdict = compare.z_test(b, np.full(shape, 0.125), a, np.full(shape, 0.125))
+    np.testing.assert_allclose(verdict.pixel_z[0, 0], [-1, 0, -1], rtol=1e-5)
+    np.testing.assert_allclose(verdict.tile_z[0, 0], [-8, 0, -8], rtol=1e-5)
+    np.testing.assert_allclose(verdict.mean_z, [-8, 0, -8], rtol=1e-5)
+    # Two-sided, the least of 192 and of 3.
+    assert verdict.pixel_p == pytest.approx(1 - (1 - math.erfc(1 / math.sqrt(2))) ** 192, rel=1e-4)
+    assert verdict.mean_p == pytest.approx(3 * math.erfc(8 / math.sqrt(2)), rel=1e-3)
+
+
+def test_what_cannot_be_compared():
+    a = np.ones((4, 5, 3))
+    with pytest.raises(InputError, match="differ in size: 5 x 4 and 4 x 5 pixels"):
+        compare.z_test(a, a, np.ones((5, 4, 3)), np.ones((5, 4, 3)))
+    with pytest.raises(InputError, match="two samples"):
+        compare.z_test(a, np.full_like(a, np.inf), a, a)
+    with pytest.raises(InputError, match="variance of the shape"):
+        compare.z_test(a, np.ones((4, 5, 1)), a, a)
+    with pytest.raises(InputError, match=r"\(height, width, 3\)"):
+        compare.mse(np.ones((4, 5)), np.ones((4, 5)))
+
+
+def test_metrics_are_their_formulas():
+    a, b = np.zeros((1, 2, 3)), np.zeros((1, 2, 3))
+    a[0, 0], b[0, 0] = 0.5, 0.3
+    assert compare.mse(a, b) == pytest.approx(0.04 / 2)
+    assert compare.relmse(a, b) == pytest.approx(0.04 / (0.09 + 0.01) / 2)
+    assert compare.psnr(a, b) == pytest.approx(-10 * math.log10(0.02))
+    assert compare.psnr(a, b, peak=10) == pytest.approx(20 - 10 * math.log10(0.02))
+    assert compare.psnr(a, a) == math.inf
+
+
+# ---- references ----
+
+
+def test_a_reference_is_read_as_it_was_written_and_has_the_same_bytes_twice(scene, tmp_path):
+    settings = {"scene": "Köln", "spp": 4096, "f_number": 2.8}
+    for name in "ab":
+        compare.save_reference(tmp_path / f"{name}.npz", scene, scene / 1000, settings)
+    reference = compare.load_reference(tmp_path / "a.npz")
+    np.testing.assert_array_equal(reference.mean, scene.astype(np.float32))
+    np.testing.assert_array_equal(reference.variance, (scene / 1000).astype(np.float32))
+    assert reference.settings == settings
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    assert (tmp_path / "a.npz").stat().st_size < 2 * 4 * scene.size
+
+
+def test_rounding_to_float32_does_not_fail_a_reference(scene, tmp_path):
+    compare.save_reference(tmp_path / "a.npz", scene, np.zeros_like(scene), {})
+    reference = compare.load_reference(tmp_path / "a.npz")
+    assert compare.z_test(scene, None, reference.mean, reference.variance).passed
+
+
+def test_a_reference_is_small(tmp_path):
+    with pytest.raises(ValueError, match="128 pixels wide, got 129"):
+        compare.save_reference(tmp_path / "a.npz", np.ones((2, 129, 3)), np.ones((2, 129, 3)), {})
+    with pytest.raises(ValueError, match="one shape"):
+        compare.save_reference(tmp_path / "a.npz", np.ones((2, 12, 3)), np.ones((2, 13, 3)), {})
+
+
+def test_a_reference_that_is_missing_or_broken(scene, tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        compare.load_reference(tmp_path / "a.npz")
+    compare.save_reference(tmp_path / "a.npz", scene, scene, {})
+    data = (tmp_path / "a.npz").read_bytes()
+    for broken in (b"", b"text", data[:100], data[: len(data) // 2]):
+        (tmp_path / "a.npz").write_bytes(broken)
+        with pytest.raises(InputError, match="broken, or not a reference image"):
+            compare.load_reference(tmp_path / "a.npz")
