@@ -73,14 +73,14 @@ def render(
     limit = _parse_time(time_limit)
 
     # Find out what cannot be written before the work, not after.
-    from raytracer.film.output import check_image_path, check_writable
+    from raytracer.film.output import check_file, check_writable
     from raytracer.scene.load import load, parse_overrides
 
     spec = load(scene, parse_overrides(define or []))
     for path in outputs:
-        check_image_path(path)
+        check_writable(path)
     if stats is not None:
-        check_writable(stats)
+        check_file(stats)
     if preview:
         spec = _small(spec)
         spp = min(spp or spec.render.spp, _PREVIEW_SPP)

@@ -147,19 +147,18 @@ def _suffix(path: Path) -> str:
     raise InputError(f"{path}: {found} for an image; known: {', '.join(_ENCODERS)}")
 
 
-def check_image_path(path: str | Path) -> None:
+def check_writable(path: str | Path) -> None:
     """Make sure, before an image is rendered, that it can be written to `path`; leave nothing behind.
 
     Raises:
         InputError: the suffix is not known, `path` is a folder or protected, or its folder cannot be made or written.
     """
-    if not Path(path).is_dir():
-        _suffix(Path(path))
-    check_writable(path)
+    check_file(path)
+    _suffix(Path(path))
 
 
-def check_writable(path: str | Path) -> None:
-    """As `check_image_path`, for a file of any kind."""
+def check_file(path: str | Path) -> None:
+    """As `check_writable`, for a file of any kind."""
     path = Path(path)
     try:
         if path.is_dir():
