@@ -23,6 +23,7 @@ Spec = dict[str, Any]
 Matrix = NDArray[np.float64]
 
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "km": 1e3}
+MILLIMETRE = METRES["mm"]
 
 
 class UnsupportedError(Exception):
@@ -36,10 +37,10 @@ def refuse_others(spec: Spec, known: str, what: str) -> None:
         raise UnsupportedError(f"{what}: no Mitsuba equal for {', '.join(others)}")
 
 
-def length(value: float | str) -> float:
-    """Read a length in metres, with or without a unit."""
-    match = re.fullmatch(r"\s*(\S+)\s*([a-z]+)\s*", value) if isinstance(value, str) else None
-    return float(match[1]) * METRES[match[2]] if match else float(value)
+def length(value: float | str, plain: float = 1.0) -> float:
+    """Read a length in metres; `plain` is the unit of one without a unit (optics are in millimetres)."""
+    match = re.fullmatch(r"\s*(\S+?)\s*(km|cm|mm|m)\s*", value) if isinstance(value, str) else None
+    return float(match[1]) * METRES[match[2]] if match else float(value) * plain
 
 
 def degrees(value: float | str) -> float:
@@ -282,12 +283,13 @@ def sensor(camera: Spec, film: Spec) -> Spec:
     }
     focus = length(camera.get("focus_distance", math.dist(origin, target)))
     half_angle = math.radians(degrees(camera.get("defocus_angle", 0))) / 2
-    diameter = length(camera.get("aperture", 2 * focus * math.tan(half_angle)))
+    lens = camera.get("aperture")
+    diameter = 2 * focus * math.tan(half_angle) if lens is None else length(lens, MILLIMETRE)
     if kind == "pinhole" or (kind == "thin_lens" and diameter == 0):
         return {"type": "perspective", **spec}
-    if kind == "thin_lens":
+    if kind == "thin_lens" and math.isfinite(focus):
         return {"type": "thinlens", "focus_distance": focus, "aperture_radius": diameter / 2, **spec}
-    raise UnsupportedError(f"camera: no Mitsuba equal for {kind}")
+    raise UnsupportedError(f"camera: no Mitsuba equal for {kind}" + (", focus at infinity" if kind == "thin_lens" else ""))
 
 
 def gradient(horizon: list[float], zenith: list[float], rows: int = 1025) -> Any:
@@ -342,7 +344,7 @@ def scene_dict(
     if not fuzzy_as_rough and dr.is_jit_v(mi.Float):
         register_fuzzy_metal()
 
-    if spec["film"].get("filter", "box") != "box":
+    if spec["film"].get("filter", "box") not in ("box", {"type": "box"}):
         raise UnsupportedError("film: only the box filter is compared")
     film = {
         "type": "hdrfilm",
@@ -352,10 +354,11 @@ def scene_dict(
         "pixel_format": "rgb",
         "component_format": "float32",
     }
-    depth = max_depth or spec["render"]["max_depth"]
+    settings = spec.get("render", {})
+    depth = max_depth or settings.get("max_depth", 50)
     out: Spec = {
         "type": "scene",
-        "integrator": {"type": "path", "max_depth": depth, "rr_depth": 5},
+        "integrator": {"type": "path", "max_depth": depth, "rr_depth": settings.get("rr_depth", 5)},
         "sensor": sensor(spec["camera"], film),
     }
     emitters = [environment(spec.get("environment")), *map(light, spec.get("lights", []))]

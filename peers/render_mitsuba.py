@@ -3,8 +3,11 @@
     python peers/render_mitsuba.py scenes/cover.yaml --width 400 --height 225 --spp 64 -o cover.npy
 
 Needs mitsuba, numpy and pyyaml, in an environment of their own. The `llvm_*` variants also need LLVM's shared library,
-16 or later, at DRJIT_LIBLLVM_PATH. Dr.Jit keeps compiled kernels in ~/.drjit: `first_seconds` holds a compilation only
-where that folder is new.
+16 or later: Debian's package libllvm19, or any at DRJIT_LIBLLVM_PATH. Dr.Jit keeps compiled kernels in ~/.drjit:
+`first_seconds` holds a compilation only where that folder is new.
+
+With --serve the process stays warm: it renders once, prints the report on one line, and then renders again for every
+seed that it reads, a line each, answering with the seconds.
 """
 
 from __future__ import annotations
@@ -12,17 +15,27 @@ from __future__ import annotations
 import argparse
 import json
 import resource
-import statistics
+import sys
 import time
 from pathlib import Path
 from typing import Any
 
-import drjit as dr
-import mitsuba as mi
 import numpy as np
+from llvm import OLDEST, VARIABLE, use_llvm
 from numpy.typing import NDArray
 
+HAS_LLVM = use_llvm()
+
+import drjit as dr  # noqa: E402  (reads the environment when imported)
+import mitsuba as mi  # noqa: E402
+
 WAVEFRONT = 1 << 25  # samples in flight at once; more only costs memory
+
+NO_LLVM = 3
+"""Exit status: the variant needs LLVM, and there is none."""
+
+REFUSED = 4
+"""Exit status: the scene asks for what Mitsuba has no exact equal of."""
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -35,13 +48,13 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--spp", type=int, default=64)
     parser.add_argument("--depth", type=int, help="max_depth; default: the scene's")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--repeat", type=int, default=0, metavar="N", help="render N more times, warm, and time each")
     parser.add_argument("--threads", type=int, default=0, help="default: one a core")
     parser.add_argument("--rough", action="store_true", help="fuzzy metal as roughconductor: for timing only")
     parser.add_argument("-o", "--out", type=Path, help="radiance, float32 .npy of (height, width, 3), row 0 at the top")
     parser.add_argument("--variance", type=Path, help="variance of that mean, from --batches renders of other seeds")
     parser.add_argument("--batches", type=int, default=2, help="renders to split spp over for --variance (default 2)")
     parser.add_argument("--png", type=Path, help="an sRGB picture to look at")
+    parser.add_argument("--serve", action="store_true", help="render again for every seed on standard input")
     return parser.parse_args()
 
 
@@ -68,9 +81,31 @@ def mean_and_variance(images: list[NDArray[Any]], weights: list[int]) -> tuple[N
     return mean, spread
 
 
+def peak_rss_bytes() -> int:
+    """The largest resident memory that this process has had."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else 1024 * peak
+
+
+def serve(scene: Any, parts: list[int]) -> None:
+    """Answer each seed on standard input with the wall and processor seconds of a render, as JSON on a line."""
+    for line in sys.stdin:
+        begin, cpu = time.perf_counter(), time.process_time()
+        for i, spp in enumerate(parts):
+            synchronised_render(scene, spp, int(line) * len(parts) + i)
+        took = {"render": time.perf_counter() - begin, "cpu": time.process_time() - cpu, "peak_rss": peak_rss_bytes()}
+        print(json.dumps(took), flush=True)
+
+
 def main() -> None:
-    """Load, render once for the picture and then for the clock, write files, print the report."""
+    """Load, render once for the picture, write files, print the report, serve."""
     arguments = parse_arguments()
+    if arguments.variant.startswith("llvm") and not HAS_LLVM:
+        print(
+            f"{arguments.variant} needs LLVM {OLDEST} or later: install Debian's libllvm19, or set {VARIABLE}",
+            file=sys.stderr,
+        )
+        raise SystemExit(NO_LLVM)
     mi.set_variant(arguments.variant)
     if arguments.threads:
         dr.set_thread_count(arguments.threads)
@@ -81,7 +116,8 @@ def main() -> None:
     try:
         spec = scene_dict(arguments.scene, **size, max_depth=arguments.depth, fuzzy_as_rough=arguments.rough)
     except (UnsupportedError, FileNotFoundError) as error:
-        raise SystemExit(f"{arguments.scene}: {error}") from None
+        print(f"{arguments.scene}: {error}", file=sys.stderr)
+        raise SystemExit(REFUSED) from None
     scene = mi.load_dict(spec)
     dr.sync_thread()
     load_seconds = time.perf_counter() - begin
@@ -96,14 +132,6 @@ def main() -> None:
     first_seconds = time.perf_counter() - begin
     images = [np.array(image, dtype=np.float64).reshape(height, width, 3) for image in rendered]
     mean, variance = mean_and_variance(images, parts)
-
-    warm_seconds, cpu_seconds = [], []
-    for repeat in range(arguments.repeat):
-        begin, cpu = time.perf_counter(), time.process_time()
-        for i, spp in enumerate(parts):
-            synchronised_render(scene, spp, arguments.seed + (repeat + 1) * len(parts) + i)
-        warm_seconds.append(time.perf_counter() - begin)
-        cpu_seconds.append(time.process_time() - cpu)
 
     if arguments.out:
         np.save(arguments.out, mean.astype(np.float32))
@@ -124,14 +152,12 @@ def main() -> None:
         "fuzzy_metal": "roughconductor" if arguments.rough else "exact",
         "load_seconds": load_seconds,
         "first_seconds": first_seconds,
-        "warm_seconds": warm_seconds,
-        "warm_cpu_seconds": cpu_seconds,
-        "warm_median": statistics.median(warm_seconds) if warm_seconds else None,
-        "warm_minimum": min(warm_seconds, default=None),
-        "peak_rss_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+        "peak_rss_bytes": peak_rss_bytes(),
         "mean_radiance": mean.mean(axis=(0, 1)).tolist(),
     }
-    print(json.dumps(report, indent=1))
+    print(json.dumps(report), flush=True)
+    if arguments.serve:
+        serve(scene, parts)
 
 
 if __name__ == "__main__":

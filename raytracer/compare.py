@@ -36,17 +36,18 @@ class Verdict:
 
     Every p is the probability that noise alone makes the largest of the values it belongs to as large as it is.
 
-    Attributes:
-        passed: whether every p is at least a quarter of the significance level.
-        reason: one sentence: the first test that failed, or how near the images are.
-        mean_z: (3,), means of the channels.
-        mean_p: for `mean_z`.
-        tile_z: (rows, columns, 3), means of square tiles.
-        tile_p: for `tile_z`.
-        pixel_z: (height, width, 3); the variance of a pixel is taken no smaller than the mean of those of its tile.
-        pixel_p: for `pixel_z`.
-        exceeding: (3,), fraction of the pixels with a |z| above 2, which is 0.0455 for normal noise.
-        exceeding_p: for `exceeding`.
+    Attributes
+    ----------
+    passed : whether every p is at least a quarter of the significance level.
+    reason : one sentence: the first test that failed, or how near the images are.
+    mean_z : (3,), means of the channels.
+    mean_p : for `mean_z`.
+    tile_z : (rows, columns, 3), means of square tiles.
+    tile_p : for `tile_z`.
+    pixel_z : (height, width, 3); the variance of a pixel is taken no smaller than the mean of those of its tile.
+    pixel_p : for `pixel_z`.
+    exceeding : (3,), fraction of the pixels with a |z| above 2, which is 0.0455 for normal noise.
+    exceeding_p : for `exceeding`.
     """
 
     passed: bool
@@ -171,16 +172,18 @@ def z_test(
     noise must be equal to that.  That takes some 16 samples a pixel: of 4, all may agree by chance on the edge of a
     thing.
 
-    Args:
-        a, b: images (height, width, 3), float64.
-        var_a, var_b: variances of the pixels' means, of the same shape; None for an image without noise.
-            An image without noise should be one indeed: where the other has not met a rare sample yet, nothing
-            tells that it should have.
-        tile: width and height of a tile in pixels.
-        alpha: how often two honest images may fail.
+    Parameters
+    ----------
+    a, b : images (height, width, 3), float64.
+    var_a, var_b : variances of the pixels' means, of the same shape; None for an image without noise.
+        An image without noise should be one indeed: where the other has not met a rare sample yet, nothing
+        tells that it should have.
+    tile : width and height of a tile in pixels.
+    alpha : how often two honest images may fail.
 
-    Raises:
-        InputError: the shapes differ, or a variance is negative or not finite.
+    Raises
+    ------
+    InputError : the shapes differ, or a variance is negative or not finite.
     """
     pair = _checked(a, var_a, b, var_b)
     height, width, _ = pair.a.shape
@@ -249,8 +252,9 @@ def _difference(a: ArrayLike, b: ArrayLike) -> tuple[Array, Array]:
 def mse(a: ArrayLike, b: ArrayLike) -> float:
     """Mean squared error of `a` against `b`, images (height, width, 3), over pixels and channels.
 
-    Raises:
-        InputError: the shapes differ.
+    Raises
+    ------
+    InputError : the shapes differ.
     """
     difference, _ = _difference(a, b)
     return float(np.mean(difference**2))
@@ -261,8 +265,9 @@ def relmse(a: ArrayLike, b: ArrayLike) -> float:
 
     The 0.01 keeps black pixels from deciding.  The MRSE of pbrt-v4's imgtool divides by (b + 0.01)^2 instead.
 
-    Raises:
-        InputError: the shapes differ.
+    Raises
+    ------
+    InputError : the shapes differ.
 
     References: Rousselle, Knaus and Zwicker 2011, "Adaptive Sampling and Reconstruction using Greedy Error
         Minimization", ACM Transactions on Graphics 30(6), section 6.
@@ -274,8 +279,9 @@ def relmse(a: ArrayLike, b: ArrayLike) -> float:
 def psnr(a: ArrayLike, b: ArrayLike, peak: float = 1.0) -> float:
     """Peak signal-to-noise ratio in dB, 10 log10(peak^2 / MSE); inf for equal images.
 
-    Raises:
-        InputError: the shapes differ.
+    Raises
+    ------
+    InputError : the shapes differ.
     """
     error = mse(a, b)
     return math.inf if error == 0.0 else 10.0 * math.log10(peak**2 / error)
@@ -297,9 +303,10 @@ def save_reference(
 ) -> None:
     """Write a reference as compressed float32 .npz; the same values give the same bytes.
 
-    Raises:
-        ValueError: the shapes differ, or the image is wider than 128 pixels, too large to keep with the sources.
-        OutputError: the file cannot be written.
+    Raises
+    ------
+    ValueError : the shapes differ, or the image is wider than 128 pixels, too large to keep with the sources.
+    OutputError : the file cannot be written.
     """
     single = np.asarray(mean, dtype=np.float32)
     if single.ndim != 3 or single.shape[2] != 3 or single.shape != np.shape(variance):
@@ -315,11 +322,12 @@ def save_reference(
 def load_reference(path: str | Path) -> Reference:
     """Read what `save_reference` wrote; the arrays are float64 with the precision of float32.
 
-    Raises:
-        InputError: the file is missing or broken.
+    Raises
+    ------
+    InputError : the file is missing or broken.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with np.load(io.BytesIO(Path(path).read_bytes()), allow_pickle=False) as file:
             mean, variance = (np.asarray(file[name], dtype=np.float64) for name in ("mean", "variance"))
             return Reference(mean, variance, json.loads(str(file["settings"])))
     except FileNotFoundError as error:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.jit import kernel
+from raytracer.jit import generic, kernel
 from raytracer.vec import Vec3, cross, dot, madd, norm, sub
 
 
@@ -78,6 +78,10 @@ class LightPoint(NamedTuple):
     gap: float
 
 
+class Exact(NamedTuple):
+    """The accuracy setting `exact`: hits that Embree found are solved again in float64.  None takes them as they are."""
+
+
 OFFSET_ULPS = 4.0 * 2.0**-23
 """Float32 hits are wrong by about an ulp of the largest coordinate at play; four hold over seven decades of scale."""
 
@@ -111,9 +115,15 @@ def sphere_gap(extent: float, distance: float, cosine: float, radius: float) -> 
     return error + math.sqrt(half * half + 2.0 * radius * error) - half
 
 
-@kernel
-def sphere_distance(origin: Vec3, direction: Vec3, center: Vec3, radius: float, near: float) -> float:
-    """The root of |o + t d - c| = r that is closest to `near`, for a unit direction.
+@generic
+def sphere_distance(accuracy, origin, direction, center, radius, near):  # type: ignore[no-untyped-def]
+    """Distance to a sphere along a unit direction, which float32 found to be `near`."""
+    raise NotImplementedError
+
+
+@sphere_distance.register(Exact)
+def _(accuracy, origin, direction, center, radius, near):  # type: ignore[no-untyped-def]
+    """The root of |o + t d - c| = r that is closest to `near`.
 
     The discriminant is taken from the closest approach, which cancels nothing for a far or a large sphere.
 
@@ -126,13 +136,46 @@ def sphere_distance(origin: Vec3, direction: Vec3, center: Vec3, radius: float, 
     return b - half if abs(b - half - near) <= abs(b + half - near) else b + half
 
 
-@kernel
-def plane_distance(origin: Vec3, direction: Vec3, point: Vec3, normal: Vec3, near: float) -> float:
-    """Distance along the ray to a plane; `near`, the float32 answer, where the ray lies in the plane."""
+@generic
+def plane_distance(accuracy, origin, direction, point, normal, near):  # type: ignore[no-untyped-def]
+    """Distance along a ray to the plane of `point` and `normal`, which float32 found to be `near`."""
+    raise NotImplementedError
+
+
+@plane_distance.register(Exact)
+def _(accuracy, origin, direction, point, normal, near):  # type: ignore[no-untyped-def]
     slope = dot(direction, normal)
+    # A ray in the plane has no distance of its own.
     if slope == 0.0:
         return near
     return dot(sub(point, origin), normal) / slope
+
+
+@generic
+def hit_offset(accuracy, extent, near):  # type: ignore[no-untyped-def]
+    """The spawn distance for a hit at distance `near` on a primitive whose coordinates reach `extent`."""
+    raise NotImplementedError
+
+
+@hit_offset.register(Exact)
+def _(accuracy, extent, near):  # type: ignore[no-untyped-def]
+    return offset_of(extent)
+
+
+@sphere_distance.register(type(None))
+def _(accuracy, origin, direction, center, radius, near):  # type: ignore[no-untyped-def]
+    return near
+
+
+@plane_distance.register(type(None))
+def _(accuracy, origin, direction, point, normal, near):  # type: ignore[no-untyped-def]
+    return near
+
+
+@hit_offset.register(type(None))
+def _(accuracy, extent, near):  # type: ignore[no-untyped-def]
+    # The hit point itself is wrong by an ulp of the distance.
+    return offset_of(extent + near)
 
 
 @kernel

@@ -29,12 +29,13 @@ from raytracer.vec import dot, is_black, madd, max_component, mul, neg, norm, sc
 class Scene(NamedTuple):
     """A packed scene.  Its type is the list of its effects; sizes, depth and seed are values.
 
-    accel, address of the built Embree scene; primitives and materials, tuples of one table a kind; lights and
+    accel, address of the built Embree scene; accuracy, geometry.Exact or None; primitives and materials, tuples of one table a kind; lights and
     environment, or None; camera, filter and sampler; depth, the largest number of path segments; roulette, the
     number of segments before Russian roulette starts.
     """
 
     accel: int
+    accuracy: Any
     primitives: tuple[Any, ...]
     materials: tuple[Any, ...]
     lights: Any
@@ -221,7 +222,8 @@ def trace_paths(scene, work, key, first, count):  # type: ignore[no-untyped-def]
 
             # Meet a surface, and take what it emits.
             primitive = work.rays.ints[PRIMITIVE, lane]
-            hit = hit_any(scene.primitives, table, primitive, origin, direction, float(work.rays.floats[TFAR, lane]))
+            near = float(work.rays.floats[TFAR, lane])
+            hit = hit_any(scene.primitives, table, primitive, origin, direction, near, scene.accuracy)
             front = dot(direction, hit.normal) < 0.0
             emitted = emission_at(scene.materials, hit.material, front)
             if not is_black(emitted):

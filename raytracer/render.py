@@ -134,7 +134,7 @@ def render(
     packed = pack(spec)
     stats.effects = [name for name, effect in effects_of(spec, packed.scene).items() if effect.active]
     clock.lap("pack")
-    accel = Accel(packed.geometries)
+    accel = Accel(packed.geometries, robust=packed.robust)
     scene = packed.scene._replace(accel=accel.address)
     clock.lap("build")
     film = Film.empty(window.right - window.left, window.bottom - window.top)

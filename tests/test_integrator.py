@@ -97,7 +97,7 @@ def _concentric(albedo: float, ratio: float, segments: float) -> float:
 
 
 CONCENTRIC = """
-camera: {{type: pinhole, look_from: [0, 0.5, 0.8], look_at: [0, 3, 0.8], vfov: 20}}
+camera: {{type: pinhole, look_from: [0, 0.5, 0.8], look_at: [0, 3, 0.8], up: [0, 0, 1], vfov: 20}}
 objects:
   - {{type: sphere, center: [0, 0, 0], radius: {wall}, material: {{type: lambertian, albedo: {albedo}}}}}
   - {{type: sphere, center: [0, 0, 0], radius: {ratio}, material: {{type: emitter, radiance: 1}}}}
@@ -117,7 +117,7 @@ def test_half_and_half_furnace() -> None:
     # wall of the unit sphere reflects half, and the emitter of radiance 1 takes half of its view: F = 1/2, a = 1.
     # L = sum over k = 0 .. n - 2 of 0.5 * 0.5^k = 1 - 0.5^(n - 1), n counting the camera's segment.
     ratio = math.sqrt(0.5)
-    text = CONCENTRIC.format(wall=1.0, albedo=1.0, ratio=ratio).replace("0.5, 0.8], look_at: [0, 3, 0.8]", "0, 0.9], look_at: [0, 3, 0.9]")
+    text = CONCENTRIC.format(wall=1.0, albedo=1.0, ratio=ratio)
     for depth in (1, 2, 3, 4, 8):
         assert _concentric(1.0, ratio, depth) == pytest.approx(1.0 - 0.5 ** (depth - 1), rel=1e-12)
         picture = image(text, max_depth=depth, spp=256)
@@ -159,7 +159,7 @@ objects:
     expected = np.zeros((16, 16, 3))
     expected[:, :8] = [7, 8, 9]
     expected[:, 12:] = [0.1, 0.2, 0.3]
-    np.testing.assert_array_equal(image(text, max_depth=1, spp=8).radiance, expected)
+    np.testing.assert_allclose(image(text, max_depth=1, spp=8).radiance, expected, rtol=1e-14)
 
 
 @pytest.mark.parametrize("bounces", [1, 2, 5])
@@ -232,19 +232,19 @@ camera: {{type: pinhole, look_from: [0, -1, 0], look_at: [0, 0, 0], up: [0, 0, 1
 {CONSTANT}
 objects:
   - {{type: quad, corner: [-500, 0, 500], edges: [[1000, 0, 0], [0, 0, -1000]], material: {{type: dielectric, ior: 1.5}}}}
-  - {{type: sphere, center: [0, -501, 0], radius: 500, material: {{type: emitter, radiance: 0}}}}
+  - {{type: sphere, center: [0, -502, 0], radius: 500, material: {{type: emitter, radiance: 0}}}}
 """,
         width=65,
         height=65,
-        spp=16,
+        spp=64,
     )
     column, row = np.meshgrid(np.arange(65) - 32, np.arange(65) - 32)
     half = math.tan(math.radians(60.0)) / 32.5
     tangent = np.hypot(column, row) * half
     edge = math.tan(math.asin(1.0 / 1.5))
-    outside, inside = tangent > edge + half, tangent < edge - half
-    assert not picture.radiance[outside].any()
-    assert (picture.radiance[inside] > 0.3).all()
+    assert not picture.radiance[tangent > edge + half].any()
+    # At 0.8 of the edge's tangent, Fresnel's equations let 0.93 through; 64 samples know that to 0.03.
+    assert (picture.radiance[tangent < 0.8 * edge] > 0.75).all()
     # In the middle, 1 - R with R = 0.04, in units that refraction leaves alone (L / n^2).
     assert_mean(
         image(
@@ -253,7 +253,7 @@ camera: {{type: pinhole, look_from: [0, -1, 0], look_at: [0, 0, 0], up: [0, 0, 1
 {CONSTANT}
 objects:
   - {{type: quad, corner: [-500, 0, 500], edges: [[1000, 0, 0], [0, 0, -1000]], material: {{type: dielectric, ior: 1.5}}}}
-  - {{type: sphere, center: [0, -501, 0], radius: 500, material: {{type: emitter, radiance: 0}}}}
+  - {{type: sphere, center: [0, -502, 0], radius: 500, material: {{type: emitter, radiance: 0}}}}
 """
         ),
         0.96,
@@ -268,7 +268,7 @@ def floor_under(lamp: str, *, distance: float, albedo: float = 1.0, at: tuple[fl
     x, z = at
     size = 20.0 * distance
     return f"""
-camera: {{type: pinhole, look_from: [{x}, {-0.5 * distance}, {z + 3 * distance}], look_at: [{x}, {-distance}, {z}], vfov: 0.01}}
+camera: {{type: pinhole, look_from: [{x}, {-0.5 * distance}, {z + 3 * distance}], look_at: [{x}, {-distance}, {z}], vfov: 0.001}}
 objects:
   - {lamp}
   - {{type: quad, corner: [{-size}, {-distance}, {size}], edges: [[{2 * size}, 0, 0], [0, 0, {-2 * size}]], material: {{type: lambertian, albedo: {albedo}}}}}
@@ -570,7 +570,7 @@ def test_picture_does_not_depend_on_the_unit_of_length(scale: float) -> None:
 def test_picture_does_not_depend_on_the_place_in_the_world(shift: float) -> None:
     # Hard case 16: float32 has steps of 0.0625 at 1e6, so Embree must be given the scene near the origin.
     text = f"""
-camera: {{type: pinhole, look_from: [{shift}, 0.5, {shift + 0.8}], look_at: [{shift}, 3, {shift + 0.8}], vfov: 20}}
+camera: {{type: pinhole, look_from: [{shift}, 0.5, {shift + 0.8}], look_at: [{shift}, 3, {shift + 0.8}], up: [0, 0, 1], vfov: 20}}
 objects:
   - {{type: sphere, center: [{shift}, 0, {shift}], radius: 1, material: {{type: lambertian, albedo: 0.8}}}}
   - {{type: sphere, center: [{shift}, 0, {shift}], radius: 0.3, material: {{type: emitter, radiance: 1}}}}

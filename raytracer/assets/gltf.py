@@ -13,9 +13,10 @@ from raytracer.assets.polygons import BrokenMeshError, Floats, Integers, Parts
 def read(path: Path) -> Parts:
     """Vertices, triangles, and normals if any of the meshes has them; those of the others are (0, 0, 0).
 
-    Raises:
-        BrokenMeshError: the file is broken or holds no triangles.
-        OSError: the file cannot be read.
+    Raises
+    ------
+    BrokenMeshError : the file is broken or holds no triangles.
+    OSError : the file cannot be read.
     """
     import trimesh
 

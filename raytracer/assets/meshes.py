@@ -2,8 +2,8 @@
 
 PLY, OBJ and STL are read here.  Of 1,003,520 triangles a binary PLY file takes 0.2 s and 45 MB, checks included, where
 trimesh 5.2 takes 0.1 s without them after an import of 0.5 s, and 110 MB; it refuses binary PLY files with faces of
-different sizes, counts negative OBJ indices from the end of the file, and takes the OBJ index 0 for 1.  meshio 5.3 takes
-0.5 s, and the same OBJ files wrongly; plyfile is as fast, but under the GPL.  glTF, a scene format, is read by trimesh.
+different sizes, counts negative OBJ indices from the end of the file, and takes the OBJ index 0 for 1.  meshio 5.3
+takes 0.5 s, and such OBJ files wrongly; plyfile is as fast, but under the GPL.  glTF, a scene format, is trimesh's.
 """
 
 from collections.abc import Callable, Iterator
@@ -36,17 +36,22 @@ Vectors = NDArray[np.float64]
 class Mesh(NamedTuple):
     """A triangle mesh.
 
-    Attributes:
-        vertices: float64 (n, 3), finite.
-        faces: uint32 (m, 3), indices of vertices, counter-clockwise seen from outside; m >= 1, none of zero area.
-        normals: float64 (n, 3), unit normals of the vertices, zero for a vertex in no face; None if the file has none.
-        degenerate: how many triangles of zero area the file had besides.
+    Attributes
+    ----------
+    vertices : float64 (n, 3), finite.
+    faces : uint32 (m, 3), indices of vertices, counter-clockwise seen from outside; m >= 1, none of zero area.
+    normals : float64 (n, 3), unit normals of the vertices, zero for a vertex in no face; None if the file has none.
+    degenerate : how many triangles of zero area the file had besides.
     """
 
     vertices: Vectors
     faces: NDArray[np.uint32]
     normals: Vectors | None
     degenerate: int
+
+    def vertex_normals(self) -> Vectors:
+        """The file's normals, or those of `smooth_normals` where it has none: float64 (n, 3)."""
+        return smooth_normals(self.vertices, self.faces) if self.normals is None else self.normals
 
 
 def _blocks(faces: NDArray[Any]) -> Iterator[slice]:
@@ -125,8 +130,9 @@ def smooth_normals(vertices: Vectors, faces: Integers) -> Vectors:
 def _checked(parts: Parts) -> Mesh:
     """The mesh of `parts`, without its degenerate triangles.
 
-    Raises:
-        BrokenMeshError: vertices that are not finite, faces with vertices that are not there, or no faces.
+    Raises
+    ------
+    BrokenMeshError : vertices that are not finite, faces with vertices that are not there, or no faces.
     """
     if len(parts.faces) >= _MOST_FACES:
         raise BrokenMeshError(f"has {len(parts.faces)} triangles, and at most {_MOST_FACES - 1} are supported")
@@ -166,8 +172,9 @@ def read_mesh(path: str | Path) -> Mesh:
     Materials, colours, textures and animations are left out.  Normals in the file are normalised, and those that
     are zero or not finite replaced by `smooth_normals`.
 
-    Raises:
-        InputError: the file is missing, unreadable, broken, of an unknown suffix, or without usable triangles.
+    Raises
+    ------
+    InputError : the file is missing, unreadable, broken, of an unknown suffix, or without usable triangles.
     """
     path = Path(path)
     reader = _READERS.get(path.suffix.lower())

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.assets.polygons import BrokenMeshError, Floats, Integers, Parts, fan
+from raytracer.assets.polygons import BrokenMeshError, Floats, Integers, Parts, fan, parse_floats, parse_integers
 
 _NO_NORMAL = -1
 
@@ -40,7 +40,7 @@ def _numbers(rows: list[bytes]) -> Floats:
         raise BrokenMeshError("has a vertex or normal with fewer than 3 coordinates")
     if len(widths) > 1:
         rows, widths = [b" ".join(row.split()[:3]) for row in rows], {3}
-    numbers = np.fromstring(b" ".join(rows).decode("latin-1"), dtype=np.float64, sep=" ")
+    numbers = parse_floats(b" ".join(rows))
     return numbers.reshape(len(rows), widths.pop())[:, :3]
 
 
@@ -49,8 +49,7 @@ def _indices(rows: list[bytes], corners: int) -> tuple[Integers, Integers]:
     text = b" ".join(rows)
     for form, columns, normal in _FORMS:
         if form.fullmatch(text):
-            table = np.fromstring(text.replace(b"/", b" ").decode("latin-1"), dtype=np.int64, sep=" ")
-            table = table.reshape(corners, columns)
+            table = parse_integers(text.replace(b"/", b" ")).reshape(corners, columns)
             return table[:, 0], np.zeros(corners, dtype=np.int64) if normal is None else table[:, normal]
 
     # Faces that are written in different ways are taken apart one by one.
@@ -89,9 +88,10 @@ def read(path: Path) -> Parts:
 
     Texture coordinates are left out, so that their seams leave no trace.
 
-    Raises:
-        BrokenMeshError: the file is broken or has no faces.
-        OSError: the file cannot be read.
+    Raises
+    ------
+    BrokenMeshError : the file is broken or has no faces.
+    OSError : the file cannot be read.
     """
     data = path.read_bytes()
     if b"\\" in data:

@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.assets.polygons import BrokenMeshError, Floats, Integers, Parts, fan
+from raytracer.assets.polygons import BrokenMeshError, Floats, Integers, Parts, fan, parse_floats
 
 _OLD_TYPES = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4"}
 _NEW_TYPES = {"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4"}
@@ -155,9 +155,10 @@ def _stack(columns: _Columns, names: str) -> Floats | None:
 def read(path: Path) -> Parts:
     """Vertices, triangles, and the normals of the vertices where the file has them.
 
-    Raises:
-        BrokenMeshError: the file is broken, ends early, or holds no vertices or faces.
-        OSError: the file cannot be read.
+    Raises
+    ------
+    BrokenMeshError : the file is broken, ends early, or holds no vertices or faces.
+    OSError : the file cannot be read.
     """
     # Mapped, not read: the file of a large mesh is as large as the mesh.
     data = np.memmap(path, dtype=np.uint8, mode="r")
@@ -168,7 +169,7 @@ def read(path: Path) -> Parts:
     body: NDArray[np.uint8] = data[head.end() :]
     if is_text:
         # Numbers of one type throughout, so that text is read as the binary formats are.
-        body = np.fromstring(body.tobytes().decode("latin-1"), dtype=np.float64, sep=" ").view(np.uint8)
+        body = parse_floats(body.tobytes()).view(np.uint8)
 
     found: dict[str, _Columns] = {}
     for element in elements:

@@ -1,5 +1,6 @@
 """What the mesh formats share: what a reader hands over, polygons into triangles, equal vertices into one."""
 
+import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,13 +22,44 @@ class BrokenMeshError(ValueError):
     """A mesh file that cannot be read; its text completes the sentence "FILE: ..."."""
 
 
+def parse_floats(text: bytes) -> NDArray[np.float64]:
+    """Numbers of a text that holds nothing else, separated by white space, float64 (n,).
+
+    Raises
+    ------
+    ValueError : there is something else in it.
+    """
+    return _parse(text, np.float64)
+
+
+def parse_integers(text: bytes) -> NDArray[np.int64]:
+    """Integers of a text that holds nothing else, separated by white space, int64 (n,).
+
+    Raises
+    ------
+    ValueError : there is something else in it.
+    """
+    return _parse(text, np.int64)
+
+
+def _parse(text: bytes, dtype: type[np.generic]) -> NDArray[Any]:
+    # Before version 2.3, NumPy stopped at what is no number and warned.
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)
+        try:
+            return np.fromstring(text.decode("latin-1"), dtype=dtype, sep=" ")
+        except DeprecationWarning as error:
+            raise ValueError(str(error)) from error
+
+
 def fan(counts: Integers, corners: Integers) -> Integers:
     """Triangles (m, 3) of convex polygons: `counts` (p,) corners each, one after the other in `corners`.
 
     Every polygon is cut into the triangles between its first corner and each of its other edges.
 
-    Raises:
-        BrokenMeshError: a polygon has fewer than three corners.
+    Raises
+    ------
+    BrokenMeshError : a polygon has fewer than three corners.
     """
     if np.any(counts < 3):
         raise BrokenMeshError("has a face with fewer than 3 corners")

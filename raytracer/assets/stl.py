@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from raytracer.assets.polygons import BrokenMeshError, Floats, Parts, weld
+from raytracer.assets.polygons import BrokenMeshError, Floats, Parts, parse_floats, weld
 
 _HEADER = np.dtype([("text", "S80"), ("triangles", "<u4")])
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -17,7 +17,7 @@ _CORNER = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
 def _read_text(data: bytes) -> Floats:
     corners = [b" ".join(match) for match in _CORNER.findall(data)]
-    points = np.fromstring(b" ".join(corners).decode("latin-1"), dtype=np.float64, sep=" ").reshape(len(corners), 3)
+    points = parse_floats(b" ".join(corners)).reshape(len(corners), 3)
     facets = len(re.findall(rb"\bendfacet\b", data, re.IGNORECASE))
     if len(points) != 3 * facets or not re.search(rb"\bendsolid\b", data, re.IGNORECASE):
         raise BrokenMeshError("ends early, or has facets that are not triangles")
@@ -27,9 +27,10 @@ def _read_text(data: bytes) -> Floats:
 def read(path: Path) -> Parts:
     """Vertices and triangles; the normals, which are those of the triangles, are left out.
 
-    Raises:
-        BrokenMeshError: the file is broken or ends early.
-        OSError: the file cannot be read.
+    Raises
+    ------
+    BrokenMeshError : the file is broken or ends early.
+    OSError : the file cannot be read.
     """
     data = np.memmap(path, dtype=np.uint8, mode="r")
     triangles = -1

@@ -13,11 +13,12 @@ from raytracer.film.image import Image
 class Film:
     """Running statistics of every pixel, allocated once and filled in place.
 
-    Attributes:
-        mean: float64 (height, width, 3), mean of the samples.
-        m2: float64 (height, width, 3), sum of the squared differences of the samples from their mean.
-        count: int64 (height, width), samples in the mean.
-        nan_count: int64 (height, width), samples left out because they were not finite.
+    Attributes
+    ----------
+    mean : float64 (height, width, 3), mean of the samples.
+    m2 : float64 (height, width, 3), sum of the squared differences of the samples from their mean.
+    count : int64 (height, width), samples in the mean.
+    nan_count : int64 (height, width), samples left out because they were not finite.
 
     References: Welford 1962, "Note on a Method for Calculating Corrected Sums of Squares and Products",
         Technometrics 4(3); it is stable where E[x^2] - E[x]^2 cancels.

@@ -14,15 +14,17 @@ from raytracer.film import output, srgb
 class Image:
     """An image in linear light with the primaries and white of Rec. 709 (which are those of sRGB).
 
-    Attributes:
-        radiance: float64 (height, width, 3), row 0 at the top, in W/(m2 sr), or in the scene's own plain numbers.
-        variance: float64 (height, width, 3), the variance of each value of `radiance` as an estimate of its
-            expectation, in the square of its unit; inf where a pixel has fewer than two samples; None if not known.
-        samples: samples a pixel.
-        settings: what the image was rendered with; written into the headers of the files that have any.
+    Attributes
+    ----------
+    radiance : float64 (height, width, 3), row 0 at the top, in W/(m2 sr), or in the scene's own plain numbers.
+    variance : float64 (height, width, 3), the variance of each value of `radiance` as an estimate of its
+        expectation, in the square of its unit; inf where a pixel has fewer than two samples; None if not known.
+    samples : samples a pixel.
+    settings : what the image was rendered with; written into the headers of the files that have any.
 
-    Raises:
-        ValueError: an array is not of shape (height, width, 3).
+    Raises
+    ------
+    ValueError : an array is not of shape (height, width, 3).
     """
 
     radiance: NDArray[np.float64]

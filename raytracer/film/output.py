@@ -135,8 +135,9 @@ def _is_special(path: Path) -> bool:
 def _suffix(path: Path) -> str:
     """The format's suffix; a device without one takes PNG.
 
-    Raises:
-        InputError: the suffix is not known.
+    Raises
+    ------
+    InputError : the suffix is not known.
     """
     suffix = path.suffix.lower()
     if suffix in _ENCODERS:
@@ -150,8 +151,9 @@ def _suffix(path: Path) -> str:
 def check_writable(path: str | Path) -> None:
     """Make sure, before an image is rendered, that it can be written to `path`; leave nothing behind.
 
-    Raises:
-        InputError: the suffix is not known, `path` is a folder or protected, or its folder cannot be made or written.
+    Raises
+    ------
+    InputError : the suffix is not known, `path` is a folder or protected, or its folder cannot be made or written.
     """
     check_file(path)
     _suffix(Path(path))
@@ -187,8 +189,9 @@ def write_bytes(path: str | Path, data: bytes) -> None:
 
     Devices and pipes are written to as they are; a link keeps pointing where it does.
 
-    Raises:
-        OutputError: the file cannot be written (full disk, quota, permission); nothing is left behind.
+    Raises
+    ------
+    OutputError : the file cannot be written (full disk, quota, permission); nothing is left behind.
     """
     path = Path(path)
     try:
@@ -219,13 +222,15 @@ def write_bytes(path: str | Path, data: bytes) -> None:
 def save(image: "Image", path: str | Path, layers: Layers | None = None) -> None:
     """Write `image` to `path` in the format that its suffix names.
 
-    Args:
-        layers: further arrays for formats that hold them (.exr), of shape (height, width) for a channel of that
-            name, or (height, width, 3) for the channels R, G and B of a layer of that name.
+    Parameters
+    ----------
+    layers : further arrays for formats that hold them (.exr), of shape (height, width) for a channel of that
+        name, or (height, width, 3) for the channels R, G and B of a layer of that name.
 
-    Raises:
-        InputError: the suffix is not known.
-        OutputError: the format cannot hold the image, or the file cannot be written.
+    Raises
+    ------
+    InputError : the suffix is not known.
+    OutputError : the format cannot hold the image, or the file cannot be written.
     """
     path = Path(path)
     suffix = _suffix(path)
@@ -329,8 +334,9 @@ def load(path: str | Path) -> NDArray[np.float64]:
 
     .png and .jpg are decoded from sRGB, their transparency and profiles left out; a grey image has equal channels.
 
-    Raises:
-        InputError: the file is missing, unreadable or broken, or of an unknown suffix.
+    Raises
+    ------
+    InputError : the file is missing, unreadable or broken, or of an unknown suffix.
     """
     path = Path(path)
     decode = _DECODERS[_suffix(path)]
@@ -344,8 +350,9 @@ def load_layers(path: str | Path) -> tuple[dict[str, NDArray[np.float64]], dict[
     The layers are float64, (height, width, 3) where a layer has the channels R, G and B or X, Y and Z, and
     (height, width) for every other channel; the image itself is called `radiance`.  The settings are text.
 
-    Raises:
-        InputError: the file is missing, unreadable or broken, or not an .exr file.
+    Raises
+    ------
+    InputError : the file is missing, unreadable or broken, or not an .exr file.
     """
     path = Path(path)
     if path.suffix.lower() != ".exr":

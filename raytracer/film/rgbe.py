@@ -133,8 +133,9 @@ def _decode_row(data: bytes, at: int, row: bytearray) -> int:
 def decode(data: bytes) -> NDArray[np.float64]:
     """Linear values (height, width, 3) of a file; its EXPOSURE lines are divided out.
 
-    Raises:
-        ValueError, IndexError: the file is broken, ends early, or has another kind or orientation of pixels.
+    Raises
+    ------
+    ValueError, IndexError : the file is broken, ends early, or has another kind or orientation of pixels.
     """
     head = re.match(rb"#\?.*?\n\n-Y (\d+) \+X (\d+)\n", data, re.DOTALL)
     if head is None or b"\nFORMAT=32-bit_rle_rgbe" not in head[0]:

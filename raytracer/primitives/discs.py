@@ -12,7 +12,7 @@ from raytracer.geometry import (
     Primitive,
     area_light_point,
     area_pdf,
-    offset_of,
+    hit_offset,
     padded,
     plane_distance,
     row3,
@@ -43,15 +43,15 @@ def _(table: Discs) -> NDArray[np.float64]:
 
 
 @hit.register(Discs)
-def _(table, primitive, origin, direction, near):
+def _(table, primitive, origin, direction, near, accuracy):
     center, normal = row3(table.center, primitive), row3(table.normal, primitive)
     radius = table.radius[primitive]
-    point = madd(origin, plane_distance(origin, direction, center, normal, near), direction)
+    point = madd(origin, plane_distance(accuracy, origin, direction, center, normal, near), direction)
     out = sub(point, center)
     s, t = basis(normal)
     u = 0.5 + math.atan2(dot(out, t), dot(out, s)) / (2.0 * math.pi)
     return Hit(
-        point, normal, normal, u, norm(out) / radius, offset_of(max_abs(center) + radius), table.material[primitive]
+        point, normal, normal, u, norm(out) / radius, hit_offset(accuracy, max_abs(center) + radius, near), table.material[primitive]
     )
 
 

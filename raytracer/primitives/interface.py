@@ -14,7 +14,7 @@ from raytracer.jit import generic, switch
 
 
 @generic
-def hit(table, primitive, origin, direction, near):  # type: ignore[no-untyped-def]
+def hit(table, primitive, origin, direction, near, accuracy):  # type: ignore[no-untyped-def]
     """The point where a ray meets `primitive`, which Embree found at distance `near`: a geometry.Hit."""
     raise NotImplementedError
 

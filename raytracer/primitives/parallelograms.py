@@ -12,7 +12,7 @@ from raytracer.geometry import (
     area_light_point,
     area_pdf,
     barycentric,
-    offset_of,
+    hit_offset,
     padded,
     plane_distance,
     row3,
@@ -44,12 +44,12 @@ def _(table: Parallelograms) -> NDArray[np.float64]:
 
 
 @hit.register(Parallelograms)
-def _(table, primitive, origin, direction, near):
+def _(table, primitive, origin, direction, near, accuracy):
     corner, u, v = row3(table.corner, primitive), row3(table.u, primitive), row3(table.v, primitive)
     normal = normalize(cross(u, v))
-    point = madd(origin, plane_distance(origin, direction, corner, normal, near), direction)
+    point = madd(origin, plane_distance(accuracy, origin, direction, corner, normal, near), direction)
     a, b = barycentric(point, corner, u, v)
-    offset = offset_of(max_abs(corner) + max_abs(u) + max_abs(v))
+    offset = hit_offset(accuracy, max_abs(corner) + max_abs(u) + max_abs(v), near)
     return Hit(point, normal, normal, a, b, offset, table.material[primitive])
 
 

@@ -12,7 +12,7 @@ from raytracer.geometry import (
     LightPoint,
     Primitive,
     area_pdf,
-    offset_of,
+    hit_offset,
     padded,
     row3,
     sphere_distance,
@@ -43,9 +43,9 @@ def _(table: Spheres) -> NDArray[np.float64]:
 
 
 @hit.register(Spheres)
-def _(table, primitive, origin, direction, near):
+def _(table, primitive, origin, direction, near, accuracy):
     center, radius = row3(table.center, primitive), table.radius[primitive]
-    t = sphere_distance(origin, direction, center, radius, near)
+    t = sphere_distance(accuracy, origin, direction, center, radius, near)
 
     # Project onto the sphere, so that the point is as exact as the sphere itself.
     out = sub(madd(origin, t, direction), center)
@@ -54,7 +54,7 @@ def _(table, primitive, origin, direction, near):
     normal = scale(math.copysign(1.0, radius), out)
     u = 0.5 + math.atan2(-out[2], out[0]) / (2.0 * math.pi)
     v = math.acos(max(-1.0, min(1.0, -out[1]))) / math.pi
-    return Hit(point, normal, normal, u, v, offset_of(max_abs(center) + abs(radius)), table.material[primitive])
+    return Hit(point, normal, normal, u, v, hit_offset(accuracy, max_abs(center) + abs(radius), near), table.material[primitive])
 
 
 @sample_point.register(Spheres)

@@ -17,7 +17,7 @@ from raytracer.geometry import (
     area_light_point,
     area_pdf,
     barycentric,
-    offset_of,
+    hit_offset,
     padded,
     plane_distance,
     row3,
@@ -84,19 +84,19 @@ def _extent(a, edge1, edge2):  # type: ignore[no-untyped-def]
 
 
 @hit.register(Triangles)
-def _(table, primitive, origin, direction, near):
+def _(table, primitive, origin, direction, near, accuracy):
     a, edge1, edge2 = _corners(table.vertices, table.faces, primitive)
     normal = normalize(cross(edge1, edge2))
-    point = madd(origin, plane_distance(origin, direction, a, normal, near), direction)
+    point = madd(origin, plane_distance(accuracy, origin, direction, a, normal, near), direction)
     u, v = barycentric(point, a, edge1, edge2)
-    return Hit(point, normal, normal, u, v, offset_of(_extent(a, edge1, edge2)), table.material[primitive])
+    return Hit(point, normal, normal, u, v, hit_offset(accuracy, _extent(a, edge1, edge2), near), table.material[primitive])
 
 
 @hit.register(SmoothTriangles)
-def _(table, primitive, origin, direction, near):
+def _(table, primitive, origin, direction, near, accuracy):
     a, edge1, edge2 = _corners(table.vertices, table.faces, primitive)
     normal = normalize(cross(edge1, edge2))
-    point = madd(origin, plane_distance(origin, direction, a, normal, near), direction)
+    point = madd(origin, plane_distance(accuracy, origin, direction, a, normal, near), direction)
     u, v = barycentric(point, a, edge1, edge2)
 
     # Interpolate the vertex normals, and keep to the side of the face that the ray came from.
@@ -106,7 +106,7 @@ def _(table, primitive, origin, direction, near):
     shading = normalize(add(scale(1.0 - u - v, n0), add(scale(u, n1), scale(v, n2))))
     if dot(shading, direction) * dot(normal, direction) <= 0.0:
         shading = normal
-    return Hit(point, normal, shading, u, v, offset_of(_extent(a, edge1, edge2)), table.material[primitive])
+    return Hit(point, normal, shading, u, v, hit_offset(accuracy, _extent(a, edge1, edge2), near), table.material[primitive])
 
 
 @sample_point.register(Triangles)

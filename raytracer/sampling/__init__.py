@@ -1,11 +1,13 @@
 """Random numbers: samplers, and warps of their numbers to distributions, each with its density."""
 
+from collections.abc import Callable, Mapping
+
 from raytracer.sampling.independent import Independent
 from raytracer.sampling.interface import pixel_key, sample_1d, sample_2d
 from raytracer.sampling.sobol import Sobol
 from raytracer.sampling.stratified import Stratified
 
-SAMPLERS = {
+SAMPLERS: Mapping[str, Callable[[int, int], Independent | Sobol | Stratified]] = {
     "independent": lambda seed, spp: Independent(seed),
     "sobol": lambda seed, spp: Sobol(seed),
     "stratified": Stratified.of,

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytracer.jit import kernel
-
-_BELOW_ONE = 1.0 - 2.0**-53
+from raytracer.sampling.hashing import BELOW_ONE
 
 
 class AliasTable(NamedTuple):
@@ -19,7 +18,7 @@ class AliasTable(NamedTuple):
 
 
 def build_alias(weights: ArrayLike) -> AliasTable:
-    """The table of n non-negative weights.
+    """The table of n non-negative weights, n < 2^31; what has weight 0 is never drawn.
 
     Raises
     ------
@@ -27,14 +26,17 @@ def build_alias(weights: ArrayLike) -> AliasTable:
 
     References: Vose 1991, "A Linear Algorithm for Generating Random Numbers with a Given Distribution".
     """
-    values = np.asarray(weights, np.float64)
-    total = values.sum()
-    if values.size == 0 or not np.isfinite(total) or (values < 0.0).any() or total == 0.0:
+    values = np.ascontiguousarray(weights, np.float64).ravel()
+    if values.size == 0 or not np.isfinite(values).all() or (values < 0.0).any() or not values.any():
         raise ValueError("weights must be finite, non-negative, and not all zero")
-    pmf = values / total
-    scaled = pmf * len(pmf)
+
+    # Divide by the largest first: the sum alone could overflow.
+    relative = values / values.max()
+    pmf = relative / relative.sum()
+    scaled = (pmf * len(pmf)).tolist()
     probability, alias = np.ones(len(pmf)), np.arange(len(pmf), dtype=np.int32)
-    small, large = list(np.flatnonzero(scaled < 1.0)), list(np.flatnonzero(scaled >= 1.0))
+    small = [number for number, share in enumerate(scaled) if share < 1.0]
+    large = [number for number, share in enumerate(scaled) if share >= 1.0]
     while small and large:
         less, more = small.pop(), large[-1]
         probability[less], alias[less] = scaled[less], more
@@ -42,22 +44,23 @@ def build_alias(weights: ArrayLike) -> AliasTable:
         if scaled[more] < 1.0:
             small.append(large.pop())
 
-    # What rounding left over: a bin of zero weight must never be kept.
-    heaviest = int(np.argmax(pmf))
-    for bin_ in small:
-        if pmf[bin_] == 0.0:
-            probability[bin_], alias[bin_] = 0.0, heaviest
+    # Bins left over are full but for rounding; one without weight must still never be kept.
+    empty = [number for number in small if pmf[number] == 0.0]
+    probability[empty], alias[empty] = 0.0, int(np.argmax(pmf))
     return AliasTable(probability, alias, pmf)
 
 
 @kernel
-def sample_alias(table, u):  # type: ignore[no-untyped-def]
-    """(index, its probability, the number in [0, 1) that is left of u)."""
+def sample_alias(table, u):
+    """(index, its probability, a new number in [0, 1)) from a number in [0, 1).
+
+    The new number holds what u knows beyond the choice: log2 n bits fewer.
+    """
     scaled = u * len(table.pmf)
-    bin_ = min(int(scaled), len(table.pmf) - 1)
-    rest = scaled - bin_
-    keep = table.probability[bin_]
+    drawn = min(int(scaled), len(table.pmf) - 1)
+    rest = scaled - drawn
+    keep = table.probability[drawn]
     if rest < keep:
-        return bin_, table.pmf[bin_], min(rest / keep, _BELOW_ONE)
-    other = table.alias[bin_]
-    return np.int64(other), table.pmf[other], min((rest - keep) / (1.0 - keep), _BELOW_ONE)
+        return drawn, table.pmf[drawn], min(rest / keep, BELOW_ONE)
+    other = np.int64(table.alias[drawn])
+    return other, table.pmf[other], min((rest - keep) / (1.0 - keep), BELOW_ONE)

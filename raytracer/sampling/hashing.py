@@ -27,7 +27,7 @@ _MIX_2 = np.uint64(0xD35A2D97)
 
 @kernel
 def unit_interval(word):
-    """A 32-bit word as a float64 in (0, 1): the middle of its interval of 2^-32, so that nothing is biased downwards."""
+    """A 32-bit word as a float64 in (0, 1): the middle of its interval of 2^-32, so the mean of all words is 1/2."""
     return (np.int64(word) + 0.5) * 2.0**-32
 
 

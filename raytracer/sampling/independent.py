@@ -18,11 +18,6 @@ class Independent(NamedTuple):
 
     seed: int
 
-    @classmethod
-    def for_render(cls, seed: int, spp: int) -> "Independent":
-        """The sampler of a render with `spp` samples a pixel."""
-        return cls(seed)
-
 
 @pixel_key.register(Independent)
 def _(sampler, x, y):

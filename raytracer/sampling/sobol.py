@@ -26,11 +26,6 @@ class Sobol(NamedTuple):
 
     seed: int
 
-    @classmethod
-    def for_render(cls, seed: int, spp: int) -> "Sobol":
-        """The sampler of a render with `spp` samples a pixel."""
-        return cls(seed)
-
 
 def _reversed_bytes() -> NDArray[np.uint8]:
     """The bits of each byte in reverse order: uint8 (256,)."""

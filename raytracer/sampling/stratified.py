@@ -6,16 +6,19 @@ from typing import NamedTuple
 import numpy as np
 
 from raytracer.jit import kernel
-from raytracer.sampling.bits import MASK32, combine, key_of, unit32
+from raytracer.sampling.hashing import BELOW_ONE, GOLDEN, MASK, ONE, hash_pixel, mix32, philox2x32, unit_interval
 from raytracer.sampling.interface import pixel_key, sample_1d, sample_2d
-
-U = np.uint64
 
 
 class Stratified(NamedTuple):
-    """A round of `spp` samples fills `spp` strata in 1D, and `columns * rows` >= spp cells in 2D.
+    """Rounds of `spp` samples: one in each of `spp` strata in 1D, and in `spp` of `columns * rows` cells in 2D.
 
-    References: Kensler 2013, "Correlated Multi-Jittered Sampling", Pixar Technical Memo 13-01 (the permutation).
+    Rounds are independent of each other.  Which of more than spp cells stay empty is random.
+
+    seed : 0 or more, below 2^63.  spp, columns, rows : below 2^31.
+
+    References: Cook 1986, "Stochastic Sampling in Computer Graphics", sec. 3 (jittering); Kensler 2013, "Correlated
+    Multi-Jittered Sampling", Pixar Technical Memo 13-01, sec. 3 (an order by a hash, without a table).
     """
 
     seed: int
@@ -25,55 +28,69 @@ class Stratified(NamedTuple):
 
     @classmethod
     def of(cls, seed: int, spp: int) -> "Stratified":
-        """The sampler for `spp` samples per pixel: as square a grid as holds them."""
+        """The sampler for `spp` samples per pixel, with the grid nearest to a square that holds them.
+
+        Raises
+        ------
+        ValueError : spp is less than 1.
+        """
+        if spp < 1:
+            raise ValueError(f"spp must be at least 1, got {spp}")
         columns = math.isqrt(spp - 1) + 1
         return cls(seed, spp, columns, -(-spp // columns))
 
 
-@kernel
-def _permute(i, length, seed):  # type: ignore[no-untyped-def]
-    """Element i of a random permutation of 0 .. length - 1.
+_LOW_BITS_FLIPPED = np.uint64(0x2545F491)
 
-    References: Kensler 2013, listing in sec. 3 (a hash by cycle walking).
+
+@kernel
+def permute(i, length, seed):
+    """Element i of a pseudo-random permutation of 0 .. length - 1, length < 2^32, made by a 32-bit `seed`.
+
+    References: Black, Rogaway 2002, "Ciphers with Arbitrary Finite Domains", sec. 3 (cycle walking).
     """
-    mask = U(length - 1)
-    mask |= mask >> U(1)
-    mask |= mask >> U(2)
-    mask |= mask >> U(4)
-    mask |= mask >> U(8)
-    mask |= mask >> U(16)
-    x = U(i)
+    mask = np.uint64(length) - ONE
+    for shift in (1, 2, 4, 8, 16):
+        mask |= mask >> np.uint64(shift)
+
+    # Permute the smallest power of two that holds them, until the element is one of them.
+    x, n = np.uint64(i), np.uint64(length)
     while True:
-        # Odd multiples and downward shifts are bijections of the words below a power of two.
-        for step in range(3):
-            x = (x + (seed >> U(8 * step))) & mask
-            x = (x * U(0x9E3779B1)) & mask
-            x ^= x >> U(3)
-            x = (x * ((seed >> U(16)) | U(1))) & mask
-            x ^= x >> U(5)
-        if x < U(length):
-            return np.int64(x)
+        k = np.uint64(seed)
+        for _ in range(3):
+            # Products with odd numbers carry bits upwards; parities of the bits above carry them downwards.
+            x = ((x + (k >> np.uint64(16))) * (k | ONE)) & mask
+            for shift in (1, 2, 4, 8, 16):
+                x ^= x >> np.uint64(shift)
+            k = mix32(k ^ _LOW_BITS_FLIPPED)
+        if x < n:
+            # Each element is equally likely then, however the walk went.
+            return np.int64((x + k) % n)
+
+
+@kernel
+def _seed_of_round(key, turn, dimension):
+    return mix32(mix32(np.uint64(key) ^ ((np.uint64(dimension) * GOLDEN) & MASK)) ^ np.uint64(turn))
 
 
 @pixel_key.register(Stratified)
-def _(sampler, x, y):  # type: ignore[no-untyped-def]
-    return key_of(sampler.seed, x, y)
+def _(sampler, x, y):
+    return hash_pixel(sampler.seed, x, y)
 
 
 @sample_1d.register(Stratified)
-def _(sampler, key, index, dimension):  # type: ignore[no-untyped-def]
+def _(sampler, key, index, dimension):
     turn, i = index // sampler.spp, index % sampler.spp
-    cell = _permute(i, sampler.spp, combine(key, turn, dimension))
-    jitter = unit32(combine(key, index, dimension) >> U(32))
-    return min((cell + jitter) / sampler.spp, 1.0 - 2.0**-53)
+    stratum = permute(i, sampler.spp, _seed_of_round(key, turn, dimension))
+    jitter, _ = philox2x32(index, dimension, key)
+    return min((stratum + unit_interval(jitter)) / sampler.spp, BELOW_ONE)
 
 
 @sample_2d.register(Stratified)
-def _(sampler, key, index, dimension):  # type: ignore[no-untyped-def]
+def _(sampler, key, index, dimension):
     turn, i = index // sampler.spp, index % sampler.spp
-    cells = sampler.columns * sampler.rows
-    cell = _permute(i, cells, combine(key, turn, dimension))
-    jitter = combine(key, index, dimension)
-    u = (cell % sampler.columns + unit32(jitter >> U(32))) / sampler.columns
-    v = (cell // sampler.columns + unit32(jitter & MASK32)) / sampler.rows
-    return min(u, 1.0 - 2.0**-53), min(v, 1.0 - 2.0**-53)
+    cell = permute(i, sampler.columns * sampler.rows, _seed_of_round(key, turn, dimension))
+    jitter_1, jitter_2 = philox2x32(index, dimension, key)
+    u = (cell % sampler.columns + unit_interval(jitter_1)) / sampler.columns
+    v = (cell // sampler.columns + unit_interval(jitter_2)) / sampler.rows
+    return min(u, BELOW_ONE), min(v, BELOW_ONE)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from raytracer.assets import LOADERS
 from raytracer.errors import InputError
-from raytracer.geometry import Geometry
+from raytracer.geometry import Exact, Geometry
 from raytracer.integrator import Scene
 from raytracer.kinds import MATERIALS
 from raytracer.lights.emitters import Emitters
@@ -27,10 +27,14 @@ _DEFAULT_MATERIAL = "lambertian"
 
 
 class Packed(NamedTuple):
-    """A scene ready to be built: the packed scene (its accel still 0) and the buffers that Embree is built from."""
+    """A scene ready to be built: the packed scene (its accel still 0), and what Embree builds from.
+
+    robust, whether rays must not slip through the edges between triangles.
+    """
 
     scene: Scene
     geometries: tuple[Geometry, ...]
+    robust: bool
 
 
 def pack(spec: SceneSpec, spp: int | None = None) -> Packed:
@@ -52,6 +56,7 @@ def pack(spec: SceneSpec, spp: int | None = None) -> Packed:
     settings = spec.render
     scene = Scene(
         accel=0,
+        accuracy=Exact() if settings.accuracy == "exact" else None,
         primitives=primitives,
         materials=tables,
         lights=_pack_emitters(primitives, used, references) if settings.max_depth > 1 else None,
@@ -62,7 +67,7 @@ def pack(spec: SceneSpec, spp: int | None = None) -> Packed:
         depth=settings.max_depth,
         roulette=settings.rr_depth,
     )
-    return Packed(scene, tuple(geometry(table) for table in primitives))
+    return Packed(scene, tuple(geometry(table) for table in primitives), settings.accuracy != "fast")
 
 
 def material_of(spec: SceneSpec, item: ObjectSpec) -> MaterialSpec:

@@ -269,6 +269,14 @@ def test_a_seam_leaves_no_trace_in_smooth_normals():
     np.testing.assert_allclose(normals, smooth_normals(vertices, faces)[faces.reshape(-1)], atol=1e-12)
 
 
+def test_vertex_normals_are_those_of_the_file_or_else_made(written):
+    plain = read_mesh(written("a.obj", obj_text()))
+    np.testing.assert_array_equal(plain.vertex_normals(), smooth_normals(plain.vertices, plain.faces))
+    text = obj_text([(0, 1, 2)]).replace(b"f 1 2 3", b"vn 0 1 0\nf 1//1 2//1 3//1")
+    own = read_mesh(written("b.obj", text))
+    np.testing.assert_array_equal(own.vertex_normals()[:3], [[0, 1, 0]] * 3)
+
+
 def test_the_two_sides_of_a_sheet_keep_their_normals_and_a_lone_vertex_has_none():
     vertices = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)] * 2 + [(5, 5, 5)], dtype=float)
     normals = smooth_normals(vertices, np.array([(0, 1, 2), (3, 5, 4)]))

@@ -1,5 +1,6 @@
 """Image files: what is written is read back, nothing is lost when writing fails, and broken files are one sentence."""
 
+import contextlib
 import errno
 import os
 import stat
@@ -288,10 +289,8 @@ def test_damage_anywhere_is_an_input_error_at_worst(suffix, image, tmp_path):
         damaged = data.copy()
         damaged[rng.integers(0, min(len(data), 300), 3)] = rng.integers(0, 256, 3)
         (tmp_path / f"a{suffix}").write_bytes(damaged.tobytes())
-        try:
+        with contextlib.suppress(InputError):
             assert load(tmp_path / f"a{suffix}").shape[2] == 3
-        except InputError:
-            pass
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -306,7 +305,7 @@ def test_a_missing_file_and_a_folder(suffix, tmp_path):
 @pytest.mark.parametrize("array", [np.zeros((3, 4)), np.zeros((3, 4, 4)), np.zeros((3, 4, 3), complex), np.array("x")])
 def test_an_npy_file_that_is_no_image(array, tmp_path):
     np.save(tmp_path / "a.npy", array)
-    with pytest.raises(InputError, match="broken, or no .npy image"):
+    with pytest.raises(InputError, match=r"broken, or no \.npy image"):
         load(tmp_path / "a.npy")
 
 

@@ -1,0 +1,103 @@
+# Needs make and Python 3.11 or later; everything else goes into a virtual environment.
+#   PYTHON=python3.12   the interpreter that makes it
+#   VENV=folder         where it is (.venv)
+PYTHON ?= python3
+VENV ?= .venv
+PEER_VENV ?= .venv-peers
+PYTEST_ARGS ?=
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+
+# `make -f elsewhere/Makefile` works as `make -C elsewhere` does.
+ifeq ($(wildcard raytracer/jit.py),)
+ELSEWHERE = @$(MAKE) --no-print-directory -C "$(dir $(firstword $(MAKEFILE_LIST)))" $@
+.PHONY: help
+help:
+	$(ELSEWHERE)
+.DEFAULT:
+	$(ELSEWHERE)
+else
+
+RT := $(VENV)/bin/rt
+VENV_PYTHON := $(VENV)/bin/python
+PEER_PYTHON := $(PEER_VENV)/bin/python
+INSTALLED := $(VENV)/.installed-by-$(notdir $(PYTHON))
+INSTALLED_TEST := $(INSTALLED)-test
+INSTALLED_PEERS := $(PEER_VENV)/.installed-by-$(notdir $(PYTHON))
+MILLION := scenes/generated/million.ply
+
+.PHONY: help render test test-slow check bench peers references gallery docs scenes clean
+
+help:  ## List the targets
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | while IFS='|' read -r name text; do \
+		printf '  make %-12s %s\n' "$$name" "$$text"; done
+
+render: $(INSTALLED)  ## Render the cover scene to outputs/cover.png
+	$(RT) render scenes/cover.yaml -o outputs/cover.png
+
+test: check $(MILLION)  ## Check the sources, then run the quick tests
+	$(VENV_PYTHON) -m pytest -m "not slow and not peer" $(PYTEST_ARGS)
+
+test-slow: $(INSTALLED_TEST) $(MILLION)  ## Run the tests that take minutes
+	$(VENV_PYTHON) -m pytest -m "slow and not peer" $(PYTEST_ARGS)
+
+check: $(INSTALLED_TEST)  ## Style, types and layers of the sources
+	$(VENV)/bin/ruff check
+	$(VENV)/bin/ruff format --check
+	$(VENV)/bin/mypy
+	$(VENV)/bin/lint-imports --no-logo
+
+bench: $(INSTALLED) $(MILLION)  ## Measure the speed, as the README's table shows it
+	$(VENV_PYTHON) bench/bench.py
+
+peers: $(INSTALLED) $(INSTALLED_PEERS) $(MILLION)  ## Compare with Mitsuba 3, which this installs
+	$(PEER_PYTHON) peers/compare.py
+
+references: $(INSTALLED_TEST)  ## Render the reference images of the tests anew
+	$(VENV_PYTHON) -m tests.make_references
+
+gallery: $(INSTALLED) $(MILLION)  ## Render the pictures in docs/gallery
+	$(VENV_PYTHON) docs/make_gallery.py
+
+docs: $(INSTALLED)  ## Write docs/scenes.md from the scene schema
+	$(VENV_PYTHON) docs/make_scenes.py
+
+scenes: $(MILLION)  ## Make the scene files that are not in the repository
+
+clean:  ## Remove what make and the tools made
+	rm -rf .venv .venv-peers build dist raytracer.egg-info scenes/generated outputs/cover.png
+	rm -rf .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	find raytracer tests scenes docs -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(MILLION): scenes/generate/million.py | $(INSTALLED)
+	$(VENV_PYTHON) scenes/generate/million.py
+
+# Make the environment $(1) with $(PYTHON), or say in a sentence why that cannot be.
+define make_venv
+@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
+	|| { echo "rt needs Python 3.11 or later, and $(PYTHON) is not that: make PYTHON=python3.12 names another" >&2; exit 1; }
+@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null \
+	|| { echo "$(PYTHON) cannot make virtual environments with pip: install its venv package (python3-venv on Debian and Ubuntu)" >&2; exit 1; }
+@test ! -e "$(1)/bin/python" || "$(1)/bin/python" -c 'import sys; sys.exit("%d.%d" % sys.version_info[:2] != sys.argv[1])' \
+	"$$($(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])')" \
+	|| { echo "$(1) was made by another Python than $(PYTHON): remove it first (make clean), or give another VENV" >&2; exit 1; }
+$(PYTHON) -m venv "$(1)"
+endef
+
+# Installed as links to the sources, so only new requirements need a new installation.
+$(INSTALLED): pyproject.toml
+	$(call make_venv,$(VENV))
+	$(VENV_PYTHON) -m pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+$(INSTALLED_TEST): pyproject.toml $(INSTALLED)
+	$(VENV_PYTHON) -m pip install --quiet --disable-pip-version-check --editable ".[test]"
+	@touch $@
+
+$(INSTALLED_PEERS): pyproject.toml
+	$(call make_venv,$(PEER_VENV))
+	$(PEER_PYTHON) -m pip install --quiet --disable-pip-version-check --editable ".[peers]"
+	@touch $@
+
+endif

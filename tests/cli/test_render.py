@@ -1,0 +1,147 @@
+"""`rt render` and `rt explain` from the command line."""
+
+import json
+import re
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raytracer.cli import render
+from raytracer.cli.main import main
+from raytracer.film import load, load_layers
+
+SCENE = """\
+camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
+film: {width: 24, height: 16}
+render: {spp: 16, max_depth: 5}
+environment: {type: constant, radiance: 0.5}
+objects:
+  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 0.8}}
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "ball.yaml"
+    path.write_text(SCENE)
+    return path
+
+
+def test_the_default_output_is_named_for_the_scene(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "ball.yaml"]) == 0
+    assert load("outputs/ball.png").shape == (16, 24, 3)
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("outputs/ball.png: 24 x 16, 16 spp in ")
+
+
+def test_quiet_says_nothing(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "ball.yaml", "-q"]) == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_every_output_holds_the_same_picture(scene: Path) -> None:
+    names = ["a.npy", "a.exr", "a.hdr", "a.png"]
+    assert main(["render", "ball.yaml", "-q", *(word for name in names for word in ("-o", name))]) == 0
+    exact = np.load("a.npy")
+    # float32; a shared exponent with 8 bits of mantissa below the largest channel; 8 bits of sRGB, slope <= 2.4.
+    np.testing.assert_allclose(load("a.exr"), exact, rtol=2.0**-23)
+    assert np.all(np.abs(load("a.hdr") - exact) <= exact.max(axis=2, keepdims=True) * 2.0**-8)
+    np.testing.assert_allclose(load("a.png"), np.clip(exact, 0.0, 1.0), atol=2.4 / 255 / 2)
+
+
+def test_exr_header_holds_the_settings(scene: Path) -> None:
+    assert main(["render", "ball.yaml", "-q", "-o", "a.exr", "--seed", "7", "--spp", "4"]) == 0
+    layers, settings = load_layers("a.exr")
+    assert settings["seed"] == "7"
+    assert settings["spp"] == "4"
+    assert "variance" in layers
+
+
+def test_a_crop_is_that_part_of_the_picture(scene: Path) -> None:
+    assert main(["render", "ball.yaml", "-q", "-o", "whole.npy"]) == 0
+    assert main(["render", "ball.yaml", "-q", "-o", "part.npy", "--crop", "5,3,21,14"]) == 0
+    np.testing.assert_array_equal(np.load("part.npy"), np.load("whole.npy")[3:14, 5:21])
+
+
+def test_overrides_reach_the_render(scene: Path) -> None:
+    assert main(["render", "ball.yaml", "-q", "-o", "a.npy", "-D", "film.width=8", "-D", "render.max_depth=1"]) == 0
+    image = np.load("a.npy")
+    assert image.shape == (16, 8, 3)
+    # One segment sees the environment, and no light that the ball reflects.
+    assert set(np.unique(image)) <= {0.0, 0.5} | set(image[(image > 0.0) & (image < 0.5)])
+    assert image[8, 4, 0] == 0.0
+
+
+def test_preview_is_small(scene: Path) -> None:
+    assert main(["render", "ball.yaml", "-q", "-o", "a.npy", "--preview", "-D", "film.width=960", "-D", "film.height=640"]) == 0
+    assert np.load("a.npy").shape == (320, 480, 3)
+
+
+def test_stats(scene: Path) -> None:
+    assert main(["render", "ball.yaml", "-q", "--stats", "stats.json", "--threads", "2"]) == 0
+    stats = json.loads(Path("stats.json").read_text())
+    assert set(stats["seconds"]) == {"load", "pack", "build", "compile", "render", "develop", "total"}
+    assert stats["samples"] == 24 * 16 * 16
+    assert stats["rays"] >= stats["samples"]
+    assert stats["nan_samples"] == 0
+    assert stats["threads"] == 2
+    assert "environment" in stats["effects"]
+    assert "defocus" not in stats["effects"]
+    assert stats["peak_rss_bytes"] > 2**20
+    assert stats["version"]
+
+
+def test_a_time_limit_leaves_a_whole_picture(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "ball.yaml", "-o", "a.npy", "--spp", "1000000", "--time-limit", "0.5s"]) == 0
+    assert "rt: out of time; a.npy has " in capsys.readouterr().err
+    image = np.load("a.npy")
+    # Every tile has had its first pass: outside the ball the environment is seen without noise.
+    assert image[0, 0, 0] == 0.5
+    assert image[8, 12, 0] > 0.1
+
+
+def test_ctrl_c_writes_what_is_there(
+    scene: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # The first report of progress comes while the workers are at work; the signal is the one that Ctrl-C sends.
+    monkeypatch.setattr(render._Bar, "update", lambda bar, progress: signal.raise_signal(signal.SIGINT))
+    assert main(["render", "ball.yaml", "-o", "a.npy", "--spp", "100000000"]) == 130
+    err = capsys.readouterr().err
+    assert re.search(r"interrupted; a\.npy has \d+ to \d+ of 100000000 samples per pixel", err)
+    assert np.load("a.npy").shape == (16, 24, 3)
+    assert sorted(path.name for path in scene.parent.iterdir()) == ["a.npy", "ball.yaml"]
+
+
+def test_explain_names_every_effect_with_its_reason(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", "ball.yaml", "--json"]) == 0
+    explained = json.loads(capsys.readouterr().out)
+    effects = explained["effects"]
+    active = {name for name, effect in effects.items() if effect["active"]}
+    assert active == {"environment", "material.lambertian", "shape.sphere"}
+    assert {"defocus", "light_sampling", "material.dielectric"} <= set(effects)
+    assert all(effect["why"] for effect in effects.values())
+    assert explained["camera"]["vfov_deg"] == 40.0
+
+
+def test_explain_follows_overrides(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lamp = "objects.0.material={type: emitter, radiance: 1}"
+    assert main(["explain", "ball.yaml", "-D", lamp]) == 0
+    text = capsys.readouterr().out
+    simulated, _, left_out = text.partition("Left out")
+    assert "material.emitter" in simulated
+    # The only object emits, so there is nothing that a light could light.
+    assert "light_sampling" in left_out
+
+
+def test_the_thin_lens_is_explained_in_numbers(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lens = "camera={type: thin_lens, look_from: [0, 0, 10], look_at: [0, 0, 0], vfov: 20, defocus_angle: 0.6}"
+    assert main(["explain", "ball.yaml", "-D", lens, "-D", "film.height=675", "--json"]) == 0
+    camera = json.loads(capsys.readouterr().out)["camera"]
+    # A = 2 F tan(delta / 2) = 0.104720 m; the blur at infinity is A / F on the plane at distance 1: 20.044 px.
+    assert camera["aperture_diameter_mm"] == pytest.approx(104.720, abs=1e-3)
+    assert camera["blur_at_infinity_px"] == pytest.approx(20.044, abs=1e-3)
+    assert camera["focus_distance_m"] == 10.0
