@@ -215,6 +215,27 @@ def barycentric(point: Vec3, a: Vec3, edge1: Vec3, edge2: Vec3) -> tuple[float, 
 
 
 @kernel
+def within_quad(a: float, b: float, margin_a: float, margin_b: float) -> tuple[float, float]:
+    """Coordinates of a point of a parallelogram, kept `margin` from its edges.
+
+    A hit within float32 rounding of an edge would else be solved to a point beyond the neighbour that shares it.
+    """
+    margin_a, margin_b = min(margin_a, 0.5), min(margin_b, 0.5)
+    return max(margin_a, min(a, 1.0 - margin_a)), max(margin_b, min(b, 1.0 - margin_b))
+
+
+@kernel
+def within_triangle(u: float, v: float, margin: float) -> tuple[float, float]:
+    """As `within_quad`, for barycentric coordinates of a triangle."""
+    margin = min(margin, 1.0 / 3.0)
+    u, v = max(margin, u), max(margin, v)
+    excess = u + v - (1.0 - margin)
+    if excess > 0.0:
+        u, v = u - 0.5 * excess, v - 0.5 * excess
+    return u, v
+
+
+@kernel
 def row3(table, index):  # type: ignore[no-untyped-def]
     """Row `index` of an array of shape (n, 3), float32 or float64, as a float64 vector."""
     return (float(table[index, 0]), float(table[index, 1]), float(table[index, 2]))

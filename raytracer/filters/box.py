@@ -1,5 +1,7 @@
 """Box filter: the mean over the pixel's square.
 
+In a scene:
+
     film: {width: 400, height: 225, filter: box}
 """
 
@@ -28,5 +30,5 @@ class BoxFilter(NamedTuple):
 
 
 @sample_filter.register(BoxFilter)
-def _(filter, u1, u2):  # type: ignore[no-untyped-def]
-    return filter.width * (u1 - 0.5), filter.width * (u2 - 0.5), 1.0
+def _(pixel_filter, u1, u2):
+    return pixel_filter.width * (u1 - 0.5), pixel_filter.width * (u2 - 0.5), 1.0

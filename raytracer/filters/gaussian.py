@@ -1,5 +1,7 @@
 """Gaussian filter: soft, without ringing.
 
+In a scene:
+
     film: {width: 400, height: 225, filter: {type: gaussian, sigma: 0.5}}
 """
 
@@ -13,9 +15,12 @@ from raytracer.spec import PositiveNumber, Spec
 
 
 class Gaussian(Spec):
-    """exp(-r^2 / (2 sigma^2)) up to a radius from the pixel's centre, and nothing beyond.
+    """exp(-r^2 / (2 sigma^2)) up to a radius from the pixel's centre, cut off there and not shifted down to 0.
 
-    References: Box and Muller 1958, "A Note on the Generation of Random Normal Deviates", cut off at a radius.
+    Every sample counts the same, so an even surface has no noise from the filter.
+
+    References: Box, Muller 1958, "A Note on the Generation of Random Normal Deviates", up to a radius: r^2 / 2 sigma^2
+    is distributed exponentially.
     """
 
     type: Literal["gaussian"] = "gaussian"
@@ -23,7 +28,8 @@ class Gaussian(Spec):
     radius: PositiveNumber = Field(default=1.5, description="distance from the centre at which it ends (pixels)")
 
     def pack(self) -> "GaussianFilter":
-        return GaussianFilter(self.sigma, -math.expm1(-0.5 * (self.radius / self.sigma) ** 2))
+        ratio = self.radius / self.sigma
+        return GaussianFilter(self.sigma, -math.expm1(-0.5 * ratio * ratio))
 
 
 class GaussianFilter(NamedTuple):
@@ -34,7 +40,7 @@ class GaussianFilter(NamedTuple):
 
 
 @sample_filter.register(GaussianFilter)
-def _(filter, u1, u2):  # type: ignore[no-untyped-def]
-    radius = filter.sigma * math.sqrt(-2.0 * math.log1p(-u1 * filter.within))
+def _(pixel_filter, u1, u2):
+    radius = pixel_filter.sigma * math.sqrt(-2.0 * math.log1p(-u1 * pixel_filter.within))
     angle = 2.0 * math.pi * u2
     return radius * math.cos(angle), radius * math.sin(angle), 1.0

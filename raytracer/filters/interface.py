@@ -4,7 +4,7 @@ from raytracer.jit import generic
 
 
 @generic
-def sample_filter(filter, u1, u2):  # type: ignore[no-untyped-def]
+def sample_filter(pixel_filter, u1, u2):
     """An offset (dx, dy) from the pixel's centre, in pixels, and a weight whose mean is 1.
 
     Offsets are drawn by the filter itself, so each sample belongs to one pixel: pixels stay independent of their

@@ -1,5 +1,7 @@
 """Mitchell filter: sharp, with a little ringing.
 
+In a scene:
+
     film: {width: 400, height: 225, filter: mitchell}
 """
 
@@ -11,65 +13,65 @@ from pydantic import Field
 
 from raytracer.filters.interface import sample_filter
 from raytracer.jit import kernel
-from raytracer.spec import Number, Spec
+from raytracer.spec import Fraction, Spec
 
-_RADIUS = 2.0
 _CELLS = 1024
-_QUADRATURE = 64
+_STEPS_A_CELL = 64
 
 
 class Mitchell(Spec):
     """A cubic, separable filter of radius 2 with negative lobes, drawn by its magnitude and weighted by its sign.
 
-    References: Mitchell and Netravali 1988, "Reconstruction Filters in Computer Graphics", eq. 8.
+    References: Mitchell, Netravali 1988, "Reconstruction Filters in Computer Graphics", eq. 8.
     """
 
     type: Literal["mitchell"] = "mitchell"
-    b: Number = Field(default=1.0 / 3.0, description="blur: Mitchell and Netravali's B")
-    c: Number = Field(default=1.0 / 3.0, description="ringing: Mitchell and Netravali's C; B + 2 C = 1 suits best")
+    b: Fraction = Field(default=1.0 / 3.0, description="blur: Mitchell and Netravali's B")
+    c: Fraction = Field(default=1.0 / 3.0, description="ringing: Mitchell and Netravali's C; B + 2 C = 1 suits best")
 
     def pack(self) -> "MitchellFilter":
+        b, c = self.b, self.c
+        inner = [12.0 - 9.0 * b - 6.0 * c, -18.0 + 12.0 * b + 6.0 * c, 0.0, 6.0 - 2.0 * b]
+        outer = [-b - 6.0 * c, 6.0 * b + 30.0 * c, -12.0 * b - 48.0 * c, 8.0 * b + 24.0 * c]
+        cubics = np.array([inner, outer]) / 6.0
+
         # Positions between which the integral of |f| grows by equal steps.
-        fine = np.linspace(-_RADIUS, _RADIUS, _CELLS * _QUADRATURE + 1)
-        middle = 0.5 * (fine[1:] + fine[:-1])
-        magnitude = np.abs([mitchell(x, self.b, self.c) for x in middle])
-        growth = np.concatenate([[0.0], np.cumsum(magnitude)])
-        return MitchellFilter(self.b, self.c, np.interp(np.linspace(0.0, growth[-1], _CELLS + 1), growth, fine))
+        edges = np.linspace(-2.0, 2.0, _CELLS * _STEPS_A_CELL + 1)
+        middle = np.abs(0.5 * (edges[1:] + edges[:-1]))
+        values = np.where(middle < 1.0, np.polyval(cubics[0], middle), np.polyval(cubics[1], middle))
+        growth = np.concatenate([[0.0], np.cumsum(np.abs(values))])
+        return MitchellFilter(cubics, np.interp(np.linspace(0.0, growth[-1], _CELLS + 1), growth, edges))
 
 
 class MitchellFilter(NamedTuple):
-    """Packed: B, C, and the quantiles (n + 1,) float64 of |f|, between which positions are drawn evenly."""
+    """Packed for one axis: f by distance, and where to draw positions.
 
-    b: float
-    c: float
+    cubics (2, 4) float64: f at distances 0 .. 1 and 1 .. 2, highest power first.  quantiles (n + 1,) float64: those of
+    |f|, between which positions are drawn evenly.  Weights divide f by the density that this makes, so their mean is 1
+    however fine the table is.
+    """
+
+    cubics: NDArray[np.float64]
     quantiles: NDArray[np.float64]
 
 
 @kernel
-def mitchell(x: float, b: float, c: float) -> float:
-    """The filter's value at a distance in pixels along one axis; its integral is 1."""
-    x = abs(x)
-    if x < 1.0:
-        return ((12.0 - 9.0 * b - 6.0 * c) * x**3 + (-18.0 + 12.0 * b + 6.0 * c) * x**2 + (6.0 - 2.0 * b)) / 6.0
-    if x < 2.0:
-        return (
-            (-b - 6.0 * c) * x**3 + (6.0 * b + 30.0 * c) * x**2 + (-12.0 * b - 48.0 * c) * x + (8.0 * b + 24.0 * c)
-        ) / 6.0
-    return 0.0
-
-
-@kernel
-def _sample_axis(filter, u):  # type: ignore[no-untyped-def]
+def _sample_axis(pixel_filter, u):
     """A position along one axis, and f over the density that it was drawn with."""
-    cells = len(filter.quantiles) - 1
+    cells = len(pixel_filter.quantiles) - 1
     cell = min(int(u * cells), cells - 1)
-    low, high = filter.quantiles[cell], filter.quantiles[cell + 1]
+    low, high = pixel_filter.quantiles[cell], pixel_filter.quantiles[cell + 1]
     x = low + (u * cells - cell) * (high - low)
-    return x, mitchell(x, filter.b, filter.c) * (high - low) * cells
+    distance = abs(x)
+    piece = 0 if distance < 1.0 else 1
+    value = 0.0
+    for power in range(4):
+        value = value * distance + pixel_filter.cubics[piece, power]
+    return x, value * (high - low) * cells
 
 
 @sample_filter.register(MitchellFilter)
-def _(filter, u1, u2):  # type: ignore[no-untyped-def]
-    dx, weight_x = _sample_axis(filter, u1)
-    dy, weight_y = _sample_axis(filter, u2)
+def _(pixel_filter, u1, u2):
+    dx, weight_x = _sample_axis(pixel_filter, u1)
+    dy, weight_y = _sample_axis(pixel_filter, u2)
     return dx, dy, weight_x * weight_y

@@ -16,6 +16,7 @@ from raytracer.geometry import (
     padded,
     plane_distance,
     row3,
+    within_quad,
 )
 from raytracer.primitives.interface import areas, geometry, hit, pdf_point, sample_point
 from raytracer.vec import add, cross, madd, max_abs, norm, normalize, scale
@@ -47,9 +48,11 @@ def _(table: Parallelograms) -> NDArray[np.float64]:
 def _(table, primitive, origin, direction, near, accuracy):
     corner, u, v = row3(table.corner, primitive), row3(table.u, primitive), row3(table.v, primitive)
     normal = normalize(cross(u, v))
-    point = madd(origin, plane_distance(accuracy, origin, direction, corner, normal, near), direction)
-    a, b = barycentric(point, corner, u, v)
+    found = madd(origin, plane_distance(accuracy, origin, direction, corner, normal, near), direction)
+    a, b = barycentric(found, corner, u, v)
     offset = hit_offset(accuracy, max_abs(corner) + max_abs(u) + max_abs(v), near)
+    a, b = within_quad(a, b, offset / max_abs(u), offset / max_abs(v))
+    point = add(corner, add(scale(a, u), scale(b, v)))
     return Hit(point, normal, normal, a, b, offset, table.material[primitive])
 
 

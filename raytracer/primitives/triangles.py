@@ -21,6 +21,7 @@ from raytracer.geometry import (
     padded,
     plane_distance,
     row3,
+    within_triangle,
 )
 from raytracer.jit import kernel
 from raytracer.primitives.interface import areas, concatenate, geometry, hit, pdf_point, sample_point
@@ -83,21 +84,28 @@ def _extent(a, edge1, edge2):  # type: ignore[no-untyped-def]
     return max_abs(a) + max(max_abs(edge1), max_abs(edge2))
 
 
+@kernel
+def _solve(accuracy, a, edge1, edge2, origin, direction, near):  # type: ignore[no-untyped-def]
+    """Point, normal, barycentric coordinates and spawn offset of a hit."""
+    normal = normalize(cross(edge1, edge2))
+    found = madd(origin, plane_distance(accuracy, origin, direction, a, normal, near), direction)
+    u, v = barycentric(found, a, edge1, edge2)
+    offset = hit_offset(accuracy, _extent(a, edge1, edge2), near)
+    u, v = within_triangle(u, v, offset / max(max_abs(edge1), max_abs(edge2)))
+    return add(a, add(scale(u, edge1), scale(v, edge2))), normal, u, v, offset
+
+
 @hit.register(Triangles)
 def _(table, primitive, origin, direction, near, accuracy):
     a, edge1, edge2 = _corners(table.vertices, table.faces, primitive)
-    normal = normalize(cross(edge1, edge2))
-    point = madd(origin, plane_distance(accuracy, origin, direction, a, normal, near), direction)
-    u, v = barycentric(point, a, edge1, edge2)
-    return Hit(point, normal, normal, u, v, hit_offset(accuracy, _extent(a, edge1, edge2), near), table.material[primitive])
+    point, normal, u, v, offset = _solve(accuracy, a, edge1, edge2, origin, direction, near)
+    return Hit(point, normal, normal, u, v, offset, table.material[primitive])
 
 
 @hit.register(SmoothTriangles)
 def _(table, primitive, origin, direction, near, accuracy):
     a, edge1, edge2 = _corners(table.vertices, table.faces, primitive)
-    normal = normalize(cross(edge1, edge2))
-    point = madd(origin, plane_distance(accuracy, origin, direction, a, normal, near), direction)
-    u, v = barycentric(point, a, edge1, edge2)
+    point, normal, u, v, offset = _solve(accuracy, a, edge1, edge2, origin, direction, near)
 
     # Interpolate the vertex normals, and keep to the side of the face that the ray came from.
     n0 = row3(table.normals, table.faces[primitive, 0])
@@ -106,7 +114,7 @@ def _(table, primitive, origin, direction, near, accuracy):
     shading = normalize(add(scale(1.0 - u - v, n0), add(scale(u, n1), scale(v, n2))))
     if dot(shading, direction) * dot(normal, direction) <= 0.0:
         shading = normal
-    return Hit(point, normal, shading, u, v, hit_offset(accuracy, _extent(a, edge1, edge2), near), table.material[primitive])
+    return Hit(point, normal, shading, u, v, offset, table.material[primitive])
 
 
 @sample_point.register(Triangles)

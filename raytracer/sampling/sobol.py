@@ -43,7 +43,7 @@ def _sobol_bytes() -> NDArray[np.uint32]:
     natural = _reversed_bytes().astype(np.uint32)
     second = natural.copy()
     for shift, low_half in ((4, 0x0F), (2, 0x33), (1, 0x55)):
-        second ^= (second & np.uint32(low_half)) << np.uint32(shift)
+        second ^= (second >> np.uint32(shift)) & np.uint32(low_half)
     return natural | (second << np.uint32(16))
 
 
@@ -53,8 +53,8 @@ _SOBOL = _sobol_bytes()
 _BYTE = np.uint64(0xFF)
 _HALF_WORD = np.uint64(0xFFFF)
 
-# Odd multipliers with no structure in their bits, from L'Ecuyer 1999, "Tables of Linear Congruential Generators of
-# Different Sizes and Good Lattice Structure", table 4 (m = 2^32), and Philox's.
+# Odd multipliers with no structure in their bits: Philox's, and some of L'Ecuyer 1999, "Tables of Linear Congruential
+# Generators of Different Sizes and Good Lattice Structure", Math. Comp. 68, for m = 2^32.
 _SALT_SHUFFLE = np.uint64(0xD256D193)
 _SALT_BLOCK = np.uint64(2891336453)
 _SALT_1 = np.uint64(1597334677)
@@ -131,7 +131,7 @@ def _(sampler, key, index, dimension):
 
     # Both dimensions of the points at once; the last doubling of Pascal's triangle is from the byte to the half word.
     words = np.uint64(_SOBOL[high]) | (np.uint64(_SOBOL[low]) << np.uint64(8))
-    words ^= (words & np.uint64(0x00FF0000)) << np.uint64(8)
+    words ^= (words >> np.uint64(8)) & np.uint64(0x00FF0000)
     first = nested_scramble(words & _HALF_WORD, scramble_1)
     second = nested_scramble((words >> np.uint64(16)) & _HALF_WORD, scramble_2)
     return unit_interval(_reverse_digits(first)), unit_interval(_reverse_digits(second))

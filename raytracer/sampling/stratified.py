@@ -40,7 +40,10 @@ class Stratified(NamedTuple):
         return cls(seed, spp, columns, -(-spp // columns))
 
 
-_LOW_BITS_FLIPPED = np.uint64(0x2545F491)
+# Odds of the 24 permutations of 4, where they are the least even, then differ by 2 % (by 18 % after 3 rounds).
+_ROUNDS = 6
+
+_SALT = np.uint64(0x2545F491)
 
 
 @kernel
@@ -57,12 +60,12 @@ def permute(i, length, seed):
     x, n = np.uint64(i), np.uint64(length)
     while True:
         k = np.uint64(seed)
-        for _ in range(3):
+        for _ in range(_ROUNDS):
             # Products with odd numbers carry bits upwards; parities of the bits above carry them downwards.
             x = ((x + (k >> np.uint64(16))) * (k | ONE)) & mask
             for shift in (1, 2, 4, 8, 16):
                 x ^= x >> np.uint64(shift)
-            k = mix32(k ^ _LOW_BITS_FLIPPED)
+            k = mix32(k ^ _SALT)
         if x < n:
             # Each element is equally likely then, however the walk went.
             return np.int64((x + k) % n)

@@ -8,9 +8,9 @@ from raytracer.vec import Vec3
 
 @kernel
 def sample_disc(u1: float, u2: float) -> tuple[float, float]:
-    """A point of the unit disc, uniform by area, from the unit square by circles that stay circles.
+    """A point of the unit disc, uniform by area: squares round the middle (0.5, 0.5) become circles round (0, 0).
 
-    References: Shirley and Chiu 1997, "A Low Distortion Map Between Disk and Square".
+    References: Shirley, Chiu 1997, "A Low Distortion Map Between Disk and Square", JGT 2(3).
     """
     a, b = 2.0 * u1 - 1.0, 2.0 * u2 - 1.0
     if a == 0.0 and b == 0.0:
@@ -30,7 +30,10 @@ def pdf_disc() -> float:
 
 @kernel
 def sample_sphere(u1: float, u2: float) -> Vec3:
-    """A point of the unit sphere, uniform by area."""
+    """A point of the unit sphere, uniform by area.
+
+    References: Archimedes, "On the Sphere and Cylinder": zones of equal height have equal areas.
+    """
     z = 1.0 - 2.0 * u1
     radius = 2.0 * math.sqrt(u1 * (1.0 - u1))
     angle = 2.0 * math.pi * u2
@@ -44,10 +47,22 @@ def pdf_sphere() -> float:
 
 
 @kernel
+def sample_hemisphere(u1: float, u2: float) -> Vec3:
+    """A direction round +z, uniform by solid angle; by Archimedes, as on the sphere."""
+    return sample_cone(u1, u2, 1.0)
+
+
+@kernel
+def pdf_hemisphere(cosine: float) -> float:
+    """Density in solid angle, 0 below the horizon."""
+    return 0.5 / math.pi if cosine >= 0.0 else 0.0
+
+
+@kernel
 def sample_cosine_hemisphere(u1: float, u2: float) -> Vec3:
     """A direction round +z, with a density in proportion to its cosine.
 
-    References: Malley's method; Pharr et al. 2023, "Physically Based Rendering", 4th ed., A.5.3.
+    References: Malley's method: Pharr et al. 2023, "Physically Based Rendering", 4th ed., A.5.3.
     """
     x, y = sample_disc(u1, u2)
     return x, y, math.sqrt(max(0.0, 1.0 - x * x - y * y))
@@ -61,7 +76,7 @@ def pdf_cosine_hemisphere(cosine: float) -> float:
 
 @kernel
 def sample_triangle(u1: float, u2: float) -> tuple[float, float]:
-    """Barycentric (u, v) of a point of a triangle, uniform by area.
+    """Barycentric (u, v) of a point of a triangle, uniform by area: corner + u edge_1 + v edge_2, u + v <= 1.
 
     References: Heitz 2019, "A Low-Distortion Map Between Triangle and Square".
     """
@@ -75,6 +90,12 @@ def sample_triangle(u1: float, u2: float) -> tuple[float, float]:
 
 
 @kernel
+def pdf_triangle() -> float:
+    """Density in (u, v), the area of whose triangle is 1/2; by area it is 1 / area."""
+    return 2.0
+
+
+@kernel
 def one_minus_cosine(sin2: float) -> float:
     """1 - cos of an angle up to 90 degrees from its sin^2, without cancellation for small ones."""
     return sin2 / (1.0 + math.sqrt(1.0 - sin2))
@@ -82,7 +103,12 @@ def one_minus_cosine(sin2: float) -> float:
 
 @kernel
 def sample_cone(u1: float, u2: float, sin2_max: float) -> Vec3:
-    """A direction in the cone round +z whose edge has the squared sine `sin2_max`, uniform by solid angle."""
+    """A direction in the cone round +z whose edge has the squared sine `sin2_max`, uniform by solid angle.
+
+    The sine comes from 1 - cos, not from the cosine, which is 1 to the last bit in a narrow cone.
+
+    References: Pharr et al. 2023, "Physically Based Rendering", 4th ed., A.5.4.
+    """
     height = u1 * one_minus_cosine(sin2_max)
     radius = math.sqrt(height * (2.0 - height))
     angle = 2.0 * math.pi * u2
@@ -91,5 +117,5 @@ def sample_cone(u1: float, u2: float, sin2_max: float) -> Vec3:
 
 @kernel
 def pdf_cone(sin2_max: float) -> float:
-    """Density in solid angle."""
+    """Density in solid angle of a direction in the cone; infinite for a cone of no width."""
     return 1.0 / (2.0 * math.pi * one_minus_cosine(sin2_max))
