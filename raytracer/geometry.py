@@ -238,4 +238,4 @@ def within_triangle(u: float, v: float, margin: float) -> tuple[float, float]:
 @kernel
 def row3(table, index):  # type: ignore[no-untyped-def]
     """Row `index` of an array of shape (n, 3), float32 or float64, as a float64 vector."""
-    return (float(table[index, 0]), float(table[index, 1]), float(table[index, 2]))
+    return (np.float64(table[index, 0]), np.float64(table[index, 1]), np.float64(table[index, 2]))

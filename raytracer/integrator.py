@@ -222,7 +222,7 @@ def trace_paths(scene, work, key, first, count):  # type: ignore[no-untyped-def]
 
             # Meet a surface, and take what it emits.
             primitive = work.rays.ints[PRIMITIVE, lane]
-            near = float(work.rays.floats[TFAR, lane])
+            near = np.float64(work.rays.floats[TFAR, lane])
             hit = hit_any(scene.primitives, table, primitive, origin, direction, near, scene.accuracy)
             front = dot(direction, hit.normal) < 0.0
             emitted = emission_at(scene.materials, hit.material, front)
