@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from raytracer import compare
+from raytracer import comparison as compare
 from raytracer.errors import InputError
 
 HEIGHT, WIDTH = 45, 64

@@ -19,7 +19,7 @@ def explain(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Say which effects a scene calls for and which not, and the camera's derived numbers."""
-    from raytracer.explain import explain as explained
+    from raytracer.explanation import explain as explained
     from raytracer.scene.load import load, parse_overrides
 
     explanation = explained(load(scene, parse_overrides(define or [])))

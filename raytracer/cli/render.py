@@ -11,7 +11,7 @@ import typer
 from raytracer.errors import InputError, OutputError
 
 if TYPE_CHECKING:
-    from raytracer.render import Progress, Rendered
+    from raytracer.rendering import Progress, Rendered
     from raytracer.scene.spec import SceneSpec
 
 EXAMPLE = """\b
@@ -86,7 +86,7 @@ def render(
         spp = min(spp or spec.render.spp, _PREVIEW_SPP)
     load_seconds = time.perf_counter() - start
 
-    from raytracer.render import render as render_scene
+    from raytracer.rendering import render as render_scene
 
     bar = _Bar(quiet)
     try:

@@ -44,9 +44,7 @@ def build_alias(weights: ArrayLike) -> AliasTable:
         if scaled[more] < 1.0:
             small.append(large.pop())
 
-    # Bins left over are full but for rounding; one without weight must still never be kept.
-    empty = [number for number in small if pmf[number] == 0.0]
-    probability[empty], alias[empty] = 0.0, int(np.argmax(pmf))
+    # Bins left over are full but for rounding, which cannot amount to the whole share that one without weight lacks.
     return AliasTable(probability, alias, pmf)
 
 

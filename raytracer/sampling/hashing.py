@@ -68,7 +68,6 @@ def hash_pixel(seed, x, y):
     low = (x & _HALF_WORD) | ((y & _HALF_WORD) << np.uint64(16))
     high = (x >> np.uint64(16)) ^ (y & (MASK ^ _HALF_WORD))
 
-    # Whiten before and after, so that the keys of another seed are not the same ones at shifted pixels.
-    before = mix32(seed ^ GOLDEN)
-    after = mix32((seed >> np.uint64(32)) ^ before)
-    return mix32(mix32(low ^ before) ^ after ^ mix32(high))
+    # Hash once more with the seed in, or the keys of another seed would be the same ones at other pixels.
+    of_seed = mix32(mix32(seed ^ GOLDEN) ^ (seed >> np.uint64(32)))
+    return mix32(mix32(low) ^ mix32(high) ^ of_seed)

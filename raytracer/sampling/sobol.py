@@ -53,12 +53,11 @@ _SOBOL = _sobol_bytes()
 _BYTE = np.uint64(0xFF)
 _HALF_WORD = np.uint64(0xFFFF)
 
-# Odd multipliers with no structure in their bits: Philox's, and some of L'Ecuyer 1999, "Tables of Linear Congruential
-# Generators of Different Sizes and Good Lattice Structure", Math. Comp. 68, for m = 2^32.
+# Odd, and above 2^31, since the upper half of a product with c stays below c.
+_SALT_BLOCK = np.uint64(0xB5297A4D)
 _SALT_SHUFFLE = np.uint64(0xD256D193)
-_SALT_BLOCK = np.uint64(2891336453)
-_SALT_1 = np.uint64(1597334677)
-_SALT_2 = np.uint64(747796405)
+_SALT_1 = np.uint64(0xAC564B05)
+_SALT_2 = np.uint64(0xCAF649A9)
 _SCRAMBLE = np.uint64(0x05526C56)
 
 
@@ -88,13 +87,20 @@ def _reverse_digits(word):
 
 
 @kernel
+def _folded_product(a, b):
+    """The two halves of the product of 32-bit words, one upon the other: all bits of both decide on each of its own."""
+    product = a * b
+    return (product >> np.uint64(32)) ^ (product & MASK)
+
+
+@kernel
 def _seeds(key, index, dimension):
     """Three 32-bit words for the 65536 samples around `index` and for `dimension`: to shuffle, and to scramble by."""
     block = (np.uint64(index) >> np.uint64(16)) * _SALT_BLOCK
     use = (np.uint64(dimension) + block) & MASK
-    product = ((np.uint64(key) + use * GOLDEN) & MASK) * _SALT_SHUFFLE
-    shuffle = (product >> np.uint64(32)) ^ (product & MASK)
-    return shuffle, (shuffle * _SALT_1) >> np.uint64(32), (shuffle * _SALT_2) >> np.uint64(32)
+    word = (np.uint64(key) + use * GOLDEN) & MASK
+    shuffle = _folded_product(word ^ (word >> np.uint64(16)), _SALT_SHUFFLE)
+    return shuffle, _folded_product(shuffle, _SALT_1), _folded_product(shuffle, _SALT_2)
 
 
 @kernel

@@ -155,6 +155,19 @@ def render(
     return Rendered(image, stats, job.is_complete, job.interrupted, fewest)
 
 
+def render_image(
+    scene: SceneSpec,
+    *,
+    spp: int | None = None,
+    seed: int | None = None,
+    threads: int | None = None,
+    crop: tuple[int, int, int, int] | None = None,
+    time_limit: float | None = None,
+) -> Image:
+    """The image of a scene: `image.radiance` is float64 (height, width, 3), row 0 at the top.  See `render`."""
+    return render(scene, spp=spp, seed=seed, threads=threads, crop=crop, time_limit=time_limit).image
+
+
 class _Clock:
     """Seconds by phase."""
 

@@ -1,0 +1,288 @@
+"""Meshes as libraries read them, and what has to be done about what the libraries get wrong.
+
+trimesh reads all formats, and meshio those PLY files that trimesh refuses: binary ones whose faces are not all of one
+size, as Blender writes them.  They say little about files that are broken, or ask for more than they read, so each
+function here checks what its format can get wrong without a word.
+
+References: Wavefront Technologies, "Object Files (.obj)", Advanced Visualizer Manual, appendix B1; G. Turk, "The PLY
+    Polygon File Format", 1994; Khronos Group, "glTF 2.0 Specification".
+"""
+
+import io
+import logging
+import re
+import traceback
+import warnings
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.errors import one_line
+
+Integers = NDArray[np.integer[Any]]
+Floats = NDArray[np.floating[Any]]
+
+_LONGEST_HEADER = 1 << 16
+
+# Faces as meshio reads them right, lists of corners and nothing else, and what follows, which it does not read.
+_PLAIN_FACES = re.compile(
+    rb"element face (\d+)\s+property list \w+ \w+ (vertex_ind(?:ices|ex)\s+(?:element .*)?)end_header\r?\n", re.DOTALL
+)
+
+# trimesh takes what comes second for the format, and bytes of an unknown one for little-endian.
+_PLY_HEADER = re.compile(
+    rb"ply\r?\nformat (ascii|binary_little_endian|binary_big_endian) 1\.0\s*\n.*?\nend_header\r?\n", re.DOTALL
+)
+
+# Corners of an OBJ face with an index that counts back, or is 0.
+_RELATIVE = re.compile(r"-|\b0+\b")
+
+
+class Parts(NamedTuple):
+    """A mesh as a file has it, not yet checked: vertices (n, 3), faces (m, 3), normals (n, 3) or None."""
+
+    vertices: Floats
+    faces: Integers
+    normals: Floats | None
+
+
+class BrokenMeshError(ValueError):
+    """A mesh file that cannot be read; its text completes the sentence "FILE: ..."."""
+
+
+def weld(points: Floats) -> tuple[Integers, Integers]:
+    """Make equal `points` (n, 3) one: the index of a point of each kind (k,), and the kind of each point (n,).
+
+    Equal means equal in every bit but the sign of zero; NaN equals nothing.
+    """
+    order = np.lexsort(points.T)
+    ordered = points[order]
+    new = np.ones(len(points), dtype=bool)
+    np.any(ordered[1:] != ordered[:-1], axis=1, out=new[1:])
+    kind = np.empty(len(points), dtype=np.int64)
+    kind[order] = np.cumsum(new) - 1
+    return order[new], kind
+
+
+def _triangles(polygons: Integers | list[Integers]) -> Integers:
+    """Triangles (m, 3) of polygons, an array (p, corners) or a list of arrays."""
+    from trimesh.geometry import triangulate_quads
+
+    if isinstance(polygons, np.ndarray) and polygons.shape[1:] == (3,):
+        return polygons
+    triangles: Integers = triangulate_quads(polygons)
+    return triangles
+
+
+def _read_scene(file: BinaryIO | TextIO, format_name: str) -> Parts:
+    """The triangles of all nodes of a scene, each where its node puts it; missing normals are (0, 0, 0)."""
+    import trimesh
+
+    scene = trimesh.load_scene(file, file_type=format_name, process=False, skip_materials=True)
+    vertices: list[Floats] = []
+    faces: list[Integers] = []
+    normals: list[Floats] = []
+    has_normals = False
+    offset = 0
+    for node in scene.graph.nodes_geometry:
+        matrix, name = scene.graph[node]
+        mesh = scene.geometry[name]
+        if not isinstance(mesh, trimesh.Trimesh):
+            continue
+        if mesh.vertices.shape[1:] != (3,):
+            raise BrokenMeshError("has vertices without 3 coordinates")
+        linear = matrix[:3, :3]
+        own = len(mesh.vertices)
+        vertices.append(mesh.vertices @ linear.T + matrix[:3, 3])
+
+        # A mirroring node turns triangles inside out; normals go by the cofactors, which need no inverse.
+        faces.append((mesh.faces if np.linalg.det(linear) >= 0 else mesh.faces[:, ::-1]) + offset)
+        offset += own
+
+        # Normals that were not in the file are not there yet; asking the mesh for them would make them.
+        if "vertex_normals" in mesh._cache.cache:
+            has_normals = True
+            cofactors = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
+            normals.append(mesh.vertex_normals @ cofactors.T * np.sign(np.linalg.det(linear)))
+        else:
+            normals.append(np.zeros((own, 3)))
+    if not faces:
+        raise BrokenMeshError("has no faces")
+    return Parts(np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals) if has_normals else None)
+
+
+def _read_gltf(file: BinaryIO) -> Parts:
+    return _read_scene(file, "gltf")
+
+
+def _read_glb(file: BinaryIO) -> Parts:
+    return _read_scene(file, "glb")
+
+
+def _read_stl(file: BinaryIO) -> Parts:
+    """Equal corners become one vertex, since the format has no indices."""
+    from trimesh.exchange.stl import HeaderError, load_stl_binary
+
+    try:
+        mesh = load_stl_binary(file)
+        corners, faces = mesh.get("vertices", np.empty((0, 3))), mesh.get("faces", np.empty((0, 3), dtype=np.int64))
+    except HeaderError:
+        file.seek(0)
+        text = file.read().decode("latin-1").lower()
+        if "endsolid" not in text:
+            raise BrokenMeshError("ends early, or is neither text nor as long as its binary header says") from None
+        corners, faces, _ = _read_scene(io.StringIO(text), "stl")
+
+        # Of several solids trimesh reads those that are whole.
+        if len(faces) != text.count("endfacet"):
+            raise BrokenMeshError("ends early, or has facets that are not triangles") from None
+    first, vertex = weld(corners)
+    return Parts(corners[first], vertex[faces], None)
+
+
+def _absolute(index: str, count: int) -> str:
+    """An OBJ index counted from 1, of one that may count back from the last of the `count` that precede its face."""
+    if not index:
+        return index
+    absolute = int(index) + (count + 1) * index.startswith("-")
+    if absolute <= 0:
+        raise BrokenMeshError(f"has a face with the index {index}, after {count} that it could mean")
+    return str(absolute)
+
+
+def _plain_obj(text: str) -> str:
+    """An OBJ file's vertices, normals and faces in those forms of the format that trimesh takes for what they are.
+
+    It counts negative indices from the end of the file, takes 0 for 1, and takes all of a material's faces with the
+    same count of numbers to be written as the first is.  It overlooks lines that are indented or have tabs, joins
+    the words around the end of a line that is continued, and leaves faces out that have fewer than 3 corners.
+    """
+    before = {"v": 0, "vt": 0, "vn": 0}
+    data: list[str] = []
+    by_form: defaultdict[str, list[str]] = defaultdict(list)
+    for line in re.sub(r"\\\r?\n|#.*", " ", text).splitlines():
+        words = line.split()
+        keyword = words[0] if words else ""
+        if keyword == "f":
+            corners = words[1:]
+            if len(corners) < 3:
+                raise BrokenMeshError("has a face with fewer than 3 corners")
+            if _RELATIVE.search(line):
+                pairs = (zip(corner.split("/"), before.values(), strict=False) for corner in corners)
+                corners = ["/".join(_absolute(*pair) for pair in corner) for corner in pairs]
+            by_form[re.sub(r"\d+", "1", corners[0])].append("f " + " ".join(corners))
+        elif keyword in before:
+            before[keyword] += 1
+            data.append(" ".join(words))
+    for form, faces in by_form.items():
+        data += [f"usemtl {form}", *faces]
+    return "\n".join(data)
+
+
+def _read_obj(file: BinaryIO) -> Parts:
+    return _read_scene(io.StringIO(_plain_obj(file.read().decode("latin-1"))), "obj")
+
+
+def _check_ply_size(file: BinaryIO, head: re.Match[bytes]) -> None:
+    """Refuse a file with fewer lines, or bytes, than it says to have elements: of text trimesh takes what is there.
+
+    Raises
+    ------
+    BrokenMeshError : the file ends early.
+    """
+    declared = sum(int(count) for count in re.findall(rb"^element\s+\S+\s+(\d+)", head[0], re.MULTILINE))
+    file.seek(head.end())
+    is_text = head[1] == b"ascii"
+    available = file.read().rstrip().count(b"\n") + 1 if is_text else file.seek(0, io.SEEK_END) - head.end()
+    if available < declared:
+        raise BrokenMeshError("ends early")
+
+
+def _read_mixed_ply(file: BinaryIO, head: re.Match[bytes]) -> Parts:
+    """What meshio makes of a binary file whose faces are not all of one size.
+
+    Raises
+    ------
+    BrokenMeshError : the file ends early, or is of a kind that meshio takes for what it is not.
+    """
+    import meshio
+
+    file.seek(0)
+    data = file.read()
+    plain = _PLAIN_FACES.search(data, 0, head.end())
+    if plain is None:
+        raise BrokenMeshError("ends early, or has faces of different sizes with more to them than corners")
+
+    # Under the only name that meshio knows, and without the elements that it does not know.
+    mesh = meshio.ply.read(io.BytesIO(data[: plain.start(2)] + b"vertex_indices\n" + data[plain.end(2) :]))
+    polygons = [polygon for block in mesh.cells for polygon in block.data]
+    if len(polygons) != int(plain[1]) or min(map(len, polygons)) < 3:
+        raise BrokenMeshError("ends early, or has a face with fewer than 3 corners")
+    normals = [mesh.point_data[name] for name in ("nx", "ny", "nz") if name in mesh.point_data]
+    return Parts(mesh.points, _triangles(polygons), np.stack(normals, axis=1) if len(normals) == 3 else None)
+
+
+def _read_ply(file: BinaryIO) -> Parts:
+    from trimesh.exchange.ply import load_ply
+
+    head = _PLY_HEADER.match(file.read(_LONGEST_HEADER))
+    if head is None:
+        raise BrokenMeshError("does not begin as a PLY file does")
+    _check_ply_size(file, head)
+    file.seek(0)
+
+    # The arrays themselves, since a mesh of trimesh's takes twice their memory.
+    try:
+        mesh = load_ply(file, skip_materials=True, fix_texture=False)
+    except ValueError:
+        if head[1] == b"ascii":
+            raise
+        return _read_mixed_ply(file, head)
+    if "faces" not in mesh:
+        raise BrokenMeshError("has no faces")
+    return Parts(mesh["vertices"], _triangles(mesh["faces"]), mesh.get("vertex_normals"))
+
+
+_READERS: Mapping[str, tuple[str, Callable[[BinaryIO], Parts]]] = {
+    ".ply": ("PLY", _read_ply),
+    ".obj": ("OBJ", _read_obj),
+    ".stl": ("STL", _read_stl),
+    ".gltf": ("glTF", _read_gltf),
+    ".glb": ("glTF", _read_glb),
+}
+
+SUFFIXES = tuple(_READERS)
+"""Suffixes of the files that `read` reads, in lower case."""
+
+
+def read(path: Path) -> Parts:
+    """What the library for the file's suffix finds in it: all its triangles, in one mesh.
+
+    Raises
+    ------
+    BrokenMeshError : the file is broken, or holds no triangles.
+    OSError : the file cannot be opened.
+    """
+    name, reader = _READERS[path.suffix.lower()]
+
+    # What trimesh logs would go to stderr.
+    logging.getLogger("trimesh").addHandler(logging.NullHandler())
+    with path.open("rb") as file, warnings.catch_warnings(), np.errstate(all="ignore"):
+        if not file.peek(1):
+            raise BrokenMeshError("is empty")
+
+        # Before version 2.3, NumPy stopped at what is no number and warned.
+        warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
+        try:
+            parts = reader(file)
+        except BrokenMeshError:
+            raise
+        except Exception as error:
+            # A broken file raises anything, from KeyError to struct.error.
+            reason = one_line(traceback.format_exception_only(error)[-1])
+            raise BrokenMeshError(f"cannot be read as {name}: {reason}") from error
+    return parts
