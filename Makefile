@@ -48,11 +48,11 @@ check: $(INSTALLED_TEST)  ## Style, types and layers of the sources
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports --no-logo
 
-bench: $(INSTALLED) $(MILLION)  ## Measure the speed, as the README's table shows it
-	$(VENV_PYTHON) bench/bench.py
+bench: $(INSTALLED) $(MILLION)  ## Measure the speed, against Mitsuba 3 too once `make peers` has installed it
+	$(VENV_PYTHON) bench/bench.py $(if $(wildcard $(PEER_PYTHON)),--peer $(PEER_PYTHON))
 
 peers: $(INSTALLED) $(INSTALLED_PEERS) $(MILLION)  ## Compare with Mitsuba 3, which this installs
-	$(PEER_PYTHON) peers/compare.py
+	$(VENV_PYTHON) peers/compare.py --peer $(PEER_PYTHON)
 
 references: $(INSTALLED_TEST)  ## Render the reference images of the tests anew
 	$(VENV_PYTHON) -m tests.make_references
@@ -95,9 +95,9 @@ $(INSTALLED_TEST): pyproject.toml $(INSTALLED)
 	$(VENV_PYTHON) -m pip install --quiet --disable-pip-version-check --editable ".[test]"
 	@touch $@
 
-$(INSTALLED_PEERS): pyproject.toml
+$(INSTALLED_PEERS): Makefile
 	$(call make_venv,$(PEER_VENV))
-	$(PEER_PYTHON) -m pip install --quiet --disable-pip-version-check --editable ".[peers]"
+	$(PEER_PYTHON) -m pip install --quiet --disable-pip-version-check mitsuba numpy pyyaml
 	@touch $@
 
 endif

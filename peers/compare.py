@@ -3,8 +3,8 @@
     python peers/compare.py --peer .venv-peers/bin/python
 
 Each scene is rendered by both programs in batches of other seeds, with independent samples. The spread of the batches
-gives the variance of each pixel, without asking either program for it. `raytracer.compare.z_test` is the judge.
-Prints a table, writes ours | theirs | difference to outputs/peers/ (equal is mid grey), and exits with 1 if a
+gives the variance of each pixel, without asking either program for it. `raytracer.comparison.z_test` is the judge.
+Prints a table, writes ours | theirs | difference to outputs/peers/ (equal is grey), and exits with 1 if a
 picture disagrees, with 2 if a scene could not be compared at all.
 """
 
@@ -20,9 +20,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.compare import Verdict, z_test
+from raytracer.comparison import Verdict, z_test
 from raytracer.film.image import Image
-from raytracer.render import render
+from raytracer.rendering import render
 from raytracer.scene.load import load
 
 ROOT = Path(__file__).parents[1]
@@ -48,6 +48,7 @@ CASES = (
     Case(ROOT / "scenes" / "cover.yaml", 200, 112),
     Case(ROOT / "scenes" / "cornell.yaml", 152, 152),
     Case(ROOT / "scenes" / "glass.yaml", 192, 108),
+    Case(ROOT / "peers" / "kinds.yaml", 192, 108),
     Case(ROOT / "scenes" / "million.yaml", 128, 128),
 )
 
@@ -67,9 +68,7 @@ def ours(case: Case, spp: int, batches: int, depth: int | None) -> Estimate:
     """Our picture, with independent samples."""
     overrides = {"film.width": case.width, "film.height": case.height, "render.sampler": "independent"}
     spec = load(case.scene, overrides if depth is None else {**overrides, "render.max_depth": depth})
-    images = [
-        render(spec, spp=spp // batches, seed=OUR_FIRST_SEED + batch).image.radiance for batch in range(batches)
-    ]
+    images = [render(spec, spp=spp // batches, seed=OUR_FIRST_SEED + batch).image.radiance for batch in range(batches)]
     return Estimate(np.mean(images, axis=0), np.var(images, axis=0, ddof=1) / batches)
 
 
@@ -108,7 +107,7 @@ def theirs(
 
 
 def save_picture(path: Path, a: Estimate, b: Estimate) -> None:
-    """Write a | b | difference side by side; the difference is relative to the picture's mean, 10 % to full black or white."""
+    """Write a | b | difference side by side; a difference of 10 % of the picture's mean is black or white."""
     middle, full = 0.5, 0.1
     difference = middle + middle * (a.mean - b.mean) / (full * b.mean.mean())
     Image(np.concatenate([a.mean, b.mean, difference.clip(0.0, 1.0)], axis=1)).save(path)
@@ -135,7 +134,9 @@ def summary(case: Case, a: Estimate, b: Estimate, verdict: Verdict) -> dict[str,
 
 def print_table(rows: list[dict[str, object]]) -> None:
     """Write the verdicts as a Markdown table."""
-    print("| scene | film | verdict | difference of means (r, g, b) | z of means | largest tile z | variance / peer's |")
+    print(
+        "| scene | film | verdict | difference of means (r, g, b) | z of means | largest z of a tile | variance ratio |"
+    )
     print("|---|---|---|---|---|---|---|")
     for row in rows:
         if "agrees" not in row:

@@ -289,7 +289,7 @@ def sensor(camera: Spec, film: Spec) -> Spec:
         return {"type": "perspective", **spec}
     if kind == "thin_lens" and math.isfinite(focus):
         return {"type": "thinlens", "focus_distance": focus, "aperture_radius": diameter / 2, **spec}
-    raise UnsupportedError(f"camera: no Mitsuba equal for {kind}" + (", focus at infinity" if kind == "thin_lens" else ""))
+    raise UnsupportedError(f"camera: no Mitsuba equal for {kind}, or not for its focus at infinity")
 
 
 def gradient(horizon: list[float], zenith: list[float], rows: int = 1025) -> Any:

@@ -7,7 +7,7 @@ Needs mitsuba, numpy and pyyaml, in an environment of their own. The `llvm_*` va
 `first_seconds` holds a compilation only where that folder is new.
 
 With --serve the process stays warm: it renders once, prints the report on one line, and then renders again for every
-seed that it reads, a line each, answering with the seconds.
+seed from 1 on that it reads, a line each, answering with the seconds and the noise.
 """
 
 from __future__ import annotations
@@ -87,14 +87,22 @@ def peak_rss_bytes() -> int:
     return peak if sys.platform == "darwin" else 1024 * peak
 
 
-def serve(scene: Any, parts: list[int]) -> None:
-    """Answer each seed on standard input with the wall and processor seconds of a render, as JSON on a line."""
+def relative_noise(a: NDArray[Any], b: NDArray[Any]) -> float:
+    """Expected relMSE of either of two renders that differ by their seeds: half the squared difference."""
+    return float(np.mean(0.5 * (a - b) ** 2 / ((0.5 * (a + b)) ** 2 + 0.01)))
+
+
+def serve(scene: Any, parts: list[int], before: NDArray[Any]) -> None:
+    """Answer each seed on standard input with seconds of a render and its noise, as JSON on a line."""
     for line in sys.stdin:
-        begin, cpu = time.perf_counter(), time.process_time()
-        for i, spp in enumerate(parts):
-            synchronised_render(scene, spp, int(line) * len(parts) + i)
-        took = {"render": time.perf_counter() - begin, "cpu": time.process_time() - cpu, "peak_rss": peak_rss_bytes()}
-        print(json.dumps(took), flush=True)
+        begin = time.perf_counter()
+        seeds = range(int(line) * len(parts), (int(line) + 1) * len(parts))
+        rendered = [synchronised_render(scene, spp, seed) for spp, seed in zip(parts, seeds, strict=True)]
+        seconds = time.perf_counter() - begin
+        images = [np.array(image, dtype=np.float64).reshape(before.shape) for image in rendered]
+        mean, _ = mean_and_variance(images, parts)
+        print(json.dumps({"render": seconds, "noise": relative_noise(before, mean)}), flush=True)
+        before = mean
 
 
 def main() -> None:
@@ -157,7 +165,7 @@ def main() -> None:
     }
     print(json.dumps(report), flush=True)
     if arguments.serve:
-        serve(scene, parts)
+        serve(scene, parts, mean)
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
 """rt: an offline ray tracer for people who think in cameras.
 
-    import raytracer as rt
+import raytracer as rt
 
-    scene = rt.load("scene.yaml", {"camera.vfov": 40})
-    image = rt.render(scene, spp=64)
-    image.save("picture.png")
+scene = rt.load("scene.yaml", {"camera.vfov": 40})
+image = rt.render(scene, spp=64)
+image.save("picture.png")
 """
 
 import importlib

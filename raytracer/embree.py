@@ -243,12 +243,12 @@ def packet() -> Packet:
 
 
 _signature = types.void(types.intp, types.intp, types.intp, types.intp)
-_rtc_intersect8 = types.ExternalFunction("rtcIntersect8", _signature)
-_rtc_occluded8 = types.ExternalFunction("rtcOccluded8", _signature)
+_rtc_intersect8: Any = types.ExternalFunction("rtcIntersect8", _signature)
+_rtc_occluded8: Any = types.ExternalFunction("rtcOccluded8", _signature)
 
 
 @kernel
-def intersect(accel, packet, count):  # type: ignore[no-untyped-def]
+def intersect(accel, packet, count):
     """Nearest hits of the first `count` rays; a miss leaves MISS in the GEOMETRY row."""
     for lane in range(PACKET):
         packet.valid[lane] = -1 if lane < count else 0
@@ -258,7 +258,7 @@ def intersect(accel, packet, count):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def occluded(accel, packet, count):  # type: ignore[no-untyped-def]
+def occluded(accel, packet, count):
     """Whether anything lies on the first `count` rays: TFAR becomes -inf where it does."""
     for lane in range(PACKET):
         packet.valid[lane] = -1 if lane < count else 0
@@ -266,7 +266,7 @@ def occluded(accel, packet, count):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def set_ray(packet, lane, origin, direction, tfar):  # type: ignore[no-untyped-def]
+def set_ray(packet, lane, origin, direction, tfar):
     """Write a ray into a lane; `direction` is a unit vector, so that distances are `t`."""
     for axis in range(3):
         packet.floats[ORIGIN + axis, lane] = origin[axis]

@@ -44,6 +44,4 @@ def explain(spec: SceneSpec) -> Explanation:
     ------
     SceneError : the scene cannot be packed.
     """
-    return Explanation(
-        effects_of(spec, pack(spec).scene), spec.camera.describe(spec.film.width, spec.film.height)
-    )
+    return Explanation(effects_of(spec, pack(spec).scene), spec.camera.describe(spec.film.width, spec.film.height))

@@ -5,7 +5,7 @@ Embree finds the primitive in float32; these solve the accepted hit again in flo
 
 import enum
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,11 +37,13 @@ class Geometry(NamedTuple):
     normals: NDArray[np.float32] | None = None
 
 
+_Scalar = TypeVar("_Scalar", bound=np.generic)
+
 # Bytes that Embree may read past the last element of a shared buffer (it loads 16 at a time).
 _PADDING = 16
 
 
-def padded(rows: NDArray[np.generic], dtype: type[np.generic]) -> NDArray[np.generic]:
+def padded(rows: NDArray[Any], dtype: type[_Scalar]) -> NDArray[_Scalar]:
     """A copy of `rows` of the given 32-bit dtype, with the readable bytes behind it that Embree asks for."""
     buffer = np.zeros(rows.size + _PADDING // 4, dtype)
     out = buffer[: rows.size].reshape(rows.shape)
@@ -79,7 +81,7 @@ class LightPoint(NamedTuple):
 
 
 class Exact(NamedTuple):
-    """The accuracy setting `exact`: hits that Embree found are solved again in float64.  None takes them as they are."""
+    """The accuracy `exact`: hits that Embree found are solved again in float64.  None takes them as they are."""
 
 
 OFFSET_ULPS = 4.0 * 2.0**-23
@@ -116,13 +118,13 @@ def sphere_gap(extent: float, distance: float, cosine: float, radius: float) -> 
 
 
 @generic
-def sphere_distance(accuracy, origin, direction, center, radius, near):  # type: ignore[no-untyped-def]
+def sphere_distance(accuracy, origin, direction, center, radius, near):
     """Distance to a sphere along a unit direction, which float32 found to be `near`."""
     raise NotImplementedError
 
 
 @sphere_distance.register(Exact)
-def _(accuracy, origin, direction, center, radius, near):  # type: ignore[no-untyped-def]
+def _(accuracy, origin, direction, center, radius, near):
     """The root of |o + t d - c| = r that is closest to `near`.
 
     The discriminant is taken from the closest approach, which cancels nothing for a far or a large sphere.
@@ -137,13 +139,13 @@ def _(accuracy, origin, direction, center, radius, near):  # type: ignore[no-unt
 
 
 @generic
-def plane_distance(accuracy, origin, direction, point, normal, near):  # type: ignore[no-untyped-def]
+def plane_distance(accuracy, origin, direction, point, normal, near):
     """Distance along a ray to the plane of `point` and `normal`, which float32 found to be `near`."""
     raise NotImplementedError
 
 
 @plane_distance.register(Exact)
-def _(accuracy, origin, direction, point, normal, near):  # type: ignore[no-untyped-def]
+def _(accuracy, origin, direction, point, normal, near):
     slope = dot(direction, normal)
     # A ray in the plane has no distance of its own.
     if slope == 0.0:
@@ -152,28 +154,28 @@ def _(accuracy, origin, direction, point, normal, near):  # type: ignore[no-unty
 
 
 @generic
-def hit_offset(accuracy, extent, near):  # type: ignore[no-untyped-def]
+def hit_offset(accuracy, extent, near):
     """The spawn distance for a hit at distance `near` on a primitive whose coordinates reach `extent`."""
     raise NotImplementedError
 
 
 @hit_offset.register(Exact)
-def _(accuracy, extent, near):  # type: ignore[no-untyped-def]
+def _(accuracy, extent, near):
     return offset_of(extent)
 
 
 @sphere_distance.register(type(None))
-def _(accuracy, origin, direction, center, radius, near):  # type: ignore[no-untyped-def]
+def _(accuracy, origin, direction, center, radius, near):
     return near
 
 
 @plane_distance.register(type(None))
-def _(accuracy, origin, direction, point, normal, near):  # type: ignore[no-untyped-def]
+def _(accuracy, origin, direction, point, normal, near):
     return near
 
 
 @hit_offset.register(type(None))
-def _(accuracy, extent, near):  # type: ignore[no-untyped-def]
+def _(accuracy, extent, near):
     # The hit point itself is wrong by an ulp of the distance.
     return offset_of(extent + near)
 
@@ -236,6 +238,6 @@ def within_triangle(u: float, v: float, margin: float) -> tuple[float, float]:
 
 
 @kernel
-def row3(table, index):  # type: ignore[no-untyped-def]
+def row3(table, index):
     """Row `index` of an array of shape (n, 3), float32 or float64, as a float64 vector."""
     return (np.float64(table[index, 0]), np.float64(table[index, 1]), np.float64(table[index, 2]))

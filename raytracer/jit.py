@@ -1,8 +1,8 @@
 """The one place for Numba: compiler options, the kernel cache, and dispatch by type.
 
-Everything in the inner loop is a plain function under `kernel`, called from one `entry`, or one case of a `generic` function whose
-implementation is chosen, when a scene is compiled, by the NamedTuple class of its first argument.  A scene
-without a kind of thing therefore holds no code for it.
+Everything in the inner loop is called from one `entry`: a plain function under `kernel`, or one case of a `generic`
+function, chosen when a scene is compiled by the NamedTuple class of its first argument.  A scene without a kind of
+thing therefore holds no code for it.
 """
 
 import functools
@@ -14,9 +14,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
+import llvmlite.ir
 import numba
 from numba import types
-from numba.extending import overload
+from numba.extending import intrinsic, overload
 
 _PACKAGE = Path(__file__).parent
 
@@ -26,7 +27,7 @@ _CACHES_KEPT = 4
 # (cover scene, 4 threads: 1.48 s with them, 1.0 s without).  Calls would pass whole scenes on the stack: inlining
 # them took the cover from 3.05 s to 2.60 s on one thread.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False, "forceinline": True}
-_PART = {**_OPTIONS, "no_cfunc_wrapper": True}
+_PART: Any = {**_OPTIONS, "no_cfunc_wrapper": True}
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -72,7 +73,7 @@ def _use_cache_of_these_sources() -> Path:
 CACHE_FOLDER = _use_cache_of_these_sources()
 
 
-def entry(function: F) -> F:
+def entry(function: Callable[..., Any]) -> Any:
     """Compile what Python calls to start work: without the interpreter lock, and cached on disk."""
     return numba.njit(nogil=True, cache=True, **_OPTIONS)(function)
 
@@ -97,7 +98,7 @@ def _class_of(numba_type: types.Type) -> type | None:
     return getattr(numba_type, "instance_class", None)
 
 
-def generic(stub: F) -> F:
+def generic(stub: Callable[..., Any]) -> Any:
     """Make `stub` a function whose implementation is chosen by the class of its first argument.
 
     Cases are added with `@stub.register(SomeNamedTuple)`.  Called from Python it is `functools.singledispatch`;
@@ -115,10 +116,10 @@ def generic(stub: F) -> F:
     def typing(first, *rest):  # type: ignore[no-untyped-def]
         return choose(first)
 
-    return dispatcher  # type: ignore[return-value]
+    return dispatcher
 
 
-def switch(case: F) -> F:
+def switch(case: Callable[..., Any]) -> Any:
     """Make `case(table, *args)` into `function(tables, index, *args)` that picks one table of a tuple at run time.
 
     `tables` holds tables of different classes, so no index can reach into it; the choice becomes a chain of
@@ -136,8 +137,26 @@ def switch(case: F) -> F:
         def implementation(tables, index, *args):  # type: ignore[no-untyped-def]
             if index == 0:
                 return case(tables[0], *args)
-            return chosen(tables[1:], index - 1, *args)
+            return chosen(tables[1:], index - 1, *args)  # type: ignore[no-untyped-call]
 
         return implementation
 
-    return chosen  # type: ignore[return-value]
+    return chosen
+
+
+@intrinsic
+def _prefetch(typing_context, address):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        pointer = llvmlite.ir.PointerType(llvmlite.ir.IntType(8))
+        word = llvmlite.ir.IntType(32)
+        kind = llvmlite.ir.FunctionType(llvmlite.ir.VoidType(), [pointer, word, word, word])
+        function = builder.module.declare_intrinsic("llvm.prefetch", [pointer], kind)
+        read, keep, data = (llvmlite.ir.Constant(word, value) for value in (0, 3, 1))
+        builder.call(function, [builder.inttoptr(arguments[0], pointer), read, keep, data])
+        return context.get_dummy_value()
+
+    return types.void(types.intp), generate
+
+
+prefetch: Any = _prefetch
+"""Ask for the cache line at an address (intp) that will be read soon; for kernels only."""

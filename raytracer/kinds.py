@@ -39,7 +39,7 @@ class Family:
                 found[name] = value
         return dict(sorted(found.items()))
 
-    def specs(self) -> dict[str, type[Spec]]:
+    def specs(self) -> dict[str, Any]:
         """The kinds' specs by type name, sorted by it; imports every module of the package.
 
         Raises

@@ -226,9 +226,7 @@ class _Job:
     an early end leaves a whole picture.
     """
 
-    def __init__(
-        self, scene: Scene, target: FilmView, window: Window, spp: int, time_limit: float | None
-    ) -> None:
+    def __init__(self, scene: Scene, target: FilmView, window: Window, spp: int, time_limit: float | None) -> None:
         self._scene, self._target, self._spp = scene, target, spp
         self._queue: deque[_Tile] = deque(_Tile(tile, 0) for tile in _tiles(window))
         self._wanted = (window.right - window.left) * (window.bottom - window.top) * spp
@@ -276,7 +274,8 @@ class _Job:
             end = _pass_end(tile.begin, self._spp)
             try:
                 rays = render_tile(self._scene, self._target, room, *tile.window, tile.begin, end)
-            except BaseException as error:
+            except BaseException as error:  # noqa: BLE001
+                # Raised where the threads are waited for.
                 self._failure = error
                 self._stopped.set()
                 return

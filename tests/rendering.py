@@ -5,13 +5,14 @@ to one: the kinds of primitives and materials that a scene lacks come as specks 
 where no ray of these tests meets them.
 """
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.image import Image
-from raytracer.render import Rendered, render
+from raytracer.rendering import Rendered, render
 from raytracer.scene.load import build
 from raytracer.scene.spec import SceneSpec
 
@@ -24,7 +25,7 @@ _SPECKS = """
 
 _HEAD = """
 film: {{width: {width}, height: {height}}}
-render: {{spp: {spp}, max_depth: {max_depth}, rr_depth: {rr_depth}, sampler: {sampler}}}
+render: {{spp: {spp}, max_depth: {max_depth}, rr_depth: {rr_depth}, sampler: {sampler}, accuracy: {accuracy}}}
 """
 
 
@@ -37,16 +38,25 @@ def scene(
     max_depth: int = 50,
     rr_depth: int = 1000,
     sampler: str = "independent",
+    accuracy: str = "exact",
     filled: bool = True,
+    base: Path | None = None,
 ) -> SceneSpec:
     """A checked scene from its `camera`, `environment`, `materials` and, last, its `objects`.
 
     filled : with specks of all kinds, so that it shares its compiled kernel with other scenes.
+    base : folder of the files that it names.
     """
     head = _HEAD.format(
-        width=width, height=height, spp=spp, max_depth=max_depth, rr_depth=rr_depth, sampler=sampler
+        width=width,
+        height=height,
+        spp=spp,
+        max_depth=max_depth,
+        rr_depth=rr_depth,
+        sampler=sampler,
+        accuracy=accuracy,
     )
-    return build(head + text.rstrip() + (_SPECKS if filled else "\n"), "test.yaml")
+    return build(head + text.rstrip() + (_SPECKS if filled else "\n"), "test.yaml", base=base)
 
 
 def rendered(text: str, *, seed: int = 1, threads: int = 2, **settings: Any) -> Rendered:

@@ -123,7 +123,7 @@ def _checked(parts: Parts) -> Mesh:
         raise BrokenMeshError(f"has {len(parts.faces)} triangles, and at most {_MOST_FACES - 1} are supported")
     if len(parts.faces) == 0:
         raise BrokenMeshError("has no faces")
-    vertices = np.ascontiguousarray(parts.vertices, dtype=np.float64)
+    vertices = parts.vertices
     finite = np.isfinite(vertices).all(axis=1)
     if not finite.all():
         bad = int(np.argmin(finite))
@@ -145,17 +145,17 @@ def _checked(parts: Parts) -> Mesh:
 
     normals = None
     if parts.normals is not None:
-        normals, usable = _normalized(np.asarray(parts.normals, dtype=np.float64))
+        normals, usable = _normalized(parts.normals)
         if not usable.all():
             normals[~usable] = smooth_normals(vertices, faces)[~usable]
     return Mesh(vertices, faces, normals, degenerate)
 
 
 def read_mesh(path: str | Path) -> Mesh:
-    """Read the triangles of a .ply, .obj, .stl, .gltf or .glb file; polygons are cut into fans of triangles.
+    """Read the triangles of a .ply, .obj, .stl, .gltf or .glb file.
 
-    Materials, colours, textures and animations are left out.  Normals in the file are normalised, and those that
-    are zero or not finite replaced by `smooth_normals`.
+    Polygons are cut into triangles as if they were convex.  Materials, colours, textures and animations are left
+    out.  Normals in the file are normalised, and those that are zero or not finite replaced by `smooth_normals`.
 
     Raises
     ------

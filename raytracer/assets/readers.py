@@ -28,6 +28,11 @@ Floats = NDArray[np.floating[Any]]
 
 _LONGEST_HEADER = 1 << 16
 
+# What trimesh logs would go to stderr.
+logging.getLogger("trimesh").addHandler(logging.NullHandler())
+
+_CORNERS = ("vertex_indices", "vertex_index")
+
 # Faces as meshio reads them right, lists of corners and nothing else, and what follows, which it does not read.
 _PLAIN_FACES = re.compile(
     rb"element face (\d+)\s+property list \w+ \w+ (vertex_ind(?:ices|ex)\s+(?:element .*)?)end_header\r?\n", re.DOTALL
@@ -45,13 +50,20 @@ _RELATIVE = re.compile(r"-|\b0+\b")
 class Parts(NamedTuple):
     """A mesh as a file has it, not yet checked: vertices (n, 3), faces (m, 3), normals (n, 3) or None."""
 
-    vertices: Floats
+    vertices: NDArray[np.float64]
     faces: Integers
-    normals: Floats | None
+    normals: NDArray[np.float64] | None
 
 
 class BrokenMeshError(ValueError):
     """A mesh file that cannot be read; its text completes the sentence "FILE: ..."."""
+
+
+def _parts(vertices: NDArray[Any], faces: NDArray[Any], normals: NDArray[Any] | None) -> Parts:
+    if faces.dtype.kind not in "iu":
+        raise BrokenMeshError("has faces whose corners are not integers")
+    vertices = np.ascontiguousarray(vertices, dtype=np.float64)
+    return Parts(vertices, faces, None if normals is None else np.asarray(normals, dtype=np.float64))
 
 
 def weld(points: Floats) -> tuple[Integers, Integers]:
@@ -112,7 +124,7 @@ def _read_scene(file: BinaryIO | TextIO, format_name: str) -> Parts:
             normals.append(np.zeros((own, 3)))
     if not faces:
         raise BrokenMeshError("has no faces")
-    return Parts(np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals) if has_normals else None)
+    return _parts(np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals) if has_normals else None)
 
 
 def _read_gltf(file: BinaryIO) -> Parts:
@@ -141,14 +153,16 @@ def _read_stl(file: BinaryIO) -> Parts:
         if len(faces) != text.count("endfacet"):
             raise BrokenMeshError("ends early, or has facets that are not triangles") from None
     first, vertex = weld(corners)
-    return Parts(corners[first], vertex[faces], None)
+    return _parts(corners[first], vertex[faces], None)
 
 
 def _absolute(index: str, count: int) -> str:
     """An OBJ index counted from 1, of one that may count back from the last of the `count` that precede its face."""
     if not index:
         return index
-    absolute = int(index) + (count + 1) * index.startswith("-")
+    absolute = int(index)
+    if absolute < 0:
+        absolute += count + 1
     if absolute <= 0:
         raise BrokenMeshError(f"has a face with the index {index}, after {count} that it could mean")
     return str(absolute)
@@ -164,7 +178,7 @@ def _plain_obj(text: str) -> str:
     before = {"v": 0, "vt": 0, "vn": 0}
     data: list[str] = []
     by_form: defaultdict[str, list[str]] = defaultdict(list)
-    for line in re.sub(r"\\\r?\n|#.*", " ", text).splitlines():
+    for line in re.sub(r"\\\n|#.*", " ", text).split("\n"):
         words = line.split()
         keyword = words[0] if words else ""
         if keyword == "f":
@@ -184,7 +198,8 @@ def _plain_obj(text: str) -> str:
 
 
 def _read_obj(file: BinaryIO) -> Parts:
-    return _read_scene(io.StringIO(_plain_obj(file.read().decode("latin-1"))), "obj")
+    with io.TextIOWrapper(file, encoding="latin-1") as text:
+        return _read_scene(io.StringIO(_plain_obj(text.read())), "obj")
 
 
 def _check_ply_size(file: BinaryIO, head: re.Match[bytes]) -> None:
@@ -200,6 +215,16 @@ def _check_ply_size(file: BinaryIO, head: re.Match[bytes]) -> None:
     available = file.read().rstrip().count(b"\n") + 1 if is_text else file.seek(0, io.SEEK_END) - head.end()
     if available < declared:
         raise BrokenMeshError("ends early")
+
+
+def _is_uneven(elements: Mapping[str, Any]) -> bool:
+    """Whether the lists of a binary file have different sizes, which trimesh infers from the length of the file.
+
+    So for it a triangle and a pentagon behind a quad are two quads.
+    """
+    tables = (element["data"] for element in elements.values())
+    sizes = (table[name]["f0"] for table in tables for name in table.dtype.names if table.dtype[name].names)
+    return any((size != size[:1]).any() for size in sizes)
 
 
 def _read_mixed_ply(file: BinaryIO, head: re.Match[bytes]) -> Parts:
@@ -223,7 +248,7 @@ def _read_mixed_ply(file: BinaryIO, head: re.Match[bytes]) -> Parts:
     if len(polygons) != int(plain[1]) or min(map(len, polygons)) < 3:
         raise BrokenMeshError("ends early, or has a face with fewer than 3 corners")
     normals = [mesh.point_data[name] for name in ("nx", "ny", "nz") if name in mesh.point_data]
-    return Parts(mesh.points, _triangles(polygons), np.stack(normals, axis=1) if len(normals) == 3 else None)
+    return _parts(mesh.points, _triangles(polygons), np.stack(normals, axis=1) if len(normals) == 3 else None)
 
 
 def _read_ply(file: BinaryIO) -> Parts:
@@ -244,7 +269,13 @@ def _read_ply(file: BinaryIO) -> Parts:
         return _read_mixed_ply(file, head)
     if "faces" not in mesh:
         raise BrokenMeshError("has no faces")
-    return Parts(mesh["vertices"], _triangles(mesh["faces"]), mesh.get("vertex_normals"))
+    elements = mesh["metadata"]["_ply_raw"]
+    if head[1] != b"ascii":
+        if _is_uneven(elements):
+            return _read_mixed_ply(file, head)
+    elif min(len(face) for name, table in elements["face"]["data"].items() if name in _CORNERS for face in table) < 3:
+        raise BrokenMeshError("has a face with fewer than 3 corners")
+    return _parts(mesh["vertices"], _triangles(mesh["faces"]), mesh.get("vertex_normals"))
 
 
 _READERS: Mapping[str, tuple[str, Callable[[BinaryIO], Parts]]] = {
@@ -268,9 +299,6 @@ def read(path: Path) -> Parts:
     OSError : the file cannot be opened.
     """
     name, reader = _READERS[path.suffix.lower()]
-
-    # What trimesh logs would go to stderr.
-    logging.getLogger("trimesh").addHandler(logging.NullHandler())
     with path.open("rb") as file, warnings.catch_warnings(), np.errstate(all="ignore"):
         if not file.peek(1):
             raise BrokenMeshError("is empty")
@@ -278,11 +306,10 @@ def read(path: Path) -> Parts:
         # Before version 2.3, NumPy stopped at what is no number and warned.
         warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
         try:
-            parts = reader(file)
+            return reader(file)
         except BrokenMeshError:
             raise
         except Exception as error:
             # A broken file raises anything, from KeyError to struct.error.
             reason = one_line(traceback.format_exception_only(error)[-1])
             raise BrokenMeshError(f"cannot be read as {name}: {reason}") from error
-    return parts

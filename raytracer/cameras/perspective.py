@@ -4,11 +4,12 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from raytracer.cameras.interface import camera_ray
+from raytracer.cameras.interface import CameraSpec, camera_ray
 from raytracer.jit import generic, kernel
-from raytracer.spec import Direction, FieldOfView, Point, Spec
+from raytracer.spec import Direction, FieldOfView, Point
 from raytracer.vec import Vec3, add, madd, normalize, scale
 
 
@@ -37,7 +38,11 @@ class PerspectiveCamera(NamedTuple):
     lens: Any
 
 
-class PerspectiveSpec(Spec):
+def _vec3(vector: NDArray[np.float64]) -> Vec3:
+    return float(vector[0]), float(vector[1]), float(vector[2])
+
+
+class PerspectiveSpec(CameraSpec):
     """Where a camera stands, what it looks at, and how much of it."""
 
     look_from: Point = Field(default=(0.0, 0.0, 0.0), description="position of the pinhole or lens (m)")
@@ -70,8 +75,7 @@ class PerspectiveSpec(Spec):
         right = right / np.linalg.norm(right)
         right = right - forward * np.dot(right, forward)
         right = right / np.linalg.norm(right)
-        axes = (self.look_from, right, np.cross(right, forward), forward)
-        return Frame(*(tuple(float(component) for component in vector) for vector in axes))
+        return Frame(self.look_from, _vec3(right), _vec3(np.cross(right, forward)), _vec3(forward))
 
     def distance(self) -> float:
         """|look_at - look_from| (m)."""
@@ -96,7 +100,7 @@ class PerspectiveSpec(Spec):
 
 
 @generic
-def lens_ray(lens, frame, direction, draws):  # type: ignore[no-untyped-def]
+def lens_ray(lens, frame, direction, draws):
     """The ray (origin, unit direction) into the scene of the ray through the lens's centre along `direction`.
 
     `direction` is not a unit vector: its component along the axis is 1.
@@ -105,17 +109,17 @@ def lens_ray(lens, frame, direction, draws):  # type: ignore[no-untyped-def]
 
 
 @lens_ray.register(type(None))
-def _(lens, frame, direction, draws):  # type: ignore[no-untyped-def]
+def _(lens, frame, direction, draws):
     return frame.origin, normalize(direction)
 
 
 @kernel
-def film_direction(frame, plane, x, y):  # type: ignore[no-untyped-def]
+def film_direction(frame, plane, x, y):
     """From the lens's centre to the image of film position (x, y) in the plane at distance 1."""
     across = scale(plane.left + plane.pixel * x, frame.right)
     return add(madd(across, plane.top - plane.pixel * y, frame.up), frame.forward)
 
 
 @camera_ray.register(PerspectiveCamera)
-def _(camera, x, y, draws):  # type: ignore[no-untyped-def]
+def _(camera, x, y, draws):
     return lens_ray(camera.lens, camera.frame, film_direction(camera.frame, camera.plane, x, y), draws)

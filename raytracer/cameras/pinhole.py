@@ -1,5 +1,7 @@
 """Pinhole camera: everything is sharp.
 
+In a scene:
+
     camera: {type: pinhole, look_from: [0, 1, 4], look_at: [0, 1, 0], vfov: 40}
 """
 

@@ -1,6 +1,9 @@
 """Thin lens camera: sharp in one plane, blurred before and behind it.
 
-    camera: {type: thin_lens, look_from: [13, 2, 3], look_at: [0, 0, 0], vfov: 20, focus_distance: 10, defocus_angle: 0.6}
+In a scene:
+
+    camera: {type: thin_lens, look_from: [13, 2, 3], look_at: [0, 0, 0], vfov: 20,
+             focus_distance: 10, defocus_angle: 0.6}
 """
 
 import math
@@ -79,7 +82,7 @@ class Lens(NamedTuple):
 
 
 @lens_ray.register(Lens)
-def _(lens, frame, direction, draws):  # type: ignore[no-untyped-def]
+def _(lens, frame, direction, draws):
     u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + LENS)
     x, y = sample_disc(u1, u2)
     shift = add(scale(lens.radius * x, frame.right), scale(lens.radius * y, frame.up))

@@ -55,11 +55,11 @@ def render(
     ] = None,
     preview: Annotated[
         bool,
-        typer.Option("--preview", help=f"A quick look: at most {_PREVIEW_EDGE} pixels wide or high, {_PREVIEW_SPP} spp."),
+        typer.Option(
+            "--preview", help=f"A quick look: at most {_PREVIEW_EDGE} pixels wide or high, {_PREVIEW_SPP} spp."
+        ),
     ] = False,
-    stats: Annotated[
-        Path | None, typer.Option(metavar="FILE.json", help="Write what the render took as JSON.")
-    ] = None,
+    stats: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write what the render took as JSON.")] = None,
     strict: Annotated[bool, typer.Option("--strict", help="Fail if a sample is not finite.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")] = False,
 ) -> None:

@@ -1,5 +1,7 @@
 """Constant environment: the same radiance from everywhere.
 
+In a scene:
+
     environment: {type: constant, radiance: 1}
 """
 
@@ -7,12 +9,12 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field
 
-from raytracer.environments.interface import background
-from raytracer.spec import Radiance, Spec
+from raytracer.environments.interface import EnvironmentSpec, background
+from raytracer.spec import Radiance
 from raytracer.vec import Vec3
 
 
-class Constant(Spec):
+class Constant(EnvironmentSpec):
     """The same radiance from all directions; 0 is no environment."""
 
     type: Literal["constant"] = "constant"

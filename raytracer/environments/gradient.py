@@ -1,5 +1,7 @@
 """Gradient environment: One Weekend's sky.
 
+In a scene:
+
     environment: {type: gradient, horizon: [1, 1, 1], zenith: [0.5, 0.7, 1.0]}
 """
 
@@ -7,12 +9,12 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field
 
-from raytracer.environments.interface import background
-from raytracer.spec import Radiance, Spec
+from raytracer.environments.interface import EnvironmentSpec, background
+from raytracer.spec import Radiance
 from raytracer.vec import Vec3, add, scale
 
 
-class Gradient(Spec):
+class Gradient(EnvironmentSpec):
     """Blends linearly with the height y of the unit direction: `horizon` at y = -1, `zenith` at y = +1.
 
     References: Shirley et al. 2024, "Ray Tracing in One Weekend", sec. 4.2.

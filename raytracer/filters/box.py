@@ -9,11 +9,11 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field
 
-from raytracer.filters.interface import sample_filter
-from raytracer.spec import PositiveNumber, Spec
+from raytracer.filters.interface import FilterSpec, sample_filter
+from raytracer.spec import PositiveNumber
 
 
-class Box(Spec):
+class Box(FilterSpec):
     """The mean over a square around the pixel's centre."""
 
     type: Literal["box"] = "box"

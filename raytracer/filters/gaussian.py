@@ -10,11 +10,11 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field
 
-from raytracer.filters.interface import sample_filter
-from raytracer.spec import PositiveNumber, Spec
+from raytracer.filters.interface import FilterSpec, sample_filter
+from raytracer.spec import PositiveNumber
 
 
-class Gaussian(Spec):
+class Gaussian(FilterSpec):
     """exp(-r^2 / (2 sigma^2)) up to a radius from the pixel's centre, cut off there and not shifted down to 0.
 
     Every sample counts the same, so an even surface has no noise from the filter.

@@ -1,6 +1,19 @@
-"""What every filter kind gives to kernels."""
+"""What every filter kind gives to packing and to kernels."""
+
+from typing import Any
 
 from raytracer.jit import generic
+from raytracer.spec import Spec
+
+
+class FilterSpec(Spec):
+    """Base of the filters."""
+
+    type: str
+
+    def pack(self) -> Any:
+        """The packed filter."""
+        raise NotImplementedError
 
 
 @generic

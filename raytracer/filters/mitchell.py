@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.filters.interface import sample_filter
+from raytracer.filters.interface import FilterSpec, sample_filter
 from raytracer.jit import kernel
-from raytracer.spec import Fraction, Spec
+from raytracer.spec import Fraction
 
 _CELLS = 1024
 _STEPS_A_CELL = 64
 
 
-class Mitchell(Spec):
+class Mitchell(FilterSpec):
     """A cubic, separable filter of radius 2 with negative lobes, drawn by its magnitude and weighted by its sign.
 
     References: Mitchell, Netravali 1988, "Reconstruction Filters in Computer Graphics", eq. 8.

@@ -21,17 +21,17 @@ class LightSample(NamedTuple):
 
 
 @generic
-def sample_light(lights, primitives, materials, point, draws):  # type: ignore[no-untyped-def]
+def sample_light(lights, primitives, materials, point, draws):
     """Choose a light and a point on it, as seen from `point`: a LightSample."""
     raise NotImplementedError
 
 
 @generic
-def pdf_light(lights, primitives, table, primitive, origin, point, normal):  # type: ignore[no-untyped-def]
+def pdf_light(lights, primitives, table, primitive, origin, point, normal):
     """Density in solid angle (1/sr) with which `sample_light` at `origin` aims at `point` on a primitive."""
     raise NotImplementedError
 
 
 @pdf_light.register(type(None))
-def _(lights, primitives, table, primitive, origin, point, normal):  # type: ignore[no-untyped-def]
+def _(lights, primitives, table, primitive, origin, point, normal):
     return 0.0

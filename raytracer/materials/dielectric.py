@@ -1,5 +1,7 @@
 """Dielectric: clear glass, water, air bubbles.
 
+In a scene:
+
     glass: {type: dielectric, ior: 1.5}
     water in glass: {type: dielectric, ior: 1.33, outside_ior: 1.5}
 """

@@ -1,5 +1,7 @@
 """Emitter: a surface that gives light and reflects none.
 
+In a scene:
+
     lamp: {type: emitter, radiance: [15, 15, 15]}
 """
 

@@ -18,6 +18,13 @@ BLACK = (0.0, 0.0, 0.0)
 class MaterialSpec(Spec):
     """Base of the materials: what packing asks of each."""
 
+    type: str
+
+    @staticmethod
+    def pack(specs: Any) -> Any:
+        """The table of materials of this kind, one row a spec."""
+        raise NotImplementedError
+
     def is_lit(self) -> bool:
         """Whether light that arrives from a chosen direction can leave in another (not so for mirrors and glass)."""
         return False
@@ -44,7 +51,7 @@ class Draws(NamedTuple):
 
     sampler: Any
     key: int
-    index: int
+    index: int  # type: ignore[assignment]  # takes the place of tuple.index
     dimension: int
 
 
@@ -53,38 +60,38 @@ LOBE, DIRECTION, LIGHT, LIGHT_POINT, ROULETTE, SLOTS = 0, 1, 2, 3, 4, 8
 
 
 @generic
-def row(table, index):  # type: ignore[no-untyped-def]
+def row(table, index):
     """The parameters of material `index` as a record of scalars (a table of arrays handed on compiles 60x slower)."""
     raise NotImplementedError
 
 
 @generic
-def scatter(material, direction, normal, front, draws):  # type: ignore[no-untyped-def]
+def scatter(material, direction, normal, front, draws):
     """Draw where light goes that arrives along `direction`: a Scatter."""
     raise NotImplementedError
 
 
 @generic
-def evaluate(material, direction, normal, front, outgoing):  # type: ignore[no-untyped-def]
+def evaluate(material, direction, normal, front, outgoing):
     """f |cos| by channel toward `outgoing`, and the pdf (1/sr) with which `scatter` draws it; zero without choice."""
     raise NotImplementedError
 
 
 @generic
-def emission(material, front):  # type: ignore[no-untyped-def]
+def emission(material, front):
     """Radiance that leaves the surface on the side named by `front`."""
     raise NotImplementedError
 
 
-def _scatter_row(table, index, direction, normal, front, draws):  # type: ignore[no-untyped-def]
+def _scatter_row(table, index, direction, normal, front, draws):
     return scatter(row(table, index), direction, normal, front, draws)
 
 
-def _evaluate_row(table, index, direction, normal, front, outgoing):  # type: ignore[no-untyped-def]
+def _evaluate_row(table, index, direction, normal, front, outgoing):
     return evaluate(row(table, index), direction, normal, front, outgoing)
 
 
-def _emission_row(table, index, front):  # type: ignore[no-untyped-def]
+def _emission_row(table, index, front):
     return emission(row(table, index), front)
 
 
@@ -97,21 +104,21 @@ _emission_any = switch(kernel(_emission_row))
 
 
 @kernel
-def scatter_at(materials, reference, direction, normal, front, draws):  # type: ignore[no-untyped-def]
+def scatter_at(materials, reference, direction, normal, front, draws):
     """`scatter` of the material that a primitive refers to."""
     kinds = len(materials)
     return _scatter_any(materials, reference % kinds, reference // kinds, direction, normal, front, draws)
 
 
 @kernel
-def evaluate_at(materials, reference, direction, normal, front, outgoing):  # type: ignore[no-untyped-def]
+def evaluate_at(materials, reference, direction, normal, front, outgoing):
     """`evaluate` of the material that a primitive refers to."""
     kinds = len(materials)
     return _evaluate_any(materials, reference % kinds, reference // kinds, direction, normal, front, outgoing)
 
 
 @kernel
-def emission_at(materials, reference, front):  # type: ignore[no-untyped-def]
+def emission_at(materials, reference, front):
     """`emission` of the material that a primitive refers to."""
     kinds = len(materials)
     return _emission_any(materials, reference % kinds, reference // kinds, front)

@@ -1,5 +1,7 @@
 """Lambertian: a matte surface.
 
+In a scene:
+
     clay: {type: lambertian, albedo: [0.7, 0.4, 0.3]}
 """
 

@@ -1,5 +1,7 @@
 """Metal, as in One Weekend: a mirror whose reflection is moved by a random vector.
 
+In a scene:
+
     brass: {type: metal, albedo: [0.8, 0.6, 0.2], fuzz: 0.1}
 """
 
@@ -13,7 +15,17 @@ from pydantic import Field
 
 from raytracer.geometry import row3
 from raytracer.jit import kernel
-from raytracer.materials.interface import BLACK, DIRECTION, MaterialSpec, Scatter, absorbed, emission, evaluate, row, scatter
+from raytracer.materials.interface import (
+    BLACK,
+    DIRECTION,
+    MaterialSpec,
+    Scatter,
+    absorbed,
+    emission,
+    evaluate,
+    row,
+    scatter,
+)
 from raytracer.sampling import sample_2d
 from raytracer.sampling.warp import sample_sphere
 from raytracer.spec import Albedo, Fraction

@@ -51,7 +51,13 @@ def _(table, primitive, origin, direction, near, accuracy):
     s, t = basis(normal)
     u = 0.5 + math.atan2(dot(out, t), dot(out, s)) / (2.0 * math.pi)
     return Hit(
-        point, normal, normal, u, norm(out) / radius, hit_offset(accuracy, max_abs(center) + radius, near), table.material[primitive]
+        point,
+        normal,
+        normal,
+        u,
+        norm(out) / radius,
+        hit_offset(accuracy, max_abs(center) + radius, near),
+        table.material[primitive],
     )
 
 

@@ -14,24 +14,36 @@ from raytracer.jit import generic, switch
 
 
 @generic
-def hit(table, primitive, origin, direction, near, accuracy):  # type: ignore[no-untyped-def]
+def hit(table, primitive, origin, direction, near, accuracy):
     """The point where a ray meets `primitive`, which Embree found at distance `near`: a geometry.Hit."""
     raise NotImplementedError
 
 
 @generic
-def sample_point(table, primitive, reference, u1, u2):  # type: ignore[no-untyped-def]
+def expect(table, primitive):
+    """Fetch what `hit` will read of a primitive, if that may be far away; nothing for small tables."""
+    raise NotImplementedError
+
+
+@expect.register(tuple)
+def _(table, primitive):
+    return
+
+
+@generic
+def sample_point(table, primitive, reference, u1, u2):
     """A point on an emitting primitive, drawn for a shaded point at `reference`: a geometry.LightPoint."""
     raise NotImplementedError
 
 
 @generic
-def pdf_point(table, primitive, reference, point, normal):  # type: ignore[no-untyped-def]
+def pdf_point(table, primitive, reference, point, normal):
     """Density of `sample_point` in solid angle (1/sr) at `point`, whose outside normal is `normal`."""
     raise NotImplementedError
 
 
 hit_any = switch(hit)
+expect_any = switch(expect)
 sample_point_any = switch(sample_point)
 pdf_point_any = switch(pdf_point)
 

@@ -54,7 +54,15 @@ def _(table, primitive, origin, direction, near, accuracy):
     normal = scale(math.copysign(1.0, radius), out)
     u = 0.5 + math.atan2(-out[2], out[0]) / (2.0 * math.pi)
     v = math.acos(max(-1.0, min(1.0, -out[1]))) / math.pi
-    return Hit(point, normal, normal, u, v, hit_offset(accuracy, max_abs(center) + abs(radius), near), table.material[primitive])
+    return Hit(
+        point,
+        normal,
+        normal,
+        u,
+        v,
+        hit_offset(accuracy, max_abs(center) + abs(radius), near),
+        table.material[primitive],
+    )
 
 
 @sample_point.register(Spheres)

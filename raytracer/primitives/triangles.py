@@ -5,7 +5,7 @@ found, so neighbours share their edges exactly.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,14 +23,14 @@ from raytracer.geometry import (
     row3,
     within_triangle,
 )
-from raytracer.jit import kernel
-from raytracer.primitives.interface import areas, concatenate, geometry, hit, pdf_point, sample_point
+from raytracer.jit import kernel, prefetch
+from raytracer.primitives.interface import areas, concatenate, expect, geometry, hit, pdf_point, sample_point
 from raytracer.sampling.warp import sample_triangle
 from raytracer.vec import add, cross, dot, madd, max_abs, norm, normalize, scale, sub
 
 
 class Triangles(NamedTuple):
-    """vertices (n, 3) float32, faces (m, 3) uint32, material (m,) int32; the outside is where faces run anticlockwise."""
+    """vertices (n, 3) float32, faces (m, 3) uint32, anticlockwise from outside, material (m,) int32."""
 
     vertices: NDArray[np.float32]
     faces: NDArray[np.uint32]
@@ -48,7 +48,7 @@ class SmoothTriangles(NamedTuple):
 
 @concatenate.register(Triangles)
 @concatenate.register(SmoothTriangles)
-def _(first, tables: Sequence[Triangles]):  # type: ignore[no-untyped-def]
+def _(first: Any, tables: Sequence[Any]) -> Any:
     if len(tables) == 1:
         return first
     starts = np.cumsum([0] + [len(table.vertices) for table in tables])
@@ -61,31 +61,40 @@ def _(first, tables: Sequence[Triangles]):  # type: ignore[no-untyped-def]
 
 @geometry.register(Triangles)
 @geometry.register(SmoothTriangles)
-def _(table: Triangles) -> Geometry:
+def _(table: Triangles | SmoothTriangles) -> Geometry:
     return Geometry(Primitive.TRIANGLE, (table.vertices,), table.faces)
 
 
 @areas.register(Triangles)
 @areas.register(SmoothTriangles)
-def _(table: Triangles) -> NDArray[np.float64]:
+def _(table: Triangles | SmoothTriangles) -> NDArray[np.float64]:
     a, b, c = (table.vertices[table.faces[:, corner]].astype(np.float64) for corner in range(3))
     return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
 
 
+@expect.register(Triangles)
+@expect.register(SmoothTriangles)
+def _(table, primitive):
+    prefetch(table.material.ctypes.data + table.material.itemsize * primitive)
+    for corner in range(3):
+        row = np.intp(table.faces[primitive, corner])
+        prefetch(table.vertices.ctypes.data + table.vertices.strides[0] * row)
+
+
 @kernel
-def _corners(vertices, faces, primitive):  # type: ignore[no-untyped-def]
+def _corners(vertices, faces, primitive):
     """First vertex and the two edges from it."""
     a = row3(vertices, faces[primitive, 0])
     return a, sub(row3(vertices, faces[primitive, 1]), a), sub(row3(vertices, faces[primitive, 2]), a)
 
 
 @kernel
-def _extent(a, edge1, edge2):  # type: ignore[no-untyped-def]
+def _extent(a, edge1, edge2):
     return max_abs(a) + max(max_abs(edge1), max_abs(edge2))
 
 
 @kernel
-def _solve(accuracy, a, edge1, edge2, origin, direction, near):  # type: ignore[no-untyped-def]
+def _solve(accuracy, a, edge1, edge2, origin, direction, near):
     """Point, normal, barycentric coordinates and spawn offset of a hit."""
     normal = normalize(cross(edge1, edge2))
     found = madd(origin, plane_distance(accuracy, origin, direction, a, normal, near), direction)

@@ -67,7 +67,7 @@ def nested_scramble(word, seed):
 
     The hash of the bits is a product with an odd number (the seed's), then one with an even number.  Over random seeds
     the flips at any two places of the tree are uncorrelated, which is what the variance of a scrambled net depends on;
-    four products with constants, as first proposed, leave correlations up to 0.5 between its first levels.
+    four products with constants, as first proposed, leave correlations above 0.5 on its first levels.
 
     References: Laine, Karras 2011, "Stratified Sampling for Stochastic Transparency", sec. 3.1; Vegdahl 2021, "Building
     a Better LK Hash" (psychopath.io), for the seed's product and the even constant.

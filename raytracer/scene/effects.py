@@ -37,8 +37,9 @@ def effects_of(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
 
 def _why_defocus(spec: SceneSpec, active: bool) -> str:
     if active:
-        camera = spec.camera
-        return f"the lens is {1e3 * camera.diameter():.4g} mm wide and focused at {camera.focus():.4g} m"
+        numbers = spec.camera.describe(spec.film.width, spec.film.height)
+        width, focus = numbers["aperture_diameter_mm"], numbers["focus_distance_m"]
+        return f"the lens is {width:.4g} mm wide and focused at {focus:.4g} m"
     return f"the {spec.camera.type} camera has no aperture, so everything is sharp"
 
 

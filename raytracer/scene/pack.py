@@ -21,7 +21,8 @@ from raytracer.primitives.interface import areas, concatenate, geometry
 from raytracer.sampling import SAMPLERS
 from raytracer.sampling.alias import build_alias
 from raytracer.scene.spec import SceneSpec
-from raytracer.spec import ObjectSpec, matrix_of
+from raytracer.shapes.interface import ShapeSpec
+from raytracer.spec import matrix_of
 
 _DEFAULT_MATERIAL = "lambertian"
 
@@ -70,11 +71,13 @@ def pack(spec: SceneSpec, spp: int | None = None) -> Packed:
     return Packed(scene, tuple(geometry(table) for table in primitives), settings.accuracy != "fast")
 
 
-def material_of(spec: SceneSpec, item: ObjectSpec) -> MaterialSpec:
+def material_of(spec: SceneSpec, item: ShapeSpec) -> MaterialSpec:
     """An object's material: named, inline, or the default."""
-    if item.material is None:
-        return MATERIALS.specs()[_DEFAULT_MATERIAL]()
-    return spec.materials[item.material] if isinstance(item.material, str) else item.material
+    if isinstance(item.material, str):
+        return spec.materials[item.material]
+    found = item.material or MATERIALS.specs()[_DEFAULT_MATERIAL]()
+    assert isinstance(found, MaterialSpec)
+    return found
 
 
 def _pack_materials(used: Sequence[MaterialSpec]) -> tuple[tuple[Any, ...], list[int]]:
@@ -106,7 +109,9 @@ def _pack_objects(spec: SceneSpec, references: Sequence[int]) -> tuple[Any, ...]
     return tuple(concatenate(tables[kind][0], tables[kind]) for kind in order)
 
 
-def _pack_emitters(primitives: Sequence[Any], used: Sequence[MaterialSpec], references: Sequence[int]) -> Emitters | None:
+def _pack_emitters(
+    primitives: Sequence[Any], used: Sequence[MaterialSpec], references: Sequence[int]
+) -> Emitters | None:
     """The emitting primitives, chosen by power; None where there are none, or no material reflects by choice.
 
     A material that can be lit by choice has a pdf; mirrors and glass find lights only by being followed.
@@ -124,7 +129,9 @@ def _pack_emitters(primitives: Sequence[Any], used: Sequence[MaterialSpec], refe
 
     # Probabilities by primitive, for the tables that emit at all.
     choice = build_alias(np.concatenate([power[emitting] for emitting, power in rows]))
-    first, pmf, taken = np.full(len(rows), -1, np.int32), [], 0
+    first = np.full(len(rows), -1, np.int32)
+    pmf: list[NDArray[np.float64]] = []
+    taken = 0
     for number, (emitting, power) in enumerate(rows):
         if len(emitting):
             first[number] = sum(map(len, pmf))

@@ -11,7 +11,7 @@ from pydantic_core import CoreSchema, core_schema
 from raytracer.errors import SceneError, suggestion
 from raytracer.kinds import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, SHAPES
 from raytracer.scene.document import Node, locate, path_text
-from raytracer.spec import Count, Name, ObjectSpec, Spec, at
+from raytracer.spec import Count, Name, Spec, at
 
 MAX_PIXELS = 2**28
 _INT32_MAX = 2**31 - 1
@@ -33,12 +33,18 @@ class _ByName:
 
 
 if TYPE_CHECKING:
-    Camera: TypeAlias = Spec
-    Environment: TypeAlias = Spec
-    Filter: TypeAlias = Spec
+    from raytracer.cameras.interface import CameraSpec
+    from raytracer.environments.interface import EnvironmentSpec
+    from raytracer.filters.interface import FilterSpec
+    from raytracer.materials.interface import MaterialSpec
+    from raytracer.shapes.interface import ShapeSpec
+
+    Camera: TypeAlias = CameraSpec
+    Environment: TypeAlias = EnvironmentSpec
+    Filter: TypeAlias = FilterSpec
     Light: TypeAlias = Spec
-    Material: TypeAlias = Spec
-    Shape: TypeAlias = ObjectSpec
+    Material: TypeAlias = MaterialSpec
+    Shape: TypeAlias = ShapeSpec
 else:
     Camera = CAMERAS.union()
     Environment = ENVIRONMENTS.union()
@@ -54,7 +60,7 @@ class Film(Spec):
     width: Annotated[int, Count(1, MAX_PIXELS)] = Field(description="Pixels across")
     height: Annotated[int, Count(1, MAX_PIXELS)] = Field(description="Pixels down")
     filter: Filter = Field(
-        default_factory=lambda: FILTERS.specs()["box"](),
+        default_factory=FILTERS.specs()["box"],
         description="Reconstruction filter: a name, or a mapping with its parameters",
     )
 

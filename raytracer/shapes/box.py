@@ -1,5 +1,7 @@
 """Box: six faces, parallel to the axes until a transform turns it.
 
+In a scene:
+
     - {type: box, min: [0, 0, 0], max: [1, 2, 1], material: white, transform: [{rotate: {axis: [0, 1, 0], angle: 15}}]}
 """
 

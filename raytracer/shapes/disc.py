@@ -1,5 +1,7 @@
 """Disc: a flat circle.
 
+In a scene:
+
     - {type: disc, center: [0, 3, 0], normal: [0, -1, 0], radius: 0.5, material: lamp}
 """
 
@@ -30,4 +32,6 @@ class Disc(ShapeSpec):
         ValueError : a transform that would make it an ellipse.
         """
         radius = uniform_scale(matrix, "a disc") * self.radius
-        return Discs(points(matrix, [self.center]), normals(matrix, [self.normal]), np.array([radius]), references(material))
+        return Discs(
+            points(matrix, [self.center]), normals(matrix, [self.normal]), np.array([radius]), references(material)
+        )

@@ -1,7 +1,7 @@
 """What every shape kind gives to packing."""
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 from raytracer.shapes.affine import Matrix
 from raytracer.spec import ObjectSpec
@@ -13,8 +13,7 @@ Assets = Mapping[str, Any]
 class ShapeSpec(ObjectSpec):
     """Base of the shapes."""
 
-    loads: ClassVar[Mapping[str, str]] = {}
-    """Keys that name files, and what kind of asset each is ("mesh")."""
+    type: str
 
     def pack(self, matrix: Matrix, material: int, assets: Assets) -> Any:
         """The shape's rows of a primitive table, in world space.

@@ -1,5 +1,7 @@
 """Mesh: triangles from a file (.obj, .ply, .stl, .gltf, .glb).
 
+In a scene:
+
     - {type: mesh, file: bunny.ply, smooth: true, material: clay}
 """
 

@@ -1,5 +1,7 @@
 """Quad: a parallelogram.
 
+In a scene:
+
     - {type: quad, corner: [0, 0, 0], edges: [[1, 0, 0], [0, 1, 0]], material: wall}
 """
 

@@ -1,5 +1,7 @@
 """Sphere.
 
+In a scene:
+
     - {type: sphere, center: [0, 1, 0], radius: 0.5, material: glass}
 """
 

@@ -1,5 +1,7 @@
 """Triangle.
 
+In a scene:
+
     - {type: triangle, vertices: [[0, 0, 0], [1, 0, 0], [0, 1, 0]], material: wall}
 """
 

@@ -1,0 +1,89 @@
+"""Render on request, for the benchmark: stays warm, so that only rendering is timed.
+
+    echo 1 | python bench/worker.py scenes/cover.yaml --width 400 --height 225 --spp 64
+
+Renders once and prints what it ran on, then renders again for every seed that it reads, a line each. All answers are
+JSON on one line.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.metadata
+import json
+import platform
+import sys
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding
+import numpy as np
+from numpy.typing import NDArray
+
+import raytracer
+from raytracer.rendering import available_threads, render
+from raytracer.scene.load import load
+
+INSTRUCTION_SETS = ("avx512f", "avx2", "avx", "sse4.2", "neon")
+PACKAGES = ("numba", "llvmlite", "numpy", "embreex")
+
+
+def parse_arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scene", type=Path)
+    parser.add_argument("--width", type=int, required=True)
+    parser.add_argument("--height", type=int, required=True)
+    parser.add_argument("--spp", type=int, required=True)
+    parser.add_argument("--threads", type=int, default=available_threads())
+    parser.add_argument("--sampler", help="default: the scene's")
+    return parser.parse_args()
+
+
+def relative_noise(a: NDArray[Any], b: NDArray[Any]) -> float:
+    """Expected relMSE of either of two renders that differ by their seeds: half the squared difference.
+
+    Parameters
+    ----------
+    a, b : radiance of shape (height, width, 3).
+    """
+    return float(np.mean(0.5 * (a - b) ** 2 / ((0.5 * (a + b)) ** 2 + 0.01)))
+
+
+def versions() -> dict[str, str]:
+    """What the renderer runs on."""
+    features = llvmlite.binding.get_host_cpu_features()
+    widest = next((name for name in INSTRUCTION_SETS if features.get(name)), "baseline")
+    packages = {name: importlib.metadata.version(name) for name in PACKAGES}
+    return {
+        "rt": raytracer.__version__,
+        "python": platform.python_version(),
+        **packages,
+        "target": f"{llvmlite.binding.get_host_cpu_name()}, {widest}",
+    }
+
+
+def main() -> None:
+    """Load, render once, then serve."""
+    arguments = parse_arguments()
+    overrides = {"film.width": arguments.width, "film.height": arguments.height}
+    if arguments.sampler:
+        overrides["render.sampler"] = arguments.sampler
+    spec = load(arguments.scene, overrides)
+    before = render(spec, spp=arguments.spp, seed=0, threads=arguments.threads).image.radiance
+    print(json.dumps({"threads": arguments.threads, "sampler": spec.render.sampler, **versions()}), flush=True)
+
+    for line in sys.stdin:
+        image, stats, *_ = render(spec, spp=arguments.spp, seed=int(line), threads=arguments.threads)
+        answer = {
+            "render": stats.seconds["render"],
+            "rays": stats.rays,
+            "samples": stats.samples,
+            "noise": relative_noise(before, image.radiance),
+        }
+        before = image.radiance
+        print(json.dumps(answer), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,12 @@
+"""Settings for all tests.
+
+Compiled kernels go to the user's cache as in any other run, so only the first run after a change compiles.
+"""
+
+from hypothesis import settings
+
+# The same examples in every run, and no limit on their time: the first one may compile.
+# `--hypothesis-profile=explore` tries others.
+settings.register_profile("same", deadline=None, derandomize=True)
+settings.register_profile("explore", deadline=None, max_examples=1000)
+settings.load_profile("same")

@@ -1,0 +1,114 @@
+"""Environments: what every kind promises, and the values that each is made of."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from raytracer.environments.interface import background
+from raytracer.jit import entry
+from raytracer.kinds import ENVIRONMENTS
+from tests.rendering import image
+
+EXAMPLES: dict[str, list[dict[str, Any]]] = {
+    "constant": [{"radiance": 1.0}, {"radiance": [0.1, 0.2, 3.0]}],
+    "gradient": [{}, {"horizon": [1, 0, 2], "zenith": [0, 5, 0]}],
+}
+
+DIRECTIONS = np.random.default_rng(1).normal(size=(200, 3))
+DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
+
+
+@entry
+def _background(environment, directions, out):
+    for index in range(len(directions)):
+        radiance = background(environment, (directions[index, 0], directions[index, 1], directions[index, 2]))
+        for channel in range(3):
+            out[index, channel] = radiance[channel]
+
+
+def seen(environment: Any, directions: Any) -> np.ndarray:
+    rows = np.ascontiguousarray(np.atleast_2d(np.asarray(directions, np.float64)))
+    out = np.empty_like(rows)
+    _background(environment, rows, out)
+    return out
+
+
+def spec_of(kind: str, keys: dict[str, Any]) -> Any:
+    return ENVIRONMENTS.specs()[kind].model_validate({"type": kind, **keys})
+
+
+CASES = [pytest.param(kind, keys, id=f"{kind} {keys}") for kind, examples in EXAMPLES.items() for keys in examples]
+
+
+def test_every_kind_has_an_example() -> None:
+    assert set(EXAMPLES) == set(ENVIRONMENTS.specs())
+
+
+@pytest.mark.parametrize(("kind", "keys"), CASES)
+def test_radiance_is_finite_and_not_negative(kind: str, keys: dict[str, Any]) -> None:
+    radiance = seen(spec_of(kind, keys).pack(), DIRECTIONS)
+    assert np.isfinite(radiance).all()
+    assert (radiance >= 0.0).all()
+
+
+def test_no_environment_is_black() -> None:
+    assert not seen(None, DIRECTIONS).any()
+
+
+def test_a_black_environment_is_none() -> None:
+    # So that nothing of it is compiled.
+    assert spec_of("constant", {"radiance": 0}).pack() is None
+    assert spec_of("gradient", {"horizon": 0, "zenith": 0}).pack() is None
+    assert spec_of("gradient", {"horizon": 0, "zenith": 1}).pack() is not None
+
+
+def test_constant_is_the_same_everywhere() -> None:
+    np.testing.assert_array_equal(seen(spec_of("constant", {"radiance": [1, 2, 3]}).pack(), DIRECTIONS), np.tile([1.0, 2.0, 3.0], (200, 1)))
+
+
+def test_gradient_is_that_of_one_weekend() -> None:
+    # Section 4.2: (1 - a) white + a (0.5, 0.7, 1.0), a = (y + 1) / 2; so (0.75, 0.85, 1) straight ahead.
+    sky = spec_of("gradient", {}).pack()
+    np.testing.assert_allclose(seen(sky, [0, 1, 0])[0], [0.5, 0.7, 1.0], rtol=1e-15)
+    np.testing.assert_allclose(seen(sky, [0, -1, 0])[0], [1.0, 1.0, 1.0], rtol=1e-15)
+    np.testing.assert_allclose(seen(sky, [0, 0, -1])[0], [0.75, 0.85, 1.0], rtol=1e-15)
+    a = 0.5 * (DIRECTIONS[:, 1:2] + 1.0)
+    np.testing.assert_allclose(seen(sky, DIRECTIONS), (1.0 - a) + a * [0.5, 0.7, 1.0], rtol=1e-14)
+
+
+SKY = """
+camera: {type: pinhole, look_from: [0, 0, 0], look_at: [0, 0, -1], vfov: 90}
+environment: {type: gradient, horizon: [1, 0, 2], zenith: [0, 5, 0]}
+objects:
+  - {type: sphere, center: [0, 0, 50], radius: 1}
+"""
+
+
+def test_camera_sees_the_gradient() -> None:
+    # Pixel centres of a film of 3 by 3 at 90 degrees look along (-2/3, 0, 2/3) up and across; 0.01 of film is a point.
+    picture = image(SKY, width=201, height=201, spp=1, max_depth=1)
+    for row in (0, 67, 100, 150, 200):
+        y = (100 - row) / 100.5
+        height = y / np.sqrt(1.0 + y * y)
+        a = 0.5 * (height + 1.0)
+        # Within half a pixel of the film up or down.
+        np.testing.assert_allclose(picture.radiance[row, 100], [1.0 - a, 5.0 * a, 2.0 - 2.0 * a], atol=5.0 * 0.5 / 201)
+
+
+def test_a_matte_floor_gathers_the_gradient() -> None:
+    # The mean of (1 - a) horizon + a zenith over the cosine-weighted upper hemisphere: E[y] = 2/3, so a = 5/6.
+    picture = image(
+        """
+camera: {type: pinhole, look_from: [0, 3, 0], look_at: [0, 0, 0], up: [0, 0, 1], vfov: 10}
+environment: {type: gradient, horizon: [1, 0, 2], zenith: [0, 5, 0]}
+objects:
+  - {type: disc, center: [0, 0, 0], normal: [0, 1, 0], radius: 2, material: {type: lambertian, albedo: 1}}
+""",
+        spp=256,
+    )
+    assert picture.variance is not None
+    value = picture.radiance.mean(axis=(0, 1))
+    deviation = np.sqrt(picture.variance.sum(axis=(0, 1))) / 256
+    np.testing.assert_array_less(np.abs(value - [1.0 / 6.0, 25.0 / 6.0, 1.0 / 3.0]), 4.0 * deviation)
+    assert (deviation < 0.005).all()

@@ -1,0 +1,161 @@
+"""The choice of lights: which there are, how often each is aimed at, and that its density says so."""
+
+import math
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from raytracer.geometry import Exact
+from raytracer.jit import entry
+from raytracer.kinds import LIGHTS
+from raytracer.lights.interface import pdf_light, sample_light
+from raytracer.materials.interface import Draws
+from raytracer.sampling import SAMPLERS, pixel_key
+from raytracer.scene.pack import pack
+from tests.rendering import scene
+from tests.shapes.kernels import built, cast
+
+CAMERA = "camera: {type: pinhole, look_from: [0, 0, 9], look_at: [0, 0, 0], vfov: 40}\n"
+
+
+def packed(objects: str, **settings: object):
+    return pack(scene(CAMERA + "objects:\n" + objects, filled=False, **settings)).scene
+
+
+LAMPS = """
+  - {type: sphere, center: [0, 2, 0], radius: 0.5, material: {type: emitter, radiance: [3, 3, 3]}}
+  - {type: sphere, center: [3, 2, 0], radius: 1, material: {type: emitter, radiance: [1, 0, 0]}}
+  - {type: sphere, center: [-3, 2, 0], radius: 1, material: {type: emitter, radiance: 0}}
+  - {type: quad, corner: [-1, 3, -1], edges: [[2, 0, 0], [0, 0, 2]], material: {type: emitter, radiance: 1, two_sided: true}}
+  - {type: quad, corner: [-5, -1, 5], edges: [[10, 0, 0], [0, 0, -10]], material: {type: lambertian}}
+  - {type: quad, corner: [4, 3, -1], edges: [[1, 0, 0], [0, 0, 1]], material: {type: emitter, radiance: 2}}
+"""
+
+# Area times radiance times sides: 4 pi 0.25 * 9, 4 pi * 1, 4 * 3 * 2, 1 * 6.
+POWERS = {("Spheres", 0): 9.0 * math.pi, ("Spheres", 1): 4.0 * math.pi, ("Parallelograms", 0): 24.0, ("Parallelograms", 2): 6.0}
+
+
+@entry
+def _aim(lights, primitives, materials, sampler, point, direction, radiance, pdf, target, gap):
+    key = pixel_key(sampler, 0, 0)
+    for index in range(len(pdf)):
+        light = sample_light(lights, primitives, materials, point, Draws(sampler, key, index, 8))
+        pdf[index] = light.pdf
+        gap[index] = light.gap
+        for axis in range(3):
+            direction[index, axis] = light.direction[axis]
+            radiance[index, axis] = light.radiance[axis]
+            target[index, axis] = light.target[axis]
+
+
+@entry
+def _pdf(lights, primitives, table, primitive, origin, points, normals, pdf):
+    for index in range(len(pdf)):
+        point = (points[index, 0], points[index, 1], points[index, 2])
+        normal = (normals[index, 0], normals[index, 1], normals[index, 2])
+        pdf[index] = pdf_light(lights, primitives, table[index], primitive[index], origin, point, normal)
+
+
+def aim(scene_, point, count, seed=3):
+    direction, radiance, target = (np.empty((count, 3)) for _ in range(3))
+    pdf, gap = np.empty(count), np.empty(count)
+    _aim(scene_.lights, scene_.primitives, scene_.materials, SAMPLERS["independent"](seed, 1), point, direction, radiance, pdf, target, gap)
+    return direction, radiance, pdf, target, gap
+
+
+def test_lights_besides_emitters_need_an_example_here() -> None:
+    # None so far: whoever adds a kind under lights/ adds it to these tests.
+    assert set(LIGHTS.specs()) == set()
+
+
+def test_emitters_are_chosen_by_power() -> None:
+    lights = packed(LAMPS).lights
+    names = sorted(["Spheres", "Parallelograms"])
+    rows = [(names[table], int(primitive)) for table, primitive in zip(lights.table, lights.primitive, strict=True)]
+    assert sorted(rows) == sorted(POWERS)
+    total = sum(POWERS.values())
+    for row, pmf in zip(rows, lights.choice.pmf, strict=True):
+        assert pmf == pytest.approx(POWERS[row] / total, rel=1e-12)
+    # By primitive: zero for what does not emit.
+    assert lights.pmf.sum() == pytest.approx(1.0, rel=1e-12)
+    assert np.count_nonzero(lights.pmf) == 4
+    for field in (lights.table, lights.primitive, lights.material, lights.first):
+        assert field.dtype == np.int32
+        assert field.flags.c_contiguous
+    assert lights.pmf.dtype == np.float64
+
+
+def test_samples_fall_on_the_lights_as_often_as_they_are_chosen() -> None:
+    scene_ = packed(LAMPS)
+    count = 40_000
+    point = (0.3, -0.9, 0.2)
+    direction, radiance, pdf, target, gap = aim(scene_, point, count)
+    np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1.0, atol=1e-14)
+    way = target - np.array(point)
+    np.testing.assert_allclose(way / np.linalg.norm(way, axis=1)[:, None], direction, atol=1e-7)
+    assert (gap > 0.0).all()
+
+    # Follow each ray past what may hide its light: the target is on an emitter.
+    accel = built(*scene_.primitives)
+    start = target - 10.0 * gap[:, None] * direction
+    hits = cast(scene_.primitives, start, direction, accel=accel)
+    names = [type(table).__name__ for table in scene_.primitives]
+    found = Counter((names[table], int(primitive)) for table, primitive in zip(hits.table, hits.primitive, strict=True) if table >= 0)
+    total = sum(POWERS.values())
+    for row, power in POWERS.items():
+        expected = count * power / total
+        assert found[row] == pytest.approx(expected, abs=5.0 * math.sqrt(expected) + 1e-3 * count)
+
+
+def test_density_of_a_sample_is_that_of_the_hit_it_aims_at() -> None:
+    # Where both ways of finding a light give the same density, MIS weights sum to 1.
+    scene_ = packed(LAMPS)
+    point = (0.3, -0.9, 0.2)
+    direction, _, pdf, target, _ = aim(scene_, point, 20_000)
+    hits = cast(scene_.primitives, np.tile(point, (len(pdf), 1)), direction, accel=built(*scene_.primitives))
+    same = np.linalg.norm(hits.point - target, axis=1) < 1e-5
+    assert same.mean() > 0.5
+    twin = np.empty(same.sum())
+    _pdf(scene_.lights, scene_.primitives, hits.table[same], hits.primitive[same], point, hits.point[same], hits.normal[same], twin)
+    np.testing.assert_allclose(twin, pdf[same], rtol=1e-5)
+
+
+def test_density_of_what_does_not_emit_is_zero() -> None:
+    scene_ = packed(LAMPS)
+    names = [type(table).__name__ for table in scene_.primitives]
+    pdf = np.empty(2)
+    table = np.array([names.index("Spheres"), names.index("Parallelograms")])
+    point = np.array([[-3.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
+    normal = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
+    _pdf(scene_.lights, scene_.primitives, table, np.array([2, 1]), (0.0, 0.0, 0.0), point, normal, pdf)
+    assert (pdf == 0.0).all()
+
+
+def test_there_are_no_lights_to_choose_where_none_would_be_seen() -> None:
+    lamp = "  - {type: sphere, center: [0, 2, 0], radius: 0.5, material: {type: emitter, radiance: 3}}\n"
+    matte = "  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 0.5}}\n"
+    black = "  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 0}}\n"
+    mirror = "  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: metal, fuzz: 0}}\n"
+    glass = "  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: dielectric}}\n"
+    dark = "  - {type: sphere, center: [0, 2, 0], radius: 0.5, material: {type: emitter, radiance: 0}}\n"
+    assert packed(lamp + matte).lights is not None
+    for objects in (lamp, matte, lamp + black, lamp + mirror, lamp + glass, dark + matte):
+        assert packed(objects).lights is None
+    # What the camera sees at depth 1 is not lit by anything.
+    assert packed(lamp + matte, max_depth=1).lights is None
+
+
+def test_reflected_light_of_a_single_emitter_draws_no_choice() -> None:
+    # One emitter: probability 1, whatever its power.
+    scene_ = packed(
+        "  - {type: quad, corner: [0, 2, 0], edges: [[1, 0, 0], [0, 0, 1]], material: {type: emitter, radiance: 7}}\n"
+        "  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian}}\n"
+    )
+    assert len(scene_.lights.table) == 1
+    _, radiance, pdf, target, _ = aim(scene_, (0.5, 0.0, 0.5), 100)
+    assert (radiance == 7.0).all()
+    # Density of a square metre seen from 2 m below: d^3 / (2 A).
+    distance = np.linalg.norm(target - [0.5, 0.0, 0.5], axis=1)
+    np.testing.assert_allclose(pdf, distance**3 / 2.0, rtol=1e-12)
+    assert Exact() == ()

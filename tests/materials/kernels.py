@@ -1,0 +1,88 @@
+"""Compiled loops over a material's functions."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.jit import entry
+from raytracer.materials.interface import Draws, emission, evaluate, row, scatter
+from raytracer.sampling import SAMPLERS, pixel_key
+from raytracer.spec import Spec
+from raytracer.vec import Vec3
+
+UP = (0.0, 0.0, 1.0)
+
+
+@entry
+def _scatter_many(material, direction, normal, front, sampler, outgoing, weight, pdf):
+    key = pixel_key(sampler, 0, 0)
+    for index in range(len(pdf)):
+        out = scatter(material, direction, normal, front, Draws(sampler, key, index, 8))
+        for axis in range(3):
+            outgoing[index, axis] = out.direction[axis]
+            weight[index, axis] = out.weight[axis]
+        pdf[index] = out.pdf
+
+
+@entry
+def _evaluate_many(material, direction, normal, front, outgoing, value, pdf):
+    for index in range(len(pdf)):
+        toward = (outgoing[index, 0], outgoing[index, 1], outgoing[index, 2])
+        f_cos, density = evaluate(material, direction, normal, front, toward)
+        for axis in range(3):
+            value[index, axis] = f_cos[axis]
+        pdf[index] = density
+
+
+@entry
+def _emission(material, front):
+    return emission(material, front)
+
+
+def packed_row(spec: Spec):
+    """The record that the kernels take for one material."""
+    return row(type(spec).pack([spec]), 0)
+
+
+def incoming(degrees: float, azimuth: float = 0.4) -> Vec3:
+    """Unit direction of travel onto a surface with normal +z, `degrees` from the normal."""
+    theta = math.radians(degrees)
+    return (math.sin(theta) * math.cos(azimuth), math.sin(theta) * math.sin(azimuth), -math.cos(theta))
+
+
+def scatter_many(
+    spec: Spec, direction: Vec3, count: int, *, front: bool = True, seed: int = 5, normal: Vec3 = UP
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Directions (count, 3), weights (count, 3) and pdfs (count,) of `scatter`."""
+    outgoing, weight, pdf = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
+    sampler = SAMPLERS["independent"](seed, 1)
+    _scatter_many(packed_row(spec), direction, normal, front, sampler, outgoing, weight, pdf)
+    return outgoing, weight, pdf
+
+
+def evaluate_many(
+    spec: Spec, direction: Vec3, outgoing: NDArray[np.float64], *, front: bool = True, normal: Vec3 = UP
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """f |cos| (n, 3) and pdf (n,) of `evaluate` toward directions (n, 3)."""
+    value, pdf = np.empty((len(outgoing), 3)), np.empty(len(outgoing))
+    _evaluate_many(packed_row(spec), direction, normal, front, np.ascontiguousarray(outgoing), value, pdf)
+    return value, pdf
+
+
+def emitted(spec: Spec, front: bool) -> Vec3:
+    """`emission`."""
+    return tuple(_emission(packed_row(spec), front))
+
+
+def mirrored(direction: Vec3) -> NDArray[np.float64]:
+    """`direction` reflected at a surface with normal +z."""
+    return np.array([direction[0], direction[1], -direction[2]])
+
+
+def frame(axis: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Orthonormal rows (3, 3) of which the last is the unit vector `axis`."""
+    helper = np.eye(3)[np.argmin(np.abs(axis))]
+    s = np.cross(helper, axis)
+    s /= np.linalg.norm(s)
+    return np.array([s, np.cross(axis, s), axis])

@@ -1,0 +1,214 @@
+"""What every kind of material promises, for each kind that there is."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from raytracer.kinds import MATERIALS
+from raytracer.materials.interface import MaterialSpec, row
+from raytracer.vec import Vec3
+from tests.materials.kernels import (
+    emitted,
+    evaluate_many,
+    frame,
+    incoming,
+    mirrored,
+    packed_row,
+    scatter_many,
+)
+from tests.statistics import chi2_counts
+
+EXAMPLES: dict[str, list[dict[str, Any]]] = {
+    "dielectric": [{"ior": 1.5}, {"ior": 1.33, "outside_ior": 1.5}, {"ior": 1.0}],
+    "emitter": [{"radiance": 2.0}, {"radiance": [1.0, 2.0, 3.0], "two_sided": True}],
+    "lambertian": [{"albedo": [0.2, 0.5, 1.0]}, {"albedo": 0.0}],
+    "metal": [
+        {"albedo": [0.9, 0.6, 0.3], "fuzz": 0.0},
+        {"albedo": 1.0, "fuzz": 0.05},
+        {"albedo": 0.8, "fuzz": 0.5},
+        {"albedo": [1.0, 0.6, 0.3], "fuzz": 1.0},
+    ],
+}
+"""Parameters of at least one material of each kind."""
+
+ANGLES = (0.0, 30.0, 75.0, 89.9)
+
+# Probability with which any one test of this file rejects what is right; its seeds are fixed.
+SIGNIFICANCE = 1e-4
+
+
+def spec_of(kind: str, parameters: dict[str, Any]) -> MaterialSpec:
+    return MATERIALS.specs()[kind].model_validate({"type": kind, **parameters})
+
+
+CASES = [
+    pytest.param(spec_of(kind, parameters), id=f"{kind} {parameters}")
+    for kind, examples in EXAMPLES.items()
+    for parameters in examples
+]
+
+every_material = pytest.mark.parametrize("spec", CASES)
+every_lit_material = pytest.mark.parametrize("spec", [case for case in CASES if case.values[0].is_lit()])
+every_other_material = pytest.mark.parametrize("spec", [case for case in CASES if not case.values[0].is_lit()])
+every_angle = pytest.mark.parametrize("degrees", ANGLES)
+
+
+def test_every_kind_has_an_example() -> None:
+    assert set(EXAMPLES) == set(MATERIALS.specs())
+
+
+@every_material
+def test_tables_are_contiguous_float64(spec: MaterialSpec) -> None:
+    table = type(spec).pack([spec, spec, spec])
+    for column in table:
+        assert column.flags.c_contiguous
+        assert column.dtype in (np.dtype(np.float64), np.dtype(np.bool_))
+        assert len(column) == 3
+
+
+@every_material
+@every_angle
+def test_directions_are_unit_vectors_and_weights_keep_energy(spec: MaterialSpec, degrees: float) -> None:
+    for front in (True, False):
+        outgoing, weight, pdf = scatter_many(spec, incoming(degrees), 4096, front=front)
+        np.testing.assert_allclose(np.linalg.norm(outgoing, axis=1), 1.0, rtol=0.0, atol=1e-12)
+        assert (weight >= 0.0).all()
+        assert (weight <= 1.0 + 1e-9).all()
+        assert (pdf > 0.0).all()
+
+
+def cells(axis: NDArray[np.float64], lowest: float, rows: int, columns: int, fine: int) -> NDArray[np.float64]:
+    """Quadrature over directions within arccos(lowest) of `axis`: points and weights, (rows, columns, fine^2, 4).
+
+    The cosine runs as lowest + (1 - lowest) s^2, so that a pdf with a pole of 1 / sqrt at `lowest` is smooth in s.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(fine)
+    s = (np.arange(rows)[:, None] + 0.5 + 0.5 * nodes) / rows
+    phi = 2.0 * np.pi * (np.arange(columns)[:, None] + 0.5 + 0.5 * nodes) / columns
+    cosine = lowest + (1.0 - lowest) * s * s
+    area_s = 0.5 * weights / rows * 2.0 * (1.0 - lowest) * s
+    area_phi = np.broadcast_to(np.pi * weights / columns, phi.shape)
+    cosine, phi, area_s, area_phi = (
+        np.broadcast_to(values, (rows, columns, fine, fine))
+        for values in (cosine[:, None, :, None], phi[None, :, None, :], area_s[:, None, :, None], area_phi[None, :, None, :])
+    )
+    sine = np.sqrt((1.0 - cosine) * (1.0 + cosine))
+    local = np.stack([sine * np.cos(phi), sine * np.sin(phi), cosine], axis=-1)
+    points = local @ frame(axis)
+    return np.concatenate([points, (area_s * area_phi)[..., None]], axis=-1).reshape(rows, columns, fine * fine, 4)
+
+
+def support(spec: MaterialSpec, direction: Vec3) -> tuple[NDArray[np.float64], float]:
+    """An axis, and the lowest cosine to it at which the pdf is not zero."""
+    fuzz = getattr(spec, "fuzz", None)
+    if fuzz is None:
+        return np.array([0.0, 0.0, 1.0]), -1.0
+    return mirrored(direction), float(np.sqrt(max(0.0, 1.0 - fuzz**2)))
+
+
+@every_lit_material
+@every_angle
+def test_directions_follow_the_pdf_that_evaluate_tells(spec: MaterialSpec, degrees: float) -> None:
+    # Pearson's chi-square over cells of directions, plus one for what is absorbed or falls outside of them.
+    count, rows, columns = 200_000, 16, 24
+    direction = incoming(degrees)
+    axis, lowest = support(spec, direction)
+    outgoing, weight, _ = scatter_many(spec, direction, count)
+    kept = outgoing[weight.any(axis=1)]
+    local = kept @ frame(axis).T
+    s = np.sqrt(np.maximum(0.0, (local[:, 2] - lowest) / (1.0 - lowest)))
+    phi = np.arctan2(local[:, 1], local[:, 0]) % (2.0 * np.pi)
+    assert (local[:, 2] >= lowest - 1e-12).all()
+    observed, _, _ = np.histogram2d(s, phi, [np.linspace(0.0, 1.0 + 1e-12, rows + 1), np.linspace(0.0, 2.0 * np.pi, columns + 1)])
+
+    # Where the horizon cuts through cells, quadrature by 24 x 24 points is off by 1e-3 of a cell, which does not show.
+    grid = cells(axis, lowest, rows, columns, 24)
+    _, pdf = evaluate_many(spec, direction, grid[..., :3].reshape(-1, 3))
+    expected = count * (pdf.reshape(grid.shape[:3]) * grid[..., 3]).sum(axis=2)
+    # A sliver above the horizon may fall between its points: cells where less than one is expected join the absorbed.
+    some = expected >= 1.0
+    observed, expected = observed[some], expected[some]
+    expected *= min(1.0, count / expected.sum())
+    absorbed = count - expected.sum()
+    chi2_counts(np.append(observed, count - observed.sum()), np.append(expected, absorbed), SIGNIFICANCE)
+
+
+@every_lit_material
+@every_angle
+def test_weight_is_f_cos_over_pdf(spec: MaterialSpec, degrees: float) -> None:
+    direction = incoming(degrees)
+    outgoing, weight, pdf = scatter_many(spec, direction, 20_000)
+    value, density = evaluate_many(spec, direction, outgoing)
+    kept = weight.any(axis=1)
+    assert kept.any()
+    # At the rim of the lobe of fuzzy metal the pdf has a pole.  A cosine wrong by 2^-53 is 2^-53 / (2 * 1e-6 * 1.25e-3)
+    # of the square of its distance from the pole there, for the narrowest lobe: 5e-8.
+    axis, lowest = support(spec, direction)
+    clear = kept & (outgoing @ axis > lowest + 1e-6 * (1.0 - lowest))
+    assert clear.sum() > 0.99 * kept.sum()
+    np.testing.assert_allclose(density[clear], pdf[clear], rtol=2e-7)
+    np.testing.assert_allclose(value[clear], weight[clear] * density[clear, None], rtol=1e-12)
+
+
+@every_other_material
+@every_angle
+def test_what_cannot_be_lit_by_choice_has_no_value(spec: MaterialSpec, degrees: float) -> None:
+    # Mirrors, glass, emitters, and what is black: aiming at a light would bring nothing.
+    direction = incoming(degrees)
+    outgoing, weight, pdf = scatter_many(spec, direction, 1000)
+    value, density = evaluate_many(spec, direction, outgoing)
+    assert not value.any()
+    if np.isinf(pdf).all():
+        assert not density.any()
+    else:
+        assert not weight.any()
+
+
+@every_lit_material
+@every_angle
+def test_hemisphere_reflects_no_more_than_arrives(spec: MaterialSpec, degrees: float) -> None:
+    # The directional albedo, the integral of f |cos|, is at most 1, and the mean weight is an estimate of it.
+    direction = incoming(degrees)
+    axis, lowest = support(spec, direction)
+    grid = cells(axis, lowest, 16, 24, 24)
+    value, pdf = evaluate_many(spec, direction, grid[..., :3].reshape(-1, 3))
+    albedo = (value * grid[..., 3].reshape(-1, 1)).sum(axis=0)
+    # Where the horizon cuts through cells, as at grazing incidence, quadrature itself is good to 1e-3.
+    assert (albedo <= 1.0 + 1e-3).all()
+    assert (pdf * grid[..., 3].reshape(-1)).sum() <= 1.0 + 1e-3
+    _, weight, _ = scatter_many(spec, direction, 100_000)
+    deviation = weight.std(axis=0) / np.sqrt(len(weight))
+    np.testing.assert_array_less(np.abs(weight.mean(axis=0) - albedo), 5.0 * deviation + 1e-3)
+
+
+@every_lit_material
+def test_normal_and_frame_do_not_matter_but_for_turning_along(spec: MaterialSpec) -> None:
+    # A surface turned by a rotation has the same pdf for directions turned with it.
+    turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+    turn *= np.linalg.det(turn)
+    direction = incoming(40.0)
+    outgoing, _, _ = scatter_many(spec, direction, 100)
+    value, pdf = evaluate_many(spec, direction, outgoing)
+    turned = tuple(map(float, turn @ direction)), tuple(map(float, turn @ (0.0, 0.0, 1.0)))
+    value_turned, pdf_turned = evaluate_many(spec, turned[0], outgoing @ turn.T, normal=turned[1])
+    np.testing.assert_allclose(pdf_turned, pdf, rtol=1e-7)
+    np.testing.assert_allclose(value_turned, value, rtol=1e-7)
+
+
+@every_material
+def test_only_emitters_emit(spec: MaterialSpec) -> None:
+    radiance = {front: emitted(spec, front) for front in (True, False)}
+    assert (spec.exitance() > 0.0) == any(any(value) for value in radiance.values())
+    if spec.type == "emitter":
+        assert radiance[True] == spec.radiance
+        assert radiance[False] == (spec.radiance if spec.two_sided else (0.0, 0.0, 0.0))
+
+
+def test_a_row_is_that_of_its_material() -> None:
+    for kind, examples in EXAMPLES.items():
+        specs = [spec_of(kind, parameters) for parameters in examples]
+        table = type(specs[0]).pack(specs)
+        for number, spec in enumerate(specs):
+            assert row(table, number) == packed_row(spec)

@@ -1,0 +1,64 @@
+"""Hashes: known answers, bijections, avalanche."""
+
+import numpy as np
+import pytest
+
+from raytracer.sampling.hashing import BELOW_ONE, mix32, philox2x32, unit_interval
+from raytracer.sampling.independent import Independent
+from tests.sampling.draws import keys
+
+
+@pytest.mark.parametrize(
+    ("counter", "key", "answer"),
+    [
+        ((0x00000000, 0x00000000), 0x00000000, (0x257A3673, 0xCD26BE2A)),
+        ((0xFFFFFFFF, 0xFFFFFFFF), 0xFFFFFFFF, (0xAB302C4D, 0x3DC9D239)),
+        ((0x243F6A88, 0x85A308D3), 0x13198A2E, (0xBEDBBE6B, 0xE4C770B3)),
+    ],
+)
+def test_philox_gives_the_known_answers(counter, key, answer):
+    # Random123's file kat_vectors, the lines of "philox2x32 7".
+    assert philox2x32(*counter, key) == answer
+
+
+def test_mix32_flips_each_bit_half_of_the_time():
+    # Each of 32 x 32 frequencies over n words has the standard deviation 0.5 / sqrt(n); 5 of them leave odds of 6e-4.
+    n = 4096
+    words = np.random.default_rng(1).integers(0, 2**32, n)
+    images = np.array([mix32(int(word)) for word in words], np.uint64)
+    for bit in range(32):
+        flipped = np.array([mix32(int(word) ^ (1 << bit)) for word in words], np.uint64) ^ images
+        frequency = ((flipped[:, None] >> np.arange(32, dtype=np.uint64)) & np.uint64(1)).mean(axis=0)
+        assert np.abs(frequency - 0.5).max() < 5.0 * 0.5 / np.sqrt(n)
+
+
+def test_the_unit_interval_excludes_its_ends():
+    assert unit_interval(0) == 2.0**-33
+    assert unit_interval(2**32 - 1) == 1.0 - 2.0**-33
+    assert np.nextafter(BELOW_ONE, 2.0) == 1.0
+
+
+@pytest.mark.parametrize(("left", "top"), [(0, 0), (65536 - 512, 0), (0, 65536 - 512), (65536 - 512, 65536 - 512)])
+def test_no_two_pixels_share_a_key(left, top):
+    tile = keys(Independent(3), 512, 512, left, top)
+    assert len(np.unique(tile)) == tile.size
+    assert tile.max() < 2**32
+
+
+def test_pixels_beyond_65536_have_keys_of_their_own():
+    # 2^18 random words of 32 bits have 2^36 / 2^33 = 8 collisions to be expected, a Poisson variable.
+    near = keys(Independent(3), 1 << 17, 1)
+    far = keys(Independent(3), 1 << 17, 1, left=1 << 17)
+    assert len(np.intersect1d(near, far)) < 25
+
+
+def test_keys_of_two_seeds_are_not_the_same_ones_moved():
+    # Images of two seeds would show the same noise, shifted or mirrored, if key_1(p) = key_2(p xor c).
+    first, second = keys(Independent(0), 256, 256), keys(Independent(1), 256, 256)
+    assert len(np.intersect1d(first, second)) < 10
+    assert len(np.unique(first ^ second)) > 0.99 * first.size
+
+
+def test_all_bits_of_the_seed_count():
+    tiles = [keys(Independent(seed), 16, 16) for seed in (0, *(1 << bit for bit in range(63)))]
+    assert len({tile.tobytes() for tile in tiles}) == 64

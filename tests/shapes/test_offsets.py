@@ -1,0 +1,237 @@
+"""Rays that leave a surface do not meet it again, at any scale; and hits are as exact as float64.
+
+Through Embree itself: its float32 distances are what the offsets have to make good.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from raytracer.primitives.discs import Discs
+from raytracer.primitives.parallelograms import Parallelograms
+from raytracer.primitives.spheres import Spheres
+from raytracer.primitives.triangles import Triangles
+from tests.shapes.kernels import built, cast, sample, spawn, uniform_directions, unit
+
+SCALES = (1e-3, 1.0, 1e3, 1e6)
+
+
+def spheres(center: Any, radius: Any) -> Spheres:
+    centers = np.atleast_2d(np.asarray(center, np.float64))
+    return Spheres(centers, np.atleast_1d(np.asarray(radius, np.float64)), np.zeros(len(centers), np.int32))
+
+
+def flat(kind: str, scale: float) -> Any:
+    """A tilted flat primitive of this size, away from the origin by its size."""
+    corner, u, v = scale * np.array([0.7, 0.3, -0.2]), scale * np.array([1.0, 0.3, 0.1]), scale * np.array([-0.2, 0.9, 0.6])
+    normal = unit(np.cross(u, v))
+    material = np.zeros(1, np.int32)
+    if kind == "parallelogram":
+        return Parallelograms(corner[None], u[None], v[None], material)
+    if kind == "disc":
+        return Discs((corner + 0.5 * u + 0.5 * v)[None], normal, np.array([0.6 * scale]), material)
+    vertices = np.array([corner, corner + 2.0 * u, corner + 2.0 * v], np.float32)
+    return Triangles(vertices, np.array([[0, 1, 2]], np.uint32), material)
+
+
+def self_hits(table: Any, origins: NDArray[np.float64], directions: NDArray[np.float64], seed: int) -> tuple[int, int]:
+    """Of rays that go on from hits to a side chosen at random and meet the same flat surface again: (hits, rays)."""
+    onwards = uniform_directions(len(origins), seed)
+    accel = built(table)
+    starts = spawn((table,), origins, directions, onwards, accel=accel)
+    left = ~np.isnan(starts[:, 0])
+    again = cast((table,), starts[left], onwards[left], accel=accel)
+    return int((again.table >= 0).sum()), int(left.sum())
+
+
+@pytest.mark.parametrize("kind", ["parallelogram", "disc", "triangle"])
+@pytest.mark.parametrize("scale", SCALES)
+def test_rays_leave_flat_surfaces_for_good(kind: str, scale: float) -> None:
+    # Hard case 15: a plane cannot be met twice.  Without an offset half of the rays would meet it.
+    table = flat(kind, scale)
+    count = 50_000
+    middle = scale * (np.array([0.7, 0.3, -0.2]) + 0.5 * np.array([0.8, 1.2, 0.7]))
+    origins = middle + 3.0 * scale * uniform_directions(count, 1)
+    targets = middle + 0.5 * scale * np.random.default_rng(2).uniform(-1.0, 1.0, (count, 3))
+    hits, rays = self_hits(table, origins, unit(targets - origins), 3)
+    assert rays > count // 5
+    assert hits == 0
+
+
+@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize("place", ["at the origin", "a ground below the origin", "far off"])
+def test_rays_leave_spheres_outwards_for_good(scale: float, place: str) -> None:
+    # Hard case 1: the error of a large sphere is that of |centre| + radius, not of the hit point near the origin.
+    center = {
+        "at the origin": np.zeros(3),
+        "a ground below the origin": np.array([0.0, -scale, 0.0]),
+        "far off": scale * np.array([30.0, -20.0, 10.0]),
+    }[place]
+    table = spheres(center, scale)
+    count = 100_000
+    normals = uniform_directions(count, 4)
+    origins = center + 2.0 * scale * normals
+    targets = center + scale * uniform_directions(count, 5) * 0.99
+    directions = unit(targets - origins)
+    first = cast((table,), origins, directions)
+    assert (first.table == 0).all()
+    onwards = uniform_directions(count, 6)
+    onwards *= np.sign((onwards * first.normal).sum(axis=1))[:, None]
+    accel = built(table)
+    starts = spawn((table,), origins, directions, onwards, accel=accel)
+    again = cast((table,), starts, onwards, accel=accel)
+    assert (again.table >= 0).sum() == 0
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_rays_inside_spheres_meet_the_far_side(scale: float) -> None:
+    # From inside, the next hit is the chord's other end, 2 r cos away; a self-hit would be near 0.
+    center = scale * np.array([0.5, -1.0, 2.0])
+    table = spheres(center, scale)
+    count = 100_000
+    directions = uniform_directions(count, 7)
+    origins = np.tile(center, (count, 1))
+    inwards = uniform_directions(count, 8)
+    first = cast((table,), origins, directions)
+    inwards *= -np.sign((inwards * first.normal).sum(axis=1))[:, None]
+    accel = built(table)
+    starts = spawn((table,), origins, directions, inwards, accel=accel)
+    again = cast((table,), starts, inwards, accel=accel)
+    cosine = -(inwards * first.normal).sum(axis=1)
+    chord = 2.0 * scale * cosine
+    found = np.linalg.norm(again.point - starts, axis=1)
+    # Chords shorter than the offset can tell apart, at cosines below 1e-3, may be missed or met at once.
+    long = cosine > 1e-3
+    assert (again.table[long] == 0).all()
+    # The start is off the surface by 4 ulp of the extent, which shortens a chord by that over the cosine.
+    offset = 4.0 * 2.0**-23 * 3.0 * scale
+    assert (np.abs(found - chord)[long] <= 2.0 * offset / cosine[long]).all()
+
+
+def test_a_thousand_spheres_of_all_sizes() -> None:
+    # Hard case 9 (pbrt-v4, shapes_test.cpp): radii 1e-4 to 1e4, a thousand rays from each; none meets its own sphere.
+    # Centres are up to a thousand radii off: farther than 1e5, float32 cannot hold a sphere.
+    rng = np.random.default_rng(9)
+    failures = 0
+    for _ in range(100):
+        radius = 10.0 ** rng.uniform(-4.0, 4.0, 10)
+        center = rng.uniform(-1.0, 1.0, (10, 3)) * radius[:, None] * 10.0 ** rng.uniform(-1.0, 3.0, (10, 1))
+        for c, r in zip(center, radius, strict=True):
+            table = spheres(c, r)
+            seed = int(rng.integers(1 << 31))
+            normals = uniform_directions(1000, seed)
+            origins = c + 3.0 * r * normals
+            onwards = uniform_directions(1000, seed + 1)
+            onwards *= np.sign((onwards * normals).sum(axis=1))[:, None]
+            accel = built(table)
+            starts = spawn((table,), origins, -normals, onwards, accel=accel)
+            left = ~np.isnan(starts[:, 0])
+            assert left.mean() > 0.9
+            failures += int((cast((table,), starts[left], onwards[left], accel=accel).table >= 0).sum())
+    assert failures == 0
+
+
+@pytest.mark.parametrize(
+    ("degrees", "distance"), [(90.0, 1.0), (10.0, 5.854486340902376), (3.75, 17.665512273919436), (2.5, None)]
+)
+def test_ground_sphere_of_one_weekend(degrees: float, distance: float | None) -> None:
+    # Hard case 3: r = 1000, eye (0, 1, 0), so many degrees below the horizon; Embree alone is off by 3e-4.
+    # c / (b + sqrt(b^2 - c)) with b = 1001 sin, c = 1001^2 - 1000^2, in 40 digits.
+    table = spheres([0.0, -1000.0, 0.0], 1000.0)
+    angle = math.radians(degrees)
+    hits = cast((table,), [0.0, 1.0, 0.0], [math.cos(angle), -math.sin(angle), 0.0])
+    if distance is None:
+        assert hits.table[0] == -1
+    else:
+        assert np.linalg.norm(hits.point[0] - [0.0, 1.0, 0.0]) == pytest.approx(distance, abs=1e-11)
+
+
+@pytest.mark.parametrize("radius", [1e3, 1e4, 1e5, 1e6])
+def test_height_above_large_spheres(radius: float) -> None:
+    # Hard case 4: Embree's height error is 1.6e-4 to 0.15; solved in float64, 3e-10.
+    table = spheres([0.0, -radius, 0.0], radius)
+    x = np.random.default_rng(10).uniform(-3.0, 3.0, (1000, 2))
+    origins = np.column_stack([x[:, 0], np.full(1000, 5.0), x[:, 1]])
+    hits = cast((table,), origins, np.tile([0.0, -1.0, 0.0], (1000, 1)))
+    squared = (x**2).sum(axis=1)
+    height = -squared / (np.sqrt(radius * radius - squared) + radius)
+    assert np.abs(hits.point[:, 1] - height).max() <= 3e-10
+
+
+@pytest.mark.parametrize("distance", [10.0, 1e3, 1e5])
+def test_far_spheres_are_met_in_front_and_exactly(distance: float) -> None:
+    # Hard case 1: unit spheres within an impact parameter of 0.999; however near the limb, the near side is met.
+    count = 100_000
+    rng = np.random.default_rng(11)
+    b, phi = 0.999 * np.sqrt(rng.random(count)), 2.0 * np.pi * rng.random(count)
+    table = spheres([0.0, 0.0, 0.0], 1.0)
+    origins = np.column_stack([b * np.cos(phi), b * np.sin(phi), np.full(count, distance)])
+    hits = cast((table,), origins, np.tile([0.0, 0.0, -1.0], (count, 1)))
+    met = hits.table == 0
+    # From 1e5 radii, float32 cannot tell 0.998 of a radius from 1: hard case 2 warns there.
+    assert (~met).sum() == 0 if distance < 1e5 else met.mean() > 0.99
+    height = np.sqrt(1.0 - b * b)
+    assert (hits.normal[met, 2] > 0.0).all()
+    # The height of the closest approach is known to the rounding of the distance, 1e-16 d / height.
+    assert (np.abs(hits.point[met, 2] - height[met]) * height[met] <= 4e-16 * distance + 1e-15).all()
+
+
+def test_eye_at_the_centre_of_a_sphere() -> None:
+    # Hard case 5: t = r all round, with the normal outwards.
+    directions = uniform_directions(1000, 12)
+    hits = cast((spheres([1.0, 2.0, 3.0], 1.0),), np.tile([1.0, 2.0, 3.0], (1000, 1)), directions)
+    np.testing.assert_allclose(hits.point, directions + [1.0, 2.0, 3.0], atol=1e-15)
+    np.testing.assert_allclose(hits.normal, directions, atol=1e-15)
+
+
+def test_tangent_rays_give_numbers() -> None:
+    # Hard case 6: a ray at x = 1 touches the unit sphere or misses it, without NaN.
+    for x in (1.0, np.nextafter(1.0, 0.0), np.float64(np.nextafter(np.float32(1.0), np.float32(0.0)))):
+        hits = cast((spheres([0.0, 0.0, 0.0], 1.0),), [x, 0.0, 5.0], [0.0, 0.0, -1.0])
+        if hits.table[0] == 0:
+            assert np.isfinite(hits.point).all()
+            assert np.isfinite(hits.normal).all()
+            np.testing.assert_allclose(hits.point[0], [1.0, 0.0, 0.0], atol=1e-3)
+
+
+@pytest.mark.parametrize(("distance", "radius"), [(1e4, 1.0), (1e8, 1.0), (1.0 + 1e-9, 1.0)])
+def test_cone_of_a_sphere_light_keeps_its_density_finite(distance: float, radius: float) -> None:
+    # Hard case 10: the solid angle is 2 pi s^2 / (1 + sqrt(1 - s^2)), s = r / d; 1 - cos is 0 in float32 at d = 1e4.
+    table = spheres([0.0, 0.0, 0.0], radius)
+    points = sample((table,), 0, 0, [distance, 0.0, 0.0], np.random.default_rng(13).random((1000, 2)))
+    squared = (radius / distance) ** 2
+    solid_angle = 2.0 * math.pi * squared / (1.0 + math.sqrt(1.0 - squared))
+    np.testing.assert_allclose(points.pdf, 1.0 / solid_angle, rtol=1e-7)
+    np.testing.assert_allclose(np.linalg.norm(points.point, axis=1), radius, rtol=1e-14)
+    assert (points.normal[:, 0] >= radius / distance - 1e-7).all()
+
+
+def test_quads_have_no_gap_along_their_diagonal() -> None:
+    # Hard case 11: Embree cuts a quad in two; with its robust flag no ray passes between.
+    table = flat("parallelogram", 1.0)
+    corner, u, v = table.corner[0], table.u[0], table.v[0]
+    t = np.random.default_rng(14).random(200_000)[:, None]
+    targets = corner + u + t * (v - u)
+    origins = targets + 2.0 * unit(uniform_directions(len(t), 15) + 1.5 * unit(np.cross(u, v)))
+    assert (cast((table,), origins, unit(targets - origins)).table == 0).all()
+
+
+@pytest.mark.parametrize("exact", [True, False])
+def test_what_accuracy_adds(exact: bool) -> None:
+    # `exact` solves the hit again, to 1e-15 of the distance; `fast` takes Embree's float32 distance along the ray.
+    table = flat("parallelogram", 1.0)
+    corner, u, v = table.corner[0], table.u[0], table.v[0]
+    a = np.random.default_rng(16).random((2000, 2))
+    targets = corner + a[:, :1] * u + a[:, 1:] * v
+    origins = targets + 100.0 * unit(uniform_directions(len(a), 17) + 1.5 * unit(np.cross(u, v)))
+    hits = cast((table,), origins, unit(targets - origins), exact=exact)
+    off = np.linalg.norm(hits.point - targets, axis=1)
+    if exact:
+        assert off.max() < 1e-12
+        np.testing.assert_allclose(hits.uv, a, atol=1e-12)
+    else:
+        # Half an ulp of 100 m is 3.8e-6 m; a few of them add up, more so at a slant.
+        assert 1e-6 < off.max() < 1e-4

@@ -1,0 +1,242 @@
+"""The project's frame: what its documents say is there, and what is there is in its documents."""
+
+import importlib.util
+import re
+import subprocess
+import sys
+import sysconfig
+import tomllib
+from importlib.metadata import entry_points, version
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+import typer
+import yaml
+
+import raytracer
+from raytracer.cli.main import app
+from raytracer.kinds import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, SHAPES, Family
+from raytracer.scene.load import load
+from raytracer.spec import Spec
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
+DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+FAMILIES = (CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, SHAPES)
+
+COMMANDS = set(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
+
+
+def _script(name: str) -> ModuleType:
+    """A script of the docs folder as a module."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+make_scenes = _script("make_scenes")
+
+
+def _fenced(text: str, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+
+
+# ---- Kinds
+
+
+def _kinds() -> list[tuple[Family, str, type[Spec]]]:
+    return [(family, name, spec) for family in FAMILIES for name, spec in family.specs().items()]
+
+
+def _scene_with(family: Family, snippet: str, folder: Path) -> Path:
+    """A scene around a kind's snippet, with the materials and files that the snippet names."""
+    scene = {"camera": {"type": "pinhole"}, "film": {"width": 8, "height": 6}, "materials": {}, "objects": []}
+    piece = yaml.safe_load(snippet)
+    if family is MATERIALS:
+        scene["materials"] = piece
+        scene["objects"] = [{"type": "sphere", "center": [0, 0, 0], "radius": 1, "material": name} for name in piece]
+    elif family is SHAPES:
+        scene["objects"] = piece
+        scene["materials"] = {item["material"]: {"type": "lambertian"} for item in piece if "material" in item}
+        for item in piece:
+            if "file" in item:
+                (folder / item["file"]).touch()
+    elif family is LIGHTS:
+        scene["lights"] = piece
+    else:
+        scene.update(piece)
+    path = folder / "scene.yaml"
+    path.write_text(yaml.safe_dump(scene))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("family", "name", "spec"), _kinds(), ids=lambda value: value if isinstance(value, str) else ""
+)
+def test_a_kinds_docstring_holds_a_scene_that_is_valid(
+    family: Family, name: str, spec: type[Spec], tmp_path: Path
+) -> None:
+    snippet = make_scenes.snippet(sys.modules[spec.__module__].__doc__)
+    scene = load(_scene_with(family, snippet, tmp_path))
+    found = {
+        CAMERAS: [scene.camera],
+        ENVIRONMENTS: [scene.environment],
+        FILTERS: [scene.film.filter],
+        LIGHTS: scene.lights,
+        MATERIALS: scene.materials.values(),
+        SHAPES: scene.objects,
+    }[family]
+    assert found
+    assert {type(item) for item in found} == {spec}
+
+
+@pytest.mark.parametrize(
+    ("family", "name", "spec"), _kinds(), ids=lambda value: value if isinstance(value, str) else ""
+)
+def test_every_key_of_a_kind_is_described(family: Family, name: str, spec: type[Spec]) -> None:
+    silent = [key for key, field in spec.model_fields.items() if key != "type" and not field.description]
+    assert silent == []
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "scenes").glob("*.yaml")), ids=lambda path: path.stem)
+def test_scenes_of_the_repository_are_valid(path: Path) -> None:
+    if "generated/" in path.read_text() and not (ROOT / "scenes" / "generated").exists():
+        pytest.skip("`make scenes` has not made its mesh")
+    load(path)
+
+
+# ---- Documents
+
+
+def test_the_reference_of_scene_files_is_up_to_date() -> None:
+    assert make_scenes.OUTPUT.read_text(encoding="utf-8") == make_scenes.reference(), "run `make docs`"
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_whole_scenes_in_documents_are_valid(document: Path, tmp_path: Path) -> None:
+    for number, text in enumerate(_fenced(document.read_text(encoding="utf-8"), "yaml")):
+        if "camera:" in text and "film:" in text and "objects:" in text:
+            path = tmp_path / f"{number}.yaml"
+            path.write_text(text)
+            load(path)
+
+
+def test_the_readmes_first_scene_is_one() -> None:
+    assert any("objects:" in text for text in _fenced(README, "yaml"))
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_links_lead_somewhere(document: Path) -> None:
+    text = document.read_text(encoding="utf-8")
+    links = re.findall(r"\]\((?!https?://)([^)#]*)(#[^)]*)?\)", text)
+    assert [link for link, _ in links if not (document.parent / link).exists()] == []
+    headings = {re.sub(r"[^\w -]", "", line.lstrip("# ")).lower().replace(" ", "-") for line in text.splitlines()}
+    assert [anchor for link, anchor in links if anchor and not link and anchor[1:] not in headings] == []
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_source_files_that_documents_name_exist(document: Path) -> None:
+    named = set(re.findall(r"`((?:[\w.-]+/)+[\w-]+\.(?:py|yaml|md))`", document.read_text(encoding="utf-8")))
+    # Files of kinds that a reader is told how to add.
+    named -= {"raytracer/shapes/ring.py", "raytracer/primitives/cylinders.py"}
+    assert (
+        sorted(name for name in named if not any((base / name).exists() for base in (ROOT, ROOT / "raytracer"))) == []
+    )
+
+
+def test_the_readme_lists_the_commands_that_exist() -> None:
+    listed = set(re.findall(r"^\| `rt (\w+)", README, re.MULTILINE))
+    assert listed == COMMANDS
+    used = {name for text in _fenced(README, "") for name in re.findall(r"\brt (\w+)", text)}
+    assert used <= COMMANDS
+
+
+def test_options_in_the_readme_exist() -> None:
+    for text in _fenced(README, ""):
+        for command, rest in re.findall(r"^(?:\$ )?rt (\w+)(.*)$", text, re.MULTILINE):
+            parameters = typer.main.get_command(app).commands[command].params  # type: ignore[attr-defined]
+            known = {name for parameter in parameters for name in parameter.opts}
+            assert set(re.findall(r"(?<=\s)(--[\w-]+|-[a-zA-Z]\b)", rest)) <= known
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_make_targets_that_documents_name_exist(document: Path) -> None:
+    named = re.findall(
+        r"^make (?:[A-Z]+=\S+ )?([a-z-]+)|`make (?:[A-Z]+=\S+ )?([a-z-]+)`", document.read_text(), re.MULTILINE
+    )
+    assert named or document != ROOT / "README.md"
+    targets = set(re.findall(r"^([a-z-]+):", MAKEFILE, re.MULTILINE))
+    assert {first or second for first, second in named} <= targets
+
+
+def test_names_that_the_readme_uses_from_python_exist() -> None:
+    (program,) = _fenced(README, "python")
+    names = set(re.findall(r"\brt\.(\w+)", program))
+    assert names
+    assert sorted(name for name in names if not hasattr(raytracer, name)) == []
+
+
+def test_every_module_has_a_place_in_the_table_of_layers() -> None:
+    table = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").partition("| modules |")[2]
+    placed = re.findall(
+        r"`(\w+)/?`", " ".join(line.split("|")[1] for line in table.splitlines() if line.startswith("| `"))
+    )
+    modules = [
+        path.stem for path in (ROOT / "raytracer").iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()
+    ]
+    assert set(modules) - {"__init__"} <= set(placed)
+
+
+def test_every_dependency_is_explained() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    text = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8").lower()
+    wanted = [*project["dependencies"], *project["optional-dependencies"]["test"]]
+    names = [re.split(r"[<>=~\[; ]", requirement)[0].lower() for requirement in wanted]
+    assert [name for name in names if name not in text] == []
+
+
+# ---- Installation
+
+
+def test_versions_agree() -> None:
+    assert version("raytracer") == raytracer.__version__
+
+
+def test_the_command_is_installed() -> None:
+    (command,) = entry_points(group="console_scripts", name="rt")
+    assert command.value == "raytracer.cli.main:main"
+
+
+def test_the_installed_command_helps_without_loading_what_is_slow() -> None:
+    script = Path(sysconfig.get_path("scripts")) / "rt"
+    done = subprocess.run(
+        [sys.executable, "-X", "importtime", script, "--help"], capture_output=True, text=True, check=True
+    )
+    assert "Usage: rt" in done.stdout
+    assert all(command in done.stdout for command in COMMANDS)
+    imported = {line.rpartition("|")[2].strip().partition(".")[0] for line in done.stderr.splitlines()}
+    assert "typer" in imported
+    assert imported.isdisjoint({"numba", "llvmlite", "numpy", "scipy", "pydantic", "yaml", "PIL", "OpenEXR", "trimesh"})
+
+
+def test_the_version_is_printed_by_the_installed_command() -> None:
+    script = Path(sysconfig.get_path("scripts")) / "rt"
+    done = subprocess.run([script, "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"rt {raytracer.__version__}\n"
+
+
+def test_make_help_lists_every_target() -> None:
+    done = subprocess.run(["make", "help"], cwd=ROOT, capture_output=True, text=True, check=True)
+    (phony,) = re.findall(r"^\.PHONY: (help .*)$", MAKEFILE, re.MULTILINE)
+    assert set(re.findall(r"^ *make ([a-z-]+)", done.stdout, re.MULTILINE)) == set(phony.split())
+
+
+def test_a_missing_snippet_is_refused() -> None:
+    assert make_scenes.snippet("Title.\n\nIn a scene:\n\n    a: 1\n    b:\n      c: 2\n") == "a: 1\nb:\n  c: 2"
+    with pytest.raises(ValueError, match="an indented piece of a scene"):
+        make_scenes.snippet("Title only.")

@@ -1,0 +1,194 @@
+"""A scene's kernel holds what the scene calls for, and nothing else; values do not compile anything anew.
+
+What is compiled is asked of a process of its own (tests/probe.py), since Numba keeps what it has once compiled.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numba
+import pytest
+
+import raytracer
+from raytracer.scene.load import build
+from raytracer.scene.pack import pack
+from tests.rendering import scene
+
+ROOT = Path(__file__).parent.parent
+
+FAMILIES = ("cameras", "environments", "filters", "lights", "materials", "primitives", "sampling")
+
+
+def probe(cache: Path, *names: str) -> dict[str, Any]:
+    """What tests/probe.py says, run with this kernel cache."""
+    package = Path(raytracer.__file__).parent.parent
+    result = subprocess.run(
+        [sys.executable, "-m", "tests.probe", *names],
+        cwd=ROOT,
+        env={**os.environ, "RAYTRACER_CACHE_DIR": str(cache), "PYTHONPATH": f"{package}{os.pathsep}{ROOT}"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    return dict(json.loads(result.stdout))
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture(scope="module")
+def kernels(cache: Path) -> dict[str, Any]:
+    return probe(cache, "plain", "sky", "lens", "glass", "lamp")
+
+
+def kinds(report: dict[str, Any]) -> set[str]:
+    """Kinds in a kernel: modules of the families, but for what they share."""
+    shared = ("interface", "hashing", "warp", "perspective")
+    return {
+        module.removeprefix("raytracer.")
+        for module in report["modules"]
+        if module.split(".")[1] in FAMILIES and not module.endswith(shared)
+    }
+
+
+def test_plain_scene_holds_its_own_kinds_only(kernels: dict[str, Any]) -> None:
+    # A matte ball in the dark before a pinhole: no lens, glass, metal, light, environment, and no optics at all.
+    plain = kernels["plain"]
+    assert kinds(plain) == {"filters.box", "materials.lambertian", "primitives.spheres", "sampling.independent"}
+    assert "raytracer.optics" not in plain["modules"]
+    assert plain["calls"] == {"rtcIntersect8": 1, "rtcOccluded8": 0}
+
+
+@pytest.mark.parametrize(
+    ("name", "brings"),
+    [
+        ("sky", {"environments.constant"}),
+        ("lens", {"cameras.thin_lens"}),
+        ("glass", {"materials.dielectric"}),
+        ("lamp", {"lights.emitters", "materials.emitter", "sampling.alias"}),
+    ],
+)
+def test_an_effect_brings_its_own_code(kernels: dict[str, Any], name: str, brings: set[str]) -> None:
+    found = kinds(kernels[name])
+    assert brings <= found
+    # Nothing besides, but for kinds that are there anyway.
+    assert found - brings <= {"filters.box", "materials.lambertian", "primitives.spheres", "sampling.independent"}
+    assert ("raytracer.optics" in kernels[name]["modules"]) == (name == "glass")
+    assert kernels[name]["llvm_size"] > kernels["plain"]["llvm_size"]
+
+
+def test_shadow_rays_are_compiled_where_there_are_lights(kernels: dict[str, Any]) -> None:
+    assert {name: report["calls"]["rtcOccluded8"] for name, report in kernels.items()} == {
+        "plain": 0,
+        "sky": 0,
+        "lens": 0,
+        "glass": 0,
+        "lamp": 1,
+    }
+
+
+def test_kernels_count_no_references(kernels: dict[str, Any]) -> None:
+    # Counts are atomic and shared by all threads; they cost a third of the time.
+    assert {name: report["reference_counts"] for name, report in kernels.items()} == dict.fromkeys(kernels, 0)
+
+
+def test_a_second_process_compiles_nothing(kernels: dict[str, Any], cache: Path) -> None:
+    assert kernels["plain"]["cache_misses"] == 1
+    for name in ("plain", "lamp"):
+        again = probe(cache, name)[name]
+        assert again["compiled"] == 0
+        assert (again["cache_hits"], again["cache_misses"]) == (1, 0)
+
+
+# ---- Types
+
+BASE = """
+camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
+film: {width: 16, height: 9}
+render: {spp: 4, max_depth: 5, seed: 0, sampler: SAMPLER}
+environment: {type: constant, radiance: [1, 0.5, 0.25]}
+materials:
+  a: {type: lambertian, albedo: [0.1, 0.2, 0.3]}
+objects:
+  - {type: sphere, center: [0, 0, 0], radius: 1, material: a}
+  - {type: sphere, name: lamp, center: [3, 0, 0], radius: 1, material: {type: emitter, radiance: [1, 2, 3]}}
+"""
+
+
+def type_of(text: str, **overrides: Any) -> numba.types.Type:
+    return numba.typeof(pack(build(text, "test.yaml", {key.replace("__", "."): value for key, value in overrides.items()})).scene)
+
+
+@pytest.mark.parametrize("sampler", ["independent", "stratified", "sobol"])
+def test_values_are_not_part_of_the_type(sampler: str) -> None:
+    # Integers where numbers are meant, one object more, another size: the same kernel.
+    base = BASE.replace("SAMPLER", sampler)
+    expected = type_of(base)
+    changes: list[dict[str, Any]] = [
+        {"film__width": 1920, "film__height": 1080},
+        {"render__spp": 7, "render__seed": 2**32 - 1},
+        {"render__max_depth": 1000, "render__rr_depth": 0},
+        {"camera__vfov": 41.5, "camera__look_from": [0.25, 0, 9]},
+        {"environment__radiance": 2},
+        {"materials__a__albedo": 1},
+        {"objects__lamp__radius": -2},
+        {"objects__lamp__material__two_sided": True},
+        {"objects__lamp__transform": [{"rotate": {"axis": [0, 1, 0], "angle": 30}}]},
+    ]
+    for change in changes:
+        assert type_of(base, **change) == expected, change
+    more = base + "  - {type: sphere, center: [0, 3, 0], radius: 0.5, material: {type: lambertian, albedo: 0.7}}\n"
+    assert type_of(more) == expected
+
+
+def test_what_nothing_uses_is_not_part_of_the_type() -> None:
+    base = BASE.replace("SAMPLER", "sobol")
+    unused = base.replace("objects:", "  glass: {type: dielectric}\n  steel: {type: metal}\nobjects:")
+    assert type_of(unused) == type_of(base)
+
+
+def test_order_of_the_objects_is_not_part_of_the_type() -> None:
+    objects = [
+        "  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: metal}}\n",
+        "  - {type: quad, corner: [0, 0, 0], edges: [[1, 0, 0], [0, 1, 0]], material: {type: lambertian}}\n",
+        "  - {type: disc, center: [0, 0, 0], normal: [0, 1, 0], radius: 1, material: {type: emitter, radiance: 1}}\n",
+        "  - {type: box, min: [0, 0, 0], max: [1, 1, 1], material: {type: dielectric}}\n",
+    ]
+    camera = "camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0]}\nobjects:\n"
+    types = {
+        numba.typeof(pack(scene(camera + "".join(order), filled=False)).scene)
+        for order in (objects, objects[::-1], objects[2:] + objects[:2])
+    }
+    assert len(types) == 1
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"camera": {"type": "thin_lens", "look_from": [0, 0, 4], "look_at": [0, 0, 0], "aperture": 10}},
+        {"environment": {"type": "gradient"}},
+        {"environment__radiance": 0},
+        {"render__sampler": "independent"},
+        {"render__accuracy": "fast"},
+        {"film__filter": "mitchell"},
+        {"objects__lamp__material__radiance": 0},
+        {"render__max_depth": 1},
+        {"materials__a": {"type": "metal"}},
+    ],
+)
+def test_effects_are_the_type(change: dict[str, Any]) -> None:
+    base = BASE.replace("SAMPLER", "sobol")
+    assert type_of(base, **change) != type_of(base)
+
+
+def test_an_aperture_of_zero_is_a_pinhole_to_the_compiler() -> None:
+    base = BASE.replace("SAMPLER", "sobol")
+    lens = {"type": "thin_lens", "look_from": [0, 0, 4], "look_at": [0, 0, 0], "aperture": 0}
+    assert type_of(base, camera=lens) == type_of(base)
