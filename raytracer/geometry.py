@@ -228,13 +228,13 @@ def within_quad(a: float, b: float, margin_a: float, margin_b: float) -> tuple[f
 
 @kernel
 def within_triangle(u: float, v: float, margin: float) -> tuple[float, float]:
-    """As `within_quad`, for barycentric coordinates of a triangle."""
-    margin = min(margin, 1.0 / 3.0)
-    u, v = max(margin, u), max(margin, v)
-    excess = u + v - (1.0 - margin)
-    if excess > 0.0:
-        u, v = u - 0.5 * excess, v - 0.5 * excess
-    return u, v
+    """As `within_quad`, for barycentric coordinates of a triangle: pulled to the middle until all three suffice."""
+    least = min(u, min(v, 1.0 - u - v))
+    margin = min(margin, 0.25)
+    if least >= margin:
+        return u, v
+    pull = (margin - least) / (1.0 / 3.0 - least)
+    return u + pull * (1.0 / 3.0 - u), v + pull * (1.0 / 3.0 - v)
 
 
 @kernel

@@ -1,0 +1,171 @@
+"""The same scene, seed and samples give the same bits, however the work is cut up and shared out."""
+
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import raytracer
+from raytracer import rendering
+from raytracer.rendering import Progress, Rendered, render
+from raytracer.scene.load import load
+from raytracer.scene.spec import SceneSpec
+
+ROOT = Path(__file__).parent.parent
+SCENES = ROOT / "scenes"
+WIDTH, HEIGHT, SPP = 44, 36, 37
+
+
+def scene(name: str, sampler: str | None = None) -> SceneSpec:
+    """A scene of the repository at a small size, cut by tiles of 16 into unequal ones; SPP is not a whole packet."""
+    if name == "million" and not (SCENES / "generated" / "million.ply").exists():
+        pytest.skip("scenes/generate/million.py has not made its mesh")
+    overrides: dict[str, Any] = {"film.width": WIDTH, "film.height": HEIGHT, "render.spp": SPP}
+    if sampler is not None:
+        overrides["render.sampler"] = sampler
+    return load(SCENES / f"{name}.yaml", overrides)
+
+
+NAMES = [
+    pytest.param(path.stem, marks=[pytest.mark.slow] if path.stem == "million" else [])
+    for path in sorted(SCENES.glob("*.yaml"))
+]
+
+
+def radiance(spec: SceneSpec, **keys: Any) -> NDArray[np.float64]:
+    return render(spec, **keys).image.radiance
+
+
+def assert_same(a: Rendered, b: Rendered) -> None:
+    """Radiance and variance, bit for bit, and the rays that it took."""
+    np.testing.assert_array_equal(a.image.radiance, b.image.radiance)
+    assert a.image.variance is not None
+    assert b.image.variance is not None
+    np.testing.assert_array_equal(a.image.variance, b.image.variance)
+    assert a.stats.rays == b.stats.rays
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_threads_do_not_matter(name: str) -> None:
+    spec = scene(name)
+    one = render(spec, threads=1)
+    assert one.stats.nan_samples == 0
+    assert one.image.radiance.any()
+    for threads in (2, 4, 13):
+        assert_same(render(spec, threads=threads), one)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_crop_is_that_part_of_the_picture(name: str) -> None:
+    spec = scene(name)
+    whole = radiance(spec)
+    for left, top, right, bottom in ((0, 0, 7, 5), (13, 9, 31, 33), (43, 35, 44, 36)):
+        np.testing.assert_array_equal(
+            radiance(spec, crop=(left, top, right, bottom)), whole[top:bottom, left:right]
+        )
+
+
+@pytest.mark.parametrize("sampler", ["independent", "stratified", "sobol"])
+def test_passes_and_tiles_do_not_matter(monkeypatch: pytest.MonkeyPatch, sampler: str) -> None:
+    spec = scene("cover", sampler)
+    usual = render(spec, threads=2)
+    monkeypatch.setattr(rendering, "TILE", 7)
+    assert_same(render(spec, threads=2), usual)
+    monkeypatch.setattr(rendering, "_pass_end", lambda begin, spp: min(spp, begin + rendering.PACKET))
+    assert_same(render(spec, threads=2), usual)
+    monkeypatch.setattr(rendering, "_pass_end", lambda begin, spp: spp)
+    assert_same(render(spec, threads=2), usual)
+
+
+def test_pass_lengths_cover_the_samples_in_whole_packets() -> None:
+    for spp in (1, 8, 37, 1000, 100_000):
+        begin = 0
+        while begin < spp:
+            end = rendering._pass_end(begin, spp)
+            assert begin < end <= spp
+            assert end == spp or end % rendering.PACKET == 0
+            begin = end
+
+
+@pytest.mark.parametrize("sampler", ["independent", "sobol"])
+def test_an_early_end_leaves_the_first_samples(sampler: str) -> None:
+    # Pixels that got n samples before an interruption are those of a render of n samples.
+    spec = scene("cover", sampler)
+
+    def interrupt(progress: Progress) -> None:
+        if progress.done > 0:
+            raise KeyboardInterrupt
+
+    result = render(spec, spp=1_000_000, threads=2, progress=interrupt)
+    assert result.interrupted
+    assert not result.complete
+    assert result.fewest_samples < 1_000_000
+    np.testing.assert_array_equal(result.image.radiance.shape, (HEIGHT, WIDTH, 3))
+
+    timed = render(spec, spp=1_000_000, threads=2, time_limit=0.05)
+    assert not timed.complete
+    assert not timed.interrupted
+    few = timed.fewest_samples
+    assert few >= rendering.PACKET
+    most = timed.image.samples
+    alternatives = np.stack([radiance(spec, spp=n) for n in _pass_ends(few, most)])
+    same = (alternatives == timed.image.radiance).all(axis=3).any(axis=0)
+    assert same.all()
+
+
+def _pass_ends(few: int, most: int) -> list[int]:
+    ends, begin = [], 0
+    while begin < most:
+        begin = rendering._pass_end(begin, 1_000_000)
+        if few <= begin <= most:
+            ends.append(begin)
+    return ends
+
+
+@pytest.mark.parametrize("sampler", ["independent", "stratified", "sobol"])
+def test_seeds_matter(sampler: str) -> None:
+    spec = scene("cover", sampler)
+    pictures = [radiance(spec, seed=seed) for seed in (0, 1, 2**32 - 1)]
+    for a, b in ((0, 1), (0, 2), (1, 2)):
+        # Even the sky straight through a pixel varies by where in the pixel samples fall, but for its blue, always 1.
+        assert (pictures[a] != pictures[b])[..., :2].mean() > 0.99
+    np.testing.assert_array_equal(radiance(spec, seed=1), pictures[1])
+
+
+def test_neighbours_and_channels_are_not_copies() -> None:
+    # Noise that two pixels share would show: their errors must not be correlated.
+    spec = scene("cover", "independent")
+    noise = radiance(spec, seed=3) - radiance(spec, seed=4)
+    grey = noise.mean(axis=2)
+    deviation = 1.0 / np.sqrt(grey.size)
+    for shifted in (np.roll(grey, 1, axis=1), np.roll(grey, 1, axis=0), np.roll(grey, (1, 1), axis=(0, 1))):
+        correlation = (grey * shifted).mean() / (grey * grey).mean()
+        # Heavy tails make the correlation of honest noise wider than that of normal noise, by 2 or so.
+        assert abs(correlation) < 10.0 * deviation
+
+
+def test_another_process_has_the_same_bits() -> None:
+    program = (
+        "from tests.test_determinism import radiance, scene; import hashlib; "
+        "print(hashlib.sha256(radiance(scene('glass')).tobytes()).hexdigest())"
+    )
+    package = Path(raytracer.__file__).parent.parent
+    digests = {
+        subprocess.run(
+            [sys.executable, "-c", program],
+            cwd=ROOT,
+            env={**os.environ, "PYTHONPATH": f"{package}{os.pathsep}{ROOT}"},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for _ in range(2)
+    }
+    digests.add(hashlib.sha256(radiance(scene("glass")).tobytes()).hexdigest() + "\n")
+    assert len(digests) == 1
