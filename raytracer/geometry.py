@@ -230,7 +230,7 @@ def within_quad(a: float, b: float, margin_a: float, margin_b: float) -> tuple[f
 def within_triangle(u: float, v: float, margin: float) -> tuple[float, float]:
     """As `within_quad`, for barycentric coordinates of a triangle: pulled to the middle until all three suffice."""
     least = min(u, min(v, 1.0 - u - v))
-    margin = min(margin, 0.25)
+    margin = min(margin, 1.0 / 3.0)
     if least >= margin:
         return u, v
     pull = (margin - least) / (1.0 / 3.0 - least)
