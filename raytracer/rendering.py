@@ -1,7 +1,6 @@
 """Rendering, as five calls on explicit state: load, pack, build, render, develop."""
 
 import os
-import resource
 import sys
 import threading
 import time
@@ -85,7 +84,11 @@ class Rendered(NamedTuple):
 
 
 def peak_rss_bytes() -> int:
-    """The largest resident memory that this process has had."""
+    """The largest resident memory that this process has had; 0 on Windows, which Python has no call for."""
+    if sys.platform == "win32":
+        return 0
+    import resource
+
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return int(peak) if sys.platform == "darwin" else 1024 * int(peak)
 

@@ -51,7 +51,9 @@ def compiled(name: str) -> dict[str, Any]:
     """Compile the kernel of a scene without a pixel to render, and look into it."""
     packed = pack(scene(SCENES[name], filled=False)).scene
     size = (1, 1)
-    film = FilmView(np.zeros((*size, 3)), np.zeros((*size, 3)), np.zeros(size, np.int64), np.zeros(size, np.int64), 0, 0)
+    film = FilmView(
+        np.zeros((*size, 3)), np.zeros((*size, 3)), np.zeros(size, np.int64), np.zeros(size, np.int64), 0, 0
+    )
     listener = _Compiled()
     with event.install_listener("numba:compile", listener):
         render_tile(packed, film, workspace(), 0, 0, 0, 0, 0, 0)

@@ -66,9 +66,7 @@ def test_a_crop_is_that_part_of_the_picture(name: str) -> None:
     spec = scene(name)
     whole = radiance(spec)
     for left, top, right, bottom in ((0, 0, 7, 5), (13, 9, 31, 33), (43, 35, 44, 36)):
-        np.testing.assert_array_equal(
-            radiance(spec, crop=(left, top, right, bottom)), whole[top:bottom, left:right]
-        )
+        np.testing.assert_array_equal(radiance(spec, crop=(left, top, right, bottom)), whole[top:bottom, left:right])
 
 
 @pytest.mark.parametrize("sampler", ["independent", "stratified", "sobol"])

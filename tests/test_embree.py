@@ -341,7 +341,22 @@ def test_packet_is_laid_out_as_embree_reads_it() -> None:
     assert np.shares_memory(room.floats, room.ints)
     assert (room.ints[embree.MASK] == 0xFFFFFFFF).all()
     assert room.floats.flags.c_contiguous
-    names = ("ORIGIN", "TNEAR", "DIRECTION", "TIME", "TFAR", "MASK", "RAY_ID", "FLAGS", "NORMAL", "U", "V", "PRIMITIVE", "GEOMETRY", "INSTANCE")
+    names = (
+        "ORIGIN",
+        "TNEAR",
+        "DIRECTION",
+        "TIME",
+        "TFAR",
+        "MASK",
+        "RAY_ID",
+        "FLAGS",
+        "NORMAL",
+        "U",
+        "V",
+        "PRIMITIVE",
+        "GEOMETRY",
+        "INSTANCE",
+    )
     assert [getattr(embree, name) for name in names] == [0, 3, 4, 7, 8, 9, 10, 11, 12, 15, 16, 17, 18, 19]
 
 

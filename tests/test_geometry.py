@@ -75,7 +75,9 @@ def test_sphere_distance_of_a_ray_that_passes_by() -> None:
 def test_plane_distance() -> None:
     # Height over the sine of the slope.
     slope = math.radians(10.0)
-    t = _plane_distance(Exact(), (0.0, 2.0, 0.0), (math.cos(slope), -math.sin(slope), 0.0), (7.0, 0.0, 3.0), (0.0, 1.0, 0.0), 11.0)
+    t = _plane_distance(
+        Exact(), (0.0, 2.0, 0.0), (math.cos(slope), -math.sin(slope), 0.0), (7.0, 0.0, 3.0), (0.0, 1.0, 0.0), 11.0
+    )
     assert t == pytest.approx(2.0 / math.sin(slope), rel=1e-15)
     # A ray in the plane has no distance of its own, and no division by zero.
     assert _plane_distance(Exact(), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (7.0, 0.0, 3.0), (0.0, 1.0, 0.0), 11.0) == 11.0
@@ -126,7 +128,9 @@ margins = st.floats(1e-9, 10.0)
 
 
 @given(st.floats(-0.5, 1.5), st.floats(-0.5, 1.5), margins, margins)
-def test_points_of_quads_keep_their_distance_from_the_edges(a: float, b: float, margin_a: float, margin_b: float) -> None:
+def test_points_of_quads_keep_their_distance_from_the_edges(
+    a: float, b: float, margin_a: float, margin_b: float
+) -> None:
     inside = geometry.within_quad(a, b, margin_a, margin_b)
     for value, given_value, margin in zip(inside, (a, b), (min(margin_a, 0.5), min(margin_b, 0.5)), strict=True):
         assert margin <= value <= 1.0 - margin

@@ -16,7 +16,9 @@ indices = st.floats(0.3, 4.0).filter(lambda eta: abs(eta - 1.0) > 1e-3)
 def _by_angles(angle: float, eta: float) -> float:
     """Unpolarised reflectance from the angles: sin^2(i-t)/sin^2(i+t) and tan^2(i-t)/tan^2(i+t) (Hecht, "Optics", 4.6)."""
     t = math.asin(math.sin(angle) / eta)
-    return 0.5 * (math.sin(angle - t) / math.sin(angle + t)) ** 2 + 0.5 * (math.tan(angle - t) / math.tan(angle + t)) ** 2
+    return (
+        0.5 * (math.sin(angle - t) / math.sin(angle + t)) ** 2 + 0.5 * (math.tan(angle - t) / math.tan(angle + t)) ** 2
+    )
 
 
 @given(angles, indices)
@@ -104,4 +106,6 @@ def test_a_slab_gives_back_the_direction(angle: float, eta: float) -> None:
         return
     inside = refract(direction, (0.0, 0.0, 1.0), math.cos(angle), cos_t, eta)
     _, cos_out = fresnel_dielectric(-inside[2], 1.0 / eta)
-    np.testing.assert_allclose(refract(inside, (0.0, 0.0, 1.0), -inside[2], cos_out, 1.0 / eta), direction, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(
+        refract(inside, (0.0, 0.0, 1.0), -inside[2], cos_out, 1.0 / eta), direction, rtol=0.0, atol=1e-9
+    )

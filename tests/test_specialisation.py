@@ -123,7 +123,9 @@ objects:
 
 
 def type_of(text: str, **overrides: Any) -> numba.types.Type:
-    return numba.typeof(pack(build(text, "test.yaml", {key.replace("__", "."): value for key, value in overrides.items()})).scene)
+    return numba.typeof(
+        pack(build(text, "test.yaml", {key.replace("__", "."): value for key, value in overrides.items()})).scene
+    )
 
 
 @pytest.mark.parametrize("sampler", ["independent", "stratified", "sobol"])

@@ -24,7 +24,9 @@ def test_arithmetic_is_that_of_numpy(a: Vec3, b: Vec3, s: float) -> None:
     np.testing.assert_array_equal(vec.neg(a), -x)
     # Contraction to fused multiply-adds may drop a rounding.
     size = np.abs(x).max() * np.abs(y).max()
-    np.testing.assert_allclose(vec.madd(a, s, b), x + s * y, rtol=0.0, atol=1e-15 * (np.abs(x).max() + abs(s) * np.abs(y).max()))
+    np.testing.assert_allclose(
+        vec.madd(a, s, b), x + s * y, rtol=0.0, atol=1e-15 * (np.abs(x).max() + abs(s) * np.abs(y).max())
+    )
     assert vec.dot(a, b) == pytest.approx(float(x @ y), abs=1e-15 * 3.0 * size)
     np.testing.assert_allclose(vec.cross(a, b), np.cross(x, y), rtol=0.0, atol=1e-15 * 2.0 * size)
     assert vec.norm(a) == pytest.approx(float(np.linalg.norm(x)), rel=1e-15)

@@ -96,7 +96,9 @@ def test_points_appear_in_their_pixels() -> None:
         to = np.array(point) - eye
         x = 8.0 + 8.0 * (to @ right) / (to @ forward) / half
         y = 8.0 - 8.0 * (to @ up) / (to @ forward) / half
-        _, directions = camera_rays(camera(look_from=eye.tolist(), look_at=target.tolist(), vfov=40.0).pack(16, 16), x, y)
+        _, directions = camera_rays(
+            camera(look_from=eye.tolist(), look_at=target.tolist(), vfov=40.0).pack(16, 16), x, y
+        )
         np.testing.assert_allclose(directions[0], to / np.linalg.norm(to), rtol=0.0, atol=1e-14)
         picture = image(
             f"""
@@ -161,7 +163,9 @@ def test_rays_of_a_film_point_meet_in_the_plane_of_focus(focus: float) -> None:
     assert (radius < 0.025).mean() == pytest.approx(0.25, abs=0.05)
     # At z = -focus, all where the pinhole's ray of that film point is.
     meeting = origins + directions * (-focus / directions[:, 2:])
-    _, straight = camera_rays(Pinhole(**{key: getattr(spec, key) for key in PerspectiveSpec.model_fields}).pack(40, 30), x, y)
+    _, straight = camera_rays(
+        Pinhole(**{key: getattr(spec, key) for key in PerspectiveSpec.model_fields}).pack(40, 30), x, y
+    )
     expected = straight[0] * (-focus / straight[0, 2])
     np.testing.assert_allclose(meeting, np.tile(expected, (1000, 1)), rtol=0.0, atol=1e-14 * focus + 1e-15)
 
@@ -193,7 +197,8 @@ objects:
 """
     more = "".join(f", {key}: {value}" for key, value in keys.items())
     np.testing.assert_array_equal(
-        image(text.format("thin_lens", more) + rest, spp=8).radiance, image(text.format("pinhole", "") + rest, spp=8).radiance
+        image(text.format("thin_lens", more) + rest, spp=8).radiance,
+        image(text.format("pinhole", "") + rest, spp=8).radiance,
     )
 
 

@@ -64,7 +64,9 @@ def test_a_black_environment_is_none() -> None:
 
 
 def test_constant_is_the_same_everywhere() -> None:
-    np.testing.assert_array_equal(seen(spec_of("constant", {"radiance": [1, 2, 3]}).pack(), DIRECTIONS), np.tile([1.0, 2.0, 3.0], (200, 1)))
+    np.testing.assert_array_equal(
+        seen(spec_of("constant", {"radiance": [1, 2, 3]}).pack(), DIRECTIONS), np.tile([1.0, 2.0, 3.0], (200, 1))
+    )
 
 
 def test_gradient_is_that_of_one_weekend() -> None:

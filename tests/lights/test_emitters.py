@@ -33,7 +33,12 @@ LAMPS = """
 """
 
 # Area times radiance times sides: 4 pi 0.25 * 9, 4 pi * 1, 4 * 3 * 2, 1 * 6.
-POWERS = {("Spheres", 0): 9.0 * math.pi, ("Spheres", 1): 4.0 * math.pi, ("Parallelograms", 0): 24.0, ("Parallelograms", 2): 6.0}
+POWERS = {
+    ("Spheres", 0): 9.0 * math.pi,
+    ("Spheres", 1): 4.0 * math.pi,
+    ("Parallelograms", 0): 24.0,
+    ("Parallelograms", 2): 6.0,
+}
 
 
 @entry
@@ -60,7 +65,18 @@ def _pdf(lights, primitives, table, primitive, origin, points, normals, pdf):
 def aim(scene_, point, count, seed=3):
     direction, radiance, target = (np.empty((count, 3)) for _ in range(3))
     pdf, gap = np.empty(count), np.empty(count)
-    _aim(scene_.lights, scene_.primitives, scene_.materials, SAMPLERS["independent"](seed, 1), point, direction, radiance, pdf, target, gap)
+    _aim(
+        scene_.lights,
+        scene_.primitives,
+        scene_.materials,
+        SAMPLERS["independent"](seed, 1),
+        point,
+        direction,
+        radiance,
+        pdf,
+        target,
+        gap,
+    )
     return direction, radiance, pdf, target, gap
 
 
@@ -101,7 +117,11 @@ def test_samples_fall_on_the_lights_as_often_as_they_are_chosen() -> None:
     start = target - 10.0 * gap[:, None] * direction
     hits = cast(scene_.primitives, start, direction, accel=accel)
     names = [type(table).__name__ for table in scene_.primitives]
-    found = Counter((names[table], int(primitive)) for table, primitive in zip(hits.table, hits.primitive, strict=True) if table >= 0)
+    found = Counter(
+        (names[table], int(primitive))
+        for table, primitive in zip(hits.table, hits.primitive, strict=True)
+        if table >= 0
+    )
     total = sum(POWERS.values())
     for row, power in POWERS.items():
         expected = count * power / total
@@ -117,7 +137,16 @@ def test_density_of_a_sample_is_that_of_the_hit_it_aims_at() -> None:
     same = np.linalg.norm(hits.point - target, axis=1) < 1e-5
     assert same.mean() > 0.5
     twin = np.empty(same.sum())
-    _pdf(scene_.lights, scene_.primitives, hits.table[same], hits.primitive[same], point, hits.point[same], hits.normal[same], twin)
+    _pdf(
+        scene_.lights,
+        scene_.primitives,
+        hits.table[same],
+        hits.primitive[same],
+        point,
+        hits.point[same],
+        hits.normal[same],
+        twin,
+    )
     np.testing.assert_allclose(twin, pdf[same], rtol=1e-5)
 
 

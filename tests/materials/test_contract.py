@@ -92,7 +92,12 @@ def cells(axis: NDArray[np.float64], lowest: float, rows: int, columns: int, fin
     area_phi = np.broadcast_to(np.pi * weights / columns, phi.shape)
     cosine, phi, area_s, area_phi = (
         np.broadcast_to(values, (rows, columns, fine, fine))
-        for values in (cosine[:, None, :, None], phi[None, :, None, :], area_s[:, None, :, None], area_phi[None, :, None, :])
+        for values in (
+            cosine[:, None, :, None],
+            phi[None, :, None, :],
+            area_s[:, None, :, None],
+            area_phi[None, :, None, :],
+        )
     )
     sine = np.sqrt((1.0 - cosine) * (1.0 + cosine))
     local = np.stack([sine * np.cos(phi), sine * np.sin(phi), cosine], axis=-1)
@@ -121,7 +126,9 @@ def test_directions_follow_the_pdf_that_evaluate_tells(spec: MaterialSpec, degre
     s = np.sqrt(np.maximum(0.0, (local[:, 2] - lowest) / (1.0 - lowest)))
     phi = np.arctan2(local[:, 1], local[:, 0]) % (2.0 * np.pi)
     assert (local[:, 2] >= lowest - 1e-12).all()
-    observed, _, _ = np.histogram2d(s, phi, [np.linspace(0.0, 1.0 + 1e-12, rows + 1), np.linspace(0.0, 2.0 * np.pi, columns + 1)])
+    observed, _, _ = np.histogram2d(
+        s, phi, [np.linspace(0.0, 1.0 + 1e-12, rows + 1), np.linspace(0.0, 2.0 * np.pi, columns + 1)]
+    )
 
     # Where the horizon cuts through cells, quadrature by 24 x 24 points is off by 1e-3 of a cell, which does not show.
     grid = cells(axis, lowest, rows, columns, 24)

@@ -115,10 +115,10 @@ def _mesh_area(text: str) -> Callable[[Array], float]:
     return lambda matrix: sum(_polygon_area(*vertices[face])(matrix) for face in faces)
 
 
-_TETRAHEDRON_FACES = _faces([[0, 0, -1], [0, -1, 0], [-1, 0, 0], [1 / 1.5, 1, 0.5]], [0, 0, 0, 1.0 / np.hypot(np.hypot(1 / 1.5, 1), 0.5)])
-_OCTAHEDRON_FACES = _faces(
-    [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], [1.0 / np.sqrt(3.0)] * 8
+_TETRAHEDRON_FACES = _faces(
+    [[0, 0, -1], [0, -1, 0], [-1, 0, 0], [1 / 1.5, 1, 0.5]], [0, 0, 0, 1.0 / np.hypot(np.hypot(1 / 1.5, 1), 0.5)]
 )
+_OCTAHEDRON_FACES = _faces([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], [1.0 / np.sqrt(3.0)] * 8)
 
 
 def _scaled_sphere_area(matrix: Array) -> float:
@@ -242,7 +242,9 @@ def test_tables_hold_contiguous_numbers_of_the_right_kind(lower: Any, name: str,
     assert rows == len(areas(table))
     for field, column in table._asdict().items():
         assert column.flags.c_contiguous, field
-        assert column.dtype in (np.dtype(np.float64), np.dtype(np.float32), np.dtype(np.int32), np.dtype(np.uint32)), field
+        assert column.dtype in (np.dtype(np.float64), np.dtype(np.float32), np.dtype(np.int32), np.dtype(np.uint32)), (
+            field
+        )
         assert np.isfinite(column).all(), field
     assert table.material.dtype == np.int32
     assert (table.material == 7).all()
@@ -261,7 +263,9 @@ def test_tables_hold_contiguous_numbers_of_the_right_kind(lower: Any, name: str,
 def test_areas(lower: Any, name: str, transform: Any) -> None:
     table, matrix = lower(name, transform)
     # Vertices of triangles are float32: their areas follow to a few ulps of that.
-    assert areas(table).sum() == pytest.approx(EXAMPLES[name].area(matrix), rel=1e-5 if "mesh" in name or name == "triangle" else 1e-12)
+    assert areas(table).sum() == pytest.approx(
+        EXAMPLES[name].area(matrix), rel=1e-5 if "mesh" in name or name == "triangle" else 1e-12
+    )
 
 
 @every_shape
@@ -296,7 +300,9 @@ def test_hits_lie_on_the_surface_with_the_normal_to_its_outside(lower: Any, name
 
 
 @every_shape
-def test_closed_shapes_are_outside_seen_from_afar_and_inside_seen_from_within(lower: Any, name: str, transform: Any) -> None:
+def test_closed_shapes_are_outside_seen_from_afar_and_inside_seen_from_within(
+    lower: Any, name: str, transform: Any
+) -> None:
     table, matrix = lower(name, transform)
     center = EXAMPLES[name].center
     if center is None:

@@ -26,7 +26,11 @@ def spheres(center: Any, radius: Any) -> Spheres:
 
 def flat(kind: str, scale: float) -> Any:
     """A tilted flat primitive of this size, away from the origin by its size."""
-    corner, u, v = scale * np.array([0.7, 0.3, -0.2]), scale * np.array([1.0, 0.3, 0.1]), scale * np.array([-0.2, 0.9, 0.6])
+    corner, u, v = (
+        scale * np.array([0.7, 0.3, -0.2]),
+        scale * np.array([1.0, 0.3, 0.1]),
+        scale * np.array([-0.2, 0.9, 0.6]),
+    )
     normal = unit(np.cross(u, v))
     material = np.zeros(1, np.int32)
     if kind == "parallelogram":

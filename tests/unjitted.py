@@ -1,0 +1,107 @@
+"""Numbers from every kernel that needs no Embree, to be had compiled or, under NUMBA_DISABLE_JIT=1, interpreted.
+
+Run as `python -m tests.unjitted FILE.npz`, which writes them.
+"""
+
+import sys
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.cameras.pinhole import Pinhole
+from raytracer.cameras.thin_lens import ThinLens
+from raytracer.environments.gradient import Gradient
+from raytracer.geometry import Exact
+from raytracer.integrator import power_heuristic, spawn_point
+from raytracer.jit import entry
+from raytracer.optics import fresnel_dielectric, refract
+from raytracer.primitives.discs import Discs
+from raytracer.primitives.interface import hit_any
+from raytracer.primitives.parallelograms import Parallelograms
+from raytracer.primitives.spheres import Spheres
+from raytracer.primitives.triangles import SmoothTriangles, Triangles
+from raytracer.vec import basis, reflect, to_world
+from tests.cameras.kernels import camera_rays
+from tests.environments.test_environments import seen
+from tests.materials.kernels import evaluate_many, incoming, scatter_many
+from tests.materials.test_contract import EXAMPLES, spec_of
+from tests.shapes.kernels import pdf_of, sample
+
+_MATERIAL = np.zeros(1, np.int32)
+_CORNERS = np.array([[0, 0, 0], [1, 0.2, 0], [0.1, 1, 0.3]])
+_NORMALS = np.array([[0, 0, 1], [0, 0.6, 0.8], [0.6, 0, 0.8]], np.float32)
+TABLES = (
+    Discs(np.array([[0.1, 0.2, 0.3]]), np.array([[0.0, 0.6, 0.8]]), np.array([2.0]), _MATERIAL),
+    Parallelograms(_CORNERS[:1] - 1.0, 4.0 * _CORNERS[1:2], 4.0 * _CORNERS[2:], _MATERIAL),
+    SmoothTriangles(9.0 * _CORNERS.astype(np.float32) - 3, np.array([[0, 1, 2]], np.uint32), _MATERIAL, _NORMALS),
+    Spheres(np.array([[0.1, 0.2, 0.3]]), np.array([0.9]), _MATERIAL),
+    Triangles(9.0 * _CORNERS.astype(np.float32) - 3, np.array([[0, 1, 2]], np.uint32), _MATERIAL),
+)
+
+
+@entry
+def _hits(tables, accuracy, origin, direction, out):
+    for table in range(len(tables)):
+        hit = hit_any(tables, table, 0, origin, direction, 4.0, accuracy)
+        start = spawn_point(hit, (-direction[0], -direction[1], -direction[2]))
+        for axis in range(3):
+            out[table, axis] = hit.point[axis]
+            out[table, 3 + axis] = hit.normal[axis]
+            out[table, 6 + axis] = hit.shading_normal[axis]
+            out[table, 9 + axis] = start[axis]
+        out[table, 12] = hit.u
+        out[table, 13] = hit.v
+        out[table, 14] = hit.offset
+
+
+@entry
+def _optics(direction, normal, out):
+    cos_i = -(direction[0] * normal[0] + direction[1] * normal[1] + direction[2] * normal[2])
+    s, t = basis(normal)
+    reflectance, cos_t = fresnel_dielectric(cos_i, 1.5)
+    refracted = refract(direction, normal, cos_i, cos_t, 1.5)
+    mirrored = reflect(direction, normal)
+    turned = to_world(direction, s, t, normal)
+    for axis in range(3):
+        out[axis] = refracted[axis]
+        out[3 + axis] = mirrored[axis]
+        out[6 + axis] = turned[axis]
+    out[9] = reflectance
+    out[10] = power_heuristic(0.3, 2.0)
+
+
+def numbers() -> dict[str, NDArray[np.float64]]:
+    """Arrays by name."""
+    out: dict[str, Any] = {}
+    for kind, examples in EXAMPLES.items():
+        for number, parameters in enumerate(examples):
+            spec = spec_of(kind, parameters)
+            drawn = scatter_many(spec, incoming(35.0), 20)
+            valued = evaluate_many(spec, incoming(35.0), drawn[0])
+            for name, array in zip(("outgoing", "weight", "pdf", "value", "density"), (*drawn, *valued), strict=True):
+                out[f"{kind} {number} {name}"] = array
+    u = np.random.default_rng(1).random((20, 2))
+    for number, table in enumerate(TABLES):
+        points = sample((table,), 0, 0, (1.0, 2.0, 3.0), u)
+        out.update({f"{type(table).__name__} {field}": array for field, array in points._asdict().items()})
+        out[f"{type(table).__name__} pdf_of"] = pdf_of((table,), 0, 0, (2.0, 1.0, 4.0), points.point, points.normal)
+        for accuracy in (Exact(), None):
+            hits = np.empty((1, 15))
+            _hits((table,), accuracy, (0.2, 0.1, 4.3), (0.0, 0.0, -1.0), hits)
+            out[f"{type(table).__name__} {number} {accuracy}"] = hits
+    many = np.empty((len(TABLES), 15))
+    _hits(TABLES, Exact(), (0.2, 0.1, 4.3), (0.0, 0.0, -1.0), many)
+    out["switch"] = many
+    optics = np.empty(11)
+    _optics((0.6, 0.0, -0.8), (0.0, 0.0, 1.0), optics)
+    out["optics"] = optics
+    for camera in (Pinhole(vfov=40.0), ThinLens(vfov=40.0, focus_distance=3.0, aperture=100.0)):
+        packed = camera.pack(40, 30)
+        out[f"{camera.type} origins"], out[f"{camera.type} directions"] = camera_rays(packed, u[:, 0] * 40.0, 7.5)
+    out["sky"] = seen(Gradient().pack(), out["pinhole directions"])
+    return out
+
+
+if __name__ == "__main__":
+    np.savez(sys.argv[1], **numbers())
