@@ -4,7 +4,7 @@
 PYTHON ?= python3
 VENV ?= .venv
 PEER_VENV ?= .venv-peers
-PYTEST_ARGS ?=
+PYTEST_ARGS ?= --numprocesses auto --dist worksteal
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:

@@ -42,18 +42,29 @@ materials:
   brass: {type: metal, albedo: [0.8, 0.6, 0.2], fuzz: 0.3}
   mirror: {type: metal, albedo: 0.9, fuzz: 0}
   glass: {type: dielectric, ior: 1.5}
+  warm: {type: emitter, radiance: [6, 5, 4]}
+  bright: {type: emitter, radiance: [8, 8, 6]}
+  both sides: {type: emitter, radiance: 5, two_sided: true}
 objects:
   - {type: disc, center: [0, 0, 0], normal: [0, 1, 0], radius: 6, material: floor}
   - {type: sphere, center: [-1.6, 0.5, 0], radius: 0.5, material: brass}
   - {type: sphere, center: [-0.4, 0.5, 0.8], radius: 0.5, material: glass}
-  - {type: box, min: [-0.4, 0, -0.4], max: [0.4, 1.2, 0.4], material: mirror, transform: [{rotate: {axis: [0, 1, 0], angle: 25}}, {translate: [0.8, 0, -0.8]}]}
+  - type: box
+    min: [-0.4, 0, -0.4]
+    max: [0.4, 1.2, 0.4]
+    material: mirror
+    transform: [{rotate: {axis: [0, 1, 0], angle: 25}}, {translate: [0.8, 0, -0.8]}]
   - {type: triangle, vertices: [[1.2, 0, 0.6], [2.4, 0, 0.2], [1.8, 1.2, 0.1]], material: red}
   - {type: mesh, file: octahedron.obj, material: red, transform: [{scale: 0.5}, {translate: [-2.4, 0.5, 1]}]}
-  - {type: mesh, file: octahedron.obj, smooth: true, material: brass, transform: [{scale: 0.5}, {translate: [1, 0.5, 1.6]}]}
-  - {type: quad, corner: [-2, 2.5, -1.5], edges: [[0.8, 0, 0], [0, 0, 0.8]], material: {type: emitter, radiance: [6, 5, 4]}}
+  - type: mesh
+    file: octahedron.obj
+    smooth: true
+    material: brass
+    transform: [{scale: 0.5}, {translate: [1, 0.5, 1.6]}]
+  - {type: quad, corner: [-2, 2.5, -1.5], edges: [[0.8, 0, 0], [0, 0, 0.8]], material: warm}
   - {type: sphere, center: [2.4, 1.8, -0.5], radius: 0.2, material: {type: emitter, radiance: [4, 8, 12]}}
-  - {type: disc, center: [0, 2.6, 0.5], normal: [0.2, -1, 0], radius: 0.3, material: {type: emitter, radiance: [8, 8, 6]}}
-  - {type: triangle, vertices: [[-3, 1, -1], [-3, 1.6, -1], [-2.6, 1.3, -1.3]], material: {type: emitter, radiance: 5, two_sided: true}}
+  - {type: disc, center: [0, 2.6, 0.5], normal: [0.2, -1, 0], radius: 0.3, material: bright}
+  - {type: triangle, vertices: [[-3, 1, -1], [-3, 1.6, -1], [-2.6, 1.3, -1.3]], material: both sides}
   - {type: box, min: [2.6, 0, 0.4], max: [2.8, 0.5, 0.6], material: {type: emitter, radiance: [5, 2, 2]}}
 """
 

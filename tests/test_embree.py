@@ -333,7 +333,7 @@ def test_a_ray_does_not_depend_on_its_neighbours(kind: str) -> None:
 
 
 def test_packet_is_laid_out_as_embree_reads_it() -> None:
-    # RTCRayHit8, embree4/rtcore_ray.h: rows of 8 words, of which the ray has 12 and the hit at least 8; 64-byte aligned.
+    # RTCRayHit8, embree4/rtcore_ray.h: rows of 8 words, 12 for the ray and at least 8 for the hit; 64-byte aligned.
     room = embree.packet()
     assert room.floats.ctypes.data % 64 == 0
     assert room.valid.ctypes.data % 64 == 0

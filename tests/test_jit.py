@@ -138,7 +138,7 @@ def test_any_edited_source_makes_another_cache(tmp_path: Path, monkeypatch: pyte
     assert jit._source_hash() in seen
     for change in (
         lambda: (package / "sub" / "b.py").write_text("y = 2\n"),
-        lambda: (package / "sub" / "c.py").touch(),
+        (package / "sub" / "c.py").touch,
         lambda: (package / "sub" / "c.py").rename(package / "c.py"),
     ):
         change()
@@ -169,7 +169,7 @@ def test_old_caches_are_dropped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     (tmp_path / "something else").mkdir()
     current = jit._use_cache_of_these_sources()
     assert current.parent == tmp_path
-    assert jit.numba.config.CACHE_DIR == str(current)
+    assert str(current) == jit.numba.config.CACHE_DIR
     kept = sorted(path.name for path in tmp_path.iterdir())
     assert kept == sorted([current.name, "kernels-0", "kernels-1", "kernels-2", "something else"])
 
@@ -189,7 +189,7 @@ def test_a_cache_in_the_way_of_a_file_is_no_error(tmp_path: Path, monkeypatch: p
     monkeypatch.setenv("RAYTRACER_CACHE_DIR", str(tmp_path / "file"))
     before = jit.numba.config.CACHE_DIR
     jit._use_cache_of_these_sources()
-    assert jit.numba.config.CACHE_DIR == before
+    assert before == jit.numba.config.CACHE_DIR
 
 
 def test_cache_lies_where_each_system_keeps_caches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

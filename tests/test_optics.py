@@ -14,7 +14,7 @@ indices = st.floats(0.3, 4.0).filter(lambda eta: abs(eta - 1.0) > 1e-3)
 
 
 def _by_angles(angle: float, eta: float) -> float:
-    """Unpolarised reflectance from the angles: sin^2(i-t)/sin^2(i+t) and tan^2(i-t)/tan^2(i+t) (Hecht, "Optics", 4.6)."""
+    """Unpolarised reflectance by angles: sin^2(i-t)/sin^2(i+t) and tan^2(i-t)/tan^2(i+t) (Hecht, "Optics", 4.6)."""
     t = math.asin(math.sin(angle) / eta)
     return (
         0.5 * (math.sin(angle - t) / math.sin(angle + t)) ** 2 + 0.5 * (math.tan(angle - t) / math.tan(angle + t)) ** 2

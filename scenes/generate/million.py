@@ -78,7 +78,7 @@ def displacement(p: Floats) -> Floats:
         scale = 4.0 * 1.9**octave
         wave = np.sin(scale * u + octave) + np.sin(scale * v + 2 * octave) + np.sin(scale * w + 3 * octave)
         height = height + 0.10 * 0.52**octave * (1 - np.abs(wave) / 1.5)
-        u, v, w = 0.8 * u + 0.6 * v, -0.6 * u + 0.8 * v, w
+        u, v = 0.8 * u + 0.6 * v, -0.6 * u + 0.8 * v
         v, w = 0.8 * v + 0.6 * w, -0.6 * v + 0.8 * w
     return height
 

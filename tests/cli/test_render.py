@@ -77,7 +77,8 @@ def test_overrides_reach_the_render(scene: Path) -> None:
 
 
 def test_preview_is_small(scene: Path) -> None:
-    assert main(["render", "ball.yaml", "-q", "-o", "a.npy", "--preview", "-D", "film.width=960", "-D", "film.height=640"]) == 0
+    large = ["-D", "film.width=960", "-D", "film.height=640"]
+    assert main(["render", "ball.yaml", "-q", "-o", "a.npy", "--preview", *large]) == 0
     assert np.load("a.npy").shape == (320, 480, 3)
 
 

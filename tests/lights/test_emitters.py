@@ -27,7 +27,10 @@ LAMPS = """
   - {type: sphere, center: [0, 2, 0], radius: 0.5, material: {type: emitter, radiance: [3, 3, 3]}}
   - {type: sphere, center: [3, 2, 0], radius: 1, material: {type: emitter, radiance: [1, 0, 0]}}
   - {type: sphere, center: [-3, 2, 0], radius: 1, material: {type: emitter, radiance: 0}}
-  - {type: quad, corner: [-1, 3, -1], edges: [[2, 0, 0], [0, 0, 2]], material: {type: emitter, radiance: 1, two_sided: true}}
+  - type: quad
+    corner: [-1, 3, -1]
+    edges: [[2, 0, 0], [0, 0, 2]]
+    material: {type: emitter, radiance: 1, two_sided: true}
   - {type: quad, corner: [-5, -1, 5], edges: [[10, 0, 0], [0, 0, -10]], material: {type: lambertian}}
   - {type: quad, corner: [4, 3, -1], edges: [[1, 0, 0], [0, 0, 1]], material: {type: emitter, radiance: 2}}
 """
@@ -106,7 +109,7 @@ def test_samples_fall_on_the_lights_as_often_as_they_are_chosen() -> None:
     scene_ = packed(LAMPS)
     count = 40_000
     point = (0.3, -0.9, 0.2)
-    direction, radiance, pdf, target, gap = aim(scene_, point, count)
+    direction, _, _, target, gap = aim(scene_, point, count)
     np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1.0, atol=1e-14)
     way = target - np.array(point)
     np.testing.assert_allclose(way / np.linalg.norm(way, axis=1)[:, None], direction, atol=1e-7)

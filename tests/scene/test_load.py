@@ -272,11 +272,14 @@ def one_sentence_or_a_scene(text: str, overrides: dict[str, Any] | None = None) 
     try:
         build(text, "scene.yaml", overrides)
     except SceneError as error:
-        assert str(error).isprintable()
-        assert str(error).startswith(("scene.yaml:", "-D "))
-        # What was given is quoted, so it may say anything.
-        own = re.sub(r"'[^']*'|\"[^\"]*\"", "", error.message).replace("not valid YAML", "")
-        assert not JARGON.search(own), own
+        refusal = error
+    else:
+        return
+    assert str(refusal).isprintable()
+    assert str(refusal).startswith(("scene.yaml:", "-D "))
+    # What was given is quoted, so it may say anything.
+    own = re.sub(r"'[^']*'|\"[^\"]*\"", "", refusal.message).replace("not valid YAML", "")
+    assert not JARGON.search(own), own
 
 
 @given(path=st.sampled_from(paths(yaml.safe_load(EVERYWHERE))), value=VALUES)

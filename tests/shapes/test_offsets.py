@@ -187,7 +187,7 @@ def test_eye_at_the_centre_of_a_sphere() -> None:
     # Hard case 5: t = r all round, with the normal outwards.
     directions = uniform_directions(1000, 12)
     hits = cast((spheres([1.0, 2.0, 3.0], 1.0),), np.tile([1.0, 2.0, 3.0], (1000, 1)), directions)
-    np.testing.assert_allclose(hits.point, directions + [1.0, 2.0, 3.0], atol=1e-15)
+    np.testing.assert_allclose(hits.point - [1.0, 2.0, 3.0], directions, atol=1e-15)
     np.testing.assert_allclose(hits.normal, directions, atol=1e-15)
 
 
