@@ -54,7 +54,8 @@ class Task(NamedTuple):
 
 TASKS = (Task("cover", 400, 225, 64), Task("million", 512, 512, 64))
 
-OURS, OURS_INDEPENDENT, PEER = "rt", "rt, independent", "Mitsuba llvm_ad_rgb"
+OURS, OURS_INDEPENDENT, OURS_FAST, PEER = "rt", "rt, independent", "rt, independent, fast", "Mitsuba llvm_ad_rgb"
+"""As the scene says; with the peer's kind of samples; and with its kind of intersections too: float32, not robust."""
 
 TARGETS = {
     "cover, time / Mitsuba's": 0.9,
@@ -134,7 +135,8 @@ def commands(task: Task, threads: int, peer: str | None) -> dict[str, list[str]]
     size = [str(task.path), "--width", str(task.width), "--height", str(task.height), "--spp", str(task.spp)]
     size += ["--threads", str(threads)]
     ours = [sys.executable, str(ROOT / "bench" / "worker.py"), *size]
-    players = {OURS: ours, OURS_INDEPENDENT: [*ours, "--sampler", "independent"]}
+    independent = [*ours, "--sampler", "independent"]
+    players = {OURS: ours, OURS_INDEPENDENT: independent, OURS_FAST: [*independent, "--accuracy", "fast"]}
     return players if peer is None else {**players, PEER: [peer, str(PEER_PROGRAM), *size, "--serve"]}
 
 

@@ -37,6 +37,7 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--spp", type=int, required=True)
     parser.add_argument("--threads", type=int, default=available_threads())
     parser.add_argument("--sampler", help="default: the scene's")
+    parser.add_argument("--accuracy", help="default: the scene's")
     return parser.parse_args()
 
 
@@ -66,9 +67,9 @@ def versions() -> dict[str, str]:
 def main() -> None:
     """Load, render once, then serve."""
     arguments = parse_arguments()
-    overrides = {"film.width": arguments.width, "film.height": arguments.height}
-    if arguments.sampler:
-        overrides["render.sampler"] = arguments.sampler
+    overrides: dict[str, Any] = {"film.width": arguments.width, "film.height": arguments.height}
+    chosen = {"render.sampler": arguments.sampler, "render.accuracy": arguments.accuracy}
+    overrides.update({key: value for key, value in chosen.items() if value})
     spec = load(arguments.scene, overrides)
     before = render(spec, spp=arguments.spp, seed=0, threads=arguments.threads).image.radiance
     print(json.dumps({"threads": arguments.threads, "sampler": spec.render.sampler, **versions()}), flush=True)

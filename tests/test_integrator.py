@@ -88,6 +88,22 @@ objects:
     np.testing.assert_allclose(picture.radiance, 1.0, rtol=0.0, atol=1e-12)
 
 
+def test_glass_of_the_same_index_is_not_there() -> None:
+    # Hard case 19: through a boundary of equal indices rays go straight, so the sky behind has the same bits, but for
+    # the rounding of points on the way.
+    sky = """
+camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
+environment: {type: gradient, horizon: [1, 0, 2], zenith: [0, 5, 0]}
+objects:
+"""
+    balls = """
+  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: dielectric, ior: 1}}
+  - {type: box, min: [1.1, -1, -1], max: [1.5, 1, 1], material: {type: dielectric, ior: 1.5, outside_ior: 1.5}}
+"""
+    away = "  - {type: sphere, center: [0, 0, 9], radius: 1, material: {type: dielectric, ior: 1}}\n"
+    np.testing.assert_allclose(image(sky + balls).radiance, image(sky + away).radiance, rtol=1e-12)
+
+
 def _concentric(albedo: float, ratio: float, segments: float) -> float:
     """Radiance of the wall of a sphere of radius 1, albedo a, round a black sphere of radius `ratio` and radiance 1.
 

@@ -191,6 +191,18 @@ def test_eye_at_the_centre_of_a_sphere() -> None:
     np.testing.assert_allclose(hits.normal, directions, atol=1e-15)
 
 
+def test_rays_that_start_on_a_sphere_give_numbers() -> None:
+    # Hard case 7: outwards there is nothing or the surface itself, inwards the surface or the far side.
+    normals = uniform_directions(2000, 18)
+    table = spheres([0.0, 0.0, 0.0], 1.0)
+    for way, distances in ((normals, (0.0,)), (-normals, (0.0, 2.0))):
+        hits = cast((table,), normals, way)
+        met = hits.table == 0
+        found = np.linalg.norm(hits.point[met] - normals[met], axis=1)
+        assert (np.abs(found[:, None] - distances).min(axis=1) < 1e-6).all()
+        np.testing.assert_allclose(np.linalg.norm(hits.normal[met], axis=1), 1.0, atol=1e-15)
+
+
 def test_tangent_rays_give_numbers() -> None:
     # Hard case 6: a ray at x = 1 touches the unit sphere or misses it, without NaN.
     for x in (1.0, np.nextafter(1.0, 0.0), np.float64(np.nextafter(np.float32(1.0), np.float32(0.0)))):
