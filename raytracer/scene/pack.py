@@ -120,22 +120,24 @@ def _pack_emitters(
         return None
     exitance = dict(zip(references, (material.exitance() for material in used), strict=True))
     rows: list[tuple[NDArray[np.int64], NDArray[np.float64]]] = []
+    per_reference = np.array([exitance.get(reference, 0.0) for reference in range(max(exitance) + 1)])
     for table in primitives:
-        per_reference = np.array([exitance.get(reference, 0.0) for reference in range(max(exitance) + 1)])
-        power = areas(table) * per_reference[table.material]
-        rows.append((np.flatnonzero(power), power))
+        emitting = np.flatnonzero(per_reference[table.material])
+        # Areas of a million triangles that do not emit would be the largest thing in memory.
+        power = areas(table)[emitting] * per_reference[table.material[emitting]] if len(emitting) else np.empty(0)
+        rows.append((emitting, power))
     if not any(len(emitting) for emitting, _ in rows):
         return None
 
     # Probabilities by primitive, for the tables that emit at all.
-    choice = build_alias(np.concatenate([power[emitting] for emitting, power in rows]))
+    choice = build_alias(np.concatenate([power for _, power in rows]))
     first = np.full(len(rows), -1, np.int32)
     pmf: list[NDArray[np.float64]] = []
     taken = 0
-    for number, (emitting, power) in enumerate(rows):
+    for number, (table, (emitting, _)) in enumerate(zip(primitives, rows, strict=True)):
         if len(emitting):
             first[number] = sum(map(len, pmf))
-            by_primitive = np.zeros(len(power))
+            by_primitive = np.zeros(len(table.material))
             by_primitive[emitting] = choice.pmf[taken : taken + len(emitting)]
             pmf.append(by_primitive)
             taken += len(emitting)
