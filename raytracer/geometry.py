@@ -54,9 +54,11 @@ def padded(rows: NDArray[Any], dtype: type[_Scalar]) -> NDArray[_Scalar]:
 class Hit(NamedTuple):
     """Where a ray met a surface.
 
-    point, on the surface; normal and shading normal, unit vectors to its outside; uv, its parameters;
+    point, on the surface; normal and shading normal, unit vectors to its outside; u and v, its parameters;
     offset, the distance along the normal at which float32 can no longer mistake the point's side (metres);
-    material, the reference that the material table understands.
+    material, the reference that the material table understands; tangent and bitangent, dp/du and dp/dv in world space
+    (m), zero where they are not defined; local, where solid textures are looked up: the point as it was before motion
+    and instancing moved it.
     """
 
     point: Vec3
@@ -66,18 +68,38 @@ class Hit(NamedTuple):
     v: float
     offset: float
     material: int
+    tangent: Vec3
+    bitangent: Vec3
+    local: Vec3
+
+
+class Site(NamedTuple):
+    """Where on a surface textures are looked up.
+
+    point, for solid textures (m); u and v, the surface's parameters; distance, that light has come to or goes from
+    here through what lies before the surface (m).
+    """
+
+    point: Vec3
+    u: float
+    v: float
+    distance: float
 
 
 class LightPoint(NamedTuple):
     """A point drawn on an emitter: point, normal to its outside, pdf in solid angle (1/sr) at the shaded point.
 
     gap, how far before the point (metres) a shadow ray must end, lest float32 finds the emitter itself in its way.
+    u, v and local, as of a Hit.
     """
 
     point: Vec3
     normal: Vec3
     pdf: float
     gap: float
+    u: float
+    v: float
+    local: Vec3
 
 
 class Exact(NamedTuple):
@@ -193,15 +215,17 @@ def area_pdf(reference: Vec3, point: Vec3, normal: Vec3, area: float) -> float:
 
 
 @kernel
-def area_light_point(reference: Vec3, point: Vec3, normal: Vec3, area: float, extent: float) -> LightPoint:
+def area_light_point(
+    reference: Vec3, point: Vec3, normal: Vec3, area: float, extent: float, u: float, v: float
+) -> LightPoint:
     """The LightPoint of a point drawn uniformly from a flat emitter of this area, whose coordinates reach `extent`."""
     to = sub(point, reference)
     cosine = abs(dot(to, normal))
     distance = norm(to)
     if cosine == 0.0:
-        return LightPoint(point, normal, 0.0, distance)
+        return LightPoint(point, normal, 0.0, distance, u, v, point)
     pdf = distance * distance * distance / (cosine * area)
-    return LightPoint(point, normal, pdf, plane_gap(extent, distance, cosine / distance))
+    return LightPoint(point, normal, pdf, plane_gap(extent, distance, cosine / distance), u, v, point)
 
 
 @kernel

@@ -14,33 +14,55 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer import embree
-from raytracer.cameras.interface import FILTER, camera_ray
-from raytracer.embree import GEOMETRY, MISS, PACKET, PRIMITIVE, TFAR, Packet
+from raytracer.cameras.interface import FILTER, TIME, Shutter, camera_ray
+from raytracer.embree import GEOMETRY, INSTANCE, MISS, PACKET, PRIMITIVE, TFAR, Packet
+from raytracer.embree import TIME as EMBREE_TIME
 from raytracer.environments.interface import background
 from raytracer.filters.interface import sample_filter
+from raytracer.geometry import Site
+from raytracer.instances import meet
 from raytracer.jit import entry, generic, kernel
-from raytracer.lights.interface import pdf_light, sample_light
-from raytracer.materials.interface import ROULETTE, SLOTS, Draws, emission_at, evaluate_at, scatter_at
-from raytracer.primitives.interface import expect_any, hit_any
+from raytracer.lights.interface import Lights, escape, pdf_environment, pdf_light, sample_lights
+from raytracer.materials.interface import (
+    BLACK,
+    ROULETTE,
+    SLOTS,
+    Draws,
+    absorbed,
+    emission_at,
+    evaluate_at,
+    scatter_at,
+    select_at,
+)
+from raytracer.primitives.interface import expect_any
 from raytracer.sampling import pixel_key, sample_1d, sample_2d
-from raytracer.vec import dot, is_black, madd, max_component, mul, neg, norm, scale, sub
+from raytracer.vec import Vec3, dot, is_black, madd, max_component, mul, neg, norm, scale, sub
 
 
 class Scene(NamedTuple):
     """A packed scene.  Its type is the list of its effects; sizes, depth and seed are values.
 
-    accel, address of the built Embree scene; accuracy, geometry.Exact or None; primitives and materials, tuples of one
-    table a kind; lights and environment, or None; camera, filter and sampler; depth, the largest number of path
-    segments; roulette, the number of segments before Russian roulette starts.
+    accel, address of the built Embree scene; accuracy, geometry.Exact or None; primitives, a tuple of one table a kind;
+    instances; materials, a tuple of one table a kind; selectors, materials that name others; passage, if light may pass
+    through surfaces; relief, bump and normal maps; textures, lights, environment, media; camera; shutter, if anything
+    moves; filter and sampler; depth, the largest number of path segments; roulette, the number of segments before
+    Russian roulette starts.  All but the tuples named, camera, filter, sampler and numbers may be None.
     """
 
     accel: int
     accuracy: Any
     primitives: tuple[Any, ...]
+    instances: Any
     materials: tuple[Any, ...]
+    selectors: Any
+    passage: Any
+    relief: Any
+    textures: Any
     lights: Any
     environment: Any
+    media: Any
     camera: Any
+    shutter: Any
     filter: Any
     sampler: Any
     depth: int
@@ -51,7 +73,8 @@ class FilmView(NamedTuple):
     """Where samples gather, for the pixels from (left, top) on.
 
     mean and m2 (height, width, 3) float64, the running mean and sum of squared differences from it; count
-    (height, width) int64, samples taken; bad (height, width) int64, samples dropped because they were not finite.
+    (height, width) int64, samples taken; bad (height, width) int64, samples dropped because they were not finite;
+    aovs, what else is recorded, or None.
     """
 
     mean: NDArray[np.float64]
@@ -60,6 +83,7 @@ class FilmView(NamedTuple):
     bad: NDArray[np.int64]
     left: int
     top: int
+    aovs: Any
 
 
 class Workspace(NamedTuple):
@@ -68,6 +92,10 @@ class Workspace(NamedTuple):
     rays, shadows; path (PACKET, 10) float64: origin, direction, throughput, pdf of the direction; sample (PACKET,)
     int64, which sample of the packet a lane works for; radiance (PACKET, 4) float64, gathered by sample, and its
     filter weight; unshadowed (PACKET, 3) float64, and shadow_sample (PACKET,) int64, what each shadow ray carries.
+
+    By sample, and used where the scene calls for it: time (PACKET,) float64; medium (PACKET,) int64, in which the path
+    is; vertex (PACKET, 3) float64, where it last scattered; passed (PACKET,) int64, how many surfaces it went straight
+    through; features (PACKET, 32) float64, what the camera ray met.
     """
 
     rays: Packet
@@ -77,12 +105,292 @@ class Workspace(NamedTuple):
     radiance: NDArray[np.float64]
     unshadowed: NDArray[np.float64]
     shadow_sample: NDArray[np.int64]
+    time: NDArray[np.float64]
+    medium: NDArray[np.int64]
+    vertex: NDArray[np.float64]
+    passed: NDArray[np.int64]
+    features: NDArray[np.float64]
 
 
 def workspace() -> Workspace:
     """A new workspace, for one thread."""
-    lanes = (np.zeros((PACKET, 10)), np.zeros(PACKET, np.int64), np.zeros((PACKET, 4)), np.zeros((PACKET, 3)))
-    return Workspace(embree.packet(), embree.packet(), *lanes, np.zeros(PACKET, np.int64))
+
+    def floats(*columns: int) -> NDArray[np.float64]:
+        return np.zeros((PACKET, *columns))
+
+    def integers() -> NDArray[np.int64]:
+        return np.zeros(PACKET, np.int64)
+
+    return Workspace(
+        rays=embree.packet(),
+        shadows=embree.packet(),
+        path=floats(10),
+        sample=integers(),
+        radiance=floats(4),
+        unshadowed=floats(3),
+        shadow_sample=integers(),
+        time=floats(),
+        medium=integers(),
+        vertex=floats(3),
+        passed=integers(),
+        features=floats(32),
+    )
+
+
+# ---- What a scene may lack
+
+
+@generic
+def sample_time(shutter, draws):
+    """When the shutter lets the ray in: a fraction of its opening, or None."""
+    raise NotImplementedError
+
+
+@sample_time.register(type(None))
+def _(shutter, draws):
+    return None
+
+
+@sample_time.register(Shutter)
+def _(shutter, draws):
+    return sample_1d(draws.sampler, draws.key, draws.index, TIME)
+
+
+@generic
+def keep_time(shutter, work, sample, time):
+    """Remember the time of a sample."""
+    raise NotImplementedError
+
+
+@keep_time.register(type(None))
+def _(shutter, work, sample, time):
+    return
+
+
+@keep_time.register(Shutter)
+def _(shutter, work, sample, time):
+    work.time[sample] = time
+
+
+@generic
+def time_of(shutter, work, sample):
+    """The time of a sample, or None."""
+    raise NotImplementedError
+
+
+@time_of.register(type(None))
+def _(shutter, work, sample):
+    return None
+
+
+@time_of.register(Shutter)
+def _(shutter, work, sample):
+    return work.time[sample]
+
+
+@generic
+def set_time(shutter, packet, lane, time):
+    """Write a ray's time into a lane."""
+    raise NotImplementedError
+
+
+@set_time.register(type(None))
+def _(shutter, packet, lane, time):
+    return
+
+
+@set_time.register(Shutter)
+def _(shutter, packet, lane, time):
+    packet.floats[EMBREE_TIME, lane] = time
+
+
+@generic
+def rounds(passage, depth):
+    """How often a packet is traced at most, for paths of `depth` segments."""
+    raise NotImplementedError
+
+
+@rounds.register(type(None))
+def _(passage, depth):
+    return depth
+
+
+@generic
+def segment_of(passage, work, sample, segment):
+    """The number of the path's segment, in round `segment` of its packet."""
+    raise NotImplementedError
+
+
+@segment_of.register(type(None))
+def _(passage, work, sample, segment):
+    return segment
+
+
+@generic
+def seen_from(passage, work, sample, origin):
+    """Where the path last scattered, for a ray from `origin`."""
+    raise NotImplementedError
+
+
+@seen_from.register(type(None))
+def _(passage, work, sample, origin):
+    return origin
+
+
+@generic
+def mark_vertex(passage, work, sample, point):
+    """Remember where the path scattered last."""
+    raise NotImplementedError
+
+
+@mark_vertex.register(type(None))
+def _(passage, work, sample, point):
+    return
+
+
+@generic
+def goes_straight(passage, work, sample, reference):
+    """Whether what was met lets the path straight through; it is counted."""
+    raise NotImplementedError
+
+
+@goes_straight.register(type(None))
+def _(passage, work, sample, reference):
+    return False
+
+
+@generic
+def fill_space(media, work, sample):
+    """Start a path in the camera's medium."""
+    raise NotImplementedError
+
+
+@fill_space.register(type(None))
+def _(media, work, sample):
+    return
+
+
+@generic
+def cross(media, work, sample, reference, hit, direction, outgoing):
+    """Change the path's medium where it goes through the boundary of one, at a surface of this material."""
+    raise NotImplementedError
+
+
+@cross.register(type(None))
+def _(media, work, sample, reference, hit, direction, outgoing):
+    return
+
+
+class Wandering(NamedTuple):
+    """What a medium did on the way to the next surface.
+
+    throughput, to the end of the way; scattered, whether it ended in the medium; goes_on, whether the path then does,
+    from the lane that was to be filled; aimed, whether a shadow ray was set.
+    """
+
+    throughput: Vec3
+    scattered: bool
+    goes_on: bool
+    aimed: bool
+
+
+@generic
+def wander(media, scene, work, lane, sample, survivors, shadows, near, throughput, segment, time, draws):
+    """Travel through the medium that a lane's path is in, for the distance `near` at most: a Wandering.
+
+    A path that scatters on the way is connected to a light by shadow ray `shadows`, and goes on in lane `survivors`.
+    """
+    raise NotImplementedError
+
+
+@wander.register(type(None))
+def _(media, scene, work, lane, sample, survivors, shadows, near, throughput, segment, time, draws):
+    return Wandering(throughput, False, False, False)
+
+
+@generic
+def shading_normal(relief, scene, hit, reference, site, direction, front):
+    """The normal that a surface is shaded with, turned against the incoming direction."""
+    raise NotImplementedError
+
+
+@shading_normal.register(type(None))
+def _(relief, scene, hit, reference, site, direction, front):
+    return hit.shading_normal if front else neg(hit.shading_normal)
+
+
+@generic
+def scatter_from(relief, scene, hit, reference, site, direction, normal, front, draws):
+    """`scatter_at` a surface; what would leak through it is absorbed."""
+    raise NotImplementedError
+
+
+@scatter_from.register(type(None))
+def _(relief, scene, hit, reference, site, direction, normal, front, draws):
+    out = scatter_at(scene, reference, site, direction, normal, front, draws)
+    if leaks(hit, out.direction):
+        return absorbed(direction)
+    return out
+
+
+@generic
+def evaluate_from(relief, scene, hit, reference, site, direction, normal, front, outgoing):
+    """`evaluate_at` a surface: zero for what would leak through it."""
+    raise NotImplementedError
+
+
+@evaluate_from.register(type(None))
+def _(relief, scene, hit, reference, site, direction, normal, front, outgoing):
+    if leaks(hit, outgoing):
+        return BLACK, 0.0
+    return evaluate_at(scene, reference, site, direction, normal, front, outgoing)
+
+
+@generic
+def observe(aovs, scene, work, sample, instance, table, primitive, hit, reference, site, normal, front, ray, time):
+    """Record what a camera ray (origin, direction) met, after selectors, by sample."""
+    raise NotImplementedError
+
+
+@observe.register(type(None))
+def _(aovs, scene, work, sample, instance, table, primitive, hit, reference, site, normal, front, ray, time):
+    return
+
+
+@generic
+def observe_start(aovs, work, sample):
+    """Forget what the sample before recorded."""
+    raise NotImplementedError
+
+
+@observe_start.register(type(None))
+def _(aovs, work, sample):
+    return
+
+
+@generic
+def observe_direct(aovs, work, segment, count):
+    """Record what has been gathered after the first two segments: direct light."""
+    raise NotImplementedError
+
+
+@observe_direct.register(type(None))
+def _(aovs, work, segment, count):
+    return
+
+
+@generic
+def merge(aovs, work, x, y, count):
+    """Add a packet's records to the image, before those samples that are not finite are dropped."""
+    raise NotImplementedError
+
+
+@merge.register(type(None))
+def _(aovs, work, x, y, count):
+    return
+
+
+# ---- Light
 
 
 @kernel
@@ -108,52 +416,67 @@ def leaks(hit, outgoing):
 
 
 @generic
-def connect(lights, scene, work, slot, sample, hit, direction, normal, front, throughput, draws):
+def connect(lights, scene, work, slot, sample, hit, reference, site, direction, normal, front, throughput, time, draws):
     """Aim at a light: fill shadow ray `slot` and what it would bring; True if there is such a ray."""
     raise NotImplementedError
 
 
 @connect.register(type(None))
-def _(lights, scene, work, slot, sample, hit, direction, normal, front, throughput, draws):
+def _(lights, scene, work, slot, sample, hit, reference, site, direction, normal, front, throughput, time, draws):
     return False
 
 
-@connect.register(tuple)
-def _(lights, scene, work, slot, sample, hit, direction, normal, front, throughput, draws):
-    light = sample_light(lights, scene.primitives, scene.materials, hit.point, draws)
-    if light.pdf == 0.0 or is_black(light.radiance) or leaks(hit, light.direction):
+@connect.register(Lights)
+def _(lights, scene, work, slot, sample, hit, reference, site, direction, normal, front, throughput, time, draws):
+    light = sample_lights(lights, scene, hit.point, time, draws)
+    if is_black(light.weight):
         return False
-    value, pdf = evaluate_at(scene.materials, hit.material, direction, normal, front, light.direction)
+    value, pdf = evaluate_from(scene.relief, scene, hit, reference, site, direction, normal, front, light.direction)
     if is_black(value):
         return False
-    weight = power_heuristic(light.pdf, pdf) / light.pdf
-    arriving = mul(mul(throughput, value), scale(weight, light.radiance))
+    weight = power_heuristic(light.pdf, pdf)
     start = spawn_point(hit, light.direction)
-    way = sub(light.target, start)
-    distance = norm(way)
-    embree.set_ray(work.shadows, slot, start, scale(1.0 / distance, way), distance - light.gap)
-    work.shadow_sample[slot] = sample
-    for channel in range(3):
-        work.unshadowed[slot, channel] = arriving[channel]
+    aim(scene, work, slot, sample, start, light, scale(weight, mul(mul(throughput, value), light.weight)), time)
     return True
 
 
+@kernel
+def aim(scene, work, slot, sample, start, light, arriving, time):
+    """Set shadow ray `slot` from `start` to a LightSample, and the radiance that it brings if nothing is in its way."""
+    way = sub(light.target, start)
+    distance = norm(way)
+    embree.set_ray(work.shadows, slot, start, scale(1.0 / distance, way), distance - light.gap)
+    set_time(scene.shutter, work.shadows, slot, time)
+    work.shadow_sample[slot] = sample
+    store3(work.unshadowed, slot, 0, arriving)
+
+
 @generic
-def resolve_shadows(lights, accel, work, count):
+def resolve_shadows(lights, scene, work, count, key, first, segment):
     """Trace the shadow rays, and add what arrives."""
     raise NotImplementedError
 
 
 @resolve_shadows.register(type(None))
-def _(lights, accel, work, count):
+def _(lights, scene, work, count, key, first, segment):
     return
 
 
-@resolve_shadows.register(tuple)
-def _(lights, accel, work, count):
-    if count == 0:
-        return
-    embree.occluded(accel, work.shadows, count)
+@resolve_shadows.register(Lights)
+def _(lights, scene, work, count, key, first, segment):
+    if count > 0:
+        follow_shadows(scene.passage, scene, work, count, key, first, segment)
+
+
+@generic
+def follow_shadows(passage, scene, work, count, key, first, segment):
+    """Add what each shadow ray brings, where it arrives."""
+    raise NotImplementedError
+
+
+@follow_shadows.register(type(None))
+def _(passage, scene, work, count, key, first, segment):
+    embree.occluded(scene.accel, work.shadows, count)
     for slot in range(count):
         if work.shadows.floats[TFAR, slot] >= 0.0:
             for channel in range(3):
@@ -182,32 +505,68 @@ def gather(work, sample, throughput, radiance):
 
 
 @kernel
-def start_paths(scene, work, key, x, y, first, count):
-    """Camera rays of samples first .. first + count - 1 of pixel (x, y)."""
+def start_paths(scene, aovs, work, key, x, y, first, count):
+    """Camera rays of samples first .. first + count - 1 of pixel (x, y); returns how many of them see anything."""
+    live = 0
     for lane in range(count):
         draws = Draws(scene.sampler, key, first + lane, 0)
         u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, FILTER)
         dx, dy, weight = sample_filter(scene.filter, u1, u2)
-        origin, direction = camera_ray(scene.camera, x + 0.5 + dx, y + 0.5 + dy, draws)
-        store3(work.path, lane, 0, origin)
-        store3(work.path, lane, 3, direction)
-        store3(work.path, lane, 6, (1.0, 1.0, 1.0))
-        # The camera had no choice of direction that a light sample could share.
-        work.path[lane, 9] = math.inf
-        work.sample[lane] = lane
-        store3(work.radiance, lane, 0, (0.0, 0.0, 0.0))
+        time = sample_time(scene.shutter, draws)
+        origin, direction, importance = camera_ray(scene.camera, x + 0.5 + dx, y + 0.5 + dy, time, draws)
+        store3(work.radiance, lane, 0, BLACK)
         work.radiance[lane, 3] = weight
+        observe_start(aovs, work, lane)
+        if importance == 0.0:
+            continue
+        keep_time(scene.shutter, work, lane, time)
+        fill_space(scene.media, work, lane)
+        mark_vertex(scene.passage, work, lane, origin)
+        store3(work.path, live, 0, origin)
+        store3(work.path, live, 3, direction)
+        store3(work.path, live, 6, (importance, importance, importance))
+        # The camera had no choice of direction that a light sample could share.
+        work.path[live, 9] = math.inf
+        work.sample[live] = lane
+        live += 1
+    return live
 
 
 @kernel
-def trace_paths(scene, work, key, first, count):
+def put_path(work, lane, sample, origin, direction, throughput, pdf):
+    """Let a path go on from `origin`, in this lane."""
+    store3(work.path, lane, 0, origin)
+    store3(work.path, lane, 3, direction)
+    store3(work.path, lane, 6, throughput)
+    work.path[lane, 9] = pdf
+    work.sample[lane] = sample
+
+
+@kernel
+def survive(scene, throughput, done, draws):
+    """With which probability the path was let go on by Russian roulette, after `done` segments; 0 if it ends."""
+    if is_black(throughput):
+        return 0.0
+    if done < scene.roulette:
+        return 1.0
+    survival = min(1.0, max_component(throughput))
+    if sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + ROULETTE) >= survival:
+        return 0.0
+    return survival
+
+
+@kernel
+def trace_paths(scene, aovs, work, key, first, live):
     """Follow the packet's paths to their ends, gathering radiance by sample; returns the number of rays traced."""
     rays = 0
-    live = count
-    for segment in range(scene.depth):
+    count = live
+    for segment in range(rounds(scene.passage, scene.depth)):
+        if live == 0:
+            break
         # Trace all paths that still go on.
         for lane in range(live):
             embree.set_ray(work.rays, lane, load3(work.path, lane, 0), load3(work.path, lane, 3), math.inf)
+            set_time(scene.shutter, work.rays, lane, time_of(scene.shutter, work, work.sample[lane]))
         embree.intersect(scene.accel, work.rays, live)
         rays += live
 
@@ -222,52 +581,105 @@ def trace_paths(scene, work, key, first, count):
             origin, direction = load3(work.path, lane, 0), load3(work.path, lane, 3)
             throughput, pdf = load3(work.path, lane, 6), work.path[lane, 9]
             sample = work.sample[lane]
+            time = time_of(scene.shutter, work, sample)
+            draws = Draws(scene.sampler, key, first + sample, (segment + 1) * SLOTS)
+            done = segment_of(scene.passage, work, sample, segment) + 1
+
+            # Travel through what fills space.
+            near = np.float64(work.rays.floats[TFAR, lane])
+            way = wander(
+                scene.media, scene, work, lane, sample, survivors, shadows, near, throughput, done, time, draws
+            )
+            throughput = way.throughput
+            if way.scattered:
+                shadows += way.aimed
+                survivors += way.goes_on
+                continue
 
             # Leave the scene.
             table = work.rays.ints[GEOMETRY, lane]
             if table == MISS:
-                gather(work, sample, throughput, background(scene.environment, direction))
+                share = power_heuristic(pdf, pdf_environment(scene.lights, scene, direction))
+                gather(work, sample, scale(share, throughput), background(scene.environment, direction))
+                gather(work, sample, throughput, escape(scene.lights, direction, pdf))
                 continue
 
-            # Meet a surface, and take what it emits.
-            primitive = work.rays.ints[PRIMITIVE, lane]
-            near = np.float64(work.rays.floats[TFAR, lane])
-            hit = hit_any(scene.primitives, table, primitive, origin, direction, near, scene.accuracy)
+            # Meet a surface.
+            instance, primitive = work.rays.ints[INSTANCE, lane], work.rays.ints[PRIMITIVE, lane]
+            hit = meet(scene.instances, scene, instance, table, primitive, origin, direction, near, time)
+            site = Site(hit.local, hit.u, hit.v, near)
             front = dot(direction, hit.normal) < 0.0
-            emitted = emission_at(scene.materials, hit.material, front)
+            reference = select_at(scene.selectors, scene, hit.material, front, site, draws)
+            if goes_straight(scene.passage, work, sample, reference):
+                cross(scene.media, work, sample, hit.material, hit, direction, direction)
+                put_path(work, survivors, sample, spawn_point(hit, direction), direction, throughput, pdf)
+                survivors += 1
+                continue
+            normal = shading_normal(scene.relief, scene, hit, reference, site, direction, front)
+            if segment == 0:
+                ray = (origin, direction)
+                observe(
+                    aovs,
+                    scene,
+                    work,
+                    sample,
+                    instance,
+                    table,
+                    primitive,
+                    hit,
+                    reference,
+                    site,
+                    normal,
+                    front,
+                    ray,
+                    time,
+                )
+
+            # Take what it emits.
+            emitted = emission_at(scene, reference, front, site)
             if not is_black(emitted):
-                by_light = pdf_light(scene.lights, scene.primitives, table, primitive, origin, hit.point, hit.normal)
+                vertex = seen_from(scene.passage, work, sample, origin)
+                by_light = pdf_light(
+                    scene.lights, scene, instance, table, primitive, vertex, hit.point, hit.normal, time
+                )
                 gather(work, sample, scale(power_heuristic(pdf, by_light), throughput), emitted)
-            if segment + 1 == scene.depth:
+            if done == scene.depth:
                 continue
 
             # Aim at a light.
-            normal = hit.shading_normal if front else neg(hit.shading_normal)
-            draws = Draws(scene.sampler, key, first + sample, (segment + 1) * SLOTS)
-            if connect(scene.lights, scene, work, shadows, sample, hit, direction, normal, front, throughput, draws):
+            if connect(
+                scene.lights,
+                scene,
+                work,
+                shadows,
+                sample,
+                hit,
+                reference,
+                site,
+                direction,
+                normal,
+                front,
+                throughput,
+                time,
+                draws,
+            ):
                 shadows += 1
 
             # Go on where the material sends the path.
-            out = scatter_at(scene.materials, hit.material, direction, normal, front, draws)
+            out = scatter_from(scene.relief, scene, hit, reference, site, direction, normal, front, draws)
             throughput = mul(throughput, out.weight)
-            if is_black(throughput) or leaks(hit, out.direction):
+            survival = survive(scene, throughput, done, draws)
+            if survival == 0.0:
                 continue
-            if segment + 1 >= scene.roulette:
-                survival = min(1.0, max_component(throughput))
-                if sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + ROULETTE) >= survival:
-                    continue
-                throughput = scale(1.0 / survival, throughput)
-            store3(work.path, survivors, 0, spawn_point(hit, out.direction))
-            store3(work.path, survivors, 3, out.direction)
-            store3(work.path, survivors, 6, throughput)
-            work.path[survivors, 9] = out.pdf
-            work.sample[survivors] = sample
+            cross(scene.media, work, sample, hit.material, hit, direction, out.direction)
+            mark_vertex(scene.passage, work, sample, hit.point)
+            start = spawn_point(hit, out.direction)
+            put_path(work, survivors, sample, start, out.direction, scale(1.0 / survival, throughput), out.pdf)
             survivors += 1
-        resolve_shadows(scene.lights, scene.accel, work, shadows)
+        resolve_shadows(scene.lights, scene, work, shadows, key, first, segment)
+        observe_direct(aovs, work, segment, count)
         rays += shadows
         live = survivors
-        if live == 0:
-            break
     return rays
 
 
@@ -277,6 +689,8 @@ def accumulate(film, work, x, y, count):
 
     References: Chan, Golub, LeVeque 1979, "Updating Formulae and a Pairwise Algorithm for Computing Sample Variances".
     """
+    merge(film.aovs, work, x, y, count)
+
     # Drop what is not finite, and count it.
     good = 0
     for sample in range(count):
@@ -315,7 +729,7 @@ def render_tile(scene, film, work, left, top, right, bottom, begin, end):
             key = pixel_key(scene.sampler, x, y)
             for first in range(begin, end, PACKET):
                 count = min(PACKET, end - first)
-                start_paths(scene, work, key, x, y, first, count)
-                rays += trace_paths(scene, work, key, first, count)
+                live = start_paths(scene, film.aovs, work, key, x, y, first, count)
+                rays += trace_paths(scene, film.aovs, work, key, first, live)
                 accumulate(film, work, x - film.left, y - film.top, count)
     return rays

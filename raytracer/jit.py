@@ -144,6 +144,21 @@ def switch(case: Callable[..., Any]) -> Any:
     return chosen
 
 
+def fold(case: Callable[..., Any], combine: Callable[..., Any]) -> Any:
+    """Make `case(table, *args)` into `function(tables, *args)` that combines the cases of all tables of a tuple."""
+
+    def folded(tables, *args):  # type: ignore[no-untyped-def]
+        return functools.reduce(combine, (case(table, *args) for table in tables))
+
+    @overload(folded, jit_options=_PART)
+    def typing(tables, *args):  # type: ignore[no-untyped-def]
+        if len(tables) == 1:
+            return lambda tables, *args: case(tables[0], *args)
+        return lambda tables, *args: combine(case(tables[0], *args), folded(tables[1:], *args))  # type: ignore[no-untyped-call]
+
+    return folded
+
+
 @intrinsic
 def _prefetch(typing_context, address):  # type: ignore[no-untyped-def]
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]

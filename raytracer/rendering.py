@@ -141,7 +141,7 @@ def render(
     scene = packed.scene._replace(accel=accel.address)
     clock.lap("build")
     film = Film.empty(window.right - window.left, window.bottom - window.top)
-    target = FilmView(film.mean, film.m2, film.count, film.nan_count, window.left, window.top)
+    target = FilmView(film.mean, film.m2, film.count, film.nan_count, window.left, window.top, None)
     render_tile(scene, target, workspace(), 0, 0, 0, 0, 0, 0)
     clock.lap("compile")
     job = _Job(scene, target, window, settings.spp, time_limit)

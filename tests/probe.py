@@ -52,7 +52,7 @@ def compiled(name: str) -> dict[str, Any]:
     packed = pack(scene(SCENES[name], filled=False)).scene
     size = (1, 1)
     film = FilmView(
-        np.zeros((*size, 3)), np.zeros((*size, 3)), np.zeros(size, np.int64), np.zeros(size, np.int64), 0, 0
+        np.zeros((*size, 3)), np.zeros((*size, 3)), np.zeros(size, np.int64), np.zeros(size, np.int64), 0, 0, None
     )
     listener = _Compiled()
     with event.install_listener("numba:compile", listener):

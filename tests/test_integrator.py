@@ -714,7 +714,9 @@ def _power_heuristic(pdf, other):
 
 
 def _film(values: NDArray[np.float64], size: int) -> FilmView:
-    film = FilmView(*(np.zeros((1, 1, 3)) for _ in range(2)), *(np.zeros((1, 1), np.int64) for _ in range(2)), 0, 0)
+    film = FilmView(
+        *(np.zeros((1, 1, 3)) for _ in range(2)), *(np.zeros((1, 1), np.int64) for _ in range(2)), 0, 0, None
+    )
     _accumulate(film, workspace(), values, size)
     return film
 

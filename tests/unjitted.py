@@ -43,7 +43,7 @@ TABLES = (
 @entry
 def _hits(tables, accuracy, origin, direction, out):
     for table in range(len(tables)):
-        hit = hit_any(tables, table, 0, origin, direction, 4.0, accuracy)
+        hit = hit_any(tables, table, 0, origin, direction, 4.0, None, accuracy)
         start = spawn_point(hit, (-direction[0], -direction[1], -direction[2]))
         for axis in range(3):
             out[table, axis] = hit.point[axis]

@@ -101,7 +101,7 @@ class PerspectiveSpec(CameraSpec):
 
 @generic
 def lens_ray(lens, frame, direction, draws):
-    """The ray (origin, unit direction) into the scene of the ray through the lens's centre along `direction`.
+    """The ray (origin, unit direction, weight) into the scene of the ray through the lens's centre along `direction`.
 
     `direction` is not a unit vector: its component along the axis is 1.
     """
@@ -110,7 +110,7 @@ def lens_ray(lens, frame, direction, draws):
 
 @lens_ray.register(type(None))
 def _(lens, frame, direction, draws):
-    return frame.origin, normalize(direction)
+    return frame.origin, normalize(direction), 1.0
 
 
 @kernel
@@ -121,5 +121,5 @@ def film_direction(frame, plane, x, y):
 
 
 @camera_ray.register(PerspectiveCamera)
-def _(camera, x, y, draws):
+def _(camera, x, y, time, draws):
     return lens_ray(camera.lens, camera.frame, film_direction(camera.frame, camera.plane, x, y), draws)

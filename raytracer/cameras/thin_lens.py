@@ -86,4 +86,4 @@ def _(lens, frame, direction, draws):
     u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + LENS)
     x, y = sample_disc(u1, u2)
     shift = add(scale(lens.radius * x, frame.right), scale(lens.radius * y, frame.up))
-    return add(frame.origin, shift), normalize(madd(direction, -lens.inverse_focus, shift))
+    return add(frame.origin, shift), normalize(madd(direction, -lens.inverse_focus, shift)), 1.0

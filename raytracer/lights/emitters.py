@@ -9,12 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.lights.interface import LightSample, pdf_light, sample_light
-from raytracer.materials.interface import LIGHT, LIGHT_POINT, emission_at
-from raytracer.primitives.interface import pdf_point_any, sample_point_any
-from raytracer.sampling import sample_1d, sample_2d
+from raytracer.geometry import Site
+from raytracer.instances import pdf_placed, sample_placed
+from raytracer.lights.interface import LightSample, pdf_hit, sample_light
+from raytracer.materials.interface import BLACK, LIGHT_POINT, emission_at
+from raytracer.sampling import sample_2d
 from raytracer.sampling.alias import AliasTable, sample_alias
-from raytracer.vec import dot, normalize, sub
+from raytracer.vec import dot, norm, normalize, scale, sub
 
 
 class Emitters(NamedTuple):
@@ -33,24 +34,28 @@ class Emitters(NamedTuple):
 
 
 @sample_light.register(Emitters)
-def _(lights, primitives, materials, point, draws):
-    # One emitter needs no choice, and draws no number for it.
+def _(table, scene, point, time, u, draws):
+    # One emitter needs no choice.
     chosen, probability = 0, 1.0
-    if len(lights.table) > 1:
-        u = sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LIGHT)
-        chosen, probability, _ = sample_alias(lights.choice, u)
+    if len(table.table) > 1:
+        chosen, probability, _ = sample_alias(table.choice, u)
     u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + LIGHT_POINT)
-    on = sample_point_any(primitives, lights.table[chosen], lights.primitive[chosen], point, u1, u2)
-    direction = normalize(sub(on.point, point))
-    front = dot(direction, on.normal) < 0.0
-    radiance = emission_at(materials, lights.material[chosen], front)
-    return LightSample(direction, radiance, probability * on.pdf, on.point, on.gap)
+    number, primitive = table.table[chosen], table.primitive[chosen]
+    on = sample_placed(scene.instances, scene, -1, number, primitive, point, u1, u2, time)
+    way = sub(on.point, point)
+    direction = normalize(way)
+    pdf = probability * on.pdf
+    if pdf == 0.0:
+        return LightSample(direction, BLACK, 0.0, on.point, on.gap)
+    site = Site(on.local, on.u, on.v, norm(way))
+    radiance = emission_at(scene, table.material[chosen], dot(direction, on.normal) < 0.0, site)
+    return LightSample(direction, scale(1.0 / pdf, radiance), pdf, on.point, on.gap)
 
 
-@pdf_light.register(Emitters)
-def _(lights, primitives, table, primitive, origin, point, normal):
-    first = lights.first[table]
+@pdf_hit.register(Emitters)
+def _(table, scene, instance, number, primitive, origin, point, normal, time):
+    first = table.first[number]
     if first < 0:
         return 0.0
-    probability = lights.pmf[first + primitive]
-    return probability * pdf_point_any(primitives, table, primitive, origin, point, normal)
+    probability = table.pmf[first + primitive]
+    return probability * pdf_placed(scene.instances, scene, instance, number, primitive, origin, point, normal, time)

@@ -14,10 +14,22 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.materials.interface import BLACK, LOBE, MaterialSpec, Scatter, emission, evaluate, row, scatter
+from raytracer.materials.interface import (
+    BLACK,
+    LOBE,
+    WHITE,
+    MaterialSpec,
+    Scatter,
+    emission,
+    evaluate,
+    reflectance,
+    row,
+    scatter,
+)
 from raytracer.optics import fresnel_dielectric, refract
 from raytracer.sampling import sample_1d
 from raytracer.spec import PositiveNumber
+from raytracer.textures.interface import Book
 from raytracer.vec import dot, reflect
 
 
@@ -37,7 +49,7 @@ class Dielectric(MaterialSpec):
     )
 
     @staticmethod
-    def pack(specs: Sequence["Dielectric"]) -> "DielectricTable":
+    def pack(specs: Sequence["Dielectric"], book: Book) -> "DielectricTable":
         return DielectricTable(np.array([spec.ior / spec.outside_ior for spec in specs], np.float64))
 
 
@@ -54,7 +66,7 @@ class DielectricRow(NamedTuple):
 
 
 @row.register(DielectricTable)
-def _(table, index):
+def _(table, index, textures, site):
     return DielectricRow(table.eta[index])
 
 
@@ -64,8 +76,8 @@ def _(material, direction, normal, front, draws):
     cos_i = min(1.0, abs(dot(direction, normal)))
     reflectance, cos_t = fresnel_dielectric(cos_i, eta)
     if sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE) < reflectance:
-        return Scatter(reflect(direction, normal), (1.0, 1.0, 1.0), math.inf)
-    return Scatter(refract(direction, normal, cos_i, cos_t, eta), (1.0, 1.0, 1.0), math.inf)
+        return Scatter(reflect(direction, normal), WHITE, math.inf)
+    return Scatter(refract(direction, normal, cos_i, cos_t, eta), WHITE, math.inf)
 
 
 @evaluate.register(DielectricRow)
@@ -73,6 +85,11 @@ def _(material, direction, normal, front, outgoing):
     return BLACK, 0.0
 
 
-@emission.register(DielectricRow)
-def _(material, front):
+@emission.register(DielectricTable)
+def _(table, index, front, textures, site):
     return BLACK
+
+
+@reflectance.register(DielectricRow)
+def _(material):
+    return WHITE

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.geometry import row3
-from raytracer.materials.interface import BLACK, MaterialSpec, absorbed, emission, evaluate, row, scatter
+from raytracer.materials.interface import BLACK, MaterialSpec, absorbed, emission, evaluate, reflectance, row, scatter
 from raytracer.spec import Radiance
-from raytracer.vec import Vec3
+from raytracer.textures.interface import Book, Colors, TexturedColors, color
 
 
 class Emitter(MaterialSpec):
@@ -26,33 +25,30 @@ class Emitter(MaterialSpec):
     two_sided: bool = Field(default=False, description="radiate to both sides")
 
     @staticmethod
-    def pack(specs: Sequence["Emitter"]) -> "EmitterTable":
+    def pack(specs: Sequence["Emitter"], book: Book) -> "EmitterTable":
         return EmitterTable(
-            np.array([spec.radiance for spec in specs], np.float64),
+            book.colors([spec.radiance for spec in specs]),
             np.array([spec.two_sided for spec in specs], np.bool_),
         )
 
-    def exitance(self) -> float:
-        return sum(self.radiance) * (2.0 if self.two_sided else 1.0)
+    def exitance(self, book: Book) -> float:
+        return sum(book.mean(self.radiance)) * (2.0 if self.two_sided else 1.0)
 
 
 class EmitterTable(NamedTuple):
-    """radiance (n, 3) float64, two_sided (n,) bool."""
+    """radiance, by row; two_sided (n,) bool."""
 
-    radiance: NDArray[np.float64]
+    radiance: Colors | TexturedColors
     two_sided: NDArray[np.bool_]
 
 
 class EmitterRow(NamedTuple):
-    """One material."""
-
-    radiance: Vec3
-    two_sided: bool
+    """One material, which scatters nothing."""
 
 
 @row.register(EmitterTable)
-def _(table, index):
-    return EmitterRow(row3(table.radiance, index), table.two_sided[index])
+def _(table, index, textures, site):
+    return EmitterRow()
 
 
 @scatter.register(EmitterRow)
@@ -65,6 +61,13 @@ def _(material, direction, normal, front, outgoing):
     return BLACK, 0.0
 
 
-@emission.register(EmitterRow)
-def _(material, front):
-    return material.radiance if front or material.two_sided else BLACK
+@emission.register(EmitterTable)
+def _(table, index, front, textures, site):
+    if not (front or table.two_sided[index]):
+        return BLACK
+    return color(table.radiance, index, textures, site)
+
+
+@reflectance.register(EmitterRow)
+def _(material):
+    return BLACK

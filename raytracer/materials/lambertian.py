@@ -9,15 +9,23 @@ import math
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.geometry import row3
-from raytracer.materials.interface import BLACK, DIRECTION, MaterialSpec, Scatter, emission, evaluate, row, scatter
+from raytracer.materials.interface import (
+    BLACK,
+    DIRECTION,
+    MaterialSpec,
+    Scatter,
+    emission,
+    evaluate,
+    reflectance,
+    row,
+    scatter,
+)
 from raytracer.sampling import sample_2d
 from raytracer.sampling.warp import pdf_cosine_hemisphere, sample_cosine_hemisphere
 from raytracer.spec import Albedo
+from raytracer.textures.interface import Book, Colors, TexturedColors, color
 from raytracer.vec import Vec3, basis, dot, scale, to_world
 
 
@@ -34,14 +42,14 @@ class Lambertian(MaterialSpec):
         return any(self.albedo)
 
     @staticmethod
-    def pack(specs: Sequence["Lambertian"]) -> "LambertianTable":
-        return LambertianTable(np.array([spec.albedo for spec in specs], np.float64))
+    def pack(specs: Sequence["Lambertian"], book: Book) -> "LambertianTable":
+        return LambertianTable(book.colors([spec.albedo for spec in specs]))
 
 
 class LambertianTable(NamedTuple):
-    """albedo (n, 3) float64."""
+    """albedo, by row."""
 
-    albedo: NDArray[np.float64]
+    albedo: Colors | TexturedColors
 
 
 class LambertianRow(NamedTuple):
@@ -51,8 +59,8 @@ class LambertianRow(NamedTuple):
 
 
 @row.register(LambertianTable)
-def _(table, index):
-    return LambertianRow(row3(table.albedo, index))
+def _(table, index, textures, site):
+    return LambertianRow(color(table.albedo, index, textures, site))
 
 
 @scatter.register(LambertianRow)
@@ -69,6 +77,11 @@ def _(material, direction, normal, front, outgoing):
     return scale(cosine / math.pi, material.albedo), pdf_cosine_hemisphere(cosine)
 
 
-@emission.register(LambertianRow)
-def _(material, front):
+@emission.register(LambertianTable)
+def _(table, index, front, textures, site):
     return BLACK
+
+
+@reflectance.register(LambertianRow)
+def _(material):
+    return material.albedo

@@ -9,11 +9,8 @@ import math
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.geometry import row3
 from raytracer.jit import kernel
 from raytracer.materials.interface import (
     BLACK,
@@ -23,12 +20,14 @@ from raytracer.materials.interface import (
     absorbed,
     emission,
     evaluate,
+    reflectance,
     row,
     scatter,
 )
 from raytracer.sampling import sample_2d
 from raytracer.sampling.warp import sample_sphere
 from raytracer.spec import Albedo, Fraction
+from raytracer.textures.interface import Book, Colors, Numbers, TexturedColors, TexturedNumbers, color, number
 from raytracer.vec import Vec3, dot, madd, normalize, reflect, scale
 
 
@@ -46,17 +45,15 @@ class Metal(MaterialSpec):
         return self.fuzz > 0.0 and any(self.albedo)
 
     @staticmethod
-    def pack(specs: Sequence["Metal"]) -> "MetalTable":
-        return MetalTable(
-            np.array([spec.albedo for spec in specs], np.float64), np.array([spec.fuzz for spec in specs], np.float64)
-        )
+    def pack(specs: Sequence["Metal"], book: Book) -> "MetalTable":
+        return MetalTable(book.colors([spec.albedo for spec in specs]), book.numbers([spec.fuzz for spec in specs]))
 
 
 class MetalTable(NamedTuple):
-    """albedo (n, 3), fuzz (n,) float64."""
+    """albedo and fuzz, by row."""
 
-    albedo: NDArray[np.float64]
-    fuzz: NDArray[np.float64]
+    albedo: Colors | TexturedColors
+    fuzz: Numbers | TexturedNumbers
 
 
 class MetalRow(NamedTuple):
@@ -86,8 +83,8 @@ def _pdf_fuzz(cosine: float, half: float, fuzz: float) -> float:
 
 
 @row.register(MetalTable)
-def _(table, index):
-    return MetalRow(row3(table.albedo, index), table.fuzz[index])
+def _(table, index, textures, site):
+    return MetalRow(color(table.albedo, index, textures, site), number(table.fuzz, index, textures, site))
 
 
 @scatter.register(MetalRow)
@@ -113,6 +110,11 @@ def _(material, direction, normal, front, outgoing):
     return scale(pdf, material.albedo), pdf
 
 
-@emission.register(MetalRow)
-def _(material, front):
+@emission.register(MetalTable)
+def _(table, index, front, textures, site):
     return BLACK
+
+
+@reflectance.register(MetalRow)
+def _(material):
+    return material.albedo

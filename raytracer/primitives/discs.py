@@ -17,9 +17,10 @@ from raytracer.geometry import (
     plane_distance,
     row3,
 )
+from raytracer.jit import kernel
 from raytracer.primitives.interface import areas, geometry, hit, pdf_point, sample_point
 from raytracer.sampling.warp import sample_disc
-from raytracer.vec import basis, dot, madd, max_abs, norm, sub
+from raytracer.vec import Vec3, basis, cross, dot, madd, max_abs, norm, scale, sub
 
 
 class Discs(NamedTuple):
@@ -42,36 +43,47 @@ def _(table: Discs) -> NDArray[np.float64]:
     return np.asarray(np.pi * table.radius**2)
 
 
+@kernel
+def _parameters(out: Vec3, normal: Vec3, radius: float) -> tuple[float, float]:
+    """u, once around the centre, and v, from the centre to the rim, of a point at `out` from the centre."""
+    s, t = basis(normal)
+    return 0.5 + math.atan2(dot(out, t), dot(out, s)) / (2.0 * math.pi), norm(out) / radius
+
+
 @hit.register(Discs)
-def _(table, primitive, origin, direction, near, accuracy):
+def _(table, primitive, origin, direction, near, time, accuracy):
     center, normal = row3(table.center, primitive), row3(table.normal, primitive)
     radius = table.radius[primitive]
     point = madd(origin, plane_distance(accuracy, origin, direction, center, normal, near), direction)
     out = sub(point, center)
-    s, t = basis(normal)
-    u = 0.5 + math.atan2(dot(out, t), dot(out, s)) / (2.0 * math.pi)
+    u, v = _parameters(out, normal, radius)
+    reach = norm(out)
     return Hit(
         point,
         normal,
         normal,
         u,
-        norm(out) / radius,
+        v,
         hit_offset(accuracy, max_abs(center) + radius, near),
         table.material[primitive],
+        scale(2.0 * math.pi, cross(normal, out)),
+        scale(radius / reach if reach > 0.0 else 0.0, out),
+        point,
     )
 
 
 @sample_point.register(Discs)
-def _(table, primitive, reference, u1, u2):
+def _(table, primitive, reference, u1, u2, time):
     center, normal = row3(table.center, primitive), row3(table.normal, primitive)
     radius = table.radius[primitive]
     s, t = basis(normal)
     x, y = sample_disc(u1, u2)
     point = madd(madd(center, radius * x, s), radius * y, t)
-    return area_light_point(reference, point, normal, math.pi * radius * radius, max_abs(center) + radius)
+    u, v = _parameters(sub(point, center), normal, radius)
+    return area_light_point(reference, point, normal, math.pi * radius * radius, max_abs(center) + radius, u, v)
 
 
 @pdf_point.register(Discs)
-def _(table, primitive, reference, point, normal):
+def _(table, primitive, reference, point, normal, time):
     radius = table.radius[primitive]
     return area_pdf(reference, point, normal, math.pi * radius * radius)

@@ -14,8 +14,11 @@ from raytracer.jit import generic, switch
 
 
 @generic
-def hit(table, primitive, origin, direction, near, accuracy):
-    """The point where a ray meets `primitive`, which Embree found at distance `near`: a geometry.Hit."""
+def hit(table, primitive, origin, direction, near, time, accuracy):
+    """The point where a ray meets `primitive`, which Embree found at distance `near`: a geometry.Hit.
+
+    `time` is None if nothing in the scene moves, else the fraction of the shutter's opening that has passed, 0 to 1.
+    """
     raise NotImplementedError
 
 
@@ -31,13 +34,13 @@ def _(table, primitive):
 
 
 @generic
-def sample_point(table, primitive, reference, u1, u2):
+def sample_point(table, primitive, reference, u1, u2, time):
     """A point on an emitting primitive, drawn for a shaded point at `reference`: a geometry.LightPoint."""
     raise NotImplementedError
 
 
 @generic
-def pdf_point(table, primitive, reference, point, normal):
+def pdf_point(table, primitive, reference, point, normal, time):
     """Density of `sample_point` in solid angle (1/sr) at `point`, whose outside normal is `normal`."""
     raise NotImplementedError
 

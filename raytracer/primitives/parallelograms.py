@@ -45,7 +45,7 @@ def _(table: Parallelograms) -> NDArray[np.float64]:
 
 
 @hit.register(Parallelograms)
-def _(table, primitive, origin, direction, near, accuracy):
+def _(table, primitive, origin, direction, near, time, accuracy):
     corner, u, v = row3(table.corner, primitive), row3(table.u, primitive), row3(table.v, primitive)
     normal = normalize(cross(u, v))
     found = madd(origin, plane_distance(accuracy, origin, direction, corner, normal, near), direction)
@@ -53,20 +53,20 @@ def _(table, primitive, origin, direction, near, accuracy):
     offset = hit_offset(accuracy, max_abs(corner) + max_abs(u) + max_abs(v), near)
     a, b = within_quad(a, b, offset / max_abs(u), offset / max_abs(v))
     point = add(corner, add(scale(a, u), scale(b, v)))
-    return Hit(point, normal, normal, a, b, offset, table.material[primitive])
+    return Hit(point, normal, normal, a, b, offset, table.material[primitive], u, v, point)
 
 
 @sample_point.register(Parallelograms)
-def _(table, primitive, reference, u1, u2):
+def _(table, primitive, reference, u1, u2, time):
     corner, u, v = row3(table.corner, primitive), row3(table.u, primitive), row3(table.v, primitive)
     across = cross(u, v)
     normal = normalize(across)
     point = add(corner, add(scale(u1, u), scale(u2, v)))
     extent = max_abs(corner) + max_abs(u) + max_abs(v)
-    return area_light_point(reference, point, normal, norm(across), extent)
+    return area_light_point(reference, point, normal, norm(across), extent, u1, u2)
 
 
 @pdf_point.register(Parallelograms)
-def _(table, primitive, reference, point, normal):
+def _(table, primitive, reference, point, normal, time):
     area = norm(cross(row3(table.u, primitive), row3(table.v, primitive)))
     return area_pdf(reference, point, normal, area)

@@ -18,9 +18,10 @@ from raytracer.geometry import (
     sphere_distance,
     sphere_gap,
 )
+from raytracer.jit import kernel
 from raytracer.primitives.interface import areas, geometry, hit, pdf_point, sample_point
 from raytracer.sampling.warp import pdf_cone, sample_cone, sample_sphere
-from raytracer.vec import basis, dot, madd, max_abs, norm, scale, sub, to_world
+from raytracer.vec import Vec3, basis, dot, madd, max_abs, norm, scale, sub, to_world
 
 
 class Spheres(NamedTuple):
@@ -42,8 +43,29 @@ def _(table: Spheres) -> NDArray[np.float64]:
     return np.asarray(4.0 * np.pi * table.radius**2)
 
 
+@kernel
+def parameters(out: Vec3) -> tuple[float, float]:
+    """u, once around from -x through +z, and v, from the south pole to the north, of a point of the unit sphere.
+
+    References: Shirley et al. 2024, "Ray Tracing: The Next Week", sec. 4.4.
+    """
+    u = 0.5 + math.atan2(-out[2], out[0]) / (2.0 * math.pi)
+    return u, math.acos(max(-1.0, min(1.0, -out[1]))) / math.pi
+
+
+@kernel
+def derivatives(out: Vec3, radius: float) -> tuple[Vec3, Vec3]:
+    """dp/du and dp/dv at a point of the unit sphere, for a sphere of this radius; dp/dv is zero at the poles."""
+    sine = math.sqrt(out[0] * out[0] + out[2] * out[2])
+    tangent = (2.0 * math.pi * radius * out[2], 0.0, -2.0 * math.pi * radius * out[0])
+    if sine == 0.0:
+        return tangent, (0.0, 0.0, 0.0)
+    along = math.pi * radius
+    return tangent, (-along * out[0] * out[1] / sine, along * sine, -along * out[1] * out[2] / sine)
+
+
 @hit.register(Spheres)
-def _(table, primitive, origin, direction, near, accuracy):
+def _(table, primitive, origin, direction, near, time, accuracy):
     center, radius = row3(table.center, primitive), table.radius[primitive]
     t = sphere_distance(accuracy, origin, direction, center, radius, near)
 
@@ -52,8 +74,8 @@ def _(table, primitive, origin, direction, near, accuracy):
     out = scale(1.0 / norm(out), out)
     point = madd(center, abs(radius), out)
     normal = scale(math.copysign(1.0, radius), out)
-    u = 0.5 + math.atan2(-out[2], out[0]) / (2.0 * math.pi)
-    v = math.acos(max(-1.0, min(1.0, -out[1]))) / math.pi
+    u, v = parameters(out)
+    tangent, bitangent = derivatives(out, abs(radius))
     return Hit(
         point,
         normal,
@@ -62,11 +84,14 @@ def _(table, primitive, origin, direction, near, accuracy):
         v,
         hit_offset(accuracy, max_abs(center) + abs(radius), near),
         table.material[primitive],
+        tangent,
+        bitangent,
+        point,
     )
 
 
 @sample_point.register(Spheres)
-def _(table, primitive, reference, u1, u2):
+def _(table, primitive, reference, u1, u2, time):
     center, radius = row3(table.center, primitive), abs(table.radius[primitive])
     to = sub(center, reference)
     distance2 = dot(to, to)
@@ -90,11 +115,12 @@ def _(table, primitive, reference, u1, u2):
     way = sub(point, reference)
     distance = norm(way)
     gap = sphere_gap(max_abs(center) + radius, distance, abs(dot(way, out)) / distance, radius)
-    return LightPoint(point, scale(math.copysign(1.0, table.radius[primitive]), out), pdf, gap)
+    u, v = parameters(out)
+    return LightPoint(point, scale(math.copysign(1.0, table.radius[primitive]), out), pdf, gap, u, v, point)
 
 
 @pdf_point.register(Spheres)
-def _(table, primitive, reference, point, normal):
+def _(table, primitive, reference, point, normal, time):
     center, radius = row3(table.center, primitive), table.radius[primitive]
     to = sub(center, reference)
     distance2 = dot(to, to)

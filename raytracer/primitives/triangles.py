@@ -105,14 +105,14 @@ def _solve(accuracy, a, edge1, edge2, origin, direction, near):
 
 
 @hit.register(Triangles)
-def _(table, primitive, origin, direction, near, accuracy):
+def _(table, primitive, origin, direction, near, time, accuracy):
     a, edge1, edge2 = _corners(table.vertices, table.faces, primitive)
     point, normal, u, v, offset = _solve(accuracy, a, edge1, edge2, origin, direction, near)
-    return Hit(point, normal, normal, u, v, offset, table.material[primitive])
+    return Hit(point, normal, normal, u, v, offset, table.material[primitive], edge1, edge2, point)
 
 
 @hit.register(SmoothTriangles)
-def _(table, primitive, origin, direction, near, accuracy):
+def _(table, primitive, origin, direction, near, time, accuracy):
     a, edge1, edge2 = _corners(table.vertices, table.faces, primitive)
     point, normal, u, v, offset = _solve(accuracy, a, edge1, edge2, origin, direction, near)
 
@@ -123,22 +123,22 @@ def _(table, primitive, origin, direction, near, accuracy):
     shading = normalize(add(scale(1.0 - u - v, n0), add(scale(u, n1), scale(v, n2))))
     if dot(shading, direction) * dot(normal, direction) <= 0.0:
         shading = normal
-    return Hit(point, normal, shading, u, v, offset, table.material[primitive])
+    return Hit(point, normal, shading, u, v, offset, table.material[primitive], edge1, edge2, point)
 
 
 @sample_point.register(Triangles)
 @sample_point.register(SmoothTriangles)
-def _(table, primitive, reference, u1, u2):
+def _(table, primitive, reference, u1, u2, time):
     a, edge1, edge2 = _corners(table.vertices, table.faces, primitive)
     across = cross(edge1, edge2)
     normal = normalize(across)
     u, v = sample_triangle(u1, u2)
     point = add(a, add(scale(u, edge1), scale(v, edge2)))
-    return area_light_point(reference, point, normal, 0.5 * norm(across), _extent(a, edge1, edge2))
+    return area_light_point(reference, point, normal, 0.5 * norm(across), _extent(a, edge1, edge2), u, v)
 
 
 @pdf_point.register(Triangles)
 @pdf_point.register(SmoothTriangles)
-def _(table, primitive, reference, point, normal):
+def _(table, primitive, reference, point, normal, time):
     _, edge1, edge2 = _corners(table.vertices, table.faces, primitive)
     return area_pdf(reference, point, normal, 0.5 * norm(cross(edge1, edge2)))

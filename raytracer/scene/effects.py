@@ -7,6 +7,7 @@ from raytracer.integrator import Scene
 from raytracer.kinds import MATERIALS, SHAPES, Family
 from raytracer.scene.pack import material_of
 from raytracer.scene.spec import SceneSpec
+from raytracer.textures.interface import Book
 
 
 class Effect(NamedTuple):
@@ -19,7 +20,7 @@ class Effect(NamedTuple):
 def effects_of(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
     """Every effect that the program knows, by name; those of a packed scene are active."""
     lens = getattr(scene.camera, "lens", None)
-    emitting = [item for item in spec.objects if material_of(spec, item).exitance() > 0.0]
+    emitting = [item for item in spec.objects if material_of(spec, item).exitance(Book()) > 0.0]
     return {
         "defocus": Effect(lens is not None, _why_defocus(spec, lens is not None)),
         "light_sampling": Effect(scene.lights is not None, _why_light_sampling(spec, scene, len(emitting))),
@@ -45,7 +46,8 @@ def _why_defocus(spec: SceneSpec, active: bool) -> str:
 
 def _why_light_sampling(spec: SceneSpec, scene: Scene, emitting: int) -> str:
     if scene.lights is not None:
-        return f"{_count(len(scene.lights.table), 'primitive')} of {_count(emitting, 'object')} emit light"
+        primitives = sum(len(table.table) for table in scene.lights.tables)
+        return f"{_count(primitives, 'primitive')} of {_count(emitting, 'object')} emit light"
     if not emitting:
         return "no object emits light, so paths find the environment by themselves"
     if scene.depth == 1:

@@ -16,6 +16,7 @@ from raytracer.geometry import Exact, Geometry
 from raytracer.integrator import Scene
 from raytracer.kinds import MATERIALS
 from raytracer.lights.emitters import Emitters
+from raytracer.lights.interface import Lights
 from raytracer.materials.interface import MaterialSpec
 from raytracer.primitives.interface import areas, concatenate, geometry
 from raytracer.sampling import SAMPLERS
@@ -23,6 +24,7 @@ from raytracer.sampling.alias import build_alias
 from raytracer.scene.spec import SceneSpec
 from raytracer.shapes.interface import ShapeSpec
 from raytracer.spec import matrix_of
+from raytracer.textures.interface import Book
 
 _DEFAULT_MATERIAL = "lambertian"
 
@@ -52,17 +54,25 @@ def pack(spec: SceneSpec, spp: int | None = None) -> Packed:
     if not spec.objects:
         raise spec.error("the scene has no objects, so there is nothing to render", "objects")
     used = [material_of(spec, item) for item in spec.objects]
-    tables, references = _pack_materials(used)
+    book = Book()
+    tables, references = _pack_materials(used, book)
     primitives = _pack_objects(spec, references)
     settings = spec.render
     scene = Scene(
         accel=0,
         accuracy=Exact() if settings.accuracy == "exact" else None,
         primitives=primitives,
+        instances=None,
         materials=tables,
-        lights=_pack_emitters(primitives, used, references) if settings.max_depth > 1 else None,
+        selectors=None,
+        passage=None,
+        relief=None,
+        textures=None,
+        lights=_pack_lights(primitives, used, references, book) if settings.max_depth > 1 else None,
         environment=spec.environment.pack() if spec.environment else None,
+        media=None,
         camera=spec.camera.pack(spec.film.width, spec.film.height),
+        shutter=None,
         filter=spec.film.filter.pack(),
         sampler=SAMPLERS[settings.sampler](settings.seed, spp or settings.spp),
         depth=settings.max_depth,
@@ -80,14 +90,14 @@ def material_of(spec: SceneSpec, item: ShapeSpec) -> MaterialSpec:
     return found
 
 
-def _pack_materials(used: Sequence[MaterialSpec]) -> tuple[tuple[Any, ...], list[int]]:
+def _pack_materials(used: Sequence[MaterialSpec], book: Book) -> tuple[tuple[Any, ...], list[int]]:
     """One table a kind present, sorted by kind, and each object's reference: row * kinds + kind."""
     kinds: dict[str, dict[MaterialSpec, int]] = {}
     for material in used:
         rows = kinds.setdefault(material.type, {})
         rows.setdefault(material, len(rows))
     order = sorted(kinds)
-    tables = tuple(next(iter(kinds[kind])).pack(list(kinds[kind])) for kind in order)
+    tables = tuple(next(iter(kinds[kind])).pack(list(kinds[kind]), book) for kind in order)
     return tables, [kinds[item.type][item] * len(order) + order.index(item.type) for item in used]
 
 
@@ -109,16 +119,24 @@ def _pack_objects(spec: SceneSpec, references: Sequence[int]) -> tuple[Any, ...]
     return tuple(concatenate(tables[kind][0], tables[kind]) for kind in order)
 
 
-def _pack_emitters(
-    primitives: Sequence[Any], used: Sequence[MaterialSpec], references: Sequence[int]
-) -> Emitters | None:
-    """The emitting primitives, chosen by power; None where there are none, or no material reflects by choice.
+def _pack_lights(
+    primitives: Sequence[Any], used: Sequence[MaterialSpec], references: Sequence[int], book: Book
+) -> Lights | None:
+    """What can be aimed at; None where there is nothing, or no material reflects by choice.
 
     A material that can be lit by choice has a pdf; mirrors and glass find lights only by being followed.
     """
     if not any(material.is_lit() for material in used):
         return None
-    exitance = dict(zip(references, (material.exitance() for material in used), strict=True))
+    tables = tuple(table for table in (_pack_emitters(primitives, used, references, book),) if table is not None)
+    return Lights(tables) if tables else None
+
+
+def _pack_emitters(
+    primitives: Sequence[Any], used: Sequence[MaterialSpec], references: Sequence[int], book: Book
+) -> Emitters | None:
+    """The emitting primitives, chosen by power; None where there are none."""
+    exitance = dict(zip(references, (material.exitance(book) for material in used), strict=True))
     rows: list[tuple[NDArray[np.int64], NDArray[np.float64]]] = []
     per_reference = np.array([exitance.get(reference, 0.0) for reference in range(max(exitance) + 1)])
     for table in primitives:

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 def _camera_rays(camera, sampler, x, y, origins, directions):
     key = pixel_key(sampler, 3, 4)
     for index in range(len(x)):
-        origin, direction = camera_ray(camera, x[index], y[index], Draws(sampler, key, index, 0))
+        origin, direction, _ = camera_ray(camera, x[index], y[index], None, Draws(sampler, key, index, 0))
         for axis in range(3):
             origins[index, axis] = origin[axis]
             directions[index, axis] = direction[axis]

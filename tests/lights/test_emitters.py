@@ -6,10 +6,11 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from raytracer.embree import MISS
 from raytracer.geometry import Exact
 from raytracer.jit import entry
 from raytracer.kinds import LIGHTS
-from raytracer.lights.interface import pdf_light, sample_light
+from raytracer.lights.interface import pdf_light, sample_lights
 from raytracer.materials.interface import Draws
 from raytracer.sampling import SAMPLERS, pixel_key
 from raytracer.scene.pack import pack
@@ -45,33 +46,31 @@ POWERS = {
 
 
 @entry
-def _aim(lights, primitives, materials, sampler, point, direction, radiance, pdf, target, gap):
+def _aim(scene, sampler, point, direction, radiance, pdf, target, gap):
     key = pixel_key(sampler, 0, 0)
     for index in range(len(pdf)):
-        light = sample_light(lights, primitives, materials, point, Draws(sampler, key, index, 8))
+        light = sample_lights(scene.lights, scene, point, None, Draws(sampler, key, index, 8))
         pdf[index] = light.pdf
         gap[index] = light.gap
         for axis in range(3):
             direction[index, axis] = light.direction[axis]
-            radiance[index, axis] = light.radiance[axis]
+            radiance[index, axis] = light.weight[axis] * light.pdf
             target[index, axis] = light.target[axis]
 
 
 @entry
-def _pdf(lights, primitives, table, primitive, origin, points, normals, pdf):
+def _pdf(scene, table, primitive, origin, points, normals, pdf):
     for index in range(len(pdf)):
         point = (points[index, 0], points[index, 1], points[index, 2])
         normal = (normals[index, 0], normals[index, 1], normals[index, 2])
-        pdf[index] = pdf_light(lights, primitives, table[index], primitive[index], origin, point, normal)
+        pdf[index] = pdf_light(scene.lights, scene, MISS, table[index], primitive[index], origin, point, normal, None)
 
 
 def aim(scene_, point, count, seed=3):
     direction, radiance, target = (np.empty((count, 3)) for _ in range(3))
     pdf, gap = np.empty(count), np.empty(count)
     _aim(
-        scene_.lights,
-        scene_.primitives,
-        scene_.materials,
+        scene_,
         SAMPLERS["independent"](seed, 1),
         point,
         direction,
@@ -89,7 +88,7 @@ def test_lights_besides_emitters_need_an_example_here() -> None:
 
 
 def test_emitters_are_chosen_by_power() -> None:
-    lights = packed(LAMPS).lights
+    (lights,) = packed(LAMPS).lights.tables
     names = sorted(["Spheres", "Parallelograms"])
     rows = [(names[table], int(primitive)) for table, primitive in zip(lights.table, lights.primitive, strict=True)]
     assert sorted(rows) == sorted(POWERS)
@@ -141,8 +140,7 @@ def test_density_of_a_sample_is_that_of_the_hit_it_aims_at() -> None:
     assert same.mean() > 0.5
     twin = np.empty(same.sum())
     _pdf(
-        scene_.lights,
-        scene_.primitives,
+        scene_,
         hits.table[same],
         hits.primitive[same],
         point,
@@ -160,7 +158,7 @@ def test_density_of_what_does_not_emit_is_zero() -> None:
     table = np.array([names.index("Spheres"), names.index("Parallelograms")])
     point = np.array([[-3.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
     normal = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
-    _pdf(scene_.lights, scene_.primitives, table, np.array([2, 1]), (0.0, 0.0, 0.0), point, normal, pdf)
+    _pdf(scene_, table, np.array([2, 1]), (0.0, 0.0, 0.0), point, normal, pdf)
     assert (pdf == 0.0).all()
 
 
@@ -184,9 +182,9 @@ def test_reflected_light_of_a_single_emitter_draws_no_choice() -> None:
         "  - {type: quad, corner: [0, 2, 0], edges: [[1, 0, 0], [0, 0, 1]], material: {type: emitter, radiance: 7}}\n"
         "  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian}}\n"
     )
-    assert len(scene_.lights.table) == 1
+    assert len(scene_.lights.tables[0].table) == 1
     _, radiance, pdf, target, _ = aim(scene_, (0.5, 0.0, 0.5), 100)
-    assert (radiance == 7.0).all()
+    np.testing.assert_allclose(radiance, 7.0, rtol=1e-15)
     # Density of a square metre seen from 2 m below: d^3 / (2 A).
     distance = np.linalg.norm(target - [0.5, 0.0, 0.5], axis=1)
     np.testing.assert_allclose(pdf, distance**3 / 2.0, rtol=1e-12)

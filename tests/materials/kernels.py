@@ -5,13 +5,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.geometry import Site
 from raytracer.jit import entry
 from raytracer.materials.interface import Draws, emission, evaluate, row, scatter
 from raytracer.sampling import SAMPLERS, pixel_key
 from raytracer.spec import Spec
+from raytracer.textures.interface import Book
 from raytracer.vec import Vec3
 
 UP = (0.0, 0.0, 1.0)
+SITE = Site((0.1, 0.2, 0.3), 0.25, 0.75, 1.5)
 
 
 @entry
@@ -36,13 +39,13 @@ def _evaluate_many(material, direction, normal, front, outgoing, value, pdf):
 
 
 @entry
-def _emission(material, front):
-    return emission(material, front)
+def _emission(table, front, site):
+    return emission(table, 0, front, None, site)
 
 
-def packed_row(spec: Spec):
-    """The record that the kernels take for one material."""
-    return row(type(spec).pack([spec]), 0)
+def packed_row(spec: Spec, site: Site = SITE):
+    """The record that the kernels take for one material, at a site."""
+    return row(type(spec).pack([spec], Book()), 0, None, site)
 
 
 def incoming(degrees: float, azimuth: float = 0.4) -> Vec3:
@@ -72,7 +75,7 @@ def evaluate_many(
 
 def emitted(spec: Spec, front: bool) -> Vec3:
     """`emission`."""
-    return tuple(_emission(packed_row(spec), front))
+    return tuple(_emission(type(spec).pack([spec], Book()), front, SITE))
 
 
 def mirrored(direction: Vec3) -> NDArray[np.float64]:

@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 
 from raytracer.kinds import MATERIALS
 from raytracer.materials.interface import MaterialSpec, row
+from raytracer.textures.interface import Book
 from raytracer.vec import Vec3
 from tests.materials.kernels import (
+    SITE,
     emitted,
     evaluate_many,
     frame,
@@ -61,11 +63,12 @@ def test_every_kind_has_an_example() -> None:
 
 @every_material
 def test_tables_are_contiguous_float64(spec: MaterialSpec) -> None:
-    table = type(spec).pack([spec, spec, spec])
-    for column in table:
-        assert column.flags.c_contiguous
-        assert column.dtype in (np.dtype(np.float64), np.dtype(np.bool_))
-        assert len(column) == 3
+    table = type(spec).pack([spec, spec, spec], Book())
+    for entry in table:
+        for column in entry if isinstance(entry, tuple) else (entry,):
+            assert column.flags.c_contiguous
+            assert column.dtype in (np.dtype(np.float64), np.dtype(np.bool_))
+            assert len(column) == 3
 
 
 @every_material
@@ -207,7 +210,7 @@ def test_normal_and_frame_do_not_matter_but_for_turning_along(spec: MaterialSpec
 @every_material
 def test_only_emitters_emit(spec: MaterialSpec) -> None:
     radiance = {front: emitted(spec, front) for front in (True, False)}
-    assert (spec.exitance() > 0.0) == any(any(value) for value in radiance.values())
+    assert (spec.exitance(Book()) > 0.0) == any(any(value) for value in radiance.values())
     if spec.type == "emitter":
         assert radiance[True] == spec.radiance
         assert radiance[False] == (spec.radiance if spec.two_sided else (0.0, 0.0, 0.0))
@@ -216,6 +219,6 @@ def test_only_emitters_emit(spec: MaterialSpec) -> None:
 def test_a_row_is_that_of_its_material() -> None:
     for kind, examples in EXAMPLES.items():
         specs = [spec_of(kind, parameters) for parameters in examples]
-        table = type(specs[0]).pack(specs)
+        table = type(specs[0]).pack(specs, Book())
         for number, spec in enumerate(specs):
-            assert row(table, number) == packed_row(spec)
+            assert row(table, number, None, SITE) == packed_row(spec)

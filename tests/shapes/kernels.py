@@ -51,7 +51,7 @@ def _cast(accel, packet, tables, accuracy, origins, directions, hits):
             continue
         primitive = packet.ints[PRIMITIVE, 0]
         near = float(packet.floats[TFAR, 0])
-        hit = hit_any(tables, table, primitive, origin, direction, near, accuracy)
+        hit = hit_any(tables, table, primitive, origin, direction, near, None, accuracy)
         hits.table[ray] = table
         hits.primitive[ray] = primitive
         hits.near[ray] = near
@@ -78,7 +78,7 @@ def _spawn(accel, packet, tables, accuracy, origins, directions, onwards, starts
         if table == MISS:
             continue
         near = float(packet.floats[TFAR, 0])
-        hit = hit_any(tables, table, packet.ints[PRIMITIVE, 0], origin, direction, near, accuracy)
+        hit = hit_any(tables, table, packet.ints[PRIMITIVE, 0], origin, direction, near, None, accuracy)
         start = spawn_point(hit, (onwards[ray, 0], onwards[ray, 1], onwards[ray, 2]))
         for axis in range(3):
             starts[ray, axis] = start[axis]
@@ -87,10 +87,10 @@ def _spawn(accel, packet, tables, accuracy, origins, directions, onwards, starts
 @entry
 def _sample(tables, table, primitive, reference, u, points):
     for index in range(len(u)):
-        drawn = sample_point_any(tables, table, primitive, reference, u[index, 0], u[index, 1])
+        drawn = sample_point_any(tables, table, primitive, reference, u[index, 0], u[index, 1], None)
         points.pdf[index] = drawn.pdf
         points.gap[index] = drawn.gap
-        points.twin[index] = pdf_point_any(tables, table, primitive, reference, drawn.point, drawn.normal)
+        points.twin[index] = pdf_point_any(tables, table, primitive, reference, drawn.point, drawn.normal, None)
         for axis in range(3):
             points.point[index, axis] = drawn.point[axis]
             points.normal[index, axis] = drawn.normal[axis]
@@ -101,7 +101,7 @@ def _pdf(tables, table, primitive, reference, point, normal, pdf):
     for index in range(len(pdf)):
         at = (point[index, 0], point[index, 1], point[index, 2])
         outside = (normal[index, 0], normal[index, 1], normal[index, 2])
-        pdf[index] = pdf_point_any(tables, table, primitive, reference, at, outside)
+        pdf[index] = pdf_point_any(tables, table, primitive, reference, at, outside, None)
 
 
 @entry

@@ -1,0 +1,1 @@
+"""Participating media: what fills space between surfaces.  One file a kind."""

@@ -1,0 +1,1 @@
+"""Textures: colours that vary over a surface or through space.  One file a kind."""
