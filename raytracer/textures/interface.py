@@ -3,16 +3,33 @@
 A kind's file holds its YAML spec, its packed table (one row a texture) and its case of `texture`.
 """
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Any, NamedTuple, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
+from pydantic.json_schema import JsonSchemaValue
 
+from raytracer.errors import shown
 from raytracer.geometry import row3
 from raytracer.jit import generic, kernel, switch
-from raytracer.spec import Spec
+from raytracer.kinds import TEXTURES
+from raytracer.spec import Check, Quantity, Spec, Triple, Vector
+from raytracer.units import parse_quantity
 from raytracer.vec import Vec3
+
+Assets: TypeAlias = Mapping[str, Any]
+"""What a texture's files held, by the key that names the file."""
+
+
+class Range(NamedTuple):
+    """The lowest and the highest value, of any channel, that a texture takes."""
+
+    low: float
+    high: float
 
 
 class TextureSpec(Spec):
@@ -22,12 +39,140 @@ class TextureSpec(Spec):
 
     @staticmethod
     def pack(specs: Any, assets: Any) -> Any:
-        """The table of textures of this kind, one row a spec; `assets` holds, by spec, what its files held."""
+        """The table of textures of one group, one row a spec; `assets` holds, by spec, what its files held."""
         raise NotImplementedError
 
-    def mean(self, assets: Any) -> Vec3:
+    def group(self, assets: Assets) -> str:
+        """What must be equal for textures to share a table; begins with the type."""
+        return self.type
+
+    def check(self, assets: Assets) -> None:
+        """Refuse files that lack what the texture asks of them.
+
+        Raises
+        ------
+        ValueError : they do; a sentence that says what.
+        """
+
+    def as_data(self) -> Self:
+        """The texture where it stands for numbers, heights or normals and not for colours."""
+        return self
+
+    def mean(self, assets: Assets) -> Vec3:
         """The mean colour, by which lights are chosen; not zero unless the texture is black all over."""
         raise NotImplementedError
+
+    def range(self, assets: Assets) -> Range:
+        """The range of its values."""
+        raise NotImplementedError
+
+
+# ---- Fields
+
+
+def is_name(value: Any) -> bool:
+    """Whether a field's value is a name and not a number: it does not begin as a number does."""
+    return isinstance(value, str) and value.strip()[:1] not in tuple("+-.0123456789") and not _is_quantity(value)
+
+
+def _is_quantity(text: str) -> bool:
+    try:
+        parse_quantity(text, "number")
+    except ValueError:
+        return False
+    return True
+
+
+@cache
+def _adapter() -> TypeAdapter[TextureSpec]:
+    return TypeAdapter(TEXTURES.union())
+
+
+@dataclass(frozen=True)
+class Texturable(Check):
+    """Annotation of a field that a texture may set: a plain value, a texture's name, or a texture itself.
+
+    plain, the check of a plain value, None where only nothing may stand in place of a texture; data, whether the
+    texture stands for other than colours.
+    """
+
+    plain: Triple | Quantity | None
+    data: bool
+
+    def __call__(self, value: Any) -> Any:
+        """The checked value, name or texture.
+
+        Raises
+        ------
+        ValueError : it is none of these.
+        """
+        if isinstance(value, TextureSpec) or is_name(value):
+            return value
+        if isinstance(value, Mapping):
+            return _adapter().validate_python(value)
+        if self.plain is None:
+            if value is None:
+                return None
+            raise ValueError(f"must be a texture's name or a texture {{type: ...}}, got {shown(value)}")
+        return self.plain(value)
+
+    @property
+    def bounds(self) -> Range:
+        """The range that a texture's values must keep to."""
+        if self.plain is None:
+            return Range(-np.inf, np.inf)
+        component = self.plain.component if isinstance(self.plain, Triple) else self.plain
+        return Range(component.low, component.high)
+
+    def json_schema(self) -> JsonSchemaValue:
+        """The plain values, a name, or a texture: `x-texture` stands for the definition of textures."""
+        texture: list[JsonSchemaValue] = [{"type": "string"}, {"x-texture": True}]
+        if self.plain is None:
+            return {"anyOf": [*texture, {"type": "null"}]}
+        plain = self.plain.json_schema()
+        unit = plain.pop("x-unit", None)
+        choices = [choice for choice in plain.pop("anyOf", [plain]) if choice.get("type") != "string"]
+        return {"anyOf": [*choices, *texture], **({"x-unit": unit} if unit else {})}
+
+
+OptionalTexture: TypeAlias = Annotated[str | TextureSpec | None, Texturable(None, data=True)]
+TexturedColor: TypeAlias = Annotated[
+    Vector | str | TextureSpec, Texturable(Triple(Quantity(low=0.0), "a colour", single=True), data=False)
+]
+TexturedRadiance: TypeAlias = Annotated[
+    Vector | str | TextureSpec, Texturable(Triple(Quantity(low=0.0), "a radiance", single=True), data=False)
+]
+TexturedAlbedo: TypeAlias = Annotated[
+    Vector | str | TextureSpec, Texturable(Triple(Quantity(low=0.0, high=1.0), "an albedo", single=True), data=False)
+]
+TexturedNumber: TypeAlias = Annotated[float | str | TextureSpec, Texturable(Quantity(), data=True)]
+TexturedNonNegative: TypeAlias = Annotated[float | str | TextureSpec, Texturable(Quantity(low=0.0), data=True)]
+TexturedFraction: TypeAlias = Annotated[float | str | TextureSpec, Texturable(Quantity(low=0.0, high=1.0), data=True)]
+
+
+class Use(NamedTuple):
+    """A texture that a spec asks for: the key, the field's annotation, and the name or texture."""
+
+    key: str
+    field: Texturable
+    value: str | TextureSpec
+
+
+def textures_of(spec: Spec) -> Iterator[Use]:
+    """The textures that a spec's fields ask for."""
+    for key, info in type(spec).model_fields.items():
+        value = getattr(spec, key)
+        for field in info.metadata:
+            if isinstance(field, Texturable) and isinstance(value, str | TextureSpec):
+                yield Use(key, field, value)
+
+
+def is_zero(value: Any) -> bool:
+    """Whether a colour or number is zero wherever it is looked up; a texture is taken not to be."""
+    return not isinstance(value, str | TextureSpec) and not np.any(value)
+
+
+# ---- Kernels
 
 
 @generic
@@ -36,7 +181,17 @@ def texture(table, index, site):
     raise NotImplementedError
 
 
+@generic
+def slope(table, index, site, tangent, bitangent):
+    """How fast the luminance of texture `index` grows along u and along v, with `tangent` dp/du and `bitangent` dp/dv.
+
+    The derivatives are in the space of site.point.
+    """
+    raise NotImplementedError
+
+
 _texture_any = switch(texture)
+_slope_any = switch(slope)
 
 
 @kernel
@@ -44,6 +199,13 @@ def texture_at(textures, reference, site):
     """`texture` of the one that a parameter refers to by row * kinds + kind."""
     kinds = len(textures)
     return _texture_any(textures, reference % kinds, reference // kinds, site)
+
+
+@kernel
+def slope_at(textures, reference, site, tangent, bitangent):
+    """`slope` of a texture, by its reference."""
+    kinds = len(textures)
+    return _slope_any(textures, reference % kinds, reference // kinds, site, tangent, bitangent)
 
 
 class Colors(NamedTuple):
@@ -116,16 +278,76 @@ def luminance(rgb: Vec3) -> float:
 
 
 class Book:
-    """What materials are packed with: it turns their plain values into parameters."""
+    """What materials are packed with: it turns plain values and textures into parameters.
+
+    Parameters
+    ----------
+    named : textures by name.
+    used : the textures that materials ask for, as `textures_of` tells them.
+    assets : what the files of each held.
+    """
+
+    def __init__(
+        self,
+        named: Mapping[str, TextureSpec] | None = None,
+        used: Iterable[Use] = (),
+        assets: Mapping[TextureSpec, Assets] | None = None,
+    ) -> None:
+        self._named = named or {}
+        self._assets = assets or {}
+        groups: dict[str, dict[TextureSpec, int]] = {}
+        for use in used:
+            found = self.texture(use.value, data=use.field.data)
+            rows = groups.setdefault(found.group(self._files(found)), {})
+            rows.setdefault(found, len(rows))
+        order = sorted(groups)
+        self._references = {
+            found: row * len(order) + kind for kind, name in enumerate(order) for found, row in groups[name].items()
+        }
+        self.tables: tuple[Any, ...] | None = None
+        """One table a group of textures; None where nothing is textured."""
+        if order:
+            self.tables = tuple(
+                next(iter(rows)).pack(list(rows), [self._files(found) for found in rows])
+                for rows in (groups[name] for name in order)
+            )
+
+    def _files(self, spec: TextureSpec) -> Assets:
+        return self._assets.get(spec, {})
+
+    def texture(self, value: str | TextureSpec, *, data: bool) -> TextureSpec:
+        """The texture of this name, or itself, as colours or as data."""
+        found = self._named[value] if isinstance(value, str) else value
+        return found.as_data() if data else found
+
+    def reference(self, value: Any, *, data: bool = True) -> int:
+        """The number by which kernels know a texture, by its name or itself; -1 for None and for a plain value."""
+        if not isinstance(value, str | TextureSpec):
+            return -1
+        return self._references[self.texture(value, data=data)]
 
     def colors(self, values: Sequence[Any]) -> Colors | TexturedColors:
         """The parameter of a table whose rows have these colours."""
-        return Colors(np.array(values, np.float64).reshape(-1, 3))
+        plain = [(0.0, 0.0, 0.0) if isinstance(value, str | TextureSpec) else value for value in values]
+        rows = np.array(plain, np.float64).reshape(-1, 3)
+        references = self._rows(values, data=False)
+        return Colors(rows) if references is None else TexturedColors(rows, references)
 
     def numbers(self, values: Sequence[Any]) -> Numbers | TexturedNumbers:
         """The parameter of a table whose rows have these numbers."""
-        return Numbers(np.array(values, np.float64))
+        plain = [0.0 if isinstance(value, str | TextureSpec) else value for value in values]
+        rows = np.array(plain, np.float64)
+        references = self._rows(values, data=True)
+        return Numbers(rows) if references is None else TexturedNumbers(rows, references)
+
+    def _rows(self, values: Sequence[Any], *, data: bool) -> NDArray[np.int32] | None:
+        references = np.array([self.reference(value, data=data) for value in values], np.int32)
+        return references if np.any(references >= 0) else None
 
     def mean(self, value: Any) -> Vec3:
-        """The mean of a colour."""
-        return (float(value[0]), float(value[1]), float(value[2]))
+        """The mean of a colour, or of a number three times over."""
+        if isinstance(value, str | TextureSpec):
+            found = self.texture(value, data=False)
+            return found.mean(self._files(found))
+        r, g, b = np.broadcast_to(np.asarray(value, np.float64), 3).tolist()
+        return r, g, b

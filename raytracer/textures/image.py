@@ -1,0 +1,297 @@
+"""Image: a picture file laid over a surface by its parameters u and v.
+
+In a scene:
+
+    globe: {type: image, file: earth.png, wrap: [repeat, clamp]}
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BeforeValidator, Field
+from pydantic.json_schema import JsonSchemaValue
+
+from raytracer.errors import shown
+from raytracer.jit import generic, kernel
+from raytracer.spec import Angle, Check, Color, Quantity, at
+from raytracer.textures.interface import Assets, Range, TextureSpec, luminance, slope, texture
+from raytracer.vec import Vec3
+
+_NUMBERS = {"r": 0, "g": 1, "b": 2}
+_LUMINANCE = (0.2126, 0.7152, 0.0722)
+
+_WRAPS = ("repeat", "clamp", "mirror")
+_REPEAT, _CLAMP, _MIRROR = range(3)
+
+# Columns of the tables.
+_FACTOR, _PLACEMENT, _FIRST, _SIZE, _CHANNELS, _WRAP, _NEAREST = 0, 3, 9, 10, 12, 13, 15
+
+
+@dataclass(frozen=True)
+class _Pair(Check):
+    """Annotation of a field of two numbers, for u and v, each checked by `component`."""
+
+    component: Quantity
+    single: bool = False
+    """One number stands for two equal ones."""
+
+    def __call__(self, value: Any) -> tuple[float, float]:
+        if isinstance(value, list | tuple):
+            if len(value) != 2:
+                raise ValueError(f"must be two numbers, for u and v, got {shown(value)}")
+            return self._item(value[0], 0), self._item(value[1], 1)
+        if self.single and isinstance(value, int | float | str) and not isinstance(value, bool):
+            number = self.component(value)
+            return number, number
+        raise ValueError(f"must be two numbers, for u and v, got {shown(value)}")
+
+    def _item(self, value: Any, index: int) -> float:
+        try:
+            return self.component(value)
+        except ValueError as error:
+            at(index, str(error))
+
+    def json_schema(self) -> JsonSchemaValue:
+        item = self.component.json_schema()
+        pair: JsonSchemaValue = {"type": "array", "items": item, "minItems": 2, "maxItems": 2}
+        return {"anyOf": [pair, *item["anyOf"]]} if self.single else pair
+
+
+Wrap: TypeAlias = Literal["repeat", "clamp", "mirror"]
+
+
+def _both(value: Any) -> Any:
+    return (value, value) if isinstance(value, str) else value
+
+
+class ImageTexture(TextureSpec):
+    """A picture over the surface: its lower left corner is at u = v = 0, its upper right corner at u = v = 1.
+
+    Row 0 of the file, the top of the picture, is at v = 1, as in OBJ files.  The picture is looked up at offset +
+    R(rotation) (scale * (u, v)), with R anticlockwise.  Texels are points in the middle of their squares, between which
+    `bilinear` interpolates in linear light.
+    """
+
+    loads: ClassVar[Mapping[str, str]] = {"file": "image"}
+
+    type: Literal["image"] = "image"
+    file: str = Field(
+        description="picture (.png .jpg .bmp .tga .tif .webp .exr .hdr .npy), relative to the scene", min_length=1
+    )
+    encoding: Literal["auto", "srgb", "linear"] = Field(
+        default="auto",
+        description="what the file's numbers are; `auto`: sRGB if they are integers and stand for colours, else linear",
+    )
+    filter: Literal["bilinear", "nearest"] = Field(default="bilinear", description="what lies between texels")
+    wrap: Annotated[tuple[Wrap, Wrap], BeforeValidator(_both, json_schema_input_type=Wrap | tuple[Wrap, Wrap])] = Field(
+        default=("repeat", "repeat"), description="what lies outside of 0..1; a name, or one for u and one for v"
+    )
+    channel: Literal["rgb", "r", "g", "b", "a", "luminance"] = Field(
+        default="rgb", description="the colour, or one channel of the file, or its luminance, as grey"
+    )
+    factor: Color = Field(default=(1.0, 1.0, 1.0), description="what the decoded values are multiplied by")
+    scale: Annotated[tuple[float, float], _Pair(Quantity(nonzero=True), single=True)] = Field(
+        default=(1.0, 1.0), description="how often the picture fits into u and v of 0..1; one number or two"
+    )
+    offset: Annotated[tuple[float, float], _Pair(Quantity())] = Field(
+        default=(0.0, 0.0), description="where in the picture u = v = 0 lies"
+    )
+    rotation: Angle = Field(default=0.0, description="by how much u and v are turned, anticlockwise")
+
+    def as_data(self) -> Self:
+        return self.model_copy(update={"encoding": "linear"}) if self.encoding == "auto" else self
+
+    def _is_srgb(self, assets: Assets) -> bool:
+        return self.encoding == "srgb" or (self.encoding == "auto" and assets["file"].integer)
+
+    def _is_bytes(self, assets: Assets) -> bool:
+        # Luminance is that of linear light, which bytes cannot hold.
+        return bool(assets["file"].texels.dtype == np.uint8) and self.channel != "luminance"
+
+    def _curve(self, assets: Assets) -> NDArray[np.float64]:
+        """What each byte stands for."""
+        curve: NDArray[np.float64] = assets["file"].curve(self._is_srgb(assets) and self.channel != "a")
+        return curve
+
+    def group(self, assets: Assets) -> str:
+        return f"{self.type} of {'bytes' if self._is_bytes(assets) else 'floats'}"
+
+    @staticmethod
+    def pack(specs: Sequence["ImageTexture"], assets: Sequence[Assets]) -> "ByteImages | FloatImages":
+        as_bytes = specs[0]._is_bytes(assets[0])
+        stored = [spec.stored(files, as_bytes=as_bytes) for spec, files in zip(specs, assets, strict=True)]
+        starts = np.cumsum([0, *(texels.size for texels in stored)])
+        rows = np.array(
+            [
+                (
+                    *spec.factor,
+                    *spec.placement(),
+                    start,
+                    texels.shape[1],
+                    texels.shape[0],
+                    texels.shape[2],
+                    *(_WRAPS.index(name) for name in spec.wrap),
+                    spec.filter == "nearest",
+                )
+                for spec, start, texels in zip(specs, starts[:-1], stored, strict=True)
+            ],
+            np.float64,
+        )
+        flat = np.concatenate([texels.ravel() for texels in stored])
+        if not as_bytes:
+            return FloatImages(flat, rows)
+        curves = np.array([spec._curve(files) for spec, files in zip(specs, assets, strict=True)])
+        return ByteImages(flat, curves, rows)
+
+    def stored(self, assets: Assets, *, as_bytes: bool) -> NDArray[Any]:
+        """The texels that are kept: (height, width, 1 or 3), uint8 not yet decoded or float32 in linear light."""
+        image = assets["file"]
+        texels = image.texels if as_bytes else image.linear(self._is_srgb(assets))
+        colors = texels[..., : texels.shape[2] - (texels.shape[2] in (2, 4))]
+        if self.channel == "a":
+            return np.asarray(texels[..., -1:])
+        if self.channel == "rgb" or colors.shape[2] == 1:
+            return np.asarray(colors)
+        if self.channel == "luminance":
+            return np.asarray((colors @ np.array(_LUMINANCE, np.float32))[..., None])
+        return np.asarray(colors[..., _NUMBERS[self.channel], None])
+
+    def check(self, assets: Assets) -> None:
+        if self.channel == "a" and assets["file"].texels.shape[2] not in (2, 4):
+            raise ValueError(f"{shown(self.file)} has no channel a (transparency)")
+
+    def placement(self) -> tuple[float, ...]:
+        """The affine map of (u, v) to the picture, row by row."""
+        turn = math.fmod(self.rotation, 360.0)
+        cosine, sine = math.cos(math.radians(turn)), math.sin(math.radians(turn))
+        if turn % 90.0 == 0.0:
+            cosine, sine = round(cosine), round(sine)
+        (scale_u, scale_v), (offset_u, offset_v) = self.scale, self.offset
+        return cosine * scale_u, -sine * scale_v, offset_u, sine * scale_u, cosine * scale_v, offset_v
+
+    def mean(self, assets: Assets) -> Vec3:
+        texels = self.stored(assets, as_bytes=False)
+        r, g, b = np.broadcast_to(texels.mean(axis=(0, 1), dtype=np.float64), 3) * self.factor
+        return float(r), float(g), float(b)
+
+    def range(self, assets: Assets) -> Range:
+        texels = self.stored(assets, as_bytes=self._is_bytes(assets))
+        ends = np.stack([texels.min(axis=(0, 1)), texels.max(axis=(0, 1))])
+        values = (self._curve(assets)[ends] if ends.dtype == np.uint8 else ends) * np.array(self.factor)
+        return Range(float(values.min()), float(values.max()))
+
+
+class ByteImages(NamedTuple):
+    """Images of bytes.
+
+    texels uint8 (m,), of all images one after another; curve (n, 256) float64, what a byte stands for; rows (n, 16)
+    float64: factor, the six numbers of the map from (u, v), the place of the first texel, columns, rows, channels (1 or
+    3), the two wraps, and 1 for the nearest texel.
+    """
+
+    texels: NDArray[np.uint8]
+    curve: NDArray[np.float64]
+    rows: NDArray[np.float64]
+
+
+class FloatImages(NamedTuple):
+    """As ByteImages, with texels float32 (m,) in linear light."""
+
+    texels: NDArray[np.float32]
+    rows: NDArray[np.float64]
+
+
+@generic
+def _decoded(table, index, at):
+    """The number at a place in a table's texels, in linear light."""
+    raise NotImplementedError
+
+
+@_decoded.register(ByteImages)
+def _(table, index, at):
+    return table.curve[index, table.texels[at]]
+
+
+@_decoded.register(FloatImages)
+def _(table, index, at):
+    return np.float64(table.texels[at])
+
+
+@kernel
+def wrapped(cell: int, count: int, wrap: int) -> int:
+    """The column or row that lies at `cell`, which may be outside of 0 .. count - 1."""
+    if wrap == _CLAMP:
+        return max(0, min(count - 1, cell))
+    if wrap == _REPEAT:
+        return cell % count
+    cell %= 2 * count
+    return cell if cell < count else 2 * count - 1 - cell
+
+
+@kernel
+def _texel(table, index, first, channels):
+    """The colour at a place in a table's texels."""
+    r = _decoded(table, index, first)
+    if channels == 1:
+        return (r, r, r)
+    return (r, _decoded(table, index, first + 1), _decoded(table, index, first + 2))
+
+
+@kernel
+def _placed(rows, index, u, v):
+    """Where (u, v) lies in the picture, in columns from the left and rows from the top."""
+    s = rows[index, _PLACEMENT] * u + rows[index, _PLACEMENT + 1] * v + rows[index, _PLACEMENT + 2]
+    t = rows[index, _PLACEMENT + 3] * u + rows[index, _PLACEMENT + 4] * v + rows[index, _PLACEMENT + 5]
+    return s * rows[index, _SIZE], (1.0 - t) * rows[index, _SIZE + 1]
+
+
+@kernel
+def _looked_up(table, index, x, y):
+    """The colour at column x and row y of the picture, texels' middles being at halves."""
+    rows = table.rows
+    first, channels = int(rows[index, _FIRST]), int(rows[index, _CHANNELS])
+    width, height = int(rows[index, _SIZE]), int(rows[index, _SIZE + 1])
+    wrap_x, wrap_y = rows[index, _WRAP], rows[index, _WRAP + 1]
+
+    # The nearest texel is the only one of the four with a weight.
+    nearest = rows[index, _NEAREST] != 0.0
+    x, y = (math.floor(x), math.floor(y)) if nearest else (x - 0.5, y - 0.5)
+    left, top = math.floor(x), math.floor(y)
+    part_x, part_y = x - left, y - top
+    r, g, b = 0.0, 0.0, 0.0
+    for corner in range(4):
+        right, below = corner & 1, corner >> 1
+        weight = (part_x if right else 1.0 - part_x) * (part_y if below else 1.0 - part_y)
+        column, row = wrapped(left + right, width, wrap_x), wrapped(top + below, height, wrap_y)
+        texel = _texel(table, index, first + (row * width + column) * channels, channels)
+        r, g, b = r + weight * texel[0], g + weight * texel[1], b + weight * texel[2]
+    return (rows[index, _FACTOR] * r, rows[index, _FACTOR + 1] * g, rows[index, _FACTOR + 2] * b)
+
+
+@texture.register(ByteImages)
+@texture.register(FloatImages)
+def _(table, index, site):
+    x, y = _placed(table.rows, index, site.u, site.v)
+    return _looked_up(table, index, x, y)
+
+
+@slope.register(ByteImages)
+@slope.register(FloatImages)
+def _(table, index, site, tangent, bitangent):
+    """Differences over one texel, half to each side: continuous, where the derivative of bilinear values jumps."""
+    rows = table.rows
+    x, y = _placed(rows, index, site.u, site.v)
+    across = down = 0.0
+    for side in range(2):
+        sign = 2.0 * side - 1.0
+        across += sign * luminance(_looked_up(table, index, x + 0.5 * sign, y))
+        down += sign * luminance(_looked_up(table, index, x, y + 0.5 * sign))
+
+    # By the chain rule, through the placement of the picture.
+    by_s, by_t = across * rows[index, _SIZE], -down * rows[index, _SIZE + 1]
+    along_u = rows[index, _PLACEMENT] * by_s + rows[index, _PLACEMENT + 3] * by_t
+    return along_u, rows[index, _PLACEMENT + 1] * by_s + rows[index, _PLACEMENT + 4] * by_t
