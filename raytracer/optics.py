@@ -40,3 +40,46 @@ def refract(direction: Vec3, normal: Vec3, cos_i: float, cos_t: float, eta: floa
     References: Pharr et al. 2023, eq. 9.4.
     """
     return madd(scale(1.0 / eta, direction), cos_i / eta - cos_t, normal)
+
+
+@kernel
+def _fresnel_metal(cos_i: float, eta: float, k: float) -> float:
+    # (n - ik)^2 - sin^2 = (a - ib)^2; the smaller of a and b from the larger, lest it cancel.
+    sin2 = (1.0 - cos_i) * (1.0 + cos_i)
+    real, product = eta * eta - k * k - sin2, eta * k
+    larger2 = 0.5 * (math.hypot(real, 2.0 * product) + abs(real))
+    smaller2 = product * product / larger2 if larger2 > 0.0 else 0.0
+    a2, b2 = (larger2, smaller2) if real > 0.0 else (smaller2, larger2)
+    a = math.sqrt(a2)
+    # No boundary at all: the formula is 0/0 at grazing incidence.
+    if a + b2 + cos_i == 0.0:
+        return 0.0
+    perpendicular = ((a - cos_i) ** 2 + b2) / ((a + cos_i) ** 2 + b2)
+    above, below = (a * cos_i - sin2) ** 2 + b2 * cos_i * cos_i, (a * cos_i + sin2) ** 2 + b2 * cos_i * cos_i
+    # Head on, no plane of incidence tells parallel from perpendicular.
+    return 0.5 * perpendicular * (1.0 + above / below) if below > 0.0 else perpendicular
+
+
+@kernel
+def fresnel_conductor(cos_i: float, eta: Vec3, k: Vec3) -> Vec3:
+    """Unpolarised reflectance of a metal in air with indices n - ik by channel, at a cosine of incidence in [0, 1].
+
+    References: Born, Wolf 1999, "Principles of Optics", 7th ed., sec. 14.2.
+    """
+    return (
+        _fresnel_metal(cos_i, eta[0], k[0]),
+        _fresnel_metal(cos_i, eta[1], k[1]),
+        _fresnel_metal(cos_i, eta[2], k[2]),
+    )
+
+
+@kernel
+def fresnel_schlick(cos_i: float, normal_reflectance: Vec3) -> Vec3:
+    """A fit to the unpolarised reflectance of what reflects this much, by channel, at normal incidence.
+
+    References: Schlick 1994, "An Inexpensive BRDF Model for Physically-based Rendering", CGF 13(3), eq. 15.
+    """
+    rest = 1.0 - cos_i
+    part = rest * rest * rest * rest * rest
+    r, g, b = normal_reflectance
+    return (r + (1.0 - r) * part, g + (1.0 - g) * part, b + (1.0 - b) * part)

@@ -98,6 +98,12 @@ def to_world(local: Vec3, s: Vec3, t: Vec3, n: Vec3) -> Vec3:
 
 
 @kernel
+def to_local(v: Vec3, s: Vec3, t: Vec3, n: Vec3) -> Vec3:
+    """The coordinates of a vector in the orthonormal frame (s, t, n)."""
+    return (dot(v, s), dot(v, t), dot(v, n))
+
+
+@kernel
 def reflect(d: Vec3, n: Vec3) -> Vec3:
     """Direction of travel `d` mirrored at a surface with unit normal `n`."""
     return madd(d, -2.0 * dot(d, n), n)

@@ -1,0 +1,274 @@
+"""Rough conductor: gold, brushed aluminium, any metal that is not a perfect mirror.
+
+In a scene:
+
+    gold: {type: rough_conductor, metal: gold, roughness: 0.3}
+    chromium: {type: rough_conductor, eta: [3.11, 3.18, 2.14], k: [3.31, 3.33, 3.19], roughness: 0.1}
+    red foil: {type: rough_conductor, albedo: [0.9, 0.1, 0.05], roughness: 0.4}
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from raytracer.geometry import row3
+from raytracer.jit import entry, kernel
+from raytracer.materials.interface import (
+    BLACK,
+    DIRECTION,
+    LOBE,
+    MaterialSpec,
+    Scatter,
+    absorbed,
+    chance,
+    emission,
+    evaluate,
+    reflectance,
+    row,
+    scatter,
+)
+from raytracer.microfacet import (
+    SMOOTH_ALPHA,
+    Deficits,
+    Rows,
+    deficit,
+    deficits,
+    mean_deficit,
+    multiple_albedo,
+    reflect_about,
+    reflected,
+    rows_of,
+    sample_deficit,
+    sample_visible_normal,
+    seen_from,
+    shadowing,
+)
+from raytracer.optics import fresnel_conductor, fresnel_schlick
+from raytracer.sampling import sample_2d
+from raytracer.spec import Color, at
+from raytracer.textures.interface import (
+    Book,
+    Colors,
+    Numbers,
+    TexturedAlbedo,
+    TexturedColors,
+    TexturedFraction,
+    TexturedNumbers,
+    color,
+    is_zero,
+    number,
+)
+from raytracer.vec import Vec3, add, basis, dot, normalize, scale, to_local, to_world
+
+METALS: dict[str, tuple[Vec3, Vec3]] = {
+    "gold": ((0.1556, 0.4241, 1.3831), (3.6024, 2.4721, 1.9155)),
+    "silver": ((0.0522, 0.0596, 0.0400), (4.4094, 3.5974, 2.6484)),
+    "copper": ((0.2378, 1.0066, 1.2404), (3.6264, 2.5823, 2.3929)),
+    "aluminium": ((1.5580, 1.0152, 0.6332), (7.7124, 6.6273, 5.4544)),
+}
+"""Index n and extinction k by channel, at 650, 550 and 450 nm, between the wavelengths that were measured.
+
+References: gold, silver, copper: Johnson, Christy 1972, "Optical Constants of the Noble Metals", Phys. Rev. B 6, 4370;
+aluminium: Rakic 1995, "Algorithm for the Determination of Intrinsic Optical Constants of Metal Films: Application to
+Aluminum", Appl. Opt. 34, 4755.
+"""
+
+_SCHLICK_MEAN = 1.0 / 21.0
+"""The cosine-weighted mean of (1 - cos)^5 over a hemisphere."""
+
+
+class RoughConductor(MaterialSpec):
+    """Metal of small mirrors (GGX), with the light that goes from mirror to mirror; alpha is the square of roughness.
+
+    A mirror reflects by Fresnel's equations for a metal with measured indices, or with `eta` and `k`, or by Schlick's
+    fit to them for a metal of a given `albedo`.  Below a roughness of 0.032 the surface is one mirror.
+
+    References: Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces"; Kulla, Conty 2017,
+    "Revisiting Physically Based Shading at Imageworks"; Burley 2012, "Physically-Based Shading at Disney" (roughness).
+    """
+
+    type: Literal["rough_conductor"] = "rough_conductor"
+    metal: Literal["gold", "silver", "copper", "aluminium"] | None = Field(
+        default=None, description="the metal, with indices as measured; or else `eta` and `k`, or `albedo`"
+    )
+    eta: Color | None = Field(default=None, description="index of refraction by channel; goes with `k`")
+    k: Color | None = Field(default=None, description="extinction coefficient by channel; goes with `eta`")
+    albedo: TexturedAlbedo | None = Field(
+        default=None, description="fraction of light reflected at normal incidence, by channel"
+    )
+    roughness: TexturedFraction = Field(default=0.3, description="0 is a mirror, 1 as rough as can be")
+    multiple_scattering: bool = Field(
+        default=True, description="count light that meets several facets; without it, rough metal is too dark"
+    )
+
+    @model_validator(mode="after")
+    def _one_kind_of_metal(self) -> "RoughConductor":
+        if (self.eta is None) != (self.k is None):
+            missing = "eta" if self.eta is None else "k"
+            at(missing, "is missing; `eta` and `k` go together")
+        given = [key for key in ("metal", "eta", "albedo") if getattr(self, key) is not None]
+        if not given:
+            raise ValueError("needs a metal, or eta and k, or an albedo")
+        if len(given) > 1:
+            at(given[1], f"cannot go with {given[0]}: give a metal, or eta and k, or an albedo")
+        return self
+
+    def is_lit(self) -> bool:
+        if self.albedo is not None and is_zero(self.albedo):
+            return False
+        return not isinstance(self.roughness, float) or self.roughness**2 >= SMOOTH_ALPHA
+
+    def index(self) -> tuple[Vec3, Vec3]:
+        """n and k by channel; zeros where the metal has an albedo instead."""
+        if self.metal is not None:
+            return METALS[self.metal]
+        if self.eta is not None and self.k is not None:
+            return self.eta, self.k
+        return BLACK, BLACK
+
+    @staticmethod
+    def pack(specs: Sequence["RoughConductor"], book: Book) -> "RoughConductorTable":
+        roughness = [spec.roughness if isinstance(spec.roughness, float) else None for spec in specs]
+        indices = [spec.index() for spec in specs]
+        # The mean over a hemisphere, by the cosine: the integral of F 2 c dc.
+        nodes, weights = np.polynomial.legendre.leggauss(32)
+        cosines = 0.5 + 0.5 * nodes
+        return RoughConductorTable(
+            book.numbers([spec.roughness for spec in specs]),
+            np.array([spec.albedo is None for spec in specs], np.bool_),
+            np.array([eta for eta, _ in indices], np.float64),
+            np.array([k for _, k in indices], np.float64),
+            np.array([_mean_reflectance(eta, k, cosines, weights * cosines) for eta, k in indices], np.float64),
+            book.colors([BLACK if spec.albedo is None else spec.albedo for spec in specs]),
+            deficits(roughness, [(0.0,) if spec.multiple_scattering else None for spec in specs]),
+        )
+
+
+@entry
+def _mean_reflectance(eta: Vec3, k: Vec3, cosines: NDArray[np.float64], weights: NDArray[np.float64]) -> Vec3:
+    """The integral of a metal's reflectance, by channel, over cosines with these weights."""
+    total = BLACK
+    for node in range(len(cosines)):
+        total = add(total, scale(weights[node], fresnel_conductor(cosines[node], eta, k)))
+    return total
+
+
+class RoughConductorTable(NamedTuple):
+    """By row: roughness; measured (n,) bool, whether there are indices, or albedo; eta, k (n, 3) float64; deficits.
+
+    mean (n, 3) float64 is the cosine-weighted mean of the reflectance that the indices give.
+    """
+
+    roughness: Numbers | TexturedNumbers
+    measured: NDArray[np.bool_]
+    eta: NDArray[np.float64]
+    k: NDArray[np.float64]
+    mean: NDArray[np.float64]
+    albedo: Colors | TexturedColors
+    deficits: Deficits
+
+
+class RoughConductorRow(NamedTuple):
+    """One material; multiple, what it reflects of light that goes from mirror to mirror."""
+
+    alpha: float
+    measured: bool
+    eta: Vec3
+    k: Vec3
+    albedo: Vec3
+    multiple: Vec3
+    cells: NDArray[np.float64]
+    rows: Rows
+
+
+@row.register(RoughConductorTable)
+def _(table, index, textures, site):
+    roughness = number(table.roughness, index, textures, site)
+    alpha = min(1.0, roughness * roughness)
+    albedo = color(table.albedo, index, textures, site)
+    measured = table.measured[index]
+    mean = row3(table.mean, index) if measured else fresnel_schlick_mean(albedo)
+    rows = rows_of(table.deficits, index, max(SMOOTH_ALPHA, alpha), 0)
+    cells = table.deficits.cells
+    multiple = multiple_albedo(mean, mean_deficit(cells, rows))
+    return RoughConductorRow(
+        alpha, measured, row3(table.eta, index), row3(table.k, index), albedo, multiple, cells, rows
+    )
+
+
+@kernel
+def fresnel_schlick_mean(albedo: Vec3) -> Vec3:
+    """The cosine-weighted mean over a hemisphere of Schlick's reflectance."""
+    return add(albedo, scale(_SCHLICK_MEAN, (1.0 - albedo[0], 1.0 - albedo[1], 1.0 - albedo[2])))
+
+
+@kernel
+def _fresnel(material: RoughConductorRow, cosine: float) -> Vec3:
+    """What a mirror of this metal reflects, by channel."""
+    if material.measured:
+        return fresnel_conductor(cosine, material.eta, material.k)
+    return fresnel_schlick(cosine, material.albedo)
+
+
+@kernel
+def _evaluated(material: RoughConductorRow, toward: Vec3, outgoing: Vec3) -> tuple[Vec3, float]:
+    """As `evaluate`, for directions in the surface's frame, both of which point away from it."""
+    if outgoing[2] <= 0.0:
+        return BLACK, 0.0
+    half = normalize(add(toward, outgoing))
+    once = reflected(material.alpha, toward[2], outgoing[2], half)
+    value = scale(once, _fresnel(material, min(1.0, dot(toward, half))))
+    cells, rows = material.cells, material.rows
+    mean = mean_deficit(cells, rows)
+    if mean == 0.0:
+        return value, once
+    more = deficit(cells, rows, toward[2]) * deficit(cells, rows, outgoing[2]) * outgoing[2] / (math.pi * mean)
+    return add(value, scale(more, material.multiple)), once + more
+
+
+@scatter.register(RoughConductorRow)
+def _(material, direction, normal, front, draws):
+    s, t = basis(normal)
+    toward = seen_from(direction, s, t, normal)
+    if material.alpha < SMOOTH_ALPHA:
+        mirror = to_world((-toward[0], -toward[1], toward[2]), s, t, normal)
+        return Scatter(mirror, _fresnel(material, min(1.0, toward[2])), math.inf)
+
+    # Follow light to a facet, and on from there unless another is in its way.
+    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + DIRECTION)
+    u, v = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE)
+    outgoing = reflect_about(toward, sample_visible_normal(material.alpha, toward, u1, u2))
+    leaves = shadowing(material.alpha, toward[2], outgoing[2]) if outgoing[2] > 0.0 else 0.0
+    single, rest = chance(u, leaves)
+    if not single:
+        if mean_deficit(material.cells, material.rows) == 0.0:
+            return absorbed(direction)
+        z = sample_deficit(material.cells, material.rows, rest)
+        radius, azimuth = math.sqrt((1.0 - z) * (1.0 + z)), 2.0 * math.pi * v
+        outgoing = (radius * math.cos(azimuth), radius * math.sin(azimuth), z)
+    value, pdf = _evaluated(material, toward, outgoing)
+    if not pdf > 0.0:
+        return absorbed(direction)
+    return Scatter(to_world(outgoing, s, t, normal), scale(1.0 / pdf, value), pdf)
+
+
+@evaluate.register(RoughConductorRow)
+def _(material, direction, normal, front, outgoing):
+    if material.alpha < SMOOTH_ALPHA:
+        return BLACK, 0.0
+    s, t = basis(normal)
+    return _evaluated(material, seen_from(direction, s, t, normal), to_local(outgoing, s, t, normal))
+
+
+@emission.register(RoughConductorTable)
+def _(table, index, front, textures, site):
+    return BLACK
+
+
+@reflectance.register(RoughConductorRow)
+def _(material):
+    return _fresnel(material, 1.0)

@@ -1,0 +1,348 @@
+"""Rough metal and glass: white furnaces, reciprocity, limits, and measured metals."""
+
+import cmath
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from raytracer.materials.dielectric import Dielectric
+from raytracer.materials.interface import row
+from raytracer.materials.rough_conductor import METALS, RoughConductor
+from raytracer.materials.rough_dielectric import RoughDielectric
+from raytracer.microfacet import SMOOTH_ALPHA
+from raytracer.optics import fresnel_conductor, fresnel_dielectric
+from raytracer.textures.checker import Checker
+from raytracer.textures.interface import Book, textures_of
+from tests.materials.kernels import (
+    SITE,
+    evaluate_many,
+    evaluate_row,
+    frame,
+    incoming,
+    mirrored,
+    packed_row,
+    scatter_many,
+)
+
+ROUGHNESSES = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
+ANGLES = (0.0, 30.0, 60.0, 75.0, 85.0, 89.0)
+
+WHITE_METAL = {"albedo": (1.0, 1.0, 1.0)}
+
+
+# ---- Quadrature of lobes of any width
+
+
+def graded(about: list[float], low: float, high: float, finest: float) -> tuple[NDArray[np.float64], ...]:
+    """Nodes and weights on (low, high): Gauss by cells, which shrink to `finest` towards the points `about`."""
+    reach = high - low
+    steps = np.geomspace(finest, reach, int(1.5 * math.log(reach / finest)) + 2)
+    edges = np.concatenate(
+        [np.linspace(low, high, 33), about, *(point + sign * steps for point in about for sign in (1.0, -1.0))]
+    )
+    edges = np.unique(np.clip(edges, low, high))
+    edges = edges[np.append(True, np.diff(edges) > 1e-14)]
+    nodes, weights = np.polynomial.legendre.leggauss(6)
+    widths = np.diff(edges)[:, None]
+    return (edges[:-1, None] + widths * (0.5 + 0.5 * nodes)).ravel(), (0.5 * widths * weights).ravel()
+
+
+def hemisphere(axis: NDArray[np.float64], finest: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Directions (n, 3) and solid angles (n,) of the half sphere that `axis` is in, dense about it and at the rim."""
+    z, by_z = graded([0.0, abs(float(axis[2]))], 0.0, 1.0, finest)
+    phi, by_phi = graded([0.0], 0.0, math.pi, 30.0 * finest)
+    phi, by_phi = np.concatenate([-phi, phi]), np.concatenate([by_phi, by_phi])
+    sine = np.sqrt((1.0 - z) * (1.0 + z))[:, None]
+    turned = phi + math.atan2(axis[1], axis[0])
+    points = np.stack(
+        np.broadcast_arrays(sine * np.cos(turned), sine * np.sin(turned), math.copysign(1.0, axis[2]) * z[:, None]), -1
+    )
+    return points.reshape(-1, 3), np.outer(by_z, by_phi).ravel()
+
+
+def cap(axis: NDArray[np.float64], finest: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Directions and solid angles of the half of the sphere below z = 0, in rings about `axis`."""
+    angle, by_angle = graded([0.0], 0.0, math.pi, finest)
+    phi = (np.arange(256) + 0.5) * (2.0 * math.pi / 256)
+    sine = np.sin(angle)[:, None]
+    local = np.stack(np.broadcast_arrays(sine * np.cos(phi), sine * np.sin(phi), np.cos(angle)[:, None]), -1)
+    points = local.reshape(-1, 3) @ frame(axis)
+    weights = np.repeat(by_angle * np.sin(angle) * (2.0 * math.pi / 256), 256)
+    below = points[:, 2] < 0.0
+    return points[below], weights[below]
+
+
+def albedo(spec: Any, degrees: float, *, front: bool = True, material: Any = None) -> NDArray[np.float64]:
+    """The integral of f |cos| over all directions, by channel; `material` is a row to take in place of the spec's."""
+    direction = incoming(degrees)
+    material = material or packed_row(spec)
+    alpha = spec.roughness**2
+    # Near grazing, narrow lobes are as long as they are high above the horizon; broad ones need no such grid.
+    points, weights = hemisphere(mirrored(direction), 2e-7 if alpha < 0.1 else 2e-4)
+    total = np.asarray(weights @ evaluate_row(material, direction, points, front=front)[0])
+    if isinstance(spec, RoughDielectric):
+        eta = (spec.ior / spec.outside_ior) ** (1.0 if front else -1.0)
+        tangent = np.array(direction[:2]) / eta
+        sine2 = float(tangent @ tangent)
+        axis = np.append(tangent / max(1.0, math.sqrt(sine2)), -math.sqrt(max(0.0, 1.0 - sine2)))
+        points, weights = hemisphere(axis, 2e-7) if alpha < 0.1 else cap(axis, 0.02 * alpha)
+        total = total + weights @ evaluate_row(material, direction, points, front=front)[0]
+    return np.asarray(total)
+
+
+# ---- White furnaces
+
+
+@pytest.mark.parametrize("roughness", ROUGHNESSES)
+def test_white_furnace_of_a_perfectly_reflecting_metal_closes(roughness: float) -> None:
+    spec = RoughConductor(**WHITE_METAL, roughness=roughness)
+    for degrees in ANGLES:
+        np.testing.assert_allclose(albedo(spec, degrees), 1.0, rtol=0.0, atol=1e-3)
+
+
+@pytest.mark.parametrize("roughness", ROUGHNESSES)
+@pytest.mark.parametrize("front", [True, False])
+def test_white_furnace_of_glass_closes(roughness: float, front: bool) -> None:
+    spec = RoughDielectric(ior=1.5, roughness=roughness)
+    for degrees in ANGLES:
+        np.testing.assert_allclose(albedo(spec, degrees, front=front), 1.0, rtol=0.0, atol=1e-3)
+
+
+@pytest.mark.parametrize(("ior", "outside"), [(1.33, 1.5), (2.4, 1.0)])
+def test_white_furnace_of_other_boundaries_closes(ior: float, outside: float) -> None:
+    for roughness in (0.1, 0.4, 0.8):
+        spec = RoughDielectric(ior=ior, outside_ior=outside, roughness=roughness)
+        for front in (True, False):
+            np.testing.assert_allclose(albedo(spec, 50.0, front=front), 1.0, rtol=0.0, atol=1e-3)
+
+
+@pytest.mark.parametrize("roughness", [0.05, 0.3, 1.0])
+def test_light_in_lossless_materials_keeps_its_weight(roughness: float) -> None:
+    # As light is followed, each direction has the weight 1: a furnace without noise, at any angle.
+    for degrees in (*ANGLES, 89.99):
+        for spec in (RoughConductor(**WHITE_METAL, roughness=roughness), RoughDielectric(roughness=roughness)):
+            for front in (True, False):
+                _, weight, _ = scatter_many(spec, incoming(degrees), 20_000, front=front)
+                np.testing.assert_allclose(weight, 1.0, rtol=1e-12)
+
+
+def test_what_once_reflected_light_alone_would_lose() -> None:
+    # The mistake that is mended: rough white metal is 60 % darker without light that goes from mirror to mirror.
+    # alpha = 1 at normal incidence: D = 1 / pi, and G2 = 2 c / (1 + c), so 1 - ln 2 = 0.3069 is reflected at once.
+    once = packed_row(RoughConductor(**WHITE_METAL, roughness=1.0, multiple_scattering=False))
+    cosine = (np.arange(1000) + 0.5) / 1000.0
+    outgoing = np.stack([np.sqrt(1.0 - cosine**2), np.zeros(1000), cosine], axis=1)
+    value, _ = evaluate_row(once, (0.0, 0.0, -1.0), outgoing)
+    assert 2.0 * math.pi * value[:, 0].mean() == pytest.approx(1.0 - math.log(2.0), abs=1e-6)
+
+
+def test_without_multiple_scattering_what_meets_a_second_facet_is_lost() -> None:
+    for degrees in (0.0, 60.0):
+        for front in (True, False):
+            for kind, more in ((RoughConductor, WHITE_METAL), (RoughDielectric, {})):
+                spec = kind(**more, roughness=0.8, multiple_scattering=False)
+                _, weight, _ = scatter_many(spec, incoming(degrees), 50_000, front=front)
+                np.testing.assert_allclose(weight[weight > 0.0], 1.0, rtol=1e-12)
+                expected = albedo(spec, degrees, front=front)[0]
+                assert expected < 0.98
+                assert (weight[:, 0] > 0.0).mean() == pytest.approx(expected, abs=0.011)
+
+
+@pytest.mark.parametrize("roughness", [0.08, 0.3, 0.62, 0.97])
+def test_white_furnace_of_a_textured_roughness_closes(roughness: float) -> None:
+    grey = Checker(even=(roughness,) * 3, odd=(roughness,) * 3)
+    for kind, more in ((RoughConductor, WHITE_METAL), (RoughDielectric, {})):
+        spec = kind(**more, roughness=grey)
+        book = Book(used=textures_of(spec))
+        material = row(type(spec).pack([spec], book), 0, book.tables, SITE)
+        assert material.alpha == pytest.approx(roughness**2, rel=1e-12)
+        for degrees in (0.0, 60.0, 85.0):
+            closed = albedo(kind(**more, roughness=roughness), degrees, material=material)
+            np.testing.assert_allclose(closed, 1.0, rtol=0.0, atol=4e-3)
+
+
+# ---- Reciprocity
+
+
+def _pairs(count: int) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Pairs of unit vectors of the whole sphere."""
+    vectors = np.random.default_rng(7).normal(size=(count, 2, 3))
+    vectors /= np.linalg.norm(vectors, axis=2, keepdims=True)
+    return [(a, b) for a, b in vectors]
+
+
+def _f(spec: Any, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """f of light from `b`, followed back from `a`; both point away from the surface."""
+    x, y, z = (-a).tolist()
+    front = bool(a[2] > 0.0)
+    value, _ = evaluate_many(spec, (x, y, z), b[None], front=front, normal=(0.0, 0.0, 1.0 if front else -1.0))
+    return np.asarray(value[0] / abs(b[2]))
+
+
+@pytest.mark.parametrize("roughness", [0.05, 0.3, 1.0])
+def test_metal_is_reciprocal(roughness: float) -> None:
+    # Helmholtz: f(a, b) = f(b, a).
+    for metal in ({"metal": "copper"}, {"albedo": (0.9, 0.5, 0.1)}):
+        spec = RoughConductor(**metal, roughness=roughness)
+        for pair in _pairs(60):
+            a, b = (vector * np.sign(vector[2]) for vector in pair)
+            np.testing.assert_allclose(_f(spec, a, b), _f(spec, b, a), rtol=1e-10)
+
+
+@pytest.mark.parametrize("roughness", [0.1, 0.3, 1.0])
+@pytest.mark.parametrize(("ior", "outside"), [(1.5, 1.0), (1.33, 1.5)])
+def test_glass_is_reciprocal_in_basic_radiance(roughness: float, ior: float, outside: float) -> None:
+    # With radiance, f(a, b) / n_a^2 = f(b, a) / n_b^2, n_a being the index where a is, and light going from b to a
+    # (Veach 1997, eq. 5.14).  Basic radiance L / n^2 turns f(a, b) into f(a, b) n_b^2 / n_a^2, for which this reads
+    # f(a, b) / n_b^2 = f(b, a) / n_a^2.
+    spec = RoughDielectric(ior=ior, outside_ior=outside, roughness=roughness)
+    crossed = 0
+    for a, b in _pairs(200):
+        n_a, n_b = (outside if vector[2] > 0.0 else ior for vector in (a, b))
+        there, back = _f(spec, a, b), _f(spec, b, a)
+        np.testing.assert_allclose(there / n_b**2, back / n_a**2, rtol=1e-9)
+        crossed += n_a != n_b and bool(there[0] > 1e-3)
+    assert crossed > 5
+
+
+# ---- Limits
+
+
+def test_metal_at_no_roughness_is_a_mirror_by_fresnel() -> None:
+    eta, k = METALS["gold"]
+    for roughness in (0.0, 0.03):
+        for degrees in (0.0, 40.0, 85.0):
+            direction = incoming(degrees)
+            outgoing, weight, pdf = scatter_many(RoughConductor(metal="gold", roughness=roughness), direction, 4)
+            np.testing.assert_allclose(outgoing, np.tile(mirrored(direction), (4, 1)), rtol=0.0, atol=1e-14)
+            np.testing.assert_allclose(weight, np.tile(fresnel_conductor(-direction[2], eta, k), (4, 1)), rtol=1e-12)
+            assert np.isinf(pdf).all()
+
+
+def test_metal_of_little_roughness_is_nearly_a_mirror() -> None:
+    # Just above where it counts as one: the lobe's tail holds a part alpha^2 / (alpha^2 + tan^2) beyond an angle.
+    eta, k = METALS["gold"]
+    direction = incoming(40.0)
+    spec = RoughConductor(metal="gold", roughness=1.0001 * math.sqrt(SMOOTH_ALPHA))
+    outgoing, weight, _ = scatter_many(spec, direction, 100_000)
+    off = np.linalg.norm(outgoing - mirrored(direction), axis=1)
+    assert np.quantile(off, 0.98) < 20.0 * SMOOTH_ALPHA
+    expected = fresnel_conductor(-direction[2], eta, k)
+    np.testing.assert_allclose(weight.mean(axis=0), expected, rtol=1e-4)
+    np.testing.assert_allclose(albedo(spec, 40.0), expected, rtol=1e-3)
+
+
+@pytest.mark.parametrize("front", [True, False])
+def test_glass_at_no_roughness_is_smooth_glass(front: bool) -> None:
+    for roughness in (0.0, 0.03):
+        for degrees in (0.0, 35.0, 80.0):
+            direction = incoming(degrees)
+            rough = RoughDielectric(ior=1.5, roughness=roughness)
+            outgoing, weight, pdf = scatter_many(rough, direction, 20_000, front=front)
+            expected, _, _ = scatter_many(Dielectric(ior=1.5), direction, 20_000, front=front)
+            # The same directions, and as often.
+            for sign in (1.0, -1.0):
+                found, wanted = outgoing[sign * outgoing[:, 2] > 0.0], expected[sign * expected[:, 2] > 0.0]
+                assert abs(len(found) - len(wanted)) < 5.0 * math.sqrt(2.0 * (1.0 + len(wanted)))
+                np.testing.assert_allclose(found, np.broadcast_to(wanted[:1], found.shape), rtol=0.0, atol=1e-12)
+            assert (weight == 1.0).all()
+            assert np.isinf(pdf).all()
+
+
+def test_glass_of_little_roughness_reflects_by_fresnel() -> None:
+    spec = RoughDielectric(ior=1.5, roughness=1.0001 * math.sqrt(SMOOTH_ALPHA))
+    for degrees, front in ((0.0, True), (60.0, True), (30.0, False)):
+        direction = incoming(degrees)
+        outgoing, _, _ = scatter_many(spec, direction, 100_000, front=front)
+        expected, cos_t = fresnel_dielectric(-direction[2], 1.5 if front else 1.0 / 1.5)
+        up = outgoing[:, 2] > 0.0
+        assert up.mean() == pytest.approx(expected, abs=5.0 * math.sqrt(expected / 100_000) + 1e-4)
+        assert np.median(outgoing[~up, 2]) == pytest.approx(-cos_t, abs=2e-3)
+
+
+def test_equal_indices_are_nothing_at_all() -> None:
+    for degrees in (0.0, 60.0, 90.0):
+        direction = incoming(degrees)
+        outgoing, weight, pdf = scatter_many(RoughDielectric(ior=1.5, outside_ior=1.5, roughness=0.7), direction, 100)
+        np.testing.assert_array_equal(outgoing, np.tile(direction, (100, 1)))
+        assert (weight == 1.0).all()
+        assert np.isinf(pdf).all()
+
+
+@pytest.mark.parametrize("roughness", [math.sqrt(SMOOTH_ALPHA), 0.05, 1.0])
+def test_directions_along_the_surface_give_numbers(roughness: float) -> None:
+    # Hard case 39, at cosines down to none at all.
+    for cosine in (0.0, 1e-300, 1e-16, 1e-9, 1e-4):
+        direction = (math.sqrt(1.0 - cosine * cosine), 0.0, -cosine)
+        for spec in (RoughConductor(metal="gold", roughness=roughness), RoughDielectric(roughness=roughness)):
+            for front in (True, False):
+                outgoing, weight, _ = scatter_many(spec, direction, 1000, front=front)
+                value, pdf = evaluate_many(spec, direction, outgoing, front=front)
+                assert np.isfinite(outgoing).all()
+                assert (weight <= 1.0 + 1e-12).all()
+                assert np.isfinite(value).all()
+                assert np.isfinite(pdf).all()
+
+
+# ---- Metals
+
+
+PUBLISHED = {
+    "gold": (1.022, 0.782, 0.344),
+    "silver": (0.972, 0.960, 0.915),
+    "copper": (0.955, 0.638, 0.538),
+    "aluminium": (0.913, 0.922, 0.924),
+}
+"""Linear colours at normal incidence, from whole spectra: Akenine-Moller et al. 2018, "Real-Time Rendering", 4th ed.,
+table 9.2.  Three wavelengths cannot give a red above 1, nor quite the purity of gold's blue."""
+
+
+@pytest.mark.parametrize("metal", list(METALS))
+def test_metals_have_their_colours(metal: str) -> None:
+    _, weight, _ = scatter_many(RoughConductor(metal=metal, roughness=0.0), (0.0, 0.0, -1.0), 1)
+    np.testing.assert_allclose(weight[0], PUBLISHED[metal], rtol=0.0, atol=0.07)
+
+
+def test_indices_are_the_measured_ones() -> None:
+    # Johnson and Christy's rows on either side of 550 nm, and Rakic's.
+    for metal, ((n1, k1), (n2, k2)) in {
+        "gold": ((0.43, 2.455), (0.29, 2.863)),
+        "silver": ((0.06, 3.586), (0.05, 3.858)),
+        "copper": ((1.02, 2.577), (0.70, 2.704)),
+        "aluminium": ((0.87340, 6.2418), (1.0728, 6.7839)),
+    }.items():
+        eta, k = METALS[metal]
+        assert min(n1, n2) <= eta[1] <= max(n1, n2)
+        assert min(k1, k2) <= k[1] <= max(k1, k2)
+
+
+def test_reflectance_of_metal_is_that_of_complex_refraction() -> None:
+    # Fresnel's amplitudes with a complex index and cosine.
+    for n, k in ((0.2, 3.4), (1.5, 7.0), (1.5, 0.0), (0.05, 4.4), (3.0, 0.5), (0.7, 0.1)):
+        for cosine in (1.0, 0.9, 0.5, 0.1, 1e-3):
+            index = complex(n, -k)
+            bent = cmath.sqrt(index * index - (1.0 - cosine * cosine))
+            perpendicular = (cosine - bent) / (cosine + bent)
+            parallel = (index * index * cosine - bent) / (index * index * cosine + bent)
+            expected = 0.5 * (abs(perpendicular) ** 2 + abs(parallel) ** 2)
+            assert fresnel_conductor(cosine, (n,) * 3, (k,) * 3)[0] == pytest.approx(expected, rel=1e-12)
+    assert fresnel_conductor(0.0, (0.2,) * 3, (3.4,) * 3)[0] == 1.0
+    assert fresnel_conductor(0.3, (1.0,) * 3, (0.0,) * 3)[0] == pytest.approx(0.0, abs=1e-15)
+    assert fresnel_conductor(0.4, (0.0,) * 3, (1.0,) * 3)[0] == 1.0
+
+
+def test_an_albedo_is_what_smooth_metal_reflects_at_normal_incidence() -> None:
+    _, weight, _ = scatter_many(RoughConductor(albedo=(0.9, 0.5, 0.1), roughness=0.0), (0.0, 0.0, -1.0), 1)
+    np.testing.assert_allclose(weight[0], (0.9, 0.5, 0.1), rtol=1e-14)
+    _, weight, _ = scatter_many(RoughConductor(albedo=(0.9, 0.5, 0.1), roughness=0.0), (1.0, 0.0, 0.0), 1)
+    np.testing.assert_allclose(weight[0], 1.0, rtol=1e-14)
+
+
+def test_light_between_mirrors_deepens_the_colour_of_rough_metal() -> None:
+    # Each further mirror takes its part: what is added to green and blue of gold, by red, falls with their reflectance.
+    smooth, rough = (albedo(RoughConductor(metal="gold", roughness=roughness), 30.0) for roughness in (0.1, 1.0))
+    assert (rough[1:] / rough[0] < 0.97 * smooth[1:] / smooth[0]).all()
+    assert (rough < smooth).all()
