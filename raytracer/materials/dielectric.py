@@ -4,16 +4,18 @@ In a scene:
 
     glass: {type: dielectric, ior: 1.5}
     water in glass: {type: dielectric, ior: 1.33, outside_ior: 1.5}
+    bottle: {type: dielectric, attenuation_color: [0.2, 0.7, 0.3], attenuation_distance: 5 mm}
 """
 
 import math
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from raytracer.jit import generic
 from raytracer.materials.interface import (
     BLACK,
     LOBE,
@@ -28,9 +30,13 @@ from raytracer.materials.interface import (
 )
 from raytracer.optics import fresnel_dielectric, refract
 from raytracer.sampling import sample_1d
-from raytracer.spec import PositiveNumber
+from raytracer.spec import Color, PositiveLength, PositiveNumber, Quantity, Triple, Vector, at
 from raytracer.textures.interface import Book
-from raytracer.vec import dot, reflect
+from raytracer.vec import Vec3, dot, reflect
+
+_PositiveAlbedo: TypeAlias = Annotated[
+    Vector, Triple(Quantity(low=0.0, low_open=True, high=1.0), "a colour", single=True)
+]
 
 
 class Dielectric(MaterialSpec):
@@ -39,7 +45,11 @@ class Dielectric(MaterialSpec):
     Radiance is carried as basic radiance L / n^2, which refraction leaves unchanged; so what is lit and seen through
     glass is exact, and an emitter inside glass is given by the radiance it would show in air.
 
-    References: Pharr et al. 2023, "Physically Based Rendering", 4th ed., sec. 9.5; basic radiance: Nicodemus 1963.
+    Of light that comes to the boundary from within, over a distance d, the fraction exp(-absorption d) is kept. On the
+    way to other things inside the glass none is lost: give the object a `medium` where that matters.
+
+    References: Pharr et al. 2023, "Physically Based Rendering", 4th ed., sec. 9.5; basic radiance: Nicodemus 1963;
+    absorption: Beer 1852; attenuation by colour and distance: KHR_materials_volume of glTF.
     """
 
     type: Literal["dielectric"] = "dielectric"
@@ -47,27 +57,98 @@ class Dielectric(MaterialSpec):
     outside_ior: PositiveNumber = Field(
         default=1.0, description="index on the outside: of the glass that this one is embedded in"
     )
+    absorption: Color | None = Field(
+        default=None, description="absorption coefficient of the inside by channel (1/m); none by default"
+    )
+    outside_absorption: Color | None = Field(
+        default=None, description="absorption coefficient of the outside by channel (1/m); none by default"
+    )
+    attenuation_color: _PositiveAlbedo | None = Field(
+        default=None,
+        description="in place of `absorption`: the colour of white light after `attenuation_distance`",
+    )
+    attenuation_distance: PositiveLength | None = Field(
+        default=None, description="the distance within which light takes on `attenuation_color` (m)"
+    )
+
+    @model_validator(mode="after")
+    def _one_absorption(self) -> "Dielectric":
+        if (self.attenuation_color is None) != (self.attenuation_distance is None):
+            missing = "attenuation_color" if self.attenuation_color is None else "attenuation_distance"
+            at(missing, "is missing; attenuation_color and attenuation_distance go together")
+        if self.absorption is not None and self.attenuation_color is not None:
+            at("absorption", "goes not with attenuation_color: give the one or the other")
+        return self
+
+    def coefficients(self) -> tuple[Vector, Vector]:
+        """Absorption (1/m) by channel of the inside and of the outside."""
+        inside = self.absorption or BLACK
+        if self.attenuation_color is not None and self.attenuation_distance is not None:
+            r, g, b = (-math.log(kept) / self.attenuation_distance for kept in self.attenuation_color)
+            inside = (r, g, b)
+        return inside, self.outside_absorption or BLACK
+
+    def holds_medium(self) -> bool:
+        return True
 
     @staticmethod
     def pack(specs: Sequence["Dielectric"], book: Book) -> "DielectricTable":
-        return DielectricTable(np.array([spec.ior / spec.outside_ior for spec in specs], np.float64))
+        coefficients = np.array([spec.coefficients() for spec in specs], np.float64)
+        return DielectricTable(
+            np.array([spec.ior / spec.outside_ior for spec in specs], np.float64),
+            Absorption(coefficients) if coefficients.any() else None,
+        )
+
+
+class Absorption(NamedTuple):
+    """coefficients (n, 2, 3) float64 (1/m): by channel, of the inside and of the outside of each material."""
+
+    coefficients: NDArray[np.float64]
 
 
 class DielectricTable(NamedTuple):
-    """eta (n,) float64: index inside over index outside."""
+    """eta (n,) float64, index inside over index outside; absorption, None where nothing absorbs."""
 
     eta: NDArray[np.float64]
+    absorption: Absorption | None
 
 
 class DielectricRow(NamedTuple):
-    """One material."""
+    """One material, for light that has come some way to it: kept, after a way inside and after one outside."""
 
     eta: float
+    kept_inside: Vec3
+    kept_outside: Vec3
 
 
 @row.register(DielectricTable)
 def _(table, index, textures, site):
-    return DielectricRow(table.eta[index])
+    return DielectricRow(
+        table.eta[index],
+        transmittance(table.absorption, index, 0, site.distance),
+        transmittance(table.absorption, index, 1, site.distance),
+    )
+
+
+@generic
+def transmittance(absorption, index, side, distance):
+    """What is left of light by channel after a distance (m), on the inside (side 0) or outside (1) of a material."""
+    raise NotImplementedError
+
+
+@transmittance.register(type(None))
+def _(absorption, index, side, distance):
+    return WHITE
+
+
+@transmittance.register(Absorption)
+def _(absorption, index, side, distance):
+    sigma = absorption.coefficients
+    return (
+        math.exp(-sigma[index, side, 0] * distance),
+        math.exp(-sigma[index, side, 1] * distance),
+        math.exp(-sigma[index, side, 2] * distance),
+    )
 
 
 @scatter.register(DielectricRow)
@@ -75,9 +156,10 @@ def _(material, direction, normal, front, draws):
     eta = material.eta if front else 1.0 / material.eta
     cos_i = min(1.0, abs(dot(direction, normal)))
     reflectance, cos_t = fresnel_dielectric(cos_i, eta)
+    kept = material.kept_outside if front else material.kept_inside
     if sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE) < reflectance:
-        return Scatter(reflect(direction, normal), WHITE, math.inf)
-    return Scatter(refract(direction, normal, cos_i, cos_t, eta), WHITE, math.inf)
+        return Scatter(reflect(direction, normal), kept, math.inf)
+    return Scatter(refract(direction, normal, cos_i, cos_t, eta), kept, math.inf)
 
 
 @evaluate.register(DielectricRow)

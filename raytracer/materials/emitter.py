@@ -13,15 +13,16 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from raytracer.materials.interface import BLACK, MaterialSpec, absorbed, emission, evaluate, reflectance, row, scatter
-from raytracer.spec import Radiance
-from raytracer.textures.interface import Book, Colors, TexturedColors, color
+from raytracer.textures.interface import Book, Colors, TexturedColors, TexturedRadiance, color, is_zero
 
 
 class Emitter(MaterialSpec):
     """A surface that radiates evenly to the side of its normal (outwards from a sphere or box), and absorbs."""
 
     type: Literal["emitter"] = "emitter"
-    radiance: Radiance = Field(description="radiance (W/(m2 sr)) by channel, or plain numbers as in One Weekend")
+    radiance: TexturedRadiance = Field(
+        description="radiance (W/(m2 sr)) by channel, or plain numbers as in One Weekend"
+    )
     two_sided: bool = Field(default=False, description="radiate to both sides")
 
     @staticmethod
@@ -30,6 +31,12 @@ class Emitter(MaterialSpec):
             book.colors([spec.radiance for spec in specs]),
             np.array([spec.two_sided for spec in specs], np.bool_),
         )
+
+    def emits(self) -> bool:
+        return not is_zero(self.radiance)
+
+    def turned(self) -> "Emitter":
+        return self.model_copy(update={"two_sided": True})
 
     def exitance(self, book: Book) -> float:
         return sum(book.mean(self.radiance)) * (2.0 if self.two_sided else 1.0)

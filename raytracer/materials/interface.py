@@ -6,11 +6,16 @@ and its cases of the functions below.  Directions are unit vectors; `normal` is 
 """
 
 import math
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, NamedTuple, TypeAlias
+
+from pydantic import BeforeValidator, Field, model_validator
 
 from raytracer.jit import generic, kernel, switch
-from raytracer.spec import Spec
-from raytracer.textures.interface import Book
+from raytracer.sampling import sample_2d
+from raytracer.sampling.hashing import BELOW_ONE
+from raytracer.spec import Length, NonNegativeNumber, Spec, at, name_or_material
+from raytracer.textures.interface import Book, OptionalTexture
 from raytracer.vec import Vec3
 
 BLACK = (0.0, 0.0, 0.0)
@@ -18,9 +23,25 @@ WHITE = (1.0, 1.0, 1.0)
 
 
 class MaterialSpec(Spec):
-    """Base of the materials: what packing asks of each."""
+    """Base of the materials: what packing asks of each, and the relief that any surface may have."""
 
     type: str
+    bump: OptionalTexture = Field(
+        default=None, description="texture of heights, whose slopes the surface is shaded with: a name or a texture"
+    )
+    bump_height: Length = Field(default=0.01, description="height of the texture's value 1 above its value 0 (m)")
+    normal_map: OptionalTexture = Field(
+        default=None,
+        description="texture of normals in the frame of u, v and the surface's own, as (n + 1) / 2, with green upwards",
+    )
+    normal_scale: NonNegativeNumber = Field(default=1.0, description="what the map's slopes are multiplied by")
+
+    @model_validator(mode="after")
+    def _relief_has_a_texture(self) -> "MaterialSpec":
+        for key, texture in (("bump_height", "bump"), ("normal_scale", "normal_map")):
+            if key in self.model_fields_set and getattr(self, texture) is None:
+                at(key, f"needs a {texture}, the texture that it scales")
+        return self
 
     @staticmethod
     def pack(specs: Any, book: Book) -> Any:
@@ -35,9 +56,54 @@ class MaterialSpec(Spec):
         """What a square metre radiates, in any unit that is the same for all materials: how often to aim at it."""
         return 0.0
 
+    def emits(self) -> bool:
+        """Whether it may give light; its `exitance` is 0 if not."""
+        return False
+
     def passes(self) -> bool:
         """Whether light may go straight through, as if nothing were there."""
         return False
+
+    def holds_medium(self) -> bool:
+        """Whether light that goes in is inside of something, which then has a medium of its own or none."""
+        return any(child.holds_medium() for child in self.children().values())
+
+    def children(self) -> Mapping[tuple[str | int, ...], Any]:
+        """The materials that this one selects from, names or specs, by the path to their key."""
+        return {}
+
+    def turned(self) -> "MaterialSpec":
+        """This material for the back of a surface: what it gives to its front, it gives there to the back."""
+        return self
+
+
+class SelectorSpec(MaterialSpec):
+    """Base of the materials that only name other ones."""
+
+    def with_children(self, children: Sequence[MaterialSpec]) -> MaterialSpec:
+        """This material with these in place of names; one of them, where no other is ever selected."""
+        raise NotImplementedError
+
+    @staticmethod
+    def pack_selectors(specs: Any, book: Book, children: Sequence[Sequence[int]]) -> Any:
+        """The table of selectors of this kind, one row a spec; `children`: references, by spec and child."""
+        raise NotImplementedError
+
+    def turned(self) -> MaterialSpec:
+        return self.with_children([child.turned() for child in self.children().values()])
+
+    def is_lit(self) -> bool:
+        return any(child.is_lit() for child in self.children().values())
+
+    def emits(self) -> bool:
+        return any(child.emits() for child in self.children().values())
+
+    def passes(self) -> bool:
+        return any(child.passes() for child in self.children().values())
+
+
+Child: TypeAlias = Annotated[Any, BeforeValidator(name_or_material)]
+"""Field of a material within a material: a name, or a mapping."""
 
 
 class Scatter(NamedTuple):
@@ -120,6 +186,12 @@ _reflectance_any = switch(kernel(_reflectance_row))
 # Kinds from len(materials) on are selectors, which name another material.
 
 
+class Selectors(NamedTuple):
+    """tables, one a kind of selector."""
+
+    tables: tuple[Any, ...]
+
+
 @generic
 def count(selectors):
     """How many kinds of selectors there are."""
@@ -129,6 +201,11 @@ def count(selectors):
 @count.register(type(None))
 def _(selectors):
     return 0
+
+
+@count.register(Selectors)
+def _(selectors):
+    return len(selectors.tables)
 
 
 @kernel
@@ -166,6 +243,34 @@ PASS = -1
 
 
 @generic
+def select(table, index, front, textures, site, u):
+    """What selector `index` shows at a site, by the number `u`: (reference or PASS, a number to draw with next)."""
+    raise NotImplementedError
+
+
+_select_any = switch(select)
+
+
+@kernel
+def chance(u, probability):
+    """Whether `u`, uniform in [0, 1), falls on an event of this probability; and what is left of it, as uniform."""
+    if u < probability:
+        return True, u / probability
+    return False, min((u - probability) / (1.0 - probability), BELOW_ONE)
+
+
+@kernel
+def _chosen(selectors, scene, reference, front, site, u):
+    first = len(scene.materials)
+    kinds = first + len(selectors.tables)
+    while reference >= 0 and reference % kinds >= first:
+        reference, u = _select_any(
+            selectors.tables, reference % kinds - first, reference // kinds, front, scene.textures, site, u
+        )
+    return reference
+
+
+@generic
 def select_at(selectors, scene, reference, front, site, draws):
     """The material that is met, through selectors, at a surface of this material: its reference, or PASS."""
     raise NotImplementedError
@@ -174,6 +279,46 @@ def select_at(selectors, scene, reference, front, site, draws):
 @select_at.register(type(None))
 def _(selectors, scene, reference, front, site, draws):
     return reference
+
+
+@select_at.register(Selectors)
+def _(selectors, scene, reference, front, site, draws):
+    u, _ = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + SELECT)
+    return _chosen(selectors, scene, reference, front, site, u)
+
+
+@generic
+def select_again(selectors, scene, reference, front, site, draws):
+    """As `select_at`, by another number: for light that comes from elsewhere to where the path is."""
+    raise NotImplementedError
+
+
+@select_again.register(type(None))
+def _(selectors, scene, reference, front, site, draws):
+    return reference
+
+
+@select_again.register(Selectors)
+def _(selectors, scene, reference, front, site, draws):
+    _, u = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + SELECT)
+    return _chosen(selectors, scene, reference, front, site, u)
+
+
+@generic
+def emission_shown(selectors, scene, reference, front, site, draws):
+    """Radiance of a point that a light sample chose: that of the material which its selectors show just then."""
+    raise NotImplementedError
+
+
+@emission_shown.register(type(None))
+def _(selectors, scene, reference, front, site, draws):
+    return emission_at(scene, reference, front, site)
+
+
+@emission_shown.register(Selectors)
+def _(selectors, scene, reference, front, site, draws):
+    shown = select_again(selectors, scene, reference, front, site, draws)
+    return BLACK if shown == PASS else emission_at(scene, shown, front, site)
 
 
 @kernel

@@ -24,8 +24,7 @@ from raytracer.materials.interface import (
 )
 from raytracer.sampling import sample_2d
 from raytracer.sampling.warp import pdf_cosine_hemisphere, sample_cosine_hemisphere
-from raytracer.spec import Albedo
-from raytracer.textures.interface import Book, Colors, TexturedColors, color
+from raytracer.textures.interface import Book, Colors, TexturedAlbedo, TexturedColors, color, is_zero
 from raytracer.vec import Vec3, basis, dot, scale, to_world
 
 
@@ -36,10 +35,10 @@ class Lambertian(MaterialSpec):
     """
 
     type: Literal["lambertian"] = "lambertian"
-    albedo: Albedo = Field(default=(0.5, 0.5, 0.5), description="fraction of light reflected, by channel")
+    albedo: TexturedAlbedo = Field(default=(0.5, 0.5, 0.5), description="fraction of light reflected, by channel")
 
     def is_lit(self) -> bool:
-        return any(self.albedo)
+        return not is_zero(self.albedo)
 
     @staticmethod
     def pack(specs: Sequence["Lambertian"], book: Book) -> "LambertianTable":

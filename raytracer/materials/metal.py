@@ -26,8 +26,18 @@ from raytracer.materials.interface import (
 )
 from raytracer.sampling import sample_2d
 from raytracer.sampling.warp import sample_sphere
-from raytracer.spec import Albedo, Fraction
-from raytracer.textures.interface import Book, Colors, Numbers, TexturedColors, TexturedNumbers, color, number
+from raytracer.textures.interface import (
+    Book,
+    Colors,
+    Numbers,
+    TexturedAlbedo,
+    TexturedColors,
+    TexturedFraction,
+    TexturedNumbers,
+    color,
+    is_zero,
+    number,
+)
 from raytracer.vec import Vec3, dot, madd, normalize, reflect, scale
 
 
@@ -38,11 +48,11 @@ class Metal(MaterialSpec):
     """
 
     type: Literal["metal"] = "metal"
-    albedo: Albedo = Field(default=(0.9, 0.9, 0.9), description="fraction of light reflected, by channel")
-    fuzz: Fraction = Field(default=0.0, description="radius of the random vector that is added; 0 is a mirror")
+    albedo: TexturedAlbedo = Field(default=(0.9, 0.9, 0.9), description="fraction of light reflected, by channel")
+    fuzz: TexturedFraction = Field(default=0.0, description="radius of the random vector that is added; 0 is a mirror")
 
     def is_lit(self) -> bool:
-        return self.fuzz > 0.0 and any(self.albedo)
+        return not is_zero(self.fuzz) and not is_zero(self.albedo)
 
     @staticmethod
     def pack(specs: Sequence["Metal"], book: Book) -> "MetalTable":

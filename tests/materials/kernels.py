@@ -1,6 +1,7 @@
 """Compiled loops over a material's functions."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,8 +69,15 @@ def evaluate_many(
     spec: Spec, direction: Vec3, outgoing: NDArray[np.float64], *, front: bool = True, normal: Vec3 = UP
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """f |cos| (n, 3) and pdf (n,) of `evaluate` toward directions (n, 3)."""
+    return evaluate_row(packed_row(spec), direction, outgoing, front=front, normal=normal)
+
+
+def evaluate_row(
+    material: NamedTuple, direction: Vec3, outgoing: NDArray[np.float64], *, front: bool = True, normal: Vec3 = UP
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """As `evaluate_many`, of a row."""
     value, pdf = np.empty((len(outgoing), 3)), np.empty(len(outgoing))
-    _evaluate_many(packed_row(spec), direction, normal, front, np.ascontiguousarray(outgoing), value, pdf)
+    _evaluate_many(material, direction, normal, front, np.ascontiguousarray(outgoing), value, pdf)
     return value, pdf
 
 

@@ -1,5 +1,6 @@
 """What every kind of material promises, for each kind that there is."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 from raytracer.kinds import MATERIALS
-from raytracer.materials.interface import MaterialSpec, row
+from raytracer.materials.interface import MaterialSpec, SelectorSpec, row
+from raytracer.microfacet import Rows
 from raytracer.textures.interface import Book
 from raytracer.vec import Vec3
 from tests.materials.kernels import (
@@ -23,6 +25,8 @@ from tests.materials.kernels import (
 from tests.statistics import chi2_counts
 
 EXAMPLES: dict[str, list[dict[str, Any]]] = {
+    "boundary": [{}],
+    "cutout": [{"material": {"type": "lambertian"}, "opacity": 0.5}],
     "dielectric": [{"ior": 1.5}, {"ior": 1.33, "outside_ior": 1.5}, {"ior": 1.0}],
     "emitter": [{"radiance": 2.0}, {"radiance": [1.0, 2.0, 3.0], "two_sided": True}],
     "lambertian": [{"albedo": [0.2, 0.5, 1.0]}, {"albedo": 0.0}],
@@ -32,8 +36,39 @@ EXAMPLES: dict[str, list[dict[str, Any]]] = {
         {"albedo": 0.8, "fuzz": 0.5},
         {"albedo": [1.0, 0.6, 0.3], "fuzz": 1.0},
     ],
+    "mixture": [{"materials": [{"type": "lambertian"}, {"type": "metal"}], "weight": 0.25}],
+    "principled": [
+        {"base_color": [0.8, 0.3, 0.1], "roughness": 0.4},
+        {"base_color": 1.0, "roughness": 1.0, "ior": 2.4},
+        {"base_color": [1.0, 0.7, 0.3], "metallic": 1.0, "roughness": 0.6},
+        {"base_color": [0.9, 0.5, 0.2], "metallic": 0.3, "transmission": 0.5, "roughness": 0.7, "emission": 2.0},
+        {"base_color": 0.0, "roughness": 0.0},
+    ],
+    "rough_conductor": [
+        {"metal": "gold", "roughness": 0.5},
+        {"eta": [3.1, 1.5, 0.2], "k": [3.3, 0.0, 4.0], "roughness": 1.0},
+        {"albedo": [1.0, 0.6, 0.1], "roughness": 0.7},
+        {"albedo": 1.0, "roughness": 0.6, "multiple_scattering": False},
+        {"metal": "aluminium", "roughness": 0.02},
+    ],
+    "rough_dielectric": [
+        {"ior": 1.5, "roughness": 0.5},
+        {"ior": 1.0, "outside_ior": 1.5, "roughness": 0.8},
+        {"ior": 2.4, "roughness": 1.0},
+        {"ior": 1.5, "roughness": 0.7, "multiple_scattering": False},
+        {"ior": 1.5, "roughness": 0.01},
+        {"ior": 1.5, "outside_ior": 1.5, "roughness": 0.5},
+    ],
+    "thin_dielectric": [{"ior": 1.5}, {"ior": 1.0}, {"ior": 0.6, "color": [0.2, 0.5, 1.0]}],
+    "two_sided": [{"front": {"type": "metal"}, "back": {"type": "lambertian"}}],
 }
 """Parameters of at least one material of each kind."""
+
+LOBES = {"principled"}
+"""Kinds that choose among lobes: a weight may be above 1 where another lobe would have been the better choice."""
+
+FACETS = {"principled", "rough_conductor", "rough_dielectric"}
+"""Kinds whose lobes, seen at grazing incidence, are narrower than quadrature can tell: 85 degrees have to do."""
 
 ANGLES = (0.0, 30.0, 75.0, 89.9)
 
@@ -49,6 +84,8 @@ CASES = [
     pytest.param(spec_of(kind, parameters), id=f"{kind} {parameters}")
     for kind, examples in EXAMPLES.items()
     for parameters in examples
+    # Selectors only name another material.
+    if not issubclass(MATERIALS.specs()[kind], SelectorSpec)
 ]
 
 every_material = pytest.mark.parametrize("spec", CASES)
@@ -64,11 +101,18 @@ def test_every_kind_has_an_example() -> None:
 @every_material
 def test_tables_are_contiguous_float64(spec: MaterialSpec) -> None:
     table = type(spec).pack([spec, spec, spec], Book())
-    for entry in table:
-        for column in entry if isinstance(entry, tuple) else (entry,):
-            assert column.flags.c_contiguous
-            assert column.dtype in (np.dtype(np.float64), np.dtype(np.bool_))
-            assert len(column) == 3
+    for column in columns(table):
+        assert column.flags.c_contiguous
+        assert column.dtype in (np.dtype(np.float64), np.dtype(np.int32), np.dtype(np.bool_))
+
+
+def columns(table: Any) -> Iterator[NDArray[Any]]:
+    """The arrays of a packed table and of the tables in it."""
+    for column in table:
+        if isinstance(column, tuple):
+            yield from columns(column)
+        elif column is not None:
+            yield column
 
 
 @every_material
@@ -78,20 +122,26 @@ def test_directions_are_unit_vectors_and_weights_keep_energy(spec: MaterialSpec,
         outgoing, weight, pdf = scatter_many(spec, incoming(degrees), 4096, front=front)
         np.testing.assert_allclose(np.linalg.norm(outgoing, axis=1), 1.0, rtol=0.0, atol=1e-12)
         assert (weight >= 0.0).all()
-        assert (weight <= 1.0 + 1e-9).all()
+        most = weight.mean(axis=0) - 5.0 * weight.std(axis=0) / 64.0 if spec.type in LOBES else weight
+        assert (most <= 1.0 + 1e-9).all()
         assert (pdf > 0.0).all()
 
 
 def cells(axis: NDArray[np.float64], lowest: float, rows: int, columns: int, fine: int) -> NDArray[np.float64]:
     """Quadrature over directions within arccos(lowest) of `axis`: points and weights, (rows, columns, fine^2, 4).
 
-    The cosine runs as lowest + (1 - lowest) s^2, so that a pdf with a pole of 1 / sqrt at `lowest` is smooth in s.
+    The cosine runs as lowest + (1 - lowest) s^2, so that a pdf with a pole of 1 / sqrt at `lowest` is smooth in s; over
+    the whole sphere as +-(2 s - 1)^2, so that rows are narrow at the horizon and none is cut by it.
     """
     nodes, weights = np.polynomial.legendre.leggauss(fine)
     s = (np.arange(rows)[:, None] + 0.5 + 0.5 * nodes) / rows
     phi = 2.0 * np.pi * (np.arange(columns)[:, None] + 0.5 + 0.5 * nodes) / columns
-    cosine = lowest + (1.0 - lowest) * s * s
-    area_s = 0.5 * weights / rows * 2.0 * (1.0 - lowest) * s
+    if lowest == -1.0:
+        cosine = (2.0 * s - 1.0) * np.abs(2.0 * s - 1.0)
+        area_s = 0.5 * weights / rows * 4.0 * np.abs(2.0 * s - 1.0)
+    else:
+        cosine = lowest + (1.0 - lowest) * s * s
+        area_s = 0.5 * weights / rows * 2.0 * (1.0 - lowest) * s
     area_phi = np.broadcast_to(np.pi * weights / columns, phi.shape)
     cosine, phi, area_s, area_phi = (
         np.broadcast_to(values, (rows, columns, fine, fine))
@@ -108,6 +158,13 @@ def cells(axis: NDArray[np.float64], lowest: float, rows: int, columns: int, fin
     return np.concatenate([points, (area_s * area_phi)[..., None]], axis=-1).reshape(rows, columns, fine * fine, 4)
 
 
+def place(cosine: NDArray[np.float64], lowest: float) -> NDArray[np.float64]:
+    """The s of `cells` in 0..1 where the cosine is this."""
+    if lowest == -1.0:
+        return 0.5 + 0.5 * np.sign(cosine) * np.sqrt(np.abs(cosine))
+    return np.sqrt(np.maximum(0.0, (cosine - lowest) / (1.0 - lowest)))
+
+
 def support(spec: MaterialSpec, direction: Vec3) -> tuple[NDArray[np.float64], float]:
     """An axis, and the lowest cosine to it at which the pdf is not zero."""
     fuzz = getattr(spec, "fuzz", None)
@@ -121,12 +178,12 @@ def support(spec: MaterialSpec, direction: Vec3) -> tuple[NDArray[np.float64], f
 def test_directions_follow_the_pdf_that_evaluate_tells(spec: MaterialSpec, degrees: float) -> None:
     # Pearson's chi-square over cells of directions, plus one for what is absorbed or falls outside of them.
     count, rows, columns = 200_000, 16, 24
-    direction = incoming(degrees)
+    direction = incoming(min(degrees, 85.0) if spec.type in FACETS else degrees)
     axis, lowest = support(spec, direction)
     outgoing, weight, _ = scatter_many(spec, direction, count)
     kept = outgoing[weight.any(axis=1)]
     local = kept @ frame(axis).T
-    s = np.sqrt(np.maximum(0.0, (local[:, 2] - lowest) / (1.0 - lowest)))
+    s = place(local[:, 2], lowest)
     phi = np.arctan2(local[:, 1], local[:, 0]) % (2.0 * np.pi)
     assert (local[:, 2] >= lowest - 1e-12).all()
     observed, _, _ = np.histogram2d(
@@ -138,9 +195,9 @@ def test_directions_follow_the_pdf_that_evaluate_tells(spec: MaterialSpec, degre
     _, pdf = evaluate_many(spec, direction, grid[..., :3].reshape(-1, 3))
     expected = count * (pdf.reshape(grid.shape[:3]) * grid[..., 3]).sum(axis=2)
     # A sliver above the horizon may fall between its points: cells where less than one is expected join the absorbed.
+    expected *= min(1.0, count / expected.sum())
     some = expected >= 1.0
     observed, expected = observed[some], expected[some]
-    expected *= min(1.0, count / expected.sum())
     absorbed = count - expected.sum()
     chi2_counts(np.append(observed, count - observed.sum()), np.append(expected, absorbed), SIGNIFICANCE)
 
@@ -180,7 +237,7 @@ def test_what_cannot_be_lit_by_choice_has_no_value(spec: MaterialSpec, degrees: 
 @every_angle
 def test_hemisphere_reflects_no_more_than_arrives(spec: MaterialSpec, degrees: float) -> None:
     # The directional albedo, the integral of f |cos|, is at most 1, and the mean weight is an estimate of it.
-    direction = incoming(degrees)
+    direction = incoming(min(degrees, 85.0) if spec.type in FACETS else degrees)
     axis, lowest = support(spec, direction)
     grid = cells(axis, lowest, 16, 24, 24)
     value, pdf = evaluate_many(spec, direction, grid[..., :3].reshape(-1, 3))
@@ -210,15 +267,27 @@ def test_normal_and_frame_do_not_matter_but_for_turning_along(spec: MaterialSpec
 @every_material
 def test_only_emitters_emit(spec: MaterialSpec) -> None:
     radiance = {front: emitted(spec, front) for front in (True, False)}
-    assert (spec.exitance(Book()) > 0.0) == any(any(value) for value in radiance.values())
+    assert (spec.exitance(Book()) > 0.0) == spec.emits() == any(any(value) for value in radiance.values())
     if spec.type == "emitter":
         assert radiance[True] == spec.radiance
         assert radiance[False] == (spec.radiance if spec.two_sided else (0.0, 0.0, 0.0))
 
 
 def test_a_row_is_that_of_its_material() -> None:
-    for kind, examples in EXAMPLES.items():
-        specs = [spec_of(kind, parameters) for parameters in examples]
+    kinds = {case.values[0].type for case in CASES}
+    for kind in sorted(kinds):
+        specs = [case.values[0] for case in CASES if case.values[0].type == kind]
         table = type(specs[0]).pack(specs, Book())
         for number, spec in enumerate(specs):
-            assert row(table, number, None, SITE) == packed_row(spec)
+            assert_same(row(table, number, None, SITE), packed_row(spec))
+
+
+def assert_same(a: Any, b: Any) -> None:
+    """Rows are equal in all but where they stand in tables."""
+    if isinstance(a, Rows):
+        assert a.blend == b.blend
+    elif isinstance(a, tuple) and hasattr(a, "_fields"):
+        for x, y in zip(a, b, strict=True):
+            assert_same(x, y)
+    elif not isinstance(a, np.ndarray):
+        assert a == b

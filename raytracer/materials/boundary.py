@@ -1,0 +1,44 @@
+"""Boundary: no surface at all, only where a medium begins and ends.
+
+In a scene:
+
+    edge of the fog: {type: boundary}
+
+An object with a `medium` and without a material has it by itself.
+"""
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.materials.interface import PASS, MaterialSpec, SelectorSpec, select
+from raytracer.textures.interface import Book
+
+
+class Boundary(SelectorSpec):
+    """Light goes straight through and counts no path segment; only the medium that it is in may change."""
+
+    type: Literal["boundary"] = "boundary"
+
+    def with_children(self, children: Sequence[MaterialSpec]) -> MaterialSpec:
+        return self
+
+    @staticmethod
+    def pack_selectors(specs: Sequence["Boundary"], book: Book, children: Sequence[Sequence[int]]) -> "BoundaryTable":
+        return BoundaryTable(np.zeros(len(specs), np.int32))
+
+    def passes(self) -> bool:
+        return True
+
+
+class BoundaryTable(NamedTuple):
+    """nothing (n,) int32: its length is all that there is to say."""
+
+    nothing: NDArray[np.int32]
+
+
+@select.register(BoundaryTable)
+def _(table, index, front, textures, site, u):
+    return PASS, u

@@ -1,0 +1,402 @@
+"""Principled: plastic, paint, wood, metal, thin glass, by the few parameters of glTF's metallic-roughness model.
+
+In a scene:
+
+    plastic: {type: principled, base_color: [0.8, 0.1, 0.1], roughness: 0.3}
+    worn gold: {type: principled, base_color: [1.0, 0.77, 0.34], metallic: 1, roughness: {type: noise, scale: 0.1}}
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from raytracer.jit import kernel, routine
+from raytracer.materials.interface import (
+    BLACK,
+    DIRECTION,
+    LOBE,
+    WHITE,
+    MaterialSpec,
+    Scatter,
+    absorbed,
+    emission,
+    evaluate,
+    reflectance,
+    row,
+    scatter,
+)
+from raytracer.microfacet import (
+    SMOOTH_ALPHA,
+    Deficits,
+    Rows,
+    deficit,
+    deficits,
+    ggx,
+    grazing_albedo,
+    masking,
+    mean_deficit,
+    multiple_albedo,
+    reflect_about,
+    reflected,
+    rows_of,
+    sample_deficit,
+    sample_visible_normal,
+)
+from raytracer.sampling import sample_1d, sample_2d
+from raytracer.sampling.warp import pdf_cosine_hemisphere, sample_cosine_hemisphere
+from raytracer.spec import Fraction, Quantity
+from raytracer.textures.interface import (
+    Book,
+    Colors,
+    Numbers,
+    TexturedAlbedo,
+    TexturedColors,
+    TexturedFraction,
+    TexturedNumbers,
+    TexturedRadiance,
+    color,
+    is_zero,
+    number,
+)
+from raytracer.vec import Vec3, add, basis, dot, neg, normalize, scale, sub, to_local, to_world
+
+_SCHLICK_MEAN = 1.0 / 21.0
+"""The cosine-weighted mean of (1 - cos)^5 over a hemisphere."""
+
+
+class Principled(MaterialSpec):
+    """glTF's metallic-roughness material, made to keep energy.
+
+    A metal of the base colour, mixed by `metallic` with a matte body of the base colour under a clear coat; `roughness`
+    is that of the metal and of the coat. Facets are GGX with the Fresnel term by Schlick. The body gets what the coat
+    leaves, by the coat's directional albedo on the way in and out, where glTF's sample code would reflect up to twice
+    the light at grazing angles; and the metal gets back what facets reflect more than once. With `transmission` a part
+    of the body is thin-walled glass of the base colour: light goes through as if mirrored to the other side.
+
+    References: Khronos Group, "glTF 2.0 Specification", appendix B, and KHR_materials_transmission, _ior, _specular;
+    Ashikhmin, Shirley 2000, "An Anisotropic Phong BRDF Model", sec. 3 (body and coat), with albedos as in Kelemen,
+    Szirmay-Kalos 2001, "A Microfacet Based Coupled Specular-Matte BRDF Model"; Kulla, Conty 2017, "Revisiting
+    Physically Based Shading at Imageworks".
+    """
+
+    type: Literal["principled"] = "principled"
+    base_color: TexturedAlbedo = Field(default=(0.8, 0.8, 0.8), description="colour of the body, or of the metal")
+    metallic: TexturedFraction = Field(default=0.0, description="0 is not a metal, 1 is one; between them a mixture")
+    roughness: TexturedFraction = Field(
+        default=0.5, description="0 is a mirror, 1 is dull; its square is the slope of the facets"
+    )
+    ior: Annotated[float, Quantity(low=1.0)] = Field(default=1.5, description="index of refraction of the coat")
+    specular: Fraction = Field(default=1.0, description="strength of the coat's reflection; 0 is no coat")
+    transmission: TexturedFraction = Field(
+        default=0.0, description="part of the body that is thin-walled glass, with the coat's roughness"
+    )
+    emission: TexturedRadiance = Field(
+        default=(0.0, 0.0, 0.0), description="radiance that it gives besides (W/(m2 sr)), on the side of the normal"
+    )
+    two_sided: bool = Field(default=False, description="give the `emission` to both sides")
+
+    def is_lit(self) -> bool:
+        body = not is_zero(self.base_color) and self.metallic != 1.0 and self.transmission != 1.0
+        smooth = isinstance(self.roughness, float) and self.roughness**2 < SMOOTH_ALPHA
+        coated = self._coat() != (0.0, 0.0) and self.metallic != 1.0
+        return body or (not smooth and (coated or not is_zero(self.base_color)))
+
+    def _coat(self) -> tuple[float, float]:
+        """The coat's Fresnel term as a + b (1 - cos)^5; equal indices are no coat."""
+        if self.ior == 1.0:
+            return 0.0, 0.0
+        head_on = ((self.ior - 1.0) / (self.ior + 1.0)) ** 2
+        return self.specular * head_on, self.specular * (1.0 - head_on)
+
+    def emits(self) -> bool:
+        return not is_zero(self.emission)
+
+    def turned(self) -> "Principled":
+        return self.model_copy(update={"two_sided": True})
+
+    def exitance(self, book: Book) -> float:
+        return sum(book.mean(self.emission)) * (2.0 if self.two_sided else 1.0)
+
+    @staticmethod
+    def pack(specs: Sequence["Principled"], book: Book) -> "PrincipledTable":
+        roughness = [spec.roughness if isinstance(spec.roughness, float) else None for spec in specs]
+        lost = deficits(roughness, [(0.0,)] * len(specs))
+        widths = np.diff(lost.cells[:, :, 0], axis=1)
+        means = (0.5 * widths * (lost.cells[:, :-1, 3] + lost.cells[:, 1:, 3])).sum(axis=1)
+        return PrincipledTable(
+            book.colors([spec.base_color for spec in specs]),
+            book.numbers([spec.metallic for spec in specs]),
+            book.numbers([spec.roughness for spec in specs]),
+            book.numbers([spec.transmission for spec in specs]),
+            book.colors([spec.emission for spec in specs]),
+            np.array([spec._coat() for spec in specs], np.float64),
+            np.array([spec.two_sided for spec in specs], np.bool_),
+            lost,
+            np.ascontiguousarray(means),
+        )
+
+
+class PrincipledTable(NamedTuple):
+    """Parameters base_color to emission; coat (n, 2) float64, its Fresnel term a + b (1 - cos)^5; two_sided (n,) bool.
+
+    deficits, of the facets; grazing (m,) float64, by row of them, the mean of `grazing_albedo` over the hemisphere.
+    """
+
+    base_color: Colors | TexturedColors
+    metallic: Numbers | TexturedNumbers
+    roughness: Numbers | TexturedNumbers
+    transmission: Numbers | TexturedNumbers
+    emission: Colors | TexturedColors
+    coat: NDArray[np.float64]
+    two_sided: NDArray[np.bool_]
+    deficits: Deficits
+    grazing: NDArray[np.float64]
+
+
+class PrincipledRow(NamedTuple):
+    """One material at one place.
+
+    Colours, each with its share of the material: base and rise of the Fresnel term, base + rise (1 - cos)^5, of metal
+    and coat together; body; glass; multiple, what facets reflect more than once.  The coat alone has the Fresnel term
+    coat_base + coat_rise (1 - cos)^5, and lets body_mean through of light that comes evenly from all sides, of which
+    facets lose lost_mean.
+    """
+
+    alpha: float
+    base: Vec3
+    rise: Vec3
+    body: Vec3
+    glass: Vec3
+    multiple: Vec3
+    coat_base: float
+    coat_rise: float
+    body_mean: float
+    lost_mean: float
+    cells: NDArray[np.float64]
+    rows: Rows
+
+
+@routine
+def _row(table, index, textures, site):
+    """What `row` gives; a call, since textures may be looked up in six places."""
+    base_color = color(table.base_color, index, textures, site)
+    metal = number(table.metallic, index, textures, site)
+    roughness = number(table.roughness, index, textures, site)
+    clear = number(table.transmission, index, textures, site)
+    alpha = min(1.0, roughness * roughness)
+    a, b = table.coat[index, 0], table.coat[index, 1]
+    cells = table.deficits.cells
+    rows = rows_of(table.deficits, index, max(SMOOTH_ALPHA, alpha), 0)
+    lost, grazing = 0.0, _SCHLICK_MEAN
+    if alpha >= SMOOTH_ALPHA:
+        lost = mean_deficit(cells, rows)
+        grazing = table.grazing[rows.low] + rows.blend * (table.grazing[rows.high] - table.grazing[rows.low])
+
+    # Mix the metal with the coated body.
+    mirror = scale(metal, base_color)
+    rest = (1.0 - metal) * a
+    rise = (1.0 - metal) * b + metal
+    mean_fresnel = add(base_color, scale(_SCHLICK_MEAN, sub(WHITE, base_color)))
+    glass = scale((1.0 - metal) * clear, base_color)
+    # Of what facets of glass scatter more than once, half leaves to each side.
+    multiple = add(scale(metal, multiple_albedo(mean_fresnel, lost)), scale(0.5, glass))
+    return PrincipledRow(
+        alpha,
+        add(mirror, (rest, rest, rest)),
+        sub((rise, rise, rise), mirror),
+        scale((1.0 - metal) * (1.0 - clear), base_color),
+        glass,
+        multiple,
+        a,
+        b,
+        1.0 - a * (1.0 - lost) - b * grazing,
+        lost,
+        cells,
+        rows,
+    )
+
+
+@row.register(PrincipledTable)
+def _(table, index, textures, site):
+    return _row(table, index, textures, site)
+
+
+class Shares(NamedTuple):
+    """For one direction of view, how often each lobe is drawn; their sum is 1, or 0 where nothing is reflected.
+
+    facets, mirrored at the facets; body; glass, mirrored and turned to the other side; multiple, and its part on the
+    other side.  lost is the facets' deficit for that direction, and under what comes to the body through the coat.
+    """
+
+    facets: float
+    body: float
+    glass: float
+    multiple: float
+    beyond: float
+    lost: float
+    under: float
+
+
+@kernel
+def _mean(rgb: Vec3) -> float:
+    return (rgb[0] + rgb[1] + rgb[2]) / 3.0
+
+
+@kernel
+def _schlick(cosine: float) -> float:
+    rest = 1.0 - min(1.0, cosine)
+    return rest * rest * rest * rest * rest
+
+
+@kernel
+def _losses(material: PrincipledRow, z: float) -> tuple[float, float, float]:
+    """At height z: the facets' deficit, their grazing albedo, and what the coat's albedo leaves to the body."""
+    lost, grazing = 0.0, _schlick(z)
+    if material.alpha >= SMOOTH_ALPHA:
+        lost = deficit(material.cells, material.rows, z)
+        grazing = grazing_albedo(material.cells, material.rows, z)
+    return lost, grazing, max(0.0, 1.0 - material.coat_base * (1.0 - lost) - material.coat_rise * grazing)
+
+
+@routine
+def _shares(material: PrincipledRow, z: float) -> Shares:
+    """By the directional albedos of the lobes."""
+    lost, grazing, under = _losses(material, z)
+    facets = _mean(material.base) * (1.0 - lost) + _mean(material.rise) * grazing
+    body = _mean(material.body) * under
+    glass = _mean(material.glass) * max(0.0, under - lost)
+    multiple = _mean(material.multiple) * lost
+    beyond = 0.5 * _mean(material.glass) * lost
+    total = facets + body + glass + multiple + beyond
+    share = 1.0 / total if total > 0.0 else 0.0
+    return Shares(share * facets, share * body, share * glass, share * multiple, share * beyond, lost, under)
+
+
+@routine
+def _evaluated(material: PrincipledRow, shares: Shares, toward: Vec3, outgoing: Vec3) -> tuple[Vec3, float]:
+    """As `evaluate`, for directions in the surface's frame, both of which point away from it."""
+    z = outgoing[2]
+    if z == 0.0 or toward[2] <= 0.0:
+        return BLACK, 0.0
+    smooth = material.alpha < SMOOTH_ALPHA
+    if z < 0.0:
+        if smooth:
+            return BLACK, 0.0
+        half = normalize(add(toward, (outgoing[0], outgoing[1], -z)))
+        once = reflected(material.alpha, toward[2], -z, half)
+        coat = material.coat_base + material.coat_rise * _schlick(dot(toward, half))
+        value = scale((1.0 - coat) * once, material.glass)
+        pdf = shares.glass * _pdf_mirrored(material.alpha, toward, half)
+        lost, _, _ = _losses(material, -z)
+        spread = _spread(material, lost, -z)
+        return add(value, scale(0.5 * shares.lost * spread, material.glass)), pdf + shares.beyond * spread
+
+    # What comes out of the body, and what leaves the facets after more than one reflection.
+    lost, _, under = _losses(material, z)
+    under = shares.under * under / material.body_mean if material.body_mean > 0.0 else 0.0
+    spread = _spread(material, lost, z)
+    value = add(scale(under * z / math.pi, material.body), scale(shares.lost * spread, material.multiple))
+    pdf = shares.body * pdf_cosine_hemisphere(z) + shares.multiple * spread
+    if smooth:
+        return value, pdf
+
+    # What facets mirror.
+    half = normalize(add(toward, outgoing))
+    once = reflected(material.alpha, toward[2], z, half)
+    fresnel = add(material.base, scale(_schlick(dot(toward, half)), material.rise))
+    return add(value, scale(once, fresnel)), pdf + shares.facets * _pdf_mirrored(material.alpha, toward, half)
+
+
+@kernel
+def _spread(material: PrincipledRow, lost: float, z: float) -> float:
+    """Density (1/sr) of what facets scatter more than once, to a height z with the deficit `lost`."""
+    return lost * z / (math.pi * material.lost_mean) if material.lost_mean > 0.0 else 0.0
+
+
+@kernel
+def _pdf_mirrored(alpha: float, toward: Vec3, half: Vec3) -> float:
+    """Density (1/sr) of the direction to which a visible facet mirrors light."""
+    return ggx(alpha, half) * masking(alpha, toward[2]) / (4.0 * toward[2])
+
+
+@kernel
+def _toward(direction: Vec3, s: Vec3, t: Vec3, normal: Vec3) -> Vec3:
+    """Where light comes from that travels along `direction`, in the surface's frame, and not below it."""
+    x, y, z = to_local(neg(direction), s, t, normal)
+    return x, y, abs(z)
+
+
+@scatter.register(PrincipledRow)
+def _(material, direction, normal, front, draws):
+    s, t = basis(normal)
+    toward = _toward(direction, s, t, normal)
+    shares = _shares(material, toward[2])
+    lobe = sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE)
+    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + DIRECTION)
+    if lobe < shares.body:
+        outgoing = sample_cosine_hemisphere(u1, u2)
+    elif lobe < shares.body + shares.multiple + shares.beyond:
+        z = sample_deficit(material.cells, material.rows, u1)
+        radius, azimuth = math.sqrt((1.0 - z) * (1.0 + z)), 2.0 * math.pi * u2
+        beyond = lobe >= shares.body + shares.multiple
+        outgoing = (radius * math.cos(azimuth), radius * math.sin(azimuth), -z if beyond else z)
+    else:
+        through = lobe < 1.0 - shares.facets
+        if material.alpha < SMOOTH_ALPHA:
+            return _smooth(material, shares, through, toward, direction, s, t, normal)
+        x, y, z = reflect_about(toward, sample_visible_normal(material.alpha, toward, u1, u2))
+        # What a facet sends below the surface is lost.
+        if z <= 0.0:
+            return absorbed(direction)
+        outgoing = (x, y, -z if through else z)
+    value, pdf = _evaluated(material, shares, toward, outgoing)
+    if not pdf > 0.0:
+        return absorbed(direction)
+    return Scatter(to_world(outgoing, s, t, normal), scale(1.0 / pdf, value), pdf)
+
+
+@kernel
+def _smooth(
+    material: PrincipledRow,
+    shares: Shares,
+    through: bool,
+    toward: Vec3,
+    direction: Vec3,
+    s: Vec3,
+    t: Vec3,
+    normal: Vec3,
+) -> Scatter:
+    """The one direction of a smooth coat, or of a smooth pane's far side."""
+    weight = _schlick(toward[2])
+    if through:
+        coat = material.coat_base + material.coat_rise * weight
+        return Scatter(direction, scale((1.0 - coat) / shares.glass, material.glass), math.inf)
+    if shares.facets == 0.0:
+        return absorbed(direction)
+    fresnel = add(material.base, scale(weight, material.rise))
+    mirror = to_world((-toward[0], -toward[1], toward[2]), s, t, normal)
+    return Scatter(mirror, scale(1.0 / shares.facets, fresnel), math.inf)
+
+
+@evaluate.register(PrincipledRow)
+def _(material, direction, normal, front, outgoing):
+    s, t = basis(normal)
+    toward = _toward(direction, s, t, normal)
+    return _evaluated(material, _shares(material, toward[2]), toward, to_local(outgoing, s, t, normal))
+
+
+@emission.register(PrincipledTable)
+def _(table, index, front, textures, site):
+    if front or table.two_sided[index]:
+        return color(table.emission, index, textures, site)
+    return BLACK
+
+
+@reflectance.register(PrincipledRow)
+def _(material):
+    coat = 1.0 - material.coat_base
+    return add(material.base, scale(coat, add(material.body, material.glass)))

@@ -1,0 +1,106 @@
+"""Thin dielectric: a window pane or a bubble's film, both faces of which are one surface of the scene.
+
+In a scene:
+
+    window: {type: thin_dielectric, ior: 1.5, color: [0.9, 1.0, 0.95]}
+    bubble: {type: thin_dielectric, ior: 1.33}
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from raytracer.jit import kernel
+from raytracer.materials.interface import (
+    BLACK,
+    LOBE,
+    WHITE,
+    MaterialSpec,
+    Scatter,
+    emission,
+    evaluate,
+    reflectance,
+    row,
+    scatter,
+)
+from raytracer.optics import fresnel_dielectric
+from raytracer.sampling import sample_1d
+from raytracer.spec import PositiveNumber
+from raytracer.textures.interface import Book, Colors, TexturedAlbedo, TexturedColors, color
+from raytracer.vec import Vec3, dot, reflect
+
+
+class ThinDielectric(MaterialSpec):
+    """A pane of clear material too thin to shift what is seen through it: it mirrors, or lets light straight through.
+
+    Light goes to and fro between the two faces; with the reflectance R of one, all together they reflect 2 R / (1 + R).
+    Interference, as of soap films, is not simulated.
+
+    References: Stokes 1862, "On the intensity of the light reflected from or transmitted through a pile of plates";
+    Pharr et al. 2023, "Physically Based Rendering", 4th ed., sec. 9.5.
+    """
+
+    type: Literal["thin_dielectric"] = "thin_dielectric"
+    ior: PositiveNumber = Field(default=1.5, description="index of refraction of the pane over that around it")
+    color: TexturedAlbedo = Field(
+        default=(1.0, 1.0, 1.0), description="fraction of the light that goes through which is not absorbed, by channel"
+    )
+
+    @staticmethod
+    def pack(specs: Sequence["ThinDielectric"], book: Book) -> "ThinDielectricTable":
+        return ThinDielectricTable(
+            np.array([spec.ior for spec in specs], np.float64), book.colors([spec.color for spec in specs])
+        )
+
+
+class ThinDielectricTable(NamedTuple):
+    """eta (n,) float64, index inside over index outside; color, a parameter."""
+
+    eta: NDArray[np.float64]
+    color: Colors | TexturedColors
+
+
+class ThinDielectricRow(NamedTuple):
+    """One material."""
+
+    eta: float
+    color: Vec3
+
+
+@row.register(ThinDielectricTable)
+def _(table, index, textures, site):
+    return ThinDielectricRow(table.eta[index], color(table.color, index, textures, site))
+
+
+@kernel
+def pane_reflectance(cos_i: float, eta: float) -> float:
+    """What both faces of a clear pane reflect: R + T R T + T R^3 T + ... = 2 R / (1 + R), where T = 1 - R."""
+    single, _ = fresnel_dielectric(cos_i, eta)
+    return 2.0 * single / (1.0 + single)
+
+
+@scatter.register(ThinDielectricRow)
+def _(material, direction, normal, front, draws):
+    reflected = pane_reflectance(min(1.0, abs(dot(direction, normal))), material.eta)
+    if sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE) < reflected:
+        return Scatter(reflect(direction, normal), WHITE, math.inf)
+    return Scatter(direction, material.color, math.inf)
+
+
+@evaluate.register(ThinDielectricRow)
+def _(material, direction, normal, front, outgoing):
+    return BLACK, 0.0
+
+
+@emission.register(ThinDielectricTable)
+def _(table, index, front, textures, site):
+    return BLACK
+
+
+@reflectance.register(ThinDielectricRow)
+def _(material):
+    return material.color

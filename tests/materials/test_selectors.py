@@ -1,0 +1,202 @@
+"""Materials that choose among others: which one, how often, and what is left out when there is no choice."""
+
+from collections import Counter
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+
+from raytracer.geometry import Site
+from raytracer.jit import entry
+from raytracer.materials.cutout import Cutout
+from raytracer.materials.emitter import Emitter
+from raytracer.materials.interface import (
+    PASS,
+    Draws,
+    MaterialSpec,
+    chance,
+    emission_shown,
+    select_again,
+    select_at,
+)
+from raytracer.materials.lambertian import Lambertian
+from raytracer.materials.mixture import Mixture
+from raytracer.sampling import pixel_key
+from raytracer.scene.materials import pack_materials, parts, resolved
+from raytracer.scene.pack import pack
+from raytracer.textures.interface import Book
+from tests.rendering import scene
+
+HEAD = """
+camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0]}
+materials:
+  clay: {type: lambertian, albedo: 0.5}
+  chalk: {type: lambertian, albedo: 0.8}
+  lamp: {type: emitter, radiance: [1, 2, 3]}
+"""
+
+SITE = Site((0.0, 0.0, 0.0), 0.5, 0.5, 1.0)
+
+COUNT = 40_000
+
+
+@entry
+def _chosen(scene, reference, front, site, again, result):
+    key = pixel_key(scene.sampler, 0, 0)
+    for index in range(len(result)):
+        draws = Draws(scene.sampler, key, index, 8)
+        if again:
+            result[index] = select_again(scene.selectors, scene, reference, front, site, draws)
+        else:
+            result[index] = select_at(scene.selectors, scene, reference, front, site, draws)
+
+
+@entry
+def _shown(scene, reference, front, site, result):
+    key = pixel_key(scene.sampler, 0, 0)
+    for index in range(len(result)):
+        draws = Draws(scene.sampler, key, index, 8)
+        red, green, blue = emission_shown(scene.selectors, scene, reference, front, site, draws)
+        result[index, 0], result[index, 1], result[index, 2] = red, green, blue
+
+
+def packed(material: str) -> tuple[Any, int]:
+    """A scene of one sphere of this material, and the material's reference."""
+    one = pack(
+        scene(
+            f"{HEAD}objects:\n  - {{type: sphere, center: [0, 0, 0], radius: 1, material: {material}}}\n", filled=False
+        )
+    )
+    return one.scene, int(one.scene.primitives[0].material[0])
+
+
+def shares(material: str, *, front: bool = True) -> dict[Any, float]:
+    """How often which material shows: by albedo or radiance of its red, None for nothing."""
+    world, reference = packed(material)
+    found: list[dict[Any, float]] = []
+    for again in (False, True):
+        result = np.empty(COUNT, np.int64)
+        _chosen(world, reference, front, SITE, again, result)
+        kinds = len(world.materials) + len(world.selectors.tables)
+        counts = Counter(result.tolist())
+        found.append({})
+        for chosen, count in counts.items():
+            table = world.materials[chosen % kinds] if chosen != PASS else None
+            name = None if table is None else float(next(iter(table)).values[chosen // kinds, 0])
+            found[-1][name] = count / COUNT
+    for name, share in found[0].items():
+        # A path and a light that is aimed at choose alike, by other numbers.
+        assert found[1][name] == pytest.approx(share, abs=6.0 / np.sqrt(COUNT))
+    return found[0]
+
+
+def about(expected: dict[Any, float]) -> Any:
+    return pytest.approx(expected, abs=4.0 * 0.5 / np.sqrt(COUNT))
+
+
+def test_a_mixture_shows_each_by_its_weight() -> None:
+    assert shares("{type: mixture, materials: [clay, chalk], weight: 0.2}") == about({0.5: 0.8, 0.8: 0.2})
+
+
+def test_a_cutout_shows_as_much_as_is_there() -> None:
+    assert shares("{type: cutout, material: clay, opacity: 0.3}") == about({0.5: 0.3, None: 0.7})
+    assert shares("{type: cutout, material: clay, opacity: 0}") == {None: 1.0}
+    assert shares("{type: cutout, material: clay, opacity: 0.3, threshold: 0.5}") == {None: 1.0}
+
+
+def test_two_sides() -> None:
+    both = "{type: two_sided, front: clay, back: chalk}"
+    assert shares(both, front=True) == {0.5: 1.0}
+    assert shares(both, front=False) == {0.8: 1.0}
+
+
+def test_selectors_within_selectors_multiply() -> None:
+    nested = (
+        "{type: mixture, weight: 0.25, materials: [{type: cutout, opacity: 0.4, material: clay}, "
+        "{type: two_sided, front: {type: cutout, opacity: 0.5, material: chalk}, back: clay}]}"
+    )
+    assert shares(nested) == about({0.5: 0.3, 0.8: 0.125, None: 0.575})
+    assert shares(nested, front=False) == about({0.5: 0.55, None: 0.45})
+
+
+@pytest.mark.parametrize(
+    ("material", "front", "back"),
+    [
+        ("{type: cutout, material: lamp, opacity: 0.25}", 0.25, 0.0),
+        ("{type: mixture, materials: [lamp, clay], weight: 0.25}", 0.75, 0.0),
+        ("{type: two_sided, front: clay, back: lamp}", 0.0, 1.0),
+        ("{type: two_sided, front: lamp, back: {type: cutout, material: lamp, opacity: 0.5}}", 1.0, 0.5),
+    ],
+)
+def test_a_light_point_gives_the_mean_of_what_may_show(material: str, front: float, back: float) -> None:
+    # What a light sample brings on average must be what paths find there on average.
+    world, reference = packed(material)
+    for side, expected in ((True, front), (False, back)):
+        result = np.empty((COUNT, 3))
+        _shown(world, reference, side, SITE, result)
+        np.testing.assert_allclose(result.mean(axis=0), np.array([1, 2, 3]) * expected, atol=3 * 2.0 / np.sqrt(COUNT))
+
+
+@pytest.mark.parametrize(
+    "material",
+    [
+        "{type: mixture, materials: [clay, lamp], weight: 0}",
+        "{type: mixture, materials: [lamp, clay], weight: 1}",
+        "{type: mixture, materials: [clay, {type: lambertian, albedo: 0.5}]}",
+        "{type: cutout, material: clay, opacity: 1}",
+        "{type: cutout, material: clay, opacity: 0.6, threshold: 0.6}",
+        "{type: two_sided, front: clay, back: clay}",
+    ],
+)
+def test_without_a_choice_there_is_no_selector(material: str) -> None:
+    # The very scene, in type and in values, that names the one material that is ever met.
+    world, reference = packed(material)
+    plain, of_plain = packed("clay")
+    assert reference == of_plain
+    assert (world.selectors, world.passage) == (None, None)
+    assert numba.typeof(world) == numba.typeof(plain)
+    assert np.array_equal(world.materials[0].albedo.values, plain.materials[0].albedo.values)
+
+
+def test_only_what_has_holes_lets_pass() -> None:
+    assert packed("{type: mixture, materials: [clay, chalk]}")[0].passage is None
+    assert packed("{type: mixture, materials: [clay, {type: cutout, material: chalk}]}")[0].passage is not None
+
+
+def test_relief_of_a_selector_is_its_childrens() -> None:
+    own = Lambertian(bump="waves", bump_height=0.3)
+    mixed = resolved(Mixture(materials=("a", own), bump="sand", bump_height=0.1), {"a": Lambertian()})
+    children = list(mixed.children().values())
+    assert [(child.bump, child.bump_height) for child in children] == [("sand", 0.1), ("waves", 0.3)]
+
+
+def test_exitance_is_the_weighted_one() -> None:
+    lamp = Emitter(radiance=(1.0, 2.0, 3.0))
+    clay = Lambertian()
+    assert Mixture(materials=(clay, lamp), weight=0.25).exitance(Book()) == pytest.approx(1.5)
+    assert Cutout(material=lamp, opacity=0.5).exitance(Book()) == pytest.approx(3.0)
+
+
+def test_equal_parts_are_packed_once() -> None:
+    used: list[MaterialSpec] = [
+        resolved(Mixture(materials=(Lambertian(), Emitter(radiance=(1.0, 1.0, 1.0))), weight=0.25), {}),
+        resolved(Cutout(material=Lambertian(), opacity=0.5), {}),
+        Lambertian(),
+    ]
+    assert len(list(parts(used))) == 6
+    tables = pack_materials(used, [None] * 3, Book()).tables
+    assert [len(next(iter(table)).values) for table in tables] == [1, 1]
+
+
+def test_what_is_left_of_a_number_is_uniform() -> None:
+    u = (np.arange(1000) + 0.5) / 1000
+    hits = [chance(float(value), 0.3) for value in u]
+    there = np.array([rest for hit, rest in hits if hit])
+    gone = np.array([rest for hit, rest in hits if not hit])
+    assert len(there) == 300
+    for rest in (there, gone):
+        np.testing.assert_allclose(rest, (np.arange(len(rest)) + 0.5) / len(rest), rtol=1e-9)
+    assert not chance(0.0, 0.0)[0]
+    assert chance(1.0 - 2.0**-53, 1.0)[0]
+    assert chance(1.0 - 2.0**-53, 0.5)[1] < 1.0
