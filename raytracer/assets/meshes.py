@@ -27,12 +27,16 @@ class Mesh(NamedTuple):
     faces : uint32 (m, 3), indices of vertices, counter-clockwise seen from outside; m >= 1, none of zero area.
     normals : float64 (n, 3), unit normals of the vertices, zero for a vertex in no face; None if the file has none.
     degenerate : how many triangles of zero area the file had besides.
+    uv : float64 (n, 2), finite texture coordinates of the vertices, v upwards; None if the file has none.
+    kinds : int32 (m,), the number of each face's material in the file, see `gltf.read_materials`; None if it has none.
     """
 
     vertices: Vectors
     faces: NDArray[np.uint32]
     normals: Vectors | None
     degenerate: int
+    uv: Vectors | None = None
+    kinds: NDArray[np.int32] | None = None
 
     def vertex_normals(self) -> Vectors:
         """The file's normals, or those of `smooth_normals` where it has none: float64 (n, 3)."""
@@ -148,14 +152,19 @@ def _checked(parts: Parts) -> Mesh:
         normals, usable = _normalized(parts.normals)
         if not usable.all():
             normals[~usable] = smooth_normals(vertices, faces)[~usable]
-    return Mesh(vertices, faces, normals, degenerate)
+    if parts.uv is not None and not np.isfinite(parts.uv).all():
+        bad = int(np.argmin(np.isfinite(parts.uv).all(axis=1)))
+        raise BrokenMeshError(f"has a texture coordinate that is not finite (of vertex {bad}, counted from 0)")
+    kinds = None if parts.kinds is None else parts.kinds[kept]
+    return Mesh(vertices, faces, normals, degenerate, parts.uv, kinds)
 
 
 def read_mesh(path: str | Path) -> Mesh:
     """Read the triangles of a .ply, .obj, .stl, .gltf or .glb file.
 
-    Polygons are cut into triangles as if they were convex.  Materials, colours, textures and animations are left
-    out.  Normals in the file are normalised, and those that are zero or not finite replaced by `smooth_normals`.
+    Polygons are cut into triangles as if they were convex.  Materials are read by `gltf.read_materials`; colours and
+    animations are left out.  Normals in the file are normalised, and those that are zero or not finite replaced by
+    `smooth_normals`.
 
     Raises
     ------

@@ -14,13 +14,14 @@ import re
 import traceback
 import warnings
 from collections import defaultdict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.assets.gltf import BrokenGltfError, parse, with_numbered_materials
 from raytracer.errors import one_line
 
 Integers = NDArray[np.integer[Any]]
@@ -32,6 +33,8 @@ _LONGEST_HEADER = 1 << 16
 logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 _CORNERS = ("vertex_indices", "vertex_index")
+
+_PLY_COORDINATES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 
 # Faces as meshio reads them right, lists of corners and nothing else, and what follows, which it does not read.
 _PLAIN_FACES = re.compile(
@@ -48,22 +51,31 @@ _RELATIVE = re.compile(r"-|\b0+\b")
 
 
 class Parts(NamedTuple):
-    """A mesh as a file has it, not yet checked: vertices (n, 3), faces (m, 3), normals (n, 3) or None."""
+    """A mesh as a file has it, not yet checked.
+
+    vertices (n, 3), faces (m, 3), normals (n, 3) or None, uv (n, 2) or None; kinds (m,), the number of each face's
+    material in the file, or None if the file has none.
+    """
 
     vertices: NDArray[np.float64]
     faces: Integers
     normals: NDArray[np.float64] | None
+    uv: NDArray[np.float64] | None = None
+    kinds: NDArray[np.int32] | None = None
 
 
 class BrokenMeshError(ValueError):
     """A mesh file that cannot be read; its text completes the sentence "FILE: ..."."""
 
 
-def _parts(vertices: NDArray[Any], faces: NDArray[Any], normals: NDArray[Any] | None) -> Parts:
+def _parts(
+    vertices: NDArray[Any], faces: NDArray[Any], normals: NDArray[Any] | None, uv: NDArray[Any] | None = None
+) -> Parts:
     if faces.dtype.kind not in "iu":
         raise BrokenMeshError("has faces whose corners are not integers")
     vertices = np.ascontiguousarray(vertices, dtype=np.float64)
-    return Parts(vertices, faces, None if normals is None else np.asarray(normals, dtype=np.float64))
+    normals, uv = (None if rows is None else np.asarray(rows, dtype=np.float64) for rows in (normals, uv))
+    return Parts(vertices, faces, normals, uv)
 
 
 def weld(points: Floats) -> tuple[Integers, Integers]:
@@ -90,15 +102,23 @@ def _triangles(polygons: Integers | list[Integers]) -> Integers:
     return triangles
 
 
-def _read_scene(file: BinaryIO | TextIO, format_name: str) -> Parts:
-    """The triangles of all nodes of a scene, each where its node puts it; missing normals are (0, 0, 0)."""
+def _read_scene(file: BinaryIO | TextIO, format_name: str, folder: Path | None = None) -> Parts:
+    """The triangles of all nodes of a scene, each where its node puts it; missing normals are (0, 0, 0).
+
+    folder : where further files are; given where the names of materials are numbers that are to be kept.
+    """
     import trimesh
 
-    scene = trimesh.load_scene(file, file_type=format_name, process=False, skip_materials=True)
+    resolver = None if folder is None else trimesh.resolvers.FilePathResolver(str(folder / "scene"))
+    scene = trimesh.load_scene(
+        file, file_type=format_name, process=False, skip_materials=folder is None, resolver=resolver
+    )
     vertices: list[Floats] = []
     faces: list[Integers] = []
     normals: list[Floats] = []
-    has_normals = False
+    coordinates: list[Floats] = []
+    kinds: list[NDArray[np.int32]] = []
+    has_normals = has_uv = False
     offset = 0
     for node in scene.graph.nodes_geometry:
         matrix, name = scene.graph[node]
@@ -114,6 +134,9 @@ def _read_scene(file: BinaryIO | TextIO, format_name: str) -> Parts:
         # A mirroring node turns triangles inside out; normals go by the cofactors, which need no inverse.
         faces.append((mesh.faces if np.linalg.det(linear) >= 0 else mesh.faces[:, ::-1]) + offset)
         offset += own
+        if folder is not None:
+            material: Any = getattr(mesh.visual, "material", None)
+            kinds.append(np.full(len(mesh.faces), int(material.name), np.int32))
 
         # Normals that were not in the file are not there yet; asking the mesh for them would make them.
         if "vertex_normals" in mesh._cache.cache:
@@ -122,17 +145,28 @@ def _read_scene(file: BinaryIO | TextIO, format_name: str) -> Parts:
             normals.append(mesh.vertex_normals @ cofactors.T * np.sign(np.linalg.det(linear)))
         else:
             normals.append(np.zeros((own, 3)))
+
+        # Parts without texture coordinates lie at one place of the texture.
+        uv = getattr(mesh.visual, "uv", None)
+        has_uv |= uv is not None
+        coordinates.append(np.zeros((own, 2)) if uv is None else np.asarray(uv, np.float64)[:, :2])
     if not faces:
         raise BrokenMeshError("has no faces")
-    return _parts(np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals) if has_normals else None)
+    return _parts(
+        np.concatenate(vertices),
+        np.concatenate(faces),
+        np.concatenate(normals) if has_normals else None,
+        np.concatenate(coordinates) if has_uv else None,
+    )._replace(kinds=np.concatenate(kinds) if kinds else None)
 
 
 def _read_gltf(file: BinaryIO) -> Parts:
-    return _read_scene(file, "gltf")
-
-
-def _read_glb(file: BinaryIO) -> Parts:
-    return _read_scene(file, "glb")
+    """The triangles of a .gltf or .glb file, with its materials' numbers if it has materials."""
+    gltf = parse(file.read())
+    parts = _read_scene(
+        io.BytesIO(with_numbered_materials(gltf)), "gltf" if gltf.binary is None else "glb", Path(file.name).parent
+    )
+    return parts if gltf.header.get("materials") else parts._replace(kinds=None)
 
 
 def _read_stl(file: BinaryIO) -> Parts:
@@ -147,7 +181,7 @@ def _read_stl(file: BinaryIO) -> Parts:
         text = file.read().decode("latin-1").lower()
         if "endsolid" not in text:
             raise BrokenMeshError("ends early, or is neither text nor as long as its binary header says") from None
-        corners, faces, _ = _read_scene(io.StringIO(text), "stl")
+        corners, faces, *_ = _read_scene(io.StringIO(text), "stl")
 
         # Of several solids trimesh reads those that are whole.
         if len(faces) != text.count("endfacet"):
@@ -248,7 +282,16 @@ def _read_mixed_ply(file: BinaryIO, head: re.Match[bytes]) -> Parts:
     if len(polygons) != int(plain[1]) or min(map(len, polygons)) < 3:
         raise BrokenMeshError("ends early, or has a face with fewer than 3 corners")
     normals = [mesh.point_data[name] for name in ("nx", "ny", "nz") if name in mesh.point_data]
-    return _parts(mesh.points, _triangles(polygons), np.stack(normals, axis=1) if len(normals) == 3 else None)
+    bent = np.stack(normals, axis=1) if len(normals) == 3 else None
+    return _parts(mesh.points, _triangles(polygons), bent, _ply_coordinates(mesh.point_data))
+
+
+def _ply_coordinates(columns: Mapping[str, Any]) -> NDArray[np.float64] | None:
+    """Texture coordinates among the columns of a PLY file's vertices, under any of the names in use for them."""
+    for names in _PLY_COORDINATES:
+        if all(name in columns for name in names):
+            return np.stack([np.asarray(columns[name], np.float64).reshape(-1) for name in names], axis=1)
+    return None
 
 
 def _read_ply(file: BinaryIO) -> Parts:
@@ -275,7 +318,18 @@ def _read_ply(file: BinaryIO) -> Parts:
             return _read_mixed_ply(file, head)
     elif min(len(face) for name, table in elements["face"]["data"].items() if name in _CORNERS for face in table) < 3:
         raise BrokenMeshError("has a face with fewer than 3 corners")
-    return _parts(mesh["vertices"], _triangles(mesh["faces"]), mesh.get("vertex_normals"))
+    return _parts(
+        mesh["vertices"],
+        _triangles(mesh["faces"]),
+        mesh.get("vertex_normals"),
+        _ply_coordinates(dict(_columns(elements["vertex"]["data"]))),
+    )
+
+
+def _columns(table: Any) -> Iterator[tuple[str, Any]]:
+    """The columns of a PLY element, as trimesh keeps them of text and of binary files."""
+    names = table if isinstance(table, Mapping) else table.dtype.names
+    return ((name, table[name]) for name in names)
 
 
 _READERS: Mapping[str, tuple[str, Callable[[BinaryIO], Parts]]] = {
@@ -283,7 +337,7 @@ _READERS: Mapping[str, tuple[str, Callable[[BinaryIO], Parts]]] = {
     ".obj": ("OBJ", _read_obj),
     ".stl": ("STL", _read_stl),
     ".gltf": ("glTF", _read_gltf),
-    ".glb": ("glTF", _read_glb),
+    ".glb": ("glTF", _read_gltf),
 }
 
 SUFFIXES = tuple(_READERS)
@@ -309,6 +363,8 @@ def read(path: Path) -> Parts:
             return reader(file)
         except BrokenMeshError:
             raise
+        except BrokenGltfError as error:
+            raise BrokenMeshError(str(error)) from error
         except Exception as error:
             # A broken file raises anything, from KeyError to struct.error.
             reason = one_line(traceback.format_exception_only(error)[-1])
