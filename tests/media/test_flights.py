@@ -1,0 +1,247 @@
+"""Flights through media against integrals of their coefficients."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from raytracer.media.grid import BLOCK, Grid, block_maxima
+from raytracer.media.homogeneous import Homogeneous
+from raytracer.vec import Vec3
+from tests.media.kernels import fly_many, packed, transmittance_many
+
+COUNT = 200_000
+
+GREY = Homogeneous(extinction=(0.7, 0.7, 0.7), albedo=(0.9, 0.5, 0.0))
+COLOURED = Homogeneous(absorption=(0.1, 0.5, 2.0), scattering=(1.5, 0.2, 0.4))
+ONE_CLEAR = Homogeneous(absorption=(0.0, 0.3, 0.0), scattering=(0.0, 0.2, 3.0))
+HOMOGENEOUS = {"grey": GREY, "coloured": COLOURED, "one channel clear": ONE_CLEAR}
+
+every_homogeneous = pytest.mark.parametrize("spec", HOMOGENEOUS.values(), ids=HOMOGENEOUS)
+
+
+def coefficients(spec: Homogeneous) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(extinction, scattering)."""
+    absorption, scattering = (np.array(values) for values in spec.coefficients())
+    return absorption + scattering, scattering
+
+
+def assert_means(values: NDArray[np.float64], expected: NDArray[np.float64]) -> None:
+    """Each column has its mean within 4.5 standard deviations."""
+    deviation = values.std(axis=0) / math.sqrt(len(values))
+    np.testing.assert_array_less(np.abs(values.mean(axis=0) - expected), 4.5 * deviation + 1e-12)
+
+
+# ---- Homogeneous
+
+
+@every_homogeneous
+@pytest.mark.parametrize("throughput", [(1.0, 1.0, 1.0), (0.2, 1.0, 0.01)])
+@pytest.mark.parametrize("distance", [0.3, 2.0])
+def test_a_slab_lets_through_and_scatters_what_beers_law_says(
+    spec: Homogeneous, throughput: Vec3, distance: float
+) -> None:
+    extinction, scattering = coefficients(spec)
+    far, weight, _ = fly_many(packed(spec), COUNT, distance=distance, throughput=throughput)
+    scattered = np.isfinite(far)
+    assert (far[scattered] < distance).all()
+    assert_means(weight * ~scattered[:, None], np.exp(-extinction * distance))
+    # In each third of the way: the integral of scattering times transmittance.
+    edges = np.linspace(0.0, distance, 4)
+    for begin, end in itertools.pairwise(edges):
+        inside = scattered & (far >= begin) & (far < end)
+        loss = np.where(extinction > 0.0, extinction, 1.0)
+        expected = scattering * (np.exp(-extinction * begin) - np.exp(-extinction * end)) / loss
+        assert_means(weight * inside[:, None], expected)
+
+
+@every_homogeneous
+def test_transmittance_is_exact(spec: Homogeneous) -> None:
+    extinction, _ = coefficients(spec)
+    for distance in (0.0, 1.3, 1e5):
+        found = transmittance_many(packed(spec), 2, distance=distance)
+        np.testing.assert_allclose(found[0], np.exp(-extinction * distance), rtol=1e-14)
+    # To infinity, nothing comes through but what nothing is taken from.
+    np.testing.assert_array_equal(transmittance_many(packed(spec), 1)[0], extinction == 0.0)
+
+
+@every_homogeneous
+def test_the_sum_of_throughputs_never_grows(spec: Homogeneous) -> None:
+    # By choosing channels by throughput: with an albedo of 1 it stays the same, whatever the extinctions are.
+    throughput = np.array([0.2, 1.0, 0.01])
+    far, weight, _ = fly_many(packed(spec), 10_000, distance=2.0, throughput=tuple(throughput.tolist()))
+    assert ((weight * throughput).sum(axis=1) <= throughput.sum() * (1.0 + 1e-12)).all()
+    white = Homogeneous(extinction=(0.5, 3.0, 1.0), albedo=(1.0, 1.0, 1.0))
+    far, weight, _ = fly_many(packed(white), 10_000, distance=2.0, throughput=tuple(throughput.tolist()))
+    assert 0 < np.isfinite(far).sum() < 10_000
+    np.testing.assert_allclose((weight * throughput).sum(axis=1), throughput.sum(), rtol=1e-12)
+
+
+def test_grey_light_is_scattered_without_loss_of_samples() -> None:
+    _, weight, _ = fly_many(packed(GREY), 1000, distance=5.0)
+    assert set(map(tuple, weight.round(12).tolist())) == {(0.9, 0.5, 0.0), (1.0, 1.0, 1.0)}
+
+
+def test_what_only_absorbs_needs_no_chance() -> None:
+    spec = Homogeneous(absorption=(0.0, 0.5, 2.0))
+    far, weight, numbers = fly_many(packed(spec), 10, distance=1.5)
+    assert np.isinf(far).all()
+    assert not numbers.any()
+    np.testing.assert_allclose(weight, np.broadcast_to(np.exp([0.0, -0.75, -3.0]), (10, 3)), rtol=1e-14)
+
+
+@pytest.mark.parametrize("extinction", [1e-300, 1e-30, 1e30, 1e300])
+@pytest.mark.parametrize("distance", [0.0, 1e-30, 1.0, math.inf])
+def test_extreme_coefficients_make_no_nan(extinction: float, distance: float) -> None:
+    for values in ((extinction,) * 3, (extinction, 1.0, 0.0)):
+        spec = Homogeneous(extinction=values, albedo=(1.0, 0.5, 1.0))
+        for throughput in ((1.0, 1.0, 1.0), (1.0, 0.0, 0.0), (0.3, 0.1, 0.0)):
+            far, weight, _ = fly_many(packed(spec), 1000, distance=distance, throughput=throughput)
+            assert not np.isnan(far).any()
+            assert np.isfinite(weight).all()
+
+
+def test_a_row_is_that_of_its_medium() -> None:
+    table = packed(GREY, COLOURED)
+    for index, spec in enumerate((GREY, COLOURED)):
+        found = transmittance_many(table, 1, index=index, distance=0.4)[0]
+        np.testing.assert_allclose(found, np.exp(-0.4 * coefficients(spec)[0]), rtol=1e-14)
+
+
+# ---- Grid
+
+
+def grid(
+    density: NDArray[np.float64],
+    low: Vec3 = (0.0, 0.0, 0.0),
+    high: Vec3 = (1.0, 1.0, 1.0),
+    **settings: object,
+) -> object:
+    spec = Grid(file="grid.npy", min=low, max=high, **settings)
+    return packed(spec, assets=[{"file": density}])
+
+
+def thickness(density: NDArray[np.float64], start: Vec3, way: Vec3, distance: float, steps: int = 200_000) -> float:
+    """The integral of the density, in a unit box of voxels, along a ray: by the midpoint rule."""
+    from scipy.ndimage import map_coordinates
+
+    t = (np.arange(steps) + 0.5) / steps * distance
+    points = np.array(start)[:, None] + np.array(way)[:, None] * t
+    inside = ((points >= 0.0) & (points <= 1.0)).all(axis=0)
+    voxels = points * np.array(density.shape)[:, None] - 0.5
+    values = map_coordinates(density.astype(np.float64), voxels, order=1, mode="nearest")
+    return float((values * inside).mean() * distance)
+
+
+RANDOM = np.random.default_rng(5).random((19, 8, 21)) ** 3
+RAYS: dict[str, tuple[Vec3, Vec3]] = {
+    "along an axis": ((0.31, 0.62, -1.0), (0.0, 0.0, 1.0)),
+    "back along an axis": ((1.5, 0.05, 0.95), (-1.0, 0.0, 0.0)),
+    "askew": ((-0.4, -0.2, -0.3), (0.6, 0.48, 0.64)),
+    "from within": ((0.4, 0.7, 0.5), (-0.64, -0.6, 0.48)),
+    "on a face": ((0.0, 0.3, -0.5), (0.0, 0.0, 1.0)),
+    "a miss": ((2.0, 2.0, 2.0), (0.6, 0.48, 0.64)),
+    "a parallel miss": ((1.5, 0.5, -1.0), (0.0, 0.0, 1.0)),
+}
+
+
+@pytest.mark.parametrize("ray", RAYS)
+def test_a_grids_transmittance_is_that_of_its_integral(ray: str) -> None:
+    origin, direction = RAYS[ray]
+    table = grid(RANDOM, extinction=4.0, albedo=(0.9, 0.5, 0.1))
+    for distance in (0.9, math.inf):
+        expected = math.exp(-4.0 * thickness(RANDOM, origin, direction, min(distance, 4.0)))
+        found = transmittance_many(table, COUNT, origin=origin, direction=direction, distance=distance)
+        assert_means(found, np.full(3, expected))
+        far, weight, _ = fly_many(table, COUNT, origin=origin, direction=direction, distance=distance)
+        scattered = np.isfinite(far)
+        assert_means(1.0 - scattered[:, None], np.full(1, expected))
+        np.testing.assert_array_equal(weight[scattered], np.broadcast_to([0.9, 0.5, 0.1], (scattered.sum(), 3)))
+        np.testing.assert_array_equal(weight[~scattered], 1.0)
+        assert (far[scattered] < distance).all()
+
+
+def test_a_linear_density_is_interpolated_exactly() -> None:
+    # Density = z at the middles of voxels: between the outermost ones the integral to z is z^2 / 2, however few blocks.
+    n = 30
+    ramp = np.broadcast_to((np.arange(n) + 0.5) / n, (2, 2, n))
+    for z0, z1 in ((0.1, 0.9), (0.25, 0.3)):
+        origin = (0.5, 0.5, z0)
+        found = transmittance_many(grid(ramp, extinction=3.0), COUNT, origin=origin, distance=z1 - z0)
+        assert_means(found, np.full(3, math.exp(-1.5 * (z1**2 - z0**2))))
+
+
+def test_flights_end_where_the_density_is() -> None:
+    # Chi-square of distances against density times transmittance, through several blocks.
+    from tests.statistics import chi2_counts
+
+    density = np.zeros((1, 1, 5 * BLOCK))
+    density[0, 0] = np.random.default_rng(8).random(5 * BLOCK)
+    origin, cells = (0.5, 0.5, 0.0), 50
+    far, _, _ = fly_many(grid(density, extinction=2.0), COUNT, origin=origin)
+    depths = [thickness(density, origin, (0.0, 0.0, 1.0), z, 20_000) for z in np.linspace(0.0, 1.0, cells + 1)]
+    passing = np.exp(-2.0 * np.array(depths))
+    observed, _ = np.histogram(far[np.isfinite(far)], cells, (0.0, 1.0))
+    expected = COUNT * np.append(passing[:-1] - passing[1:], passing[-1])
+    chi2_counts(np.append(observed, np.isinf(far).sum()), expected, tests=1)
+
+
+def test_a_constant_grid_is_homogeneous() -> None:
+    table = grid(np.full((3, 17, 9), 0.5), (-1.0, -1.0, -1.0), (1.0, 1.0, 1.0), extinction=1.4)
+    far, _, _ = fly_many(table, COUNT, distance=0.8)
+    assert_means(np.isinf(far)[:, None].astype(float), np.full(1, math.exp(-0.7 * 0.8)))
+    # All collisions are real, so one number a flight is enough; and ratio tracking knows it at once.
+    _, _, numbers = fly_many(table, 1000, distance=0.8)
+    assert (numbers == 1).all()
+    found = transmittance_many(table, 1000, distance=0.8)
+    assert set(np.unique(found).tolist()) <= {0.0, 1.0}
+
+
+def test_the_box_may_be_anywhere() -> None:
+    # A box of 2 x 4 x 8 m turned by 90 degrees about y and moved: its z axis lies along the world's x.
+    density = np.zeros((2, 2, 2))
+    density[:, :, 1] = 1.0
+    table = grid(
+        density,
+        (0.0, 0.0, 0.0),
+        (2.0, 4.0, 8.0),
+        transform=[
+            {"rotate": {"axis": [0, 1, 0], "angle": 90}},
+            {"translate": [10, 0, 0]},
+        ],
+        extinction=0.3,
+    )
+    # Voxels' middles are at 2 and 6 of its z: none before 12 in x, then a ramp to 16, all of it to 18.
+    found = transmittance_many(table, COUNT, origin=(0.0, 1.0, -1.0), direction=(1.0, 0.0, 0.0))
+    assert_means(found, np.full(3, math.exp(-0.3 * (0.5 * 4.0 + 2.0))))
+
+
+def test_blocks_bound_what_is_interpolated_in_them() -> None:
+    bound = block_maxima(RANDOM)
+    assert bound.shape == (3, 1, 3)
+    assert bound.dtype == np.float32
+    for x, y, z in np.ndindex(*bound.shape):
+        part = RANDOM[tuple(slice(max(0, BLOCK * b - 1), BLOCK * (b + 1) + 1) for b in (x, y, z))]
+        assert bound[x, y, z] == np.float32(part.max())
+
+
+def test_grids_stand_one_after_another() -> None:
+    ones, twos = np.full((2, 3, 4), 1.0), np.full((9, 1, 2), 2.0)
+    specs = [Grid(file="a.npy", extinction=0.5), Grid(file="b.npy", extinction=1.0)]
+    table = packed(*specs, assets=[{"file": ones}, {"file": twos}])
+    dtypes = ("f4", "i8", "i4", "f4", "i8", "i4", "f8", "f8", "f8", "f8")
+    assert [column.dtype for column in table] == [np.dtype(code) for code in dtypes]
+    assert all(column.flags.c_contiguous for column in table)
+    for index, expected in ((0, 0.5), (1, 2.0)):
+        far, _, _ = fly_many(table, COUNT, index=index, origin=(0.5, 0.5, 0.0))
+        assert_means(np.isinf(far)[:, None].astype(float), np.full(1, math.exp(-expected)))
+
+
+def test_samplers_agree_on_a_grid() -> None:
+    origin, direction = RAYS["askew"]
+    expected = math.exp(-4.0 * thickness(RANDOM, origin, direction, 4.0))
+    for sampler in ("independent", "stratified", "sobol"):
+        far, _, _ = fly_many(grid(RANDOM, extinction=4.0), 1 << 16, origin=origin, direction=direction, sampler=sampler)
+        assert_means(np.isinf(far)[:, None].astype(float), np.full(1, expected))
