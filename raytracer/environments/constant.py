@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field
 
-from raytracer.environments.interface import EnvironmentSpec, background
+from raytracer.environments.interface import Assets, EnvironmentSpec, background
 from raytracer.spec import Radiance
 from raytracer.vec import Vec3
 
@@ -20,7 +20,7 @@ class Constant(EnvironmentSpec):
     type: Literal["constant"] = "constant"
     radiance: Radiance = Field(description="radiance (W/(m2 sr)), by channel or grey")
 
-    def pack(self) -> "ConstantEnvironment | None":
+    def pack(self, assets: Assets) -> "ConstantEnvironment | None":
         return ConstantEnvironment(self.radiance) if any(self.radiance) else None
 
 

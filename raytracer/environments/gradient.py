@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field
 
-from raytracer.environments.interface import EnvironmentSpec, background
+from raytracer.environments.interface import Assets, EnvironmentSpec, background
 from raytracer.spec import Radiance
 from raytracer.vec import Vec3, add, scale
 
@@ -24,7 +24,7 @@ class Gradient(EnvironmentSpec):
     horizon: Radiance = Field(default=(1.0, 1.0, 1.0), description="radiance straight down, at y = -1")
     zenith: Radiance = Field(default=(0.5, 0.7, 1.0), description="radiance straight up, at y = +1")
 
-    def pack(self) -> "GradientEnvironment | None":
+    def pack(self, assets: Assets) -> "GradientEnvironment | None":
         return GradientEnvironment(self.horizon, self.zenith) if any(self.horizon + self.zenith) else None
 
 

@@ -1,14 +1,47 @@
 """What every light kind gives to kernels, and the choice among the kinds.
 
-A kind's file holds its packed table (one row a light) and its cases of the functions below.
+A kind's file holds its YAML spec, its packed table (one row a light) and its cases of the functions below.
 """
 
-from typing import Any, NamedTuple
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
+from raytracer.environments.interface import background
+from raytracer.geometry import offset_of
 from raytracer.jit import fold, generic, kernel, switch
-from raytracer.materials.interface import LIGHT
+from raytracer.materials.interface import BLACK, LIGHT
 from raytracer.sampling import sample_1d
-from raytracer.vec import Vec3, add, scale
+from raytracer.sampling.alias import sample_alias
+from raytracer.spec import Quantity, Spec, Triple
+from raytracer.vec import Vec3, add, max_abs, norm, scale, sub
+
+Intensity: TypeAlias = Annotated[Vec3, Triple(Quantity(low=0.0), "an intensity", single=True)]
+Irradiance: TypeAlias = Annotated[Vec3, Triple(Quantity(low=0.0), "an irradiance", single=True)]
+
+_FAR = 2.0**100
+
+
+class LightSpec(Spec):
+    """Base of the kinds of the `lights` list: what packing asks of each."""
+
+    type: str
+
+    @staticmethod
+    def pack(specs: Sequence[Any]) -> Any:
+        """The table of the lights of this kind that shine, one row a light; None if none does."""
+        raise NotImplementedError
+
+    def is_seen(self) -> bool:
+        """Whether a ray that was not aimed at the light may find it, so that mirrors show it."""
+        return False
+
+
+def unit(vector: Vec3) -> Vec3:
+    """A unit vector along any but the zero vector, whatever its length."""
+    x, y, z = scale(1.0 / max(map(abs, vector)), vector)
+    length = math.hypot(x, y, z)
+    return x / length, y / length, z / length
 
 
 class LightSample(NamedTuple):
@@ -27,9 +60,14 @@ class LightSample(NamedTuple):
 
 
 class Lights(NamedTuple):
-    """tables, one a kind of light, among which each is chosen as often as any other."""
+    """What surfaces aim at, and what rays find at infinity.
+
+    tables, one a kind of light, each of which is chosen as often as any other; unaimed, the environment if none of them
+    is that, else None.
+    """
 
     tables: tuple[Any, ...]
+    unaimed: Any
 
 
 @generic
@@ -50,29 +88,59 @@ def _(table, scene, instance, number, primitive, origin, point, normal, time):
 
 
 @generic
-def pdf_escape(table, scene, direction):
-    """Density in solid angle (1/sr) with which `sample_light` aims at the environment along `direction`."""
-    raise NotImplementedError
+def arriving(table, scene, direction, pdf, tables):
+    """Radiance that a ray which leaves the scene along `direction` meets of the table's lights at infinity.
 
-
-@pdf_escape.register(tuple)
-def _(table, scene, direction):
-    return 0.0
-
-
-@generic
-def arriving(table, direction, pdf, tables):
-    """Radiance, along `direction`, of lights at infinity, besides the environment, that a ray which leaves meets.
-
-    It is MIS-weighted: `pdf` is the density with which the ray's direction was drawn, and `tables` the number of
-    tables among which `sample_lights` chooses.
+    It is MIS-weighted: `pdf` is the density with which the ray's direction was drawn, and `tables` the number of tables
+    among which `sample_lights` chooses.
     """
     raise NotImplementedError
 
 
 @arriving.register(tuple)
-def _(table, direction, pdf, tables):
-    return (0.0, 0.0, 0.0)
+def _(table, scene, direction, pdf, tables):
+    return BLACK
+
+
+@kernel
+def power_heuristic(pdf, other):
+    """Weight of a sample drawn with `pdf` that `other` might have drawn too; the ratio form cannot overflow to NaN.
+
+    References: Veach 1997, eq. 9.11 with beta = 2.
+    """
+    ratio = other / pdf
+    return 1.0 / (1.0 + ratio * ratio)
+
+
+@kernel
+def choose(choice, u):
+    """A row of a table by its AliasTable: (row, probability); a table of one needs no choice."""
+    if len(choice.pmf) == 1:
+        return 0, 1.0
+    chosen, probability, _ = sample_alias(choice, u)
+    return chosen, probability
+
+
+@kernel
+def from_point(point, position, intensity, probability):
+    """The LightSample at `point` of a light without extent, of this intensity (W/sr), chosen with this probability."""
+    way = sub(position, point)
+    distance = norm(way)
+    if distance == 0.0:
+        return LightSample(way, BLACK, 0.0, position, 0.0)
+    weight = scale(1.0 / (probability * distance * distance), intensity)
+    # The light may lie on a surface, which float32 could find before it.
+    gap = offset_of(max_abs(position) + distance)
+    return LightSample(scale(1.0 / distance, way), weight, math.inf, position, gap)
+
+
+@kernel
+def at_infinity(direction, weight, pdf):
+    """The LightSample of a light at infinity.
+
+    Its target lies so far away that the way there has the light's direction wherever on the scene it starts.
+    """
+    return LightSample(direction, weight, pdf, scale(_FAR, direction), -math.inf)
 
 
 @kernel
@@ -82,7 +150,6 @@ def _plus(a, b):
 
 _sample_any = switch(sample_light)
 _pdf_hit_all = fold(pdf_hit, _plus)
-_pdf_escape_all = fold(pdf_escape, _plus)
 _arriving_all = fold(arriving, add)
 
 
@@ -114,39 +181,24 @@ def _(lights, scene, instance, number, primitive, origin, point, normal, time):
     return 0.0
 
 
-@generic
-def pdf_environment(lights, scene, direction):
-    """Density in solid angle (1/sr) with which `sample_lights` aims at the environment along `direction`."""
-    raise NotImplementedError
-
-
-@pdf_environment.register(type(None))
-def _(lights, scene, direction):
-    return 0.0
-
-
 @pdf_light.register(Lights)
 def _(lights, scene, instance, number, primitive, origin, point, normal, time):
     found = _pdf_hit_all(lights.tables, scene, instance, number, primitive, origin, point, normal, time)
     return found / len(lights.tables)
 
 
-@pdf_environment.register(Lights)
-def _(lights, scene, direction):
-    return _pdf_escape_all(lights.tables, scene, direction) / len(lights.tables)
-
-
 @generic
-def escape(lights, direction, pdf):
-    """Radiance of lights at infinity along `direction`, besides the environment: MIS-weighted, see `arriving`."""
+def surroundings(lights, scene, direction, pdf):
+    """Radiance that a ray which leaves the scene meets; MIS-weighted, see `arriving`."""
     raise NotImplementedError
 
 
-@escape.register(type(None))
-def _(lights, direction, pdf):
-    return (0.0, 0.0, 0.0)
+@surroundings.register(type(None))
+def _(lights, scene, direction, pdf):
+    return background(scene.environment, direction)
 
 
-@escape.register(Lights)
-def _(lights, direction, pdf):
-    return _arriving_all(lights.tables, direction, pdf, len(lights.tables))
+@surroundings.register(Lights)
+def _(lights, scene, direction, pdf):
+    found = _arriving_all(lights.tables, scene, direction, pdf, len(lights.tables))
+    return add(background(lights.unaimed, direction), found)

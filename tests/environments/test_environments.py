@@ -5,37 +5,30 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.environments.interface import background
-from raytracer.jit import entry
+from raytracer.assets.images import Image
 from raytracer.kinds import ENVIRONMENTS
+from tests.environments.kernels import seen
 from tests.rendering import image
 
 EXAMPLES: dict[str, list[dict[str, Any]]] = {
     "constant": [{"radiance": 1.0}, {"radiance": [0.1, 0.2, 3.0]}],
     "gradient": [{}, {"horizon": [1, 0, 2], "zenith": [0, 5, 0]}],
+    "image": [{"file": "map.npy"}, {"file": "map.npy", "scale": [1, 2, 0], "rotation": 77}],
+    "sky": [{}, {"sun_direction": [1, 0, -1], "turbidity": 10, "ground_albedo": 0.3, "sun": True}],
 }
+
+MAP = Image(np.random.default_rng(5).random((7, 9, 3), np.float32) ** 6, False)
 
 DIRECTIONS = np.random.default_rng(1).normal(size=(200, 3))
 DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
 
 
-@entry
-def _background(environment, directions, out):
-    for index in range(len(directions)):
-        radiance = background(environment, (directions[index, 0], directions[index, 1], directions[index, 2]))
-        for channel in range(3):
-            out[index, channel] = radiance[channel]
-
-
-def seen(environment: Any, directions: Any) -> np.ndarray:
-    rows = np.ascontiguousarray(np.atleast_2d(np.asarray(directions, np.float64)))
-    out = np.empty_like(rows)
-    _background(environment, rows, out)
-    return out
-
-
 def spec_of(kind: str, keys: dict[str, Any]) -> Any:
     return ENVIRONMENTS.specs()[kind].model_validate({"type": kind, **keys})
+
+
+def packed(kind: str, keys: dict[str, Any]) -> Any:
+    return spec_of(kind, keys).pack({"file": MAP} if kind == "image" else {})
 
 
 CASES = [pytest.param(kind, keys, id=f"{kind} {keys}") for kind, examples in EXAMPLES.items() for keys in examples]
@@ -47,7 +40,7 @@ def test_every_kind_has_an_example() -> None:
 
 @pytest.mark.parametrize(("kind", "keys"), CASES)
 def test_radiance_is_finite_and_not_negative(kind: str, keys: dict[str, Any]) -> None:
-    radiance = seen(spec_of(kind, keys).pack(), DIRECTIONS)
+    radiance = seen(packed(kind, keys), DIRECTIONS)
     assert np.isfinite(radiance).all()
     assert (radiance >= 0.0).all()
 
@@ -58,20 +51,20 @@ def test_no_environment_is_black() -> None:
 
 def test_a_black_environment_is_none() -> None:
     # So that nothing of it is compiled.
-    assert spec_of("constant", {"radiance": 0}).pack() is None
-    assert spec_of("gradient", {"horizon": 0, "zenith": 0}).pack() is None
-    assert spec_of("gradient", {"horizon": 0, "zenith": 1}).pack() is not None
+    assert packed("constant", {"radiance": 0}) is None
+    assert packed("gradient", {"horizon": 0, "zenith": 0}) is None
+    assert packed("gradient", {"horizon": 0, "zenith": 1}) is not None
 
 
 def test_constant_is_the_same_everywhere() -> None:
     np.testing.assert_array_equal(
-        seen(spec_of("constant", {"radiance": [1, 2, 3]}).pack(), DIRECTIONS), np.tile([1.0, 2.0, 3.0], (200, 1))
+        seen(packed("constant", {"radiance": [1, 2, 3]}), DIRECTIONS), np.tile([1.0, 2.0, 3.0], (200, 1))
     )
 
 
 def test_gradient_is_that_of_one_weekend() -> None:
     # Section 4.2: (1 - a) white + a (0.5, 0.7, 1.0), a = (y + 1) / 2; so (0.75, 0.85, 1) straight ahead.
-    sky = spec_of("gradient", {}).pack()
+    sky = packed("gradient", {})
     np.testing.assert_allclose(seen(sky, [0, 1, 0])[0], [0.5, 0.7, 1.0], rtol=1e-15)
     np.testing.assert_allclose(seen(sky, [0, -1, 0])[0], [1.0, 1.0, 1.0], rtol=1e-15)
     np.testing.assert_allclose(seen(sky, [0, 0, -1])[0], [0.75, 0.85, 1.0], rtol=1e-15)

@@ -2,19 +2,15 @@
 
 import math
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from raytracer.embree import MISS
 from raytracer.geometry import Exact
-from raytracer.jit import entry
-from raytracer.kinds import LIGHTS
-from raytracer.lights.interface import pdf_light, sample_lights
-from raytracer.materials.interface import Draws
-from raytracer.sampling import SAMPLERS, pixel_key
 from raytracer.scene.pack import pack
-from tests.rendering import scene
+from tests.lights.kernels import aim, pdf_of
+from tests.rendering import image, mean, scene
 from tests.shapes.kernels import built, cast
 
 CAMERA = "camera: {type: pinhole, look_from: [0, 0, 9], look_at: [0, 0, 0], vfov: 40}\n"
@@ -45,46 +41,10 @@ POWERS = {
 }
 
 
-@entry
-def _aim(scene, sampler, point, direction, radiance, pdf, target, gap):
-    key = pixel_key(sampler, 0, 0)
-    for index in range(len(pdf)):
-        light = sample_lights(scene.lights, scene, point, None, Draws(sampler, key, index, 8))
-        pdf[index] = light.pdf
-        gap[index] = light.gap
-        for axis in range(3):
-            direction[index, axis] = light.direction[axis]
-            radiance[index, axis] = light.weight[axis] * light.pdf
-            target[index, axis] = light.target[axis]
-
-
-@entry
-def _pdf(scene, table, primitive, origin, points, normals, pdf):
-    for index in range(len(pdf)):
-        point = (points[index, 0], points[index, 1], points[index, 2])
-        normal = (normals[index, 0], normals[index, 1], normals[index, 2])
-        pdf[index] = pdf_light(scene.lights, scene, MISS, table[index], primitive[index], origin, point, normal, None)
-
-
-def aim(scene_, point, count, seed=3):
-    direction, radiance, target = (np.empty((count, 3)) for _ in range(3))
-    pdf, gap = np.empty(count), np.empty(count)
-    _aim(
-        scene_,
-        SAMPLERS["independent"](seed, 1),
-        point,
-        direction,
-        radiance,
-        pdf,
-        target,
-        gap,
-    )
-    return direction, radiance, pdf, target, gap
-
-
-def test_lights_besides_emitters_need_an_example_here() -> None:
-    # None so far: whoever adds a kind under lights/ adds it to these tests.
-    assert set(LIGHTS.specs()) == set()
+def aim_at(scene_, point, count):
+    """Direction, radiance, pdf, target and gap of light samples."""
+    aimed = aim(scene_.lights, scene_, point, count)
+    return aimed.direction, aimed.weight * aimed.pdf[:, None], aimed.pdf, aimed.target, aimed.gap
 
 
 def test_emitters_are_chosen_by_power() -> None:
@@ -108,7 +68,7 @@ def test_samples_fall_on_the_lights_as_often_as_they_are_chosen() -> None:
     scene_ = packed(LAMPS)
     count = 40_000
     point = (0.3, -0.9, 0.2)
-    direction, _, _, target, gap = aim(scene_, point, count)
+    direction, _, _, target, gap = aim_at(scene_, point, count)
     np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1.0, atol=1e-14)
     way = target - np.array(point)
     np.testing.assert_allclose(way / np.linalg.norm(way, axis=1)[:, None], direction, atol=1e-7)
@@ -134,31 +94,21 @@ def test_density_of_a_sample_is_that_of_the_hit_it_aims_at() -> None:
     # Where both ways of finding a light give the same density, MIS weights sum to 1.
     scene_ = packed(LAMPS)
     point = (0.3, -0.9, 0.2)
-    direction, _, pdf, target, _ = aim(scene_, point, 20_000)
+    direction, _, pdf, target, _ = aim_at(scene_, point, 20_000)
     hits = cast(scene_.primitives, np.tile(point, (len(pdf), 1)), direction, accel=built(*scene_.primitives))
     same = np.linalg.norm(hits.point - target, axis=1) < 1e-5
     assert same.mean() > 0.5
-    twin = np.empty(same.sum())
-    _pdf(
-        scene_,
-        hits.table[same],
-        hits.primitive[same],
-        point,
-        hits.point[same],
-        hits.normal[same],
-        twin,
-    )
+    twin = pdf_of(scene_, hits.table[same], hits.primitive[same], point, hits.point[same], hits.normal[same])
     np.testing.assert_allclose(twin, pdf[same], rtol=1e-5)
 
 
 def test_density_of_what_does_not_emit_is_zero() -> None:
     scene_ = packed(LAMPS)
     names = [type(table).__name__ for table in scene_.primitives]
-    pdf = np.empty(2)
     table = np.array([names.index("Spheres"), names.index("Parallelograms")])
     point = np.array([[-3.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
     normal = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
-    _pdf(scene_, table, np.array([2, 1]), (0.0, 0.0, 0.0), point, normal, pdf)
+    pdf = pdf_of(scene_, table, np.array([2, 1]), (0.0, 0.0, 0.0), point, normal)
     assert (pdf == 0.0).all()
 
 
@@ -183,9 +133,44 @@ def test_reflected_light_of_a_single_emitter_draws_no_choice() -> None:
         "  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian}}\n"
     )
     assert len(scene_.lights.tables[0].table) == 1
-    _, radiance, pdf, target, _ = aim(scene_, (0.5, 0.0, 0.5), 100)
+    _, radiance, pdf, target, _ = aim_at(scene_, (0.5, 0.0, 0.5), 100)
     np.testing.assert_allclose(radiance, 7.0, rtol=1e-15)
     # Density of a square metre seen from 2 m below: d^3 / (2 A).
     distance = np.linalg.norm(target - [0.5, 0.0, 0.5], axis=1)
     np.testing.assert_allclose(pdf, distance**3 / 2.0, rtol=1e-12)
     assert Exact() == ()
+
+
+def warped_grid(cells: int) -> str:
+    """The square [-1, 1]^2 at y = 3, facing down, as an OBJ mesh of 2 cells^2 triangles of very different sizes."""
+    edges = np.linspace(-1.0, 1.0, cells + 1)
+    edges = np.sign(edges) * np.abs(edges) ** 3
+    lines = [f"v {x} 3 {z}" for x in edges for z in edges]
+    for i in range(cells):
+        for j in range(cells):
+            a = i * (cells + 1) + j + 1
+            b, c, d = a + 1, a + cells + 1, a + cells + 2
+            lines += [f"f {a} {c} {b}", f"f {b} {c} {d}"]
+    return "\n".join(lines)
+
+
+FLOOR = """
+camera: {type: pinhole, look_from: [0, 2, 0], look_at: [0, 0, 0], up: [0, 0, 1], vfov: 20}
+objects:
+  - {type: disc, center: [0, 0, 0], normal: [0, 1, 0], radius: 9, material: {type: lambertian, albedo: 1}}
+"""
+
+
+def test_many_triangles_light_as_the_quad_that_they_make(tmp_path: Path) -> None:
+    (tmp_path / "grid.obj").write_text(warped_grid(100))
+    lamp = "material: {type: emitter, radiance: [1, 2, 3]}}\n"
+    mesh = FLOOR + "  - {type: mesh, file: grid.obj, " + lamp
+    quad = FLOOR + "  - {type: quad, corner: [-1, 3, -1], edges: [[2, 0, 0], [0, 0, 2]], " + lamp
+    (lights,) = pack(scene(mesh, base=tmp_path, filled=False)).scene.lights.tables
+    assert len(lights.table) == 20_000
+    assert lights.choice.pmf.max() > 1e4 * lights.choice.pmf.min()
+    (value, deviation), (other, other_deviation) = (
+        mean(image(text, base=tmp_path, spp=256, max_depth=2, seed=seed)) for seed, text in enumerate((mesh, quad), 1)
+    )
+    np.testing.assert_array_less(np.abs(value - other), 4.0 * np.hypot(deviation, other_deviation))
+    assert (deviation < 0.005 * value).all()

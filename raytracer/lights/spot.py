@@ -1,0 +1,113 @@
+"""Spot light: light from a single point into a cone.
+
+In a scene:
+
+    - {type: spot, position: [0, 4, 0], look_at: [0, 0, 0], intensity: 50, angle: 40, penumbra: 5}
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from raytracer.geometry import row3
+from raytracer.jit import kernel
+from raytracer.lights.interface import Intensity, LightSpec, choose, from_point, sample_light, unit
+from raytracer.sampling.alias import AliasTable, build_alias
+from raytracer.spec import Direction, NonNegativeAngle, Point, Quantity, at
+from raytracer.vec import Vec3, cross, dot, norm, scale, sub
+
+
+class SpotLight(LightSpec):
+    """A point that radiates into a cone: evenly, and within the penumbra less and less, down to nothing at the edge.
+
+    The falloff over the penumbra is linear in the angle from the axis.  No ray can meet the light itself.
+    """
+
+    type: Literal["spot"] = "spot"
+    position: Point = Field(description="where it is")
+    direction: Direction | None = Field(default=None, description="the cone's axis, along which the light travels")
+    look_at: Point | None = Field(default=None, description="a point on the axis, in place of `direction`")
+    intensity: Intensity = Field(description="radiant intensity on the axis (W/sr) by channel, or one number for all")
+    angle: Annotated[float, Quantity("angle", low=0.0, low_open=True, high=180.0)] = Field(
+        description="the cone's full angle, edge to edge"
+    )
+    penumbra: NonNegativeAngle = Field(
+        default=0.0,
+        description="angle within the cone, from its edge inwards, over which the intensity rises; 0: at once",
+    )
+
+    @model_validator(mode="after")
+    def _aimed(self) -> "SpotLight":
+        if (self.direction is None) == (self.look_at is None):
+            raise ValueError("needs exactly one of direction and look_at")
+        if self.look_at == self.position:
+            at("look_at", "is the light's own position, so it names no direction")
+        if self.penumbra > 0.5 * self.angle:
+            at("penumbra", f"must be at most half the angle, {0.5 * self.angle:g}, got {self.penumbra:g}")
+        return self
+
+    def axis(self) -> Vec3:
+        """The unit vector along the axis, away from the light."""
+        if self.direction is not None:
+            return unit(self.direction)
+        assert self.look_at is not None
+        return unit(sub(self.look_at, self.position))
+
+    def solid_angle(self) -> float:
+        """The cone's solid angle (sr), its penumbra weighted by the falloff: flux over intensity.
+
+        With the half angle h and the penumbra's inner edge b, the integral of 2 pi sin t f(t) with f = 1 up to b, and
+        (h - t) / (h - b) beyond, is 2 pi (1 - (sin h - sin b) / (h - b)).
+        """
+        half = math.radians(0.5 * self.angle)
+        inner = half - math.radians(self.penumbra)
+        mean_cosine = (math.sin(half) - math.sin(inner)) / (half - inner) if half > inner else math.cos(half)
+        return 2.0 * math.pi * (1.0 - mean_cosine)
+
+    @staticmethod
+    def pack(specs: Sequence["SpotLight"]) -> "SpotLights | None":
+        shining = [spec for spec in specs if any(spec.intensity)]
+        if not shining:
+            return None
+        return SpotLights(
+            position=np.array([spec.position for spec in shining], np.float64),
+            axis=np.array([spec.axis() for spec in shining], np.float64),
+            intensity=np.array([spec.intensity for spec in shining], np.float64),
+            half=np.radians([0.5 * spec.angle for spec in shining]),
+            penumbra=np.radians([spec.penumbra for spec in shining]),
+            choice=build_alias([sum(spec.intensity) * spec.solid_angle() for spec in shining]),
+        )
+
+
+class SpotLights(NamedTuple):
+    """position, axis (unit) and intensity (n, 3); half, the half angle, and penumbra (n,) in radians: float64."""
+
+    position: NDArray[np.float64]
+    axis: NDArray[np.float64]
+    intensity: NDArray[np.float64]
+    half: NDArray[np.float64]
+    penumbra: NDArray[np.float64]
+    choice: AliasTable
+
+
+@kernel
+def falloff(angle: float, half: float, penumbra: float) -> float:
+    """The intensity at an angle from the axis, over that on the axis."""
+    inside = half - angle
+    if inside < 0.0:
+        return 0.0
+    return inside / penumbra if inside < penumbra else 1.0
+
+
+@sample_light.register(SpotLights)
+def _(table, scene, point, time, u, draws):
+    chosen, probability = choose(table.choice, u)
+    position, axis = row3(table.position, chosen), row3(table.axis, chosen)
+    out = sub(point, position)
+    angle = math.atan2(norm(cross(out, axis)), dot(out, axis))
+    share = falloff(angle, table.half[chosen], table.penumbra[chosen])
+    return from_point(point, position, scale(share, row3(table.intensity, chosen)), probability)

@@ -1,0 +1,80 @@
+"""Compiled loops over lights."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.embree import MISS
+from raytracer.jit import entry
+from raytracer.kinds import LIGHTS
+from raytracer.lights.interface import pdf_light, sample_lights, surroundings
+from raytracer.materials.interface import Draws
+from raytracer.sampling import SAMPLERS, pixel_key
+from raytracer.vec import Vec3
+
+
+class Aimed(NamedTuple):
+    """Light samples: direction, weight and target (n, 3), pdf and gap (n,)."""
+
+    direction: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    pdf: NDArray[np.float64]
+    target: NDArray[np.float64]
+    gap: NDArray[np.float64]
+
+
+@entry
+def _aim(lights, scene, sampler, point, out):
+    key = pixel_key(sampler, 0, 0)
+    for index in range(len(out.pdf)):
+        light = sample_lights(lights, scene, point, None, Draws(sampler, key, index, 8))
+        out.pdf[index] = light.pdf
+        out.gap[index] = light.gap
+        for axis in range(3):
+            out.direction[index, axis] = light.direction[axis]
+            out.weight[index, axis] = light.weight[axis]
+            out.target[index, axis] = light.target[axis]
+
+
+@entry
+def _pdf(scene, table, primitive, origin, points, normals, pdf):
+    for index in range(len(pdf)):
+        point = (points[index, 0], points[index, 1], points[index, 2])
+        normal = (normals[index, 0], normals[index, 1], normals[index, 2])
+        pdf[index] = pdf_light(scene.lights, scene, MISS, table[index], primitive[index], origin, point, normal, None)
+
+
+@entry
+def _escape(lights, scene, directions, pdf, radiance):
+    for index in range(len(directions)):
+        found = surroundings(lights, scene, (directions[index, 0], directions[index, 1], directions[index, 2]), pdf)
+        for axis in range(3):
+            radiance[index, axis] = found[axis]
+
+
+def aim(lights: Any, scene: Any, point: Vec3, count: int, *, seed: int = 3) -> Aimed:
+    """`sample_lights` from a point."""
+    out = Aimed(np.empty((count, 3)), np.empty((count, 3)), np.empty(count), np.empty((count, 3)), np.empty(count))
+    _aim(lights, scene, SAMPLERS["independent"](seed, 1), point, out)
+    return out
+
+
+def pdf_of(scene: Any, table: Any, primitive: Any, origin: Vec3, points: Any, normals: Any) -> NDArray[np.float64]:
+    """`pdf_light` of points on primitives that move in no way."""
+    pdf = np.empty(len(points))
+    _pdf(scene, table, primitive, origin, points, normals, pdf)
+    return pdf
+
+
+def escaped(lights: Any, directions: NDArray[np.float64], pdf: float) -> NDArray[np.float64]:
+    """`surroundings` along directions (n, 3) drawn with a density, of lights with nothing else about them: (n, 3)."""
+    radiance = np.empty((len(directions), 3))
+    _escape(lights, None, np.ascontiguousarray(directions), pdf, radiance)
+    return radiance
+
+
+def table_of(kind: str, *items: dict[str, Any]) -> Any:
+    """The packed table of lights of a kind, from their keys."""
+    cls = LIGHTS.specs()[kind]
+    return cls.pack([cls.model_validate({"type": kind, **keys}) for keys in items])
