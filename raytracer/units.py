@@ -1,6 +1,7 @@
 """Numbers with units: `50 mm`, `1/125 s`, `20 deg`.
 
-World lengths come out in metres, optic lengths in millimetres, angles in degrees, times in seconds.
+World lengths come out in metres, optic lengths in millimetres, angles in degrees, times in seconds, speeds in metres a
+second, angular rates in degrees a second.
 """
 
 import math
@@ -9,7 +10,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from raytracer.errors import shown, suggestion
 
-Dimension: TypeAlias = Literal["length", "optic", "angle", "time", "number"]
+Dimension: TypeAlias = Literal["length", "optic", "angle", "time", "speed", "rate", "number"]
 
 
 class _Dimension(NamedTuple):
@@ -53,6 +54,23 @@ _TIMES = {
     "h": (3600.0, 1.0),
 }
 
+_SPEEDS = {
+    "mm/s": (1.0, 1e3),
+    "cm/s": (1.0, 1e2),
+    "m/s": (1.0, 1.0),
+    "km/s": (1e3, 1.0),
+    "km/h": (1.0, 3.6),
+    "ft/s": (381.0, 1250.0),
+    "mph": (1397.0, 3125.0),
+}
+_RATES = {
+    "deg/s": (1.0, 1.0),
+    "°/s": (1.0, 1.0),
+    "rad/s": (180.0, math.pi),
+    "turn/s": (360.0, 1.0),
+    "rpm": (6.0, 1.0),
+}
+
 _DIMENSIONS: dict[str, _Dimension] = {
     "length": _Dimension("length", "metres", "2, 50 mm or 30cm", _LENGTHS),
     "optic": _Dimension(
@@ -60,11 +78,13 @@ _DIMENSIONS: dict[str, _Dimension] = {
     ),
     "angle": _Dimension("angle", "degrees", "20, 20 deg or 0.3 rad", _ANGLES),
     "time": _Dimension("time", "seconds", "0.5, 1/125 s or 8 ms", _TIMES),
+    "speed": _Dimension("speed", "metres per second", "2, 30 km/h or 5 cm/s", _SPEEDS),
+    "rate": _Dimension("angular rate", "degrees per second", "90, 20 turn/s or 300 rpm", _RATES),
     "number": _Dimension("number", "", "2, 0.5 or 1/3", {}),
 }
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_QUANTITY = re.compile(rf"\s*({_NUMBER}|[-+]?\.?inf)\s*(?:/\s*({_NUMBER})\s*)?([^\W\d_]+|°)?\s*")
+_QUANTITY = re.compile(rf"\s*({_NUMBER}|[-+]?\.?inf)\s*(?:/\s*({_NUMBER})\s*)?((?:[^\W\d_]+|°)(?:/[^\W\d_]+)?)?\s*")
 
 
 def unit_of(dimension: Dimension) -> str:

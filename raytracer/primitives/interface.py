@@ -45,10 +45,22 @@ def pdf_point(table, primitive, reference, point, normal, time):
     raise NotImplementedError
 
 
+@generic
+def carry(table, primitive, hit, time):
+    """Where the point of a geometry.Hit is at another time, for a primitive whose table says how it moves."""
+    raise NotImplementedError
+
+
+@carry.register(tuple)
+def _(table, primitive, hit, time):
+    return hit.local
+
+
 hit_any = switch(hit)
 expect_any = switch(expect)
 sample_point_any = switch(sample_point)
 pdf_point_any = switch(pdf_point)
+carry_any = switch(carry)
 
 
 @generic
@@ -64,7 +76,32 @@ def areas(table: Any) -> NDArray[np.float64]:
 
 
 @generic
+def group_key(table: Any) -> tuple[Any, ...]:
+    """Tables with equal keys can be concatenated; keys can be sorted.  The class and what it lacks, by default."""
+    return (type(table).__name__, *(name for name, field in table._asdict().items() if field is None))
+
+
+@generic
+def section(table: Any, start: int, stop: int) -> Any:
+    """A table of the rows from `start` on and before `stop`, for `geometry`; all fields are rows by default."""
+    if start == 0 and stop == len(table.material):
+        return table
+    return type(table)(*(column[start:stop] if isinstance(column, np.ndarray) else column for column in table))
+
+
+@generic
 def concatenate(first: Any, tables: Sequence[Any]) -> Any:
     """One table with the rows of all `tables`, which are of the class of `first`; all fields are rows by default."""
     fields = zip(*tables, strict=True)
     return type(first)(*(np.ascontiguousarray(np.concatenate(columns)) for columns in fields))
+
+
+@generic
+def unmapped(table: Any) -> Any:
+    """The table without texture coordinates, which a scene without textures has no use for."""
+    raise NotImplementedError(type(table))
+
+
+@unmapped.register(tuple)
+def _(table: Any) -> Any:
+    return table
