@@ -26,6 +26,8 @@ INSTALLED := $(VENV)/.installed-by-$(notdir $(PYTHON))
 INSTALLED_TEST := $(INSTALLED)-test
 INSTALLED_PEERS := $(PEER_VENV)/.installed-by-$(notdir $(PYTHON))
 MILLION := scenes/generated/million.ply
+FOREST := scenes/generated/forest_russet.npy
+GENERATED := $(MILLION) $(FOREST)
 
 .PHONY: help render test test-slow check bench peers references gallery docs scenes clean
 
@@ -36,10 +38,10 @@ help:  ## List the targets
 render: $(INSTALLED)  ## Render the cover scene to outputs/cover.png
 	$(RT) render scenes/cover.yaml -o outputs/cover.png
 
-test: check $(MILLION)  ## Check the sources, then run the quick tests
+test: check $(GENERATED)  ## Check the sources, then run the quick tests
 	$(VENV_PYTHON) -m pytest -m "not slow and not peer" $(PYTEST_ARGS)
 
-test-slow: $(INSTALLED_TEST) $(MILLION)  ## Run the tests that take minutes
+test-slow: $(INSTALLED_TEST) $(GENERATED)  ## Run the tests that take minutes
 	$(VENV_PYTHON) -m pytest -m "slow and not peer" $(PYTEST_ARGS)
 
 check: $(INSTALLED_TEST)  ## Style, types and layers of the sources
@@ -57,13 +59,13 @@ peers: $(INSTALLED) $(INSTALLED_PEERS) $(MILLION)  ## Compare with Mitsuba 3, wh
 references: $(INSTALLED_TEST)  ## Render the reference images of the tests anew
 	$(VENV_PYTHON) -m tests.make_references
 
-gallery: $(INSTALLED) $(MILLION)  ## Render the pictures in docs/gallery
+gallery: $(INSTALLED) $(GENERATED)  ## Render the pictures in docs/gallery
 	$(VENV_PYTHON) docs/make_gallery.py
 
 docs: $(INSTALLED)  ## Write docs/scenes.md from the scene schema
 	$(VENV_PYTHON) docs/make_scenes.py
 
-scenes: $(MILLION)  ## Make the scene files that are not in the repository
+scenes: $(GENERATED)  ## Make the scene files that are not in the repository
 
 clean:  ## Remove what make and the tools made
 	rm -rf .venv .venv-peers build dist raytracer.egg-info scenes/generated outputs/cover.png
@@ -72,6 +74,10 @@ clean:  ## Remove what make and the tools made
 
 $(MILLION): scenes/generate/million.py | $(INSTALLED)
 	$(VENV_PYTHON) scenes/generate/million.py
+
+# Its last file stands for all that it writes.
+$(FOREST): scenes/generate/forest.py | $(INSTALLED)
+	$(VENV_PYTHON) scenes/generate/forest.py
 
 # Make the environment $(1) with $(PYTHON), or say in a sentence why that cannot be.
 define make_venv

@@ -5,13 +5,13 @@ classes take triangles only and give no pointer, so the C interface is called di
 and as an external function inside compiled kernels to trace.
 
 References: Wald et al. 2014, "Embree: A Kernel Framework for Efficient CPU Ray Tracing", ACM TOG 33(4);
-Embree 4 API reference (rtcNewScene, rtcSetSharedGeometryBuffer, rtcIntersect8).
+Embree 4 API reference (rtcNewScene, rtcSetSharedGeometryBuffer, rtcIntersect8, RTC_GEOMETRY_TYPE_INSTANCE_ARRAY).
 """
 
 import ctypes
 import importlib.util
 import weakref
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -38,8 +38,10 @@ _ERRORS = {
 }
 
 _TYPES = {Primitive.TRIANGLE: 0, Primitive.QUAD: 1, Primitive.SPHERE: 50, Primitive.DISC: 52}
-_UINT3, _UINT4, _FLOAT3, _FLOAT4 = 0x5003, 0x5004, 0x9003, 0x9004
-_INDEX_BUFFER, _VERTEX_BUFFER, _NORMAL_BUFFER = 0, 1, 3
+_INSTANCE_ARRAY = 122
+_FORMATS = {("u", 1): 0x5001, ("u", 3): 0x5003, ("u", 4): 0x5004, ("f", 3): 0x9003, ("f", 4): 0x9004}
+_POSE_FORMATS = {12: 0x9134, 16: 0xB001}
+_INDEX_BUFFER, _VERTEX_BUFFER, _NORMAL_BUFFER, _TRANSFORM_BUFFER = 0, 1, 3, 23
 _COMPACT, _ROBUST = 2, 4
 _BUILD_QUALITY_HIGH = 2
 
@@ -108,6 +110,7 @@ _commit_geometry = _declare("rtcCommitGeometry", None, _ptr)
 _set_time_steps = _declare("rtcSetGeometryTimeStepCount", None, _ptr, _uint)
 _attach = _declare("rtcAttachGeometryByID", None, _ptr, _ptr, _uint)
 _share = _declare("rtcSetSharedGeometryBuffer", None, _ptr, _uint, _uint, _uint, _ptr, _size, _size, _size)
+_set_instanced = _declare("rtcSetGeometryInstancedScenes", None, _ptr, ctypes.POINTER(_ptr), _size)
 
 
 class Device:
@@ -147,32 +150,71 @@ class Device:
             raise EmbreeError(f"Embree: {first}")
 
 
+class Placements(NamedTuple):
+    """Groups that are placed in the scene, many at once.
+
+    group (n,) uint32, which group each placement shows; poses, one array a time step, float32 and all of one kind:
+    (n, 12), rows of a 3x4 matrix from the group's space to the world's; or (n, 16), the fields of an
+    RTCQuaternionDecomposition, between which Embree turns at a constant rate.
+    """
+
+    group: NDArray[np.uint32]
+    poses: tuple[NDArray[np.float32], ...]
+
+
 class Accel:
     """A built scene; `address` is what kernels take.  It is freed with this object.
 
-    Geometry i of `geometries` answers hits with geometry number i.
+    Parameters
+    ----------
+    geometries : by the number with which each answers hits.
+    groups : the geometries of each group, likewise; a group is in the scene where it is placed, and only there.
+    placements : those of entry k answer hits with the instance number `first_instance` + k, and their place in it.
+    first_instance : greater than the number of any geometry.
 
     Raises
     ------
     EmbreeError : Embree refused a geometry or ran out of memory.
     """
 
-    def __init__(self, geometries: Sequence[Geometry], *, robust: bool = True, device: Device | None = None) -> None:
+    def __init__(
+        self,
+        geometries: Mapping[int, Geometry] | Sequence[Geometry],
+        groups: Sequence[Mapping[int, Geometry]] = (),
+        placements: Sequence[Placements] = (),
+        *,
+        first_instance: int = 0,
+        robust: bool = True,
+        device: Device | None = None,
+    ) -> None:
         self.device = device or Device()
-        handle = _new_scene(self.device.handle)
-        self.device.check()
-        self.address: int = handle
         # Buffers are shared, so they live as long as the scene; the device too.
         self._kept: list[Any] = [self.device]
-        self._finalizer = weakref.finalize(self, _release, handle, self._kept)
-        _set_scene_flags(handle, _ROBUST if robust else 0)
+        self._handles: list[int] = []
+        self._finalizer = weakref.finalize(self, _release, self._handles, self._kept)
+        self._flags = _ROBUST if robust else 0
+        scenes = [self._build(group, {}, []) for group in groups]
+        numbered = geometries if isinstance(geometries, Mapping) else dict(enumerate(geometries))
+        self.address = self._build(numbered, dict(enumerate(placements, first_instance)), scenes)
+
+    def _build(
+        self, geometries: Mapping[int, Geometry], placements: Mapping[int, Placements], scenes: Sequence[int]
+    ) -> int:
+        """A committed scene of geometries, and of placements of the scenes that are built already."""
+        handle = _new_scene(self.device.handle)
+        self.device.check()
+        self._handles.append(handle)
+        _set_scene_flags(handle, self._flags)
         _set_build_quality(handle, _BUILD_QUALITY_HIGH)
-        for number, geometry in enumerate(geometries):
-            self._attach(number, geometry)
+        for number, geometry in geometries.items():
+            self._attach(handle, number, geometry)
+        for number, placed in placements.items():
+            self._place(handle, number, placed, scenes)
         _commit_scene(handle)
         self.device.check()
+        return int(handle)
 
-    def _attach(self, number: int, geometry: Geometry) -> None:
+    def _attach(self, scene: int, number: int, geometry: Geometry) -> None:
         """Give one geometry's buffers to the scene."""
         item = _new_geometry(self.device.handle, _TYPES[geometry.primitive])
         self.device.check()
@@ -182,29 +224,49 @@ class Accel:
                 _set_time_steps(item, steps)
             for step, vertices in enumerate(geometry.vertices):
                 self._share(item, _VERTEX_BUFFER, step, vertices)
-            if geometry.normals is not None:
-                self._share(item, _NORMAL_BUFFER, 0, geometry.normals)
+                if geometry.normals is not None:
+                    self._share(item, _NORMAL_BUFFER, step, geometry.normals)
             if geometry.indices is not None:
                 self._share(item, _INDEX_BUFFER, 0, geometry.indices)
             _commit_geometry(item)
-            _attach(self.address, item, number)
+            _attach(scene, item, number)
             self.device.check()
         finally:
             _release_geometry(item)
 
-    def _share(self, item: int, kind: int, slot: int, rows: NDArray[Any]) -> None:
-        """Lend an array of shape (n, 3) or (n, 4), float32 or uint32, to Embree."""
-        formats = {("f", 3): _FLOAT3, ("f", 4): _FLOAT4, ("u", 3): _UINT3, ("u", 4): _UINT4}
+    def _place(self, scene: int, number: int, placed: Placements, scenes: Sequence[int]) -> None:
+        """Add an instance array to the scene: for 10,000 placements it takes 0.9 MB, where instances take 3.3 MB."""
+        item = _new_geometry(self.device.handle, _INSTANCE_ARRAY)
+        self.device.check()
+        try:
+            _set_instanced(item, (_ptr * len(scenes))(*scenes), len(scenes))
+            if len(placed.poses) > 1:
+                _set_time_steps(item, len(placed.poses))
+            self._share(item, _INDEX_BUFFER, 0, placed.group[:, None])
+            for step, poses in enumerate(placed.poses):
+                self._share(item, _TRANSFORM_BUFFER, step, poses, _POSE_FORMATS)
+            _commit_geometry(item)
+            _attach(scene, item, number)
+            self.device.check()
+        finally:
+            _release_geometry(item)
+
+    def _share(
+        self, item: int, kind: int, slot: int, rows: NDArray[Any], formats: Mapping[Any, int] | None = None
+    ) -> None:
+        """Lend an array of shape (n, width), float32 or uint32, to Embree."""
         if rows.dtype.itemsize != 4 or not rows.flags.c_contiguous:
             raise EmbreeError("geometry buffers must be contiguous arrays of 32-bit numbers")
-        form = formats[rows.dtype.kind, rows.shape[1]]
+        width = rows.shape[1]
+        form = formats[width] if formats else _FORMATS[rows.dtype.kind, width]
         self._kept.append(rows)
-        stride = rows.shape[1] * 4
-        _share(item, kind, slot, form, rows.ctypes.data, 0, stride, rows.shape[0])
+        _share(item, kind, slot, form, rows.ctypes.data, 0, 4 * width, rows.shape[0])
 
 
-def _release(handle: int, kept: list[Any]) -> None:
-    _release_scene(handle)
+def _release(handles: list[int], kept: list[Any]) -> None:
+    # The scene that shows the others was built last.
+    for handle in reversed(handles):
+        _release_scene(handle)
     kept.clear()
 
 
@@ -221,7 +283,7 @@ class Packet(NamedTuple):
 
 # Rows of a packet: RTCRay8, then RTCHit8.
 ORIGIN, TNEAR, DIRECTION, TIME, TFAR, MASK, RAY_ID, FLAGS = 0, 3, 4, 7, 8, 9, 10, 11
-NORMAL, U, V, PRIMITIVE, GEOMETRY, INSTANCE = 12, 15, 16, 17, 18, 19
+NORMAL, U, V, PRIMITIVE, GEOMETRY, INSTANCE, PLACEMENT = 12, 15, 16, 17, 18, 19, 20
 _ROWS = 24
 
 # In 32-bit words: 64 bytes, which is enough for every packet width.
@@ -249,7 +311,11 @@ _rtc_occluded8: Any = types.ExternalFunction("rtcOccluded8", _signature)
 
 @kernel
 def intersect(accel, packet, count):
-    """Nearest hits of the first `count` rays; a miss leaves MISS in the GEOMETRY row."""
+    """Nearest hits of the first `count` rays; a miss leaves MISS in the GEOMETRY row.
+
+    A hit of a geometry that is not in a group leaves MISS in the INSTANCE row; else this names the Placements, and
+    the PLACEMENT row which of them.
+    """
     for lane in range(PACKET):
         packet.valid[lane] = -1 if lane < count else 0
         packet.ints[GEOMETRY, lane] = MISS

@@ -1,12 +1,20 @@
-"""What scenes are made of besides their YAML: meshes read from files."""
+"""What scenes are made of besides their YAML: meshes, grids and the like, read from files."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from raytracer.assets.grids import read_grid
+from raytracer.assets.images import Image, read_image
 from raytracer.assets.meshes import Mesh, read_mesh, smooth_normals
+from raytracer.assets.placements import read_placements
 
-LOADERS: Mapping[str, Callable[[Path], Any]] = {"mesh": read_mesh}
+LOADERS: Mapping[str, Callable[[Path], Any]] = {
+    "grid": read_grid,
+    "image": read_image,
+    "mesh": read_mesh,
+    "placements": read_placements,
+}
 """How each kind of asset that a shape may ask for is read."""
 
-__all__ = ["LOADERS", "Mesh", "read_mesh", "smooth_normals"]
+__all__ = ["LOADERS", "Image", "Mesh", "read_grid", "read_image", "read_mesh", "read_placements", "smooth_normals"]

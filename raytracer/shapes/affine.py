@@ -31,19 +31,16 @@ def is_mirrored(matrix: Matrix) -> bool:
     return bool(np.linalg.det(matrix[:3, :3]) < 0.0)
 
 
-def uniform_scale(matrix: Matrix, what: str) -> float:
-    """The one factor by which the matrix scales.
-
-    Raises
-    ------
-    ValueError : it scales differently along different axes, or shears; `what` ("a sphere") names who minds.
-    """
+def is_uniform(matrix: Matrix) -> bool:
+    """Whether it scales by the same factor along all axes, and does not shear."""
     gram = matrix[:3, :3].T @ matrix[:3, :3]
-    size = float(gram[0, 0])
     # Equal columns at right angles, up to the rounding of a product of rotations.
-    if not np.allclose(gram, size * np.eye(3), rtol=0.0, atol=1e-12 * size):
-        raise ValueError(f"{what} can only be scaled by the same factor along all axes")
-    return float(np.sqrt(size))
+    return bool(np.allclose(gram, gram[0, 0] * np.eye(3), rtol=0.0, atol=1e-12 * gram[0, 0]))
+
+
+def uniform_scale(matrix: Matrix) -> float:
+    """The one factor by which a matrix scales that `is_uniform`."""
+    return float(np.sqrt(matrix[:3, 0] @ matrix[:3, 0]))
 
 
 def references(material: int, count: int = 1) -> NDArray[np.int32]:

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from raytracer.primitives.discs import Discs
-from raytracer.shapes.affine import Matrix, normals, points, references, uniform_scale
+from raytracer.shapes.affine import Matrix, is_uniform, normals, points, references, uniform_scale
 from raytracer.shapes.interface import Assets, ShapeSpec
 from raytracer.spec import Direction, Point, PositiveLength
 
@@ -24,14 +24,13 @@ class Disc(ShapeSpec):
     normal: Direction = Field(description="direction of its outside")
     radius: PositiveLength = Field(description="radius (m)")
 
-    def pack(self, matrix: Matrix, material: int, _: Assets) -> Discs:
-        """One row.
+    def takes(self, matrix: Matrix) -> bool:
+        """Whether it stays a disc."""
+        return is_uniform(matrix)
 
-        Raises
-        ------
-        ValueError : a transform that would make it an ellipse.
-        """
-        radius = uniform_scale(matrix, "a disc") * self.radius
+    def pack(self, matrix: Matrix, material: int, _: Assets) -> Discs:
+        """One row."""
+        radius = uniform_scale(matrix) * self.radius
         return Discs(
             points(matrix, [self.center]), normals(matrix, [self.normal]), np.array([radius]), references(material)
         )

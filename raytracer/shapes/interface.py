@@ -3,8 +3,13 @@
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from raytracer.motion import Motion, Shutter
 from raytracer.shapes.affine import Matrix
-from raytracer.spec import ObjectSpec
+from raytracer.spec import Name, ObjectSpec, at
 
 Assets = Mapping[str, Any]
 """What an object's files held, by the key that names the file."""
@@ -14,6 +19,15 @@ class ShapeSpec(ObjectSpec):
     """Base of the shapes."""
 
     type: str
+    motion: Motion | None = Field(
+        default=None,
+        description="how the object moves in world space, after its transform: velocity (m/s), "
+        "spin {axis, rate (deg/s), center} or keyframes [{time, transform}]",
+    )
+
+    def takes(self, matrix: Matrix) -> bool:
+        """Whether its primitives can be packed under this transform; if not, it is placed by an instance instead."""
+        return True
 
     def pack(self, matrix: Matrix, material: int, assets: Assets) -> Any:
         """The shape's rows of a primitive table, in world space.
@@ -21,5 +35,35 @@ class ShapeSpec(ObjectSpec):
         Raises
         ------
         ValueError : the matrix or an asset does not suit the shape; a sentence that says why.
+        """
+        raise NotImplementedError
+
+    def pack_exposed(self, matrix: Matrix, material: int, assets: Assets, shutter: Shutter) -> Any:
+        """As `pack`, for what changes its form while the shutter is open; without regard to `motion`."""
+        return self.pack(matrix, material, assets)
+
+
+class PlacingSpec(ShapeSpec):
+    """Base of the shapes that place what is defined elsewhere."""
+
+    of: Name = Field(description="name of a group under `groups`, or of an object")
+    material: Any = Field(
+        default=None,
+        description="name of a material, or a material itself, that takes the place of all materials in it",
+    )
+
+    @model_validator(mode="after")
+    def _has_no_medium_of_its_own(self) -> "PlacingSpec":
+        for key in ("medium", "outside_medium"):
+            if self.material is None and getattr(self, key) is not None:
+                at(key, "takes effect together with a `material` here; else give it to the objects that are placed")
+        return self
+
+    def poses(self, assets: Assets) -> NDArray[np.float64]:
+        """Where copies are placed: matrices (n, 4, 4), n >= 1, `transform` included.
+
+        Raises
+        ------
+        ValueError : what is asked for cannot be; a sentence that says why.
         """
         raise NotImplementedError

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from raytracer.primitives.spheres import Spheres
-from raytracer.shapes.affine import Matrix, points, references, uniform_scale
+from raytracer.shapes.affine import Matrix, is_uniform, points, references, uniform_scale
 from raytracer.shapes.interface import Assets, ShapeSpec
 from raytracer.spec import Length, Point
 
@@ -30,12 +30,11 @@ class Sphere(ShapeSpec):
             raise ValueError("must not be zero")
         return radius
 
-    def pack(self, matrix: Matrix, material: int, _: Assets) -> Spheres:
-        """One row.
+    def takes(self, matrix: Matrix) -> bool:
+        """Whether it stays a sphere."""
+        return is_uniform(matrix)
 
-        Raises
-        ------
-        ValueError : a transform that would make it an ellipsoid.
-        """
-        radius = uniform_scale(matrix, "a sphere") * self.radius
+    def pack(self, matrix: Matrix, material: int, _: Assets) -> Spheres:
+        """One row."""
+        radius = uniform_scale(matrix) * self.radius
         return Spheres(points(matrix, [self.center]), np.array([radius]), references(material))
