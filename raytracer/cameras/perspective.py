@@ -3,23 +3,13 @@
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from raytracer.cameras.interface import CameraSpec, camera_ray
+from raytracer.cameras.interface import camera_ray, project
+from raytracer.cameras.placement import Frame, PlacedSpec, in_frame
 from raytracer.jit import generic, kernel
-from raytracer.spec import Direction, FieldOfView, Point
-from raytracer.vec import Vec3, add, madd, normalize, scale
-
-
-class Frame(NamedTuple):
-    """A camera's place and frame: origin, and the unit vectors right, up, forward."""
-
-    origin: Vec3
-    right: Vec3
-    up: Vec3
-    forward: Vec3
+from raytracer.spec import FieldOfView
+from raytracer.vec import add, madd, normalize, scale
 
 
 class ImagePlane(NamedTuple):
@@ -38,48 +28,10 @@ class PerspectiveCamera(NamedTuple):
     lens: Any
 
 
-def _vec3(vector: NDArray[np.float64]) -> Vec3:
-    return float(vector[0]), float(vector[1]), float(vector[2])
-
-
-class PerspectiveSpec(CameraSpec):
+class PerspectiveSpec(PlacedSpec):
     """Where a camera stands, what it looks at, and how much of it."""
 
-    look_from: Point = Field(default=(0.0, 0.0, 0.0), description="position of the pinhole or lens (m)")
-    look_at: Point = Field(default=(0.0, 0.0, -1.0), description="point in the centre of the picture (m)")
-    up: Direction = Field(default=(0.0, 1.0, 0.0), description="direction that is up in the picture")
     vfov: FieldOfView = Field(default=90.0, description="vertical field of view (deg), between 0 and 180")
-
-    @model_validator(mode="after")
-    def _looks_somewhere(self) -> Any:
-        self.frame()
-        return self
-
-    def frame(self) -> Frame:
-        """The camera's frame, orthonormal to a few ulps however close `up` is to the view.
-
-        Raises
-        ------
-        ValueError : look_from and look_at are the same point, or `up` is parallel to the view.
-        """
-        forward = np.subtract(self.look_at, self.look_from)
-        if not forward.any():
-            raise ValueError("look_from and look_at are the same point, so the camera looks nowhere")
-        forward = forward / np.linalg.norm(forward)
-        up = np.asarray(self.up) / np.linalg.norm(self.up)
-        right = np.cross(forward, up)
-        # The sine between two unit vectors is wrong by a few ulps, so less than that is parallel.
-        if np.linalg.norm(right) < 4.0 * np.finfo(np.float64).eps:
-            raise ValueError("up is parallel to the view from look_from to look_at, so no direction is up")
-        # A second round takes out what cancellation left along the view.
-        right = right / np.linalg.norm(right)
-        right = right - forward * np.dot(right, forward)
-        right = right / np.linalg.norm(right)
-        return Frame(self.look_from, _vec3(right), _vec3(np.cross(right, forward)), _vec3(forward))
-
-    def distance(self) -> float:
-        """|look_at - look_from| (m)."""
-        return float(np.linalg.norm(np.subtract(self.look_at, self.look_from)))
 
     def describe(self, width: int, height: int) -> dict[str, float]:
         """Derived numbers for `rt explain`, by name with unit."""
@@ -123,3 +75,12 @@ def film_direction(frame, plane, x, y):
 @camera_ray.register(PerspectiveCamera)
 def _(camera, x, y, time, draws):
     return lens_ray(camera.lens, camera.frame, film_direction(camera.frame, camera.plane, x, y), draws)
+
+
+@project.register(PerspectiveCamera)
+def _(camera, point, time):
+    right, up, depth = in_frame(camera.frame, point)
+    if depth <= 0.0:
+        return math.nan, math.nan, depth
+    plane = camera.plane
+    return (right / depth - plane.left) / plane.pixel, (plane.top - up / depth) / plane.pixel, depth

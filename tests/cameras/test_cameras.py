@@ -11,10 +11,25 @@ from raytracer.cameras.pinhole import Pinhole
 from raytracer.cameras.thin_lens import Lens, ThinLens
 from raytracer.kinds import CAMERAS
 from raytracer.spec import Spec
-from tests.cameras.kernels import camera_rays
-from tests.rendering import image
+from tests.cameras.kernels import camera_rays, projected, weighted_rays
+from tests.rendering import image, rendered
 
 EXAMPLES: dict[str, list[dict[str, Any]]] = {
+    "equirectangular": [
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0]},
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "hfov": 120, "vfov": 70},
+    ],
+    "fisheye": [
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0]},
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "fov": 220},
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "projection": "equisolid", "fov": 360},
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "projection": "stereographic", "fov": 300},
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "projection": "orthographic"},
+    ],
+    "orthographic": [
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "height": 3},
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "width": 5},
+    ],
     "pinhole": [{"look_from": [1, 2, 3], "look_at": [0, 0, 0], "vfov": 35}],
     "thin_lens": [
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "vfov": 35, "defocus_angle": 2},
@@ -59,10 +74,36 @@ def test_film_is_upright_and_its_middle_is_what_the_camera_looks_at(keys: dict[s
     # A lens turns single rays by up to its radius over the focus distance: on average, not at all.
     middle = directions.mean(axis=0)
     np.testing.assert_allclose(middle / np.linalg.norm(middle), view, atol=1e-3)
+    # What is seen a metre away, above the middle and to its right.
     right = np.cross(view, spec.up)
-    top, side = (camera_rays(spec.pack(40, 30), x, y)[1][0] for x, y in ((20.0, 0.0), (40.0, 15.0)))
-    assert top @ np.asarray(spec.up) > view @ np.asarray(spec.up)
-    assert side @ right > 0.1
+    packed = spec.pack(40, 30)
+    seen = [np.add(*(rays[0] for rays in camera_rays(packed, x, y))) for x, y in ((20, 15), (20, 5), (30, 15))]
+    middle, top, side = seen
+    assert (top - middle) @ np.asarray(spec.up) > 0.05
+    assert (side - middle) @ right > 0.05
+
+
+@pytest.mark.parametrize("keys", CASES)
+def test_what_a_ray_meets_is_projected_to_where_the_ray_started(keys: dict[str, Any]) -> None:
+    # Through a lens, what lies in the plane of focus.
+    rng = np.random.default_rng(2)
+    spec = camera(**keys)
+    packed = spec.pack(40, 30)
+    x, y = rng.uniform(0, 40, 2000), rng.uniform(0, 30, 2000)
+    origins, directions, weights = weighted_rays(packed, x, y)
+    forward = np.subtract(spec.look_at, spec.look_from) / np.linalg.norm(np.subtract(spec.look_at, spec.look_from))
+    distance = rng.uniform(0.1, 100.0, (2000, 1))
+    lens = getattr(packed, "lens", None)
+    if lens is not None:
+        focus = 1.0 / lens.inverse_focus if lens.inverse_focus else 1e15
+        distance = (focus / (directions @ forward))[:, None]
+    points = origins + distance * directions
+    found = projected(packed, points)
+    seen = weights > 0.0
+    assert seen.mean() > 0.5
+    np.testing.assert_allclose(found[seen, 0], x[seen], rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(found[seen, 1], y[seen], rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(found[:, 2], (points - spec.look_from) @ forward, rtol=1e-12, atol=1e-12)
 
 
 # ---- Pinhole
@@ -290,3 +331,182 @@ def test_cameras_describe_themselves() -> None:
     # Camera truths: twice the blur at 20 m, which is twice the focus distance, is half that at infinity.
     assert numbers["blur_at_infinity_px"] == pytest.approx(20.044, abs=1e-3)
     assert isinstance(camera(), Spec)
+
+
+# ---- Orthographic
+
+
+@pytest.mark.parametrize(("keys", "pixel"), [({"height": 3}, 0.1), ({"width": 3}, 0.075)])
+def test_orthographic_rays_are_parallel_and_their_origins_a_grid(keys: dict[str, Any], pixel: float) -> None:
+    spec = camera(type="orthographic", look_from=[0, 1, 5], look_at=[0, 1, 0], **keys)
+    origins, directions = camera_rays(spec.pack(40, 30), [0.0, 20.0, 40.0, 13.5], [0.0, 15.0, 30.0, 4.5])
+    np.testing.assert_array_equal(directions, np.tile([0.0, 0.0, -1.0], (4, 1)))
+    x, y = np.array([-20.0, 0.0, 20.0, -6.5]) * pixel, 1.0 + np.array([15.0, 0.0, -15.0, 10.5]) * pixel
+    np.testing.assert_allclose(origins, np.stack([x, y, np.full(4, 5.0)], axis=1), rtol=0.0, atol=1e-15)
+    numbers = spec.describe(40, 30)
+    assert numbers == pytest.approx({"view_width_m": 40 * pixel, "view_height_m": 30 * pixel, "pixel_mm": 1e3 * pixel})
+
+
+def test_orthographic_sizes_do_not_depend_on_distance() -> None:
+    # A disc of 40 x 40 pixels: its area in the picture is pi r^2 / pixel^2, near or far; nothing behind is seen.
+    for z, area in ((4.0, math.pi * 100.0), (-1000.0, math.pi * 100.0), (6.0, 0.0)):
+        picture = image(
+            f"""
+camera: {{type: orthographic, look_from: [0, 0, 5], look_at: [0, 0, 0], height: 1}}
+objects:
+  - {{type: disc, center: [0, 0, {z}], normal: [0, 0, 1], radius: 0.25, material: {{type: emitter, radiance: 1}}}}
+""",
+            width=40,
+            height=40,
+            max_depth=1,
+            spp=64,
+            sampler="sobol",
+        )
+        assert picture.radiance[..., 0].sum() == pytest.approx(area, rel=2e-3)
+
+
+def test_orthographic_needs_one_size() -> None:
+    for keys in ({}, {"height": 1, "width": 1}):
+        with pytest.raises(ValidationError, match="give either height or width"):
+            camera(type="orthographic", **keys)
+
+
+# ---- Equirectangular
+
+
+def test_longitude_and_latitude_are_measured_in_equal_steps() -> None:
+    # 360 x 180 pixels: one pixel a degree.  The x-axis is 90 degrees to the right of -z.
+    packed = camera(type="equirectangular", look_from=[0, 0, 0], look_at=[0, 0, -1]).pack(360, 180)
+    for longitude, latitude in ((0, 0), (90, 0), (-90, 0), (180, 0), (45, 30), (-120, -60), (10, 90), (0, -90)):
+        a, b = math.radians(longitude), math.radians(latitude)
+        expected = [math.cos(b) * math.sin(a), math.sin(b), -math.cos(b) * math.cos(a)]
+        _, directions = camera_rays(packed, 180.0 + longitude, 90.0 - latitude)
+        np.testing.assert_allclose(directions[0], expected, rtol=0.0, atol=1e-15)
+
+
+def test_a_cap_fills_its_latitudes_of_the_panorama() -> None:
+    # A sphere of radius 1 at distance 2, straight down: asin(1/2) = 30 degrees from the pole, so a sixth of the rows.
+    picture = image(
+        """
+camera: {type: equirectangular, look_from: [0, 0, 0], look_at: [0, 0, -1]}
+objects:
+  - {type: sphere, center: [0, -2, 0], radius: 1, material: {type: emitter, radiance: 1}}
+""",
+        width=24,
+        height=12,
+        max_depth=1,
+        spp=16,
+    )
+    expected = np.repeat([0.0, 1.0], [10, 2])[:, None].repeat(24, axis=1)
+    np.testing.assert_array_equal(picture.radiance[..., 0], expected)
+
+
+# ---- Fisheye
+
+RADII = {
+    "equidistant": lambda t: t,
+    "equisolid": lambda t: math.sin(t / 2.0),
+    "stereographic": lambda t: math.tan(t / 2.0),
+    "orthographic": math.sin,
+}
+
+
+@pytest.mark.parametrize("fov", [60.0, 180.0])
+@pytest.mark.parametrize("projection", RADII)
+def test_angles_land_where_the_projection_says(projection: str, fov: float) -> None:
+    keys = {"type": "fisheye", "projection": projection, "fov": fov, "look_from": [0, 0, 0], "look_at": [0, 0, -1]}
+    spec = camera(**keys)
+    packed = spec.pack(400, 300)
+    radius = RADII[projection]
+    for part in (0.0, 0.1, 0.5, 0.9, 1.0 - 1e-12):
+        angle = part * math.radians(fov) / 2.0
+        r = 150.0 * radius(angle) / radius(math.radians(fov) / 2.0)
+        # To the right, and up to the left at 45 degrees.
+        for turn in (0.0, 0.75 * math.pi):
+            expected = [math.sin(angle) * math.cos(turn), math.sin(angle) * math.sin(turn), -math.cos(angle)]
+            x, y = 200.0 + r * math.cos(turn), 150.0 - r * math.sin(turn)
+            _, directions = camera_rays(packed, x, y)
+            # Orthographic rays turn by 1 / cos(angle) of what the film position is rounded by.
+            np.testing.assert_allclose(directions[0], expected, rtol=0.0, atol=1e-14 if angle < 1.5 else 1e-9)
+            np.testing.assert_allclose(projected(packed, expected)[0, :2], [x, y], rtol=0.0, atol=1e-9)
+    # The middle pixel sees as many degrees as two film positions half a pixel off it differ by.
+    _, (left, right) = camera_rays(packed, [199.5, 200.5], 150.0)
+    angle = math.degrees(math.asin(np.linalg.norm(np.cross(left, right))))
+    assert spec.describe(400, 300)["pixel_at_middle_deg"] == pytest.approx(angle, rel=1e-4)
+
+
+def solid_angles(projection: str, fov: float) -> Any:
+    """Solid angle of each pixel that lies in the circle, (n,), relative to that of one in the middle."""
+    packed = camera(type="fisheye", projection=projection, fov=fov).pack(64, 64)
+    edges = np.arange(65.0)
+    x, y = (grid.ravel() for grid in np.meshgrid(edges, edges))
+    _, corners, weights = weighted_rays(packed, x, y)
+    corners, inside = corners.reshape(65, 65, 3), (weights > 0.0).reshape(65, 65)
+    whole = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
+    diagonals = np.cross(corners[1:, 1:] - corners[:-1, :-1], corners[1:, :-1] - corners[:-1, 1:])
+    area = 0.5 * np.linalg.norm(diagonals, axis=-1)
+    return area[whole] / area[32, 32]
+
+
+def test_an_equisolid_pixel_is_the_same_solid_angle_everywhere() -> None:
+    # Flat quadrilaterals in place of those on the sphere: 1 % at most, and the projection's shear as much.
+    areas = solid_angles("equisolid", 180.0)
+    assert len(areas) > 2900
+    np.testing.assert_allclose(areas, 1.0, rtol=0.01)
+    # An equidistant pixel at the horizon is 2 / pi of one in the middle: sin(t) / t.
+    assert solid_angles("equidistant", 180.0).min() == pytest.approx(2.0 / math.pi, abs=0.02)
+
+
+def test_the_solid_angle_of_the_whole_circle() -> None:
+    # Uniform light of radiance 1 through the equisolid fisheye: the mean over the film is the circle's, pi / 4, and the
+    # solid angle of a half space, 2 pi, spread over its area: 8 sin^2(fov / 4) / R^2 a pixel, whatever the radius.
+    picture = image(
+        """
+camera: {type: fisheye, projection: equisolid, look_from: [0, 0, 0], look_at: [0, 0, -1]}
+environment: {type: constant, radiance: 1}
+objects:
+  - {type: disc, center: [0, 0, -1], normal: [0, 0, 1], radius: 1, material: {type: emitter, radiance: 0}}
+""",
+        width=40,
+        height=40,
+        max_depth=1,
+        spp=64,
+        sampler="sobol",
+    ).radiance[..., 0]
+    # The disc hides 45 degrees around the axis, 2 pi (1 - cos 45) of the 2 pi of the circle.
+    assert picture.sum() == pytest.approx(math.pi * 400.0 * math.cos(math.radians(45.0)), rel=2e-3)
+    # Outside the circle it is black, although the environment is not.
+    assert (picture[[0, 0, -1, -1], [0, -1, 0, -1]] == 0.0).all()
+
+
+def test_what_lies_outside_the_circle_is_not_traced() -> None:
+    scene = """
+camera: {{type: {}, look_from: [0, 0, 4], look_at: [0, 0, 0]}}
+environment: {{type: constant, radiance: 1}}
+objects:
+  - {{type: sphere, center: [0, 9, 0], radius: 1, material: {{type: lambertian}}}}
+"""
+    result = rendered(scene.format("fisheye"), width=64, height=64, max_depth=1, spp=16)
+    assert result.stats.rays == pytest.approx(math.pi / 4.0 * result.stats.samples, rel=0.01)
+    # Samples outside count as black: the middle is as bright as without them, and no pixel is missing any.
+    assert (result.image.radiance[31:33, 31:33] == 1.0).all()
+    assert result.fewest_samples == 16
+
+
+@pytest.mark.parametrize(
+    ("projection", "fov", "message"),
+    [("stereographic", 360, "less than 360"), ("orthographic", 190, "at most 180"), ("equidistant", 361, "360")],
+)
+def test_fields_that_a_fisheye_cannot_show(projection: str, fov: float, message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        camera(type="fisheye", projection=projection, fov=fov)
+
+
+def test_points_behind_are_nowhere_for_cameras_that_look_ahead() -> None:
+    for keys in ({"type": "pinhole"}, {"type": "orthographic", "height": 1}):
+        found = projected(camera(**keys).pack(40, 30), [[0.1, 0.2, 3.0]])[0]
+        assert np.isnan(found[:2]).all()
+        assert found[2] == -3.0
+    # A panorama sees it, half a turn away; a fisheye of 180 degrees would, outside its circle.
+    assert projected(camera(type="equirectangular").pack(40, 20), [[0.0, 0.0, 3.0]])[0, 0] in (0.0, 40.0)
+    assert projected(camera(type="fisheye").pack(40, 40), [[0.0, 3.0, 1e-9]])[0, 1] == pytest.approx(0.0, abs=1e-6)

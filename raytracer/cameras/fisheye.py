@@ -1,0 +1,191 @@
+"""Fisheye camera: a field of view up to the full sphere, in a circle.
+
+In a scene:
+
+    camera: {type: fisheye, look_from: [0, 1, 3], look_at: [0, 1, 0], projection: equisolid, fov: 180}
+"""
+
+import math
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import Field, model_validator
+
+from raytracer.cameras.interface import camera_ray, project
+from raytracer.cameras.placement import Frame, PlacedSpec, in_frame
+from raytracer.jit import generic
+from raytracer.spec import Quantity, at
+from raytracer.vec import norm, normalize, to_world
+
+# Where a projection would need an infinite film, or shows two directions at one place (deg).
+_LIMIT = {"stereographic": 360.0, "orthographic": 180.0}
+
+
+class Fisheye(PlacedSpec):
+    """A picture in a circle, whose diameter is the shorter side of the film; what lies outside it is black.
+
+    With r the distance from the middle and t the angle from the axis, r is proportional to
+    `equidistant`: t, so that angles can be measured; `equisolid`: sin(t / 2), so that areas are solid angles;
+    `stereographic`: tan(t / 2), so that small shapes keep theirs; `orthographic`: sin(t), so that areas are what a sky
+    counts for on the ground, solid angle times cosine.
+
+    References: Kannala & Brandt 2006, "A Generic Camera Model and Calibration Method for Conventional, Wide-Angle, and
+        Fish-Eye Lenses", IEEE TPAMI 28(8), eq. 1-5.
+    """
+
+    type: Literal["fisheye"] = "fisheye"
+    projection: Literal["equidistant", "equisolid", "stereographic", "orthographic"] = Field(
+        default="equidistant", description="how the angle from the axis becomes a distance in the picture"
+    )
+    fov: Annotated[float, Quantity("angle", low=0.0, low_open=True, high=360.0)] = Field(
+        default=180.0, description="angle (deg) of a diameter of the circle, up to 360"
+    )
+
+    @model_validator(mode="after")
+    def _fov_can_be_shown(self) -> "Fisheye":
+        if self.projection == "stereographic" and self.fov >= _LIMIT["stereographic"]:
+            at("fov", "must be less than 360 deg for the stereographic projection, whose picture would be infinite")
+        if self.projection == "orthographic" and self.fov > _LIMIT["orthographic"]:
+            at("fov", "must be at most 180 deg for the orthographic projection, which shows nothing behind the camera")
+        return self
+
+    def describe(self, width: int, height: int) -> dict[str, float]:
+        """Derived numbers: the circle, and what a pixel in its middle sees."""
+        radius = 0.5 * min(width, height)
+        half = math.radians(self.fov) / 2.0
+        slope = {
+            "equidistant": half,
+            "equisolid": 2.0 * math.sin(half / 2.0),
+            "stereographic": 2.0 * math.tan(half / 2.0),
+            "orthographic": math.sin(half),
+        }[self.projection]
+        return {
+            "fov_deg": self.fov,
+            "circle_diameter_px": 2.0 * radius,
+            "pixel_at_middle_deg": math.degrees(slope / radius),
+        }
+
+    def pack(self, width: int, height: int) -> "FisheyeCamera":
+        """The camera for a film of width x height pixels."""
+        half = math.radians(self.fov) / 2.0
+        projection: Any = {
+            "equidistant": Equidistant(half),
+            "equisolid": Equisolid(math.sin(half / 2.0)),
+            "stereographic": Stereographic(math.tan(half / 2.0)),
+            "orthographic": Orthographic(math.sin(half)),
+        }[self.projection]
+        return FisheyeCamera(self.frame(), projection, 0.5 * width, 0.5 * height, 0.5 * min(width, height))
+
+
+class Equidistant(NamedTuple):
+    """r = t / edge, where edge is the angle at r = 1."""
+
+    edge: float
+
+
+class Equisolid(NamedTuple):
+    """r = sin(t / 2) / edge."""
+
+    edge: float
+
+
+class Stereographic(NamedTuple):
+    """r = tan(t / 2) / edge."""
+
+    edge: float
+
+
+class Orthographic(NamedTuple):
+    """r = sin(t) / edge."""
+
+    edge: float
+
+
+class FisheyeCamera(NamedTuple):
+    """Packed: projection, of radii in units of the circle's; the circle's middle and its radius in pixels."""
+
+    frame: Frame
+    projection: Any
+    x: float
+    y: float
+    radius: float
+
+
+@generic
+def angle_of(projection, radius):
+    """Angle from the axis (rad) at a distance from the middle, 0 to 1."""
+    raise NotImplementedError
+
+
+@generic
+def radius_of(projection, angle):
+    """Distance from the middle of an angle (rad) from the axis; NaN where the projection does not show it."""
+    raise NotImplementedError
+
+
+@angle_of.register(Equidistant)
+def _(projection, radius):
+    return projection.edge * radius
+
+
+@radius_of.register(Equidistant)
+def _(projection, angle):
+    return angle / projection.edge
+
+
+@angle_of.register(Equisolid)
+def _(projection, radius):
+    return 2.0 * math.asin(projection.edge * radius)
+
+
+@radius_of.register(Equisolid)
+def _(projection, angle):
+    return math.sin(0.5 * angle) / projection.edge
+
+
+@angle_of.register(Stereographic)
+def _(projection, radius):
+    return 2.0 * math.atan(projection.edge * radius)
+
+
+@radius_of.register(Stereographic)
+def _(projection, angle):
+    return math.tan(0.5 * angle) / projection.edge
+
+
+@angle_of.register(Orthographic)
+def _(projection, radius):
+    return math.asin(projection.edge * radius)
+
+
+@radius_of.register(Orthographic)
+def _(projection, angle):
+    return math.sin(angle) / projection.edge if angle <= 0.5 * math.pi else math.nan
+
+
+@camera_ray.register(FisheyeCamera)
+def _(camera, x, y, time, draws):
+    frame = camera.frame
+    right, up = (x - camera.x) / camera.radius, (camera.y - y) / camera.radius
+    radius = math.hypot(right, up)
+    if radius > 1.0:
+        return frame.origin, frame.forward, 0.0
+    angle = angle_of(camera.projection, radius)
+    # In the middle the sine vanishes with the radius, and the direction across the axis does not matter.
+    across = math.sin(angle) / radius if radius > 0.0 else 0.0
+    local = (across * right, across * up, math.cos(angle))
+    return frame.origin, normalize(to_world(local, frame.right, frame.up, frame.forward)), 1.0
+
+
+@project.register(FisheyeCamera)
+def _(camera, point, time):
+    local = in_frame(camera.frame, point)
+    # The camera's own place is in no direction.
+    if norm(local) == 0.0:
+        return math.nan, math.nan, 0.0
+    right, up, forward = local
+    across = math.hypot(right, up)
+    radius = camera.radius * radius_of(camera.projection, math.atan2(across, forward))
+    # Straight ahead is the middle; straight behind is all of a circle, of which this is one point.
+    if across == 0.0:
+        return camera.x + (radius if forward < 0.0 else 0.0), camera.y, forward
+    return camera.x + radius * right / across, camera.y - radius * up / across, forward

@@ -1,0 +1,71 @@
+"""Where a camera stands and how it is turned: what every kind of camera has."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from raytracer.cameras.interface import CameraSpec
+from raytracer.jit import kernel
+from raytracer.spec import Direction, Point
+from raytracer.vec import Vec3, dot, sub
+
+
+class Frame(NamedTuple):
+    """A camera's place and frame: origin, and the unit vectors right, up, forward."""
+
+    origin: Vec3
+    right: Vec3
+    up: Vec3
+    forward: Vec3
+
+
+def _vec3(vector: NDArray[np.float64]) -> Vec3:
+    return float(vector[0]), float(vector[1]), float(vector[2])
+
+
+class PlacedSpec(CameraSpec):
+    """Where a camera stands, and what it looks at."""
+
+    look_from: Point = Field(default=(0.0, 0.0, 0.0), description="position of the camera (m)")
+    look_at: Point = Field(default=(0.0, 0.0, -1.0), description="point in the centre of the picture (m)")
+    up: Direction = Field(default=(0.0, 1.0, 0.0), description="direction that is up in the picture")
+
+    @model_validator(mode="after")
+    def _looks_somewhere(self) -> Any:
+        self.frame()
+        return self
+
+    def frame(self) -> Frame:
+        """The camera's frame, orthonormal to a few ulps however close `up` is to the view.
+
+        Raises
+        ------
+        ValueError : look_from and look_at are the same point, or `up` is parallel to the view.
+        """
+        forward = np.subtract(self.look_at, self.look_from)
+        if not forward.any():
+            raise ValueError("look_from and look_at are the same point, so the camera looks nowhere")
+        forward = forward / np.linalg.norm(forward)
+        up = np.asarray(self.up) / np.linalg.norm(self.up)
+        right = np.cross(forward, up)
+        # The sine between two unit vectors is wrong by a few ulps, so less than that is parallel.
+        if np.linalg.norm(right) < 4.0 * np.finfo(np.float64).eps:
+            raise ValueError("up is parallel to the view from look_from to look_at, so no direction is up")
+        # A second round takes out what cancellation left along the view.
+        right = right / np.linalg.norm(right)
+        right = right - forward * np.dot(right, forward)
+        right = right / np.linalg.norm(right)
+        return Frame(self.look_from, _vec3(right), _vec3(np.cross(right, forward)), _vec3(forward))
+
+    def distance(self) -> float:
+        """|look_at - look_from| (m)."""
+        return float(np.linalg.norm(np.subtract(self.look_at, self.look_from)))
+
+
+@kernel
+def in_frame(frame, point):
+    """Coordinates (m) of a point in the camera's frame: to the right, up, and along the axis."""
+    to = sub(point, frame.origin)
+    return dot(to, frame.right), dot(to, frame.up), dot(to, frame.forward)
