@@ -20,6 +20,7 @@ Examples:
   rt render scenes/cover.yaml -o cover.png -o cover.exr --spp 1000
   rt render scenes/cover.yaml -D camera.defocus_angle=2 --preview
   rt render scenes/cornell.yaml --crop 200,200,400,400 --time-limit 30s --stats stats.json
+  rt render scenes/cornell.yaml -o cornell.exr --aov depth,normal,albedo --denoise
 """
 
 _INTERRUPTED = 130
@@ -53,6 +54,23 @@ def render(
     time_limit: Annotated[
         str | None, typer.Option(metavar="TIME", help="Start no more samples after this time: 30s, 5 min.")
     ] = None,
+    aov: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME,...",
+            help="What else to record, as layers of an .exr file: depth, distance, normal, geometric_normal, albedo, "
+            "position, motion, object_id, material_id, direct, indirect, coverage, samples, variance.  "
+            "May repeat; see docs/aovs.md.",
+        ),
+    ] = None,
+    denoise: Annotated[
+        bool,
+        typer.Option(
+            "--denoise",
+            help="Take out the noise with Intel Open Image Denoise (pip install 'raytracer[denoise]').  The picture is "
+            "then biased, and its header says so; an .exr file keeps the layer `noisy`.",
+        ),
+    ] = False,
     preview: Annotated[
         bool,
         typer.Option(
@@ -71,6 +89,7 @@ def render(
     outputs = output or [Path("outputs") / f"{Path(scene).stem}.png"]
     window = _parse_crop(crop)
     limit = _parse_time(time_limit)
+    layers = _parse_aovs(aov or [], outputs)
 
     # Find out what cannot be written before the work, not after.
     from raytracer.film.output import check_file, check_writable
@@ -97,6 +116,8 @@ def render(
             threads=threads,
             crop=window,
             time_limit=limit,
+            aovs=layers,
+            denoise=denoise,
             progress=bar.update,
             load_seconds=load_seconds,
         )
@@ -116,6 +137,20 @@ def _parse_crop(text: str | None) -> tuple[int, int, int, int] | None:
     except ValueError:
         raise InputError(f"--crop {text}: must be four whole numbers, X0,Y0,X1,Y1") from None
     return left, top, right, bottom
+
+
+def _parse_aovs(lists: list[str], outputs: list[Path]) -> tuple[str, ...]:
+    """The AOVs named in comma-separated lists."""
+    if not lists:
+        return ()
+    if not any(path.suffix.lower() == ".exr" for path in outputs):
+        raise InputError(f"--aov {lists[0]}: only .exr files hold layers: add -o NAME.exr")
+    from raytracer.aovs.recording import known_aovs
+
+    try:
+        return known_aovs([name.strip() for text in lists for name in text.split(",")])
+    except InputError as error:
+        raise InputError(f"--aov {','.join(lists)}: {error}") from None
 
 
 def _parse_time(text: str | None) -> float | None:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,16 +22,20 @@ class Image:
         expectation, in the square of its unit; inf where a pixel has fewer than two samples; None if not known.
     samples : samples a pixel.
     settings : what the image was rendered with; written into the headers of the files that have any.
+    layers : further arrays by name (AOVs), (height, width) or (height, width, channels); only .exr files hold them.
+    channels : what the channels of a layer are called in a file, where not R, G and B, or the layer's own name.
 
     Raises
     ------
-    ValueError : an array is not of shape (height, width, 3).
+    ValueError : an array is not of shape (height, width, 3), or a layer of another size.
     """
 
     radiance: NDArray[np.float64]
     variance: NDArray[np.float64] | None = None
     samples: int = 0
     settings: Mapping[str, str | float | int] = field(default_factory=dict)
+    layers: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    channels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         shape = np.shape(self.radiance)
@@ -38,6 +43,9 @@ class Image:
             raise ValueError(f"radiance must have the shape (height, width, 3), got {shape}")
         if self.variance is not None and np.shape(self.variance) != shape:
             raise ValueError(f"variance must have the shape of radiance, {shape}, got {np.shape(self.variance)}")
+        for name, layer in self.layers.items():
+            if np.shape(layer)[:2] != shape[:2] or np.ndim(layer) not in (2, 3):
+                raise ValueError(f"layer {name} must be of the image's size, {shape[:2]}, got {np.shape(layer)}")
 
     def display(self) -> NDArray[np.uint8]:
         """The image as a display shows it: uint8 (height, width, 3) in sRGB, clipped at 0 and 1."""

@@ -4,7 +4,7 @@
 |---|---|---|
 | .png | 8 bits, sRGB | text chunks |
 | .jpg .jpeg | 8 bits, sRGB, quality 95, colour not subsampled | - |
-| .exr | float32, linear; variance and further layers | attributes named `rt.` and the setting's name |
+| .exr | float32 (uint32 for numbers of things), linear; variance and layers | attributes, `rt.` before the name |
 | .hdr | 8-bit mantissas with a common exponent, linear | header lines, named as in .exr |
 | .npy | float64, linear | - |
 
@@ -83,20 +83,21 @@ def _encode_exr(image: "Image", layers: Layers) -> bytes:
     header["chromaticities"] = _CHROMATICITIES
     header |= {_EXR_PREFIX + key: value for key, value in _header_settings(image).items()}
 
-    arrays: dict[str, NDArray[np.floating[Any]]] = {"": image.radiance}
+    arrays: dict[str, NDArray[Any]] = {"": image.radiance}
     if image.variance is not None:
-        arrays["variance."] = image.variance
-    arrays |= {name if array.ndim == 2 else name + ".": array for name, array in layers.items()}
+        arrays["variance"] = image.variance
+    arrays |= {**image.layers, **layers}
 
-    # A float64 that float32 cannot hold becomes inf, as it should.
-    channels: dict[str, NDArray[np.float32]] = {}
-    with np.errstate(over="ignore"):
-        for name, array in arrays.items():
-            single = np.asarray(array).astype(np.float32)
-            if single.ndim == 2:
-                channels[name] = single
-            else:
-                channels |= {name + c: np.ascontiguousarray(single[..., i]) for i, c in enumerate("RGB")}
+    # A float64 that float32 cannot hold becomes inf, as it should; numbers of things stay whole.
+    channels: dict[str, NDArray[Any]] = {}
+    for layer, array in arrays.items():
+        planes = np.atleast_3d(array)
+        names = image.channels.get(layer) or (("",) if array.ndim == 2 else tuple("RGB"))
+        with np.errstate(over="ignore"):
+            planes = planes if planes.dtype == np.uint32 else planes.astype(np.float32)
+        for number, name in enumerate(names):
+            full = ".".join(part for part in (layer, name) if part)
+            channels[full] = np.ascontiguousarray(planes[..., number])
     buffer = io.BytesIO()
     OpenEXR.File(header, channels).write(buffer)
     return buffer.getvalue()
@@ -224,8 +225,8 @@ def save(image: "Image", path: str | Path, layers: Layers | None = None) -> None
 
     Parameters
     ----------
-    layers : further arrays for formats that hold them (.exr), of shape (height, width) for a channel of that
-        name, or (height, width, 3) for the channels R, G and B of a layer of that name.
+    layers : arrays besides the image's own layers, for formats that hold them (.exr), of shape (height, width) for a
+        channel of that name, or (height, width, 3) for the channels R, G and B of a layer of that name.
 
     Raises
     ------
@@ -256,7 +257,7 @@ def _decode_pillow(data: bytes) -> NDArray[np.float64]:
 
 
 @contextlib.contextmanager
-def _silenced() -> Iterator[None]:
+def silenced() -> Iterator[None]:
     """Keep from the terminal what the OpenEXR library prints about a broken file before it raises."""
     with contextlib.ExitStack() as stack:
         stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
@@ -273,20 +274,25 @@ def _silenced() -> Iterator[None]:
 def _decode_exr(data: bytes) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
     import OpenEXR
 
-    with _silenced(), OpenEXR.File(io.BytesIO(data), separate_channels=True) as file:
+    with silenced(), OpenEXR.File(io.BytesIO(data), separate_channels=True) as file:
         header = dict(file.header())
         channels = {name: np.asarray(c.pixels, dtype=np.float64) for name, c in file.channels().items()}
     prefix = _EXR_PREFIX
     settings = {key[len(prefix) :]: str(value) for key, value in header.items() if key.startswith(prefix)}
 
-    # Put the channels R, G and B (or X, Y and Z) of a layer together again.
+    # Put the channels of a layer together again.
     layers: dict[str, NDArray[np.float64]] = {}
-    for name in list(channels):
-        stem = name[:-1]
-        for components in ("RGB", "XYZ"):
+    for stem in dict.fromkeys(name[: name.rfind(".") + 1] for name in channels):
+        own = [name for name in channels if name[: name.rfind(".") + 1] == stem]
+        for components in ("RGB", "XYZ", "XY"):
             names = [stem + c for c in components]
-            if all(n in channels for n in names):
+            # The image's own channels are not taken for a vector in the plane.
+            if all(n in own for n in names) and (stem or components != "XY"):
                 layers[stem.removesuffix(".") or "radiance"] = np.stack([channels.pop(n) for n in names], axis=-1)
+                break
+        else:
+            if stem and len(own) == 1:
+                layers[stem.removesuffix(".")] = channels.pop(own[0])
     return {**layers, **channels}, settings
 
 
@@ -347,8 +353,9 @@ def load(path: str | Path) -> NDArray[np.float64]:
 def load_layers(path: str | Path) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
     """Layers and settings of an .exr file that `save` wrote, or another program.
 
-    The layers are float64, (height, width, 3) where a layer has the channels R, G and B or X, Y and Z, and
-    (height, width) for every other channel; the image itself is called `radiance`.  The settings are text.
+    The layers are float64, (height, width, 3) where a layer has the channels R, G and B or X, Y and Z, (height, width,
+    2) where it has X and Y, and (height, width) for every other channel, by the layer's name if it is the only one; the
+    image itself is called `radiance`.  The settings are text.
 
     Raises
     ------

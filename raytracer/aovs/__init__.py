@@ -1,0 +1,1 @@
+"""AOVs, arbitrary output variables: what a pixel sees besides its radiance.  One file a family of quantities."""

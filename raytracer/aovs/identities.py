@@ -1,0 +1,87 @@
+"""Who or what is seen.
+
+On the command line:
+
+    rt render scene.yaml -o out.exr --aov object_id,material_id
+"""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.aovs.interface import AovSpec, Identities, Vote, measure
+from raytracer.film.film import Film
+
+
+class _Identity(AovSpec):
+    """A whole number, which no filter may mix: the one that more than half of a pixel's samples see, if one is."""
+
+    channels: ClassVar[tuple[str, ...]] = ("ID",)
+
+    def pack(self, height: int, width: int, column: int, identities: Identities) -> Vote:
+        size = (height, width)
+        return Vote(self.quantity(identities), np.zeros(size, np.int64), np.zeros(size, np.int64), column)
+
+    def develop(self, layer: Any, film: Film) -> NDArray[Any]:
+        return np.asarray(layer.winner, dtype=np.uint32)
+
+
+class ObjectId(_Identity):
+    """Number of the object, from 1 in the order of the scene; 0 where there is none."""
+
+    type: Literal["object_id"] = "object_id"
+
+    def quantity(self, identities: Identities) -> "Owner":
+        return Owner(identities.first, identities.start, identities.owner, identities.placed)
+
+    def names(self, identities: Identities) -> Mapping[int, str]:
+        return dict(enumerate(identities.objects, 1))
+
+
+class MaterialId(_Identity):
+    """Number of the material, from 1; 0 where there is no surface.  Materials that are equal are one."""
+
+    type: Literal["material_id"] = "material_id"
+
+    def quantity(self, identities: Identities) -> "Substance":
+        return Substance(identities.material)
+
+    def names(self, identities: Identities) -> Mapping[int, str]:
+        return dict(enumerate(identities.materials, 1))
+
+
+class Owner(NamedTuple):
+    """Fields as of Identities."""
+
+    first: NDArray[np.int64]
+    start: NDArray[np.int64]
+    owner: NDArray[np.int32]
+    placed: NDArray[np.int32]
+
+
+class Substance(NamedTuple):
+    """Field as of Identities."""
+
+    material: NDArray[np.int32]
+
+
+@measure.register(Owner)
+def _(quantity, scene, seen):
+    if 0 <= seen.instance < len(quantity.placed):
+        return float(quantity.placed[seen.instance]), 0.0, 0.0
+    # The last entry of the table that starts at this primitive or before it.
+    low, high = quantity.first[seen.table], quantity.first[seen.table + 1]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if quantity.start[middle] <= seen.primitive:
+            low = middle
+        else:
+            high = middle
+    return float(quantity.owner[low]), 0.0, 0.0
+
+
+@measure.register(Substance)
+def _(quantity, scene, seen):
+    return float(quantity.material[seen.hit.material]), 0.0, 0.0
