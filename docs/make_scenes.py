@@ -12,10 +12,14 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from raytracer.kinds import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, SHAPES, Family
+from raytracer.kinds import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES, Family
+from raytracer.materials.interface import MaterialSpec
+from raytracer.motion import Keyframe, Motion, ShutterSpec, Spin
 from raytracer.scene.schema import schema
 from raytracer.scene.spec import Film, Render, SceneSpec
-from raytracer.spec import ObjectSpec, Rotate, Spec, Step
+from raytracer.shapes.interface import ShapeSpec
+from raytracer.shapes.mesh import Frame
+from raytracer.spec import Rotate, Spec, Step
 
 OUTPUT = Path(__file__).with_name("scenes.md")
 
@@ -44,8 +48,8 @@ JSON Schema with which an editor completes keys and marks mistakes.
 ## Rules
 
 - **Units.** World lengths are metres, lengths of optics millimetres, angles degrees, times seconds. Any number may
-  carry its unit, `50 mm`, `0.3 rad`, `8 ms`, or be a fraction, `1/3`. Radiance is W/(m2 sr), or plain numbers as in
-  *Ray Tracing in One Weekend*.
+  carry its unit, `50 mm`, `0.3 rad`, `8 ms`, `36 km/h`, `20 turn/s`, or be a fraction, `1/3`. Radiance is W/(m2 sr),
+  or plain numbers as in *Ray Tracing in One Weekend*.
 - **Vectors** are lists of three numbers. Colours too; one number stands for three equal ones.
 - **Axes.** Right-handed, column vectors. The rows of a picture run downwards from the top left pixel.
 - **Sides.** A surface has an outside, to which its normal points: outwards from spheres and boxes, to the side of u x v
@@ -61,11 +65,129 @@ JSON Schema with which an editor completes keys and marks mistakes.
   a black environment is none, and a material that no object has is left out.
 """
 
+MOTION = """\
+Objects and cameras may move. A motion acts in world space, after the object's `transform`; at time 0 a velocity and a
+spin leave it where it is. Keyframes are taken apart into translation, rotation, and scale with skew; each goes from one
+keyframe to the next by itself, the rotation at a constant rate along the shorter arc. So a turn of 180 degrees or more
+between two keyframes needs keyframes between them, or a spin.
+
+```yaml
+camera: {type: pinhole, look_from: [0, 2, 9], look_at: [0, 1, 0], vfov: 30, shutter: {open: 0, close: 1/30 s}}
+film: {width: 320, height: 180}
+environment: {type: gradient}
+objects:
+  - {type: sphere, center: [-2, 1, 0], radius: 0.5, motion: {velocity: [0, 36 km/h, 0]}}
+  - type: box
+    min: [-0.6, 0.9, 0]
+    max: [0.6, 1.1, 0.1]
+    motion: {spin: {axis: [0, 0, 1], rate: 5 turn/s, center: [0, 1, 0]}}
+  - type: sphere
+    center: [0, 0, 0]
+    radius: 0.5
+    motion:
+      keyframes:
+        - {time: 0, transform: [{translate: [2, 1, 0]}]}
+        - {time: 1/30 s, transform: [{scale: 1.5}, {translate: [2, 1.2, 0]}]}
+```
+
+Only what moves while the shutter is open costs anything: a camera without a `shutter` takes a picture of one moment,
+`time`, and what stands still is packed as if it had no motion.
+"""
+
+GROUPS = """\
+What is placed more than once is written once: as a group, which is nowhere by itself, or as an object with a name.
+Instances of it take no memory but for their transforms, however many there are.
+
+```yaml
+camera: {type: pinhole, look_from: [0, 3, 12], look_at: [0, 1.5, 0], vfov: 40}
+film: {width: 320, height: 180}
+environment: {type: gradient}
+materials:
+  bark: {type: lambertian, albedo: [0.2, 0.14, 0.1]}
+  green: {type: lambertian, albedo: [0.15, 0.35, 0.08]}
+  gold: {type: lambertian, albedo: [0.6, 0.4, 0.05]}
+groups:
+  crown:
+    - {type: sphere, center: [0, 0, 0], radius: 1, material: green, transform: [{scale: [0.8, 1.2, 0.8]}]}
+  tree:
+    - {type: box, min: [-0.1, 0, -0.1], max: [0.1, 1.2, 0.1], material: bark}
+    - {type: instance, of: crown, transform: [{translate: [0, 2, 0]}]}
+objects:
+  - {type: instance, of: tree, placements: [[{translate: [-3, 0, 0]}], [{scale: 1.5}, {translate: [3, 0, 1]}]]}
+  - {type: instance, of: tree, transform: [{scale: [1, 0.6, 1]}]}
+  - {type: scatter, of: crown, count: 200, corner: [-9, 0, -9], edges: [[18, 0, 0], [0, 0, 9]], scale: [0.1, 0.3],
+     spacing: 0.4, material: gold}
+```
+
+A transform of an instance may scale differently along different axes, shear, and mirror: a sphere becomes an
+ellipsoid, and the outside stays outside. An object that is placed again by its name is taken with its own transform and
+motion, and stays where it is besides. Groups may hold instances of others, but not of themselves. A `material` of an
+instance takes the place of all materials in it. Meshes that name the same file are instances of one another by
+themselves.
+"""
+
+RELIEF = """\
+Every material may be given a relief: a texture of heights, or a map of normals, or both, the heights then being on top
+of the map. The surface stays as flat as it is, and is shaded as if it had the slopes. What would thereby be reflected
+into the surface is mirrored at it, so no light is lost and none leaks through.
+
+```yaml
+materials:
+  hammered: {type: metal, albedo: 0.9, bump: {type: noise, scale: 20}, bump_height: 5 mm}
+```
+"""
+
+MATERIALS_INTRODUCTION = """\
+Values of `materials`, by name; or the value of an object's `material`. Each may have the keys of [relief](#relief)
+besides its own."""
+
+TEXTURES_INTRODUCTION = """\
+Values of `textures`, by name. A parameter of a material whose value may be a texture takes the name of one, or a
+texture itself: `albedo: {type: checker}`. A colour takes the texture's colour, in linear light; a number takes the
+luminance of it. Solid textures are looked up where a point is before motion and instancing move it, others by the
+surface's parameters u and v: those of a mesh's file (OBJ `vt`, PLY `s t`, `u v` or `texture_u texture_v`, glTF
+`TEXCOORD_0`), or barycentric ones where it has none; of a quad, 0 to 1 along its two edges; of a sphere, once around
+the y axis from -x through +z, and from the south pole to the north; of a disc, once around it and from the middle to
+the rim. v runs upwards in pictures. Textures that no material in use has cost nothing."""
+
+MEDIA_INTRODUCTION = """\
+Values of `media`, by name. A medium fills
+
+- an object that names it as its `medium`: a glass ball and the smoke in it are one object, of which the material is
+  the surface. Without a material there is no surface: light goes straight through, and no path segment is counted;
+- the whole scene, as the scene's `medium`: outside of objects, and without end. What is infinitely far is then hidden;
+- the place of the camera, as the camera's `medium`. It is needed where the camera stands inside of an object: a path is
+  in the medium of the last surface that it went through, so the surfaces round the camera have to be told.
+
+Outside of an object is the scene's `medium`, or what its `outside_medium` names: smoke within a box of fog needs it.
+Sides are those of the surface's normal. An object that light is refracted into, such as one of glass, is clear inside
+if it names no medium; other objects that name none leave light in the medium that it came through. A medium that takes
+nothing from light, `{type: homogeneous, absorption: 0}`, is no medium, and serves to name clear space.
+
+```yaml
+camera: {type: pinhole, look_from: [0, 1, 6], look_at: [0, 1, 0], vfov: 30}
+film: {width: 320, height: 180}
+environment: {type: gradient}
+media:
+  smoke: {type: homogeneous, extinction: 2, albedo: [0.9, 0.6, 0.3]}
+  milk: {type: homogeneous, absorption: [0.01, 0.03, 0.1], scattering: 20, g: 0.7}
+objects:
+  - {type: sphere, center: [-1.2, 1, 0], radius: 1, medium: smoke}
+  - {type: sphere, center: [1.2, 1, 0], radius: 1, material: {type: dielectric, ior: 1.33}, medium: milk}
+```
+"""
+
 FAMILIES: tuple[tuple[str, str, Family], ...] = (
     ("Cameras", "The value of `camera`.", CAMERAS),
     ("Filters", "The value of `film.filter`: a mapping, or the type alone where the defaults will do.", FILTERS),
     ("Environments", "The value of `environment`.", ENVIRONMENTS),
-    ("Materials", "Values of `materials`, by name; or the value of an object's `material`.", MATERIALS),
+    (
+        "Materials",
+        MATERIALS_INTRODUCTION,
+        MATERIALS,
+    ),
+    ("Media", MEDIA_INTRODUCTION, MEDIA),
+    ("Textures", TEXTURES_INTRODUCTION, TEXTURES),
     ("Shapes", "Items of `objects`. Each may have the keys of [objects](#objects) besides its own.", SHAPES),
     ("Lights", "Items of `lights`.", LIGHTS),
 )
@@ -101,7 +223,7 @@ def meaning(node: Mapping[str, Any]) -> str:
     description = str(node.get("description", ""))
     text, bracket, unit = description.partition(" [")
     if bracket and unit.endswith(", or with a unit]"):
-        return text if re.search(r"\((m|mm|deg|s)\)", text) else f"{text} ({unit.split(',')[0]})"
+        return text if re.search(r"\((m|mm|deg|s|m/s|deg/s)\)", text) else f"{text} ({unit.split(',')[0]})"
     return description
 
 
@@ -171,18 +293,29 @@ def reference() -> str:
         parts += [f"### {title}\n", words(spec.__doc__) + "\n", *table(spec, definition(spec))]
 
     # Keys that every object has, from any of the shapes.
-    common = frozenset(ObjectSpec.model_fields)
+    common = frozenset(ShapeSpec.model_fields) - {"type"}
     shape = next(iter(SHAPES.specs().values()))
     parts += ["### objects\n", "Every object may have these keys; those of its shape are [below](#shapes).\n"]
     parts += table(shape, definition(shape), frozenset(shape.model_fields) - common)
     parts += ["A step of a transform is one of:\n", *table(Step, definition(Step))]
     parts += ["and `rotate` holds:\n", *table(Rotate, definition(Rotate))]
+    parts += ["### groups\n", GROUPS]
+    parts += ["### motion\n", MOTION, *table(Motion, definition(Motion))]
+    parts += ["`spin` holds:\n", *table(Spin, definition(Spin))]
+    parts += ["and a keyframe:\n", *table(Keyframe, definition(Keyframe))]
+    parts += ["A camera's `shutter` is a duration, or:\n", *table(ShutterSpec, definition(ShutterSpec))]
+    parts += ["A frame of a mesh holds:\n", *table(Frame, definition(Frame))]
 
+    relief = frozenset(MaterialSpec.model_fields) - {"type"}
+    material = next(iter(MATERIALS.specs().values()))
+    parts += ["### relief\n", RELIEF, *table(material, definition(material), frozenset(material.model_fields) - relief)]
+
+    hidden = {SHAPES: common, MATERIALS: relief}
     for title, introduction, family in FAMILIES:
         if specs := family.specs():
             parts += [f"## {title}\n", introduction + "\n"]
             for name, spec in specs.items():
-                parts += kind(name, spec, common if family is SHAPES else frozenset())
+                parts += kind(name, spec, hidden.get(family, frozenset()))
     return "\n".join(parts).rstrip() + "\n"
 
 

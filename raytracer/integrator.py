@@ -14,29 +14,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer import embree
-from raytracer.cameras.interface import FILTER, TIME, Shutter, camera_ray
-from raytracer.embree import GEOMETRY, INSTANCE, MISS, PACKET, PRIMITIVE, TFAR, Packet
+from raytracer.cameras.interface import FILTER, TIME, camera_ray
+from raytracer.embree import DIRECTION, GEOMETRY, INSTANCE, MISS, ORIGIN, PACKET, PLACEMENT, PRIMITIVE, TFAR, Packet
 from raytracer.embree import TIME as EMBREE_TIME
-from raytracer.environments.interface import background
 from raytracer.filters.interface import sample_filter
 from raytracer.geometry import Site
-from raytracer.instances import meet
-from raytracer.jit import entry, generic, kernel
-from raytracer.lights.interface import Lights, escape, pdf_environment, pdf_light, sample_lights
+from raytracer.instances import find, meet
+from raytracer.jit import entry, generic, kernel, share
+from raytracer.lights.interface import Lights, pdf_light, power_heuristic, sample_lights, surroundings
 from raytracer.materials.interface import (
     BLACK,
+    PASS,
     ROULETTE,
     SLOTS,
+    WHITE,
     Draws,
     absorbed,
     emission_at,
     evaluate_at,
     scatter_at,
+    select_again,
     select_at,
 )
+from raytracer.media.interface import (
+    NONE,
+    Media,
+    crossed,
+    evaluate_phase_at,
+    fly_at,
+    scatter_phase_at,
+    transmittance_at,
+)
+from raytracer.motion import Shutter
 from raytracer.primitives.interface import expect_any
 from raytracer.sampling import pixel_key, sample_1d, sample_2d
-from raytracer.vec import Vec3, dot, is_black, madd, max_component, mul, neg, norm, scale, sub
+from raytracer.vec import Vec3, dot, is_black, madd, max_component, mul, neg, norm, normalize, scale, sub
 
 
 class Scene(NamedTuple):
@@ -91,11 +103,13 @@ class Workspace(NamedTuple):
 
     rays, shadows; path (PACKET, 10) float64: origin, direction, throughput, pdf of the direction; sample (PACKET,)
     int64, which sample of the packet a lane works for; radiance (PACKET, 4) float64, gathered by sample, and its
-    filter weight; unshadowed (PACKET, 3) float64, and shadow_sample (PACKET,) int64, what each shadow ray carries.
+    filter weight; unshadowed (PACKET, 3) float64, and shadow_sample (PACKET,) int64, what each shadow ray carries;
+    shadow_goal (PACKET, 4) float64, where it ends: a point and 1, or, at infinity, a direction and 0.
 
     By sample, and used where the scene calls for it: time (PACKET,) float64; medium (PACKET,) int64, in which the path
     is; vertex (PACKET, 3) float64, where it last scattered; passed (PACKET,) int64, how many surfaces it went straight
-    through; features (PACKET, 32) float64, what the camera ray met.
+    through; features (PACKET, 32) float64, what the camera ray met.  By shadow ray: shadow_space (PACKET, 2) int64, the
+    medium in which it is, and how many random numbers it took there.
     """
 
     rays: Packet
@@ -105,11 +119,13 @@ class Workspace(NamedTuple):
     radiance: NDArray[np.float64]
     unshadowed: NDArray[np.float64]
     shadow_sample: NDArray[np.int64]
+    shadow_goal: NDArray[np.float64]
     time: NDArray[np.float64]
     medium: NDArray[np.int64]
     vertex: NDArray[np.float64]
     passed: NDArray[np.int64]
     features: NDArray[np.float64]
+    shadow_space: NDArray[np.int64]
 
 
 def workspace() -> Workspace:
@@ -129,12 +145,25 @@ def workspace() -> Workspace:
         radiance=floats(4),
         unshadowed=floats(3),
         shadow_sample=integers(),
+        shadow_goal=floats(4),
         time=floats(),
         medium=integers(),
         vertex=floats(3),
         passed=integers(),
         features=floats(32),
+        shadow_space=np.zeros((PACKET, 2), np.int64),
     )
+
+
+MOST_PASSED = 1024
+"""How many surfaces a path may go straight through; one that meets more is taken to be lost."""
+
+_PASS_STRIDE = 2**22
+"""Between the random dimensions of a shadow ray's surfaces: more than the segments of a path take."""
+
+
+class Passage(NamedTuple):
+    """Light may go straight through surfaces: shadow rays are followed through them, and paths do not count them."""
 
 
 # ---- What a scene may lack
@@ -153,7 +182,8 @@ def _(shutter, draws):
 
 @sample_time.register(Shutter)
 def _(shutter, draws):
-    return sample_1d(draws.sampler, draws.key, draws.index, TIME)
+    # What float32 holds exactly, so that Embree and the hit that is solved in float64 are of the same time.
+    return np.float64(np.float32(sample_1d(draws.sampler, draws.key, draws.index, TIME)))
 
 
 @generic
@@ -215,6 +245,11 @@ def _(passage, depth):
     return depth
 
 
+@rounds.register(Passage)
+def _(passage, depth):
+    return depth + MOST_PASSED
+
+
 @generic
 def segment_of(passage, work, sample, segment):
     """The number of the path's segment, in round `segment` of its packet."""
@@ -224,6 +259,11 @@ def segment_of(passage, work, sample, segment):
 @segment_of.register(type(None))
 def _(passage, work, sample, segment):
     return segment
+
+
+@segment_of.register(Passage)
+def _(passage, work, sample, segment):
+    return segment - work.passed[sample]
 
 
 @generic
@@ -237,6 +277,62 @@ def _(passage, work, sample, origin):
     return origin
 
 
+@seen_from.register(Passage)
+def _(passage, work, sample, origin):
+    return load3(work.vertex, sample, 0)
+
+
+@generic
+def travelled(passage, work, sample, near, point):
+    """How far `point`, which the ray met at distance `near`, is from where the path last scattered."""
+    raise NotImplementedError
+
+
+@travelled.register(type(None))
+def _(passage, work, sample, near, point):
+    return near
+
+
+@travelled.register(Passage)
+def _(passage, work, sample, near, point):
+    return norm(sub(point, load3(work.vertex, sample, 0)))
+
+
+@generic
+def keep_goal(passage, work, slot, start, direction, length):
+    """Remember where shadow ray `slot` ends."""
+    raise NotImplementedError
+
+
+@keep_goal.register(type(None))
+def _(passage, work, slot, start, direction, length):
+    return
+
+
+@keep_goal.register(Passage)
+def _(passage, work, slot, start, direction, length):
+    finite = length < math.inf
+    store3(work.shadow_goal, slot, 0, madd(start, length, direction) if finite else direction)
+    work.shadow_goal[slot, 3] = 1.0 if finite else 0.0
+
+
+@generic
+def mark_start(passage, work, sample, origin):
+    """Begin a path at the camera."""
+    raise NotImplementedError
+
+
+@mark_start.register(type(None))
+def _(passage, work, sample, origin):
+    return
+
+
+@mark_start.register(Passage)
+def _(passage, work, sample, origin):
+    store3(work.vertex, sample, 0, origin)
+    work.passed[sample] = 0
+
+
 @generic
 def mark_vertex(passage, work, sample, point):
     """Remember where the path scattered last."""
@@ -246,6 +342,11 @@ def mark_vertex(passage, work, sample, point):
 @mark_vertex.register(type(None))
 def _(passage, work, sample, point):
     return
+
+
+@mark_vertex.register(Passage)
+def _(passage, work, sample, point):
+    store3(work.vertex, sample, 0, point)
 
 
 @generic
@@ -259,6 +360,13 @@ def _(passage, work, sample, reference):
     return False
 
 
+@goes_straight.register(Passage)
+def _(passage, work, sample, reference):
+    straight = reference == PASS
+    work.passed[sample] += straight
+    return straight
+
+
 @generic
 def fill_space(media, work, sample):
     """Start a path in the camera's medium."""
@@ -270,6 +378,11 @@ def _(media, work, sample):
     return
 
 
+@fill_space.register(Media)
+def _(media, work, sample):
+    work.medium[sample] = media.camera
+
+
 @generic
 def cross(media, work, sample, reference, hit, direction, outgoing):
     """Change the path's medium where it goes through the boundary of one, at a surface of this material."""
@@ -279,6 +392,100 @@ def cross(media, work, sample, reference, hit, direction, outgoing):
 @cross.register(type(None))
 def _(media, work, sample, reference, hit, direction, outgoing):
     return
+
+
+@cross.register(Media)
+def _(media, work, sample, reference, hit, direction, outgoing):
+    if (dot(direction, hit.normal) < 0.0) == (dot(outgoing, hit.normal) < 0.0):
+        work.medium[sample] = crossed(media, reference, work.medium[sample], dot(outgoing, hit.normal) < 0.0)
+
+
+@generic
+def fill_shadow(media, work, slot, sample, reference, hit, direction, outgoing):
+    """Start a shadow ray in the medium on its side of a surface of this material, which the path met on its way."""
+    raise NotImplementedError
+
+
+@fill_shadow.register(type(None))
+def _(media, work, slot, sample, reference, hit, direction, outgoing):
+    return
+
+
+@fill_shadow.register(Media)
+def _(media, work, slot, sample, reference, hit, direction, outgoing):
+    medium, enters = work.medium[sample], dot(outgoing, hit.normal) < 0.0
+    if (dot(direction, hit.normal) < 0.0) == enters:
+        medium = crossed(media, reference, medium, enters)
+    set_shadow_space(work, slot, medium)
+
+
+@generic
+def cross_shadow(media, work, slot, reference, enters):
+    """Change a shadow ray's medium where it goes straight through a surface of this material."""
+    raise NotImplementedError
+
+
+@cross_shadow.register(type(None))
+def _(media, work, slot, reference, enters):
+    return
+
+
+@cross_shadow.register(Media)
+def _(media, work, slot, reference, enters):
+    work.shadow_space[slot, 0] = crossed(media, reference, work.shadow_space[slot, 0], enters)
+
+
+@generic
+def veil(media, scene, work, slot, distance, key, first, segment):
+    """The fraction of light that comes through the medium of a shadow ray, over `distance` from the ray's origin."""
+    raise NotImplementedError
+
+
+@veil.register(type(None))
+def _(media, scene, work, slot, distance, key, first, segment):
+    return WHITE
+
+
+@veil.register(Media)
+def _(media, scene, work, slot, distance, key, first, segment):
+    medium = work.shadow_space[slot, 0]
+    if medium == NONE:
+        return WHITE
+    floats = work.shadows.floats
+    origin = (
+        np.float64(floats[ORIGIN, slot]),
+        np.float64(floats[ORIGIN + 1, slot]),
+        np.float64(floats[ORIGIN + 2, slot]),
+    )
+    direction = (
+        np.float64(floats[DIRECTION, slot]),
+        np.float64(floats[DIRECTION + 1, slot]),
+        np.float64(floats[DIRECTION + 2, slot]),
+    )
+    draws = Draws(scene.sampler, key, first + work.shadow_sample[slot], (segment + 1) * SLOTS)
+    numbers = work.shadow_space[slot, 1]
+    # The gap before a light that is seen edge on may be longer than the way.
+    way = max(0.0, distance)
+    through, numbers = transmittance_at(media, medium, origin, direction, way, draws, numbers)
+    work.shadow_space[slot, 1] = numbers
+    return through
+
+
+@generic
+def move_shadow(media, work, slot, to):
+    """Take what is known of a shadow ray's medium along, to the slot in which the ray goes on."""
+    raise NotImplementedError
+
+
+@move_shadow.register(type(None))
+def _(media, work, slot, to):
+    return
+
+
+@move_shadow.register(Media)
+def _(media, work, slot, to):
+    for column in range(2):
+        work.shadow_space[to, column] = work.shadow_space[slot, column]
 
 
 class Wandering(NamedTuple):
@@ -308,14 +515,43 @@ def _(media, scene, work, lane, sample, survivors, shadows, near, throughput, se
     return Wandering(throughput, False, False, False)
 
 
+@wander.register(Media)
+def _(media, scene, work, lane, sample, survivors, shadows, near, throughput, segment, time, draws):
+    medium = work.medium[sample]
+    if medium == NONE:
+        return Wandering(throughput, False, False, False)
+    origin, direction = load3(work.path, lane, 0), load3(work.path, lane, 3)
+    flight = fly_at(media, medium, origin, direction, near, throughput, draws, 0)
+    throughput = mul(throughput, flight.weight)
+    if is_black(throughput):
+        return Wandering(throughput, True, False, False)
+    if math.isinf(flight.distance):
+        return Wandering(throughput, False, False, False)
+    if segment == scene.depth:
+        return Wandering(throughput, True, False, False)
+
+    # Aim at a light from where the light scatters, and go on.
+    point = madd(origin, flight.distance, direction)
+    aimed = connect_within(
+        scene.lights, scene, work, shadows, sample, medium, point, direction, throughput, time, draws
+    )
+    survival = survive(scene, throughput, segment, draws)
+    if survival == 0.0:
+        return Wandering(throughput, True, False, aimed)
+    outgoing, pdf = scatter_phase_at(media, medium, direction, draws)
+    mark_vertex(scene.passage, work, sample, point)
+    put_path(work, survivors, sample, point, outgoing, scale(1.0 / survival, throughput), pdf)
+    return Wandering(throughput, True, True, aimed)
+
+
 @generic
-def shading_normal(relief, scene, hit, reference, site, direction, front):
+def shading_normal(relief, scene, hit, instance, reference, site, direction, front, time):
     """The normal that a surface is shaded with, turned against the incoming direction."""
     raise NotImplementedError
 
 
 @shading_normal.register(type(None))
-def _(relief, scene, hit, reference, site, direction, front):
+def _(relief, scene, hit, instance, reference, site, direction, front, time):
     return hit.shading_normal if front else neg(hit.shading_normal)
 
 
@@ -369,13 +605,13 @@ def _(aovs, work, sample):
 
 
 @generic
-def observe_direct(aovs, work, segment, count):
-    """Record what has been gathered after the first two segments: direct light."""
+def observe_direct(aovs, work, sample, done):
+    """Record what a path of `done` segments has gathered by its first two: direct light."""
     raise NotImplementedError
 
 
 @observe_direct.register(type(None))
-def _(aovs, work, segment, count):
+def _(aovs, work, sample, done):
     return
 
 
@@ -391,16 +627,6 @@ def _(aovs, work, x, y, count):
 
 
 # ---- Light
-
-
-@kernel
-def power_heuristic(pdf, other):
-    """Weight of a sample drawn with `pdf` that `other` might have drawn too; the ratio form cannot overflow to NaN.
-
-    References: Veach 1997, eq. 9.11 with beta = 2.
-    """
-    ratio = other / pdf
-    return 1.0 / (1.0 + ratio * ratio)
 
 
 @kernel
@@ -436,8 +662,41 @@ def _(lights, scene, work, slot, sample, hit, reference, site, direction, normal
         return False
     weight = power_heuristic(light.pdf, pdf)
     start = spawn_point(hit, light.direction)
+    fill_shadow(scene.media, work, slot, sample, hit.material, hit, direction, light.direction)
     aim(scene, work, slot, sample, start, light, scale(weight, mul(mul(throughput, value), light.weight)), time)
     return True
+
+
+@generic
+def connect_within(lights, scene, work, slot, sample, medium, point, direction, throughput, time, draws):
+    """As `connect`, from a point within a medium."""
+    raise NotImplementedError
+
+
+@connect_within.register(type(None))
+def _(lights, scene, work, slot, sample, medium, point, direction, throughput, time, draws):
+    return False
+
+
+@connect_within.register(Lights)
+def _(lights, scene, work, slot, sample, medium, point, direction, throughput, time, draws):
+    light = sample_lights(lights, scene, point, time, draws)
+    if is_black(light.weight):
+        return False
+    phase = evaluate_phase_at(scene.media, medium, direction, light.direction)
+    if phase == 0.0:
+        return False
+    set_shadow_space(work, slot, medium)
+    share = phase * power_heuristic(light.pdf, phase)
+    aim(scene, work, slot, sample, point, light, scale(share, mul(throughput, light.weight)), time)
+    return True
+
+
+@kernel
+def set_shadow_space(work, slot, medium):
+    """Start a shadow ray in a medium."""
+    work.shadow_space[slot, 0] = medium
+    work.shadow_space[slot, 1] = 0
 
 
 @kernel
@@ -445,7 +704,11 @@ def aim(scene, work, slot, sample, start, light, arriving, time):
     """Set shadow ray `slot` from `start` to a LightSample, and the radiance that it brings if nothing is in its way."""
     way = sub(light.target, start)
     distance = norm(way)
-    embree.set_ray(work.shadows, slot, start, scale(1.0 / distance, way), distance - light.gap)
+    direction = scale(1.0 / distance, way)
+    # A negative end would count as something met.
+    end = max(0.0, distance - light.gap)
+    embree.set_ray(work.shadows, slot, start, direction, end)
+    keep_goal(scene.passage, work, slot, start, direction, end)
     set_time(scene.shutter, work.shadows, slot, time)
     work.shadow_sample[slot] = sample
     store3(work.unshadowed, slot, 0, arriving)
@@ -479,8 +742,77 @@ def _(passage, scene, work, count, key, first, segment):
     embree.occluded(scene.accel, work.shadows, count)
     for slot in range(count):
         if work.shadows.floats[TFAR, slot] >= 0.0:
+            distance = np.float64(work.shadows.floats[TFAR, slot])
+            through = veil(scene.media, scene, work, slot, distance, key, first, segment)
             for channel in range(3):
-                work.radiance[work.shadow_sample[slot], channel] += work.unshadowed[slot, channel]
+                work.radiance[work.shadow_sample[slot], channel] += through[channel] * work.unshadowed[slot, channel]
+
+
+@follow_shadows.register(Passage)
+def _(passage, scene, work, count, key, first, segment):
+    """A surface lets a shadow ray pass as often as it lets a path pass."""
+    for surface in range(1, MOST_PASSED):
+        if count == 0:
+            break
+        embree.intersect(scene.accel, work.shadows, count)
+        going = 0
+        for slot in range(count):
+            sample = work.shadow_sample[slot]
+            time = time_of(scene.shutter, work, sample)
+            near = np.float64(work.shadows.floats[TFAR, slot])
+            through = veil(scene.media, scene, work, slot, near, key, first, segment)
+            arriving = mul(through, load3(work.unshadowed, slot, 0))
+            table = work.shadows.ints[GEOMETRY, slot]
+            if table == MISS:
+                gather(work, sample, arriving, WHITE)
+                continue
+
+            # Meet a surface, and end there unless it lets the ray pass.
+            origin, direction = load_ray(work.shadows, slot)
+            instance, primitive = found_in(scene, work.shadows, slot)
+            hit = meet(scene.instances, scene, instance, table, primitive, origin, direction, near, time)
+            front = dot(direction, hit.normal) < 0.0
+            draws = Draws(scene.sampler, key, first + sample, (segment + 1) * SLOTS + surface * _PASS_STRIDE)
+            site = Site(hit.local, hit.u, hit.v, near)
+            if select_again(scene.selectors, scene, hit.material, front, site, draws) != PASS:
+                continue
+            cross_shadow(scene.media, work, slot, hit.material, front)
+            # Off the surface, it is aimed at its end anew: it would miss that by as much as it was moved.
+            start = spawn_point(hit, direction)
+            goal = load3(work.shadow_goal, slot, 0)
+            way, rest = goal, math.inf
+            if work.shadow_goal[slot, 3] != 0.0:
+                way = sub(goal, start)
+                rest = norm(way)
+                if dot(way, direction) <= 0.0:
+                    gather(work, sample, arriving, WHITE)
+                    continue
+                way = scale(1.0 / rest, way)
+            embree.set_ray(work.shadows, going, start, way, rest)
+            store3(work.shadow_goal, going, 0, goal)
+            work.shadow_goal[going, 3] = work.shadow_goal[slot, 3]
+            set_time(scene.shutter, work.shadows, going, time)
+            move_shadow(scene.media, work, slot, going)
+            work.shadow_sample[going] = sample
+            store3(work.unshadowed, going, 0, arriving)
+            going += 1
+        count = going
+
+
+@kernel
+def load_ray(packet, lane):
+    """Origin and unit direction of a ray as Embree has it."""
+    rows = packet.floats
+    origin = (rows[ORIGIN, lane], rows[ORIGIN + 1, lane], rows[ORIGIN + 2, lane])
+    direction = (rows[DIRECTION, lane], rows[DIRECTION + 1, lane], rows[DIRECTION + 2, lane])
+    return scale(1.0, origin), normalize(scale(1.0, direction))
+
+
+@kernel
+def found_in(scene, packet, lane):
+    """The instance, -1 for none, and the row in its table of what a lane's ray has met."""
+    ids = packet.ints
+    return find(scene.instances, ids[GEOMETRY, lane], ids[PRIMITIVE, lane], ids[INSTANCE, lane], ids[PLACEMENT, lane])
 
 
 @kernel
@@ -521,7 +853,7 @@ def start_paths(scene, aovs, work, key, x, y, first, count):
             continue
         keep_time(scene.shutter, work, lane, time)
         fill_space(scene.media, work, lane)
-        mark_vertex(scene.passage, work, lane, origin)
+        mark_start(scene.passage, work, lane, origin)
         store3(work.path, live, 0, origin)
         store3(work.path, live, 3, direction)
         store3(work.path, live, 6, (importance, importance, importance))
@@ -559,7 +891,6 @@ def survive(scene, throughput, done, draws):
 def trace_paths(scene, aovs, work, key, first, live):
     """Follow the packet's paths to their ends, gathering radiance by sample; returns the number of rays traced."""
     rays = 0
-    count = live
     for segment in range(rounds(scene.passage, scene.depth)):
         if live == 0:
             break
@@ -574,7 +905,7 @@ def trace_paths(scene, aovs, work, key, first, live):
         for lane in range(live):
             table = work.rays.ints[GEOMETRY, lane]
             if table != MISS:
-                expect_any(scene.primitives, table, work.rays.ints[PRIMITIVE, lane])
+                expect_any(scene.primitives, table, found_in(scene, work.rays, lane)[1])
         survivors = 0
         shadows = 0
         for lane in range(live):
@@ -592,6 +923,7 @@ def trace_paths(scene, aovs, work, key, first, live):
             )
             throughput = way.throughput
             if way.scattered:
+                observe_direct(aovs, work, sample, done)
                 shadows += way.aimed
                 survivors += way.goes_on
                 continue
@@ -599,15 +931,13 @@ def trace_paths(scene, aovs, work, key, first, live):
             # Leave the scene.
             table = work.rays.ints[GEOMETRY, lane]
             if table == MISS:
-                share = power_heuristic(pdf, pdf_environment(scene.lights, scene, direction))
-                gather(work, sample, scale(share, throughput), background(scene.environment, direction))
-                gather(work, sample, throughput, escape(scene.lights, direction, pdf))
+                gather(work, sample, throughput, surroundings(scene.lights, scene, direction, pdf))
                 continue
 
             # Meet a surface.
-            instance, primitive = work.rays.ints[INSTANCE, lane], work.rays.ints[PRIMITIVE, lane]
+            instance, primitive = found_in(scene, work.rays, lane)
             hit = meet(scene.instances, scene, instance, table, primitive, origin, direction, near, time)
-            site = Site(hit.local, hit.u, hit.v, near)
+            site = Site(hit.local, hit.u, hit.v, travelled(scene.passage, work, sample, near, hit.point))
             front = dot(direction, hit.normal) < 0.0
             reference = select_at(scene.selectors, scene, hit.material, front, site, draws)
             if goes_straight(scene.passage, work, sample, reference):
@@ -615,9 +945,9 @@ def trace_paths(scene, aovs, work, key, first, live):
                 put_path(work, survivors, sample, spawn_point(hit, direction), direction, throughput, pdf)
                 survivors += 1
                 continue
-            normal = shading_normal(scene.relief, scene, hit, reference, site, direction, front)
-            if segment == 0:
-                ray = (origin, direction)
+            normal = shading_normal(scene.relief, scene, hit, instance, reference, site, direction, front, time)
+            if done == 1:
+                ray = (seen_from(scene.passage, work, sample, origin), direction)
                 observe(
                     aovs,
                     scene,
@@ -643,6 +973,7 @@ def trace_paths(scene, aovs, work, key, first, live):
                     scene.lights, scene, instance, table, primitive, vertex, hit.point, hit.normal, time
                 )
                 gather(work, sample, scale(power_heuristic(pdf, by_light), throughput), emitted)
+            observe_direct(aovs, work, sample, done)
             if done == scene.depth:
                 continue
 
@@ -677,7 +1008,6 @@ def trace_paths(scene, aovs, work, key, first, live):
             put_path(work, survivors, sample, start, out.direction, scale(1.0 / survival, throughput), out.pdf)
             survivors += 1
         resolve_shadows(scene.lights, scene, work, shadows, key, first, segment)
-        observe_direct(aovs, work, segment, count)
         rays += shadows
         live = survivors
     return rays
@@ -723,13 +1053,14 @@ def render_tile(scene, film, work, left, top, right, bottom, begin, end):
     Packets start at multiples of PACKET from `begin` on, so whoever calls with such a `begin` gets the same bits
     however the samples are split into calls.
     """
+    tracing, room = share(scene), share(work)
     rays = 0
     for y in range(top, bottom):
         for x in range(left, right):
             key = pixel_key(scene.sampler, x, y)
             for first in range(begin, end, PACKET):
                 count = min(PACKET, end - first)
-                live = start_paths(scene, film.aovs, work, key, x, y, first, count)
-                rays += trace_paths(scene, film.aovs, work, key, first, live)
-                accumulate(film, work, x - film.left, y - film.top, count)
+                live = start_paths(tracing, film.aovs, room, key, x, y, first, count)
+                rays += trace_paths(tracing, film.aovs, room, key, first, live)
+                accumulate(film, room, x - film.left, y - film.top, count)
     return rays

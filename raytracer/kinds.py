@@ -82,9 +82,12 @@ def type_name(spec: type[Spec]) -> str | None:
     return str(name)
 
 
+AOVS = Family("AOV", "raytracer.aovs")
 CAMERAS = Family("camera", "raytracer.cameras")
 ENVIRONMENTS = Family("environment", "raytracer.environments")
 FILTERS = Family("filter", "raytracer.filters")
 LIGHTS = Family("light", "raytracer.lights")
 MATERIALS = Family("material", "raytracer.materials")
+MEDIA = Family("medium", "raytracer.media")
 SHAPES = Family("shape", "raytracer.shapes")
+TEXTURES = Family("texture", "raytracer.textures")

@@ -5,19 +5,22 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from raytracer import __version__
-from raytracer.embree import PACKET, Accel
+from raytracer.embree import PACKET
 from raytracer.errors import InputError
 from raytracer.film.film import Film, develop
 from raytracer.film.image import Image
 from raytracer.integrator import FilmView, Scene, render_tile, workspace
 from raytracer.scene.effects import effects_of
-from raytracer.scene.pack import pack
+from raytracer.scene.pack import Packed, pack
 from raytracer.scene.spec import SceneSpec
+
+if TYPE_CHECKING:
+    from raytracer.aovs.recording import Recording
 
 TILE = 16
 """Edge of the square of pixels that one thread takes at a time."""
@@ -108,6 +111,8 @@ def render(
     threads: int | None = None,
     crop: tuple[int, int, int, int] | None = None,
     time_limit: float | None = None,
+    aovs: Sequence[str] = (),
+    denoise: bool = False,
     progress: Callable[[Progress], None] | None = None,
     load_seconds: float = 0.0,
 ) -> Rendered:
@@ -119,13 +124,19 @@ def render(
     threads : how many work; all processors if None.
     crop : (x0, y0, x1, y1), the pixels x0 <= x < x1, y0 <= y < y1 only; they are those of the whole picture.
     time_limit : seconds after which no further samples are started.
+    aovs : names of AOVs, which become layers of the image (docs/aovs.md); the radiance keeps its bits.
+    denoise : whether Open Image Denoise is to clean the image, which then is biased.
     progress : called about ten times a second; a KeyboardInterrupt out of it, or out of a signal, ends the render
         early with the samples taken so far.
 
     Raises
     ------
-    InputError : a crop outside the film, or a scene that cannot be packed.
+    InputError : a crop outside the film, a scene that cannot be packed, an unknown AOV, or no denoiser.
     """
+    if denoise:
+        from raytracer.film.denoise import require_denoiser
+
+        require_denoiser()
     stats = Stats(threads=threads or available_threads(), effects=[])
     clock = _Clock(stats.seconds, load_seconds)
     settings = spec.render.model_copy(
@@ -137,11 +148,13 @@ def render(
     packed = pack(spec)
     stats.effects = [name for name, effect in effects_of(spec, packed.scene).items() if effect.active]
     clock.lap("pack")
-    accel = Accel(packed.geometries, robust=packed.robust)
+    accel = packed.build()
     scene = packed.scene._replace(accel=accel.address)
     clock.lap("build")
     film = Film.empty(window.right - window.left, window.bottom - window.top)
-    target = FilmView(film.mean, film.m2, film.count, film.nan_count, window.left, window.top, None)
+    recording = _recording(spec, packed, film, aovs, denoise)
+    view = recording.view if recording else None
+    target = FilmView(film.mean, film.m2, film.count, film.nan_count, window.left, window.top, view)
     render_tile(scene, target, workspace(), 0, 0, 0, 0, 0, 0)
     clock.lap("compile")
     job = _Job(scene, target, window, settings.spp, time_limit)
@@ -151,7 +164,12 @@ def render(
 
     stats.samples, stats.nan_samples = int(film.count.sum() + film.nan_count.sum()), int(film.nan_count.sum())
     image = develop(film, _header(spec, crop))
+    if recording:
+        image = _with_layers(image, film, recording, aovs)
     clock.lap("develop")
+    if recording and denoise:
+        image = _denoised(image, film, recording, stats.threads)
+        clock.lap("denoise")
     stats.seconds["total"] = sum(stats.seconds.values())
     stats.peak_rss_bytes = peak_rss_bytes()
     fewest = int((film.count + film.nan_count).min())
@@ -166,9 +184,54 @@ def render_image(
     threads: int | None = None,
     crop: tuple[int, int, int, int] | None = None,
     time_limit: float | None = None,
+    aovs: Sequence[str] = (),
+    denoise: bool = False,
 ) -> Image:
     """The image of a scene: `image.radiance` is float64 (height, width, 3), row 0 at the top.  See `render`."""
-    return render(scene, spp=spp, seed=seed, threads=threads, crop=crop, time_limit=time_limit).image
+    return render(
+        scene,
+        spp=spp,
+        seed=seed,
+        threads=threads,
+        crop=crop,
+        time_limit=time_limit,
+        aovs=aovs,
+        denoise=denoise,
+    ).image
+
+
+# What the denoiser is guided by, and how much of a pixel it holds for.
+_GUIDES = ("albedo", "normal", "coverage")
+
+
+def _recording(spec: SceneSpec, packed: Packed, film: Film, aovs: Sequence[str], denoise: bool) -> "Recording | None":
+    """What is gathered besides radiance; None where that is nothing."""
+    if not aovs and not denoise:
+        return None
+    from raytracer.aovs.recording import Recording, known_aovs
+    from raytracer.scene.identities import identify
+
+    names = known_aovs([*aovs, *(_GUIDES if denoise else ())])
+    height, width = film.count.shape
+    return Recording(names, height, width, identify(spec, packed))
+
+
+def _with_layers(image: Image, film: Film, recording: "Recording", aovs: Sequence[str]) -> Image:
+    """The image with the AOVs that were asked for."""
+    return replace(
+        image,
+        settings={**image.settings, **recording.settings(aovs)},
+        layers={name: recording.develop(name, film) for name in aovs},
+        channels=recording.channels(aovs),
+    )
+
+
+def _denoised(image: Image, film: Film, recording: "Recording", threads: int) -> Image:
+    """The image without its noise, as far as the denoiser can tell."""
+    from raytracer.film.denoise import denoise
+
+    albedo, normal, coverage = (recording.develop(name, film) for name in _GUIDES)
+    return denoise(image, coverage[..., None] * albedo, coverage[..., None] * normal, threads=threads)
 
 
 class _Clock:

@@ -69,6 +69,11 @@ class Spec(BaseModel):
     loads: ClassVar[Mapping[str, str]] = {}
     """Keys that name files, relative to the scene, and what each is read as."""
 
+    def files(self) -> dict[tuple[str | int, ...], tuple[str, str]]:
+        """The files that it names: by path of keys, the name and what it is read as."""
+        given = ((key, getattr(self, key), kind) for key, kind in self.loads.items())
+        return {(key,): (name, kind) for key, name, kind in given if name is not None}
+
     @model_validator(mode="wrap")
     @classmethod
     def _known_keys_only(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
@@ -488,6 +493,21 @@ def _name(value: Any) -> str:
 Name: TypeAlias = Annotated[str, BeforeValidator(_name)]
 
 
+def name_or_material(value: Any, info: ValidationInfo) -> Any:
+    """The check of a field that holds a material: its name, or a mapping that is checked as one.
+
+    Raises
+    ------
+    ValueError: neither.
+    """
+    if isinstance(value, Spec):
+        return value
+    if isinstance(value, Mapping):
+        check = (info.context or {}).get(INLINE_MATERIAL)
+        return check(value) if check else value
+    return _name(value)
+
+
 class ObjectSpec(Spec):
     """Base of the shapes: the keys that every object may have."""
 
@@ -496,6 +516,13 @@ class ObjectSpec(Spec):
     )
     material: Any = Field(
         default=None, description="Name of a material under `materials`, or a material itself: {type: ...}"
+    )
+    medium: Name | None = Field(
+        default=None,
+        description="Name of the medium under `media` that fills the object; without a material it has no surface",
+    )
+    outside_medium: Name | None = Field(
+        default=None, description="Name of the medium round the object; the scene's `medium` by default"
     )
     transform: Transform | None = Field(
         default=None,
@@ -506,9 +533,4 @@ class ObjectSpec(Spec):
     @field_validator("material", mode="before")
     @classmethod
     def _name_or_material(cls, value: Any, info: ValidationInfo) -> Any:
-        if value is None or isinstance(value, Spec):
-            return value
-        if isinstance(value, Mapping):
-            check = (info.context or {}).get(INLINE_MATERIAL)
-            return check(value) if check else value
-        return _name(value)
+        return None if value is None else name_or_material(value, info)

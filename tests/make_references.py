@@ -16,6 +16,9 @@ from raytracer.scene.spec import SceneSpec
 
 ROOT = Path(__file__).parent.parent
 FOLDER = Path(__file__).parent / "references"
+GENERATED = {"million": "million.ply", "instances": "forest_russet.npy"}
+"""Scenes that are made of files which are not in the repository, and the last of these that is made."""
+
 SPP = 4096
 SEED = 12345
 
@@ -83,10 +86,18 @@ objects:
 """
 
 REFERENCES: dict[str, Callable[..., SceneSpec]] = {
+    "bouncing": _repository("bouncing", 72, 40),
     "cornell": _repository("cornell", 56, 56),
     "cover": _repository("cover", 72, 40),
+    "fan": _repository("fan", 72, 40),
     "glass": _repository("glass", 72, 40),
+    "instances": _repository("instances", 64, 36),
+    "metals": _repository("metals", 72, 48),
     "million": _repository("million", 48, 48),
+    "next_week": _repository("next_week", 48, 48),
+    "smoke": _repository("smoke", 56, 56),
+    "studio": _repository("studio", 72, 40),
+    "textures": _repository("textures", 72, 40),
     "zoo": _text(_ZOO),
     "lens": _text(_LENS),
 }

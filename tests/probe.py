@@ -14,23 +14,43 @@ import numba
 import numpy as np
 from numba.core import event
 
+from raytracer.aovs.recording import Recording
 from raytracer.integrator import FilmView, render_tile, workspace
+from raytracer.scene.identities import identify
 from raytracer.scene.pack import pack
 from tests.rendering import scene
 
 PINHOLE = "camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0]}\n"
+EXPOSED = "camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], shutter: 1}\n"
+DOLLY = EXPOSED.replace("shutter: 1", "shutter: 1, motion: {velocity: [1, 0, 0]}")
 LENS = "camera: {type: thin_lens, look_from: [0, 0, 4], look_at: [0, 0, 0], aperture: 100}\n"
 CONSTANT = "environment: {type: constant, radiance: 1}\n"
 MATTE = "objects:\n  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian}}\n"
+FLYING = MATTE.replace("radius: 1", "radius: 1, motion: {velocity: [1, 0, 0]}")
+EGG = MATTE.replace("radius: 1", "radius: 1, transform: [{scale: [1, 2, 1]}]")
 GLASS = "  - {type: sphere, center: [2, 0, 0], radius: 1, material: {type: dielectric}}\n"
 LAMP = "  - {type: sphere, center: [-2, 0, 0], radius: 1, material: {type: emitter, radiance: 1}}\n"
+GAUZE = "  - {type: sphere, center: [2, 0, 0], radius: 1, material: {type: cutout, material: {type: lambertian}}}\n"
+
+CHECKED = MATTE.replace("{type: lambertian}", "{type: lambertian, albedo: {type: checker}}")
+BUMPY = CHECKED.replace("{type: checker}}", "{type: checker}, bump: {type: checker}}")
 
 SCENES = {
     "plain": PINHOLE + MATTE,
     "sky": PINHOLE + CONSTANT + MATTE,
     "lens": LENS + MATTE,
+    "fisheye": "camera: {type: fisheye, look_from: [0, 0, 4], look_at: [0, 0, 0]}\n" + MATTE,
     "glass": PINHOLE + MATTE + GLASS,
     "lamp": PINHOLE + MATTE + LAMP,
+    "fog": PINHOLE + "media: {fog: {type: homogeneous, absorption: 1}}\nmedium: fog\n" + MATTE,
+    "sun": PINHOLE + "lights: [{type: sun, direction: [0, -1, 0], irradiance: 1}]\n" + MATTE,
+    "daylight": PINHOLE + "environment: {type: sky}\n" + MATTE,
+    "egg": PINHOLE + EGG,
+    "flight": EXPOSED + FLYING,
+    "dolly": DOLLY + MATTE,
+    "checked": PINHOLE + CHECKED,
+    "bumpy": PINHOLE + BUMPY,
+    "gauze": PINHOLE + MATTE + LAMP + GAUZE,
 }
 
 
@@ -48,16 +68,20 @@ class _Compiled(event.Listener):
 
 
 def compiled(name: str) -> dict[str, Any]:
-    """Compile the kernel of a scene without a pixel to render, and look into it."""
-    packed = pack(scene(SCENES[name], filled=False)).scene
+    """Compile the kernel of a scene without a pixel to render, and look into it; "plain+depth" records an AOV."""
+    base, _, aov = name.partition("+")
+    spec = scene(SCENES[base], filled=False)
+    found = pack(spec)
+    packed = found.scene
     size = (1, 1)
+    aovs = Recording([aov] if aov else [], 1, 1, identify(spec, found)).view
     film = FilmView(
-        np.zeros((*size, 3)), np.zeros((*size, 3)), np.zeros(size, np.int64), np.zeros(size, np.int64), 0, 0, None
+        np.zeros((*size, 3)), np.zeros((*size, 3)), np.zeros(size, np.int64), np.zeros(size, np.int64), 0, 0, aovs
     )
     listener = _Compiled()
     with event.install_listener("numba:compile", listener):
         render_tile(packed, film, workspace(), 0, 0, 0, 0, 0, 0)
-    signature = next(s for s in render_tile.signatures if s[0] == numba.typeof(packed))
+    signature = next(s for s in render_tile.signatures if s[:2] == (numba.typeof(packed), numba.typeof(film)))
     cached = sum(render_tile.stats.cache_hits.values())
     code = "" if cached else render_tile.inspect_llvm(signature)
     return {

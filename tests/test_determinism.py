@@ -16,6 +16,7 @@ from raytracer import rendering
 from raytracer.rendering import Progress, Rendered, render
 from raytracer.scene.load import load
 from raytracer.scene.spec import SceneSpec
+from tests.make_references import GENERATED
 
 ROOT = Path(__file__).parent.parent
 SCENES = ROOT / "scenes"
@@ -24,8 +25,8 @@ WIDTH, HEIGHT, SPP = 44, 36, 37
 
 def scene(name: str, sampler: str | None = None) -> SceneSpec:
     """A scene of the repository at a small size, cut by tiles of 16 into unequal ones; SPP is not a whole packet."""
-    if name == "million" and not (SCENES / "generated" / "million.ply").exists():
-        pytest.skip("scenes/generate/million.py has not made its mesh")
+    if name in GENERATED and not (SCENES / "generated" / GENERATED[name]).exists():
+        pytest.skip(f"make scenes has not made what {name}.yaml is made of")
     overrides: dict[str, Any] = {"film.width": WIDTH, "film.height": HEIGHT, "render.spp": SPP}
     if sampler is not None:
         overrides["render.sampler"] = sampler
@@ -33,7 +34,7 @@ def scene(name: str, sampler: str | None = None) -> SceneSpec:
 
 
 NAMES = [
-    pytest.param(path.stem, marks=[pytest.mark.slow] if path.stem == "million" else [])
+    pytest.param(path.stem, marks=[pytest.mark.slow] if path.stem in GENERATED else [])
     for path in sorted(SCENES.glob("*.yaml"))
 ]
 

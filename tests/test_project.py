@@ -16,7 +16,7 @@ import yaml
 
 import raytracer
 from raytracer.cli.main import app
-from raytracer.kinds import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, SHAPES, Family
+from raytracer.kinds import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES, Family
 from raytracer.scene.load import load
 from raytracer.spec import Spec
 
@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
-FAMILIES = (CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, SHAPES)
+FAMILIES = (CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES)
 
 COMMANDS = set(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
 
@@ -62,14 +62,28 @@ def _scene_with(family: Family, snippet: str, folder: Path) -> Path:
         scene["objects"] = [{"type": "sphere", "center": [0, 0, 0], "radius": 1, "material": name} for name in piece]
     elif family is SHAPES:
         scene["objects"] = piece
+        ball = {"type": "sphere", "center": [0, 0, 0], "radius": 1}
+        scene["groups"] = {item["of"]: [ball] for item in piece if "of" in item}
+        for item in piece:
+            if isinstance(item.get("placements"), str):
+                (folder / item["placements"]).touch()
         scene["materials"] = {item["material"]: {"type": "lambertian"} for item in piece if "material" in item}
         for item in piece:
-            if "file" in item:
-                (folder / item["file"]).touch()
+            for source in (item, *item.get("frames", [])):
+                if "file" in source:
+                    (folder / source["file"]).touch()
     elif family is LIGHTS:
         scene["lights"] = piece
+    elif family in (MEDIA, TEXTURES):
+        scene["media" if family is MEDIA else "textures"] = piece
+        for item in piece.values():
+            if "file" in item:
+                (folder / item["file"]).touch()
     else:
         scene.update(piece)
+        for item in piece.values():
+            if "file" in item:
+                (folder / item["file"]).touch()
     path = folder / "scene.yaml"
     path.write_text(yaml.safe_dump(scene))
     return path
@@ -89,7 +103,9 @@ def test_a_kinds_docstring_holds_a_scene_that_is_valid(
         FILTERS: [scene.film.filter],
         LIGHTS: scene.lights,
         MATERIALS: scene.materials.values(),
+        MEDIA: scene.media.values(),
         SHAPES: scene.objects,
+        TEXTURES: scene.textures.values(),
     }[family]
     assert found
     assert {type(item) for item in found} == {spec}

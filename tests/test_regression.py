@@ -9,14 +9,14 @@ import pytest
 from raytracer.comparison import Reference, load_reference, z_test
 from raytracer.film.image import Image
 from raytracer.rendering import render
-from tests.make_references import FOLDER, REFERENCES, ROOT, SEED, spec_of
+from tests.make_references import FOLDER, GENERATED, REFERENCES, ROOT, SEED, spec_of
 
-NAMES = [pytest.param(name, marks=[pytest.mark.slow] if name == "million" else []) for name in REFERENCES]
+NAMES = [pytest.param(name, marks=[pytest.mark.slow] if name in GENERATED else []) for name in REFERENCES]
 
 
 def rendered(name: str, *, seed: int = SEED + 1, spp: int = 256) -> Image:
-    if name == "million" and not (ROOT / "scenes" / "generated" / "million.ply").exists():
-        pytest.skip("scenes/generate/million.py has not made its mesh")
+    if name in GENERATED and not (ROOT / "scenes" / "generated" / GENERATED[name]).exists():
+        pytest.skip(f"make scenes has not made what {name}.yaml is made of")
     result = render(spec_of(name), seed=seed, spp=spp)
     assert result.stats.nan_samples == 0
     return result.image

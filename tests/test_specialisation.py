@@ -20,7 +20,7 @@ from tests.rendering import scene
 
 ROOT = Path(__file__).parent.parent
 
-FAMILIES = ("cameras", "environments", "filters", "lights", "materials", "primitives", "sampling")
+FAMILIES = ("cameras", "environments", "filters", "lights", "materials", "media", "primitives", "sampling", "textures")
 
 
 def probe(cache: Path, *names: str) -> dict[str, Any]:
@@ -45,12 +45,30 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def kernels(cache: Path) -> dict[str, Any]:
-    return probe(cache, "plain", "sky", "lens", "glass", "lamp")
+    return probe(
+        cache,
+        "plain",
+        "sky",
+        "lens",
+        "glass",
+        "lamp",
+        "fog",
+        "egg",
+        "sun",
+        "daylight",
+        "flight",
+        "dolly",
+        "fisheye",
+        "gauze",
+        "checked",
+        "bumpy",
+        "plain+depth",
+    )
 
 
 def kinds(report: dict[str, Any]) -> set[str]:
     """Kinds in a kernel: modules of the families, but for what they share."""
-    shared = ("interface", "hashing", "warp", "perspective")
+    shared = ("interface", "hashing", "phase", "warp", "perspective")
     return {
         module.removeprefix("raytracer.")
         for module in report["modules"]
@@ -71,8 +89,16 @@ def test_plain_scene_holds_its_own_kinds_only(kernels: dict[str, Any]) -> None:
     [
         ("sky", {"environments.constant"}),
         ("lens", {"cameras.thin_lens"}),
+        ("fisheye", {"cameras.fisheye"}),
         ("glass", {"materials.dielectric"}),
         ("lamp", {"lights.emitters", "materials.emitter", "sampling.alias"}),
+        ("fog", {"media.homogeneous"}),
+        ("sun", {"lights.sun"}),
+        ("gauze", {"materials.cutout", "lights.emitters"}),
+        ("flight", {"primitives.translated"}),
+        ("checked", {"textures.checker"}),
+        ("dolly", {"cameras.moving"}),
+        ("daylight", {"environments.equirectangular", "lights.background"}),
     ],
 )
 def test_an_effect_brings_its_own_code(kernels: dict[str, Any], name: str, brings: set[str]) -> None:
@@ -91,12 +117,52 @@ def test_shadow_rays_are_compiled_where_there_are_lights(kernels: dict[str, Any]
         "lens": 0,
         "glass": 0,
         "lamp": 1,
+        "fog": 0,
+        "egg": 0,
+        "fisheye": 0,
+        "plain+depth": 0,
+        "sun": 1,
+        "flight": 0,
+        "dolly": 0,
+        "daylight": 1,
+        "gauze": 0,
+        "checked": 0,
+        "bumpy": 0,
     }
+
+
+def test_shadow_rays_are_followed_where_light_may_pass(kernels: dict[str, Any]) -> None:
+    # As rays that look for what they meet, in place of those that only look whether they meet anything.
+    assert kernels["gauze"]["calls"]["rtcIntersect8"] == 2
+    assert {report["calls"]["rtcIntersect8"] for name, report in kernels.items() if name != "gauze"} == {1}
 
 
 def test_kernels_count_no_references(kernels: dict[str, Any]) -> None:
     # Counts are atomic and shared by all threads; they cost a third of the time.
     assert {name: report["reference_counts"] for name, report in kernels.items()} == dict.fromkeys(kernels, 0)
+
+
+def test_only_aovs_that_are_asked_for_are_compiled(kernels: dict[str, Any]) -> None:
+    recorded = {
+        name: {module for module in report["modules"] if module.startswith("raytracer.aovs.")}
+        for name, report in kernels.items()
+    }
+    assert recorded.pop("plain+depth") == {"raytracer.aovs.interface", "raytracer.aovs.distances"}
+    assert not any(recorded.values())
+
+
+def test_relief_is_compiled_where_a_material_has_some(kernels: dict[str, Any]) -> None:
+    # A checker is its texture in both; the second one shades with its slopes too.
+    assert {name for name, report in kernels.items() if "raytracer.relief" in report["modules"]} == {"bumpy"}
+    assert kernels["bumpy"]["llvm_size"] > kernels["checked"]["llvm_size"] > kernels["plain"]["llvm_size"]
+
+
+def test_instances_are_compiled_where_something_is_placed(kernels: dict[str, Any]) -> None:
+    # A matte ellipsoid is the matte ball of `plain`, and besides it the transforms of rays and hits.
+    assert kinds(kernels["egg"]) <= kinds(kernels["plain"])
+    assert "raytracer.motion" in kernels["egg"]["modules"]
+    assert "raytracer.motion" not in kernels["plain"]["modules"]
+    assert kernels["egg"]["llvm_size"] > kernels["plain"]["llvm_size"]
 
 
 def test_a_second_process_compiles_nothing(kernels: dict[str, Any], cache: Path) -> None:
@@ -154,6 +220,16 @@ def test_what_nothing_uses_is_not_part_of_the_type() -> None:
     base = BASE.replace("SAMPLER", "sobol")
     unused = base.replace("objects:", "  glass: {type: dielectric}\n  steel: {type: metal}\nobjects:")
     assert type_of(unused) == type_of(base)
+
+
+def test_textures_and_relief_that_nothing_in_use_has_are_not_part_of_the_type() -> None:
+    base = BASE.replace("SAMPLER", "sobol")
+    unused = base.replace("materials:", "textures: {squares: {type: checker}, veins: {type: noise}}\nmaterials:")
+    unused = unused.replace("objects:", "  tiles: {type: metal, albedo: squares, bump: veins}\nobjects:")
+    assert type_of(unused) == type_of(base)
+    # And a plain value is one whichever key of the material may be textured.
+    assert type_of(base, materials__a__bump={"type": "noise"}, materials__a__bump_height=0) != type_of(base)
+    assert pack(build(unused, "test.yaml")).scene.textures is None
 
 
 def test_order_of_the_objects_is_not_part_of_the_type() -> None:

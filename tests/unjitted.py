@@ -15,6 +15,7 @@ from raytracer.environments.gradient import Gradient
 from raytracer.geometry import Exact
 from raytracer.integrator import power_heuristic, spawn_point
 from raytracer.jit import entry
+from raytracer.materials.interface import SelectorSpec
 from raytracer.optics import fresnel_dielectric, refract
 from raytracer.primitives.discs import Discs
 from raytracer.primitives.interface import hit_any
@@ -25,8 +26,10 @@ from raytracer.vec import basis, reflect, to_world
 from tests.cameras.kernels import camera_rays
 from tests.environments.test_environments import seen
 from tests.materials.kernels import evaluate_many, incoming, scatter_many
-from tests.materials.test_contract import EXAMPLES, spec_of
+from tests.materials.test_contract import EXAMPLES, FACETS, spec_of
 from tests.shapes.kernels import pdf_of, sample
+from tests.textures.kernels import looked_up, picture, slopes, table_of
+from tests.textures.kernels import spec_of as texture_of
 
 _MATERIAL = np.zeros(1, np.int32)
 _CORNERS = np.array([[0, 0, 0], [1, 0.2, 0], [0.1, 1, 0.3]])
@@ -34,7 +37,7 @@ _NORMALS = np.array([[0, 0, 1], [0, 0.6, 0.8], [0.6, 0, 0.8]], np.float32)
 TABLES = (
     Discs(np.array([[0.1, 0.2, 0.3]]), np.array([[0.0, 0.6, 0.8]]), np.array([2.0]), _MATERIAL),
     Parallelograms(_CORNERS[:1] - 1.0, 4.0 * _CORNERS[1:2], 4.0 * _CORNERS[2:], _MATERIAL),
-    SmoothTriangles(9.0 * _CORNERS.astype(np.float32) - 3, np.array([[0, 1, 2]], np.uint32), _MATERIAL, _NORMALS),
+    SmoothTriangles(9.0 * _CORNERS.astype(np.float32) - 3, np.array([[0, 1, 2]], np.uint32), _MATERIAL, None, _NORMALS),
     Spheres(np.array([[0.1, 0.2, 0.3]]), np.array([0.9]), _MATERIAL),
     Triangles(9.0 * _CORNERS.astype(np.float32) - 3, np.array([[0, 1, 2]], np.uint32), _MATERIAL),
 )
@@ -77,6 +80,9 @@ def numbers() -> dict[str, NDArray[np.float64]]:
     for kind, examples in EXAMPLES.items():
         for number, parameters in enumerate(examples):
             spec = spec_of(kind, parameters)
+            # Selectors only name other materials; the tables of facets are a matter of minutes for the interpreter.
+            if isinstance(spec, SelectorSpec) or kind in FACETS:
+                continue
             drawn = scatter_many(spec, incoming(35.0), 20)
             valued = evaluate_many(spec, incoming(35.0), drawn[0])
             for name, array in zip(("outgoing", "weight", "pdf", "value", "density"), (*drawn, *valued), strict=True):
@@ -99,7 +105,18 @@ def numbers() -> dict[str, NDArray[np.float64]]:
     for camera in (Pinhole(vfov=40.0), ThinLens(vfov=40.0, focus_distance=3.0, aperture=100.0)):
         packed = camera.pack(40, 30)
         out[f"{camera.type} origins"], out[f"{camera.type} directions"] = camera_rays(packed, u[:, 0] * 40.0, 7.5)
-    out["sky"] = seen(Gradient().pack(), out["pinhole directions"])
+    points = 3.0 * np.random.default_rng(2).normal(size=(20, 3))
+    for name, parameters in (
+        ("checker", {}),
+        ("checker", {"space": "uv", "scale": 0.2}),
+        ("noise", {"pattern": "marble", "seed": 2**32 - 1}),
+        ("image", {"file": "x", "wrap": "mirror", "scale": 3, "rotation": 30}),
+    ):
+        files = picture(np.arange(60).reshape(4, 5, 3)) if name == "image" else {}
+        table = table_of(texture_of(name, **parameters), files=files)
+        out[f"{name} {parameters} colours"] = looked_up(table, points=points, uv=u)
+        out[f"{name} {parameters} slopes"] = slopes(table, points=points, uv=u)
+    out["sky"] = seen(Gradient().pack({}), out["pinhole directions"])
     return out
 
 

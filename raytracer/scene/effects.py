@@ -3,11 +3,18 @@
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from raytracer.cameras.moving import MovingCamera
+from raytracer.cameras.perspective import PerspectiveCamera
 from raytracer.integrator import Scene
-from raytracer.kinds import MATERIALS, SHAPES, Family
+from raytracer.kinds import LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES, Family
+from raytracer.lights.background import Background
+from raytracer.lights.emitters import Emitters
+from raytracer.materials.interface import MaterialSpec
+from raytracer.scene.lights import lights_of
+from raytracer.scene.materials import parts
 from raytracer.scene.pack import material_of
 from raytracer.scene.spec import SceneSpec
-from raytracer.textures.interface import Book
+from raytracer.textures.interface import textures_of
 
 
 class Effect(NamedTuple):
@@ -19,21 +26,39 @@ class Effect(NamedTuple):
 
 def effects_of(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
     """Every effect that the program knows, by name; those of a packed scene are active."""
-    lens = getattr(scene.camera, "lens", None)
-    emitting = [item for item in spec.objects if material_of(spec, item).exitance(Book()) > 0.0]
+    camera = getattr(scene.camera, "camera", scene.camera)
+    lens = getattr(camera, "lens", None)
+    emitting = [item for _, item in spec.all_objects() if material_of(spec, item).emits()]
     return {
         "defocus": Effect(lens is not None, _why_defocus(spec, lens is not None)),
+        "projection": _projection(spec, isinstance(camera, PerspectiveCamera)),
+        "motion_blur": Effect(scene.shutter is not None, _why_motion_blur(spec, scene)),
         "light_sampling": Effect(scene.lights is not None, _why_light_sampling(spec, scene, len(emitting))),
         "environment": Effect(scene.environment is not None, _why_environment(spec, scene)),
+        "environment_sampling": Effect(_aims(scene, Background), _why_environment_sampling(spec, scene)),
+        "media": Effect(scene.media is not None, _why_media(spec, scene)),
+        "instances": Effect(scene.instances is not None, _why_instances(scene)),
         "roulette": Effect(
             scene.roulette < scene.depth,
             f"paths may end by chance after {scene.roulette} of at most {scene.depth} segments"
             if scene.roulette < scene.depth
             else f"rr_depth {scene.roulette} is not below max_depth {scene.depth}",
         ),
-        **_kinds("material", MATERIALS, (material_of(spec, item).type for item in spec.objects)),
+        "relief": Effect(scene.relief is not None, _why_relief(spec, scene)),
+        "passage": Effect(scene.passage is not None, _why_passage(spec, scene)),
+        **_materials(spec, scene),
+        **_textures(spec, scene),
+        **_kinds("medium", MEDIA, (spec.media[name].type for name in _media(spec)), "use"),
         **_kinds("shape", SHAPES, (item.type for item in spec.objects)),
+        **_lights(spec, scene),
     }
+
+
+def _projection(spec: SceneSpec, in_perspective: bool) -> Effect:
+    """Whether the picture is other than in perspective."""
+    if in_perspective:
+        return Effect(False, f"the {spec.camera.type} camera shows the scene in perspective")
+    return Effect(True, f"the {spec.camera.type} camera shows the scene otherwise than in perspective")
 
 
 def _why_defocus(spec: SceneSpec, active: bool) -> str:
@@ -44,11 +69,35 @@ def _why_defocus(spec: SceneSpec, active: bool) -> str:
     return f"the {spec.camera.type} camera has no aperture, so everything is sharp"
 
 
+def _why_motion_blur(spec: SceneSpec, scene: Scene) -> str:
+    shutter = spec.camera.exposure()
+    if scene.shutter is not None:
+        able = [item for _, item in spec.all_objects() if item.motion or getattr(item, "frames", None)]
+        moving = [_count(len(able), "object")] if able else []
+        moving += ["the camera"] if isinstance(scene.camera, MovingCamera) else []
+        return f"the shutter is open for {shutter.close - shutter.open:.4g} s, in which {' and '.join(moving)} may move"
+    if shutter.close == shutter.open:
+        return f"the shutter is open for no time, at {shutter.open:g} s"
+    return f"nothing moves while the shutter is open, for {shutter.close - shutter.open:.4g} s"
+
+
+def _aims(scene: Scene, kind: type) -> bool:
+    """Whether the scene has a table of lights of this class."""
+    return scene.lights is not None and any(isinstance(table, kind) for table in scene.lights.tables)
+
+
 def _why_light_sampling(spec: SceneSpec, scene: Scene, emitting: int) -> str:
     if scene.lights is not None:
-        primitives = sum(len(table.table) for table in scene.lights.tables)
-        return f"{_count(primitives, 'primitive')} of {_count(emitting, 'object')} emit light"
-    if not emitting:
+        parts = []
+        for table in scene.lights.tables:
+            if isinstance(table, Emitters):
+                parts.append(f"{_count(len(table.table), 'primitive')} of {_count(emitting, 'object')} that emit light")
+            elif isinstance(table, Background):
+                parts.append("the environment")
+            else:
+                parts.append(_count(len(table.choice.pmf), f"{type(table).__module__.rpartition('.')[2]} light"))
+        return f"surfaces aim at {', '.join(parts)}"
+    if not emitting and not spec.lights:
         return "no object emits light, so paths find the environment by themselves"
     if scene.depth == 1:
         return "max_depth 1 leaves no segment for light that a surface reflects"
@@ -63,11 +112,109 @@ def _why_environment(spec: SceneSpec, scene: Scene) -> str:
     return "the scene names none, so rays that meet nothing see black"
 
 
-def _kinds(noun: str, family: Family, present: Iterable[str]) -> dict[str, Effect]:
-    """One effect a kind of the family: whether any object has it."""
+def _why_environment_sampling(spec: SceneSpec, scene: Scene) -> str:
+    if _aims(scene, Background):
+        return "surfaces aim at directions in proportion to their radiance"
+    if spec.environment is None or scene.environment is None:
+        return "there is no environment"
+    if not spec.environment.can_be_drawn:
+        return f"paths find the {spec.environment.type} environment by themselves, it being smooth"
+    return "no surface could aim at it: none is lit by choice, or max_depth is 1"
+
+
+def _media(spec: SceneSpec) -> list[str]:
+    """The name of a medium for each time that the scene uses one."""
+    objects = [name for _, item in spec.all_objects() for name in (item.medium, item.outside_medium)]
+    return [name for name in (spec.medium, spec.camera.medium, *objects) if name is not None]
+
+
+def _why_media(spec: SceneSpec, scene: Scene) -> str:
+    used = _media(spec)
+    if scene.media is not None:
+        inside = sum(item.medium is not None for _, item in spec.all_objects())
+        places = [f"{spec.medium!r} fills the scene"] if spec.medium is not None else []
+        return "; ".join([*places, f"{_count(inside, 'object')} of {len(spec.all_objects())} with a medium inside"])
+    if used:
+        return "the media that are used take nothing from light"
+    return "no medium is used, so light travels unhindered"
+
+
+def _why_instances(scene: Scene) -> str:
+    if scene.instances is None:
+        return "no object is placed more than once, turns, or is stretched to an ellipsoid"
+    instances = scene.instances
+    number, moving = len(instances.group), len(instances.group) - len(instances.pose)
+    moves = f", of which {moving:,} move{'s' if moving == 1 else ''}" if moving else ""
+    groups = _count(len(instances.rows), "group")
+    return f"{number:,} placement{'' if number == 1 else 's'} of {groups} of primitives{moves}"
+
+
+def _why_passage(spec: SceneSpec, scene: Scene) -> str:
+    if scene.passage is None:
+        return "no surface has holes or is a mere boundary, so what is met ends a ray"
+    holes = sum(material_of(spec, item).passes() for _, item in spec.all_objects())
+    where = _count(holes, "object") if holes else "the file of a mesh"
+    return f"rays, those for shadows too, go on straight through {where}"
+
+
+def _materials(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
+    """One effect a kind of material: whether any object is of it, or of a material made of it."""
+    of_objects = [{part.type for part in parts([material_of(spec, item)])} for _, item in spec.all_objects()]
+    tables = (*scene.materials, *(scene.selectors.tables if scene.selectors is not None else ()))
+    packed = {type(table).__module__ for table in tables}
+    effects = {}
+    for kind, cls in MATERIALS.specs().items():
+        number = sum(kind in kinds for kinds in of_objects)
+        active = cls.__module__ in packed
+        brought = ", and in the file of a mesh" if active and not number else ""
+        effects[f"material.{kind}"] = Effect(active, f"{_count(number, 'object')} of {len(of_objects)}{brought}")
+    return effects
+
+
+def _parts(spec: SceneSpec) -> list[MaterialSpec]:
+    """The materials of all objects, and what they are made of."""
+    return list(dict.fromkeys(parts(material_of(spec, item) for _, item in spec.all_objects())))
+
+
+def _textures(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
+    """One effect a kind of texture: whether any parameter of a material is one of its kind."""
+    asked = [use.value for part in _parts(spec) for use in textures_of(part)]
+    kinds = [(spec.textures[value] if isinstance(value, str) else value).type for value in asked]
+    packed = {type(table).__module__ for table in scene.textures or ()}
+    effects = {}
+    for kind, cls in TEXTURES.specs().items():
+        number = kinds.count(kind)
+        active = cls.__module__ in packed
+        brought = ", and in the file of a mesh" if active and not number else ""
+        effects[f"texture.{kind}"] = Effect(active, f"{_count(number, 'parameter')} of materials{brought}")
+    return effects
+
+
+def _why_relief(spec: SceneSpec, scene: Scene) -> str:
+    if scene.relief is None:
+        return "no material in use has a bump or a normal map, so surfaces are shaded as smooth as they are"
+    number = sum(part.bump is not None or part.normal_map is not None for part in _parts(spec))
+    return f"{_count(number, 'material')} in use have a bump or a normal map"
+
+
+def _lights(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
+    """One effect a kind of light: whether a light of this kind can make a difference."""
+    lights = lights_of(spec)
+    present = {type(table).__module__ for table in scene.lights.tables} if scene.lights is not None else set()
+    effects = {}
+    for kind, cls in LIGHTS.specs().items():
+        number = sum(light.type == kind for light in lights)
+        active = cls.__module__ in present
+        idle = ", which is black, or which no material here can be lit by" if number and not active else ""
+        effects[f"light.{kind}"] = Effect(active, f"{_count(number, 'light')} of {len(lights)}{idle}")
+    return effects
+
+
+def _kinds(noun: str, family: Family, present: Iterable[str], user: str = "object") -> dict[str, Effect]:
+    """One effect a kind of the family: whether any object, or other user, has it."""
     names = list(present)
     return {
-        f"{noun}.{kind}": Effect(kind in names, f"{_count(names.count(kind), 'object')} of {len(names)}")
+        f"{noun}.{kind}": Effect(kind in names, f"{_count(names.count(kind), user)} of {len(names)}")
         for kind in family.specs()
     }
 

@@ -1,16 +1,18 @@
 """From a scene file to a checked scene; whatever is wrong is one sentence that names file, line and key."""
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from raytracer.errors import InputError, SceneError, shortened, shown
+from raytracer.materials.interface import MaterialSpec
 from raytracer.scene.document import Node, Place, node_of, override, parse, parse_path, read
 from raytracer.scene.spec import SceneSpec, check_material, error_at
 from raytracer.spec import INLINE_MATERIAL, Spec, sentence
+from raytracer.textures.interface import textures_of
 
 
 def load(path: str | os.PathLike[str], overrides: Mapping[str, Any] | None = None) -> SceneSpec:
@@ -48,25 +50,37 @@ def build(text: str, file: str, overrides: Mapping[str, Any] | None = None, base
     return scene
 
 
+def _inline(material: Any, keys: tuple[str | int, ...]) -> Iterator[tuple[Spec | str | None, tuple[str | int, ...]]]:
+    """A material and those that it holds inline, each with where it stands."""
+    yield material, keys
+    if isinstance(material, MaterialSpec):
+        for below, child in material.children().items():
+            yield from _inline(child, (*keys, *below))
+
+
 def _check_files(scene: SceneSpec) -> None:
     """Refuse a scene that names a file which is not there: better now than after minutes of reading others."""
     places: list[tuple[Spec | str | None, tuple[str | int, ...]]] = [
         (scene.camera, ("camera",)),
         (scene.environment, ("environment",)),
-        *((material, ("materials", name)) for name, material in scene.materials.items()),
-        *((item, ("objects", i)) for i, item in enumerate(scene.objects)),
-        *((item.material, ("objects", i, "material")) for i, item in enumerate(scene.objects)),
+        *((texture, ("textures", name)) for name, texture in scene.textures.items()),
+        *(part for name, material in scene.materials.items() for part in _inline(material, ("materials", name))),
+        *((medium, ("media", name)) for name, medium in scene.media.items()),
+        *((item, keys) for keys, item in scene.all_objects()),
+        *(part for keys, item in scene.all_objects() for part in _inline(item.material, (*keys, "material"))),
         *((light, ("lights", i)) for i, light in enumerate(scene.lights)),
     ]
+    places += [
+        (use.value, (*keys, use.key)) for spec, keys in places if isinstance(spec, Spec) for use in textures_of(spec)
+    ]
     for spec, keys in places:
-        for key in spec.loads if isinstance(spec, Spec) else ():
-            name = getattr(spec, key)
+        for place, (name, _) in (spec.files() if isinstance(spec, Spec) else {}).items():
             path = scene.base / name
             if path.is_dir():
-                raise scene.error(f"{shown(name)} is a folder, not a file", *keys, key)
+                raise scene.error(f"{shown(name)} is a folder, not a file", *keys, *place)
             if not path.exists():
                 where = "" if Path(name).is_absolute() else f" in {scene.base}, the scene's folder"
-                raise scene.error(f"there is no file {shown(name)}{where}", *keys, key)
+                raise scene.error(f"there is no file {shown(name)}{where}", *keys, *place)
 
 
 def parse_overrides(definitions: Iterable[str]) -> dict[str, Any]:

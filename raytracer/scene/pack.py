@@ -4,40 +4,55 @@ Only what the picture can depend on is packed: materials that no object has, and
 are left out, so the compiled kernel holds no code for them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.assets import LOADERS
+from raytracer.cameras.moving import MovingCamera, pack_camera
+from raytracer.embree import Accel, Placements
 from raytracer.errors import InputError
 from raytracer.geometry import Exact, Geometry
-from raytracer.integrator import Scene
+from raytracer.integrator import Passage, Scene
 from raytracer.kinds import MATERIALS
-from raytracer.lights.emitters import Emitters
-from raytracer.lights.interface import Lights
 from raytracer.materials.interface import MaterialSpec
-from raytracer.primitives.interface import areas, concatenate, geometry
+from raytracer.relief import pack_relief
 from raytracer.sampling import SAMPLERS
-from raytracer.sampling.alias import build_alias
+from raytracer.scene.document import path_text
+from raytracer.scene.lights import pack_lights
+from raytracer.scene.materials import DEFAULT_MATERIAL, brought, pack_materials, parts, resolved
+from raytracer.scene.media import Spaces
+from raytracer.scene.objects import Assets, Layout, Owners, lay_out, pack_objects
 from raytracer.scene.spec import SceneSpec
+from raytracer.scene.textures import pack_textures
 from raytracer.shapes.interface import ShapeSpec
-from raytracer.spec import matrix_of
-from raytracer.textures.interface import Book
 
-_DEFAULT_MATERIAL = "lambertian"
+_INVISIBLE = "boundary"
 
 
 class Packed(NamedTuple):
     """A scene ready to be built: the packed scene (its accel still 0), and what Embree builds from.
 
-    robust, whether rays must not slip through the edges between triangles.
+    robust, whether rays must not slip through the edges between triangles; materials, what the scene calls each by the
+    reference that primitives have; owners, the objects that the rows of each table belong to; instance_objects (n,)
+    int32, the object that each instance belongs to.
     """
 
     scene: Scene
-    geometries: tuple[Geometry, ...]
+    geometries: Mapping[int, Geometry]
+    groups: Sequence[Mapping[int, Geometry]]
+    placements: Sequence[Placements]
     robust: bool
+    materials: Mapping[int, str]
+    owners: tuple[Owners, ...]
+    instance_objects: NDArray[np.int32]
+
+    def build(self) -> Accel:
+        """The ray caster's structure; its address belongs into the scene."""
+        first = len(self.scene.primitives)
+        return Accel(self.geometries, self.groups, self.placements, first_instance=first, robust=self.robust)
 
 
 def pack(spec: SceneSpec, spp: int | None = None) -> Packed:
@@ -53,119 +68,112 @@ def pack(spec: SceneSpec, spp: int | None = None) -> Packed:
     """
     if not spec.objects:
         raise spec.error("the scene has no objects, so there is nothing to render", "objects")
-    used = [material_of(spec, item) for item in spec.objects]
-    book = Book()
-    tables, references = _pack_materials(used, book)
-    primitives = _pack_objects(spec, references)
+    assets = Assets(spec)
+    layout = lay_out(spec, assets)
+    used, owners, faces = _materials(spec, layout, assets)
+    stand = {material: (*layout.items[owner].keys, "file") for material, owner in zip(used, owners, strict=True)}
+    book = pack_textures(spec, list(parts(used)), stand)
+    media = Spaces(spec)
+    spaces = [media.of(layout.items[owner].spec, material) for owner, material in zip(owners, used, strict=True)]
+    tables, selectors, references, real = pack_materials(used, spaces, book)
+    shown = [
+        reference if which is None else np.array(references)[which]
+        for reference, which in zip(references, faces, strict=False)
+    ]
+    objects = pack_objects(spec, layout, shown, assets, textured=book.tables is not None)
+    environment = _pack_environment(spec)
+    camera = _pack_camera(spec)
+    moving = isinstance(camera, MovingCamera) or objects.moves()
     settings = spec.render
+    is_lit = settings.max_depth > 1 and (media.scatters() or any(material.is_lit() for material in used))
+    lights, instances = pack_lights(spec, environment, objects, used, references, book, is_lit)
     scene = Scene(
         accel=0,
         accuracy=Exact() if settings.accuracy == "exact" else None,
-        primitives=primitives,
-        instances=None,
+        primitives=objects.primitives,
+        instances=instances,
         materials=tables,
-        selectors=None,
-        passage=None,
-        relief=None,
-        textures=None,
-        lights=_pack_lights(primitives, used, references, book) if settings.max_depth > 1 else None,
-        environment=spec.environment.pack() if spec.environment else None,
-        media=None,
-        camera=spec.camera.pack(spec.film.width, spec.film.height),
-        shutter=None,
+        selectors=selectors,
+        passage=Passage() if any(material.passes() for material in used) else None,
+        relief=pack_relief(real, book),
+        textures=book.tables,
+        lights=lights,
+        environment=environment,
+        media=media.pack(references, spaces),
+        camera=camera,
+        shutter=spec.camera.exposure() if moving else None,
         filter=spec.film.filter.pack(),
         sampler=SAMPLERS[settings.sampler](settings.seed, spp or settings.spp),
         depth=settings.max_depth,
         roulette=settings.rr_depth,
     )
-    return Packed(scene, tuple(geometry(table) for table in primitives), settings.accuracy != "fast")
+    names: dict[int, str] = {}
+    for owner, reference in zip(owners, references, strict=True):
+        item = layout.items[owner]
+        given = item.spec.material
+        names.setdefault(reference, given if isinstance(given, str) else path_text((*item.keys, "material")))
+    return Packed(
+        scene,
+        objects.geometries,
+        objects.groups,
+        objects.placements,
+        settings.accuracy != "fast",
+        names,
+        objects.owners,
+        objects.placed,
+    )
+
+
+def _materials(
+    spec: SceneSpec, layout: Layout, assets: Assets
+) -> tuple[list[MaterialSpec], list[int], list[NDArray[np.int64] | None]]:
+    """The materials used, the item of each, and for each item which of them its faces have.
+
+    The first ones are those of the items; None stands for faces that all have that one.
+    """
+    used: list[MaterialSpec] = []
+    more: list[tuple[int, MaterialSpec]] = []
+    faces: list[NDArray[np.int64] | None] = []
+    for number, item in enumerate(layout.items):
+        found = brought(spec, item.spec, item.keys, assets.of(item.spec, item.keys))
+        if found is None:
+            used.append(material_of(spec, item.spec))
+            faces.append(None)
+            continue
+        first, *others = found.materials
+        places = np.array([number, *range(len(layout.items) + len(more), len(layout.items) + len(more) + len(others))])
+        used.append(first)
+        more += [(number, material) for material in others]
+        faces.append(places[found.faces])
+    owners = [*range(len(used)), *(number for number, _ in more)]
+    return [*used, *(material for _, material in more)], owners, faces
 
 
 def material_of(spec: SceneSpec, item: ShapeSpec) -> MaterialSpec:
-    """An object's material: named, inline, or the default."""
+    """An object's material, resolved: named, inline, or the default."""
     if isinstance(item.material, str):
-        return spec.materials[item.material]
-    found = item.material or MATERIALS.specs()[_DEFAULT_MATERIAL]()
+        return resolved(spec.materials[item.material], spec.materials)
+    default = DEFAULT_MATERIAL if item.medium is None else _INVISIBLE
+    found = item.material or MATERIALS.specs()[default]()
     assert isinstance(found, MaterialSpec)
-    return found
+    return resolved(found, spec.materials)
 
 
-def _pack_materials(used: Sequence[MaterialSpec], book: Book) -> tuple[tuple[Any, ...], list[int]]:
-    """One table a kind present, sorted by kind, and each object's reference: row * kinds + kind."""
-    kinds: dict[str, dict[MaterialSpec, int]] = {}
-    for material in used:
-        rows = kinds.setdefault(material.type, {})
-        rows.setdefault(material, len(rows))
-    order = sorted(kinds)
-    tables = tuple(next(iter(kinds[kind])).pack(list(kinds[kind]), book) for kind in order)
-    return tables, [kinds[item.type][item] * len(order) + order.index(item.type) for item in used]
+def _pack_camera(spec: SceneSpec) -> Any:
+    """The packed camera, moving if it does while its shutter is open."""
+    try:
+        return pack_camera(spec.camera, spec.film.width, spec.film.height)
+    except ValueError as error:
+        raise spec.error(str(error), "camera", "motion") from None
 
 
-def _pack_objects(spec: SceneSpec, references: Sequence[int]) -> tuple[Any, ...]:
-    """One table a kind of primitive present, sorted by kind."""
-    tables: dict[type, list[Any]] = {}
-    for number, (item, reference) in enumerate(zip(spec.objects, references, strict=True)):
-        try:
-            assets = {key: LOADERS[kind](spec.base / getattr(item, key)) for key, kind in item.loads.items()}
-        except InputError as error:
-            (key,) = item.loads
-            raise spec.error(str(error), "objects", number, key) from None
-        try:
-            table = item.pack(matrix_of(item.transform), reference, assets)
-        except ValueError as error:
-            raise spec.error(str(error), "objects", number) from None
-        tables.setdefault(type(table), []).append(table)
-    order = sorted(tables, key=lambda kind: kind.__name__)
-    return tuple(concatenate(tables[kind][0], tables[kind]) for kind in order)
-
-
-def _pack_lights(
-    primitives: Sequence[Any], used: Sequence[MaterialSpec], references: Sequence[int], book: Book
-) -> Lights | None:
-    """What can be aimed at; None where there is nothing, or no material reflects by choice.
-
-    A material that can be lit by choice has a pdf; mirrors and glass find lights only by being followed.
-    """
-    if not any(material.is_lit() for material in used):
+def _pack_environment(spec: SceneSpec) -> Any:
+    """The packed environment; None where there is none, or a black one."""
+    item = spec.environment
+    if item is None:
         return None
-    tables = tuple(table for table in (_pack_emitters(primitives, used, references, book),) if table is not None)
-    return Lights(tables) if tables else None
-
-
-def _pack_emitters(
-    primitives: Sequence[Any], used: Sequence[MaterialSpec], references: Sequence[int], book: Book
-) -> Emitters | None:
-    """The emitting primitives, chosen by power; None where there are none."""
-    exitance = dict(zip(references, (material.exitance(book) for material in used), strict=True))
-    rows: list[tuple[NDArray[np.int64], NDArray[np.float64]]] = []
-    per_reference = np.array([exitance.get(reference, 0.0) for reference in range(max(exitance) + 1)])
-    for table in primitives:
-        emitting = np.flatnonzero(per_reference[table.material])
-        # Areas of a million triangles that do not emit would be the largest thing in memory.
-        power = areas(table)[emitting] * per_reference[table.material[emitting]] if len(emitting) else np.empty(0)
-        rows.append((emitting, power))
-    if not any(len(emitting) for emitting, _ in rows):
-        return None
-
-    # Probabilities by primitive, for the tables that emit at all.
-    choice = build_alias(np.concatenate([power for _, power in rows]))
-    first = np.full(len(rows), -1, np.int32)
-    pmf: list[NDArray[np.float64]] = []
-    taken = 0
-    for number, (table, (emitting, _)) in enumerate(zip(primitives, rows, strict=True)):
-        if len(emitting):
-            first[number] = sum(map(len, pmf))
-            by_primitive = np.zeros(len(table.material))
-            by_primitive[emitting] = choice.pmf[taken : taken + len(emitting)]
-            pmf.append(by_primitive)
-            taken += len(emitting)
-    return Emitters(
-        table=np.concatenate([np.full(len(emitting), number, np.int32) for number, (emitting, _) in enumerate(rows)]),
-        primitive=np.concatenate([emitting for emitting, _ in rows]).astype(np.int32),
-        material=np.concatenate(
-            [table.material[emitting] for table, (emitting, _) in zip(primitives, rows, strict=True)]
-        ).astype(np.int32),
-        choice=choice,
-        first=first,
-        pmf=np.concatenate(pmf),
-    )
+    try:
+        assets = {key: LOADERS[kind](spec.base / getattr(item, key)) for key, kind in item.loads.items()}
+        return item.pack(assets)
+    except (InputError, ValueError) as error:
+        raise spec.error(str(error), "environment", *item.loads) from None

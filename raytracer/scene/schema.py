@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from typing import Any
 
-from raytracer.kinds import LIGHTS
 from raytracer.scene.spec import SceneSpec
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -22,7 +21,14 @@ def schema() -> dict[str, Any]:
             choices = [{"type": "string"}, {"$ref": "#/$defs/Material"}, {"type": "null"}]
             definition["properties"]["material"] |= {"anyOf": choices}
 
+    # And a material a texture in place of a texture's name.
+    definitions["Texture"] = result["properties"]["textures"]["additionalProperties"]
+    result["properties"]["textures"]["additionalProperties"] = {"$ref": "#/$defs/Texture"}
+
     for node in _mappings(result):
+        if node.pop("x-texture", False):
+            node["$ref"] = "#/$defs/Texture"
+
         # A kind is told by its type, so that cannot be left out although it has a default.
         properties = node.get("properties", {})
         if "const" in properties.get("type", {}):
@@ -34,8 +40,6 @@ def schema() -> dict[str, Any]:
                 text = described.get("description", "").rstrip(".")
                 described["description"] = f"{text} [{unit}, or with a unit]".strip()
         node.pop("discriminator", None)
-    if not LIGHTS.specs():
-        del result["properties"]["lights"]
     return {"$schema": DIALECT, **result, "title": "rt scene"}
 
 

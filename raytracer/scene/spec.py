@@ -1,17 +1,26 @@
 """What a scene file may hold, and the checks across its parts."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
-from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, PrivateAttr, TypeAdapter, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    PrivateAttr,
+    TypeAdapter,
+    model_validator,
+)
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
 from raytracer.errors import SceneError, suggestion
-from raytracer.kinds import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, SHAPES
+from raytracer.kinds import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES
 from raytracer.scene.document import Node, locate, path_text
-from raytracer.spec import Count, Name, Spec, at
+from raytracer.spec import INLINE_MATERIAL, Count, Name, Spec, at
+from raytracer.textures.interface import is_name, textures_of
 
 MAX_PIXELS = 2**28
 _INT32_MAX = 2**31 - 1
@@ -36,22 +45,34 @@ if TYPE_CHECKING:
     from raytracer.cameras.interface import CameraSpec
     from raytracer.environments.interface import EnvironmentSpec
     from raytracer.filters.interface import FilterSpec
+    from raytracer.lights.interface import LightSpec
     from raytracer.materials.interface import MaterialSpec
+    from raytracer.media.interface import MediumSpec
     from raytracer.shapes.interface import ShapeSpec
+    from raytracer.textures.interface import TextureSpec
 
     Camera: TypeAlias = CameraSpec
     Environment: TypeAlias = EnvironmentSpec
     Filter: TypeAlias = FilterSpec
-    Light: TypeAlias = Spec
+    Light: TypeAlias = LightSpec
     Material: TypeAlias = MaterialSpec
+    Medium: TypeAlias = MediumSpec
     Shape: TypeAlias = ShapeSpec
+    Texture: TypeAlias = TextureSpec
 else:
     Camera = CAMERAS.union()
     Environment = ENVIRONMENTS.union()
     Filter = Annotated[FILTERS.union(), _ByName()]
     Light = LIGHTS.union()
     Material = MATERIALS.union()
+    Medium = MEDIA.union()
     Shape = SHAPES.union()
+    Texture = TEXTURES.union()
+
+
+def _tuple(value: Any) -> Any:
+    """YAML's lists are fields' tuples, which cannot change either."""
+    return tuple(value) if isinstance(value, list) else value
 
 
 class Film(Spec):
@@ -107,8 +128,21 @@ class SceneSpec(Spec):
     environment: Environment | None = Field(
         default=None, description="What rays that hit nothing see; black where it is not given"
     )
+    textures: dict[Name, Texture] = Field(
+        default_factory=dict, description="Textures by the names that materials call them by"
+    )
     materials: dict[Name, Material] = Field(
         default_factory=dict, description="Materials by the names that objects call them by"
+    )
+    media: dict[Name, Medium] = Field(
+        default_factory=dict, description="Media, which fill space, by the names that objects call them by"
+    )
+    medium: Name | None = Field(
+        default=None, description="Name of the medium that fills the whole scene, outside of objects; none by default"
+    )
+    groups: dict[Name, Annotated[tuple[Shape, ...], BeforeValidator(_tuple)]] = Field(
+        default_factory=dict,
+        description="Objects that are only where an `instance` or a `scatter` places them, by the names of groups",
     )
     objects: tuple[Shape, ...] = Field(default=(), description="The objects")
     lights: tuple[Light, ...] = Field(default=(), description="Lights besides emitting objects")
@@ -126,32 +160,140 @@ class SceneSpec(Spec):
         """An error about what the scene holds at a path, such as `"objects", 3, "file"`: it names file and line."""
         return error_at(message, keys, self._root, self._file)
 
+    def all_objects(self) -> list[tuple[_Keys, Any]]:
+        """Every object, of the scene and of its groups, and its path in the scene."""
+        placed: list[tuple[_Keys, Any]] = [(("objects", i), item) for i, item in enumerate(self.objects)]
+        return placed + [
+            (("groups", name, i), item) for name, items in self.groups.items() for i, item in enumerate(items)
+        ]
+
+    def _check_medium(self, name: str | None, *keys: str | int) -> None:
+        """Refuse the name of a medium that there is not."""
+        if name is not None and name not in self.media:
+            at(keys, f"unknown medium {name!r}; {suggestion(name, self.media, 'media')}")
+
+    def _check_textures(self, spec: Spec, *keys: str | int) -> None:
+        """Refuse names of textures that there are not."""
+        for use in textures_of(spec):
+            if isinstance(use.value, str) and use.value not in self.textures:
+                close = suggestion(use.value, self.textures, "textures")
+                at((*keys, use.key), f"unknown texture {use.value!r}; {close}")
+
+    def _check_parts(self, material: Any, *keys: str | int) -> None:
+        """Refuse a material with a part that there is not, or whose textures there are not."""
+        self._check_textures(material, *keys)
+        for key, child in material.children().items():
+            if not isinstance(child, str):
+                self._check_parts(child, *keys, *key)
+            elif child not in self.materials:
+                close = suggestion(child, self.materials, "materials")
+                at((*keys, *key), f"unknown material {child!r}; {close}")
+
+    def _check_loops(self, name: str) -> None:
+        """Refuse a material that is a part of itself."""
+        for keys, child in _named_parts(self.materials[name]):
+            if loop := self._loop((name, child)):
+                at(("materials", name, *keys), f"makes the material {loop[0]!r} a part of itself: {' -> '.join(loop)}")
+
+    def _loop(self, chain: tuple[str, ...]) -> tuple[str, ...]:
+        """The names of materials, each a part of the one before, from one to itself; none if there is no such loop."""
+        if chain[-1] in chain[:-1]:
+            return chain[chain.index(chain[-1]) :]
+        found = (self._loop((*chain, child)) for _, child in _named_parts(self.materials[chain[-1]]))
+        return next(filter(None, found), ())
+
     @model_validator(mode="after")
     def _names_agree(self) -> "SceneSpec":
-        seen: dict[str, int] = {}
-        for i, item in enumerate(self.objects):
+        for name in self.textures:
+            if not is_name(name):
+                at(("textures", name), "a texture's name must not begin as a number does, or would be taken for one")
+        for name, material in self.materials.items():
+            self._check_parts(material, "materials", name)
+        for name in self.materials:
+            self._check_loops(name)
+        self._check_medium(self.medium, "medium")
+        self._check_medium(self.camera.medium, "camera", "medium")
+        for name, items in self.groups.items():
+            if not items:
+                at(("groups", name), "must hold at least one object")
+        seen: dict[str, _Keys] = {}
+        for keys, item in self.all_objects():
             # Every material that an object calls for exists.
             material = item.material
             if isinstance(material, str) and material not in self.materials:
                 at(
-                    ("objects", i, "material"),
+                    (*keys, "material"),
                     f"unknown material {material!r}; {suggestion(material, self.materials, 'materials')}",
                 )
+
+            self._check_medium(item.medium, *keys, "medium")
+            self._check_medium(item.outside_medium, *keys, "outside_medium")
+
+            if isinstance(material, Spec):
+                self._check_parts(material, *keys, "material")
 
             # A name means one object.
             if item.name is not None:
                 if item.name in seen:
-                    at(("objects", i, "name"), f"{item.name!r} is already the name of objects[{seen[item.name]}]")
-                seen[item.name] = i
+                    at((*keys, "name"), f"{item.name!r} is already the name of {path_text(seen[item.name])}")
+                if item.name in self.groups:
+                    at((*keys, "name"), f"{item.name!r} is already the name of a group")
+                seen[item.name] = keys
+        self._check_instances()
         return self
+
+    def _check_instances(self) -> None:
+        """Refuse instances of what there is not, and of what they are a part of."""
+        named = {item.name: item for item in self.objects if item.name is not None}
+        places = {name: [item.of for item in items if hasattr(item, "of")] for name, items in self.groups.items()}
+        places |= {name: [item.of] if hasattr(item, "of") else [] for name, item in named.items()}
+        for keys, item in self.all_objects():
+            if hasattr(item, "of") and item.of not in places:
+                hint = suggestion(item.of, places, "groups and named objects")
+                at((*keys, "of"), f"unknown group or object {item.of!r}; {hint}")
+
+        # Walk down from each name; what was found to end is not walked again.
+        ends: set[str] = set()
+        for name in places:
+            if chain := _ring(name, places, ends):
+                keys = next(
+                    keys
+                    for keys, item in self.all_objects()
+                    if getattr(item, "of", None) == chain[1] and chain[0] in (keys[1], item.name)
+                )
+                at((*keys, "of"), f"places {chain[0]!r} in itself: {' -> '.join(chain)}")
+
+
+def _ring(name: str, places: Mapping[str, Sequence[str]], ends: set[str]) -> list[str]:
+    """A chain of names, each of which places the next, from one to itself; empty if there is none from `name` on."""
+    path: list[tuple[str, Iterator[str]]] = [(name, iter(places[name]))]
+    while path:
+        following = next(path[-1][1], None)
+        if following is None:
+            ends.add(path.pop()[0])
+        elif following not in ends:
+            names = [passed for passed, _ in path]
+            if following in names:
+                return [*names[names.index(following) :], following]
+            path.append((following, iter(places[following])))
+    return []
+
+
+def _named_parts(material: Any) -> Iterator[tuple[_Keys, str]]:
+    """The materials that one names, directly or in those that it holds inline, by the path to their keys."""
+    for key, child in material.children().items():
+        if isinstance(child, str):
+            yield key, child
+        else:
+            yield from (((*key, *below), name) for below, name in _named_parts(child))
 
 
 _MATERIAL: TypeAdapter[Spec] = TypeAdapter(Material)
 
 
 def check_material(value: Mapping[str, Any]) -> Spec:
-    """The material that an object holds inline, checked as those under `materials` are."""
-    return _MATERIAL.validate_python(value)
+    """The material that an object or another material holds inline, checked as those under `materials` are."""
+    return _MATERIAL.validate_python(value, context={INLINE_MATERIAL: check_material})
 
 
 def error_at(message: str, keys: _Keys, root: Node | None, file: str | None) -> SceneError:

@@ -3,6 +3,7 @@
 import json
 import re
 import signal
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -146,3 +147,35 @@ def test_the_thin_lens_is_explained_in_numbers(scene: Path, capsys: pytest.Captu
     assert camera["aperture_diameter_mm"] == pytest.approx(104.720, abs=1e-3)
     assert camera["blur_at_infinity_px"] == pytest.approx(20.044, abs=1e-3)
     assert camera["focus_distance_m"] == 10.0
+
+
+def test_aovs_are_layers_of_the_exr_file(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["-o", "a.exr", "-o", "a.png", "--aov", "depth,normal", "--aov", "object_id"]
+    assert main(["render", "ball.yaml", "-q", *words]) == 0
+    layers, settings = load_layers("a.exr")
+    assert set(layers) == {"radiance", "variance", "depth", "normal", "object_id"}
+    assert json.loads(settings["object_id_names"]) == {"1": "objects[0]"}
+    assert load("a.png").shape == (16, 24, 3)
+    # Only .exr holds layers, whatever is written besides.
+    for outputs in ([], ["-o", "a.png"], ["-o", "a.npy", "-o", "a.hdr"]):
+        assert main(["render", "ball.yaml", *outputs, "--aov", "depth"]) == 2
+        assert capsys.readouterr().err == "rt: --aov depth: only .exr files hold layers: add -o NAME.exr\n"
+
+
+def test_denoising_says_what_it_lacks(
+    scene: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyoidn", None)
+    assert main(["render", "ball.yaml", "--denoise", "-o", "a.png"]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("rt: denoising needs Open Image Denoise")
+    assert error.endswith(": pip install 'raytracer[denoise]'\n")
+    assert not Path("a.png").exists()
+
+
+def test_denoising_marks_the_file(scene: Path) -> None:
+    pytest.importorskip("pyoidn")
+    assert main(["render", "ball.yaml", "-q", "--denoise", "-o", "a.exr", "--spp", "4"]) == 0
+    layers, settings = load_layers("a.exr")
+    assert set(layers) == {"radiance", "noisy"}
+    assert "biased" in settings["denoised"]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from raytracer.kinds import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, SHAPES, Family
+from raytracer.kinds import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES, Family
 from raytracer.spec import sentence
 
 KIND = """
@@ -77,7 +77,9 @@ def test_of_a_family_without_kinds_nothing_is_valid(package: Path) -> None:
         (ENVIRONMENTS, {"constant", "gradient"}),
         (FILTERS, {"box"}),
         (LIGHTS, set()),
+        (MEDIA, {"homogeneous", "grid"}),
         (MATERIALS, {"lambertian", "metal", "dielectric", "emitter"}),
+        (TEXTURES, {"checker", "image", "noise"}),
         (SHAPES, {"sphere", "quad", "disc", "box", "triangle", "mesh"}),
     ],
     ids=lambda value: value.noun if isinstance(value, Family) else "",

@@ -229,7 +229,8 @@ def test_the_scenes_of_the_repository_are_valid() -> None:
     found = sorted((Path(__file__).parents[2] / "scenes").glob("*.yaml"))
     assert found
     for path in found:
-        if path.name != "million.yaml":
+        # Others name files that `make scenes` makes.
+        if "generated/" not in path.read_text():
             assert load(path).objects
 
 

@@ -48,6 +48,8 @@ def test_the_scenes_of_the_repository_conform(validator: Any) -> None:
         ("material: grey", "material: {type: metal, albedo: 0.5}", True),
         ("filter: box", "filter: {type: box}", True),
         ("radius: 1", "radius: 1, transform: [{scale: 2}, {rotate: {axis: [0, 1, 0], angle: 30}}]", True),
+        ("materials:", "lights: [{type: sun, direction: [0, -1, 0], irradiance: 3, angle: 1}]\nmaterials:", True),
+        ("materials:", "environment: {type: sky, turbidity: 4, sun: true}\nmaterials:", True),
         ("vfov: 40", "vfv: 40", False),
         ("vfov: 40", "vfov: 180", False),
         ("vfov: 40", "vfov: 40 mm", False),
@@ -60,6 +62,9 @@ def test_the_scenes_of_the_repository_conform(validator: Any) -> None:
         ("albedo: 0.5", "albedo: [0.1, 0.2]", False),
         ("albedo: 0.5", "albedo: true", False),
         ("radius: 1", "radius: 1, transform: [{scale: 0}]", False),
+        ("materials:", "lights: [{type: sun, direction: [0, -1, 0], irradiance: 3, angle: 181}]\nmaterials:", False),
+        ("materials:", "lights: [{type: sun, direction: [0, -1, 0]}]\nmaterials:", False),
+        ("materials:", "environment: {type: sky, turbidity: 1}\nmaterials:", False),
     ],
 )
 def test_it_agrees_with_the_checks(validator: Any, old: str, new: str, valid: bool) -> None:
