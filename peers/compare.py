@@ -49,6 +49,10 @@ CASES = (
     Case(ROOT / "scenes" / "cornell.yaml", 152, 152),
     Case(ROOT / "scenes" / "glass.yaml", 192, 108),
     Case(ROOT / "peers" / "kinds.yaml", 192, 108),
+    Case(ROOT / "peers" / "surfaces.yaml", 192, 108),
+    Case(ROOT / "peers" / "placements.yaml", 192, 108),
+    Case(ROOT / "peers" / "fog.yaml", 192, 108),
+    Case(ROOT / "peers" / "lights.yaml", 192, 108),
     Case(ROOT / "scenes" / "million.yaml", 128, 128),
 )
 

@@ -53,6 +53,53 @@ def rgb(value: float | list[float]) -> Spec:
     return {"type": "rgb", "value": [float(v) for v in np.broadcast_to(np.asarray(value, float), 3)]}
 
 
+class Textures:
+    """The textures of a scene, and colours that may be one."""
+
+    def __init__(self, named: dict[str, Spec], folder: Path, *, upright: bool = False) -> None:
+        self.named, self.folder, self.upright = named, folder, upright
+
+    def on(self, item: Spec) -> Textures:
+        """The textures as an object has them: Mitsuba's v runs down a picture, but it turns that of meshes it reads."""
+        return Textures(self.named, self.folder, upright=item["type"] == "mesh")
+
+    def color(self, value: float | list[float] | str | Spec) -> Spec:
+        """Write a colour, a texture's name or an inline texture as Mitsuba's."""
+        spec = self.named[value] if isinstance(value, str) else value
+        return self.texture(spec) if isinstance(spec, dict) else rgb(spec)
+
+    def texture(self, spec: Spec) -> Spec:
+        """Return the Mitsuba texture."""
+        kind = spec["type"]
+        if kind == "image":
+            refuse_others(spec, "type file encoding filter wrap scale", "image texture")
+            if spec.get("encoding", "auto") not in ("auto", "linear", "srgb"):
+                raise UnsupportedError("image texture: no Mitsuba equal for its encoding")
+            across, up = np.broadcast_to(spec.get("scale", 1.0), 2)
+            to_uv = mi.ScalarTransform4f()
+            if not self.upright:
+                to_uv = to_uv.translate([0.0, 1.0, 0.0]).scale([1.0, -1.0, 1.0])
+            return {
+                "type": "bitmap",
+                "filename": str(self.folder / spec["file"]),
+                "raw": spec.get("encoding") == "linear",
+                "filter_type": spec.get("filter", "bilinear"),
+                "wrap_mode": spec.get("wrap", "repeat"),
+                "to_uv": to_uv.scale([across, up, 1.0]),
+            }
+        if kind == "checker" and spec.get("space") == "uv":
+            refuse_others(spec, "type space scale even odd", "checker")
+            # A period of Mitsuba's checkerboard is two cells.
+            cells = 0.5 / float(spec["scale"])
+            return {
+                "type": "checkerboard",
+                "color0": rgb(spec["even"]),
+                "color1": rgb(spec["odd"]),
+                "to_uv": mi.ScalarTransform4f().scale([cells, cells, 1.0]),
+            }
+        raise UnsupportedError(f"texture: no Mitsuba equal for {kind}")
+
+
 # Transforms
 
 
@@ -162,12 +209,51 @@ def register_fuzzy_metal() -> None:
     mi.register_bsdf("fuzzy_metal", FuzzyMetal)
 
 
-def bsdf(material: Spec, fuzzy_as_rough: bool) -> Spec:
+def microfacets(material: Spec) -> Spec:
+    """Return the BSDF of a rough material: GGX, of which Mitsuba leaves out what meets several facets."""
+    kind = material["type"]
+    if material.get("multiple_scattering", True):
+        raise UnsupportedError(f"{kind}: Mitsuba has no scattering between facets: set multiple_scattering to false")
+    rough = {"distribution": "ggx", "alpha": float(material["roughness"]) ** 2}
+    if kind == "rough_dielectric":
+        refuse_others(material, "type ior outside_ior roughness multiple_scattering", kind)
+        inside, outside = float(material.get("ior", 1.5)), float(material.get("outside_ior", 1.0))
+        return {"type": "roughdielectric", "int_ior": inside, "ext_ior": outside, **rough}
+    refuse_others(material, "type eta k roughness multiple_scattering", kind)
+    index = {key: rgb(material[key]) for key in ("eta", "k")}
+    return {"type": "twosided", "bsdf": {"type": "roughconductor", **index, **rough}}
+
+
+def phase(medium: Spec) -> Spec:
+    """Return the Mitsuba phase function of a medium; both programs give forward scattering a positive g."""
+    return {"type": "hg", "g": float(medium.get("g", 0.0))}
+
+
+def medium(spec: Spec) -> Spec:
+    """Return the Mitsuba medium of a homogeneous one given by its absorption and scattering."""
+    if spec["type"] != "homogeneous":
+        raise UnsupportedError(f"medium: no Mitsuba equal for {spec['type']}")
+    refuse_others(spec, "type absorption scattering g", "medium")
+    parts = [np.broadcast_to(np.asarray(spec.get(key, 0.0), float), 3) for key in ("absorption", "scattering")]
+    extinction = parts[0] + parts[1]
+    albedo = np.divide(parts[1], extinction, out=np.zeros(3), where=extinction > 0)
+    # Mitsuba takes colours up to 1, and a factor.
+    size = float(extinction.max()) or 1.0
+    return {
+        "type": "homogeneous",
+        "albedo": rgb(list(albedo)),
+        "sigma_t": rgb(list(extinction / size)),
+        "scale": size,
+        "phase": phase(spec),
+    }
+
+
+def bsdf(material: Spec, textures: Textures, fuzzy_as_rough: bool) -> Spec:
     """Return the BSDF of one of our materials; an emitter's reflects nothing."""
     kind = material["type"]
     if kind == "lambertian":
         refuse_others(material, "type albedo", "lambertian")
-        reflectance = rgb(material.get("albedo", 0.5))
+        reflectance = textures.color(material.get("albedo", 0.5))
         return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": reflectance}}
     if kind == "metal":
         refuse_others(material, "type albedo fuzz", "metal")
@@ -186,6 +272,8 @@ def bsdf(material: Spec, fuzzy_as_rough: bool) -> Spec:
         refuse_others(material, "type ior outside_ior", "dielectric")
         inside, outside = float(material["ior"]), float(material.get("outside_ior", 1.0))
         return {"type": "dielectric", "int_ior": inside, "ext_ior": outside}
+    if kind in ("rough_conductor", "rough_dielectric"):
+        return microfacets(material)
     if kind == "emitter":
         refuse_others(material, "type radiance", "emitter")
         return {"type": "diffuse", "reflectance": rgb(0)}
@@ -208,7 +296,7 @@ def shape(spec: Spec, folder: Path) -> Spec:
     }
     if kind not in known:
         raise UnsupportedError(f"object: no Mitsuba equal for {kind}")
-    refuse_others(spec, "type name material transform " + known[kind], kind)
+    refuse_others(spec, "type name material medium transform " + known[kind], kind)
     matrix = transform_matrix(spec.get("transform"))
     linear = matrix[:3, :3]
 
@@ -303,7 +391,22 @@ def gradient(horizon: list[float], zenith: list[float], rows: int = 1025) -> Any
     return mi.Bitmap(np.repeat(column[:, None], 4, axis=1).astype(np.float32))
 
 
-def environment(spec: Spec | None) -> Spec | None:
+def latitude_longitude(path: Path, scale: Matrix) -> Any:
+    """Return a picture of all directions for Mitsuba, which puts the first and the last row at the poles.
+
+    Ours is linear between the middles of rows, and constant beyond; with the edges of rows put in, twice as many
+    rows and one hold it exactly.
+    """
+    bitmap = mi.Bitmap(str(path)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False)
+    rows = np.asarray(bitmap, float) * scale
+    padded = np.concatenate([rows[:1], rows, rows[-1:]])
+    result = np.empty((2 * len(rows) + 1, *rows.shape[1:]), np.float32)
+    result[0::2] = (padded[:-1] + padded[1:]) / 2
+    result[1::2] = rows
+    return mi.Bitmap(result)
+
+
+def environment(spec: Spec | None, folder: Path) -> Spec | None:
     """Return the Mitsuba emitter of the environment, or None where there is none."""
     if spec is None:
         return None
@@ -313,6 +416,11 @@ def environment(spec: Spec | None) -> Spec | None:
     if spec["type"] == "gradient":
         refuse_others(spec, "type horizon zenith", "environment")
         return {"type": "envmap", "bitmap": gradient(spec["horizon"], spec["zenith"])}
+    if spec["type"] == "image":
+        refuse_others(spec, "type file scale rotation", "environment")
+        turn = mi.ScalarTransform4f().rotate([0, 1, 0], degrees(spec.get("rotation", 0.0)))
+        picture = latitude_longitude(folder / spec["file"], np.asarray(spec.get("scale", 1.0), float))
+        return {"type": "envmap", "bitmap": picture, "to_world": turn}
     raise UnsupportedError(f"environment: no Mitsuba equal for {spec['type']}")
 
 
@@ -321,6 +429,22 @@ def light(spec: Spec) -> Spec:
     if spec["type"] == "point":
         refuse_others(spec, "type position intensity name", "point light")
         return {"type": "point", "position": [length(v) for v in spec["position"]], "intensity": rgb(spec["intensity"])}
+    if spec["type"] == "spot":
+        refuse_others(spec, "type position direction look_at intensity angle penumbra", "spot light")
+        position = [length(v) for v in spec["position"]]
+        target = spec.get("look_at") or [p + d for p, d in zip(position, spec["direction"], strict=True)]
+        half = degrees(spec["angle"]) / 2
+        up = np.eye(3)[np.argmin(np.abs(np.subtract(target, position)))].tolist()
+        return {
+            "type": "spot",
+            "to_world": mi.ScalarTransform4f().look_at(origin=position, target=target, up=up),
+            "intensity": rgb(spec["intensity"]),
+            "cutoff_angle": half,
+            "beam_width": half - degrees(spec.get("penumbra", 0.0)),
+        }
+    if spec["type"] == "sun" and spec.get("angle") == 0:
+        refuse_others(spec, "type direction irradiance angle", "sun")
+        return {"type": "directional", "direction": spec["direction"], "irradiance": rgb(spec["irradiance"])}
     raise UnsupportedError(f"light: no Mitsuba equal for {spec['type']}")
 
 
@@ -340,7 +464,7 @@ def scene_dict(
     Our `max_depth` and Mitsuba's count alike: 1 is what the camera ray hits, 2 adds one bounce.
     """
     spec = yaml.load(path.read_text(encoding="utf-8"), Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-    refuse_others(spec, "camera film render environment materials objects lights", "scene")
+    refuse_others(spec, "camera film render environment materials objects lights textures media medium groups", "scene")
     if not fuzzy_as_rough and dr.is_jit_v(mi.Float):
         register_fuzzy_metal()
 
@@ -358,20 +482,54 @@ def scene_dict(
     depth = max_depth or settings.get("max_depth", 50)
     out: Spec = {
         "type": "scene",
-        "integrator": {"type": "path", "max_depth": depth, "rr_depth": settings.get("rr_depth", 5)},
+        "integrator": {
+            "type": "volpath" if "media" in spec else "path",
+            "max_depth": depth,
+            "rr_depth": settings.get("rr_depth", 5),
+        },
         "sensor": sensor(spec["camera"], film),
     }
-    emitters = [environment(spec.get("environment")), *map(light, spec.get("lights", []))]
+    emitters = [environment(spec.get("environment"), path.parent), *map(light, spec.get("lights", []))]
     out.update({f"emitter_{i}": emitter for i, emitter in enumerate(emitters) if emitter})
 
+    makers = Makers(spec, Textures(spec.get("textures", {}), path.parent), path.parent, fuzzy_as_rough)
+    if "medium" in spec:
+        out["sensor"]["medium"] = makers.media[spec["medium"]]
+    for name, members in spec.get("groups", {}).items():
+        inside = {f"member_{i}": makers.item(member) for i, member in enumerate(members)}
+        out[f"group_{name}"] = {"type": "shapegroup", **inside}
     for i, item in enumerate(spec["objects"]):
-        material = item["material"]
-        if isinstance(material, str):
-            material = spec["materials"][material]
-        surface = {"bsdf": bsdf(material, fuzzy_as_rough)}
-        if material["type"] == "emitter":
-            surface["emitter"] = {"type": "area", "radiance": rgb(material["radiance"])}
-        geometry = shape(item, path.parent)
-        single = geometry["type"] == "triangle"
-        out[f"object_{i:05}"] = single_triangle(geometry["vertices"], surface) if single else {**geometry, **surface}
+        if item["type"] == "instance":
+            refuse_others(item, "type name of transform", "instance")
+            to_world = mi.ScalarTransform4f(transform_matrix(item.get("transform")))
+            group = {"type": "ref", "id": f"group_{item['of']}"}
+            out[f"object_{i:05}"] = {"type": "instance", "to_world": to_world, "group": group}
+        else:
+            out[f"object_{i:05}"] = makers.item(item)
     return out
+
+
+class Makers:
+    """What the objects of a scene are made with."""
+
+    def __init__(self, spec: Spec, textures: Textures, folder: Path, fuzzy_as_rough: bool) -> None:
+        self.spec, self.textures, self.folder, self.fuzzy_as_rough = spec, textures, folder, fuzzy_as_rough
+        # One object a medium: Mitsuba tells media apart by identity.
+        self.media = {name: mi.load_dict(medium(item)) for name, item in spec.get("media", {}).items()}
+
+    def item(self, item: Spec) -> Any:
+        """Return the shape of an object with its material, and the media on its sides."""
+        surface: Spec = {}
+        material = item.get("material")
+        if isinstance(material, str):
+            material = self.spec["materials"][material]
+        surface["bsdf"] = bsdf(material, self.textures.on(item), self.fuzzy_as_rough) if material else {"type": "null"}
+        if "medium" in item:
+            surface["interior"] = self.media[item["medium"]]
+        if "medium" in self.spec:
+            surface["exterior"] = self.media[self.spec["medium"]]
+        if material and material["type"] == "emitter":
+            surface["emitter"] = {"type": "area", "radiance": self.textures.on(item).color(material["radiance"])}
+        geometry = shape(item, self.folder)
+        single = geometry["type"] == "triangle"
+        return single_triangle(geometry["vertices"], surface) if single else {**geometry, **surface}
