@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 import raytracer
 from raytracer.rendering import available_threads, render
-from raytracer.scene.load import load
+from raytracer.scene.load import load, parse_overrides
 
 INSTRUCTION_SETS = ("avx512f", "avx2", "avx", "sse4.2", "neon")
 PACKAGES = ("numba", "llvmlite", "numpy", "embreex")
@@ -38,6 +38,7 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--threads", type=int, default=available_threads())
     parser.add_argument("--sampler", help="default: the scene's")
     parser.add_argument("--accuracy", help="default: the scene's")
+    parser.add_argument("--define", action="append", default=[], metavar="KEY=VALUE", help="as -D of rt render")
     return parser.parse_args()
 
 
@@ -70,6 +71,7 @@ def main() -> None:
     overrides: dict[str, Any] = {"film.width": arguments.width, "film.height": arguments.height}
     chosen = {"render.sampler": arguments.sampler, "render.accuracy": arguments.accuracy}
     overrides.update({key: value for key, value in chosen.items() if value})
+    overrides.update(parse_overrides(arguments.define))
     spec = load(arguments.scene, overrides)
     before = render(spec, spp=arguments.spp, seed=0, threads=arguments.threads).image.radiance
     print(json.dumps({"threads": arguments.threads, "sampler": spec.render.sampler, **versions()}), flush=True)
