@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer import embree
-from raytracer.cameras.interface import FILTER, TIME, camera_ray
-from raytracer.embree import DIRECTION, GEOMETRY, INSTANCE, MISS, ORIGIN, PACKET, PLACEMENT, PRIMITIVE, TFAR, Packet
-from raytracer.embree import TIME as EMBREE_TIME
+from raytracer.cameras.interface import FILTER, camera_ray
+from raytracer.embree import DIRECTION, GEOMETRY, INSTANCE, MISS, ORIGIN, PACKET, PLACEMENT, PRIMITIVE, TFAR
 from raytracer.filters.interface import sample_filter
 from raytracer.geometry import Site
 from raytracer.instances import find, meet
@@ -39,13 +38,36 @@ from raytracer.materials.interface import (
 from raytracer.media.interface import (
     NONE,
     Media,
-    crossed,
     evaluate_phase_at,
     fly_at,
     scatter_phase_at,
-    transmittance_at,
 )
-from raytracer.motion import Shutter
+from raytracer.paths import (
+    MOST_PASSED,
+    PASS_STRIDE,
+    Passage,
+    cross,
+    cross_shadow,
+    fill_shadow,
+    fill_space,
+    goes_straight,
+    keep_goal,
+    keep_time,
+    load3,
+    mark_start,
+    mark_vertex,
+    move_shadow,
+    rounds,
+    sample_time,
+    seen_from,
+    segment_of,
+    set_shadow_space,
+    set_time,
+    store3,
+    time_of,
+    travelled,
+    veil,
+)
 from raytracer.primitives.interface import expect_any
 from raytracer.sampling import pixel_key, sample_1d, sample_2d
 from raytracer.vec import Vec3, dot, is_black, madd, max_component, mul, neg, norm, normalize, scale, sub
@@ -98,394 +120,7 @@ class FilmView(NamedTuple):
     aovs: Any
 
 
-class Workspace(NamedTuple):
-    """What one thread needs to trace a packet of paths.
-
-    rays, shadows; path (PACKET, 10) float64: origin, direction, throughput, pdf of the direction; sample (PACKET,)
-    int64, which sample of the packet a lane works for; radiance (PACKET, 4) float64, gathered by sample, and its
-    filter weight; unshadowed (PACKET, 3) float64, and shadow_sample (PACKET,) int64, what each shadow ray carries;
-    shadow_goal (PACKET, 4) float64, where it ends: a point and 1, or, at infinity, a direction and 0.
-
-    By sample, and used where the scene calls for it: time (PACKET,) float64; medium (PACKET,) int64, in which the path
-    is; vertex (PACKET, 3) float64, where it last scattered; passed (PACKET,) int64, how many surfaces it went straight
-    through; features (PACKET, 32) float64, what the camera ray met.  By shadow ray: shadow_space (PACKET, 2) int64, the
-    medium in which it is, and how many random numbers it took there.
-    """
-
-    rays: Packet
-    shadows: Packet
-    path: NDArray[np.float64]
-    sample: NDArray[np.int64]
-    radiance: NDArray[np.float64]
-    unshadowed: NDArray[np.float64]
-    shadow_sample: NDArray[np.int64]
-    shadow_goal: NDArray[np.float64]
-    time: NDArray[np.float64]
-    medium: NDArray[np.int64]
-    vertex: NDArray[np.float64]
-    passed: NDArray[np.int64]
-    features: NDArray[np.float64]
-    shadow_space: NDArray[np.int64]
-
-
-def workspace() -> Workspace:
-    """A new workspace, for one thread."""
-
-    def floats(*columns: int) -> NDArray[np.float64]:
-        return np.zeros((PACKET, *columns))
-
-    def integers() -> NDArray[np.int64]:
-        return np.zeros(PACKET, np.int64)
-
-    return Workspace(
-        rays=embree.packet(),
-        shadows=embree.packet(),
-        path=floats(10),
-        sample=integers(),
-        radiance=floats(4),
-        unshadowed=floats(3),
-        shadow_sample=integers(),
-        shadow_goal=floats(4),
-        time=floats(),
-        medium=integers(),
-        vertex=floats(3),
-        passed=integers(),
-        features=floats(32),
-        shadow_space=np.zeros((PACKET, 2), np.int64),
-    )
-
-
-MOST_PASSED = 1024
-"""How many surfaces a path may go straight through; one that meets more is taken to be lost."""
-
-_PASS_STRIDE = 2**22
-"""Between the random dimensions of a shadow ray's surfaces: more than the segments of a path take."""
-
-
-class Passage(NamedTuple):
-    """Light may go straight through surfaces: shadow rays are followed through them, and paths do not count them."""
-
-
 # ---- What a scene may lack
-
-
-@generic
-def sample_time(shutter, draws):
-    """When the shutter lets the ray in: a fraction of its opening, or None."""
-    raise NotImplementedError
-
-
-@sample_time.register(type(None))
-def _(shutter, draws):
-    return None
-
-
-@sample_time.register(Shutter)
-def _(shutter, draws):
-    # What float32 holds exactly, so that Embree and the hit that is solved in float64 are of the same time.
-    return np.float64(np.float32(sample_1d(draws.sampler, draws.key, draws.index, TIME)))
-
-
-@generic
-def keep_time(shutter, work, sample, time):
-    """Remember the time of a sample."""
-    raise NotImplementedError
-
-
-@keep_time.register(type(None))
-def _(shutter, work, sample, time):
-    return
-
-
-@keep_time.register(Shutter)
-def _(shutter, work, sample, time):
-    work.time[sample] = time
-
-
-@generic
-def time_of(shutter, work, sample):
-    """The time of a sample, or None."""
-    raise NotImplementedError
-
-
-@time_of.register(type(None))
-def _(shutter, work, sample):
-    return None
-
-
-@time_of.register(Shutter)
-def _(shutter, work, sample):
-    return work.time[sample]
-
-
-@generic
-def set_time(shutter, packet, lane, time):
-    """Write a ray's time into a lane."""
-    raise NotImplementedError
-
-
-@set_time.register(type(None))
-def _(shutter, packet, lane, time):
-    return
-
-
-@set_time.register(Shutter)
-def _(shutter, packet, lane, time):
-    packet.floats[EMBREE_TIME, lane] = time
-
-
-@generic
-def rounds(passage, depth):
-    """How often a packet is traced at most, for paths of `depth` segments."""
-    raise NotImplementedError
-
-
-@rounds.register(type(None))
-def _(passage, depth):
-    return depth
-
-
-@rounds.register(Passage)
-def _(passage, depth):
-    return depth + MOST_PASSED
-
-
-@generic
-def segment_of(passage, work, sample, segment):
-    """The number of the path's segment, in round `segment` of its packet."""
-    raise NotImplementedError
-
-
-@segment_of.register(type(None))
-def _(passage, work, sample, segment):
-    return segment
-
-
-@segment_of.register(Passage)
-def _(passage, work, sample, segment):
-    return segment - work.passed[sample]
-
-
-@generic
-def seen_from(passage, work, sample, origin):
-    """Where the path last scattered, for a ray from `origin`."""
-    raise NotImplementedError
-
-
-@seen_from.register(type(None))
-def _(passage, work, sample, origin):
-    return origin
-
-
-@seen_from.register(Passage)
-def _(passage, work, sample, origin):
-    return load3(work.vertex, sample, 0)
-
-
-@generic
-def travelled(passage, work, sample, near, point):
-    """How far `point`, which the ray met at distance `near`, is from where the path last scattered."""
-    raise NotImplementedError
-
-
-@travelled.register(type(None))
-def _(passage, work, sample, near, point):
-    return near
-
-
-@travelled.register(Passage)
-def _(passage, work, sample, near, point):
-    return norm(sub(point, load3(work.vertex, sample, 0)))
-
-
-@generic
-def keep_goal(passage, work, slot, start, direction, length):
-    """Remember where shadow ray `slot` ends."""
-    raise NotImplementedError
-
-
-@keep_goal.register(type(None))
-def _(passage, work, slot, start, direction, length):
-    return
-
-
-@keep_goal.register(Passage)
-def _(passage, work, slot, start, direction, length):
-    finite = length < math.inf
-    store3(work.shadow_goal, slot, 0, madd(start, length, direction) if finite else direction)
-    work.shadow_goal[slot, 3] = 1.0 if finite else 0.0
-
-
-@generic
-def mark_start(passage, work, sample, origin):
-    """Begin a path at the camera."""
-    raise NotImplementedError
-
-
-@mark_start.register(type(None))
-def _(passage, work, sample, origin):
-    return
-
-
-@mark_start.register(Passage)
-def _(passage, work, sample, origin):
-    store3(work.vertex, sample, 0, origin)
-    work.passed[sample] = 0
-
-
-@generic
-def mark_vertex(passage, work, sample, point):
-    """Remember where the path scattered last."""
-    raise NotImplementedError
-
-
-@mark_vertex.register(type(None))
-def _(passage, work, sample, point):
-    return
-
-
-@mark_vertex.register(Passage)
-def _(passage, work, sample, point):
-    store3(work.vertex, sample, 0, point)
-
-
-@generic
-def goes_straight(passage, work, sample, reference):
-    """Whether what was met lets the path straight through; it is counted."""
-    raise NotImplementedError
-
-
-@goes_straight.register(type(None))
-def _(passage, work, sample, reference):
-    return False
-
-
-@goes_straight.register(Passage)
-def _(passage, work, sample, reference):
-    straight = reference == PASS
-    work.passed[sample] += straight
-    return straight
-
-
-@generic
-def fill_space(media, work, sample):
-    """Start a path in the camera's medium."""
-    raise NotImplementedError
-
-
-@fill_space.register(type(None))
-def _(media, work, sample):
-    return
-
-
-@fill_space.register(Media)
-def _(media, work, sample):
-    work.medium[sample] = media.camera
-
-
-@generic
-def cross(media, work, sample, reference, hit, direction, outgoing):
-    """Change the path's medium where it goes through the boundary of one, at a surface of this material."""
-    raise NotImplementedError
-
-
-@cross.register(type(None))
-def _(media, work, sample, reference, hit, direction, outgoing):
-    return
-
-
-@cross.register(Media)
-def _(media, work, sample, reference, hit, direction, outgoing):
-    if (dot(direction, hit.normal) < 0.0) == (dot(outgoing, hit.normal) < 0.0):
-        work.medium[sample] = crossed(media, reference, work.medium[sample], dot(outgoing, hit.normal) < 0.0)
-
-
-@generic
-def fill_shadow(media, work, slot, sample, reference, hit, direction, outgoing):
-    """Start a shadow ray in the medium on its side of a surface of this material, which the path met on its way."""
-    raise NotImplementedError
-
-
-@fill_shadow.register(type(None))
-def _(media, work, slot, sample, reference, hit, direction, outgoing):
-    return
-
-
-@fill_shadow.register(Media)
-def _(media, work, slot, sample, reference, hit, direction, outgoing):
-    medium, enters = work.medium[sample], dot(outgoing, hit.normal) < 0.0
-    if (dot(direction, hit.normal) < 0.0) == enters:
-        medium = crossed(media, reference, medium, enters)
-    set_shadow_space(work, slot, medium)
-
-
-@generic
-def cross_shadow(media, work, slot, reference, enters):
-    """Change a shadow ray's medium where it goes straight through a surface of this material."""
-    raise NotImplementedError
-
-
-@cross_shadow.register(type(None))
-def _(media, work, slot, reference, enters):
-    return
-
-
-@cross_shadow.register(Media)
-def _(media, work, slot, reference, enters):
-    work.shadow_space[slot, 0] = crossed(media, reference, work.shadow_space[slot, 0], enters)
-
-
-@generic
-def veil(media, scene, work, slot, distance, key, first, segment):
-    """The fraction of light that comes through the medium of a shadow ray, over `distance` from the ray's origin."""
-    raise NotImplementedError
-
-
-@veil.register(type(None))
-def _(media, scene, work, slot, distance, key, first, segment):
-    return WHITE
-
-
-@veil.register(Media)
-def _(media, scene, work, slot, distance, key, first, segment):
-    medium = work.shadow_space[slot, 0]
-    if medium == NONE:
-        return WHITE
-    floats = work.shadows.floats
-    origin = (
-        np.float64(floats[ORIGIN, slot]),
-        np.float64(floats[ORIGIN + 1, slot]),
-        np.float64(floats[ORIGIN + 2, slot]),
-    )
-    direction = (
-        np.float64(floats[DIRECTION, slot]),
-        np.float64(floats[DIRECTION + 1, slot]),
-        np.float64(floats[DIRECTION + 2, slot]),
-    )
-    draws = Draws(scene.sampler, key, first + work.shadow_sample[slot], (segment + 1) * SLOTS)
-    numbers = work.shadow_space[slot, 1]
-    # The gap before a light that is seen edge on may be longer than the way.
-    way = max(0.0, distance)
-    through, numbers = transmittance_at(media, medium, origin, direction, way, draws, numbers)
-    work.shadow_space[slot, 1] = numbers
-    return through
-
-
-@generic
-def move_shadow(media, work, slot, to):
-    """Take what is known of a shadow ray's medium along, to the slot in which the ray goes on."""
-    raise NotImplementedError
-
-
-@move_shadow.register(type(None))
-def _(media, work, slot, to):
-    return
-
-
-@move_shadow.register(Media)
-def _(media, work, slot, to):
-    for column in range(2):
-        work.shadow_space[to, column] = work.shadow_space[slot, column]
 
 
 class Wandering(NamedTuple):
@@ -693,13 +328,6 @@ def _(lights, scene, work, slot, sample, medium, point, direction, throughput, t
 
 
 @kernel
-def set_shadow_space(work, slot, medium):
-    """Start a shadow ray in a medium."""
-    work.shadow_space[slot, 0] = medium
-    work.shadow_space[slot, 1] = 0
-
-
-@kernel
 def aim(scene, work, slot, sample, start, light, arriving, time):
     """Set shadow ray `slot` from `start` to a LightSample, and the radiance that it brings if nothing is in its way."""
     way = sub(light.target, start)
@@ -772,7 +400,7 @@ def _(passage, scene, work, count, key, first, segment):
             instance, primitive = found_in(scene, work.shadows, slot)
             hit = meet(scene.instances, scene, instance, table, primitive, origin, direction, near, time)
             front = dot(direction, hit.normal) < 0.0
-            draws = Draws(scene.sampler, key, first + sample, (segment + 1) * SLOTS + surface * _PASS_STRIDE)
+            draws = Draws(scene.sampler, key, first + sample, (segment + 1) * SLOTS + surface * PASS_STRIDE)
             site = Site(hit.local, hit.u, hit.v, near)
             if select_again(scene.selectors, scene, hit.material, front, site, draws) != PASS:
                 continue
@@ -813,20 +441,6 @@ def found_in(scene, packet, lane):
     """The instance, -1 for none, and the row in its table of what a lane's ray has met."""
     ids = packet.ints
     return find(scene.instances, ids[GEOMETRY, lane], ids[PRIMITIVE, lane], ids[INSTANCE, lane], ids[PLACEMENT, lane])
-
-
-@kernel
-def load3(rows, lane, start):
-    """Three columns of a row, from `start` on, as a vector."""
-    return (rows[lane, start], rows[lane, start + 1], rows[lane, start + 2])
-
-
-@kernel
-def store3(rows, lane, start, value):
-    """Write a vector into three columns of a row, from `start` on."""
-    rows[lane, start] = value[0]
-    rows[lane, start + 1] = value[1]
-    rows[lane, start + 2] = value[2]
 
 
 @kernel

@@ -14,7 +14,8 @@ from raytracer.embree import PACKET
 from raytracer.errors import InputError
 from raytracer.film.film import Film, develop
 from raytracer.film.image import Image
-from raytracer.integrator import FilmView, Scene, render_tile, workspace
+from raytracer.integrator import FilmView, Scene, render_tile
+from raytracer.paths import workspace
 from raytracer.scene.effects import effects_of
 from raytracer.scene.pack import Packed, pack
 from raytracer.scene.spec import SceneSpec

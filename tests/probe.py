@@ -15,7 +15,8 @@ import numpy as np
 from numba.core import event
 
 from raytracer.aovs.recording import Recording
-from raytracer.integrator import FilmView, render_tile, workspace
+from raytracer.integrator import FilmView, render_tile
+from raytracer.paths import workspace
 from raytracer.scene.identities import identify
 from raytracer.scene.pack import pack
 from tests.rendering import scene

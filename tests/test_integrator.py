@@ -12,8 +12,9 @@ import pytest
 from numpy.typing import NDArray
 
 import raytracer.rendering
-from raytracer.integrator import FilmView, accumulate, power_heuristic, workspace
+from raytracer.integrator import FilmView, accumulate, power_heuristic
 from raytracer.jit import entry
+from raytracer.paths import workspace
 from raytracer.scene.load import build
 from raytracer.scene.pack import Packed, pack
 from raytracer.scene.spec import SceneSpec

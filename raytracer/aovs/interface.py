@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.film import Film
-from raytracer.integrator import load3, merge, observe, observe_direct, observe_start, store3
+from raytracer.integrator import merge, observe, observe_direct, observe_start
 from raytracer.jit import each, generic
+from raytracer.paths import load3, store3
 from raytracer.spec import Spec
 
 

@@ -15,9 +15,10 @@ from raytracer.cameras.moving import MovingCamera, pack_camera
 from raytracer.embree import Accel, Placements
 from raytracer.errors import InputError
 from raytracer.geometry import Exact, Geometry
-from raytracer.integrator import Passage, Scene
+from raytracer.integrator import Scene
 from raytracer.kinds import MATERIALS
 from raytracer.materials.interface import MaterialSpec
+from raytracer.paths import Passage
 from raytracer.relief import pack_relief
 from raytracer.sampling import SAMPLERS
 from raytracer.scene.document import path_text
