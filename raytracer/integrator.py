@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from raytracer import embree
 from raytracer.cameras.interface import FILTER, camera_ray
-from raytracer.embree import DIRECTION, GEOMETRY, INSTANCE, MISS, ORIGIN, PACKET, PLACEMENT, PRIMITIVE, TFAR
+from raytracer.embree import GEOMETRY, INSTANCE, MISS, PACKET, PLACEMENT, PRIMITIVE, TFAR
 from raytracer.filters.interface import sample_filter
 from raytracer.geometry import Site
 from raytracer.instances import find, meet
@@ -54,6 +54,7 @@ from raytracer.paths import (
     keep_goal,
     keep_time,
     load3,
+    load_ray,
     mark_start,
     mark_vertex,
     move_shadow,
@@ -70,7 +71,7 @@ from raytracer.paths import (
 )
 from raytracer.primitives.interface import expect_any
 from raytracer.sampling import pixel_key, sample_1d, sample_2d
-from raytracer.vec import Vec3, dot, is_black, madd, max_component, mul, neg, norm, normalize, scale, sub
+from raytracer.vec import Vec3, dot, is_black, madd, max_component, mul, neg, norm, scale, sub
 
 
 class Scene(NamedTuple):
@@ -344,24 +345,23 @@ def aim(scene, work, slot, sample, start, light, arriving, time):
 
 @generic
 def resolve_shadows(lights, scene, work, count, key, first, segment):
-    """Trace the shadow rays, and add what arrives."""
+    """Trace the shadow rays, and add what arrives; returns the number of rays traced."""
     raise NotImplementedError
 
 
 @resolve_shadows.register(type(None))
 def _(lights, scene, work, count, key, first, segment):
-    return
+    return 0
 
 
 @resolve_shadows.register(Lights)
 def _(lights, scene, work, count, key, first, segment):
-    if count > 0:
-        follow_shadows(scene.passage, scene, work, count, key, first, segment)
+    return follow_shadows(scene.passage, scene, work, count, key, first, segment) if count > 0 else 0
 
 
 @generic
 def follow_shadows(passage, scene, work, count, key, first, segment):
-    """Add what each shadow ray brings, where it arrives."""
+    """Add what each shadow ray brings, where it arrives; returns the number of rays traced."""
     raise NotImplementedError
 
 
@@ -374,15 +374,18 @@ def _(passage, scene, work, count, key, first, segment):
             through = veil(scene.media, scene, work, slot, distance, key, first, segment)
             for channel in range(3):
                 work.radiance[work.shadow_sample[slot], channel] += through[channel] * work.unshadowed[slot, channel]
+    return count
 
 
 @follow_shadows.register(Passage)
 def _(passage, scene, work, count, key, first, segment):
     """A surface lets a shadow ray pass as often as it lets a path pass."""
+    rays = 0
     for surface in range(1, MOST_PASSED):
         if count == 0:
             break
         embree.intersect(scene.accel, work.shadows, count)
+        rays += count
         going = 0
         for slot in range(count):
             sample = work.shadow_sample[slot]
@@ -425,15 +428,7 @@ def _(passage, scene, work, count, key, first, segment):
             store3(work.unshadowed, going, 0, arriving)
             going += 1
         count = going
-
-
-@kernel
-def load_ray(packet, lane):
-    """Origin and unit direction of a ray as Embree has it."""
-    rows = packet.floats
-    origin = (rows[ORIGIN, lane], rows[ORIGIN + 1, lane], rows[ORIGIN + 2, lane])
-    direction = (rows[DIRECTION, lane], rows[DIRECTION + 1, lane], rows[DIRECTION + 2, lane])
-    return scale(1.0, origin), normalize(scale(1.0, direction))
+    return rays
 
 
 @kernel
@@ -468,12 +463,8 @@ def start_paths(scene, aovs, work, key, x, y, first, count):
         keep_time(scene.shutter, work, lane, time)
         fill_space(scene.media, work, lane)
         mark_start(scene.passage, work, lane, origin)
-        store3(work.path, live, 0, origin)
-        store3(work.path, live, 3, direction)
-        store3(work.path, live, 6, (importance, importance, importance))
         # The camera had no choice of direction that a light sample could share.
-        work.path[live, 9] = math.inf
-        work.sample[live] = lane
+        put_path(work, live, lane, origin, direction, (importance, importance, importance), math.inf)
         live += 1
     return live
 
@@ -621,8 +612,7 @@ def trace_paths(scene, aovs, work, key, first, live):
             start = spawn_point(hit, out.direction)
             put_path(work, survivors, sample, start, out.direction, scale(1.0 / survival, throughput), out.pdf)
             survivors += 1
-        resolve_shadows(scene.lights, scene, work, shadows, key, first, segment)
-        rays += shadows
+        rays += resolve_shadows(scene.lights, scene, work, shadows, key, first, segment)
         live = survivors
     return rays
 

@@ -350,3 +350,11 @@ def multiple_albedo(mean_fresnel: Vec3, lost: float) -> Vec3:
         g * g * keep / (1.0 - g * lost),
         b * b * keep / (1.0 - b * lost),
     )
+
+
+@kernel
+def sample_lost(cells: NDArray[np.float64], rows: Rows, u: float, v: float) -> Vec3:
+    """A direction above the surface with a density of z deficit(z) / (pi mean_deficit) (1/sr)."""
+    z = sample_deficit(cells, rows, u)
+    radius, azimuth = math.sqrt((1.0 - z) * (1.0 + z)), 2.0 * math.pi * v
+    return (radius * math.cos(azimuth), radius * math.sin(azimuth), z)

@@ -73,13 +73,33 @@ def fresnel_conductor(cos_i: float, eta: Vec3, k: Vec3) -> Vec3:
     )
 
 
+SCHLICK_MEAN = 1.0 / 21.0
+"""The cosine-weighted mean of `schlick_weight` over a hemisphere."""
+
+
+@kernel
+def schlick_weight(cos_i: float) -> float:
+    """(1 - cos)^5: how far, in Schlick's fit, reflectance has risen from that at normal incidence to 1.
+
+    A cosine of vectors that rounding has left above 1 counts as 1.
+    """
+    rest = 1.0 - min(1.0, cos_i)
+    return rest * rest * rest * rest * rest
+
+
+@kernel
+def fresnel_schlick_mean(normal_reflectance: Vec3) -> Vec3:
+    """The cosine-weighted mean over a hemisphere of `fresnel_schlick`, by channel."""
+    r, g, b = normal_reflectance
+    return (r + (1.0 - r) * SCHLICK_MEAN, g + (1.0 - g) * SCHLICK_MEAN, b + (1.0 - b) * SCHLICK_MEAN)
+
+
 @kernel
 def fresnel_schlick(cos_i: float, normal_reflectance: Vec3) -> Vec3:
     """A fit to the unpolarised reflectance of what reflects this much, by channel, at normal incidence.
 
     References: Schlick 1994, "An Inexpensive BRDF Model for Physically-based Rendering", CGF 13(3), eq. 15.
     """
-    rest = 1.0 - cos_i
-    part = rest * rest * rest * rest * rest
+    part = schlick_weight(cos_i)
     r, g, b = normal_reflectance
     return (r + (1.0 - r) * part, g + (1.0 - g) * part, b + (1.0 - b) * part)

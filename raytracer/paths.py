@@ -19,7 +19,7 @@ from raytracer.materials.interface import PASS, SLOTS, WHITE, Draws
 from raytracer.media.interface import NONE, Media, crossed, transmittance_at
 from raytracer.motion import Shutter
 from raytracer.sampling import sample_1d
-from raytracer.vec import dot, madd, norm, sub
+from raytracer.vec import dot, madd, norm, normalize, sub
 
 
 class Workspace(NamedTuple):
@@ -102,6 +102,15 @@ def store3(rows, lane, start, value):
     rows[lane, start] = value[0]
     rows[lane, start + 1] = value[1]
     rows[lane, start + 2] = value[2]
+
+
+@kernel
+def load_ray(packet, lane):
+    """Origin and unit direction of a ray as Embree has it, in float64."""
+    rows = packet.floats
+    origin = (np.float64(rows[ORIGIN, lane]), np.float64(rows[ORIGIN + 1, lane]), np.float64(rows[ORIGIN + 2, lane]))
+    x, y, z = rows[DIRECTION, lane], rows[DIRECTION + 1, lane], rows[DIRECTION + 2, lane]
+    return origin, normalize((np.float64(x), np.float64(y), np.float64(z)))
 
 
 @kernel
@@ -402,22 +411,10 @@ def _(media, scene, work, slot, distance, key, first, segment):
     medium = work.shadow_space[slot, 0]
     if medium == NONE:
         return WHITE
-    floats = work.shadows.floats
-    origin = (
-        np.float64(floats[ORIGIN, slot]),
-        np.float64(floats[ORIGIN + 1, slot]),
-        np.float64(floats[ORIGIN + 2, slot]),
-    )
-    direction = (
-        np.float64(floats[DIRECTION, slot]),
-        np.float64(floats[DIRECTION + 1, slot]),
-        np.float64(floats[DIRECTION + 2, slot]),
-    )
+    origin, direction = load_ray(work.shadows, slot)
     draws = Draws(scene.sampler, key, first + work.shadow_sample[slot], (segment + 1) * SLOTS)
     numbers = work.shadow_space[slot, 1]
-    # The gap before a light that is seen edge on may be longer than the way.
-    way = max(0.0, distance)
-    through, numbers = transmittance_at(media, medium, origin, direction, way, draws, numbers)
+    through, numbers = transmittance_at(media, medium, origin, direction, distance, draws, numbers)
     work.shadow_space[slot, 1] = numbers
     return through
 

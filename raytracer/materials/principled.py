@@ -19,7 +19,6 @@ from raytracer.materials.interface import (
     BLACK,
     DIRECTION,
     LOBE,
-    WHITE,
     MaterialSpec,
     Scatter,
     absorbed,
@@ -43,9 +42,11 @@ from raytracer.microfacet import (
     reflect_about,
     reflected,
     rows_of,
-    sample_deficit,
+    sample_lost,
     sample_visible_normal,
+    seen_from,
 )
+from raytracer.optics import SCHLICK_MEAN, fresnel_schlick_mean, schlick_weight
 from raytracer.sampling import sample_1d, sample_2d
 from raytracer.sampling.warp import pdf_cosine_hemisphere, sample_cosine_hemisphere
 from raytracer.spec import Fraction, Quantity
@@ -62,10 +63,7 @@ from raytracer.textures.interface import (
     is_zero,
     number,
 )
-from raytracer.vec import Vec3, add, basis, dot, neg, normalize, scale, sub, to_local, to_world
-
-_SCHLICK_MEAN = 1.0 / 21.0
-"""The cosine-weighted mean of (1 - cos)^5 over a hemisphere."""
+from raytracer.vec import Vec3, add, basis, dot, normalize, scale, sub, to_local, to_world
 
 
 class Principled(MaterialSpec):
@@ -191,7 +189,7 @@ def _row(table, index, textures, site):
     a, b = table.coat[index, 0], table.coat[index, 1]
     cells = table.deficits.cells
     rows = rows_of(table.deficits, index, max(SMOOTH_ALPHA, alpha), 0)
-    lost, grazing = 0.0, _SCHLICK_MEAN
+    lost, grazing = 0.0, SCHLICK_MEAN
     if alpha >= SMOOTH_ALPHA:
         lost = mean_deficit(cells, rows)
         grazing = table.grazing[rows.low] + rows.blend * (table.grazing[rows.high] - table.grazing[rows.low])
@@ -200,10 +198,9 @@ def _row(table, index, textures, site):
     mirror = scale(metal, base_color)
     rest = (1.0 - metal) * a
     rise = (1.0 - metal) * b + metal
-    mean_fresnel = add(base_color, scale(_SCHLICK_MEAN, sub(WHITE, base_color)))
     glass = scale((1.0 - metal) * clear, base_color)
     # Of what facets of glass scatter more than once, half leaves to each side.
-    multiple = add(scale(metal, multiple_albedo(mean_fresnel, lost)), scale(0.5, glass))
+    multiple = add(scale(metal, multiple_albedo(fresnel_schlick_mean(base_color), lost)), scale(0.5, glass))
     return PrincipledRow(
         alpha,
         add(mirror, (rest, rest, rest)),
@@ -247,15 +244,9 @@ def _mean(rgb: Vec3) -> float:
 
 
 @kernel
-def _schlick(cosine: float) -> float:
-    rest = 1.0 - min(1.0, cosine)
-    return rest * rest * rest * rest * rest
-
-
-@kernel
 def _losses(material: PrincipledRow, z: float) -> tuple[float, float, float]:
     """At height z: the facets' deficit, their grazing albedo, and what the coat's albedo leaves to the body."""
-    lost, grazing = 0.0, _schlick(z)
+    lost, grazing = 0.0, schlick_weight(z)
     if material.alpha >= SMOOTH_ALPHA:
         lost = deficit(material.cells, material.rows, z)
         grazing = grazing_albedo(material.cells, material.rows, z)
@@ -288,7 +279,7 @@ def _evaluated(material: PrincipledRow, shares: Shares, toward: Vec3, outgoing: 
             return BLACK, 0.0
         half = normalize(add(toward, (outgoing[0], outgoing[1], -z)))
         once = reflected(material.alpha, toward[2], -z, half)
-        coat = material.coat_base + material.coat_rise * _schlick(dot(toward, half))
+        coat = material.coat_base + material.coat_rise * schlick_weight(dot(toward, half))
         value = scale((1.0 - coat) * once, material.glass)
         pdf = shares.glass * _pdf_mirrored(material.alpha, toward, half)
         lost, _, _ = _losses(material, -z)
@@ -307,7 +298,7 @@ def _evaluated(material: PrincipledRow, shares: Shares, toward: Vec3, outgoing: 
     # What facets mirror.
     half = normalize(add(toward, outgoing))
     once = reflected(material.alpha, toward[2], z, half)
-    fresnel = add(material.base, scale(_schlick(dot(toward, half)), material.rise))
+    fresnel = add(material.base, scale(schlick_weight(dot(toward, half)), material.rise))
     return add(value, scale(once, fresnel)), pdf + shares.facets * _pdf_mirrored(material.alpha, toward, half)
 
 
@@ -323,27 +314,18 @@ def _pdf_mirrored(alpha: float, toward: Vec3, half: Vec3) -> float:
     return ggx(alpha, half) * masking(alpha, toward[2]) / (4.0 * toward[2])
 
 
-@kernel
-def _toward(direction: Vec3, s: Vec3, t: Vec3, normal: Vec3) -> Vec3:
-    """Where light comes from that travels along `direction`, in the surface's frame, and not below it."""
-    x, y, z = to_local(neg(direction), s, t, normal)
-    return x, y, abs(z)
-
-
 @scatter.register(PrincipledRow)
 def _(material, direction, normal, front, draws):
     s, t = basis(normal)
-    toward = _toward(direction, s, t, normal)
+    toward = seen_from(direction, s, t, normal)
     shares = _shares(material, toward[2])
     lobe = sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE)
     u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + DIRECTION)
     if lobe < shares.body:
         outgoing = sample_cosine_hemisphere(u1, u2)
     elif lobe < shares.body + shares.multiple + shares.beyond:
-        z = sample_deficit(material.cells, material.rows, u1)
-        radius, azimuth = math.sqrt((1.0 - z) * (1.0 + z)), 2.0 * math.pi * u2
-        beyond = lobe >= shares.body + shares.multiple
-        outgoing = (radius * math.cos(azimuth), radius * math.sin(azimuth), -z if beyond else z)
+        x, y, z = sample_lost(material.cells, material.rows, u1, u2)
+        outgoing = (x, y, -z if lobe >= shares.body + shares.multiple else z)
     else:
         through = lobe < 1.0 - shares.facets
         if material.alpha < SMOOTH_ALPHA:
@@ -371,7 +353,7 @@ def _smooth(
     normal: Vec3,
 ) -> Scatter:
     """The one direction of a smooth coat, or of a smooth pane's far side."""
-    weight = _schlick(toward[2])
+    weight = schlick_weight(toward[2])
     if through:
         coat = material.coat_base + material.coat_rise * weight
         return Scatter(direction, scale((1.0 - coat) / shares.glass, material.glass), math.inf)
@@ -385,7 +367,7 @@ def _smooth(
 @evaluate.register(PrincipledRow)
 def _(material, direction, normal, front, outgoing):
     s, t = basis(normal)
-    toward = _toward(direction, s, t, normal)
+    toward = seen_from(direction, s, t, normal)
     return _evaluated(material, _shares(material, toward[2]), toward, to_local(outgoing, s, t, normal))
 
 

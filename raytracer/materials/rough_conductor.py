@@ -42,12 +42,12 @@ from raytracer.microfacet import (
     reflect_about,
     reflected,
     rows_of,
-    sample_deficit,
+    sample_lost,
     sample_visible_normal,
     seen_from,
     shadowing,
 )
-from raytracer.optics import fresnel_conductor, fresnel_schlick
+from raytracer.optics import fresnel_conductor, fresnel_schlick, fresnel_schlick_mean
 from raytracer.sampling import sample_2d
 from raytracer.spec import Color, at
 from raytracer.textures.interface import (
@@ -76,9 +76,6 @@ References: gold, silver, copper: Johnson, Christy 1972, "Optical Constants of t
 aluminium: Rakic 1995, "Algorithm for the Determination of Intrinsic Optical Constants of Metal Films: Application to
 Aluminum", Appl. Opt. 34, 4755.
 """
-
-_SCHLICK_MEAN = 1.0 / 21.0
-"""The cosine-weighted mean of (1 - cos)^5 over a hemisphere."""
 
 
 class RoughConductor(MaterialSpec):
@@ -201,12 +198,6 @@ def _(table, index, textures, site):
 
 
 @kernel
-def fresnel_schlick_mean(albedo: Vec3) -> Vec3:
-    """The cosine-weighted mean over a hemisphere of Schlick's reflectance."""
-    return add(albedo, scale(_SCHLICK_MEAN, (1.0 - albedo[0], 1.0 - albedo[1], 1.0 - albedo[2])))
-
-
-@kernel
 def _fresnel(material: RoughConductorRow, cosine: float) -> Vec3:
     """What a mirror of this metal reflects, by channel."""
     if material.measured:
@@ -247,9 +238,7 @@ def _(material, direction, normal, front, draws):
     if not single:
         if mean_deficit(material.cells, material.rows) == 0.0:
             return absorbed(direction)
-        z = sample_deficit(material.cells, material.rows, rest)
-        radius, azimuth = math.sqrt((1.0 - z) * (1.0 + z)), 2.0 * math.pi * v
-        outgoing = (radius * math.cos(azimuth), radius * math.sin(azimuth), z)
+        outgoing = sample_lost(material.cells, material.rows, rest, v)
     value, pdf = _evaluated(material, toward, outgoing)
     if not pdf > 0.0:
         return absorbed(direction)

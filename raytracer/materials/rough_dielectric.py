@@ -41,7 +41,7 @@ from raytracer.microfacet import (
     reflect_about,
     reflected,
     rows_of,
-    sample_deficit,
+    sample_lost,
     sample_visible_normal,
     seen_from,
     shadowing,
@@ -220,9 +220,8 @@ def _(material, direction, normal, front, draws):
         if total == 0.0:
             return absorbed(direction)
         returns, rest = chance(rest, near.squared * near.mean / total)
-        z = sample_deficit(material.cells, near.rows if returns else far.rows, rest)
-        radius, azimuth = math.sqrt((1.0 - z) * (1.0 + z)), 2.0 * math.pi * v
-        outgoing = (radius * math.cos(azimuth), radius * math.sin(azimuth), z if returns else -z)
+        x, y, z = sample_lost(material.cells, near.rows if returns else far.rows, rest, v)
+        outgoing = (x, y, z if returns else -z)
     pdf = _once(material.alpha, eta, toward, outgoing) + _more(material, near, far, toward, outgoing)
     if not pdf > 0.0:
         return absorbed(direction)
