@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.rendering import image, mean
+from raytracer.rendering import render
+from tests.rendering import image, mean, scene
 
 # Every scene holds, far below, a speck of each kind that any of them has, so that all share one kernel.
 SPECKS = """
@@ -95,3 +96,14 @@ def test_a_lamp_behind_gauze_is_weighted_from_where_the_path_scattered() -> None
     )
     # The camera looks past the gauze, and the lamp is seen through both layers of it.
     assert_equal(shown(text, depth=2), shown(full, depth=2), factor=0.25)
+
+
+def test_shadow_rays_are_counted_from_surface_to_surface() -> None:
+    # A camera ray, a bounce and a shadow ray a sample; the boundary below the lamp cuts every shadow ray in two.
+    def rays(below_lamp: str) -> int:
+        text = CAMERA + NIGHT + "objects:\n" + FLOOR + lamp("{type: emitter, radiance: 1}") + below_lamp + SPECKS
+        return render(scene(text, filled=False, width=8, height=8, max_depth=2), spp=4).stats.rays
+
+    samples = 8 * 8 * 4
+    assert rays("") == 3 * samples
+    assert rays(lamp("{type: boundary}", z=1.9, half=1.0)) >= 4 * samples
