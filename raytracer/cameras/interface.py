@@ -35,7 +35,7 @@ class CameraSpec(Spec):
     @model_validator(mode="after")
     def _opens_once(self) -> Any:
         try:
-            self.exposure()
+            self.opening()
         except ValueError as error:
             at("time", str(error))
         return self
@@ -48,7 +48,7 @@ class CameraSpec(Spec):
                 at(("motion", "keyframes", number, "transform"), "a camera can be moved and turned, but not scaled")
         return self
 
-    def exposure(self) -> Shutter:
+    def opening(self) -> Shutter:
         """When the shutter opens and closes."""
         return shutter_of(self.shutter, self.time)
 

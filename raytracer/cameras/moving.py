@@ -39,7 +39,7 @@ def pack_camera(spec: CameraSpec, width: int, height: int) -> Any:
     ------
     ValueError : its motion turns too often while the shutter is open.
     """
-    placed = place(spec.motion, np.eye(4), spec.exposure())
+    placed = place(spec.motion, np.eye(4), spec.opening())
     if isinstance(placed, Static):
         return _posed(spec, placed.matrix).pack(width, height)
     return MovingCamera(spec.pack(width, height), pack_trajectories([trajectory_of(placed)]))

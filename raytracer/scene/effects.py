@@ -70,7 +70,7 @@ def _why_defocus(spec: SceneSpec, active: bool) -> str:
 
 
 def _why_motion_blur(spec: SceneSpec, scene: Scene) -> str:
-    shutter = spec.camera.exposure()
+    shutter = spec.camera.opening()
     if scene.shutter is not None:
         able = [item for _, item in spec.all_objects() if item.motion or getattr(item, "frames", None)]
         moving = [_count(len(able), "object")] if able else []

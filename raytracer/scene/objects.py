@@ -152,7 +152,7 @@ class _Builder:
 
     def __init__(self, spec: SceneSpec, assets: Assets) -> None:
         self._spec, self._assets = spec, assets
-        self._shutter = spec.camera.exposure()
+        self._shutter = spec.camera.opening()
         self.items: list[Item] = []
         self.groups: list[list[Part]] = []
         self._numbers: dict[Keys, int] = {}
@@ -350,7 +350,7 @@ def _pack_item(spec: SceneSpec, item: Item, placed: Static | Shift, reference: A
     """The table of one object."""
     try:
         table = item.spec.pack_exposed(
-            placed.matrix, reference, assets.of(item.spec, item.keys), spec.camera.exposure()
+            placed.matrix, reference, assets.of(item.spec, item.keys), spec.camera.opening()
         )
     except ValueError as error:
         raise spec.error(str(error), *item.keys) from None

@@ -77,7 +77,7 @@ def test_a_camera_is_posed_where_it_is_at_the_moment() -> None:
     ],
 )
 def test_a_shutter_is_an_interval_or_a_duration(keys: dict[str, Any], expected: Shutter) -> None:
-    assert camera(**keys).exposure() == expected
+    assert camera(**keys).opening() == expected
 
 
 @pytest.mark.parametrize(
