@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import llvmlite.binding
 import numpy as np
 from numba import types
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from raytracer.geometry import Geometry, Primitive
 from raytracer.jit import kernel
@@ -110,6 +110,7 @@ _commit_geometry = _declare("rtcCommitGeometry", None, _ptr)
 _set_time_steps = _declare("rtcSetGeometryTimeStepCount", None, _ptr, _uint)
 _attach = _declare("rtcAttachGeometryByID", None, _ptr, _ptr, _uint)
 _share = _declare("rtcSetSharedGeometryBuffer", None, _ptr, _uint, _uint, _uint, _ptr, _size, _size, _size)
+_intersect1 = _declare("rtcIntersect1", None, _ptr, _ptr, _ptr)
 _set_instanced = _declare("rtcSetGeometryInstancedScenes", None, _ptr, ctypes.POINTER(_ptr), _size)
 
 
@@ -162,6 +163,16 @@ class Placements(NamedTuple):
     poses: tuple[NDArray[np.float32], ...]
 
 
+class Found(NamedTuple):
+    """What one ray met: its distance, and the numbers that Embree has for it, -1 for no instance."""
+
+    distance: float
+    geometry: int
+    primitive: int
+    instance: int
+    placement: int
+
+
 class Accel:
     """A built scene; `address` is what kernels take.  It is freed with this object.
 
@@ -196,6 +207,34 @@ class Accel:
         scenes = [self._build(group, {}, []) for group in groups]
         numbered = geometries if isinstance(geometries, Mapping) else dict(enumerate(geometries))
         self.address = self._build(numbered, dict(enumerate(placements, first_instance)), scenes)
+
+    def cast(
+        self,
+        origin: ArrayLike,
+        direction: ArrayLike,
+        *,
+        beyond: float = 0.0,
+        time: float = 0.0,
+    ) -> Found | None:
+        """What a single ray meets first, None if nothing; for what is asked once, kernels trace packets.
+
+        Parameters
+        ----------
+        origin, direction : (3,); the direction a unit vector, so that distances are in metres.
+        beyond : distance (m) from which on the ray is followed.
+        time : fraction of the shutter's opening, 0 to 1.
+        """
+        floats = _aligned(np.float32, _ROWS)
+        ints = floats.view(np.uint32)
+        floats[ORIGIN : ORIGIN + 3], floats[DIRECTION : DIRECTION + 3] = origin, direction
+        floats[TNEAR], floats[TIME], floats[TFAR] = beyond, time, np.inf
+        ints[MASK] = ints[GEOMETRY] = ints[INSTANCE] = MISS
+        _intersect1(self.address, floats.ctypes.data, None)
+        if ints[GEOMETRY] == MISS:
+            return None
+        placed = ints[INSTANCE] != MISS
+        instance, placement = (int(ints[INSTANCE]), int(ints[PLACEMENT])) if placed else (-1, -1)
+        return Found(float(floats[TFAR]), int(ints[GEOMETRY]), int(ints[PRIMITIVE]), instance, placement)
 
     def _build(
         self, geometries: Mapping[int, Geometry], placements: Mapping[int, Placements], scenes: Sequence[int]
@@ -239,10 +278,13 @@ class Accel:
         item = _new_geometry(self.device.handle, _INSTANCE_ARRAY)
         self.device.check()
         try:
-            _set_instanced(item, (_ptr * len(scenes))(*scenes), len(scenes))
+            # Embree 4.4 shows the first scene in an array of one placement, whatever the index says.
+            alone = len(placed.group) == 1
+            shown, group = ([scenes[placed.group[0]]], np.zeros(1, np.uint32)) if alone else (scenes, placed.group)
+            _set_instanced(item, (_ptr * len(shown))(*shown), len(shown))
             if len(placed.poses) > 1:
                 _set_time_steps(item, len(placed.poses))
-            self._share(item, _INDEX_BUFFER, 0, placed.group[:, None])
+            self._share(item, _INDEX_BUFFER, 0, group[:, None])
             for step, poses in enumerate(placed.poses):
                 self._share(item, _TRANSFORM_BUFFER, step, poses, _POSE_FORMATS)
             _commit_geometry(item)
@@ -281,7 +323,7 @@ class Packet(NamedTuple):
     valid: NDArray[np.int32]
 
 
-# Rows of a packet: RTCRay8, then RTCHit8.
+# Rows of a packet: RTCRay8, then RTCHit8; words of a single ray, RTCRay, then RTCHit.
 ORIGIN, TNEAR, DIRECTION, TIME, TFAR, MASK, RAY_ID, FLAGS = 0, 3, 4, 7, 8, 9, 10, 11
 NORMAL, U, V, PRIMITIVE, GEOMETRY, INSTANCE, PLACEMENT = 12, 15, 16, 17, 18, 19, 20
 _ROWS = 24
@@ -292,16 +334,19 @@ _ALIGNMENT = 16
 MISS = np.uint32(0xFFFFFFFF)
 
 
+def _aligned(dtype: type[np.float32 | np.int32], size: int) -> NDArray[Any]:
+    """Zeros (size,) of 32-bit numbers, from a multiple of 64 bytes on."""
+    room = np.zeros(size + _ALIGNMENT, dtype)
+    skip = (-room.ctypes.data // 4) % _ALIGNMENT
+    return room[skip : skip + size]
+
+
 def packet() -> Packet:
     """A packet aligned to 64 bytes, as the widest instruction set asks, with all fields that never change set."""
-    raw = np.zeros(_ROWS * PACKET + _ALIGNMENT, np.float32)
-    skip = (-raw.ctypes.data // 4) % _ALIGNMENT
-    floats = raw[skip : skip + _ROWS * PACKET].reshape(_ROWS, PACKET)
+    floats = _aligned(np.float32, _ROWS * PACKET).reshape(_ROWS, PACKET)
     ints = floats.view(np.uint32)
     ints[MASK] = MISS
-    room = np.zeros(PACKET + _ALIGNMENT, np.int32)
-    skip = (-room.ctypes.data // 4) % _ALIGNMENT
-    return Packet(floats, ints, room[skip : skip + PACKET])
+    return Packet(floats, ints, _aligned(np.int32, PACKET))
 
 
 _signature = types.void(types.intp, types.intp, types.intp, types.intp)

@@ -14,10 +14,11 @@ import pytest
 from numpy.typing import NDArray
 
 from raytracer import embree
-from raytracer.embree import Accel, Device, EmbreeError, find_library
+from raytracer.embree import Accel, Device, EmbreeError, Placements, find_library
 from raytracer.geometry import Geometry, Primitive, padded
 from raytracer.jit import entry
 from raytracer.primitives.discs import Discs
+from raytracer.primitives.interface import geometry
 from raytracer.primitives.parallelograms import Parallelograms
 from raytracer.primitives.spheres import Spheres
 from raytracer.primitives.triangles import Triangles
@@ -374,3 +375,61 @@ def test_broken_triangles_are_never_met(name: str) -> None:
     origins = 3.0 * uniform_directions(2000, 13)
     targets = np.random.default_rng(14).uniform(0.0, 1.0, (2000, 3))
     assert (cast((table,), origins, unit(targets - origins)).table == -1).all()
+
+
+# ---- Single rays
+
+
+@pytest.mark.parametrize("kind", TABLES)
+def test_a_single_ray_meets_what_a_packet_meets(kind: str) -> None:
+    table = TABLES[kind](300, 13)
+    accel = built(table)
+    origins, directions = _rays(500, 14)
+    hits = cast((table,), origins, directions, accel=accel)
+    for ray, (origin, direction) in enumerate(zip(origins, directions, strict=True)):
+        found = accel.cast(origin, direction)
+        assert (found is not None) == (hits.table[ray] == 0)
+        if found is not None:
+            assert found[1:] == (0, hits.primitive[ray], -1, -1)
+            assert found.distance == pytest.approx(hits.near[ray], rel=1e-5)
+
+
+def test_a_single_ray_can_go_on_behind_what_it_met() -> None:
+    table = Spheres(np.array([[0.0, 0.0, -5.0], [0.0, 0.0, -9.0]]), np.ones(2), np.zeros(2, np.int32))
+    accel = built(table)
+    beyond, distances = 0.0, []
+    while (found := accel.cast((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), beyond=beyond)) is not None:
+        distances.append(found.distance)
+        beyond = float(np.nextafter(np.float32(found.distance), np.float32(np.inf)))
+    np.testing.assert_allclose(distances, [4.0, 6.0, 8.0, 10.0], rtol=1e-6)
+
+
+# ---- Placements
+
+
+def _pose(steps: int) -> tuple[NDArray[np.float32], ...]:
+    """The identity, as a matrix for one time step, and as a scale, a quaternion and a translation for more."""
+    if steps == 1:
+        return (np.eye(3, 4, dtype=np.float32).reshape(1, 12),)
+    row = np.zeros((1, 16), np.float32)
+    row[0, [0, 1, 2, 9]] = 1.0
+    return (row,) * steps
+
+
+@pytest.mark.parametrize("steps", [1, 2, 5])
+@pytest.mark.parametrize("groups", [(0,), (1,), (2,), (1, 1), (2, 0), (0, 1, 2)])
+def test_each_placement_shows_its_group(steps: int, groups: tuple[int, ...]) -> None:
+    # Embree 4.4 has shown the first group in an array of one placement, whatever the index said.
+    radii = (0.1, 0.2, 0.4)
+    spheres = [{0: geometry(Spheres(np.zeros((1, 3)), np.array([radius]), np.zeros(1, np.int32)))} for radius in radii]
+    poses = tuple(np.repeat(step, len(groups), axis=0) for step in _pose(steps))
+    for number in range(len(groups)):
+        column = {12: 3, 16: 13}[poses[0].shape[1]]
+        for step in {id(pose): pose for pose in poses}.values():
+            step[number, column] = 10.0 * number
+    accel = Accel({}, spheres, [Placements(np.array(groups, np.uint32), poses)], first_instance=1)
+    for number, group in enumerate(groups):
+        found = accel.cast((10.0 * number, 0.0, 5.0), (0.0, 0.0, -1.0), time=0.5)
+        assert found is not None
+        assert found.distance == pytest.approx(5.0 - radii[group], abs=1e-5)
+        assert found[1:] == (0, 0, 1, number)
