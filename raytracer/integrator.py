@@ -453,18 +453,21 @@ def start_paths(scene, aovs, work, key, x, y, first, count):
         draws = Draws(scene.sampler, key, first + lane, 0)
         u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, FILTER)
         dx, dy, weight = sample_filter(scene.filter, u1, u2)
-        time = sample_time(scene.shutter, draws)
-        origin, direction, importance = camera_ray(scene.camera, x + 0.5 + dx, y + 0.5 + dy, time, draws)
+        film_x, film_y = x + 0.5 + dx, y + 0.5 + dy
+        time, rate = sample_time(scene.shutter, film_x, film_y, draws)
+        origin, direction, importance = camera_ray(scene.camera, film_x, film_y, time, draws)
         store3(work.radiance, lane, 0, BLACK)
-        work.radiance[lane, 3] = weight
+        work.radiance[lane, 3] = weight * rate
         observe_start(aovs, work, lane)
         if importance == 0.0:
             continue
+        # Not into the throughput: what a ray counts for says nothing of whether its path should go on.
+        work.radiance[lane, 3] *= importance
         keep_time(scene.shutter, work, lane, time)
         fill_space(scene.media, work, lane)
         mark_start(scene.passage, work, lane, origin)
         # The camera had no choice of direction that a light sample could share.
-        put_path(work, live, lane, origin, direction, (importance, importance, importance), math.inf)
+        put_path(work, live, lane, origin, direction, WHITE, math.inf)
         live += 1
     return live
 

@@ -9,6 +9,8 @@ In a scene:
       - {type: sphere, center: [0, 0, 0], radius: 1,
          motion: {keyframes: [{time: 0, transform: []}, {time: 1, transform: [{translate: [2, 0, 0]}]}]}}
 
+    camera: {type: pinhole, shutter: 1/8 s, shake: {amplitude: 0.1 deg, bandwidth: 10 Hz}}
+
 A motion acts in world space, after the object's `transform`.  A spin turns counter-clockwise as seen from the tip of
 its axis; its centre goes along with the velocity.  Keyframes are taken apart into translation, rotation and scale with
 skew, and each is interpolated by itself, the rotation along the shorter arc: a turn by more than 180 degrees between
@@ -19,20 +21,21 @@ References: Shoemake 1985, "Animating Rotation with Quaternion Curves", SIGGRAPH
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
-from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema, core_schema
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field, model_validator
 
 from raytracer.jit import kernel
+from raytracer.shutter import Shutter
 from raytracer.spec import (
+    Count,
     Direction,
     Matrix,
+    NonNegativeAngle,
     Point,
     Quantity,
     Rotate,
@@ -59,6 +62,11 @@ _MOST_DEGREES_PER_SEGMENT = 120.0
 
 # How far from a step, in segments, the time of a keyframe may lie and still count as on it.
 _ON_GRID = 1e-6
+
+# Sinusoids of a shake about an axis, and segments of its trajectory in a period of the fastest, of which 0.5 % is lost.
+_SINUSOIDS = 128
+_SEGMENTS_PER_PERIOD = 32
+_MOST_SHAKE_SEGMENTS = 2**17
 
 # Columns of a row of a trajectory, in the order of RTCQuaternionDecomposition.
 _SCALE, _SKEW, _SHIFT, _QUATERNION, _TRANSLATION = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 13), slice(13, 16)
@@ -122,58 +130,55 @@ class Motion(Spec):
         return self
 
 
-class Shutter(NamedTuple):
-    """When the shutter opens and closes, in seconds of scene time; equal for a picture of one moment."""
+class Shake(Spec):
+    """How a hand holds a camera: it turns about its own place, a little, unevenly.
 
-    open: float
-    close: float
+    Each of the angles about the camera's axes is noise with an even spectrum up to a frequency: a sum of sinusoids
+    whose frequencies and phases are random, which is Gaussian in the limit of many.
 
-
-class ShutterSpec(Spec):
-    """The time in which light is gathered."""
-
-    open: Time = Field(default=0.0, description="time of the scene at which the shutter opens (s)")
-    close: Time = Field(description="time of the scene at which it closes (s)")
-
-    @model_validator(mode="after")
-    def _opens_first(self) -> "ShutterSpec":
-        if self.close < self.open:
-            at("close", f"must not be before the shutter opens, {self.open:g} s, got {self.close:g} s")
-        return self
-
-
-class _OrDuration:
-    """Annotation of a shutter: a mapping, or the time for which it is open."""
-
-    _duration = Quantity("time", low=0.0)
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        def check(value: Any, interval: Any) -> Any:
-            return interval(value) if isinstance(value, Mapping | ShutterSpec) else self._duration(value)
-
-        return core_schema.no_info_wrap_validator_function(check, handler.generate_schema(ShutterSpec))
-
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        duration = self._duration.json_schema()
-        return {"anyOf": [handler(schema), *duration.pop("anyOf")], **duration}
-
-
-ShutterField: TypeAlias = Annotated[ShutterSpec | float, _OrDuration()]
-
-
-def shutter_of(given: ShutterSpec | float | None, time: float | None) -> Shutter:
-    """The shutter of a camera: an interval, or a duration from `time` (s, default 0) on; None is a moment.
-
-    Raises
-    ------
-    ValueError : `time` besides an interval, which says itself when it opens.
+    References: Rice 1944, "Mathematical Analysis of Random Noise", Bell System Technical Journal 23(3), sec. 2.8 (the
+    sum of sinusoids); Stephens 1969, "Measurement and Analysis of Hand Tremor" (a bandwidth of about 10 Hz).
     """
-    if isinstance(given, ShutterSpec):
-        if time is not None:
-            raise ValueError("time says when a shutter given by its duration opens; this one has `open`: give one")
-        return Shutter(given.open, given.close)
-    opens = time or 0.0
-    return Shutter(opens, opens + (given or 0.0))
+
+    amplitude: NonNegativeAngle = Field(
+        description="root mean square (deg) of the angle about each axis of the camera: yaw, pitch and roll"
+    )
+    bandwidth: Annotated[float, Quantity("frequency", low=0.0, low_open=True)] = Field(
+        default=10.0, description="highest frequency (Hz) in the shake"
+    )
+    seed: Annotated[int, Count(0, 2**32 - 1)] = Field(default=0, description="seed: another one shakes otherwise")
+
+    def segments(self, shutter: Shutter) -> int:
+        """How many straight segments come close to the shake while the shutter is open.
+
+        Raises
+        ------
+        ValueError : more than there can be.
+        """
+        periods = self.bandwidth * (shutter.close - shutter.open)
+        if periods * _SEGMENTS_PER_PERIOD > _MOST_SHAKE_SEGMENTS:
+            raise ValueError(
+                f"shakes {periods:.4g} times while the shutter is open, and at most "
+                f"{_MOST_SHAKE_SEGMENTS // _SEGMENTS_PER_PERIOD} times can be followed: lower the bandwidth, or "
+                "shorten the shutter"
+            )
+        return max(1, math.ceil(_SEGMENTS_PER_PERIOD * periods))
+
+    def angles(self, times: ArrayLike) -> NDArray[np.float64]:
+        """Pitch, yaw and roll (rad) at times of the scene (s) (n,): float64 (n, 3).
+
+        Over long times each has a mean square of exactly the amplitude's.
+        """
+        moments = np.asarray(times, np.float64)
+        rng = np.random.default_rng(self.seed)
+        # One frequency in each part of the spectrum, anywhere in it, so that nothing repeats.
+        frequencies = self.bandwidth * (np.arange(_SINUSOIDS) + rng.random((3, _SINUSOIDS))) / _SINUSOIDS
+        phases = 2.0 * np.pi * rng.random((3, _SINUSOIDS))
+        result = np.zeros((len(moments), 3))
+        for axis in range(3):
+            for frequency, phase in zip(frequencies[axis], phases[axis], strict=True):
+                result[:, axis] += np.cos(2.0 * np.pi * frequency * moments + phase)
+        return math.radians(self.amplitude) * math.sqrt(2.0 / _SINUSOIDS) * result
 
 
 # ---- Matrices, taken apart
@@ -357,8 +362,8 @@ def trajectory_of(placed: Static | Shift | Moving) -> Rows:
     return np.concatenate([start, end])
 
 
-def composed(outer: Rows, inner: Rows) -> Rows:
-    """The trajectory (steps, 16) of what has the pose outer(t) . inner(t), for trajectories of 1 to 129 steps.
+def composed(outer: Rows, inner: Rows, most: int = MOST_STEPS) -> Rows:
+    """The trajectory (steps, 16) of what has the pose outer(t) . inner(t), for trajectories of 1 to `most` steps.
 
     It is exact where one of the two stands still and the other turns without changing its scale, or the outer is a
     similarity at rest; else it has as many steps as there may be, each of them exact.
@@ -366,10 +371,10 @@ def composed(outer: Rows, inner: Rows) -> Rows:
     exact = min(len(outer), len(inner)) == 1 and (
         np.allclose(outer[:, :6], outer[0, :6], rtol=1e-12, atol=0.0) if len(inner) == 1 else _is_similar(outer[0])
     )
-    steps = max(len(outer), len(inner)) if exact else MOST_STEPS
+    steps = max(len(outer), len(inner)) if exact else most
     rows = []
     for fraction in np.linspace(0.0, 1.0, steps):
-        a, b = _row_at(outer, float(fraction)), _row_at(inner, float(fraction))
+        a, b = row_at(outer, float(fraction)), row_at(inner, float(fraction))
         matrix = compose(a)
         product = matrix @ compose(b)
         row = decompose(product)
@@ -383,13 +388,35 @@ def composed(outer: Rows, inner: Rows) -> Rows:
     return _continuous(rows)
 
 
+def shaken(shake: Shake, center: Vector, axes: Matrix, shutter: Shutter, segments: int = 1) -> Rows:
+    """The trajectory (steps, 16) of a camera that a hand holds: rotations about its place `center` (m).
+
+    Parameters
+    ----------
+    axes : (3, 3), rows are the axes of pitch, yaw and roll: unit vectors to the right, up and forward.
+    segments : the steps are those of this many segments, divided further.
+
+    Raises
+    ------
+    ValueError : see `Shake.segments`.
+    """
+    segments *= math.ceil(shake.segments(shutter) / segments)
+    vectors = shake.angles(np.linspace(shutter.open, shutter.close, segments + 1)) @ axes
+    angle = np.linalg.norm(vectors, axis=1, keepdims=True)
+    # sin(a / 2) / a, which is 1/2 where there is no angle.
+    share = 0.5 * np.sinc(angle / (2.0 * np.pi))
+    quaternions = np.concatenate([np.cos(0.5 * angle), share * vectors], axis=1)
+    back = -np.asarray(center, np.float64)
+    return _continuous(_row(center, quaternion, np.eye(3), back) for quaternion in quaternions)
+
+
 def _is_similar(row: NDArray[np.float64]) -> bool:
     """Whether a pose scales by the same factor along all axes, but for a mirror image, and does not skew."""
     size = abs(row[0])
     return bool(np.allclose(np.abs(row[_SCALE]), size, rtol=1e-12) and np.abs(row[_SKEW]).max() <= 1e-12 * size)
 
 
-def _row_at(rows: Rows, fraction: float) -> NDArray[np.float64]:
+def row_at(rows: Rows, fraction: float) -> NDArray[np.float64]:
     """The row of a trajectory at a fraction of the shutter's time."""
     segments = len(rows) - 1
     here = min(int(fraction * segments), segments)

@@ -17,8 +17,8 @@ from raytracer.embree import TIME as EMBREE_TIME
 from raytracer.jit import generic, kernel
 from raytracer.materials.interface import PASS, SLOTS, WHITE, Draws
 from raytracer.media.interface import NONE, Media, crossed, transmittance_at
-from raytracer.motion import Shutter
 from raytracer.sampling import sample_1d
+from raytracer.shutter import Shutter, draw_time
 from raytracer.vec import dot, madd, norm, normalize, sub
 
 
@@ -27,7 +27,7 @@ class Workspace(NamedTuple):
 
     rays, shadows; path (PACKET, 10) float64: origin, direction, throughput, pdf of the direction; sample (PACKET,)
     int64, which sample of the packet a lane works for; radiance (PACKET, 4) float64, gathered by sample, and its
-    filter weight; unshadowed (PACKET, 3) float64, and shadow_sample (PACKET,) int64, what each shadow ray carries;
+    weight; unshadowed (PACKET, 3) float64, and shadow_sample (PACKET,) int64, what each shadow ray carries;
     shadow_goal (PACKET, 4) float64, where it ends: a point and 1, or, at infinity, a direction and 0.
 
     By sample, and used where the scene calls for it: time (PACKET,) float64; medium (PACKET,) int64, in which the path
@@ -124,20 +124,22 @@ def set_shadow_space(work, slot, medium):
 
 
 @generic
-def sample_time(shutter, draws):
-    """When the shutter lets the ray in: a fraction of its opening, or None."""
+def sample_time(shutter, x, y, draws):
+    """When the shutter lets light through to film position (x, y): a fraction of its whole time, or None; and a weight.
+
+    The weight is of mean 1, and the constant 1 where no light has a time of its own.
+    """
     raise NotImplementedError
 
 
 @sample_time.register(type(None))
-def _(shutter, draws):
-    return None
+def _(shutter, x, y, draws):
+    return None, 1.0
 
 
 @sample_time.register(Shutter)
-def _(shutter, draws):
-    # What float32 holds exactly, so that Embree and the hit that is solved in float64 are of the same time.
-    return np.float64(np.float32(sample_1d(draws.sampler, draws.key, draws.index, TIME)))
+def _(shutter, x, y, draws):
+    return draw_time(shutter.pulses, shutter, x, y, sample_1d(draws.sampler, draws.key, draws.index, TIME))
 
 
 @generic

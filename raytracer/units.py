@@ -1,7 +1,7 @@
 """Numbers with units: `50 mm`, `1/125 s`, `20 deg`.
 
 World lengths come out in metres, optic lengths in millimetres, angles in degrees, times in seconds, speeds in metres a
-second, angular rates in degrees a second.
+second, angular rates in degrees a second, frequencies in hertz, temperatures in kelvins.
 """
 
 import math
@@ -10,7 +10,9 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from raytracer.errors import shown, suggestion
 
-Dimension: TypeAlias = Literal["length", "optic", "angle", "time", "speed", "rate", "number"]
+Dimension: TypeAlias = Literal[
+    "length", "optic", "angle", "time", "speed", "rate", "frequency", "temperature", "number"
+]
 
 
 class _Dimension(NamedTuple):
@@ -70,6 +72,7 @@ _RATES = {
     "turn/s": (360.0, 1.0),
     "rpm": (6.0, 1.0),
 }
+_FREQUENCIES = {"Hz": (1.0, 1.0), "kHz": (1e3, 1.0)}
 
 _DIMENSIONS: dict[str, _Dimension] = {
     "length": _Dimension("length", "metres", "2, 50 mm or 30cm", _LENGTHS),
@@ -80,6 +83,8 @@ _DIMENSIONS: dict[str, _Dimension] = {
     "time": _Dimension("time", "seconds", "0.5, 1/125 s or 8 ms", _TIMES),
     "speed": _Dimension("speed", "metres per second", "2, 30 km/h or 5 cm/s", _SPEEDS),
     "rate": _Dimension("angular rate", "degrees per second", "90, 20 turn/s or 300 rpm", _RATES),
+    "frequency": _Dimension("frequency", "hertz", "10, 10 Hz or 0.5 Hz", _FREQUENCIES),
+    "temperature": _Dimension("temperature", "kelvins", "3200 or 3200 K", {"K": (1.0, 1.0)}),
     "number": _Dimension("number", "", "2, 0.5 or 1/3", {}),
 }
 

@@ -11,13 +11,15 @@ from raytracer.aovs.interface import AovSpec, Identities, measure
 from raytracer.cameras.interface import project
 from raytracer.instances import Instances, pose_of
 from raytracer.jit import generic
-from raytracer.motion import Shutter, apply_point
+from raytracer.motion import apply_point
 from raytracer.primitives.interface import carry_any
+from raytracer.shutter import Shutter
 
 
 class Motion(AovSpec):
     """Displacement in the picture, while the shutter is open, of the point of the surface that is seen.
 
+    Of a rolling shutter, from where the first line begins to open to where the last is closed.
     X to the right and Y down, as pixels are counted; of the object's motion and of the camera's.  Points that pass
     behind the camera are left out; a panorama's edge is not crossed the short way.
     """

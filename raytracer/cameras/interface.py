@@ -1,13 +1,21 @@
 """What every camera kind gives to packing and to kernels."""
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from raytracer.jit import generic
-from raytracer.motion import Motion, Shutter, ShutterField, shutter_of
-from raytracer.spec import Name, Spec, Time, at, matrix_of
+from raytracer.motion import Motion, Shake
+from raytracer.photography import AutoExposureField, Exposure
+from raytracer.shutter import Shutter, ShutterField, Timing, timing_of
+from raytracer.spec import Name, Quantity, Spec, Time, at, matrix_of
+
+Assets: TypeAlias = Mapping[str, Any]
+"""What a camera's files held, by the dotted path of the key that names each."""
+
+NO_ASSETS: Assets = {}
 
 # Slots of random numbers of a camera sample, each a dimension of its own; a slot not drawn costs nothing.
 FILTER, LENS, TIME, SLOTS = 0, 1, 2, 8
@@ -23,7 +31,8 @@ class CameraSpec(Spec):
     shutter: ShutterField | None = Field(
         default=None,
         description="when light is gathered: {open: 0, close: 1} in seconds of scene time, or for how long from `time` "
-        "on, such as 1/125 s; without it the picture is of one moment",
+        "on, such as 1/125 s, or {duration: 1/125 s, opening, ramp, readout, direction, curtain}; without it the "
+        "picture is of one moment",
     )
     time: Time | None = Field(
         default=None, description="time of the scene (s) at which a shutter given by its duration opens; default 0"
@@ -31,6 +40,27 @@ class CameraSpec(Spec):
     motion: Motion | None = Field(
         default=None, description="how the camera moves: velocity (m/s), spin {axis, rate, center} or keyframes"
     )
+    shake: Shake | None = Field(
+        default=None,
+        description="how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}",
+    )
+
+    exposure: AutoExposureField | None = Field(
+        default=None,
+        description="auto, or {metering: spot, at: [x, y], size}: exposes the picture by what is metered in it; "
+        "without it and `iso`, pixels are plain radiance",
+    )
+    exposure_compensation: Annotated[float, Quantity(low=-50.0, high=50.0)] | None = Field(
+        default=None, description="stops (EV) by which the picture is made brighter than `iso` or `exposure` make it"
+    )
+
+    @model_validator(mode="after")
+    def _compensates_something(self) -> Any:
+        if self.exposure is not None and self.speed() is not None:
+            at("exposure", "exposure and iso both set how bright the picture is: give one of them")
+        if self.exposure_compensation is not None and self.exposure is None and self.speed() is None:
+            at("exposure_compensation", "exposure_compensation needs iso or exposure: auto, which it is relative to")
+        return self
 
     @model_validator(mode="after")
     def _opens_once(self) -> Any:
@@ -41,6 +71,15 @@ class CameraSpec(Spec):
         return self
 
     @model_validator(mode="after")
+    def _shakes_slowly(self) -> Any:
+        if self.shake is not None:
+            try:
+                self.shake.segments(self.opening())
+            except ValueError as error:
+                at(("shake", "bandwidth"), str(error))
+        return self
+
+    @model_validator(mode="after")
     def _moves_rigidly(self) -> Any:
         for number, key in enumerate((self.motion and self.motion.keyframes) or ()):
             turn = matrix_of(key.transform)[:3, :3]
@@ -48,12 +87,51 @@ class CameraSpec(Spec):
                 at(("motion", "keyframes", number, "transform"), "a camera can be moved and turned, but not scaled")
         return self
 
-    def opening(self) -> Shutter:
-        """When the shutter opens and closes."""
-        return shutter_of(self.shutter, self.time)
+    def timing(self) -> Timing:
+        """When the shutter exposes which part of the film."""
+        return timing_of(self.shutter, self.time)
 
-    def pack(self, width: int, height: int) -> Any:
-        """The packed camera for a film of width x height pixels."""
+    def opening(self) -> Shutter:
+        """When the shutter begins to open, and when all of it is closed again: the span in which anything can move."""
+        return self.timing().span()
+
+    def exposure_seconds(self) -> float:
+        """For how long every place of the film is exposed (s): the integral of the shutter's transmission."""
+        return self.timing().seconds()
+
+    def speed(self) -> float | None:
+        """The ISO speed that is given; None where there is none, or where metering chooses it."""
+        return None
+
+    def relative_aperture(self, width: int, height: int) -> float | None:
+        """The f-number, where it is known."""
+        return None
+
+    def is_radiometric(self) -> bool:
+        """Whether rays are weighted so that the film gathers irradiance (W/m2) in place of radiance."""
+        return False
+
+    def photograph(self, width: int, height: int) -> Exposure | None:
+        """What a film of width x height pixels is told of the exposure; None where it records radiance."""
+        if self.speed() is None and self.exposure is None:
+            return None
+        seconds = self.exposure_seconds()
+        return Exposure(
+            seconds=seconds if seconds > 0.0 else None,
+            iso=self.speed(),
+            compensation=self.exposure_compensation or 0.0,
+            metering=None if self.exposure is None else self.exposure.meter(),
+            f_number=self.relative_aperture(width, height),
+            radiometric=self.is_radiometric(),
+        )
+
+    def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> Any:
+        """The packed camera for a film of width x height pixels; `assets` holds what its files did.
+
+        Raises
+        ------
+        ValidationError : an asset does not suit the camera; it points at the key that names the file.
+        """
         raise NotImplementedError
 
     def describe(self, width: int, height: int) -> dict[str, float]:

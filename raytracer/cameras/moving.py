@@ -3,22 +3,32 @@
 In a scene:
 
     camera: {type: pinhole, look_from: [0, 1, 4], look_at: [0, 1, 0], shutter: 1/30 s, motion: {velocity: [3, 0, 0]}}
+    camera: {type: pinhole, look_from: [0, 1, 4], shutter: 1/8 s, shake: {amplitude: 0.1 deg, bandwidth: 10 Hz}}
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytracer.cameras.interface import CameraSpec, camera_ray, project
+from raytracer.cameras.interface import NO_ASSETS, Assets, CameraSpec, camera_ray, project
 from raytracer.motion import (
+    MOST_STEPS,
+    Moving,
+    Rows,
+    Shake,
+    Shift,
     Static,
     Trajectories,
     apply_point,
     apply_vector,
+    composed,
     invert,
+    matrix_at,
     pack_trajectories,
     place,
     pose_at,
+    shaken,
     trajectory_of,
 )
 from raytracer.spec import Matrix
@@ -32,17 +42,37 @@ class MovingCamera(NamedTuple):
     trajectories: Trajectories
 
 
-def pack_camera(spec: CameraSpec, width: int, height: int) -> Any:
+def pack_camera(spec: CameraSpec, width: int, height: int, assets: Assets = NO_ASSETS) -> Any:
     """The packed camera for a film of width x height pixels: at rest, or moving while its shutter is open.
 
     Raises
     ------
     ValueError : its motion turns too often while the shutter is open.
     """
-    placed = place(spec.motion, np.eye(4), spec.opening())
+    shutter = spec.opening()
+    placed = place(spec.motion, np.eye(4), shutter)
+    if spec.shake is not None and spec.shake.amplitude > 0.0 and shutter.close > shutter.open:
+        return MovingCamera(spec.pack(width, height, assets), pack_trajectories([_shaken(spec, spec.shake, placed)]))
     if isinstance(placed, Static):
-        return _posed(spec, placed.matrix).pack(width, height)
-    return MovingCamera(spec.pack(width, height), pack_trajectories([trajectory_of(placed)]))
+        return _posed(spec, placed.matrix).pack(width, height, assets)
+    return MovingCamera(spec.pack(width, height, assets), pack_trajectories([trajectory_of(placed)]))
+
+
+def _shaken(spec: CameraSpec, shake: Shake, placed: Static | Shift | Moving) -> Rows:
+    """The trajectory of a camera that shakes as seen from where its motion carries it."""
+    own = trajectory_of(placed)
+    segments = max(1, len(own) - 1)
+    # Few steps would leave too little of a motion that turns, where it and the shake are composed.
+    segments *= math.ceil((MOST_STEPS - 1) / segments) if isinstance(placed, Moving) else 1
+    frame = getattr(spec, "frame")()  # noqa: B009
+    axes = np.array([frame.right, frame.up, frame.forward])
+    hand = shaken(shake, frame.origin, axes, spec.opening(), segments)
+    return composed(own, hand, len(hand))
+
+
+def camera_at(spec: CameraSpec, time: float) -> CameraSpec:
+    """The camera where its motion has brought it at a time of the scene (s), at rest."""
+    return spec if spec.motion is None else _posed(spec, matrix_at(spec.motion, time))
 
 
 def _posed(spec: CameraSpec, matrix: Matrix) -> CameraSpec:

@@ -13,6 +13,7 @@ from raytracer.jit import fold, generic, kernel, switch
 from raytracer.materials.interface import BLACK, LIGHT
 from raytracer.sampling import sample_1d
 from raytracer.sampling.alias import sample_alias
+from raytracer.shutter import Timing
 from raytracer.spec import Quantity, Spec, Triple
 from raytracer.vec import Vec3, add, max_abs, norm, scale, sub
 
@@ -35,6 +36,20 @@ class LightSpec(Spec):
     def is_seen(self) -> bool:
         """Whether a ray that was not aimed at the light may find it, so that mirrors show it."""
         return False
+
+    def pulse(self, timing: Timing) -> tuple[float, float] | None:
+        """When it shines while the shutter is open: begin and end (s of scene time); None where it always does."""
+        return None
+
+    def fired(self, timing: Timing, place: Vec3, timed: bool) -> Any:
+        """The light as `pack` takes it, in the time of a shutter that is open for some time.
+
+        Parameters
+        ----------
+        place : where the camera is when the light's pulse begins (m).
+        timed : whether paths have a time; without it a pulse is spread over the exposure.
+        """
+        return self
 
 
 def unit(vector: Vec3) -> Vec3:

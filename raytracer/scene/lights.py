@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.cameras.moving import camera_at
 from raytracer.instances import Glow, Instances
 from raytracer.lights.background import Background
 from raytracer.lights.emitters import ABSENT, Emitters
@@ -16,6 +17,8 @@ from raytracer.primitives.interface import areas, section
 from raytracer.sampling.alias import build_alias
 from raytracer.scene.objects import Objects
 from raytracer.scene.spec import SceneSpec
+from raytracer.shutter import Pulses
+from raytracer.spec import Vector
 from raytracer.textures.interface import Book
 
 
@@ -27,6 +30,7 @@ def pack_lights(
     references: Sequence[int],
     book: Book,
     is_lit: bool,
+    is_moving: bool,
 ) -> tuple[Lights | None, Instances | None]:
     """The lights of a scene, one table a kind, and the instances, with how those that emit are chosen.
 
@@ -38,6 +42,11 @@ def pack_lights(
     used, references : each object's material, and the reference that its primitives have.
     is_lit : whether anything can be lit by choice; mirrors and glass find lights only by being followed, so without it
         only those remain that a ray may find: the discs of suns.
+    is_moving : whether anything moves while the shutter is open.
+
+    Raises
+    ------
+    SceneError : a light that shines in a pulse, and a shutter that is open for no time.
     """
     tables: list[Any] = []
     instances = objects.instances
@@ -46,9 +55,8 @@ def pack_lights(
         variants, instances = glowing(objects, exitance)
         tables.append(pack_emitters(objects, variants, exitance))
     kinds: dict[str, list[LightSpec]] = {}
-    for light in lights_of(spec):
-        if is_lit or light.is_seen():
-            kinds.setdefault(light.type, []).append(light)
+    for light in _fired(spec, [light for light in lights_of(spec) if is_lit or light.is_seen()], is_moving):
+        kinds.setdefault(light.type, []).append(light)
     tables += [type(kinds[kind][0]).pack(kinds[kind]) for kind in sorted(kinds)]
     unaimed = environment
     if is_lit and environment is not None and spec.environment is not None and spec.environment.can_be_drawn:
@@ -63,6 +71,40 @@ def lights_of(spec: SceneSpec) -> tuple[LightSpec, ...]:
     disc = spec.environment.disc() if spec.environment is not None else None
     sun = () if disc is None else (Sun(direction=disc.direction, irradiance=disc.irradiance, angle=disc.angle),)
     return (*spec.lights, *sun)
+
+
+def _fired(spec: SceneSpec, lights: Sequence[LightSpec], is_moving: bool) -> list[LightSpec]:
+    """The lights in the time of the shutter, without those whose pulse it does not see."""
+    timing = spec.camera.timing()
+    span = timing.span()
+    seen: list[tuple[LightSpec, float]] = []
+    for light in lights:
+        pulse = light.pulse(timing)
+        if pulse is None:
+            seen.append((light, span.open))
+        elif timing.seconds() == 0.0:
+            number = [item is light for item in spec.lights].index(True)
+            raise spec.error(
+                f"a {light.type} needs a shutter that is open for some time: give camera.shutter, such as 1/60 s",
+                "lights",
+                number,
+            )
+        elif pulse[1] > span.open and pulse[0] < span.close:
+            seen.append((light, pulse[0]))
+    timed = is_moving or (timing.readout > 0.0 and any(light.pulse(timing) is not None for light, _ in seen))
+    return [light.fired(timing, _place(spec, time), timed) for light, time in seen]
+
+
+def _place(spec: SceneSpec, time: float) -> Vector:
+    """Where the camera is at a time of the scene (s)."""
+    found: Vector = getattr(camera_at(spec.camera, time), "look_from")  # noqa: B009
+    return found
+
+
+def pulses_of(lights: Lights | None) -> list[Pulses]:
+    """When the lights shine of which paths need to know that."""
+    found = [getattr(table, "pulse", None) for table in (lights.tables if lights is not None else ())]
+    return [pulses for pulses in found if pulses is not None]
 
 
 class Variant(NamedTuple):

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
 from raytracer.assets import LOADERS
 from raytracer.cameras.moving import MovingCamera, pack_camera
@@ -22,13 +23,17 @@ from raytracer.paths import Passage
 from raytracer.relief import pack_relief
 from raytracer.sampling import SAMPLERS
 from raytracer.scene.document import path_text
-from raytracer.scene.lights import pack_lights
+from raytracer.scene.focus import focused, focuses
+from raytracer.scene.lights import pack_lights, pulses_of
 from raytracer.scene.materials import DEFAULT_MATERIAL, brought, pack_materials, parts, resolved
 from raytracer.scene.media import Spaces
-from raytracer.scene.objects import Assets, Layout, Owners, lay_out, pack_objects
+from raytracer.scene.objects import Assets, Layout, Objects, Owners, lay_out, pack_objects
 from raytracer.scene.spec import SceneSpec
 from raytracer.scene.textures import pack_textures
+from raytracer.scene.whereabouts import Whereabouts
 from raytracer.shapes.interface import ShapeSpec
+from raytracer.shutter import Pulses, Shutter, pack_shutter
+from raytracer.spec import sentence
 
 _INVISIBLE = "boundary"
 
@@ -38,7 +43,8 @@ class Packed(NamedTuple):
 
     robust, whether rays must not slip through the edges between triangles; materials, what the scene calls each by the
     reference that primitives have; owners, the objects that the rows of each table belong to; instance_objects (n,)
-    int32, the object that each instance belongs to.
+    int32, the object that each instance belongs to; spec, the scene that was packed, its camera focused at a distance;
+    built, the ray caster's structure, where focusing took it.
     """
 
     scene: Scene
@@ -49,27 +55,41 @@ class Packed(NamedTuple):
     materials: Mapping[int, str]
     owners: tuple[Owners, ...]
     instance_objects: NDArray[np.int32]
+    spec: SceneSpec
+    built: Accel | None
 
     def build(self) -> Accel:
         """The ray caster's structure; its address belongs into the scene."""
-        first = len(self.scene.primitives)
-        return Accel(self.geometries, self.groups, self.placements, first_instance=first, robust=self.robust)
+        tables = len(self.scene.primitives)
+        return self.built or _accel(tables, self.geometries, self.groups, self.placements, robust=self.robust)
 
 
-def pack(spec: SceneSpec, spp: int | None = None) -> Packed:
+def _accel(
+    tables: int,
+    geometries: Mapping[int, Geometry],
+    groups: Sequence[Mapping[int, Geometry]],
+    placements: Sequence[Placements],
+    *,
+    robust: bool,
+) -> Accel:
+    return Accel(geometries, groups, placements, first_instance=tables, robust=robust)
+
+
+def pack(spec: SceneSpec, spp: int | None = None, assets: Assets | None = None) -> Packed:
     """Pack a checked scene.
 
     Parameters
     ----------
     spp : samples per pixel that a stratified sampler is to expect; the scene's own if None.
+    assets : the files of objects; read if None.
 
     Raises
     ------
-    SceneError : an object's file cannot be read, or its transform does not suit it.
+    SceneError : an object's file cannot be read, or its transform does not suit it; or the camera cannot focus.
     """
     if not spec.objects:
         raise spec.error("the scene has no objects, so there is nothing to render", "objects")
-    assets = Assets(spec)
+    assets = assets or Assets(spec)
     layout = lay_out(spec, assets)
     used, owners, faces = _materials(spec, layout, assets)
     stand = {material: (*layout.items[owner].keys, "file") for material, owner in zip(used, owners, strict=True)}
@@ -82,12 +102,13 @@ def pack(spec: SceneSpec, spp: int | None = None) -> Packed:
         for reference, which in zip(references, faces, strict=False)
     ]
     objects = pack_objects(spec, layout, shown, assets, textured=book.tables is not None)
+    spec, built = _focused(spec, assets, objects, used, references)
     environment = _pack_environment(spec)
-    camera = _pack_camera(spec)
+    camera = _pack_camera(spec, assets)
     moving = isinstance(camera, MovingCamera) or objects.moves()
     settings = spec.render
     is_lit = settings.max_depth > 1 and (media.scatters() or any(material.is_lit() for material in used))
-    lights, instances = pack_lights(spec, environment, objects, used, references, book, is_lit)
+    lights, instances = pack_lights(spec, environment, objects, used, references, book, is_lit, moving)
     scene = Scene(
         accel=0,
         accuracy=Exact() if settings.accuracy == "exact" else None,
@@ -102,7 +123,7 @@ def pack(spec: SceneSpec, spp: int | None = None) -> Packed:
         environment=environment,
         media=media.pack(references, spaces),
         camera=camera,
-        shutter=spec.camera.opening() if moving else None,
+        shutter=_pack_shutter(spec, moving, pulses_of(lights)),
         filter=spec.film.filter.pack(),
         sampler=SAMPLERS[settings.sampler](settings.seed, spp or settings.spp),
         depth=settings.max_depth,
@@ -122,7 +143,27 @@ def pack(spec: SceneSpec, spp: int | None = None) -> Packed:
         names,
         objects.owners,
         objects.placed,
+        spec,
+        built,
     )
+
+
+def _focused(
+    spec: SceneSpec, assets: Assets, objects: Objects, used: Sequence[MaterialSpec], references: Sequence[int]
+) -> tuple[SceneSpec, Accel | None]:
+    """The scene with its camera focused at a distance, and the ray caster's structure if that took a ray."""
+    if not focuses(spec):
+        return spec, None
+    clear = {reference for material, reference in zip(used, references, strict=True) if material.type == _INVISIBLE}
+    built: list[Accel] = []
+
+    def build() -> Accel:
+        tables, robust = len(objects.primitives), spec.render.accuracy != "fast"
+        built.append(_accel(tables, objects.geometries, objects.groups, objects.placements, robust=robust))
+        return built[0]
+
+    focused_spec = focused(spec, Whereabouts(spec, assets), objects, clear, build)
+    return focused_spec, built[0] if built else None
 
 
 def _materials(
@@ -160,12 +201,23 @@ def material_of(spec: SceneSpec, item: ShapeSpec) -> MaterialSpec:
     return resolved(found, spec.materials)
 
 
-def _pack_camera(spec: SceneSpec) -> Any:
+def _pack_camera(spec: SceneSpec, assets: Assets) -> Any:
     """The packed camera, moving if it does while its shutter is open."""
+    files = assets.of(spec.camera, ("camera",))
     try:
-        return pack_camera(spec.camera, spec.film.width, spec.film.height)
+        return pack_camera(spec.camera, spec.film.width, spec.film.height, files)
+    except ValidationError as error:
+        (found,) = error.errors(include_url=False)
+        raise spec.error(sentence(found), "camera", *found["loc"]) from None
     except ValueError as error:
         raise spec.error(str(error), "camera", "motion") from None
+
+
+def _pack_shutter(spec: SceneSpec, is_moving: bool, pulses: Sequence[Pulses]) -> Shutter | None:
+    """The packed shutter; None where all times are alike."""
+    if not is_moving and not pulses:
+        return None
+    return pack_shutter(spec.camera.timing(), spec.film.width, spec.film.height, pulses)
 
 
 def _pack_environment(spec: SceneSpec) -> Any:

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from raytracer.motion import Motion, Shutter
+from raytracer.motion import Motion
 from raytracer.shapes.affine import Matrix
+from raytracer.shutter import Shutter
 from raytracer.spec import Name, ObjectSpec, at
 
 Assets = Mapping[str, Any]

@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from raytracer.geometry import padded
-from raytracer.motion import Shutter, uniform_grid
+from raytracer.motion import uniform_grid
 from raytracer.primitives.deforming import DeformingSmoothTriangles, DeformingTriangles
 from raytracer.primitives.triangles import Coordinates, SmoothTriangles, Triangles
 from raytracer.shapes.affine import Matrix, is_mirrored, normals, points, references
 from raytracer.shapes.interface import Assets, ShapeSpec
+from raytracer.shutter import Shutter
 from raytracer.spec import Spec, Time, at
 
 

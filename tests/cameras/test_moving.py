@@ -9,7 +9,8 @@ from pydantic import TypeAdapter, ValidationError
 from raytracer.cameras.interface import CameraSpec
 from raytracer.cameras.moving import MovingCamera, pack_camera
 from raytracer.kinds import CAMERAS
-from raytracer.motion import Shutter, matrix_at
+from raytracer.motion import matrix_at
+from raytracer.shutter import Shutter
 from tests.motion.kernels import camera_rays
 
 CAMERA: TypeAdapter[CameraSpec] = TypeAdapter(CAMERAS.union())
@@ -36,7 +37,9 @@ def test_rays_of_a_moving_camera_are_those_of_the_resting_one_moved(kind: str) -
         matrix = matrix_at(spec.motion, 0.5 + 2.0 * fraction)
         np.testing.assert_allclose(origins, rest_origins @ matrix[:3, :3].T + matrix[:3, 3], atol=1e-12)
         np.testing.assert_allclose(directions, rest_directions @ matrix[:3, :3].T, atol=1e-12)
-        np.testing.assert_allclose(seen[:, :2], np.column_stack([X.ravel(), Y.ravel()]), atol=1e-9)
+        # A bare sensor sees each point everywhere.
+        if kind != "none":
+            np.testing.assert_allclose(seen[:, :2], np.column_stack([X.ravel(), Y.ravel()]), atol=1e-9)
 
 
 @pytest.mark.parametrize("kind", list(CAMERAS.specs()))

@@ -7,12 +7,13 @@ import pytest
 from numpy.typing import NDArray
 
 from raytracer.geometry import padded
-from raytracer.motion import Motion, Shutter, Spin, composed, decompose, pack_trajectories, place, pose_at
+from raytracer.motion import Motion, Spin, composed, decompose, pack_trajectories, place, pose_at
 from raytracer.primitives.discs import Discs
 from raytracer.primitives.parallelograms import Parallelograms
 from raytracer.primitives.spheres import Spheres
 from raytracer.primitives.translated import translated
 from raytracer.primitives.triangles import SmoothTriangles
+from raytracer.shutter import Shutter
 from tests.instances.kernels import cast, moving, placed, sample
 from tests.shapes.kernels import cast as cast_plain
 from tests.shapes.kernels import occluded, uniform_directions, unit

@@ -11,6 +11,7 @@ from raytracer.kinds import LIGHTS
 from raytracer.lights.interface import pdf_light, sample_lights, surroundings
 from raytracer.materials.interface import Draws
 from raytracer.sampling import SAMPLERS, pixel_key
+from raytracer.shutter import Timing
 from raytracer.vec import Vec3
 
 
@@ -35,6 +36,22 @@ def _aim(lights, scene, sampler, point, out):
             out.direction[index, axis] = light.direction[axis]
             out.weight[index, axis] = light.weight[axis]
             out.target[index, axis] = light.target[axis]
+
+
+@entry
+def _aim_at_times(lights, sampler, point, times, weight):
+    key = pixel_key(sampler, 0, 0)
+    for index in range(len(times)):
+        light = sample_lights(lights, None, point, times[index], Draws(sampler, key, index, 8))
+        for axis in range(3):
+            weight[index, axis] = light.weight[axis]
+
+
+def arriving_at_times(lights: Any, point: Vec3, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The weights (n, 3) of light samples at times (n,)."""
+    weight = np.empty((len(times), 3))
+    _aim_at_times(lights, SAMPLERS["independent"](3, 1), point, np.ascontiguousarray(times, np.float64), weight)
+    return weight
 
 
 @entry
@@ -75,6 +92,7 @@ def escaped(lights: Any, directions: NDArray[np.float64], pdf: float) -> NDArray
 
 
 def table_of(kind: str, *items: dict[str, Any]) -> Any:
-    """The packed table of lights of a kind, from their keys."""
+    """The packed table of lights of a kind, from their keys; the shutter is open for a second, and nothing moves."""
     cls = LIGHTS.specs()[kind]
-    return cls.pack([cls.model_validate({"type": kind, **keys}) for keys in items])
+    lights = [cls.model_validate({"type": kind, **keys}) for keys in items]
+    return cls.pack([light.fired(Timing(0.0, 1.0), (0.0, 0.0, 9.0), False) for light in lights])

@@ -15,7 +15,6 @@ from raytracer.jit import entry
 from raytracer.materials.interface import Draws
 from raytracer.motion import (
     Rows,
-    Shutter,
     Trajectories,
     apply_normal,
     apply_point,
@@ -28,6 +27,7 @@ from raytracer.paths import sample_time
 from raytracer.primitives.interface import carry_any, geometry, hit_any, pdf_point_any, sample_point_any
 from raytracer.sampling import SAMPLERS
 from raytracer.scene.pack import Packed
+from raytracer.shutter import Shutter
 from raytracer.vec import dot, neg
 
 Array = NDArray[np.float64]
@@ -253,15 +253,25 @@ def met(packed: Packed, origins: Any, directions: Any, times: Any) -> tuple[Arra
 
 
 @entry
-def _times(shutter, sampler, key, times):
+def _times(shutter, sampler, key, x, y, times, weights):
     for index in range(len(times)):
-        times[index] = sample_time(shutter, Draws(sampler, key, index, 0))
+        times[index], weights[index] = sample_time(shutter, x, y, Draws(sampler, key, index, 0))
+
+
+def drawn_times(
+    shutter: Shutter, count: int, x: float = 0.5, y: float = 0.5, *, sampler: str = "sobol"
+) -> tuple[Array, Array]:
+    """The times (n,) of samples at a place of the film, and their weights."""
+    times, weights = np.empty(count), np.empty(count)
+    _times(shutter, SAMPLERS[sampler](3, count), np.uint64(5), x, y, times, weights)
+    return times, weights
 
 
 def times_of(sampler: str, count: int, pixel: int = 5) -> Array:
     """The times (n,) of a pixel's samples."""
-    times = np.empty(count)
-    _times(Shutter(0.0, 1.0), SAMPLERS[sampler](3, count), np.uint64(pixel), times)
+    times, weights = np.empty(count), np.empty(count)
+    _times(Shutter(0.0, 1.0), SAMPLERS[sampler](3, count), np.uint64(pixel), 0.5, 0.5, times, weights)
+    assert (weights == 1.0).all()
     return times
 
 

@@ -12,7 +12,6 @@ from raytracer.motion import (
     Motion,
     Moving,
     Shift,
-    Shutter,
     Static,
     compose,
     decompose,
@@ -22,6 +21,7 @@ from raytracer.motion import (
     trajectory_of,
     uniform_grid,
 )
+from raytracer.shutter import Shutter
 from raytracer.spec import Rotate, Step, matrix_of
 from tests.motion.kernels import applied, poses
 

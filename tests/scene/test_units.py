@@ -31,6 +31,8 @@ from raytracer.units import Dimension, parse_quantity
         ("1/125 s", "time", 0.008),
         ("1/125", "time", 0.008),
         ("8 ms", "time", 0.008),
+        ("10 Hz", "frequency", 10.0),
+        ("0.5 kHz", "frequency", 500.0),
         ("2 min", "time", 120.0),
         ("1/3", "number", 1 / 3),
         ("-1e-3", "number", -0.001),

@@ -1,0 +1,382 @@
+"""Shutters against their formulas: exposure times, the times that are drawn, and pictures of what moves meanwhile."""
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pydantic import TypeAdapter, ValidationError
+
+from raytracer.explanation import explain
+from raytracer.rendering import render
+from raytracer.scene.pack import pack
+from raytracer.shutter import Pulses, Shutter, ShutterField, Timing, pack_shutter, pulse_of, timing_of
+from tests.motion.kernels import drawn_times
+from tests.motion.test_blur import OBJECTS, STILL_CAMERA, bytes_of, packed_of
+from tests.rendering import scene
+
+Array = NDArray[np.float64]
+
+SHUTTER: TypeAdapter[Any] = TypeAdapter(ShutterField)
+CURVES: dict[str, Any] = {
+    "instant": {"duration": 0.5},
+    "trapezoid": {"duration": 0.5, "opening": "trapezoid", "ramp": 0.2},
+    "triangle": {"duration": 0.5, "opening": "trapezoid", "ramp": 0.5},
+    "custom": {"opening": [[0, 0], ["100 ms", 1], [0.3, 0.25], [0.6, 0.25], [0.7, 0]]},
+    "late": {"opening": [[0.1, 0.5], [0.4, 1]]},
+    "gap": {"opening": [[0, 1], [0.1, 0], [0.3, 0], [0.4, 1]]},
+}
+
+
+def timing(keys: Any, time: float | None = None) -> Timing:
+    return timing_of(SHUTTER.validate_python(keys), time)
+
+
+def transmission(profile: Any, times: Array) -> Array:
+    """A piecewise linear curve, closed outside of its points."""
+    points = np.array(profile)
+    return np.interp(times, points[:, 0], points[:, 1], left=0.0, right=0.0)
+
+
+# ---- What is written
+
+
+@pytest.mark.parametrize(
+    ("keys", "seconds", "span", "full"),
+    [
+        ("1/125 s", 0.008, (2.0, 2.008), (2.0, 2.008)),
+        (CURVES["instant"], 0.5, (2.0, 2.5), (2.0, 2.5)),
+        # Opens within the ramp, begins to close after the duration, and is closed a ramp later.
+        (CURVES["trapezoid"], 0.5, (2.0, 2.7), (2.2, 2.5)),
+        (CURVES["triangle"], 0.5, (2.0, 3.0), (2.5, 2.5)),
+        (CURVES["custom"], 0.05 + 0.2 * 0.625 + 0.3 * 0.25 + 0.0125, (2.0, 2.7), (2.1, 2.1)),
+        (CURVES["late"], 0.3 * 0.75, (2.0, 2.4), (2.4, 2.4)),
+        ({"duration": 0.5, "readout": 0.25}, 0.5, (2.0, 2.75), (2.0, 2.5)),
+        ({**CURVES["trapezoid"], "readout": 1}, 0.5, (2.0, 3.7), (2.2, 2.5)),
+    ],
+)
+def test_exposure_time_is_the_integral_of_the_opening(
+    keys: Any, seconds: float, span: tuple[float, float], full: tuple[float, float]
+) -> None:
+    found = timing(keys, time=2.0)
+    assert found.seconds() == pytest.approx(seconds, rel=1e-13)
+    np.testing.assert_allclose(found.span()[:2], span, rtol=1e-15)
+    np.testing.assert_allclose(found.full(), full, rtol=1e-15)
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_what_is_transmitted_between_two_times_is_the_integral(name: str) -> None:
+    found = timing(CURVES[name], time=3.0)
+    profile = found.profile or ((0.0, 1.0), (0.5, 1.0))
+    for begin, end in ((2.0, 3.05), (3.05, 3.33), (3.25, 9.0), (3.3, 3.3), (5.0, 6.0), (1.0, 2.0), (3.2, 3.1)):
+        midpoints = begin + max(0.0, end - begin) * (np.arange(200_000) + 0.5) / 200_000
+        expected = transmission(profile, midpoints - 3.0).mean() * max(0.0, end - begin)
+        assert found.transmitted(begin, end) == pytest.approx(expected, abs=2e-5)
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"duration": 1, "close": 1}, "duration and close both say"),
+        ({"duration": 1, "opening": "trapezoid"}, "ramp: is missing|is missing: a trapezoid needs"),
+        ({"duration": 1, "opening": "trapezoid", "ramp": 2}, "must be at most the duration, 1 s, got 2 s"),
+        ({"duration": 1, "ramp": 0.1}, "belongs to `opening: trapezoid`"),
+        ({"duration": 1, "opening": [[0, 1], [1, 1]]}, "leave this out"),
+        ({"opening": [[0, 1], [0, 1]]}, "must be later than the point before"),
+        ({"opening": [[0, 0], [1, 0]]}, "lets no light through"),
+        ({"opening": [[0, 0], [1, 2]]}, "must be at most 1"),
+        ({"opening": [[0, 0], [1]]}, "must be a time and a transmission"),
+        ({"opening": "slow", "duration": 1}, "must be instant or trapezoid"),
+    ],
+)
+def test_what_is_no_shutter_is_named(keys: Any, words: str) -> None:
+    with pytest.raises(ValidationError, match=words):
+        timing(keys)
+
+
+def test_a_duration_opens_at_the_cameras_time_or_at_its_own() -> None:
+    assert timing({"duration": 0.5}, time=2.0).span() == Shutter(2.0, 2.5)
+    assert timing({"duration": 0.5, "open": 1.5}).span() == Shutter(1.5, 2.0)
+    with pytest.raises(ValueError, match="give one"):
+        timing({"duration": 0.5, "open": 1.5}, time=2.0)
+
+
+# ---- Times that are drawn
+
+COUNT = 4096
+
+
+def cumulative(profile: Any, times: Array) -> Array:
+    """The share of a profile's integral up to times, by the trapezoid rule on a fine grid."""
+    fine = np.linspace(0.0, profile[-1][0], 400_001)
+    values = transmission(profile, fine)
+    integral = np.concatenate([[0.0], np.cumsum((values[1:] + values[:-1]) / 2.0)])
+    return np.interp(times, fine, integral / integral[-1])
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_times_are_drawn_in_proportion_to_the_transmission(name: str) -> None:
+    found = timing(CURVES[name])
+    times, weights = drawn_times(pack_shutter(found, 4, 3), COUNT)
+    assert (weights == 1.0).all()
+    profile = found.profile or ((0.0, 1.0), (0.5, 1.0))
+    share = np.sort(cumulative(profile, found.closes * times))
+    # Stratified: one of n samples in each n-th of the light.
+    np.testing.assert_allclose(share, (np.arange(COUNT) + 0.5) / COUNT, atol=0.6 / COUNT + 1e-5)
+
+
+@pytest.mark.parametrize("curtain", ["electronic", "focal_plane"])
+@pytest.mark.parametrize(
+    ("direction", "place", "line"),
+    [
+        ("down", (3.2, 0.4), 0.4 / 3),
+        ("down", (0.1, 2.9), 2.9 / 3),
+        ("down", (0.1, 3.4), 3.0 / 3),
+        ("up", (0.1, 2.9), 0.1 / 3),
+        ("right", (2.6, 0.4), 2.6 / 4),
+        ("left", (2.6, 0.4), 1.4 / 4),
+        ("left", (-0.7, 0.4), 4.0 / 4),
+    ],
+)
+def test_lines_are_exposed_one_after_another(
+    curtain: str, direction: str, place: tuple[float, float], line: float
+) -> None:
+    # Line k of n starts at readout k / n; with a slit the place itself counts, clamped to the film.
+    keys = {"duration": 0.5, "readout": 1.5, "direction": direction, "curtain": curtain}
+    found = timing(keys)
+    times, _ = drawn_times(pack_shutter(found, 4, 3), COUNT, *place)
+    lines = 4 if direction in ("left", "right") else 3
+    start = line if curtain == "focal_plane" else min(math.floor(line * lines + 1e-9), lines - 1) / lines
+    seconds = np.sort(2.0 * times)
+    np.testing.assert_allclose(seconds, 1.5 * start + 0.5 * (np.arange(COUNT) + 0.5) / COUNT, atol=0.3 / COUNT + 1e-6)
+
+
+def test_a_scanned_curve_is_the_curve_of_every_line() -> None:
+    found = timing({**CURVES["trapezoid"], "readout": 0.3, "curtain": "focal_plane"})
+    assert found.profile is not None
+    times, _ = drawn_times(pack_shutter(found, 4, 3), COUNT, 1.0, 1.5)
+    share = np.sort(cumulative(found.profile, times - 0.15))
+    np.testing.assert_allclose(share, (np.arange(COUNT) + 0.5) / COUNT, atol=0.6 / COUNT + 1e-5)
+
+
+# ---- Times that are drawn for a flash
+
+
+def with_pulses(keys: Any, *pulses: tuple[float, float]) -> tuple[Timing, Shutter]:
+    """A shutter that opens at 0, and flashes (s)."""
+    found = timing(keys)
+    rows = np.array([pulse_of(found.span(), *pulse) for pulse in pulses])
+    return found, pack_shutter(found, 4, 3, [Pulses(rows[:, 0].copy(), rows[:, 1].copy())])
+
+
+@pytest.mark.parametrize("pulses", [[(0.3, 0.3001)], [(0.21, 0.24), (0.22, 0.5)], [(-0.1, 0.05)], [(0.0, 2.0)]])
+@pytest.mark.parametrize("name", ["instant", "custom"])
+def test_times_for_flashes_are_weighted_to_the_same_mean(name: str, pulses: list[tuple[float, float]]) -> None:
+    found, shutter = with_pulses(CURVES[name], *pulses)
+    times, weights = drawn_times(shutter, 65536)
+    profile = found.profile or ((0.0, 1.0), (0.5, 1.0))
+    assert weights.max() <= 2.0 + 1e-12
+
+    # Of a smooth function of time, and of what shines in a pulse alone.
+    fine = found.closes * (np.arange(400_000) + 0.5) / 400_000
+    density = transmission(profile, fine)
+    expected = (density * np.cos(7.0 * fine)).sum() / density.sum()
+    assert (weights * np.cos(7.0 * found.closes * times)).mean() == pytest.approx(expected, abs=1e-3)
+    span = found.span()
+    for begin, end in pulses:
+        first, last = pulse_of(span, begin, end)
+        lit = (first <= times) & (times <= last)
+        share = found.transmitted(first * span.close, last * span.close) / found.seconds()
+        assert (weights * lit).mean() == pytest.approx(share, rel=1e-3)
+
+
+def test_a_short_pulse_takes_half_of_the_samples_of_the_lines_that_see_it() -> None:
+    """1/10000 s of 2 s, seen by the lines that are open at 1.2 s: those that began to open between 0.2 s and 1.2 s."""
+    keys = {"duration": 1.0, "readout": 3.0, "curtain": "focal_plane"}
+    found, shutter = with_pulses(keys, (1.2, 1.2001))
+    for y, sees in ((0.1, False), (0.3, True), (1.1, True), (1.3, False)):
+        times, weights = drawn_times(shutter, COUNT, 0.5, y)
+        first, last = pulse_of(found.span(), 1.2, 1.2001)
+        lit = (first <= times) & (times <= last)
+        assert lit.mean() == pytest.approx(0.5 if sees else 0.0, abs=1e-3)
+        assert (weights * lit).mean() == pytest.approx(1e-4 if sees else 0.0, rel=2e-3)
+        if not sees:
+            assert (weights == 1.0).all()
+
+
+def test_a_pulse_shorter_than_times_are_apart_keeps_its_place() -> None:
+    first, last = pulse_of(Shutter(0.0, 30.0), 20.0, 20.0 + 1e-7)
+    assert first < last
+    assert first == np.float32(2 / 3)
+    _, shutter = with_pulses({"duration": 30.0}, (20.0, 20.0 + 1e-7))
+    times, weights = drawn_times(shutter, COUNT)
+    lit = (first <= times) & (times <= last)
+    assert (weights * lit).mean() == pytest.approx(last - first, rel=0.01)
+
+
+# ---- Pictures
+
+WINDOW = "camera: {type: orthographic, look_from: [0, 0, 5], look_at: [0, 0, 0], height: 32"
+LAMP = "material: {type: emitter, radiance: 1}"
+
+
+def picture(camera: str, objects: str, *, width: int = 32, height: int = 32, spp: int = 256) -> Array:
+    """The first channel of a picture of lamps, 1 m a pixel from the left and from the bottom."""
+    text = f"{WINDOW.replace('32', str(height))}, {camera}}}\nobjects:\n{objects}"
+    spec = scene(text, filled=False, width=width, height=height, spp=spp, max_depth=1, sampler="sobol")
+    return np.asarray(render(spec, threads=2).image.radiance[..., 0])
+
+
+def box(motion: str = "") -> str:
+    """Six metres wide, from 8 m from the left edge of a picture of 32 m on."""
+    return f"  - {{type: quad, corner: [-8, -99, 0], edges: [[6, 0, 0], [0, 198, 0]], {LAMP}{motion}}}\n"
+
+
+def swept(profile: Any) -> Array:
+    """Coverage of 32 pixels by that box, which goes 10 m/s to the right from time 0 on, weighted by a profile."""
+    times = profile[-1][0] * (np.arange(4000) + 0.5) / 4000
+    weights = transmission(profile, times)
+    edges = np.arange(33.0)[:, None]
+    left, right = 8.0 + 10.0 * times, 14.0 + 10.0 * times
+    covered = np.clip(edges[1:], left, right) - np.clip(edges[:-1], left, right)
+    return np.asarray((covered * weights).sum(axis=1) / weights.sum())
+
+
+@pytest.mark.parametrize("name", ["plain", "trapezoid", "custom"])
+def test_a_moving_box_is_a_trapezoid_by_the_shutters_curve(name: str) -> None:
+    """Width 6 moved by 10: length 16, peak 0.6, area 6; and with another curve, its convolution with the box."""
+    keys: dict[str, Any] = {
+        "plain": "1",
+        "trapezoid": {"duration": 0.8, "opening": "trapezoid", "ramp": 0.4},
+        "custom": {"opening": [[0, 1], [0.4, 1], [0.8, 0], [1.2, 0.5]]},
+    }
+    shutter = str(keys[name]).replace("'", "")
+    found = picture(f"shutter: {shutter}", box(", motion: {velocity: [10, 0, 0]}"), height=8, spp=2048)
+    rows = found.mean(axis=0)
+    expected = swept(timing(keys[name]).profile or ((0.0, 1.0), (1.0, 1.0)))
+    np.testing.assert_allclose(rows, expected, atol=0.01)
+    # The energy of a streak is that of the thing at rest.
+    assert rows.sum() == pytest.approx(6.0, rel=2e-3)
+    if name == "plain":
+        assert rows.max() == pytest.approx(0.6, abs=5e-3)
+        assert (rows > 0.0).sum() == 16
+
+
+@pytest.mark.parametrize(
+    ("direction", "curtain"), [("down", "electronic"), ("up", "electronic"), ("down", "focal_plane")]
+)
+def test_a_rolling_shutter_skews_what_moves_across(direction: str, curtain: str) -> None:
+    """A bar at 16 px/s through a readout of 1/2 s leans by v T = 8 px from top to bottom."""
+    shutter = f"{{duration: 0.01, readout: 0.5, direction: {direction}, curtain: {curtain}}}"
+    found = picture(f"shutter: {shutter}", box(", motion: {velocity: [16, 0, 0]}"), spp=64)
+    middles = (found * (np.arange(32) + 0.5)).sum(axis=1) / found.sum(axis=1)
+    lean = np.polyfit(np.arange(32), middles, 1)[0] * 32
+    assert lean == pytest.approx(8.0 if direction == "down" else -8.0, abs=0.1)
+    # The first row starts at time 0 (by whole rows) with the bar's middle at 11 m, and its mean is half a streak later.
+    first = middles[0] if direction == "down" else middles[-1]
+    begin = 0.0 if curtain == "electronic" else 0.5 * 8.0 / 32
+    assert first == pytest.approx(11.0 + 0.08 + begin, abs=0.1)
+    # A line of pixels is exposed for 1/100 s: 0.16 px of blur on either side.
+    np.testing.assert_allclose(found.sum(axis=1), 6.0, rtol=0.02)
+
+
+@pytest.mark.parametrize(("direction", "length"), [("right", 6 / (1 - 8 / 32)), ("left", 6 / (1 + 8 / 32))])
+def test_a_rolling_shutter_along_the_motion_stretches_or_squeezes(direction: str, length: float) -> None:
+    """Read along the motion, an edge at x is met when x0 + v t = x with t = T x / n: x0 / (1 - v T / n)."""
+    shutter = f"{{duration: 1e-4, readout: 0.5, direction: {direction}}}"
+    found = picture(f"shutter: {shutter}", box(", motion: {velocity: [16, 0, 0]}"), spp=64)
+    assert found.sum(axis=1).mean() == pytest.approx(length, abs=0.4)
+
+
+# ---- Nothing of all this
+
+EXPOSED = {
+    "no time": "shutter: {duration: 0, opening: trapezoid, ramp: 0}",
+    "nothing moves": "shutter: {duration: 1, opening: trapezoid, ramp: 0.1, readout: 2, curtain: focal_plane}",
+    "a curve": "shutter: {opening: [[0, 0], [1, 1]]}",
+    "no time to shake": "time: 3, shake: {amplitude: 2 deg}",
+    "no shake": "shutter: 1/8 s, shake: {amplitude: 0}",
+    "a still shutter with a hand that is still": "shutter: {duration: 1, readout: 1}, shake: {amplitude: 0, seed: 5}",
+}
+
+
+@pytest.mark.parametrize("name", EXPOSED)
+def test_shutters_of_what_rests_are_packed_as_none(name: str) -> None:
+    objects = "".join(f"{item}}}\n" for item in OBJECTS)
+    plain = packed_of(f"{STILL_CAMERA}}}\nobjects:\n{objects}")
+    keyed = packed_of(f"{STILL_CAMERA}, {EXPOSED[name]}}}\nobjects:\n{objects}")
+    assert numba.typeof(keyed.scene) == numba.typeof(plain.scene)
+    assert bytes_of(keyed.scene) == bytes_of(plain.scene)
+
+
+@pytest.mark.parametrize(
+    "shutter",
+    [
+        "{duration: 1, opening: trapezoid, ramp: 0}",
+        "{duration: 1, readout: 0, direction: up, curtain: focal_plane}",
+        "{open: 0, close: 1}",
+        "{opening: [[0, 1], [1, 1]]}",
+    ],
+)
+def test_a_shutter_without_a_ramp_or_readout_is_the_plain_one(shutter: str) -> None:
+    moving = f"{OBJECTS[0]}, motion: {{velocity: [1, 0, 0]}}}}\n"
+    plain = packed_of(f"{STILL_CAMERA}, shutter: 1}}\nobjects:\n{moving}")
+    keyed = packed_of(f"{STILL_CAMERA}, shutter: {shutter}}}\nobjects:\n{moving}")
+    assert keyed.scene.shutter == Shutter(0.0, 1.0)
+    assert numba.typeof(keyed.scene) == numba.typeof(plain.scene)
+    assert bytes_of(keyed.scene) == bytes_of(plain.scene)
+
+
+def test_the_size_of_a_curve_or_film_is_not_part_of_the_type() -> None:
+    moving = f"{OBJECTS[0]}, motion: {{velocity: [1, 0, 0]}}}}\n"
+    types = {
+        numba.typeof(pack(scene(f"{STILL_CAMERA}, shutter: {shutter}}}\nobjects:\n{moving}", filled=False)).scene)
+        for shutter in (
+            "{duration: 1, opening: trapezoid, ramp: 0.5, readout: 1}",
+            "{opening: [[0, 0], [1, 1]], readout: 2 ms, direction: left, curtain: focal_plane}",
+        )
+    }
+    assert len(types) == 1
+
+
+@pytest.mark.parametrize(
+    ("keys", "moving", "active", "words"),
+    [
+        ("shutter: 1", True, set(), {}),
+        (
+            "shutter: {duration: 1, opening: trapezoid, ramp: 0.5}",
+            True,
+            {"shutter_curve"},
+            {"shutter_curve": "counts as 1 s", "rolling_shutter": "at the same time"},
+        ),
+        (
+            "shutter: {duration: 1, readout: 1/30 s, direction: up}",
+            True,
+            {"rolling_shutter"},
+            {"rolling_shutter": "up, over 0.03333 s", "shutter_curve": "at once"},
+        ),
+        (
+            "shutter: {opening: [[0, 0], [1, 1]], readout: 1}, shake: {amplitude: 0.5}",
+            False,
+            {"shutter_curve", "rolling_shutter", "camera_shake"},
+            {"camera_shake": "turns by 0.5 deg (rms) about each axis, up to 10 Hz"},
+        ),
+        (
+            "shutter: {opening: [[0, 0], [1, 1]], readout: 1}",
+            False,
+            set(),
+            {"shutter_curve": "nothing changes", "rolling_shutter": "nothing changes", "camera_shake": "held still"},
+        ),
+        ("shake: {amplitude: 1}", True, set(), {"camera_shake": "no time to shake"}),
+    ],
+)
+def test_shutters_are_explained(keys: str, moving: bool, active: set[str], words: dict[str, str]) -> None:
+    motion = ", motion: {velocity: [1, 0, 0]}" if moving else ""
+    text = f"{STILL_CAMERA}, {keys}}}\nobjects:\n{OBJECTS[0]}{motion}}}\n"
+    effects = explain(scene(text, filled=False)).effects
+    names = ("shutter_curve", "rolling_shutter", "camera_shake")
+    assert {name for name in names if effects[name].active} == active
+    for name, why in words.items():
+        assert why in effects[name].why
