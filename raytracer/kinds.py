@@ -83,6 +83,7 @@ def type_name(spec: type[Spec]) -> str | None:
 
 
 AOVS = Family("AOV", "raytracer.aovs")
+APERTURES = Family("aperture", "raytracer.apertures")
 CAMERAS = Family("camera", "raytracer.cameras")
 ENVIRONMENTS = Family("environment", "raytracer.environments")
 FILTERS = Family("filter", "raytracer.filters")

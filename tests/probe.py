@@ -1,7 +1,7 @@
-"""Compiles scenes one after another in a process of its own, and prints as JSON what went into each kernel.
+"""Compiles scenes in a process of its own, and prints as JSON what went into each kernel.
 
-Run as `python -m tests.probe NAME ...` with an empty kernel cache: a part that a scene shares with one before it is
-compiled no more, so only what appears for the first time can be seen, and scenes go from the simplest on.
+Run as `python -m tests.probe NAME ...` with an empty kernel cache, for one name: a part that a scene shares with one
+before it would be compiled no more, and not be seen.
 """
 
 import json
@@ -25,8 +25,15 @@ PINHOLE = "camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0]}\n"
 EXPOSED = "camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], shutter: 1}\n"
 DOLLY = EXPOSED.replace("shutter: 1", "shutter: 1, motion: {velocity: [1, 0, 0]}")
 LENS = "camera: {type: thin_lens, look_from: [0, 0, 4], look_at: [0, 0, 0], aperture: 100}\n"
+IRIS = LENS.replace("}", ", aperture_shape: {type: polygon}, vignetting: {diameter: 90, distance: 50}}")
+OFF = PINHOLE.replace(
+    "pinhole,",
+    "pinhole, sensor: {format: full_frame, noise: false, read_noise: 9}, diameter: 0, "
+    "shutter: {duration: 1/125 s, opening: trapezoid, ramp: 1/1000 s, readout: 1/30 s}, shake: {amplitude: 0},",
+)
 CONSTANT = "environment: {type: constant, radiance: 1}\n"
 MATTE = "objects:\n  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian}}\n"
+HELD = MATTE.replace("radius: 1", "radius: 1, motion: {velocity: [0, 0, 0]}")
 FLYING = MATTE.replace("radius: 1", "radius: 1, motion: {velocity: [1, 0, 0]}")
 EGG = MATTE.replace("radius: 1", "radius: 1, transform: [{scale: [1, 2, 1]}]")
 GLASS = "  - {type: sphere, center: [2, 0, 0], radius: 1, material: {type: dielectric}}\n"
@@ -38,8 +45,10 @@ BUMPY = CHECKED.replace("{type: checker}}", "{type: checker}, bump: {type: check
 
 SCENES = {
     "plain": PINHOLE + MATTE,
+    "off": OFF + HELD,
     "sky": PINHOLE + CONSTANT + MATTE,
     "lens": LENS + MATTE,
+    "iris": IRIS + MATTE,
     "fisheye": "camera: {type: fisheye, look_from: [0, 0, 4], look_at: [0, 0, 0]}\n" + MATTE,
     "glass": PINHOLE + MATTE + GLASS,
     "lamp": PINHOLE + MATTE + LAMP,

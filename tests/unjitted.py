@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.apertures.image import mask
+from raytracer.apertures.polygon import PolygonAperture
+from raytracer.apertures.vignetting import Rim
 from raytracer.cameras.pinhole import Pinhole
 from raytracer.cameras.thin_lens import ThinLens
 from raytracer.environments.gradient import Gradient
@@ -23,6 +26,7 @@ from raytracer.primitives.parallelograms import Parallelograms
 from raytracer.primitives.spheres import Spheres
 from raytracer.primitives.triangles import SmoothTriangles, Triangles
 from raytracer.vec import basis, reflect, to_world
+from tests.apertures.kernels import passed, sampled
 from tests.cameras.kernels import camera_rays
 from tests.environments.test_environments import seen
 from tests.materials.kernels import evaluate_many, incoming, scatter_many
@@ -105,6 +109,10 @@ def numbers() -> dict[str, NDArray[np.float64]]:
     for camera in (Pinhole(vfov=40.0), ThinLens(vfov=40.0, focus_distance=3.0, aperture=100.0)):
         packed = camera.pack(40, 30)
         out[f"{camera.type} origins"], out[f"{camera.type} directions"] = camera_rays(packed, u[:, 0] * 40.0, 7.5)
+    for curvature in (0.0, 0.5):
+        out[f"polygon {curvature}"] = sampled(PolygonAperture(curvature=curvature, anamorphic=2.0).pack({}), u)
+    out["mask"] = sampled(mask(np.array([[0.0, 1.0, 0.5], [2.0, 0.0, 0.25]])), u)
+    out["rim"] = passed(Rim(1.0, 2.0), out["mask"], 0.3, -0.1)
     points = 3.0 * np.random.default_rng(2).normal(size=(20, 3))
     for name, parameters in (
         ("checker", {}),

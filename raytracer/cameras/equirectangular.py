@@ -10,7 +10,7 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
-from raytracer.cameras.interface import camera_ray, project
+from raytracer.cameras.interface import NO_ASSETS, Assets, camera_ray, project
 from raytracer.cameras.placement import Frame, PlacedSpec, in_frame
 from raytracer.spec import Quantity
 from raytracer.vec import norm, to_world
@@ -42,7 +42,7 @@ class Equirectangular(PlacedSpec):
             "pixel_latitude_deg": self.vfov / height,
         }
 
-    def pack(self, width: int, height: int) -> "EquirectangularCamera":
+    def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "EquirectangularCamera":
         """The camera for a film of width x height pixels."""
         return EquirectangularCamera(
             self.frame(),

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
-from raytracer.cameras.interface import camera_ray, project
+from raytracer.cameras.interface import NO_ASSETS, Assets, camera_ray, project
 from raytracer.cameras.placement import Frame, PlacedSpec, in_frame
 from raytracer.jit import generic
 from raytracer.spec import Quantity, at
@@ -64,7 +64,7 @@ class Fisheye(PlacedSpec):
             "pixel_at_middle_deg": math.degrees(slope / radius),
         }
 
-    def pack(self, width: int, height: int) -> "FisheyeCamera":
+    def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "FisheyeCamera":
         """The camera for a film of width x height pixels."""
         half = math.radians(self.fov) / 2.0
         projection: Any = {

@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
-from raytracer.cameras.interface import camera_ray, project
+from raytracer.cameras.interface import NO_ASSETS, Assets, camera_ray, project
 from raytracer.cameras.placement import Frame, PlacedSpec, in_frame
 from raytracer.jit import kernel
 from raytracer.spec import PositiveLength
@@ -47,7 +47,7 @@ class Orthographic(PlacedSpec):
         pixel = self._pixel(width, height)
         return {"view_width_m": pixel * width, "view_height_m": pixel * height, "pixel_mm": 1e3 * pixel}
 
-    def pack(self, width: int, height: int) -> "OrthographicCamera":
+    def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "OrthographicCamera":
         """The camera for a film of width x height pixels."""
         pixel = self._pixel(width, height)
         return OrthographicCamera(self.frame(), pixel, -0.5 * pixel * width, 0.5 * pixel * height)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from raytracer.environments.interface import background, background_with_pdf, sample_background
 from raytracer.jit import kernel
+from raytracer.sampling.warp import sample_bin
 from raytracer.vec import Vec3
 
 
@@ -121,20 +122,6 @@ def _(environment, direction):
 
 
 @kernel
-def _invert(cumulative, begin, end, u):
-    """The bin of begin .. end - 1 that a number in [0, 1) falls into, and where in it, 0 to 1."""
-    low, high = begin, end - 1
-    while low < high:
-        middle = (low + high) // 2
-        if cumulative[middle] > u:
-            high = middle
-        else:
-            low = middle + 1
-    before = cumulative[low - 1] if low > begin else 0.0
-    return low, (u - before) / (cumulative[low] - before)
-
-
-@kernel
 def _tent(u: float) -> float:
     """A number in [-1, 1] of density 1 - |x|.
 
@@ -149,8 +136,8 @@ def _(environment, u1, u2):
     # together is the bilinear importance itself.  Rows come first and by their cumulative sums, so that well spread
     # numbers stay well spread.
     height, width = environment.texels.shape[0], environment.texels.shape[1]
-    row, rest1 = _invert(environment.rows, 0, height, u1)
-    column, rest2 = _invert(environment.columns, row * width, (row + 1) * width, u2)
+    row, rest1 = sample_bin(environment.rows, 0, height, u1)
+    column, rest2 = sample_bin(environment.columns, row * width, (row + 1) * width, u2)
     u = (column - row * width + 0.5 + _tent(rest2)) / width
     u -= math.floor(u)
 

@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 
 from raytracer.environments.equirectangular import Equirectangular, equirectangular
 from raytracer.environments.interface import Assets, EnvironmentSpec, SunDisc
+from raytracer.photography import WHITE_EFFICACY
 from raytracer.spec import Albedo, Angle, Direction, NonNegativeNumber, Quantity, at
 from raytracer.vec import Vec3
 
@@ -24,12 +25,6 @@ HEIGHT, WIDTH = 512, 1024
 
 SUN_ANGLE = 0.53
 """Angular diameter of the sun in degrees, on the mean of a year."""
-
-WHITE_EFFICACY = 179.0
-"""Lumens of a watt of white light, evenly spread over the visible spectrum.
-
-References: Ward 1994, "The RADIANCE Lighting Simulation and Rendering System", SIGGRAPH '94.
-"""
 
 # Perez coefficients A..E of Y, x and y, each as (slope, offset) in turbidity: Preetham et al. 1999, appendix A.2.
 _PEREZ = {

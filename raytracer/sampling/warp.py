@@ -29,6 +29,23 @@ def pdf_disc() -> float:
 
 
 @kernel
+def sample_bin(cumulative, begin, end, u):
+    """The bin of begin .. end - 1 that a number in [0, 1) falls into, and where in it, 0 to 1.
+
+    cumulative, probabilities (n,) of a bin or one before it from `begin` on; bins of no probability are never drawn.
+    """
+    low, high = begin, end - 1
+    while low < high:
+        middle = (low + high) // 2
+        if cumulative[middle] > u:
+            high = middle
+        else:
+            low = middle + 1
+    before = cumulative[low - 1] if low > begin else 0.0
+    return low, (u - before) / (cumulative[low] - before)
+
+
+@kernel
 def sample_sphere(u1: float, u2: float) -> Vec3:
     """A point of the unit sphere, uniform by area.
 

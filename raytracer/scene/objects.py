@@ -23,7 +23,7 @@ from raytracer.primitives.interface import concatenate, geometry, group_key, sec
 from raytracer.primitives.translated import translated
 from raytracer.scene.spec import SceneSpec
 from raytracer.shapes.interface import PlacingSpec, ShapeSpec
-from raytracer.spec import matrix_of
+from raytracer.spec import Spec, matrix_of
 
 Keys: TypeAlias = tuple[str | int, ...]
 Reference: TypeAlias = int | NDArray[np.int64]
@@ -104,14 +104,14 @@ class Objects(NamedTuple):
 
 
 class Assets:
-    """Files that objects name, each read once."""
+    """Files that objects and the camera name, each read once."""
 
     def __init__(self, spec: SceneSpec) -> None:
         self._spec = spec
         self._read: dict[tuple[str, Path], Any] = {}
 
-    def of(self, item: ShapeSpec, keys: Keys) -> Mapping[str, Any]:
-        """What an object's files hold, by the path of the key that names each.
+    def of(self, item: Spec, keys: Keys) -> Mapping[str, Any]:
+        """What the files of an object, or of the camera, hold, by the path of the key that names each.
 
         Raises
         ------
@@ -349,9 +349,7 @@ def pack_objects(
 def _pack_item(spec: SceneSpec, item: Item, placed: Static | Shift, reference: Any, assets: Assets) -> Any:
     """The table of one object."""
     try:
-        table = item.spec.pack_exposed(
-            placed.matrix, reference, assets.of(item.spec, item.keys), spec.camera.opening()
-        )
+        table = item.spec.pack_exposed(placed.matrix, reference, assets.of(item.spec, item.keys), spec.camera.opening())
     except ValueError as error:
         raise spec.error(str(error), *item.keys) from None
     return translated(table, placed.shift) if isinstance(placed, Shift) else table

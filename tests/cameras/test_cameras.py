@@ -8,13 +8,23 @@ import pytest
 from pydantic import ValidationError
 
 from raytracer.cameras.pinhole import Pinhole
-from raytracer.cameras.thin_lens import Lens, ThinLens
+from raytracer.cameras.pupil import Lens
+from raytracer.cameras.thin_lens import ThinLens
 from raytracer.kinds import CAMERAS
 from raytracer.spec import Spec
 from tests.cameras.kernels import camera_rays, projected, weighted_rays
 from tests.rendering import image, rendered
 
 EXAMPLES: dict[str, list[dict[str, Any]]] = {
+    "none": [
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0]},
+        {
+            "look_from": [1, 2, 3],
+            "look_at": [0, 0, 0],
+            "sensor": {"width": 200, "height": 100},
+            "sensor_fit": "overscan",
+        },
+    ],
     "equirectangular": [
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0]},
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "hfov": 120, "vfov": 70},
@@ -30,11 +40,39 @@ EXAMPLES: dict[str, list[dict[str, Any]]] = {
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "height": 3},
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "width": 5},
     ],
-    "pinhole": [{"look_from": [1, 2, 3], "look_at": [0, 0, 0], "vfov": 35}],
+    "pinhole": [
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "vfov": 35},
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "sensor": "aps-c", "focal_length": 28},
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "focal_length": 100, "diameter": 2},
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "focal_length": 50, "f_number": 8, "shutter": 1, "iso": 100},
+    ],
     "thin_lens": [
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "vfov": 35, "defocus_angle": 2},
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "vfov": 35, "focus_distance": math.inf, "aperture": 50},
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "vfov": 35, "focus_distance": 2, "aperture": 0},
+        {
+            "look_from": [1, 2, 3],
+            "look_at": [0, 0, 0],
+            "sensor": "1-inch",
+            "equivalent_focal_length": 35,
+            "f_number": 2,
+        },
+        {
+            "look_from": [1, 2, 3],
+            "look_at": [0, 0, 0],
+            "focal_length": 50,
+            "f_number": 1.4,
+            "shutter": "1/125 s",
+            "iso": 400,
+        },
+        {
+            "look_from": [1, 2, 3],
+            "look_at": [0, 0, 0],
+            "vfov": 35,
+            "aperture": 100,
+            "aperture_shape": {"type": "polygon", "blades": 5, "curvature": 0.2, "anamorphic": 1.5},
+            "vignetting": {"diameter": 150, "distance": 60},
+        },
     ],
 }
 
@@ -43,6 +81,11 @@ CASES = [
     for kind, examples in EXAMPLES.items()
     for number, parameters in enumerate(examples)
 ]
+
+
+# A bare sensor forms no image, and a hole of a size no sharp one.
+IMAGING = [case for case in CASES if case.values[0]["type"] != "none"]
+SHARP = [case for case in IMAGING if "diameter" not in case.values[0]]
 
 
 def camera(**keys: Any) -> Any:
@@ -65,7 +108,7 @@ def test_rays_are_unit_vectors_and_numbers(keys: dict[str, Any]) -> None:
     assert np.isfinite(origins).all()
 
 
-@pytest.mark.parametrize("keys", CASES)
+@pytest.mark.parametrize("keys", IMAGING)
 def test_film_is_upright_and_its_middle_is_what_the_camera_looks_at(keys: dict[str, Any]) -> None:
     spec = camera(**keys)
     _, directions = camera_rays(spec.pack(40, 30), np.full(4000, 20.0), 15.0)
@@ -83,7 +126,7 @@ def test_film_is_upright_and_its_middle_is_what_the_camera_looks_at(keys: dict[s
     assert (side - middle) @ right > 0.05
 
 
-@pytest.mark.parametrize("keys", CASES)
+@pytest.mark.parametrize("keys", SHARP)
 def test_what_a_ray_meets_is_projected_to_where_the_ray_started(keys: dict[str, Any]) -> None:
     # Through a lens, what lies in the plane of focus.
     rng = np.random.default_rng(2)
@@ -187,8 +230,8 @@ def lens_spec(**keys: Any) -> ThinLens:
 
 def test_defocus_angle_is_the_cone_from_focus_to_lens() -> None:
     # Camera truths: F = 10, delta = 0.6 deg: A = 2 F tan(delta / 2) = 0.104720 m.
-    assert lens_spec(defocus_angle=0.6).diameter() == pytest.approx(0.104720, abs=1e-6)
-    assert lens_spec(aperture=104.72).diameter() == pytest.approx(0.10472)
+    assert lens_spec(defocus_angle=0.6).diameter(40, 30) == pytest.approx(0.104720, abs=1e-6)
+    assert lens_spec(aperture=104.72).diameter(40, 30) == pytest.approx(0.10472)
 
 
 @pytest.mark.parametrize("focus", [0.5, 10.0, 1e4])
@@ -313,6 +356,21 @@ objects:
         spp=8,
     )
     np.testing.assert_allclose(picture.radiance, 1.0, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    "shape", [{"type": "round"}, {"type": "polygon", "curvature": 1}, {"type": "round", "anamorphic": 1}]
+)
+def test_a_round_opening_is_the_plain_lens(shape: dict[str, Any]) -> None:
+    plain, shaped = (lens_spec(aperture=50, **keys).pack(40, 30) for keys in ({}, {"aperture_shape": shape}))
+    assert shaped == plain
+    assert shaped.lens.shape is None
+    assert shaped.lens.rim is None
+
+
+def test_neither_shape_nor_rim_of_an_opening_without_size() -> None:
+    keys = {"aperture_shape": {"type": "polygon"}, "vignetting": {"diameter": 5, "distance": 5}}
+    assert lens_spec(**keys).pack(40, 30) == lens_spec().pack(40, 30)
 
 
 def test_only_one_aperture_may_be_given() -> None:

@@ -9,7 +9,6 @@ import pytest
 from raytracer.environments.sky import (
     HEIGHT,
     SUN_ANGLE,
-    WHITE_EFFICACY,
     color_matching,
     linear_rec709,
     perez,
@@ -18,6 +17,7 @@ from raytracer.environments.sky import (
     zenith,
 )
 from raytracer.kinds import ENVIRONMENTS
+from raytracer.photography import WHITE_EFFICACY
 from raytracer.scene.pack import pack
 from tests.environments.kernels import seen
 from tests.rendering import scene

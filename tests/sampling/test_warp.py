@@ -48,6 +48,13 @@ def test_disc_is_continuous():
             assert math.dist(here, there) < 8.0 * step
 
 
+def test_bins_are_drawn_by_their_probability():
+    # Of 0.25, 0, 0.75, behind two of another row.
+    cumulative = np.array([0.5, 1.0, 0.25, 0.25, 1.0])
+    expected = {0.0: (2, 0.0), 0.125: (2, 0.5), 0.25: (4, 0.0), 0.625: (4, 0.5), 0.8125: (4, 0.75)}
+    assert {u: warp.sample_bin(cumulative, 2, 5, u) for u in expected} == expected
+
+
 def test_sphere_is_uniform(numbers):
     directions = draw(warp.sample_sphere, numbers)
     chi2_test(cylinder(directions), lambda x: np.full(len(x), warp.pdf_sphere()), CYLINDER, [20, 40], tests=6)

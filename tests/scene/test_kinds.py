@@ -7,7 +7,18 @@ from pathlib import Path
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from raytracer.kinds import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES, Family
+from raytracer.kinds import (
+    APERTURES,
+    CAMERAS,
+    ENVIRONMENTS,
+    FILTERS,
+    LIGHTS,
+    MATERIALS,
+    MEDIA,
+    SHAPES,
+    TEXTURES,
+    Family,
+)
 from raytracer.spec import sentence
 
 KIND = """
@@ -73,6 +84,7 @@ def test_of_a_family_without_kinds_nothing_is_valid(package: Path) -> None:
 @pytest.mark.parametrize(
     ("family", "names"),
     [
+        (APERTURES, {"image", "polygon", "round"}),
         (CAMERAS, {"pinhole", "thin_lens"}),
         (ENVIRONMENTS, {"constant", "gradient"}),
         (FILTERS, {"box"}),

@@ -1,0 +1,39 @@
+"""Compiled loops over apertures."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.apertures.interface import sample_aperture, unvignetted
+from raytracer.jit import entry
+
+Array = NDArray[np.float64]
+
+
+@entry
+def _sample(aperture, numbers, out):
+    for i in range(len(numbers)):
+        out[i, 0], out[i, 1] = sample_aperture(aperture, numbers[i, 0], numbers[i, 1])
+
+
+@entry
+def _unvignetted(rim, points, right, up, out):
+    for i in range(len(points)):
+        out[i] = unvignetted(rim, points[i, 0], points[i, 1], right, up)
+
+
+def sampled(aperture: Any, numbers: Any) -> Array:
+    """Points (n, 2) of uniform numbers (n, 2)."""
+    given = np.ascontiguousarray(numbers, np.float64)
+    out = np.empty(given.shape)
+    _sample(aperture, given, out)
+    return out
+
+
+def passed(rim: Any, points: Any, right: float, up: float) -> Array:
+    """Weights (n,) of rays from points (n, 2) of an aperture, all of one direction."""
+    given = np.ascontiguousarray(points, np.float64)
+    out = np.empty(len(given))
+    _unvignetted(rim, given, right, up, out)
+    return out
