@@ -12,9 +12,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from raytracer import __version__
 from raytracer.embree import PACKET
 from raytracer.errors import InputError
+from raytracer.film.exposure import Frame, Setting
 from raytracer.film.film import Film, develop
 from raytracer.film.image import Image
+from raytracer.film.photograph import RADIANCE, Process, check_process, photograph
 from raytracer.integrator import FilmView, Scene, render_tile
+from raytracer.kinds import AOVS
 from raytracer.paths import workspace
 from raytracer.scene.effects import effects_of
 from raytracer.scene.pack import Packed, pack
@@ -56,7 +59,8 @@ class Stats:
     """What a render took.
 
     seconds, by phase; rays, camera, bounce and shadow rays; samples, over all pixels; nan_samples, samples dropped
-    because they were not finite; threads; effects, the names of those simulated; peak_rss_bytes, of the process.
+    because they were not finite; threads; effects, the names of those simulated; exposure, its numbers by name, none
+    for a picture of plain radiance; peak_rss_bytes, of the process.
     """
 
     seconds: dict[str, float] = field(default_factory=dict)
@@ -65,6 +69,7 @@ class Stats:
     nan_samples: int = 0
     threads: int = 0
     effects: list[str] = field(default_factory=list)
+    exposure: dict[str, float] = field(default_factory=dict)
     peak_rss_bytes: int = 0
     version: str = __version__
 
@@ -77,7 +82,7 @@ class Rendered(NamedTuple):
     """An image and what it took.
 
     complete, whether all samples were taken; interrupted, whether a KeyboardInterrupt ended it early;
-    fewest_samples, of any pixel (image.samples is the most).
+    fewest_samples, of any pixel (image.samples is the most); setting, how it was exposed, None for plain radiance.
     """
 
     image: Image
@@ -85,6 +90,7 @@ class Rendered(NamedTuple):
     complete: bool
     interrupted: bool
     fewest_samples: int
+    setting: Setting | None
 
 
 def peak_rss_bytes() -> int:
@@ -123,7 +129,8 @@ def render(
     ----------
     spp, seed : in place of the scene's.
     threads : how many work; all processors if None.
-    crop : (x0, y0, x1, y1), the pixels x0 <= x < x1, y0 <= y < y1 only; they are those of the whole picture.
+    crop : (x0, y0, x1, y1), the pixels x0 <= x < x1, y0 <= y < y1 only; they are those of the whole picture, but that
+        `exposure: auto` and `white_balance: auto` measure these alone, and a Bayer mosaic ends at their edges.
     time_limit : seconds after which no further samples are started.
     aovs : names of AOVs, which become layers of the image (docs/aovs.md); the radiance keeps its bits.
     denoise : whether Open Image Denoise is to clean the image, which then is biased.
@@ -132,7 +139,8 @@ def render(
 
     Raises
     ------
-    InputError : a crop outside the film, a scene that cannot be packed, an unknown AOV, or no denoiser.
+    InputError : a crop outside the film, a scene that cannot be packed, an unknown AOV, no denoiser, or what
+        `check_process` refuses.
     """
     if denoise:
         from raytracer.film.denoise import require_denoiser
@@ -147,6 +155,9 @@ def render(
     window = _window(spec, crop)
 
     packed = pack(spec)
+    spec = packed.spec
+    process, frame = _process(spec), Frame(spec.film.width, spec.film.height, window.left, window.top)
+    check_process(process, frame, window.bottom - window.top, window.right - window.left)
     stats.effects = [name for name, effect in effects_of(spec, packed.scene).items() if effect.active]
     clock.lap("pack")
     accel = packed.build()
@@ -171,10 +182,13 @@ def render(
     if recording and denoise:
         image = _denoised(image, film, recording, stats.threads)
         clock.lap("denoise")
+    image, setting = photograph(image, process, frame, spec.render.seed, _units(aovs))
+    clock.lap("develop")
+    stats.exposure = {} if setting is None else setting.numbers()
     stats.seconds["total"] = sum(stats.seconds.values())
     stats.peak_rss_bytes = peak_rss_bytes()
     fewest = int((film.count + film.nan_count).min())
-    return Rendered(image, stats, job.is_complete, job.interrupted, fewest)
+    return Rendered(image, stats, job.is_complete, job.interrupted, fewest, setting)
 
 
 def render_image(
@@ -199,6 +213,22 @@ def render_image(
         aovs=aovs,
         denoise=denoise,
     ).image
+
+
+def _process(spec: SceneSpec) -> Process:
+    """How the picture is to be developed."""
+    sensor = getattr(spec.camera, "sensor", None)
+    return Process(
+        exposure=spec.camera.photograph(spec.film.width, spec.film.height),
+        sensor=sensor if sensor is not None and sensor.noise else None,
+        white_balance=spec.film.white_balance,
+        tone_curve=spec.film.tone_curve,
+    )
+
+
+def _units(aovs: Sequence[str]) -> dict[str, str]:
+    """The units of an image's layers: of AOVs, and of the picture that a denoiser has left as it was."""
+    return {"noisy": RADIANCE, **{name: AOVS.specs()[name].unit for name in aovs}}
 
 
 # What the denoiser is guided by, and how much of a pixel it holds for.
@@ -244,9 +274,9 @@ class _Clock:
         self._start = time.perf_counter()
 
     def lap(self, phase: str) -> None:
-        """Call what has passed since the last lap by this name."""
+        """Count what has passed since the last lap as this phase's."""
         now = time.perf_counter()
-        self._seconds[phase] = now - self._start
+        self._seconds[phase] = self._seconds.get(phase, 0.0) + now - self._start
         self._start = now
 
 

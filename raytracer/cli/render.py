@@ -124,7 +124,7 @@ def render(
     finally:
         bar.close()
     _write(rendered, outputs, stats)
-    _report(rendered, outputs, spp or spec.render.spp, quiet, strict)
+    _report(rendered, outputs, spp or spec.render.spp, quiet, strict, is_crop=window is not None)
     if rendered.interrupted:
         raise typer.Exit(_INTERRUPTED)
 
@@ -214,7 +214,7 @@ def _write(rendered: "Rendered", outputs: list[Path], stats: Path | None) -> Non
         raise failures[0]
 
 
-def _report(rendered: "Rendered", outputs: list[Path], spp: int, quiet: bool, strict: bool) -> None:
+def _report(rendered: "Rendered", outputs: list[Path], spp: int, quiet: bool, strict: bool, *, is_crop: bool) -> None:
     """Say on stderr what was made; what is wrong with it also when quiet."""
     result = rendered.stats
     seconds = result.seconds["render"]
@@ -227,6 +227,9 @@ def _report(rendered: "Rendered", outputs: list[Path], spp: int, quiet: bool, st
     elif not quiet:
         rates = f"{result.samples / seconds / 1e6:.3g} M samples/s, {result.rays / seconds / 1e6:.3g} M rays/s"
         print(f"{names}: {width} x {height}, {spp} spp in {seconds:.2f} s ({rates})", file=sys.stderr)
+    if not quiet and rendered.setting is not None and rendered.setting.exposure.metering is not None:
+        part = " in the crop" if is_crop else ""
+        print(f"exposure: {rendered.setting.sentence()}{part}", file=sys.stderr)
     if result.nan_samples:
         sentence = f"{result.nan_samples} samples were not finite and were dropped"
         if strict:

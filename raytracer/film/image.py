@@ -1,6 +1,6 @@
 """A developed image: linear pixel values, how noisy they are, and how they came about."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,13 +17,15 @@ class Image:
 
     Attributes
     ----------
-    radiance : float64 (height, width, 3), row 0 at the top, in W/(m2 sr), or in the scene's own plain numbers.
+    radiance : float64 (height, width, 3), row 0 at the top, in W/(m2 sr), or in the scene's own plain numbers; of an
+        exposed picture, values in which 1 saturates the sensor.
     variance : float64 (height, width, 3), the variance of each value of `radiance` as an estimate of its
         expectation, in the square of its unit; inf where a pixel has fewer than two samples; None if not known.
     samples : samples a pixel.
     settings : what the image was rendered with; written into the headers of the files that have any.
     layers : further arrays by name (AOVs), (height, width) or (height, width, channels); only .exr files hold them.
     channels : what the channels of a layer are called in a file, where not R, G and B, or the layer's own name.
+    tone_curve : what takes linear values to those that a display shows, in 0..1; None if that is clipping.
 
     Raises
     ------
@@ -36,6 +38,7 @@ class Image:
     settings: Mapping[str, str | float | int] = field(default_factory=dict)
     layers: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     channels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    tone_curve: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
 
     def __post_init__(self) -> None:
         shape = np.shape(self.radiance)
@@ -48,8 +51,8 @@ class Image:
                 raise ValueError(f"layer {name} must be of the image's size, {shape[:2]}, got {np.shape(layer)}")
 
     def display(self) -> NDArray[np.uint8]:
-        """The image as a display shows it: uint8 (height, width, 3) in sRGB, clipped at 0 and 1."""
-        return srgb.to_uint8(self.radiance)
+        """The image as a display shows it: uint8 (height, width, 3) in sRGB, by its tone curve, clipped at 0 and 1."""
+        return srgb.to_uint8(self.radiance if self.tone_curve is None else self.tone_curve(self.radiance))
 
     def save(self, path: str | Path) -> None:
         """Write the image to `path`, in the format that its suffix names; see `raytracer.film.output.save`."""

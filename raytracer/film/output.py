@@ -2,8 +2,8 @@
 
 | suffix | holds | settings |
 |---|---|---|
-| .png | 8 bits, sRGB | text chunks |
-| .jpg .jpeg | 8 bits, sRGB, quality 95, colour not subsampled | - |
+| .png | 8 bits, sRGB, by the tone curve | text chunks |
+| .jpg .jpeg | 8 bits, sRGB, by the tone curve, quality 95, colour not subsampled | - |
 | .exr | float32 (uint32 for numbers of things), linear; variance and layers | attributes, `rt.` before the name |
 | .hdr | 8-bit mantissas with a common exponent, linear | header lines, named as in .exr |
 | .npy | float64, linear | - |

@@ -1,0 +1,221 @@
+"""Exposure: from the light that a film has gathered to values in which 1 saturates the sensor.
+
+In a scene:
+
+    camera: {type: thin_lens, sensor: full_frame, focal_length: 50 mm, f_number: 2.8, shutter: 1/125 s, iso: 400}
+    camera: {type: thin_lens, sensor: full_frame, focal_length: 50 mm, f_number: 2.8, shutter: 1/125 s,
+             exposure: {metering: spot, at: [0.3, 0.5]}, exposure_compensation: -1}
+
+References: ISO 12232:2019, "Photography - Digital still cameras - Determination of exposure index, ISO speed ratings,
+    standard output sensitivity, and recommended exposure index": saturation-based speed, S_sat = 78 / H_sat, and
+    standard output sensitivity, S_SOS = 10 / H_m, with exposures H in lx s.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.errors import InputError
+from raytracer.photography import (
+    MEAN_EXPOSURE,
+    SATURATION_EXPOSURE,
+    WHITE_EFFICACY,
+    Exposure,
+    Metering,
+    exposure_value,
+)
+
+Floats = NDArray[np.float64]
+
+REC709_LUMINANCE = (0.2126, 0.7152, 0.0722)
+"""Luminance of the primaries of linear Rec. 709: ITU-R BT.709-6, item 3.2."""
+
+METERED_VALUE = MEAN_EXPOSURE / SATURATION_EXPOSURE
+"""What metering gives the mean of what it measures: 10 / 78 of saturation."""
+
+_CENTRE_WEIGHT = 0.75
+_CENTRE_DIAMETER = 0.5
+_UNMETERED_ISO = 100.0
+
+# What is less is as good as black: its reciprocal may not be finite.
+_LEAST = float(np.finfo(np.float64).tiny)
+
+
+class Frame(NamedTuple):
+    """Width and height of a whole picture (px), and where in it the top left pixel of a part of it lies."""
+
+    width: int
+    height: int
+    left: int
+    top: int
+
+
+class Setting(NamedTuple):
+    """How a picture was exposed.
+
+    gain : what the light that the film has gathered is multiplied by; 1 is then the sensor's saturation.
+    iso : ISO speed, given or chosen by metering; None where aperture or shutter are not known.
+    metered : mean luminance that was measured, in the unit of the film; None where nothing was.
+    exposure : what the camera asked for.
+    """
+
+    gain: float
+    iso: float | None
+    metered: float | None
+    exposure: Exposure
+
+    @property
+    def ev100(self) -> float | None:
+        """Exposure value of f-number, time and speed; None where one of them is not known."""
+        n, seconds = self.exposure.f_number, self.exposure.seconds
+        if n is None or seconds is None or self.iso is None or math.isinf(n):
+            return None
+        return exposure_value(n, seconds, self.iso)
+
+    @property
+    def speed(self) -> float | None:
+        """ISO speed that the picture is developed at: `iso`, pushed by the compensation."""
+        return None if self.iso is None else self.iso * math.exp2(self.exposure.compensation)
+
+    def numbers(self) -> dict[str, float]:
+        """What is known of the setting, by name, for headers and statistics."""
+        found = {
+            "iso": self.iso,
+            "f_number": self.exposure.f_number,
+            "shutter_seconds": self.exposure.seconds,
+            "exposure_compensation": self.exposure.compensation,
+            "ev100": self.ev100,
+            "exposure_gain": self.gain,
+        }
+        return {name: value for name, value in found.items() if value is not None and math.isfinite(value)}
+
+    def sentence(self) -> str:
+        """The setting in words, as `ISO 400, f/2.8, 1/125 s, EV100 7.9, metered by spot`."""
+        n, seconds, metering = self.exposure.f_number, self.exposure.seconds, self.exposure.metering
+        parts = [f"light times {self.gain:.4g}" if self.iso is None else f"ISO {_plain(self.iso)}"]
+        if n is not None and math.isfinite(n):
+            parts.append(f"f/{_plain(n)}")
+        if seconds is not None:
+            parts.append(f"1/{_plain(1.0 / seconds)} s" if 0.0 < seconds < 0.5 else f"{_plain(seconds)} s")
+        if self.ev100 is not None:
+            parts.append(f"EV100 {self.ev100:.2f}")
+        if self.exposure.compensation:
+            parts.append(f"compensated by {self.exposure.compensation:+.4g} EV")
+        if metering is not None:
+            black = "" if (self.metered or 0.0) >= _LEAST else ", and found black"
+            parts.append(f"metered by {metering.mode}{black}")
+        return ", ".join(parts)
+
+
+def _plain(number: float) -> str:
+    """A positive number with four digits at least, and without an exponent where it is large."""
+    return f"{number:.0f}" if number >= 1000.0 else f"{number:.4g}"
+
+
+def luminance(values: Floats) -> Floats:
+    """Luminance (...) of linear Rec. 709 values (..., 3), in their unit."""
+    return np.asarray(values @ np.array(REC709_LUMINANCE))
+
+
+# ---- Metering
+
+
+def _distances(x: float, y: float, frame: Frame, height: int, width: int) -> Floats:
+    """Distances (height, width), in pixels, of the pixels' middles from (x, y), in fractions of the frame."""
+    across = frame.left + np.arange(width) + 0.5 - x * frame.width
+    down = frame.top + np.arange(height) + 0.5 - y * frame.height
+    return np.asarray(np.hypot(across, down[:, None]))
+
+
+def _nearest_pixel(x: float, y: float, frame: Frame) -> float:
+    """Distance (px) of the pixel's middle of the whole frame that is nearest to (x, y), in fractions of the frame."""
+
+    def apart(place: float, size: int) -> float:
+        position = place * size
+        return abs(min(math.floor(position), size - 1) + 0.5 - position)
+
+    return math.hypot(apart(x, frame.width), apart(y, frame.height))
+
+
+def metering_weights(metering: Metering, frame: Frame, height: int, width: int) -> Floats:
+    """How much each pixel of a part of the frame counts, (height, width); 1 in sum.
+
+    `mean`: all alike.  `spot`: those in a circle.  `center_weighted`: three quarters for a circle in the middle of half
+    the frame's shorter side, and one quarter for what is around it, as Nikon's cameras have it (12 mm of 24 mm).  A
+    circle so small that no pixel's middle lies in it takes those that are nearest.
+
+    References: Nikon, "D750 User's Manual": "Metering" (the circle) and "Specifications" (its weight of 75 %).
+
+    Raises
+    ------
+    InputError : the spot lies outside of the part.
+    """
+    if metering.mode == "mean":
+        return np.full((height, width), 1.0 / (height * width))
+    is_spot = metering.mode == "spot"
+    x, y = (metering.x, metering.y) if is_spot else (0.5, 0.5)
+    diameter = (metering.size if is_spot else _CENTRE_DIAMETER) * min(frame.width, frame.height)
+    apart = _distances(x, y, frame, height, width)
+    rounding = 1.0 + 8.0 * np.finfo(np.float64).eps
+    inside = apart <= rounding * max(0.5 * diameter, _nearest_pixel(x, y, frame))
+    count = int(inside.sum())
+    if is_spot:
+        if count == 0:
+            raise InputError("the metering spot lies outside of the crop: move it there with exposure.at, or give iso")
+        return np.asarray(inside / count)
+    outside = height * width - count
+    if count == 0 or outside == 0:
+        return np.full((height, width), 1.0 / (height * width))
+    return np.where(inside, _CENTRE_WEIGHT / count, (1.0 - _CENTRE_WEIGHT) / outside)
+
+
+def metered(values: Floats, metering: Metering, frame: Frame) -> float:
+    """Mean luminance of linear values (height, width, 3) that a meter finds, in their unit.
+
+    Raises
+    ------
+    InputError : see `metering_weights`.
+    """
+    height, width, _ = values.shape
+    return float((metering_weights(metering, frame, height, width) * luminance(values)).sum())
+
+
+# ---- Gain
+
+
+def saturation_gain(seconds: float, iso: float, compensation: float = 0.0) -> float:
+    """Exposed value of 1 W/m2 on the sensor: K t S / 78 2^compensation, with K = 179 lm/W.
+
+    H_sat = 78 / S is the exposure (lx s) with which a sensor of ISO speed S saturates: ISO 12232:2019, saturation-based
+    ISO speed.
+    """
+    return WHITE_EFFICACY * seconds * iso / SATURATION_EXPOSURE * math.exp2(compensation)
+
+
+def settle(exposure: Exposure, values: Floats, frame: Frame) -> Setting:
+    """The setting for what a film has gathered, `values` (height, width, 3).
+
+    Metering chooses the ISO speed with which, without compensation, the metered luminance is 10 / 78 of saturation.
+    Where that is no speed, since aperture or shutter are not known, it chooses the gain alike.  A black picture gets
+    ISO 100, or a gain of 1.
+
+    Raises
+    ------
+    ValueError : a speed is given, and aperture or shutter are not known.
+    InputError : see `metering_weights`.
+    """
+    seconds = exposure.seconds if exposure.radiometric else None
+    if exposure.iso is not None:
+        if seconds is None:
+            raise ValueError("an ISO speed says nothing without the aperture and the time of the exposure")
+        return Setting(saturation_gain(seconds, exposure.iso, exposure.compensation), exposure.iso, None, exposure)
+
+    push = math.exp2(exposure.compensation)
+    found = metered(values, exposure.metering or Metering("mean", 0.5, 0.5, 1.0), frame)
+    if seconds is None or seconds == 0.0:
+        return Setting(METERED_VALUE / found * push if found >= _LEAST else push, None, found, exposure)
+    at_iso_1 = found * saturation_gain(seconds, 1.0)
+    iso = METERED_VALUE / at_iso_1 if at_iso_1 >= _LEAST else _UNMETERED_ISO
+    return Setting(saturation_gain(seconds, iso, exposure.compensation), iso, found, exposure)

@@ -1,0 +1,291 @@
+"""Photographs: a scene exposed, recorded, balanced and shown, from the scene file to the picture."""
+
+import json
+import math
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+
+from raytracer.cli.main import main
+from raytracer.errors import InputError
+from raytracer.film import Image, load, load_layers, srgb
+from raytracer.film.exposure import Frame, luminance
+from raytracer.film.photograph import Process, check_process, photograph
+from raytracer.film.tone import Filmic, ToneCurveSpec
+from raytracer.photography import Exposure, Metering
+from raytracer.rendering import Rendered, render
+from raytracer.scene.load import build
+from raytracer.scene.pack import pack
+from raytracer.scene.spec import SceneSpec
+from raytracer.sensors import SensorSpec
+
+WIDTH, HEIGHT = 48, 32
+WHOLE = Frame(WIDTH, HEIGHT, 0, 0)
+LINEAR = ToneCurveSpec()
+
+# A wall of even light that fills the picture, so far away that its image lies in the focal plane; and a speck behind.
+WALL = """
+camera: {{type: thin_lens, look_from: [0, 0, 0], look_at: [0, 0, -1], focal_length: 200 mm, focus_distance: inf,
+         sensor: {{{sensor}}}, f_number: {f_number}, shutter: {shutter} s, {camera}}}
+film: {{width: {width}, height: {height}{film}}}
+render: {{spp: 16, max_depth: 1}}
+environment: {{type: constant, radiance: {radiance}}}
+objects: [{{type: sphere, center: [0, 0, 9], radius: 0.001}}]
+"""
+
+
+def wall(
+    camera: str = "iso: 100",
+    *,
+    sensor: str = "format: full_frame",
+    f_number: float = 8.0,
+    shutter: float = 1 / 125,
+    film: str = "",
+    radiance: str = "2",
+    width: int = WIDTH,
+    height: int = HEIGHT,
+) -> SceneSpec:
+    return build(
+        WALL.format(
+            sensor=sensor,
+            f_number=f_number,
+            shutter=shutter,
+            camera=camera,
+            film=film and f", {film}",
+            radiance=radiance,
+            width=width,
+            height=height,
+        ),
+        "wall.yaml",
+    )
+
+
+def taken(scene: SceneSpec, **settings: object) -> Rendered:
+    return render(scene, threads=2, **settings)  # type: ignore[arg-type]
+
+
+def exposed(radiance: float, f_number: float, seconds: float, iso: float) -> float:
+    """The value on the axis, by the irradiance behind an ideal lens, E = pi L / (4 N^2), and ISO 12232."""
+    return 179.0 * math.pi * radiance / (4.0 * f_number**2) * seconds * iso / 78.0
+
+
+def centre(image: Image) -> float:
+    height, width, _ = image.radiance.shape
+    return float(image.radiance[height // 2 - 1 : height // 2 + 1, width // 2 - 1 : width // 2 + 1].mean())
+
+
+# ---- Rendered
+
+
+@pytest.mark.parametrize(
+    ("f_number", "seconds", "iso"), [(8.0, 1 / 125, 100.0), (2.8, 1 / 1000, 100.0), (16.0, 1 / 30, 400.0)]
+)
+def test_a_photograph_has_the_values_of_the_standard(f_number: float, seconds: float, iso: float) -> None:
+    image = taken(wall(f"iso: {iso}", f_number=f_number, shutter=seconds)).image
+    assert centre(image) == pytest.approx(exposed(2.0, f_number, seconds, iso), rel=2e-3)
+
+
+def test_speed_is_a_factor_and_nothing_else() -> None:
+    one, other = taken(wall("iso: 100")).image, taken(wall("iso: 800, exposure_compensation: 1")).image
+    np.testing.assert_array_equal(other.radiance, 16.0 * one.radiance)
+    assert one.variance is not None
+    assert other.variance is not None
+    np.testing.assert_array_equal(other.variance, 256.0 * one.variance)
+
+
+def test_auto_finds_the_speed_and_says_it() -> None:
+    result = taken(wall("exposure: {metering: mean}"))
+    image, setting = result.image, result.setting
+    assert luminance(image.radiance).mean() == pytest.approx(10.0 / 78.0, rel=1e-12)
+    assert setting is not None
+    assert setting.iso is not None
+    # The mean of a picture of 200 mm is darker than its middle by cos^4 of 3 degrees.
+    assert setting.iso == pytest.approx(100.0 * 10.0 / 78.0 / exposed(2.0, 8.0, 1 / 125, 100.0), rel=0.01)
+    assert image.settings["iso"] == result.stats.exposure["iso"] == setting.iso
+    assert image.settings["metering"] == "mean"
+    assert image.settings["shutter_seconds"] == 1 / 125
+    assert image.settings["ev100"] == pytest.approx(math.log2(64.0 * 125.0 / (setting.iso / 100.0)))
+    np.testing.assert_array_equal(taken(wall(f"iso: {setting.iso!r}")).image.radiance, image.radiance)
+
+
+def test_noise_is_that_of_the_photons_in_a_rendered_picture() -> None:
+    # 300 x 200 pixels of three channels: the variance is known to 0.33 %.
+    clean = taken(wall("iso: 1600", shutter=1 / 4000, width=300, height=200)).image
+    noisy = taken(
+        wall("iso: 1600", shutter=1 / 4000, sensor="format: full_frame, noise: true", width=300, height=200)
+    ).image
+    electrons = 50_000.0 * 100.0 / 1600.0
+    expected = clean.radiance.mean() / electrons + (3.0 / electrons) ** 2 + 1.0 / 12.0 / (2**14 - 1 - 512) ** 2
+    noise = noisy.radiance - clean.radiance
+    assert noise.var() == pytest.approx(expected, rel=0.03)
+    assert abs(noise.mean()) < 5.0 * math.sqrt(expected / noise.size)
+    assert noisy.variance is not None
+    assert noisy.variance.mean() == pytest.approx(noise.var(), rel=0.03)
+    assert float(noisy.settings["sensor_electrons"]) == electrons
+
+
+def test_without_noise_a_sensor_does_nothing() -> None:
+    plain = taken(wall()).image
+    off = taken(wall(sensor="format: full_frame, noise: false, full_well: 100, read_noise: 50, seed: 3")).image
+    np.testing.assert_array_equal(off.radiance, plain.radiance)
+    assert off.settings == plain.settings
+
+
+def test_what_happens_after_the_light_is_gathered_compiles_nothing() -> None:
+    kernel = numba.typeof(pack(wall()).scene)
+    noise = wall(sensor="format: full_frame, noise: true, bayer: rggb")
+    shown = wall("exposure: auto, exposure_compensation: 2", film="white_balance: auto, tone_curve: filmic")
+    assert numba.typeof(pack(noise).scene) == numba.typeof(pack(shown).scene) == kernel
+
+
+def test_a_crop_is_the_crop_of_the_noisy_whole() -> None:
+    scene = wall("iso: 3200", sensor="format: full_frame, noise: true", shutter=1 / 4000)
+    whole, part = taken(scene).image, taken(scene, crop=(11, 7, 40, 20)).image
+    np.testing.assert_array_equal(part.radiance, whole.radiance[7:20, 11:40])
+
+
+def test_seeds_of_render_and_sensor() -> None:
+    scene = wall("iso: 3200", sensor="format: full_frame, noise: true", shutter=1 / 4000)
+    own = wall("iso: 3200", sensor="format: full_frame, noise: true, seed: 1", shutter=1 / 4000)
+    np.testing.assert_array_equal(taken(scene, seed=1).image.radiance, taken(scene, seed=1).image.radiance)
+    assert (taken(scene, seed=1).image.radiance != taken(scene, seed=2).image.radiance).mean() > 0.9
+    # Other light by a hair, of another seed of the render, is the same number of electrons almost everywhere.
+    assert (taken(own, seed=2).image.radiance != taken(scene, seed=1).image.radiance).mean() < 0.05
+
+
+def test_light_of_a_temperature_is_balanced_to_neutral() -> None:
+    # CIE 15: illuminant A in linear Rec. 709, from its chromaticity (0.44758, 0.40745).
+    warm = "[1.8422, 0.8266, 0.2338]"
+    image = taken(wall(film="white_balance: 2856 K", radiance=warm)).image
+    mean = image.radiance.mean(axis=(0, 1))
+    np.testing.assert_allclose(mean / mean[1], 1.0, rtol=0.01)
+    plain = taken(wall(radiance=warm)).image
+    assert luminance(mean) == pytest.approx(luminance(plain.radiance.mean(axis=(0, 1))), rel=1e-3)
+
+
+def test_radiance_may_be_balanced_and_shown_on_film_too() -> None:
+    text = """
+camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
+film: {width: 8, height: 8%s}
+render: {spp: 4, max_depth: 1}
+environment: {type: constant, radiance: [0.6, 0.5, 0.2]}
+objects: [{type: sphere, center: [0, 0, 9], radius: 0.001}]
+"""
+    plain = taken(build(text % "", "a.yaml")).image
+    shown = taken(build(text % ", tone_curve: filmic", "a.yaml")).image
+    balanced = taken(build(text % ", white_balance: [2, 1, 4]", "a.yaml"), aovs=["direct", "depth", "variance"]).image
+    np.testing.assert_array_equal(shown.radiance, plain.radiance)
+    np.testing.assert_array_equal(shown.display(), srgb.to_uint8(Filmic(4.0)(plain.radiance)))
+    np.testing.assert_array_equal(balanced.radiance, plain.radiance * [2.0, 1.0, 4.0])
+    np.testing.assert_allclose(balanced.layers["direct"], balanced.radiance, rtol=1e-12)
+    np.testing.assert_array_equal(balanced.layers["variance"], balanced.variance)
+    np.testing.assert_array_equal(balanced.layers["depth"], np.inf)
+
+
+# ---- From light that is made by hand
+
+
+def process(
+    exposure: Exposure | None = None,
+    sensor: SensorSpec | None = None,
+    white_balance: float | tuple[float, float, float] | str | None = None,
+    tone_curve: ToneCurveSpec = LINEAR,
+) -> Process:
+    return Process(exposure, sensor, white_balance, tone_curve)
+
+
+def camera(iso: float | None = 100.0, metering: Metering | None = None) -> Exposure:
+    return Exposure(1 / 125, iso, 0.0, metering, 2.8, True)
+
+
+def light(value: float = 0.5) -> Image:
+    radiance = np.full((HEIGHT, WIDTH, 3), value)
+    return Image(radiance, 0.01 * radiance, 4, {"spp": 4}, {"direct": 0.4 * radiance, "depth": radiance})
+
+
+def test_a_process_of_nothing_hands_the_picture_on() -> None:
+    image = light()
+    result, setting = photograph(image, process(), WHOLE, 0, {})
+    assert result is image
+    assert setting is None
+
+
+def test_layers_of_light_are_exposed_as_the_picture_is() -> None:
+    image = light()
+    units = {"direct": "W/(m2 sr)", "depth": "m"}
+    result, setting = photograph(image, process(camera(), white_balance=(2.0, 1.0, 0.5)), WHOLE, 0, units)
+    assert setting is not None
+    gain = setting.gain * np.array([2.0, 1.0, 0.5])
+    np.testing.assert_allclose(result.layers["direct"], 0.4 * result.radiance, rtol=1e-12)
+    np.testing.assert_allclose(result.radiance, gain * image.radiance, rtol=1e-12)
+    np.testing.assert_allclose(result.variance, gain**2 * image.variance, rtol=1e-12)
+    np.testing.assert_array_equal(result.layers["depth"], image.layers["depth"])
+    assert result.settings["spp"] == 4
+
+
+def test_what_saturates_the_sensor_stays_white_when_it_is_balanced() -> None:
+    image = light(100.0)
+    result, _ = photograph(image, process(camera(3200.0), SensorSpec(noise=True), 3200.0), WHOLE, 0, {})
+    assert np.unique(result.radiance).size == 1
+    assert (result.radiance > 1.0).all()
+    assert (result.display() == 255).all()
+
+
+def test_a_sensor_is_shown_on_film_with_its_saturation_as_white() -> None:
+    curve = ToneCurveSpec(type="filmic")
+    result, _ = photograph(light(100.0), process(camera(), SensorSpec(noise=True), None, curve), WHOLE, 0, {})
+    assert (result.display() >= 254).all()
+    assert result.settings["tone_curve"] == "filmic, white 1, in display files only"
+
+
+def test_a_denoised_picture_has_no_variance_to_begin_with() -> None:
+    image = Image(light().radiance)
+    result, _ = photograph(image, process(camera(), SensorSpec(noise=True)), WHOLE, 0, {})
+    assert result.variance is None
+
+
+def test_what_cannot_be_developed_is_refused_before_the_work() -> None:
+    spot = process(camera(None, Metering("spot", 0.0, 0.0, 0.1)))
+    with pytest.raises(InputError, match="outside of the crop"):
+        check_process(spot, Frame(100, 100, 50, 50), 20, 20)
+    pytest.importorskip("cv2")
+    with pytest.raises(InputError, match="at least 3 x 3 pixels"):
+        check_process(process(camera(), SensorSpec(noise=True, bayer="rggb")), Frame(2, 2, 0, 0), 2, 2)
+
+
+# ---- Command line
+
+SCENE = """\
+camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40, exposure: auto}
+film: {width: 24, height: 16, tone_curve: {type: filmic, white: 2}}
+render: {spp: 16, max_depth: 1}
+environment: {type: constant, radiance: 20}
+objects: [{type: sphere, center: [0, 0, 9], radius: 0.001}]
+"""
+
+
+def test_the_command_line_says_what_was_metered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("a.yaml").write_text(SCENE)
+    assert main(["render", "a.yaml", "-o", "a.exr", "-o", "a.png", "--stats", "a.json"]) == 0
+    err = capsys.readouterr().err
+    assert "exposure: light times 0.00641, metered by center_weighted\n" in err
+    # Linear files hold exposed values, 10 / 78 of saturation; the other is shown as grey.
+    np.testing.assert_allclose(load("a.exr"), 10.0 / 78.0, rtol=1e-6)
+    np.testing.assert_array_equal(np.rint(255.0 * srgb.encode(load("a.png"))), 118)
+    _, settings = load_layers("a.exr")
+    assert settings["metering"] == "center_weighted"
+    assert float(settings["exposure_gain"]) == pytest.approx(10.0 / 78.0 / 20.0)
+    assert "in display files only" in settings["tone_curve"]
+    stats = json.loads(Path("a.json").read_text())
+    assert stats["exposure"]["exposure_gain"] == pytest.approx(10.0 / 78.0 / 20.0)
+    assert set(stats["seconds"]) == {"load", "pack", "build", "compile", "render", "develop", "total"}
+
+    assert main(["render", "a.yaml", "-q", "-o", "b.npy"]) == 0
+    assert capsys.readouterr().err == ""
+    assert main(["render", "a.yaml", "-o", "b.npy", "--crop", "2,2,8,8"]) == 0
+    assert "metered by center_weighted in the crop\n" in capsys.readouterr().err
