@@ -8,6 +8,7 @@ EXAMPLE = """\b
 Example:
   rt explain scenes/cover.yaml
   rt explain scenes/cover.yaml -D camera.defocus_angle=0 --json
+  rt explain portrait.yaml --circle 0.03mm
 """
 
 
@@ -16,13 +17,22 @@ def explain(
     define: Annotated[
         list[str] | None, typer.Option("--define", "-D", metavar="KEY=VALUE", help="Override a key of the scene.")
     ] = None,
+    circle: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SIZE",
+            help="Blur at which the depth of field ends: 0.03mm, 2px; default: 1/1500 of the sensor's diagonal.",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Say which effects a scene calls for and which not, and the camera's derived numbers."""
+    """Say which effects a scene calls for and which not, and what its camera does, in numbers."""
     from raytracer.explanation import explain as explained
+    from raytracer.explanation import parse_circle
     from raytracer.scene.load import load, parse_overrides
 
-    explanation = explained(load(scene, parse_overrides(define or [])))
+    limit = None if circle is None else parse_circle(circle)
+    explanation = explained(load(scene, parse_overrides(define or [])), circle=limit)
     if as_json:
         import json
 

@@ -18,7 +18,7 @@ from raytracer.geometry import (
     row3,
 )
 from raytracer.jit import kernel
-from raytracer.primitives.interface import areas, geometry, hit, pdf_point, sample_point
+from raytracer.primitives.interface import areas, bounds, geometry, hit, pdf_point, sample_point
 from raytracer.sampling.warp import sample_disc
 from raytracer.vec import Vec3, basis, cross, dot, madd, max_abs, norm, scale, sub
 
@@ -41,6 +41,13 @@ def _(table: Discs) -> Geometry:
 @areas.register(Discs)
 def _(table: Discs) -> NDArray[np.float64]:
     return np.asarray(np.pi * table.radius**2)
+
+
+@bounds.register(Discs)
+def _(table: Discs) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    # A circle reaches as far along an axis as the axis leans out of its normal.
+    reach = table.radius[:, None] * np.sqrt(np.maximum(0.0, 1.0 - table.normal**2))
+    return (table.center - reach).min(axis=0), (table.center + reach).max(axis=0)
 
 
 @kernel

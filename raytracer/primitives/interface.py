@@ -76,6 +76,12 @@ def areas(table: Any) -> NDArray[np.float64]:
 
 
 @generic
+def bounds(table: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The least and the greatest coordinates (3,) of what rests, over all primitives."""
+    raise NotImplementedError(type(table))
+
+
+@generic
 def group_key(table: Any) -> tuple[Any, ...]:
     """Tables with equal keys can be concatenated; keys can be sorted.  The class and what it lacks, by default."""
     return (type(table).__name__, *(name for name, field in table._asdict().items() if field is None))

@@ -18,7 +18,7 @@ from raytracer.geometry import (
     row3,
     within_quad,
 )
-from raytracer.primitives.interface import areas, geometry, hit, pdf_point, sample_point
+from raytracer.primitives.interface import areas, bounds, geometry, hit, pdf_point, sample_point
 from raytracer.vec import add, cross, madd, max_abs, norm, normalize, scale
 
 
@@ -42,6 +42,13 @@ def _(table: Parallelograms) -> Geometry:
 @areas.register(Parallelograms)
 def _(table: Parallelograms) -> NDArray[np.float64]:
     return np.asarray(np.linalg.norm(np.cross(table.u, table.v), axis=1))
+
+
+@bounds.register(Parallelograms)
+def _(table: Parallelograms) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    corner, u, v = table.corner, table.u, table.v
+    corners = np.concatenate([corner, corner + u, corner + v, corner + u + v])
+    return corners.min(axis=0), corners.max(axis=0)
 
 
 @hit.register(Parallelograms)

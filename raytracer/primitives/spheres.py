@@ -19,7 +19,7 @@ from raytracer.geometry import (
     sphere_gap,
 )
 from raytracer.jit import kernel
-from raytracer.primitives.interface import areas, geometry, hit, pdf_point, sample_point
+from raytracer.primitives.interface import areas, bounds, geometry, hit, pdf_point, sample_point
 from raytracer.sampling.warp import pdf_cone, sample_cone, sample_sphere
 from raytracer.vec import Vec3, basis, dot, madd, max_abs, norm, scale, sub, to_world
 
@@ -41,6 +41,12 @@ def _(table: Spheres) -> Geometry:
 @areas.register(Spheres)
 def _(table: Spheres) -> NDArray[np.float64]:
     return np.asarray(4.0 * np.pi * table.radius**2)
+
+
+@bounds.register(Spheres)
+def _(table: Spheres) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    radius = np.abs(table.radius)[:, None]
+    return (table.center - radius).min(axis=0), (table.center + radius).max(axis=0)
 
 
 @kernel

@@ -26,6 +26,7 @@ from raytracer.geometry import (
 from raytracer.jit import generic, kernel, prefetch
 from raytracer.primitives.interface import (
     areas,
+    bounds,
     concatenate,
     expect,
     geometry,
@@ -105,6 +106,14 @@ def _(table: Triangles | SmoothTriangles) -> Geometry:
 def _(table: Triangles | SmoothTriangles) -> NDArray[np.float64]:
     a, b, c = (table.vertices[table.faces[:, corner]].astype(np.float64) for corner in range(3))
     return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
+
+
+@bounds.register(Triangles)
+@bounds.register(SmoothTriangles)
+def _(table: Triangles | SmoothTriangles) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    # A file may hold vertices that no triangle has.
+    corners = table.vertices[table.faces].reshape(-1, 3).astype(np.float64)
+    return corners.min(axis=0), corners.max(axis=0)
 
 
 @expect.register(Triangles)

@@ -1,7 +1,7 @@
 """Which effects a scene calls for, and why: read off its packed type, so that what is said is what is compiled."""
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from raytracer.cameras.moving import MovingCamera
 from raytracer.cameras.perspective import PerspectiveCamera
@@ -30,9 +30,12 @@ def effects_of(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
     lens = getattr(camera, "lens", None)
     emitting = [item for _, item in spec.all_objects() if material_of(spec, item).emits()]
     return {
-        "defocus": Effect(lens is not None, _why_defocus(spec, lens is not None)),
+        "defocus": Effect(lens is not None, _why_defocus(spec, lens)),
+        **_photograph(spec),
+        **_opening(spec, lens),
         "projection": _projection(spec, isinstance(camera, PerspectiveCamera)),
-        "motion_blur": Effect(scene.shutter is not None, _why_motion_blur(spec, scene)),
+        "motion_blur": Effect(_moves(spec, scene), _why_motion_blur(spec, scene)),
+        **_shutter(spec, scene),
         "light_sampling": Effect(scene.lights is not None, _why_light_sampling(spec, scene, len(emitting))),
         "environment": Effect(scene.environment is not None, _why_environment(spec, scene)),
         "environment_sampling": Effect(_aims(scene, Background), _why_environment_sampling(spec, scene)),
@@ -61,24 +64,104 @@ def _projection(spec: SceneSpec, in_perspective: bool) -> Effect:
     return Effect(True, f"the {spec.camera.type} camera shows the scene otherwise than in perspective")
 
 
-def _why_defocus(spec: SceneSpec, active: bool) -> str:
-    if active:
-        numbers = spec.camera.describe(spec.film.width, spec.film.height)
-        width, focus = numbers["aperture_diameter_mm"], numbers["focus_distance_m"]
-        return f"the lens is {width:.4g} mm wide and focused at {focus:.4g} m"
-    return f"the {spec.camera.type} camera has no aperture, so everything is sharp"
+def _why_defocus(spec: SceneSpec, lens: Any) -> str:
+    if lens is None:
+        return f"the {spec.camera.type} camera has no aperture, so everything is sharp"
+    width = f"{2e3 * lens.radius:.4g} mm wide"
+    if lens.inverse_focus < 0.0:
+        return f"the hole is {width}, and bends no light"
+    focus = f"{1.0 / lens.inverse_focus:.4g} m" if lens.inverse_focus > 0.0 else "infinity"
+    return f"the lens is {width} and focused at {focus}"
+
+
+def _opening(spec: SceneSpec, lens: Any) -> dict[str, Effect]:
+    """What the lens's opening does besides having a size."""
+    shape, rim = (getattr(spec.camera, key, None) for key in ("aperture_shape", "vignetting"))
+    shaped, vignetted = (lens is not None and found is not None for found in (getattr(lens, "shape", None), rim))
+    none = "the camera's opening is a point, or missing"
+    shapeless = none if lens is None else "the opening is round"
+    rimless = none if lens is None else "nothing but the opening itself keeps light out"
+    return {
+        "aperture_shape": Effect(shaped, f"the opening has the shape {shape.type}" if shape and shaped else shapeless),
+        "vignetting": Effect(
+            vignetted, f"a rim {rim.distance:.4g} mm before the lens is in the way" if rim and vignetted else rimless
+        ),
+    }
+
+
+def _photograph(spec: SceneSpec) -> dict[str, Effect]:
+    """What happens to the light that the film has gathered."""
+    exposure = spec.camera.photograph(spec.film.width, spec.film.height)
+    sensor, balance, tone = getattr(spec.camera, "sensor", None), spec.film.white_balance, spec.film.tone_curve.type
+    noisy = sensor is not None and sensor.noise
+    exposed = "neither iso nor exposure is given, so pixels are plain radiance"
+    if exposure is not None:
+        speed = "the ISO speed that metering chooses" if exposure.iso is None else f"ISO {exposure.iso:.4g}"
+        known = exposure.radiometric and exposure.seconds is not None
+        exposed = f"{speed}, the aperture and the shutter set" if known else "metering sets"
+        exposed += " how bright the picture is"
+    return {
+        "exposure": Effect(exposure is not None, exposed),
+        "sensor_noise": Effect(
+            noisy,
+            f"photons are counted in wells of {sensor.full_well:g} electrons"
+            if sensor is not None and noisy
+            else "no sensor with `noise: true` is given, so the only noise is that of sampling",
+        ),
+        "white_balance": Effect(
+            balance is not None,
+            "red, green and blue are multiplied so that grey looks grey" if balance else "colours stay as they are",
+        ),
+        "tone_curve": Effect(
+            tone != "linear",
+            "display files are clipped at 1" if tone == "linear" else f"display files are shown by a {tone} curve",
+        ),
+    }
+
+
+def _able_to_move(spec: SceneSpec) -> int:
+    """How many objects have a motion."""
+    return sum(bool(item.motion or getattr(item, "frames", None)) for _, item in spec.all_objects())
+
+
+def _moves(spec: SceneSpec, scene: Scene) -> bool:
+    """Whether something may move while the shutter is open; paths may have a time for the sake of a flash alone."""
+    return scene.shutter is not None and (isinstance(scene.camera, MovingCamera) or _able_to_move(spec) > 0)
 
 
 def _why_motion_blur(spec: SceneSpec, scene: Scene) -> str:
     shutter = spec.camera.opening()
-    if scene.shutter is not None:
-        able = [item for _, item in spec.all_objects() if item.motion or getattr(item, "frames", None)]
-        moving = [_count(len(able), "object")] if able else []
+    if _moves(spec, scene):
+        able = _able_to_move(spec)
+        moving = [_count(able, "object")] if able else []
         moving += ["the camera"] if isinstance(scene.camera, MovingCamera) else []
         return f"the shutter is open for {shutter.close - shutter.open:.4g} s, in which {' and '.join(moving)} may move"
     if shutter.close == shutter.open:
         return f"the shutter is open for no time, at {shutter.open:g} s"
     return f"nothing moves while the shutter is open, for {shutter.close - shutter.open:.4g} s"
+
+
+def _shutter(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
+    """What a shutter, and the hand that holds it, do besides letting light in for some time."""
+    timing, shake = spec.camera.timing(), spec.camera.shake
+    still = "nothing changes while the shutter is open"
+    curve = "the shutter opens and closes at once" if timing.profile is None else still
+    rolling = still if timing.readout else "all of the film is exposed at the same time"
+    hand = "it has no time to shake" if shake is not None and shake.amplitude else "the camera is held still"
+    is_curved = scene.shutter is not None and scene.shutter.curve is not None
+    if is_curved:
+        curve = f"its transmission changes while it is open; in all it counts as {timing.seconds():.4g} s"
+    is_rolling = scene.shutter is not None and scene.shutter.scan is not None
+    if is_rolling:
+        rolling = f"lines are exposed one after another, {timing.direction}, over {timing.readout:.4g} s"
+    is_shaking = shake is not None and shake.amplitude > 0.0 and isinstance(scene.camera, MovingCamera)
+    if shake is not None and is_shaking:
+        hand = f"it turns by {shake.amplitude:.4g} deg (rms) about each axis, up to {shake.bandwidth:.4g} Hz"
+    return {
+        "shutter_curve": Effect(is_curved, curve),
+        "rolling_shutter": Effect(is_rolling, rolling),
+        "camera_shake": Effect(is_shaking, hand),
+    }
 
 
 def _aims(scene: Scene, kind: type) -> bool:

@@ -17,6 +17,8 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
 from raytracer.errors import SceneError, suggestion
+from raytracer.film.tone import ToneCurveField, ToneCurveSpec
+from raytracer.film.white_balance import WhiteBalanceField
 from raytracer.kinds import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES
 from raytracer.scene.document import Node, locate, path_text
 from raytracer.spec import INLINE_MATERIAL, Count, Name, Spec, at
@@ -76,13 +78,23 @@ def _tuple(value: Any) -> Any:
 
 
 class Film(Spec):
-    """The image: its size and how samples become pixels."""
+    """The image: its size, how samples become pixels, and how these are shown."""
 
     width: Annotated[int, Count(1, MAX_PIXELS)] = Field(description="Pixels across")
     height: Annotated[int, Count(1, MAX_PIXELS)] = Field(description="Pixels down")
     filter: Filter = Field(
         default_factory=FILTERS.specs()["box"],
         description="Reconstruction filter: a name, or a mapping with its parameters",
+    )
+    white_balance: WhiteBalanceField | None = Field(
+        default=None,
+        description="Light that is to look white: a colour temperature from 2000 to 25000 K, `auto`, which makes the "
+        "mean of the picture grey, or gains of red, green and blue; by default colours stay as they are",
+    )
+    tone_curve: ToneCurveField = Field(
+        default=ToneCurveSpec(),
+        description="How .png and .jpg files show linear values: `linear`, clipped at 1, `filmic`, or "
+        "{type: filmic, white: 4}; linear files are left as they are",
     )
 
     @model_validator(mode="after")
@@ -167,6 +179,20 @@ class SceneSpec(Spec):
             (("groups", name, i), item) for name, items in self.groups.items() for i, item in enumerate(items)
         ]
 
+    def _check_focus(self) -> None:
+        """Refuse a camera that is focused on what there is not."""
+        name = getattr(self.camera, "focus_on", None)
+        known = [item.name for item in self.objects if item.name is not None]
+        if name is None or name in known:
+            return
+        inside = (item.name for items in self.groups.values() for item in items)
+        if name in self.groups or name in inside:
+            what = "a group" if name in self.groups else "in a group"
+            sentence = f"{name!r} is {what}, which may be in many places: name an object that places it"
+            at(("camera", "focus_on"), sentence)
+        close = suggestion(name, known, "named objects")
+        at(("camera", "focus_on"), f"unknown object {name!r}; {close}")
+
     def _check_medium(self, name: str | None, *keys: str | int) -> None:
         """Refuse the name of a medium that there is not."""
         if name is not None and name not in self.media:
@@ -201,6 +227,17 @@ class SceneSpec(Spec):
             return chain[chain.index(chain[-1]) :]
         found = (self._loop((*chain, child)) for _, child in _named_parts(self.materials[chain[-1]]))
         return next(filter(None, found), ())
+
+    @model_validator(mode="after")
+    def _noise_has_an_exposure(self) -> "SceneSpec":
+        camera = self.camera
+        sensor = getattr(camera, "sensor", None)
+        if sensor is not None and sensor.noise and camera.speed() is None and camera.exposure is None:
+            at(
+                ("camera", "sensor", "noise"),
+                "noise needs to know how much light there is: give camera.iso, or camera.exposure: auto",
+            )
+        return self
 
     @model_validator(mode="after")
     def _names_agree(self) -> "SceneSpec":
@@ -240,6 +277,7 @@ class SceneSpec(Spec):
                     at((*keys, "name"), f"{item.name!r} is already the name of a group")
                 seen[item.name] = keys
         self._check_instances()
+        self._check_focus()
         return self
 
     def _check_instances(self) -> None:

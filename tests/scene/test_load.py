@@ -172,7 +172,7 @@ def test_an_override_can_stand_for_what_is_missing() -> None:
             {"objects.ball.material": {"type": "metl"}},
             "-D objects.ball.material={type: metl}: objects[0].material.type",
         ),
-        ({"camera.vfov": None}, "-D camera.vfov=null: camera.vfov: must be an angle"),
+        ({"camera.look_from": None}, "-D camera.look_from=null: camera.look_from: must be a point of three"),
     ],
 )
 def test_an_error_of_an_override_names_the_option(overrides: dict[str, Any], expected: str) -> None:
