@@ -12,13 +12,29 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from raytracer.kinds import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES, Family
+from raytracer.apertures.vignetting import Vignetting
+from raytracer.film.tone import ToneCurveSpec
+from raytracer.kinds import (
+    APERTURES,
+    CAMERAS,
+    ENVIRONMENTS,
+    FILTERS,
+    LIGHTS,
+    MATERIALS,
+    MEDIA,
+    SHAPES,
+    TEXTURES,
+    Family,
+)
 from raytracer.materials.interface import MaterialSpec
-from raytracer.motion import Keyframe, Motion, ShutterSpec, Spin
+from raytracer.motion import Keyframe, Motion, Spin
+from raytracer.photography import AutoExposure
 from raytracer.scene.schema import schema
 from raytracer.scene.spec import Film, Render, SceneSpec
+from raytracer.sensors import SensorSpec
 from raytracer.shapes.interface import ShapeSpec
 from raytracer.shapes.mesh import Frame
+from raytracer.shutter import ShutterSpec
 from raytracer.spec import Rotate, Spec, Step
 
 OUTPUT = Path(__file__).with_name("scenes.md")
@@ -177,8 +193,43 @@ objects:
 ```
 """
 
+APERTURES_INTRODUCTION = """\
+The value of a thin lens's `aperture_shape`; a disc where it is not given. An aperture is described as seen from behind
+the camera. Lights beyond the plane of focus blur to its image, those before it to its image upside down. Whatever its
+shape, it is as large in area as the round aperture of the lens's diameter, weighted by what it lets through: a shape
+changes the form of the blur, and neither the exposure nor what the f-number means."""
+
+EXPOSURE = """\
+A camera with `iso`, or `exposure`, takes a photograph. Values are then such that 1 saturates the sensor: of the
+illuminance E (lx) on the sensor, at 179 lm/W, and the time t (s), a value is E t iso / 78, as ISO 12232 defines the
+speed by saturation, times 2 to the power of `exposure_compensation`. E is what the light through the aperture brings,
+so f-number, focus and field angle have their effect by themselves. With `exposure: auto` the speed is chosen so that
+the metered luminance, before compensation, is 10/78 of saturation, which is middle grey; `rt render` says which speed
+that was, and so do the headers of files and `--stats`. Where aperture or shutter are not known, `auto` multiplies
+radiance alike. What is metered is what is rendered: with `--crop`, the crop.
+
+```yaml
+camera: {type: thin_lens, look_from: [0, 1, 6], look_at: [0, 1, 0], sensor: {format: full_frame, noise: true},
+         focal_length: 50 mm, f_number: 2.8, shutter: 1/125 s, exposure: {metering: spot, at: [0.5, 0.6]}}
+film: {width: 360, height: 239, white_balance: 5000 K, tone_curve: filmic}
+environment: {type: gradient}
+objects:
+  - {type: sphere, center: [0, 1, 0], radius: 1}
+```
+
+In order, light is exposed, recorded by the sensor if that is simulated (`noise: true`), and its white balanced.
+Linear files (`.exr`, `.hdr`, `.npy`) hold these values, which may be beyond 1 without a sensor; the tone curve is for
+what is shown, `.png`, `.jpg` and notebooks. `filmic` shows middle grey as 18 % and bends highlights towards white.
+
+A simulated sensor counts photons: n electrons expected are n on average, with the variance n, to which reading adds its
+own. A value of 1 at the base ISO is a full well; at n times that speed it is an n-th of it, so ISO 3200 at 1/32 of the
+time of ISO 100 is as bright and, but for read noise, sqrt(32) times as noisy. Values end at 1, and are as many as the
+bits allow. Light is gathered with a noise of its own, as always, so take enough samples to tell the two apart.
+"""
+
 FAMILIES: tuple[tuple[str, str, Family], ...] = (
     ("Cameras", "The value of `camera`.", CAMERAS),
+    ("Apertures", APERTURES_INTRODUCTION, APERTURES),
     ("Filters", "The value of `film.filter`: a mapping, or the type alone where the defaults will do.", FILTERS),
     ("Environments", "The value of `environment`.", ENVIRONMENTS),
     (
@@ -305,6 +356,9 @@ def reference() -> str:
     parts += ["and a keyframe:\n", *table(Keyframe, definition(Keyframe))]
     parts += ["A camera's `shutter` is a duration, or:\n", *table(ShutterSpec, definition(ShutterSpec))]
     parts += ["A frame of a mesh holds:\n", *table(Frame, definition(Frame))]
+    parts += ["### exposure\n", EXPOSURE, *table(AutoExposure, definition(AutoExposure))]
+    parts += ["A camera's `sensor` is the name of a format, or:\n", *table(SensorSpec, definition(SensorSpec))]
+    parts += ["`film.tone_curve` is a type, or:\n", *table(ToneCurveSpec, definition(ToneCurveSpec))]
 
     relief = frozenset(MaterialSpec.model_fields) - {"type"}
     material = next(iter(MATERIALS.specs().values()))
@@ -316,6 +370,13 @@ def reference() -> str:
             parts += [f"## {title}\n", introduction + "\n"]
             for name, spec in specs.items():
                 parts += kind(name, spec, hidden.get(family, frozenset()))
+        if family is APERTURES:
+            parts += [
+                "### vignetting\n",
+                "The value of a thin lens's `vignetting`.\n",
+                words(Vignetting.__doc__) + "\n",
+            ]
+            parts += table(Vignetting, definition(Vignetting))
     return "\n".join(parts).rstrip() + "\n"
 
 

@@ -168,7 +168,7 @@ VALUES = [
     changed("up along the view", "up: [0, 1, 0]", "up: [0, 0, 2]", f"{CAMERA}: up is parallel to the view"),
     changed("no up", "up: [0, 1, 0]", "up: [0, 0, 0]", f"{CAMERA}.up: must not be the zero vector"),
     changed("zero focus distance", "vfov: 40", "vfov: 40, focus_distance: 0", f"{CAMERA}.focus_distance: must be gr"),
-    changed("two apertures", "vfov: 40", "vfov: 40, aperture: 1, defocus_angle: 1", f"{CAMERA}: ", "aperture"),
+    changed("two apertures", "vfov: 40", "vfov: 40, aperture: 1, defocus_angle: 1", f"{CAMERA}.aperture: ", "give one"),
     changed("width 0", "width: 8", "width: 0", "scene.yaml:2: film.width: must be at least 1, got 0"),
     changed("half a pixel", "width: 8", "width: 8.5", "film.width: must be a whole number, got 8.5"),
     changed("10^9 pixels", "width: 8, height: 8", "width: 50000, height: 20000", "film: is too large", "1,000,000,000"),
@@ -264,6 +264,7 @@ def npy(values: list[float], shape: tuple[int, ...] = (1, 2, 3)) -> bytes:
 POINT = "type: point, position: [0, 5, 0], intensity: 1"
 SPOT = "type: spot, position: [0, 5, 0], direction: [0, -1, 0], intensity: 1, angle: 40"
 SUN = "type: sun, direction: [0, -1, 0], irradiance: 1"
+FLASH = "type: flash, energy: 2"
 
 LIGHTS = [
     light("unknown light", "type: lamp", ".type: unknown type of light 'lamp'", "point, spot, sun"),
@@ -288,6 +289,19 @@ LIGHTS = [
     light("negative irradiance", SUN.replace("e: 1", "e: [1, -1, 1]"), ".irradiance[1]: must be at least 0, got -1"),
     light("sun of 181 degrees", SUN + ", angle: 181", ".angle: must be at most 180, got 181"),
     light("sun in metres", SUN + ", angle: 1 m", ".angle: must be an angle", "unit of length"),
+    light("flash without energy", "type: flash", ".energy: is missing"),
+    light("negative energy", FLASH.replace("2", "[1, -2, 1]"), ".energy[1]: must be at least 0, got -2"),
+    light("flash of no time", FLASH + ", duration: 0", ".duration: must be greater than 0, got 0"),
+    light(
+        "flash of a third curtain", FLASH + ", curtain: third", ".curtain: must be one of first, second, got 'third'"
+    ),
+    light("flash of another intensity", FLASH + ", intensity: 1", ".intensity: unknown key 'intensity' of flash"),
+    Row(
+        "flash in a moment",
+        ("scene.yaml:8: lights[0]: a flash needs a shutter that is open for some time", "camera.shutter"),
+        change=("objects:", f"lights: [{{{FLASH}}}]\nobjects:"),
+        command="render SCENE -o DIR/out.npy",
+    ),
     surroundings("environment without a file", "type: image", ".file: is missing"),
     surroundings("environment that is not there", "type: image, file: sky.hdr", ".file: there is no file 'sky.hdr'"),
     surroundings("environment of unknown suffix", "type: image, file: a.xyz", ".xyz", file=("a.xyz", "x")),
@@ -389,6 +403,76 @@ MOTION = [
     exposed("a shutter in metres", "shutter: 8 mm", f"{CAMERA}.shutter: ", "'mm' is a unit of length"),
     exposed("a shutter that is a list", "shutter: [0, 1]", f"{CAMERA}.shutter: must be a time"),
     exposed("two openings", "shutter: {open: 0, close: 1}, time: 1", f"{CAMERA}.time: ", "give one"),
+    exposed("a shutter of two ends", "shutter: {close: 1, duration: 1}", f"{CAMERA}.shutter.duration: ", "give one"),
+    exposed(
+        "two openings, one by duration", "shutter: {open: 0, duration: 1}, time: 1", f"{CAMERA}.time: ", "give one"
+    ),
+    exposed("a negative duration", "shutter: {duration: -1 s}", f"{CAMERA}.shutter.duration: must be at least 0"),
+    exposed(
+        "an opening of unknown form",
+        "shutter: {duration: 1, opening: sudden}",
+        f"{CAMERA}.shutter.opening: must be instant or trapezoid, or [[time, transmission], ...], got 'sudden'",
+    ),
+    exposed(
+        "a trapezoid without a ramp",
+        "shutter: {duration: 1, opening: trapezoid}",
+        f"{CAMERA}.shutter.ramp: is missing: a trapezoid needs the time in which it opens",
+    ),
+    exposed(
+        "a ramp of no trapezoid",
+        "shutter: {duration: 1, ramp: 1 ms}",
+        f"{CAMERA}.shutter.ramp: belongs to `opening: trapezoid`",
+    ),
+    exposed(
+        "a ramp longer than the shutter",
+        "shutter: {duration: 1 ms, opening: trapezoid, ramp: 1 s}",
+        f"{CAMERA}.shutter.ramp: must be at most the duration, 0.001 s, got 1 s",
+    ),
+    exposed(
+        "a curve and a duration",
+        "shutter: {duration: 1, opening: [[0, 1], [1, 0]]}",
+        f"{CAMERA}.shutter.duration: the curve of `opening` says",
+    ),
+    exposed(
+        "a curve back in time",
+        "shutter: {opening: [[0, 1], [2, 0], [1, 0]]}",
+        f"{CAMERA}.shutter.opening[2][0]: must be later than the point before, 2 s, got 1 s",
+    ),
+    exposed(
+        "a curve of more than all light",
+        "shutter: {opening: [[0, 1], [2, 1.5]]}",
+        f"{CAMERA}.shutter.opening[1][1]: must be at most 1, got 1.5",
+    ),
+    exposed(
+        "a curve of metres", "shutter: {opening: [[0, 1], [2 m, 1]]}", f"{CAMERA}.shutter.opening[1][0]: ", "of length"
+    ),
+    exposed(
+        "a curve of triples", "shutter: {opening: [[0, 1, 2]]}", f"{CAMERA}.shutter.opening[0]: must be a time and"
+    ),
+    exposed("a dark curve", "shutter: {opening: [[0, 0], [1, 0]]}", f"{CAMERA}.shutter.opening: lets no light through"),
+    exposed("a curve of a point", "shutter: {opening: [[0, 1]]}", f"{CAMERA}.shutter.opening: lets no light through"),
+    exposed(
+        "a readout back in time", "shutter: {duration: 1, readout: -1}", f"{CAMERA}.shutter.readout: ", "at least 0"
+    ),
+    exposed(
+        "a readout to nowhere",
+        "shutter: {duration: 1, readout: 1, direction: donw}",
+        f"{CAMERA}.shutter.direction: must be one of down, up, left, right, got 'donw'; did you mean 'down'?",
+    ),
+    exposed(
+        "a curtain of cloth", "shutter: {duration: 1, curtain: cloth}", f"{CAMERA}.shutter.curtain: must be one of"
+    ),
+    exposed("a shake without an amplitude", "shake: {bandwidth: 5}", f"{CAMERA}.shake.amplitude: is missing"),
+    exposed("a shake in metres", "shake: {amplitude: 1 mm}", f"{CAMERA}.shake.amplitude: ", "unit of length"),
+    exposed("a negative shake", "shake: {amplitude: -1}", f"{CAMERA}.shake.amplitude: must be at least 0, got -1"),
+    exposed("a shake of no bandwidth", "shake: {amplitude: 1, bandwidth: 0}", f"{CAMERA}.shake.bandwidth: ", "than 0"),
+    exposed("a shake of rpm", "shake: {amplitude: 1, bandwidth: 9 rpm}", f"{CAMERA}.shake.bandwidth: ", "angular rate"),
+    exposed("a shake of seed 0.5", "shake: {amplitude: 1, seed: 0.5}", f"{CAMERA}.shake.seed: must be a whole number"),
+    exposed(
+        "a shake too fast to follow",
+        "shutter: 100 s, shake: {amplitude: 1, bandwidth: 1 kHz}",
+        f"{CAMERA}.shake.bandwidth: shakes 1e+05 times while the shutter is open, and at most 4096 times",
+    ),
     exposed("a time that is none", "time: noon", f"{CAMERA}.time: ", "must be a time"),
     exposed(
         "a camera that grows",
@@ -862,7 +946,305 @@ TEXTURES = [
     ),
 ]
 
+
+def opening(name: str, keys: str, *words: str, file: tuple[str, str | bytes] | None = None) -> Row:
+    return Row(
+        name,
+        (CAMERA, *words),
+        change=("vfov: 40", f"vfov: 40, aperture: 9, {keys}"),
+        command="validate SCENE" if file is None else "render SCENE -o DIR/out.npy",
+        files=() if file is None else (file,),
+    )
+
+
+APERTURES = [
+    opening("aperture of no shape", "aperture_shape: {blades: 5}", ".aperture_shape: needs a type, one of image, poly"),
+    opening("aperture by name", "aperture_shape: hexagon", ".aperture_shape: must be a mapping with a type"),
+    opening("misspelt aperture", "aperture_shape: {type: polygn}", ".aperture_shape.type: ", "mean 'polygon'?"),
+    opening("two blades", "aperture_shape: {type: polygon, blades: 2}", ".aperture_shape.blades: must be at least 3"),
+    opening("half a blade", "aperture_shape: {type: polygon, blades: 5.5}", ".aperture_shape.blades: must be a whole"),
+    opening("pinched blades", "aperture_shape: {type: polygon, curvature: -1}", ".curvature: must be at least 0, got"),
+    opening("blades beyond round", "aperture_shape: {type: polygon, curvature: 2}", ".curvature: must be at most 1"),
+    opening("blades of a disc", "aperture_shape: {type: round, blades: 5}", ".blades: unknown key 'blades' of round"),
+    opening("flat aperture", "aperture_shape: {type: round, anamorphic: 0}", ".anamorphic: must be greater than 0"),
+    opening("mask without a file", "aperture_shape: {type: image}", ".aperture_shape.file: is missing"),
+    opening(
+        "mask that is not there",
+        "aperture_shape: {type: image, file: mask.png}",
+        ".aperture_shape.file: there is no file 'mask.png'",
+    ),
+    *(
+        opening(
+            name, "aperture_shape: {type: image, file: a.npy}", ".aperture_shape.file: ", words, file=("a.npy", data)
+        )
+        for name, data, words in (
+            ("black mask", array_file([0.0]), "a.npy is black all over, so it lets no light through"),
+            ("negative mask", array_file([1.0, -1.0]), "a.npy holds a negative transmission"),
+            ("broken mask", "nonsense", "a.npy: broken, or no .npy image"),
+        )
+    ),
+    opening("rim without a place", "vignetting: {diameter: 9}", ".vignetting.distance: is missing"),
+    opening("rim of no size", "vignetting: {diameter: 0, distance: 9}", ".vignetting.diameter: must be greater than 0"),
+    opening("rim in the lens", "vignetting: {diameter: 9, distance: 0}", ".vignetting.distance: must be greater than"),
+    opening("rim in seconds", "vignetting: {diameter: 9, distance: 1 s}", ".vignetting.distance: ", "unit of time"),
+    camera(
+        "aperture of a pinhole", "type: pinhole, aperture_shape: {type: round}", f"{CAMERA}.aperture_shape: unknown"
+    ),
+]
+
+FILM = "scene.yaml:2: film"
+
+
+def developed(name: str, keys: str, *words: str) -> Row:
+    return changed(name, "filter: box", f"filter: box, {keys}", *words)
+
+
+def recorded(name: str, keys: str, *words: str, exposure: str = "exposure: auto") -> Row:
+    return changed(name, "vfov: 40", f"vfov: 40, {exposure}, sensor: {{format: full_frame, {keys}}}", *words)
+
+
+DEVELOPMENT = [
+    developed(
+        "misspelt white balance", "white_balance: daylight", f"{FILM}.white_balance: must be auto, a colour temp"
+    ),
+    developed("white balance in kilometres", "white_balance: 3200 km", f"{FILM}.white_balance: ", "unit of length"),
+    developed("white balance of embers", "white_balance: 1500 K", f"{FILM}.white_balance: must be at least 2000, got"),
+    developed(
+        "white balance beyond the sky", "white_balance: 1e5", f"{FILM}.white_balance: must be at most 25000, got"
+    ),
+    developed(
+        "two gains", "white_balance: [1, 2]", f"{FILM}.white_balance: must be gains of three numbers, got a list"
+    ),
+    developed("gain of nothing", "white_balance: [1, 0, 1]", f"{FILM}.white_balance[1]: must be greater than 0, got 0"),
+    developed("gain of infinity", "white_balance: [1, .inf, 1]", f"{FILM}.white_balance[1]: must be finite"),
+    developed("white balance of nothing", "white_balance: {}", f"{FILM}.white_balance: ", "got a mapping"),
+    developed(
+        "misspelt tone curve", "tone_curve: flimic", f"{FILM}.tone_curve: must be one of", "did you mean 'filmic'?"
+    ),
+    developed("tone curve of a number", "tone_curve: 2", f"{FILM}.tone_curve: must be a mapping (type, white), got 2"),
+    developed(
+        "white of a clipped curve", "tone_curve: {white: 2}", f"{FILM}.tone_curve.white: only the tone curve film"
+    ),
+    developed("grey white", "tone_curve: {type: filmic, white: 0.5}", f"{FILM}.tone_curve.white: must be at least 1"),
+    recorded("noise that is not yes or no", "noise: 0.5", f"{CAMERA}.sensor.noise: must be true or false, got 0.5"),
+    recorded("noise of no exposure", "noise: true", f"{CAMERA}.sensor.noise: ", "give camera.iso", exposure="time: 0"),
+    recorded("well of less than an electron", "full_well: 0", f"{CAMERA}.sensor.full_well: must be at least 1, got 0"),
+    recorded("negative read noise", "read_noise: -1", f"{CAMERA}.sensor.read_noise: must be at least 0, got -1"),
+    recorded("half a bit", "bit_depth: 7.5", f"{CAMERA}.sensor.bit_depth: must be a whole number, got 7.5"),
+    recorded("17 bits", "bit_depth: 17", f"{CAMERA}.sensor.bit_depth: must be at most 16, got 17"),
+    recorded("black above white", "bit_depth: 8, black_level: 255", f"{CAMERA}.sensor.black_level: ", "8 bits, 255"),
+    recorded("speed of nothing", "base_iso: 0", f"{CAMERA}.sensor.base_iso: must be at least 1, got 0"),
+    recorded("misspelt mosaic", "bayer: rgbg", f"{CAMERA}.sensor.bayer: must be one of rggb, bggr, grbg, gbrg, got"),
+    recorded("misspelt noise", "nois: true", f"{CAMERA}.sensor.nois: unknown key 'nois' of sensor; ", "mean 'noise'?"),
+    recorded("negative seed of noise", "seed: -1", f"{CAMERA}.sensor.seed: must be at least 0, got -1"),
+    Row(
+        "spot outside of the crop",
+        ("the metering spot lies outside of the crop",),
+        change=("  - {type: mesh, file: rock.ply}\n", ""),
+        command="render SCENE -o DIR/out.npy --crop 0,0,2,2 -D camera.exposure.metering=spot",
+    ),
+]
+
+
+def focused(name: str, keys: str, *words: str, change: tuple[str, str] | None = None) -> Row:
+    scene = SCENE if change is None else SCENE.replace(*change)
+    return Row(name, words, ("vfov: 40", f"vfov: 40, {keys}"), scene, "render SCENE -o DIR/out.npy")
+
+
+def circled(name: str, circle: str, *words: str) -> Row:
+    return Row(name, words, command=f"explain SCENE --circle {circle}")
+
+
+FOCUS = [
+    focused("focus on nobody", "focus_on: bal", f"{CAMERA}.focus_on: unknown object 'bal'; did you mean 'ball'?"),
+    focused("focus on a number", "focus_on: 3", f"{CAMERA}.focus_on: "),
+    focused(
+        "focus where there are no names",
+        "focus_on: ball",
+        f"{CAMERA}.focus_on: unknown object 'ball'; there are no named objects",
+        change=("name: ball, ", ""),
+    ),
+    focused(
+        "focus behind the camera",
+        "focus_on: ball",
+        f"{CAMERA}.focus_on: the middle of 'ball', [0, 0, 9], lies behind the camera",
+        change=("center: [0, 0, 0]", "center: [0, 0, 9]"),
+    ),
+    focused(
+        "focus within the focal length",
+        "focal_length: 5 m, focus_on: ball",
+        f"{CAMERA}.focus_on: the plane of focus, 4 m away, must be farther than the focal length",
+    ),
+    focused(
+        "focus on a surface within the focal length",
+        "focal_length: 3.5 m, focus_at: [0.5, 0.5]",
+        f"{CAMERA}.focus_at: the plane of focus, 3 m away, must be farther than the focal length",
+    ),
+    focused(
+        "focus on nothing with a defocus angle",
+        "defocus_angle: 1, focus_at: [0, 0]",
+        f"{CAMERA}.focus_at: ",
+        "defocus_angle needs a finite focus_distance",
+    ),
+    focused("focus outside the frame", "focus_at: [0.5, 1.5]", f"{CAMERA}.focus_at[1]: must be at most 1, got 1.5"),
+    focused("focus at one number", "focus_at: [0.5]", f"{CAMERA}.focus_at", "at least 2 values"),
+    focused("focus at a word", "focus_at: middle", f"{CAMERA}.focus_at: "),
+    focused("focus twice", "focus_on: ball, focus_distance: 2", f"{CAMERA}.focus_on: ", "give one of them"),
+    circled("circle of nothing", "0mm", "'--circle': must be a length on the film or in pixels", "got '0mm'"),
+    circled("circle in seconds", "3s", "'--circle': must be a length on the film or in pixels, 0.03 mm or 2 px"),
+    circled("circle on a film without a size", "0.03mm", "'--circle': a length needs a film that has a size"),
+]
+
+
+def optics(name: str, keys: str, *words: str, kind: str = "thin_lens") -> Row:
+    """A camera at 4 m from what it looks at, with these keys in place of its field of view."""
+    return Row(name, words, ("type: thin_lens", f"type: {kind}"), SCENE.replace("vfov: 40", keys))
+
+
+OPTICS = [
+    optics("two fields of view", "vfov: 40, hfov: 50", f"{CAMERA}.hfov: vfov and hfov both set the field of view"),
+    optics("two more of them", "hfov: 40, dfov: 50", f"{CAMERA}.dfov: hfov and dfov both set", kind="pinhole"),
+    optics("two focal lengths", "focal_length: 50, equivalent_focal_length: 75", ".equivalent_focal_length: ", "both"),
+    optics(
+        "a field of view besides the one of the optics",
+        "vfov: 40, sensor: full_frame, focal_length: 50",
+        f"{CAMERA}.vfov: vfov is set twice, by itself and by sensor and focal_length",
+    ),
+    optics(
+        "the same on a sensor of any size",
+        "focal_length: 50, dfov: 40, sensor: {width: 36, height: 24}",
+        f"{CAMERA}.dfov: dfov is set twice, by itself and by sensor and focal_length",
+        kind="pinhole",
+    ),
+    optics(
+        "an equivalent of the field of view",
+        "hfov: 40, equivalent_focal_length: 50",
+        f"{CAMERA}.hfov: hfov and equivalent_focal_length both set the field of view",
+    ),
+    optics("half a circle", "hfov: 180", f"{CAMERA}.hfov: must be less than 180, got 180"),
+    optics("no diagonal", "dfov: 0 deg", f"{CAMERA}.dfov: must be greater than 0, got '0 deg'"),
+    optics("no focal length", "focal_length: 0", f"{CAMERA}.focal_length: must be greater than 0, got 0"),
+    optics("a lens that spreads", "focal_length: -50", f"{CAMERA}.focal_length: must be greater than 0, got -50"),
+    optics("an infinite lens", "focal_length: .inf", f"{CAMERA}.focal_length: must be finite"),
+    optics("a focal length in degrees", "focal_length: 50 deg", f"{CAMERA}.focal_length: ", "'deg' is a unit of angle"),
+    optics("a misspelt focal length", "focal_lenght: 50", f"{CAMERA}.focal_lenght: ", "did you mean 'focal_length'?"),
+    optics("no equivalent", "equivalent_focal_length: 0", f"{CAMERA}.equivalent_focal_length: must be greater than 0"),
+    optics("an unknown sensor", "sensor: full_fram", f"{CAMERA}.sensor: unknown sensor", "did you mean 'full_frame'?"),
+    optics("a sensor of 35 mm", "sensor: 35", f"{CAMERA}.sensor: unknown sensor 35; ", "full_frame"),
+    optics("a sensor of two numbers", "sensor: [36, 24]", f"{CAMERA}.sensor: unknown sensor"),
+    optics("a format that is none", "sensor: {format: dx}", f"{CAMERA}.sensor.format: unknown sensor 'dx'"),
+    optics("a sensor of no height", "sensor: {width: 36}", f"{CAMERA}.sensor.width: height is missing: a sensor's siz"),
+    optics("a sensor of no width", "sensor: {height: 24}", f"{CAMERA}.sensor.height: width is missing"),
+    optics("a sensor of width 0", "sensor: {width: 0, height: 24}", f"{CAMERA}.sensor.width: must be greater than 0"),
+    optics("a sensor in seconds", "sensor: {width: 36 s, height: 24}", f"{CAMERA}.sensor.width: ", "'s' is a unit of"),
+    optics(
+        "a sensor of two sizes",
+        "sensor: {format: aps_c, width: 36, height: 24}",
+        f"{CAMERA}.sensor.format: format and width and height both set the size",
+    ),
+    optics("a fit without a sensor", "vfov: 40, sensor_fit: crop", f"{CAMERA}.sensor_fit: ", "there is none: give sen"),
+    optics(
+        "a misspelt fit", "sensor: aps_c, sensor_fit: overscam", f"{CAMERA}.sensor_fit: ", "did you mean 'overscan'?"
+    ),
+    optics(
+        "a lens within itself", "focal_length: 5 m", f"{CAMERA}.focal_length: the plane of focus, 4 m away, must be"
+    ),
+    optics(
+        "a subject within the focal length",
+        "focal_length: 50, focus_distance: 4 cm",
+        f"{CAMERA}.focus_distance: the plane of focus, 0.04 m away, must be farther than the focal length, 50 mm",
+    ),
+    optics(
+        "a subject at the focal length",
+        "focal_length: 50, focus_distance: 5 cm",
+        f"{CAMERA}.focus_distance: ",
+        "nearer there is no image",
+    ),
+    optics(
+        "a cone from infinity",
+        "vfov: 40, focus_distance: .inf, defocus_angle: 1",
+        f"{CAMERA}: defocus_angle needs a finite focus_distance",
+    ),
+    optics("an f-number of an angle", "vfov: 40, f_number: 2", f"{CAMERA}.f_number: f_number needs a focal length"),
+    optics("f/0", "focal_length: 50, f_number: 0", f"{CAMERA}.f_number: must be greater than 0, got 0"),
+    optics("a negative f-number", "focal_length: 50, f_number: -2", f"{CAMERA}.f_number: must be greater than 0"),
+    optics(
+        "an f-number in words", "focal_length: 50, f_number: f/2", f"{CAMERA}.f_number: must be a number (", "got 'f/2'"
+    ),
+    optics(
+        "an aperture and an f-number",
+        "focal_length: 50, aperture: 25, f_number: 2",
+        f"{CAMERA}.f_number: aperture and f_number both set the size of the lens",
+    ),
+    optics("an aperture below nothing", "vfov: 40, aperture: -1", f"{CAMERA}.aperture: must be at least 0, got -1"),
+    optics("a pupil of a cat", "focal_length: 50, pupil: slit", f"{CAMERA}.pupil: must be one of aplanatic, flat, got"),
+    optics(
+        "a hole of two sizes",
+        "focal_length: 50, diameter: 2, f_number: 25",
+        f"{CAMERA}.f_number: diameter and f_number both set the size of the hole",
+        kind="pinhole",
+    ),
+    optics("a hole before an angle", "vfov: 40, diameter: 2", f"{CAMERA}.diameter: ", "give focal_len", kind="pinhole"),
+    optics(
+        "a hole of less than nothing", "focal_length: 50, diameter: -2", ".diameter: must be at least 0", kind="pinhole"
+    ),
+    optics(
+        "a hole in focus", "focal_length: 50, focus_distance: 2", ".focus_distance: unknown key 'foc", kind="pinhole"
+    ),
+    optics("a hole in a lens", "focal_length: 50, diameter: 2", f"{CAMERA}.diameter: unknown key 'diameter' of thin_l"),
+    optics("a bare sensor's view", "vfov: 40", f"{CAMERA}.vfov: unknown key 'vfov' of none", kind="none"),
+    optics("a bare sensor's aperture", "f_number: 2", f"{CAMERA}.f_number: unknown key 'f_number'", kind="none"),
+    optics("a bare sensor of no size", "sensor: {noise: false}", f"{CAMERA}.sensor: needs a size: a for", kind="none"),
+    optics("a bare sensor of unknown size", "sensor: 36x24", f"{CAMERA}.sensor: unknown sensor '36x24'", kind="none"),
+    optics("a bare sensor in no time", "iso: 100", f"{CAMERA}.iso: iso needs a shutter that is open", kind="none"),
+]
+
+LIT = "focal_length: 50, f_number: 2, shutter: 1/125 s"
+
+EXPOSURES = [
+    optics("a speed of nothing", f"{LIT}, iso: 0", f"{CAMERA}.iso: must be greater than 0, got 0"),
+    optics("a speed without limit", f"{LIT}, iso: .inf", f"{CAMERA}.iso: must be finite"),
+    optics("a speed in seconds", f"{LIT}, iso: 1/100 s", f"{CAMERA}.iso: must be a plain number without a unit"),
+    optics("a speed of an angle", "vfov: 40, shutter: 1, iso: 100", f"{CAMERA}.iso: iso needs the size of the optics"),
+    optics("a speed without time", "focal_length: 50, f_number: 2, iso: 100", f"{CAMERA}.iso: iso needs a shutter"),
+    optics(
+        "a speed in no time", f"{LIT}, iso: 100".replace("1/125", "0"), f"{CAMERA}.iso: iso needs a shutter that is ope"
+    ),
+    optics(
+        "a speed without light",
+        f"{LIT}, iso: 100".replace("f_number: 2", "f_number: .inf"),
+        f"{CAMERA}.iso: iso needs an aperture that lets light in: give a finite f_number, or aperture or defocus_angle",
+    ),
+    optics(
+        "a speed of a point",
+        "focal_length: 50, shutter: 1/125 s, iso: 100, diameter: 0",
+        f"{CAMERA}.iso: iso needs an aperture that lets light in: give diameter, or a finite f_number",
+        kind="pinhole",
+    ),
+    optics("two exposures", f"{LIT}, iso: 100, exposure: auto", f"{CAMERA}.exposure: exposure and iso both set"),
+    optics("an exposure by number", f"{LIT}, exposure: 2", f"{CAMERA}.exposure: must be auto, or a mapping", "key iso"),
+    optics("a misspelt auto", f"{LIT}, exposure: atuo", f"{CAMERA}.exposure: must be auto, or a mapping"),
+    optics("a misspelt meter", f"{LIT}, exposure: {{metering: spto}}", f"{CAMERA}.exposure.metering: ", "mean 'spot'?"),
+    optics("a meter of no size", f"{LIT}, exposure: {{size: 0}}", f"{CAMERA}.exposure.size: must be greater than 0"),
+    optics(
+        "a meter beside the frame",
+        f"{LIT}, exposure: {{metering: spot, at: [0.5, 1.5]}}",
+        f"{CAMERA}.exposure.at[1]: must be at most 1, got 1.5",
+    ),
+    optics(
+        "compensation of nothing",
+        f"{LIT}, exposure_compensation: 1",
+        f"{CAMERA}.exposure_compensation: exposure_compensation needs iso or exposure: auto",
+    ),
+    optics(
+        "compensation without end",
+        f"{LIT}, iso: 100, exposure_compensation: .inf",
+        f"{CAMERA}.exposure_compensation: must be finite",
+    ),
+]
+
 ROWS = [
+    *DEVELOPMENT,
     *TEXTURES,
     *FACETS,
     *COMPOSED,
@@ -879,6 +1261,10 @@ ROWS = [
     *OVERRIDES,
     *RENDER,
     *USAGE,
+    *APERTURES,
+    *FOCUS,
+    *OPTICS,
+    *EXPOSURES,
 ]
 
 

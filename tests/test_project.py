@@ -16,7 +16,18 @@ import yaml
 
 import raytracer
 from raytracer.cli.main import app
-from raytracer.kinds import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES, Family
+from raytracer.kinds import (
+    APERTURES,
+    CAMERAS,
+    ENVIRONMENTS,
+    FILTERS,
+    LIGHTS,
+    MATERIALS,
+    MEDIA,
+    SHAPES,
+    TEXTURES,
+    Family,
+)
 from raytracer.scene.load import load
 from raytracer.spec import Spec
 
@@ -24,7 +35,7 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
-FAMILIES = (CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES)
+FAMILIES = (APERTURES, CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES)
 
 COMMANDS = set(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
 
@@ -82,8 +93,9 @@ def _scene_with(family: Family, snippet: str, folder: Path) -> Path:
     else:
         scene.update(piece)
         for item in piece.values():
-            if "file" in item:
-                (folder / item["file"]).touch()
+            for source in (item, item.get("aperture_shape", {})):
+                if "file" in source:
+                    (folder / source["file"]).touch()
     path = folder / "scene.yaml"
     path.write_text(yaml.safe_dump(scene))
     return path
@@ -98,6 +110,7 @@ def test_a_kinds_docstring_holds_a_scene_that_is_valid(
     snippet = make_scenes.snippet(sys.modules[spec.__module__].__doc__)
     scene = load(_scene_with(family, snippet, tmp_path))
     found = {
+        APERTURES: [getattr(scene.camera, "aperture_shape", None)],
         CAMERAS: [scene.camera],
         ENVIRONMENTS: [scene.environment],
         FILTERS: [scene.film.filter],

@@ -7,6 +7,8 @@ import json
 import os
 import subprocess
 import sys
+import time
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +18,26 @@ import pytest
 import raytracer
 from raytracer.scene.load import build
 from raytracer.scene.pack import pack
+from tests.probe import SCENES
 from tests.rendering import scene
 
 ROOT = Path(__file__).parent.parent
 
-FAMILIES = ("cameras", "environments", "filters", "lights", "materials", "media", "primitives", "sampling", "textures")
+FAMILIES = (
+    "apertures",
+    "cameras",
+    "environments",
+    "filters",
+    "lights",
+    "materials",
+    "media",
+    "primitives",
+    "sampling",
+    "textures",
+)
+
+# Scenes whose kernel is that of `plain`, so that there is nothing to compile.
+SAME_AS_PLAIN = {"off"}
 
 
 def probe(cache: Path, *names: str) -> dict[str, Any]:
@@ -38,32 +55,53 @@ def probe(cache: Path, *names: str) -> dict[str, Any]:
     return dict(json.loads(result.stdout))
 
 
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("cache")
+class Kernels(Mapping[str, Any]):
+    """What tests/probe.py says of each of its scenes, found out when it is asked for.
+
+    The processes of a test run share what they find in a folder: a file that one of them has begun to write is a name
+    that the others leave to it.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.cache = folder / "cache"
+        self._folder = folder
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*sorted(SCENES.keys() - SAME_AS_PLAIN), "plain+depth"))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def __getitem__(self, name: str) -> Any:
+        self._find([name])
+        return json.loads((self._folder / f"{name}.json").read_text())
+
+    def all(self) -> dict[str, Any]:
+        """Every scene's."""
+        self._find(list(self))
+        return {name: self[name] for name in self}
+
+    def _find(self, names: list[str]) -> None:
+        self._folder.mkdir(exist_ok=True)
+        for name in names:
+            try:
+                (self._folder / f"{name}.begun").touch(exist_ok=False)
+            except FileExistsError:
+                continue
+            aside = self._folder / f"{name}.aside"
+            aside.write_text(json.dumps(probe(self.cache, name)[name]))
+            aside.rename(self._folder / f"{name}.json")
+        for name in names:
+            deadline = time.monotonic() + 300.0
+            while not (self._folder / f"{name}.json").exists():
+                assert time.monotonic() < deadline, f"the process that was to compile {name} has not"
+                time.sleep(0.1)
 
 
-@pytest.fixture(scope="module")
-def kernels(cache: Path) -> dict[str, Any]:
-    return probe(
-        cache,
-        "plain",
-        "sky",
-        "lens",
-        "glass",
-        "lamp",
-        "fog",
-        "egg",
-        "sun",
-        "daylight",
-        "flight",
-        "dolly",
-        "fisheye",
-        "gauze",
-        "checked",
-        "bumpy",
-        "plain+depth",
-    )
+@pytest.fixture(scope="session")
+def kernels(tmp_path_factory: pytest.TempPathFactory) -> Kernels:
+    base = tmp_path_factory.getbasetemp()
+    return Kernels((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "kernels")
 
 
 def kinds(report: dict[str, Any]) -> set[str]:
@@ -76,7 +114,7 @@ def kinds(report: dict[str, Any]) -> set[str]:
     }
 
 
-def test_plain_scene_holds_its_own_kinds_only(kernels: dict[str, Any]) -> None:
+def test_plain_scene_holds_its_own_kinds_only(kernels: Kernels) -> None:
     # A matte ball in the dark before a pinhole: no lens, glass, metal, light, environment, and no optics at all.
     plain = kernels["plain"]
     assert kinds(plain) == {"filters.box", "materials.lambertian", "primitives.spheres", "sampling.independent"}
@@ -88,20 +126,21 @@ def test_plain_scene_holds_its_own_kinds_only(kernels: dict[str, Any]) -> None:
     ("name", "brings"),
     [
         ("sky", {"environments.constant"}),
-        ("lens", {"cameras.thin_lens"}),
+        ("lens", {"cameras.pupil"}),
+        ("iris", {"cameras.pupil", "apertures.polygon", "apertures.vignetting"}),
         ("fisheye", {"cameras.fisheye"}),
         ("glass", {"materials.dielectric"}),
         ("lamp", {"lights.emitters", "materials.emitter", "sampling.alias"}),
         ("fog", {"media.homogeneous"}),
-        ("sun", {"lights.sun"}),
-        ("gauze", {"materials.cutout", "lights.emitters"}),
+        ("sun", {"lights.sun", "sampling.alias"}),
+        ("gauze", {"materials.cutout", "materials.emitter", "lights.emitters", "sampling.alias"}),
         ("flight", {"primitives.translated"}),
         ("checked", {"textures.checker"}),
         ("dolly", {"cameras.moving"}),
         ("daylight", {"environments.equirectangular", "lights.background"}),
     ],
 )
-def test_an_effect_brings_its_own_code(kernels: dict[str, Any], name: str, brings: set[str]) -> None:
+def test_an_effect_brings_its_own_code(kernels: Kernels, name: str, brings: set[str]) -> None:
     found = kinds(kernels[name])
     assert brings <= found
     # Nothing besides, but for kinds that are there anyway.
@@ -110,11 +149,12 @@ def test_an_effect_brings_its_own_code(kernels: dict[str, Any], name: str, bring
     assert kernels[name]["llvm_size"] > kernels["plain"]["llvm_size"]
 
 
-def test_shadow_rays_are_compiled_where_there_are_lights(kernels: dict[str, Any]) -> None:
-    assert {name: report["calls"]["rtcOccluded8"] for name, report in kernels.items()} == {
+def test_shadow_rays_are_compiled_where_there_are_lights(kernels: Kernels) -> None:
+    assert {name: report["calls"]["rtcOccluded8"] for name, report in kernels.all().items()} == {
         "plain": 0,
         "sky": 0,
         "lens": 0,
+        "iris": 0,
         "glass": 0,
         "lamp": 1,
         "fog": 0,
@@ -131,33 +171,33 @@ def test_shadow_rays_are_compiled_where_there_are_lights(kernels: dict[str, Any]
     }
 
 
-def test_shadow_rays_are_followed_where_light_may_pass(kernels: dict[str, Any]) -> None:
+def test_shadow_rays_are_followed_where_light_may_pass(kernels: Kernels) -> None:
     # As rays that look for what they meet, in place of those that only look whether they meet anything.
     assert kernels["gauze"]["calls"]["rtcIntersect8"] == 2
-    assert {report["calls"]["rtcIntersect8"] for name, report in kernels.items() if name != "gauze"} == {1}
+    assert {report["calls"]["rtcIntersect8"] for name, report in kernels.all().items() if name != "gauze"} == {1}
 
 
-def test_kernels_count_no_references(kernels: dict[str, Any]) -> None:
+def test_kernels_count_no_references(kernels: Kernels) -> None:
     # Counts are atomic and shared by all threads; they cost a third of the time.
-    assert {name: report["reference_counts"] for name, report in kernels.items()} == dict.fromkeys(kernels, 0)
+    assert {name: report["reference_counts"] for name, report in kernels.all().items()} == dict.fromkeys(kernels, 0)
 
 
-def test_only_aovs_that_are_asked_for_are_compiled(kernels: dict[str, Any]) -> None:
+def test_only_aovs_that_are_asked_for_are_compiled(kernels: Kernels) -> None:
     recorded = {
         name: {module for module in report["modules"] if module.startswith("raytracer.aovs.")}
-        for name, report in kernels.items()
+        for name, report in kernels.all().items()
     }
     assert recorded.pop("plain+depth") == {"raytracer.aovs.interface", "raytracer.aovs.distances"}
     assert not any(recorded.values())
 
 
-def test_relief_is_compiled_where_a_material_has_some(kernels: dict[str, Any]) -> None:
+def test_relief_is_compiled_where_a_material_has_some(kernels: Kernels) -> None:
     # A checker is its texture in both; the second one shades with its slopes too.
-    assert {name for name, report in kernels.items() if "raytracer.relief" in report["modules"]} == {"bumpy"}
+    assert {name for name, report in kernels.all().items() if "raytracer.relief" in report["modules"]} == {"bumpy"}
     assert kernels["bumpy"]["llvm_size"] > kernels["checked"]["llvm_size"] > kernels["plain"]["llvm_size"]
 
 
-def test_instances_are_compiled_where_something_is_placed(kernels: dict[str, Any]) -> None:
+def test_instances_are_compiled_where_something_is_placed(kernels: Kernels) -> None:
     # A matte ellipsoid is the matte ball of `plain`, and besides it the transforms of rays and hits.
     assert kinds(kernels["egg"]) <= kinds(kernels["plain"])
     assert "raytracer.motion" in kernels["egg"]["modules"]
@@ -165,10 +205,11 @@ def test_instances_are_compiled_where_something_is_placed(kernels: dict[str, Any
     assert kernels["egg"]["llvm_size"] > kernels["plain"]["llvm_size"]
 
 
-def test_a_second_process_compiles_nothing(kernels: dict[str, Any], cache: Path) -> None:
+def test_a_second_process_compiles_nothing(kernels: Kernels) -> None:
     assert kernels["plain"]["cache_misses"] == 1
     for name in ("plain", "lamp"):
-        again = probe(cache, name)[name]
+        assert kernels[name]
+        again = probe(kernels.cache, name)[name]
         assert again["compiled"] == 0
         assert (again["cache_hits"], again["cache_misses"]) == (1, 0)
 

@@ -1,0 +1,68 @@
+"""How long the streaks of moving points are.
+
+A spot that moves evenly by L pixels is spread along its way by L^2 / 12 more than across it.  The spot's 28 pixels hold
+n = 29 000 of the 1024 samples a pixel, so that a variance v is known to about v / sqrt(n), 0.6 %: the shortest of these
+streaks, 1.85 pixels, to 0.05 pixels, and the longest, 30 pixels, to 0.1.  0.2 is two and more of that, which is for
+independent numbers; Sobol's do better.  A smaller spot would do worse, by the grid of the pixels (Sheppard's
+corrections to moments hold for what is wider than a few of them).
+"""
+
+import math
+
+import pytest
+
+from tests.camera_truths.measure import Moments, moments, pixels, spot
+
+ROWS, VFOV, DEPTH, SPEED = 1080, 40.0, 10.0, 3.0
+PIXEL = 2.0 * math.tan(math.radians(VFOV / 2.0)) / ROWS * DEPTH
+"""Width (m) of a pixel where the point is."""
+
+SPOT_PX = 3.0
+
+
+def streak(shutter: str, *, velocity: str = f"[{SPEED}, 0, 0]", x: float = 0.0, crop_px: int = 48) -> Moments:
+    """Moments (px, from the middle of the film) of the picture of a point that moves."""
+    left = 960 - crop_px // 2
+    picture = pixels(
+        f"type: pinhole, vfov: {VFOV}, shutter: {shutter}",
+        spot(x, 0.0, DEPTH, SPOT_PX * PIXEL, f", motion: {{velocity: {velocity}}}"),
+        width=1920,
+        height=ROWS,
+        spp=1024,
+        crop=(left, 540 - crop_px // 2, left + crop_px, 540 + crop_px // 2),
+    )
+    found = moments(picture)
+    return found._replace(x=found.x - crop_px / 2, y=found.y - crop_px / 2)
+
+
+def length(found: Moments) -> float:
+    """Length (px) of a streak along x."""
+    return math.sqrt(12.0 * (found.variance_x - found.variance_y))
+
+
+def test_the_streak_of_the_worked_number() -> None:
+    # Camera truths: (rows / 2 tan(vfov / 2)) v dt / z: 1080 rows, 40 deg, 3 m/s, 10 m, 1/60 s: 7.418 px.
+    found = streak("1/60 s")
+    assert length(found) == pytest.approx(7.418, abs=0.2)
+    # It is at x = 0 when the shutter opens, and half the way is the streak's middle.
+    assert found.x == pytest.approx(7.418 / 2.0, abs=0.2)
+    assert found.y == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_streak_is_as_long_as_the_shutter_is_open() -> None:
+    for number in (240, 120, 60, 30, 15):
+        way = 7.418 * 60.0 / number
+        found = streak(f"1/{number} s", x=-0.5 * way * PIXEL)
+        assert length(found) == pytest.approx(way, abs=0.2), number
+        assert found.x == pytest.approx(0.0, abs=0.2)
+    # And not where on the scene's clock the shutter opens.
+    late = streak("{open: 2, duration: 1/30 s}", x=-SPEED * (2.0 + 1.0 / 60.0))
+    assert length(late) == pytest.approx(2.0 * 7.418, abs=0.2)
+    assert late.x == pytest.approx(0.0, abs=0.2)
+
+
+def test_what_moves_towards_the_camera_leaves_no_streak_on_the_axis() -> None:
+    found = streak("1/60 s", velocity=f"[0, 0, {SPEED}]")
+    assert found.variance_x == pytest.approx(found.variance_y, rel=0.05)
+    # The spot grows by 1 / (1 - 0.005) in that time: its variance without the pixel's is a^2 / 4.
+    assert found.variance_x - 1.0 / 12.0 == pytest.approx(SPOT_PX**2 / 4.0, rel=0.05)
