@@ -1,28 +1,274 @@
-"""Render the scenes of the repository into docs/gallery, small: `make gallery`."""
+"""Render the scenes of the repository into docs/gallery, small: `make gallery`.
 
+    python docs/make_gallery.py [NAME ...]    those alone: cover, lecture_aperture, ...
+
+Of a scene of scenes/lecture, a picture shows several settings side by side: those of `LECTURE`.
+"""
+
+import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
 
 from raytracer.rendering import render
 from raytracer.scene.load import load
+from raytracer.scene.spec import SceneSpec
 
 ROOT = Path(__file__).parents[1]
+SCENES = ROOT / "scenes"
+GALLERY = ROOT / "docs" / "gallery"
 LONGEST_EDGE = 800
 SPP = 256
 MOST_BYTES = 300_000
 
+GAP = 6
+CAPTION = 24
+FONT_SIZE = 15
+PAPER = (255, 255, 255)
+INK = (40, 40, 40)
+QUALITIES = (92, 88, 84, 80, 75)
+
+
+class Variant(NamedTuple):
+    """A setting of a lecture scene: what stands below its picture, and the keys that it changes, as `-D` does."""
+
+    caption: str
+    keys: Mapping[str, Any]
+
+
+class Sheet(NamedTuple):
+    """How the settings of a lecture scene are shown: how many in a row, each how wide and high at most (px); spp."""
+
+    columns: int
+    width: int
+    spp: int
+    variants: Sequence[Variant]
+
+
+def _one_key(key: str, captions: Mapping[str, Any]) -> list[Variant]:
+    """Settings that differ in the value of one key, by their captions."""
+    return [Variant(caption, {key: value}) for caption, value in captions.items()]
+
+
+ENGRAVED = (
+    (1.4, "1/500"), (2, "1/250"), (2.8, "1/125"), (4, "1/60"), (5.6, "1/30"), (8, "1/15"), (11, "1/8"), (16, "1/4"),
+    (22, "1/2"), (32, "1"),
+)  # fmt: skip
+"""What stands on a lens and its camera for f/2^(k/2) and 2^(k-10) s, k from 1 to 10."""
+
+LECTURE = {
+    "focal_lengths": Sheet(
+        3, 400, 128, _one_key("camera.focal_length", {f"{length} mm": length for length in (17, 24, 35, 50, 100, 200)})
+    ),
+    "dolly_zoom": Sheet(
+        3,
+        400,
+        128,
+        [
+            Variant(
+                f"{length} mm from {0.088 * length:.3g} m",
+                {"camera.focal_length": length, "camera.look_from": [0, 1.4, 0.088 * length]},
+            )
+            for length in (17, 50, 200)
+        ],
+    ),
+    "sensor_sizes": Sheet(
+        3,
+        400,
+        128,
+        [
+            *(Variant(f"{name}, 28 mm", {"camera.sensor": name}) for name in ("full_frame", "aps_c", "1-inch")),
+            *(
+                Variant(
+                    f"{name}, 75 mm equivalent",
+                    {"camera.sensor": name, "camera.focal_length": None, "camera.equivalent_focal_length": 75},
+                )
+                for name in ("full_frame", "four_thirds", "1/2.3-inch")
+            ),
+        ],
+    ),
+    "aperture": Sheet(
+        3,
+        400,
+        256,
+        [
+            Variant(f"f/{n}, {time} s", {"camera.f_number": n, "camera.shutter": time})
+            for n, time in ((1.4, "1/500"), (4, "1/60"), (22, "1/2"))
+        ],
+    ),
+    "equivalent_exposures": Sheet(
+        5,
+        240,
+        256,
+        [
+            Variant(f"f/{n}, {time} s", {"camera.f_number": 2 ** (k / 2), "camera.shutter": 2.0 ** (k - 10)})
+            for k, (n, time) in enumerate(ENGRAVED, start=1)
+        ],
+    ),
+    "shutter": Sheet(
+        2,
+        480,
+        128,
+        [
+            Variant(f"1/{rate} s, ISO {iso}", {"camera.shutter": f"1/{rate} s", "camera.iso": iso})
+            for rate, iso in ((240, 3200), (120, 1600), (60, 800), (30, 400), (15, 200), (8, 100))
+        ],
+    ),
+    "propeller": Sheet(
+        4,
+        300,
+        128,
+        [
+            Variant("all at once", {"camera.shutter.readout": 0}),
+            Variant("1/60 s, down", {"camera.shutter.readout": "1/60"}),
+            Variant("1/25 s, down", {}),
+            Variant("1/25 s, right", {"camera.shutter.direction": "right"}),
+        ],
+    ),
+    "train": Sheet(
+        2,
+        480,
+        128,
+        [
+            Variant("all at once", {"camera.shutter.readout": 0}),
+            Variant("electronic, 1/30 s down", {}),
+            Variant("electronic, 1/30 s up", {"camera.shutter.direction": "up"}),
+            Variant(
+                "focal plane, 1/250 s down",
+                {"camera.shutter.readout": "1/250", "camera.shutter.curtain": "focal_plane"},
+            ),
+        ],
+    ),
+    "iso_noise": Sheet(
+        2,
+        480,
+        512,
+        [
+            Variant(f"ISO {iso}, 1/{iso * 16 // 100} s", {"camera.iso": iso, "camera.shutter": 100 / 16 / iso})
+            for iso in (100, 1600, 6400, 25600)
+        ],
+    ),
+    "focus_breathing": Sheet(
+        3,
+        400,
+        128,
+        _one_key("camera.focus_on", {f"on the {name}": name for name in ("last ball", "green ball", "red ball")}),
+    ),
+    "bokeh": Sheet(
+        3,
+        400,
+        512,
+        [
+            Variant("round", {}),
+            Variant("six blades", {"camera.aperture_shape": {"type": "polygon", "blades": 6}}),
+            Variant(
+                "five blades, curved", {"camera.aperture_shape": {"type": "polygon", "blades": 5, "curvature": 0.5}}
+            ),
+            Variant("anamorphic", {"camera.aperture_shape": {"type": "round", "anamorphic": 2}}),
+            Variant("vignetted by a rim", {"camera.vignetting": {"diameter": 60, "distance": 90}}),
+            Variant("a mask", {"camera.aperture_shape": {"type": "image", "file": "heart.png"}}),
+        ],
+    ),
+    "frozen_drop": Sheet(
+        3,
+        400,
+        256,
+        [
+            Variant(f"flash of 1/{rate} s", {f"lights[{k}].duration": f"1/{rate} s" for k in range(2)})
+            for rate in (20000, 1000, 60)
+        ],
+    ),
+    "light_trails": Sheet(
+        3,
+        400,
+        1024,
+        [
+            Variant(f"{time} s, ISO {iso}", {"camera.shutter": f"{time} s", "camera.iso": iso})
+            for time, iso in (("1/16", 12800), ("1", 800), ("8", 100))
+        ],
+    ),
+    "pinhole": Sheet(
+        3,
+        400,
+        128,
+        [
+            Variant("hole of 6 mm, 1/80 s", {"camera.diameter": 6, "camera.shutter": 1 / 80}),
+            Variant("1 mm, 0.45 s", {"camera.diameter": 1, "camera.shutter": 0.45}),
+            Variant("0.35 mm, 3.7 s", {"camera.diameter": 0.35, "camera.shutter": 3.7}),
+        ],
+    ),
+    "no_lens": Sheet(
+        2,
+        400,
+        256,
+        [
+            Variant("no lens, 1/80000 s", {}),
+            Variant(
+                "35 mm, f/11, 1/160 s",
+                {"camera.type": "pinhole", "camera.focal_length": 35, "camera.f_number": 11, "camera.shutter": 1 / 160},
+            ),
+        ],
+    ),
+}
+
+
+def smaller(file: Path, keys: Mapping[str, Any], width: int, height: int) -> SceneSpec:
+    """A scene whose film fits into width x height pixels."""
+    film = load(file, dict(keys)).film
+    factor = min(1.0, width / film.width, height / film.height)
+    size = {"film.width": round(factor * film.width), "film.height": round(factor * film.height)}
+    return load(file, {**keys, **size})
+
+
+def sheet(pictures: Sequence[NDArray[np.uint8]], captions: Sequence[str], columns: int) -> Image.Image:
+    """Pictures of one size (height, width, 3) in rows, each with its caption below."""
+    height, width, _ = pictures[0].shape
+    rows = -(-len(pictures) // columns)
+    paper = Image.new("RGB", (columns * (width + GAP) - GAP, rows * (height + CAPTION + GAP) - GAP), PAPER)
+    draw, font = ImageDraw.Draw(paper), ImageFont.load_default(FONT_SIZE)
+    for number, (picture, caption) in enumerate(zip(pictures, captions, strict=True)):
+        left, top = number % columns * (width + GAP), number // columns * (height + CAPTION + GAP)
+        paper.paste(Image.fromarray(picture), (left, top))
+        draw.text((left + width // 2, top + height + CAPTION // 2), caption, INK, font, anchor="mm")
+    return paper
+
+
+def scene_picture(file: Path) -> None:
+    """Render a scene as it is."""
+    rendered = render(smaller(file, {}, LONGEST_EDGE, LONGEST_EDGE), spp=SPP)
+    rendered.image.save(GALLERY / f"{file.stem}.jpg")
+
+
+def lecture_picture(name: str) -> None:
+    """Render the settings of a lecture scene side by side, as finely compressed as the size allows."""
+    wanted = LECTURE[name]
+    pictures = []
+    for variant in wanted.variants:
+        spec = smaller(SCENES / "lecture" / f"{name}.yaml", variant.keys, wanted.width, wanted.width)
+        pictures.append(render(spec, spp=wanted.spp).image.display())
+    paper = sheet(pictures, [variant.caption for variant in wanted.variants], wanted.columns)
+    target = GALLERY / f"lecture_{name}.jpg"
+    for quality in QUALITIES:
+        paper.save(target, quality=quality)
+        if target.stat().st_size <= MOST_BYTES:
+            break
+
 
 def main() -> None:
-    """Render every scene."""
-    folder = ROOT / "docs" / "gallery"
-    folder.mkdir(exist_ok=True)
-    for file in sorted((ROOT / "scenes").glob("*.yaml")):
-        film = load(file).film
-        factor = min(1.0, LONGEST_EDGE / max(film.width, film.height))
-        size = {"film.width": round(factor * film.width), "film.height": round(factor * film.height)}
-        picture = folder / f"{file.stem}.jpg"
-        rendered = render(load(file, size), spp=SPP)
-        rendered.image.save(picture)
-        print(f"{picture.relative_to(ROOT)}: {rendered.stats.seconds['render']:.1f} s, {picture.stat().st_size} bytes")
+    """Render the scenes that are named, or all."""
+    GALLERY.mkdir(exist_ok=True)
+    plain = {file.stem: file for file in sorted(SCENES.glob("*.yaml"))}
+    for name in sys.argv[1:] or [*plain, *(f"lecture_{name}" for name in LECTURE)]:
+        if name in plain:
+            scene_picture(plain[name])
+        else:
+            lecture_picture(name.removeprefix("lecture_"))
+        picture = GALLERY / f"{name}.jpg"
+        print(f"{picture.relative_to(ROOT)}: {picture.stat().st_size} bytes", flush=True)
         if picture.stat().st_size > MOST_BYTES:
             raise SystemExit(f"{picture}: is larger than {MOST_BYTES} bytes")
 

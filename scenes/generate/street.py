@@ -1,0 +1,210 @@
+"""Write the scenes of ``scenes/lecture`` that look down one street.
+
+They differ in their cameras, and in whether somebody stands in the street; a second run writes the same bytes:
+
+    python scenes/generate/street.py [FOLDER]
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+MADE = """\
+# Made by `python scenes/generate/street.py`, which reproduces this file byte for byte; to change more than its camera,
+# change that script.
+"""
+
+FILM = """\
+film: {width: 480, height: 320}
+render: {spp: 256, max_depth: 6}
+"""
+
+HEADS = {
+    "focal_lengths": """\
+# Focal lengths: one street, from one place, through lenses of 17 to 200 mm.
+# Look at: the clock on the tower, 150 m away, which grows in proportion to the focal length; the street before it,
+# which looks short through a long lens, although only less of it is seen; the corners at 17 mm, dark by cos^4.
+# Change: camera.focal_length, to 17, 24, 35, 50, 100 and 200 mm.
+camera:
+  {type: thin_lens, look_from: [0, 1.6, 0], look_at: [0, 5, -150], sensor: full_frame, focal_length: 35 mm,
+   f_number: 11, focus_distance: 30, shutter: 1/160 s, iso: 100}
+""",
+    "dolly_zoom": """\
+# Dolly zoom, as in Hitchcock's "Vertigo": the camera goes back while it zooms in, so that somebody stays as large.
+# Look at: the person, always of one size; the street behind, which comes closer, and the clock, which grows from a
+# speck to more than the head.  Perspective is where the camera stands; the focal length only cuts out a part of it.
+# Change: camera.focal_length and with it the distance, look_from[2], which is 88 times that: 17 mm from 1.496 m, 50 mm
+# from 4.4 m, 200 mm from 17.6 m.
+camera:
+  {type: thin_lens, look_from: [0, 1.4, 4.4], look_at: [0, 1.4, 0], sensor: full_frame, focal_length: 50 mm,
+   f_number: 11, focus_on: person, shutter: 1/160 s, iso: 100}
+""",
+    "sensor_sizes": """\
+# Sensor sizes: what a smaller sensor records of the picture that a lens makes.
+# Look at: with one lens, 28 mm, the frame, which closes in as if the focal length were longer, by the crop factor; and
+# the brightness, which stays: light by the square metre does not ask for the size.  With one field of view instead, the
+# street behind, blurred on the large sensor and sharp on the small one, whose lens has a pupil some millimetres wide.
+# Change: camera.sensor, to medium_format, full_frame, aps_c, four_thirds, 1-inch, 1/2.3-inch.  For one field of view,
+# equivalent_focal_length: 75 mm in place of focal_length.
+camera:
+  {type: thin_lens, look_from: [0.35, 1.5, 2.6], look_at: [0.25, 1.45, 0], sensor: full_frame, focal_length: 28 mm,
+   f_number: 2, focus_on: head, shutter: 1/5000 s, iso: 100}
+""",
+    "pinhole": """\
+# Pinholes of real sizes: a box with a hole, 90 mm in front of a sheet of film of 4 x 5 inches (127 x 102 mm).
+# Look at: the hole of 6 mm, which draws every point as a disc of 6 mm, near and far alike; that of 1 mm, soft; that of
+# 0.35 mm, sharp.  The price is light, and time: 1/80 s, 0.45 s and 3.7 s for pictures of one brightness.  A smaller
+# hole would blur again, by diffraction, which is left out: `rt explain` gives the Airy disc, which is 0.35 mm too.
+# Change: camera.diameter, and with its square the inverse of camera.shutter.
+camera:
+  {type: pinhole, look_from: [0, 1.6, -6], look_at: [1.5, 3.4, -50], sensor: {width: 127 mm, height: 102 mm},
+   focal_length: 90 mm, diameter: 0.35 mm, shutter: 3.7 s, iso: 100}
+""",
+    "no_lens": """\
+# No lens: a bare sensor in the street, and a pinhole camera at the same place.
+# Look at: nothing.  Without a lens every pixel is lit by all that lies before the sensor, so all record the same grey.
+# And they need but 1/80000 s for it: half the world shines on each, where a lens at f/11 lets in a cone 5 degrees wide.
+# Change: camera.type to pinhole, with camera.focal_length=35, camera.f_number=11 and camera.shutter=1/160.
+camera:
+  {type: none, look_from: [0, 1.6, 0], look_at: [0, 5, -150], sensor: full_frame, shutter: 1/80000 s, iso: 100}
+""",
+}
+
+INHABITED = ("dolly_zoom", "sensor_sizes")
+
+ENVIRONMENT = """\
+environment: {type: sky, sun_elevation: 38, sun_azimuth: 145, turbidity: 3, ground_albedo: 0.2, sun: true}
+textures:
+  paving: {type: checker, scale: 1, even: [0.2, 0.19, 0.18], odd: [0.3, 0.29, 0.27]}
+  bands: {type: checker, scale: 2, even: [0.55, 0.2, 0.14], odd: [0.7, 0.66, 0.58]}
+materials:
+  street: {type: lambertian, albedo: paving}
+  lawn: {type: lambertian, albedo: [0.09, 0.17, 0.05]}
+  cream: {type: lambertian, albedo: [0.62, 0.54, 0.4]}
+  brick: {type: lambertian, albedo: [0.42, 0.17, 0.11]}
+  blue: {type: lambertian, albedo: [0.25, 0.36, 0.45]}
+  roof: {type: lambertian, albedo: [0.2, 0.11, 0.09]}
+  glass: {type: lambertian, albedo: [0.05, 0.06, 0.08]}
+  white: {type: lambertian, albedo: 0.75}
+  bark: {type: lambertian, albedo: [0.13, 0.09, 0.06]}
+  leaves: {type: lambertian, albedo: [0.1, 0.22, 0.05]}
+  tower: {type: lambertian, albedo: bands}
+"""
+
+CLOTHES = """\
+  red: {type: lambertian, albedo: [0.6, 0.06, 0.05]}
+  dark: {type: lambertian, albedo: [0.05, 0.06, 0.1]}
+  skin: {type: lambertian, albedo: [0.55, 0.36, 0.26]}
+"""
+
+STREET = """\
+groups:
+  # What a house has besides its walls: it is 8 m wide, 9 m long and 7 m high, its front at x = 0.
+  front:
+    - {type: box, min: [-0.7071, -0.7071, -4.8], max: [0.7071, 0.7071, 4.8], material: roof,
+       transform: [{rotate: {axis: [0, 0, 1], angle: 45}}, {scale: [4.4, 2.6, 1]}, {translate: [-4, 6.7, 0]}]}
+    - {type: box, min: [-0.1, 0, -0.6], max: [0.06, 2.2, 0.6], material: roof}
+    - {type: instance, of: window, placements: [[{translate: [0, 1.2, -2.9]}], [{translate: [0, 1.2, 2.9]}],
+         [{translate: [0, 4.2, -2.9]}], [{translate: [0, 4.2, 0]}], [{translate: [0, 4.2, 2.9]}]]}
+    - {type: instance, of: window, transform: [{rotate: {axis: [0, 1, 0], angle: -90}}, {translate: [-4, 0, 4.5]}],
+       placements: &gable
+         [[{translate: [0, 1.2, -2]}], [{translate: [0, 1.2, 2]}],
+          [{translate: [0, 4.2, -2]}], [{translate: [0, 4.2, 2]}]]}
+    - {type: instance, of: window, transform: [{rotate: {axis: [0, 1, 0], angle: 90}}, {translate: [-4, 0, -4.5]}],
+       placements: *gable}
+  window:
+    - {type: box, min: [-0.1, 0, -0.6], max: [0.04, 1.5, 0.6], material: white}
+    - {type: box, min: [-0.1, 0.08, -0.52], max: [0.06, 1.42, -0.04], material: glass}
+    - {type: box, min: [-0.1, 0.08, 0.04], max: [0.06, 1.42, 0.52], material: glass}
+  cream house:
+    - {type: box, min: [-8, 0, -4.5], max: [0, 7, 4.5], material: cream}
+    - {type: instance, of: front}
+  brick house:
+    - {type: box, min: [-8, 0, -4.5], max: [0, 7, 4.5], material: brick}
+    - {type: instance, of: front}
+  blue house:
+    - {type: box, min: [-8, 0, -4.5], max: [0, 7, 4.5], material: blue}
+    - {type: instance, of: front}
+  tree:
+    - {type: box, min: [-0.12, 0, -0.12], max: [0.12, 2.4, 0.12], material: bark}
+    - {type: sphere, center: [0, 3.3, 0], radius: 1.25, material: leaves}
+    - {type: sphere, center: [0.5, 2.8, 0.5], radius: 0.8, material: leaves}
+    - {type: sphere, center: [-0.5, 4.1, -0.2], radius: 0.9, material: leaves}
+objects:
+  - {type: quad, name: street, corner: [-6, 0, 60], edges: [[12, 0, 0], [0, 0, -260]], material: street}
+  - {type: quad, name: lawn, corner: [-500, -0.05, 100], edges: [[1000, 0, 0], [0, 0, -1100]], material: lawn}
+"""
+
+TOWER = """\
+  - {type: box, name: tower, min: [-2.5, 0, -155], max: [2.5, 14, -150], material: tower}
+  - {type: disc, center: [0, 8, -149.95], normal: [0, 0, 1], radius: 1.7, material: white}
+  - {type: box, min: [-0.1, 7.9, -149.95], max: [0.1, 9.4, -149.9], material: glass}
+  - {type: box, min: [-0.1, 7.9, -149.95], max: [1.1, 8.1, -149.9], material: glass}
+"""
+
+PERSON = """\
+  # Somebody 1.75 m tall, who stands at the origin.
+  - &limb {type: sphere, center: [0, 0, 0], radius: 1, material: dark,
+     transform: [{scale: [0.1, 0.45, 0.1]}, {translate: [-0.12, 0.42, 0]}]}
+  - {<<: *limb, transform: [{scale: [0.1, 0.45, 0.1]}, {translate: [0.12, 0.42, 0]}]}
+  - {<<: *limb, material: red, transform:
+     [{scale: [0.075, 0.34, 0.075]}, {rotate: {axis: [0, 0, 1], angle: -9}}, {translate: [-0.27, 1.05, 0]}]}
+  - {<<: *limb, material: red, transform:
+     [{scale: [0.075, 0.34, 0.075]}, {rotate: {axis: [0, 0, 1], angle: 9}}, {translate: [0.27, 1.05, 0]}]}
+  - {<<: *limb, name: person, material: red, transform: [{scale: [0.25, 0.4, 0.17]}, {translate: [0, 1.1, 0]}]}
+  - {type: sphere, name: head, center: [0, 1.6, 0], radius: 0.14, material: skin}
+  - {type: sphere, center: [-0.05, 1.63, 0.12], radius: 0.025, material: dark}
+  - {type: sphere, center: [0.05, 1.63, 0.12], radius: 0.025, material: dark}
+"""
+
+
+STEP = 16
+NEAREST, FARTHEST = -14, -150
+COLOURS = ("cream", "brick", "blue")
+
+
+def placements(kind: str, turns: list[str], places: list[tuple[int, int]]) -> str:
+    """Return an object placed at these x and z (m), each turned as the texts say."""
+    lines = [f"      - [{turn}{{translate: [{x}, 0, {z}]}}]\n" for turn, (x, z) in zip(turns, places, strict=True)]
+    return f"  - type: instance\n    of: {kind}\n    placements:\n{''.join(lines)}"
+
+
+def turn(angle: int) -> str:
+    """Return a step that turns by this angle (deg) about the vertical."""
+    return f"{{rotate: {{axis: [0, 1, 0], angle: {angle % 360}}}}}, "
+
+
+def houses_and_trees() -> str:
+    """Return both sides of the street: houses in three colours by turns, and a tree between any two."""
+    text = ""
+    rows = range(NEAREST, FARTHEST + STEP, -STEP)
+    for number, colour in enumerate(COLOURS):
+        left = [(-9, z) for z in rows[number::3]]
+        right = [(9, z) for z in rows[(number + 2) % 3 :: 3]]
+        turns = [""] * len(left) + [turn(180)] * len(right)
+        text += placements(f"{colour} house", turns, left + right)
+    trees = [(x, z - STEP // 2) for z in rows for x in (-7, 7)]
+    return text + placements("tree", [turn(-5 * z + 60 * x) for x, z in trees], trees)
+
+
+def street(name: str) -> str:
+    """Return the text of a whole scene file."""
+    film = FILM.replace("width: 480, height: 320", "width: 400, height: 320") if name == "pinhole" else FILM
+    head, somebody = HEADS[name].partition("camera:"), name in INHABITED
+    text = f"{head[0]}{MADE}{head[1]}{head[2]}{film}{ENVIRONMENT}{CLOTHES if somebody else ''}"
+    return f"{text}{STREET}{houses_and_trees()}{TOWER}{PERSON if somebody else ''}"
+
+
+def main() -> None:
+    """Write the scenes to the folder given, or beside the other scenes."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    default = Path(__file__).resolve().parent.parent / "lecture"
+    parser.add_argument("folder", nargs="?", type=Path, default=default, help="default: scenes/lecture")
+    arguments = parser.parse_args()
+    for name in HEADS:
+        (arguments.folder / f"{name}.yaml").write_text(street(name), encoding="utf-8", newline="\n")
+
+
+if __name__ == "__main__":
+    main()
