@@ -9,9 +9,10 @@ Determination of exposure index, ISO speed ratings, standard output sensitivity,
 import math
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, model_validator
 
-from raytracer.spec import Fraction, Quantity, Spec
+from raytracer.errors import shown
+from raytracer.spec import Fraction, Quantity, Spec, at
 
 WHITE_EFFICACY = 179.0
 """Lumens of a watt of white light, evenly spread over the visible spectrum.
@@ -20,13 +21,13 @@ References: Ward 1994, "The RADIANCE Lighting Simulation and Rendering System", 
 """
 
 SATURATION_EXPOSURE = 78.0
-"""Exposure (lx s) that saturates a sensor, times its ISO speed: S_sat = 78 / H_sat, ISO 12232, 6.2.
+"""Exposure (lx s) that saturates a sensor, times its ISO speed: S_sat = 78 / H_sat (ISO 12232).
 
 It leaves half a stop above a white surface where grey of 18 % has the exposure 10 / S.
 """
 
 MEAN_EXPOSURE = 10.0
-"""Mean exposure (lx s) of a picture that is exposed well, times the ISO speed: S_SOS = 10 / H, ISO 12232, 7.1."""
+"""Mean exposure (lx s) of a picture that is exposed well, times the ISO speed: S_SOS = 10 / H (ISO 12232)."""
 
 FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
 """Diagonal (mm) of the 35 mm frame, which equivalent focal lengths refer to: CIPA DCG-001."""
@@ -140,6 +141,7 @@ class Exposure(NamedTuple):
     metering : None where the speed is given.
     f_number : None if not known.
     radiometric : whether the film has gathered irradiance (W/m2); else it has radiance (W/(m2 sr)).
+    slowest : the least speed that metering may choose; None for any.
     """
 
     seconds: float | None
@@ -148,6 +150,7 @@ class Exposure(NamedTuple):
     metering: Metering | None
     f_number: float | None
     radiometric: bool
+    slowest: float | None = None
 
 
 class AutoExposure(Spec):
@@ -166,6 +169,14 @@ class AutoExposure(Spec):
         default=0.1, description="diameter of the spot, as a fraction of the frame's shorter side"
     )
 
+    @model_validator(mode="after")
+    def _has_a_spot(self) -> "AutoExposure":
+        idle = self.model_fields_set - {"metering"}
+        if self.metering != "spot" and idle:
+            key = min(idle)
+            at(key, f"{key} belongs to metering: spot, and this is {self.metering}")
+        return self
+
     def meter(self) -> Metering:
         """What the film is told."""
         return Metering(self.metering, *self.at, self.size)
@@ -175,7 +186,9 @@ def _auto(value: Any) -> Any:
     if value == "auto":
         return AutoExposure()
     if isinstance(value, str | int | float):
-        raise ValueError("must be auto, or a mapping (metering, at, size); a given speed is the key iso")  # noqa: TRY004
+        raise ValueError(  # noqa: TRY004
+            f"must be auto, or a mapping (metering, at, size), got {shown(value)}; a given speed is the key iso"
+        )
     return value
 
 

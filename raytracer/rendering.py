@@ -217,10 +217,9 @@ def render_image(
 
 def _process(spec: SceneSpec) -> Process:
     """How the picture is to be developed."""
-    sensor = getattr(spec.camera, "sensor", None)
     return Process(
         exposure=spec.camera.photograph(spec.film.width, spec.film.height),
-        sensor=sensor if sensor is not None and sensor.noise else None,
+        sensor=spec.camera.simulated_sensor(),
         white_balance=spec.film.white_balance,
         tone_curve=spec.film.tone_curve,
     )

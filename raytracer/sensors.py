@@ -120,6 +120,14 @@ class SensorSpec(Spec):
             at(given, f"{missing} is missing: a sensor's size is its width and its height")
         return self
 
+    @model_validator(mode="after")
+    def _simulates_what_it_sets(self) -> "SensorSpec":
+        idle = self.model_fields_set - {"format", "width", "height"}
+        if idle and "noise" not in idle:
+            key = next(key for key in type(self).model_fields if key in idle)
+            at(key, f"{key} does nothing without noise: true, which simulates the sensor")
+        return self
+
     def size(self) -> Size | None:
         """Width and height (mm); None where they are not given."""
         if self.format is not None:

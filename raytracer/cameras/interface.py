@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from raytracer.jit import generic
 from raytracer.motion import Motion, Shake
 from raytracer.photography import AutoExposureField, Exposure
+from raytracer.sensors import SensorSpec
 from raytracer.shutter import Shutter, ShutterField, Timing, timing_of
 from raytracer.spec import Name, Quantity, Spec, Time, at, matrix_of
 
@@ -103,6 +104,10 @@ class CameraSpec(Spec):
         """The ISO speed that is given; None where there is none, or where metering chooses it."""
         return None
 
+    def simulated_sensor(self) -> SensorSpec | None:
+        """The sensor whose noise and limits are part of the picture; None for an ideal one."""
+        return None
+
     def relative_aperture(self, width: int, height: int) -> float | None:
         """The f-number, where it is known."""
         return None
@@ -115,7 +120,7 @@ class CameraSpec(Spec):
         """What a film of width x height pixels is told of the exposure; None where it records radiance."""
         if self.speed() is None and self.exposure is None:
             return None
-        seconds = self.exposure_seconds()
+        seconds, sensor = self.exposure_seconds(), self.simulated_sensor()
         return Exposure(
             seconds=seconds if seconds > 0.0 else None,
             iso=self.speed(),
@@ -123,6 +128,7 @@ class CameraSpec(Spec):
             metering=None if self.exposure is None else self.exposure.meter(),
             f_number=self.relative_aperture(width, height),
             radiometric=self.is_radiometric(),
+            slowest=None if sensor is None else sensor.base_iso,
         )
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> Any:

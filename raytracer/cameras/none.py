@@ -6,23 +6,20 @@ In a scene:
 """
 
 import math
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
-from pydantic import Field, model_validator
-
+from raytracer.cameras.exposed import ExposedSpec
 from raytracer.cameras.interface import LENS, NO_ASSETS, Assets, camera_ray, project
-from raytracer.cameras.placement import Frame, PlacedSpec, in_frame
+from raytracer.cameras.placement import Frame, in_frame
 from raytracer.jit import kernel
 from raytracer.sampling import sample_2d
 from raytracer.sampling.warp import sample_cosine_hemisphere
-from raytracer.sensors import SENSORS, SensorField, SensorSpec, Size, fitted
-from raytracer.spec import Quantity, at
+from raytracer.sensors import SENSORS, Size
+from raytracer.units import METRES_PER_MILLIMETRE
 from raytracer.vec import add, madd, scale, to_world
 
-_METRES_PER_MILLIMETRE = 1e-3
 
-
-class BareSensor(PlacedSpec):
+class BareSensor(ExposedSpec):
     """A sensor at `look_from`, facing `look_at`, with neither lens nor pinhole.
 
     Each of its pixels is lit by all that lies before it, so they record nearly the same.  Without `iso` a pixel is
@@ -30,37 +27,12 @@ class BareSensor(PlacedSpec):
     """
 
     type: Literal["none"] = "none"
-    sensor: SensorField = Field(
-        default=SensorSpec(format="full_frame"),
-        description=f"a name ({', '.join(SENSORS)}), or {{width: 36 mm, height: 24 mm}}",
-    )
-    sensor_fit: Literal["crop", "horizontal", "vertical", "overscan"] = Field(
-        default="crop", description="how a picture of another shape than the sensor's lies on it, as for a pinhole"
-    )
-    iso: Annotated[float, Quantity(low=0.0, low_open=True, high=1e9)] | None = Field(
-        default=None,
-        description="speed of the sensor: asks for photographic exposure, by shutter and speed, after which 1 is what "
-        "saturates the sensor",
-    )
-
-    @model_validator(mode="after")
-    def _can_be_exposed(self) -> "BareSensor":
-        if self.iso is not None and self.exposure_seconds() == 0.0:
-            at("iso", "iso needs a shutter that is open for some time, such as shutter: 1/125 s")
-        if self.sensor.size() is None:
-            at("sensor", f"needs a size: a format ({', '.join(SENSORS)}), or width and height")
-        return self
-
-    def speed(self) -> float | None:
-        return self.iso
 
     def is_radiometric(self) -> bool:
         return True
 
     def _film(self, width: int, height: int) -> Size:
-        size = self.sensor.size()
-        assert size is not None
-        return fitted(size, width, height, self.sensor_fit)
+        return self._fitted(self._sensor() or Size(*SENSORS["full_frame"]), width, height)
 
     def describe(self, width: int, height: int) -> dict[str, float]:
         """Derived numbers: the film and a pixel of it."""
@@ -74,7 +46,7 @@ class BareSensor(PlacedSpec):
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "Bare":
         """The camera for a film of width x height pixels."""
         film = self._film(width, height)
-        pixel = _METRES_PER_MILLIMETRE * film.height / height
+        pixel = METRES_PER_MILLIMETRE * film.height / height
         return Bare(self.frame(), pixel, -0.5 * pixel * width, 0.5 * pixel * height)
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.errors import InputError
+from raytracer.optics import REC709_LUMINANCE
 from raytracer.photography import (
     MEAN_EXPOSURE,
     SATURATION_EXPOSURE,
@@ -28,9 +29,6 @@ from raytracer.photography import (
 )
 
 Floats = NDArray[np.float64]
-
-REC709_LUMINANCE = (0.2126, 0.7152, 0.0722)
-"""Luminance of the primaries of linear Rec. 709: ITU-R BT.709-6, item 3.2."""
 
 METERED_VALUE = MEAN_EXPOSURE / SATURATION_EXPOSURE
 """What metering gives the mean of what it measures: 10 / 78 of saturation."""
@@ -106,6 +104,8 @@ class Setting(NamedTuple):
         if metering is not None:
             black = "" if (self.metered or 0.0) >= _LEAST else ", and found black"
             parts.append(f"metered by {metering.mode}{black}")
+            if self.iso is not None and self.exposure.slowest == self.speed:
+                parts.append("as slow as the sensor is")
         return ", ".join(parts)
 
 
@@ -198,6 +198,7 @@ def settle(exposure: Exposure, values: Floats, frame: Frame) -> Setting:
     """The setting for what a film has gathered, `values` (height, width, 3).
 
     Metering chooses the ISO speed with which, without compensation, the metered luminance is 10 / 78 of saturation.
+    A sensor that is simulated is no slower than its base ISO, compensation included: the picture is then overexposed.
     Where that is no speed, since aperture or shutter are not known, it chooses the gain alike.  A black picture gets
     ISO 100, or a gain of 1.
 
@@ -212,10 +213,13 @@ def settle(exposure: Exposure, values: Floats, frame: Frame) -> Setting:
             raise ValueError("an ISO speed says nothing without the aperture and the time of the exposure")
         return Setting(saturation_gain(seconds, exposure.iso, exposure.compensation), exposure.iso, None, exposure)
 
+    assert exposure.metering is not None
     push = math.exp2(exposure.compensation)
-    found = metered(values, exposure.metering or Metering("mean", 0.5, 0.5, 1.0), frame)
-    if seconds is None or seconds == 0.0:
+    found = metered(values, exposure.metering, frame)
+    if seconds is None:
         return Setting(METERED_VALUE / found * push if found >= _LEAST else push, None, found, exposure)
     at_iso_1 = found * saturation_gain(seconds, 1.0)
     iso = METERED_VALUE / at_iso_1 if at_iso_1 >= _LEAST else _UNMETERED_ISO
+    if exposure.slowest is not None:
+        iso = max(iso, exposure.slowest / push)
     return Setting(saturation_gain(seconds, iso, exposure.compensation), iso, found, exposure)

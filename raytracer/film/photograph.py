@@ -85,7 +85,7 @@ def photograph(
         recorded = record(exposed, process.sensor, setting.speed, seed, frame)
         values = balance * recorded.values
         # What saturates all channels is at least so bright, and has no colour.
-        values[recorded.saturated] = balance.max()
+        values[recorded.saturated] = balance.max() * response(process.sensor, setting.speed).most
         if recorded.variance is None or variance is None:
             variance = None
         else:

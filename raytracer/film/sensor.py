@@ -58,6 +58,11 @@ class Response(NamedTuple):
         """Numbers per electron."""
         return (self.white - self.black) / self.saturation
 
+    @property
+    def most(self) -> float:
+        """The largest value: that of a full well, where a picture is made darker than the base ISO would."""
+        return min(1.0, self.full_well / self.saturation)
+
     def variance(self, values: Floats) -> Floats:
         """Variance that the sensor adds to expected `values` of any shape, none below 0, where nothing is clipped."""
         rounding = 1.0 / (12.0 * (self.white - self.black) ** 2)
@@ -194,16 +199,12 @@ def record(values: Floats, sensor: SensorSpec, speed: float | None, seed: int, f
     caught = np.minimum(poisson_quantile(uniform, expected), sensor_response.full_well)
     signal = caught + sensor_response.read_noise * normal
     numbers = np.clip(np.rint(sensor_response.black + sensor_response.scale * signal), 0, sensor_response.white)
-    full = np.asarray(numbers >= min(sensor_response.white, _number_of_full_well(sensor_response)))
+    # Below the base ISO a well is full before the numbers end.
+    full = np.asarray((caught >= sensor_response.full_well) | (numbers >= sensor_response.white))
     if sensor.bayer is None:
         return Recorded(sensor_response.values(numbers), sensor_response.variance(values), np.all(full, axis=2))
     developed = _demosaiced(numbers[..., 0], sensor.bayer, sensor_response.white, frame)
     return Recorded(sensor_response.values(developed), None, _around(full[..., 0]))
-
-
-def _number_of_full_well(sensor_response: Response) -> float:
-    """What the converter gives for a full well, without noise."""
-    return sensor_response.black + sensor_response.scale * sensor_response.full_well
 
 
 # ---- Mosaic

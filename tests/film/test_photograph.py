@@ -14,6 +14,7 @@ from raytracer.film import Image, load, load_layers, srgb
 from raytracer.film.exposure import Frame, luminance
 from raytracer.film.photograph import Process, check_process, photograph
 from raytracer.film.tone import Filmic, ToneCurveSpec
+from raytracer.film.white_balance import gains
 from raytracer.photography import Exposure, Metering
 from raytracer.rendering import Rendered, render
 from raytracer.scene.load import build
@@ -231,6 +232,37 @@ def test_what_saturates_the_sensor_stays_white_when_it_is_balanced() -> None:
     assert np.unique(result.radiance).size == 1
     assert (result.radiance > 1.0).all()
     assert (result.display() == 255).all()
+
+
+@pytest.mark.parametrize("bayer", [None, "rggb"])
+@pytest.mark.parametrize("balance", [None, 3200.0])
+@pytest.mark.parametrize("compensation", [0.0, -1.0])
+def test_what_is_overexposed_at_the_base_iso_is_even(
+    compensation: float, balance: float | None, bayer: str | None
+) -> None:
+    # All wells are full, whatever reading them adds: one value, which is half as large when made a stop darker.
+    if bayer is not None:
+        pytest.importorskip("cv2")
+    sensor = SensorSpec(noise=True, bayer=bayer)
+    exposure = camera()._replace(compensation=compensation)
+    result, _ = photograph(light(100.0), process(exposure, sensor, balance), WHOLE, 0, {})
+    assert np.unique(result.radiance).size == 1
+    white = 1.0 if balance is None else gains(balance, light().radiance).max()
+    np.testing.assert_allclose(result.radiance, 2.0**compensation * white, rtol=1e-12)
+
+
+def test_metering_chooses_no_speed_below_the_base_iso_of_a_sensor() -> None:
+    sensor = SensorSpec(noise=True, base_iso=200.0)
+    exposure = camera(None, Metering("mean", 0.5, 0.5, 1.0))._replace(slowest=sensor.base_iso)
+    result, setting = photograph(light(100.0), process(exposure, sensor), WHOLE, 0, {})
+    assert setting is not None
+    assert setting.iso == 200.0
+    assert setting.sentence().endswith("as slow as the sensor is")
+    assert (result.display() == 255).all()
+    dim, chosen = photograph(light(0.01), process(exposure, sensor), WHOLE, 0, {})
+    assert chosen is not None
+    assert chosen.iso > 200.0
+    assert luminance(dim.radiance).mean() == pytest.approx(10.0 / 78.0, rel=0.01)
 
 
 def test_a_sensor_is_shown_on_film_with_its_saturation_as_white() -> None:
