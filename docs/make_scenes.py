@@ -28,10 +28,10 @@ from raytracer.kinds import (
 )
 from raytracer.materials.interface import MaterialSpec
 from raytracer.motion import Keyframe, Motion, Spin
-from raytracer.photography import AutoExposure
+from raytracer.photography import AutoExposure, crop_factor
 from raytracer.scene.schema import schema
 from raytracer.scene.spec import Film, Render, SceneSpec
-from raytracer.sensors import SensorSpec
+from raytracer.sensors import SENSORS, SensorSpec
 from raytracer.shapes.interface import ShapeSpec
 from raytracer.shapes.mesh import Frame
 from raytracer.shutter import ShutterSpec
@@ -76,7 +76,7 @@ JSON Schema with which an editor completes keys and marks mistakes.
   wrong type, unit or range, names of materials that there are not, files that there are not.
 - **Files** named in a scene are relative to the scene's folder.
 - **Overrides.** `-D camera.vfov=30` puts a value in place of the file's, in YAML; `-D objects.ball.radius=2` finds an
-  object by its name, `-D objects[0].radius=2` by its number.
+  object by its name, `-D objects[0].radius=2` by its number, and `-D camera.iso=null` takes the file's value away.
 - **Nothing for nothing.** What a scene does not ask for is not in the compiled program: an aperture of 0 is a pinhole,
   a black environment is none, and a material that no object has is left out.
 """
@@ -208,6 +208,14 @@ the metered luminance, before compensation, is 10/78 of saturation, which is mid
 that was, and so do the headers of files and `--stats`. Where aperture or shutter are not known, `auto` multiplies
 radiance alike. What is metered is what is rendered: with `--crop`, the crop.
 
+A thin lens loses no light, so that each stop of the f-number is a factor of 2 however wide it is. `pupil: flat` exposes
+as an even disc of light in its place would, by 1 / (1 + 4 N^2) on the axis and by Foote's formula off it: less by 11 %
+at f/1.4.
+
+So scenes need light as it is. A `sky` with `sun: true` is right at f/16, 1/125 s and ISO 100. A bulb of 800 lm is a
+`point` light of the intensity 800 / 179 / (4 pi) = 0.36 W/sr, or an emitting sphere of the radius r and the radiance
+800 / 179 / (4 pi^2 r^2). A `gradient` of radiance 1 is 179 cd/m2, as in a bright room.
+
 ```yaml
 camera: {type: thin_lens, look_from: [0, 1, 6], look_at: [0, 1, 0], sensor: {format: full_frame, noise: true},
          focal_length: 50 mm, f_number: 2.8, shutter: 1/125 s, exposure: {metering: spot, at: [0.5, 0.6]}}
@@ -285,7 +293,16 @@ def default(key: str, node: Mapping[str, Any], spec: type[Spec]) -> str:
     value = node.get("default")
     if value is None or isinstance(value, dict):
         return ""
-    return f"`{json.dumps(round(value, 4) if isinstance(value, float) else value)}`".replace(".0", "")
+    text = json.dumps(round(value, 4) if isinstance(value, float) else value)
+    return "`" + re.sub(r"(?<=\d)\.0(?!\d)", "", text) + "`"
+
+
+def formats() -> Iterator[str]:
+    """The sensors that have names."""
+    yield "| name | width x height (mm) | crop factor |\n|---|---|---|"
+    for name, (width, height) in SENSORS.items():
+        yield f"| `{name}` | {width:g} x {height:g} | {crop_factor(width, height):.3g} |"
+    yield ""
 
 
 def table(spec: type[Spec], node: Mapping[str, Any], leave_out: frozenset[str] = frozenset()) -> Iterator[str]:
@@ -357,7 +374,12 @@ def reference() -> str:
     parts += ["A camera's `shutter` is a duration, or:\n", *table(ShutterSpec, definition(ShutterSpec))]
     parts += ["A frame of a mesh holds:\n", *table(Frame, definition(Frame))]
     parts += ["### exposure\n", EXPOSURE, *table(AutoExposure, definition(AutoExposure))]
-    parts += ["A camera's `sensor` is the name of a format, or:\n", *table(SensorSpec, definition(SensorSpec))]
+    parts += [
+        "A camera's `sensor` is the name of a format:\n",
+        *formats(),
+        "or a mapping:\n",
+        *table(SensorSpec, definition(SensorSpec)),
+    ]
     parts += ["`film.tone_curve` is a type, or:\n", *table(ToneCurveSpec, definition(ToneCurveSpec))]
 
     relief = frozenset(MaterialSpec.model_fields) - {"type"}

@@ -1,9 +1,12 @@
-"""What light does at a smooth boundary: Snell's law and Fresnel's equations."""
+"""What light does at a smooth boundary: Snell's law and Fresnel's equations; and how bright it looks."""
 
 import math
 
 from raytracer.jit import kernel
 from raytracer.vec import Vec3, madd, scale
+
+REC709_LUMINANCE = (0.2126, 0.7152, 0.0722)
+"""Luminance of the primaries of linear Rec. 709: ITU-R BT.709-6, item 3.2."""
 
 
 @kernel

@@ -245,7 +245,7 @@ def timing_of(given: ShutterSpec | float | None, time: float | None) -> Timing:
     """
     if isinstance(given, ShutterSpec):
         if time is not None and (given.open is not None or given.close is not None):
-            raise ValueError("time says when a shutter given by its duration opens; this one has `open`: give one")
+            raise ValueError("time says when a shutter given by its duration opens; this one says itself: give one")
         return given.timing(given.open or time or 0.0)
     opens = time or 0.0
     return Timing(opens, opens + (given or 0.0))

@@ -10,6 +10,8 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from raytracer.errors import shown, suggestion
 
+METRES_PER_MILLIMETRE = 1e-3
+
 Dimension: TypeAlias = Literal[
     "length", "optic", "angle", "time", "speed", "rate", "frequency", "temperature", "number"
 ]

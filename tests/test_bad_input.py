@@ -1004,6 +1004,25 @@ def recorded(name: str, keys: str, *words: str, exposure: str = "exposure: auto"
 
 
 DEVELOPMENT = [
+    changed(
+        "an idle mosaic",
+        "vfov: 40",
+        "vfov: 40, sensor: {format: full_frame, bayer: rggb}",
+        f"{CAMERA}.sensor.bayer: bayer does nothing without noise: true",
+    ),
+    changed(
+        "a speed that the sensor has not",
+        "vfov: 40",
+        "shutter: 1, focal_length: 50, f_number: 2, iso: 50, sensor: {format: full_frame, noise: true}",
+        f"{CAMERA}.iso: 50 is slower than the simulated sensor can be",
+        "base_iso, 100",
+    ),
+    changed(
+        "a spot for a mean",
+        "vfov: 40",
+        "exposure: {metering: mean, at: [0.5, 0.5]}",
+        f"{CAMERA}.exposure.at: at belongs to metering: spot, and this is mean",
+    ),
     developed(
         "misspelt white balance", "white_balance: daylight", f"{FILM}.white_balance: must be auto, a colour temp"
     ),
@@ -1194,7 +1213,6 @@ OPTICS = [
     optics("a hole in a lens", "focal_length: 50, diameter: 2", f"{CAMERA}.diameter: unknown key 'diameter' of thin_l"),
     optics("a bare sensor's view", "vfov: 40", f"{CAMERA}.vfov: unknown key 'vfov' of none", kind="none"),
     optics("a bare sensor's aperture", "f_number: 2", f"{CAMERA}.f_number: unknown key 'f_number'", kind="none"),
-    optics("a bare sensor of no size", "sensor: {noise: false}", f"{CAMERA}.sensor: needs a size: a for", kind="none"),
     optics("a bare sensor of unknown size", "sensor: 36x24", f"{CAMERA}.sensor: unknown sensor '36x24'", kind="none"),
     optics("a bare sensor in no time", "iso: 100", f"{CAMERA}.iso: iso needs a shutter that is open", kind="none"),
 ]
@@ -1202,7 +1220,7 @@ OPTICS = [
 LIT = "focal_length: 50, f_number: 2, shutter: 1/125 s"
 
 EXPOSURES = [
-    optics("a speed of nothing", f"{LIT}, iso: 0", f"{CAMERA}.iso: must be greater than 0, got 0"),
+    optics("a speed of nothing", f"{LIT}, iso: 0", f"{CAMERA}.iso: must be at least 0.001, got 0"),
     optics("a speed without limit", f"{LIT}, iso: .inf", f"{CAMERA}.iso: must be finite"),
     optics("a speed in seconds", f"{LIT}, iso: 1/100 s", f"{CAMERA}.iso: must be a plain number without a unit"),
     optics("a speed of an angle", "vfov: 40, shutter: 1, iso: 100", f"{CAMERA}.iso: iso needs the size of the optics"),

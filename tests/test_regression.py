@@ -13,6 +13,9 @@ from tests.make_references import FOLDER, GENERATED, REFERENCES, ROOT, SEED, spe
 
 NAMES = [pytest.param(name, marks=[pytest.mark.slow] if name in GENERATED else []) for name in REFERENCES]
 
+# Each takes as long as ten renders of the others.
+KEEN = [pytest.param(name, marks=[] if name in ("cornell", "lens") else [pytest.mark.slow]) for name in REFERENCES]
+
 
 def rendered(name: str, *, seed: int = SEED + 1, spp: int = 256) -> Image:
     if name in GENERATED and not (ROOT / "scenes" / "generated" / GENERATED[name]).exists():
@@ -44,7 +47,7 @@ def test_picture_is_that_of_the_reference(name: str) -> None:
     assert verdict.passed, verdict.reason
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", KEEN)
 def test_one_per_cent_more_light_is_noticed(name: str) -> None:
     # As an error would make that leaves the noise alone: a wrong pdf, say, or a lamp counted by 1.01.
     image, kept = rendered(name, spp=2048), reference(name)

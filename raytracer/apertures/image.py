@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from raytracer.apertures.interface import ApertureSpec, Assets, sample_aperture
+from raytracer.optics import REC709_LUMINANCE
 from raytracer.sampling.warp import sample_bin
-
-_LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 
 class ImageAperture(ApertureSpec):
@@ -48,7 +47,7 @@ class ImageAperture(ApertureSpec):
         """How much each pixel lets through, (height, width), in proportion: luminance times alpha."""
         values = np.asarray(assets["file"].linear(self.encoding == "srgb"), np.float64)
         channels = values.shape[2]
-        light = values[..., :3] @ np.array(_LUMINANCE) if channels >= 3 else values[..., 0]
+        light = values[..., :3] @ np.array(REC709_LUMINANCE) if channels >= 3 else values[..., 0]
         return np.asarray(light * values[..., -1] if channels in (2, 4) else light)
 
 

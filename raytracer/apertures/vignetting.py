@@ -6,8 +6,7 @@ from pydantic import Field
 
 from raytracer.apertures.interface import unvignetted
 from raytracer.spec import PositiveOptic, Spec
-
-_METRES_PER_MILLIMETRE = 1e-3
+from raytracer.units import METRES_PER_MILLIMETRE
 
 
 class Vignetting(Spec):
@@ -24,7 +23,7 @@ class Vignetting(Spec):
 
     def pack(self) -> "Rim":
         """The packed rim."""
-        return Rim(0.5 * _METRES_PER_MILLIMETRE * self.diameter, _METRES_PER_MILLIMETRE * self.distance)
+        return Rim(0.5 * METRES_PER_MILLIMETRE * self.diameter, METRES_PER_MILLIMETRE * self.distance)
 
 
 class Rim(NamedTuple):

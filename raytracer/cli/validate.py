@@ -17,16 +17,17 @@ def validate(
     scenes: Annotated[list[str], typer.Argument(metavar="SCENE", help="Scene files.")],
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Do not name the files that are right.")] = False,
 ) -> None:
-    """Check scene files.
+    """Check scene files, and the files that they name.
 
     What is wrong is named by file, line and key, one line a file; the exit status is then 2.
     """
     from raytracer.scene.load import load
+    from raytracer.scene.pack import pack
 
     wrong = False
     for scene in scenes:
         try:
-            load(scene)
+            pack(load(scene))
         except InputError as error:
             wrong = True
             print(f"rt: {error}", file=sys.stderr)

@@ -79,7 +79,7 @@ def _check_files(scene: SceneSpec) -> None:
             if path.is_dir():
                 raise scene.error(f"{shown(name)} is a folder, not a file", *keys, *place)
             if not path.exists():
-                where = "" if Path(name).is_absolute() else f" in {scene.base}, the scene's folder"
+                where = "" if Path(name).is_absolute() else f" in {scene.base.resolve()}, the scene's folder"
                 raise scene.error(f"there is no file {shown(name)}{where}", *keys, *place)
 
 

@@ -17,12 +17,12 @@ from pydantic.json_schema import JsonSchemaValue
 
 from raytracer.errors import shown
 from raytracer.jit import generic, kernel
+from raytracer.optics import REC709_LUMINANCE
 from raytracer.spec import Angle, Check, Color, Quantity, at
 from raytracer.textures.interface import Assets, Range, TextureSpec, luminance, slope, texture
 from raytracer.vec import Vec3
 
 _NUMBERS = {"r": 0, "g": 1, "b": 2}
-_LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 _WRAPS = ("repeat", "clamp", "mirror")
 _REPEAT, _CLAMP, _MIRROR = range(3)
@@ -157,7 +157,7 @@ class ImageTexture(TextureSpec):
         if self.channel == "rgb" or colors.shape[2] == 1:
             return np.asarray(colors)
         if self.channel == "luminance":
-            return np.asarray((colors @ np.array(_LUMINANCE, np.float32))[..., None])
+            return np.asarray((colors @ np.array(REC709_LUMINANCE, np.float32))[..., None])
         return np.asarray(colors[..., _NUMBERS[self.channel], None])
 
     def check(self, assets: Assets) -> None:

@@ -17,9 +17,10 @@ from raytracer.errors import shown
 from raytracer.geometry import row3
 from raytracer.jit import generic, kernel, switch
 from raytracer.kinds import TEXTURES
+from raytracer.optics import REC709_LUMINANCE
 from raytracer.spec import Check, Quantity, Spec, Triple, Vector
 from raytracer.units import parse_quantity
-from raytracer.vec import Vec3
+from raytracer.vec import Vec3, dot
 
 Assets: TypeAlias = Mapping[str, Any]
 """What a texture's files held, by the key that names the file."""
@@ -274,7 +275,7 @@ def luminance(rgb: Vec3) -> float:
 
     References: ITU-R BT.709-6, table 3.
     """
-    return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
+    return dot(REC709_LUMINANCE, rgb)
 
 
 class Book:

@@ -11,13 +11,17 @@ import math
 
 import pytest
 
-from tests.camera_truths.measure import Moments, moments, pixels, spot
+from tests.camera_truths.measure import Array, Moments, moments, pixels, spot
 
 ROWS, VFOV, DEPTH, SPEED = 1080, 40.0, 10.0, 3.0
 PIXEL = 2.0 * math.tan(math.radians(VFOV / 2.0)) / ROWS * DEPTH
 """Width (m) of a pixel where the point is."""
 
 SPOT_PX = 3.0
+
+TRAIL_VFOV = 4.0
+TRAIL_PIXEL = 2.0 * math.tan(math.radians(TRAIL_VFOV / 2.0)) / 48.0 * DEPTH
+"""The same, in pictures of 48 rows, narrow enough for cos^4 of the angle to the axis to be 1 within 0.2 %."""
 
 
 def streak(shutter: str, *, velocity: str = f"[{SPEED}, 0, 0]", x: float = 0.0, crop_px: int = 48) -> Moments:
@@ -66,3 +70,66 @@ def test_what_moves_towards_the_camera_leaves_no_streak_on_the_axis() -> None:
     assert found.variance_x == pytest.approx(found.variance_y, rel=0.05)
     # The spot grows by 1 / (1 - 0.005) in that time: its variance without the pixel's is a^2 / 4.
     assert found.variance_x - 1.0 / 12.0 == pytest.approx(SPOT_PX**2 / 4.0, rel=0.05)
+
+
+def test_the_energy_of_a_light_trail_grows_with_the_time_and_its_brightness_does_not() -> None:
+    """A lamp that flies draws a trail as long as the exposure; each place of it is lit for as long as the lamp passes.
+
+    Exposed, as against a mean over the time: what rests is brighter in proportion to the time.
+    """
+
+    def trail(seconds: float, velocity: float) -> Array:
+        way = velocity * seconds
+        return pixels(
+            f"type: pinhole, sensor: full_frame, sensor_fit: vertical, vfov: {TRAIL_VFOV}, f_number: 8, "
+            f"iso: 100, shutter: {seconds!r}",
+            spot(-0.5 * way, 0.0, DEPTH, 3.0 * TRAIL_PIXEL, f", motion: {{velocity: [{velocity!r}, 0, 0]}}"),
+            width=96,
+            height=48,
+            spp=256,
+        )
+
+    slow, fast = (40.0 * TRAIL_PIXEL / seconds for seconds in (1.0, 0.5))
+    once, twice, again = trail(0.5, slow), trail(1.0, slow), trail(0.5, fast)
+    # Twice the time is twice the energy, on twice the length; the fast one is as long with half the energy.
+    assert twice.sum() / once.sum() == pytest.approx(2.0, rel=0.01)
+    assert twice.sum() / again.sum() == pytest.approx(2.0, rel=0.01)
+    # In the middle the lamp passes in 6 pixels of way: noise of 6 / 40 of 8 * 256 samples, 6 %.
+    middle = slice(20, 28), slice(44, 52)
+    assert twice[middle].sum() / once[middle].sum() == pytest.approx(1.0, rel=0.05)
+    assert twice[middle].sum() / again[middle].sum() == pytest.approx(2.0, rel=0.05)
+    # And by photometry: a lamp of the radiance 1 that covers 9 pi pixels, on film at an f-number of 8.
+    value = 179.0 * math.pi / (4.0 * 64.0) * 100.0 / 78.0
+    assert once.sum() == pytest.approx(0.5 * value * 9.0 * math.pi, rel=0.01)
+
+
+# ---- Rolling shutter
+
+
+def test_the_skew_of_the_worked_number() -> None:
+    """Camera truths: 1920 px/s, 1/60 s, 1080 rows: 32 px, 1.697 deg.
+
+    A bar of 8 pixels' width, found in rows at the top and at the bottom: by 8 x 64 samples in each of 8 rows its middle
+    is known to 8 / sqrt(12 * 4096), 0.04 pixels.
+    """
+    velocity = 1920.0 * PIXEL
+
+    def middle(top: int) -> float:
+        picture = pixels(
+            f"type: pinhole, vfov: {VFOV}, shutter: {{duration: 1 us, readout: 1/60 s, direction: down}}",
+            f"objects:\n  - {{type: quad, corner: [{-4.0 * PIXEL!r}, -9, -10], "
+            f"edges: [[{8.0 * PIXEL!r}, 0, 0], [0, 18, 0]], "
+            f"material: {{type: emitter, radiance: 1}}, motion: {{velocity: [{velocity!r}, 0, 0]}}}}\n",
+            width=1920,
+            height=ROWS,
+            spp=64,
+            crop=(950, top, 1010, top + 8),
+        )
+        return moments(picture).x - 10.0
+
+    first, last = middle(0), middle(ROWS - 8)
+    lean = (last - first) * ROWS / (ROWS - 8)
+    assert lean == pytest.approx(32.0, abs=0.5)
+    assert math.degrees(math.atan(lean / ROWS)) == pytest.approx(1.697, abs=0.027)
+    # The first of the rows is read at once, and the others of the eight up to 7 / 1080 of 32 pixels later.
+    assert first == pytest.approx(0.5 * 7.0 / ROWS * 32.0, abs=0.2)

@@ -45,6 +45,8 @@ EXAMPLES: dict[str, list[dict[str, Any]]] = {
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "sensor": "aps-c", "focal_length": 28},
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "focal_length": 100, "diameter": 2},
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "focal_length": 50, "f_number": 8, "shutter": 1, "iso": 100},
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "hfov": 70, "sensor": {"width": 24, "height": 36}},
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "equivalent_focal_length": 24, "sensor_fit": "overscan"},
     ],
     "thin_lens": [
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "vfov": 35, "defocus_angle": 2},
@@ -64,6 +66,16 @@ EXAMPLES: dict[str, list[dict[str, Any]]] = {
             "f_number": 1.4,
             "shutter": "1/125 s",
             "iso": 400,
+        },
+        {
+            "look_from": [1, 2, 3],
+            "look_at": [0, 0, 0],
+            "dfov": 60,
+            "sensor": "four_thirds",
+            "sensor_fit": "vertical",
+            "f_number": 1.4,
+            "pupil": "flat",
+            "exposure": "auto",
         },
         {
             "look_from": [1, 2, 3],
@@ -124,6 +136,33 @@ def test_film_is_upright_and_its_middle_is_what_the_camera_looks_at(keys: dict[s
     middle, top, side = seen
     assert (top - middle) @ np.asarray(spec.up) > 0.05
     assert (side - middle) @ right > 0.05
+
+
+@pytest.mark.parametrize("keys", [case for case in IMAGING if case.values[0]["type"] in ("pinhole", "thin_lens")])
+def test_fields_of_view_are_what_the_film_shows(keys: dict[str, Any]) -> None:
+    """Of points at half the angles that a camera says it sees, the pictures are at the edges and in a corner."""
+    spec = camera(**keys)
+    numbers, frame = spec.describe(40, 30), spec.frame()
+    half = {name: math.tan(math.radians(numbers[f"{name}_deg"]) / 2.0) for name in ("hfov", "vfov", "dfov")}
+    assert half["dfov"] == pytest.approx(math.hypot(half["hfov"], half["vfov"]))
+    points = [
+        np.array(frame.origin) + 7.0 * (np.array(frame.forward) + x * np.array(frame.right) + y * np.array(frame.up))
+        for x, y in ((half["hfov"], 0.0), (0.0, -half["vfov"]), (-0.8 * half["dfov"], 0.6 * half["dfov"]))
+    ]
+    seen = projected(spec.pack(40, 30), points)
+    np.testing.assert_allclose(seen[:, :2], [[40.0, 15.0], [20.0, 30.0], [0.0, 0.0]], rtol=0.0, atol=1e-9)
+    assert seen[:, 2] == pytest.approx(7.0)
+
+
+@pytest.mark.parametrize("keys", CASES)
+def test_cameras_describe_themselves_in_finite_numbers(keys: dict[str, Any]) -> None:
+    numbers = camera(**keys).describe(40, 30)
+    assert numbers
+    for name, value in numbers.items():
+        # Only what lies beyond all is infinite: the far limit, and focus at infinity with what follows from it.
+        assert isinstance(value, float)
+        assert value >= 0.0
+        assert math.isfinite(value) or name in ("far_limit_m", "focus_distance_m"), name
 
 
 @pytest.mark.parametrize("keys", SHARP)
