@@ -4,7 +4,7 @@ import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-_NAMES_LISTED = 12
+_NAMES_LISTED = 16
 _TEXT_SHOWN = 40
 
 

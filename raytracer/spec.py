@@ -74,6 +74,12 @@ class Spec(BaseModel):
         given = ((key, getattr(self, key), kind) for key, kind in self.loads.items())
         return {(key,): (name, kind) for key, name, kind in given if name is not None}
 
+    @classmethod
+    def _own_keys_first(cls) -> list[str]:
+        """Its keys, those that all mappings of its family have at the end."""
+        keys = (key for base in cls.__mro__ for key in vars(base).get("__annotations__", ()))
+        return [key for key in dict.fromkeys(keys) if key in cls.model_fields]
+
     @model_validator(mode="wrap")
     @classmethod
     def _known_keys_only(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
@@ -90,7 +96,7 @@ class Spec(BaseModel):
         # Tell the unknown keys with the other errors; a key that is missing is probably the one that is misspelt.
         noun = class_noun(cls)
         errors = [
-            _error((key,), f"unknown key {key!r} of {noun}; {suggestion(str(key), cls.model_fields, 'keys')}")
+            _error((key,), f"unknown key {key!r} of {noun}; {suggestion(str(key), cls._own_keys_first(), 'keys')}")
             for key in data
             if key not in known
         ]

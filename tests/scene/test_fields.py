@@ -177,7 +177,7 @@ def test_spec_is_frozen_and_hashable() -> None:
     ("value", "place", "words"),
     [
         ({"siz": 1}, ("siz",), "unknown key 'siz' of ball; did you mean 'size'?"),
-        ({"size": 1, "xyzzy": 1}, ("xyzzy",), "known keys: name, material, medium, outside_medium, transform, size"),
+        ({"size": 1, "xyzzy": 1}, ("xyzzy",), "known keys: size, pair, solid, name, material, medium"),
         ({}, ("size",), "is missing"),
         ({"size": 1, "solid": 1}, ("solid",), "must be true or false, got 1"),
         ({"size": 1, "solid": "yes"}, ("solid",), "must be true or false, got 'yes'"),
