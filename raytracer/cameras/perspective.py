@@ -1,37 +1,30 @@
 """What the perspective cameras share: a frame, an image plane, and a lens or None."""
 
 import math
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field, model_validator
 
+from raytracer.cameras.exposed import ExposedSpec
 from raytracer.cameras.interface import camera_ray, project
-from raytracer.cameras.placement import Frame, PlacedSpec, in_frame
+from raytracer.cameras.placement import Frame, in_frame
 from raytracer.jit import generic, kernel
 from raytracer.photography import (
     airy_diameter_um,
     crop_factor,
     exposure_value,
-    far_limit,
     field_of_view,
-    hyperfocal,
-    magnification,
-    near_limit,
 )
-from raytracer.sensors import SENSORS, SensorField, Size, fitted
+from raytracer.sensors import SENSORS, Size
 from raytracer.spec import FieldOfView, PositiveOptic, Quantity, at
+from raytracer.units import METRES_PER_MILLIMETRE
 from raytracer.vec import add, dot, madd, normalize, scale
-
-_METRES_PER_MILLIMETRE = 1e-3
 
 # The field of view where a scene says nothing of it (deg).
 _VFOV = 90.0
 
 _ANGLES = ("vfov", "hfov", "dfov")
 _LENGTHS = ("focal_length", "equivalent_focal_length")
-
-# A circle of confusion that is called sharp, as a fraction of the sensor's diagonal: Ray 2002, sec. 22.2.
-_SHARP = 1.0 / 1500.0
 
 
 class ImagePlane(NamedTuple):
@@ -83,7 +76,7 @@ def _both(keys: list[str], what: str) -> str:
     return f"{' and '.join(keys)} both set {what}: give one of them"
 
 
-class PerspectiveSpec(PlacedSpec):
+class PerspectiveSpec(ExposedSpec):
     """Where a camera stands, what it looks at, and how much of it.
 
     The angle of view is given by itself (one of `vfov`, `hfov`, `dfov`), or follows from a sensor and a focal length.
@@ -96,16 +89,6 @@ class PerspectiveSpec(PlacedSpec):
     )
     hfov: FieldOfView | None = Field(default=None, description="horizontal field of view (deg), in place of `vfov`")
     dfov: FieldOfView | None = Field(default=None, description="diagonal field of view (deg), in place of `vfov`")
-    sensor: SensorField | None = Field(
-        default=None,
-        description=f"a name ({', '.join(SENSORS)}), or {{width: 36 mm, height: 24 mm}}; full_frame where only a focal "
-        "length is given",
-    )
-    sensor_fit: Literal["crop", "horizontal", "vertical", "overscan"] | None = Field(
-        default=None,
-        description="how a picture of another shape than the sensor's lies on it: `crop`, the default, the largest "
-        "part of the sensor; `horizontal`, its whole width; `vertical`, its whole height; `overscan`, all of it",
-    )
     focal_length: PositiveOptic | None = Field(default=None, description="focal length (mm)")
     equivalent_focal_length: PositiveOptic | None = Field(
         default=None,
@@ -114,11 +97,6 @@ class PerspectiveSpec(PlacedSpec):
     )
     f_number: Annotated[float, Quantity(low=0.0, low_open=True, infinite=True)] | None = Field(
         default=None, description="focal length over the diameter of the entrance pupil; inf for a pinhole"
-    )
-    iso: Annotated[float, Quantity(low=0.0, low_open=True, high=1e9)] | None = Field(
-        default=None,
-        description="speed of the sensor: asks for photographic exposure, by aperture, shutter and speed, after which "
-        "1 is what saturates the sensor",
     )
 
     @model_validator(mode="after")
@@ -148,8 +126,6 @@ class PerspectiveSpec(PlacedSpec):
             return self
         if not self._has_scale():
             at("iso", "iso needs the size of the optics, which an angle does not have: give focal_length or sensor")
-        if self.exposure_seconds() == 0.0:
-            at("iso", "iso needs a shutter that is open for some time, such as shutter: 1/125 s")
         if not self._lets_light_in():
             at("iso", f"iso needs an aperture that lets light in: {self._openings()}")
         return self
@@ -157,10 +133,6 @@ class PerspectiveSpec(PlacedSpec):
     def _openings(self) -> str:
         """How to give the camera an aperture, as an error says it."""
         return "give a finite f_number"
-
-    def _sensor(self) -> Size | None:
-        """The sensor as the scene gives it."""
-        return self.sensor.size() if self.sensor is not None else None
 
     def _has_scale(self) -> bool:
         """Whether the optics have a size, and not just an angle."""
@@ -172,10 +144,6 @@ class PerspectiveSpec(PlacedSpec):
         if self.equivalent_focal_length is None:
             return self.focal_length
         return self.equivalent_focal_length / crop_factor(*(self._sensor() or SENSORS["full_frame"]))
-
-    def focus(self) -> float:
-        """Distance of the plane of focus (m); infinite for what has no focus."""
-        return math.inf
 
     def _image_distance(self, focal_length: float) -> float:
         """Distance of the film from the pupil (mm), for a focal length (mm)."""
@@ -189,7 +157,7 @@ class PerspectiveSpec(PlacedSpec):
         """Diameter of the entrance pupil (m), 0 for a pinhole without a size."""
         if self.f_number is None or optics.focal_length is None:
             return 0.0
-        return _METRES_PER_MILLIMETRE * optics.focal_length / self.f_number
+        return METRES_PER_MILLIMETRE * optics.focal_length / self.f_number
 
     def _lets_light_in(self) -> bool:
         """Whether the entrance pupil has a size."""
@@ -210,7 +178,7 @@ class PerspectiveSpec(PlacedSpec):
         focal_length = self._given_focal_length()
         if sensor is None and not has_angle and focal_length is not None:
             sensor = Size(*SENSORS["full_frame"])
-        film = None if sensor is None else fitted(sensor, width, height, self.sensor_fit or "crop")
+        film = None if sensor is None else self._fitted(sensor, width, height)
 
         # The film and the focal length give the angle; or the angle with one of them the other.
         if film is not None and focal_length is not None:
@@ -225,9 +193,6 @@ class PerspectiveSpec(PlacedSpec):
             image = 0.5 * film.height / top
             return Optics(top, sensor, film, self._focal_length(image), image)
         return Optics(top, None, None, None, None)
-
-    def speed(self) -> float | None:
-        return self.iso
 
     def relative_aperture(self, width: int, height: int) -> float | None:
         if self.f_number is not None:
@@ -245,10 +210,7 @@ class PerspectiveSpec(PlacedSpec):
         return Irradiance(area / (image * image))
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Derived numbers for `rt explain`, by name with unit.
-
-        The limits of the depth of field are for circles of confusion of 1/1500 of the sensor's diagonal.
-        """
+        """Derived numbers for `rt explain`, by name with unit."""
         optics = self.optics(width, height)
         right = optics.top * width / height
         numbers = {
@@ -270,7 +232,6 @@ class PerspectiveSpec(PlacedSpec):
             "focal_length_mm": optics.focal_length,
             "equivalent_focal_length_mm": crop * optics.focal_length,
             "image_distance_mm": optics.image_distance,
-            "magnification": magnification(optics.image_distance, 1e3 * self.focus()),
         }
         pupil = 1e3 * self._pupil(optics)
         if pupil > 0.0:
@@ -279,12 +240,7 @@ class PerspectiveSpec(PlacedSpec):
             numbers["airy_disc_um"] = airy_diameter_um(optics.image_distance / pupil)
             if seconds > 0.0:
                 numbers["ev100"] = exposure_value(f_number, seconds, self.iso or 100.0)
-            numbers |= self._depth_of_field(optics.focal_length, f_number, _SHARP * math.hypot(*optics.sensor))
         return numbers
-
-    def _depth_of_field(self, focal_length: float, f_number: float, circle: float) -> dict[str, float]:
-        """Limits of what is sharp, to a circle (mm), for a focal length (mm); nothing for what does not focus."""
-        return {}
 
     def camera(self, width: int, height: int, lens: Any) -> PerspectiveCamera:
         """The packed camera for a film of width x height square pixels."""
@@ -294,25 +250,8 @@ class PerspectiveSpec(PlacedSpec):
         if self.is_radiometric():
             assert optics.image_distance is not None
             area = math.pi * (0.5 * self._pupil(optics)) ** 2
-            irradiance = self._irradiance(_METRES_PER_MILLIMETRE * optics.image_distance, area)
+            irradiance = self._irradiance(METRES_PER_MILLIMETRE * optics.image_distance, area)
         return PerspectiveCamera(self.frame(), ImagePlane(pixel, -0.5 * pixel * width, optics.top), lens, irradiance)
-
-
-def depth_of_field(focal_length: float, f_number: float, circle: float, focus: float) -> dict[str, float]:
-    """Limits of what is sharp, by name with unit.
-
-    Parameters
-    ----------
-    focal_length, circle : in mm; circle is the diameter of the largest blur that counts as sharp.
-    focus : distance of the plane of focus (m).
-    """
-    lengths = (1e-3 * focal_length, f_number, 1e-3 * circle)
-    return {
-        "circle_mm": circle,
-        "near_limit_m": near_limit(*lengths, focus),
-        "far_limit_m": far_limit(*lengths, focus),
-        "hyperfocal_m": hyperfocal(*lengths),
-    }
 
 
 @generic

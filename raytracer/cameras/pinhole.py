@@ -15,6 +15,7 @@ from raytracer.cameras.interface import NO_ASSETS, Assets
 from raytracer.cameras.perspective import Optics, PerspectiveCamera, PerspectiveSpec
 from raytracer.cameras.pupil import Lens
 from raytracer.spec import NonNegativeOptic, at
+from raytracer.units import METRES_PER_MILLIMETRE
 
 
 class Pinhole(PerspectiveSpec):
@@ -40,7 +41,7 @@ class Pinhole(PerspectiveSpec):
         return self
 
     def _pupil(self, optics: Optics) -> float:
-        return 1e-3 * self.diameter if self.diameter else super()._pupil(optics)
+        return METRES_PER_MILLIMETRE * self.diameter if self.diameter else super()._pupil(optics)
 
     def _lets_light_in(self) -> bool:
         return bool(self.diameter) or super()._lets_light_in()
@@ -48,9 +49,17 @@ class Pinhole(PerspectiveSpec):
     def _openings(self) -> str:
         return "give diameter, or a finite f_number"
 
+    def describe(self, width: int, height: int) -> dict[str, float]:
+        """Derived numbers; the blur at infinity is the hole's own size."""
+        numbers = super().describe(width, height)
+        if self.diameter:
+            numbers["blur_at_infinity_px"] = 1e3 * self.diameter / numbers["pixel_pitch_um"]
+        return numbers
+
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> PerspectiveCamera:
         """The camera, without a lens where the hole is a point."""
         image = self.optics(width, height).image_distance
         if not self.diameter or image is None:
             return self.camera(width, height, None)
-        return self.camera(width, height, Lens(0.5e-3 * self.diameter, -1e3 / image))
+        lens = Lens(0.5 * METRES_PER_MILLIMETRE * self.diameter, -1.0 / (METRES_PER_MILLIMETRE * image))
+        return self.camera(width, height, lens)

@@ -16,18 +16,17 @@ from pydantic import Field, model_validator
 from raytracer.apertures.interface import ApertureSpec
 from raytracer.apertures.vignetting import Vignetting
 from raytracer.cameras.interface import NO_ASSETS, Assets
-from raytracer.cameras.perspective import FlatPupil, Optics, PerspectiveCamera, PerspectiveSpec, depth_of_field
+from raytracer.cameras.perspective import FlatPupil, Optics, PerspectiveCamera, PerspectiveSpec
 from raytracer.cameras.pupil import Lens
 from raytracer.kinds import APERTURES
-from raytracer.photography import focal_length_of, image_distance
+from raytracer.photography import focal_length_of, image_distance, magnification
 from raytracer.spec import Fraction, Name, NonNegativeOptic, PositiveLengthOrInf, Quantity, at
+from raytracer.units import METRES_PER_MILLIMETRE
 
 if TYPE_CHECKING:
     Aperture: TypeAlias = ApertureSpec
 else:
     Aperture = APERTURES.union()
-
-_METRES_PER_MILLIMETRE = 1e-3
 
 _SIZES = ("defocus_angle", "aperture", "f_number")
 _FOCUSES = ("focus_distance", "focus_on", "focus_at")
@@ -58,12 +57,14 @@ class ThinLens(PerspectiveSpec):
         description="distance of the plane of focus along the axis (m), inf allowed; default: |look_at - look_from|",
     )
     focus_on: Name | None = Field(
-        default=None, description="name of the object whose middle is in focus, in place of `focus_distance`"
+        default=None,
+        description="name of the object whose middle is in focus, in place of `focus_distance`; for the surface that "
+        "is seen of it, see `focus_at`",
     )
     focus_at: tuple[Fraction, Fraction] | None = Field(
         default=None,
         description="place in the frame at which what is seen is in focus: fractions of its width and height, from the "
-        "top left, in place of `focus_distance`; infinity where nothing is seen",
+        "top left, in place of `focus_distance`; infinity where nothing is seen; cutouts count as solid",
     )
     defocus_angle: Annotated[float, Quantity("angle", low=0.0, high=180.0, high_open=True)] | None = Field(
         default=None, description="apex angle (deg) of the cone from a point in focus to the lens"
@@ -135,7 +136,7 @@ class ThinLens(PerspectiveSpec):
         if self.defocus_angle:
             return 2.0 * self.focus() * math.tan(math.radians(self.defocus_angle) / 2.0)
         if self.aperture is not None:
-            return _METRES_PER_MILLIMETRE * self.aperture
+            return METRES_PER_MILLIMETRE * self.aperture
         return super()._pupil(optics)
 
     def _lets_light_in(self) -> bool:
@@ -147,9 +148,6 @@ class ThinLens(PerspectiveSpec):
     def _irradiance(self, image: float, area: float) -> Any:
         return FlatPupil(image, area) if self.pupil == "flat" else super()._irradiance(image, area)
 
-    def _depth_of_field(self, focal_length: float, f_number: float, circle: float) -> dict[str, float]:
-        return depth_of_field(focal_length, f_number, circle, self.focus())
-
     def diameter(self, width: int, height: int) -> float:
         """Diameter of the lens (m), for a film of width x height pixels."""
         return self._pupil(self.optics(width, height))
@@ -158,10 +156,12 @@ class ThinLens(PerspectiveSpec):
         """Derived numbers; the blur at infinity is the circle of confusion A |z - F| / z for z to infinity."""
         numbers = super().describe(width, height)
         pixel, pupil = 1e-3 * numbers["pixel_at_1m_mm"], self.diameter(width, height)
+        if "image_distance_mm" in numbers:
+            numbers["magnification"] = magnification(numbers["image_distance_mm"], 1e3 * self.focus())
         return {
             **numbers,
             "focus_distance_m": self.focus(),
-            "aperture_diameter_mm": pupil / _METRES_PER_MILLIMETRE,
+            "aperture_diameter_mm": pupil / METRES_PER_MILLIMETRE,
             "blur_at_infinity_px": pupil / (pixel * self.focus()),
         }
 

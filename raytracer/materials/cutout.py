@@ -60,6 +60,11 @@ class Cutout(SelectorSpec):
     def passes(self) -> bool:
         return True
 
+    def lets_all_through(self) -> bool:
+        enough = 0.0 if self.threshold is None else self.threshold
+        is_hole = isinstance(self.opacity, float) and (self.opacity == 0.0 or self.opacity < enough)
+        return is_hole or super().lets_all_through()
+
 
 class CutoutTable(NamedTuple):
     """material (n,) int32, the material's reference; opacity, a parameter; threshold (n,) float64, NaN for none."""

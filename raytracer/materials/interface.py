@@ -64,6 +64,10 @@ class MaterialSpec(Spec):
         """Whether light may go straight through, as if nothing were there."""
         return False
 
+    def lets_all_through(self) -> bool:
+        """Whether all light goes straight through everywhere, so that there is nothing to be seen, or focused on."""
+        return False
+
     def holds_medium(self) -> bool:
         """Whether light that goes in is inside of something, which then has a medium of its own or none."""
         return any(child.holds_medium() for child in self.children().values())
@@ -100,6 +104,10 @@ class SelectorSpec(MaterialSpec):
 
     def passes(self) -> bool:
         return any(child.passes() for child in self.children().values())
+
+    def lets_all_through(self) -> bool:
+        children = self.children().values()
+        return bool(children) and all(child.lets_all_through() for child in children)
 
 
 Child: TypeAlias = Annotated[Any, BeforeValidator(name_or_material)]

@@ -92,8 +92,7 @@ def _opening(spec: SceneSpec, lens: Any) -> dict[str, Effect]:
 def _photograph(spec: SceneSpec) -> dict[str, Effect]:
     """What happens to the light that the film has gathered."""
     exposure = spec.camera.photograph(spec.film.width, spec.film.height)
-    sensor, balance, tone = getattr(spec.camera, "sensor", None), spec.film.white_balance, spec.film.tone_curve.type
-    noisy = sensor is not None and sensor.noise
+    sensor, balance, tone = spec.camera.simulated_sensor(), spec.film.white_balance, spec.film.tone_curve.type
     exposed = "neither iso nor exposure is given, so pixels are plain radiance"
     if exposure is not None:
         speed = "the ISO speed that metering chooses" if exposure.iso is None else f"ISO {exposure.iso:.4g}"
@@ -103,9 +102,9 @@ def _photograph(spec: SceneSpec) -> dict[str, Effect]:
     return {
         "exposure": Effect(exposure is not None, exposed),
         "sensor_noise": Effect(
-            noisy,
+            sensor is not None,
             f"photons are counted in wells of {sensor.full_well:g} electrons"
-            if sensor is not None and noisy
+            if sensor is not None
             else "no sensor with `noise: true` is given, so the only noise is that of sampling",
         ),
         "white_balance": Effect(

@@ -1,4 +1,8 @@
-"""Focusing as a photographer does it: on an object, or at a place in the frame."""
+"""Focusing as a photographer does it: on an object, or at a place in the frame.
+
+At a place in the frame, what light goes through everywhere as if nothing were there, such as the boundary of a medium,
+is not seen; any other cutout counts as solid, in its holes too.
+"""
 
 from collections.abc import Callable, Set
 from typing import Any
@@ -33,7 +37,7 @@ def focused(
 
     Parameters
     ----------
-    clear : references of the materials that are mere boundaries, through which a camera sees.
+    clear : references of the materials that let all light through, which a camera does not see.
     build : gives the ray caster's structure of the scene; called only where a ray is needed.
 
     Raises

@@ -154,7 +154,7 @@ def _focused(
     """The scene with its camera focused at a distance, and the ray caster's structure if that took a ray."""
     if not focuses(spec):
         return spec, None
-    clear = {reference for material, reference in zip(used, references, strict=True) if material.type == _INVISIBLE}
+    clear = {reference for material, reference in zip(used, references, strict=True) if material.lets_all_through()}
     built: list[Accel] = []
 
     def build() -> Accel:

@@ -231,8 +231,7 @@ class SceneSpec(Spec):
     @model_validator(mode="after")
     def _noise_has_an_exposure(self) -> "SceneSpec":
         camera = self.camera
-        sensor = getattr(camera, "sensor", None)
-        if sensor is not None and sensor.noise and camera.speed() is None and camera.exposure is None:
+        if camera.simulated_sensor() is not None and camera.speed() is None and camera.exposure is None:
             at(
                 ("camera", "sensor", "noise"),
                 "noise needs to know how much light there is: give camera.iso, or camera.exposure: auto",

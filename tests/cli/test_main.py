@@ -13,12 +13,13 @@ from raytracer.cli.main import main
 from raytracer.errors import InputError, OutputError
 
 SCENE = "camera: {type: pinhole, look_from: [0, 0, 4], vfov: 40}\nfilm: {width: 8, height: 6}\n"
+BALL = "objects: [{type: sphere, center: [0, 0, 0], radius: 1}]\n"
 
 
 @pytest.fixture
 def good(tmp_path: Path) -> str:
     path = tmp_path / "good.yaml"
-    path.write_text(SCENE)
+    path.write_text(SCENE + BALL)
     return str(path)
 
 
@@ -57,12 +58,17 @@ def test_validate_names_the_right_and_every_wrong_file(
     bad = tmp_path / "bad.yaml"
     bad.write_text(SCENE.replace("vfov", "vfv").replace("width", "widht"))
     worse = tmp_path / "worse.yaml"
-    assert main(["validate", str(bad), good, str(worse)]) == 2
+    # A flash without an exposure is seen only when lights and shutter are put together.
+    dark = tmp_path / "dark.yaml"
+    dark.write_text(SCENE + BALL + "lights: [{type: flash, energy: 1}]\n")
+    assert main(["validate", str(bad), good, str(worse), str(dark)]) == 2
     captured = capsys.readouterr()
     assert captured.out == f"{good}: valid\n"
-    first, second = captured.err.splitlines()
+    first, second, third = captured.err.splitlines()
     assert first.startswith(f"rt: {bad}:1: camera.vfv: unknown key 'vfv'")
     assert second == f"rt: {worse}: no such file"
+    assert third.startswith(f"rt: {dark}:")
+    assert "shutter" in third
     assert main(["validate", "--quiet", good]) == 0
     assert capsys.readouterr().out == ""
 

@@ -12,19 +12,29 @@ from raytracer.errors import InputError
 from raytracer.explanation import Circle, Explanation, explain, parse_circle
 from raytracer.integrator import render_tile
 from raytracer.motion import row_at
+from raytracer.scene.load import load
 from raytracer.scene.pack import pack
 from tests.rendering import scene
+
+ROOT = Path(__file__).parents[2]
 
 FULL_FRAME = "sensor: {width: 36 mm, height: 24 mm}"
 HERE = "look_from: [0, 0, 0], look_at: [0, 0, -1]"
 
 
 def explained(
-    camera: str, *objects: str, circle: Circle | None = None, width: int = 1500, height: int = 1000
+    camera: str,
+    *objects: str,
+    lights: str = "",
+    circle: Circle | None = None,
+    width: int = 1500,
+    height: int = 1000,
 ) -> Explanation:
     """The explanation of a camera at the origin that looks along -z."""
     items = objects or ("type: sphere, center: [0, 0, -2], radius: 0.1",)
-    text = f"camera: {{{HERE}, {camera}}}\nobjects:\n" + "".join(f"  - {{{item}}}\n" for item in items)
+    text = f"camera: {{{HERE}, {camera}}}\nlights: [{lights}]\nobjects:\n" + "".join(
+        f"  - {{{item}}}\n" for item in items
+    )
     return explain(scene(text, width=width, height=height, filled=False), circle=circle)
 
 
@@ -90,6 +100,14 @@ def test_a_hole_of_a_real_size_blurs_more_what_is_near() -> None:
     assert objects["far"]["circle_of_confusion_mm"] == pytest.approx(6.0 * (1.0 + 0.2 / 20.0))
 
 
+def test_a_hole_blurs_infinity_by_its_own_size_and_has_no_focus() -> None:
+    # A pixel is 24 um wide.
+    camera = explained(f"type: pinhole, {FULL_FRAME}, focal_length: 200 mm, diameter: 6 mm").camera
+    assert camera["blur_at_infinity_px"] == pytest.approx(6.0 / 0.024)
+    assert "magnification" not in camera
+    assert "blur_at_infinity_px" not in explained(f"type: pinhole, {FULL_FRAME}, focal_length: 200 mm").camera
+
+
 def test_a_point_blurs_nothing() -> None:
     found = explained("type: pinhole, vfov: 40", ball("ball", 5.0))
     assert found.objects["ball"]["circle_of_confusion_px"] == 0.0
@@ -97,6 +115,18 @@ def test_a_point_blurs_nothing() -> None:
 
 
 # ---- Depth of field
+
+
+def test_limits_by_the_formulas() -> None:
+    """50 mm f/1.4 on full frame, focused at 2 m: in mm, s f^2 / (f^2 -+ N c (s - f)) and f^2 / (N c) + f."""
+    lens = "type: thin_lens, sensor: full_frame, focal_length: 50 mm, f_number: 1.4, focus_distance: 2"
+    numbers = explained(lens, width=1800, height=1195).camera
+    circle = math.hypot(36.0, 23.9) / 1500.0
+    assert numbers["circle_mm"] == pytest.approx(circle)
+    assert numbers["near_limit_m"] == pytest.approx(2.0 * 2500.0 / (2500.0 + 1.4 * circle * 1950.0))
+    assert numbers["far_limit_m"] == pytest.approx(2.0 * 2500.0 / (2500.0 - 1.4 * circle * 1950.0))
+    assert numbers["hyperfocal_m"] == pytest.approx(1e-3 * (2500.0 / (1.4 * circle) + 50.0))
+    assert numbers["depth_of_field_m"] == pytest.approx(numbers["far_limit_m"] - numbers["near_limit_m"])
 
 
 def test_limits_for_a_stated_circle() -> None:
@@ -183,6 +213,113 @@ def test_diffraction_that_would_show_is_a_warning() -> None:
     assert not explained(f"{lens}4", width=6000, height=4000).warnings
 
 
+def test_diffraction_is_told_by_the_working_f_number() -> None:
+    # At life size, twice the focal length away, the film is at twice it too.
+    lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, focus_distance: 0.1, f_number: 11"
+    macro = explained(lens, width=6000, height=4000)
+    assert macro.camera["airy_disc_um"] == pytest.approx(29.52, abs=0.01)
+    (sentence,) = macro.warnings
+    assert "f/22 " in sentence
+    assert "f/11" not in sentence
+
+
+@pytest.mark.parametrize(("shutter", "words"), [("125", "was 1/125 s meant"), ("30", ""), ("1/125 s", "")])
+@pytest.mark.parametrize("exposed", ["iso: 100", "exposure: auto"])
+def test_a_shutter_in_seconds_that_looks_like_a_fraction_is_a_warning(exposed: str, shutter: str, words: str) -> None:
+    lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, f_number: 2, shutter: {shutter}"
+    assert [words in sentence for sentence in explained(f"{lens}, {exposed}").warnings] == [True] * bool(words)
+    assert not explained(lens).warnings
+
+
+@pytest.mark.parametrize("key", ["focal_length", "equivalent_focal_length"])
+def test_a_focal_length_in_metres_is_a_warning(key: str) -> None:
+    (sentence,) = explained(f"type: pinhole, {FULL_FRAME}, {key}: 0.05").warnings
+    assert sentence.startswith(f"{key} is 0.05 mm")
+    assert "was 0.05 m meant" in sentence
+    assert not explained(f"type: pinhole, {FULL_FRAME}, {key}: 0.05 m").warnings
+
+
+def test_highlights_that_end_below_white_are_a_warning() -> None:
+    noisy = "{width: 36 mm, height: 24 mm, noise: true, base_iso: 100}"
+    lens = f"type: thin_lens, sensor: {noisy}, focal_length: 50 mm, f_number: 2, shutter: 1/60 s, iso: "
+    (sentence,) = explained(f"{lens}200, exposure_compensation: -3").warnings
+    assert "ISO 25," in sentence
+    assert "at 0.25 of white" in sentence
+    for fine in ("200, exposure_compensation: -1", "100, exposure_compensation: 1", "100"):
+        assert not explained(lens + fine).warnings
+    # Without a sensor that is simulated, nothing ends.
+    assert not explained(f"{lens.replace('noise: true, base_iso: 100', '')}200, exposure_compensation: -3").warnings
+
+
+# ---- Flashes
+
+
+def flash_warnings(shutter: str, *flashes: str) -> list[str]:
+    lights = ", ".join(f"{{type: flash, energy: 1, {keys}}}" for keys in flashes)
+    return explained(f"type: pinhole, vfov: 40, shutter: {shutter}", lights=lights).warnings
+
+
+@pytest.mark.parametrize(
+    ("shutter", "flash"),
+    [
+        ("1/60 s", "duration: 1 ms"),
+        ("1/60 s", "duration: 1/60 s"),
+        ("1/60 s", "duration: 1/60 s, curtain: second"),
+        ("{open: 12.3, close: 12.4}", "duration: 1 ms, curtain: second"),
+        ("{duration: 20 ms, opening: trapezoid, ramp: 5 ms}", "duration: 15 ms"),
+        ("{duration: 20 ms, readout: 10 ms}", "duration: 10 ms"),
+        ("{duration: 20 ms, readout: 10 ms, curtain: focal_plane}", "duration: 10 ms, curtain: second"),
+    ],
+)
+def test_a_flash_that_the_open_shutter_sees_is_no_warning(shutter: str, flash: str) -> None:
+    assert flash_warnings(shutter, flash) == []
+
+
+@pytest.mark.parametrize(
+    ("shutter", "flash", "words"),
+    [
+        ("1/125 s", "duration: 16 ms", "shines for 0.016 s, of which the shutter is fully open for 1/125 s: 50 % of"),
+        ("1/125 s", "duration: 1 ms, offset: 7.5 ms", "fully open for 1/2000 s: 50 % of its light is lost"),
+        ("1/125 s", "duration: 1 ms, offset: 8 ms", "while the shutter is closed: none"),
+        ("1/125 s", "duration: 1 ms, offset: -2 ms", "while the shutter is closed: none"),
+        # Half of the ramp is an eighth of the light of all of it.
+        ("{duration: 20 ms, opening: trapezoid, ramp: 4 ms}", "duration: 2 ms, offset: -4 ms", "for 0 s: 75 % of"),
+        ("{opening: [[0, 0.5], [8 ms, 0.5]]}", "duration: 16 ms", "fully open for 1/125 s: 50 % of"),
+    ],
+)
+def test_light_of_a_flash_that_the_shutter_keeps_out_is_a_warning(shutter: str, flash: str, words: str) -> None:
+    (sentence,) = flash_warnings(shutter, flash)
+    assert words in sentence
+
+
+@pytest.mark.parametrize(
+    ("direction", "edge", "side"),
+    [("down", "top", "height"), ("up", "bottom", "height"), ("right", "left", "width"), ("left", "right", "width")],
+)
+def test_a_flash_beyond_the_sync_speed_lights_a_band(direction: str, edge: str, side: str) -> None:
+    # A slit of 2 ms crosses in 4 ms.  When the last line is open, the first half has closed again.
+    shutter = f"{{duration: 2 ms, readout: 4 ms, direction: {direction}}}"
+    (sentence,) = flash_warnings(shutter, "duration: 1/1000000 s")
+    assert f"it lights 50 to 100 % of the {side} from the {edge};" in sentence
+    assert "fully open for 0.004001 s or longer" in sentence
+
+
+def test_a_flash_lights_a_band_in_full_and_its_edges_in_part() -> None:
+    # At 3 to 4 ms, lines that begin to open at 1 to 4 ms are open, those of 2 to 3 ms all the while.
+    (sentence,) = flash_warnings("{duration: 2 ms, readout: 5 ms}", "duration: 1 ms, offset: -2 ms")
+    assert "it lights 20 to 80 % of the height from the top, and 40 to 60 % in full; all of it can be" in sentence
+    (sentence,) = flash_warnings("{duration: 2 ms, readout: 5 ms}", "duration: 3 ms, offset: -2 ms")
+    assert "it lights 20 to 100 % of the height from the top, none of it in full" in sentence
+    # A shutter that is open for long enough, but not then.
+    (sentence,) = flash_warnings("{duration: 8 ms, readout: 5 ms}", "duration: 1 ms, offset: -4 ms")
+    assert sentence.endswith("it lights 0 to 40 % of the height from the top, and 0 to 20 % in full")
+
+
+def test_flashes_are_told_apart() -> None:
+    found = flash_warnings("1/60 s", "duration: 1 ms", "duration: 1 ms, offset: 1")
+    assert [sentence.split(" shines")[0] for sentence in found] == ["the flash lights[1]"]
+
+
 def test_an_impossible_aperture_is_a_warning() -> None:
     lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, f_number: "
     assert any("f/0.4 is faster than f/0.5" in sentence for sentence in explained(f"{lens}0.4").warnings)
@@ -228,9 +365,22 @@ def test_what_turns_in_place_has_streaks_at_its_corners() -> None:
     camera = "type: pinhole, vfov: 90, shutter: {duration: 1/4 s, readout: 1/30 s}"
     numbers = explained(camera, turning, height=1000).objects["propeller"]
     assert "skew_px" not in numbers
-    assert numbers["streak_px"] == pytest.approx(0.0, abs=1e-9)
+    assert numbers["streak_px"] == 0.0
     # 64 chords are shorter than their arc by (pi / 256)^2 / 6.
     assert numbers["corner_streak_px"] == pytest.approx(0.5 * math.pi * math.sqrt(2.0) / 10.0 * 500.0, rel=1e-4)
+
+
+@pytest.mark.parametrize("place", [(1.3, -0.7, -9.1), (130.0, 70.0, -1e4), (0.1, 0.003, -0.07)])
+def test_rounding_is_no_motion_but_the_slowest_motion_is(place: tuple[float, float, float]) -> None:
+    x, y, z = place
+    ball = f"type: sphere, name: ball, center: [{x}, {y}, {z}], radius: {0.1 * abs(z)}"
+    turns = f"spin: {{axis: [1, 2, 3], rate: 33 turn/s, center: [{x}, {y}, {z}]}}"
+    camera = "type: pinhole, vfov: 40, shutter: 1 s"
+    assert explained(camera, f"{ball}, motion: {{{turns}}}").objects["ball"]["streak_px"] == 0.0
+    # A ten millionth of the distance is 1.4e-4 px.
+    goes = f"velocity: [{1e-7 * abs(z)!r}, 0, 0]"
+    streak = explained(camera, f"{ball}, motion: {{{turns}, {goes}}}").objects["ball"]["streak_px"]
+    assert streak == pytest.approx(1e-7 * 500.0 / math.tan(math.radians(20.0)), rel=1e-3)
 
 
 def test_a_ramp_counts_at_half_its_height() -> None:
@@ -250,7 +400,7 @@ def test_skew_of_a_rolling_shutter() -> None:
     assert down["streak_px"] == pytest.approx(4.0)
     # What runs along with the readout is stretched, and does not lean.
     right = explained(camera.replace("DIRECTION", "right"), ball("train", 10.0, motion), height=1080).objects["train"]
-    assert right["skew_px"] == pytest.approx(0.0, abs=1e-9)
+    assert right["skew_px"] == 0.0
 
 
 def test_a_hand_that_shakes_draws_streaks() -> None:
@@ -314,6 +464,65 @@ def test_text_is_aligned_in_groups() -> None:
     table = lines[lines.index("Objects in the middle of the exposure; their blur is the circle of confusion") + 1 :][:2]
     assert len({len(line) for line in table}) == 1
     assert max(map(len, lines)) <= 120
+
+
+def test_kinds_that_a_scene_has_none_of_are_a_line_a_family() -> None:
+    found = explained("type: pinhole")
+    left_out = found.text().partition("Left out\n")[2].partition("\n\n")[0]
+    joined = " ".join(left_out.split())
+    assert "material none of boundary, cutout, dielectric, emitter, metal, " in joined
+    assert "shape none of box, disc, " in joined
+    assert "sphere" not in joined
+    assert "0 objects" not in joined
+    assert max(map(len, left_out.splitlines())) <= 100
+    # For programs there is a line each.
+    assert found.json()["effects"]["material.metal"] == {"active": False, "why": "0 objects of 1"}
+
+
+def test_a_light_without_effect_keeps_its_reason() -> None:
+    text = explained("type: pinhole", lights="{type: point, position: [0, 1, 0], intensity: 0}").text()
+    assert "light.point" in text.partition("Left out")[2]
+    assert "which is black" in text
+
+
+def test_what_is_not_there_is_not_explained() -> None:
+    assert "blur (" not in explained(f"type: none, {FULL_FRAME}", ball("ball", 5.0)).text()
+    assert "their blur is" not in explained(f"type: none, {FULL_FRAME}", ball("ball", 5.0)).text()
+    assert "their blur is" in explained("type: pinhole", ball("ball", 5.0)).text()
+
+
+def test_the_circle_is_told_once() -> None:
+    lens = "type: thin_lens, vfov: 30, focus_distance: 3, aperture: 20 mm"
+    (line,) = [line for line in explained(lens).text().splitlines() if "circle of" in line and "sharp" in line]
+    assert line.endswith(" 1.202 px")
+    (line,) = [line for line in explained(f"{lens}, {FULL_FRAME}").text().splitlines() if "sharp up to" in line]
+    assert line.endswith(" 1.202 px, 0.02884 mm")
+
+
+def test_an_exposure_value_without_a_speed_is_that_of_iso_100() -> None:
+    lens = f"type: thin_lens, {FULL_FRAME}, focal_length: 50 mm, f_number: 16, shutter: 1/128 s"
+    for speed, words in (
+        (", exposure: auto", "EV100 at ISO 100 15"),
+        (", iso: 200", "EV100 14"),
+        ("", "at ISO 100 15"),
+    ):
+        lines = [" ".join(line.split()) for line in explained(lens + speed).text().splitlines()]
+        assert any(line.endswith(words) for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("shutter", "words"), [("1e-320", "e-320 s"), ("1e-300", "1.000e-300 s"), ("1e-6", "1/1000000 s")]
+)
+def test_times_of_any_length_are_printed(shutter: str, words: str) -> None:
+    text = explained(f"type: pinhole, vfov: 40, shutter: {shutter}", ball("moves", 10.0, SPEED)).text()
+    assert [line.split(maxsplit=1)[1].endswith(words) for line in text.splitlines() if "    shutter " in line] == [True]
+
+
+def test_the_readme_shows_what_is_printed() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    shown = readme[readme.index("```\nSimulated") + 4 :].partition("```")[0].splitlines()
+    printed = explain(load(ROOT / "scenes" / "cover.yaml")).text().splitlines()
+    assert [line for line in shown if line.strip() != "..." and line not in printed] == []
 
 
 def test_every_number_has_words() -> None:

@@ -100,6 +100,24 @@ def test_focus_at_looks_through_mere_boundaries() -> None:
     assert focus(camera, glass, WALL) == pytest.approx(2.0, rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("sheet", "distance"),
+    [
+        ("{type: cutout, material: {type: metal}, opacity: 0}", 8.0),
+        ("{type: cutout, material: {type: metal}, opacity: 0.3, threshold: 0.5}", 8.0),
+        ("{type: cutout, material: {type: boundary}, opacity: 0.5}", 8.0),
+        ("{type: two_sided, front: {type: boundary}, back: {type: cutout, material: {type: metal}, opacity: 0}}", 8.0),
+        ("{type: two_sided, front: {type: boundary}, back: {type: metal}}", 4.0),
+        # What has some holes is solid, in its holes too.
+        ("{type: cutout, material: {type: metal}, opacity: 0.1}", 4.0),
+        ("{type: cutout, material: {type: metal}, opacity: {type: checker, scale: 90, even: 0, odd: 0}}", 4.0),
+    ],
+)
+def test_focus_at_looks_through_what_lets_all_light_through(sheet: str, distance: float) -> None:
+    hung = f"type: quad, corner: [-1, -1, -4], edges: [[2, 0, 0], [0, 2, 0]], material: {sheet}"
+    assert focus("vfov: 60, aperture: 20 mm, focus_at: [0.5, 0.5]", hung, WALL) == pytest.approx(distance, rel=1e-6)
+
+
 def test_focus_at_an_instance_whose_material_is_a_boundary_looks_through_it() -> None:
     before = "media: {fog: {type: homogeneous, scattering: 0.1}}\n"
     before += "groups: {one: [{type: sphere, center: [0, 0, 0], radius: 1}]}\n"

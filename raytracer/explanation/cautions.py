@@ -1,0 +1,146 @@
+"""What a photographer should be warned of: where the picture is not that of a real camera, or not as it may be meant.
+
+References: Born, Wolf 1999, "Principles of Optics", 7th ed.; ISO 12232:2019 (the speed of a sensor).
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+
+from raytracer.explanation.numbers import View
+from raytracer.explanation.text import duration, rounded
+from raytracer.scene.lights import lights_of
+from raytracer.scene.spec import SceneSpec
+from raytracer.shutter import Timing
+
+_FASTEST_F_NUMBER = 0.5
+"""The least f-number of a lens in air that is free of coma: 1 / (2 sin 90 deg), Born & Wolf 1999, sec. 4.8.2."""
+
+_LONGEST_SHUTTER = 30.0
+"""The longest time (s) that the dials of cameras have: what is longer is held open by hand."""
+
+_SHORTEST_FOCAL_LENGTH = 1.0
+"""Focal length (mm) that no camera's lens falls short of; those of telephones have a few millimetres."""
+
+_TICK = 2.0**-23
+"""The part of a shutter's time within which two times are the same to paths, whose times are float32 numbers."""
+
+# Where the readout begins, and what it goes along.
+_EDGES = {"down": "top", "up": "bottom", "right": "left", "left": "right"}
+_SIDES = {"down": "height", "up": "height", "right": "width", "left": "width"}
+
+
+def cautions(view: View, numbers: Mapping[str, float]) -> list[str]:
+    """One sentence for each warning; `numbers` are those of the camera."""
+    spec = view.spec
+    return [*_optics(view, numbers), *_units(spec), *_highlights(spec), *_flashes(spec)]
+
+
+def _optics(view: View, numbers: Mapping[str, float]) -> Iterator[str]:
+    """Where an ideal lens does what a real one does not."""
+    airy, pitch, f_number = (numbers.get(name, math.nan) for name in ("airy_disc_um", "pixel_pitch_um", "f_number"))
+    if airy > pitch:
+        working = numbers["image_distance_mm"] / numbers["entrance_pupil_mm"]
+        yield (
+            f"diffraction is left out: at the working f-number f/{rounded(working)} the Airy disc of green light "
+            f"(550 nm) is {rounded(airy)} um wide, and a pixel {rounded(pitch)} um, so a real picture would be softer"
+        )
+    if f_number < _FASTEST_F_NUMBER:
+        yield (
+            f"f/{rounded(f_number)} is faster than f/{_FASTEST_F_NUMBER:g}, which no lens in air can be: the ideal "
+            "lens has no such limit"
+        )
+    if view.pupil() == 0.0 and math.isfinite(f_number):
+        yield (
+            f"the aperture of f/{rounded(f_number)} sets the exposure but blurs nothing, since a "
+            f"{view.spec.camera.type} camera sees through a point"
+        )
+
+
+def _units(spec: SceneSpec) -> Iterator[str]:
+    """Numbers that look as if they were written in another unit."""
+    camera = spec.camera
+    seconds, is_photograph = camera.timing().seconds(), camera.speed() is not None or camera.exposure is not None
+    if is_photograph and seconds > _LONGEST_SHUTTER:
+        long = rounded(seconds)
+        yield f"the shutter is open for {long} s, longer than cameras offer: was 1/{long} s meant?"
+    for key in ("focal_length", "equivalent_focal_length"):
+        length = getattr(camera, key, None)
+        if length is not None and length < _SHORTEST_FOCAL_LENGTH:
+            given = rounded(length)
+            yield f"{key} is {given} mm, shorter than any camera's, and a plain number is mm: was {given} m meant?"
+
+
+def _highlights(spec: SceneSpec) -> Iterator[str]:
+    """A sensor that is full before it has given its largest number."""
+    sensor, speed, push = spec.camera.simulated_sensor(), spec.camera.speed(), spec.camera.exposure_compensation
+    if sensor is None or speed is None or not push:
+        return
+    pulled = speed * math.exp2(push)
+    if pulled < sensor.base_iso:
+        yield (
+            f"exposure_compensation takes the speed to ISO {rounded(pulled)}, below the sensor's base_iso of "
+            f"{rounded(sensor.base_iso)}: its wells are full at {rounded(pulled / sensor.base_iso)} of white, where "
+            "highlights end"
+        )
+
+
+# ---- Flashes
+
+
+def _flashes(spec: SceneSpec) -> Iterator[str]:
+    """Flashes of which the shutter keeps light from the film, or from a part of it."""
+    timing = spec.camera.timing()
+    pulses = {f"lights[{number}]": light.pulse(timing) for number, light in enumerate(lights_of(spec))}
+    shining = {name: pulse for name, pulse in pulses.items() if pulse is not None}
+    for name, (begin, end) in shining.items():
+        flash = "the flash" if len(shining) == 1 else f"the flash {name}"
+        yield from (f"{flash} shines for {duration(end - begin)}, {what}" for what in _covered(timing, begin, end))
+
+
+def _covered(timing: Timing, begin: float, end: float) -> Iterator[str]:
+    """What the shutter does to a flash that shines between two times of the scene (s), if it does anything."""
+    span, (opened, closing) = timing.span(), timing.full()
+    tick = _TICK * (span.close - span.open)
+    if end <= span.open or begin >= span.close:
+        yield "but while the shutter is closed: none of its light is in the picture"
+        return
+
+    # Lines begin to open from 0 to `readout` after the first, and are lit in full or in part if they do between these.
+    full = max(0.0, end - closing), min(timing.readout, begin - opened)
+    part = max(0.0, begin - timing.closes), min(timing.readout, end - timing.opens)
+    if full[0] <= tick and full[1] >= timing.readout - tick:
+        return
+    if timing.readout == 0.0:
+        open_for = max(0.0, min(end, closing) - max(begin, opened))
+        most = 1.0 if timing.profile is None else max(transmission for _, transmission in timing.profile)
+        lost = 1.0 - timing.transmitted(begin, end) / (most * (end - begin))
+        yield (
+            f"of which the shutter is fully open for {duration(open_for)}: {rounded(round(100.0 * lost, 1))} % of its "
+            "light is lost"
+        )
+        return
+    lit = _band(timing, part, full, tick)
+    yield f"while the shutter is not open everywhere: it lights {lit}{_sync(timing, begin, end)}"
+
+
+def _band(timing: Timing, part: tuple[float, float], full: tuple[float, float], tick: float) -> str:
+    """Which lines are lit, and which in full, in words."""
+    lit, whole = (f"{_percent(first, timing)} to {_percent(last, timing)} %" for first, last in (part, full))
+    side, edge = _SIDES[timing.direction], _EDGES[timing.direction]
+    where = f"{lit} of the {side} from the {edge}"
+    if full[1] - full[0] <= tick:
+        return f"{where}, none of it in full"
+    return where if lit == whole else f"{where}, and {whole} in full"
+
+
+def _percent(delay: float, timing: Timing) -> str:
+    return f"{100.0 * delay / timing.readout:.0f}"
+
+
+def _sync(timing: Timing, begin: float, end: float) -> str:
+    """How long the shutter must be open so that all of the picture can be lit; nothing where it is so long."""
+    opened, closing = timing.full()
+    needed = timing.readout + (end - begin)
+    if closing - opened >= needed:
+        return ""
+    return f"; all of it can be lit by a shutter that is fully open for {duration(needed)} or longer"

@@ -1,0 +1,81 @@
+"""All that there is to say of a scene, as numbers and as text."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from raytracer.explanation.cautions import cautions
+from raytracer.explanation.numbers import Circle, View, depth_of_field, exposure
+from raytracer.explanation.text import camera_text, effects_text, objects_text, warnings_text
+from raytracer.scene.effects import Effect, effects_of
+from raytracer.scene.objects import Assets
+from raytracer.scene.pack import pack
+from raytracer.scene.spec import SceneSpec
+from raytracer.scene.whereabouts import Whereabouts, label
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What is simulated and what not; and numbers, by names that end in their units, infinite ones included.
+
+    kind, of the camera; camera, its numbers; objects, those of each object that has a name or moves; warnings, one
+    sentence for each thing in which the picture will differ from what the camera would take, or may not be as meant.
+    """
+
+    effects: dict[str, Effect]
+    kind: str
+    camera: dict[str, float]
+    objects: dict[str, dict[str, float]]
+    warnings: list[str]
+
+    def json(self) -> dict[str, Any]:
+        """For `--json`; infinity, which JSON lacks, becomes the text "inf"."""
+        return {
+            "effects": {name: effect._asdict() for name, effect in self.effects.items()},
+            "camera": _finite(self.camera),
+            "objects": {name: _finite(numbers) for name, numbers in self.objects.items()},
+            "warnings": self.warnings,
+        }
+
+    def text(self) -> str:
+        """As a person reads it."""
+        parts = [
+            effects_text(self.effects),
+            camera_text(self.kind, self.camera),
+            objects_text(self.objects),
+            warnings_text(self.warnings),
+        ]
+        return "\n".join(part for part in parts if part)
+
+
+def _finite(numbers: Mapping[str, float]) -> dict[str, float | str]:
+    return {name: "inf" if math.isinf(value) else value for name, value in numbers.items()}
+
+
+def explain(spec: SceneSpec, *, circle: Circle | None = None) -> Explanation:
+    """Explain a checked scene.
+
+    Parameters
+    ----------
+    circle : the blur at which the depth of field ends; 1/1500 of the diagonal of the sensor, or without one of the
+        picture, if None.
+
+    Raises
+    ------
+    SceneError : the scene cannot be packed.
+    InputError : a circle in mm for a camera whose film has no size.
+    """
+    assets = Assets(spec)
+    packed = pack(spec, assets=assets)
+    spec, scene = packed.spec, packed.scene
+    view = View(spec, scene.camera)
+    where = Whereabouts(spec, assets)
+    numbers = view.numbers | depth_of_field(view, circle) | exposure(spec)
+    objects = {label(spec, number): view.object(where, number) for number in _explained(spec, where)}
+    return Explanation(effects_of(spec, scene), spec.camera.type, numbers, objects, cautions(view, numbers))
+
+
+def _explained(spec: SceneSpec, where: Whereabouts) -> list[int]:
+    """The objects that have a name, or move."""
+    return [number for number, item in enumerate(spec.objects) if item.name is not None or where.moves(number)]
