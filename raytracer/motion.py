@@ -26,16 +26,14 @@ from itertools import pairwise
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from raytracer.jit import kernel
 from raytracer.shutter import Shutter
 from raytracer.spec import (
-    Count,
     Direction,
     Matrix,
-    NonNegativeAngle,
     Point,
     Quantity,
     Rotate,
@@ -62,11 +60,6 @@ _MOST_DEGREES_PER_SEGMENT = 120.0
 
 # How far from a step, in segments, the time of a keyframe may lie and still count as on it.
 _ON_GRID = 1e-6
-
-# Sinusoids of a shake about an axis, and segments of its trajectory in a period of the fastest, of which 0.5 % is lost.
-_SINUSOIDS = 128
-_SEGMENTS_PER_PERIOD = 32
-_MOST_SHAKE_SEGMENTS = 2**17
 
 # Columns of a row of a trajectory, in the order of RTCQuaternionDecomposition.
 _SCALE, _SKEW, _SHIFT, _QUATERNION, _TRANSLATION = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 13), slice(13, 16)
@@ -128,57 +121,6 @@ class Motion(Spec):
                     "is a mirror image of the keyframe before, so the object would be flat somewhere between them",
                 )
         return self
-
-
-class Shake(Spec):
-    """How a hand holds a camera: it turns about its own place, a little, unevenly.
-
-    Each of the angles about the camera's axes is noise with an even spectrum up to a frequency: a sum of sinusoids
-    whose frequencies and phases are random, which is Gaussian in the limit of many.
-
-    References: Rice 1944, "Mathematical Analysis of Random Noise", Bell System Technical Journal 23(3), sec. 2.8 (the
-    sum of sinusoids); Stephens 1969, "Measurement and Analysis of Hand Tremor" (a bandwidth of about 10 Hz).
-    """
-
-    amplitude: NonNegativeAngle = Field(
-        description="root mean square (deg) of the angle about each axis of the camera: yaw, pitch and roll"
-    )
-    bandwidth: Annotated[float, Quantity("frequency", low=0.0, low_open=True)] = Field(
-        default=10.0, description="highest frequency (Hz) in the shake"
-    )
-    seed: Annotated[int, Count(0, 2**32 - 1)] = Field(default=0, description="seed: another one shakes otherwise")
-
-    def segments(self, shutter: Shutter) -> int:
-        """How many straight segments come close to the shake while the shutter is open.
-
-        Raises
-        ------
-        ValueError : more than there can be.
-        """
-        periods = self.bandwidth * (shutter.close - shutter.open)
-        if periods * _SEGMENTS_PER_PERIOD > _MOST_SHAKE_SEGMENTS:
-            raise ValueError(
-                f"shakes {periods:.4g} times while the shutter is open, and at most "
-                f"{_MOST_SHAKE_SEGMENTS // _SEGMENTS_PER_PERIOD} times can be followed: lower the bandwidth, or "
-                "shorten the shutter"
-            )
-        return max(1, math.ceil(_SEGMENTS_PER_PERIOD * periods))
-
-    def angles(self, times: ArrayLike) -> NDArray[np.float64]:
-        """Pitch, yaw and roll (rad) at times of the scene (s) (n,): float64 (n, 3).
-
-        Over long times each has a mean square of exactly the amplitude's.
-        """
-        moments = np.asarray(times, np.float64)
-        rng = np.random.default_rng(self.seed)
-        # One frequency in each part of the spectrum, anywhere in it, so that nothing repeats.
-        frequencies = self.bandwidth * (np.arange(_SINUSOIDS) + rng.random((3, _SINUSOIDS))) / _SINUSOIDS
-        phases = 2.0 * np.pi * rng.random((3, _SINUSOIDS))
-        result = np.zeros((len(moments), 3))
-        for axis in range(3):
-            for frequency, phase in zip(frequencies[axis], phases[axis], strict=True):
-                result[:, axis] += np.cos(2.0 * np.pi * frequency * moments + phase)
-        return math.radians(self.amplitude) * math.sqrt(2.0 / _SINUSOIDS) * result
 
 
 # ---- Matrices, taken apart
@@ -388,24 +330,8 @@ def composed(outer: Rows, inner: Rows, most: int = MOST_STEPS) -> Rows:
     return _continuous(rows)
 
 
-def shaken(shake: Shake, center: Vector, axes: Matrix, shutter: Shutter, segments: int = 1) -> Rows:
-    """The trajectory (steps, 16) of a camera that a hand holds: rotations about its place `center` (m).
-
-    Parameters
-    ----------
-    axes : (3, 3), rows are the axes of pitch, yaw and roll: unit vectors to the right, up and forward.
-    segments : the steps are those of this many segments, divided further.
-
-    Raises
-    ------
-    ValueError : see `Shake.segments`.
-    """
-    segments *= math.ceil(shake.segments(shutter) / segments)
-    vectors = shake.angles(np.linspace(shutter.open, shutter.close, segments + 1)) @ axes
-    angle = np.linalg.norm(vectors, axis=1, keepdims=True)
-    # sin(a / 2) / a, which is 1/2 where there is no angle.
-    share = 0.5 * np.sinc(angle / (2.0 * np.pi))
-    quaternions = np.concatenate([np.cos(0.5 * angle), share * vectors], axis=1)
+def rotations_about(center: Vector, quaternions: NDArray[np.float64]) -> Rows:
+    """The trajectory (steps, 16) of rotations about a point (m), by their unit quaternions (steps, 4)."""
     back = -np.asarray(center, np.float64)
     return _continuous(_row(center, quaternion, np.eye(3), back) for quaternion in quaternions)
 

@@ -7,9 +7,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from raytracer.jit import generic
-from raytracer.motion import Motion, Shake
+from raytracer.motion import Motion
 from raytracer.photography import AutoExposureField, Exposure
 from raytracer.sensors import SensorSpec
+from raytracer.shake import Shake
 from raytracer.shutter import Shutter, ShutterField, Timing, timing_of
 from raytracer.spec import Name, Quantity, Spec, Time, at, matrix_of
 

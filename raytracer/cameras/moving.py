@@ -16,7 +16,6 @@ from raytracer.motion import (
     MOST_STEPS,
     Moving,
     Rows,
-    Shake,
     Shift,
     Static,
     Trajectories,
@@ -28,9 +27,9 @@ from raytracer.motion import (
     pack_trajectories,
     place,
     pose_at,
-    shaken,
     trajectory_of,
 )
+from raytracer.shake import Shake, shaken
 from raytracer.spec import Matrix
 from raytracer.vec import normalize
 

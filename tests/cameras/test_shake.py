@@ -8,7 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 from raytracer.cameras.moving import MovingCamera, pack_camera
-from raytracer.motion import Shake, matrix_at
+from raytracer.motion import matrix_at
+from raytracer.shake import Shake
 from tests.cameras.test_moving import TURN, camera
 from tests.motion.kernels import camera_rays
 
