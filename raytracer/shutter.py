@@ -345,8 +345,10 @@ def pulse_of(shutter: Shutter, begin: float, end: float) -> tuple[float, float]:
     is shorter than two such numbers are apart is made as long as they are.
     """
     whole = shutter.close - shutter.open
-    first = float(np.float32((begin - shutter.open) / whole))
-    last = float(np.float32((end - shutter.open) / whole))
+    # What lies too far outside for a float32 number is infinitely far outside.
+    with np.errstate(over="ignore"):
+        first = float(np.float32((begin - shutter.open) / whole))
+        last = float(np.float32((end - shutter.open) / whole))
     return first, max(last, float(np.float32(first + _TICK)))
 
 

@@ -8,6 +8,7 @@ In a scene:
 A shutter needs to be open for some time, `camera: {..., shutter: 1/60 s}`, for a flash to shine in.
 """
 
+import math
 from collections.abc import Sequence
 from typing import Annotated, Literal, NamedTuple, TypeAlias
 
@@ -67,7 +68,8 @@ class FlashLight(LightSpec):
         if timed:
             span = timing.span()
             fractions = pulse_of(span, begin, end)
-            seconds = (fractions[1] - fractions[0]) * (span.close - span.open)
+            share = fractions[1] - fractions[0]
+            seconds = share * (span.close - span.open) if math.isfinite(share) else self.duration
             fired = _Fired(scale(1.0 / seconds, self.energy), fractions)
         else:
             share = timing.transmitted(begin, end) / timing.seconds()

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from raytracer.errors import SceneError
 from raytracer.explanation import explain
 from raytracer.kinds import LIGHTS
-from raytracer.lights.flash import Flashes
+from raytracer.lights.flash import Flashes, FlashLight
 from raytracer.lights.interface import Lights
 from raytracer.rendering import render
 from raytracer.scene.pack import pack
@@ -217,3 +217,16 @@ def test_a_slit_that_is_narrower_than_the_film_shows_the_flash_as_a_band() -> No
     lights = f"{{type: flash, {FAR}, energy: 3, duration: 1 us}}"
     found = picture(text_of("shutter: {duration: 0.25, readout: 0.2}", lights))
     np.testing.assert_allclose(found[8:24, 8:24], WHITE / 0.25, rtol=2e-2)
+
+
+def test_a_flash_outlasts_the_shortest_of_shutters() -> None:
+    # It shines all the time that the shutter is open, with its energy over its own duration; in float32 fractions of
+    # the shutter's time it would end beyond all numbers.
+    flash = FlashLight(position=(0.0, 0.0, 0.0), energy=(2.0, 2.0, 2.0), duration=1e-4)
+    fired = flash.fired(Timing(0.0, 1e-300), (0.0, 0.0, 0.0), timed=True)
+    table = FlashLight.pack([fired])
+    assert table is not None
+    assert table.pulse is not None
+    np.testing.assert_allclose(table.intensity, 2e4, rtol=1e-12)
+    assert table.pulse.begin[0] == 0.0
+    assert table.pulse.end[0] > 1.0
