@@ -10,10 +10,27 @@ from functools import cached_property, reduce
 from operator import or_
 from typing import Annotated, Any, Literal, get_args, get_origin
 
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import BeforeValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, WithJsonSchema
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, core_schema
 
 from raytracer.errors import shown, suggestion
 from raytracer.spec import Spec, at
+
+
+class _ByName:
+    """Annotation of a family's union: a kind's bare name stands for a mapping of that type."""
+
+    def __init__(self, family: "Family") -> None:
+        self._family = family
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(
+            lambda value: {"type": value} if isinstance(value, str) else value, handler(source)
+        )
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return {"anyOf": [{"enum": list(self._family.specs())}, handler(schema)]}
 
 
 class Family:
@@ -57,6 +74,10 @@ class Family:
             # A union of one is not a union, and takes no discriminator.
             return Annotated[specs[0], BeforeValidator(self._known_type)]
         return Annotated[reduce(or_, specs), Field(discriminator="type"), BeforeValidator(self._known_type)]
+
+    def union_or_name(self) -> Any:
+        """As `union`; a kind's bare name stands for a mapping of that type alone."""
+        return Annotated[self.union(), _ByName(self)]
 
     def _known_type(self, value: Any) -> Any:
         """Refuse what names no kind of this family, before pydantic does in its own words."""

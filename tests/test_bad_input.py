@@ -959,7 +959,7 @@ def opening(name: str, keys: str, *words: str, file: tuple[str, str | bytes] | N
 
 APERTURES = [
     opening("aperture of no shape", "aperture_shape: {blades: 5}", ".aperture_shape: needs a type, one of image, poly"),
-    opening("aperture by name", "aperture_shape: hexagon", ".aperture_shape: must be a mapping with a type"),
+    opening("aperture by a wrong name", "aperture_shape: hexagon", ".aperture_shape: unknown type of aperture"),
     opening("misspelt aperture", "aperture_shape: {type: polygn}", ".aperture_shape.type: ", "mean 'polygon'?"),
     opening("two blades", "aperture_shape: {type: polygon, blades: 2}", ".aperture_shape.blades: must be at least 3"),
     opening("half a blade", "aperture_shape: {type: polygon, blades: 5.5}", ".aperture_shape.blades: must be a whole"),

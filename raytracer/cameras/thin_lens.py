@@ -26,7 +26,7 @@ from raytracer.units import METRES_PER_MILLIMETRE
 if TYPE_CHECKING:
     Aperture: TypeAlias = ApertureSpec
 else:
-    Aperture = APERTURES.union()
+    Aperture = APERTURES.union_or_name()
 
 _SIZES = ("defocus_angle", "aperture", "f_number")
 _FOCUSES = ("focus_distance", "focus_on", "focus_at")
@@ -72,7 +72,8 @@ class ThinLens(PerspectiveSpec):
     aperture: NonNegativeOptic | None = Field(default=None, description="diameter of the lens (mm)")
     aperture_shape: Aperture | None = Field(
         default=None,
-        description="shape of the opening, of the same area as a disc of the lens's diameter; a disc by default",
+        description="shape of the opening, of the same area as a disc of the lens's diameter: a type, or a mapping; "
+        "a disc by default",
     )
     vignetting: Vignetting | None = Field(
         default=None,

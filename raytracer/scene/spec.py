@@ -7,14 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 from pydantic import (
     BeforeValidator,
     Field,
-    GetCoreSchemaHandler,
-    GetJsonSchemaHandler,
     PrivateAttr,
     TypeAdapter,
     model_validator,
 )
-from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema, core_schema
 
 from raytracer.errors import SceneError, suggestion
 from raytracer.film.tone import ToneCurveField, ToneCurveSpec
@@ -29,18 +25,6 @@ _INT32_MAX = 2**31 - 1
 _UINT32_MAX = 2**32 - 1
 
 _Keys: TypeAlias = tuple[str | int, ...]
-
-
-class _ByName:
-    """Annotation of a family's union: a kind's bare name stands for a mapping of that type."""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return core_schema.no_info_before_validator_function(
-            lambda value: {"type": value} if isinstance(value, str) else value, handler(source)
-        )
-
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        return {"anyOf": [{"enum": list(FILTERS.specs())}, handler(schema)]}
 
 
 if TYPE_CHECKING:
@@ -64,7 +48,7 @@ if TYPE_CHECKING:
 else:
     Camera = CAMERAS.union()
     Environment = ENVIRONMENTS.union()
-    Filter = Annotated[FILTERS.union(), _ByName()]
+    Filter = FILTERS.union_or_name()
     Light = LIGHTS.union()
     Material = MATERIALS.union()
     Medium = MEDIA.union()

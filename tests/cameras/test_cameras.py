@@ -290,6 +290,11 @@ def test_rays_of_a_film_point_meet_in_the_plane_of_focus(focus: float) -> None:
     np.testing.assert_allclose(meeting, np.tile(expected, (1000, 1)), rtol=0.0, atol=1e-14 * focus + 1e-15)
 
 
+def test_an_aperture_is_a_name_where_its_defaults_will_do() -> None:
+    assert lens_spec(aperture_shape="polygon") == lens_spec(aperture_shape={"type": "polygon"})
+    assert lens_spec(aperture=9, aperture_shape="round").pack(40, 30) == lens_spec(aperture=9).pack(40, 30)
+
+
 def test_focus_at_infinity_sends_parallel_rays() -> None:
     # Hard case 24: o + inf * d is not a number.
     packed = lens_spec(focus_distance=math.inf, aperture=100).pack(40, 30)
