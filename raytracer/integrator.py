@@ -457,12 +457,11 @@ def start_paths(scene, aovs, work, key, x, y, first, count):
         time, rate = sample_time(scene.shutter, film_x, film_y, draws)
         origin, direction, importance = camera_ray(scene.camera, film_x, film_y, time, draws)
         store3(work.radiance, lane, 0, BLACK)
-        work.radiance[lane, 3] = weight * rate
+        # Not into the throughput: what a ray counts for says nothing of whether its path should go on.
+        work.radiance[lane, 3] = weight * rate * importance
         observe_start(aovs, work, lane)
         if importance == 0.0:
             continue
-        # Not into the throughput: what a ray counts for says nothing of whether its path should go on.
-        work.radiance[lane, 3] *= importance
         keep_time(scene.shutter, work, lane, time)
         fill_space(scene.media, work, lane)
         mark_start(scene.passage, work, lane, origin)

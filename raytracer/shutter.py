@@ -37,8 +37,8 @@ from raytracer.spec import Check, NonNegativeTime, Quantity, Spec, Time, at
 
 Profile: TypeAlias = tuple[tuple[float, float], ...]
 
-# Times are float32 numbers in [0, 1]; nothing is told apart that lies closer together than this.
-_TICK = 2.0**-23
+TICK = 2.0**-23
+"""The part of a shutter's time within which two times are the same to paths, whose times are float32 numbers."""
 
 # What part of the times is drawn from the flashes, where there are any.
 _PULSED = 0.5
@@ -349,7 +349,7 @@ def pulse_of(shutter: Shutter, begin: float, end: float) -> tuple[float, float]:
     with np.errstate(over="ignore"):
         first = float(np.float32((begin - shutter.open) / whole))
         last = float(np.float32((end - shutter.open) / whole))
-    return first, max(last, float(np.float32(first + _TICK)))
+    return first, max(last, float(np.float32(first + TICK)))
 
 
 # ---- For kernels
@@ -493,5 +493,5 @@ def _(pulses, shutter, x, y, u):
     for pulse in range(len(pulses.begin)):
         first, last = max(pulses.begin[pulse], begin), min(pulses.end[pulse], begin + width)
         if last >= first and pulses.begin[pulse] <= time <= pulses.end[pulse]:
-            drawn += _PULSED / (seen * max(last - first, _TICK))
+            drawn += _PULSED / (seen * max(last - first, TICK))
     return time, wanted_density / drawn

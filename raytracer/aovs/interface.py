@@ -229,6 +229,9 @@ def _(layer, work, sample, x, y):
 
 @_add.register(Vote)
 def _(layer, work, sample, x, y):
+    # A ray that a lens stops sees nothing, which is not the same as seeing that there is nothing.
+    if work.radiance[sample, 3] == 0.0:
+        return
     number = np.int64(0)
     if work.features[sample, _MET] != 0.0:
         number = np.int64(work.features[sample, layer.column])

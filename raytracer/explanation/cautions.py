@@ -10,7 +10,7 @@ from raytracer.explanation.numbers import View
 from raytracer.explanation.text import duration, rounded
 from raytracer.scene.lights import lights_of
 from raytracer.scene.spec import SceneSpec
-from raytracer.shutter import Timing
+from raytracer.shutter import TICK, Timing
 
 _FASTEST_F_NUMBER = 0.5
 """The least f-number of a lens in air that is free of coma: 1 / (2 sin 90 deg), Born & Wolf 1999, sec. 4.8.2."""
@@ -20,9 +20,6 @@ _LONGEST_SHUTTER = 30.0
 
 _SHORTEST_FOCAL_LENGTH = 1.0
 """Focal length (mm) that no camera's lens falls short of; those of telephones have a few millimetres."""
-
-_TICK = 2.0**-23
-"""The part of a shutter's time within which two times are the same to paths, whose times are float32 numbers."""
 
 # Where the readout begins, and what it goes along.
 _EDGES = {"down": "top", "up": "bottom", "right": "left", "left": "right"}
@@ -100,7 +97,7 @@ def _flashes(spec: SceneSpec) -> Iterator[str]:
 def _covered(timing: Timing, begin: float, end: float) -> Iterator[str]:
     """What the shutter does to a flash that shines between two times of the scene (s), if it does anything."""
     span, (opened, closing) = timing.span(), timing.full()
-    tick = _TICK * (span.close - span.open)
+    tick = TICK * (span.close - span.open)
     if end <= span.open or begin >= span.close:
         yield "but while the shutter is closed: none of its light is in the picture"
         return

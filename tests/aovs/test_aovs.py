@@ -16,6 +16,7 @@ from raytracer.film.image import Image
 from raytracer.geometry import Hit
 from raytracer.kinds import AOVS
 from raytracer.rendering import render, render_image
+from raytracer.scene.load import build
 from tests.rendering import scene
 
 # One compiled kernel a scene, whatever a test is about.
@@ -322,3 +323,20 @@ objects:
     assert picture.layers["object_id"][pixel(0, 0, 2.8)] == 3
     names = json.loads(str(picture.settings["material_id_names"]))
     assert names[str(picture.layers["material_id"][pixel(0.5, 0.6, 3.6)])] == "groups.pair[1].material"
+
+
+@pytest.mark.parametrize("exposed", ["", ", shutter: 1/60 s, iso: 100"])
+def test_rays_that_a_rim_stops_are_no_holes_in_a_surface(exposed: str) -> None:
+    # A wall fills the picture, and a rim cuts most of the light in its corners; what comes through sees the wall alone.
+    text = f"""
+camera: {{type: thin_lens, look_from: [0, 0, 4], look_at: [0, 0, 0], focal_length: 50 mm, aperture: 25 mm,
+         vignetting: {{diameter: 25 mm, distance: 60 mm}}{exposed}}}
+film: {{width: 12, height: 8}}
+render: {{spp: 64, max_depth: 1}}
+environment: {{type: constant, radiance: 1}}
+objects: [{{type: quad, name: wall, corner: [-9, -9, 0], edges: [[18, 0, 0], [0, 18, 0]]}}]
+"""
+    layers = render(build(text, "test.yaml"), aovs=["coverage", "object_id", "depth"]).image.layers
+    np.testing.assert_array_equal(layers["coverage"], 1.0)
+    np.testing.assert_array_equal(layers["object_id"], layers["object_id"][4, 6])
+    np.testing.assert_allclose(layers["depth"], 4.0, rtol=1e-9)
