@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytracer.cameras.interface import NO_ASSETS, Assets, CameraSpec, camera_ray, project
+from raytracer.cameras.interface import NO_ASSETS, Assets, camera_ray, project
+from raytracer.cameras.placement import PlacedSpec
 from raytracer.motion import (
     MOST_STEPS,
     Moving,
@@ -41,7 +42,7 @@ class MovingCamera(NamedTuple):
     trajectories: Trajectories
 
 
-def pack_camera(spec: CameraSpec, width: int, height: int, assets: Assets = NO_ASSETS) -> Any:
+def pack_camera(spec: PlacedSpec, width: int, height: int, assets: Assets = NO_ASSETS) -> Any:
     """The packed camera for a film of width x height pixels: at rest, or moving while its shutter is open.
 
     Raises
@@ -57,29 +58,29 @@ def pack_camera(spec: CameraSpec, width: int, height: int, assets: Assets = NO_A
     return MovingCamera(spec.pack(width, height, assets), pack_trajectories([trajectory_of(placed)]))
 
 
-def _shaken(spec: CameraSpec, shake: Shake, placed: Static | Shift | Moving) -> Rows:
+def _shaken(spec: PlacedSpec, shake: Shake, placed: Static | Shift | Moving) -> Rows:
     """The trajectory of a camera that shakes as seen from where its motion carries it."""
     own = trajectory_of(placed)
     segments = max(1, len(own) - 1)
     # Few steps would leave too little of a motion that turns, where it and the shake are composed.
     segments *= math.ceil((MOST_STEPS - 1) / segments) if isinstance(placed, Moving) else 1
-    frame = getattr(spec, "frame")()  # noqa: B009
+    frame = spec.frame()
     axes = np.array([frame.right, frame.up, frame.forward])
     hand = shaken(shake, frame.origin, axes, spec.opening(), segments)
     return composed(own, hand, len(hand))
 
 
-def camera_at(spec: CameraSpec, time: float) -> CameraSpec:
+def camera_at(spec: PlacedSpec, time: float) -> PlacedSpec:
     """The camera where its motion has brought it at a time of the scene (s), at rest."""
     return spec if spec.motion is None else _posed(spec, matrix_at(spec.motion, time))
 
 
-def _posed(spec: CameraSpec, matrix: Matrix) -> CameraSpec:
+def _posed(spec: PlacedSpec, matrix: Matrix) -> PlacedSpec:
     """The camera moved by a rotation and translation; itself where that leaves it in its place."""
     if np.array_equal(matrix, np.eye(4)):
         return spec
     moved = {name: matrix[:3, :3] @ getattr(spec, name) + matrix[:3, 3] for name in ("look_from", "look_at")}
-    moved["up"] = matrix[:3, :3] @ getattr(spec, "up")  # noqa: B009
+    moved["up"] = matrix[:3, :3] @ spec.up
     return spec.model_copy(update={name: tuple(map(float, vector)) for name, vector in moved.items()})
 
 

@@ -97,8 +97,7 @@ def _fired(spec: SceneSpec, lights: Sequence[LightSpec], is_moving: bool) -> lis
 
 def _place(spec: SceneSpec, time: float) -> Vector:
     """Where the camera is at a time of the scene (s)."""
-    found: Vector = getattr(camera_at(spec.camera, time), "look_from")  # noqa: B009
-    return found
+    return camera_at(spec.camera, time).look_from
 
 
 def pulses_of(lights: Lights | None) -> list[Pulses]:

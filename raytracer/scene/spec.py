@@ -28,7 +28,7 @@ _Keys: TypeAlias = tuple[str | int, ...]
 
 
 if TYPE_CHECKING:
-    from raytracer.cameras.interface import CameraSpec
+    from raytracer.cameras.placement import PlacedSpec
     from raytracer.environments.interface import EnvironmentSpec
     from raytracer.filters.interface import FilterSpec
     from raytracer.lights.interface import LightSpec
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from raytracer.shapes.interface import ShapeSpec
     from raytracer.textures.interface import TextureSpec
 
-    Camera: TypeAlias = CameraSpec
+    Camera: TypeAlias = PlacedSpec
     Environment: TypeAlias = EnvironmentSpec
     Filter: TypeAlias = FilterSpec
     Light: TypeAlias = LightSpec
