@@ -13,6 +13,7 @@ from raytracer.geometry import (
     Primitive,
     area_pdf,
     hit_offset,
+    offset_of,
     padded,
     row3,
     sphere_distance,
@@ -96,12 +97,23 @@ def _(table, primitive, origin, direction, near, time, accuracy):
     )
 
 
+@kernel
+def _fills_a_cone(center: Vec3, radius: float, distance2: float) -> bool:
+    """Whether light samples draw from the cone that a sphere fills, seen at this squared distance from its centre.
+
+    On the sphere itself that would be half of all directions, and rounding would decide which side is the near one:
+    such points count as inside.
+    """
+    reach = radius + offset_of(max_abs(center) + radius)
+    return distance2 > reach * reach
+
+
 @sample_point.register(Spheres)
 def _(table, primitive, reference, u1, u2, time):
     center, radius = row3(table.center, primitive), abs(table.radius[primitive])
     to = sub(center, reference)
     distance2 = dot(to, to)
-    if distance2 <= radius * radius:
+    if not _fills_a_cone(center, radius, distance2):
         # From inside, every point of the sphere is in view: draw by area.
         out = sample_sphere(u1, u2)
         point = madd(center, radius, out)
@@ -127,9 +139,13 @@ def _(table, primitive, reference, u1, u2, time):
 
 @pdf_point.register(Spheres)
 def _(table, primitive, reference, point, normal, time):
-    center, radius = row3(table.center, primitive), table.radius[primitive]
+    center, radius = row3(table.center, primitive), abs(table.radius[primitive])
     to = sub(center, reference)
     distance2 = dot(to, to)
-    if distance2 <= radius * radius:
+    if not _fills_a_cone(center, radius, distance2):
         return area_pdf(reference, point, normal, 4.0 * math.pi * radius * radius)
+
+    # The far side is in view through holes, and is never aimed at.
+    if dot(sub(point, reference), sub(point, center)) > 0.0:
+        return 0.0
     return pdf_cone(radius * radius / distance2)

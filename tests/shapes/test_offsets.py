@@ -14,7 +14,7 @@ from raytracer.primitives.discs import Discs
 from raytracer.primitives.parallelograms import Parallelograms
 from raytracer.primitives.spheres import Spheres
 from raytracer.primitives.triangles import Triangles
-from tests.shapes.kernels import built, cast, sample, spawn, uniform_directions, unit
+from tests.shapes.kernels import built, cast, pdf_of, sample, spawn, uniform_directions, unit
 
 SCALES = (1e-3, 1.0, 1e3, 1e6)
 
@@ -213,7 +213,7 @@ def test_tangent_rays_give_numbers() -> None:
             np.testing.assert_allclose(hits.point[0], [1.0, 0.0, 0.0], atol=1e-3)
 
 
-@pytest.mark.parametrize(("distance", "radius"), [(1e4, 1.0), (1e8, 1.0), (1.0 + 1e-9, 1.0)])
+@pytest.mark.parametrize(("distance", "radius"), [(1e4, 1.0), (1e8, 1.0), (1.0 + 1e-5, 1.0)])
 def test_cone_of_a_sphere_light_keeps_its_density_finite(distance: float, radius: float) -> None:
     # Hard case 10: the solid angle is 2 pi s^2 / (1 + sqrt(1 - s^2)), s = r / d; 1 - cos is 0 in float32 at d = 1e4.
     table = spheres([0.0, 0.0, 0.0], radius)
@@ -223,6 +223,32 @@ def test_cone_of_a_sphere_light_keeps_its_density_finite(distance: float, radius
     np.testing.assert_allclose(points.pdf, 1.0 / solid_angle, rtol=1e-7)
     np.testing.assert_allclose(np.linalg.norm(points.point, axis=1), radius, rtol=1e-14)
     assert (points.normal[:, 0] >= radius / distance - 1e-7).all()
+
+
+@pytest.mark.parametrize("distance", [1.0 - 2.0**-52, 1.0, 1.0 + 2.0**-52, 1.0 + 1e-9])
+def test_a_sphere_is_drawn_by_area_from_points_on_it(distance: float) -> None:
+    # Such as those of glowing glass that lights itself; which side of the sphere rounding puts them on must not matter.
+    table = (spheres([0.0, 0.0, 0.0], 1.0),)
+    points = sample(table, 0, 0, [distance, 0.0, 0.0], np.random.default_rng(13).random((4000, 2)))
+    assert abs(points.point[:, 0].mean()) < 4.0 / math.sqrt(3.0 * 4000)
+    # A chord c meets the sphere at the cosine c / 2: c^2 / (4 pi c / 2) = c / (2 pi).
+    chord = np.linalg.norm(points.point - [distance, 0.0, 0.0], axis=1)
+    np.testing.assert_allclose(points.pdf, chord / (2.0 * math.pi), rtol=1e-4)
+    found = pdf_of(table, 0, 0, [distance, 0.0, 0.0], points.point, points.normal)
+    np.testing.assert_allclose(found, points.pdf, rtol=1e-9)
+
+
+def test_the_far_side_of_a_sphere_is_not_aimed_at() -> None:
+    # From outside only the near side is drawn, so what is seen of the far one through holes is left to paths.
+    table = (spheres([0.0, 0.0, 0.0], -1.0),)
+    points = sample(table, 0, 0, [3.0, 0.0, 0.0], np.random.default_rng(13).random((1000, 2)))
+    way = unit(points.point - [3.0, 0.0, 0.0])
+    far = points.point - 2.0 * (points.point * way).sum(axis=1)[:, None] * way
+    np.testing.assert_allclose(np.linalg.norm(far, axis=1), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(
+        pdf_of(table, 0, 0, [3.0, 0.0, 0.0], points.point, points.normal), points.pdf, rtol=1e-12
+    )
+    assert not pdf_of(table, 0, 0, [3.0, 0.0, 0.0], far, -far).any()
 
 
 def test_quads_have_no_gap_along_their_diagonal() -> None:
