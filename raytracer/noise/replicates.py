@@ -1,0 +1,99 @@
+"""Error and bias from independent replicates, without a reference.
+
+Arrays of replicates are (R, P, 3): R renders that share nothing but the scene, P pixels.  `weights` (P, 3) are those of
+`metric.weights`, the same for all that is compared; `tile` (P,) says which tile a pixel belongs to, since intervals
+come from the bootstrap over tiles.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+class ByTile(NamedTuple):
+    """Sums over the pixels of each tile (of the mean over channels), float64 (tiles,), and numbers of pixels (tiles,).
+
+    Sums over pixels are ready for `intervals.ratio_of_sums`.
+    """
+
+    sums: Array
+    pixels: Array
+
+    @property
+    def mean(self) -> float:
+        """Mean over all pixels."""
+        return float(self.sums.sum() / self.pixels.sum())
+
+
+def _by_tile(values: Array, tile: ArrayLike) -> ByTile:
+    """`values` (P, 3), summed."""
+    index = np.asarray(tile, dtype=np.int64)
+    tiles = int(index.max()) + 1
+    sums, pixels = np.bincount(index, values.mean(axis=1), tiles), np.bincount(index, minlength=tiles)
+    return ByTile(sums.astype(np.float64), pixels.astype(np.float64))
+
+
+def mse_by_tile(replicates: ArrayLike, weights: ArrayLike, tile: ArrayLike) -> ByTile:
+    """The relative MSE of one replicate: the unbiased sample variance over replicates, weighted.
+
+    Raises
+    ------
+    ValueError : fewer than two replicates.
+    """
+    a = _replicates(replicates)
+    return _by_tile(np.asarray(weights) * a.var(axis=0, ddof=1), tile)
+
+
+def squared_bias_by_tile(a: ArrayLike, r: ArrayLike, weights: ArrayLike, tile: ArrayLike) -> ByTile:
+    """The squared relative difference of the expectations of `a` and `r`, without their noise.
+
+    The mean over i != j of (a_i - r_i) (a_j - r_j): different replicates are independent, so the expectation of the
+    product is that of the square without noise.  It may be negative.  a_i and r_i may share their random numbers,
+    which makes it sharper.
+
+    Raises
+    ------
+    ValueError : fewer than two replicates, or not as many of both.
+
+    References: Hoeffding 1948, "A Class of Statistics with Asymptotically Normal Distribution", Annals of Mathematical
+        Statistics 19(3) (U-statistics).
+    """
+    difference = _replicates(a) - _replicates(r)
+    n = len(difference)
+    products = (difference.sum(axis=0) ** 2 - (difference**2).sum(axis=0)) / (n * (n - 1))
+    return _by_tile(np.asarray(weights) * products, tile)
+
+
+def brightness_by_tile(a: ArrayLike, r: ArrayLike, tile: ArrayLike) -> tuple[Array, Array]:
+    """Sums of the means of `a` and of `r` over each tile, both (tiles,): the ratio of their totals is of brightness."""
+    first, second = (np.asarray(x, dtype=np.float64).mean(axis=0) for x in (a, r))
+    return _by_tile(first, tile).sums, _by_tile(second, tile).sums
+
+
+def top_share(
+    replicates: ArrayLike, weights: ArrayLike, fraction: float = 1e-3, stands: ArrayLike | None = None
+) -> float:
+    """Share of the relative MSE that the worst `fraction` of the pixels, at least one, carry; 0 without an error.
+
+    stands : (P,), how many pixels of the picture each of them stands for; 1 if None.
+    """
+    a = _replicates(replicates)
+    errors = (np.asarray(weights) * a.var(axis=0, ddof=1)).mean(axis=1)
+    standing = np.ones(len(errors)) if stands is None else np.asarray(stands, dtype=np.float64)
+    order = np.argsort(-errors, kind="stable")
+    carried = np.cumsum((errors * standing)[order])
+    if carried[-1] == 0.0:
+        return 0.0
+    among = np.searchsorted(np.cumsum(standing[order]), fraction * standing.sum() * (1.0 + 1e-12), side="right")
+    return float(carried[max(1, among) - 1] / carried[-1])
+
+
+def _replicates(values: ArrayLike) -> Array:
+    array = np.asarray(values, dtype=np.float64)
+    if len(array) < 2:
+        raise ValueError(f"{len(array)} replicates do not tell their noise")
+    return array

@@ -1,0 +1,131 @@
+"""Error and bias from replicates alone, against what was planted."""
+
+import numpy as np
+import pytest
+
+from raytracer.noise import (
+    brightness_by_tile,
+    mse_by_tile,
+    ratio_of_sums,
+    relative_error,
+    root,
+    squared_bias_by_tile,
+    top_share,
+    weights,
+)
+
+TILES, PIXELS = 60, 64
+TILE = np.repeat(np.arange(TILES), PIXELS)
+
+
+def _picture(rng):
+    """A picture whose tiles differ in brightness: (P, 3)."""
+    return np.repeat(rng.lognormal(0.0, 0.8, TILES), PIXELS)[:, None] * rng.uniform(0.5, 1.5, (TILES * PIXELS, 3))
+
+
+def _noise(rng, shape, heavy):
+    """Noise of the variance 1 and the mean 0; heavy: one sample in 50 carries all of it."""
+    if not heavy:
+        return rng.standard_normal(shape)
+    p = 0.02
+    return (rng.random(shape) < p) / np.sqrt(p * (1 - p)) - np.sqrt(p / (1 - p))
+
+
+@pytest.mark.parametrize("heavy", [False, True])
+def test_the_mse_is_that_of_one_replicate(heavy):
+    rng = np.random.default_rng(3)
+    truth = _picture(rng)
+    renders = truth + 0.1 * truth * _noise(rng, (4, *truth.shape), heavy)
+    w = weights(truth)
+    expected = np.mean(w * (0.1 * truth) ** 2)
+    found = mse_by_tile(renders, w, TILE)
+    assert found.mean == pytest.approx(expected, rel=0.1)
+    assert found.mean == pytest.approx(np.mean([relative_error(a, truth) ** 2 for a in renders]), rel=0.1)
+    np.testing.assert_array_equal(found.pixels, np.full(TILES, PIXELS))
+
+
+def test_sums_are_over_pixels_of_the_mean_over_channels():
+    renders = np.array([[[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]], [[2.0, 0.0, 0.0], [1.0, 1.0, 4.0]]])
+    found = mse_by_tile(renders, np.ones((2, 3)), [1, 0])
+    np.testing.assert_allclose(found.sums, [4.5 / 3.0, 2.0 / 3.0])
+    np.testing.assert_allclose(found.pixels, [1.0, 1.0])
+    assert found.mean == pytest.approx(6.5 / 6.0)
+
+
+@pytest.mark.parametrize("heavy", [False, True])
+def test_a_planted_bias_far_below_the_noise_is_found(heavy):
+    """2 % too bright, of noise of 30 %, from 9 replicates: within its interval in 34 or more of 40 seeds."""
+    found, resolved = 0, 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        truth = _picture(np.random.default_rng(100))
+        r, a = (truth + 0.3 * truth * _noise(rng, (9, *truth.shape), heavy) for _ in range(2))
+        w = weights(truth)
+        bias = root(ratio_of_sums(*squared_bias_by_tile(a + 0.02 * truth, r, w, TILE), seed=seed))
+        planted = relative_error(1.02 * truth, truth)
+        found += bias.low <= planted <= bias.high
+        resolved += bias.low > 0.0
+    assert found >= 34
+    assert resolved <= 36  # 2 % against 30 % / sqrt(9 * 11520 / 2) of the mean square: some 2 standard deviations
+
+
+def test_common_random_numbers_sharpen_the_bias():
+    rng = np.random.default_rng(5)
+    truth = _picture(rng)
+    r = truth * (1.0 + 0.3 * rng.standard_normal((9, *truth.shape)))
+    bias = root(ratio_of_sums(*squared_bias_by_tile(1.02 * r, r, weights(truth), TILE)))
+    planted = relative_error(1.02 * truth, truth)
+    assert bias.low > 0.0
+    assert bias.low <= planted <= bias.high
+    assert bias.value == pytest.approx(planted, rel=0.01)
+
+
+def test_equal_arms_have_no_bias():
+    """The same renders exactly none; others of the same scene one whose interval holds 0 in nearly all seeds."""
+    resolved = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        truth = _picture(rng)
+        r, a = (truth * (1.0 + 0.3 * rng.standard_normal((9, *truth.shape))) for _ in range(2))
+        resolved += ratio_of_sums(*squared_bias_by_tile(a, r, weights(truth), TILE), seed=seed).low > 0.0
+        assert tuple(ratio_of_sums(*squared_bias_by_tile(r, r, weights(truth), TILE))) == (0.0, 0.0, 0.0)
+    assert resolved <= 4
+
+
+def test_brightness():
+    rng = np.random.default_rng(7)
+    truth = _picture(rng)
+    r = truth * (1.0 + 0.1 * rng.standard_normal((9, *truth.shape)))
+    darker = ratio_of_sums(*brightness_by_tile(0.9 * r[::-1], r, TILE))
+    assert darker.value == pytest.approx(0.9)
+    assert darker.high - darker.low < 1e-9
+    noisier = ratio_of_sums(*brightness_by_tile(0.9 * r * (1.0 + 0.1 * rng.standard_normal(r.shape)), r, TILE))
+    assert noisier.low <= 0.9 <= noisier.high
+    assert 1e-4 < noisier.high - noisier.low < 0.01
+
+
+def test_the_share_of_the_worst_pixels():
+    sigma = np.ones(5000)
+    sigma[:5] = 100.0
+    renders = np.stack([sigma, -sigma])[:, :, None] * np.ones(3)
+    assert top_share(renders, np.ones((5000, 3))) == pytest.approx(50_000 / (50_000 + 4995))
+    assert top_share(np.abs(renders) / sigma[:, None] * [[[1]], [[-1]]], np.ones((5000, 3))) == pytest.approx(1e-3)
+    assert top_share(np.zeros((2, 10, 3)), np.ones((10, 3))) == 0.0
+
+
+def test_pixels_may_stand_for_many():
+    rng = np.random.default_rng(8)
+    sigma, stands = rng.lognormal(0.0, 1.0, 400), rng.integers(1, 6, 400)
+    stands[np.argmax(sigma)] = 1
+    few = np.stack([sigma, -sigma])[:, :, None] * np.ones(3)
+    many = np.repeat(few, stands, axis=1)
+    told = top_share(few, np.ones((400, 3)), 1.0 / stands.sum(), stands)
+    assert told == pytest.approx(top_share(many, np.ones((many.shape[1], 3)), 1.0 / stands.sum()))
+
+
+def test_one_replicate_tells_nothing_of_its_noise():
+    one = np.ones((1, 4, 3))
+    with pytest.raises(ValueError, match="do not tell their noise"):
+        mse_by_tile(one, one[0], [0, 0, 0, 0])
+    with pytest.raises(ValueError, match="do not tell their noise"):
+        squared_bias_by_tile(one, one, one[0], [0, 0, 0, 0])
