@@ -20,7 +20,7 @@ from raytracer.filters.interface import sample_filter
 from raytracer.geometry import Site
 from raytracer.instances import find, meet
 from raytracer.jit import entry, generic, kernel, share
-from raytracer.lights.interface import Lights, pdf_light, power_heuristic, sample_lights, surroundings
+from raytracer.lights.interface import Lights, Unaimed, sample_lights, surroundings, weight_aimed, weight_emitted
 from raytracer.materials.interface import (
     BLACK,
     PASS,
@@ -284,6 +284,7 @@ def connect(lights, scene, work, slot, sample, hit, reference, site, direction, 
 
 
 @connect.register(type(None))
+@connect.register(Unaimed)
 def _(lights, scene, work, slot, sample, hit, reference, site, direction, normal, front, throughput, time, draws):
     return False
 
@@ -296,7 +297,7 @@ def _(lights, scene, work, slot, sample, hit, reference, site, direction, normal
     value, pdf = evaluate_from(scene.relief, scene, hit, reference, site, direction, normal, front, light.direction)
     if is_black(value):
         return False
-    weight = power_heuristic(light.pdf, pdf)
+    weight = weight_aimed(lights.heuristic, light.pdf, pdf)
     start = spawn_point(hit, light.direction)
     fill_shadow(scene.media, work, slot, sample, hit.material, hit, direction, light.direction)
     aim(scene, work, slot, sample, start, light, scale(weight, mul(mul(throughput, value), light.weight)), time)
@@ -310,6 +311,7 @@ def connect_within(lights, scene, work, slot, sample, medium, point, direction, 
 
 
 @connect_within.register(type(None))
+@connect_within.register(Unaimed)
 def _(lights, scene, work, slot, sample, medium, point, direction, throughput, time, draws):
     return False
 
@@ -323,7 +325,7 @@ def _(lights, scene, work, slot, sample, medium, point, direction, throughput, t
     if phase == 0.0:
         return False
     set_shadow_space(work, slot, medium)
-    share = phase * power_heuristic(light.pdf, phase)
+    share = phase * weight_aimed(lights.heuristic, light.pdf, phase)
     aim(scene, work, slot, sample, point, light, scale(share, mul(throughput, light.weight)), time)
     return True
 
@@ -350,6 +352,7 @@ def resolve_shadows(lights, scene, work, count, key, first, segment):
 
 
 @resolve_shadows.register(type(None))
+@resolve_shadows.register(Unaimed)
 def _(lights, scene, work, count, key, first, segment):
     return 0
 
@@ -576,10 +579,10 @@ def trace_paths(scene, aovs, work, key, first, live):
             emitted = emission_at(scene, reference, front, site)
             if not is_black(emitted):
                 vertex = seen_from(scene.passage, work, sample, origin)
-                by_light = pdf_light(
-                    scene.lights, scene, instance, table, primitive, vertex, hit.point, hit.normal, time
+                weight = weight_emitted(
+                    scene.lights, scene, instance, table, primitive, vertex, hit.point, hit.normal, time, pdf
                 )
-                gather(work, sample, scale(power_heuristic(pdf, by_light), throughput), emitted)
+                gather(work, sample, scale(weight, throughput), emitted)
             observe_direct(aovs, work, sample, done)
             if done == scene.depth:
                 continue

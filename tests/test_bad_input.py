@@ -126,6 +126,7 @@ KEYS = [
     changed("kind is a number", "type: sphere", "type: 3", f"{BALL}.type: unknown", "shape 3"),
     changed("misspelt filter", "filter: box", "filter: bx", "scene.yaml:2: film.filter: ", "did you mean 'box'?"),
     changed("misspelt sampler", "sobol", "sobl", "scene.yaml:3: render.sampler: ", "'sobl'; did you mean 'sobol'?"),
+    changed("misspelt light sampling", "seed: 0", "light_sampling: path", "light_sampling: ", "did you mean 'paths'?"),
     changed("misspelt accuracy", "exact", "exakt", "render.accuracy: must be one of", "did you mean 'exact'?"),
     changed("unknown environment", "constant", "skybox", "scene.yaml:4: environment.type: ", "mean 'sky'?"),
     changed("unknown material", "material: grey", "material: gray", f"{BALL}.material: ", "did you mean 'grey'?"),
@@ -267,6 +268,18 @@ SUN = "type: sun, direction: [0, -1, 0], irradiance: 1"
 FLASH = "type: flash, energy: 2"
 
 LIGHTS = [
+    changed(
+        "point light that paths would miss",
+        "seed: 0}\n",
+        f"seed: 0, light_sampling: paths}}\nlights: [{{{POINT}}}]\n",
+        "scene.yaml:3: render.light_sampling: paths never find a point light without extent, since no ray can meet it",
+    ),
+    Row(
+        "flash that paths would miss",
+        ("-D render.light_sampling=paths: render.light_sampling: paths never find a flash light", "use mis or lights"),
+        change=("vfov: 40}", f"vfov: 40, shutter: 1}}\nlights: [{{{FLASH}}}]"),
+        command="render SCENE -o DIR/out.npy -D render.light_sampling=paths",
+    ),
     light("unknown light", "type: lamp", ".type: unknown type of light 'lamp'", "point, spot, sun"),
     light("light without a position", "type: point, intensity: 1", ".position: is missing"),
     light("light without an intensity", "type: point, position: [0, 5, 0]", ".intensity: is missing"),

@@ -12,8 +12,9 @@ import pytest
 from numpy.typing import NDArray
 
 import raytracer.rendering
-from raytracer.integrator import FilmView, accumulate, power_heuristic
+from raytracer.integrator import FilmView, accumulate
 from raytracer.jit import entry
+from raytracer.lights.interface import power_heuristic
 from raytracer.paths import workspace
 from raytracer.scene.load import build
 from raytracer.scene.pack import Packed, pack

@@ -296,6 +296,8 @@ def test_order_of_the_objects_is_not_part_of_the_type() -> None:
         {"environment__radiance": 0},
         {"render__sampler": "independent"},
         {"render__accuracy": "fast"},
+        {"render__light_sampling": "lights"},
+        {"render__light_sampling": "paths"},
         {"film__filter": "mitchell"},
         {"objects__lamp__material__radiance": 0},
         {"render__max_depth": 1},
@@ -305,6 +307,17 @@ def test_order_of_the_objects_is_not_part_of_the_type() -> None:
 def test_effects_are_the_type(change: dict[str, Any]) -> None:
     base = BASE.replace("SAMPLER", "sobol")
     assert type_of(base, **change) != type_of(base)
+
+
+def test_how_light_is_sampled_is_the_type_only_where_there_is_light_to_sample() -> None:
+    base = BASE.replace("SAMPLER", "sobol")
+    # Nothing of lights is left where paths find them.
+    lit = pack(build(base, "test.yaml")).scene
+    assert type_of(base, render__light_sampling="paths") == numba.typeof(lit._replace(lights=None))
+    assert type_of(base, render__light_sampling="mis") == numba.typeof(lit)
+    dark = type_of(base, objects__lamp__material__radiance=0)
+    for mode in ("mis", "lights", "paths"):
+        assert type_of(base, objects__lamp__material__radiance=0, render__light_sampling=mode) == dark
 
 
 def test_an_aperture_of_zero_is_a_pinhole_to_the_compiler() -> None:

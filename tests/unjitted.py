@@ -16,8 +16,9 @@ from raytracer.cameras.pinhole import Pinhole
 from raytracer.cameras.thin_lens import ThinLens
 from raytracer.environments.gradient import Gradient
 from raytracer.geometry import Exact
-from raytracer.integrator import power_heuristic, spawn_point
+from raytracer.integrator import spawn_point
 from raytracer.jit import entry
+from raytracer.lights.interface import power_heuristic
 from raytracer.materials.interface import SelectorSpec
 from raytracer.optics import fresnel_dielectric, refract
 from raytracer.primitives.discs import Discs

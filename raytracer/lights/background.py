@@ -6,7 +6,7 @@ Not a kind of the `lights` list: a scene has it as soon as its environment can b
 from typing import NamedTuple
 
 from raytracer.environments.interface import background_with_pdf, sample_background
-from raytracer.lights.interface import arriving, at_infinity, power_heuristic, sample_light
+from raytracer.lights.interface import arriving, at_infinity, sample_light, weight_found
 from raytracer.materials.interface import BLACK, LIGHT_POINT
 from raytracer.sampling import sample_2d
 from raytracer.vec import scale
@@ -24,6 +24,6 @@ def _(table, scene, point, time, u, draws):
 
 
 @arriving.register(Background)
-def _(table, scene, direction, pdf, tables):
+def _(table, scene, direction, pdf, tables, heuristic):
     radiance, by_light = background_with_pdf(scene.environment, direction)
-    return scale(power_heuristic(pdf, by_light / tables), radiance)
+    return scale(weight_found(heuristic, pdf, by_light / tables), radiance)

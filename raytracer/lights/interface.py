@@ -78,11 +78,28 @@ class Lights(NamedTuple):
     """What surfaces aim at, and what rays find at infinity.
 
     tables, one a kind of light, each of which is chosen as often as any other; unaimed, the environment if none of them
-    is that, else None.
+    is that, else None; heuristic, how light that is both aimed at and found is shared: None for the power heuristic, or
+    AimedOnly.
     """
 
     tables: tuple[Any, ...]
     unaimed: Any
+    heuristic: Any = None
+
+
+class Unaimed(NamedTuple):
+    """What rays find at infinity where nothing aims at it: tables, one a kind of light, and the environment or None."""
+
+    tables: tuple[Any, ...]
+    unaimed: Any
+
+
+class AimedOnly(NamedTuple):
+    """A heuristic: what can be aimed at counts where it is aimed at, and not where a path finds it by chance.
+
+    What a path finds still counts where it had no choice of direction, as at the camera and behind mirrors and glass,
+    and where no light sample would have aimed.
+    """
 
 
 @generic
@@ -103,17 +120,17 @@ def _(table, scene, instance, number, primitive, origin, point, normal, time):
 
 
 @generic
-def arriving(table, scene, direction, pdf, tables):
+def arriving(table, scene, direction, pdf, tables, heuristic):
     """Radiance that a ray which leaves the scene along `direction` meets of the table's lights at infinity.
 
-    It is MIS-weighted: `pdf` is the density with which the ray's direction was drawn, and `tables` the number of tables
-    among which `sample_lights` chooses.
+    It is weighted by the heuristic: `pdf` is the density with which the ray's direction was drawn, and `tables` the
+    number of tables among which `sample_lights` chooses.
     """
     raise NotImplementedError
 
 
 @arriving.register(tuple)
-def _(table, scene, direction, pdf, tables):
+def _(table, scene, direction, pdf, tables, heuristic):
     return BLACK
 
 
@@ -125,6 +142,38 @@ def power_heuristic(pdf, other):
     """
     ratio = other / pdf
     return 1.0 / (1.0 + ratio * ratio)
+
+
+@generic
+def weight_aimed(heuristic, pdf, by_path):
+    """Weight of a light sample of density `pdf`, in whose direction a path would have gone on with `by_path`."""
+    raise NotImplementedError
+
+
+@weight_aimed.register(type(None))
+def _(heuristic, pdf, by_path):
+    return power_heuristic(pdf, by_path)
+
+
+@weight_aimed.register(AimedOnly)
+def _(heuristic, pdf, by_path):
+    return 1.0
+
+
+@generic
+def weight_found(heuristic, pdf, by_light):
+    """Weight of light that a path of density `pdf` found, and that light samples aim at with `by_light`."""
+    raise NotImplementedError
+
+
+@weight_found.register(type(None))
+def _(heuristic, pdf, by_light):
+    return power_heuristic(pdf, by_light)
+
+
+@weight_found.register(AimedOnly)
+def _(heuristic, pdf, by_light):
+    return 1.0 if by_light == 0.0 or math.isinf(pdf) else 0.0
 
 
 @kernel
@@ -203,8 +252,26 @@ def _(lights, scene, instance, number, primitive, origin, point, normal, time):
 
 
 @generic
+def weight_emitted(lights, scene, instance, number, primitive, origin, point, normal, time, pdf):
+    """Weight of light that a path, of density `pdf` from `origin` on, finds at `point` on a primitive."""
+    raise NotImplementedError
+
+
+@weight_emitted.register(type(None))
+@weight_emitted.register(Unaimed)
+def _(lights, scene, instance, number, primitive, origin, point, normal, time, pdf):
+    return 1.0
+
+
+@weight_emitted.register(Lights)
+def _(lights, scene, instance, number, primitive, origin, point, normal, time, pdf):
+    by_light = pdf_light(lights, scene, instance, number, primitive, origin, point, normal, time)
+    return weight_found(lights.heuristic, pdf, by_light)
+
+
+@generic
 def surroundings(lights, scene, direction, pdf):
-    """Radiance that a ray which leaves the scene meets; MIS-weighted, see `arriving`."""
+    """Radiance that a ray which leaves the scene meets; weighted, see `arriving`."""
     raise NotImplementedError
 
 
@@ -215,5 +282,12 @@ def _(lights, scene, direction, pdf):
 
 @surroundings.register(Lights)
 def _(lights, scene, direction, pdf):
-    found = _arriving_all(lights.tables, scene, direction, pdf, len(lights.tables))
+    found = _arriving_all(lights.tables, scene, direction, pdf, len(lights.tables), lights.heuristic)
+    return add(background(lights.unaimed, direction), found)
+
+
+@surroundings.register(Unaimed)
+def _(lights, scene, direction, pdf):
+    # As for the camera: all of it counts.
+    found = _arriving_all(lights.tables, scene, direction, math.inf, len(lights.tables), None)
     return add(background(lights.unaimed, direction), found)

@@ -20,9 +20,9 @@ from raytracer.lights.interface import (
     arriving,
     at_infinity,
     choose,
-    power_heuristic,
     sample_light,
     unit,
+    weight_found,
 )
 from raytracer.materials.interface import BLACK, LIGHT_POINT
 from raytracer.sampling import sample_2d
@@ -99,7 +99,7 @@ def _(table, scene, point, time, u, draws):
 
 
 @arriving.register(Suns)
-def _(table, scene, direction, pdf, tables):
+def _(table, scene, direction, pdf, tables, heuristic):
     total = BLACK
     for row in range(len(table.sine2)):
         sine2 = table.sine2[row]
@@ -110,6 +110,6 @@ def _(table, scene, direction, pdf, tables):
         chord = sub(direction, row3(table.toward, row))
         if dot(chord, chord) <= 2.0 * one_minus_cosine(sine2):
             by_light = table.choice.pmf[row] * pdf_cone(sine2) / tables
-            share = power_heuristic(pdf, by_light) / (math.pi * sine2)
+            share = weight_found(heuristic, pdf, by_light) / (math.pi * sine2)
             total = madd(total, share, row3(table.irradiance, row))
     return total

@@ -9,6 +9,7 @@ from raytracer.integrator import Scene
 from raytracer.kinds import LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES, Family
 from raytracer.lights.background import Background
 from raytracer.lights.emitters import Emitters
+from raytracer.lights.interface import AimedOnly, Lights
 from raytracer.materials.interface import MaterialSpec
 from raytracer.scene.lights import lights_of
 from raytracer.scene.materials import parts
@@ -36,7 +37,7 @@ def effects_of(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
         "projection": _projection(spec, isinstance(camera, PerspectiveCamera)),
         "motion_blur": Effect(_moves(spec, scene), _why_motion_blur(spec, scene)),
         **_shutter(spec, scene),
-        "light_sampling": Effect(scene.lights is not None, _why_light_sampling(spec, scene, len(emitting))),
+        "light_sampling": Effect(isinstance(scene.lights, Lights), _why_light_sampling(spec, scene, len(emitting))),
         "environment": Effect(scene.environment is not None, _why_environment(spec, scene)),
         "environment_sampling": Effect(_aims(scene, Background), _why_environment_sampling(spec, scene)),
         "media": Effect(scene.media is not None, _why_media(spec, scene)),
@@ -51,7 +52,7 @@ def effects_of(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
         "passage": Effect(scene.passage is not None, _why_passage(spec, scene)),
         **_materials(spec, scene),
         **_textures(spec, scene),
-        **_kinds("medium", MEDIA, (spec.media[name].type for name in _media(spec)), "use"),
+        **_media_kinds(spec, scene),
         **_kinds("shape", SHAPES, (item.type for item in spec.objects)),
         **_lights(spec, scene),
     }
@@ -77,7 +78,7 @@ def _why_defocus(spec: SceneSpec, lens: Any) -> str:
 def _opening(spec: SceneSpec, lens: Any) -> dict[str, Effect]:
     """What the lens's opening does besides having a size."""
     shape, rim = (getattr(spec.camera, key, None) for key in ("aperture_shape", "vignetting"))
-    shaped, vignetted = (lens is not None and found is not None for found in (getattr(lens, "shape", None), rim))
+    shaped, vignetted = (getattr(lens, part, None) is not None for part in ("shape", "rim"))
     none = "the camera's opening is a point, or missing"
     shapeless = none if lens is None else "the opening is round"
     rimless = none if lens is None else "nothing but the opening itself keeps light out"
@@ -169,7 +170,7 @@ def _aims(scene: Scene, kind: type) -> bool:
 
 
 def _why_light_sampling(spec: SceneSpec, scene: Scene, emitting: int) -> str:
-    if scene.lights is not None:
+    if isinstance(scene.lights, Lights):
         parts = []
         for table in scene.lights.tables:
             if isinstance(table, Emitters):
@@ -178,7 +179,10 @@ def _why_light_sampling(spec: SceneSpec, scene: Scene, emitting: int) -> str:
                 parts.append("the environment")
             else:
                 parts.append(_count(len(table.choice.pmf), f"{type(table).__module__.rpartition('.')[2]} light"))
-        return f"surfaces aim at {', '.join(parts)}"
+        alone = "; paths that find them by chance do not count" if isinstance(scene.lights.heuristic, AimedOnly) else ""
+        return f"surfaces aim at {', '.join(parts)}{alone}"
+    if spec.render.light_sampling == "paths":
+        return "light_sampling is paths, so nothing is aimed at, and paths find light by themselves"
     if not emitting and not spec.lights:
         return "no object emits light, so paths find the environment by themselves"
     if scene.depth == 1:
@@ -201,6 +205,8 @@ def _why_environment_sampling(spec: SceneSpec, scene: Scene) -> str:
         return "there is no environment"
     if not spec.environment.can_be_drawn:
         return f"paths find the {spec.environment.type} environment by themselves, it being smooth"
+    if spec.render.light_sampling == "paths":
+        return "light_sampling is paths, so paths find the environment by themselves"
     return "no surface could aim at it: none is lit by choice, or max_depth is 1"
 
 
@@ -219,6 +225,16 @@ def _why_media(spec: SceneSpec, scene: Scene) -> str:
     if used:
         return "the media that are used take nothing from light"
     return "no medium is used, so light travels unhindered"
+
+
+def _media_kinds(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
+    """One effect a kind of medium: whether any in use takes something from light."""
+    packed = {type(table).__module__ for table in scene.media.tables} if scene.media is not None else set()
+    used = _kinds("medium", MEDIA, (spec.media[name].type for name in _media(spec)), "use")
+    return {
+        f"medium.{kind}": Effect(cls.__module__ in packed, used[f"medium.{kind}"].why)
+        for kind, cls in MEDIA.specs().items()
+    }
 
 
 def _why_instances(scene: Scene) -> str:

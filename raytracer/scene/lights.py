@@ -10,7 +10,7 @@ from raytracer.cameras.moving import camera_at
 from raytracer.instances import Glow, Instances
 from raytracer.lights.background import Background
 from raytracer.lights.emitters import ABSENT, Emitters
-from raytracer.lights.interface import Lights, LightSpec
+from raytracer.lights.interface import AimedOnly, Lights, LightSpec, Unaimed
 from raytracer.lights.sun import Sun
 from raytracer.materials.interface import MaterialSpec
 from raytracer.primitives.interface import areas, section
@@ -31,7 +31,7 @@ def pack_lights(
     book: Book,
     is_lit: bool,
     is_moving: bool,
-) -> tuple[Lights | None, Instances | None]:
+) -> tuple[Lights | Unaimed | None, Instances | None]:
     """The lights of a scene, one table a kind, and the instances, with how those that emit are chosen.
 
     There are no lights, None, where there is none that could make a difference.
@@ -46,24 +46,43 @@ def pack_lights(
 
     Raises
     ------
-    SceneError : a light that shines in a pulse, and a shutter that is open for no time.
+    SceneError : a light that shines in a pulse, and a shutter that is open for no time; or one that only aiming finds,
+        where nothing is aimed at.
     """
     tables: list[Any] = []
     instances = objects.instances
-    if is_lit:
+    how = spec.render.light_sampling
+    is_aimed = is_lit and how != "paths"
+    if is_aimed:
         exitance = exitances(used, references, book)
         variants, instances = glowing(objects, exitance)
         tables.append(pack_emitters(objects, variants, exitance))
     kinds: dict[str, list[LightSpec]] = {}
     for light in _fired(spec, [light for light in lights_of(spec) if is_lit or light.is_seen()], is_moving):
+        if not is_aimed:
+            _check_found(spec, light)
         kinds.setdefault(light.type, []).append(light)
     tables += [type(kinds[kind][0]).pack(kinds[kind]) for kind in sorted(kinds)]
     unaimed = environment
-    if is_lit and environment is not None and spec.environment is not None and spec.environment.can_be_drawn:
+    if is_aimed and environment is not None and spec.environment is not None and spec.environment.can_be_drawn:
         tables.append(Background())
         unaimed = None
     present = tuple(table for table in tables if table is not None)
-    return (Lights(present, unaimed) if present else None), instances
+    if not present:
+        return None, instances
+    if not is_aimed:
+        return Unaimed(present, unaimed), instances
+    return Lights(present, unaimed, AimedOnly() if how == "lights" else None), instances
+
+
+def _check_found(spec: SceneSpec, light: LightSpec) -> None:
+    """Refuse a light that is shining, and that no path can find, since without aiming the picture would lack it."""
+    if not light.is_seen() and type(light).pack([light]) is not None:
+        raise spec.error(
+            f"paths never find a {light.type} light without extent, since no ray can meet it: use mis or lights",
+            "render",
+            "light_sampling",
+        )
 
 
 def lights_of(spec: SceneSpec) -> tuple[LightSpec, ...]:
@@ -100,7 +119,7 @@ def _place(spec: SceneSpec, time: float) -> Vector:
     return camera_at(spec.camera, time).look_from
 
 
-def pulses_of(lights: Lights | None) -> list[Pulses]:
+def pulses_of(lights: Lights | Unaimed | None) -> list[Pulses]:
     """When the lights shine of which paths need to know that."""
     found = [getattr(table, "pulse", None) for table in (lights.tables if lights is not None else ())]
     return [pulses for pulses in found if pulses is not None]

@@ -107,6 +107,11 @@ class Render(Spec):
         description="`exact` solves each hit again in float64, `robust` has Embree watertight, "
         "`fast` takes its hits as they are",
     )
+    light_sampling: Literal["mis", "lights", "paths"] = Field(
+        default="mis",
+        description="How light is found: `mis` aims at lights and follows paths, and weights both, `lights` leaves to "
+        "paths only what cannot be aimed at, `paths` aims at nothing",
+    )
     seed: Annotated[int, Count(0, _UINT32_MAX)] = Field(
         default=0, description="Seed: the same scene, seed and spp give the same image"
     )

@@ -62,6 +62,7 @@ def test_defaults() -> None:
         "accuracy": "exact",
         "seed": 0,
         "rr_depth": 5,
+        "light_sampling": "mis",
     }
     assert result.environment is None
     assert result.film.filter.type == "box"  # type: ignore[attr-defined]
