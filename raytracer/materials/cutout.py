@@ -46,6 +46,11 @@ class Cutout(SelectorSpec):
             return material
         return self.model_copy(update={"material": material})
 
+    def with_means(self, means: Mapping[str, Any]) -> MaterialSpec:
+        # What a threshold makes of a mean is all or nothing; the mean itself leaves as much of the surface as there is.
+        plain = {**means, "threshold": None} if "opacity" in means else means
+        return super().with_means(plain)
+
     @staticmethod
     def pack_selectors(specs: Sequence["Cutout"], book: Book, children: Sequence[Sequence[int]]) -> "CutoutTable":
         return CutoutTable(

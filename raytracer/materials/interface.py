@@ -80,9 +80,17 @@ class MaterialSpec(Spec):
         """This material for the back of a surface: what it gives to its front, it gives there to the back."""
         return self
 
+    def with_means(self, means: Mapping[str, Any]) -> "MaterialSpec":
+        """This material with plain values in place of the textures of some keys, of which they are the means."""
+        return self.model_copy(update=means)
+
 
 class SelectorSpec(MaterialSpec):
     """Base of the materials that only name other ones."""
+
+    def nearest_child(self, book: Book) -> MaterialSpec | None:
+        """The one of its children, which are resolved, that comes nearest to what it shows; None if it has none."""
+        return next(iter(self.children().values()), None)
 
     def with_children(self, children: Sequence[MaterialSpec]) -> MaterialSpec:
         """This material with these in place of names; one of them, where no other is ever selected."""

@@ -40,6 +40,12 @@ class Mixture(SelectorSpec):
             return second
         return self.model_copy(update={"materials": (first, second)})
 
+    def nearest_child(self, book: Book) -> MaterialSpec:
+        first, second = self.materials
+        chosen = second if sum(book.mean(self.weight, data=True)) > 1.5 else first
+        assert isinstance(chosen, MaterialSpec)
+        return chosen
+
     @staticmethod
     def pack_selectors(specs: Sequence["Mixture"], book: Book, children: Sequence[Sequence[int]]) -> "MixtureTable":
         return MixtureTable(np.array(children, np.int32), book.numbers([spec.weight for spec in specs]))

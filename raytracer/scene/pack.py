@@ -4,8 +4,8 @@ Only what the picture can depend on is packed: materials that no object has, and
 are left out, so the compiled kernel holds no code for them.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +34,12 @@ from raytracer.scene.whereabouts import Whereabouts
 from raytracer.shapes.interface import ShapeSpec
 from raytracer.shutter import Pulses, Shutter, pack_shutter
 from raytracer.spec import sentence
+from raytracer.textures.interface import Book
 
 _INVISIBLE = "boundary"
+
+Recast: TypeAlias = Callable[[MaterialSpec, Book], MaterialSpec]
+"""Another material in place of a resolved one, whose textures the book knows."""
 
 
 class Packed(NamedTuple):
@@ -75,13 +79,14 @@ def _accel(
     return Accel(geometries, groups, placements, first_instance=tables, robust=robust)
 
 
-def pack(spec: SceneSpec, spp: int | None = None, assets: Assets | None = None) -> Packed:
+def pack(spec: SceneSpec, spp: int | None = None, assets: Assets | None = None, recast: Recast | None = None) -> Packed:
     """Pack a checked scene.
 
     Parameters
     ----------
     spp : samples per pixel that a stratified sampler is to expect; the scene's own if None.
     assets : the files of objects; read if None.
+    recast : what is packed in place of each material in use, those that files bring included.
 
     Raises
     ------
@@ -94,6 +99,9 @@ def pack(spec: SceneSpec, spp: int | None = None, assets: Assets | None = None) 
     used, owners, faces = _materials(spec, layout, assets)
     stand = {material: (*layout.items[owner].keys, "file") for material, owner in zip(used, owners, strict=True)}
     book = pack_textures(spec, list(parts(used)), stand)
+    if recast is not None:
+        used = [recast(material, book) for material in used]
+        book = pack_textures(spec, list(parts(used)), stand)
     media = Spaces(spec)
     spaces = [media.of(layout.items[owner].spec, material) for owner, material in zip(owners, used, strict=True)]
     tables, selectors, references, real = pack_materials(used, spaces, book)

@@ -1,16 +1,16 @@
 """What every shape kind gives to packing."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from raytracer.motion import Motion
+from raytracer.motion import Motion, matrix_at
 from raytracer.shapes.affine import Matrix
 from raytracer.shutter import Shutter
-from raytracer.spec import Name, ObjectSpec, at
+from raytracer.spec import Name, ObjectSpec, Transform, at, matrix_of
 
 Assets = Mapping[str, Any]
 """What an object's files held, by the key that names the file."""
@@ -25,6 +25,14 @@ class ShapeSpec(ObjectSpec):
         description="how the object moves in world space, after its transform: velocity (m/s), "
         "spin {axis, rate (deg/s), center} or keyframes [{time, transform}]",
     )
+
+    def at_rest(self, time: float) -> Self:
+        """The object as it is at a time of the scene (s), without its motion."""
+        if self.motion is None:
+            return self
+        matrix = matrix_at(self.motion, time) @ matrix_of(self.transform)
+        rows = tuple(tuple(map(float, row)) for row in matrix)
+        return self.model_copy(update={"motion": None, "transform": Transform(matrix=rows)})
 
     def takes(self, matrix: Matrix) -> bool:
         """Whether its primitives can be packed under this transform; if not, it is placed by an instance instead."""

@@ -82,6 +82,14 @@ class Mesh(ShapeSpec):
         """One row a triangle; of a mesh with frames, as it is at time 0."""
         return self.pack_exposed(matrix, material, assets, Shutter(0.0, 0.0))
 
+    def at_rest(self, time: float) -> "Mesh":
+        """As of any shape; of frames, in the form of the one that is nearest in time."""
+        still = super().at_rest(time)
+        if self.frames is None:
+            return still
+        nearest = min(self.frames, key=lambda frame: abs(frame.time - time))
+        return still.model_copy(update={"frames": None, "file": nearest.file})
+
     def pack_exposed(self, matrix: Matrix, material: int, assets: Assets, shutter: Shutter) -> Any:
         """One row a triangle, moving where frames differ while the shutter is open.
 

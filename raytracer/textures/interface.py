@@ -345,10 +345,10 @@ class Book:
         references = np.array([self.reference(value, data=data) for value in values], np.int32)
         return references if np.any(references >= 0) else None
 
-    def mean(self, value: Any) -> Vec3:
-        """The mean of a colour, or of a number three times over."""
+    def mean(self, value: Any, *, data: bool = False) -> Vec3:
+        """The mean of a colour, or of a number three times over; `data`, whether a texture stands for numbers."""
         if isinstance(value, str | TextureSpec):
-            found = self.texture(value, data=False)
+            found = self.texture(value, data=data)
             return found.mean(self._files(found))
         r, g, b = np.broadcast_to(np.asarray(value, np.float64), 3).tolist()
         return r, g, b
