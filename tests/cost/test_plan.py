@@ -1,0 +1,41 @@
+"""The plan tells of every effect and of every setting."""
+
+from pathlib import Path
+
+from raytracer.cost.plan import plan
+from raytracer.scene.effects import effects_of
+from raytracer.scene.load import load
+from raytracer.scene.pack import pack
+from raytracer.scene.spec import Render
+
+SCENES = Path(__file__).parent.parent.parent / "scenes"
+
+
+def test_every_effect_is_in_it_once_with_its_reason() -> None:
+    packed = pack(load(SCENES / "smoke.yaml"))
+    effects = effects_of(packed.spec, packed.scene)
+    items = plan(packed.spec, packed)
+    told = {item.name: item for item in items if item.group != "setting"}
+    assert set(told) == set(effects)
+    for name, effect in effects.items():
+        assert told[name].group == ("simulated" if effect.active else "left out")
+        assert told[name].why.startswith(effect.why)
+    assert len({(item.group, item.name) for item in items}) == len(items)
+
+
+def test_it_says_what_no_variant_can_leave_out() -> None:
+    packed = pack(load(SCENES / "smoke.yaml"))
+    told = {item.name: item.why for item in plan(packed.spec, packed)}
+    assert "all the light that there is" in told["material.emitter"]
+    assert "no arm" not in told["media"]
+
+
+def test_every_setting_is_told_with_its_value() -> None:
+    packed = pack(load(SCENES / "cornell.yaml", {"render.spp": 123, "render.sampler": "stratified"}))
+    settings = {item.name: item.why for item in plan(packed.spec, packed) if item.group == "setting"}
+    assert set(settings) == {*Render.model_fields, "film", "filter"}
+    assert settings["spp"].startswith("123 samples")
+    assert settings["sampler"].startswith("stratified: ")
+    assert settings["film"].startswith("600 x 600 pixels")
+    assert settings["filter"].startswith("box: ")
+    assert not any("{" in why for why in settings.values())
