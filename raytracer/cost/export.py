@@ -1,0 +1,108 @@
+"""A study as data: JSON and CSV, in seconds and fractions, with every interval."""
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from raytracer.cost.results import Arm, Study
+from raytracer.noise.intervals import Interval
+
+_ENDS = ("low", "high")
+
+
+def _plain(value: Any) -> Any:
+    """Numbers, texts, lists and dicts alone; what is not finite is null, for JSON has no word for it."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: _plain(getattr(value, f.name)) for f in fields(value) if f.repr}
+    if isinstance(value, tuple) and hasattr(value, "_asdict"):
+        return {name: _plain(item) for name, item in value._asdict().items()}
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    return [_plain(item) for item in value] if isinstance(value, Iterable) else str(value)
+
+
+def to_json(study: Study) -> dict[str, Any]:
+    """All of a study but its pictures, as `json.dumps` takes it with `allow_nan=False`.
+
+    Names are those of `raytracer.cost.results`; intervals are {"value", "low", "high"}; times are in seconds (per ray:
+    in nanoseconds), errors, bias and brightness fractions.  What is unknown or infinite is null.
+    """
+    plain: dict[str, Any] = _plain(study)
+    return plain
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, float):
+        return "" if math.isnan(value) else repr(float(value))
+    return "" if value is None else value
+
+
+def _table(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows([_cell(value) for value in row] for row in rows)
+    return text.getvalue()
+
+
+# Columns of the arms' table, with their units, and what of an arm is in them.
+_COLUMNS = {
+    "arm": "name",
+    "group": "group",
+    "what": "what",
+    "seconds_per_sample": "per_sample",
+    "nanoseconds_per_ray": "per_ray",
+    "rays_per_sample": "rays_per_sample",
+    "time_ratio": "time",
+    "time_differs": "time_differs",
+    "spp": "spp",
+    "noise": "noise",
+    "squared_noise_ratio": "noise_ratio",
+    "noise_differs": "noise_differs",
+    "bias": "bias",
+    "bias_resolved": "bias_resolved",
+    "brightness": "brightness",
+    "target_spp": "target_spp",
+    "target_seconds": "target_seconds",
+    "why_blank": "why_blank",
+    "failed": "failed",
+}
+_INTERVALS = ("per_sample", "per_ray", "time", "noise", "noise_ratio", "bias", "brightness")
+
+
+def _row(arm: Arm) -> list[Any]:
+    row: list[Any] = []
+    for name in _COLUMNS.values():
+        value = getattr(arm, name)
+        if name in _INTERVALS:
+            row += [math.nan] * 3 if value is None else list(value)
+        else:
+            row.append(value)
+    return row
+
+
+def to_csv(study: Study) -> str:
+    """The arms, one a row, each interval in three columns; empty where unknown, "inf" where out of reach."""
+    header: list[str] = []
+    for column, name in _COLUMNS.items():
+        header += [column, *(f"{column}_{end}" for end in _ENDS)] if name in _INTERVALS else [column]
+    return _table(header, (_row(arm) for arm in study.arms))
+
+
+def convergence_csv(study: Study) -> str:
+    """What was measured of the picture as a whole: samples per pixel, seconds, relative error with its interval."""
+    rows = ([point.spp, point.seconds, *Interval(*point.error)] for point in study.prediction.points)
+    return _table(("spp", "seconds", "error", "error_low", "error_high"), rows)

@@ -1,0 +1,383 @@
+"""Pictures of a study: how error falls with time, where in the image it is, and the image itself.
+
+Each is made twice: as a file, on white, and for the page, where lines and text take the page's own colour so that it
+reads in the dark as well.  Colours are those of Okabe and Ito, and viridis, which colour-blind readers can tell apart;
+nothing is told by colour alone.
+
+References: Okabe and Ito 2008, "Color Universal Design"; Smith and van der Walt 2015, the colour map viridis.
+"""
+
+import io
+import math
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.cost import phrases
+from raytracer.cost.results import Point, Prediction, Study
+from raytracer.errors import InputError
+from raytracer.film import srgb
+from raytracer.film.exposure import luminance
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+_NEEDED = ("matplotlib", "jinja2")
+_MISSING = "a report with pictures needs {names} not installed: pip install 'raytracer[report]'"
+
+# Okabe and Ito's blue, vermillion and bluish green: each at least 3 to 1 against white and against near black.
+_BLUE, _VERMILLION, _GREEN = "#0072b2", "#d55e00", "#009e73"
+
+# Grey that is seen on white as on black.
+_UNMEASURED = (0.5, 0.5, 0.5, 0.25)
+
+# Drawn as this, and then made the colour of the page's text.
+_INK_OF_PAGE = "#010203"
+
+# The map's pictures are no wider or higher than this; the file with the numbers has all pixels.
+_LARGEST_EDGE = 1600
+
+# Decades of time beyond the last measurement that are still worth drawing.
+_FARTHEST = 1e5
+
+
+class _Theme(NamedTuple):
+    """Colours of lines and text, and of what is behind them."""
+
+    ink: str
+    paper: str
+
+
+_FILE = _Theme("#222222", "white")
+_PAGE = _Theme(_INK_OF_PAGE, "none")
+
+
+def require_report() -> None:
+    """Make sure, before anything is measured, that a report can be made of it.
+
+    Raises
+    ------
+    InputError : the extra is not installed.
+    """
+    missing = [name for name in _NEEDED if find_spec(name) is None]
+    if missing:
+        verb = "which is" if len(missing) == 1 else "which are"
+        raise InputError(_MISSING.format(names=f"{' and '.join(missing)}, {verb}"))
+
+
+@contextmanager
+def _style(theme: _Theme) -> Iterator[None]:
+    import matplotlib as mpl
+
+    settings: dict[Any, Any] = {
+        "svg.hashsalt": "raytracer",
+        "svg.fonttype": "path",
+        "font.family": "DejaVu Sans",
+        "font.size": 10.0,
+        "text.parse_math": False,
+        "axes.edgecolor": theme.ink,
+        "axes.labelcolor": theme.ink,
+        "axes.facecolor": theme.paper,
+        "figure.facecolor": theme.paper,
+        "savefig.facecolor": theme.paper,
+        "text.color": theme.ink,
+        "xtick.color": theme.ink,
+        "ytick.color": theme.ink,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "grid.color": theme.ink,
+        "grid.alpha": 0.15,
+        "legend.frameon": False,
+    }
+    # Nothing of the user's own settings is taken over.
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(settings)
+        yield
+
+
+def _svg(figure: "Figure") -> bytes:
+    data = io.BytesIO()
+    nothing: Any = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    figure.savefig(data, format="svg", metadata=nothing)
+    return data.getvalue()
+
+
+def _inline(svg: bytes, label: str, prefix: str) -> str:
+    """An SVG file as an element of a page: its ids its own, its ink the page's."""
+    text = svg.decode()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = text.replace(_INK_OF_PAGE, "currentColor")
+    text = re.sub(r'\bid="', f'id="{prefix}-', text)
+    text = re.sub(r'href="#', f'href="#{prefix}-', text)
+    text = text.replace("url(#", f"url(#{prefix}-")
+    return text.replace("<svg ", f'<svg role="img" aria-label="{label}" ', 1)
+
+
+# ---- Convergence
+
+
+class _Line(NamedTuple):
+    """Points of a curve: seconds for the whole picture, and relative errors."""
+
+    seconds: Array
+    error: Array
+
+
+def _usable(points: tuple[Point, ...]) -> list[Point]:
+    return [p for p in points if p.seconds > 0.0 and 0.0 < p.error.value < math.inf and math.isfinite(p.seconds)]
+
+
+def _farthest(predicted: Prediction, points: list[Point]) -> float:
+    """Seconds up to which the plot goes."""
+    last = points[-1].seconds
+    wanted = [predicted.target_seconds.high, predicted.target_seconds.value, predicted.budget or last]
+    return max([last, *(t for t in wanted if math.isfinite(t) and t < _FARTHEST * last)])
+
+
+def _fitted(predicted: Prediction, points: list[Point], until: float) -> _Line | None:
+    """The fit from the first measurement on; None if it is not known."""
+    per_sample, fixed = predicted.per_sample.value, predicted.fixed.value
+    if not (per_sample > 0.0 and math.isfinite(fixed) and predicted.error(1.0) > 0.0):
+        return None
+    last = max(points[-1].spp, (until - fixed) / per_sample)
+    spp = np.geomspace(points[0].spp, last, 200)
+    return _Line(fixed + per_sample * spp, np.array([predicted.error(n) for n in spp]))
+
+
+def _draw_convergence(axes: "Axes", study: Study, points: list[Point], theme: _Theme) -> None:
+    predicted = study.prediction
+    seconds = np.array([p.seconds for p in points])
+    errors = np.array([p.error.value for p in points])
+    until = _farthest(predicted, points)
+
+    # Draw the two slopes through the last measurement, to compare with.
+    guide = np.geomspace(seconds[0], until, 2)
+    for slope, dashes, words in ((-0.5, (6, 3), "slope -1/2: independent samples"), (-0.75, (2, 2), "slope -3/4")):
+        axes.plot(
+            guide,
+            errors[-1] * (guide / seconds[-1]) ** slope,
+            color=theme.ink,
+            alpha=0.55,
+            linewidth=1.0,
+            dashes=dashes,
+            label=words,
+        )
+
+    # Draw what the fit says, and what was measured, on top of it.
+    line = _fitted(predicted, points, until)
+    if line is not None:
+        axes.plot(line.seconds, line.error, color=_BLUE, linewidth=2.0, label="fit to what was measured")
+    ends = np.array([_ends(p) for p in points]).T
+    axes.errorbar(
+        seconds, errors, yerr=ends, fmt="o", color=_BLUE, capsize=3.0, markersize=6.0, label="measured, 95 % interval"
+    )
+    for point in points:
+        axes.annotate(
+            f"{point.spp:,} spp",
+            (point.seconds, point.error.value),
+            xytext=(7, 6),
+            textcoords="offset points",
+            fontsize=8.5,
+        )
+
+    # Draw what was asked for, and where the fit meets it.
+    axes.axhline(
+        predicted.target,
+        color=_VERMILLION,
+        linewidth=1.5,
+        linestyle="-.",
+        label=f"target {phrases.plain_percent(predicted.target)}",
+    )
+    if predicted.budget is not None and predicted.budget > 0.0:
+        axes.axvline(
+            predicted.budget,
+            color=_GREEN,
+            linewidth=1.5,
+            linestyle=":",
+            label=f"budget {phrases.chosen_duration(predicted.budget)}",
+        )
+    at = predicted.target_seconds
+    if math.isfinite(at.value) and 0.0 < at.value <= until:
+        known = 0.0 < at.low <= at.value <= at.high < math.inf
+        axes.errorbar(
+            [at.value],
+            [predicted.target],
+            xerr=[[at.value - at.low], [at.high - at.value]] if known else None,
+            fmt="D",
+            color=_VERMILLION,
+            capsize=4.0,
+            markersize=7.0,
+            label=f"target reached, predicted: {phrases.duration(at.value)}",
+        )
+
+
+def _ends(point: Point) -> tuple[float, float]:
+    """Lengths of an error bar below and above; none where its ends are not known."""
+    value, low, high = point.error
+    if not 0.0 < low <= value <= high < math.inf:
+        return 0.0, 0.0
+    return value - low, high - value
+
+
+def _ticks(axes: "Axes") -> None:
+    """Label both axes with plain numbers, more of them where they span little."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+
+    for axis, low, high, words in (
+        (axes.xaxis, *axes.get_xlim(), lambda x: f"{x:,g}"),
+        (axes.yaxis, *axes.get_ylim(), lambda y: f"{100.0 * y:g} %"),
+    ):
+        decades = math.log10(high / low)
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 3.0 else (1.0,), numticks=30))
+        axis.set_major_formatter(FuncFormatter(lambda value, _, words=words: words(value)))
+        axis.set_minor_locator(LogLocator(subs=range(1, 10), numticks=30) if decades < 6.0 else NullLocator())
+        axis.set_minor_formatter(NullFormatter())
+
+
+def _convergence(study: Study, theme: _Theme) -> bytes | None:
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
+
+    points = _usable(study.prediction.points)
+    if not points:
+        return None
+    with _style(theme):
+        figure = Figure(figsize=(7.6, 5.2), layout="constrained")
+        FigureCanvasSVG(figure)
+        axes = figure.add_subplot()
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        _draw_convergence(axes, study, points, theme)
+        axes.set_xlabel("time of a render of the whole picture [s]")
+        axes.set_ylabel("relative error (RMS)")
+        axes.margins(0.06)
+        axes.grid(which="major")
+        axes.autoscale_view()
+        _ticks(axes)
+        axes.legend(loc="best", fontsize=8.5)
+        return _svg(figure)
+
+
+def convergence_svg(study: Study) -> bytes | None:
+    """Relative error against seconds, both logarithmic, as an SVG file on white; None if there is no error to show."""
+    return _convergence(study, _FILE)
+
+
+def convergence_inline(study: Study) -> str | None:
+    """As `convergence_svg`, as an element for a page."""
+    svg = _convergence(study, _PAGE)
+    label = "Relative error against time, both axes logarithmic: measured points, fit, target and budget."
+    return None if svg is None else _inline(svg, label, "convergence")
+
+
+# ---- Where the error is
+
+
+def _reduced(error: Array) -> Array:
+    """The map with blocks of pixels as one, by the root of their mean square, so that it fits on a page."""
+    block = -(-max(error.shape) // _LARGEST_EDGE)
+    if block <= 1:
+        return error
+    height, width = (-(-edge // block) * block for edge in error.shape)
+    padded = np.full((height, width), np.nan)
+    padded[: error.shape[0], : error.shape[1]] = error
+    cells = padded.reshape(height // block, block, width // block, block).swapaxes(1, 2)
+    known = np.isfinite(cells)
+    count = known.sum(axis=(2, 3))
+    squares = np.where(known, cells, 0.0) ** 2
+    return np.where(count > 0, np.sqrt(squares.sum(axis=(2, 3)) / np.maximum(count, 1)), np.nan)
+
+
+def has_map(study: Study) -> bool:
+    """Whether there is a pixel of which an error above 0 is known."""
+    return bool(np.any(np.isfinite(study.error_map) & (study.error_map > 0.0)))
+
+
+def _map_label(study: Study, whole: bool) -> str:
+    points = study.prediction.points
+    at = f" at {points[-1].spp:,} spp" if points else ""
+    return f"relative error of a pixel{at}{'' if whole else '; grey: not measured'}"
+
+
+def _map(study: Study, theme: _Theme, form: str) -> bytes | None:
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.colors import LogNorm
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    if not has_map(study):
+        return None
+    error = _reduced(study.error_map)
+    positive = error[np.isfinite(error) & (error > 0.0)]
+    low, high = (float(x) for x in np.percentile(positive, (1.0, 99.5)))
+    if high < 2.0 * low:
+        low, high = low / math.sqrt(2.0), high * math.sqrt(2.0)
+
+    with _style(theme):
+        # Let the longer edge be of a readable length; the scale goes where it has room.
+        height, width = error.shape
+        scale = 7.0 / max(width, 1.3 * height)
+        below = width >= height
+        size = (width * scale + 1.3 * (not below), height * scale + 0.9 * below)
+        figure = Figure(figsize=size, layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.add_subplot()
+        colours = mpl.colormaps["viridis"].with_extremes(bad=_UNMEASURED)
+        shown = np.ma.masked_invalid(np.maximum(error, low))
+        image = axes.imshow(shown, norm=LogNorm(low, high), cmap=colours, interpolation="none")
+        axes.set_axis_off()
+        bar = figure.colorbar(
+            image, ax=axes, extend="both", location="bottom" if below else "right", pad=0.02, fraction=0.05, aspect=30
+        )
+        bar.long_axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 1e3 * low else (1.0,), numticks=30))
+        bar.long_axis.set_major_formatter(FuncFormatter(lambda value, _: f"{100.0 * value:g} %"))
+        bar.long_axis.set_minor_formatter(NullFormatter())
+        bar.set_label(_map_label(study, whole=not np.isnan(error).any()))
+        if form == "svg":
+            return _svg(figure)
+        data = io.BytesIO()
+        figure.savefig(data, format="png", dpi=max(150.0, 1.1 / scale), metadata={"Software": None})
+        return data.getvalue()
+
+
+def error_map_png(study: Study) -> bytes | None:
+    """Relative error of each pixel with a logarithmic scale of colours, on white; None if there is no error to show."""
+    return _map(study, _FILE, "png")
+
+
+def error_map_inline(study: Study) -> str | None:
+    """As `error_map_png`, as an SVG element for a page."""
+    svg = _map(study, _PAGE, "svg")
+    label = "Map of the relative error of each measured pixel."
+    return None if svg is None else _inline(svg, label, "map")
+
+
+def picture_png(study: Study) -> bytes | None:
+    """What was rendered of the scene, as bright as shows most of it; transparent where nothing was.
+
+    None if nothing was.  Its 99th percentile of luminance is white.
+    """
+    from PIL import Image
+
+    known: NDArray[np.bool_] = np.asarray(np.isfinite(study.picture).all(axis=-1))
+    if not known.any():
+        return None
+    values = np.where(known[..., None], study.picture, 0.0)
+    white = float(np.percentile(luminance(values)[known], 99.0))
+    shown = srgb.to_uint8(values / white if white > 0.0 else values)
+    picture = Image.fromarray(np.dstack([shown, np.where(known, 255, 0).astype(np.uint8)]))
+    picture.thumbnail((_LARGEST_EDGE, _LARGEST_EDGE))
+    data = io.BytesIO()
+    picture.save(data, format="PNG", optimize=True)
+    return data.getvalue()

@@ -1,0 +1,344 @@
+"""How the numbers of a study are said, the same in the terminal as on the page; in ASCII, since terminals differ."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from raytracer.cost.results import Arm, Prediction, Study
+from raytracer.errors import one_line
+from raytracer.noise.intervals import Interval
+
+UNKNOWN = "unknown"
+SAME_TIME = "no measurable difference"
+SAME_NOISE = "the same"
+
+# Units of time, their lengths in seconds, and from how many seconds on they are too short.
+_UNITS = (
+    ("ms", 1e-3, 0.9995),
+    ("s", 1.0, 120.0),
+    ("min", 60.0, 7200.0),
+    ("h", 3600.0, 172800.0),
+    ("days", 86400.0, 365.25 * 86400.0),
+    ("years", 365.25 * 86400.0, math.inf),
+)
+
+# Bias that is smaller than this is not told more exactly.
+_SMALLEST_BIAS = 1e-5
+
+
+def _decimals(value: float, digits: int) -> int:
+    """Decimals that show as many significant digits."""
+    if value == 0.0 or not math.isfinite(value):
+        return 0
+    return max(0, digits - 1 - math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}")))))
+
+
+def number(value: float) -> str:
+    """Three significant digits: 0.0123, 1.23, 12,300; "unknown" for nan."""
+    if math.isnan(value):
+        return UNKNOWN
+    if value != 0.0 and math.isfinite(value) and not 1e-4 <= abs(value) < 1e12:
+        return f"{value:.2e}"
+    rounded = float(f"{value:.2e}")
+    return f"{rounded:,.{_decimals(rounded, 3)}f}"
+
+
+def _three(interval: Interval, scale: float) -> tuple[str, str, str]:
+    """Value and ends with the same decimals: three digits of the value, unless the ends have over four then."""
+    values = [x * scale for x in interval]
+    decimals = min(_decimals(values[0], 3), _decimals(max((abs(x) for x in values), default=0.0), 4))
+    if any(x != 0.0 and not 1e-4 <= abs(x) < 1e9 for x in values) or decimals == 0:
+        value, low, high = (number(x) for x in values)
+    else:
+        value, low, high = (f"{x:,.{decimals}f}" for x in values)
+    return value, low, high
+
+
+def _with_ends(interval: Interval, scale: float = 1.0, unit: str = "") -> str:
+    if math.isnan(interval.value):
+        return UNKNOWN
+    if math.isnan(interval.low) or math.isnan(interval.high) or interval.low == interval.high:
+        return number(interval.value * scale) + unit
+    value, low, high = _three(interval, scale)
+    return f"{value}{unit} ({low} .. {high})"
+
+
+def percent(value: float) -> str:
+    """A fraction in percent: "1.23 %"."""
+    return UNKNOWN if math.isnan(value) else f"{number(100.0 * value)} %"
+
+
+def percent_interval(interval: Interval) -> str:
+    """A fraction with its interval: "1.23 % (1.20 .. 1.26)"."""
+    return _with_ends(interval, 100.0, " %")
+
+
+def ratio_interval(interval: Interval) -> str:
+    """A number with its interval: "0.839 (0.821 .. 0.857)"."""
+    return _with_ends(interval)
+
+
+def plain_percent(value: float) -> str:
+    """A fraction that somebody chose, with no more digits than it has: "1 %"."""
+    return f"{100.0 * value:g} %"
+
+
+def _unit(seconds: float) -> tuple[str, float]:
+    """The unit that suits a time, and its length in seconds."""
+    size = abs(seconds)
+    return next((unit for unit in _UNITS if size < unit[2]), _UNITS[-1])[:2]
+
+
+def duration(seconds: float) -> str:
+    """A time with the unit that suits it: "71.3 ms", "12.3 s", "7.48 min", "never" for inf."""
+    if math.isnan(seconds):
+        return UNKNOWN
+    if math.isinf(seconds):
+        return "never" if seconds > 0.0 else UNKNOWN
+    unit, length = _unit(seconds)
+    return f"{number(seconds / length)} {unit}" if seconds else "0 s"
+
+
+def chosen_duration(seconds: float) -> str:
+    """A time that somebody chose, with no more digits than it has: "60 s"."""
+    return f"{seconds:g} s" if 1.0 <= seconds < 120.0 else duration(seconds)
+
+
+def duration_interval(interval: Interval) -> str:
+    """A time with its interval, all in one unit: "61.2 s (58.0 .. 65.1)"."""
+    if not math.isfinite(interval.value):
+        return duration(interval.value)
+    unit, length = _unit(interval.value)
+    return _with_ends(interval, 1.0 / length, f" {unit}")
+
+
+def per_ray(nanoseconds: float) -> str:
+    """The time for a ray over all threads: "34.2 ns"."""
+    return UNKNOWN if math.isnan(nanoseconds) else f"{number(nanoseconds)} ns"
+
+
+def samples(spp: float) -> str:
+    """Samples per pixel: "4,280 spp"."""
+    if math.isinf(spp):
+        return "no number of samples"
+    return UNKNOWN if math.isnan(spp) else f"{number(spp)} spp"
+
+
+def value_of(value: Any) -> str:
+    """Whatever the machine is described by, on one line."""
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {value_of(item)}" for key, item in value.items())
+    if isinstance(value, (list, tuple)):
+        return ", ".join(value_of(item) for item in value)
+    return UNKNOWN if value is None else one_line(str(value))
+
+
+def machine(study: Study) -> list[tuple[str, str]]:
+    """What it was measured on, as pairs of a name and a value."""
+    return [(one_line(key).replace("_", " "), value_of(value)) for key, value in study.machine.items()]
+
+
+def spent(study: Study) -> str:
+    """What the study itself took, by phase; compiling is in no prediction."""
+    return ", ".join(f"{one_line(phase)} {duration(seconds)}" for phase, seconds in study.seconds.items())
+
+
+def extent(study: Study) -> str:
+    """Size, and how much of it was rendered."""
+    return (
+        f"{study.width} x {study.height} pixels, "
+        f"{study.tiles_measured:,} of {study.tiles:,} tile{'' if study.tiles == 1 else 's'} measured"
+    )
+
+
+def rounds(study: Study) -> str:
+    """How often the arms were measured, and whether all of what was wanted; "" if nobody wanted any."""
+    if study.interrupted and not study.rounds:
+        return "interrupted before the first round of the arms"
+    times = "1 round" if study.rounds == 1 else f"{study.rounds} rounds"
+    if study.interrupted:
+        return f"interrupted after {times}, of which this tells"
+    return f"{times}, each of all arms in turn" if study.rounds else ""
+
+
+# ---- Plan
+
+_PLAN = {
+    "simulated": "Simulated",
+    "left out": "Left out",
+    "setting": "Settings that trade accuracy for time",
+}
+
+
+def plan(study: Study) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Titles, and under each the names and reasons; kinds of one family with the same reason are told together."""
+    groups = [*_PLAN, *dict.fromkeys(item.group for item in study.plan if item.group not in _PLAN)]
+    told = []
+    for group in groups:
+        items = [(one_line(item.name), one_line(item.why)) for item in study.plan if item.group == group]
+        if items:
+            told.append((_PLAN.get(group, one_line(group)), _by_family(items)))
+    return told
+
+
+def _by_family(items: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    alike: dict[tuple[str, str, str], list[str]] = {}
+    for name, why in items:
+        family, dot, kind = name.partition(".")
+        # What belongs to no family stays by itself.
+        alike.setdefault((family, why, dot), []).append(kind)
+    told = []
+    for (family, why, dot), kinds in alike.items():
+        if len(kinds) == 1 or not dot:
+            told += [(f"{family}{dot}{kind}", why) for kind in kinds]
+        else:
+            told.append((family, f"{', '.join(kinds)}: {why}"))
+    return told
+
+
+# ---- Prediction
+
+
+def _reach(spp: float, seconds: float) -> str:
+    if math.isnan(spp) or math.isnan(seconds):
+        return UNKNOWN
+    return "never" if math.isinf(seconds) else f"{duration(seconds)}, {samples(spp)}"
+
+
+def prediction(predicted: Prediction) -> list[tuple[str, str]]:
+    """What is predicted, as pairs of a question and its answer."""
+    target = plain_percent(predicted.target)
+    spp, seconds = predicted.target_spp, predicted.target_seconds
+    if math.isnan(seconds.value) or math.isinf(seconds.value):
+        answer = UNKNOWN if math.isnan(seconds.value) else "never, by what was measured"
+    else:
+        answer = f"{duration_interval(seconds)}; {_with_ends(spp)} spp"
+    exponent = "" if math.isnan(predicted.exponent) else f", N^-{number(predicted.exponent / 2.0)}"
+    said = [
+        (f"error of {target} takes", answer),
+        ("by the slope -1/2 alone", _reach(predicted.plain_spp, predicted.plain_seconds)),
+        (f"by a power law{exponent}", _reach(predicted.power_spp, predicted.power_seconds)),
+    ]
+
+    if predicted.budget is not None:
+        if predicted.budget_spp is None or predicted.budget_error is None or predicted.budget_spp < 1.0:
+            bought = "not one sample in every pixel"
+        else:
+            bought = f"error of {percent_interval(predicted.budget_error)}; {samples(predicted.budget_spp)}"
+        said.append((f"{chosen_duration(predicted.budget)} buy", bought))
+
+    said += [
+        ("one sample in every pixel", duration_interval(predicted.per_sample)),
+        ("time whatever the samples", duration_interval(predicted.fixed)),
+    ]
+    if math.isfinite(predicted.halving):
+        said.append(("halving bias, corrected", halving(predicted)))
+    return said
+
+
+def halving(predicted: Prediction) -> str:
+    """What separate sequences lose against an unbroken one."""
+    if predicted.halving == 1.0:
+        return "none: the mean of separate runs is as good as one unbroken run"
+    return (
+        f"the mean of the replicates has {number(predicted.halving)} times the squared error of one unbroken run of "
+        "as many samples"
+    )
+
+
+# ---- Arms
+
+_GROUPS = {
+    "scene": "",
+    "control": "",
+    "effect": "without",
+    "setting": "with",
+    "sampler": "with another sampler",
+}
+
+
+class Section(NamedTuple):
+    """Arms of one group, in the order in which they were measured."""
+
+    title: str
+    arms: tuple[Arm, ...]
+
+
+def sections(arms: Sequence[Arm]) -> list[Section]:
+    """Arms by group; the scene and its control come first, under no title."""
+    titles: dict[str, list[Arm]] = {"": []}
+    for arm in arms:
+        titles.setdefault(_GROUPS.get(arm.group, one_line(arm.group)), []).append(arm)
+    return [Section(title, tuple(found)) for title, found in titles.items() if found]
+
+
+def name(arm: Arm) -> str:
+    """The arm's name on one line."""
+    return "the scene" if arm.group == "scene" else one_line(arm.name)
+
+
+def common_spp(arms: Sequence[Arm]) -> int | None:
+    """Samples per pixel at which noise is stated, if they are the same for all arms that have any."""
+    counts = {arm.spp for arm in arms if arm.spp > 0 and not arm.failed}
+    return counts.pop() if len(counts) == 1 else None
+
+
+def time_of(arm: Arm) -> str:
+    """Time per sample against the scene, in words or numbers."""
+    if arm.group == "scene":
+        return ""
+    if math.isnan(arm.time.value):
+        return UNKNOWN
+    return ratio_interval(arm.time) if arm.time_differs else SAME_TIME
+
+
+def noise_of(arm: Arm) -> str:
+    """Noise, or that it is the scene's."""
+    if math.isnan(arm.noise.value):
+        return UNKNOWN
+    if arm.group == "scene" or arm.noise_differs:
+        return percent_interval(arm.noise)
+    return SAME_NOISE
+
+
+def bias_of(arm: Arm) -> str:
+    """Bias against the scene with its interval, or how much of it would have been seen."""
+    if arm.bias is None:
+        return "" if arm.group == "scene" else UNKNOWN
+    if arm.bias_resolved:
+        if arm.bias.high < _SMALLEST_BIAS:
+            return f"< {plain_percent(_SMALLEST_BIAS)}"
+        return percent_interval(arm.bias)
+    if arm.unbiased and arm.group != "control":
+        return "none"
+    if math.isfinite(arm.bias.high):
+        return f"not resolved (< {100.0 * arm.bias.high:.2g} %)"
+    return "not resolved"
+
+
+class Notes:
+    """Sentences under a table, each said once, and the numbers by which cells refer to them."""
+
+    def __init__(self) -> None:
+        self.sentences: list[str] = []
+
+    def mark(self, sentence: str) -> str:
+        """The number of a sentence in brackets."""
+        said = one_line(sentence)
+        if said not in self.sentences:
+            self.sentences.append(said)
+        return f"[{self.sentences.index(said) + 1}]"
+
+
+def target_of(arm: Arm, notes: Notes) -> str:
+    """Time to the target; a reference to a note where there is none."""
+    if arm.target_seconds is None:
+        return notes.mark(arm.why_blank) if arm.why_blank else ""
+    return duration(arm.target_seconds)
+
+
+def concentration(study: Study) -> str:
+    """How much of the error sits in a few pixels."""
+    return f"the worst 0.1 % of the measured pixels carry {percent(study.top_share)} of the squared error"

@@ -1,0 +1,178 @@
+"""A study as text, for terminals and pipes."""
+
+import io
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from raytracer.cost import phrases
+from raytracer.cost.results import Arm, Study
+from raytracer.errors import one_line
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+# Columns from which on an interval stands beside its value, and not below it.
+_WIDE = 128
+
+# Columns that the name of an arm has at least, if it takes them.
+_NAME = 22
+
+
+def text(study: Study, width: int = 100, colour: bool = False) -> str:
+    """All that a study tells but its pictures, ending in a line break.
+
+    width : columns of the terminal; cells are folded to fit where they can be.
+    colour : whether to write what terminals take for colours; without it the text is ASCII, but for names in it.
+    """
+    from rich.console import Console
+
+    console = Console(
+        file=io.StringIO(),
+        width=width,
+        force_terminal=colour,
+        color_system="standard" if colour else None,
+        legacy_windows=False,
+        markup=False,
+        highlight=False,
+        emoji=False,
+        no_color=not colour,
+        _environ={},
+    )
+    _line(console, f"{one_line(study.scene)}: {phrases.extent(study)}", "bold")
+    for title, items in phrases.plan(study):
+        _title(console, title)
+        _pairs(console, items)
+    _prediction(console, study)
+    if study.arms or study.interrupted:
+        _title(console, "What each effect and setting costs, against the scene as it is")
+        if said := phrases.rounds(study):
+            _line(console, said)
+    if study.arms:
+        _arms(console, study)
+    _machine(console, study)
+    if study.warnings:
+        _title(console, "Warnings")
+        _pairs(console, [("-", one_line(warning)) for warning in study.warnings], "yellow")
+
+    # Rows are filled up to the width, which no reader of a file wants.
+    file = console.file
+    assert isinstance(file, io.StringIO)
+    return "".join(f"{line.rstrip()}\n" for line in file.getvalue().splitlines())
+
+
+def _line(console: "Console", words: str, style: str = "") -> None:
+    from rich.text import Text
+
+    console.print(Text(words, style=style))
+
+
+def _title(console: "Console", words: str) -> None:
+    console.print()
+    _line(console, words, "bold")
+
+
+def _grid(gap: int = 2) -> "Table":
+    from rich.table import Table
+
+    return Table(box=None, show_header=False, pad_edge=False, padding=(0, gap, 0, 0))
+
+
+def _indented(console: "Console", table: "Table", by: int = 2) -> None:
+    from rich.padding import Padding
+
+    console.print(Padding(table, (0, 0, 0, by)))
+
+
+def _pairs(console: "Console", pairs: Iterable[tuple[str, str]], style: str = "") -> None:
+    from rich.text import Text
+
+    table = _grid()
+    table.add_column(max_width=max(24, console.width // 3))
+    table.add_column(ratio=1)
+    for first, second in pairs:
+        table.add_row(Text(first, overflow="fold"), Text(second, style=style, overflow="fold"))
+    _indented(console, table)
+
+
+def _prediction(console: "Console", study: Study) -> None:
+    from rich.text import Text
+
+    predicted = study.prediction
+    _title(console, "Relative error (RMS, of noise) and time of a render of the whole picture")
+    if predicted.points:
+        table = _grid(gap=4)
+        for _ in range(3):
+            table.add_column(justify="right", no_wrap=True)
+        table.add_row(*(Text(words, style="dim") for words in ("spp", "time", "error")))
+        for point in predicted.points:
+            table.add_row(f"{point.spp:,}", phrases.duration(point.seconds), phrases.percent_interval(point.error))
+        _indented(console, table)
+    else:
+        _line(console, "  nothing was measured")
+
+    _title(console, "Prediction, with 95 % intervals; compiling apart")
+    pairs = phrases.prediction(predicted)
+    if study.top_share == study.top_share:
+        pairs.append(("where the error is", phrases.concentration(study)))
+    _pairs(console, pairs)
+
+
+def _arms(console: "Console", study: Study) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    spp = phrases.common_spp(study.arms)
+    notes = phrases.Notes()
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim", collapse_padding=True)
+    fits = max((len(phrases.name(arm)) + 1 for arm in study.arms), default=0) <= _NAME
+    table.add_column("arm", vertical="top", overflow="fold", no_wrap=fits, max_width=None if fits else _NAME)
+    table.add_column("time per\nsample", no_wrap=True, justify="right")
+    table.add_column("time\nper ray", no_wrap=True, justify="right")
+    table.add_column("time against\nthe scene")
+    table.add_column(f"noise at\n{spp:,} spp" if spp else "noise")
+    table.add_column("bias against\nthe scene")
+    table.add_column(f"time to\n{phrases.plain_percent(study.prediction.target)}", justify="right")
+    for title, arms in phrases.sections(study.arms):
+        if title:
+            table.add_row(Text(title, style="italic", no_wrap=True))
+        for arm in arms:
+            cells = _cells(arm, notes, spp, indent=bool(title))
+            if console.width < _WIDE:
+                cells = (cells[0], *(cell.replace(" (", "\n(").replace(" diff", "\ndiff") for cell in cells[1:]))
+            table.add_row(*(Text(cell, overflow="fold") for cell in cells))
+    _indented(console, table, by=0)
+
+    if notes.sentences:
+        console.print()
+        _pairs(console, [(f"[{i + 1}]", sentence) for i, sentence in enumerate(notes.sentences)])
+    meanings = [(phrases.name(arm), one_line(arm.what)) for arm in study.arms if arm.what and arm.group != "scene"]
+    if meanings:
+        _title(console, "What was changed")
+        _pairs(console, meanings)
+
+
+def _cells(arm: Arm, notes: phrases.Notes, spp: int | None, indent: bool) -> tuple[str, ...]:
+    name = " " * indent + phrases.name(arm)
+    if arm.failed:
+        return name, "", "", f"not measured {notes.mark(arm.failed)}"
+    noise = phrases.noise_of(arm)
+    if spp is None and noise not in {phrases.UNKNOWN, phrases.SAME_NOISE}:
+        noise = f"{noise} at {arm.spp:,} spp"
+    return (
+        name,
+        phrases.duration(arm.per_sample.value),
+        phrases.per_ray(arm.per_ray.value),
+        phrases.time_of(arm),
+        noise,
+        phrases.bias_of(arm),
+        phrases.target_of(arm, notes),
+    )
+
+
+def _machine(console: "Console", study: Study) -> None:
+    _title(console, "Measured")
+    pairs = phrases.machine(study)
+    if study.seconds:
+        pairs.append(("time spent", phrases.spent(study)))
+    _pairs(console, pairs)

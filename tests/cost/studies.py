@@ -1,0 +1,229 @@
+"""Studies that nobody measured, to show."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from raytracer.cost.results import UNKNOWN, Arm, PlanItem, Point, Prediction, Study
+from raytracer.noise.intervals import Interval
+
+NAN, INF = math.nan, math.inf
+NOWHERE = Interval(INF, INF, INF)
+
+# What must be taken for text by everything that shows it: markup of HTML, of rich, of Matplotlib.
+EVIL = "<b>&\"'[red]$x^2$</script>"
+
+LINEAR, STEEP = 0.13, 0.11
+
+
+def around(value: float, by: float = 0.03) -> Interval:
+    return Interval(value, value * (1.0 - by), value * (1.0 + by))
+
+
+def predicted(**changes: Any) -> Prediction:
+    """Of a picture that takes 0.3 s and 10 ms a sample, with MSE = 0.13 / N + 0.11 / N^1.5."""
+    points = tuple(
+        Point(n, 0.3 + 0.01 * n, around(math.sqrt(LINEAR / n + STEEP / n**1.5), 0.02)) for n in (16, 64, 256)
+    )
+    made = Prediction(
+        points=points,
+        linear=LINEAR,
+        steep=STEEP,
+        exponent=1.04,
+        factor=0.15,
+        halving=1.06,
+        fixed=around(0.3),
+        per_sample=around(0.01),
+        target=0.01,
+        budget=60.0,
+        target_spp=around(1330.0),
+        target_seconds=around(13.6),
+        plain_spp=1370.0,
+        plain_seconds=14.0,
+        power_spp=1350.0,
+        power_seconds=13.8,
+        budget_spp=5970.0,
+        budget_error=around(0.0047),
+    )
+    return replace(made, **changes)
+
+
+def arms() -> tuple[Arm, ...]:
+    scene = Arm(
+        "scene",
+        "scene",
+        "the scene as it is",
+        per_sample=around(0.01),
+        per_ray=around(34.2),
+        rays_per_sample=2.7,
+        time=Interval(1.0, 1.0, 1.0),
+        spp=64,
+        noise=around(0.0464),
+        noise_ratio=Interval(1.0, 1.0, 1.0),
+        target_spp=1330.0,
+        target_seconds=13.6,
+    )
+    control = replace(
+        scene,
+        name="A/A",
+        group="control",
+        what="the scene once more, to see what the machine's unrest alone does",
+        time=Interval(1.002, 0.991, 1.008),
+        bias=Interval(0.0, 0.0, 0.0041),
+        brightness=Interval(0.0, -0.001, 0.001),
+        noise_ratio=Interval(1.01, 0.97, 1.05),
+        target_seconds=13.6,
+    )
+    defocus = replace(
+        control,
+        name="defocus",
+        group="effect",
+        what="all rays start at one point, as of a pinhole: everything is sharp",
+        per_sample=around(0.0084),
+        time=Interval(0.839, 0.821, 0.857),
+        time_differs=True,
+        noise=around(0.0421),
+        noise_ratio=Interval(0.82, 0.77, 0.87),
+        noise_differs=True,
+        bias=Interval(0.154, 0.149, 0.159),
+        bias_resolved=True,
+        target_spp=None,
+        target_seconds=None,
+        why_blank="the bias exceeds the target, which no number of samples mends",
+    )
+    return (
+        scene,
+        control,
+        defocus,
+        replace(defocus, name=f"material {EVIL}", what=f"{EVIL} scatters evenly", time=around(12.34)),
+        Arm("media", "effect", "no fog", failed="the variant could not be packed: nothing is left to see"),
+        replace(control, name="accuracy=fast", group="setting", what="hits as Embree finds them"),
+        replace(control, name="max_depth=4", group="setting", what="paths end after 4 segments", bias=UNKNOWN),
+        replace(
+            control,
+            name="sampler=independent",
+            group="sampler",
+            what="samples know nothing of each other",
+            noise_ratio=around(1.2),
+            noise=around(0.051),
+            noise_differs=True,
+            target_seconds=INF,
+            target_spp=INF,
+        ),
+        Arm("roulette", "setting", "nobody knows"),
+    )
+
+
+PLAN = (
+    PlanItem("simulated", "defocus", "the lens is open: defocus_angle is 0.6 deg"),
+    PlanItem("simulated", EVIL, f"used by {EVIL}"),
+    PlanItem("left out", "media", "no medium fills any space"),
+    PlanItem(
+        "setting", "spp", "500 samples in each pixel: error falls with their square root, and time grows with them"
+    ),
+)
+
+MACHINE = {
+    "processor": "A processor & Co. <4 cores>",
+    "instruction_set": "AVX-512",
+    "threads": 4,
+    "load_before": 0.31,
+    "versions": {"raytracer": "0.5", "numba": "0.68.1"},
+    "seed": 0,
+    "rounds": 9,
+    "governors": ["performance", None],
+}
+
+
+def measured(width: int, height: int, part: float) -> tuple[np.ndarray, np.ndarray]:
+    """An error map and a picture of which about that part of the tiles is there."""
+    rng = np.random.default_rng(1)
+    rows, columns = -(-height // 16), -(-width // 16)
+    there = rng.random((rows, columns)) < part
+    there[0, 0] = True
+    there = np.kron(there, np.ones((16, 16), dtype=bool))[:height, :width]
+    y, x = np.mgrid[:height, :width]
+    disc = np.hypot(x - 0.6 * width, y - 0.5 * height) < 0.3 * height
+    picture = np.stack([np.where(disc, 0.8, 0.2), 0.3 + 0.3 * y / height, np.where(disc, 0.1, 0.6)], axis=-1)
+    error = np.where(disc, 0.08, 0.01) * rng.lognormal(0.0, 0.4, (height, width))
+    return np.where(there, error, NAN), np.where(there[..., None], picture, NAN)
+
+
+def study(width: int = 400, height: int = 225, part: float = 0.3, **changes: Any) -> Study:
+    error_map, picture = measured(width, height, part)
+    tiles = -(-height // 16) * -(-width // 16)
+    made = Study(
+        scene=f"scenes/{EVIL}.yaml",
+        width=width,
+        height=height,
+        plan=PLAN,
+        prediction=predicted(),
+        arms=arms(),
+        seconds={"load": 0.05, "pack": 0.02, "build": 0.004, "compile": 7.1, "measure": 65.0},
+        machine=MACHINE,
+        warnings=(f"the load was 5.1 on 4 cores: times are uncertain {EVIL}",),
+        tiles=tiles,
+        tiles_measured=max(1, round(part * tiles)),
+        top_share=0.034,
+        error_map=error_map,
+        picture=picture,
+    )
+    return replace(made, **changes)
+
+
+NO_PREDICTION = predicted(
+    points=(), linear=NAN, steep=NAN, exponent=NAN, factor=NAN, halving=NAN, fixed=UNKNOWN, per_sample=UNKNOWN,
+    budget=None, target_spp=UNKNOWN, target_seconds=UNKNOWN, plain_spp=NAN, plain_seconds=NAN, power_spp=NAN,
+    power_seconds=NAN, budget_spp=None, budget_error=None,
+)  # fmt: skip
+
+
+def nothing() -> Study:
+    """Of a scene about which nothing could be found out."""
+    return study(
+        plan=(),
+        prediction=NO_PREDICTION,
+        arms=(),
+        seconds={},
+        machine={},
+        warnings=(),
+        top_share=NAN,
+        error_map=np.full((225, 400), NAN),
+        picture=np.full((225, 400, 3), NAN),
+    )
+
+
+def black() -> Study:
+    """Of a black picture, which has no error at all."""
+    still = Interval(0.0, 0.0, 0.0)
+    points = tuple(Point(n, 0.01 * n, still) for n in (16, 64))
+    return study(
+        prediction=predicted(points=points, linear=0.0, steep=0.0, halving=1.0, target_spp=around(1.0)),
+        error_map=np.zeros((225, 400)),
+        picture=np.zeros((225, 400, 3)),
+    )
+
+
+def hopeless() -> Study:
+    """With a target that is out of reach, and a budget that buys nothing."""
+    return study(
+        prediction=predicted(
+            target_spp=NOWHERE, target_seconds=NOWHERE, plain_spp=INF, plain_seconds=INF, power_spp=INF,
+            power_seconds=INF, budget=0.1, budget_spp=0.0, budget_error=NOWHERE,
+        )
+    )  # fmt: skip
+
+
+ALL = {
+    "usual": study,
+    "nothing": nothing,
+    "black": black,
+    "hopeless": hopeless,
+    "one tile": lambda: study(width=9, height=5, part=1.0),
+    "no arms": lambda: study(arms=()),
+    "no budget": lambda: study(prediction=predicted(budget=None, budget_spp=None, budget_error=None)),
+    "one point": lambda: study(prediction=predicted(points=predicted().points[:1])),
+    "portrait": lambda: study(width=90, height=400, part=1.0),
+}

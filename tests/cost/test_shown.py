@@ -1,0 +1,486 @@
+"""How a study is shown: what the text, the data, the pictures and the page say, of studies that nobody measured."""
+
+import base64
+import csv
+import functools
+import io
+import json
+import math
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from raytracer.cost import figures, phrases
+from raytracer.cost.export import convergence_csv, to_csv, to_json
+from raytracer.cost.page import check_report, page, write_report
+from raytracer.cost.results import UNKNOWN, PlanItem, Point, Study
+from raytracer.cost.table import text
+from raytracer.errors import InputError, OutputError
+from raytracer.noise.intervals import Interval
+from tests.cost import studies
+
+INF, NAN = math.inf, math.nan
+
+
+@pytest.fixture(params=studies.ALL)
+def study(request: pytest.FixtureRequest) -> Study:
+    return studies.ALL[request.param]()
+
+
+# ---- words
+
+
+@pytest.mark.parametrize(
+    ("seconds", "said"),
+    [
+        (NAN, "unknown"),
+        (INF, "never"),
+        (-INF, "unknown"),
+        (0.0, "0 s"),
+        (0.0713, "71.3 ms"),
+        (12.345, "12.3 s"),
+        (0.9999, "1.00 s"),
+        (119.0, "119 s"),
+        (252.0, "4.20 min"),
+        (7199.0, "120 min"),
+        (7500.0, "2.08 h"),
+        (3.2 * 86400.0, "3.20 days"),
+        (1e9, "31.7 years"),
+        (1e300, "3.17e+292 years"),
+        (2e-8, "2.00e-05 ms"),
+    ],
+)
+def test_durations(seconds: float, said: str) -> None:
+    assert phrases.duration(seconds) == said
+
+
+@pytest.mark.parametrize(
+    ("interval", "said"),
+    [
+        (Interval(0.0123, 0.01203, 0.0126), "1.23 % (1.20 .. 1.26)"),
+        (Interval(0.09999, 0.098, 0.102), "10.0 % (9.8 .. 10.2)"),
+        (Interval(0.0, 0.0, 0.004), "0 % (0 .. 0.400)"),
+        (Interval(-0.004, -0.01, 0.002), "-0.400 % (-1.000 .. 0.200)"),
+        (Interval(0.02, NAN, NAN), "2.00 %"),
+        (Interval(NAN, 0.0, 1.0), "unknown"),
+        (Interval(0.02, 0.01, INF), "2.00 % (1.00 .. inf)"),
+    ],
+)
+def test_percentages_with_intervals(interval: Interval, said: str) -> None:
+    assert phrases.percent_interval(interval) == said
+
+
+def test_intervals_of_times_are_in_one_unit() -> None:
+    assert phrases.duration_interval(Interval(61.2, 58.0, 65.1)) == "61.2 s (58.0 .. 65.1)"
+    assert phrases.duration_interval(Interval(0.9, 0.8, 1.1)) == "900 ms (800 .. 1,100)"
+    assert phrases.duration_interval(Interval(448.8, 325.8, 649.8)) == "7.48 min (5.43 .. 10.83)"
+    assert phrases.duration_interval(Interval(110.0, 90.0, INF)) == "110 s (90.0 .. inf)"
+    assert phrases.duration_interval(Interval(2.0, 2.0, 2.0)) == "2.00 s"
+    assert phrases.duration_interval(UNKNOWN) == "unknown"
+    assert phrases.duration_interval(studies.NOWHERE) == "never"
+
+
+def test_bias_too_small_to_matter_is_not_told_in_digits() -> None:
+    arm = studies.arms()[2]
+    assert phrases.bias_of(replace(arm, bias=Interval(8e-7, 5e-7, 1.2e-6))) == "< 0.001 %"
+    assert phrases.bias_of(replace(arm, bias=Interval(8e-6, 5e-6, 1.2e-5))) == "0.000800 % (0.000500 .. 0.001200)"
+
+
+def test_kinds_of_a_family_with_one_reason_are_told_together() -> None:
+    items = [("media", "none"), ("passage", "none"), ("shape.box", "0"), ("shape.disc", "0"), ("shape.quad", "2")]
+    plan = tuple(PlanItem("left out", name, why) for name, why in [*items, ("light.sun", "0")])
+    assert phrases.plan(studies.study(plan=plan)) == [
+        (
+            "Left out",
+            [
+                ("media", "none"),
+                ("passage", "none"),
+                ("shape", "box, disc: 0"),
+                ("shape.quad", "2"),
+                ("light.sun", "0"),
+            ],
+        )
+    ]
+
+
+def test_arms_keep_their_order_within_groups() -> None:
+    found = [(section.title, [arm.name for arm in section.arms]) for section in phrases.sections(studies.arms())]
+    assert found == [
+        ("", ["scene", "A/A"]),
+        ("without", ["defocus", f"material {studies.EVIL}", "media"]),
+        ("with", ["accuracy=fast", "max_depth=4", "roulette"]),
+        ("with another sampler", ["sampler=independent"]),
+    ]
+
+
+# ---- terminal
+
+
+@pytest.mark.parametrize("width", [60, 100, 160])
+def test_text_is_plain_and_fits(study: Study, width: int) -> None:
+    said = text(study, width)
+    assert said.isascii()
+    assert said.endswith("\n")
+    for line in said.splitlines():
+        assert len(line) <= width
+        assert line == line.rstrip()
+        assert line.isprintable()
+
+
+def test_text_says_what_was_found() -> None:
+    said = text(studies.study())
+    assert "error of 1 % takes         13.6 s (13.2 .. 14.0); 1,330 (1,290 .. 1,370) spp" in said
+    assert "60 s buy                   error of 0.470 % (0.456 .. 0.484); 5,970 spp" in said
+    assert studies.EVIL in said
+    lines = said.splitlines()
+
+    def row(name: str) -> str:
+        return next(line for line in lines if re.match(rf"\s*{re.escape(name)}\s+(\d|not )", line))
+
+    assert re.search(r"10\.0 ms +34\.2 ns +no measurable +the same +not resolved +13\.6 s$", row("A/A"))
+    assert re.search(r"8\.40 ms +34\.2 ns +0\.839 +4\.21 % +15\.4 % +\[1\]$", row("defocus"))
+    assert re.search(r"not measured \[2\]$", row("media"))
+    assert row("sampler=independent").endswith("never")
+    assert "  [1]  the bias exceeds the target, which no number of samples mends" in lines
+    assert "  [2]  the variant could not be packed: nothing is left to see" in lines
+
+
+@pytest.mark.parametrize(
+    ("interrupted", "rounds", "said"),
+    [
+        (False, 9, "9 rounds, each of all arms in turn"),
+        (True, 3, "interrupted after 3 rounds, of which this tells"),
+        (True, 1, "interrupted after 1 round, of which this tells"),
+        (True, 0, "interrupted before the first round of the arms"),
+    ],
+)
+def test_rounds(interrupted: bool, rounds: int, said: str) -> None:
+    found = studies.study(arms=studies.arms() if rounds else (), interrupted=interrupted, rounds=rounds)
+    assert said in text(found).splitlines()
+    assert f"{said[1:]}." in page(replace(found, error_map=np.full((1, 1), NAN), prediction=studies.NO_PREDICTION))
+
+
+def test_colours_only_where_asked_for() -> None:
+    coloured = text(studies.study(), colour=True)
+    assert "\x1b[" in coloured
+    assert re.sub(r"\x1b\[[0-9;]*m", "", coloured).split() == text(studies.study()).split()
+
+
+def test_noise_of_arms_with_different_samples_says_at_how_many() -> None:
+    scene, control, *rest = studies.arms()
+    said = text(studies.study(arms=(scene, control, replace(rest[0], spp=16))), width=200)
+    assert "4.64 % (4.50 .. 4.78) at 64 spp" in said
+    assert "4.21 % (4.08 .. 4.34) at 16 spp" in said
+
+
+def test_what_a_terminal_would_act_upon_is_written_out() -> None:
+    assert "\x1b" not in text(studies.study(scene="a\x1b[2Jb.yaml", warnings=("\x1b]0;x\x07",)))
+
+
+# ---- data
+
+
+def test_json_is_strict_and_whole(study: Study) -> None:
+    data = json.loads(json.dumps(to_json(study), allow_nan=False))
+    assert data["scene"] == study.scene
+    assert data["tiles_measured"] == study.tiles_measured
+    assert [arm["name"] for arm in data["arms"]] == [arm.name for arm in study.arms]
+    assert len(data["prediction"]["points"]) == len(study.prediction.points)
+    assert {"error_map", "picture"}.isdisjoint(data)
+
+
+def test_json_keeps_numbers_and_has_null_for_what_is_unknown() -> None:
+    data = to_json(studies.study())
+    assert data["arms"][2]["time"] == {"value": 0.839, "low": 0.821, "high": 0.857}
+    assert data["arms"][2]["target_seconds"] is None
+    assert data["arms"][0]["bias"] is None
+    assert data["arms"][4]["per_sample"] == {"value": None, "low": None, "high": None}
+    assert data["prediction"]["points"][0]["spp"] == 16
+    assert data["machine"] == studies.MACHINE
+    assert to_json(studies.hopeless())["prediction"]["target_seconds"]["value"] is None
+
+
+def test_json_takes_values_of_numpy() -> None:
+    machine = {"threads": np.int64(4), "load": np.float64(NAN), "loads": np.array([1.0, INF]), "path": Path("a")}
+    data = to_json(studies.study(machine=machine))["machine"]
+    assert data == {"threads": 4, "load": None, "loads": [1.0, None], "path": "a"}
+    assert type(data["threads"]) is int
+
+
+def test_csv_has_a_row_for_each_arm(study: Study) -> None:
+    rows = list(csv.DictReader(io.StringIO(to_csv(study))))
+    assert [row["arm"] for row in rows] == [arm.name for arm in study.arms]
+    for row, arm in zip(rows, study.arms, strict=True):
+        assert None not in row
+        assert None not in row.values()
+        for column, interval in (("time_ratio", arm.time), ("bias", arm.bias or UNKNOWN)):
+            found = [row[column], row[f"{column}_low"], row[f"{column}_high"]]
+            np.testing.assert_array_equal([float(cell or "nan") for cell in found], interval)
+        assert row["target_seconds"] == ("" if arm.target_seconds is None else repr(arm.target_seconds))
+
+
+def test_csv_of_the_plot() -> None:
+    table = np.genfromtxt(io.StringIO(convergence_csv(studies.study())), delimiter=",", names=True)
+    np.testing.assert_array_equal(table["spp"], [16, 64, 256])
+    np.testing.assert_array_equal(table["error"], [point.error.value for point in studies.predicted().points])
+
+
+# ---- pictures
+
+
+def _svg_of(study: Study) -> ET.Element | None:
+    svg = figures.convergence_svg(study)
+    return None if svg is None else ET.fromstring(svg)
+
+
+@pytest.mark.parametrize("name", ["nothing", "black", "one tile", "one point", "portrait"])
+def test_plots_are_drawn_where_there_is_something_to_draw(name: str) -> None:
+    study = studies.ALL[name]()
+    shows_error = any(point.error.value > 0.0 for point in study.prediction.points)
+    assert (_svg_of(study) is not None) == shows_error
+    has_map = bool(np.nansum(study.error_map) > 0.0)
+    png = figures.error_map_png(study)
+    assert (png is not None) == has_map
+    if png is not None:
+        with Image.open(io.BytesIO(png)) as image:
+            image.load()
+            assert min(image.size) > 200
+
+
+def test_plots_are_the_same_each_time() -> None:
+    study = studies.study(width=64, height=32)
+    assert figures.convergence_svg(study) == figures.convergence_svg(study)
+    assert figures.error_map_png(study) == figures.error_map_png(study)
+
+
+@pytest.mark.parametrize(
+    ("points", "target"),
+    [
+        ((Point(16, 0.5, Interval(0.1, NAN, NAN)), Point(64, 1.0, UNKNOWN)), UNKNOWN),
+        (
+            (Point(16, 0.5, Interval(0.1, 0.0, INF)), Point(64, 1.0, Interval(0.05, 0.06, 0.07))),
+            Interval(5.0, NAN, INF),
+        ),
+        (
+            (Point(16, 0.5, Interval(1e-9, 1e-9, 2e-9)), Point(64, 1e6, Interval(1e3, 1e3, 1e3))),
+            Interval(1e30, 1e29, 1e31),
+        ),
+    ],
+    ids=["unknown", "senseless", "wide"],
+)
+def test_plots_take_any_intervals(points: tuple[Point, ...], target: Interval) -> None:
+    assert _svg_of(studies.study(prediction=studies.predicted(points=points, target_seconds=target))) is not None
+
+
+def test_the_plot_holds_the_measurements_the_target_and_both_slopes() -> None:
+    """Read off the drawing itself, between its axes' limits."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    study = studies.study()
+    figure = Figure()
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    figures._draw_convergence(axes, study, list(study.prediction.points), figures._FILE)
+    lines = {str(line.get_label()): line.get_xydata() for line in axes.get_lines()}
+    for label, slope in (("slope -1/2: independent samples", -0.5), ("slope -3/4", -0.75)):
+        (x0, y0), (x1, y1) = np.asarray(lines[label])
+        assert math.log(y1 / y0) / math.log(x1 / x0) == pytest.approx(slope)
+        last = study.prediction.points[-1]
+        assert y0 * (last.seconds / x0) ** slope == pytest.approx(last.error.value)
+    np.testing.assert_array_equal(np.asarray(lines["target 1 %"])[:, 1], 0.01)
+    np.testing.assert_array_equal(np.asarray(lines["budget 60 s"])[:, 0], 60.0)
+    fit = np.asarray(lines["fit to what was measured"])
+    for point in study.prediction.points:
+        assert np.interp(math.log(point.seconds), *np.log(fit).T) == pytest.approx(
+            math.log(point.error.value), abs=1e-3
+        )
+
+
+def test_the_map_of_a_large_picture_is_reduced_by_mean_squares() -> None:
+    error = np.full((3, 2 * figures._LARGEST_EDGE), NAN)
+    error[0, :4] = [3.0, 4.0, 1.0, NAN]
+    error[1, :2] = [0.0, 5.0]
+    reduced = figures._reduced(error)
+    assert reduced.shape == (2, figures._LARGEST_EDGE)
+    assert reduced[0, 0] == pytest.approx(math.sqrt((9.0 + 16.0 + 25.0) / 4.0))
+    assert reduced[0, 1] == 1.0
+    assert np.isnan(reduced[1]).all()
+    small = np.array([[NAN, 1.0]])
+    assert figures._reduced(small) is small
+
+
+def test_the_picture_is_transparent_where_nothing_was_rendered() -> None:
+    study = studies.study()
+    png = figures.picture_png(study)
+    assert png is not None
+    with Image.open(io.BytesIO(png)) as image:
+        pixels = np.asarray(image)
+    np.testing.assert_array_equal(pixels[..., 3] == 255, np.isfinite(study.picture[..., 0]))
+    assert pixels[pixels[..., 3] == 255][:, :3].max() == 255
+    assert figures.picture_png(studies.nothing()) is None
+
+
+# ---- page
+
+
+class _Page(HTMLParser):
+    """Collects what a page would load, its text, and whether its tags close."""
+
+    VOID = frozenset({"meta", "br", "img", "link", "input", "hr"})
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[str] = []
+        self.references: list[str] = []
+        self.ids: list[str] = []
+        self.text: list[str] = []
+        self.rows: list[int] = []
+        self.feed(html)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        if tag not in self.VOID:
+            self.open.append(tag)
+        for name, value in attrs:
+            assert not name.startswith("on")
+            if name in {"src", "href", "xlink:href", "srcset", "action", "data", "poster"}:
+                self.references.append(value or "")
+            if name == "id":
+                self.ids.append(value or "")
+        if tag == "tr":
+            self.rows.append(0)
+        if tag in {"td", "th"}:
+            self.rows[-1] += 1
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        if tag not in self.VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self.open and self.open[-1] not in {"style", "script"}:
+            self.text.append(data)
+
+
+@functools.cache
+def _page_of(name: str) -> str:
+    return page(studies.ALL[name]())
+
+
+@pytest.mark.parametrize("name", studies.ALL)
+def test_the_page_is_whole_and_asks_nothing_of_the_network(name: str) -> None:
+    study, html = studies.ALL[name](), _page_of(name)
+    found = _Page(html)
+    assert found.open == []
+    assert len(found.ids) == len(set(found.ids))
+    assert {"link", "iframe", "object", "base"}.isdisjoint(found.tags)
+    assert found.tags.count("script") == 1
+    for reference in found.references:
+        assert reference.startswith(("data:", "#"))
+        if reference.startswith("#"):
+            assert reference[1:] in found.ids
+    for reference in re.findall(r"url\(([^)]*)\)", html):
+        assert reference.startswith("#")
+        assert reference[1:] in found.ids
+    assert "@import" not in html
+
+    # Names of XML vocabularies are all that looks like an address.
+    addresses = set(re.findall(r"https?://[^\s\"'<]*", html))
+    assert addresses <= {"http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"}
+    if study.arms:
+        assert found.rows[-len(study.arms) :] == [10] * len(study.arms)
+
+
+def test_names_of_the_scene_are_text() -> None:
+    html = _page_of("usual")
+    found = _Page(html)
+    assert studies.EVIL not in html
+    assert " ".join(found.text).count(studies.EVIL) == 7
+    assert found.tags.count("b") == html.count("<b>")
+    assert "&lt;b&gt;" in html
+
+
+def test_the_page_carries_its_data() -> None:
+    study = studies.study()
+    found = _Page(_page_of("usual"))
+    data = [reference for reference in found.references if reference.startswith("data:") and "image" not in reference]
+    assert len(data) == 3
+    as_csv, _, as_json = (base64.b64decode(reference.partition(",")[2]).decode() for reference in data)
+    assert as_csv == to_csv(study)
+    assert json.loads(as_json) == json.loads(json.dumps(to_json(study)))
+
+
+def test_ink_of_the_page_is_its_own() -> None:
+    html = _page_of("usual")
+    assert "#010203" not in html
+    assert html.count("currentColor") > 50
+    assert "prefers-color-scheme: dark" in html
+
+
+# ---- folder
+
+
+@pytest.mark.parametrize("name", ["usual", "nothing"])
+def test_a_report_is_written_whole(name: str, tmp_path: Path) -> None:
+    study = studies.ALL[name]()
+    folder = tmp_path / "new" / "report"
+    check_report(folder)
+    assert not folder.exists()
+    written = write_report(study, folder)
+    assert written[0] == folder / "cost.html"
+    assert sorted(folder.iterdir()) == sorted(written)
+    assert json.loads((folder / "cost.json").read_text())["scene"] == study.scene
+    if folder / "error_map.npy" in written:
+        np.testing.assert_array_equal(np.load(folder / "error_map.npy"), study.error_map.astype(np.float32))
+
+
+def test_a_folder_that_cannot_be_written_is_found_before_the_work(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="is a file, and not a folder"):
+        check_report(tmp_path / "file")
+    with pytest.raises(InputError, match="not a folder"):
+        check_report(tmp_path / "file" / "deeper")
+    (tmp_path / "report" / "cost.csv").mkdir(parents=True)
+    with pytest.raises(InputError, match=r"cost\.csv: is a folder"):
+        check_report(tmp_path / "report")
+    with pytest.raises(OutputError):
+        write_report(studies.nothing(), tmp_path / "file" / "deeper")
+
+
+@pytest.mark.parametrize(
+    ("missing", "said"),
+    [
+        ({"jinja2"}, "jinja2, which is not installed"),
+        ({"matplotlib", "jinja2"}, "matplotlib and jinja2, which are not installed"),
+    ],
+)
+def test_a_missing_extra_is_found_before_the_work(
+    missing: set[str], said: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    found = figures.find_spec
+    monkeypatch.setattr(figures, "find_spec", lambda name: None if name in missing else found(name))
+    with pytest.raises(InputError) as error:
+        check_report(tmp_path)
+    assert str(error.value) == f"a report with pictures needs {said}: pip install 'raytracer[report]'"
+
+
+def test_text_and_data_need_no_extra() -> None:
+    code = "import sys, raytracer.cost.table, raytracer.cost.export; print({'matplotlib', 'jinja2'} & set(sys.modules))"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "set()"
