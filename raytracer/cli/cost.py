@@ -1,0 +1,201 @@
+"""`rt cost`: what accuracy costs in time."""
+
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from raytracer.errors import InputError
+
+if TYPE_CHECKING:
+    from raytracer.cost.results import Study
+    from raytracer.cost.study import Progress
+
+EXAMPLE = """\b
+Examples:
+  rt cost scenes/cover.yaml
+  rt cost scenes/cornell.yaml --target 0.5% --budget 60s -o outputs/cost
+  rt cost scenes/cover.yaml --arms defocus,accuracy=fast -D film.width=600 -D film.height=338
+  rt cost scenes/cover.yaml --no-arms --json
+"""
+
+_INTERRUPTED = 130
+
+# Columns of a table that goes into a file.
+_WIDTH = 100
+
+
+def cost(
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file.")],
+    target: Annotated[str, typer.Option(metavar="ERROR", help="Relative error to reach: 1%, 0.01.")] = "1%",
+    budget: Annotated[
+        str | None, typer.Option(metavar="TIME", help="What can be had in this time: 60s, 5 min.")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="DIR",
+            help="Folder for a page, a plot, an error map, CSV and JSON (pip install 'raytracer[report]').",
+        ),
+    ] = None,
+    define: Annotated[
+        list[str] | None, typer.Option("--define", "-D", metavar="KEY=VALUE", help="Override a key of the scene.")
+    ] = None,
+    arms: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,...", help="Which variants to compare, such as defocus,accuracy=fast.  Default: all."
+        ),
+    ] = None,
+    no_arms: Annotated[bool, typer.Option("--no-arms", help="Only predict, compare nothing.")] = False,
+    rounds: Annotated[int, typer.Option(help="How often each variant is rendered.", min=2, max=10000)] = 9,
+    tiles: Annotated[
+        int | None,
+        typer.Option(help="How many tiles of 16 x 16 pixels to measure.  Default: what a minute allows.", min=1),
+    ] = None,
+    threads: Annotated[int | None, typer.Option(help="Threads that work.  Default: all.", min=1, max=1024)] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of all random numbers.", min=0, max=2**32 - 1)] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
+) -> None:
+    """Say what a scene's accuracy costs in time, and what each of its effects and settings does to both.
+
+    Some tiles of the picture are rendered, several times over.  Ctrl-C ends the comparison and reports what there is.
+    """
+    start = time.perf_counter()
+    error, seconds = _parse_share("--target", target), _parse_time("--budget", budget)
+    if no_arms and arms is not None:
+        raise InputError("--arms and --no-arms exclude each other")
+    names = [] if no_arms else _parse_names(arms)
+
+    # Find out what cannot be written before the work, not after.
+    if output is not None:
+        from raytracer.cost.page import check_report
+
+        check_report(output)
+    from raytracer.scene.load import load, parse_overrides
+
+    spec = load(scene, parse_overrides(define or []))
+    load_seconds = time.perf_counter() - start
+
+    from raytracer.cost.study import study
+
+    bar = _Bar(quiet)
+    try:
+        found = study(
+            spec,
+            target=error,
+            budget=seconds,
+            rounds=rounds,
+            arms=names,
+            tiles=tiles,
+            threads=threads,
+            seed=seed,
+            progress=bar.update,
+            name=scene,
+            load_seconds=load_seconds,
+        )
+    finally:
+        bar.close()
+    _show(found, as_json)
+    if output is not None:
+        from raytracer.cost.page import write_report
+
+        paths = write_report(found, output)
+        if not quiet:
+            print(f"wrote {', '.join(map(str, paths))}", file=sys.stderr)
+    if found.interrupted:
+        raise typer.Exit(_INTERRUPTED)
+
+
+def _parse_share(option: str, text: str) -> float:
+    """A fraction, given as one or in per cent."""
+    from raytracer.units import parse_quantity
+
+    number, sign, rest = text.strip().partition("%")
+    try:
+        value = parse_quantity(number if not rest else text, "number") / (100.0 if sign else 1.0)
+    except ValueError:
+        raise InputError(f"{option} {text}: must be a relative error such as 1% or 0.01") from None
+    if not 0.0 < value < 1.0:
+        raise InputError(f"{option} {text}: must be greater than 0 and less than 100%")
+    return value
+
+
+def _parse_time(option: str, text: str | None) -> float | None:
+    if text is None:
+        return None
+    from raytracer.units import parse_quantity
+
+    try:
+        seconds = parse_quantity(text, "time")
+    except ValueError as error:
+        raise InputError(f"{option} {text}: {error}") from None
+    if not 0.0 < seconds < float("inf"):
+        raise InputError(f"{option} {text}: must be a time greater than 0")
+    return seconds
+
+
+def _parse_names(text: str | None) -> list[str] | None:
+    if text is None:
+        return None
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    if not names:
+        raise InputError(f"--arms {text}: names none; --no-arms compares nothing")
+    return names
+
+
+def _show(found: "Study", as_json: bool) -> None:
+    """Print what was found."""
+    if as_json:
+        import json
+
+        from raytracer.cost.export import to_json
+
+        print(json.dumps(to_json(found), indent=2, allow_nan=False))
+    else:
+        import os
+        import shutil
+
+        from raytracer.cost.table import text
+
+        on_terminal = sys.stdout.isatty()
+        width = shutil.get_terminal_size((_WIDTH, 24)).columns if on_terminal else _WIDTH
+        print(text(found, width=width, colour=on_terminal and "NO_COLOR" not in os.environ), end="")
+
+
+class _Bar:
+    """A tqdm bar for each phase that takes its time."""
+
+    def __init__(self, quiet: bool) -> None:
+        self._quiet = quiet
+        self._bar: Any = None
+        self._phase = ""
+
+    def update(self, progress: "Progress") -> None:
+        """Show how far the phase is."""
+        if self._quiet:
+            return
+        if progress.phase != self._phase:
+            from tqdm import tqdm
+
+            self.close()
+            self._phase = progress.phase
+            # None: only on a terminal.
+            layout = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}"
+            self._bar = tqdm(total=1.0, desc=progress.phase, bar_format=layout, leave=False, disable=None)
+        self._bar.update(progress.fraction - self._bar.n)
+
+    def close(self) -> None:
+        """Take the bar away."""
+        if self._bar is not None:
+            self._bar.close()
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command(epilog=EXAMPLE)(cost)

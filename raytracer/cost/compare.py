@@ -1,0 +1,313 @@
+"""Variants of a scene against the scene: what each costs and buys.
+
+Ratios are measured, in the same rounds and tiles, and what is stated in seconds and errors is the scene's prediction
+times the ratio: so rows of a table agree with each other and with the prediction.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.cost.measure import Replicates, Rounds
+from raytracer.cost.predict import Picture, with_spread
+from raytracer.cost.results import Arm, Prediction
+from raytracer.cost.tiles import Tiles
+from raytracer.noise import (
+    UNKNOWN,
+    ByTile,
+    Interval,
+    Rate,
+    brightness_by_tile,
+    fit_rate,
+    mapped,
+    mse_by_tile,
+    ratio_interval,
+    ratio_of_sums,
+    root,
+    squared_bias_by_tile,
+    steepest_of,
+)
+
+Array = NDArray[np.float64]
+
+# Standard deviations that a bias takes to be told from chance: many arms are looked at, and tails are heavy.
+_Z = 3.0
+
+# Rounds of which each half tells noise.
+_FEWEST_TO_HALVE = 4
+
+_UNSEEN = "light that it finds rarely has not shown up yet, so its noise is not known"
+
+_SAME = Interval(1.0, 1.0, 1.0)
+
+
+class Basis(NamedTuple):
+    """What arms are compared on.
+
+    scene, its rounds; tiles; weight (P, 3) of squared errors; rate, the scene's; rays, that a sample of the scene
+    takes; seed, of the bootstrap.
+    """
+
+    scene: Rounds
+    tiles: Tiles
+    weight: Array
+    prediction: Prediction
+    rate: Rate
+    picture: Picture
+    rays: float
+    seed: int
+
+
+class Names(NamedTuple):
+    """What an arm is called: see `results.Arm`."""
+
+    name: str
+    group: str
+    what: str
+
+
+class Floor(NamedTuple):
+    """Differences, as logarithms of ratios, that two equal arms have shown."""
+
+    time: float
+    noise: float
+
+
+def rays_per_sample(measured: Replicates, picture: Picture) -> float:
+    """Rays for a sample of a pixel, over the whole picture."""
+    if not math.isnan(picture.rays):
+        return picture.rays / picture.pixels
+    weight, pixels = measured.tiles.weight, measured.tiles.pixels
+    return float((measured.rays.mean(axis=0) * weight).sum() / (pixels * weight).sum())
+
+
+def scene_arm(basis: Basis, names: Names) -> Arm:
+    """The scene itself."""
+    prediction, spp = basis.prediction, basis.scene.spp
+    near = min(prediction.points, key=lambda point: abs(math.log(point.spp / spp))).error
+    error = prediction.error(spp)
+    return Arm(
+        *names,
+        per_sample=prediction.per_sample,
+        per_ray=_per_ray(basis, prediction.per_sample, basis.rays),
+        rays_per_sample=basis.rays,
+        time=_SAME,
+        spp=spp,
+        noise=mapped(near, lambda end: error * end / near.value if near.value else 0.0),
+        noise_ratio=_SAME,
+        target_spp=prediction.target_spp.value,
+        target_seconds=prediction.target_seconds.value,
+    )
+
+
+def floor_of(basis: Basis, control: Rounds) -> Floor:
+    """What an arm that is the scene itself, with other random numbers, differs by."""
+    return Floor(
+        _largest_log(_time_in_rounds(basis, control)),
+        _largest_log(_noise_ratio(basis, control.mean, basis.scene.mean)),
+    )
+
+
+def other_arm(basis: Basis, names: Names, rounds: Rounds, sampler: str, floor: Floor, *, same_mean: bool) -> Arm:
+    """An arm against the scene.
+
+    Parameters
+    ----------
+    sampler : the arm's own.
+    same_mean : whether it has no bias by construction.
+    """
+    in_rounds = _time_in_rounds(basis, rounds)
+    time = _with_tiles(basis, in_rounds, rounds)
+    per_sample = mapped(time, lambda ratio: ratio * basis.prediction.per_sample.value)
+    rays = basis.rays * _rays(basis, rounds) / _rays(basis, basis.scene)
+    arm = Arm(
+        *names,
+        per_sample=per_sample,
+        per_ray=_per_ray(basis, per_sample, rays),
+        rays_per_sample=rays,
+        time=time,
+        time_differs=_differs(in_rounds, floor.time),
+        spp=rounds.spp,
+        bias=UNKNOWN,
+        unbiased=same_mean,
+        brightness=_brightness(basis, rounds),
+    )
+    if len(rounds.mean) < 2:
+        return arm
+
+    bias, resolved = _bias(basis, rounds)
+    if same_mean and resolved and arm.brightness is not None and arm.brightness.high < 0.0:
+        return replace(arm, why_blank=_UNSEEN)
+    noise_ratio = _noise_ratio(basis, rounds.mean, basis.scene.mean)
+    resolved = resolved and not same_mean
+    noise_differs = _differs(noise_ratio, floor.noise)
+    # What is no measurable difference makes none in what follows from it.
+    rate = _rate(basis, rounds, sampler) if noise_differs else basis.rate
+    seconds = (per_sample if arm.time_differs else basis.prediction.per_sample).value
+    spp, why_blank = _samples_to_target(basis.prediction.target, rate, bias, bias_resolved=resolved)
+    return replace(
+        arm,
+        noise=_noise(basis, rounds, noise_ratio),
+        noise_ratio=noise_ratio,
+        noise_differs=noise_differs,
+        bias=bias,
+        bias_resolved=resolved,
+        target_spp=spp,
+        target_seconds=None if spp is None else basis.prediction.fixed.value + spp * seconds,
+        why_blank=why_blank,
+    )
+
+
+# ---- Time
+
+
+def _time_in_rounds(basis: Basis, rounds: Rounds) -> Interval:
+    """Time over that of the scene: the median of rounds."""
+    own, scene = (busy @ basis.tiles.weight for busy in (rounds.busy, basis.scene.busy))
+    return ratio_interval(own, scene, basis.seed)
+
+
+def _with_tiles(basis: Basis, ratio: Interval, rounds: Rounds) -> Interval:
+    """The ratio for the whole picture: less certain, as its other tiles may have more or less of what differs."""
+    if np.all(basis.tiles.weight == 1.0):
+        return ratio
+    own, scene = (np.median(busy, axis=0) * basis.tiles.weight for busy in (rounds.busy, basis.scene.busy))
+    by_tile = ratio_of_sums(own, scene, basis.seed)
+    down = math.hypot(math.log(ratio.value / ratio.low), math.log(by_tile.value / by_tile.low))
+    up = math.hypot(math.log(ratio.high / ratio.value), math.log(by_tile.high / by_tile.value))
+    return Interval(ratio.value, ratio.value * math.exp(-down), ratio.value * math.exp(up))
+
+
+def _rays(basis: Basis, rounds: Rounds) -> float:
+    return float(rounds.rays.mean(axis=0) @ basis.tiles.weight)
+
+
+def _per_ray(basis: Basis, per_sample: Interval, rays: float) -> Interval:
+    """Nanoseconds for a ray, over all threads."""
+    return mapped(per_sample, lambda seconds: 1e9 * seconds / (basis.picture.pixels * rays))
+
+
+# ---- Noise
+
+
+def _mse(basis: Basis, means: Array) -> ByTile:
+    return mse_by_tile(means, basis.weight, basis.tiles.owner)
+
+
+def _weighted(basis: Basis, squares: ByTile) -> tuple[Array, Array]:
+    """Numerators and denominators of a mean over the pixels of the picture."""
+    return squares.sums * basis.tiles.weight, squares.pixels * basis.tiles.weight
+
+
+def _noise_ratio(basis: Basis, own: Array, scene: Array) -> Interval:
+    """MSE over that of the scene; nan if the scene has no noise."""
+    if len(own) < 2:
+        return UNKNOWN
+    return _ratio(basis, lambda part: (_mse(basis, own[part]).sums, _mse(basis, scene[part]).sums), len(own))
+
+
+def _ratio(basis: Basis, sums: Callable[[slice], tuple[Array, Array]], rounds: int) -> Interval:
+    """A ratio of sums over the picture, from what `sums` by tile of a part of the rounds are."""
+    tiles = basis.tiles
+    noise = np.zeros((len(tiles.windows), 2))
+    if rounds >= _FEWEST_TO_HALVE:
+        first, second = (np.stack(sums(part), axis=1) for part in (slice(0, rounds // 2), slice(rounds // 2, rounds)))
+        noise = 0.5 * (first - second)
+    columns, sure = np.stack(sums(slice(None)), axis=1), 1.0 / tiles.weight[:, None]
+    spread = with_spread(columns / sure, noise / sure, sure if rounds >= _FEWEST_TO_HALVE else np.zeros_like(sure))
+    return ratio_of_sums(spread[:, 0], spread[:, 1], basis.seed)
+
+
+def _noise(basis: Basis, rounds: Rounds, ratio: Interval) -> Interval:
+    """Relative error of a render with the rounds' samples."""
+    scene = basis.rate.mse(rounds.spp)
+    if math.isfinite(ratio.value):
+        return root(mapped(ratio, lambda factor: factor * scene))
+    if len(rounds.mean) < 2:
+        return UNKNOWN
+    return root(ratio_of_sums(*_weighted(basis, _mse(basis, rounds.mean)), basis.seed))
+
+
+def _rate(basis: Basis, rounds: Rounds, sampler: str) -> Rate | None:
+    """How the arm's error falls: as the scene's does, unless a sampler of its own tells otherwise; None if unknown."""
+    levels = {rounds.spp: (rounds.mean, basis.scene.mean)}
+    if rounds.early is not None and basis.scene.early is not None:
+        levels[rounds.early_spp] = (rounds.early, basis.scene.early)
+    ratios = {spp: _noise_ratio(basis, *means).value for spp, means in levels.items()}
+    if not all(map(math.isfinite, ratios.values())):
+        # The scene has no noise that another's could be so many times.
+        noise = _noise(basis, rounds, UNKNOWN).value
+        return None if math.isnan(noise) else fit_rate([rounds.spp], [noise**2], 1.0)
+    if rounds.early is None and steepest_of(sampler) > 1.0:
+        return Rate(*(ratios[rounds.spp] * term for term in basis.rate))
+    spp = sorted(ratios)
+    steepest = steepest_of(sampler) if len(spp) > 1 else 1.0
+    return fit_rate(spp, [ratios[n] * basis.rate.mse(n) for n in spp], steepest)
+
+
+# ---- Bias
+
+
+def _bias(basis: Basis, rounds: Rounds) -> tuple[Interval, bool]:
+    """The relative bias, and whether it is known not to be 0."""
+    if len(rounds.mean) < 2:
+        return UNKNOWN, False
+    owner, pixels = basis.tiles.owner, basis.tiles.pixels.astype(np.float64)
+
+    def sums(part: slice) -> tuple[Array, Array]:
+        squares = squared_bias_by_tile(rounds.mean[part], basis.scene.mean[part], basis.weight, owner)
+        return squares.sums, pixels
+
+    total = float(sums(slice(None))[0] @ basis.tiles.weight)
+    return root(_ratio(basis, sums, len(rounds.mean))), total > _Z * _deviation_of_bias(basis, rounds)
+
+
+def _deviation_of_bias(basis: Basis, rounds: Rounds) -> float:
+    """Standard deviation of the sum of squared biases if there is none.
+
+    That of the mean of d_i d_j over different rounds is the variance of d times the root of 2 / (R (R - 1)); channels
+    are taken to have their noise in common.
+    """
+    differences = rounds.mean - basis.scene.mean
+    count = len(differences)
+    by_pixel = (basis.weight * differences.var(axis=0, ddof=1)).mean(axis=1) * basis.tiles.weight[basis.tiles.owner]
+    return float(math.sqrt(2.0 / (count * (count - 1))) * np.linalg.norm(by_pixel))
+
+
+def _brightness(basis: Basis, rounds: Rounds) -> Interval:
+    sums = brightness_by_tile(rounds.mean, basis.scene.mean, basis.tiles.owner)
+    own, scene = (part * basis.tiles.weight for part in sums)
+    return mapped(ratio_of_sums(own, scene, basis.seed), lambda ratio: ratio - 1.0)
+
+
+def _samples_to_target(
+    target: float, rate: Rate | None, bias: Interval, *, bias_resolved: bool
+) -> tuple[float | None, str]:
+    """Samples per pixel with which noise and bias together are at the target; or None, and why."""
+    if rate is None:
+        return None, "its noise is not known"
+    if bias_resolved and bias.low > target:
+        return None, "its bias exceeds the target, which no number of samples changes"
+    goal = target**2 - (bias.value**2 if bias_resolved else 0.0)
+    if not goal > 0.0:
+        return None, "its bias may exceed the target, which no number of samples changes"
+    return rate.samples(goal), ""
+
+
+# ---- Whether there is a difference
+
+
+def _largest_log(ratio: Interval) -> float:
+    """How far from 1 an interval reaches; 0 where nothing is known."""
+    ends = [abs(math.log(end)) for end in ratio if math.isfinite(end) and end > 0.0]
+    return max(ends, default=0.0)
+
+
+def _differs(ratio: Interval, floor: float) -> bool:
+    """Whether an interval excludes 1, and its middle is farther from 1 than equal arms are from each other."""
+    excludes = ratio.low > 1.0 or ratio.high < 1.0
+    return excludes and (ratio.value <= 0.0 or abs(math.log(ratio.value)) > floor)

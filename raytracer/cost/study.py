@@ -1,0 +1,424 @@
+"""What accuracy costs in time, for one scene: get ready, predict, compare, report.
+
+Each step is a function of what the steps before have found.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.cost.arms import Variant, kept, select, variants
+from raytracer.cost.compare import Basis, Names, floor_of, other_arm, rays_per_sample, scene_arm
+from raytracer.cost.doubts import Circumstances, doubts
+from raytracer.cost.machine import load_average, machine
+from raytracer.cost.measure import (
+    MACHINE,
+    Bench,
+    Entry,
+    Pilot,
+    Replicates,
+    Rounds,
+    Subject,
+    compete,
+    drawn,
+    entered,
+    extent_of_replicates,
+    extent_of_round,
+    levels_of,
+    pilot,
+    replicates,
+    seeds,
+    warm_up,
+)
+from raytracer.cost.plan import plan
+from raytracer.cost.predict import Picture, Question, predict
+from raytracer.cost.results import Arm, PlanItem, Prediction, Study
+from raytracer.cost.tiles import part
+from raytracer.errors import InputError
+from raytracer.noise import Rate, steepest_of, top_share, weights
+from raytracer.scene.objects import Assets
+from raytracer.scene.pack import Packed, pack
+from raytracer.scene.spec import SceneSpec
+from raytracer.scheduling import Window, available_threads
+from raytracer.scheduling import tiles as tiles_of
+
+Array = NDArray[np.float64]
+
+PREDICTION_SECONDS = 60.0
+"""About how long the scene is rendered for its prediction."""
+
+COMPARISON_SECONDS = 120.0
+"""About how long arms are rendered, if there are not very many or few of them."""
+
+ROUNDS = 9
+"""How often each arm is rendered: with fewer rounds, the interval of a median says little."""
+
+FEWEST_ROUNDS = 2
+"""Rounds that tell noise at all."""
+
+_SCENE = Names("scene", "scene", "the scene as it is")
+
+# Below this, the worst 0.1 % are less than a pixel.
+_FEWEST_FOR_SHARE = 1000
+
+# What seeds are drawn for, besides those of measure.py.
+_ROUND_SEEDS, _CONTROL_SEEDS = 3, 4
+
+
+class Progress(NamedTuple):
+    """What is being done, and what fraction of it is."""
+
+    phase: str
+    fraction: float
+
+
+class Asked(NamedTuple):
+    """What the user wants: see `study`."""
+
+    target: float
+    budget: float | None
+    rounds: int
+    arms: Sequence[str] | None
+    tiles: int | None
+    threads: int
+    seed: int
+
+
+class Ready(NamedTuple):
+    """A scene that is warm: its tiles, samples per second, and a first look at the picture if that is quick."""
+
+    subject: Subject
+    windows: Sequence[Window]
+    pace: float
+    pilot: Pilot | None
+
+
+class Measured(NamedTuple):
+    """The scene's replicates: scale, the picture's mean; weight (P, 3) of squared errors."""
+
+    replicates: Replicates
+    scale: float
+    weight: Array
+
+
+class Contest(NamedTuple):
+    """What became of the arms: rows of the table, whole rounds, and samples that were not finite."""
+
+    arms: tuple[Arm, ...] = ()
+    rounds: int = 0
+    bad: int = 0
+    interrupted: bool = False
+
+
+def study(
+    spec: SceneSpec,
+    *,
+    target: float = 0.01,
+    budget: float | None = None,
+    rounds: int = ROUNDS,
+    arms: Sequence[str] | None = None,
+    tiles: int | None = None,
+    threads: int | None = None,
+    seed: int | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    name: str = "scene",
+    load_seconds: float = 0.0,
+    bench: Bench = MACHINE,
+) -> Study:
+    """Measure what a scene's accuracy costs, on some tiles of its picture.
+
+    Parameters
+    ----------
+    target : relative error to be reached, such as 0.01.
+    budget : seconds that a render may take; None if that is not asked.
+    rounds : how often each arm is rendered, 2 or more.
+    arms : names of variants; all if None, no comparison if empty.
+    tiles : how many 16 x 16 tiles of the picture are measured; as many as there is time for if None.
+    threads : how many work; all processors if None.
+    seed : of all random numbers; the scene's if None.
+    progress : told what is being done.
+    name : of the scene, in the report.
+    load_seconds : what loading the scene took, which is a part of every render's time.
+    bench : what does the work.
+
+    Returns
+    -------
+    What was found.  An interrupt while arms are measured ends that, and what there is by then is returned.
+
+    Raises
+    ------
+    InputError : a target, budget, number or name that makes no sense, or a scene that cannot be packed.
+    """
+    own_seed = spec.render.seed if seed is None else seed
+    asked = Asked(target, budget, rounds, arms, tiles, threads or available_threads(), own_seed)
+    _check(asked)
+    load = load_average()
+    clock = _Clock(progress, load_seconds)
+
+    with clock.phase("pack"):
+        packed = pack(spec)
+    with clock.phase("plan"):
+        chosen = _chosen(packed, asked)
+        items = plan(spec, packed)
+    with clock.phase("prepare"):
+        prepared = bench.prepare(spec, packed)
+    with clock.phase("warm up"):
+        ready = _warmed(Subject(prepared, bench, asked.threads), asked)
+    with clock.phase("predict") as tell:
+        measured = _measured(ready, asked, tell)
+        picture = _picture(ready, measured)
+    with clock.phase("develop"):
+        develop_seconds = bench.develop(prepared, np.where(np.isnan(picture), measured.scale, picture))
+    del clock.seconds["prepare"]
+    clock.seconds |= {
+        "build": prepared.seconds["build"],
+        "compile": prepared.seconds["compile"],
+        "develop": develop_seconds,
+    }
+    rays = ready.pilot.rays if ready.pilot else math.nan
+    whole = Picture(picture.shape[0] * picture.shape[1], rays, asked.threads, _fixed(clock.seconds))
+    prediction = predict(
+        measured.replicates,
+        measured.scale,
+        whole,
+        Question(asked.target, asked.budget),
+        steepest_of(ready.subject.sampler),
+        asked.seed,
+    )
+    contest = _contest(ready, measured, prediction, whole, chosen, asked, clock)
+    return _report(name, items, ready, measured, picture, prediction, contest, clock.seconds, load, asked)
+
+
+# ---- Steps
+
+
+def _check(asked: Asked) -> None:
+    """Refuse what makes no sense."""
+    if not 0.0 < asked.target < 1.0:
+        raise InputError(f"target {asked.target:g}: must be greater than 0 and less than 1, which is 100 %")
+    if asked.budget is not None and not 0.0 < asked.budget < math.inf:
+        raise InputError(f"budget {asked.budget:g}: must be a time greater than 0")
+    for name, value, least in (
+        ("rounds", asked.rounds, FEWEST_ROUNDS),
+        ("tiles", asked.tiles, 1),
+        ("threads", asked.threads, 1),
+    ):
+        if value is not None and value < least:
+            raise InputError(f"{name} {value}: must be at least {least}")
+
+
+def _chosen(packed: Packed, asked: Asked) -> list[Variant]:
+    """The variants that are measured; the control among them, if there are any."""
+    if asked.arms is None:
+        return variants(packed.spec, packed)
+    if not asked.arms:
+        return []
+    return select(variants(packed.spec, packed), asked.arms, kept(packed.spec, packed))
+
+
+def _warmed(subject: Subject, asked: Asked) -> Ready:
+    film = subject.prepared.spec.film
+    windows = tiles_of(Window(0, 0, film.width, film.height))
+    pace = warm_up(subject, windows, asked.seed)
+    return Ready(subject, windows, pace, pilot(subject, windows, PREDICTION_SECONDS, pace, asked.seed))
+
+
+def _measured(ready: Ready, asked: Asked, tell: Callable[[float], None]) -> Measured:
+    size = extent_of_replicates(ready.windows, PREDICTION_SECONDS, ready.pace, asked.tiles)
+    sample = drawn(ready.windows, size.tiles, ready.pilot, asked.seed)
+    levels = levels_of(size.spp, ready.subject.is_progressive)
+    found = replicates(ready.subject, sample, levels, asked.seed, tell)
+    best = found.means[levels[-1]].mean(axis=0)
+    # The pilot has seen the whole picture.
+    stands = sample.weight[sample.owner]
+    scale = ready.pilot.scale if ready.pilot else abs(float(np.average(best.mean(axis=1), weights=stands)))
+    return Measured(found, scale, weights(best, scale))
+
+
+def _picture(ready: Ready, measured: Measured) -> Array:
+    """The best of what was rendered, (height, width, 3), nan where nothing was."""
+    film = ready.subject.prepared.spec.film
+    picture = np.full((film.height, film.width, 3), math.nan)
+    if ready.pilot:
+        ready.pilot.tiles.spread(ready.pilot.mean, picture)
+    found = measured.replicates
+    found.tiles.spread(found.means[found.levels[-1]].mean(axis=0), picture)
+    return picture
+
+
+def _fixed(seconds: dict[str, float]) -> float:
+    """Seconds that a render takes besides its samples, and besides compiling, which is done once for many."""
+    return sum(seconds[phase] for phase in ("load", "pack", "build", "develop"))
+
+
+def _contest(
+    ready: Ready,
+    measured: Measured,
+    prediction: Prediction,
+    whole: Picture,
+    chosen: Sequence[Variant],
+    asked: Asked,
+    clock: "_Clock",
+) -> Contest:
+    """Measure the scene and its variants against each other."""
+    if not chosen:
+        return Contest()
+    tiles = measured.replicates.tiles
+    turns = asked.rounds * (len(chosen) + 1)
+    size = extent_of_round(tiles.windows, COMPARISON_SECONDS / turns, ready.pace, asked.tiles)
+    sample, pixels = part(tiles, size.tiles, np.random.default_rng(asked.seed))
+    try:
+        with clock.phase("compile arms") as tell:
+            arms = _entered(ready.subject, chosen, sample.windows, tell)
+    except KeyboardInterrupt:
+        return Contest(interrupted=True)
+    with clock.phase("compare") as tell:
+        all_rounds = compete(_entries(ready.subject, arms, asked), sample, size.spp, asked.rounds, tell)
+    if not all_rounds or len(all_rounds[0].mean) < FEWEST_ROUNDS:
+        return Contest(interrupted=True)
+    scene, *others = all_rounds
+
+    # The weights are from other samples than those that they weigh: else what is dark by chance would count for more.
+    basis = Basis(
+        scene=scene,
+        tiles=sample,
+        weight=measured.weight[pixels],
+        prediction=prediction,
+        rate=Rate(prediction.linear, prediction.steep, prediction.early),
+        picture=whole,
+        rays=rays_per_sample(measured.replicates, whole),
+        seed=asked.seed,
+    )
+    rows = _rows(basis, chosen, arms, others)
+    bad = sum(rounds.bad for rounds in all_rounds)
+    return Contest((scene_arm(basis, _SCENE), *rows), len(scene.mean), bad, len(scene.mean) < asked.rounds)
+
+
+def _entered(
+    scene: Subject, chosen: Sequence[Variant], windows: Sequence[Window], tell: Callable[[float], None]
+) -> list[Subject | str]:
+    """Each variant made ready and warm, or one sentence why that cannot be."""
+    arms: list[Subject | str] = []
+    assets = Assets(scene.prepared.spec)
+    for number, variant in enumerate(chosen):
+        try:
+            arms.append(entered(scene, variant, windows, assets))
+        except InputError as error:
+            arms.append(str(error))
+        tell((number + 1) / len(chosen))
+    return arms
+
+
+def _entries(scene: Subject, arms: Sequence[Subject | str], asked: Asked) -> list[Entry]:
+    """The scene and the arms that can take part.
+
+    In a round all have the same seed, since what random numbers they share is no part of a difference.  The control
+    has seeds of its own: it is to show what differs by chance.
+    """
+    subjects = [arm for arm in arms if isinstance(arm, Subject)]
+    common, own = (seeds(asked.seed, purpose, asked.rounds) for purpose in (_ROUND_SEEDS, _CONTROL_SEEDS))
+    sloped = any(arm.sampler != scene.sampler for arm in subjects)
+    return [
+        Entry(scene, common, sloped),
+        *(Entry(arm, own if arm is scene else common, arm.sampler != scene.sampler) for arm in subjects),
+    ]
+
+
+def _rows(
+    basis: Basis, chosen: Sequence[Variant], arms: Sequence[Subject | str], others: Sequence[Rounds]
+) -> Iterator[Arm]:
+    """A row for each variant; the first is the control, which tells what a difference is."""
+    remaining = iter(others)
+    floor = floor_of(basis, others[0])
+    for variant, arm in zip(chosen, arms, strict=True):
+        names = Names(variant.name, variant.group, variant.what)
+        if isinstance(arm, str):
+            yield Arm(*names, failed=arm)
+        else:
+            yield other_arm(basis, names, next(remaining), arm.sampler, floor, same_mean=variant.same_mean)
+
+
+def _report(
+    name: str,
+    items: tuple[PlanItem, ...],
+    ready: Ready,
+    measured: Measured,
+    picture: Array,
+    prediction: Prediction,
+    contest: Contest,
+    seconds: dict[str, float],
+    load: float | None,
+    asked: Asked,
+) -> Study:
+    """All that was found."""
+    found, film = measured.replicates, ready.subject.prepared.spec.film
+    last = found.means[found.levels[-1]]
+    errors = np.full((film.height, film.width), math.nan)
+    found.tiles.spread(np.sqrt(np.mean(measured.weight * last.var(axis=0, ddof=1), axis=1)), errors)
+    share = math.nan
+    if last.shape[1] >= _FEWEST_FOR_SHARE:
+        share = top_share(last, measured.weight, stands=found.tiles.weight[found.tiles.owner])
+    circumstances = Circumstances(
+        prediction=prediction,
+        tiles=len(ready.windows),
+        tiles_measured=len(found.tiles.windows),
+        scale=measured.scale,
+        top_share=share,
+        bad=found.bad + contest.bad,
+        rounds=contest.rounds,
+        rounds_asked=asked.rounds,
+        interrupted=contest.interrupted,
+        load=load,
+        threads=asked.threads,
+        processors=available_threads(),
+    )
+    return Study(
+        scene=name,
+        width=film.width,
+        height=film.height,
+        plan=items,
+        prediction=prediction,
+        arms=contest.arms,
+        seconds=seconds,
+        machine={
+            **machine(),
+            "threads": asked.threads,
+            "processors": available_threads(),
+            "load_before": load,
+            "load_after": load_average(),
+            "seed": asked.seed,
+            "rounds": contest.rounds,
+            "samples_per_round": contest.arms[0].spp if contest.arms else 0,
+        },
+        warnings=doubts(circumstances),
+        tiles=len(ready.windows),
+        tiles_measured=len(found.tiles.windows),
+        top_share=share,
+        error_map=errors,
+        picture=picture,
+        interrupted=contest.interrupted,
+        rounds=contest.rounds,
+    )
+
+
+class _Clock:
+    """Seconds by phase; tells what is being done."""
+
+    def __init__(self, progress: Callable[[Progress], None] | None, load_seconds: float) -> None:
+        self._progress = progress or (lambda _: None)
+        self.seconds = {"load": load_seconds}
+
+    @contextmanager
+    def phase(self, name: str) -> Iterator[Callable[[float], None]]:
+        """Time what is done within, which is given a function to tell what fraction of it is done."""
+        start = time.perf_counter()
+        self._progress(Progress(name, 0.0))
+        try:
+            yield lambda fraction: self._progress(Progress(name, fraction))
+        finally:
+            self.seconds[name] = time.perf_counter() - start

@@ -1,0 +1,115 @@
+"""Which tiles of a picture are measured, since all would take as long as the render that is to be predicted.
+
+Tiles are those of the full-size picture, so time per sample, edges and caches are its own.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from raytracer.scheduling import TILE, Window
+
+Array = NDArray[np.float64]
+
+
+class Tiles(NamedTuple):
+    """Some tiles, T of them, and how many tiles of the picture each stands for.
+
+    windows; weight float64 (T,), one over the probability with which the tile was drawn; inside bool (T, 16, 16),
+    whether a pixel of the tile lies within the film.
+    """
+
+    windows: tuple[Window, ...]
+    weight: Array
+    inside: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, windows: Sequence[Window], weight: ArrayLike) -> "Tiles":
+        """Tiles with their weights."""
+        right, bottom = (np.array([[w.right - w.left, w.bottom - w.top] for w in windows]).T)[:, :, None, None]
+        rows, columns = np.mgrid[:TILE, :TILE]
+        return cls(tuple(windows), np.asarray(weight, dtype=np.float64), (columns < right) & (rows < bottom))
+
+    @property
+    def owner(self) -> NDArray[np.int64]:
+        """The tile of each pixel, by its place in `windows`: (P,)."""
+        return np.asarray(np.nonzero(self.inside)[0])
+
+    @property
+    def pixels(self) -> NDArray[np.int64]:
+        """How many pixels each tile has: (T,)."""
+        return np.asarray(self.inside.sum(axis=(1, 2)))
+
+    def flat(self, values: Array) -> Array:
+        """The pixels' values (P, ...) of an array (T, 16, 16, ...)."""
+        return values[self.inside]
+
+    def spread(self, values: Array, onto: Array) -> None:
+        """Put values of pixels (P, ...) into a picture (height, width, ...)."""
+        end = np.cumsum(self.pixels)
+        for window, part in zip(self.windows, np.split(values, end[:-1]), strict=True):
+            rows, columns = window.bottom - window.top, window.right - window.left
+            onto[window.top : window.bottom, window.left : window.right] = part.reshape(rows, columns, *onto.shape[2:])
+
+
+def curve(windows: Sequence[Window]) -> NDArray[np.int64]:
+    """An order of tiles in which neighbours are near each other in the picture.
+
+    References: Morton 1966, "A Computer Oriented Geodetic Data Base and a New Technique in File Sequencing".
+    """
+    code = np.zeros(len(windows), dtype=np.int64)
+    for axis, edge in enumerate(np.array([(w.left, w.top) for w in windows]).T // TILE):
+        for bit in range(20):
+            code |= ((edge >> bit) & 1) << (2 * bit + axis)
+    return np.argsort(code, kind="stable")
+
+
+def inclusion(size: ArrayLike, count: int) -> Array:
+    """Probabilities in proportion to `size` (all > 0), at most 1, that add up to `count` (at most as many)."""
+    size = np.asarray(size, dtype=np.float64)
+    sure = np.zeros(size.shape, dtype=bool)
+    while True:
+        rest = size[~sure].sum()
+        probability = np.where(sure, 1.0, size * ((count - sure.sum()) / rest if rest else 0.0))
+        above = ~sure & (probability >= 1.0)
+        if not above.any():
+            return probability
+        sure |= above
+
+
+def choose(windows: Sequence[Window], count: int, rng: np.random.Generator, size: ArrayLike | None = None) -> Tiles:
+    """A systematic sample of tiles along a curve through the picture: spread as evenly as can be, and at random.
+
+    Parameters
+    ----------
+    count : how many; all if there are no more.
+    size : (tiles,) > 0, in proportion to which tiles are drawn; evenly if None.
+
+    References: Madow 1949, "On the Theory of Systematic Sampling, II", Annals of Mathematical Statistics 20(3).
+    """
+    if count >= len(windows):
+        return Tiles.of(windows, np.ones(len(windows)))
+    probability = inclusion(np.ones(len(windows)) if size is None else size, count)
+    drawn = _drawn(windows, count, rng, probability)
+    return Tiles.of([windows[tile] for tile in drawn], 1.0 / probability[drawn])
+
+
+def part(tiles: Tiles, count: int, rng: np.random.Generator) -> tuple[Tiles, NDArray[np.bool_]]:
+    """As `choose`, evenly among tiles that have been drawn; and which of their pixels (P,) are in it."""
+    whole = len(tiles.windows)
+    if count >= whole:
+        return tiles, np.ones(len(tiles.owner), dtype=bool)
+    drawn = _drawn(tiles.windows, count, rng, np.full(whole, count / whole))
+    weight = tiles.weight[drawn] * (whole / count)
+    return Tiles.of([tiles.windows[tile] for tile in drawn], weight), np.isin(tiles.owner, drawn)
+
+
+def _drawn(windows: Sequence[Window], count: int, rng: np.random.Generator, probability: Array) -> NDArray[np.int64]:
+    """Rising places of `count` windows, each drawn with its probability."""
+    order = curve(windows)
+    along = np.concatenate([[0.0], np.cumsum(probability[order])])
+    # The sum of probabilities is a whole number but for rounding.
+    steps = np.floor(along * (count / along[-1]) + rng.random())
+    return np.sort(order[np.diff(steps) > 0.0])

@@ -1,0 +1,123 @@
+"""`rt cost` as a user meets it: what it refuses, what goes where, and how it ends."""
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from raytracer.cli import cost as command
+from raytracer.cli.main import main
+from raytracer.cost import study as studies
+from tests.cost.made_up import World, scene_of
+
+
+@pytest.fixture
+def world(monkeypatch: pytest.MonkeyPatch) -> World:
+    """A world that commands measure in place of the machine."""
+    made_up = World()
+    real = studies.study
+
+    def study(spec: Any, **options: Any) -> Any:
+        return real(spec, **{**options, "bench": made_up.bench(), "threads": 2})
+
+    monkeypatch.setattr(studies, "study", study)
+    return made_up
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> str:
+    scene_of(tmp_path, 96, 64)
+    return str(tmp_path / "scene.yaml")
+
+
+def test_a_table_goes_to_stdout_and_nothing_else(world: World, scene: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["cost", scene, "--arms", "defocus, max_depth=2", "--budget", "1 min"]) == 0
+    output = capsys.readouterr()
+    for words in ("A/A", "defocus", "max_depth=2", "60 s"):
+        assert words in output.out
+    assert output.err == ""
+
+
+def test_json_is_json(world: World, scene: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["cost", scene, "--no-arms", "--json", "--target", "2%", "--seed", "5"]) == 0
+
+    def refuse(constant: str) -> None:
+        raise ValueError(constant)
+
+    found = json.loads(capsys.readouterr().out, parse_constant=refuse)
+    assert found["scene"] == scene
+    assert found["prediction"]["target"] == 0.02
+    assert found["machine"]["seed"] == 5
+    assert found["arms"] == []
+
+
+def test_a_folder_gets_the_report(world: World, scene: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "report"
+    assert main(["cost", scene, "--arms", "defocus", "-o", str(folder)]) == 0
+    assert {"cost.html", "cost.csv", "cost.json"} <= {path.name for path in folder.iterdir()}
+    rows = list(csv.reader(io.StringIO((folder / "cost.csv").read_text(encoding="utf-8"))))
+    assert {"A/A", "defocus"} <= {row[0] for row in rows}
+    assert str(folder / "cost.html") in capsys.readouterr().err
+
+
+def test_overrides_reach_the_scene(world: World, scene: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["cost", scene, "--no-arms", "--json", "-D", "film.width=32"]) == 0
+    assert json.loads(capsys.readouterr().out)["width"] == 32
+
+
+def test_interrupted_it_reports_what_there_is(world: World, scene: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["cost", scene, "--arms", "defocus", "--quiet"]) == 0
+    capsys.readouterr()
+    world.interrupt_after, world.calls = len(world.calls) - 4, []
+    assert main(["cost", scene, "--arms", "defocus"]) == 130
+    output = capsys.readouterr()
+    assert "interrupted after 7 of 9 rounds" in " ".join(output.out.split())
+    assert "defocus" in output.out
+    # Too early for anything.
+    world.interrupt_after, world.calls = 3, []
+    assert main(["cost", scene, "--arms", "defocus"]) == 130
+    assert capsys.readouterr() == ("", "rt: interrupted\n")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ("--target 0", "--target 0: must be greater than 0 and less than 100%"),
+        ("--target 200%", "--target 200%: must be greater than 0 and less than 100%"),
+        ("--target -1%", "--target -1%: must be greater than 0"),
+        ("--target nan", "--target nan: must be a relative error such as 1% or 0.01"),
+        ("--target inf", "--target inf: must be greater than 0 and less than 100%"),
+        ("--target abc", "--target abc: must be a relative error such as 1% or 0.01"),
+        ("--target 1%x", "--target 1%x: must be a relative error such as 1% or 0.01"),
+        ("--target 1s", "--target 1s: must be a relative error such as 1% or 0.01"),
+        ("--budget 0", "--budget 0: must be a time greater than 0"),
+        ("--budget inf", "--budget inf: must be a time greater than 0"),
+        ("--budget 3m", "--budget 3m: "),
+        ("--rounds 1", "must be"),
+        ("--tiles 0", "must be"),
+        ("--arms ,", "--arms ,: names none"),
+        ("--arms defocsu", "did you mean 'defocus'?"),
+        ("--arms defocus --no-arms", "--arms and --no-arms exclude each other"),
+        ("--no-arms -D film.widht=3", "did you mean 'width'?"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_in_a_sentence(
+    world: World, scene: str, options: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["cost", scene, *options.split()]) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert output.err.startswith("rt: ")
+    assert output.err.count("\n") == 1
+    assert words in output.err
+    assert world.calls == []
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("1%", 0.01), ("0.5 %", 0.005), ("0.01", 0.01), ("1/50", 0.02), ("99%", 0.99)]
+)
+def test_errors_are_fractions_or_per_cent(text: str, value: float) -> None:
+    assert command._parse_share("--target", text) == pytest.approx(value)

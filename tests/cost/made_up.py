@@ -1,0 +1,130 @@
+"""A bench whose pictures have a noise, and whose times have lengths, that tests know.
+
+Its scenes are real ones that are packed, but never compiled, and no clock is read.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.cost.measure import Bench
+from raytracer.integrator import Scene
+from raytracer.noise import FLOOR
+from raytracer.preparation import Patch
+from raytracer.scene.load import load
+from raytracer.scene.pack import Packed, pack
+from raytracer.scene.spec import SceneSpec
+from raytracer.scheduling import TILE, Window
+
+Array = NDArray[np.float64]
+
+SCENE = """\
+camera: {{type: thin_lens, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40, defocus_angle: 1}}
+film: {{width: {width}, height: {height}}}
+render: {{spp: 4, max_depth: 8}}
+environment: {{type: constant, radiance: 1}}
+objects:
+  - {{type: sphere, center: [0, 0, 0], radius: 1, material: {{type: metal, albedo: [0.8, 0.6, 0.4]}}}}
+  - {{type: sphere, center: [0, -9, 0], radius: 8, material: {{type: lambertian, albedo: 0.5}}}}
+"""
+
+
+def scene_of(folder, width: int = 160, height: int = 112) -> SceneSpec:  # type: ignore[no-untyped-def]
+    """A scene with defocus and two materials."""
+    path = folder / "scene.yaml"
+    path.write_text(SCENE.format(width=width, height=height))
+    return load(path)
+
+
+class MadeUp(NamedTuple):
+    """A scene that is as good as prepared."""
+
+    spec: SceneSpec
+    packed: Packed
+    scene: Scene
+    seconds: dict[str, float]
+
+
+@dataclass
+class World:
+    """How pictures and times come about.
+
+    linear, steep : MSE of a run of N samples, linear / N + steep / N^1.5, relative, on average over the picture.
+    brightness : of the picture's mean.
+    per_sample : seconds of a thread for a sample in a pixel.
+    slower, noisier, brighter : factors of time, MSE and brightness by scene.
+    jitter : spread of times, as the deviation of a logarithm.
+    uneven : whether tiles differ in noise and time.
+    bad : samples of every patch that are not finite.
+    interrupt_after : calls after which Ctrl-C is pressed; None for never.
+    """
+
+    linear: float = 0.13
+    steep: float = 0.09
+    brightness: float = 2e-5
+    per_sample: float = 1e-6
+    slower: Callable[[MadeUp], float] = lambda prepared: 1.0
+    noisier: Callable[[MadeUp], float] = lambda prepared: 1.0
+    brighter: Callable[[MadeUp], float] = lambda prepared: 1.0
+    jitter: float = 0.02
+    uneven: bool = True
+    bad: int = 0
+    interrupt_after: int | None = None
+    calls: list[tuple[int, int, int]] = field(default_factory=list)
+
+    def bench(self) -> Bench:
+        return Bench(self.prepare, self.render, lambda prepared, picture: 0.25)  # type: ignore[arg-type]
+
+    def prepare(self, spec: SceneSpec, packed: Packed | None) -> MadeUp:
+        packed = packed or pack(spec)
+        return MadeUp(packed.spec, packed, packed.scene, {"pack": 0.0, "build": 0.5, "compile": 8.0})
+
+    def unevenness(self, windows: Sequence[Window]) -> Array:
+        """Factors of noise and time by tile, with a mean of about 1, the right half of the picture being worse."""
+        if not self.uneven:
+            return np.ones(len(windows))
+        return np.array([0.5 + 1.0 * ((w.left // TILE + 3 * (w.top // TILE)) % 11) / 10.0 for w in windows])
+
+    def mse(self, spp: float) -> float:
+        return self.linear / spp + self.steep / spp**1.5
+
+    def render(
+        self,
+        prepared: MadeUp,
+        windows: Sequence[Window],
+        spp: int,
+        seed: int,
+        threads: int,
+        keep: Sequence[int] = (),
+    ) -> Patch:
+        """Even grey with normal noise: its relative MSE is that of the pixels' weight, 1 / (b^2 (1 + FLOOR^2))."""
+        self.calls.append((len(windows), spp, seed))
+        if self.interrupt_after is not None and len(self.calls) > self.interrupt_after:
+            raise KeyboardInterrupt
+        value = self.brightness * self.brighter(prepared)
+        factors = self.unevenness(windows)
+
+        def picture(n: int) -> Array:
+            """The same noise for the same seed, whatever the scene, as with common random numbers."""
+            noise = np.random.default_rng((seed, n)).standard_normal((len(windows), TILE, TILE, 3))
+            mse = self.mse(n) * self.noisier(prepared) * factors
+            deviation = self.brightness * math.sqrt(1.0 + FLOOR**2) * np.sqrt(mse)
+            return value + deviation[:, None, None, None] * noise
+
+        pixels = np.array([(w.right - w.left) * (w.bottom - w.top) for w in windows])
+        shaken = np.exp(self.jitter * np.random.default_rng(len(self.calls)).standard_normal())
+        busy = self.per_sample * spp * pixels * factors * self.slower(prepared) * shaken
+        count = np.full((len(windows), TILE, TILE), spp)
+        return Patch(
+            mean=picture(spp),
+            count=count,
+            rays=3 * spp * pixels,
+            busy=busy,
+            seconds=float(busy.sum()) / threads,
+            nan_samples=self.bad,
+            levels={n: picture(n) for n in keep},
+        )

@@ -1,0 +1,113 @@
+"""Predictions from replicates of a picture whose noise and times are known."""
+
+import math
+
+import numpy as np
+import pytest
+
+from raytracer.cost import predict as predicting
+from raytracer.cost.measure import Replicates
+from raytracer.cost.predict import Picture, Question, predict
+from raytracer.cost.results import Prediction
+from raytracer.cost.tiles import Tiles, choose
+from raytracer.noise import mse_by_tile, weights
+from raytracer.scheduling import TILE, Window, tiles
+
+WINDOWS = tiles(Window(0, 0, 16 * TILE, 8 * TILE))
+PIXELS = 16 * 8 * TILE * TILE
+
+# Noise and time by tile, as different as those of a lamp and a sky.
+LEVEL = np.random.default_rng(11).lognormal(0.0, 1.0, len(WINDOWS))
+LEVEL /= LEVEL.mean()
+
+
+def replicates(sample: Tiles, rng: np.random.Generator, *, drift: float = 0.0) -> Replicates:
+    """Of a picture of even brightness 1 with MSE = 0.2 / N (1 + 0.01), and 1e-6 s of a thread for a sample of LEVEL."""
+    place = {window: number for number, window in enumerate(WINDOWS)}
+    level = LEVEL[[place[window] for window in sample.windows]]
+    deviation = np.sqrt(level[sample.owner])[:, None]
+    means = {
+        n: 1.0 + math.sqrt(0.2 * 1.01 / n) * deviation * rng.standard_normal((4, len(sample.owner), 3))
+        for n in (16, 64, 256)
+    }
+    busy = 256e-6 * level * np.exp(drift * rng.standard_normal((4, 1)))
+    return Replicates(sample, means, busy, 256.0 * np.tile(level, (4, 1)), 0)
+
+
+def predicted(sample: Tiles, seed: int, *, drift: float = 0.0, known: bool = True) -> Prediction:
+    measured = replicates(sample, np.random.default_rng(seed), drift=drift)
+    picture = Picture(PIXELS, float(PIXELS) if known else math.nan, 2, 0.5)
+    return predict(measured, 1.0, picture, Question(0.01, None), 1.0, seed)
+
+
+@pytest.fixture(autouse=True)
+def few_resamples(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(predicting, "_RESAMPLES", 200)
+
+
+@pytest.mark.parametrize("count", [30, len(WINDOWS)])
+def test_intervals_hold_the_truth_as_often_as_they_say(count: int) -> None:
+    held_error, held_seconds, widths = 0, 0, []
+    for seed in range(40):
+        rng = np.random.default_rng(seed + 1000)
+        # The pilot knows the noise of each tile but roughly.
+        rough = 0.5 / len(WINDOWS) + 0.5 * LEVEL * rng.lognormal(0.0, 0.3, len(WINDOWS)) / len(WINDOWS)
+        prediction = predicted(choose(WINDOWS, count, rng, rough), seed, drift=0.02)
+        error = prediction.points[-1].error
+        held_error += error.low <= math.sqrt(0.2 / 256) <= error.high
+        # 0.2 / N = 1e-4.
+        truth = 0.5 + 2000 * PIXELS * 1e-6 / 2
+        held_seconds += prediction.target_seconds.low <= truth <= prediction.target_seconds.high
+        widths.append((error.high - error.low) / error.value)
+    # 38 of 40 are expected; 33 or fewer have a chance of 1 %.
+    assert held_error >= 34
+    assert held_seconds >= 34
+    # Where all tiles are known, what they differ in is no reason for doubt.
+    assert np.median(widths) < (0.03 if count == len(WINDOWS) else 0.35)
+
+
+def test_seconds_come_from_rays_where_these_are_known() -> None:
+    sample = choose(WINDOWS, 40, np.random.default_rng(3))
+    truth = PIXELS * 1e-6 / 2
+    by_rays, by_pixels = (predicted(sample, 3, known=known).per_sample for known in (True, False))
+    # Time is in proportion to rays here, so nothing is uncertain.
+    assert by_rays.value == pytest.approx(truth)
+    assert by_rays.high - by_rays.low < 1e-6 * truth
+    assert by_pixels.low < truth < by_pixels.high
+    assert by_pixels.high - by_pixels.low > 0.1 * truth
+
+
+def test_replicates_that_differ_in_time_make_times_uncertain() -> None:
+    sample = choose(WINDOWS, len(WINDOWS), np.random.default_rng(4))
+    steady, shaken = (predicted(sample, 4, drift=drift) for drift in (0.0, 0.2))
+    assert steady.per_sample.high / steady.per_sample.low < 1.001
+    assert shaken.per_sample.high / shaken.per_sample.low > 1.2
+    # Errors are none the less certain for that.
+    assert shaken.points == tuple(
+        point._replace(seconds=shaken.points[i].seconds) for i, point in enumerate(steady.points)
+    )
+
+
+def test_plain_guess_goes_by_the_last_point() -> None:
+    prediction = predicted(choose(WINDOWS, len(WINDOWS), np.random.default_rng(5)), 5)
+    assert prediction.plain_spp == pytest.approx(256 * (prediction.points[-1].error.value / 0.01) ** 2)
+    assert prediction.plain_seconds == pytest.approx(0.5 + prediction.plain_spp * prediction.per_sample.value)
+    assert prediction.halving == pytest.approx(1.0)
+
+
+def test_what_is_bright_or_dark_by_chance_does_not_mislead() -> None:
+    # A light that one sample in 100 finds: the MSE of N samples is (1 - p) / (p N), 62 % at 256.
+    sample = choose(WINDOWS, 40, np.random.default_rng(6))
+    rng, p, pixels = np.random.default_rng(7), 0.01, len(sample.owner)
+    found, means, before = np.zeros((4, pixels, 3)), {}, 0
+    for n in (16, 32, 64, 128, 256):
+        found += rng.binomial(n - before, p, size=found.shape)
+        means[n], before = found / (p * n), n
+    measured = Replicates(sample, means, np.ones((4, 40)), np.ones((4, 40)), 0)
+    prediction = predict(measured, 1.0, Picture(PIXELS, math.nan, 2, 0.0), Question(0.01, None), 1.0, 0)
+    for point in prediction.points:
+        truth = math.sqrt((1.0 - p) / p / point.spp / 1.01)
+        assert point.error.value == pytest.approx(truth, rel=0.03)
+    # With the mean of all as it is, what is dark by chance would count for too much.
+    own = weights(means[256].mean(axis=0), 1.0)
+    assert mse_by_tile(means[256], own, sample.owner).mean * 1.01 > 1.08 * (1.0 - p) / p / 256

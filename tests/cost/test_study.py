@@ -1,0 +1,378 @@
+"""`study` on made-up pictures and times, of which the truth is known."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from raytracer.cost.results import Arm, Study
+from raytracer.cost.study import Progress, study
+from raytracer.errors import InputError
+from raytracer.scene.spec import SceneSpec
+from tests.cost.made_up import MadeUp, World, scene_of
+
+
+@pytest.fixture
+def spec(tmp_path: Path) -> SceneSpec:
+    return scene_of(tmp_path)
+
+
+def studied(spec: SceneSpec, world: World, **options: Any) -> Study:
+    return study(spec, **{"threads": 2, "bench": world.bench(), **options})
+
+
+def arm(found: Study, name: str) -> Arm:
+    (only,) = (arm for arm in found.arms if arm.name == name)
+    return only
+
+
+def holds(interval: tuple[float, float, float], truth: float, slack: float = 0.0) -> bool:
+    """Whether an interval, widened by `slack` of the truth, holds it."""
+    _, low, high = interval
+    return low - slack * truth <= truth <= high + slack * truth
+
+
+# ---- Prediction
+
+
+def test_prediction_is_that_of_the_world(spec: SceneSpec) -> None:
+    world = World()
+    found = studied(spec, world, arms=[], budget=10.0, load_seconds=0.5)
+    prediction = found.prediction
+    for point in prediction.points:
+        assert holds(point.error, math.sqrt(world.mse(point.spp)), slack=0.01)
+        assert point.error.value == pytest.approx(math.sqrt(world.mse(point.spp)), rel=0.03)
+    # 2 threads, and tiles that are as slow as they are.
+    per_sample = 160 * 112 * world.per_sample / 2 * world.unevenness(tiles(spec)).mean()
+    assert prediction.per_sample.value == pytest.approx(per_sample, rel=0.1)
+    # Made up: load 0.5, build 0.5, develop 0.25; packing is real, and quick.
+    assert 1.25 < prediction.fixed.value < 3.0
+    # 0.13 / N + 0.09 / N^1.5 = 1e-4 for N = 1323.
+    assert prediction.target_spp.value == pytest.approx(1323.0, rel=0.06)
+    assert holds(prediction.target_spp, 1323.0, slack=0.03)
+    assert prediction.target_seconds.value == pytest.approx(
+        prediction.fixed.value + prediction.target_spp.value * prediction.per_sample.value
+    )
+    bought = (10.0 - prediction.fixed.value) / prediction.per_sample.value
+    assert prediction.budget_spp == pytest.approx(bought)
+    assert prediction.budget_error is not None
+    assert prediction.budget_error.value == pytest.approx(math.sqrt(world.mse(bought)), rel=0.05)
+
+
+def tiles(spec: SceneSpec) -> list[Any]:
+    from raytracer.scheduling import Window
+    from raytracer.scheduling import tiles as tiles_of
+
+    return tiles_of(Window(0, 0, spec.film.width, spec.film.height))
+
+
+def test_mean_of_four_is_worse_than_an_unbroken_run(spec: SceneSpec) -> None:
+    world = World(linear=0.05, steep=0.5)
+    prediction = studied(spec, world, arms=[]).prediction
+    last = prediction.points[-1].spp
+    assert prediction.halving == pytest.approx(world.mse(last) / 4 / world.mse(4 * last), rel=0.02)
+    assert prediction.halving > 1.01
+
+
+def test_slopes_are_bounded_by_those_of_the_sampler(tmp_path: Path) -> None:
+    spec = scene_of(tmp_path)
+    independent = spec.model_copy(update={"render": spec.render.model_copy(update={"sampler": "independent"})})
+    prediction = studied(independent, World(), arms=[]).prediction
+    assert (prediction.steep, prediction.early, prediction.exponent) == (0.0, 0.0, 1.0)
+
+
+def test_the_stratified_sampler_is_rendered_anew_for_each_level(tmp_path: Path) -> None:
+    spec = scene_of(tmp_path)
+    stratified = spec.model_copy(update={"render": spec.render.model_copy(update={"sampler": "stratified"})})
+    world = World(linear=0.13, steep=0.0)
+    prediction = studied(stratified, world, arms=[]).prediction
+    levels = [point.spp for point in prediction.points]
+    assert levels == [4**k for k in range(2, 2 + len(levels))]
+    # Means on the way to more samples are none of fewer: their strata are not all filled.
+    assert set(levels) <= {spp for _, spp, _ in world.calls}
+
+
+def test_a_tenth_of_the_tiles_tell_of_all(tmp_path: Path) -> None:
+    spec, world = scene_of(tmp_path, 1280, 800), World(per_sample=3e-5)
+    found = studied(spec, world, arms=[])
+    assert found.tiles == 80 * 50
+    assert found.tiles_measured < 400
+    point = found.prediction.points[0]
+    assert holds(point.error, math.sqrt(world.mse(point.spp)), slack=0.02)
+    known = np.isfinite(found.error_map)
+    assert known.sum() == found.tiles_measured * 256
+    # The error of a pixel from four replicates: a mean square of chi-square numbers.
+    assert np.sqrt(np.mean(found.error_map[known] ** 2)) == pytest.approx(
+        found.prediction.points[-1].error.value, rel=0.2
+    )
+
+
+def test_where_noise_is_rare_most_tiles_are_measured_where_it_is(tmp_path: Path) -> None:
+    class Lamp(World):
+        def unevenness(self, windows: Any) -> Any:
+            return np.array([40.0 if w.left < 64 and w.top < 64 else 0.6 for w in windows])
+
+    spec, world = scene_of(tmp_path, 640, 640), Lamp(per_sample=3e-6)
+    found = studied(spec, world, arms=[], tiles=100)
+    measured = np.isfinite(found.error_map)
+    assert measured[:64, :64].all()
+    # A tenth of the tiles would hold one or two of the sixteen that matter.
+    mean = (16 * 40.0 + (1600 - 16) * 0.6) / 1600
+    assert found.prediction.points[-1].error.value == pytest.approx(
+        math.sqrt(mean * world.mse(found.prediction.points[-1].spp)), rel=0.03
+    )
+
+
+# ---- Arms
+
+
+def is_fast(prepared: MadeUp) -> bool:
+    return prepared.spec.render.accuracy == "fast"
+
+
+def is_short(prepared: MadeUp) -> bool:
+    return prepared.scene.depth == 2
+
+
+def test_equal_arms_show_no_difference_and_a_planted_one_its_size(spec: SceneSpec) -> None:
+    world = World(
+        slower=lambda prepared: 1.3 if is_fast(prepared) else 1.0,
+        noisier=lambda prepared: 0.5 if is_short(prepared) else 1.0,
+        brighter=lambda prepared: 0.98 if is_short(prepared) else 1.0,
+    )
+    found = studied(spec, world, arms=["accuracy=fast", "max_depth=2", "roulette=off"], target=0.03)
+    scene, control, slow, short, same = (
+        arm(found, name) for name in ("scene", "A/A", "accuracy=fast", "max_depth=2", "roulette=off")
+    )
+    assert [a.name for a in found.arms[:2]] == ["scene", "A/A"]
+    assert found.rounds == 9
+
+    # The scene's row is the prediction.
+    assert scene.target_seconds == found.prediction.target_seconds.value
+    assert scene.noise.value == pytest.approx(found.prediction.error(scene.spp))
+    assert scene.bias is None
+
+    # The control, with random numbers of its own, and an arm that is equal.
+    for equal in (control, same):
+        assert not equal.time_differs
+        assert not equal.noise_differs
+        assert not equal.bias_resolved
+        assert equal.bias is not None
+        assert equal.bias.high < 0.01
+    assert control.noise_ratio.low < control.noise_ratio.value < control.noise_ratio.high
+
+    # Time alone.
+    assert slow.time_differs
+    assert slow.time.value == pytest.approx(1.3, rel=0.03)
+    assert not slow.noise_differs
+    assert not slow.bias_resolved
+    assert slow.target_seconds is not None
+    assert scene.target_seconds is not None
+    fixed = found.prediction.fixed.value
+    assert (slow.target_seconds - fixed) / (scene.target_seconds - fixed) == pytest.approx(1.3, rel=0.05)
+
+    # Noise, and a bias of 2 % of the value, which the floor of the weights lessens.
+    assert not short.time_differs
+    assert short.noise_differs
+    assert holds(short.noise_ratio, 0.5, slack=0.02)
+    assert short.bias_resolved
+    assert short.bias is not None
+    assert holds(short.bias, 0.02 / math.sqrt(1.01), slack=0.02)
+    assert short.brightness is not None
+    assert short.brightness.value == pytest.approx(-0.02, abs=0.002)
+    # 3 % in all, of which 2 % are bias.
+    assert short.target_spp is not None
+    noise = 0.5 * world.mse(short.target_spp)
+    assert noise + (0.02 / math.sqrt(1.01)) ** 2 == pytest.approx(0.03**2, rel=0.05)
+
+
+def test_no_number_of_samples_reaches_a_target_below_the_bias(spec: SceneSpec) -> None:
+    world = World(brighter=lambda prepared: 0.95 if is_short(prepared) else 1.0)
+    row = arm(studied(spec, world, arms=["max_depth=2"]), "max_depth=2")
+    assert row.target_spp is None
+    assert row.target_seconds is None
+    assert "bias" in row.why_blank
+
+
+def test_another_sampler_has_a_slope_of_its_own(spec: SceneSpec) -> None:
+    class Samplers(World):
+        def render(self, prepared: MadeUp, windows: Any, spp: int, *more: Any) -> Any:
+            independent = prepared.spec.render.sampler == "independent"
+            self.linear, self.steep = (0.5, 0.0) if independent else (0.05, 0.5)
+            return super().render(prepared, windows, spp, *more)
+
+    found = studied(spec, Samplers(), arms=["sampler=independent"])
+    row = arm(found, "sampler=independent")
+    assert row.target_spp == pytest.approx(0.5 / 1e-4, rel=0.1)
+    ratio = (0.5 / row.spp) / (0.05 / row.spp + 0.5 / row.spp**1.5)
+    assert row.noise_ratio.value == pytest.approx(ratio, rel=0.05)
+
+
+def test_all_arms_of_a_round_have_one_seed_and_the_control_another(spec: SceneSpec) -> None:
+    world = World()
+    found = studied(spec, world, arms=["defocus"], rounds=3)
+    last = world.calls[-9:]
+    assert {spp for _, spp, _ in last} == {found.arms[0].spp}
+    in_rounds = [[seed for _, _, seed in last[3 * r : 3 * r + 3]] for r in range(3)]
+    # Scene, control, arm; then each a place earlier.
+    assert in_rounds[0][0] == in_rounds[0][2] != in_rounds[0][1]
+    assert in_rounds[1][2] == in_rounds[1][1] != in_rounds[1][0]
+    assert in_rounds[2][0] == in_rounds[2][1] != in_rounds[2][2]
+    assert len({seed for row in in_rounds for seed in row}) == 6
+
+
+def test_an_arm_that_cannot_be_packed_says_so_in_its_row(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World()
+    prepare = world.prepare
+
+    def broken(scene: SceneSpec, packed: Any) -> MadeUp:
+        if scene.render.accuracy == "fast":
+            raise InputError("there is nothing left")
+        return prepare(scene, packed)
+
+    monkeypatch.setattr(world, "prepare", broken)
+    found = studied(spec, world, arms=["accuracy=fast", "accuracy=robust"])
+    assert arm(found, "accuracy=fast").failed == "there is nothing left"
+    assert math.isnan(arm(found, "accuracy=fast").time.value)
+    assert arm(found, "accuracy=robust").failed == ""
+    assert arm(found, "accuracy=robust").time.value == pytest.approx(1.0, abs=0.1)
+
+
+def test_the_same_seed_finds_the_same(spec: SceneSpec) -> None:
+    first, again, other = (studied(spec, World(), arms=["defocus"], rounds=2, seed=seed) for seed in (3, 3, 4))
+    assert first.prediction.points[0].error == again.prediction.points[0].error
+    assert first.arms[2].noise == again.arms[2].noise
+    assert first.prediction.points[0].error != other.prediction.points[0].error
+
+
+# ---- What may go wrong
+
+
+def test_a_black_picture_has_no_error(spec: SceneSpec) -> None:
+    found = studied(spec, World(brightness=0.0), arms=["defocus"], budget=30.0)
+    assert found.prediction.target_spp.value == 1.0
+    assert found.prediction.budget_error is not None
+    assert found.prediction.budget_error.value == 0.0
+    assert any("black" in warning for warning in found.warnings)
+    assert found.arms[2].bias is not None
+    assert not found.arms[2].bias_resolved
+
+
+def test_a_picture_without_noise_takes_one_sample(spec: SceneSpec) -> None:
+    noisier = World(linear=0.0, steep=0.0)
+    found = studied(spec, noisier, arms=["defocus"])
+    assert found.prediction.target_spp.value == 1.0
+    assert any("no noise" in warning for warning in found.warnings)
+    assert found.arms[2].target_spp == 1.0
+
+
+def test_a_noisy_arm_of_a_scene_without_noise(spec: SceneSpec) -> None:
+    class Lens(World):
+        def mse(self, spp: float) -> float:
+            return 0.0 if self.sharp else 0.01 / spp
+
+        def render(self, prepared: MadeUp, *more: Any) -> Any:
+            self.sharp = prepared.scene.depth != 2
+            return super().render(prepared, *more)
+
+    row = arm(studied(spec, Lens(), arms=["max_depth=2"]), "max_depth=2")
+    assert row.noise.value == pytest.approx(math.sqrt(0.01 / row.spp), rel=0.05)
+    assert row.target_spp == pytest.approx(100.0, rel=0.1)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (16, 16), (5, 40)])
+def test_small_pictures(tmp_path: Path, width: int, height: int) -> None:
+    found = studied(scene_of(tmp_path, width, height), World(), arms=["defocus"])
+    assert found.tiles == -(-width // 16) * -(-height // 16)
+    assert found.tiles_measured == found.tiles
+    assert found.error_map.shape == (height, width)
+    assert math.isnan(found.top_share)
+    if found.tiles == 1:
+        assert math.isnan(found.prediction.target_spp.low)
+        assert any("one tile" in warning for warning in found.warnings)
+
+
+def test_a_slow_scene_is_measured_on_few_tiles_and_says_so(tmp_path: Path) -> None:
+    # 1000 samples a second: a sample in every pixel takes four minutes.
+    world = World(per_sample=2e-3, linear=1.0)
+    found = studied(scene_of(tmp_path, 640, 400), world, arms=["defocus"])
+    spent = sum(tiles * spp for tiles, spp, _ in world.calls) * 256 * 2e-3 / 2
+    assert found.tiles_measured < 16
+    assert any("tiles were measured" in warning for warning in found.warnings)
+    # A minute for the prediction, and what little tells anything of an arm.
+    assert spent < 4 * 60
+
+
+def test_a_budget_below_the_fixed_time_buys_nothing(spec: SceneSpec) -> None:
+    found = studied(spec, World(), arms=[], budget=0.2, load_seconds=1.0)
+    assert found.prediction.budget_spp == 0.0
+    assert found.prediction.budget_error is not None
+    assert found.prediction.budget_error.value == math.inf
+    assert any("budget" in warning for warning in found.warnings)
+
+
+def test_a_target_that_is_far_beyond_is_told_as_such(spec: SceneSpec) -> None:
+    found = studied(spec, World(), arms=[], target=1e-4)
+    assert found.prediction.target_spp.value == pytest.approx(0.13 / 1e-8, rel=0.1)
+    assert any("times as many samples as were measured" in warning for warning in found.warnings)
+
+
+def test_samples_that_are_not_finite_are_counted(spec: SceneSpec) -> None:
+    found = studied(spec, World(bad=2), arms=[])
+    assert any("8 samples were not finite" in warning for warning in found.warnings)
+
+
+def test_an_interrupt_leaves_what_there_is(spec: SceneSpec) -> None:
+    whole = World()
+    studied(spec, whole, arms=["defocus"], rounds=9)
+    before_rounds = len(whole.calls) - 27
+    # In round 5, of which 4 are whole.
+    found = studied(spec, replace(whole, calls=[], interrupt_after=before_rounds + 3 * 4 + 1), arms=["defocus"])
+    assert found.interrupted
+    assert found.rounds == 4
+    assert arm(found, "defocus").time.value == pytest.approx(1.0, abs=0.1)
+    assert any("4 of 9 rounds" in warning for warning in found.warnings)
+    # Before a second round, or while arms are made ready.
+    for calls in (before_rounds + 4, before_rounds - 1):
+        found = studied(spec, replace(whole, calls=[], interrupt_after=calls), arms=["defocus"])
+        assert found.interrupted
+        assert found.arms == ()
+        assert found.prediction.target_spp.value > 1.0
+    # Before there is a prediction.
+    with pytest.raises(KeyboardInterrupt):
+        studied(spec, replace(whole, calls=[], interrupt_after=5), arms=["defocus"])
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"target": 0.0}, "target 0: must be greater than 0"),
+        ({"target": 2.0}, "target 2: must be greater than 0 and less than 1"),
+        ({"target": math.nan}, "target nan"),
+        ({"budget": -1.0}, "budget -1"),
+        ({"rounds": 1}, "rounds 1: must be at least 2"),
+        ({"tiles": 0}, "tiles 0: must be at least 1"),
+        ({"arms": ["defocsu"]}, "did you mean 'defocus'?"),
+    ],
+)
+def test_questions_without_sense_are_refused_before_the_work(
+    spec: SceneSpec, options: dict[str, Any], words: str
+) -> None:
+    world = World()
+    with pytest.raises(InputError, match=words.replace("?", r"\?")):
+        studied(spec, world, **options)
+    assert world.calls == []
+
+
+def test_progress_goes_from_phase_to_phase(spec: SceneSpec) -> None:
+    seen: list[Progress] = []
+    studied(spec, World(), arms=["defocus"], rounds=2, progress=seen.append)
+    phases = list(dict.fromkeys(progress.phase for progress in seen))
+    assert phases == ["pack", "plan", "prepare", "warm up", "predict", "develop", "compile arms", "compare"]
+    for phase in ("predict", "compile arms", "compare"):
+        fractions = [progress.fraction for progress in seen if progress.phase == phase]
+        assert fractions == sorted(fractions)
+        assert fractions[-1] == pytest.approx(1.0)
