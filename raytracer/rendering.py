@@ -1,72 +1,64 @@
 """Rendering, as five calls on explicit state: load, pack, build, render, develop."""
 
-import os
+import math
 import sys
-import threading
-import time
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from raytracer import __version__
-from raytracer.embree import PACKET
+from raytracer.adaptive import Adaptive, Aim, Outcome, Pilots
+from raytracer.development import check_development, finish, recording_of
+from raytracer.embree import Accel
 from raytracer.errors import InputError
-from raytracer.film.exposure import Frame, Setting
-from raytracer.film.film import Film, develop
+from raytracer.film.exposure import Setting
+from raytracer.film.film import Film
 from raytracer.film.image import Image
-from raytracer.film.photograph import RADIANCE, Process, check_process, photograph
-from raytracer.integrator import FilmView, Scene, render_tile
-from raytracer.kinds import AOVS
-from raytracer.paths import workspace
+from raytracer.integrator import FilmView, Scene
+from raytracer.noise import Estimate, Tally, steepest_of
+from raytracer.noise.rates import SHALLOWEST
+from raytracer.preparation import compile_for, view
+from raytracer.sampling import SAMPLERS
 from raytracer.scene.effects import effects_of
 from raytracer.scene.pack import Packed, pack
 from raytracer.scene.spec import SceneSpec
+from raytracer.scheduling import FIRST_PASS, TILE, Canvas, Crew, Window, available_threads, now, tiles
 
 if TYPE_CHECKING:
     from raytracer.aovs.recording import Recording
 
-TILE = 16
-"""Edge of the square of pixels that one thread takes at a time."""
-
-# Samples that one call adds to each pixel of a tile: few at first, for an early picture; never so many that Ctrl-C
-# or a time limit has to wait.
-_FIRST_PASS = 2 * PACKET
-_LONGEST_PASS = 32 * PACKET
-
-_WAKE_UP_SECONDS = 0.1
-
-
-class Window(NamedTuple):
-    """Pixels left <= x < right, top <= y < bottom of the picture."""
-
-    left: int
-    top: int
-    right: int
-    bottom: int
-
 
 class Progress(NamedTuple):
-    """How far a render is: samples done and wanted over all pixels, and seconds since its start."""
+    """How far a render is: samples done and wanted over all pixels, and seconds since its start.
+
+    Where the samples are not given, `wanted` is a guess, and `error` the relative error as last estimated, or None.
+    """
 
     done: int
     wanted: int
     seconds: float
+    error: float | None = None
 
 
 @dataclass
 class Stats:
     """What a render took.
 
-    seconds, by phase; rays, camera, bounce and shadow rays; samples, over all pixels; nan_samples, samples dropped
-    because they were not finite; threads; effects, the names of those simulated; exposure, its numbers by name, none
-    for a picture of plain radiance; peak_rss_bytes, of the process.
+    seconds, by phase; rays, camera, bounce and shadow rays; samples, over all pixels; spp, the fewest, mean and most of
+    them a pixel; pilot_samples, those besides that were thrown away; nan_samples, samples dropped because they were not
+    finite; error, `relative` (RMS, of the light that reached the film, before it was denoised), `low` and `high`, the
+    ends of its 95 % interval, the local `exponent` of its square over samples, and `target`, if one was given; empty
+    below 16 samples a pixel; threads; effects, the names of those simulated; exposure, its numbers by name, none for a
+    picture of plain radiance; peak_rss_bytes, of the process.
     """
 
     seconds: dict[str, float] = field(default_factory=dict)
     rays: int = 0
     samples: int = 0
+    spp: dict[str, float] = field(default_factory=dict)
+    pilot_samples: int = 0
     nan_samples: int = 0
+    error: dict[str, float] = field(default_factory=dict)
     threads: int = 0
     effects: list[str] = field(default_factory=list)
     exposure: dict[str, float] = field(default_factory=dict)
@@ -81,7 +73,8 @@ class Stats:
 class Rendered(NamedTuple):
     """An image and what it took.
 
-    complete, whether all samples were taken; interrupted, whether a KeyboardInterrupt ended it early;
+    complete, whether all samples were taken, or the error asked for was reached; interrupted, whether a
+    KeyboardInterrupt ended it early;
     fewest_samples, of any pixel (image.samples is the most); setting, how it was exposed, None for plain radiance.
     """
 
@@ -103,13 +96,6 @@ def peak_rss_bytes() -> int:
     return int(peak) if sys.platform == "darwin" else 1024 * int(peak)
 
 
-def available_threads() -> int:
-    """Processors that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def render(
     spec: SceneSpec,
     *,
@@ -117,13 +103,15 @@ def render(
     seed: int | None = None,
     threads: int | None = None,
     crop: tuple[int, int, int, int] | None = None,
+    noise: float | None = None,
     time_limit: float | None = None,
     aovs: Sequence[str] = (),
     denoise: bool = False,
     progress: Callable[[Progress], None] | None = None,
     load_seconds: float = 0.0,
+    rehearse: Callable[[Image], object] | None = None,
 ) -> Rendered:
-    """Render a scene.  The same scene, seed and spp give the same bits for any number of threads.
+    """Render a scene.  The same scene, seed and spp, or noise, give the same bits for any number of threads.
 
     Parameters
     ----------
@@ -131,64 +119,78 @@ def render(
     threads : how many work; all processors if None.
     crop : (x0, y0, x1, y1), the pixels x0 <= x < x1, y0 <= y < y1 only; they are those of the whole picture, but that
         `exposure: auto` and `white_balance: auto` measure these alone, and a Bayer mosaic ends at their edges.
-    time_limit : seconds after which no further samples are started.
+    noise : the relative error (`noise.metric`) to stop at, 0.01 for 1 %.  Samples go where they are needed, at most
+        `spp` a pixel, without a limit if that is None.
+    time_limit : seconds after which the image is to be there, `load_seconds` included; what takes samples then ends
+        early, but no sooner than with 8 a pixel.  Without `spp` samples go where they are needed.
     aovs : names of AOVs, which become layers of the image (docs/aovs.md); the radiance keeps its bits.
     denoise : whether Open Image Denoise is to clean the image, which then is biased.
     progress : called about ten times a second; a KeyboardInterrupt out of it, or out of a signal, ends the render
         early with the samples taken so far.
+    rehearse : what the caller will do with the image, to be done once with an early one, so that `time_limit` leaves
+        the time for it.
 
     Raises
     ------
-    InputError : a crop outside the film, a scene that cannot be packed, an unknown AOV, no denoiser, or what
-        `check_process` refuses.
+    InputError : a crop outside the film, a noise or limit out of range, a scene that cannot be packed, an unknown AOV,
+        no denoiser, or what `check_process` refuses.
     """
     if denoise:
         from raytracer.film.denoise import require_denoiser
 
         require_denoiser()
-    stats = Stats(threads=threads or available_threads(), effects=[])
+    _check_ends(noise, time_limit)
+    stats = Stats(threads=threads or available_threads())
     clock = _Clock(stats.seconds, load_seconds)
-    settings = spec.render.model_copy(
-        update={name: value for name, value in (("spp", spp), ("seed", seed)) if value is not None}
-    )
-    spec = spec.model_copy(update={"render": settings})
+    spec = _with_settings(spec, spp, seed)
     window = _window(spec, crop)
 
     packed = pack(spec)
-    spec = packed.spec
-    process, frame = _process(spec), Frame(spec.film.width, spec.film.height, window.left, window.top)
-    check_process(process, frame, window.bottom - window.top, window.right - window.left)
-    stats.effects = [name for name, effect in effects_of(spec, packed.scene).items() if effect.active]
+    check_development(packed.spec, window)
+    stats.effects = [name for name, effect in effects_of(packed.spec, packed.scene).items() if effect.active]
     clock.lap("pack")
     accel = packed.build()
-    scene = packed.scene._replace(accel=accel.address)
     clock.lap("build")
-    film = Film.empty(window.right - window.left, window.bottom - window.top)
-    recording = _recording(spec, packed, film, aovs, denoise)
-    view = recording.view if recording else None
-    target = FilmView(film.mean, film.m2, film.count, film.nan_count, window.left, window.top, view)
-    render_tile(scene, target, workspace(), 0, 0, 0, 0, 0, 0)
+    sheet = _Sheet(packed, accel, window, aovs, stats.threads if denoise else None)
+    compile_for(sheet.scene, sheet.target)
     clock.lap("compile")
-    job = _Job(scene, target, window, settings.spp, time_limit)
-    job.run(stats.threads, progress)
-    stats.rays = job.rays
+
+    # Render a first picture, by which to see how long the end will take.
+    is_adaptive = noise is not None or (time_limit is not None and spp is None)
+    most = None if is_adaptive and spp is None else spec.render.spp
+    watch = _Watch(progress, window.pixels * spec.render.spp)
+    canvas = sheet.canvas(Crew(stats.threads, watch.tick))
+    watch.canvas = canvas
+    canvas.first_pass(FIRST_PASS if most is None else most)
+    clock.lap("render")
+    deadline = None
+    if time_limit is not None and not canvas.crew.stopped:
+        with canvas.crew.heeding():
+            deadline = clock.began + time_limit - sheet.seconds_to_finish(rehearse)
+        clock.lap("develop")
+
+    # Render the rest.
+    outcome = Outcome(reached=False, pilot_samples=0, pilot_rays=0)
+    if is_adaptive:
+        adaptive = Adaptive(canvas, sheet.pilots(), Aim(noise, most, deadline))
+        with canvas.crew.heeding():
+            adaptive.run(watch.expect)
+        outcome = adaptive.outcome
+    else:
+        canvas.by_turns(spec.render.spp, deadline)
+        outcome = outcome._replace(reached=bool(canvas.counts.min() >= spec.render.spp))
+    with canvas.crew.heeding():
+        stats.error = _error(canvas.estimate(), noise)
     clock.lap("render")
 
-    stats.samples, stats.nan_samples = int(film.count.sum() + film.nan_count.sum()), int(film.nan_count.sum())
-    image = develop(film, _header(spec, crop))
-    if recording:
-        image = _with_layers(image, film, recording, aovs)
-    clock.lap("develop")
-    if recording and denoise:
-        image = _denoised(image, film, recording, stats.threads)
-        clock.lap("denoise")
-    image, setting = photograph(image, process, frame, spec.render.seed, _units(aovs))
-    clock.lap("develop")
+    _account(stats, canvas, outcome)
+    stats.nan_samples = int(sheet.film.nan_count.sum())
+    image, setting = sheet.finished(_header(packed.spec, crop, stats, is_adaptive=is_adaptive), clock.lap)
     stats.exposure = {} if setting is None else setting.numbers()
     stats.seconds["total"] = sum(stats.seconds.values())
     stats.peak_rss_bytes = peak_rss_bytes()
-    fewest = int((film.count + film.nan_count).min())
-    return Rendered(image, stats, job.is_complete, job.interrupted, fewest, setting)
+    is_complete = outcome.reached and not canvas.crew.interrupted
+    return Rendered(image, stats, is_complete, canvas.crew.interrupted, int(canvas.counts.min()), setting)
 
 
 def render_image(
@@ -198,6 +200,7 @@ def render_image(
     seed: int | None = None,
     threads: int | None = None,
     crop: tuple[int, int, int, int] | None = None,
+    noise: float | None = None,
     time_limit: float | None = None,
     aovs: Sequence[str] = (),
     denoise: bool = False,
@@ -209,74 +212,146 @@ def render_image(
         seed=seed,
         threads=threads,
         crop=crop,
+        noise=noise,
         time_limit=time_limit,
         aovs=aovs,
         denoise=denoise,
     ).image
 
 
-def _process(spec: SceneSpec) -> Process:
-    """How the picture is to be developed."""
-    return Process(
-        exposure=spec.camera.photograph(spec.film.width, spec.film.height),
-        sensor=spec.camera.simulated_sensor(),
-        white_balance=spec.film.white_balance,
-        tone_curve=spec.film.tone_curve,
-    )
+class _Sheet:
+    """A scene that is built, and the film that a part of its picture gathers on.
+
+    scene, with the address of the ray caster's structure; film; target, the film as kernels see it.
+    """
+
+    def __init__(
+        self, packed: Packed, accel: Accel, window: Window, aovs: Sequence[str], denoise_threads: int | None
+    ) -> None:
+        self._packed, self._window, self._aovs, self._denoise_threads = packed, window, aovs, denoise_threads
+        # Held, since its address is all that the scene knows of it.
+        self._accel = accel
+        self._windows = tiles(window)
+        self.scene = packed.scene._replace(accel=accel.address)
+        height, width = window.bottom - window.top, window.right - window.left
+        self._recording = self._record(height, width)
+        self.film = Film.empty(width, height)
+        aov_view = None if self._recording is None else self._recording.view
+        self.target = view(self.film, window.left, window.top, aov_view)
+
+    def _record(self, height: int, width: int) -> "Recording | None":
+        denoise = self._denoise_threads is not None
+        return recording_of(self._packed.spec, self._packed, height, width, self._aovs, denoise=denoise)
+
+    def _tally(self) -> Tally:
+        return Tally(self._windows, steepest_of(self._packed.spec.render.sampler))
+
+    def canvas(self, crew: Crew) -> Canvas:
+        """The film for a crew to work on."""
+        return Canvas(self.scene, self.target, self._windows, crew, self._tally())
+
+    def pilots(self) -> Pilots:
+        """How to take samples that do not get onto the film."""
+        settings = self._packed.spec.render
+
+        def sampled(seed: int, spp: int) -> Scene:
+            return self.scene._replace(sampler=SAMPLERS[settings.sampler](seed, spp))
+
+        def scratch() -> FilmView:
+            recording = self._record(TILE, TILE)
+            return view(Film.empty(TILE, TILE), aovs=None if recording is None else recording.view)
+
+        # Its shares want but one difference, for which it takes half the memory.
+        return Pilots(sampled, scratch, lambda: Tally(self._windows, SHALLOWEST), settings.seed)
+
+    def finished(
+        self, settings: Mapping[str, str | float | int], lap: Callable[[str], object]
+    ) -> tuple[Image, Setting | None]:
+        """The image on the film, and how it was exposed."""
+        return finish(
+            self.film,
+            self._packed.spec,
+            self._window,
+            settings,
+            self._recording,
+            self._aovs,
+            self._denoise_threads,
+            lap,
+        )
+
+    def seconds_to_finish(self, rehearse: Callable[[Image], object] | None) -> float:
+        """How long it takes to make an image of the film, and for the caller to do with it what is to be done."""
+        begin = now()
+        image, _ = self.finished({}, lambda phase: None)
+        if rehearse is not None:
+            rehearse(image)
+        return now() - begin
 
 
-def _units(aovs: Sequence[str]) -> dict[str, str]:
-    """The units of an image's layers: of AOVs, and of the picture that a denoiser has left as it was."""
-    return {"noisy": RADIANCE, **{name: AOVS.specs()[name].unit for name in aovs}}
+class _Watch:
+    """Tells the caller how far a render is."""
 
+    def __init__(self, progress: Callable[[Progress], None] | None, wanted: int) -> None:
+        self._progress, self._wanted = progress, wanted
+        self._error: float | None = None
+        self._start = now()
+        self.canvas: Canvas | None = None
 
-# What the denoiser is guided by, and how much of a pixel it holds for.
-_GUIDES = ("albedo", "normal", "coverage")
+    def tick(self) -> None:
+        """Report to the caller."""
+        if self._progress is not None and self.canvas is not None:
+            done = self.canvas.done
+            self._progress(Progress(done, max(self._wanted, done), now() - self._start, self._error))
 
-
-def _recording(spec: SceneSpec, packed: Packed, film: Film, aovs: Sequence[str], denoise: bool) -> "Recording | None":
-    """What is gathered besides radiance; None where that is nothing."""
-    if not aovs and not denoise:
-        return None
-    from raytracer.aovs.recording import Recording, known_aovs
-    from raytracer.scene.identities import identify
-
-    names = known_aovs([*aovs, *(_GUIDES if denoise else ())])
-    height, width = film.count.shape
-    return Recording(names, height, width, identify(spec, packed))
-
-
-def _with_layers(image: Image, film: Film, recording: "Recording", aovs: Sequence[str]) -> Image:
-    """The image with the AOVs that were asked for."""
-    return replace(
-        image,
-        settings={**image.settings, **recording.settings(aovs)},
-        layers={name: recording.develop(name, film) for name in aovs},
-        channels=recording.channels(aovs),
-    )
-
-
-def _denoised(image: Image, film: Film, recording: "Recording", threads: int) -> Image:
-    """The image without its noise, as far as the denoiser can tell."""
-    from raytracer.film.denoise import denoise
-
-    albedo, normal, coverage = (recording.develop(name, film) for name in _GUIDES)
-    return denoise(image, coverage[..., None] * albedo, coverage[..., None] * normal, threads=threads)
+    def expect(self, samples: float, estimate: Estimate | None) -> None:
+        """Note where an adaptive render is likely to end, and its error as it is."""
+        self._wanted, self._error = round(samples), None if estimate is None else estimate.error
 
 
 class _Clock:
-    """Seconds by phase."""
+    """Seconds by phase.
+
+    began : when the command did, by `scheduling.now`.
+    """
 
     def __init__(self, seconds: dict[str, float], load_seconds: float) -> None:
         self._seconds = seconds
         seconds["load"] = load_seconds
-        self._start = time.perf_counter()
+        self._start = now()
+        self.began = self._start - load_seconds
 
     def lap(self, phase: str) -> None:
         """Count what has passed since the last lap as this phase's."""
-        now = time.perf_counter()
-        self._seconds[phase] = self._seconds.get(phase, 0.0) + now - self._start
-        self._start = now
+        end = now()
+        self._seconds[phase] = self._seconds.get(phase, 0.0) + end - self._start
+        self._start = end
+
+
+def _with_settings(spec: SceneSpec, spp: int | None, seed: int | None) -> SceneSpec:
+    given = {name: value for name, value in (("spp", spp), ("seed", seed)) if value is not None}
+    return spec.model_copy(update={"render": spec.render.model_copy(update=given)})
+
+
+def _check_ends(noise: float | None, time_limit: float | None) -> None:
+    if noise is not None and not 0.0 < noise < 1.0:
+        raise InputError(f"noise must lie between 0 and 1, and is 0.01 for 1 %, got {noise:g}")
+    if time_limit is not None and not 0.0 < time_limit < math.inf:
+        raise InputError(f"a time limit must be greater than 0 and finite, got {time_limit:g}")
+
+
+def _error(estimate: Estimate | None, noise: float | None) -> dict[str, float]:
+    """What is known of the picture's error, for `Stats`."""
+    if estimate is None:
+        return {}
+    error = {"relative": estimate.error, "low": estimate.low, "high": estimate.high, "exponent": estimate.exponent}
+    return error if noise is None else {**error, "target": noise}
+
+
+def _account(stats: Stats, canvas: Canvas, outcome: Outcome) -> None:
+    """Note what was sampled."""
+    stats.rays = int(canvas.rays.sum()) + outcome.pilot_rays
+    stats.samples, stats.pilot_samples = canvas.done, outcome.pilot_samples
+    stats.spp = {"fewest": int(canvas.counts.min()), "mean": canvas.samples, "most": int(canvas.counts.max())}
 
 
 def _window(spec: SceneSpec, crop: tuple[int, int, int, int] | None) -> Window:
@@ -290,12 +365,14 @@ def _window(spec: SceneSpec, crop: tuple[int, int, int, int] | None) -> Window:
     return window
 
 
-def _header(spec: SceneSpec, crop: tuple[int, int, int, int] | None) -> Mapping[str, str | float | int]:
+def _header(
+    spec: SceneSpec, crop: tuple[int, int, int, int] | None, stats: Stats, *, is_adaptive: bool
+) -> Mapping[str, str | float | int]:
     """Settings for the headers of image files."""
     settings = spec.render
     header: dict[str, str | float | int] = {
         "renderer": f"rt {__version__}",
-        "spp": settings.spp,
+        "spp": stats.spp["mean"] if is_adaptive else settings.spp,
         "max_depth": settings.max_depth,
         "sampler": settings.sampler,
         "accuracy": settings.accuracy,
@@ -303,100 +380,13 @@ def _header(spec: SceneSpec, crop: tuple[int, int, int, int] | None) -> Mapping[
         "filter": spec.film.filter.type,
         "camera": spec.camera.type,
     }
+    if is_adaptive:
+        header |= {"spp_fewest": stats.spp["fewest"], "spp_most": stats.spp["most"]}
+    if stats.error:
+        names = {"relative": "relative_error", "low": "relative_error_low", "high": "relative_error_high"}
+        header |= {name: stats.error[key] for key, name in names.items()}
+    if "target" in stats.error:
+        header["noise"] = stats.error["target"]
     if crop is not None:
         header["crop"] = ",".join(map(str, crop))
     return header
-
-
-class _Tile(NamedTuple):
-    """Pixels that one thread works on, and the first sample that they still lack."""
-
-    window: Window
-    begin: int
-
-
-class _Job:
-    """Tiles in a queue, taken by threads: pass after pass over the picture, each with more samples than the last.
-
-    A tile goes back to the end of the queue after a pass, so its samples are added in order whoever adds them, and
-    an early end leaves a whole picture.
-    """
-
-    def __init__(self, scene: Scene, target: FilmView, window: Window, spp: int, time_limit: float | None) -> None:
-        self._scene, self._target, self._spp = scene, target, spp
-        self._queue: deque[_Tile] = deque(_Tile(tile, 0) for tile in _tiles(window))
-        self._wanted = (window.right - window.left) * (window.bottom - window.top) * spp
-        self._done = 0
-        self._start = time.perf_counter()
-        self._deadline = None if time_limit is None else self._start + time_limit
-        self._stopped = threading.Event()
-        self._lock = threading.Lock()
-        self._failure: BaseException | None = None
-        self.rays = 0
-        self.interrupted = False
-
-    @property
-    def is_complete(self) -> bool:
-        """Whether every pixel has all its samples."""
-        return self._done == self._wanted
-
-    def run(self, threads: int, progress: Callable[[Progress], None] | None) -> None:
-        """Work until all is done, the time is up, or the caller interrupts; then the running tiles are finished."""
-        workers = [threading.Thread(target=self._work, daemon=True) for _ in range(threads)]
-        for worker in workers:
-            worker.start()
-        try:
-            for worker in workers:
-                while worker.is_alive():
-                    worker.join(_WAKE_UP_SECONDS)
-                    if progress is not None:
-                        progress(Progress(self._done, self._wanted, time.perf_counter() - self._start))
-        except KeyboardInterrupt:
-            self.interrupted = True
-        finally:
-            self._stopped.set()
-            for worker in workers:
-                worker.join()
-        if self._failure is not None:
-            raise self._failure
-
-    def _work(self) -> None:
-        room = workspace()
-        while not self._stopped.is_set():
-            try:
-                tile = self._queue.popleft()
-            except IndexError:
-                return
-            end = _pass_end(tile.begin, self._spp)
-            try:
-                rays = render_tile(self._scene, self._target, room, *tile.window, tile.begin, end)
-            except BaseException as error:  # noqa: BLE001
-                # Raised where the threads are waited for.
-                self._failure = error
-                self._stopped.set()
-                return
-            self._finish(tile, end, rays)
-
-    def _finish(self, tile: _Tile, end: int, rays: int) -> None:
-        left, top, right, bottom = tile.window
-        with self._lock:
-            self.rays += rays
-            self._done += (right - left) * (bottom - top) * (end - tile.begin)
-        if end < self._spp:
-            self._queue.append(_Tile(tile.window, end))
-        if self._deadline is not None and time.perf_counter() >= self._deadline:
-            self._stopped.set()
-
-
-def _tiles(window: Window) -> list[Window]:
-    """The window cut into squares, row by row."""
-    return [
-        Window(left, top, min(left + TILE, window.right), min(top + TILE, window.bottom))
-        for top in range(window.top, window.bottom, TILE)
-        for left in range(window.left, window.right, TILE)
-    ]
-
-
-def _pass_end(begin: int, spp: int) -> int:
-    """Where the pass that starts at sample `begin` ends; always a whole number of packets, but for the last."""
-    return min(spp, begin + min(_LONGEST_PASS, max(_FIRST_PASS, 3 * begin)))

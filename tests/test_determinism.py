@@ -12,7 +12,8 @@ import pytest
 from numpy.typing import NDArray
 
 import raytracer
-from raytracer import rendering
+from raytracer import scheduling
+from raytracer.embree import PACKET
 from raytracer.rendering import Progress, Rendered, render
 from raytracer.scene.load import load
 from raytracer.scene.spec import SceneSpec
@@ -77,22 +78,26 @@ def test_a_crop_is_that_part_of_the_picture(name: str) -> None:
 def test_passes_and_tiles_do_not_matter(monkeypatch: pytest.MonkeyPatch, sampler: str) -> None:
     spec = scene("cover", sampler)
     usual = render(spec, threads=2)
-    monkeypatch.setattr(rendering, "TILE", 7)
+    monkeypatch.setattr(scheduling, "TILE", 7)
     assert_same(render(spec, threads=2), usual)
-    monkeypatch.setattr(rendering, "_pass_end", lambda begin, spp: min(spp, begin + rendering.PACKET))
+    monkeypatch.setattr(scheduling, "pass_end", lambda begin, spp: min(spp, begin + PACKET))
     assert_same(render(spec, threads=2), usual)
-    monkeypatch.setattr(rendering, "_pass_end", lambda begin, spp: spp)
+    monkeypatch.setattr(scheduling, "pass_end", lambda begin, spp: spp)
     assert_same(render(spec, threads=2), usual)
 
 
-def test_pass_lengths_cover_the_samples_in_whole_packets() -> None:
-    for spp in (1, 8, 37, 1000, 100_000):
-        begin = 0
-        while begin < spp:
-            end = rendering._pass_end(begin, spp)
-            assert begin < end <= spp
-            assert end == spp or end % rendering.PACKET == 0
-            begin = end
+@pytest.mark.parametrize("start", [0, 8, 24, 40, 1000])
+def test_passes_cover_the_samples_in_whole_packets_and_end_at_powers_of_two(start: int) -> None:
+    for spp in (1001, 1037, 2048, 100_000):
+        ends = [start]
+        while ends[-1] < spp:
+            ends.append(scheduling.pass_end(ends[-1], spp))
+            assert ends[-2] < ends[-1] <= ends[-2] + 256
+        assert ends[-1] == spp
+        assert all(end % PACKET == 0 for end in ends[:-1])
+        # Errors are told from means at these.
+        assert {n for n in (8, 16, 32, 64, 128, 256, 512, 1024) if start < n <= spp} <= set(ends)
+    assert scheduling.pass_end(0, 3) == 3
 
 
 @pytest.mark.parametrize("sampler", ["independent", "sobol"])
@@ -110,24 +115,31 @@ def test_an_early_end_leaves_the_first_samples(sampler: str) -> None:
     assert result.fewest_samples < 1_000_000
     np.testing.assert_array_equal(result.image.radiance.shape, (HEIGHT, WIDTH, 3))
 
-    timed = render(spec, spp=1_000_000, threads=2, time_limit=0.05)
+    # Time runs out: a pixel is then that of a render of as many samples as its tile has, whole packets of them.
+    timed = render(spec, spp=1_000_000, threads=2, time_limit=0.5, aovs=["samples"])
     assert not timed.complete
     assert not timed.interrupted
-    few = timed.fewest_samples
-    assert few >= rendering.PACKET
-    most = timed.image.samples
-    alternatives = np.stack([radiance(spec, spp=n) for n in _pass_ends(few, most)])
-    same = (alternatives == timed.image.radiance).all(axis=3).any(axis=0)
-    assert same.all()
+    counts = timed.image.layers["samples"]
+    assert counts.min() == timed.fewest_samples >= scheduling.FIRST_PASS
+    assert counts.max() == timed.image.samples
+    for count in np.unique(counts)[:8]:
+        assert count % PACKET == 0
+        picture = radiance(spec, spp=int(count))
+        np.testing.assert_array_equal(timed.image.radiance[counts == count], picture[counts == count])
 
 
-def _pass_ends(few: int, most: int) -> list[int]:
-    ends, begin = [], 0
-    while begin < most:
-        begin = rendering._pass_end(begin, 1_000_000)
-        if few <= begin <= most:
-            ends.append(begin)
-    return ends
+@pytest.mark.parametrize("sampler", ["independent", "sobol"])
+def test_threads_do_not_matter_where_samples_go_where_the_error_is(sampler: str) -> None:
+    spec = scene("cover", sampler)
+    one = render(spec, noise=0.015, threads=1)
+    # Otherwise it would only be a render with another number of samples.
+    assert one.complete
+    assert one.stats.pilot_samples > 0
+    assert len(np.unique(render(spec, noise=0.015, threads=2, aovs=["samples"]).image.layers["samples"])) > 1
+    for threads in (2, 4):
+        again = render(spec, noise=0.015, threads=threads)
+        assert_same(again, one)
+        assert again.stats.error == one.stats.error
 
 
 @pytest.mark.parametrize("sampler", ["independent", "stratified", "sobol"])

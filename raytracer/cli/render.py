@@ -1,7 +1,9 @@
 """`rt render`: from a scene file to images."""
 
+import contextlib
 import json
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,6 +13,7 @@ import typer
 from raytracer.errors import InputError, OutputError
 
 if TYPE_CHECKING:
+    from raytracer.film.image import Image
     from raytracer.rendering import Progress, Rendered
     from raytracer.scene.spec import SceneSpec
 
@@ -19,16 +22,21 @@ Examples:
   rt render scenes/cover.yaml
   rt render scenes/cover.yaml -o cover.png -o cover.exr --spp 1000
   rt render scenes/cover.yaml -D camera.defocus_angle=2 --preview
+  rt render scenes/cornell.yaml --noise 2% -o cornell.exr --aov samples
   rt render scenes/cornell.yaml --crop 200,200,400,400 --time-limit 30s --stats stats.json
   rt render scenes/cornell.yaml -o cornell.exr --aov depth,normal,albedo --denoise
 """
 
 _INTERRUPTED = 130
+# What the interpreter takes to end.
+_EXIT_SECONDS = 0.1
+
 _PREVIEW_EDGE = 480
 _PREVIEW_SPP = 16
 
 
 def render(
+    context: typer.Context,
     scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file.")],
     output: Annotated[
         list[Path] | None,
@@ -51,8 +59,22 @@ def render(
     crop: Annotated[
         str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Render only the pixels X0 <= x < X1, Y0 <= y < Y1.")
     ] = None,
+    noise: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PERCENT",
+            help="Stop when the picture's relative error is down to this: 1%, 0.01.  Samples go where they are needed; "
+            "--spp is then the most that a pixel may get.  Default: no limit.",
+            show_default=False,
+        ),
+    ] = None,
     time_limit: Annotated[
-        str | None, typer.Option(metavar="TIME", help="Start no more samples after this time: 30s, 5 min.")
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            help="Be done after this time, from start to written files: 30s, 5 min.  Samples go where they are needed, "
+            "unless --spp says how many a pixel gets at most.",
+        ),
     ] = None,
     aov: Annotated[
         list[str] | None,
@@ -85,9 +107,9 @@ def render(
 
     Ctrl-C ends the render early and writes the picture so far.
     """
-    start = time.perf_counter()
     outputs = output or [Path("outputs") / f"{Path(scene).stem}.png"]
     window = _parse_crop(crop)
+    target = _parse_noise(noise)
     limit = _parse_time(time_limit)
     layers = _parse_aovs(aov or [], outputs)
 
@@ -102,11 +124,11 @@ def render(
         check_file(stats)
     if preview:
         spec = _small(spec)
-        spp = min(spp or spec.render.spp, _PREVIEW_SPP)
-    load_seconds = time.perf_counter() - start
-
+        if target is None:
+            spp = min(spp or spec.render.spp, _PREVIEW_SPP)
     from raytracer.rendering import render as render_scene
 
+    load_seconds = time.perf_counter() - context.obj
     bar = _Bar(quiet)
     try:
         rendered = render_scene(
@@ -115,16 +137,21 @@ def render(
             seed=seed,
             threads=threads,
             crop=window,
-            time_limit=limit,
+            noise=target,
+            time_limit=None if limit is None else max(limit - _EXIT_SECONDS, 0.5 * limit),
             aovs=layers,
             denoise=denoise,
             progress=bar.update,
             load_seconds=load_seconds,
+            rehearse=lambda image: _rehearse(image, outputs),
         )
     finally:
         bar.close()
     _write(rendered, outputs, stats)
-    _report(rendered, outputs, spp or spec.render.spp, quiet, strict, is_crop=window is not None)
+    wanted = spp or (None if target or limit else spec.render.spp)
+    _report(rendered, outputs, wanted, target, quiet, strict, is_crop=window is not None)
+    if limit is not None and not rendered.interrupted and (late := time.perf_counter() - context.obj - limit) > 0.0:
+        _explain(rendered, limit, late)
     if rendered.interrupted:
         raise typer.Exit(_INTERRUPTED)
 
@@ -153,18 +180,26 @@ def _parse_aovs(lists: list[str], outputs: list[Path]) -> tuple[str, ...]:
         raise InputError(f"--aov {','.join(lists)}: {error}") from None
 
 
+def _parse_noise(text: str | None) -> float | None:
+    if text is None:
+        return None
+    from raytracer.units import parse_share
+
+    try:
+        return parse_share(text)
+    except ValueError as error:
+        raise InputError(f"--noise {text}: {error}") from None
+
+
 def _parse_time(text: str | None) -> float | None:
     if text is None:
         return None
-    from raytracer.units import parse_quantity
+    from raytracer.units import parse_duration
 
     try:
-        seconds = parse_quantity(text, "time")
+        return parse_duration(text)
     except ValueError as error:
         raise InputError(f"--time-limit {text}: {error}") from None
-    if not seconds > 0.0:
-        raise InputError(f"--time-limit {text}: must be greater than 0")
-    return seconds
 
 
 def _small(spec: "SceneSpec") -> "SceneSpec":
@@ -175,7 +210,7 @@ def _small(spec: "SceneSpec") -> "SceneSpec":
 
 
 class _Bar:
-    """A tqdm bar in samples, from the first progress on."""
+    """A tqdm bar in samples, from the first progress on, with the error where one is aimed at."""
 
     def __init__(self, quiet: bool) -> None:
         self._quiet = quiet
@@ -190,12 +225,22 @@ class _Bar:
 
             # None: only on a terminal.
             self._bar = tqdm(total=progress.wanted, unit=" samples", unit_scale=True, leave=False, disable=None)
+        self._bar.total = progress.wanted
+        if progress.error is not None:
+            self._bar.set_postfix_str(f"error {_percent(progress.error)}", refresh=False)
         self._bar.update(progress.done - self._bar.n)
 
     def close(self) -> None:
         """Take the bar away."""
         if self._bar is not None:
             self._bar.close()
+
+
+def _rehearse(image: "Image", outputs: list[Path]) -> None:
+    """Write files as those asked for, and forget them; where there is no room for that, it is not practised."""
+    with contextlib.suppress(OSError, OutputError), tempfile.TemporaryDirectory() as folder:
+        for number, path in enumerate(outputs):
+            image.save(Path(folder) / f"{number}{path.suffix}")
 
 
 def _write(rendered: "Rendered", outputs: list[Path], stats: Path | None) -> None:
@@ -214,32 +259,100 @@ def _write(rendered: "Rendered", outputs: list[Path], stats: Path | None) -> Non
         raise failures[0]
 
 
-def _report(rendered: "Rendered", outputs: list[Path], spp: int, quiet: bool, strict: bool, *, is_crop: bool) -> None:
-    """Say on stderr what was made; what is wrong with it also when quiet."""
+def _report(
+    rendered: "Rendered",
+    outputs: list[Path],
+    wanted: int | None,
+    target: float | None,
+    quiet: bool,
+    strict: bool,
+    *,
+    is_crop: bool,
+) -> None:
+    """Say on stderr what was made; what is wrong with it also when quiet.
+
+    wanted : samples a pixel, or the most of them; None for no limit.
+    target : the relative error that was asked for.
+    """
     result = rendered.stats
-    seconds = result.seconds["render"]
-    height, width, _ = rendered.image.radiance.shape
     names = ", ".join(map(str, outputs))
     if rendered.interrupted:
-        print(f"rt: interrupted; {names} has {_samples(rendered, spp)}", file=sys.stderr)
+        print(f"rt: interrupted; {names} has {_samples(rendered, wanted)}", file=sys.stderr)
     elif not rendered.complete:
-        print(f"rt: out of time; {names} has {_samples(rendered, spp)}", file=sys.stderr)
-    elif not quiet:
-        rates = f"{result.samples / seconds / 1e6:.3g} M samples/s, {result.rays / seconds / 1e6:.3g} M rays/s"
-        print(f"{names}: {width} x {height}, {spp} spp in {seconds:.2f} s ({rates})", file=sys.stderr)
+        print(f"rt: {_shortfall(rendered, names, wanted, target)}", file=sys.stderr)
+    elif target is not None and not rendered.image.radiance.any():
+        print(f"rt: {names} is black, so its relative error says nothing", file=sys.stderr)
+    if not quiet:
+        print(_summary(rendered, names), file=sys.stderr)
     if not quiet and rendered.setting is not None and rendered.setting.exposure.metering is not None:
         part = " in the crop" if is_crop else ""
         print(f"exposure: {rendered.setting.sentence()}{part}", file=sys.stderr)
     if result.nan_samples:
-        sentence = f"{result.nan_samples} samples were not finite and were dropped"
+        sentence = f"{_not_finite(result.nan_samples)} and {'was' if result.nan_samples == 1 else 'were'} dropped"
         if strict:
             raise OutputError(sentence)
         print(f"rt: {sentence}", file=sys.stderr)
 
 
-def _samples(rendered: "Rendered", spp: int) -> str:
-    low, high = rendered.fewest_samples, rendered.image.samples
-    return f"{low} of {spp} samples per pixel" if low == high else f"{low} to {high} of {spp} samples per pixel"
+def _shortfall(rendered: "Rendered", names: str, wanted: int | None, target: float | None) -> str:
+    """Why a render ended before it had what was asked for."""
+    spp = f"{wanted} sample{'' if wanted == 1 else 's'} per pixel"
+    if wanted is None or target is None or rendered.fewest_samples < wanted:
+        if target is not None and not rendered.stats.error and rendered.fewest_samples >= 16:
+            return f"the error of {names} cannot be told: its values are beyond all bounds"
+        return f"out of time; {names} has {_samples(rendered, wanted)}"
+    if not rendered.stats.error:
+        return f"{spp} tell too little of the error of {names}: it takes 16"
+    return f"{spp} do not bring {names} to a relative error of {100.0 * target:g} %"
+
+
+def _explain(rendered: "Rendered", limit: float, late: float) -> None:
+    """Say where the time went that a limit did not have, if it was not in the samples."""
+    seconds = rendered.stats.seconds
+    before = {name: seconds[name] for name in ("load", "pack", "build", "compile")}
+    slowest = max(before, key=lambda name: before[name])
+    if before[slowest] > late:
+        took = f"to {slowest} took {before[slowest]:.1f} s"
+        print(f"rt: {late:.1f} s more than {limit:g} s: {took}, and every pixel gets 8 samples", file=sys.stderr)
+
+
+def _summary(rendered: "Rendered", names: str) -> str:
+    """What every render tells: samples, seconds, rates, error, and what was not finite."""
+    result = rendered.stats
+    height, width, _ = rendered.image.radiance.shape
+    fewest, mean, most = (result.spp[key] for key in ("fewest", "mean", "most"))
+    spp = f"{most} spp" if fewest == most else f"{fewest} to {most}, mean {mean:.1f} spp"
+    seconds = result.seconds["render"]
+    samples = result.samples + result.pilot_samples
+    rates = f"{samples / seconds / 1e6:.3g} M samples/s, {result.rays / seconds / 1e6:.3g} M rays/s"
+    error = "relative error unknown from fewer than 16 spp"
+    if result.error:
+        value, low, high = (result.error[key] for key in ("relative", "low", "high"))
+        where = " before denoising" if "denoise" in result.seconds else ""
+        error = f"relative error{where} {_percent(value, low, high)}"
+    finite = _not_finite(result.nan_samples)
+    return f"{names}: {width} x {height}, {spp} in {seconds:.2f} s ({rates}), {error}, {finite}"
+
+
+def _percent(value: float, *interval: float) -> str:
+    """A fraction in percent to three digits, and its interval to as many places: "1.23 % (1.20 .. 1.26)"."""
+    # Floor of the decimal logarithm, after rounding to three digits.
+    exponent = int(f"{100.0 * value:.2e}".partition("e")[2]) if value else 0
+    places = min(max(2 - exponent, 0), 6)
+    text = f"{100.0 * value:.{places}f} %"
+    return text + f" ({' .. '.join(f'{100.0 * end:.{places}f}' for end in interval)})" if interval else text
+
+
+def _not_finite(samples: int) -> str:
+    if samples == 0:
+        return "no sample was not finite"
+    return "1 sample was not finite" if samples == 1 else f"{samples} samples were not finite"
+
+
+def _samples(rendered: "Rendered", wanted: int | None) -> str:
+    low, high = rendered.fewest_samples, rendered.stats.spp["most"]
+    of = "" if wanted is None else f" of {wanted}"
+    return f"{low}{of} samples per pixel" if low == high else f"{low} to {high}{of} samples per pixel"
 
 
 def register(app: typer.Typer) -> None:

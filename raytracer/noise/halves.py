@@ -91,6 +91,7 @@ class Tally:
         self._steepest = steepest
         self._scale = 0.0
         self._means = np.zeros((len(windows), _KEPT if steepest > SHALLOWEST else 2, 3, edge, edge), np.float32)
+        self._units = np.zeros(len(windows))
         self._last = np.zeros(len(windows), np.int64)
         self._first = np.zeros(len(windows), np.int64)
         self._measured = np.zeros(len(windows), np.int64)
@@ -115,9 +116,13 @@ class Tally:
             return
         if n != 2 * self._last[tile]:
             self._first[tile] = n
+        if self._units[tile] == 0.0 and (top := float(np.abs(mean).max())) > 0.0:
+            # A power of two, so that nothing is rounded but what float32 rounds, for light of any strength.
+            self._units[tile] = math.ldexp(1.0, min(math.frexp(top)[1], 1022)) if math.isfinite(top) else 1.0
         place = (int(n).bit_length() - 1) % self._means.shape[1]
         with np.errstate(over="ignore"):
-            self._means[tile, place, :, : mean.shape[0], : mean.shape[1]] = np.moveaxis(mean, -1, 0)
+            scaled = mean / (self._units[tile] or 1.0)
+            self._means[tile, place, :, : mean.shape[0], : mean.shape[1]] = np.moveaxis(scaled, -1, 0)
         self._last[tile] = n
 
     def estimate(self, counts: ArrayLike) -> Estimate | None:
@@ -193,7 +198,8 @@ class Tally:
         """Sums and sums of squares over pixels (tiles, differences): rising samples, means over channels."""
         places = (_exponents(self._last[tiles])[:, None] + 1 + np.arange(self._means.shape[1])) % self._means.shape[1]
         means, inside = self._means[tiles[:, None], places], self._inside[tiles].astype(np.float32)
-        means *= 1.0 / self._scale if self._scale > 0.0 else 0.0
+        relative = self._units[tiles] / self._scale if self._scale > 0.0 else np.zeros(len(tiles))
+        means *= relative.astype(np.float32)[:, None, None, None, None]
         squared = np.diff(means, axis=1)
         squared *= squared
         shrunk = _shrunk(means[:, -1], squared[:, -1], inside)

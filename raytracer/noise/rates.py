@@ -12,6 +12,7 @@ Convergence Rate of Randomized Quasi-Monte Carlo for Discontinuous Functions", S
 """
 
 import math
+import sys
 from collections.abc import Callable
 from itertools import product
 from typing import NamedTuple
@@ -76,7 +77,12 @@ _EARLY_BETWEEN = _between(2.0)
 
 
 class Rate(NamedTuple):
-    """MSE of an unbroken run: linear / N + steep / N^1.5 + early / N^2 for N that are powers of two, none below 0."""
+    """MSE of an unbroken run: linear / N + steep / N^1.5 + early / N^2 for N that are powers of two, none below 0.
+
+    All nan where nothing is known, and then so is what follows from it.  The sampler of renders has nets of 65,536
+    samples, and what lies in different ones is independent: beyond that the last two terms should fall as 1/N too, so
+    the MSE is a little larger than it says here.
+    """
 
     linear: float
     steep: float
@@ -88,6 +94,8 @@ class Rate(NamedTuple):
 
     def mse(self, n: float) -> float:
         """The MSE of `n` samples, 1 or more, by `prefix_mse`; between whole numbers on a straight line."""
+        if math.isinf(n):
+            return self.smooth(n)
         whole = math.floor(n)
         below = self._prefix(whole)
         if n > whole:
@@ -112,13 +120,15 @@ class Rate(NamedTuple):
         """The local exponent b: the MSE falls as n^-b; 1 for independent samples, or if there is no error."""
         linear, steep, early = self.linear / n, self.steep / n**1.5, self.early / n**2
         total = linear + steep + early
-        return (linear + 1.5 * steep + 2.0 * early) / total if total > 0.0 else SHALLOWEST
+        return SHALLOWEST if total == 0.0 else (linear + 1.5 * steep + 2.0 * early) / total
 
     def samples(self, mse: float) -> float:
-        """The fewest samples, 1 or more, that reach an MSE; inf if none do.
+        """The fewest samples, 1 or more, that reach an MSE; inf if no number that a float can hold does.
 
         Whole powers of two are better than what lies between; the steps between two are 1/256 of the lower one.
         """
+        if math.isnan(self.smooth(1.0)):
+            return math.nan
         if mse >= self.smooth(1.0):
             return 1.0
         if not mse > 0.0:
@@ -128,12 +138,14 @@ class Rate(NamedTuple):
         k = 0
         while self.smooth(2.0 ** (k + 1)) > mse:
             k += 1
+            if k + 1 == sys.float_info.max_exp:
+                return math.inf
         steps = min(_STEPS, 2**k)
         n = 2.0**k * (1.0 + np.arange(steps + 1) / steps)
         thinned = slice(None, None, _STEPS // steps)
         between = self.linear / n + self.steep * 2.0 ** (-1.5 * k) * _STEEP_BETWEEN[thinned]
         between += self.early * 2.0 ** (-2.0 * k) * _EARLY_BETWEEN[thinned]
-        between[0], between[-1] = self.smooth(n[0]), self.smooth(n[-1])
+        between[0], between[-1] = self.smooth(2.0**k), self.smooth(2.0 ** (k + 1))
         first = int(np.argmax(between <= mse))
         before, after = between[first - 1], between[first]
         return float(n[first - 1] + (n[first] - n[first - 1]) * (before - mse) / (before - after))
@@ -152,7 +164,8 @@ def fit_rate(spp: ArrayLike, mse: ArrayLike, steepest: float = STEEPEST, precisi
 
     Returns
     -------
-    All 0 if an MSE is 0 or not known.
+    All 0 if all MSEs are.  Else those of 0 are left out, since they tell nothing: rare light came only later.  All nan
+    if an MSE is negative or not known.
     """
     n = np.asarray(spp, dtype=np.float64)
     return _fit_terms(n, n[:, None] ** -_EXPONENTS, mse, steepest, precision)
@@ -167,9 +180,13 @@ def fit_drops(spp: ArrayLike, drops: ArrayLike, steepest: float = STEEPEST, prec
 def _fit_terms(n: Array, terms: Array, values: ArrayLike, steepest: float, precision: ArrayLike | None) -> Rate:
     """The rate whose `terms` (n, 3) add up to `values` (n,)."""
     known = np.asarray(values, dtype=np.float64)
-    if not np.all(np.isfinite(known) & (known > 0.0)):
-        return Rate(0.0, 0.0)
+    if not _are_errors(known):
+        return Rate(math.nan, math.nan, math.nan)
     trust = np.sqrt(n) if precision is None else np.asarray(precision, dtype=np.float64)
+    some = known > 0.0
+    n, terms, known, trust = n[some], terms[some], known[some], trust[some]
+    if len(n) == 0:
+        return Rate(0.0, 0.0)
     columns = 1 if steepest <= SHALLOWEST or len(n) == 1 else 2 if len(n) < 4 else 3
 
     # Columns of like size, whatever the unit of the picture.
@@ -178,6 +195,11 @@ def _fit_terms(n: Array, terms: Array, values: ArrayLike, steepest: float, preci
     factors = np.zeros(3)
     factors[:columns] = _nonnegative(relative / size, trust) / size
     return Rate(*factors.tolist())
+
+
+def _are_errors(values: Array) -> bool:
+    """Whether none is negative or unknown."""
+    return bool(np.all(np.isfinite(values) & (values >= 0.0)))
 
 
 def _nonnegative(matrix: Array, right: Array) -> Array:
@@ -203,7 +225,7 @@ def _nonnegative(matrix: Array, right: Array) -> Array:
 
 
 class PowerLaw(NamedTuple):
-    """MSE(N) = factor N^-exponent."""
+    """MSE(N) = factor N^-exponent; both nan where nothing is known."""
 
     factor: float
     exponent: float
@@ -221,12 +243,15 @@ class PowerLaw(NamedTuple):
 def fit_power_law(spp: ArrayLike, mse: ArrayLike, steepest: float = STEEPEST) -> PowerLaw:
     """Fit `PowerLaw` by least squares of the logarithms, with the exponent between 1 and `steepest`.
 
-    spp, mse : (n,); one point takes the exponent 1.  The factor is 0 if an MSE is 0.
+    spp, mse : (n,), of which those are left out that `fit_rate` leaves out; one point takes the exponent 1.
     """
     n, values = np.asarray(spp, dtype=np.float64), np.asarray(mse, dtype=np.float64)
-    if not np.all(np.isfinite(values) & (values > 0.0)):
+    if not _are_errors(values):
+        return PowerLaw(math.nan, math.nan)
+    some = values > 0.0
+    if not some.any():
         return PowerLaw(0.0, SHALLOWEST)
-    x, y = np.log(n), np.log(values)
+    x, y = np.log(n[some]), np.log(values[some])
     spread = float(np.sum((x - x.mean()) ** 2))
     exponent = -float(np.sum((x - x.mean()) * y)) / spread if spread > 0.0 else SHALLOWEST
     exponent = min(max(exponent, SHALLOWEST), steepest)
@@ -240,4 +265,4 @@ def halving(rate: Rate, replicates: int, n: int) -> float:
     (2^(b - 1))^2 for four.  1 if there is no error.
     """
     unbroken = rate.mse(replicates * n)
-    return rate.mse(n) / replicates / unbroken if unbroken > 0.0 else 1.0
+    return 1.0 if unbroken == 0.0 else rate.mse(n) / replicates / unbroken

@@ -106,6 +106,70 @@ def test_a_time_limit_leaves_a_whole_picture(scene: Path, capsys: pytest.Capture
     assert image[8, 12, 0] > 0.1
 
 
+def test_a_time_limit_alone_is_what_was_asked_for(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    # Of the scene's 16 samples a pixel nothing is said then.
+    assert main(["render", "ball.yaml", "-o", "a.npy", "--time-limit", "1s", "--stats", "a.json"]) == 0
+    assert "out of time" not in capsys.readouterr().err
+    assert json.loads(Path("a.json").read_text())["spp"]["most"] > 16
+
+
+SUMMARY = re.compile(
+    r"a\.(npy|exr): 24 x 16, (?P<spp>.+) spp in [\d.]+ s \([\d.e+]+ M samples/s, [\d.e+]+ M rays/s\), "
+    r"(?P<error>relative error .+), (?P<finite>.+ not finite)\n"
+)
+
+
+def test_the_summary_says_what_is_known(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "ball.yaml", "-o", "a.npy", "--spp", "64", "--stats", "a.json"]) == 0
+    found = SUMMARY.fullmatch(capsys.readouterr().err)
+    assert found is not None
+    assert found["spp"] == "64"
+    assert found["finite"] == "no sample was not finite"
+    # In percent, the numbers of the file.
+    stats = json.loads(Path("a.json").read_text())
+    value, low, high = map(float, re.findall(r"\d+\.\d+", found["error"]))
+    keys = ("relative", "low", "high")
+    np.testing.assert_allclose([value, low, high], [100.0 * stats["error"][key] for key in keys], rtol=0.01)
+    assert low < value < high
+    # Two halves of 8 samples are the fewest that tell anything.
+    assert main(["render", "ball.yaml", "-o", "a.npy", "--spp", "8"]) == 0
+    assert "relative error unknown from fewer than 16 spp" in capsys.readouterr().err
+
+
+def test_noise_is_what_the_picture_ends_with(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["render", "ball.yaml", "-D", "film.width=48", "-o", "a.exr", "--aov", "samples", "--stats", "a.json"]
+    assert main([*words, "--noise", "0.02%"]) == 0
+    assert re.search(r"48 x 16, \d+ to \d+, mean [\d.]+ spp in", capsys.readouterr().err)
+    stats = json.loads(Path("a.json").read_text())
+    assert stats["error"]["relative"] <= stats["error"]["target"] == 0.0002
+    layers, settings = load_layers("a.exr")
+    counts = layers["samples"]
+    assert (counts.min(), counts.max()) == (stats["spp"]["fewest"], stats["spp"]["most"])
+    assert counts.mean() == pytest.approx(stats["spp"]["mean"])
+    assert stats["samples"] == counts.sum()
+    assert float(settings["relative_error"]) == stats["error"]["relative"]
+    assert (settings["noise"], settings["spp_most"]) == ("0.0002", str(int(counts.max())))
+    # What --spp allows is too little for a tenth of that.
+    assert main(["render", "ball.yaml", "-o", "a.npy", "--noise", "0.00002", "--spp", "64", "-q"]) == 0
+    assert capsys.readouterr().err == "rt: 64 samples per pixel do not bring a.npy to a relative error of 0.002 %\n"
+
+
+@pytest.mark.parametrize(
+    ("value", "interval", "text"),
+    [
+        (0.012345, (0.012, 0.0126), "1.23 % (1.20 .. 1.26)"),
+        (0.0999, (0.0951, 0.1049), "9.99 % (9.51 .. 10.49)"),
+        (0.09999, (), "10.0 %"),
+        (0.3, (0.25, 0.36), "30.0 % (25.0 .. 36.0)"),
+        (2.0, (1.0, 4.0), "200 % (100 .. 400)"),
+        (0.00012345, (0.00012, 0.00013), "0.0123 % (0.0120 .. 0.0130)"),
+        (0.0, (0.0, 0.0), "0.00 % (0.00 .. 0.00)"),
+    ],
+)
+def test_errors_are_told_to_three_digits(value: float, interval: tuple[float, ...], text: str) -> None:
+    assert render._percent(value, *interval) == text
+
+
 def test_ctrl_c_writes_what_is_there(
     scene: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,0 +1,108 @@
+"""What becomes of a film after the render: an image with its layers, clean if that was asked for, and exposed."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from raytracer.film.exposure import Frame, Setting
+from raytracer.film.film import Film, develop
+from raytracer.film.image import Image
+from raytracer.film.photograph import RADIANCE, Process, check_process, photograph
+from raytracer.kinds import AOVS
+from raytracer.scene.pack import Packed
+from raytracer.scene.spec import SceneSpec
+from raytracer.scheduling import Window
+
+if TYPE_CHECKING:
+    from raytracer.aovs.recording import Recording
+
+# What the denoiser is guided by, and how much of a pixel it holds for.
+_GUIDES = ("albedo", "normal", "coverage")
+
+
+def process_of(spec: SceneSpec) -> Process:
+    """How the picture is to be developed."""
+    return Process(
+        exposure=spec.camera.photograph(spec.film.width, spec.film.height),
+        sensor=spec.camera.simulated_sensor(),
+        white_balance=spec.film.white_balance,
+        tone_curve=spec.film.tone_curve,
+    )
+
+
+def check_development(spec: SceneSpec, window: Window) -> None:
+    """Make sure, before it is rendered, that this part of the picture can be developed.
+
+    Raises
+    ------
+    InputError : see `photograph.check_process`.
+    """
+    frame = Frame(spec.film.width, spec.film.height, window.left, window.top)
+    check_process(process_of(spec), frame, window.bottom - window.top, window.right - window.left)
+
+
+def recording_of(
+    spec: SceneSpec, packed: Packed, height: int, width: int, aovs: Sequence[str], *, denoise: bool
+) -> "Recording | None":
+    """What is to be gathered on a film besides radiance; None where that is nothing.
+
+    Raises
+    ------
+    InputError : there is no AOV of that name.
+    """
+    if not aovs and not denoise:
+        return None
+    from raytracer.aovs.recording import Recording, known_aovs
+    from raytracer.scene.identities import identify
+
+    names = known_aovs([*aovs, *(_GUIDES if denoise else ())])
+    return Recording(names, height, width, identify(spec, packed))
+
+
+def finish(
+    film: Film,
+    spec: SceneSpec,
+    window: Window | None = None,
+    settings: Mapping[str, str | float | int] | None = None,
+    recording: "Recording | None" = None,
+    aovs: Sequence[str] = (),
+    denoise_threads: int | None = None,
+    lap: Callable[[str], object] = lambda phase: None,
+) -> tuple[Image, Setting | None]:
+    """The image on a film, and how it was exposed; None for plain radiance.
+
+    Parameters
+    ----------
+    window : the part of the picture that the film is; the whole one if None.
+    settings : for the headers of files.
+    recording, aovs : what was gathered besides radiance, and which of it becomes layers.
+    denoise_threads : threads for Open Image Denoise; None not to denoise.
+    lap : called with the name of a phase, "develop" or "denoise", at its end.
+    """
+    image = develop(film, settings or {})
+    if recording is not None:
+        image = replace(
+            image,
+            settings={**image.settings, **recording.settings(aovs)},
+            layers={name: recording.develop(name, film) for name in aovs},
+            channels=recording.channels(aovs),
+        )
+        if denoise_threads is not None:
+            lap("develop")
+            image = _denoised(image, film, recording, denoise_threads)
+            lap("denoise")
+    left, top = (0, 0) if window is None else window[:2]
+    frame = Frame(spec.film.width, spec.film.height, left, top)
+    # The picture that a denoiser has left as it was is a layer too.
+    units = {"noisy": RADIANCE, **{name: AOVS.specs()[name].unit for name in aovs}}
+    image, setting = photograph(image, process_of(spec), frame, spec.render.seed, units)
+    lap("develop")
+    return image, setting
+
+
+def _denoised(image: Image, film: Film, recording: "Recording", threads: int) -> Image:
+    """The image without its noise, as far as the denoiser can tell."""
+    from raytracer.film.denoise import denoise
+
+    albedo, normal, coverage = (recording.develop(name, film) for name in _GUIDES)
+    return denoise(image, coverage[..., None] * albedo, coverage[..., None] * normal, threads=threads)
