@@ -1,10 +1,12 @@
 # Needs make and Python 3.11 or later; everything else goes into a virtual environment.
 #   PYTHON=python3.12   the interpreter that makes it
 #   VENV=folder         where it is (.venv)
+#   BENCH_ARGS=--quick  a short `make bench`
 PYTHON ?= python3
 VENV ?= .venv
 PEER_VENV ?= .venv-peers
 PYTEST_ARGS ?= --numprocesses auto --dist worksteal
+BENCH_ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
@@ -50,8 +52,8 @@ check: $(INSTALLED_TEST)  ## Style, types and layers of the sources
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports --no-logo
 
-bench: $(INSTALLED) $(MILLION)  ## Measure the speed, against Mitsuba 3 too once `make peers` has installed it
-	$(VENV_PYTHON) bench/bench.py $(if $(wildcard $(PEER_PYTHON)),--peer $(PEER_PYTHON))
+bench: $(INSTALLED) $(GENERATED)  ## Measure the speed, against Mitsuba 3 too once `make peers` has installed it
+	$(VENV_PYTHON) bench/bench.py $(if $(wildcard $(PEER_PYTHON)),--peer $(PEER_PYTHON)) $(BENCH_ARGS)
 
 peers: $(INSTALLED) $(INSTALLED_PEERS) $(MILLION)  ## Compare with Mitsuba 3, which this installs
 	$(VENV_PYTHON) peers/compare.py --peer $(PEER_PYTHON)

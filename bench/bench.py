@@ -1,10 +1,16 @@
-"""Measure the renderer: speed against Mitsuba 3, start-up, compiling, memory.
+"""Measure the renderer: speed against Mitsuba 3, start-up, compiling, memory, and what accuracy costs.
 
     python bench/bench.py --peer .venv-peers/bin/python
 
-Renderers stay warm in processes of their own and take turns, forwards in one round and backwards in the next, so that
-whatever else the machine does meets all of them alike; only rendering is timed. What is compared is the median of the
-ratios within a round. Start-up and compiling are measured from fresh processes.
+Five parts, of which --only takes some:
+
+- speed: equal samples in equal scenes, by us and by Mitsuba, with all threads and with one;
+- start: fresh processes, with a warm cache and with none, and the memory of a large scene;
+- equal_time: error against Mitsuba's at equal time, on all scenes that both can show (equal_time.py);
+- accuracies: the time of `accuracy: exact | robust | fast` on every scene (accuracies.py);
+- samplers: time to equal error by sampler on every scene (samplers.py).
+
+Renderers are warm and take turns (warm.py); what is compared is the median of the ratios within a round.
 Prints Markdown, and writes every figure to outputs/bench.json. Without Mitsuba, for which `make peers` makes an
 environment, only the renderer itself is measured.
 """
@@ -14,28 +20,44 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import platform
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import Any, NamedTuple
 
-import numpy as np
+import accuracies
+import equal_time
+import samplers
+from warm import (
+    MEGA,
+    PEER_PYTHON,
+    QUICK_ROUNDS,
+    ROOT,
+    ROUNDS,
+    SCENES,
+    Crew,
+    Failed,
+    arguments_for,
+    figures,
+    measured,
+    our_command,
+    peer_command,
+    publish,
+    say,
+    table,
+    with_interval,
+)
 
-ROOT = Path(__file__).parents[1]
-SCENES = ROOT / "scenes"
-PEER_PROGRAM = ROOT / "peers" / "render_mitsuba.py"
-PEER_PYTHON = ROOT / ".venv-peers" / "bin" / "python"
+from raytracer.noise import median_interval
+
 RT = "import sys; from raytracer.cli.main import main; sys.exit(main())"
-
-ROUNDS, QUICK_ROUNDS = 9, 3
-RESAMPLES, COVERAGE = 10_000, 95.0
 TINY = ("--spp", "1", "--crop", "0,0,8,8")
-MEGA = 1e6
+STUDIES = {"equal_time": equal_time, "accuracies": accuracies, "samplers": samplers}
+PARTS = ("speed", "start", *STUDIES)
 
 
 class Task(NamedTuple):
@@ -65,111 +87,39 @@ TARGETS = {
     "warm rt render of 8 x 8 pixels (s)": 1.5,
     "rt --help (s)": 0.4,
     "peak memory, million (MB)": 400.0,
+    "relMSE / Mitsuba's at equal time, its default sampler, worst scene": 1.0,
+    "relMSE / Mitsuba's at equal time, its best sampler, worst scene": 1.0,
+    "cover, time to equal error by Sobol / independent": 0.5,
 }
 """What the project asks of itself on four cores."""
 
 
-class Failed(Exception):  # noqa: N818
-    """A process did not do what it was asked; with its own words."""
-
-
-class Worker:
-    """A warm renderer in a process of its own, asked by seed over its standard input.
-
-    Raises
-    ------
-    Failed : the process ended.
-    """
-
-    def __init__(self, command: Sequence[str]) -> None:
-        self._process = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
-        )
-        self.about: dict[str, Any] = self._answer()
-
-    @staticmethod
-    def _stream(stream: IO[str] | None) -> IO[str]:
-        if stream is None:
-            raise Failed("the process has no pipe")
-        return stream
-
-    def _answer(self) -> dict[str, Any]:
-        line = self._stream(self._process.stdout).readline()
-        if not line:
-            self._process.wait()
-            words = self._stream(self._process.stderr).read().strip().splitlines()
-            raise Failed(words[-1] if words else f"exit status {self._process.returncode}")
-        return dict(json.loads(line))
-
-    def render(self, seed: int) -> dict[str, Any]:
-        """Render once; what it took."""
-        stream = self._stream(self._process.stdin)
-        stream.write(f"{seed}\n")
-        stream.flush()
-        return self._answer()
-
-    def close(self) -> None:
-        """End the process."""
-        self._process.communicate()
-
-
-def ratio_interval(ratios: Sequence[float]) -> tuple[float, float, float]:
-    """Median of paired ratios, and a percentile bootstrap interval of it.
-
-    References: Efron, Tibshirani 1993, "An Introduction to the Bootstrap", sec. 13.3.
-    """
-    values = np.asarray(ratios)
-    draws = np.random.default_rng(0).choice(values, (RESAMPLES, len(values)))
-    tail = (100.0 - COVERAGE) / 2.0
-    low, high = np.percentile(np.median(draws, axis=1), [tail, 100.0 - tail])
-    return float(np.median(values)), float(low), float(high)
-
-
 def commands(task: Task, threads: int, peer: str | None) -> dict[str, list[str]]:
     """How each renderer is started for a task."""
-    size = [str(task.path), "--width", str(task.width), "--height", str(task.height), "--spp", str(task.spp)]
-    size += ["--threads", str(threads)]
-    ours = [sys.executable, str(ROOT / "bench" / "worker.py"), *size]
-    independent = [*ours, "--sampler", "independent"]
-    players = {OURS: ours, OURS_INDEPENDENT: independent, OURS_FAST: [*independent, "--accuracy", "fast"]}
-    return players if peer is None else {**players, PEER: [peer, str(PEER_PROGRAM), *size, "--serve"]}
+    size = (task.path, task.width, task.height, task.spp, threads)
+    players = {
+        OURS: our_command(*size),
+        OURS_INDEPENDENT: our_command(*size, sampler="independent"),
+        OURS_FAST: our_command(*size, sampler="independent", accuracy="fast"),
+    }
+    return players if peer is None else {**players, PEER: peer_command(peer, *size)}
 
 
 def interleave(task: Task, threads: int, rounds: int, peer: str | None) -> dict[str, Any]:
     """Warm renders of every renderer in turn: seconds, rates and noise of each, and ratios to the peer."""
-    workers: dict[str, Worker] = {}
-    result: dict[str, Any] = {**task._asdict(), "threads": threads, "rounds": rounds, "renderers": {}, "failed": {}}
-    try:
+    say(f"{task.scene}, {threads} threads")
+    with Crew() as crew:
         for name, command in commands(task, threads, peer).items():
-            say(f"{task.scene}, {threads} threads: {name} starts")
-            try:
-                workers[name] = Worker(command)
-            except (Failed, OSError) as error:
-                result["failed"][name] = str(error)
-                say(f"{name}: {error}")
-        runs: dict[str, list[dict[str, Any]]] = {name: [] for name in workers}
-        for turn in range(rounds):
-            order = list(workers) if turn % 2 == 0 else list(workers)[::-1]
-            for name in order:
-                runs[name].append(workers[name].render(seed=1 + turn))
-            say(", ".join(f"{name} {runs[name][-1]['render']:.3f} s" for name in workers))
-        result["renderers"] = {name: digest(task, workers[name].about, runs[name]) for name in workers}
-    finally:
-        for worker in workers.values():
-            worker.close()
-    if PEER in runs:
-        for name, answers in runs.items():
-            pairs = list(zip(answers, runs[PEER], strict=True))
-            times = [ours["render"] / theirs["render"] for ours, theirs in pairs]
-            efforts = [ours["render"] * ours["noise"] / (theirs["render"] * theirs["noise"]) for ours, theirs in pairs]
-            result["renderers"][name]["time_ratio"] = ratio_interval(times)
-            result["renderers"][name]["equal_noise_ratio"] = ratio_interval(efforts)
-    return result
+            crew.start(name, command)
+        answers = crew.take_turns(rounds, 1, dict.fromkeys(crew, task.spp))
+    renderers = {name: digest(task, crew[name].about, answers[name]) for name in crew}
+    if PEER in crew:
+        for name in crew:
+            times, noises = (figures(answers[name], of) / figures(answers[PEER], of) for of in ("render", "noise"))
+            renderers[name]["time_ratio"] = median_interval(times)
+            renderers[name]["equal_noise_ratio"] = median_interval(times * noises)
+    about = {**task._asdict(), "threads": threads, "rounds": rounds}
+    return {**about, "renderers": renderers, "failed": crew.failed}
 
 
 def digest(task: Task, about: dict[str, Any], runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -248,51 +198,7 @@ def cold_compiles() -> dict[str, Any]:
     return out
 
 
-def processor() -> str:
-    """The processor's name."""
-    information = Path("/proc/cpuinfo")
-    if information.exists():
-        for line in information.read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
-
-
-def load_average() -> list[float]:
-    """Runnable processes over 1, 5 and 15 minutes; empty where the system does not tell."""
-    return [round(value, 2) for value in os.getloadavg()] if hasattr(os, "getloadavg") else []
-
-
-def revision() -> str:
-    """The commit that is measured, with a plus if the tree has changed since."""
-    words = ("git", "-C", str(ROOT))
-    try:
-        commit, status = (
-            subprocess.run([*words, *more], capture_output=True, text=True, check=True).stdout.strip()
-            for more in (("rev-parse", "--short", "HEAD"), ("status", "--porcelain", "--untracked-files=no"))
-        )
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"
-    return commit + "+" * bool(status)
-
-
-def cores() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def say(text: str) -> None:
-    """Tell how far the benchmark is."""
-    print(text, file=sys.stderr, flush=True)
-
-
 # Report
-
-
-def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
 
 def speed_table(renders: Sequence[dict[str, Any]]) -> str:
@@ -300,8 +206,8 @@ def speed_table(renders: Sequence[dict[str, Any]]) -> str:
     rows = []
     for item in renders:
         for name, it in item["renderers"].items():
-            ratios = [
-                "{:.2f} ({:.2f} .. {:.2f})".format(*it[key]) if key in it and name != PEER else ""
+            compared = [
+                with_interval(it[key]) if key in it and name != PEER else ""
                 for key in ("time_ratio", "equal_noise_ratio")
             ]
             rows.append(
@@ -312,7 +218,7 @@ def speed_table(renders: Sequence[dict[str, Any]]) -> str:
                     f"{it['samples_per_second'] / MEGA:.2f}",
                     f"{it['rays_per_second'] / MEGA:.1f}" if "rays_per_second" in it else "",
                     f"{it['noise']:.2e}",
-                    *ratios,
+                    *compared,
                 ]
             )
         for name, reason in item["failed"].items():
@@ -362,6 +268,15 @@ def achieved(report: dict[str, Any]) -> dict[str, float]:
         out["rt --help (s)"] = report["start"]["help"]
     if "memory" in report:
         out["peak memory, million (MB)"] = report["memory"]["memory"]
+    for item in report.get("equal_time", ()):
+        for match in item.get("matches", ()):
+            which = "default" if match["rival"] == equal_time.INDEPENDENT else "best"
+            key = f"relMSE / Mitsuba's at equal time, its {which} sampler, worst scene"
+            out[key] = max(out.get(key, 0.0), match["error_ratio"][0])
+    for item in report.get("samplers", ()):
+        if item["scene"] == "cover" and "samplers" in item:
+            sobol = item["samplers"]["sobol"]
+            out["cover, time to equal error by Sobol / independent"] = sobol["time_to_equal_error"][0]
     return out
 
 
@@ -375,72 +290,73 @@ def target_table(figures: dict[str, float]) -> str:
     return table(("target", "wanted", "measured", ""), rows)
 
 
-def print_report(report: dict[str, Any]) -> None:
-    """Write the report as Markdown."""
-    machine = report["machine"]
-    print(f"{machine['processor']}, {machine['cores']} cores, {machine['system']}; rt at {report['revision']};")
-    print(f"load average {machine['load_before']} before, {machine['load_after']} after; seeds 1 and up.\n")
-    for item in report["renders"]:
-        for name in (OURS, PEER):
-            about = item["renderers"].get(name, {}).get("about", {})
-            if about and item is report["renders"][0]:
-                known = ("rt", "python", "numba", "llvmlite", "numpy", "embreex", "target", "mitsuba", "variant")
-                print(f"{name}: " + ", ".join(f"{key} {about[key]}" for key in known if key in about) + "\n")
-    print(speed_table(report["renders"]))
-    if "start" in report:
-        print(f"`rt --help`: {report['start']['help']:.3f} s. A fresh process for 8 x 8 pixels, 1 spp, cache warm:\n")
-        print(start_table(report["start"]))
-        print(compile_table(report["cold"]))
-    print(target_table(achieved(report)))
+def versions(renders: Sequence[dict[str, Any]]) -> str:
+    """What the renderers run on."""
+    known = ("rt", "python", "numba", "llvmlite", "numpy", "embreex", "target", "mitsuba", "variant")
+    renderers = renders[0]["renderers"] if renders else {}
+    return "".join(
+        f"{name}: " + ", ".join(f"{key} {it['about'][key]}" for key in known if key in it["about"]) + "\n\n"
+        for name, it in renderers.items()
+        if name in (OURS, PEER)
+    )
+
+
+def report(result: dict[str, Any]) -> str:
+    """All figures as Markdown."""
+    parts = [versions(result["renders"]), speed_table(result["renders"])]
+    if "start" in result:
+        parts.append(
+            f"`rt --help`: {result['start']['help']:.3f} s. A fresh process for 8 x 8 pixels, 1 spp, cache warm:\n"
+        )
+        parts += [start_table(result["start"]), compile_table(result["cold"])]
+    parts += [study.report(result[name]) for name, study in STUDIES.items() if name in result]
+    parts.append(target_table(achieved(result)))
+    return "\n".join(parts)
 
 
 def parse_arguments() -> argparse.Namespace:
     """Read the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = arguments_for(__doc__, "bench")
     parser.add_argument(
         "--peer",
         default=str(PEER_PYTHON) if PEER_PYTHON.exists() else None,
         help="Python of the environment that has mitsuba (default: that of .venv-peers, where it exists)",
     )
-    parser.add_argument("--quick", action="store_true", help=f"{QUICK_ROUNDS} rounds instead of {ROUNDS}")
-    parser.add_argument("--rounds", type=int, help="rounds with all threads; with one thread a third of them")
+    parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS, help="only these parts")
     parser.add_argument("--scene", choices=[task.scene for task in TASKS], help="only this scene's speed")
-    parser.add_argument("--only-speed", action="store_true", help="no start-up, compiling or memory")
     parser.add_argument("--all-threads", action="store_true", help="no runs with a single thread")
-    parser.add_argument("--out", type=Path, default=ROOT / "outputs" / "bench.json")
     return parser.parse_args()
+
+
+def measure(arguments: argparse.Namespace) -> dict[str, Any]:
+    """All parts that are wanted."""
+    rounds = arguments.rounds or (QUICK_ROUNDS if arguments.quick else ROUNDS)
+    threads, peer, quick = arguments.threads, arguments.peer, arguments.quick
+    result: dict[str, Any] = {"renders": []}
+    if "speed" in arguments.only:
+        for task in TASKS:
+            if arguments.scene in (None, task.scene):
+                result["renders"].append(interleave(task, threads, rounds, peer))
+                if not arguments.all_threads and threads > 1:
+                    result["renders"].append(interleave(task, 1, max(QUICK_ROUNDS, rounds // 3), peer))
+    if "start" in arguments.only:
+        result |= {"start": start_up(rounds), "cold": cold_compiles()}
+        say("memory")
+        result["memory"] = rt_render(SCENES / "million.yaml")
+    if "equal_time" in arguments.only and peer is not None:
+        result |= equal_time.measure(peer, rounds, threads, quick)
+    if "accuracies" in arguments.only:
+        result |= accuracies.measure(rounds, threads, quick)
+    if "samplers" in arguments.only:
+        result |= samplers.measure(rounds, threads, quick)
+    return result
 
 
 def main() -> None:
     """Measure, write, print."""
     arguments = parse_arguments()
-    rounds = arguments.rounds or (QUICK_ROUNDS if arguments.quick else ROUNDS)
-    report: dict[str, Any] = {
-        "revision": revision(),
-        "machine": {
-            "processor": processor(),
-            "cores": cores(),
-            "system": platform.platform(),
-            "load_before": load_average(),
-        },
-        "renders": [],
-    }
-    for task in TASKS:
-        if arguments.scene not in (None, task.scene):
-            continue
-        report["renders"].append(interleave(task, cores(), rounds, arguments.peer))
-        if not arguments.all_threads and cores() > 1:
-            report["renders"].append(interleave(task, 1, max(QUICK_ROUNDS, rounds // 3), arguments.peer))
-    if not arguments.only_speed:
-        report["start"] = start_up(rounds)
-        report["cold"] = cold_compiles()
-        say("memory")
-        report["memory"] = rt_render(SCENES / "million.yaml")
-    report["machine"]["load_after"] = load_average()
-
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    arguments.out.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
-    print_report(report)
+    result = measured(lambda: measure(arguments))
+    publish(result, report(result), arguments.out)
 
 
 if __name__ == "__main__":

@@ -3,28 +3,37 @@
     python bench/costs.py
 
 Each effect is added to the cover by overriding keys of its scene file, so that the picture stays as comparable as the
-effect lets it. The renderers stay warm in processes of their own and take turns, as in bench.py; what is printed is the
-median of the ratios to the plain cover within a round, with a bootstrap interval. A second plain cover, "the same
-again", shows what the machine's noise alone makes of two equal renders.
+effect lets it. The renderers are warm and take turns (warm.py); what is printed is the median of the ratios to the
+plain cover within a round, with a bootstrap interval. A second plain cover, "the same again", shows what the machine's
+noise alone makes of two equal renders.
 Prints Markdown, and writes every figure to outputs/costs.json.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import statistics
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from warm import (
+    QUICK_ROUNDS,
+    ROUNDS,
+    SCENES,
+    Crew,
+    arguments_for,
+    figures,
+    measured,
+    our_command,
+    publish,
+    table,
+    with_interval,
+)
 
-import bench
-from bench import ROOT, SCENES, Failed, Task, Worker, load_average, processor, ratio_interval, revision, say, table
+from raytracer.noise import ratio_interval
 
-COVER = Task("cover", 400, 225, 64)
+WIDTH, HEIGHT, SPP = 400, 225, 64
 PLAIN, AGAIN = "the cover", "the same again"
 HALF_SKY = 64
 MAP_EDGE = 256
@@ -89,44 +98,25 @@ def arms(folder: Path) -> dict[str, tuple[Path, list[str]]]:
     }
 
 
-def command(path: Path, defines: list[str], threads: int) -> list[str]:
-    """How an arm's renderer is started."""
-    size = ["--width", str(COVER.width), "--height", str(COVER.height), "--spp", str(COVER.spp)]
-    options = [option for define in defines for option in ("--define", define)]
-    worker = str(ROOT / "bench" / "worker.py")
-    return [sys.executable, worker, str(path), *size, "--threads", str(threads), *options]
-
-
 def measure(rounds: int, threads: int) -> dict[str, Any]:
     """Warm renders of all arms in turn, and their ratios to the plain cover."""
-    with tempfile.TemporaryDirectory() as folder:
-        workers: dict[str, Worker] = {}
-        failed: dict[str, str] = {}
-        try:
-            for name, (path, defines) in arms(Path(folder)).items():
-                say(f"{name} starts")
-                try:
-                    workers[name] = Worker(command(path, defines, threads))
-                except Failed as error:
-                    failed[name] = str(error)
-                    say(f"{name}: {error}")
-            runs: dict[str, list[dict[str, Any]]] = {name: [] for name in workers}
-            for turn in range(rounds):
-                for name in list(workers) if turn % 2 == 0 else list(workers)[::-1]:
-                    runs[name].append(workers[name].render(seed=1 + turn))
-        finally:
-            for worker in workers.values():
-                worker.close()
-    result: dict[str, Any] = {"failed": failed, "arms": {}}
-    for name, answers in runs.items():
-        pairs = list(zip(answers, runs[PLAIN], strict=True))
-        result["arms"][name] = {
-            "seconds": [answer["render"] for answer in answers],
-            "time_ratio": ratio_interval([one["render"] / plain["render"] for one, plain in pairs]),
-            "rays_ratio": statistics.median(one["rays"] / plain["rays"] for one, plain in pairs),
-            "noise_ratio": statistics.median(one["noise"] / plain["noise"] for one, plain in pairs),
-        }
-    return result
+    with tempfile.TemporaryDirectory() as folder, Crew() as crew:
+        for name, (path, defines) in arms(Path(folder)).items():
+            options = [word for define in defines for word in ("--define", define)]
+            crew.start(name, [*our_command(path, WIDTH, HEIGHT, SPP, threads), *options])
+        answers = crew.take_turns(rounds, 1, dict.fromkeys(crew, SPP))
+    return {
+        "failed": crew.failed,
+        "arms": {
+            name: {
+                "seconds": figures(answers[name]).tolist(),
+                "time_ratio": ratio_interval(figures(answers[name]), figures(answers[PLAIN])),
+                "rays_ratio": ratio_interval(figures(answers[name], "rays"), figures(answers[PLAIN], "rays")).value,
+                "noise_ratio": ratio_interval(figures(answers[name], "noise"), figures(answers[PLAIN], "noise")).value,
+            }
+            for name in crew
+        },
+    }
 
 
 def report(result: dict[str, Any]) -> str:
@@ -135,7 +125,7 @@ def report(result: dict[str, Any]) -> str:
         [
             name,
             f"{statistics.median(arm['seconds']):.3f}",
-            "{:.2f} ({:.2f} .. {:.2f})".format(*arm["time_ratio"]),
+            with_interval(arm["time_ratio"]),
             f"{arm['rays_ratio']:.2f}",
             f"{arm['time_ratio'][0] / arm['rays_ratio']:.2f}",
             f"{arm['noise_ratio']:.2f}",
@@ -148,20 +138,10 @@ def report(result: dict[str, Any]) -> str:
 
 def main() -> None:
     """Measure, write, print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rounds", type=int, default=bench.ROUNDS)
-    parser.add_argument("--threads", type=int, default=bench.cores())
-    parser.add_argument("--out", type=Path, default=ROOT / "outputs" / "costs.json")
-    arguments = parser.parse_args()
-    before = load_average()
-    result = measure(arguments.rounds, arguments.threads)
-    about = {"processor": processor(), "threads": arguments.threads, "revision": revision(), "rounds": arguments.rounds}
-    result |= about | {"load_before": before, "load_after": load_average()}
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    arguments.out.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
-    print(f"{about['processor']}, {about['threads']} threads, rt at {about['revision']}, {about['rounds']} rounds;")
-    print(f"load average {before} before, {result['load_after']} after.\n")
-    print(report(result))
+    arguments = arguments_for(__doc__, "costs").parse_args()
+    rounds = arguments.rounds or (QUICK_ROUNDS if arguments.quick else ROUNDS)
+    result = measured(lambda: measure(rounds, arguments.threads))
+    publish(result, report(result), arguments.out)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
 """Render on request, for the benchmark: stays warm, so that only rendering is timed.
 
-    echo 1 | python bench/worker.py scenes/cover.yaml --width 400 --height 225 --spp 64
+    echo '{"seed": 1}' | python bench/worker.py scenes/cover.yaml --width 400 --height 225 --spp 64
 
-Renders once and prints what it ran on, then renders again for every seed that it reads, a line each. All answers are
-JSON on one line.
+Renders once and prints what it ran on, then renders again for every request that it reads: a line with a seed, and
+perhaps with other samples per pixel, "spp", and a .npy file for the radiance, "out". All answers are JSON on one line.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import raytracer
-from raytracer.rendering import available_threads, render
+from raytracer.rendering import render
 from raytracer.scene.load import load, parse_overrides
+from raytracer.scheduling import available_threads
 
 INSTRUCTION_SETS = ("avx512f", "avx2", "avx", "sse4.2", "neon")
 PACKAGES = ("numba", "llvmlite", "numpy", "embreex")
@@ -77,7 +78,9 @@ def main() -> None:
     print(json.dumps({"threads": arguments.threads, "sampler": spec.render.sampler, **versions()}), flush=True)
 
     for line in sys.stdin:
-        image, stats, *_ = render(spec, spp=arguments.spp, seed=int(line), threads=arguments.threads)
+        request = json.loads(line)
+        spp = request.get("spp", arguments.spp)
+        image, stats, *_ = render(spec, spp=spp, seed=request["seed"], threads=arguments.threads)
         answer = {
             "render": stats.seconds["render"],
             "rays": stats.rays,
@@ -85,6 +88,8 @@ def main() -> None:
             "noise": relative_noise(before, image.radiance),
         }
         before = image.radiance
+        if "out" in request:
+            np.save(request["out"], image.radiance)
         print(json.dumps(answer), flush=True)
 
 

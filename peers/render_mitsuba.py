@@ -7,7 +7,8 @@ Needs mitsuba, numpy and pyyaml, in an environment of their own. The `llvm_*` va
 `first_seconds` holds a compilation only where that folder is new.
 
 With --serve the process stays warm: it renders once, prints the report on one line, and then renders again for every
-seed from 1 on that it reads, a line each, answering with the seconds and the noise.
+request that it reads, answering with the seconds and the noise: a line of JSON with a seed from 1 on, and perhaps with
+other samples per pixel, "spp", and a .npy file for the radiance, "out".
 """
 
 from __future__ import annotations
@@ -48,6 +49,7 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--spp", type=int, default=64)
     parser.add_argument("--depth", type=int, help="max_depth; default: the scene's")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--sampler", default="independent", help="Mitsuba's name of it (default independent)")
     parser.add_argument("--threads", type=int, default=0, help="default: one a core")
     parser.add_argument("--rough", action="store_true", help="fuzzy metal as roughconductor: for timing only")
     parser.add_argument("-o", "--out", type=Path, help="radiance, float32 .npy of (height, width, 3), row 0 at the top")
@@ -64,6 +66,12 @@ def synchronised_render(scene: Any, spp: int, seed: int) -> Any:
     dr.eval(image)
     dr.sync_thread()
     return image
+
+
+def most_samples(scene: Any) -> int:
+    """Samples per pixel that one render may take."""
+    width, height = scene.sensors()[0].film().size()
+    return max(WAVEFRONT // int(width * height), 1)
 
 
 def passes(spp: int, at_most: int, at_least: int) -> list[int]:
@@ -92,15 +100,19 @@ def relative_noise(a: NDArray[Any], b: NDArray[Any]) -> float:
     return float(np.mean(0.5 * (a - b) ** 2 / ((0.5 * (a + b)) ** 2 + 0.01)))
 
 
-def serve(scene: Any, parts: list[int], before: NDArray[Any]) -> None:
-    """Answer each seed on standard input with seconds of a render and its noise, as JSON on a line."""
+def serve(scene: Any, spp: int, before: NDArray[Any]) -> None:
+    """Answer each request on standard input with seconds of a render and its noise, as JSON on a line."""
     for line in sys.stdin:
+        request = json.loads(line)
+        parts = passes(request.get("spp", spp), most_samples(scene), 1)
         begin = time.perf_counter()
-        seeds = range(int(line) * len(parts), (int(line) + 1) * len(parts))
-        rendered = [synchronised_render(scene, spp, seed) for spp, seed in zip(parts, seeds, strict=True)]
+        seeds = range(request["seed"] * len(parts), (request["seed"] + 1) * len(parts))
+        rendered = [synchronised_render(scene, part, seed) for part, seed in zip(parts, seeds, strict=True)]
         seconds = time.perf_counter() - begin
         images = [np.array(image, dtype=np.float64).reshape(before.shape) for image in rendered]
         mean, _ = mean_and_variance(images, parts)
+        if "out" in request:
+            np.save(request["out"], mean)
         print(json.dumps({"render": seconds, "noise": relative_noise(before, mean)}), flush=True)
         before = mean
 
@@ -123,6 +135,7 @@ def main() -> None:
     size = {"width": arguments.width, "height": arguments.height}
     try:
         spec = scene_dict(arguments.scene, **size, max_depth=arguments.depth, fuzzy_as_rough=arguments.rough)
+        spec["sensor"]["sampler"] = {"type": arguments.sampler, "sample_count": arguments.spp}
     except (UnsupportedError, FileNotFoundError) as error:
         print(f"{arguments.scene}: {error}", file=sys.stderr)
         raise SystemExit(REFUSED) from None
@@ -132,7 +145,7 @@ def main() -> None:
 
     width, height = (int(v) for v in scene.sensors()[0].film().size())
     batches = min(arguments.batches, arguments.spp) if arguments.variance else 1
-    parts = passes(arguments.spp, max(WAVEFRONT // (width * height), 1), batches)
+    parts = passes(arguments.spp, most_samples(scene), batches)
 
     begin = time.perf_counter()
     seeds = range(arguments.seed, arguments.seed + len(parts))
@@ -152,6 +165,7 @@ def main() -> None:
         "scene": arguments.scene.name,
         "mitsuba": mi.__version__,
         "variant": arguments.variant,
+        "sampler": arguments.sampler,
         "threads": arguments.threads or dr.thread_count(),
         "width": width,
         "height": height,
@@ -165,7 +179,7 @@ def main() -> None:
     }
     print(json.dumps(report), flush=True)
     if arguments.serve:
-        serve(scene, parts, mean)
+        serve(scene, arguments.spp, mean)
 
 
 if __name__ == "__main__":
