@@ -37,9 +37,9 @@ _ERRORS = {
     6: "cancelled",
 }
 
-_TYPES = {Primitive.TRIANGLE: 0, Primitive.QUAD: 1, Primitive.SPHERE: 50, Primitive.DISC: 52}
+_TYPES = {Primitive.TRIANGLE: 0, Primitive.SPHERE: 50, Primitive.DISC: 52}
 _INSTANCE_ARRAY = 122
-_FORMATS = {("u", 1): 0x5001, ("u", 3): 0x5003, ("u", 4): 0x5004, ("f", 3): 0x9003, ("f", 4): 0x9004}
+_FORMATS = {("u", 1): 0x5001, ("u", 3): 0x5003, ("f", 3): 0x9003, ("f", 4): 0x9004}
 _POSE_FORMATS = {12: 0x9134, 16: 0xB001}
 _INDEX_BUFFER, _VERTEX_BUFFER, _NORMAL_BUFFER, _TRANSFORM_BUFFER = 0, 1, 3, 23
 _COMPACT, _ROBUST = 2, 4

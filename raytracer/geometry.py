@@ -18,7 +18,6 @@ class Primitive(enum.Enum):
     """What a geometry's buffers describe."""
 
     TRIANGLE = "triangle"
-    QUAD = "quad"
     SPHERE = "sphere"
     DISC = "disc"
 
@@ -27,7 +26,7 @@ class Geometry(NamedTuple):
     """Buffers of one shape kind for the ray caster.
 
     vertices: one array a time step, each float32 (n, 3), or (n, 4) with the radius last for spheres and discs.
-    indices: uint32 (m, 3) for triangles, (m, 4) for quads, None for spheres and discs.
+    indices: uint32 (m, 3) for triangles, None for spheres and discs.
     normals: float32 (n, 3) for discs, else None.
     """
 

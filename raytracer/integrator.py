@@ -69,7 +69,7 @@ from raytracer.paths import (
     travelled,
     veil,
 )
-from raytracer.primitives.interface import expect_any
+from raytracer.primitives.interface import expect_any, row_of_any
 from raytracer.sampling import pixel_key, sample_1d, sample_2d
 from raytracer.vec import Vec3, dot, is_black, madd, max_component, mul, neg, norm, scale, sub
 
@@ -438,7 +438,9 @@ def _(passage, scene, work, count, key, first, segment):
 def found_in(scene, packet, lane):
     """The instance, -1 for none, and the row in its table of what a lane's ray has met."""
     ids = packet.ints
-    return find(scene.instances, ids[GEOMETRY, lane], ids[PRIMITIVE, lane], ids[INSTANCE, lane], ids[PLACEMENT, lane])
+    table = ids[GEOMETRY, lane]
+    primitive = row_of_any(scene.primitives, table, ids[PRIMITIVE, lane])
+    return find(scene.instances, table, primitive, ids[INSTANCE, lane], ids[PLACEMENT, lane])
 
 
 @kernel

@@ -18,7 +18,7 @@ from raytracer.embree import Accel, Device, EmbreeError, Placements, find_librar
 from raytracer.geometry import Geometry, Primitive, padded
 from raytracer.jit import entry
 from raytracer.primitives.discs import Discs
-from raytracer.primitives.interface import geometry
+from raytracer.primitives.interface import geometry, row_of
 from raytracer.primitives.parallelograms import Parallelograms
 from raytracer.primitives.spheres import Spheres
 from raytracer.primitives.triangles import Triangles
@@ -390,7 +390,8 @@ def test_a_single_ray_meets_what_a_packet_meets(kind: str) -> None:
         found = accel.cast(origin, direction)
         assert (found is not None) == (hits.table[ray] == 0)
         if found is not None:
-            assert found[1:] == (0, hits.primitive[ray], -1, -1)
+            assert row_of(table, found.primitive) == hits.primitive[ray]
+            assert (found.geometry, found.instance, found.placement) == (0, -1, -1)
             assert found.distance == pytest.approx(hits.near[ray], rel=1e-5)
 
 

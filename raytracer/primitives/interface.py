@@ -23,6 +23,17 @@ def hit(table, primitive, origin, direction, near, time, accuracy):
 
 
 @generic
+def row_of(table, part):
+    """The row of the table that Embree met in this part of its geometry; each row is one part by default."""
+    raise NotImplementedError
+
+
+@row_of.register(tuple)
+def _(table, part):
+    return part
+
+
+@generic
 def expect(table, primitive):
     """Fetch what `hit` will read of a primitive, if that may be far away; nothing for small tables."""
     raise NotImplementedError
@@ -56,6 +67,7 @@ def _(table, primitive, hit, time):
     return hit.local
 
 
+row_of_any = switch(row_of)
 hit_any = switch(hit)
 expect_any = switch(expect)
 sample_point_any = switch(sample_point)

@@ -20,6 +20,7 @@ from raytracer.primitives.interface import (
     group_key,
     hit,
     pdf_point,
+    row_of,
     sample_point,
     section,
     unmapped,
@@ -59,7 +60,7 @@ def _(table: Translated) -> Geometry:
     if start.indices is not None:
         # Vertices go with the primitives that they belong to; objects share none.
         shift = np.zeros((len(start.vertices[0]), 3))
-        shift[start.indices] = table.shift[:, None, :]
+        shift[start.indices.reshape(len(table.shift), -1)] = table.shift[:, None, :]
     steps = start.vertices if len(start.vertices) > 1 else 2 * start.vertices
     moved = [
         _moved(vertices, fraction * shift)
@@ -101,6 +102,11 @@ def _(table: Translated) -> Translated:
 @section.register(Translated)
 def _(table: Translated, start: int, stop: int) -> Translated:
     return Translated(section(table.base, start, stop), table.shift[start:stop])
+
+
+@row_of.register(Translated)
+def _(table, part):
+    return row_of(table.base, part)
 
 
 @expect.register(Translated)

@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from raytracer.cameras.moving import camera_at
 from raytracer.embree import Accel, Found
+from raytracer.primitives.interface import row_of
 from raytracer.scene.objects import Objects
 from raytracer.scene.spec import SceneSpec
 from raytracer.scene.whereabouts import Whereabouts
@@ -127,10 +128,11 @@ def _met(objects: Objects, clear: Set[int], accel: Accel, origin: Any, direction
 
 def _material(objects: Objects, found: Found) -> int:
     """The reference of the material of what a ray met."""
-    instances, row = objects.instances, found.primitive
+    instances, table = objects.instances, objects.primitives[found.geometry]
+    row = row_of(table, found.primitive)
     if instances is not None and found.instance >= 0:
         number = instances.arrays[found.instance - instances.base] + found.placement
         row += instances.rows[instances.group[number], found.geometry]
         if instances.material is not None and instances.material[number] >= 0:
             return int(instances.material[number])
-    return int(objects.primitives[found.geometry].material[row])
+    return int(table.material[row])

@@ -13,7 +13,7 @@ from raytracer.instances import Instances, find, meet, pdf_placed, sample_placed
 from raytracer.integrator import spawn_point
 from raytracer.jit import entry
 from raytracer.motion import pack_trajectories
-from raytracer.primitives.interface import geometry
+from raytracer.primitives.interface import geometry, row_of_any
 from tests.shapes.kernels import Points
 
 Array = NDArray[np.float64]
@@ -60,7 +60,8 @@ def _cast(accel, packet, stage, origins, directions, onwards, times, hits):
         if table == MISS:
             continue
         ids = packet.ints
-        instance, primitive = find(stage.instances, table, ids[PRIMITIVE, 0], ids[INSTANCE, 0], ids[PLACEMENT, 0])
+        row = row_of_any(stage.primitives, table, ids[PRIMITIVE, 0])
+        instance, primitive = find(stage.instances, table, row, ids[INSTANCE, 0], ids[PLACEMENT, 0])
         near = float(packet.floats[TFAR, 0])
         hit = meet(stage.instances, stage, instance, table, primitive, origin, direction, near, times[ray])
         hits.instance[ray] = instance

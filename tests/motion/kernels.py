@@ -24,7 +24,7 @@ from raytracer.motion import (
     pose_at,
 )
 from raytracer.paths import sample_time
-from raytracer.primitives.interface import carry_any, geometry, hit_any, pdf_point_any, sample_point_any
+from raytracer.primitives.interface import carry_any, geometry, hit_any, pdf_point_any, row_of_any, sample_point_any
 from raytracer.sampling import SAMPLERS
 from raytracer.scene.pack import Packed
 from raytracer.shutter import Shutter
@@ -98,7 +98,7 @@ def _cast(accel, packet, tables, origins, directions, times, hits):
         if table == MISS:
             hits.primitive[ray] = -1
             continue
-        primitive = np.int64(packet.ints[PRIMITIVE, 0])
+        primitive = np.int64(row_of_any(tables, table, packet.ints[PRIMITIVE, 0]))
         near = float(packet.floats[TFAR, 0])
         hit = hit_any(tables, table, primitive, origin, direction, near, times[ray], Exact())
         later = carry_any(tables, table, primitive, hit, 1.0)
@@ -141,7 +141,8 @@ def _self_hits(accel, packet, tables, origins, directions, onwards, times, found
             found[ray] = -1
             continue
         near = float(packet.floats[TFAR, 0])
-        hit = hit_any(tables, table, packet.ints[PRIMITIVE, 0], origin, direction, near, times[ray], Exact())
+        primitive = row_of_any(tables, table, packet.ints[PRIMITIVE, 0])
+        hit = hit_any(tables, table, primitive, origin, direction, near, times[ray], Exact())
         cosine = onward[0] * hit.normal[0] + onward[1] * hit.normal[1] + onward[2] * hit.normal[2]
         # Away from a convex body: whatever is met is the body itself.
         if cosine < 0.0:

@@ -10,7 +10,7 @@ from raytracer.embree import GEOMETRY, MISS, PRIMITIVE, TFAR, Accel
 from raytracer.geometry import Exact
 from raytracer.integrator import spawn_point
 from raytracer.jit import entry
-from raytracer.primitives.interface import geometry, hit_any, pdf_point_any, sample_point_any
+from raytracer.primitives.interface import geometry, hit_any, pdf_point_any, row_of_any, sample_point_any
 
 
 class Hits(NamedTuple):
@@ -49,7 +49,7 @@ def _cast(accel, packet, tables, accuracy, origins, directions, hits):
         if table == MISS:
             hits.table[ray] = -1
             continue
-        primitive = packet.ints[PRIMITIVE, 0]
+        primitive = row_of_any(tables, table, packet.ints[PRIMITIVE, 0])
         near = float(packet.floats[TFAR, 0])
         hit = hit_any(tables, table, primitive, origin, direction, near, None, accuracy)
         hits.table[ray] = table
@@ -78,7 +78,8 @@ def _spawn(accel, packet, tables, accuracy, origins, directions, onwards, starts
         if table == MISS:
             continue
         near = float(packet.floats[TFAR, 0])
-        hit = hit_any(tables, table, packet.ints[PRIMITIVE, 0], origin, direction, near, None, accuracy)
+        primitive = row_of_any(tables, table, packet.ints[PRIMITIVE, 0])
+        hit = hit_any(tables, table, primitive, origin, direction, near, None, accuracy)
         start = spawn_point(hit, (onwards[ray, 0], onwards[ray, 1], onwards[ray, 2]))
         for axis in range(3):
             starts[ray, axis] = start[axis]
