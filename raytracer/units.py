@@ -127,6 +127,39 @@ def parse_quantity(value: float | str, dimension: Dimension) -> float:
     return result
 
 
+def parse_share(text: str) -> float:
+    """A relative error as a fraction, from `1%` or `0.01`.
+
+    Raises
+    ------
+    ValueError: it is no number, or not between 0 and 1; the message is a predicate that continues "key: ".
+    """
+    number, is_percent = text.strip(), False
+    if number.endswith("%"):
+        number, is_percent = number[:-1], True
+    try:
+        share = parse_quantity(number, "number") / (100.0 if is_percent else 1.0)
+    except ValueError:
+        raise ValueError("must be a relative error such as 1% or 0.01") from None
+    if not 0.0 < share < 1.0:
+        hint = f"; did you mean {number}%?" if 1.0 <= share < 100.0 and not is_percent else ""
+        raise ValueError(f"must be greater than 0 and less than 100%{hint}")
+    return share
+
+
+def parse_duration(text: str) -> float:
+    """A finite time above 0, in seconds, from `30s` or `5 min`.
+
+    Raises
+    ------
+    ValueError: it is none; the message is a predicate that continues "key: ".
+    """
+    seconds = parse_quantity(text, "time")
+    if not 0.0 < seconds < math.inf:
+        raise ValueError("must be a time greater than 0" if seconds <= 0.0 else "must be a finite time")
+    return seconds
+
+
 def _wanted(dimension: Dimension) -> str:
     kind = _DIMENSIONS[dimension]
     article = "an" if kind.noun[0] in "aeiou" else "a"

@@ -2,12 +2,14 @@
 
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from raytracer.errors import InputError
+from raytracer.units import parse_duration, parse_share
 
 if TYPE_CHECKING:
     from raytracer.cost.results import Study
@@ -52,22 +54,26 @@ def cost(
         ),
     ] = None,
     no_arms: Annotated[bool, typer.Option("--no-arms", help="Only predict, compare nothing.")] = False,
-    rounds: Annotated[int, typer.Option(help="How often each variant is rendered.", min=2, max=10000)] = 9,
+    rounds: Annotated[int, typer.Option(help="How often each variant is rendered, at least 9 times.")] = 9,
     tiles: Annotated[
         int | None,
-        typer.Option(help="How many tiles of 16 x 16 pixels to measure.  Default: what a minute allows.", min=1),
+        typer.Option(
+            help="How many tiles of 16 x 16 pixels to measure, at least 16 or all.  Default: what a minute allows."
+        ),
     ] = None,
     threads: Annotated[int | None, typer.Option(help="Threads that work.  Default: all.", min=1, max=1024)] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of all random numbers.", min=0, max=2**32 - 1)] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; what was found is printed.")] = False,
 ) -> None:
     """Say what a scene's accuracy costs in time, and what each of its effects and settings does to both.
 
-    Some tiles of the picture are rendered, several times over.  Ctrl-C ends the comparison and reports what there is.
+    Some tiles of the picture are rendered, several times over.  Ctrl-C ends the comparison and reports what there is;
+    before the prediction is there, nothing is known.
     """
     start = time.perf_counter()
-    error, seconds = _parse_share("--target", target), _parse_time("--budget", budget)
+    error = _parsed("--target", target, parse_share)
+    seconds = None if budget is None else _parsed("--budget", budget, parse_duration)
     if no_arms and arms is not None:
         raise InputError("--arms and --no-arms exclude each other")
     names = [] if no_arms else _parse_names(arms)
@@ -84,23 +90,25 @@ def cost(
 
     from raytracer.cost.study import study
 
-    bar = _Bar(quiet)
-    try:
-        found = study(
-            spec,
-            target=error,
-            budget=seconds,
-            rounds=rounds,
-            arms=names,
-            tiles=tiles,
-            threads=threads,
-            seed=seed,
-            progress=bar.update,
-            name=scene,
-            load_seconds=load_seconds,
-        )
-    finally:
-        bar.close()
+    with _Bar(quiet) as bar:
+        try:
+            found = study(
+                spec,
+                target=error,
+                budget=seconds,
+                rounds=rounds,
+                arms=names,
+                tiles=tiles,
+                threads=threads,
+                seed=seed,
+                progress=bar.update,
+                name=scene,
+                load_seconds=load_seconds,
+            )
+        except KeyboardInterrupt:
+            bar.close()
+            print("nothing is known before the prediction is there", file=sys.stderr)
+            raise
     _show(found, as_json)
     if output is not None:
         from raytracer.cost.page import write_report
@@ -112,40 +120,20 @@ def cost(
         raise typer.Exit(_INTERRUPTED)
 
 
-def _parse_share(option: str, text: str) -> float:
-    """A fraction, given as one or in per cent."""
-    from raytracer.units import parse_quantity
-
-    number, sign, rest = text.strip().partition("%")
+def _parsed(option: str, text: str, parse: Callable[[str], float]) -> float:
+    """What an option's text says."""
     try:
-        value = parse_quantity(number if not rest else text, "number") / (100.0 if sign else 1.0)
-    except ValueError:
-        raise InputError(f"{option} {text}: must be a relative error such as 1% or 0.01") from None
-    if not 0.0 < value < 1.0:
-        raise InputError(f"{option} {text}: must be greater than 0 and less than 100%")
-    return value
-
-
-def _parse_time(option: str, text: str | None) -> float | None:
-    if text is None:
-        return None
-    from raytracer.units import parse_quantity
-
-    try:
-        seconds = parse_quantity(text, "time")
+        return parse(text)
     except ValueError as error:
         raise InputError(f"{option} {text}: {error}") from None
-    if not 0.0 < seconds < float("inf"):
-        raise InputError(f"{option} {text}: must be a time greater than 0")
-    return seconds
 
 
 def _parse_names(text: str | None) -> list[str] | None:
     if text is None:
         return None
-    names = [name.strip() for name in text.split(",") if name.strip()]
-    if not names:
-        raise InputError(f"--arms {text}: names none; --no-arms compares nothing")
+    names = [name.strip() for name in text.split(",")]
+    if not all(names):
+        raise InputError(f"--arms {text}: a name is empty; --no-arms compares nothing")
     return names
 
 
@@ -194,6 +182,12 @@ class _Bar:
         """Take the bar away."""
         if self._bar is not None:
             self._bar.close()
+
+    def __enter__(self) -> "_Bar":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 def register(app: typer.Typer) -> None:

@@ -34,7 +34,7 @@ from raytracer.noise import (
 
 Array = NDArray[np.float64]
 
-# Standard deviations that a bias takes to be told from chance: many arms are looked at, and tails are heavy.
+# Standard deviations that a bias or time takes to be told from chance: many arms are looked at, and tails are heavy.
 _Z = 3.0
 
 # Rounds of which each half tells noise.
@@ -43,6 +43,7 @@ _FEWEST_TO_HALVE = 4
 _UNSEEN = "light that it finds rarely has not shown up yet, so its noise is not known"
 
 _SAME = Interval(1.0, 1.0, 1.0)
+_NO_BIAS = Interval(0.0, 0.0, 0.0)
 
 
 class Basis(NamedTuple):
@@ -107,7 +108,7 @@ def scene_arm(basis: Basis, names: Names) -> Arm:
 def floor_of(basis: Basis, control: Rounds) -> Floor:
     """What an arm that is the scene itself, with other random numbers, differs by."""
     return Floor(
-        _largest_log(_time_in_rounds(basis, control)),
+        _largest_log(ratio_interval(*_times(basis, control), basis.seed)),
         _largest_log(_noise_ratio(basis, control.mean, basis.scene.mean)),
     )
 
@@ -120,25 +121,24 @@ def other_arm(basis: Basis, names: Names, rounds: Rounds, sampler: str, floor: F
     sampler : the arm's own.
     same_mean : whether it has no bias by construction.
     """
-    in_rounds = _time_in_rounds(basis, rounds)
+    in_rounds = ratio_interval(*_times(basis, rounds), basis.seed)
     time = _with_tiles(basis, in_rounds, rounds)
     per_sample = mapped(time, lambda ratio: ratio * basis.prediction.per_sample.value)
     rays = basis.rays * _rays(basis, rounds) / _rays(basis, basis.scene)
+    # What the control's bias seems to be shows what chance does.
+    is_certain = same_mean and names.group != "control"
     arm = Arm(
         *names,
         per_sample=per_sample,
         per_ray=_per_ray(basis, per_sample, rays),
         rays_per_sample=rays,
         time=time,
-        time_differs=_differs(in_rounds, floor.time),
+        time_differs=_differs(in_rounds, floor.time) and is_steady(*_times(basis, rounds)),
         spp=rounds.spp,
-        bias=UNKNOWN,
+        bias=None if is_certain else UNKNOWN,
         unbiased=same_mean,
         brightness=_brightness(basis, rounds),
     )
-    if len(rounds.mean) < 2:
-        return arm
-
     bias, resolved = _bias(basis, rounds)
     if same_mean and resolved and arm.brightness is not None and arm.brightness.high < 0.0:
         return replace(arm, why_blank=_UNSEEN)
@@ -148,13 +148,14 @@ def other_arm(basis: Basis, names: Names, rounds: Rounds, sampler: str, floor: F
     # What is no measurable difference makes none in what follows from it.
     rate = _rate(basis, rounds, sampler) if noise_differs else basis.rate
     seconds = (per_sample if arm.time_differs else basis.prediction.per_sample).value
-    spp, why_blank = _samples_to_target(basis.prediction.target, rate, bias, bias_resolved=resolved)
+    of_target = _NO_BIAS if same_mean else bias
+    spp, why_blank = _samples_to_target(basis.prediction.target, rate, of_target, bias_resolved=resolved)
     return replace(
         arm,
         noise=_noise(basis, rounds, noise_ratio),
         noise_ratio=noise_ratio,
         noise_differs=noise_differs,
-        bias=bias,
+        bias=None if is_certain else bias,
         bias_resolved=resolved,
         target_spp=spp,
         target_seconds=None if spp is None else basis.prediction.fixed.value + spp * seconds,
@@ -165,10 +166,18 @@ def other_arm(basis: Basis, names: Names, rounds: Rounds, sampler: str, floor: F
 # ---- Time
 
 
-def _time_in_rounds(basis: Basis, rounds: Rounds) -> Interval:
-    """Time over that of the scene: the median of rounds."""
-    own, scene = (busy @ basis.tiles.weight for busy in (rounds.busy, basis.scene.busy))
-    return ratio_interval(own, scene, basis.seed)
+def _times(basis: Basis, rounds: Rounds) -> tuple[Array, Array]:
+    """Times of an arm and of the scene in each round."""
+    return rounds.busy @ basis.tiles.weight, basis.scene.busy @ basis.tiles.weight
+
+
+def is_steady(own: Array, scene: Array) -> bool:
+    """Whether times (rounds,) differ by more than their ratios spread, beyond what one of a dozen arms does by chance.
+
+    A 95 % interval of one arm in twenty excludes 1 though nothing differs.
+    """
+    logs = np.log(own / scene)
+    return bool(abs(logs.mean()) > _Z * logs.std(ddof=1) / math.sqrt(len(logs)))
 
 
 def _with_tiles(basis: Basis, ratio: Interval, rounds: Rounds) -> Interval:
@@ -205,8 +214,6 @@ def _weighted(basis: Basis, squares: ByTile) -> tuple[Array, Array]:
 
 def _noise_ratio(basis: Basis, own: Array, scene: Array) -> Interval:
     """MSE over that of the scene; nan if the scene has no noise."""
-    if len(own) < 2:
-        return UNKNOWN
     return _ratio(basis, lambda part: (_mse(basis, own[part]).sums, _mse(basis, scene[part]).sums), len(own))
 
 
@@ -227,8 +234,6 @@ def _noise(basis: Basis, rounds: Rounds, ratio: Interval) -> Interval:
     scene = basis.rate.mse(rounds.spp)
     if math.isfinite(ratio.value):
         return root(mapped(ratio, lambda factor: factor * scene))
-    if len(rounds.mean) < 2:
-        return UNKNOWN
     return root(ratio_of_sums(*_weighted(basis, _mse(basis, rounds.mean)), basis.seed))
 
 
@@ -238,15 +243,16 @@ def _rate(basis: Basis, rounds: Rounds, sampler: str) -> Rate | None:
     if rounds.early is not None and basis.scene.early is not None:
         levels[rounds.early_spp] = (rounds.early, basis.scene.early)
     ratios = {spp: _noise_ratio(basis, *means).value for spp, means in levels.items()}
-    if not all(map(math.isfinite, ratios.values())):
-        # The scene has no noise that another's could be so many times.
+    # Light that early samples of the scene missed makes no noise there that another's could be so many times.
+    ratios = {spp: ratio for spp, ratio in ratios.items() if spp == rounds.spp or math.isfinite(ratio)}
+    if not math.isfinite(ratios[rounds.spp]):
+        # The scene has none at all.
         noise = _noise(basis, rounds, UNKNOWN).value
         return None if math.isnan(noise) else fit_rate([rounds.spp], [noise**2], 1.0)
-    if rounds.early is None and steepest_of(sampler) > 1.0:
+    if len(ratios) == 1 and steepest_of(sampler) > 1.0:
         return Rate(*(ratios[rounds.spp] * term for term in basis.rate))
     spp = sorted(ratios)
-    steepest = steepest_of(sampler) if len(spp) > 1 else 1.0
-    return fit_rate(spp, [ratios[n] * basis.rate.mse(n) for n in spp], steepest)
+    return fit_rate(spp, [ratios[n] * basis.rate.mse(n) for n in spp], steepest_of(sampler))
 
 
 # ---- Bias
@@ -254,8 +260,6 @@ def _rate(basis: Basis, rounds: Rounds, sampler: str) -> Rate | None:
 
 def _bias(basis: Basis, rounds: Rounds) -> tuple[Interval, bool]:
     """The relative bias, and whether it is known not to be 0."""
-    if len(rounds.mean) < 2:
-        return UNKNOWN, False
     owner, pixels = basis.tiles.owner, basis.tiles.pixels.astype(np.float64)
 
     def sums(part: slice) -> tuple[Array, Array]:
@@ -279,23 +283,24 @@ def _deviation_of_bias(basis: Basis, rounds: Rounds) -> float:
 
 
 def _brightness(basis: Basis, rounds: Rounds) -> Interval:
-    sums = brightness_by_tile(rounds.mean, basis.scene.mean, basis.tiles.owner)
-    own, scene = (part * basis.tiles.weight for part in sums)
-    return mapped(ratio_of_sums(own, scene, basis.seed), lambda ratio: ratio - 1.0)
+    def sums(part: slice) -> tuple[Array, Array]:
+        return brightness_by_tile(rounds.mean[part], basis.scene.mean[part], basis.tiles.owner)
+
+    return mapped(_ratio(basis, sums, len(rounds.mean)), lambda ratio: ratio - 1.0)
 
 
 def _samples_to_target(
     target: float, rate: Rate | None, bias: Interval, *, bias_resolved: bool
 ) -> tuple[float | None, str]:
-    """Samples per pixel with which noise and bias together are at the target; or None, and why."""
+    """Samples per pixel with which noise and bias together are at the target, and a doubt; or None, and why."""
     if rate is None:
         return None, "its noise is not known"
     if bias_resolved and bias.low > target:
         return None, "its bias exceeds the target, which no number of samples changes"
     goal = target**2 - (bias.value**2 if bias_resolved else 0.0)
-    if not goal > 0.0:
+    if bias_resolved and not goal > 0.0:
         return None, "its bias may exceed the target, which no number of samples changes"
-    return rate.samples(goal), ""
+    return rate.samples(goal), "its bias may exceed the target" if bias.high > target else ""
 
 
 # ---- Whether there is a difference

@@ -17,6 +17,9 @@ _FAR = 100.0
 
 _MOST_SAMPLES = 2**31 - 1
 
+# Load for each processor that is no quiet machine any more: with half of them at work, others share caches and clock.
+_BUSY = 0.5
+
 
 class Circumstances(NamedTuple):
     """What doubts come from.
@@ -50,9 +53,9 @@ def _of_the_picture(found: Circumstances) -> Iterator[str]:
     if found.bad:
         yield f"{found.bad} samples were not finite and were dropped: times and errors leave them out"
     if found.scale == 0.0:
-        yield "what was rendered is black, so it has no relative error"
+        yield "what was rendered is black: no error is relative to it, so nothing can be told of what accuracy costs"
     elif found.prediction.points[-1].error.value == 0.0:
-        yield "what was rendered has no noise: one sample does"
+        yield "what was rendered has no noise: one sample per pixel is enough"
     if found.top_share > _LARGE_SHARE:
         yield (
             f"the worst 0.1 % of the pixels carry {100.0 * found.top_share:.0f} % of the squared error: rare bright "
@@ -67,14 +70,18 @@ def _of_the_question(found: Circumstances) -> Iterator[str]:
             f"the budget of {prediction.budget:.3g} s does not reach for one sample per pixel after the "
             f"{prediction.fixed.value:.3g} s that do not depend on samples"
         )
-    wanted, most = prediction.target_spp.value, prediction.points[-1].spp
-    if wanted > _MOST_SAMPLES:
-        yield f"the target takes more samples per pixel than a render can have, {_MOST_SAMPLES}"
-    elif wanted > _FAR * most:
-        yield (
-            f"the target takes {wanted / most:.0f} times as many samples as were measured, {most}: "
-            "how error falls so far beyond is not known"
-        )
+    most = prediction.points[-1].spp
+    for what, spp in (
+        ("target takes", prediction.target_spp.value),
+        ("budget has time for", 0.0 if prediction.budget_spp is None else prediction.budget_spp),
+    ):
+        if spp > _MOST_SAMPLES:
+            yield f"the {what} more samples per pixel than a render can have, {_MOST_SAMPLES}"
+        elif spp > _FAR * most:
+            yield (
+                f"the {what} {spp / most:.0f} times as many samples as were measured, {most}: "
+                "how error falls so far beyond is not known"
+            )
 
 
 def _of_the_measurement(found: Circumstances) -> Iterator[str]:
@@ -87,7 +94,7 @@ def _of_the_measurement(found: Circumstances) -> Iterator[str]:
         yield "one tile was measured, so intervals are not known"
     elif found.tiles_measured < min(_FEW_TILES, found.tiles):
         yield f"only {found.tiles_measured} of {found.tiles} tiles were measured: intervals are rough"
-    if found.load is not None and math.isfinite(found.load) and found.load > 0.5 * found.processors:
+    if found.load is not None and math.isfinite(found.load) and found.load > _BUSY * found.processors:
         yield (
             f"the machine was busy before, with a load of {found.load:.1f} on {found.processors} processors: "
             "times may be longer than on a quiet one"

@@ -74,6 +74,7 @@ _COLUMNS = {
     "noise_differs": "noise_differs",
     "bias": "bias",
     "bias_resolved": "bias_resolved",
+    "unbiased": "unbiased",
     "brightness": "brightness",
     "target_spp": "target_spp",
     "target_seconds": "target_seconds",

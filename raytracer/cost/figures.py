@@ -10,7 +10,7 @@ References: Okabe and Ito 2008, "Color Universal Design"; Smith and van der Walt
 import io
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -191,21 +191,14 @@ def _draw_convergence(axes: "Axes", study: Study, points: list[Point], theme: _T
         )
 
     # Draw what was asked for, and where the fit meets it.
-    axes.axhline(
-        predicted.target,
-        color=_VERMILLION,
-        linewidth=1.5,
-        linestyle="-.",
-        label=f"target {phrases.plain_percent(predicted.target)}",
-    )
+    asked: list[tuple[Callable[..., Any], float, str, str, str]] = [
+        (axes.axhline, predicted.target, _VERMILLION, "-.", f"target {phrases.plain_percent(predicted.target)}")
+    ]
     if predicted.budget is not None and predicted.budget > 0.0:
-        axes.axvline(
-            predicted.budget,
-            color=_GREEN,
-            linewidth=1.5,
-            linestyle=":",
-            label=f"budget {phrases.chosen_duration(predicted.budget)}",
-        )
+        said = f"budget {phrases.chosen_duration(predicted.budget)}"
+        asked.append((axes.axvline, predicted.budget, _GREEN, ":", said))
+    for draw, at_value, colour, style, words in asked:
+        draw(at_value, color=colour, linewidth=1.5, linestyle=style, label=words)
     at = predicted.target_seconds
     if math.isfinite(at.value) and 0.0 < at.value <= until:
         known = 0.0 < at.low <= at.value <= at.high < math.inf
@@ -320,7 +313,7 @@ def _map(study: Study, theme: _Theme, form: str) -> bytes | None:
         return None
     error = _reduced(study.error_map)
     positive = error[np.isfinite(error) & (error > 0.0)]
-    low, high = (float(x) for x in np.percentile(positive, (1.0, 99.5)))
+    low, high = (float(x) for x in np.percentile(positive, (5.0, 99.5)))
     if high < 2.0 * low:
         low, high = low / math.sqrt(2.0), high * math.sqrt(2.0)
 

@@ -4,8 +4,8 @@ What needs the machine comes in a `Bench`, so that tests run on made-up pictures
 """
 
 import time
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from raytracer.sampling import SAMPLERS
 from raytracer.scene.objects import Assets
 from raytracer.scene.pack import Packed
 from raytracer.scene.spec import SceneSpec
-from raytracer.scheduling import Window
+from raytracer.scheduling import TILE, Window
 
 Array = NDArray[np.float64]
 
@@ -44,6 +44,8 @@ _FIRST_LEVEL = 16
 # The same for one round of an arm, of which the means are kept; and how many seconds it takes, of those for all.
 _ROUND_RUNS = ((1024, 64), (256, 64), (64, 16), (32, 16), (16, 8), (8, 2))
 _MOST_TILES = 192
+_MOST_BYTES = 2**30
+_BYTES_OF_TILE = 3 * 8 * TILE * TILE
 _ROUND_SECONDS = (0.2, 1.0)
 
 # An early mean is kept at this fraction of a round's samples, if that is a whole number of packets.
@@ -79,7 +81,7 @@ class Subject(NamedTuple):
     threads: int
 
     def render(self, windows: Sequence[Window], spp: int, seed: int, keep: Sequence[int] = ()) -> Patch:
-        """See `rendering.render_tiles`."""
+        """See `preparation.render_tiles`."""
         return self.bench.render(self.prepared, windows, spp, seed, self.threads, keep)
 
     @property
@@ -186,11 +188,16 @@ def extent_of_replicates(windows: Sequence[Window], seconds: float, pace: float,
     return extent(windows, seconds * pace / REPLICATES, _RUNS, tiles)
 
 
-def extent_of_round(windows: Sequence[Window], seconds: float, pace: float, tiles: int | None) -> Extent:
-    """What an arm takes about so many seconds for, a fraction of one or one."""
+def extent_of_round(windows: Sequence[Window], seconds: float, pace: float, tiles: int | None, turns: int) -> Extent:
+    """What an arm takes about so many seconds for, a fraction of one or one.
+
+    turns : how many means are kept, of all arms in all rounds: the more, the fewer tiles.
+    """
     least, most = _ROUND_SECONDS
-    size = extent(windows, min(max(seconds, least), most) * pace, _ROUND_RUNS, tiles)
-    return size if tiles is not None else size._replace(tiles=min(size.tiles, _MOST_TILES))
+    room = max(1, min(_MOST_TILES, _MOST_BYTES // (turns * _BYTES_OF_TILE)))
+    asked = None if tiles is None else min(tiles, room)
+    size = extent(windows, min(max(seconds, least), most) * pace, _ROUND_RUNS, asked)
+    return size._replace(tiles=min(size.tiles, room))
 
 
 def levels_of(spp: int, is_progressive: bool) -> tuple[int, ...]:
@@ -248,6 +255,26 @@ def _runs(levels: Sequence[int], is_progressive: bool) -> list[tuple[tuple[int, 
 # ---- Rounds of variants
 
 
+def casts_alike(a: Packed, b: Packed) -> bool:
+    """Whether one ray caster's structure does for both: it takes most of the memory of a large scene."""
+    if a.robust != b.robust or len(a.scene.primitives) != len(b.scene.primitives):
+        return False
+    return all(
+        _equal(*pair) for pair in ((a.geometries, b.geometries), (a.groups, b.groups), (a.placements, b.placements))
+    )
+
+
+def _equal(a: Any, b: Any) -> bool:
+    """Whether nested tuples, lists and mappings hold equal arrays."""
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return a is b or (a.dtype == b.dtype and np.array_equal(a, b))
+    if isinstance(a, Mapping) and isinstance(b, Mapping):
+        return a.keys() == b.keys() and all(_equal(a[key], b[key]) for key in a)
+    if isinstance(a, (tuple, list)) and isinstance(b, (tuple, list)):
+        return len(a) == len(b) and all(map(_equal, a, b))
+    return bool(a == b)
+
+
 def entered(scene: Subject, variant: Variant, windows: Sequence[Window], assets: Assets) -> Subject:
     """A variant of a subject, compiled and warm; one that differs in nothing is the subject itself.
 
@@ -262,40 +289,13 @@ def entered(scene: Subject, variant: Variant, windows: Sequence[Window], assets:
     prepared = scene.prepared
     spec = variant.respec(prepared.spec)
     if variant.packs_anew:
-        prepared = scene.bench.prepare(spec, variant.pack(prepared.spec, assets))
+        packed = variant.pack(prepared.spec, assets)
+        if casts_alike(packed, prepared.packed):
+            packed = packed._replace(built=prepared.accel)
+        prepared = scene.bench.prepare(spec, packed)
     subject = scene._replace(prepared=prepared._replace(spec=spec, scene=variant.repack(prepared.scene)))
     subject.render(windows, PACKET, spec.render.seed)
     return subject
-
-
-class Turn(NamedTuple):
-    """An arm in one round: see `Rounds`."""
-
-    mean: Array
-    early: Array | None
-    busy: Array
-    rays: Array
-    bad: int
-
-
-class Rounds(NamedTuple):
-    """An arm in R rounds.
-
-    mean (R, P, 3), at `spp` samples; early (R, P, 3), at `early_spp`, or None; busy (R, T), seconds of a thread, and
-    rays (R, T), for one sample in every pixel of a tile; bad, samples that were not finite.
-    """
-
-    spp: int
-    mean: Array
-    early: Array | None
-    busy: Array
-    rays: Array
-    bad: int
-
-    @property
-    def early_spp(self) -> int:
-        """Samples of the early mean."""
-        return self.spp // _EARLY
 
 
 class Entry(NamedTuple):
@@ -304,6 +304,52 @@ class Entry(NamedTuple):
     subject: Subject
     seeds: Sequence[int]
     sloped: bool
+
+
+class Rounds(NamedTuple):
+    """An arm in R rounds.
+
+    mean (R, P, 3), at `spp` samples; early (R, P, 3), at `early_spp`, or None; busy (R, T), seconds of a thread, and
+    rays (R, T), for one sample in every pixel of a tile; dropped int64 (R,), samples that were not finite.
+    """
+
+    spp: int
+    mean: Array
+    early: Array | None
+    busy: Array
+    rays: Array
+    dropped: NDArray[np.int64]
+
+    @classmethod
+    def room(cls, entry: Entry, tiles: Tiles, spp: int, rounds: int) -> "Rounds":
+        """Room for rounds that are still to be rendered."""
+        pictures, by_tile = (rounds, int(tiles.pixels.sum()), 3), (rounds, len(tiles.windows))
+        is_sloped = entry.sloped and (spp // _EARLY) % PACKET == 0
+        return cls(
+            spp,
+            np.empty(pictures),
+            np.empty(pictures) if is_sloped else None,
+            np.empty(by_tile),
+            np.empty(by_tile),
+            np.empty(rounds, dtype=np.int64),
+        )
+
+    def first(self, rounds: int) -> "Rounds":
+        """Some of them."""
+        early = None if self.early is None else self.early[:rounds]
+        return Rounds(
+            self.spp, self.mean[:rounds], early, self.busy[:rounds], self.rays[:rounds], self.dropped[:rounds]
+        )
+
+    @property
+    def early_spp(self) -> int:
+        """Samples of the early mean."""
+        return self.spp // _EARLY
+
+    @property
+    def bad(self) -> int:
+        """Samples that were not finite."""
+        return int(self.dropped.sum())
 
 
 def rotation(arms: int, turn: int) -> list[int]:
@@ -320,40 +366,29 @@ def compete(
     -------
     What each arm did; nothing if no round was completed.
     """
-    done: list[list[Turn]] = []
+    found = [Rounds.room(entry, tiles, spp, rounds) for entry in entries]
+    whole = 0
     try:
         for turn in range(rounds):
-            row: dict[int, Turn] = {}
             for place, arm in enumerate(rotation(len(entries), turn)):
-                row[arm] = _take_turn(entries[arm], tiles, spp, turn)
+                _take_turn(entries[arm], tiles, turn, found[arm])
                 tick((turn + (place + 1) / len(entries)) / rounds)
-            done.append([row[arm] for arm in range(len(entries))])
+            whole += 1
     except KeyboardInterrupt:
         pass
-    return [_gathered(spp, [row[arm] for row in done]) for arm in range(len(entries))] if done else []
+    return [arm.first(whole) for arm in found] if whole else []
 
 
-def _take_turn(entry: Entry, tiles: Tiles, spp: int, turn: int) -> Turn:
-    subject, seed, early_spp = entry.subject, entry.seeds[turn], spp // _EARLY
-    if not entry.sloped or early_spp % PACKET:
+def _take_turn(entry: Entry, tiles: Tiles, turn: int, found: Rounds) -> None:
+    """Render an arm once, and note what was found."""
+    subject, seed, spp, early_spp = entry.subject, entry.seeds[turn], found.spp, found.early_spp
+    if found.early is None:
         patch = subject.render(tiles.windows, spp, seed)
-        return Turn(tiles.flat(patch.mean), None, patch.busy / spp, patch.rays / spp, patch.nan_samples)
-    if subject.is_progressive:
+    elif subject.is_progressive:
         patch = subject.render(tiles.windows, spp, seed, (early_spp,))
-        early = patch.levels[early_spp]
+        found.early[turn] = tiles.flat(patch.levels[early_spp])
     else:
-        early = subject.render(tiles.windows, early_spp, seed).mean
+        found.early[turn] = tiles.flat(subject.render(tiles.windows, early_spp, seed).mean)
         patch = subject.render(tiles.windows, spp, seed)
-    return Turn(tiles.flat(patch.mean), tiles.flat(early), patch.busy / spp, patch.rays / spp, patch.nan_samples)
-
-
-def _gathered(spp: int, turns: Sequence[Turn]) -> Rounds:
-    early = [turn.early for turn in turns if turn.early is not None]
-    return Rounds(
-        spp,
-        np.stack([turn.mean for turn in turns]),
-        np.stack(early) if early else None,
-        np.stack([turn.busy for turn in turns]),
-        np.stack([turn.rays for turn in turns]),
-        sum(turn.bad for turn in turns),
-    )
+    found.mean[turn], found.dropped[turn] = tiles.flat(patch.mean), patch.nan_samples
+    found.busy[turn], found.rays[turn] = patch.busy / spp, patch.rays / spp

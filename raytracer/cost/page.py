@@ -52,7 +52,7 @@ def _columns(study: Study) -> list[Column]:
             "nothing but the machine's unrest and the dice.",
         ),
         Column(
-            "time per sample",
+            "time per spp",
             True,
             "Seconds for one sample in every pixel of the whole picture, over all threads. It does not say how good "
             "the sample is: dearer samples may be the better ones.",
@@ -91,7 +91,8 @@ def _columns(study: Study) -> list[Column]:
         Column(
             "bias against the scene",
             False,
-            "How far the picture is from that of the scene when all noise is gone (RMS, relative). It stays "
+            "How far the picture is from that of the scene when all noise is gone (RMS, relative), where its square "
+            "exceeds three standard deviations of what is measured of arms without any. It stays "
             'however many samples are taken. "Not resolved" means that it is smaller than what these rounds could see, '
             "given in brackets; not that there is none. It is against the scene as it is, which may itself be an "
             "approximation.",
@@ -105,8 +106,9 @@ def _columns(study: Study) -> list[Column]:
         Column(
             f"time to {target}",
             True,
-            f"Predicted time until the noise is {target}, compiling apart. It is blank where the bias exceeds "
-            f"that, since no number of samples mends a bias.",
+            f"Predicted time until noise and bias together are {target}, compiling apart; as the scene's where neither "
+            "time nor noise nor bias differs. It is blank where the bias exceeds the target, since no number of "
+            "samples mends a bias.",
         ),
     ]
 
@@ -141,7 +143,7 @@ def _cells(arm: Arm, study: Study) -> list[Cell]:
     if arm.target_seconds is None:
         target = Cell("", one_line(arm.why_blank), "", False)
     else:
-        target = Cell(phrases.duration(arm.target_seconds), "", _key(arm.target_seconds), True)
+        target = Cell(phrases.reached(arm), one_line(arm.why_blank), _key(arm.target_seconds), True)
     return [
         _cell(phrases.duration_interval(arm.per_sample), arm.per_sample.value, number=True),
         _cell(_nanoseconds(arm.per_ray), arm.per_ray.value, number=True),
@@ -163,26 +165,6 @@ def _brightness(arm: Arm) -> str:
     if arm.brightness is None:
         return "" if arm.group == "scene" else phrases.UNKNOWN
     return phrases.percent_interval(arm.brightness)
-
-
-def _headline(study: Study) -> str:
-    predicted = study.prediction
-    target, seconds = phrases.plain_percent(predicted.target), predicted.target_seconds
-    if math.isnan(seconds.value):
-        said = f"How long a relative error of {target} takes could not be told."
-    elif math.isinf(seconds.value):
-        said = f"A relative error of {target} cannot be reached, by what was measured."
-    else:
-        said = (
-            f"A relative error of {target} takes {phrases.duration_interval(seconds)}, "
-            f"with {phrases.samples(predicted.target_spp.value)}."
-        )
-    if predicted.budget is not None and predicted.budget_error is not None and (predicted.budget_spp or 0.0) >= 1.0:
-        said += (
-            f" {phrases.chosen_duration(predicted.budget)} buy an error of "
-            f"{phrases.percent_interval(predicted.budget_error)}."
-        )
-    return said
 
 
 class _File(NamedTuple):
@@ -236,7 +218,7 @@ def page(study: Study) -> str:
     values: dict[str, Any] = {
         "scene": one_line(study.scene),
         "extent": phrases.extent(study),
-        "headline": _headline(study),
+        "headline": phrases.headline(study),
         "warnings": [one_line(warning) for warning in study.warnings],
         # Matplotlib's own, in which there is no text of a scene.
         "convergence": convergence and Markup(convergence),

@@ -18,9 +18,11 @@ _UNITS = (
     ("s", 1.0, 120.0),
     ("min", 60.0, 7200.0),
     ("h", 3600.0, 172800.0),
-    ("days", 86400.0, 365.25 * 86400.0),
-    ("years", 365.25 * 86400.0, math.inf),
+    ("days", 86400.0, math.inf),
 )
+
+# A longer time, in seconds, is no time that anybody waits for.
+_YEAR = 365.25 * 86400.0
 
 # Bias that is smaller than this is not told more exactly.
 _SMALLEST_BIAS = 1e-5
@@ -90,11 +92,13 @@ def _unit(seconds: float) -> tuple[str, float]:
 
 
 def duration(seconds: float) -> str:
-    """A time with the unit that suits it: "71.3 ms", "12.3 s", "7.48 min", "never" for inf."""
+    """A time with the unit that suits it: "71.3 ms", "12.3 s", "7.48 min", "over a year", "never" for inf."""
     if math.isnan(seconds):
         return UNKNOWN
     if math.isinf(seconds):
         return "never" if seconds > 0.0 else UNKNOWN
+    if seconds > _YEAR:
+        return "over a year"
     unit, length = _unit(seconds)
     return f"{number(seconds / length)} {unit}" if seconds else "0 s"
 
@@ -106,7 +110,7 @@ def chosen_duration(seconds: float) -> str:
 
 def duration_interval(interval: Interval) -> str:
     """A time with its interval, all in one unit: "61.2 s (58.0 .. 65.1)"."""
-    if not math.isfinite(interval.value):
+    if not math.isfinite(interval.value) or interval.value > _YEAR:
         return duration(interval.value)
     unit, length = _unit(interval.value)
     return _with_ends(interval, 1.0 / length, f" {unit}")
@@ -165,9 +169,11 @@ def rounds(study: Study) -> str:
 
 # ---- Plan
 
+LEFT_OUT = "Left out"
+
 _PLAN = {
     "simulated": "Simulated",
-    "left out": "Left out",
+    "left out": LEFT_OUT,
     "setting": "Settings that trade accuracy for time",
 }
 
@@ -181,6 +187,15 @@ def plan(study: Study) -> list[tuple[str, list[tuple[str, str]]]]:
         if items:
             told.append((_PLAN.get(group, one_line(group)), _by_family(items)))
     return told
+
+
+def left_out(study: Study) -> str:
+    """The names of what is left out, those of a family together."""
+    families: dict[str, list[str]] = {}
+    for name in (one_line(item.name) for item in study.plan if item.group == "left out"):
+        family, _, kind = name.partition(".")
+        families.setdefault(family, []).extend([kind] if kind else [])
+    return "; ".join(f"{family} {', '.join(kinds)}" if kinds else family for family, kinds in families.items())
 
 
 def _by_family(items: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
@@ -215,12 +230,14 @@ def prediction(predicted: Prediction) -> list[tuple[str, str]]:
         answer = UNKNOWN if math.isnan(seconds.value) else "never, by what was measured"
     else:
         answer = f"{duration_interval(seconds)}; {_with_ends(spp)} spp"
-    exponent = "" if math.isnan(predicted.exponent) else f", N^-{number(predicted.exponent / 2.0)}"
-    said = [
-        (f"error of {target} takes", answer),
-        ("by the slope -1/2 alone", _reach(predicted.plain_spp, predicted.plain_seconds)),
-        (f"by a power law{exponent}", _reach(predicted.power_spp, predicted.power_seconds)),
-    ]
+    said = [(f"error of {target} takes", answer)]
+    is_fitted = predicted.error(1.0) > 0.0
+    if is_fitted:
+        by_power = f"by a power law, N^-{number(predicted.exponent / 2.0)}"
+        said += [
+            ("by the slope -1/2 alone", _reach(predicted.plain_spp, predicted.plain_seconds)),
+            (by_power, _reach(predicted.power_spp, predicted.power_seconds)),
+        ]
 
     if predicted.budget is not None:
         if predicted.budget_spp is None or predicted.budget_error is None or predicted.budget_spp < 1.0:
@@ -233,8 +250,26 @@ def prediction(predicted: Prediction) -> list[tuple[str, str]]:
         ("one sample in every pixel", duration_interval(predicted.per_sample)),
         ("time whatever the samples", duration_interval(predicted.fixed)),
     ]
-    if math.isfinite(predicted.halving):
+    if is_fitted:
         said.append(("halving bias, corrected", halving(predicted)))
+    return said
+
+
+def headline(study: Study) -> str:
+    """The answers to what was asked, as sentences."""
+    predicted = study.prediction
+    target, seconds = plain_percent(predicted.target), predicted.target_seconds
+    if math.isnan(seconds.value):
+        said = f"How long a relative error of {target} takes could not be told."
+    elif math.isinf(seconds.value):
+        said = f"A relative error of {target} cannot be reached, by what was measured."
+    else:
+        said = (
+            f"A relative error of {target} takes {duration_interval(seconds)}, "
+            f"with {samples(predicted.target_spp.value)}."
+        )
+    if predicted.budget is not None and predicted.budget_error is not None and (predicted.budget_spp or 0.0) >= 1.0:
+        said += f" {chosen_duration(predicted.budget)} buy an error of {percent_interval(predicted.budget_error)}."
     return said
 
 
@@ -306,12 +341,12 @@ def noise_of(arm: Arm) -> str:
 def bias_of(arm: Arm) -> str:
     """Bias against the scene with its interval, or how much of it would have been seen."""
     if arm.bias is None:
-        return "" if arm.group == "scene" else UNKNOWN
+        return "" if arm.group == "scene" else "none" if arm.unbiased else UNKNOWN
     if arm.bias_resolved:
         if arm.bias.high < _SMALLEST_BIAS:
             return f"< {plain_percent(_SMALLEST_BIAS)}"
         return percent_interval(arm.bias)
-    if arm.unbiased and arm.group != "control":
+    if arm.bias.high == 0.0:
         return "none"
     if math.isfinite(arm.bias.high):
         return f"not resolved (< {100.0 * arm.bias.high:.2g} %)"
@@ -333,10 +368,17 @@ class Notes:
 
 
 def target_of(arm: Arm, notes: Notes) -> str:
-    """Time to the target; a reference to a note where there is none."""
+    """Time to the target; a reference to a note where there is none, or a doubt."""
+    said = [reached(arm)] if arm.target_seconds is not None else []
+    return " ".join([*said, *([notes.mark(arm.why_blank)] if arm.why_blank else [])])
+
+
+def reached(arm: Arm) -> str:
+    """The time to the target that an arm has, in words if it is the scene's."""
+    differs = arm.group == "scene" or arm.time_differs or arm.noise_differs or arm.bias_resolved
     if arm.target_seconds is None:
-        return notes.mark(arm.why_blank) if arm.why_blank else ""
-    return duration(arm.target_seconds)
+        return ""
+    return duration(arm.target_seconds) if differs else "as the scene"
 
 
 def concentration(study: Study) -> str:

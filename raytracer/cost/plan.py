@@ -13,7 +13,8 @@ _TRADES: Mapping[str, str] = {
     "max_depth": "at most {} path segments: fewer are faster, and lose the light of longer paths",
     "sampler": "{}: how evenly samples are spread, which decides how fast noise falls, and takes time",
     "accuracy": "{}: how exactly hits are found; what is faster may leak light at edges",
-    "light_sampling": "{}: how light is found; aiming takes shadow rays, and saves noise",
+    "light_sampling": "{}: light is aimed at (lights), met by chance (paths) or both (mis); aiming takes shadow rays, "
+    "and saves noise",
     "seed": "{}: another seed gives other noise, at the same cost",
     "rr_depth": "after {} segments paths may end by chance: sooner is faster, and noisier",
 }

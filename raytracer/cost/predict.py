@@ -1,7 +1,7 @@
 """How error falls and time grows with samples, from replicates of a scene."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -55,11 +55,23 @@ class Picture(NamedTuple):
     fixed: float
 
 
-class Answer(NamedTuple):
-    """What a resample of the tiles says: how error falls, and seconds for a sample in every pixel."""
+class Fit(NamedTuple):
+    """What a sample of the tiles says: how error falls, and seconds for a sample in every pixel."""
 
     rate: Rate
     seconds: float
+
+
+class Answers(NamedTuple):
+    """What a picture takes: seconds for a sample in every pixel; samples and seconds to the target; the budget's error.
+
+    With None for a budget, its error is that of no samples.
+    """
+
+    per_sample: Interval
+    target_spp: Interval
+    target_seconds: Interval
+    budget_error: Interval
 
 
 def predict(
@@ -72,65 +84,80 @@ def predict(
 
     Parameters
     ----------
-    scale : the picture's mean, that errors are relative to.
+    scale : the picture's mean, that errors are relative to; if it is 0, errors are unknown.
     steepest : exponent of the MSE that the sampler can have.
     seed : of the bootstrap.
     """
-    levels = np.array(measured.levels, dtype=np.float64)
     columns = _columns(measured, scale, picture)
-
-    def answer(sums: Array) -> Answer:
-        return Answer(fit_rate(levels, sums[:-2], steepest), float(sums[-2] / sums[-1]))
-
-    def by_row(quantity: Callable[[Answer], Sequence[float]]) -> tuple[Interval, ...]:
-        return bootstrap_intervals(
-            columns, lambda rows: np.array([quantity(answer(row)) for row in rows]), seed, _RESAMPLES
-        )
-
-    # Everything that depends on the fit in one go.
-    goal = question.target**2
-
-    def quantities(found: Answer) -> list[float]:
-        wanted = found.rate.samples(goal)
-        bought = max(0.0, ((question.budget or 0.0) - picture.fixed) / found.seconds)
-        error = math.sqrt(found.rate.mse(bought)) if bought >= 1.0 else math.inf
-        return [found.seconds, wanted, picture.fixed + wanted * found.seconds, error]
-
-    per_sample, target_spp, target_seconds, budget_error = by_row(quantities)
-    spread = _spread_in_time(measured)
-    per_sample = _widened(per_sample, spread)
-    rendering = _widened(mapped(target_seconds, lambda seconds: seconds - picture.fixed), spread)
-    target_seconds = mapped(rendering, lambda seconds: seconds + picture.fixed)
     squares = bootstrap_intervals(columns[:, :-2], lambda rows: rows, seed)
-    best = answer(columns.sum(axis=0))
-    power = fit_power_law(levels, [square.value for square in squares], steepest)
-    plain = PowerLaw(squares[-1].value * levels[-1], 1.0)
-    bought = None if question.budget is None else _bought(question.budget, picture.fixed, per_sample.value)
+    answers = _answers(columns, measured.levels, picture, question, steepest, seed)
+    answers = _with_drift(answers, _spread_in_time(measured), picture.fixed)
+    rate, last = _fitted(columns.sum(axis=0), measured.levels, steepest).rate, measured.levels[-1]
+    per_sample, goal = answers.per_sample.value, question.target**2
+    power = fit_power_law(measured.levels, [square.value for square in squares], steepest)
+    plain_spp, power_spp = PowerLaw(squares[-1].value * last, 1.0).samples(goal), power.samples(goal)
+    has_budget = question.budget is not None
     return Prediction(
         points=tuple(
-            Point(spp, picture.fixed + spp * per_sample.value, root(square))
+            Point(spp, picture.fixed + spp * per_sample, root(square))
             for spp, square in zip(measured.levels, squares, strict=True)
         ),
-        linear=best.rate.linear,
-        steep=best.rate.steep,
+        linear=rate.linear,
+        steep=rate.steep,
+        early=rate.early,
         exponent=power.exponent,
         factor=power.factor,
-        halving=halving(best.rate, len(measured.busy), measured.levels[-1]),
+        halving=halving(rate, len(measured.busy), last),
         # Measured once.
         fixed=Interval(picture.fixed, math.nan, math.nan),
-        per_sample=per_sample,
+        per_sample=answers.per_sample,
         target=question.target,
         budget=question.budget,
-        target_spp=target_spp,
-        target_seconds=target_seconds,
-        plain_spp=plain.samples(goal),
-        plain_seconds=picture.fixed + plain.samples(goal) * per_sample.value,
-        power_spp=power.samples(goal),
-        power_seconds=picture.fixed + power.samples(goal) * per_sample.value,
-        budget_spp=bought,
-        budget_error=None if question.budget is None else budget_error,
-        early=best.rate.early,
+        target_spp=answers.target_spp,
+        target_seconds=answers.target_seconds,
+        plain_spp=plain_spp,
+        plain_seconds=picture.fixed + plain_spp * per_sample,
+        power_spp=power_spp,
+        power_seconds=picture.fixed + power_spp * per_sample,
+        budget_spp=_bought(question, picture.fixed, per_sample) if has_budget else None,
+        budget_error=answers.budget_error if has_budget else None,
     )
+
+
+def _fitted(sums: Array, levels: Sequence[int], steepest: float) -> Fit:
+    """What sums of `_columns` say."""
+    return Fit(fit_rate(levels, sums[:-2], steepest), float(sums[-2] / sums[-1]))
+
+
+def _answers(
+    columns: Array, levels: Sequence[int], picture: Picture, question: Question, steepest: float, seed: int
+) -> Answers:
+    """All that depends on the fit, in one go, with what resamples of the tiles make of it."""
+    goal = question.target**2
+
+    def answer(sums: Array) -> list[float]:
+        found = _fitted(sums, levels, steepest)
+        wanted, bought = found.rate.samples(goal), _bought(question, picture.fixed, found.seconds)
+        error = math.sqrt(found.rate.mse(bought)) if bought else math.inf
+        return [found.seconds, wanted, picture.fixed + wanted * found.seconds, error]
+
+    return Answers(
+        *bootstrap_intervals(columns, lambda rows: np.array([answer(row) for row in rows]), seed, _RESAMPLES)
+    )
+
+
+def _with_drift(answers: Answers, spread: float, fixed: float) -> Answers:
+    """Answers whose times are less certain, by the `spread` of what replicates took."""
+    rendering = _widened(mapped(answers.target_seconds, lambda seconds: seconds - fixed), spread)
+    return answers._replace(
+        per_sample=_widened(answers.per_sample, spread),
+        target_seconds=mapped(rendering, lambda seconds: seconds + fixed),
+    )
+
+
+def relative(best: Array, scale: float) -> Array:
+    """Weights of squared errors, as `noise.weights`; nan if the picture is black, to which no error is relative."""
+    return weights(best, scale) if scale > 0.0 else np.full_like(best, math.nan)
 
 
 def _columns(measured: Replicates, scale: float, picture: Picture) -> Array:
@@ -145,7 +172,7 @@ def _columns(measured: Replicates, scale: float, picture: Picture) -> Array:
     """
     tiles, sure = measured.tiles, 1.0 / measured.tiles.weight
     owner, means = tiles.owner, measured.means.values()
-    weight = _misjudged(measured, scale) * weights(measured.means[measured.levels[-1]].mean(axis=0), scale)
+    weight = _misjudged(measured, scale) * relative(measured.means[measured.levels[-1]].mean(axis=0), scale)
     squares = [mse_by_tile(level, weight, owner).sums for level in means]
     # How far the first two replicates and the others are from agreeing tells the noise of what all four say.
     halves = [[mse_by_tile(level[part], weight, owner).sums for part in _HALVES] for level in means]
@@ -172,7 +199,7 @@ def _misjudged(measured: Replicates, scale: float) -> float:
         return 1.0
     early, before, last = measured.levels[-3:]
     by_before, by_last = (
-        _mean_square(measured, early, weights(measured.means[level].mean(axis=0), scale)) for level in (before, last)
+        _mean_square(measured, early, relative(measured.means[level].mean(axis=0), scale)) for level in (before, last)
     )
     return float((by_last / by_before) ** (1.0 / (last / before - 1.0))) if by_before > 0.0 else 1.0
 
@@ -214,7 +241,7 @@ def _widened(interval: Interval, by: float) -> Interval:
     return Interval(value, value * math.exp(-down), value * math.exp(up))
 
 
-def _bought(budget: float, fixed: float, per_sample: float) -> float:
-    """Samples per pixel that there is time for, 0 if not for one."""
-    bought = (budget - fixed) / per_sample
+def _bought(question: Question, fixed: float, per_sample: float) -> float:
+    """Samples per pixel that the budget has time for, 0 if not for one."""
+    bought = ((question.budget or 0.0) - fixed) / per_sample
     return bought if bought >= 1.0 else 0.0

@@ -88,16 +88,18 @@ class Arm:
     per_ray : nanoseconds for a ray, over all threads.
     rays_per_sample : camera, bounce and shadow rays.
     time : time per sample over that of the scene, paired by rounds.
-    time_differs : whether that is more than the A/A arm shows for two equal arms.
+    time_differs : whether the interval of its median over rounds excludes 1, by three standard deviations of the
+        rounds' mean too, and the difference exceeds the A/A arm's, which is of two equal arms.
     spp : samples per pixel at which noise is stated.
     noise : relative error (RMS, of noise alone) of a render with `spp`.
     noise_ratio : its square over that of the scene at the same spp.
     noise_differs : whether the interval of that excludes 1, and the difference exceeds the A/A arm's.
-    bias : relative bias (RMS) against the scene; None for the scene itself.
-    bias_resolved : whether its interval excludes 0.
+    bias : relative bias (RMS) against the scene; None for the scene itself, and if there is none by construction.
+    bias_resolved : whether it is told from chance: its square exceeds three standard deviations of what is measured
+        of arms without any.
     brightness : mean of the picture over that of the scene, less 1; None for the scene itself.
     target_spp, target_seconds : to reach the target; None where the bias exceeds it, or nothing can be told.
-    why_blank : one sentence if they are None.
+    why_blank : one sentence if they are None, or may be wrong.
     unbiased : whether it has no bias by construction, so that what is measured as one is chance.
     failed : one sentence if the arm could not be measured; its numbers are unknown then.
     """

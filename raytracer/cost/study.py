@@ -36,11 +36,11 @@ from raytracer.cost.measure import (
     warm_up,
 )
 from raytracer.cost.plan import plan
-from raytracer.cost.predict import Picture, Question, predict
+from raytracer.cost.predict import Picture, Question, predict, relative
 from raytracer.cost.results import Arm, PlanItem, Prediction, Study
-from raytracer.cost.tiles import part
+from raytracer.cost.tiles import Tiles, part
 from raytracer.errors import InputError
-from raytracer.noise import Rate, steepest_of, top_share, weights
+from raytracer.noise import Rate, steepest_of, top_share
 from raytracer.scene.objects import Assets
 from raytracer.scene.pack import Packed, pack
 from raytracer.scene.spec import SceneSpec
@@ -56,10 +56,19 @@ COMPARISON_SECONDS = 120.0
 """About how long arms are rendered, if there are not very many or few of them."""
 
 ROUNDS = 9
-"""How often each arm is rendered: with fewer rounds, the interval of a median says little."""
+"""How often each arm is rendered."""
 
-FEWEST_ROUNDS = 2
-"""Rounds that tell noise at all."""
+FEWEST_ROUNDS = 9
+"""Rounds without which the interval of a median is none of 95 %."""
+
+FEWEST_TILES = 16
+"""Tiles that are asked for, if the picture has as many: one may be of nothing but sky."""
+
+MOST_ROUNDS = 1000
+"""Rounds of which the pictures are kept, at least a tile of each arm."""
+
+# Rounds that tell noise at all, of those that there are when a comparison is ended early.
+_FEWEST_FINISHED = 2
 
 _SCENE = Names("scene", "scene", "the scene as it is")
 
@@ -136,9 +145,10 @@ def study(
     ----------
     target : relative error to be reached, such as 0.01.
     budget : seconds that a render may take; None if that is not asked.
-    rounds : how often each arm is rendered, 2 or more.
+    rounds : how often each arm is rendered, 9 to 1000.
     arms : names of variants; all if None, no comparison if empty.
-    tiles : how many 16 x 16 tiles of the picture are measured; as many as there is time for if None.
+    tiles : how many 16 x 16 tiles of the picture are measured, 16 or more, or all; as many as there is time for if
+        None.
     threads : how many work; all processors if None.
     seed : of all random numbers; the scene's if None.
     progress : told what is being done.
@@ -156,7 +166,7 @@ def study(
     """
     own_seed = spec.render.seed if seed is None else seed
     asked = Asked(target, budget, rounds, arms, tiles, threads or available_threads(), own_seed)
-    _check(asked)
+    _check(asked, len(_tiles_of(spec)))
     load = load_average()
     clock = _Clock(progress, load_seconds)
 
@@ -174,12 +184,7 @@ def study(
         picture = _picture(ready, measured)
     with clock.phase("develop"):
         develop_seconds = bench.develop(prepared, np.where(np.isnan(picture), measured.scale, picture))
-    del clock.seconds["prepare"]
-    clock.seconds |= {
-        "build": prepared.seconds["build"],
-        "compile": prepared.seconds["compile"],
-        "develop": develop_seconds,
-    }
+    _note_parts(clock.seconds, prepared.seconds, develop_seconds)
     rays = ready.pilot.rays if ready.pilot else math.nan
     whole = Picture(picture.shape[0] * picture.shape[1], rays, asked.threads, _fixed(clock.seconds))
     prediction = predict(
@@ -190,6 +195,8 @@ def study(
         steepest_of(ready.subject.sampler),
         asked.seed,
     )
+    # There is nothing to compare in the dark.
+    chosen = chosen if measured.scale > 0.0 else []
     contest = _contest(ready, measured, prediction, whole, chosen, asked, clock)
     return _report(name, items, ready, measured, picture, prediction, contest, clock.seconds, load, asked)
 
@@ -197,19 +204,26 @@ def study(
 # ---- Steps
 
 
-def _check(asked: Asked) -> None:
-    """Refuse what makes no sense."""
+def _tiles_of(spec: SceneSpec) -> list[Window]:
+    """All tiles of the picture."""
+    return tiles_of(Window(0, 0, spec.film.width, spec.film.height))
+
+
+def _check(asked: Asked, tiles: int) -> None:
+    """Refuse what makes no sense for a picture of so many tiles."""
     if not 0.0 < asked.target < 1.0:
         raise InputError(f"target {asked.target:g}: must be greater than 0 and less than 1, which is 100 %")
     if asked.budget is not None and not 0.0 < asked.budget < math.inf:
         raise InputError(f"budget {asked.budget:g}: must be a time greater than 0")
     for name, value, least in (
         ("rounds", asked.rounds, FEWEST_ROUNDS),
-        ("tiles", asked.tiles, 1),
+        ("tiles", asked.tiles, min(FEWEST_TILES, tiles)),
         ("threads", asked.threads, 1),
     ):
         if value is not None and value < least:
             raise InputError(f"{name} {value}: must be at least {least}")
+    if asked.rounds > MOST_ROUNDS:
+        raise InputError(f"rounds {asked.rounds}: must be at most {MOST_ROUNDS}, since the pictures of all are kept")
 
 
 def _chosen(packed: Packed, asked: Asked) -> list[Variant]:
@@ -222,8 +236,7 @@ def _chosen(packed: Packed, asked: Asked) -> list[Variant]:
 
 
 def _warmed(subject: Subject, asked: Asked) -> Ready:
-    film = subject.prepared.spec.film
-    windows = tiles_of(Window(0, 0, film.width, film.height))
+    windows = _tiles_of(subject.prepared.spec)
     pace = warm_up(subject, windows, asked.seed)
     return Ready(subject, windows, pace, pilot(subject, windows, PREDICTION_SECONDS, pace, asked.seed))
 
@@ -234,10 +247,26 @@ def _measured(ready: Ready, asked: Asked, tell: Callable[[float], None]) -> Meas
     levels = levels_of(size.spp, ready.subject.is_progressive)
     found = replicates(ready.subject, sample, levels, asked.seed, tell)
     best = found.means[levels[-1]].mean(axis=0)
-    # The pilot has seen the whole picture.
+    scale = _scale(ready, sample, best)
+    return Measured(found, scale, relative(best, scale))
+
+
+def _scale(ready: Ready, sample: Tiles, best: Array) -> float:
+    """Size of the picture's mean, from what is known of some tiles, `best` (P, 3), and the pilot's look at all of them.
+
+    The pilot's mean is corrected by what it is wrong by in the tiles that have been measured: it has so few samples
+    that all of them may have missed a small light.
+
+    References: Särndal, Swensson and Wretman 1992, "Model Assisted Survey Sampling", section 6.3 (the difference
+        estimator).
+    """
     stands = sample.weight[sample.owner]
-    scale = ready.pilot.scale if ready.pilot else abs(float(np.average(best.mean(axis=1), weights=stands)))
-    return Measured(found, scale, weights(best, scale))
+    if ready.pilot is None:
+        return abs(float(np.average(best.mean(axis=1), weights=stands)))
+    place = {window: tile for tile, window in enumerate(ready.windows)}
+    seen = np.isin(ready.pilot.tiles.owner, [place[window] for window in sample.windows])
+    wrong = (best - ready.pilot.mean[seen]).mean(axis=1)
+    return abs(float(ready.pilot.mean.mean() + (stands @ wrong) / len(ready.pilot.mean)))
 
 
 def _picture(ready: Ready, measured: Measured) -> Array:
@@ -249,6 +278,12 @@ def _picture(ready: Ready, measured: Measured) -> Array:
     found = measured.replicates
     found.tiles.spread(found.means[found.levels[-1]].mean(axis=0), picture)
     return picture
+
+
+def _note_parts(seconds: dict[str, float], prepared: dict[str, float], develop: float) -> None:
+    """Tell the parts of making a scene ready, in place of their sum."""
+    del seconds["prepare"]
+    seconds |= {"build": prepared["build"], "compile": prepared["compile"], "develop": develop}
 
 
 def _fixed(seconds: dict[str, float]) -> float:
@@ -270,7 +305,7 @@ def _contest(
         return Contest()
     tiles = measured.replicates.tiles
     turns = asked.rounds * (len(chosen) + 1)
-    size = extent_of_round(tiles.windows, COMPARISON_SECONDS / turns, ready.pace, asked.tiles)
+    size = extent_of_round(tiles.windows, COMPARISON_SECONDS / turns, ready.pace, asked.tiles, turns)
     sample, pixels = part(tiles, size.tiles, np.random.default_rng(asked.seed))
     try:
         with clock.phase("compile arms") as tell:
@@ -279,7 +314,7 @@ def _contest(
         return Contest(interrupted=True)
     with clock.phase("compare") as tell:
         all_rounds = compete(_entries(ready.subject, arms, asked), sample, size.spp, asked.rounds, tell)
-    if not all_rounds or len(all_rounds[0].mean) < FEWEST_ROUNDS:
+    if not all_rounds or len(all_rounds[0].mean) < _FEWEST_FINISHED:
         return Contest(interrupted=True)
     scene, *others = all_rounds
 

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 # Columns from which on an interval stands beside its value, and not below it.
 _WIDE = 128
 
+# Columns from which on there is room for one more.
+_ROOMY = 110
+
 # Columns that the name of an arm has at least, if it takes them.
 _NAME = 22
 
@@ -40,9 +43,14 @@ def text(study: Study, width: int = 100, colour: bool = False) -> str:
         _environ={},
     )
     _line(console, f"{one_line(study.scene)}: {phrases.extent(study)}", "bold")
+    _line(console, phrases.headline(study), "bold")
     for title, items in phrases.plan(study):
         _title(console, title)
-        _pairs(console, items)
+        if title == phrases.LEFT_OUT:
+            # The reasons are on the page, and `rt explain` tells them.
+            _pairs(console, [("", phrases.left_out(study))])
+        else:
+            _pairs(console, items)
     _prediction(console, study)
     if study.arms or study.interrupted:
         _title(console, "What each effect and setting costs, against the scene as it is")
@@ -127,8 +135,10 @@ def _arms(console: "Console", study: Study) -> None:
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim", collapse_padding=True)
     fits = max((len(phrases.name(arm)) + 1 for arm in study.arms), default=0) <= _NAME
     table.add_column("arm", vertical="top", overflow="fold", no_wrap=fits, max_width=None if fits else _NAME)
-    table.add_column("time per\nsample", no_wrap=True, justify="right")
+    table.add_column("time\nper spp", no_wrap=True, justify="right")
     table.add_column("time\nper ray", no_wrap=True, justify="right")
+    if console.width >= _ROOMY:
+        table.add_column("rays per\nsample", no_wrap=True, justify="right")
     table.add_column("time against\nthe scene")
     table.add_column(f"noise at\n{spp:,} spp" if spp else "noise")
     table.add_column("bias against\nthe scene")
@@ -138,8 +148,16 @@ def _arms(console: "Console", study: Study) -> None:
             table.add_row(Text(title, style="italic", no_wrap=True))
         for arm in arms:
             cells = _cells(arm, notes, spp, indent=bool(title))
+            if console.width < _ROOMY:
+                cells = (*cells[:3], *cells[4:])
             if console.width < _WIDE:
-                cells = (cells[0], *(cell.replace(" (", "\n(").replace(" diff", "\ndiff") for cell in cells[1:]))
+                cells = (
+                    cells[0],
+                    *(
+                        cell.replace(" (", "\n(").replace(" diff", "\ndiff").replace(" scene", "\nscene")
+                        for cell in cells[1:]
+                    ),
+                )
             table.add_row(*(Text(cell, overflow="fold") for cell in cells))
     _indented(console, table, by=0)
 
@@ -155,7 +173,7 @@ def _arms(console: "Console", study: Study) -> None:
 def _cells(arm: Arm, notes: phrases.Notes, spp: int | None, indent: bool) -> tuple[str, ...]:
     name = " " * indent + phrases.name(arm)
     if arm.failed:
-        return name, "", "", f"not measured {notes.mark(arm.failed)}"
+        return name, "", "", "", f"not measured {notes.mark(arm.failed)}"
     noise = phrases.noise_of(arm)
     if spp is None and noise not in {phrases.UNKNOWN, phrases.SAME_NOISE}:
         noise = f"{noise} at {arm.spp:,} spp"
@@ -163,6 +181,7 @@ def _cells(arm: Arm, notes: phrases.Notes, spp: int | None, indent: bool) -> tup
         name,
         phrases.duration(arm.per_sample.value),
         phrases.per_ray(arm.per_ray.value),
+        phrases.number(arm.rays_per_sample),
         phrases.time_of(arm),
         noise,
         phrases.bias_of(arm),

@@ -90,7 +90,7 @@ class Rate(NamedTuple):
 
     def smooth(self, n: float) -> float:
         """The MSE if `n` were a power of two."""
-        return self.linear / n + self.steep / (n * math.sqrt(n)) + self.early / (n * n)
+        return self.linear / n + self.steep / n / math.sqrt(n) + self.early / n / n
 
     def mse(self, n: float) -> float:
         """The MSE of `n` samples, 1 or more, by `prefix_mse`; between whole numbers on a straight line."""

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from raytracer.cli import cost as command
 from raytracer.cli.main import main
 from raytracer.cost import study as studies
 from tests.cost.made_up import World, scene_of
@@ -79,7 +78,7 @@ def test_interrupted_it_reports_what_there_is(world: World, scene: str, capsys: 
     # Too early for anything.
     world.interrupt_after, world.calls = 3, []
     assert main(["cost", scene, "--arms", "defocus"]) == 130
-    assert capsys.readouterr() == ("", "rt: interrupted\n")
+    assert capsys.readouterr() == ("", "nothing is known before the prediction is there\nrt: interrupted\n")
 
 
 @pytest.mark.parametrize(
@@ -94,11 +93,15 @@ def test_interrupted_it_reports_what_there_is(world: World, scene: str, capsys: 
         ("--target 1%x", "--target 1%x: must be a relative error such as 1% or 0.01"),
         ("--target 1s", "--target 1s: must be a relative error such as 1% or 0.01"),
         ("--budget 0", "--budget 0: must be a time greater than 0"),
-        ("--budget inf", "--budget inf: must be a time greater than 0"),
+        ("--budget inf", "--budget inf: must be a finite time"),
+        ("--budget -1s", "--budget -1s: must be a time greater than 0"),
         ("--budget 3m", "--budget 3m: "),
-        ("--rounds 1", "must be"),
-        ("--tiles 0", "must be"),
-        ("--arms ,", "--arms ,: names none"),
+        ("--rounds 8", "rounds 8: must be at least 9"),
+        ("--rounds 1001", "rounds 1001: must be at most 1000, since the pictures of all are kept"),
+        ("--tiles 0", "tiles 0: must be at least 16"),
+        ("--tiles 15", "tiles 15: must be at least 16"),
+        ("--arms ,", "--arms ,: a name is empty"),
+        ("--arms defocus,", "--arms defocus,: a name is empty"),
         ("--arms defocsu", "did you mean 'defocus'?"),
         ("--arms defocus --no-arms", "--arms and --no-arms exclude each other"),
         ("--no-arms -D film.widht=3", "did you mean 'width'?"),
@@ -116,8 +119,18 @@ def test_what_makes_no_sense_is_refused_in_a_sentence(
     assert world.calls == []
 
 
-@pytest.mark.parametrize(
-    ("text", "value"), [("1%", 0.01), ("0.5 %", 0.005), ("0.01", 0.01), ("1/50", 0.02), ("99%", 0.99)]
-)
-def test_errors_are_fractions_or_per_cent(text: str, value: float) -> None:
-    assert command._parse_share("--target", text) == pytest.approx(value)
+def test_errors_and_times_have_units(world: World, scene: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["cost", scene, "--no-arms", "--json", "--target", "1/50", "--budget", "0.5 min"]) == 0
+    found = json.loads(capsys.readouterr().out)["prediction"]
+    assert (found["target"], found["budget"]) == (0.02, 30.0)
+
+
+def test_a_target_that_no_float_can_square_is_out_of_reach(
+    world: World, scene: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for target in ("1e-155%", "1e-200"):
+        assert main(["cost", scene, "--arms", "defocus", "--target", target, "--budget", "1e308 s"]) == 0
+        said = " ".join(capsys.readouterr().out.split())
+        assert "never" in said
+        assert "the target takes more samples per pixel than a render can have" in said
+        assert "the budget has time for more samples per pixel than a render can have" in said

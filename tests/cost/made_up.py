@@ -45,6 +45,7 @@ class MadeUp(NamedTuple):
 
     spec: SceneSpec
     packed: Packed
+    accel: object
     scene: Scene
     seconds: dict[str, float]
 
@@ -81,7 +82,8 @@ class World:
 
     def prepare(self, spec: SceneSpec, packed: Packed | None) -> MadeUp:
         packed = packed or pack(spec)
-        return MadeUp(packed.spec, packed, packed.scene, {"pack": 0.0, "build": 0.5, "compile": 8.0})
+        accel = packed.built or object()
+        return MadeUp(packed.spec, packed, accel, packed.scene, {"pack": 0.0, "build": 0.5, "compile": 8.0})
 
     def unevenness(self, windows: Sequence[Window]) -> Array:
         """Factors of noise and time by tile, with a mean of about 1, the right half of the picture being worse."""

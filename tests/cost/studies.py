@@ -196,13 +196,30 @@ def nothing() -> Study:
 
 
 def black() -> Study:
-    """Of a black picture, which has no error at all."""
-    still = Interval(0.0, 0.0, 0.0)
-    points = tuple(Point(n, 0.01 * n, still) for n in (16, 64))
+    """Of a black picture, to which no error is relative."""
+    points = tuple(Point(n, 0.01 * n, UNKNOWN) for n in (16, 64))
+    return study(
+        prediction=replace(
+            NO_PREDICTION,
+            points=points,
+            fixed=around(0.3),
+            per_sample=around(0.01),
+            budget=30.0,
+            budget_spp=2970.0,
+            budget_error=UNKNOWN,
+        ),
+        error_map=np.full((225, 400), NAN),
+        picture=np.zeros((225, 400, 3)),
+        top_share=NAN,
+    )
+
+
+def still() -> Study:
+    """Of a picture without any noise."""
+    points = tuple(Point(n, 0.01 * n, Interval(0.0, 0.0, 0.0)) for n in (16, 64))
     return study(
         prediction=predicted(points=points, linear=0.0, steep=0.0, halving=1.0, target_spp=around(1.0)),
         error_map=np.zeros((225, 400)),
-        picture=np.zeros((225, 400, 3)),
     )
 
 
@@ -220,6 +237,7 @@ ALL = {
     "usual": study,
     "nothing": nothing,
     "black": black,
+    "still": still,
     "hopeless": hopeless,
     "one tile": lambda: study(width=9, height=5, part=1.0),
     "no arms": lambda: study(arms=()),

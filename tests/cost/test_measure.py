@@ -5,9 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raytracer.cost.compare import Floor, _differs
+from raytracer.cost.arms import variants
+from raytracer.cost.compare import Floor, _differs, is_steady
 from raytracer.cost.measure import (
     Subject,
+    casts_alike,
+    entered,
     extent_of_replicates,
     extent_of_round,
     levels_of,
@@ -16,6 +19,10 @@ from raytracer.cost.measure import (
     warm_up,
 )
 from raytracer.noise import Interval
+from raytracer.scene.load import load
+from raytracer.scene.objects import Assets
+from raytracer.scene.pack import pack
+from raytracer.scene.spec import SceneSpec
 from raytracer.scheduling import Window, tiles
 from tests.cost.made_up import World, scene_of
 
@@ -37,8 +44,18 @@ def test_replicates_take_about_the_time_they_may(windows: list[Window], pace: fl
 def test_a_number_of_tiles_that_is_given_is_kept() -> None:
     assert extent_of_replicates(LARGE, 60.0, 1e6, 7).tiles == 7
     assert extent_of_replicates(SMALL, 60.0, 1e6, 10**6).tiles == len(SMALL)
-    assert extent_of_round(LARGE, 1.0, 1e9, 500).tiles == 500
-    assert extent_of_round(LARGE, 1.0, 1e9, None).tiles < 500
+    assert extent_of_round(LARGE, 1.0, 1e9, 7, 90).tiles == 7
+
+
+@pytest.mark.parametrize("tiles", [None, 500, 3225])
+@pytest.mark.parametrize("turns", [18, 300, 3000, 60_000])
+def test_the_means_of_all_rounds_fit_into_memory(tiles: int | None, turns: int) -> None:
+    size = extent_of_round(LARGE, 1.0, 1e9, tiles, turns)
+    assert size.tiles >= 1
+    # Three channels of 8 bytes.
+    assert turns * size.tiles * 256 * 24 <= 2**30
+    # What is rendered is what the time allows, on fewer tiles.
+    assert size.spp == 1024
 
 
 def test_levels_are_powers_of_two_or_of_four() -> None:
@@ -82,3 +99,54 @@ def test_the_pace_is_that_of_the_whole_picture(tmp_path: Path) -> None:
 )
 def test_a_difference_is_more_than_equal_arms_show(ratio: Interval, floor: float, *, differs: bool) -> None:
     assert _differs(ratio, Floor(floor, floor).time) is differs
+
+
+TRIANGLES = """\
+camera: {{type: pinhole, look_from: [0, 0, 5], look_at: [0, 0, 0], vfov: 40, shutter: {{open: 0, close: 1}}}}
+film: {{width: 32, height: 16}}
+environment: {{type: constant, radiance: 1}}
+objects:
+  - {{type: mesh, file: ball.obj, material: {{type: {material}, albedo: 0.5}}}}
+  - {{type: sphere, center: [{x}, 0, 0], radius: 0.5, motion: {{velocity: [1, 0, 0]}}}}
+  - {{type: sphere, center: [0, 3, 0], radius: 0.5, material: {{type: emitter, radiance: 9}}}}
+  - {{type: instance, of: heap}}
+groups:
+  heap:
+    - {{type: sphere, center: [3, 0, 0], radius: 0.5}}
+render: {{accuracy: {accuracy}}}
+"""
+
+
+def scene_with(folder: Path, material: str = "metal", accuracy: str = "robust", x: float = 2.0) -> SceneSpec:
+    (folder / "ball.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    path = folder / "scene.yaml"
+    path.write_text(TRIANGLES.format(material=material, accuracy=accuracy, x=x))
+    return load(path)
+
+
+def test_a_ray_caster_does_for_what_differs_in_materials_alone(tmp_path: Path) -> None:
+    first = pack(scene_with(tmp_path))
+    assert casts_alike(pack(scene_with(tmp_path)), first)
+    assert casts_alike(pack(scene_with(tmp_path, material="lambertian")), first)
+    assert not casts_alike(pack(scene_with(tmp_path, accuracy="fast")), first)
+    assert not casts_alike(pack(scene_with(tmp_path, x=2.5)), first)
+
+
+def test_arms_share_the_ray_caster_of_the_scene_where_they_can(tmp_path: Path) -> None:
+    spec, world = scene_with(tmp_path), World()
+    scene = Subject(world.prepare(spec, None), world.bench(), 1)  # type: ignore[arg-type]
+    windows = tiles(Window(0, 0, 32, 16))
+    shared = {}
+    for variant in variants(scene.prepared.spec, scene.prepared.packed):
+        arm = entered(scene, variant, windows, Assets(spec))
+        shared[variant.name] = arm.prepared.accel is scene.prepared.accel
+    assert {name for name, is_shared in shared.items() if not is_shared} == {"accuracy=fast", "motion_blur"}
+    assert {"material.metal", "light_sampling=paths", "roulette=off", "A/A"} <= shared.keys()
+
+
+def test_arms_that_are_equal_seldom_seem_to_take_another_time() -> None:
+    rng = np.random.default_rng(8)
+    times = np.exp(0.02 * rng.standard_normal((2000, 2, 9)))
+    # Student's t with 8 degrees of freedom exceeds 3 in 1.7 % of cases.
+    assert np.mean([is_steady(own, scene) for own, scene in times]) < 0.025
+    assert np.mean([is_steady(1.04 * own, scene) for own, scene in times]) > 0.75

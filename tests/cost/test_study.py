@@ -10,6 +10,7 @@ import pytest
 
 from raytracer.cost.results import Arm, Study
 from raytracer.cost.study import Progress, study
+from raytracer.cost.table import text
 from raytracer.errors import InputError
 from raytracer.scene.spec import SceneSpec
 from tests.cost.made_up import MadeUp, World, scene_of
@@ -160,8 +161,13 @@ def test_equal_arms_show_no_difference_and_a_planted_one_its_size(spec: SceneSpe
         assert not equal.time_differs
         assert not equal.noise_differs
         assert not equal.bias_resolved
-        assert equal.bias is not None
-        assert equal.bias.high < 0.01
+        assert equal.target_seconds == scene.target_seconds
+        assert equal.why_blank == ""
+    assert control.bias is not None
+    assert control.bias.high < 0.01
+    # Roulette has none by construction, so none is measured.
+    assert same.unbiased
+    assert same.bias is None
     assert control.noise_ratio.low < control.noise_ratio.value < control.noise_ratio.high
 
     # Time alone.
@@ -197,6 +203,40 @@ def test_no_number_of_samples_reaches_a_target_below_the_bias(spec: SceneSpec) -
     assert "bias" in row.why_blank
 
 
+def test_a_bias_that_may_exceed_the_target_is_doubted(spec: SceneSpec) -> None:
+    # Almost a hundredth, and noise that hides how much it is from a few rounds.
+    world = World(
+        linear=5.0,
+        brighter=lambda prepared: 1.008 if is_short(prepared) else 1.0,
+        noisier=lambda prepared: 4.0 if is_short(prepared) else 1.0,
+    )
+    found = studied(spec, world, arms=["max_depth=2", "roulette=off"], tiles=16)
+    row = arm(found, "max_depth=2")
+    assert row.bias is not None
+    assert row.bias.value < 0.01 < row.bias.high
+    assert row.target_seconds is not None
+    assert row.why_blank == "its bias may exceed the target"
+    assert arm(found, "roulette=off").why_blank == arm(found, "A/A").why_blank == ""
+    assert "[1]  its bias may exceed the target" in text(found)
+
+
+def test_brightness_is_certain_where_all_tiles_are_measured(spec: SceneSpec) -> None:
+    class Lit(World):
+        """As much brighter in some tiles as darker in others."""
+
+        def render(self, prepared: MadeUp, windows: Any, *more: Any) -> Any:
+            patch = super().render(prepared, windows, *more)
+            if not is_short(prepared):
+                return patch
+            factors = np.array([0.5 if (w.left // 16 + w.top // 16) % 2 else 1.5 for w in windows])
+            return patch._replace(mean=patch.mean * factors[:, None, None, None])
+
+    row = arm(studied(spec, Lit(), arms=["max_depth=2"]), "max_depth=2")
+    assert row.brightness is not None
+    assert row.brightness.low <= 0.0 <= row.brightness.high
+    assert row.brightness.high - row.brightness.low < 0.02
+
+
 def test_another_sampler_has_a_slope_of_its_own(spec: SceneSpec) -> None:
     class Samplers(World):
         def render(self, prepared: MadeUp, windows: Any, spp: int, *more: Any) -> Any:
@@ -213,8 +253,8 @@ def test_another_sampler_has_a_slope_of_its_own(spec: SceneSpec) -> None:
 
 def test_all_arms_of_a_round_have_one_seed_and_the_control_another(spec: SceneSpec) -> None:
     world = World()
-    found = studied(spec, world, arms=["defocus"], rounds=3)
-    last = world.calls[-9:]
+    found = studied(spec, world, arms=["defocus"])
+    last = world.calls[-27:-18]
     assert {spp for _, spp, _ in last} == {found.arms[0].spp}
     in_rounds = [[seed for _, _, seed in last[3 * r : 3 * r + 3]] for r in range(3)]
     # Scene, control, arm; then each a place earlier.
@@ -242,7 +282,7 @@ def test_an_arm_that_cannot_be_packed_says_so_in_its_row(spec: SceneSpec, monkey
 
 
 def test_the_same_seed_finds_the_same(spec: SceneSpec) -> None:
-    first, again, other = (studied(spec, World(), arms=["defocus"], rounds=2, seed=seed) for seed in (3, 3, 4))
+    first, again, other = (studied(spec, World(), arms=["defocus"], seed=seed) for seed in (3, 3, 4))
     assert first.prediction.points[0].error == again.prediction.points[0].error
     assert first.arms[2].noise == again.arms[2].noise
     assert first.prediction.points[0].error != other.prediction.points[0].error
@@ -251,21 +291,68 @@ def test_the_same_seed_finds_the_same(spec: SceneSpec) -> None:
 # ---- What may go wrong
 
 
-def test_a_black_picture_has_no_error(spec: SceneSpec) -> None:
+def test_of_a_black_picture_nothing_can_be_told(spec: SceneSpec) -> None:
     found = studied(spec, World(brightness=0.0), arms=["defocus"], budget=30.0)
-    assert found.prediction.target_spp.value == 1.0
-    assert found.prediction.budget_error is not None
-    assert found.prediction.budget_error.value == 0.0
-    assert any("black" in warning for warning in found.warnings)
-    assert found.arms[2].bias is not None
-    assert not found.arms[2].bias_resolved
+    prediction = found.prediction
+    assert math.isnan(prediction.target_spp.value)
+    assert math.isnan(prediction.target_seconds.value)
+    assert math.isnan(prediction.power_spp)
+    assert math.isnan(prediction.plain_spp)
+    assert prediction.budget_error is not None
+    assert math.isnan(prediction.budget_error.value)
+    assert all(math.isnan(point.error.value) for point in prediction.points)
+    # What a sample takes is known.
+    assert prediction.per_sample.value > 0.0
+    assert "black" in found.warnings[0]
+    assert not any("no noise" in warning for warning in found.warnings)
+    # There is nothing to compare.
+    assert found.arms == ()
+    assert not found.interrupted
+    shown = text(found)
+    assert "takes could not be told" in shown
+    for misleading in ("error of 0", "0 %", " 1 spp", "power law", "halving"):
+        assert misleading not in shown
+
+
+class Lamp(World):
+    """Runs of a few samples have not found the light yet."""
+
+    first: int = 16
+
+    def render(self, prepared: MadeUp, windows: Any, spp: int, seed: int, threads: int, keep: Any = ()) -> Any:
+        patch = super().render(prepared, windows, spp, seed, threads, keep)
+        levels = {n: mean if n >= self.first else np.zeros_like(mean) for n, mean in patch.levels.items()}
+        return patch._replace(mean=patch.mean if spp >= self.first else np.zeros_like(patch.mean), levels=levels)
+
+
+@pytest.mark.parametrize("count", [30, None])
+def test_a_light_that_the_pilot_missed_is_no_black_picture(spec: SceneSpec, count: int | None) -> None:
+    found = studied(spec, Lamp(), arms=[], tiles=count)
+    point = found.prediction.points[-1]
+    assert point.error.value == pytest.approx(math.sqrt(World().mse(point.spp)), rel=0.15 if count else 0.03)
+    assert found.prediction.target_spp.value == pytest.approx(1323.0, rel=0.3 if count else 0.06)
+    assert not any("black" in warning for warning in found.warnings)
+
+
+def test_levels_that_missed_a_light_do_not_make_the_target_cheap(spec: SceneSpec) -> None:
+    world = Lamp()
+    world.first = 64
+    found = studied(spec, world, arms=["sampler=independent"])
+    assert found.prediction.points[0].error.value == 0.0
+    for guess in (found.prediction.target_spp.value, found.prediction.power_spp, found.prediction.plain_spp):
+        assert guess == pytest.approx(1323.0, rel=0.15)
+    assert found.prediction.target_spp.low > 1000.0
+    assert arm(found, "sampler=independent").target_spp == pytest.approx(1323.0, rel=0.25)
 
 
 def test_a_picture_without_noise_takes_one_sample(spec: SceneSpec) -> None:
     noisier = World(linear=0.0, steep=0.0)
     found = studied(spec, noisier, arms=["defocus"])
     assert found.prediction.target_spp.value == 1.0
-    assert any("no noise" in warning for warning in found.warnings)
+    assert any("no noise: one sample per pixel is enough" in warning for warning in found.warnings)
+    shown = text(found)
+    for misleading in ("power law", "halving", "< 0 %"):
+        assert misleading not in shown
     assert found.arms[2].target_spp == 1.0
 
 
@@ -353,8 +440,10 @@ def test_an_interrupt_leaves_what_there_is(spec: SceneSpec) -> None:
         ({"target": 2.0}, "target 2: must be greater than 0 and less than 1"),
         ({"target": math.nan}, "target nan"),
         ({"budget": -1.0}, "budget -1"),
-        ({"rounds": 1}, "rounds 1: must be at least 2"),
-        ({"tiles": 0}, "tiles 0: must be at least 1"),
+        ({"rounds": 8}, "rounds 8: must be at least 9"),
+        ({"rounds": 1001}, "rounds 1001: must be at most 1000"),
+        ({"tiles": 0}, "tiles 0: must be at least 16"),
+        ({"tiles": 15}, "tiles 15: must be at least 16"),
         ({"arms": ["defocsu"]}, "did you mean 'defocus'?"),
     ],
 )
@@ -369,7 +458,7 @@ def test_questions_without_sense_are_refused_before_the_work(
 
 def test_progress_goes_from_phase_to_phase(spec: SceneSpec) -> None:
     seen: list[Progress] = []
-    studied(spec, World(), arms=["defocus"], rounds=2, progress=seen.append)
+    studied(spec, World(), arms=["defocus"], progress=seen.append)
     phases = list(dict.fromkeys(progress.phase for progress in seen))
     assert phases == ["pack", "plan", "prepare", "warm up", "predict", "develop", "compile arms", "compare"]
     for phase in ("predict", "compile arms", "compare"):

@@ -148,8 +148,45 @@ def test_independent_samples_have_no_steep_term():
 
 def test_no_rate_without_an_error():
     assert fit_rate([16, 64], [0.0, 0.0]) == Rate(0.0, 0.0)
-    assert fit_rate([16, 64], [math.nan, 0.1]) == Rate(0.0, 0.0)
     assert fit_power_law([16, 64], [0.0, 0.0]) == PowerLaw(0.0, 1.0)
+    assert Rate(0.0, 0.0).samples(1e-9) == 1.0
+    assert Rate(0.0, 0.0).slope(16) == 1.0
+
+
+@pytest.mark.parametrize("unknown", [math.nan, math.inf, -1e-9])
+def test_of_an_error_that_is_unknown_nothing_is_foretold(unknown):
+    for fit in (fit_rate([16, 64, 256], [0.1, unknown, 0.01]), fit_power_law([16, 64, 256], [0.1, unknown, 0.01])):
+        assert np.isnan(fit).all()
+        assert math.isnan(fit.mse(100.0))
+        assert math.isnan(fit.samples(1e-4))
+    unknown_rate = fit_rate([16], [unknown])
+    assert math.isnan(unknown_rate.slope(16))
+    assert math.isnan(halving(unknown_rate, 4, 256))
+
+
+def test_levels_before_rare_light_came_tell_nothing():
+    spp, mse = [16, 64, 256, 1024], [0.0, 0.04, 0.01, 0.0025]
+    assert fit_rate(spp, mse).samples(1e-4) == pytest.approx(0.04 * 64 / 1e-4)
+    assert fit_rate(spp, mse) == pytest.approx(fit_rate(spp[1:], mse[1:]))
+    assert fit_rate(spp, mse, precision=[9.0, 1.0, 2.0, 1.0]) == pytest.approx(
+        fit_rate(spp[1:], mse[1:], precision=[1.0, 2.0, 1.0])
+    )
+    assert fit_power_law(spp, mse) == pytest.approx((0.04 * 64, 1.0))
+    # One that is left has the slope -1.
+    assert fit_rate([16, 64], [0.0, 0.5]) == pytest.approx((32.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_errors_that_take_more_samples_than_floats_hold_are_out_of_reach(rate):
+    assert rate.samples(0.0) == math.inf
+    for mse in (5e-324, 1e-310):
+        # The last term that falls decides: 1e-310 takes 1e310 independent samples, but 1e155 of N^-2.
+        slope = 1.0 if rate.linear else 1.5 if rate.steep else 2.0
+        reachable = slope > 1.0
+        assert math.isfinite(rate.samples(mse)) is reachable
+        if reachable:
+            assert math.log(rate.samples(mse)) == pytest.approx(-math.log(mse) / slope, rel=0.01)
+    assert rate.mse(math.inf) == 0.0
 
 
 @pytest.mark.parametrize(("made_by", "found"), [(0.8, 1.0), (1.0, 1.0), (1.23, 1.23), (1.5, 1.5), (2.4, 1.5)])

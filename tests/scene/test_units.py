@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from raytracer.units import Dimension, parse_quantity
+from raytracer.units import Dimension, parse_duration, parse_quantity, parse_share
 
 
 @pytest.mark.parametrize(
@@ -90,3 +90,45 @@ def test_what_is_no_quantity_is_named(value: object, dimension: Dimension, words
     with pytest.raises(ValueError, match=r".") as caught:
         parse_quantity(value, dimension)  # type: ignore[arg-type]
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("1%", 0.01), (" 2.5 % ", 0.025), ("0.01", 0.01), ("1/4", 0.25), ("1e-3", 0.001), ("99%", 0.99)],
+)
+def test_shares(text: str, expected: float) -> None:
+    assert parse_share(text) == pytest.approx(expected, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "predicate"),
+    [
+        ("0", "must be greater than 0 and less than 100%"),
+        ("-1%", "must be greater than 0 and less than 100%"),
+        ("1", "must be greater than 0 and less than 100%; did you mean 1%?"),
+        ("100%", "must be greater than 0 and less than 100%"),
+        ("inf", "must be greater than 0 and less than 100%"),
+        ("nan", "must be a relative error such as 1% or 0.01"),
+        ("", "must be a relative error such as 1% or 0.01"),
+        ("%", "must be a relative error such as 1% or 0.01"),
+        ("1%%", "must be a relative error such as 1% or 0.01"),
+        ("1 m", "must be a relative error such as 1% or 0.01"),
+    ],
+)
+def test_what_is_no_share(text: str, predicate: str) -> None:
+    with pytest.raises(ValueError) as caught:  # noqa: PT011
+        parse_share(text)
+    assert str(caught.value) == predicate
+
+
+def test_durations() -> None:
+    assert parse_duration("30s") == 30.0
+    assert parse_duration("5 min") == 300.0
+    for text, predicate in (
+        ("0 s", "greater than 0"),
+        ("-1", "greater than 0"),
+        ("inf", "finite"),
+        ("1e400", "finite"),
+    ):
+        with pytest.raises(ValueError, match=predicate):
+            parse_duration(text)
