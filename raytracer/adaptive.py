@@ -39,10 +39,12 @@ _FEWEST = 4 * FIRST_PASS
 _LONGEST_ROUND = 4.0
 _SHORTEST_ROUND = 1.05
 
-# Pilots take this part of the samples that are to come, or none.  To the same error, shares by 16 samples take 0.85,
-# 0.80, 0.68 and 0.75 of an even render's rays in cover, cornell, glass and smoke; by 64, 0.84, 0.79, 0.63 and 0.74; the
-# best shares that tiles can have, 0.82, 0.77, 0.58 and 0.73.
-_PILOT_SHARE = 0.05
+# Pilots of `_SMALLEST_PILOT` samples may take the first part of the samples that the picture is expected to end with,
+# and larger ones the second.  To the same error, shares by 16 samples take 0.85, 0.80, 0.68 and 0.75 of an even
+# render's rays in cover, cornell, glass and smoke; by 64, 0.84, 0.79, 0.63 and 0.74; the best shares that tiles can
+# have, 0.82, 0.77, 0.58 and 0.73.
+_PART_OF_SMALLEST_PILOT = 0.08
+_PART_OF_PILOT = 0.03
 _SMALLEST_PILOT = 2 * FIRST_PASS
 
 # Samples of a tile over the mean of all tiles, at least: what a pilot did not meet may be there.  Of the numbers above
@@ -170,8 +172,10 @@ class Adaptive:
     def _look(self, growth: float) -> None:
         """Take pilot samples, if the picture is to grow by enough to be worth more of them than the last ones."""
         canvas = self._canvas
-        worth = _PILOT_SHARE * canvas.samples * min(growth, _LONGEST_ROUND**3)
-        spp = 1 << max(0, math.floor(math.log2(worth)))
+        expected = canvas.samples * min(growth, _LONGEST_ROUND**3)
+        spp = 1 << max(0, math.floor(math.log2(_PART_OF_PILOT * expected)))
+        if spp < _SMALLEST_PILOT <= _PART_OF_SMALLEST_PILOT * expected:
+            spp = _SMALLEST_PILOT
         if spp < max(_SMALLEST_PILOT, 4 * self._pilot_spp):
             return
         self._number += 1

@@ -12,7 +12,7 @@ from raytracer.adaptive import goals_at, seed_of_pilot, shares
 from raytracer.embree import PACKET
 from raytracer.errors import InputError
 from raytracer.film.image import Image
-from raytracer.noise import weights
+from raytracer.noise import Tally, weights
 from raytracer.rendering import Progress, Rendered, render
 from raytracer.scene.spec import SceneSpec
 from tests.rendering import scene
@@ -115,7 +115,7 @@ def test_errors_that_cannot_be_asked_for(noise: float) -> None:
         render(halves(), noise=noise)
 
 
-@pytest.mark.parametrize("limit", [0.0, -1.0, math.nan])
+@pytest.mark.parametrize("limit", [0.0, -1.0, math.nan, math.inf])
 def test_times_that_cannot_be_asked_for(limit: float) -> None:
     with pytest.raises(InputError, match="a time limit must be greater than 0"):
         render(halves(), time_limit=limit)
@@ -131,6 +131,39 @@ def test_an_interrupt_leaves_a_picture() -> None:
     assert not found.complete
     assert found.fewest_samples >= 8
     assert found.image.radiance.any()
+
+
+@pytest.mark.parametrize("time_limit", [None, 60.0])
+def test_an_interrupt_between_rounds_leaves_a_picture(
+    monkeypatch: pytest.MonkeyPatch, time_limit: float | None
+) -> None:
+    # While errors are looked at, and, under a time limit, while the end is practised: no thread works then.
+    estimate = Tally.estimate
+
+    def interrupted(tally: Tally, counts: Any) -> Any:
+        monkeypatch.setattr(Tally, "estimate", estimate)
+        raise KeyboardInterrupt
+
+    def rehearse(image: Image) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Tally, "estimate", interrupted)
+    found = render(halves(), noise=0.001, time_limit=time_limit, rehearse=rehearse, threads=2)
+    assert found.interrupted
+    assert not found.complete
+    assert found.fewest_samples == (32 if time_limit is None else 8)
+    assert found.image.radiance.any()
+
+
+def test_light_of_any_strength_has_its_error() -> None:
+    # A power of two changes no digit of a picture, and its error is relative.
+    plain = render(halves(), noise=0.1, threads=2)
+    bright = HALVES.replace("radiance: 0.1", f"radiance: {0.1 * 2.0**140!r}")
+    bright = bright.replace("radiance: 80", f"radiance: {80 * 2.0**140!r}")
+    found = render(scene(bright, width=64, height=32, max_depth=4), noise=0.1, threads=2)
+    np.testing.assert_array_equal(found.image.radiance, plain.image.radiance * 2.0**140)
+    assert found.complete
+    assert found.stats.error["relative"] == pytest.approx(plain.stats.error["relative"], rel=1e-5)
 
 
 class Clock:

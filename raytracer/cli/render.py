@@ -29,7 +29,7 @@ Examples:
 
 _INTERRUPTED = 130
 # What the interpreter takes to end.
-_EXIT_SECONDS = 0.1
+_EXIT_SECONDS = 0.05
 
 _PREVIEW_EDGE = 480
 _PREVIEW_SPP = 16
@@ -150,8 +150,9 @@ def render(
     _write(rendered, outputs, stats)
     wanted = spp or (None if target or limit else spec.render.spp)
     _report(rendered, outputs, wanted, target, quiet, strict, is_crop=window is not None)
-    if limit is not None and not rendered.interrupted and (late := time.perf_counter() - context.obj - limit) > 0.0:
-        _explain(rendered, limit, late)
+    seconds = time.perf_counter() - context.obj
+    if limit is not None and not rendered.interrupted and seconds > 1.05 * limit:
+        print(f"rt: {_delay(rendered, limit, seconds)}", file=sys.stderr)
     if rendered.interrupted:
         raise typer.Exit(_INTERRUPTED)
 
@@ -306,14 +307,13 @@ def _shortfall(rendered: "Rendered", names: str, wanted: int | None, target: flo
     return f"{spp} do not bring {names} to a relative error of {100.0 * target:g} %"
 
 
-def _explain(rendered: "Rendered", limit: float, late: float) -> None:
-    """Say where the time went that a limit did not have, if it was not in the samples."""
-    seconds = rendered.stats.seconds
-    before = {name: seconds[name] for name in ("load", "pack", "build", "compile")}
-    slowest = max(before, key=lambda name: before[name])
-    if before[slowest] > late:
-        took = f"to {slowest} took {before[slowest]:.1f} s"
-        print(f"rt: {late:.1f} s more than {limit:g} s: {took}, and every pixel gets 8 samples", file=sys.stderr)
+def _delay(rendered: "Rendered", limit: float, seconds: float) -> str:
+    """Why a command took so many seconds for a time limit."""
+    spent = rendered.stats.seconds
+    names = {"load": "loading", "pack": "packing", "build": "building", "compile": "compiling", "render": "rendering"}
+    longest = max(names, key=lambda name: spent[name])
+    least = "every pixel gets at least 8 samples"
+    return f"{seconds:.1f} s for a time limit of {limit:g} s: {names[longest]} took {spent[longest]:.1f} s; {least}"
 
 
 def _summary(rendered: "Rendered", names: str) -> str:

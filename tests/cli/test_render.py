@@ -154,6 +154,26 @@ def test_noise_is_what_the_picture_ends_with(scene: Path, capsys: pytest.Capture
     assert capsys.readouterr().err == "rt: 64 samples per pixel do not bring a.npy to a relative error of 0.002 %\n"
 
 
+def test_too_few_samples_to_know_the_error(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "ball.yaml", "-o", "a.npy", "-q", "--noise", "1%", "--spp", "8"]) == 0
+    sentence = "rt: 8 samples per pixel tell too little of the error of a.npy: it takes 16\n"
+    assert capsys.readouterr().err == sentence
+
+
+def test_a_black_picture_is_no_success(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", "ball.yaml", "-o", "a.npy", "-q", "--noise", "1%", "-D", "environment.radiance=0"]) == 0
+    assert capsys.readouterr().err == "rt: a.npy is black, so its relative error says nothing\n"
+
+
+def test_no_room_to_practise_is_no_failure(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*arguments: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(render.tempfile, "mkdtemp", full)
+    assert main(["render", "ball.yaml", "-o", "a.npy", "-q", "--time-limit", "1s"]) == 0
+    assert np.load("a.npy").any()
+
+
 @pytest.mark.parametrize(
     ("value", "interval", "text"),
     [
@@ -170,6 +190,16 @@ def test_errors_are_told_to_three_digits(value: float, interval: tuple[float, ..
     assert render._percent(value, *interval) == text
 
 
+def test_a_limit_that_compiling_took_is_explained(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    # No command takes a millisecond.
+    assert main(["render", "ball.yaml", "-o", "a.npy", "--time-limit", "1ms", "-q"]) == 0
+    err = capsys.readouterr().err
+    assert re.fullmatch(
+        r"rt: [\d.]+ s for a time limit of 0\.001 s: \w+ing took [\d.]+ s; every pixel gets at least 8 samples\n", err
+    )
+    assert np.load("a.npy").any()
+
+
 def test_ctrl_c_writes_what_is_there(
     scene: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -177,7 +207,7 @@ def test_ctrl_c_writes_what_is_there(
     monkeypatch.setattr(render._Bar, "update", lambda bar, progress: signal.raise_signal(signal.SIGINT))
     assert main(["render", "ball.yaml", "-o", "a.npy", "--spp", "100000000"]) == 130
     err = capsys.readouterr().err
-    assert re.search(r"interrupted; a\.npy has \d+ to \d+ of 100000000 samples per pixel", err)
+    assert re.search(r"interrupted; a\.npy has \d+( to \d+)? of 100000000 samples per pixel", err)
     assert np.load("a.npy").shape == (16, 24, 3)
     assert sorted(path.name for path in scene.parent.iterdir()) == ["a.npy", "ball.yaml"]
 
