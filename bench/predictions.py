@@ -252,7 +252,7 @@ def report_equal_error(found: dict[str, Any]) -> str:
 def limit(seconds: float, threads: int) -> dict[str, float]:
     """Seconds of a whole `rt render --time-limit`, compiled before."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-c", "from raytracer.cli.main import main; main()", "render"]
+        command = [sys.executable, "-c", "import sys; from raytracer.cli.main import main; sys.exit(main())", "render"]
         command += [str(SCENES / "cover.yaml"), "--quiet", "--threads", str(threads), "-o", f"{folder}/cover.png"]
         subprocess.run([*command, "--spp", "1"], check=True)
         start = time.perf_counter()

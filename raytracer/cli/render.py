@@ -321,7 +321,7 @@ def _summary(rendered: "Rendered", names: str) -> str:
     result = rendered.stats
     height, width, _ = rendered.image.radiance.shape
     fewest, mean, most = (result.spp[key] for key in ("fewest", "mean", "most"))
-    spp = f"{most} spp" if fewest == most else f"{fewest} to {most}, mean {mean:.1f} spp"
+    spp = f"{most} spp" if fewest == most else f"{mean:.1f} ({fewest} to {most}) spp"
     seconds = result.seconds["render"]
     samples = result.samples + result.pilot_samples
     rates = f"{samples / seconds / 1e6:.3g} M samples/s, {result.rays / seconds / 1e6:.3g} M rays/s"
@@ -345,7 +345,7 @@ def _percent(value: float, *interval: float) -> str:
 
 def _not_finite(samples: int) -> str:
     if samples == 0:
-        return "no sample was not finite"
+        return "all samples finite"
     return "1 sample was not finite" if samples == 1 else f"{samples} samples were not finite"
 
 

@@ -47,6 +47,9 @@ _STEEP_AT_FIRST = 0.25
 # of 5 to 40 % had estimates off by up to a quarter of e, and one with 91 % was told as 60 %.
 _NOISE_OF_WEIGHTS = 0.25
 
+# Variance of the square of a normal number over the mean of its fourth power.
+_LEAST_SPREAD = 2.0 / 3.0
+
 # Standard deviations of a normal distribution that hold 95 %.
 _Z = 1.959964
 
@@ -276,7 +279,9 @@ def _group(
 
     # A level without any difference, as where rare light came late, tells nothing.
     informative = drops > 0.0
-    spread = np.maximum(np.sum(squares - sums**2 / pixels[:, None], axis=0), 0.0)[informative]
+    # Few pixels may agree by chance: no less than normal differences of one channel have, whose E x^4 is 3 (E x^2)^2.
+    fourth = squares.sum(axis=0)
+    spread = np.maximum(fourth - np.sum(sums**2 / pixels[:, None], axis=0), _LEAST_SPREAD * fourth)[informative]
     spp, drops = spp[informative], drops[informative]
     deviations = np.sqrt(spread) / drops
 

@@ -115,7 +115,7 @@ def test_a_time_limit_alone_is_what_was_asked_for(scene: Path, capsys: pytest.Ca
 
 SUMMARY = re.compile(
     r"a\.(npy|exr): 24 x 16, (?P<spp>.+) spp in [\d.]+ s \([\d.e+]+ M samples/s, [\d.e+]+ M rays/s\), "
-    r"(?P<error>relative error .+), (?P<finite>.+ not finite)\n"
+    r"(?P<error>relative error .+), (?P<finite>.+ finite)\n"
 )
 
 
@@ -124,7 +124,7 @@ def test_the_summary_says_what_is_known(scene: Path, capsys: pytest.CaptureFixtu
     found = SUMMARY.fullmatch(capsys.readouterr().err)
     assert found is not None
     assert found["spp"] == "64"
-    assert found["finite"] == "no sample was not finite"
+    assert found["finite"] == "all samples finite"
     # In percent, the numbers of the file.
     stats = json.loads(Path("a.json").read_text())
     value, low, high = map(float, re.findall(r"\d+\.\d+", found["error"]))
@@ -139,7 +139,7 @@ def test_the_summary_says_what_is_known(scene: Path, capsys: pytest.CaptureFixtu
 def test_noise_is_what_the_picture_ends_with(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["render", "ball.yaml", "-D", "film.width=48", "-o", "a.exr", "--aov", "samples", "--stats", "a.json"]
     assert main([*words, "--noise", "0.02%"]) == 0
-    assert re.search(r"48 x 16, \d+ to \d+, mean [\d.]+ spp in", capsys.readouterr().err)
+    assert re.search(r"48 x 16, [\d.]+ \(\d+ to \d+\) spp in", capsys.readouterr().err)
     stats = json.loads(Path("a.json").read_text())
     assert stats["error"]["relative"] <= stats["error"]["target"] == 0.0002
     layers, settings = load_layers("a.exr")

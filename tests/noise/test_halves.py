@@ -257,3 +257,16 @@ def test_the_first_half_of_a_stratified_run_tells_an_upper_bound():
     values = 0.5 + (strata + rng.random(strata.shape)) / spp
     means = {n: truth * values[:, :n].mean(axis=1).reshape(32, 32, 1) for n in (8, 16, 32, 64)}
     assert _told(means, windows, [spp] * 4).estimate([spp] * 4).error > relative_error(means[spp], truth)
+
+
+def test_a_single_pixel_tells_little() -> None:
+    # The square of one normal difference is chi-square of one degree.
+    rng = np.random.default_rng(5)
+    samples = 1.0 + 0.5 * rng.standard_normal(64)
+    tally = Tally([(0, 0, 1, 1)], steepest_of("independent"))
+    for n in (8, 16, 32, 64):
+        tally.record(0, np.full((1, 1, 3), samples[:n].mean()), n)
+    tally.settle(np.full((1, 1, 3), samples.mean()))
+    estimate = tally.estimate([64])
+    assert estimate is not None
+    assert estimate.high > 2.0 * estimate.error > 4.0 * estimate.low
