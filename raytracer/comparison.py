@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from raytracer.errors import InputError
 from raytracer.film.output import write_bytes
+from raytracer.noise.metric import weights
 
 Array = NDArray[np.float64]
 
@@ -273,7 +274,7 @@ def relmse(a: ArrayLike, b: ArrayLike) -> float:
         Minimization", ACM Transactions on Graphics 30(6), section 6.
     """
     difference, reference = _difference(a, b)
-    return float(np.mean(difference**2 / (reference**2 + 0.01)))
+    return float(np.mean(weights(reference, 1.0) * difference**2))
 
 
 def psnr(a: ArrayLike, b: ArrayLike, peak: float = 1.0) -> float:

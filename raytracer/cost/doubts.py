@@ -9,8 +9,11 @@ from raytracer.cost.results import Prediction
 # A share of the error in the worst 0.1 % of the pixels that makes means doubtful.
 _LARGE_SHARE = 0.2
 
-_FEW_TILES = 16
-_FEW_ROUNDS = 9
+FEWEST_ROUNDS = 9
+"""Rounds without which the interval of a median is none of 95 %."""
+
+FEWEST_TILES = 16
+"""Tiles that are asked for, if the picture has as many: one may be of nothing but sky."""
 
 # How many times as many samples as were measured a prediction may reach for.
 _FAR = 100.0
@@ -88,11 +91,11 @@ def _of_the_measurement(found: Circumstances) -> Iterator[str]:
     if found.interrupted:
         what = f"after {found.rounds} of {found.rounds_asked} rounds" if found.rounds else "before the comparison"
         yield f"interrupted {what}"
-    elif 0 < found.rounds < _FEW_ROUNDS:
-        yield f"{found.rounds} rounds are few: intervals of medians take {_FEW_ROUNDS}"
+    if 0 < found.rounds < FEWEST_ROUNDS:
+        yield f"{found.rounds} rounds are few: intervals of medians take {FEWEST_ROUNDS}"
     if found.tiles_measured == 1:
         yield "one tile was measured, so intervals are not known"
-    elif found.tiles_measured < min(_FEW_TILES, found.tiles):
+    elif found.tiles_measured < min(FEWEST_TILES, found.tiles):
         yield f"only {found.tiles_measured} of {found.tiles} tiles were measured: intervals are rough"
     if found.load is not None and math.isfinite(found.load) and found.load > _BUSY * found.processors:
         yield (

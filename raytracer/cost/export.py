@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from raytracer.cost.results import Arm, Study
-from raytracer.noise.intervals import Interval
 
 _ENDS = ("low", "high")
 
@@ -105,5 +104,5 @@ def to_csv(study: Study) -> str:
 
 def convergence_csv(study: Study) -> str:
     """What was measured of the picture as a whole: samples per pixel, seconds, relative error with its interval."""
-    rows = ([point.spp, point.seconds, *Interval(*point.error)] for point in study.prediction.points)
+    rows = ([point.spp, point.seconds, *point.error] for point in study.prediction.points)
     return _table(("spp", "seconds", "error", "error_low", "error_high"), rows)

@@ -3,6 +3,7 @@
 What needs the machine comes in a `Bench`, so that tests run on made-up pictures and times.
 """
 
+import enum
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -96,7 +97,16 @@ class Subject(NamedTuple):
         return short == long
 
 
-def seeds(seed: int, purpose: int, count: int) -> list[int]:
+class Purpose(enum.IntEnum):
+    """What seeds are drawn for."""
+
+    PILOT = 1
+    REPLICATE = 2
+    ROUND = 3
+    CONTROL = 4
+
+
+def seeds(seed: int, purpose: Purpose, count: int) -> list[int]:
     """Seeds that have nothing to do with each other, nor with those of another purpose."""
     return [int(state) for state in np.random.SeedSequence((seed, purpose)).generate_state(count)]
 
@@ -136,7 +146,7 @@ def pilot(subject: Subject, windows: Sequence[Window], seconds: float, pace: flo
     tiles = choose(windows, len(windows), np.random.default_rng(seed))
     if 2 * _PILOT_SPP * tiles.pixels.sum() / pace > _PILOT_SHARE * seconds:
         return None
-    patches = [subject.render(windows, _PILOT_SPP, own) for own in seeds(seed, 1, 2)]
+    patches = [subject.render(windows, _PILOT_SPP, own) for own in seeds(seed, Purpose.PILOT, 2)]
     pictures = np.stack([tiles.flat(patch.mean) for patch in patches])
     mean = pictures.mean(axis=0)
     scale = scale_of(mean)
@@ -230,7 +240,7 @@ def replicates(
     subject: Subject, tiles: Tiles, levels: Sequence[int], seed: int, tick: Callable[[float], None]
 ) -> Replicates:
     """Render them.  `tick` is called with what fraction is done."""
-    runs = seeds(seed, 2, REPLICATES)
+    runs = seeds(seed, Purpose.REPLICATE, REPLICATES)
     means: dict[int, list[Array]] = {spp: [] for spp in levels}
     busy, rays, bad = [], [], 0
     for number, own in enumerate(runs):

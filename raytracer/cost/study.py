@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 from raytracer.cost.arms import Variant, kept, select, variants
 from raytracer.cost.compare import Basis, Names, floor_of, other_arm, rays_per_sample, scene_arm
-from raytracer.cost.doubts import Circumstances, doubts
+from raytracer.cost.doubts import FEWEST_ROUNDS, FEWEST_TILES, Circumstances, doubts
 from raytracer.cost.machine import load_average, machine
 from raytracer.cost.measure import (
     MACHINE,
     Bench,
     Entry,
     Pilot,
+    Purpose,
     Replicates,
     Rounds,
     Subject,
@@ -58,12 +59,6 @@ COMPARISON_SECONDS = 120.0
 ROUNDS = 9
 """How often each arm is rendered."""
 
-FEWEST_ROUNDS = 9
-"""Rounds without which the interval of a median is none of 95 %."""
-
-FEWEST_TILES = 16
-"""Tiles that are asked for, if the picture has as many: one may be of nothing but sky."""
-
 MOST_ROUNDS = 1000
 """Rounds of which the pictures are kept, at least a tile of each arm."""
 
@@ -74,9 +69,6 @@ _SCENE = Names("scene", "scene", "the scene as it is")
 
 # Below this, the worst 0.1 % are less than a pixel.
 _FEWEST_FOR_SHARE = 1000
-
-# What seeds are drawn for, besides those of measure.py.
-_ROUND_SEEDS, _CONTROL_SEEDS = 3, 4
 
 
 class Progress(NamedTuple):
@@ -356,7 +348,7 @@ def _entries(scene: Subject, arms: Sequence[Subject | str], asked: Asked) -> lis
     has seeds of its own: it is to show what differs by chance.
     """
     subjects = [arm for arm in arms if isinstance(arm, Subject)]
-    common, own = (seeds(asked.seed, purpose, asked.rounds) for purpose in (_ROUND_SEEDS, _CONTROL_SEEDS))
+    common, own = (seeds(asked.seed, purpose, asked.rounds) for purpose in (Purpose.ROUND, Purpose.CONTROL))
     sloped = any(arm.sampler != scene.sampler for arm in subjects)
     return [
         Entry(scene, common, sloped),

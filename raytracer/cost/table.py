@@ -1,6 +1,7 @@
 """A study as text, for terminals and pipes."""
 
 import io
+import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
@@ -121,7 +122,7 @@ def _prediction(console: "Console", study: Study) -> None:
 
     _title(console, "Prediction, with 95 % intervals; compiling apart")
     pairs = phrases.prediction(predicted)
-    if study.top_share == study.top_share:
+    if not math.isnan(study.top_share):
         pairs.append(("where the error is", phrases.concentration(study)))
     _pairs(console, pairs)
 

@@ -8,6 +8,7 @@ import pytest
 from raytracer.cost.arms import variants
 from raytracer.cost.compare import Floor, _differs, is_steady
 from raytracer.cost.measure import (
+    Purpose,
     Subject,
     casts_alike,
     entered,
@@ -71,8 +72,8 @@ def test_every_arm_is_at_every_place_once() -> None:
 
 
 def test_seeds_differ_by_purpose_and_go_on() -> None:
-    assert seeds(1, 2, 5)[:3] == seeds(1, 2, 3)
-    assert not set(seeds(1, 2, 5)) & (set(seeds(1, 3, 5)) | set(seeds(2, 2, 5)))
+    assert seeds(1, Purpose.PILOT, 5)[:3] == seeds(1, Purpose.PILOT, 3)
+    assert not set(seeds(1, Purpose.PILOT, 5)) & (set(seeds(1, Purpose.ROUND, 5)) | set(seeds(2, Purpose.PILOT, 5)))
 
 
 def test_the_pace_is_that_of_the_whole_picture(tmp_path: Path) -> None:
