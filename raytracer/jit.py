@@ -22,9 +22,12 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
 from numba.core.datamodel.models import PrimitiveModel
+from numba.core.serialize import dumps
 from numba.core.typed_passes import NativeLowering
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, overload, register_model
+
+from raytracer.kernel_files import KernelFiles
 
 _PACKAGE = Path(__file__).parent
 
@@ -128,8 +131,25 @@ CACHE_FOLDER = _use_cache_of_these_sources()
 
 
 def entry(function: Callable[..., Any]) -> Any:
-    """Compile what Python calls to start work: without the interpreter lock, and cached on disk."""
-    return numba.njit(nogil=True, cache=True, **_OPTIONS)(function)
+    """Compile what Python calls to start work: without the interpreter lock, and cached on disk.
+
+    Of several processes that need it for the same types one compiles it, and the others wait.
+    """
+    compiled = numba.njit(nogil=True, cache=True, **_OPTIONS)(function)
+    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return compiled
+    cache, at_once = compiled._cache, compiled.compile
+    # The folder is that of the package's sources; other modules, as those of tests, are told apart by their own.
+    source = hashlib.sha256(Path(function.__code__.co_filename).read_bytes()).hexdigest()[:16]
+    files = KernelFiles(Path(cache.cache_path), f"{cache._impl.filename_base}.{source}", dumps)
+    cache._cache_file = files
+
+    def in_turn(signature: tuple[types.Type, ...]) -> Any:
+        with files.alone(cache._index_key(signature, compiled.targetctx.codegen())):
+            return at_once(signature)
+
+    compiled.compile = in_turn
+    return compiled
 
 
 def kernel(function: F) -> F:

@@ -30,6 +30,7 @@ from raytracer.vec import basis, reflect, to_world
 from tests.apertures.kernels import passed, sampled
 from tests.cameras.kernels import camera_rays
 from tests.environments.test_environments import seen
+from tests.lenses.kernels import DOUBLE_GAUSS, lens_of, traced
 from tests.materials.kernels import evaluate_many, incoming, scatter_many
 from tests.materials.test_contract import EXAMPLES, FACETS, spec_of
 from tests.shapes.kernels import pdf_of, sample
@@ -114,6 +115,8 @@ def numbers() -> dict[str, NDArray[np.float64]]:
         out[f"polygon {curvature}"] = sampled(PolygonAperture(curvature=curvature, anamorphic=2.0).pack({}), u)
     out["mask"] = sampled(mask(np.array([[0.0, 1.0, 0.5], [2.0, 0.0, 0.25]])), u)
     out["rim"] = passed(Rim(1.0, 2.0), out["mask"], 0.3, -0.1)
+    starts = np.concatenate([8.0 * u - 4.0, np.full((20, 1), -9.0)], axis=1)
+    out["lens weights"], out["lens points"], out["lens directions"] = traced(lens_of(DOUBLE_GAUSS), starts, (0, 0, 1))
     points = 3.0 * np.random.default_rng(2).normal(size=(20, 3))
     for name, parameters in (
         ("checker", {}),
