@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from raytracer.jit import entry, kernel, routine
 from raytracer.optics import fresnel_dielectric, refract
-from raytracer.vec import Vec3, dot, neg, normalize, scale, sub, to_local
+from raytracer.vec import Vec3, add, dot, neg, norm, normalize, scale, sub, to_local
 
 SMOOTH_ALPHA = 1e-3
 """Below this alpha a boundary counts as smooth: its lobe is narrower than the sun, as seen from the earth, by far."""
@@ -115,6 +115,17 @@ def seen_from(direction: Vec3, s: Vec3, t: Vec3, normal: Vec3) -> Vec3:
 def reflect_about(toward: Vec3, half: Vec3) -> Vec3:
     """Where a facet with normal `half` mirrors light to that leaves, or comes from, `toward`."""
     return sub(scale(2.0 * dot(toward, half), half), toward)
+
+
+@kernel
+def half_vector(a: Vec3, b: Vec3) -> Vec3:
+    """The normal of the facets that mirror light from one direction to the other, neither of them below the surface.
+
+    It is the surface's own where they are opposite along the surface, so that their sum has no direction left.
+    """
+    both = add(a, b)
+    size = norm(both)
+    return scale(1.0 / size, both) if size > 0.0 else (0.0, 0.0, 1.0)
 
 
 # ---- What is scattered more than once

@@ -36,13 +36,11 @@ def cell_integrals(pdf, bounds, cells, order=8):
     return mass.sum(axis=tuple(range(1, 2 * len(cells), 2)))
 
 
-def chi2_counts(observed, expected, significance=1e-3, tests=1):
-    """Assert that counts are what a distribution expects, where `tests` such tests pass together.
+def pearson(observed, expected):
+    """Pearson's statistic of counts against what a distribution expects, and its degrees of freedom.
 
-    observed, expected : counts of the same shape and the same sum.  Returns the p-value.
+    observed, expected : counts of the same shape and the same sum.  Where nothing is expected, nothing may be observed.
     """
-    from scipy.stats import chi2
-
     observed, expected = np.ravel(observed).astype(np.float64), np.ravel(expected).astype(np.float64)
     assert math.isclose(observed.sum(), expected.sum()), "counts with different sums"
     impossible = observed[expected <= 0.0].sum()
@@ -59,13 +57,30 @@ def chi2_counts(observed, expected, significance=1e-3, tests=1):
         observed = np.append(observed[pooled:], observed[:pooled].sum())
         expected = np.append(expected[pooled:], expected[:pooled].sum())
     assert len(expected) > 1, "too few samples for a test"
+    return float(((observed - expected) ** 2 / expected).sum()), len(expected) - 1
 
-    statistic = float(((observed - expected) ** 2 / expected).sum())
-    p_value = float(chi2.sf(statistic, len(expected) - 1))
+
+def chi2_counts(observed, expected, significance=1e-3, tests=1):
+    """Assert that counts are what a distribution expects, where `tests` such tests pass together.
+
+    observed, expected : see `pearson`.  Returns the p-value.
+    """
+    from scipy.stats import chi2
+
+    statistic, freedom = pearson(observed, expected)
+    p_value = float(chi2.sf(statistic, freedom))
     assert p_value > sidak(significance, tests), (
-        f"chi-square {statistic:.1f} with {len(expected) - 1} degrees of freedom: p = {p_value:.2g}"
+        f"chi-square {statistic:.1f} with {freedom} degrees of freedom: p = {p_value:.2g}"
     )
     return p_value
+
+
+def chi2_excess(observed, expected, significance=1e-3, tests=1):
+    """Pearson's statistic over the most that `chi2_counts` would let pass: above 1, counts are not as expected."""
+    from scipy.stats import chi2
+
+    statistic, freedom = pearson(observed, expected)
+    return statistic / float(chi2.isf(sidak(significance, tests), freedom))
 
 
 def chi2_test(samples, pdf, bounds, cells, *, order=8, significance=1e-3, tests=1):

@@ -14,6 +14,7 @@ from raytracer.microfacet import (
     deficits,
     ggx,
     grazing_albedo,
+    half_vector,
     masking,
     mean_deficit,
     multiple_albedo,
@@ -122,6 +123,14 @@ def test_shadows_are_smiths() -> None:
     # Light along the surface that leaves it is in nobody's shadow, and neither limit is 0/0.
     assert shadowing(0.3, 0.0, 0.5) == 1.0
     assert shadowing(0.3, 0.5, 0.0) == masking(0.3, 0.0) == 0.0
+
+
+@pytest.mark.parametrize("height", [1.0, 1e-9, 1e-150, 1e-300, 0.0])
+def test_half_vectors_lie_between(height: float) -> None:
+    # Of directions that are opposite along the surface, the half vector is its normal, however low they are.
+    along = math.sqrt((1.0 - height) * (1.0 + height))
+    assert half_vector((along, 0.0, height), (-along, 0.0, height)) == pytest.approx((0.0, 0.0, 1.0), abs=1e-15)
+    assert half_vector((along, 0.0, height), (along, 0.0, height)) == pytest.approx((along, 0.0, height), abs=1e-15)
 
 
 @pytest.mark.parametrize("alpha", [0.3, 1.0])

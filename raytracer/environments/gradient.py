@@ -37,5 +37,6 @@ class GradientEnvironment(NamedTuple):
 
 @background.register(GradientEnvironment)
 def _(environment, direction):
-    a = 0.5 * (direction[1] + 1.0)
+    # A height that rounding has left below -1 would subtract light.
+    a = min(1.0, max(0.0, 0.5 * (direction[1] + 1.0)))
     return add(scale(1.0 - a, environment.horizon), scale(a, environment.zenith))

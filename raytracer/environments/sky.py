@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from raytracer.environments.equirectangular import Equirectangular, equirectangular
 from raytracer.environments.interface import Assets, EnvironmentSpec, SunDisc
 from raytracer.photography import WHITE_EFFICACY
-from raytracer.spec import Albedo, Angle, Direction, NonNegativeNumber, Quantity, at
+from raytracer.spec import MOST, Albedo, Angle, Direction, NonNegativeNumber, Quantity, at
 from raytracer.vec import Vec3
 
 Floats = NDArray[np.float64]
@@ -198,13 +198,20 @@ class Sky(EnvironmentSpec):
     sun: bool = Field(default=False, description="whether the sun itself is there: a light of kind `sun`")
 
     @model_validator(mode="after")
-    def _one_position(self) -> "Sky":
+    def _one_position_and_a_sun_in_range(self) -> "Sky":
         if self.sun_direction is not None:
             for key in ("sun_elevation", "sun_azimuth"):
                 if key in self.model_fields_set:
                     at(key, "is given besides sun_direction, which says the same")
             if self.sun_direction[1] < 0.0:
                 at("sun_direction", "points below the horizon, where the model holds no more; y must be at least 0")
+        disc = self.disc()
+        brightest = 0.0 if disc is None else max(disc.irradiance)
+        if brightest and not 1.0 / MOST <= brightest <= MOST:
+            at(
+                "scale",
+                f"gives the sun an irradiance of {brightest:.2g} W/m2, and {1.0 / MOST:g} to {MOST:g} is possible",
+            )
         return self
 
     def toward(self) -> Vec3:

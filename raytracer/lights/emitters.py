@@ -13,6 +13,7 @@ from raytracer.geometry import Site
 from raytracer.instances import choose_instance, pdf_placed, sample_placed, variant_of
 from raytracer.lights.interface import LightSample, pdf_hit, sample_light
 from raytracer.materials.interface import BLACK, LIGHT_POINT, emission_shown
+from raytracer.origin import as_written
 from raytracer.sampling import sample_2d
 from raytracer.sampling.alias import AliasTable, sample_alias
 from raytracer.vec import dot, norm, normalize, scale, sub
@@ -52,7 +53,8 @@ def _(table, scene, point, time, u, draws):
     pdf = probability * chance * on.pdf
     if pdf == 0.0:
         return LightSample(direction, BLACK, 0.0, on.point, on.gap)
-    site = Site(on.local, on.u, on.v, norm(way))
+    local = as_written(scene.origin, scene.instances, instance, on.local)
+    site = Site(local, on.u, on.v, norm(way))
     front = dot(direction, on.normal) < 0.0
     radiance = emission_shown(scene.selectors, scene, table.material[chosen], front, site, draws)
     return LightSample(direction, scale(1.0 / pdf, radiance), pdf, on.point, on.gap)

@@ -134,12 +134,28 @@ def _(table, scene, direction, pdf, tables, heuristic):
     return BLACK
 
 
+@generic
+def moved(table: Any, by: Vec3) -> Any:
+    """The table of lights in a world that is moved by a vector (m); what has a `position` is moved, by default."""
+    raise NotImplementedError(type(table))
+
+
+@moved.register(tuple)
+def _(table: Any, by: Vec3) -> Any:
+    return table._replace(position=table.position + by) if hasattr(table, "position") else table
+
+
 @kernel
 def power_heuristic(pdf, other):
-    """Weight of a sample drawn with `pdf` that `other` might have drawn too; the ratio form cannot overflow to NaN.
+    """Weight of a sample drawn with `pdf` that `other` might have drawn too; squares of densities could overflow.
+
+    All of it where the other never would, or where there was no choice (an infinite pdf), also where neither ratio is a
+    number.
 
     References: Veach 1997, eq. 9.11 with beta = 2.
     """
+    if other == 0.0 or math.isinf(pdf):
+        return 1.0
     ratio = other / pdf
     return 1.0 / (1.0 + ratio * ratio)
 

@@ -31,9 +31,6 @@ from raytracer.sampling.warp import one_minus_cosine, pdf_cone, sample_cone
 from raytracer.spec import Direction, Quantity
 from raytracer.vec import basis, dot, madd, neg, scale, sub, to_world
 
-# A disc of less than this squared sine would be brighter than a float64 holds.
-_LEAST_SINE2 = float(np.finfo(np.float64).tiny)
-
 
 class Sun(LightSpec):
     """A disc at infinity of even radiance, or with angle 0 light that is exactly parallel.
@@ -53,8 +50,7 @@ class Sun(LightSpec):
 
     def sine2(self) -> float:
         """The squared sine of the disc's angular radius; 0 for parallel light."""
-        sine2 = math.sin(math.radians(0.5 * self.angle)) ** 2
-        return sine2 if sine2 >= _LEAST_SINE2 else 0.0
+        return math.sin(math.radians(0.5 * self.angle)) ** 2
 
     def is_seen(self) -> bool:
         return self.sine2() > 0.0 and any(self.irradiance)

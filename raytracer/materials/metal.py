@@ -38,7 +38,7 @@ from raytracer.textures.interface import (
     is_zero,
     number,
 )
-from raytracer.vec import Vec3, dot, madd, normalize, reflect, scale
+from raytracer.vec import Vec3, dot, madd, normalize, reflect, scale, sub
 
 
 class Metal(MaterialSpec):
@@ -74,17 +74,18 @@ class MetalRow(NamedTuple):
 
 
 @kernel
-def pdf_fuzz(cosine: float, fuzz: float) -> float:
+def pdf_fuzz(below: float, fuzz: float) -> float:
     """Density in solid angle of normalize(m + fuzz u), u uniform on the unit sphere, at an angle to the unit vector m.
 
+    `below` is 1 minus the angle's cosine c: of a narrow lobe the cosine itself has no digits.
     The ray along the direction meets the sphere of radius `fuzz` round the tip of m at distances t = c -+ h, both
     times at an angle of cosine h / fuzz to its surface; a patch of area A there fills A h / (fuzz t^2), and has the
     probability A / (4 pi fuzz^2).  The two roots sum to (c^2 + h^2) / (2 pi fuzz h), which is c / pi where fuzz is 1.
     """
-    half2 = fuzz * fuzz - (1.0 - cosine) * (1.0 + cosine)
-    if half2 <= 0.0 or cosine <= 0.0:
+    half2 = fuzz * fuzz - below * (2.0 - below)
+    if half2 <= 0.0 or below >= 1.0:
         return 0.0
-    return _pdf_fuzz(cosine, math.sqrt(half2), fuzz)
+    return _pdf_fuzz(1.0 - below, math.sqrt(half2), fuzz)
 
 
 @kernel
@@ -116,7 +117,8 @@ def _(material, direction, normal, front, draws):
 def _(material, direction, normal, front, outgoing):
     if material.fuzz == 0.0 or dot(outgoing, normal) <= 0.0:
         return BLACK, 0.0
-    pdf = pdf_fuzz(dot(outgoing, reflect(direction, normal)), material.fuzz)
+    chord = sub(outgoing, reflect(direction, normal))
+    pdf = pdf_fuzz(0.5 * dot(chord, chord), material.fuzz)
     return scale(pdf, material.albedo), pdf
 
 

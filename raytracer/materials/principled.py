@@ -19,6 +19,7 @@ from raytracer.materials.interface import (
     BLACK,
     DIRECTION,
     LOBE,
+    WHITE,
     MaterialSpec,
     Scatter,
     absorbed,
@@ -36,6 +37,7 @@ from raytracer.microfacet import (
     deficits,
     ggx,
     grazing_albedo,
+    half_vector,
     masking,
     mean_deficit,
     multiple_albedo,
@@ -63,7 +65,7 @@ from raytracer.textures.interface import (
     is_zero,
     number,
 )
-from raytracer.vec import Vec3, add, basis, dot, normalize, scale, sub, to_local, to_world
+from raytracer.vec import Vec3, add, basis, dot, scale, sub, to_local, to_world
 
 
 class Principled(MaterialSpec):
@@ -96,6 +98,14 @@ class Principled(MaterialSpec):
         default=(0.0, 0.0, 0.0), description="radiance that it gives besides (W/(m2 sr)), on the side of the normal"
     )
     two_sided: bool = Field(default=False, description="give the `emission` to both sides")
+
+    def is_nothing(self) -> bool:
+        # Facets bend light only by their index.
+        clear = self.transmission == 1.0 and self.metallic == 0.0 and self.base_color == WHITE
+        return clear and self.ior == 1.0 and not self.emits()
+
+    def transmits(self) -> bool:
+        return not is_zero(self.transmission)
 
     def is_lit(self) -> bool:
         body = not is_zero(self.base_color) and self.metallic != 1.0 and self.transmission != 1.0
@@ -277,7 +287,7 @@ def _evaluated(material: PrincipledRow, shares: Shares, toward: Vec3, outgoing: 
     if z < 0.0:
         if smooth:
             return BLACK, 0.0
-        half = normalize(add(toward, (outgoing[0], outgoing[1], -z)))
+        half = half_vector(toward, (outgoing[0], outgoing[1], -z))
         once = reflected(material.alpha, toward[2], -z, half)
         coat = material.coat_base + material.coat_rise * schlick_weight(dot(toward, half))
         value = scale((1.0 - coat) * once, material.glass)
@@ -296,7 +306,7 @@ def _evaluated(material: PrincipledRow, shares: Shares, toward: Vec3, outgoing: 
         return value, pdf
 
     # What facets mirror.
-    half = normalize(add(toward, outgoing))
+    half = half_vector(toward, outgoing)
     once = reflected(material.alpha, toward[2], z, half)
     fresnel = add(material.base, scale(schlick_weight(dot(toward, half)), material.rise))
     return add(value, scale(once, fresnel)), pdf + shares.facets * _pdf_mirrored(material.alpha, toward, half)
@@ -327,7 +337,8 @@ def _(material, direction, normal, front, draws):
         x, y, z = sample_lost(material.cells, material.rows, u1, u2)
         outgoing = (x, y, -z if lobe >= shares.body + shares.multiple else z)
     else:
-        through = lobe < 1.0 - shares.facets
+        # All shares are 0 where nothing is reflected.
+        through = shares.glass > 0.0 and lobe < 1.0 - shares.facets
         if material.alpha < SMOOTH_ALPHA:
             return _smooth(material, shares, through, toward, direction, s, t, normal)
         x, y, z = reflect_about(toward, sample_visible_normal(material.alpha, toward, u1, u2))

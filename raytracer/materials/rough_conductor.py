@@ -37,6 +37,7 @@ from raytracer.microfacet import (
     Rows,
     deficit,
     deficits,
+    half_vector,
     mean_deficit,
     multiple_albedo,
     reflect_about,
@@ -62,7 +63,7 @@ from raytracer.textures.interface import (
     is_zero,
     number,
 )
-from raytracer.vec import Vec3, add, basis, dot, normalize, scale, to_local, to_world
+from raytracer.vec import Vec3, add, basis, dot, scale, to_local, to_world
 
 METALS: dict[str, tuple[Vec3, Vec3]] = {
     "gold": ((0.1556, 0.4241, 1.3831), (3.6024, 2.4721, 1.9155)),
@@ -210,7 +211,7 @@ def _evaluated(material: RoughConductorRow, toward: Vec3, outgoing: Vec3) -> tup
     """As `evaluate`, for directions in the surface's frame, both of which point away from it."""
     if outgoing[2] <= 0.0:
         return BLACK, 0.0
-    half = normalize(add(toward, outgoing))
+    half = half_vector(toward, outgoing)
     once = reflected(material.alpha, toward[2], outgoing[2], half)
     value = scale(once, _fresnel(material, min(1.0, dot(toward, half))))
     cells, rows = material.cells, material.rows

@@ -72,6 +72,13 @@ def test_gradient_is_that_of_one_weekend() -> None:
     np.testing.assert_allclose(seen(sky, DIRECTIONS), (1.0 - a) + a * [0.5, 0.7, 1.0], rtol=1e-14)
 
 
+def test_gradient_is_never_negative() -> None:
+    # Unit vectors may be longer by rounding.
+    dark = packed("gradient", {"horizon": 0.0, "zenith": [0.0, 5.0, 1.0]})
+    assert not seen(dark, [0.0, -1.0 - 2.0**-52, 0.0]).any()
+    np.testing.assert_array_equal(seen(dark, [0.0, 1.0 + 2.0**-52, 0.0])[0], [0.0, 5.0, 1.0])
+
+
 SKY = """
 camera: {type: pinhole, look_from: [0, 0, 0], look_at: [0, 0, -1], vfov: 90}
 environment: {type: gradient, horizon: [1, 0, 2], zenith: [0, 5, 0]}

@@ -88,7 +88,7 @@ def test_haze_whitens() -> None:
 def test_direction_and_angles_are_the_same_sun() -> None:
     one, other = spec_of(sun_elevation=30, sun_azimuth=120), spec_of(sun_direction=list(4.0 * up(30.0, 120.0)))
     np.testing.assert_allclose(one.toward(), other.toward(), atol=1e-15)
-    np.testing.assert_allclose(spec_of(sun_direction=[1e-200, 1e-200, 0]).toward(), up(45.0, 90.0), atol=1e-15)
+    np.testing.assert_allclose(spec_of(sun_direction=[1e-30, 1e-30, 0]).toward(), up(45.0, 90.0), atol=1e-15)
 
 
 def test_map_holds_the_model() -> None:

@@ -161,7 +161,7 @@ def test_spot_is_weighted_by_its_flux(angle: float, penumbra: float) -> None:
 def test_direction_and_look_at_are_the_same_axis() -> None:
     keys = {"position": [1, 2, 3], "intensity": 1, "angle": 40}
     one = table_of("spot", {**keys, "look_at": [0, 0, 3]})
-    other = table_of("spot", {**keys, "direction": [-1e-200, -2e-200, 0]})
+    other = table_of("spot", {**keys, "direction": [-1e-30, -2e-30, 0]})
     np.testing.assert_allclose(one.axis, other.axis, rtol=1e-15)
     np.testing.assert_allclose(one.axis, [[-1.0 / math.sqrt(5.0), -2.0 / math.sqrt(5.0), 0.0]], rtol=1e-15)
 
@@ -223,10 +223,10 @@ def test_both_ways_to_a_disc_share_it() -> None:
         assert shared[0, 0] / seen[0, 0] + by_light == pytest.approx(1.0, rel=1e-14)
 
 
-def test_tiny_discs_are_parallel_light() -> None:
+def test_only_a_disc_without_a_size_is_parallel_light() -> None:
     spec = LIGHTS.specs()["sun"]
-    assert not spec.model_validate({"type": "sun", "direction": [0, 1, 0], "irradiance": 1, "angle": 1e-170}).is_seen()
-    assert spec.model_validate({"type": "sun", "direction": [0, 1, 0], "irradiance": 1, "angle": 1e-6}).is_seen()
+    assert not spec.model_validate({"type": "sun", "direction": [0, 1, 0], "irradiance": 1, "angle": 0}).is_seen()
+    assert spec.model_validate({"type": "sun", "direction": [0, 1, 0], "irradiance": 1, "angle": 1e-30}).is_seen()
 
 
 # ---- In a scene

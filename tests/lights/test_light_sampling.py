@@ -74,6 +74,13 @@ def test_light_that_both_ways_find_counts_once(heuristic: Any) -> None:
     for by_light, by_path in ((2.0, 3.0), (1e-300, 1e300), (5.0, 1e-9)):
         aimed, found = weight_aimed(heuristic, by_light, by_path), weight_found(heuristic, by_path, by_light)
         assert aimed + found == pytest.approx(1.0)
+    # Neither infinite densities nor those that rounding has left at 0 make a weight that is no number; what a path
+    # finds without choice is its own, even where light samples are as sure of it.
+    for pdf in (0.0, 1e-320, 1.0, 1e308, math.inf):
+        for other in (0.0, 1e-320, 1.0, 1e308, math.inf):
+            assert 0.0 <= weight_aimed(heuristic, pdf, other) <= 1.0
+            assert 0.0 <= weight_found(heuristic, pdf, other) <= 1.0
+    assert weight_found(heuristic, math.inf, math.inf) == 1.0
     # What only one way finds is all its own: light in a mirror, that which is never aimed at, and that of a point.
     assert weight_found(heuristic, math.inf, 2.0) == 1.0
     assert weight_found(heuristic, 2.0, 0.0) == 1.0

@@ -66,7 +66,7 @@ def test_pdf_of_fuzz_integrates_to_one(fuzz: float) -> None:
     s = 0.5 + 0.5 * nodes
     rim = math.sqrt(1.0 - fuzz * fuzz)
     cosine = rim + (1.0 - rim) * s * s
-    density = np.array([pdf_fuzz(float(value), fuzz) for value in cosine])
+    density = np.array([pdf_fuzz(1.0 - float(value), fuzz) for value in cosine])
     total = 2.0 * math.pi * (density * 2.0 * (1.0 - rim) * s * 0.5 * weights).sum()
     assert total == pytest.approx(1.0, abs=2e-6)
 
@@ -74,14 +74,26 @@ def test_pdf_of_fuzz_integrates_to_one(fuzz: float) -> None:
 def test_pdf_of_full_fuzz_is_that_of_a_matte_surface_about_the_mirrored_direction() -> None:
     # normalize(m + u), u uniform on the unit sphere, has the density cos / pi (Shirley 2024, sec. 9.4).
     for cosine in (1.0, 0.7, 0.2, 1e-3):
-        assert pdf_fuzz(cosine, 1.0) == pytest.approx(cosine / math.pi, rel=1e-9)
-    assert pdf_fuzz(-0.1, 1.0) == 0.0
+        assert pdf_fuzz(1.0 - cosine, 1.0) == pytest.approx(cosine / math.pi, rel=1e-9)
+    assert pdf_fuzz(1.1, 1.0) == 0.0
 
 
 def test_pdf_of_fuzz_vanishes_outside_its_cone() -> None:
     # The sphere of radius 0.6 round the tip of a unit vector fills a cone of sine 0.6, cosine 0.8.
-    assert pdf_fuzz(0.7999, 0.6) == 0.0
-    assert pdf_fuzz(0.8001, 0.6) > pdf_fuzz(1.0, 0.6) > 0.0
+    assert pdf_fuzz(0.2001, 0.6) == 0.0
+    assert pdf_fuzz(0.1999, 0.6) > pdf_fuzz(0.0, 0.6) > 0.0
+
+
+@pytest.mark.parametrize("fuzz", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_pdf_of_little_fuzz_has_its_digits(fuzz: float) -> None:
+    # Directions are known to some 2^-52, a fraction of the lobe of which the pdf changes by (half width / distance from
+    # the rim)^2: told from cosines, which differ by less than 2^-53 within a lobe of 1e-8, the pdf was off by half.
+    direction = incoming(45.0)
+    outgoing, _, pdf = scatter_many(Metal(albedo=(1.0, 1.0, 1.0), fuzz=fuzz), direction, 2000)
+    _, density = evaluate_many(Metal(albedo=(1.0, 1.0, 1.0), fuzz=fuzz), direction, outgoing)
+    half = 1.0 / (2.0 * math.pi * fuzz * fuzz * pdf)
+    error = np.abs(density / pdf - 1.0)
+    assert (error[half > 0.5] <= 64.0 * 2.0**-53 / fuzz + 1e-12).all()
 
 
 @pytest.mark.parametrize("fuzz", [0.05, 0.5, 1.0])

@@ -115,6 +115,27 @@ def test_white_reflects_all_light(parameters: dict[str, Any]) -> None:
         assert np.abs(mean - 1.0).max() < 5.0 * deviation.max() + 1e-3, (degrees, mean, deviation)
 
 
+@pytest.mark.parametrize("roughness", [0.0, 0.3])
+@pytest.mark.parametrize(
+    "parameters",
+    [{"specular": 0.0}, {"ior": 1.0}, {"metallic": 1.0}, {"transmission": 1.0, "specular": 0.0}],
+    ids=str,
+)
+def test_what_reflects_nothing_ends_paths(parameters: dict[str, Any], roughness: float) -> None:
+    # No lobe has a share then, which the shares of the others would be divided by.  Metal by Schlick's fit still
+    # reflects what does not come head on.
+    black = spec(base_color=0.0, roughness=roughness, **parameters)
+    for degrees in (0.0, 60.0):
+        outgoing, weight, pdf = scatter_many(black, incoming(degrees), 1000)
+        assert np.isfinite(outgoing).all()
+        assert (pdf > 0.0).all()
+        if "metallic" in parameters:
+            assert (weight >= 0.0).all()
+            assert weight.mean() <= 1.0
+        else:
+            assert not weight.any()
+
+
 def test_coat_of_no_index_is_lambertian() -> None:
     outgoing = directions(100)
     for bare in ({"ior": 1.0}, {"specular": 0.0}):

@@ -272,6 +272,29 @@ def test_equal_indices_are_nothing_at_all() -> None:
         assert np.isinf(pdf).all()
 
 
+@pytest.mark.parametrize("ulps", [-64, -1, 1, 2, 64])
+@pytest.mark.parametrize("roughness", [0.3, 1.0])
+def test_indices_that_differ_by_rounding_lose_no_light(roughness: float, ulps: int) -> None:
+    # As a quotient of quotients of indices gives them.  As much light goes straight on as for a difference of 1e-6,
+    # by which times their slope facets turn it.
+    near, far = (RoughDielectric(ior=ior, roughness=roughness) for ior in (1.0 + ulps * 2.0**-52, 1.0 + 1e-6))
+    count = 4000
+    for degrees in (0.0, 60.0):
+        for front in (True, False):
+            direction = incoming(degrees)
+            expected, *_ = scatter_many(far, direction, count, front=front, seed=6)
+            outgoing, weight, pdf = scatter_many(near, direction, count, front=front)
+            assert (weight == 1.0).all()
+            assert (pdf > 0.0).all()
+            straight = np.linalg.norm(outgoing - direction, axis=1) < 1e-9
+            alike = np.linalg.norm(expected - direction, axis=1) < 1e-3
+            deviation = math.sqrt((alike.mean() * (1.0 - alike.mean()) + 1.0 / count) * 2.0 / count)
+            assert abs(straight.mean() - alike.mean()) < 4.5 * deviation
+            value, density = evaluate_many(near, direction, outgoing, front=front)
+            assert np.isfinite(value).all()
+            assert np.isfinite(density).all()
+
+
 @pytest.mark.parametrize("roughness", [math.sqrt(SMOOTH_ALPHA), 0.05, 1.0])
 def test_directions_along_the_surface_give_numbers(roughness: float) -> None:
     # Hard case 39, at cosines down to none at all.
