@@ -65,7 +65,7 @@ JSON Schema with which an editor completes keys and marks mistakes.
 
 - **Units.** World lengths are metres, lengths of optics millimetres, angles degrees, times seconds. Any number may
   carry its unit, `50 mm`, `0.3 rad`, `8 ms`, `36 km/h`, `20 turn/s`, or be a fraction, `1/3`. Radiance is W/(m2 sr),
-  or plain numbers as in *Ray Tracing in One Weekend*.
+  or plain numbers as in *Ray Tracing in One Weekend*. A number is 0, or of a magnitude between 1e-30 and 1e+30.
 - **Vectors** are lists of three numbers. Colours too; one number stands for three equal ones.
 - **Axes.** Right-handed, column vectors. The rows of a picture run downwards from the top left pixel.
 - **Sides.** A surface has an outside, to which its normal points: outwards from spheres and boxes, to the side of u x v

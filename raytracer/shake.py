@@ -14,7 +14,7 @@ from pydantic import Field
 
 from raytracer.motion import Rows, rotations_about
 from raytracer.shutter import Shutter
-from raytracer.spec import Count, Matrix, NonNegativeAngle, Quantity, Spec, Vector
+from raytracer.spec import Count, Matrix, Quantity, Spec, Vector
 
 # Sinusoids of a shake about an axis, and segments of its trajectory in a period of the fastest, of which 0.5 % is lost.
 _SINUSOIDS = 128
@@ -32,7 +32,7 @@ class Shake(Spec):
     sum of sinusoids).
     """
 
-    amplitude: NonNegativeAngle = Field(
+    amplitude: Annotated[float, Quantity("angle", low=0.0, high=180.0)] = Field(
         description="root mean square (deg) of the angle about each axis of the camera: yaw, pitch and roll"
     )
     bandwidth: Annotated[float, Quantity("frequency", low=0.0, low_open=True)] = Field(

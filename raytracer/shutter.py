@@ -151,17 +151,22 @@ class ShutterSpec(Spec):
         return 0.0 if self.close is None else self.close - (self.open or 0.0)
 
     def timing(self, opens: float) -> "Timing":
-        """When light is gathered if the shutter begins to open at this time of the scene (s)."""
+        """When light is gathered if the shutter begins to open at this time of the scene (s).
+
+        Raises
+        ------
+        ValueError : as `_distinct` does.
+        """
         profile = None if isinstance(self.opening, str) else self.opening
+        length = self._open_for()
         if self.ramp:
-            held, ramp = self._open_for(), self.ramp
+            held, ramp = length, self.ramp
             top = ((ramp, 1.0), (held, 1.0)) if held > ramp else ((ramp, 1.0),)
             profile = ((0.0, 0.0), *top, (held + ramp, 0.0))
         if profile is not None:
-            closes = opens + profile[-1][0]
-        else:
-            closes = opens + self.duration if self.close is None else self.close  # type: ignore[operator]
-        return Timing(opens, closes, profile, self.readout, self.direction, self.curtain)
+            length = profile[-1][0]
+        closes = self.close if profile is None and self.close is not None else opens + length
+        return _distinct(Timing(opens, closes, profile, self.readout, self.direction, self.curtain), length)
 
 
 class _OrDuration:
@@ -241,14 +246,30 @@ def timing_of(given: ShutterSpec | float | None, time: float | None) -> Timing:
 
     Raises
     ------
-    ValueError : `time` besides a shutter that says itself when it opens.
+    ValueError : `time` besides a shutter that says itself when it opens; or as `_distinct` does.
     """
     if isinstance(given, ShutterSpec):
         if time is not None and (given.open is not None or given.close is not None):
             raise ValueError("time says when a shutter given by its duration opens; this one says itself: give one")
         return given.timing(given.open or time or 0.0)
-    opens = time or 0.0
-    return Timing(opens, opens + (given or 0.0))
+    opens, duration = time or 0.0, given or 0.0
+    return _distinct(Timing(opens, opens + duration), duration)
+
+
+def _distinct(timing: Timing, length: float) -> Timing:
+    """A timing of lines that are open for this long (s), where numbers can tell its times apart.
+
+    Raises
+    ------
+    ValueError : it is so late in the scene that the shutter closes, or its readout ends, at the time when it begins.
+    """
+    ends = (("is open", length, timing.closes), ("is read out", timing.readout, timing.span().close))
+    for what, seconds, end in ends:
+        if seconds > 0.0 and end == timing.opens:
+            raise ValueError(
+                f"{what} for {seconds:g} s, too short to be told from none at a time of {timing.opens:g} s"
+            )
+    return timing
 
 
 # ---- Packed
@@ -467,7 +488,8 @@ def _(pulses, shutter, x, y, u):
     for pulse in range(len(pulses.begin)):
         if min(pulses.end[pulse], begin + width) >= max(pulses.begin[pulse], begin):
             seen += 1
-    if seen == 0:
+    # Of a line that is open for no longer than two times are apart, all times are one, whatever shines.
+    if seen == 0 or width <= TICK:
         return _rounded(begin + width * sample_curve(shutter.curve, u)), 1.0
 
     # Draw from a pulse, or from the curve.

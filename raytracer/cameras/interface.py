@@ -12,7 +12,8 @@ from raytracer.photography import AutoExposureField, Exposure
 from raytracer.sensors import SensorSpec
 from raytracer.shake import Shake
 from raytracer.shutter import Shutter, ShutterField, Timing, timing_of
-from raytracer.spec import Name, Quantity, Spec, Time, at, matrix_of
+from raytracer.spec import TRANSFORM_ROUNDING, Name, Quantity, Spec, Time, at, matrix_of
+from raytracer.vec import Vec3, add
 
 Assets: TypeAlias = Mapping[str, Any]
 """What a camera's files held, by the dotted path of the key that names each."""
@@ -69,7 +70,7 @@ class CameraSpec(Spec):
         try:
             self.opening()
         except ValueError as error:
-            at("time", str(error))
+            at("shutter" if self.time is None else "time", str(error))
         return self
 
     @model_validator(mode="after")
@@ -85,7 +86,7 @@ class CameraSpec(Spec):
     def _moves_rigidly(self) -> Any:
         for number, key in enumerate((self.motion and self.motion.keyframes) or ()):
             turn = matrix_of(key.transform)[:3, :3]
-            if np.linalg.det(turn) < 0.0 or not np.allclose(turn @ turn.T, np.eye(3), rtol=0.0, atol=1e-12):
+            if np.linalg.det(turn) < 0.0 or np.abs(turn @ turn.T - np.eye(3)).max() > TRANSFORM_ROUNDING:
                 at(("motion", "keyframes", number, "transform"), "a camera can be moved and turned, but not scaled")
         return self
 
@@ -161,3 +162,14 @@ def camera_ray(camera, x, y, time, draws):
 def project(camera, point, time):
     """Where a point is seen: film position (x, y) in pixels, and its depth along the axis (m); NaN if nowhere."""
     raise NotImplementedError
+
+
+@generic
+def moved(camera: Any, by: Vec3) -> Any:
+    """The packed camera in a world that is moved by a vector (m); of any kind with a `frame`, by default."""
+    raise NotImplementedError(type(camera))
+
+
+@moved.register(tuple)
+def _(camera: Any, by: Vec3) -> Any:
+    return camera._replace(frame=camera.frame._replace(origin=add(camera.frame.origin, by)))

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytracer.cameras.interface import NO_ASSETS, Assets, camera_ray, project
+from raytracer.cameras.interface import NO_ASSETS, Assets, camera_ray, moved, project
 from raytracer.cameras.placement import PlacedSpec
 from raytracer.motion import (
     MOST_STEPS,
@@ -23,6 +23,7 @@ from raytracer.motion import (
     apply_point,
     apply_vector,
     composed,
+    conjugated,
     invert,
     matrix_at,
     pack_trajectories,
@@ -32,7 +33,7 @@ from raytracer.motion import (
 )
 from raytracer.shake import Shake, shaken
 from raytracer.spec import Matrix
-from raytracer.vec import normalize
+from raytracer.vec import Vec3, normalize
 
 
 class MovingCamera(NamedTuple):
@@ -94,3 +95,9 @@ def _(camera, x, y, time, draws):
 @project.register(MovingCamera)
 def _(camera, point, time):
     return project(camera.camera, apply_point(invert(pose_at(camera.trajectories, 0, time)), point), time)
+
+
+@moved.register(MovingCamera)
+def _(camera: Any, by: Vec3) -> Any:
+    own = camera.trajectories
+    return MovingCamera(moved(camera.camera, by), own._replace(rows=conjugated(own.rows, by)))

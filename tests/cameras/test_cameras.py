@@ -111,13 +111,39 @@ def test_every_kind_has_an_example() -> None:
     assert set(EXAMPLES) == set(CAMERAS.specs())
 
 
-@pytest.mark.parametrize("keys", CASES)
-def test_rays_are_unit_vectors_and_numbers(keys: dict[str, Any]) -> None:
+def assert_rays(packed: Any, width: int, height: int, count: int = 100) -> None:
+    """At places all over the film, its corners, edges and middle among them, rays are unit vectors and numbers."""
     rng = np.random.default_rng(1)
-    packed = camera(**keys).pack(40, 30)
-    origins, directions = camera_rays(packed, rng.uniform(0, 40, 2000), rng.uniform(0, 30, 2000))
+    x, y = (grid.ravel() for grid in np.meshgrid([0.0, 0.5, 1.0], [0.0, 0.5, 1.0]))
+    x, y = np.concatenate([x, rng.random(count)]), np.concatenate([y, rng.random(count)])
+    origins, directions, weights = weighted_rays(packed, width * x, height * y)
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, rtol=0.0, atol=1e-15)
     assert np.isfinite(origins).all()
+    assert np.isfinite(weights).all()
+    assert (weights >= 0.0).all()
+
+
+@pytest.mark.parametrize("size", [(40, 30), (1, 16384), (16384, 1)])
+@pytest.mark.parametrize("keys", CASES)
+def test_rays_are_unit_vectors_and_numbers(keys: dict[str, Any], size: tuple[int, int]) -> None:
+    assert_rays(camera(**keys).pack(*size), *size, count=2000)
+
+
+@pytest.mark.parametrize("number", [1e-30, 1e-9, 1e9, 1e30])
+@pytest.mark.parametrize("kind", sorted(EXAMPLES))
+def test_numbers_of_any_size_are_refused_or_make_rays(kind: str, number: float) -> None:
+    tried = 0
+    for example in EXAMPLES[kind]:
+        for key in sorted(CAMERAS.specs()[kind].model_fields.keys() - {"type"}):
+            for value in (number, [number, number, -number]):
+                try:
+                    spec = camera(**{"type": kind, **example, key: value})
+                except ValidationError:
+                    continue
+                assert_rays(spec.pack(40, 30), 40, 30, count=10)
+                spec.describe(40, 30)
+                tried += 1
+    assert tried
 
 
 @pytest.mark.parametrize("keys", IMAGING)
@@ -252,6 +278,15 @@ def test_frame_is_orthonormal_however_close_up_is_to_the_view() -> None:
             camera(look_from=[0, 0, 0], look_at=[0, 0, -2], up=up)
     with pytest.raises(ValidationError, match="same point"):
         camera(look_from=[1, 2, 3], look_at=[1, 2, 3])
+
+
+@pytest.mark.parametrize("size", [1e-30, 1e30])
+def test_frames_do_not_depend_on_how_long_their_vectors_are(size: float) -> None:
+    # Down to the smallest and up to the largest that a scene may have, squares and their sums are numbers.
+    plain = camera(look_at=[0, 1, -2], up=[1, 2, 0])
+    spec = plain.model_copy(update={"look_at": (0.0, size, -2.0 * size), "up": (size, 2.0 * size, 0.0)})
+    np.testing.assert_allclose(np.array(spec.frame()[1:]), np.array(plain.frame()[1:]), rtol=0.0, atol=4e-16)
+    assert spec.distance() == pytest.approx(math.sqrt(5.0) * size, rel=1e-15)
 
 
 @pytest.mark.parametrize("vfov", [0.0, 180.0, -10.0, 200.0])

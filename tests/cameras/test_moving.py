@@ -92,6 +92,7 @@ def test_a_shutter_is_an_interval_or_a_duration(keys: dict[str, Any], expected: 
         ({"shutter": {"open": 0, "close": 1}, "time": 1}, "give one"),
         ({"shutter": {"open": 0, "clos": 1}}, "unknown key 'clos' of shutter; did you mean 'close'?"),
         ({"shutter": [0, 1]}, "must be a time in seconds"),
+        ({"shutter": {"open": 1e9, "duration": 1e-9}}, "too short to be told"),
         ({"motion": {"keyframes": [{"time": t, "transform": [{"scale": 1 + t}]} for t in (0, 1)]}}, "but not scaled"),
     ],
 )

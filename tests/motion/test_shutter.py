@@ -96,6 +96,23 @@ def test_what_is_no_shutter_is_named(keys: Any, words: str) -> None:
         timing(keys)
 
 
+@pytest.mark.parametrize(
+    ("keys", "time", "words"),
+    [
+        ("1 ns", 1e9, "is open for 1e-09 s, too short to be told from none at a time of 1e[+]09 s"),
+        ({"open": 1e30, "duration": 1}, None, "is open for 1 s"),
+        ({"opening": [[0, 0], [1e-9, 1]]}, 1e9, "is open for 1e-09 s"),
+        ({"duration": 0, "readout": 1e-9}, 1e9, "is read out for 1e-09 s"),
+    ],
+)
+def test_a_shutter_too_late_for_how_short_it_opens_is_refused(keys: Any, time: float | None, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        timing(keys, time)
+    # Not what is open for no time, nor what ends before anybody could tell.
+    assert timing({"open": 1e9, "close": 1e9}).span() == Shutter(1e9, 1e9)
+    assert timing({"duration": 1, "readout": 1e-20}).span() == Shutter(0.0, 1.0)
+
+
 def test_a_duration_opens_at_the_cameras_time_or_at_its_own() -> None:
     assert timing({"duration": 0.5}, time=2.0).span() == Shutter(2.0, 2.5)
     assert timing({"duration": 0.5, "open": 1.5}).span() == Shutter(1.5, 2.0)
@@ -214,6 +231,19 @@ def test_a_pulse_shorter_than_times_are_apart_keeps_its_place() -> None:
     times, weights = drawn_times(shutter, COUNT)
     lit = (first <= times) & (times <= last)
     assert (weights * lit).mean() == pytest.approx(last - first, rel=0.01)
+
+
+@pytest.mark.parametrize("duration", [0.0, 1e-30, 1e-8])
+@pytest.mark.parametrize("curtain", ["electronic", "focal_plane"])
+def test_lines_that_are_open_for_no_time_see_a_flash_or_not(duration: float, curtain: str) -> None:
+    """Of 16 lines in 1 s, those that open between 0.2 s and 0.3 s; each has a single time, so all weights are 1."""
+    flash = Pulses(np.array([0.2]), np.array([0.3]))
+    shutter = pack_shutter(timing({"duration": duration, "readout": 1.0, "curtain": curtain}), 16, 16, [flash])
+    for y in (3.1, 3.9, 4.1, 4.9):
+        times, weights = drawn_times(shutter, 64, 0.5, y)
+        place = y if curtain == "focal_plane" else math.floor(y)
+        np.testing.assert_allclose(times, place / 16, rtol=0.0, atol=1e-7)
+        assert (weights == 1.0).all()
 
 
 # ---- Pictures

@@ -1,0 +1,82 @@
+"""Compiled loops over rays through lenses, and the prescriptions that they go through."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.jit import entry
+from raytracer.lens_surfaces import LensSurfaces, Surface, meet_surface, pack_surfaces, trace
+
+Array = NDArray[np.float64]
+
+DOUBLE_GAUSS = (
+    (29.475, 3.76, 1.67, 12.6),
+    (84.83, 0.12, 1.0, 12.6),
+    (19.275, 4.025, 1.67, 11.5),
+    (40.77, 3.275, 1.699, 11.5),
+    (12.75, 5.705, 1.0, 9.0),
+    (0.0, 4.5, 1.0, 8.55),
+    (-14.495, 1.18, 1.603, 8.5),
+    (40.77, 6.065, 1.658, 10.0),
+    (-20.385, 0.19, 1.0, 10.0),
+    (437.065, 3.22, 1.717, 10.0),
+    (-39.73, 0.0, 1.0, 10.0),
+)
+"""Radius (0 for the stop), thickness (mm), index behind, and radius of the clear aperture (mm) of an f/2 lens.
+
+References: Tronnier, US patent 2,673,491, scaled to 50 mm; Smith 1992, "Modern Lens Design", p. 312.
+"""
+
+DOUBLET = ((7.3895, 1.05, 1.517, 2.0), (-5.1784, 0.40, 1.649, 2.0), (-16.2225, 0.0, 1.0, 2.0))
+"""A cemented doublet, columns as of the double Gauss: Kingslake, Johnson 2010, sec. 2.5."""
+
+
+def lens_of(rows: Any, *, stop: float | None = None) -> LensSurfaces:
+    """The lens of such a table, whose diaphragm is closed to a radius (mm) if one is given."""
+    return pack_surfaces(
+        [
+            Surface(1.0 / radius, thickness, index, aperture)
+            if radius
+            else Surface(0.0, thickness, index, stop or aperture, is_stop=True)
+            for radius, thickness, index, aperture in rows
+        ]
+    )
+
+
+@entry
+def _traced(lens, origins, directions, towards_film, weights, points, out):
+    for ray in range(len(weights)):
+        origin = (origins[ray, 0], origins[ray, 1], origins[ray, 2])
+        direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
+        weights[ray], point, onward = trace(lens, origin, direction, towards_film)
+        for axis in range(3):
+            points[ray, axis] = point[axis]
+            out[ray, axis] = onward[axis]
+
+
+def traced(
+    lens: LensSurfaces, origins: Any, directions: Any, *, towards_film: bool = True
+) -> tuple[Array, Array, Array]:
+    """Weights (n,), last points and directions (n, 3) of rays (n, 3) through a lens."""
+    starts = np.array(origins, np.float64, ndmin=2)
+    ways = np.array(np.broadcast_to(np.asarray(directions, np.float64), starts.shape))
+    weights, points, out = np.empty(len(starts)), np.empty(starts.shape), np.empty(starts.shape)
+    _traced(lens, starts, ways, towards_film, weights, points, out)
+    return weights, points, out
+
+
+@entry
+def _met(curvature, origins, directions, side, distances, cosines):
+    for ray in range(len(distances)):
+        origin = (origins[ray, 0], origins[ray, 1], origins[ray, 2])
+        direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
+        distances[ray], _, cosines[ray] = meet_surface(curvature, 0.0, origin, direction, side)
+
+
+def met(curvature: float, origins: Any, directions: Any, *, side: float = 1.0) -> tuple[Array, Array]:
+    """Distances (n,) and cosines (n,) at which rays (n, 3) meet a surface with its vertex at 0."""
+    starts, ways = (np.ascontiguousarray(np.atleast_2d(np.asarray(rows, np.float64))) for rows in (origins, directions))
+    distances, cosines = np.empty(len(starts)), np.empty(len(starts))
+    _met(float(curvature), starts, ways, side, distances, cosines)
+    return distances, cosines
