@@ -55,6 +55,9 @@ _FLOOR = 1.0 / 16.0
 # Part of the noise of the 3 x 3 tiles around it that a tile is taken to have, at least; that takes 0.01 away, too.
 _FROM_AROUND = 0.125
 
+# How near two levels of samples count as one, relative to them: finer than a packet's share of 8,000 samples.
+_LEVEL_STEP = 2.0**-10
+
 # Part of the time left that a round is planned for, but if the samples grow by less than a quarter in all of it.
 _PLANNED = 0.9
 _LAST_ROUND = 1.25
@@ -279,12 +282,12 @@ def goals_at(level: float, samples: Array, counts: NDArray[np.int64], most: int)
 
 
 def _boundary(holds: Callable[[float], bool]) -> tuple[float, float]:
-    """Levels next to each other, up to 2^-10 of them, of which the first holds what the second, greater one, does not.
+    """Levels next to each other, up to `_LEVEL_STEP` of them: the first holds what the second, greater one, does not.
 
     `holds` is true up to some level.  (0, _MOST) are taken as known.
     """
     low, high = 0.0, float(_MOST)
-    while high - low > 2.0**-10 * max(low, 1.0):
+    while high - low > _LEVEL_STEP * max(low, 1.0):
         middle = math.sqrt(max(low, 1.0) * high) if high > 2.0 else 0.5 * (low + high)
         low, high = (middle, high) if holds(middle) else (low, middle)
     return low, high

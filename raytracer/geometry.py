@@ -221,7 +221,8 @@ def area_light_point(
     to = sub(point, reference)
     cosine = abs(dot(to, normal))
     distance = norm(to)
-    if cosine == 0.0:
+    # Edge on; or a triangle that has no area, nor a normal, at the time.
+    if not cosine > 0.0:
         return LightPoint(point, normal, 0.0, distance, u, v, point)
     pdf = distance * distance * distance / (cosine * area)
     return LightPoint(point, normal, pdf, plane_gap(extent, distance, cosine / distance), u, v, point)

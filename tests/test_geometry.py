@@ -146,3 +146,17 @@ def test_points_of_triangles_keep_their_distance_from_the_edges(u: float, v: flo
     assert min(x, y, 1.0 - x - y) >= least - rounding
     if min(u, v, 1.0 - u - v) >= least:
         assert (x, y) == (u, v)
+
+
+@entry
+def _drawn(reference, point, normal, area):
+    drawn = geometry.area_light_point(reference, point, normal, area, 1.0, 0.5, 0.5)
+    return drawn.pdf, drawn.gap
+
+
+def test_what_has_no_area_is_never_drawn() -> None:
+    # A deforming triangle may be flat for a moment: its normal is 0 / 0, and its density must not become that.
+    nothing = (math.nan, math.nan, math.nan)
+    assert _drawn((0.0, 0.0, 0.0), (0.0, 0.0, 2.0), nothing, 0.0)[0] == 0.0
+    assert _drawn((0.0, 0.0, 0.0), (0.0, 0.0, 2.0), (1.0, 0.0, 0.0), 3.0)[0] == 0.0
+    assert _drawn((0.0, 0.0, 0.0), (0.0, 0.0, 2.0), (0.0, 0.0, 1.0), 4.0)[0] == pytest.approx(1.0)

@@ -24,6 +24,9 @@ _UNITS = (
 # A longer time, in seconds, is no time that anybody waits for.
 _YEAR = 365.25 * 86400.0
 
+# Below this, numbers are shown with an exponent.
+_PLAIN_FROM = 1e-4
+
 # Bias that is smaller than this is not told more exactly.
 _SMALLEST_BIAS = 1e-5
 
@@ -39,7 +42,7 @@ def number(value: float) -> str:
     """Three significant digits: 0.0123, 1.23, 12,300; "unknown" for nan."""
     if math.isnan(value):
         return UNKNOWN
-    if value != 0.0 and math.isfinite(value) and not 1e-4 <= abs(value) < 1e12:
+    if value != 0.0 and math.isfinite(value) and not _PLAIN_FROM <= abs(value) < 1e12:
         return f"{value:.2e}"
     rounded = float(f"{value:.2e}")
     return f"{rounded:,.{_decimals(rounded, 3)}f}"
@@ -49,7 +52,7 @@ def _three(interval: Interval, scale: float) -> tuple[str, str, str]:
     """Value and ends with the same decimals: three digits of the value, unless the ends have over four then."""
     values = [x * scale for x in interval]
     decimals = min(_decimals(values[0], 3), _decimals(max((abs(x) for x in values), default=0.0), 4))
-    if any(x != 0.0 and not 1e-4 <= abs(x) < 1e9 for x in values) or decimals == 0:
+    if any(x != 0.0 and not _PLAIN_FROM <= abs(x) < 1e9 for x in values) or decimals == 0:
         value, low, high = (number(x) for x in values)
     else:
         value, low, high = (f"{x:,.{decimals}f}" for x in values)

@@ -83,4 +83,5 @@ class Plain(_Changed):
         albedo = reflectance(row(type(even).pack([even], Book()), 0, None, _ANYWHERE))
         # The relief is an effect of its own.
         relief = {key: getattr(material, key) for key in MaterialSpec.model_fields if key != "type"}
-        return Lambertian(albedo=tuple(np.clip(albedo, 0.0, 1.0).tolist())).model_copy(update=relief)
+        matte = {"albedo": tuple(np.clip(albedo, 0.0, 1.0).tolist())}
+        return Lambertian().model_copy(update=relief | matte)

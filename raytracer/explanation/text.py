@@ -15,8 +15,8 @@ _MOST_LISTED = 8
 
 _COLUMNS_OF_TEXT = 100
 
-# From here on numbers have an exponent.
-_LARGEST = 1e7
+# Smaller and larger numbers than these have an exponent.
+_SMALLEST, _LARGEST = 1e-4, 1e7
 
 
 class _Line(NamedTuple):
@@ -92,7 +92,7 @@ def rounded(value: float) -> str:
     """Four digits, without an exponent where that is not longer."""
     if math.isinf(value):
         return "infinity"
-    if value != 0.0 and not 1e-4 <= abs(value) < _LARGEST:
+    if value != 0.0 and not _SMALLEST <= abs(value) < _LARGEST:
         return f"{value:.3e}"
     return np.format_float_positional(float(f"{value:.4g}"), trim="-")
 

@@ -35,6 +35,9 @@ _STREAM = int.from_bytes(b"sensor")
 
 _MANY_ELECTRONS = 100.0
 
+_LEAST_UNIFORM, _GREATEST_UNIFORM = 2.0**-54, 1.0 - 2.0**-53
+"""Uniform numbers whose quantiles are finite: half a step of theirs above 0, and the last float64 below 1."""
+
 _MISSING = "a sensor with a Bayer mosaic needs OpenCV, which is not installed: pip install 'raytracer[bayer]'"
 _LARGEST_NUMBER = 65535
 _SMALLEST_MOSAIC = 3
@@ -153,7 +156,7 @@ def poisson_quantile(uniform: Floats, mean: Floats) -> Floats:
     """
     from scipy.special import ndtri, pdtrik
 
-    u = np.clip(uniform, 2.0**-54, 1.0 - 2.0**-53)
+    u = np.clip(uniform, _LEAST_UNIFORM, _GREATEST_UNIFORM)
     result = np.zeros_like(mean)
     few = (mean > 0.0) & (mean < _MANY_ELECTRONS)
     result[few] = np.ceil(pdtrik(u[few], mean[few]))

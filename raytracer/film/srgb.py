@@ -6,8 +6,8 @@ References: IEC 61966-2-1:1999, with amendment 1 (2003), section 5.2.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-_LINEAR_END = 0.0031308
-_ENCODED_END = 0.04045
+_LINEAR_END, _ENCODED_END = 0.0031308, 0.04045
+"""Up to here the function is a line, in linear values and in encoded ones."""
 
 
 def encode(linear: ArrayLike) -> NDArray[np.float64]:

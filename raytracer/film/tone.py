@@ -59,7 +59,8 @@ class Filmic:
         grey = of_b(_ABOVE, GREY_IN) * of_b(_BELOW, self.white)
         white = of_b(_ABOVE, self.white) * of_b(_BELOW, GREY_IN)
         roots = (grey - GREY_OUT * white).roots()
-        return float(max(roots[np.abs(roots.imag) <= 1e-9 * np.abs(roots)].real))
+        positive = roots[roots.real > 0.0]
+        return float(positive[np.argmin(np.abs(positive.imag))].real)
 
     def __call__(self, linear: ArrayLike) -> NDArray[np.float64]:
         """Linear values in 0..1 for the display, of linear values of any shape; NaN stays."""

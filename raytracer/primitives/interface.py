@@ -123,3 +123,19 @@ def unmapped(table: Any) -> Any:
 @unmapped.register(tuple)
 def _(table: Any) -> Any:
     return table
+
+
+@generic
+def graded(table: Any, eye: NDArray[np.float64]) -> Any:
+    """The same surfaces, seen from `eye` (3,), with parts where one is so large that float32 blurs it near the eye.
+
+    Parameters
+    ----------
+    table : without texture coordinates, which parts would not keep.
+    """
+    raise NotImplementedError(type(table))
+
+
+@graded.register(tuple)
+def _(table: Any, eye: NDArray[np.float64]) -> Any:
+    return table

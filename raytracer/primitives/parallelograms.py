@@ -1,5 +1,6 @@
 """Parallelograms: quads and the faces of boxes."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,17 @@ from raytracer.geometry import (
     row3,
     within_quad,
 )
-from raytracer.primitives.interface import areas, bounds, geometry, hit, pdf_point, row_of, sample_point
+from raytracer.primitives.interface import (
+    areas,
+    bounds,
+    geometry,
+    graded,
+    hit,
+    pdf_point,
+    row_of,
+    sample_point,
+    section,
+)
 from raytracer.vec import add, cross, madd, max_abs, norm, normalize, scale
 
 
@@ -56,6 +67,90 @@ def _(table: Parallelograms) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     corner, u, v = table.corner, table.u, table.v
     corners = np.concatenate([corner, corner + u, corner + v, corner + u + v])
     return corners.min(axis=0), corners.max(axis=0)
+
+
+# ---- Huge ones
+
+_COARSE = 2.0**13
+"""Times the eye's distance that coordinates must reach for a parallelogram to be cut up.
+
+Rays leave it at 4 * 2^-23 of its reach: 1/256 of the distance then, a quarter of a degree as the eye sees it.
+"""
+
+_EXACT = 2.0**-50
+"""Of the reach, what corners of parts are multiples of: sums of three such numbers are exact in float64."""
+
+_FINEST = 2.0**-20
+"""Of the reach, the size of the smallest parts: there float32 has 3 bits left to tell places in a part."""
+
+
+def extents(table: Parallelograms) -> NDArray[np.float64]:
+    """How far the coordinates of each reach (n,) (m), in proportion to which rays leave it."""
+    return np.asarray(sum(np.abs(rows).max(axis=1) for rows in (table.corner, table.u, table.v)))
+
+
+def _nearest(table: Parallelograms, point: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Coordinates (n, 2) along u and v of the place on each that is nearest to a point, or near to that."""
+    edges = np.stack([table.u, table.v], axis=2)
+    at = np.einsum("nij,nj->ni", np.linalg.pinv(edges), point - table.corner)
+    return np.asarray(np.clip(at, 0.0, 1.0))
+
+
+@graded.register(Parallelograms)
+def _(table: Parallelograms, eye: NDArray[np.float64]) -> Parallelograms:
+    """What reaches far, and lies across an axis, is cut up, the more finely the nearer it is to the origin.
+
+    A plane of 1000 km is met to 0.1 m by float32, wherever that is, and rays must leave it at 0.5 m.  Parts that are
+    as large as they are far away are met as exactly as what else is there.  Parts share corners to the last bit, so no
+    ray passes between them.  Across an axis all corners are equally high in float32 too; rounded, those of a tilted
+    plane would tilt its long and narrow parts by far more than the plane is uncertain.
+    """
+    reach, away = extents(table), float(np.abs(eye).max())
+    huge = (np.abs(table.u) + np.abs(table.v)).min(axis=1) <= _EXACT * reach
+    huge &= reach > _COARSE * away
+    # By how far the eye is from the origin alone nearly all are left as they are; their distance takes longer.
+    if not huge.any():
+        return table
+    at = _nearest(table, eye)
+    place = table.corner + at[:, :1] * table.u + at[:, 1:] * table.v
+    seen = away + np.linalg.norm(place - eye, axis=1)
+    huge &= (seen > 0.0) & (reach > _COARSE * seen)
+    if not huge.any():
+        return table
+    parts = [
+        _cut(table, row, float(reach[row]), float(seen[row])) if huge[row] else section(table, row, row + 1)
+        for row in range(len(huge))
+    ]
+    return Parallelograms(*(np.ascontiguousarray(np.concatenate(columns)) for columns in zip(*parts, strict=True)))
+
+
+def _cut(table: Parallelograms, row: int, reach: float, seen: float) -> Parallelograms:
+    """The parts of one parallelogram."""
+    # All parts that have a corner add up the same numbers for it, and get the same sum.
+    quantum = _EXACT * 2.0 ** math.ceil(math.log2(reach))
+    one = section(table, row, row + 1)
+    start = _nearest(one, np.zeros(3))[0]
+    center = one.corner[0] + start[0] * one.u[0] + start[1] * one.v[0]
+    least = max(seen, _FINEST * reach)
+    lines = []
+    for edge, place in zip((one.u[0], one.v[0]), start, strict=True):
+        # Each part is twice as large as that before it, so that its error is within the offset of its neighbour.
+        size = np.abs(edge).max()
+        steps = least / size * 2.0 ** np.arange(math.ceil(math.log2(max(2.0, size / least))))
+        ends = np.concatenate([[0.0], place - steps, place + steps, [1.0]])
+        fractions = np.unique(ends[(ends >= 0.0) & (ends <= 1.0)])
+        lines.append(quantum * np.round((fractions - place)[:, None] * edge / quantum))
+    first, second = lines
+    center = quantum * np.round(center / quantum)
+    corner = center + first[:-1, None] + second[None, :-1]
+    shape = corner.shape
+    u = np.broadcast_to(np.diff(first, axis=0)[:, None], shape)
+    v = np.broadcast_to(np.diff(second, axis=0)[None], shape)
+    count = shape[0] * shape[1]
+    return Parallelograms(corner.reshape(-1, 3), u.reshape(-1, 3), v.reshape(-1, 3), np.repeat(one.material, count))
+
+
+# ---- Hits
 
 
 @hit.register(Parallelograms)

@@ -151,9 +151,12 @@ def solve(accuracy, a, edge1, edge2, origin, direction, near):
 
 @kernel
 def bent_normal(n0, n1, n2, u, v, normal, direction):
-    """The vertex normals between the corners; the face's normal where theirs is not on the side the ray came from."""
+    """The vertex normals between the corners; the face's normal where theirs is not on the side the ray came from.
+
+    So too where they cancel: what is no number is on neither side.
+    """
     shading = normalize(add(scale(1.0 - u - v, n0), add(scale(u, n1), scale(v, n2))))
-    return normal if dot(shading, direction) * dot(normal, direction) <= 0.0 else shading
+    return shading if dot(shading, direction) * dot(normal, direction) > 0.0 else normal
 
 
 @generic

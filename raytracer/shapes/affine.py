@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from raytracer.spec import TRANSFORM_ROUNDING
+
 Matrix = NDArray[np.float64]
 """To world space: (4, 4) float64, column vectors, last row 0 0 0 1."""
 
@@ -35,7 +37,7 @@ def is_uniform(matrix: Matrix) -> bool:
     """Whether it scales by the same factor along all axes, and does not shear."""
     gram = matrix[:3, :3].T @ matrix[:3, :3]
     # Equal columns at right angles, up to the rounding of a product of rotations.
-    return bool(np.allclose(gram, gram[0, 0] * np.eye(3), rtol=0.0, atol=1e-12 * gram[0, 0]))
+    return bool(np.abs(gram - gram[0, 0] * np.eye(3)).max() <= TRANSFORM_ROUNDING * gram[0, 0])
 
 
 def uniform_scale(matrix: Matrix) -> float:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from raytracer.primitives.discs import Discs
 from raytracer.primitives.parallelograms import Parallelograms
 from raytracer.primitives.spheres import Spheres
-from raytracer.primitives.triangles import Triangles
+from raytracer.primitives.triangles import SmoothTriangles, Triangles
 from tests.shapes.kernels import built, cast, pdf_of, sample, spawn, uniform_directions, unit
 
 SCALES = (1e-3, 1.0, 1e3, 1e6)
@@ -277,3 +277,12 @@ def test_what_accuracy_adds(exact: bool) -> None:
     else:
         # Half an ulp of 100 m is 3.8e-6 m; a few of them add up, more so at a slant.
         assert 1e-6 < off.max() < 1e-4
+
+
+def test_vertex_normals_that_cancel_leave_the_face_its_own() -> None:
+    # Half of one normal and half of its opposite: 0 / 0 in place of a direction, where a file's normals are that bad.
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], np.float32)
+    bent = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 0.0, -1.0]], np.float32)
+    table = SmoothTriangles(corners, np.array([[0, 1, 2]], np.uint32), np.zeros(1, np.int32), None, bent)
+    hits = cast((table,), [0.25, 0.25, 1.0], [0.0, 0.0, -1.0])
+    np.testing.assert_array_equal(hits.shading_normal[0], [0.0, 0.0, 1.0])

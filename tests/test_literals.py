@@ -1,0 +1,181 @@
+"""No magic epsilon: a small number that decides anything has a name, and a text that says where it comes from."""
+
+import ast
+import operator
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import raytracer
+
+PACKAGE = Path(raytracer.__file__).parent
+
+SMALL = 1e-2
+"""Below this, in magnitude, a literal may be a tolerance; what is larger is a fraction that says what it is."""
+
+_OPERATORS = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+}
+
+_DECIDES = {
+    "min", "max", "minimum", "maximum", "fmin", "fmax", "clip", "clamp", "where", "isclose", "allclose",
+}  # fmt: skip
+_TOLERANCES = {"atol", "rtol", "abs_tol", "rel_tol", "eps", "epsilon", "tol", "tolerance"}
+
+
+def _value(node: ast.expr) -> float | None:
+    """The number that an expression of literals is, None for others."""
+    match node:
+        case ast.Constant(value=int() | float() as value):
+            return float(value)
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            value = _value(operand)
+            return None if value is None else -value
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
+            first, second = _value(left), _value(right)
+            return None if first is None or second is None else float(_OPERATORS[type(op)](first, second))
+    return None
+
+
+def _smalls(node: ast.AST) -> Iterator[ast.AST]:
+    """The small numbers in an expression."""
+    value = _value(node) if isinstance(node, ast.expr) else None
+    if value is not None and 0.0 < abs(value) < SMALL:
+        yield node
+        return
+    for child in ast.iter_child_nodes(node):
+        yield from _smalls(child)
+
+
+def _sums(node: ast.AST) -> Iterator[ast.BinOp]:
+    for found in ast.walk(node):
+        if isinstance(found, ast.BinOp) and isinstance(found.op, ast.Add | ast.Sub):
+            yield found
+
+
+def _told(body: list[ast.stmt], place: int, lines: list[str]) -> bool:
+    """Whether a statement has a docstring after it, or a comment before it."""
+    after = body[place + 1] if place + 1 < len(body) else None
+    if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) and isinstance(after.value.value, str):
+        return True
+    before = body[place].lineno - 2
+    return before >= 0 and lines[before].lstrip().startswith("#")
+
+
+def _constants(tree: ast.Module) -> Iterator[tuple[str, int]]:
+    """The names of small numbers of a module, and where in its body they are given."""
+    for place, statement in enumerate(tree.body):
+        if isinstance(statement, ast.Assign | ast.AnnAssign) and statement.value is not None:
+            targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
+            if any(True for _ in _smalls(statement.value)):
+                for target in targets:
+                    for name in ast.walk(target):
+                        if isinstance(name, ast.Name):
+                            yield name.id, place
+
+
+def _locals(tree: ast.Module) -> Iterator[tuple[str, ast.AST]]:
+    """The names that functions themselves give to small numbers; defaults that a docstring explains are left out."""
+    for function in ast.walk(tree):
+        if not isinstance(function, ast.FunctionDef):
+            continue
+        text = ast.get_docstring(function) or ""
+        places = [*function.args.posonlyargs, *function.args.args]
+        given = [*zip(places[::-1], function.args.defaults[::-1], strict=False)]
+        given += [(a, d) for a, d in zip(function.args.kwonlyargs, function.args.kw_defaults, strict=True) if d]
+        for argument, default in given:
+            if f"{argument.arg} :" not in text and default in _smalls(default):
+                yield argument.arg, default
+        for node in ast.walk(function):
+            if isinstance(node, ast.Assign) and node.value in _smalls(node.value):
+                for target in node.targets:
+                    if isinstance(target, ast.Name):
+                        yield target.id, node.value
+
+
+def _deciding(tree: ast.Module) -> Iterator[ast.AST]:
+    """The parts of expressions in which a number decides: compared, a bound, a tolerance, added to a denominator."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Compare):
+            yield from (node.left, *node.comparators)
+        elif isinstance(node, ast.Call):
+            name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            if name in _DECIDES:
+                yield from node.args
+                yield from (keyword.value for keyword in node.keywords)
+            else:
+                yield from (keyword.value for keyword in node.keywords if keyword.arg in _TOLERANCES)
+        elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div | ast.FloorDiv | ast.Mod):
+            yield from _sums(node.right)
+        elif isinstance(node, ast.FunctionDef):
+            every = [*node.args.posonlyargs, *node.args.args]
+            pairs = [*zip(every[::-1], node.args.defaults[::-1], strict=False)]
+            pairs += [(a, d) for a, d in zip(node.args.kwonlyargs, node.args.kw_defaults, strict=True) if d is not None]
+            yield from (default for argument, default in pairs if argument.arg in _TOLERANCES)
+
+
+def strays(source: str) -> list[str]:
+    """The lines of a module in which a small number decides and has no name, or a name without a text."""
+    tree, lines = ast.parse(source), source.splitlines()
+    found = {
+        small.lineno
+        for part in _deciding(tree)
+        for small in _smalls(part)
+        if isinstance(small, ast.expr)
+    }  # fmt: skip
+    named = {name.id for part in _deciding(tree) for name in ast.walk(part) if isinstance(name, ast.Name)}
+    found |= {node.lineno for name, node in _locals(tree) if name in named and isinstance(node, ast.expr)}
+    for name, place in _constants(tree):
+        if name in named and not _told(tree.body, place, lines):
+            found.add(tree.body[place].lineno)
+    return [f"{number}: {lines[number - 1].strip()}" for number in sorted(found)]
+
+
+@pytest.mark.parametrize(
+    "path", sorted(PACKAGE.rglob("*.py")), ids=lambda path: str(path.relative_to(PACKAGE).with_suffix(""))
+)
+def test_no_small_number_decides_without_a_reason(path: Path) -> None:
+    assert strays(path.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize(
+    "snippet",
+    [
+        "if cosine < 1e-6:\n    pass",
+        "near = abs(a - b) <= 1e-9 * abs(b)",
+        "t_min = max(t, 0.001)",
+        "pdf = np.maximum(pdf, 1e-12)",
+        "weight = a / (a + b + 1e-8)",
+        "inverse = 1.0 / (determinant - 2.0**-40)",
+        "x = value if value > -1e-4 else 0.0",
+        "same = np.allclose(a, b, rtol=0.0, atol=1e-12)",
+        "def near(a, b, eps=1e-9):\n    return abs(a - b) < eps",
+        "_EPSILON = 1e-4\n\n\ndef hit(t):\n    return t > _EPSILON",
+        "ok = abs(x) < 10.0**-6",
+        "def hit(t):\n    near = 1e-3\n    return t > near",
+        "def hit(t, nearest=1e-3):\n    return t > nearest",
+    ],
+)
+def test_such_numbers_are_found(snippet: str) -> None:
+    assert len(strays(snippet)) == 1
+
+
+@pytest.mark.parametrize(
+    "snippet",
+    [
+        "if cosine <= 0.0:\n    pass",
+        "metres = 1e-3 * millimetres",
+        '_ULPS = 4.0 * 2.0**-23\n"""Four ulps: the error of ..."""\n\n\ndef far(t):\n    return t > _ULPS',
+        "share = part / (whole + 0.5)",
+        "y = max(x, 0.0)",
+        "def width(d):\n    pitch = 5e-3\n    return d * pitch",
+        'def alike(p, alpha=1e-3):\n    """Whether.\n\n    alpha : the false alarms."""\n    return p > alpha',
+    ],
+)
+def test_other_numbers_are_not(snippet: str) -> None:
+    assert strays(snippet) == []
