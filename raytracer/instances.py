@@ -86,7 +86,7 @@ def _(instances, table, primitive, array, placement):
 _POSE_ULPS = 2.0 * 2.0**-23
 """What Embree's float32 poses are good to: one ulp held for 490,000 rays, over six decades of scale and of distance."""
 
-_TURN = 32.0 * 2.0**-23
+TURN = 32.0 * 2.0**-23
 """What its angles are good to between two poses (rad): up to 1.6e-6 was seen."""
 
 _IDENTITY = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
@@ -155,7 +155,7 @@ def _swing(trajectories, still, instance, pose, point):
         return 0.0
     row = trajectories.first[instance - still]
     shift = (trajectories.rows[row, 6], trajectories.rows[row, 7], trajectories.rows[row, 8])
-    return _TURN * (norm(shift) + norm(sub(point, (pose[0][3], pose[1][3], pose[2][3]))))
+    return TURN * (norm(shift) + norm(sub(point, (pose[0][3], pose[1][3], pose[2][3]))))
 
 
 @kernel

@@ -32,19 +32,19 @@ from pydantic import Field, model_validator
 from raytracer.jit import kernel
 from raytracer.shutter import Shutter
 from raytracer.spec import (
+    TRANSFORM_ROUNDING,
     Direction,
     Matrix,
     Point,
     Quantity,
-    Rotate,
     Spec,
-    Step,
     Time,
     Transform,
     Triple,
     Vector,
     at,
     matrix_of,
+    rotation_matrix,
 )
 from raytracer.vec import dot, normalize
 
@@ -58,8 +58,11 @@ _DEGREES_PER_SEGMENT = 15.0
 # Beyond a half turn the shorter arc goes the other way; this leaves room for Embree's bounds.
 _MOST_DEGREES_PER_SEGMENT = 120.0
 
-# How far from a step, in segments, the time of a keyframe may lie and still count as on it.
 _ON_GRID = 1e-6
+"""How far from a step, in segments, the time of a keyframe may lie and still count as on it.
+
+What moves is then misplaced by a millionth of its way between two steps, as far as by Embree's own angles (1.6e-6).
+"""
 
 # Columns of a row of a trajectory, in the order of RTCQuaternionDecomposition.
 _SCALE, _SKEW, _SHIFT, _QUATERNION, _TRANSLATION = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 13), slice(13, 16)
@@ -189,10 +192,8 @@ def compose(row: NDArray[np.float64]) -> Matrix:
             [2.0 * (i * k - r * j), 2.0 * (j * k + r * i), 1.0 - 2.0 * (i * i + j * j)],
         ]
     )
-    triangle = np.diag(row[_SCALE])
-    triangle[[0, 0, 1], [1, 2, 2]] = row[_SKEW]
     result = np.eye(4)
-    result[:3, :3] = rotation @ triangle
+    result[:3, :3] = rotation @ _triangle(row)
     result[:3, 3] = rotation @ row[_SHIFT] + row[_TRANSLATION]
     return result
 
@@ -220,7 +221,7 @@ def matrix_at(motion: Motion, time: float) -> Matrix:
     result = np.eye(4)
     if motion.spin is not None:
         spin = motion.spin
-        result = Step(rotate=Rotate(axis=spin.axis, angle=spin.rate * time)).matrix()
+        result[:3, :3] = rotation_matrix(spin.axis, spin.rate * time)
         result[:3, 3] = np.subtract(spin.center, result[:3, :3] @ spin.center)
     if motion.velocity is not None:
         result[:3, 3] += np.multiply(time, motion.velocity)
@@ -310,9 +311,7 @@ def composed(outer: Rows, inner: Rows, most: int = MOST_STEPS) -> Rows:
     It is exact where one of the two stands still and the other turns without changing its scale, or the outer is a
     similarity at rest; else it has as many steps as there may be, each of them exact.
     """
-    exact = min(len(outer), len(inner)) == 1 and (
-        np.allclose(outer[:, :6], outer[0, :6], rtol=1e-12, atol=0.0) if len(inner) == 1 else _is_similar(outer[0])
-    )
+    exact = min(len(outer), len(inner)) == 1 and (_is_scaled_alike(outer) if len(inner) == 1 else _is_similar(outer[0]))
     steps = max(len(outer), len(inner)) if exact else most
     rows = []
     for fraction in np.linspace(0.0, 1.0, steps):
@@ -330,6 +329,60 @@ def composed(outer: Rows, inner: Rows, most: int = MOST_STEPS) -> Rows:
     return _continuous(rows)
 
 
+def shifted(rows: Rows, before: Vector, after: Vector) -> Rows:
+    """The trajectory (steps, 16) of what is displaced by `before` (m), then goes along one, and then by `after`."""
+    result = rows.copy()
+    for row in result:
+        row[_SHIFT] += _triangle(row) @ before
+        row[_TRANSLATION] += after
+    return result
+
+
+def conjugated(rows: Rows, by: Vector) -> Rows:
+    """The trajectory (steps, 16) of the same motion in a world that is moved by a vector (m)."""
+    x, y, z = by
+    return shifted(rows, (-x, -y, -z), by)
+
+
+def steadied(rows: Rows, turn: float) -> Rows:
+    """The trajectory (steps, 16) of what turns about a point far away, as displacements of what turns in its place.
+
+    A pose T R (U | s) is T + R s with R (U | 0), so that the arm s, by which an error of R is multiplied, is gone.
+    What lies between two steps goes straight then and not in an arc of the angle a: by up to s a^2 / 8 beside it, so
+    steps are added.  The trajectory is left as it is if that is not better.
+
+    Parameters
+    ----------
+    turn : by how much rotations may be wrong (rad).
+    """
+    angle = max((math.radians(_degrees_between(a, b)) for a, b in pairwise(rows)), default=0.0)
+    segments = max(1, len(rows) - 1)
+    finer = (MOST_STEPS - 1) // segments if angle > 0.0 else 1
+    if (angle / finer) ** 2 / 8.0 > turn:
+        return rows
+    steps = finer * (len(rows) - 1) + 1
+    result = []
+    for fraction in np.linspace(0.0, 1.0, steps):
+        row = row_at(rows, float(fraction))
+        rotation = compose(_row(np.zeros(3), row[_QUATERNION], np.eye(3)))[:3, :3]
+        row[_TRANSLATION] += rotation @ row[_SHIFT]
+        row[_SHIFT] = 0.0
+        result.append(row)
+    return _continuous(result)
+
+
+def arm_of(rows: Rows) -> float:
+    """The largest distance (m) from the centre of a trajectory's rotation at which what it moves has its origin."""
+    return float(np.linalg.norm(rows[:, _SHIFT], axis=1).max())
+
+
+def _triangle(row: NDArray[np.float64]) -> Matrix:
+    """The scale and skew of a row of a trajectory as an upper triangular matrix (3, 3)."""
+    triangle = np.diag(row[_SCALE])
+    triangle[[0, 0, 1], [1, 2, 2]] = row[_SKEW]
+    return triangle
+
+
 def rotations_about(center: Vector, quaternions: NDArray[np.float64]) -> Rows:
     """The trajectory (steps, 16) of rotations about a point (m), by their unit quaternions (steps, 4)."""
     back = -np.asarray(center, np.float64)
@@ -339,7 +392,14 @@ def rotations_about(center: Vector, quaternions: NDArray[np.float64]) -> Rows:
 def _is_similar(row: NDArray[np.float64]) -> bool:
     """Whether a pose scales by the same factor along all axes, but for a mirror image, and does not skew."""
     size = abs(row[0])
-    return bool(np.allclose(np.abs(row[_SCALE]), size, rtol=1e-12) and np.abs(row[_SKEW]).max() <= 1e-12 * size)
+    off = max(np.abs(np.abs(row[_SCALE]) - size).max(), np.abs(row[_SKEW]).max())
+    return bool(off <= TRANSFORM_ROUNDING * size)
+
+
+def _is_scaled_alike(rows: Rows) -> bool:
+    """Whether all poses of a trajectory scale and skew by the same."""
+    first = rows[0, :6]
+    return bool(np.abs(rows[:, :6] - first).max() <= TRANSFORM_ROUNDING * np.abs(first).max())
 
 
 def row_at(rows: Rows, fraction: float) -> NDArray[np.float64]:
@@ -437,7 +497,7 @@ def _keyed_trajectory(keyframes: Sequence[Keyframe], times: Sequence[float], tra
     turn = max(_degrees_between(a, b) for a, b in pairwise(poses))
     segments = uniform_segments(times)
     segments *= max(1, min((MOST_STEPS - 1) // segments, math.ceil(turn / _DEGREES_PER_SEGMENT)))
-    unscaled = np.allclose([row[:6] for row in poses], [1.0, 1.0, 1.0, 0.0, 0.0, 0.0], rtol=0.0, atol=1e-12)
+    unscaled = np.abs(np.array(poses)[:, :6] - [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]).max() <= TRANSFORM_ROUNDING
     if np.array_equal(transform, np.eye(4)):
         return _continuous(decompose(_keyed(keyframes, time)) for time in _grid(times, segments))
 

@@ -8,6 +8,7 @@ On the command line:
 from typing import ClassVar, Literal, NamedTuple
 
 from raytracer.aovs.interface import AovSpec, Identities, measure
+from raytracer.origin import in_world
 
 
 class Position(AovSpec):
@@ -27,4 +28,4 @@ class Place(NamedTuple):
 
 @measure.register(Place)
 def _(quantity, scene, seen):
-    return seen.hit.point
+    return in_world(scene.origin, seen.hit.point)

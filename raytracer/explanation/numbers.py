@@ -18,6 +18,7 @@ from raytracer.scene.focus import middle_of
 from raytracer.scene.spec import SceneSpec
 from raytracer.scene.whereabouts import Whereabouts
 from raytracer.units import METRES_PER_MILLIMETRE, parse_quantity
+from raytracer.vec import Vec3
 
 SHARP = 1.0 / 1500.0
 """Circle of confusion that is called sharp, as a fraction of the sensor's diagonal: Ray 2002, sec. 22.2."""
@@ -55,10 +56,14 @@ def parse_circle(text: str) -> Circle:
 
 
 class View:
-    """A scene's camera, as it was packed for a picture of some size."""
+    """A scene's camera, as it was packed for a picture of some size.
 
-    def __init__(self, spec: SceneSpec, packed: Any) -> None:
+    shift : what is added to the scene's coordinates to get the packed camera's (m).
+    """
+
+    def __init__(self, spec: SceneSpec, packed: Any, shift: Vec3 = (0.0, 0.0, 0.0)) -> None:
         self.spec = spec
+        self._shift = np.array(shift)
         self._packed = packed
         self._rests = not isinstance(packed, MovingCamera)
         self._resting = packed if self._rests else packed.camera
@@ -94,6 +99,7 @@ class View:
 
     def place(self, point: NDArray[np.float64], time: float) -> tuple[float, float, float]:
         """Where a point is seen at a time of the scene (s): film position in pixels, and its depth (m)."""
+        point = point + self._shift
         if not self._rests:
             # Bring the point to where the camera, if it rested, would see it as it does.
             opening = self.spec.camera.opening()

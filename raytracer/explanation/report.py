@@ -8,6 +8,7 @@ from typing import Any
 from raytracer.explanation.cautions import cautions
 from raytracer.explanation.numbers import Circle, View, depth_of_field, exposure
 from raytracer.explanation.text import camera_text, effects_text, objects_text, warnings_text
+from raytracer.scene.concerns import concerns, told
 from raytracer.scene.effects import Effect, effects_of
 from raytracer.scene.objects import Assets
 from raytracer.scene.pack import pack
@@ -20,7 +21,8 @@ class Explanation:
     """What is simulated and what not; and numbers, by names that end in their units, infinite ones included.
 
     kind, of the camera; camera, its numbers; objects, those of each object that has a name or moves; warnings, one
-    sentence for each thing in which the picture will differ from what the camera would take, or may not be as meant.
+    sentence for each thing that the scene makes one doubt (docs/warnings.md), and for each in which the picture will
+    differ from what the camera would take, or may not be as meant.
     """
 
     effects: dict[str, Effect]
@@ -69,11 +71,12 @@ def explain(spec: SceneSpec, *, circle: Circle | None = None) -> Explanation:
     assets = Assets(spec)
     packed = pack(spec, assets=assets)
     spec, scene = packed.spec, packed.scene
-    view = View(spec, scene.camera)
+    view = View(spec, scene.camera, packed.shift)
     where = Whereabouts(spec, assets)
     numbers = view.numbers | depth_of_field(view, circle) | exposure(spec)
     objects = {label(spec, number): view.object(where, number) for number in _explained(spec, where)}
-    return Explanation(effects_of(spec, scene), spec.camera.type, numbers, objects, cautions(view, numbers))
+    warnings = [*told(concerns(packed)), *cautions(view, numbers)]
+    return Explanation(effects_of(spec, scene), spec.camera.type, numbers, objects, warnings)
 
 
 def _explained(spec: SceneSpec, where: Whereabouts) -> list[int]:

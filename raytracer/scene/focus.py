@@ -17,7 +17,7 @@ from raytracer.primitives.interface import row_of
 from raytracer.scene.objects import Objects
 from raytracer.scene.spec import SceneSpec
 from raytracer.scene.whereabouts import Whereabouts
-from raytracer.spec import sentence
+from raytracer.spec import Vector, sentence
 
 # Rounds in which focusing narrows the view, so that another point of the scene is seen at that place of the frame.
 _MOST_ROUNDS = 32
@@ -32,7 +32,12 @@ def focuses(spec: SceneSpec) -> bool:
 
 
 def focused(
-    spec: SceneSpec, where: Whereabouts, objects: Objects, clear: Set[int], build: Callable[[], Accel]
+    spec: SceneSpec,
+    where: Whereabouts,
+    objects: Objects,
+    clear: Set[int],
+    build: Callable[[], Accel],
+    world: Vector,
 ) -> SceneSpec:
     """The scene with the distance at which its camera is focused; itself where that is known.
 
@@ -40,6 +45,7 @@ def focused(
     ----------
     clear : references of the materials that let all light through, which a camera does not see.
     build : gives the ray caster's structure of the scene; called only where a ray is needed.
+    world : the point of the scene (m) that is the origin of the structure's.
 
     Raises
     ------
@@ -49,7 +55,7 @@ def focused(
     if getattr(camera, "focus_on", None) is not None:
         return _at_distance(spec, "focus_on", _distance_of(spec, where))
     if getattr(camera, "focus_at", None) is not None:
-        return _at_distance(spec, "focus_at", _distance_seen(spec, objects, clear, build()))
+        return _at_distance(spec, "focus_at", _distance_seen(spec, objects, clear, build(), world))
     return spec
 
 
@@ -90,7 +96,7 @@ def _coordinates(point: NDArray[np.float64]) -> str:
     return f"[{', '.join(f'{coordinate:.6g}' for coordinate in point)}]"
 
 
-def _distance_seen(spec: SceneSpec, objects: Objects, clear: Set[int], accel: Accel) -> float:
+def _distance_seen(spec: SceneSpec, objects: Objects, clear: Set[int], accel: Accel, world: Vector) -> float:
     """Distance, along the axis, of what is seen at a place in the frame (m); infinite if nothing is."""
     camera: Any = camera_at(spec.camera, middle_of(spec))
     frame = camera.frame()
@@ -108,7 +114,7 @@ def _distance_seen(spec: SceneSpec, objects: Objects, clear: Set[int], accel: Ac
         right, up = (2.0 * x - 1.0) * top * width / height, (1.0 - 2.0 * y) * top
         way = right * np.array(frame.right) + up * np.array(frame.up) + np.array(frame.forward)
         stretch = float(np.linalg.norm(way))
-        met = _met(objects, clear, accel, frame.origin, way / stretch)
+        met = _met(objects, clear, accel, np.subtract(frame.origin, world), way / stretch)
         distance = met / stretch
         if distance in tried:
             break

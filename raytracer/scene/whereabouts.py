@@ -12,6 +12,7 @@ from raytracer.motion import Motion, matrix_at
 from raytracer.primitives.interface import bounds
 from raytracer.scene.document import path_text
 from raytracer.scene.objects import Assets, Keys
+from raytracer.scene.recentring import translation
 from raytracer.scene.spec import SceneSpec
 from raytracer.shapes.interface import PlacingSpec, ShapeSpec
 from raytracer.shutter import Shutter
@@ -20,6 +21,9 @@ from raytracer.spec import matrix_of
 Point: TypeAlias = NDArray[np.float64]
 
 _REST = np.eye(4)
+
+_FAR = 2.0**10
+"""Sizes away from its own origin at which a shape is measured near it."""
 
 
 class Box(NamedTuple):
@@ -35,6 +39,10 @@ class Box(NamedTuple):
     def corners(self) -> NDArray[np.float64]:
         """Its corners (8, 3)."""
         return np.array(list(product(*zip(self.low, self.high, strict=True))))
+
+    def shifted(self, by: Point) -> "Box":
+        """The box displaced by a vector (3,); itself, with its bits, by none."""
+        return Box(self.low + by, self.high + by) if by.any() else self
 
     def moved(self, matrices: NDArray[np.float64]) -> "Box":
         """The box round itself, as each of some matrices (n, 4, 4) moves it."""
@@ -113,7 +121,8 @@ class Whereabouts:
             if isinstance(item, PlacingSpec):
                 inside = _around(self._outer(path, below, time) for path, below in self._named(item.of))
                 return inside.moved(item.poses(assets))
-            return Box(*bounds(item.pack_exposed(_REST, 0, assets, Shutter(time, time))))
+            away = _far_away(item.box(assets))
+            return Box(*bounds(item.pack_exposed(translation(-away), 0, assets, Shutter(time, time)))).shifted(away)
         except ValueError as error:
             raise self._spec.error(str(error), *keys) from None
 
@@ -130,6 +139,12 @@ class Whereabouts:
             return [(("groups", name, place), item) for place, item in enumerate(self._spec.groups[name])]
         number = self._numbers[name]
         return [(("objects", number), self._spec.objects[number])]
+
+
+def _far_away(box: Point) -> Point:
+    """The middle (3,) of a box (2, 3) that is so far away that float32 would not keep 13 bits of its size; else 0."""
+    middle, half = box.mean(axis=0), 0.5 * (box[1] - box[0]).max()
+    return np.asarray(middle if np.abs(middle).max() > _FAR * half else np.zeros(3))
 
 
 def _pose(motion: Motion | None, time: float) -> NDArray[np.float64]:

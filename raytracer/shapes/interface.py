@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from raytracer.motion import Motion, matrix_at
+from raytracer.primitives.interface import bounds
 from raytracer.shapes.affine import Matrix
 from raytracer.shutter import Shutter
 from raytracer.spec import Name, ObjectSpec, Transform, at, matrix_of
@@ -46,6 +47,15 @@ class ShapeSpec(ObjectSpec):
         ValueError : the matrix or an asset does not suit the shape; a sentence that says why.
         """
         raise NotImplementedError
+
+    def box(self, assets: Assets) -> NDArray[np.float64]:
+        """The least and the greatest coordinates (2, 3) of the shape, in all its forms, before its transform.
+
+        Raises
+        ------
+        ValueError : an asset does not suit the shape; a sentence that says why.
+        """
+        return np.array(bounds(self.pack(np.eye(4), 0, assets)))
 
     def pack_exposed(self, matrix: Matrix, material: int, assets: Assets, shutter: Shutter) -> Any:
         """As `pack`, for what changes its form while the shutter is open; without regard to `motion`."""

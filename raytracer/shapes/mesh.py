@@ -78,6 +78,18 @@ class Mesh(ShapeSpec):
         frames = enumerate(self.frames or ())
         return super().files() | {("frames", number, "file"): (frame.file, "mesh") for number, frame in frames}
 
+    def box(self, assets: Assets) -> NDArray[np.float64]:
+        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+        for path in self.files():
+            mesh = assets[".".join(map(str, path))]
+            # A file may hold vertices that no triangle has.
+            used = np.zeros(len(mesh.vertices), bool)
+            used[mesh.faces.ravel()] = True
+            columns = [column[used] for column in mesh.vertices.T]
+            low = np.minimum(low, [column.min() for column in columns])
+            high = np.maximum(high, [column.max() for column in columns])
+        return np.stack([low, high])
+
     def pack(self, matrix: Matrix, material: int, assets: Assets) -> Any:
         """One row a triangle; of a mesh with frames, as it is at time 0."""
         return self.pack_exposed(matrix, material, assets, Shutter(0.0, 0.0))

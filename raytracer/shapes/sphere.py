@@ -8,6 +8,7 @@ In a scene:
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
 from raytracer.primitives.spheres import Spheres
@@ -33,6 +34,9 @@ class Sphere(ShapeSpec):
     def takes(self, matrix: Matrix) -> bool:
         """Whether it stays a sphere."""
         return is_uniform(matrix)
+
+    def box(self, _: Assets) -> NDArray[np.float64]:
+        return np.add(self.center, [[-abs(self.radius)], [abs(self.radius)]])
 
     def pack(self, matrix: Matrix, material: int, _: Assets) -> Spheres:
         """One row."""

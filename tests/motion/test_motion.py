@@ -215,11 +215,21 @@ def test_a_spin_late_in_the_scene_is_as_exact_as_an_early_one() -> None:
     np.testing.assert_allclose(matrix[:, :3], np.eye(3), atol=1e-11)
 
 
+@pytest.mark.parametrize("rate", [1e-30, 1e-20, 1e20, 1e30])
+@pytest.mark.parametrize("time", [1e-30, 1e-20, 1e20, 1e30])
+def test_a_spin_of_any_rate_is_a_rotation_at_any_time(rate: float, time: float) -> None:
+    matrix = matrix_at(motion(spin={"axis": [3, -1, 2], "rate": rate}), time)
+    np.testing.assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), rtol=0.0, atol=1e-14)
+    assert np.linalg.det(matrix) == pytest.approx(1.0)
+
+
 def test_outside_the_shutter_the_pose_is_that_of_its_nearer_end() -> None:
     placed = place(SPIN, EYE, SHUTTER)
-    found = poses(trajectory_of(placed), [-3.0, 0.0, 1.0, 1.5])
-    np.testing.assert_array_equal(found[0], found[1])
-    np.testing.assert_array_equal(found[2], found[3])
+    found = poses(trajectory_of(placed), [-3.0, 0.0, 1.0, 1.5, -math.inf, math.inf])
+    np.testing.assert_array_equal(found[:2], found[[1, 4]])
+    np.testing.assert_array_equal(found[[2, 5]], found[[3, 3]])
+    # What is no time has a pose, too: no row outside of the trajectory is read.
+    assert np.isfinite(poses(trajectory_of(placed), math.nan)).all()
 
 
 def test_trajectories_in_a_table_are_the_same_as_alone() -> None:
