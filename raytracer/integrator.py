@@ -19,6 +19,20 @@ from raytracer.embree import GEOMETRY, INSTANCE, MISS, PACKET, PLACEMENT, PRIMIT
 from raytracer.filters.interface import sample_filter
 from raytracer.geometry import Site
 from raytracer.instances import find, meet
+from raytracer.interior import (
+    Interior,
+    Submerged,
+    boundary_of,
+    clear_within,
+    go_through,
+    keep_within,
+    kept,
+    look_past,
+    move_within,
+    settle_within,
+    shadow_goes_through,
+    start_shadow,
+)
 from raytracer.jit import entry, generic, kernel, share
 from raytracer.lights.interface import Lights, Unaimed, sample_lights, surroundings, weight_aimed, weight_emitted
 from raytracer.materials.interface import (
@@ -42,13 +56,25 @@ from raytracer.media.interface import (
     fly_at,
     scatter_phase_at,
 )
+from raytracer.origin import as_written
+from raytracer.pathlog import (
+    note_aim,
+    note_arrival,
+    note_emission,
+    note_flight,
+    note_leaving,
+    note_met,
+    note_occluded,
+    note_round,
+    note_scatter,
+    note_start,
+    note_surface,
+    note_value,
+)
 from raytracer.paths import (
     MOST_PASSED,
     PASS_STRIDE,
     Passage,
-    cross,
-    cross_shadow,
-    fill_shadow,
     fill_space,
     goes_straight,
     keep_goal,
@@ -81,7 +107,9 @@ class Scene(NamedTuple):
     instances; materials, a tuple of one table a kind; selectors, materials that name others; passage, if light may pass
     through surfaces; relief, bump and normal maps; textures, lights, environment, media; camera; shutter, if anything
     moves; filter and sampler; depth, the largest number of path segments; roulette, the number of segments before
-    Russian roulette starts.  All but the tuples named, camera, filter, sampler and numbers may be None.
+    Russian roulette starts; clamp, how bright a sample may be; origin, origin.Origin of a scene that was written far
+    from its own; interior, solids that have priorities.  All but the tuples named, camera, filter, sampler and numbers
+    may be None.
     """
 
     accel: int
@@ -102,6 +130,9 @@ class Scene(NamedTuple):
     sampler: Any
     depth: int
     roulette: int
+    clamp: Any = None
+    origin: Any = None
+    interior: Any = None
 
 
 class FilmView(NamedTuple):
@@ -109,7 +140,8 @@ class FilmView(NamedTuple):
 
     mean and m2 (height, width, 3) float64, the running mean and sum of squared differences from it; count
     (height, width) int64, samples taken; bad (height, width) int64, samples dropped because they were not finite;
-    aovs, what else is recorded, or None.
+    aovs, what else is recorded, or None; removed (height, width, 4) float64, what a clamp has taken of the samples,
+    summed by channel, and of how many, or None where there is none.
     """
 
     mean: NDArray[np.float64]
@@ -119,6 +151,7 @@ class FilmView(NamedTuple):
     left: int
     top: int
     aovs: Any
+    removed: Any = None
 
 
 # ---- What a scene may lack
@@ -148,17 +181,19 @@ def wander(media, scene, work, lane, sample, survivors, shadows, near, throughpu
 
 @wander.register(type(None))
 def _(media, scene, work, lane, sample, survivors, shadows, near, throughput, segment, time, draws):
-    return Wandering(throughput, False, False, False)
+    return Wandering(mul(throughput, kept(scene.interior, work.within, sample, near)), False, False, False)
 
 
 @wander.register(Media)
 def _(media, scene, work, lane, sample, survivors, shadows, near, throughput, segment, time, draws):
     medium = work.medium[sample]
     if medium == NONE:
-        return Wandering(throughput, False, False, False)
+        return Wandering(mul(throughput, kept(scene.interior, work.within, sample, near)), False, False, False)
     origin, direction = load3(work.path, lane, 0), load3(work.path, lane, 3)
     flight = fly_at(media, medium, origin, direction, near, throughput, draws, 0)
     throughput = mul(throughput, flight.weight)
+    throughput = mul(throughput, kept(scene.interior, work.within, sample, min(near, flight.distance)))
+    note_flight(work.log, work, lane, sample, medium, near, flight.distance, flight.weight, throughput)
     if is_black(throughput):
         return Wandering(throughput, True, False, False)
     if math.isinf(flight.distance):
@@ -173,8 +208,10 @@ def _(media, scene, work, lane, sample, survivors, shadows, near, throughput, se
     )
     survival = survive(scene, throughput, segment, draws)
     if survival == 0.0:
+        note_scatter(work.log, work, sample, BLACK, direction, WHITE, math.nan, throughput, survival)
         return Wandering(throughput, True, False, aimed)
     outgoing, pdf = scatter_phase_at(media, medium, direction, draws)
+    note_scatter(work.log, work, sample, BLACK, outgoing, WHITE, pdf, throughput, survival)
     mark_vertex(scene.passage, work, sample, point)
     put_path(work, survivors, sample, point, outgoing, scale(1.0 / survival, throughput), pdf)
     return Wandering(throughput, True, True, aimed)
@@ -299,8 +336,10 @@ def _(lights, scene, work, slot, sample, hit, reference, site, direction, normal
         return False
     weight = weight_aimed(lights.heuristic, light.pdf, pdf)
     start = spawn_point(hit, light.direction)
-    fill_shadow(scene.media, work, slot, sample, hit.material, hit, direction, light.direction)
-    aim(scene, work, slot, sample, start, light, scale(weight, mul(mul(throughput, value), light.weight)), time)
+    start_shadow(scene.interior, scene, work, slot, sample, hit, direction, light.direction)
+    arriving = scale(weight, mul(mul(throughput, value), light.weight))
+    aim(scene, work, slot, sample, start, light, arriving, time)
+    note_aim(work.log, work, slot, sample, start, light, value, pdf, weight, arriving)
     return True
 
 
@@ -325,8 +364,11 @@ def _(lights, scene, work, slot, sample, medium, point, direction, throughput, t
     if phase == 0.0:
         return False
     set_shadow_space(work, slot, medium)
-    share = phase * weight_aimed(lights.heuristic, light.pdf, phase)
-    aim(scene, work, slot, sample, point, light, scale(share, mul(throughput, light.weight)), time)
+    keep_within(scene.interior, work, slot, sample)
+    weight = weight_aimed(lights.heuristic, light.pdf, phase)
+    arriving = scale(phase * weight, mul(throughput, light.weight))
+    aim(scene, work, slot, sample, point, light, arriving, time)
+    note_aim(work.log, work, slot, sample, point, light, (phase, phase, phase), phase, weight, arriving)
     return True
 
 
@@ -377,6 +419,9 @@ def _(passage, scene, work, count, key, first, segment):
             through = veil(scene.media, scene, work, slot, distance, key, first, segment)
             for channel in range(3):
                 work.radiance[work.shadow_sample[slot], channel] += through[channel] * work.unshadowed[slot, channel]
+            note_arrival(work.log, work, work.shadow_sample[slot], mul(through, load3(work.unshadowed, slot, 0)))
+        else:
+            note_occluded(work.log, scene, work, slot)
     return count
 
 
@@ -395,10 +440,12 @@ def _(passage, scene, work, count, key, first, segment):
             time = time_of(scene.shutter, work, sample)
             near = np.float64(work.shadows.floats[TFAR, slot])
             through = veil(scene.media, scene, work, slot, near, key, first, segment)
+            through = mul(through, kept(scene.interior, work.shadow_within, slot, near))
             arriving = mul(through, load3(work.unshadowed, slot, 0))
             table = work.shadows.ints[GEOMETRY, slot]
             if table == MISS:
                 gather(work, sample, arriving, WHITE)
+                note_arrival(work.log, work, sample, arriving)
                 continue
 
             # Meet a surface, and end there unless it lets the ray pass.
@@ -407,10 +454,14 @@ def _(passage, scene, work, count, key, first, segment):
             hit = meet(scene.instances, scene, instance, table, primitive, origin, direction, near, time)
             front = dot(direction, hit.normal) < 0.0
             draws = Draws(scene.sampler, key, first + sample, (segment + 1) * SLOTS + surface * PASS_STRIDE)
-            site = Site(hit.local, hit.u, hit.v, near)
-            if select_again(scene.selectors, scene, hit.material, front, site, draws) != PASS:
+            local = as_written(scene.origin, scene.instances, instance, hit.local)
+            site = Site(local, hit.u, hit.v, near)
+            reference = select_again(scene.selectors, scene, hit.material, front, site, draws)
+            if boundary_of(scene.interior, work.shadow_within, slot, hit.material, reference, front) != PASS:
+                note_met(work.log, work, slot, sample, work.shadows, False)
                 continue
-            cross_shadow(scene.media, work, slot, hit.material, front)
+            note_met(work.log, work, slot, sample, work.shadows, True)
+            shadow_goes_through(scene.interior, scene, work, slot, hit.material, front)
             # Off the surface, it is aimed at its end anew: it would miss that by as much as it was moved.
             start = spawn_point(hit, direction)
             goal = load3(work.shadow_goal, slot, 0)
@@ -420,6 +471,7 @@ def _(passage, scene, work, count, key, first, segment):
                 rest = norm(way)
                 if dot(way, direction) <= 0.0:
                     gather(work, sample, arriving, WHITE)
+                    note_arrival(work.log, work, sample, arriving)
                     continue
                 way = scale(1.0 / rest, way)
             embree.set_ray(work.shadows, going, start, way, rest)
@@ -427,6 +479,7 @@ def _(passage, scene, work, count, key, first, segment):
             work.shadow_goal[going, 3] = work.shadow_goal[slot, 3]
             set_time(scene.shutter, work.shadows, going, time)
             move_shadow(scene.media, work, slot, going)
+            move_within(scene.interior, work, slot, going)
             work.shadow_sample[going] = sample
             store3(work.unshadowed, going, 0, arriving)
             going += 1
@@ -465,15 +518,79 @@ def start_paths(scene, aovs, work, key, x, y, first, count):
         # Not into the throughput: what a ray counts for says nothing of whether its path should go on.
         work.radiance[lane, 3] = weight * rate * importance
         observe_start(aovs, work, lane)
+        note_start(work.log, work, lane, film_x, film_y, time, origin, direction, (weight, rate, importance))
         if importance == 0.0:
             continue
         keep_time(scene.shutter, work, lane, time)
         fill_space(scene.media, work, lane)
+        clear_within(scene.interior, work, lane)
         mark_start(scene.passage, work, lane, origin)
         # The camera had no choice of direction that a light sample could share.
         put_path(work, live, lane, origin, direction, WHITE, math.inf)
         live += 1
     return live
+
+
+@generic
+def look_around(interior, scene, work, live):
+    """Find out what the camera's rays begin in; returns the number of rays traced."""
+    raise NotImplementedError
+
+
+@look_around.register(type(None))
+def _(interior, scene, work, live):
+    return 0
+
+
+@look_around.register(Interior)
+def _(interior, scene, work, live):
+    return look_up(interior.camera, scene, work, live)
+
+
+@generic
+def look_up(camera, scene, work, live):
+    """Count the solids that the camera's rays begin in; returns the number of rays traced."""
+    raise NotImplementedError
+
+
+@look_up.register(type(None))
+def _(camera, scene, work, live):
+    return 0
+
+
+@look_up.register(Submerged)
+def _(camera, scene, work, live):
+    # The room of shadow rays is still free.
+    for slot in range(live):
+        sample = work.sample[slot]
+        work.shadow_sample[slot] = sample
+        embree.set_ray(work.shadows, slot, load3(work.path, slot, 0), camera.up, math.inf)
+        set_time(scene.shutter, work.shadows, slot, time_of(scene.shutter, work, sample))
+    rays, count = 0, live
+    for _ in range(MOST_PASSED):
+        if count == 0:
+            break
+        embree.intersect(scene.accel, work.shadows, count)
+        rays += count
+        going = 0
+        for slot in range(count):
+            sample = work.shadow_sample[slot]
+            table = work.shadows.ints[GEOMETRY, slot]
+            if table == MISS:
+                continue
+            origin, direction = load_ray(work.shadows, slot)
+            instance, primitive = found_in(scene, work.shadows, slot)
+            near, time = np.float64(work.shadows.floats[TFAR, slot]), time_of(scene.shutter, work, sample)
+            hit = meet(scene.instances, scene, instance, table, primitive, origin, direction, near, time)
+            look_past(scene.interior, work.within, sample, hit.material, dot(direction, hit.normal) < 0.0)
+            embree.set_ray(work.shadows, going, spawn_point(hit, direction), direction, math.inf)
+            set_time(scene.shutter, work.shadows, going, time)
+            work.shadow_sample[going] = sample
+            going += 1
+        count = going
+    for slot in range(live):
+        settle_within(scene.interior, scene.media, work, work.sample[slot])
+    return rays
 
 
 @kernel
@@ -506,6 +623,7 @@ def trace_paths(scene, aovs, work, key, first, live):
     for segment in range(rounds(scene.passage, scene.depth)):
         if live == 0:
             break
+        note_round(work.log, segment)
         # Trace all paths that still go on.
         for lane in range(live):
             embree.set_ray(work.rays, lane, load3(work.path, lane, 0), load3(work.path, lane, 3), math.inf)
@@ -543,17 +661,24 @@ def trace_paths(scene, aovs, work, key, first, live):
             # Leave the scene.
             table = work.rays.ints[GEOMETRY, lane]
             if table == MISS:
-                gather(work, sample, throughput, surroundings(scene.lights, scene, direction, pdf))
+                radiance = surroundings(scene.lights, scene, direction, pdf)
+                gather(work, sample, throughput, radiance)
+                note_leaving(work.log, work, lane, sample, throughput, radiance)
                 continue
 
             # Meet a surface.
             instance, primitive = found_in(scene, work.rays, lane)
             hit = meet(scene.instances, scene, instance, table, primitive, origin, direction, near, time)
-            site = Site(hit.local, hit.u, hit.v, travelled(scene.passage, work, sample, near, hit.point))
+            local = as_written(scene.origin, scene.instances, instance, hit.local)
+            site = Site(local, hit.u, hit.v, travelled(scene.passage, work, sample, near, hit.point))
             front = dot(direction, hit.normal) < 0.0
             reference = select_at(scene.selectors, scene, hit.material, front, site, draws)
+            reference = boundary_of(scene.interior, work.within, sample, hit.material, reference, front)
+            note_surface(
+                work.log, work, lane, sample, instance, table, primitive, near, hit, front, reference, throughput
+            )
             if goes_straight(scene.passage, work, sample, reference):
-                cross(scene.media, work, sample, hit.material, hit, direction, direction)
+                go_through(scene.interior, scene, work, sample, hit, direction, direction)
                 put_path(work, survivors, sample, spawn_point(hit, direction), direction, throughput, pdf)
                 survivors += 1
                 continue
@@ -585,6 +710,7 @@ def trace_paths(scene, aovs, work, key, first, live):
                     scene.lights, scene, instance, table, primitive, vertex, hit.point, hit.normal, time, pdf
                 )
                 gather(work, sample, scale(weight, throughput), emitted)
+                note_emission(work.log, work, sample, emitted, weight)
             observe_direct(aovs, work, sample, done)
             if done == scene.depth:
                 continue
@@ -612,9 +738,10 @@ def trace_paths(scene, aovs, work, key, first, live):
             out = scatter_from(scene.relief, scene, hit, reference, site, direction, normal, front, draws)
             throughput = mul(throughput, out.weight)
             survival = survive(scene, throughput, done, draws)
+            note_scatter(work.log, work, sample, normal, out.direction, out.weight, out.pdf, throughput, survival)
             if survival == 0.0:
                 continue
-            cross(scene.media, work, sample, hit.material, hit, direction, out.direction)
+            go_through(scene.interior, scene, work, sample, hit, direction, out.direction)
             mark_vertex(scene.passage, work, sample, hit.point)
             start = spawn_point(hit, out.direction)
             put_path(work, survivors, sample, start, out.direction, scale(1.0 / survival, throughput), out.pdf)
@@ -624,9 +751,41 @@ def trace_paths(scene, aovs, work, key, first, live):
     return rays
 
 
+class Clamp(NamedTuple):
+    """No sample is brighter than `limit`, in any channel."""
+
+    limit: float
+
+
+@generic
+def clamped(clamp, film, work, sample, x, y, value):
+    """What a sample of this finite value may add to its pixel; what it may not is noted on the film."""
+    raise NotImplementedError
+
+
+@clamped.register(type(None))
+def _(clamp, film, work, sample, x, y, value):
+    return value
+
+
+@clamped.register(Clamp)
+def _(clamp, film, work, sample, x, y, value):
+    # Radiance is measured, before it is weighted: what a camera's rays count for says nothing of how rare they are.
+    brightest = max_component(load3(work.radiance, sample, 0))
+    if brightest <= clamp.limit:
+        return value
+    left = scale(clamp.limit / brightest, value)
+    for channel in range(3):
+        film.removed[y, x, channel] += value[channel] - left[channel]
+    film.removed[y, x, 3] += 1.0
+    return left
+
+
 @kernel
-def accumulate(film, work, x, y, count):
+def accumulate(clamp, film, work, x, y, count):
     """Add a packet of samples to a pixel's running mean and sum of squares.
+
+    The weight of a sample that is dropped becomes NaN, by which it can be told from the others afterwards.
 
     References: Chan, Golub, LeVeque 1979, "Updating Formulae and a Pairwise Algorithm for Computing Sample Variances".
     """
@@ -637,8 +796,13 @@ def accumulate(film, work, x, y, count):
     for sample in range(count):
         value = scale(work.radiance[sample, 3], load3(work.radiance, sample, 0))
         if math.isfinite(value[0] + value[1] + value[2]):
-            store3(work.radiance, good, 0, value)
+            left = clamped(clamp, film, work, sample, x, y, value)
+            note_value(work.log, work, sample, value, left)
+            store3(work.radiance, good, 0, left)
             good += 1
+        else:
+            note_value(work.log, work, sample, value, value)
+            work.radiance[sample, 3] = math.nan
     film.bad[y, x] += count - good
     if good == 0:
         return
@@ -672,6 +836,7 @@ def render_tile(scene, film, work, left, top, right, bottom, begin, end):
             for first in range(begin, end, PACKET):
                 count = min(PACKET, end - first)
                 live = start_paths(tracing, film.aovs, room, key, x, y, first, count)
+                rays += look_around(scene.interior, tracing, room, live)
                 rays += trace_paths(tracing, film.aovs, room, key, first, live)
-                accumulate(film, room, x - film.left, y - film.top, count)
+                accumulate(scene.clamp, film, room, x - film.left, y - film.top, count)
     return rays

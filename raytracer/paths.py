@@ -5,7 +5,7 @@ went straight through where some let it; the functions here, called on None, com
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +32,11 @@ class Workspace(NamedTuple):
 
     By sample, and used where the scene calls for it: time (PACKET,) float64; medium (PACKET,) int64, in which the path
     is; vertex (PACKET, 3) float64, where it last scattered; passed (PACKET,) int64, how many surfaces it went straight
-    through; features (PACKET, 32) float64, what the camera ray met.  By shadow ray: shadow_space (PACKET, 2) int64, the
-    medium in which it is, and how many random numbers it took there.
+    through; features (PACKET, 32) float64, what the camera ray met; within (PACKET, MOST_SOLIDS) int32, how many
+    objects of each rank it is in.  By shadow ray: shadow_space (PACKET, 2) int64, the medium in which it is, and how
+    many random numbers it took there; shadow_within, as within.
+
+    log, where a path is written down (pathlog.PathLog), or None.
     """
 
     rays: Packet
@@ -50,9 +53,16 @@ class Workspace(NamedTuple):
     passed: NDArray[np.int64]
     features: NDArray[np.float64]
     shadow_space: NDArray[np.int64]
+    within: NDArray[np.int32]
+    shadow_within: NDArray[np.int32]
+    log: Any = None
 
 
-def workspace() -> Workspace:
+MOST_SOLIDS = 32
+"""Of how many ranks the solids of a scene may be that have priorities."""
+
+
+def workspace(log: Any = None) -> Workspace:
     """A new workspace, for one thread."""
 
     def floats(*columns: int) -> NDArray[np.float64]:
@@ -76,6 +86,9 @@ def workspace() -> Workspace:
         passed=integers(),
         features=floats(32),
         shadow_space=np.zeros((PACKET, 2), np.int64),
+        within=np.zeros((PACKET, MOST_SOLIDS), np.int32),
+        shadow_within=np.zeros((PACKET, MOST_SOLIDS), np.int32),
+        log=log,
     )
 
 
@@ -379,6 +392,22 @@ def _(media, work, slot, sample, reference, hit, direction, outgoing):
     if (dot(direction, hit.normal) < 0.0) == enters:
         medium = crossed(media, reference, medium, enters)
     set_shadow_space(work, slot, medium)
+
+
+@generic
+def stay_shadow(media, work, slot, sample):
+    """Start a shadow ray in the medium that its path is in."""
+    raise NotImplementedError
+
+
+@stay_shadow.register(type(None))
+def _(media, work, slot, sample):
+    return
+
+
+@stay_shadow.register(Media)
+def _(media, work, slot, sample):
+    set_shadow_space(work, slot, work.medium[sample])
 
 
 @generic

@@ -94,6 +94,7 @@ REFERENCES: dict[str, Callable[..., SceneSpec]] = {
     "instances": _repository("instances", 64, 36),
     "metals": _repository("metals", 72, 48),
     "million": _repository("million", 48, 48),
+    "nested": _repository("nested", 48, 48),
     "next_week": _repository("next_week", 48, 48),
     "smoke": _repository("smoke", 56, 56),
     "studio": _repository("studio", 72, 40),

@@ -11,7 +11,8 @@ from raytracer.film.image import Image
 from raytracer.rendering import render
 from tests.make_references import FOLDER, GENERATED, REFERENCES, ROOT, SEED, spec_of
 
-NAMES = [pytest.param(name, marks=[pytest.mark.slow] if name in GENERATED else []) for name in REFERENCES]
+# Of `nested` the quick tests know enough by tests/test_nesting.py.
+NAMES = [pytest.param(name, marks=[pytest.mark.slow] if name in {*GENERATED, "nested"} else []) for name in REFERENCES]
 
 # Each takes as long as ten renders of the others.
 KEEN = [pytest.param(name, marks=[] if name in ("cornell", "lens") else [pytest.mark.slow]) for name in REFERENCES]

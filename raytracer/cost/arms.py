@@ -188,6 +188,8 @@ _PACKED: Mapping[str, _Part] = {
     "vignetting": _Part("no rim before the lens keeps light out", _at("camera", "lens", "rim")),
     "media": _Part("all of space is clear", _at("media")),
     "relief": _Part("surfaces are shaded as smooth as they are", _at("relief")),
+    "clamp": _Part("samples are as bright as they are", _at("clamp")),
+    "nested_dielectrics": _Part("of what overlaps every surface is seen, each as a boundary to air", _at("interior")),
     "environment_sampling": _Part(
         "paths find the environment by themselves, and nothing aims at it", unaimed, same_mean=True
     ),
@@ -220,6 +222,7 @@ _DEVELOPED = "it is done to the finished picture, whatever its samples took"
 
 # Effects that nothing can take the place of.
 _KEPT: Mapping[str, str] = {
+    "recentring": "it is done before the first ray, and takes none of their time",
     "exposure": _DEVELOPED,
     "sensor_noise": _DEVELOPED,
     "white_balance": _DEVELOPED,

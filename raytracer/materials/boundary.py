@@ -12,6 +12,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from raytracer.materials.interface import PASS, MaterialSpec, SelectorSpec, select
 from raytracer.textures.interface import Book
@@ -21,6 +22,15 @@ class Boundary(SelectorSpec):
     """Light goes straight through and counts no path segment; only the medium that it is in may change."""
 
     type: Literal["boundary"] = "boundary"
+
+    clear: bool = Field(
+        default=False,
+        description="whether inside there is no medium but the object's own; else light stays in the one that it comes "
+        "through where the object has none",
+    )
+
+    def holds_medium(self) -> bool:
+        return self.clear
 
     def with_children(self, children: Sequence[MaterialSpec]) -> MaterialSpec:
         return self

@@ -5,22 +5,28 @@ In a scene:
     glass: {type: dielectric, ior: 1.5}
     water in glass: {type: dielectric, ior: 1.33, outside_ior: 1.5}
     bottle: {type: dielectric, attenuation_color: [0.2, 0.7, 0.3], attenuation_distance: 5 mm}
+
+Solids and liquids that touch, made to overlap:
+
+    tumbler: {type: dielectric, ior: 1.5, priority: 3}
+    ice: {type: dielectric, ior: 1.31, priority: 2}
+    lemonade: {type: dielectric, ior: 1.34, priority: 1, absorption: [1, 2, 9]}
 """
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from raytracer.jit import generic
 from raytracer.materials.interface import (
     BLACK,
     LOBE,
     WHITE,
-    MaterialSpec,
+    ClearSpec,
     Scatter,
     emission,
     evaluate,
@@ -30,66 +36,45 @@ from raytracer.materials.interface import (
 )
 from raytracer.optics import fresnel_dielectric, refract
 from raytracer.sampling import sample_1d
-from raytracer.spec import Color, PositiveLength, PositiveNumber, Quantity, Triple, Vector, at
+from raytracer.spec import Color, Vector
 from raytracer.textures.interface import Book
 from raytracer.vec import Vec3, dot, reflect
 
-_PositiveAlbedo: TypeAlias = Annotated[
-    Vector, Triple(Quantity(low=0.0, low_open=True, high=1.0), "a colour", single=True)
-]
 
-
-class Dielectric(MaterialSpec):
+class Dielectric(ClearSpec):
     """A smooth, clear boundary with exact Fresnel reflection.
 
     Radiance is carried as basic radiance L / n^2, which refraction leaves unchanged; so what is lit and seen through
     glass is exact, and an emitter inside glass is given by the radiance it would show in air.
 
     Of light that comes to the boundary from within, over a distance d, the fraction exp(-absorption d) is kept. On the
-    way to other things inside the glass none is lost: give the object a `medium` where that matters.
+    way to other things inside the glass none is lost: give it a `priority` where that matters.
+
+    Closed objects whose materials have a `priority` may overlap. Where they do, the one with the highest is there, of
+    equals the one that comes first in the scene; surfaces hidden in it let light straight through, shadow rays too, and
+    each surface that is seen is a boundary to what lies behind it. Light knows what it is in, also where the camera
+    stands in it, and loses what that absorbs on all its ways. Make things that touch overlap by a little, as water and
+    its glass: of two faces in the same place a ray meets but one. Without priorities, a face between two glasses is one
+    surface, with `ior` and `outside_ior`.
 
     References: Pharr et al. 2023, "Physically Based Rendering", 4th ed., sec. 9.5; basic radiance: Nicodemus 1963;
-    absorption: Beer 1852; attenuation by colour and distance: KHR_materials_volume of glTF.
+    priorities: Schmidt, Budge 2002, "Simple Nested Dielectrics in Ray Traced Images", JGT 7(2); absorption: Beer 1852;
+    attenuation by colour and distance: KHR_materials_volume of glTF.
     """
 
     type: Literal["dielectric"] = "dielectric"
-    ior: PositiveNumber = Field(default=1.5, description="index of refraction on the inside")
-    outside_ior: PositiveNumber = Field(
-        default=1.0, description="index on the outside: of the glass that this one is embedded in"
-    )
-    absorption: Color | None = Field(
-        default=None, description="absorption coefficient of the inside by channel (1/m); none by default"
-    )
     outside_absorption: Color | None = Field(
         default=None, description="absorption coefficient of the outside by channel (1/m); none by default"
     )
-    attenuation_color: _PositiveAlbedo | None = Field(
-        default=None,
-        description="in place of `absorption`: the colour of white light after `attenuation_distance`",
-    )
-    attenuation_distance: PositiveLength | None = Field(
-        default=None, description="the distance within which light takes on `attenuation_color` (m)"
-    )
 
-    @model_validator(mode="after")
-    def _one_absorption(self) -> "Dielectric":
-        if (self.attenuation_color is None) != (self.attenuation_distance is None):
-            missing = "attenuation_color" if self.attenuation_color is None else "attenuation_distance"
-            at(missing, "is missing; attenuation_color and attenuation_distance go together")
-        if self.absorption is not None and self.attenuation_color is not None:
-            at("absorption", "goes not with attenuation_color: give the one or the other")
-        return self
+    def is_nothing(self) -> bool:
+        return self.priority is None and self.ior == self.outside_ior and not any(map(any, self.coefficients()))
 
     def coefficients(self) -> tuple[Vector, Vector]:
-        """Absorption (1/m) by channel of the inside and of the outside."""
-        inside = self.absorption or BLACK
-        if self.attenuation_color is not None and self.attenuation_distance is not None:
-            r, g, b = (-math.log(kept) / self.attenuation_distance for kept in self.attenuation_color)
-            inside = (r, g, b)
+        """Absorption (1/m) by channel that the boundary accounts for: of the inside, and of the outside."""
+        # With a priority, light knows at each place what it is in.
+        inside = BLACK if self.priority is not None else self.inside_absorption()
         return inside, self.outside_absorption or BLACK
-
-    def holds_medium(self) -> bool:
-        return True
 
     @staticmethod
     def pack(specs: Sequence["Dielectric"], book: Book) -> "DielectricTable":

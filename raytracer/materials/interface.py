@@ -14,12 +14,33 @@ from pydantic import BeforeValidator, Field, model_validator
 from raytracer.jit import generic, kernel, switch
 from raytracer.sampling import sample_2d
 from raytracer.sampling.hashing import BELOW_ONE
-from raytracer.spec import Length, NonNegativeNumber, Spec, at, name_or_material
+from raytracer.spec import (
+    Color,
+    Count,
+    Length,
+    NonNegativeNumber,
+    PositiveLength,
+    PositiveNumber,
+    Quantity,
+    Spec,
+    Triple,
+    Vector,
+    at,
+    name_or_material,
+)
 from raytracer.textures.interface import Book, OptionalTexture
 from raytracer.vec import Vec3
 
 BLACK = (0.0, 0.0, 0.0)
 WHITE = (1.0, 1.0, 1.0)
+
+
+class Filling(NamedTuple):
+    """What an object is filled with that has a priority over others: its index of refraction and absorption (1/m)."""
+
+    priority: int
+    ior: float
+    absorption: Vector
 
 
 class MaterialSpec(Spec):
@@ -67,6 +88,34 @@ class MaterialSpec(Spec):
     def lets_all_through(self) -> bool:
         """Whether all light goes straight through everywhere, so that there is nothing to be seen, or focused on."""
         return False
+
+    def is_nothing(self) -> bool:
+        """Whether it is no boundary at all, so that light goes through it as if nothing were there."""
+        return False
+
+    def filling(self) -> Filling | None:
+        """What an object of this resolved material is filled with; None if it has no priority over what it overlaps.
+
+        Raises
+        ------
+        ValueError : the materials that it selects from fill it with different things.
+        """
+        found = dict.fromkeys(child.filling() for child in self.children().values())
+        given = [filling for filling in found if filling is not None]
+        if len(given) > 1:
+            raise ValueError(
+                "its materials fill one object with different things: give those with a priority the same priority, "
+                "ior and absorption"
+            )
+        return given[0] if given else None
+
+    def against(self, ior: float) -> "MaterialSpec | None":
+        """This material as a boundary to something of that index; None where there is no boundary then."""
+        return self
+
+    def transmits(self) -> bool:
+        """Whether some light goes into it, or through it and on in another direction."""
+        return any(child.transmits() for child in self.children().values())
 
     def holds_medium(self) -> bool:
         """Whether light that goes in is inside of something, which then has a medium of its own or none."""
@@ -116,6 +165,74 @@ class SelectorSpec(MaterialSpec):
     def lets_all_through(self) -> bool:
         children = self.children().values()
         return bool(children) and all(child.lets_all_through() for child in children)
+
+
+_Attenuation: TypeAlias = Annotated[Vector, Triple(Quantity(low=0.0, low_open=True, high=1.0), "a colour", single=True)]
+
+
+class ClearSpec(MaterialSpec):
+    """Base of the boundaries of clear solids and liquids, which may overlap by priorities.
+
+    References: Schmidt, Budge 2002, "Simple Nested Dielectrics in Ray Traced Images", JGT 7(2); absorption: Beer 1852;
+    attenuation by colour and distance: KHR_materials_volume of glTF.
+    """
+
+    ior: PositiveNumber = Field(default=1.5, description="index of refraction on the inside")
+    outside_ior: PositiveNumber = Field(
+        default=1.0, description="index on the outside: of the glass that this one is embedded in"
+    )
+    priority: Annotated[int, Count(0, 2**31 - 1)] | None = Field(
+        default=None,
+        description="where objects overlap that have a priority, the one with the highest is there; takes the place of "
+        "`outside_ior`",
+    )
+    absorption: Color | None = Field(
+        default=None, description="absorption coefficient of the inside by channel (1/m); none by default"
+    )
+    attenuation_color: _Attenuation | None = Field(
+        default=None,
+        description="in place of `absorption`: the colour of white light after `attenuation_distance`",
+    )
+    attenuation_distance: PositiveLength | None = Field(
+        default=None, description="the distance within which light takes on `attenuation_color` (m)"
+    )
+
+    @model_validator(mode="after")
+    def _one_absorption(self) -> Any:
+        if (self.attenuation_color is None) != (self.attenuation_distance is None):
+            missing = "attenuation_color" if self.attenuation_color is None else "attenuation_distance"
+            at(missing, "is missing; attenuation_color and attenuation_distance go together")
+        if self.absorption is not None and self.attenuation_color is not None:
+            at("absorption", "goes not with attenuation_color: give the one or the other")
+        return self
+
+    @model_validator(mode="after")
+    def _one_outside(self) -> Any:
+        for key in ("outside_ior", "outside_absorption"):
+            if self.priority is not None and key in self.model_fields_set:
+                at(key, "goes not with priority, by which what is outside is found: leave it out")
+        return self
+
+    def inside_absorption(self) -> Vector:
+        """Absorption coefficient (1/m) of the inside, by channel."""
+        if self.attenuation_color is not None and self.attenuation_distance is not None:
+            r, g, b = (-math.log(kept) / self.attenuation_distance for kept in self.attenuation_color)
+            return r, g, b
+        return self.absorption or BLACK
+
+    def filling(self) -> Filling | None:
+        return None if self.priority is None else Filling(self.priority, self.ior, self.inside_absorption())
+
+    def against(self, ior: float) -> MaterialSpec | None:
+        if ior == self.ior:
+            return None
+        return self if ior == self.outside_ior else self.model_copy(update={"outside_ior": ior})
+
+    def transmits(self) -> bool:
+        return True
+
+    def holds_medium(self) -> bool:
+        return True
 
 
 Child: TypeAlias = Annotated[Any, BeforeValidator(name_or_material)]

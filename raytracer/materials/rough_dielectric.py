@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from raytracer.jit import kernel
 from raytracer.materials.interface import (
@@ -19,7 +19,7 @@ from raytracer.materials.interface import (
     DIRECTION,
     LOBE,
     WHITE,
-    MaterialSpec,
+    ClearSpec,
     Scatter,
     absorbed,
     chance,
@@ -36,6 +36,7 @@ from raytracer.microfacet import (
     deficit,
     deficits,
     ggx,
+    half_vector,
     masking,
     mean_deficit,
     reflect_about,
@@ -49,39 +50,42 @@ from raytracer.microfacet import (
 )
 from raytracer.optics import fresnel_dielectric, refract
 from raytracer.sampling import sample_2d
-from raytracer.spec import PositiveNumber
+from raytracer.spec import at
 from raytracer.textures.interface import Book, Numbers, TexturedFraction, TexturedNumbers, number
 from raytracer.vec import Vec3, add, basis, dot, neg, normalize, reflect, scale, to_local, to_world
 
 
-class RoughDielectric(MaterialSpec):
+class RoughDielectric(ClearSpec):
     """A clear boundary of small facets (GGX) that reflect and refract; alpha is the square of roughness.
 
     Each facet reflects by Fresnel's equations.  What is reflected or refracted into other facets is not lost: it
     leaves to both sides, and light in glass of any roughness is as much as came in.  Below a roughness of 0.032 the
-    boundary is smooth.  Radiance is basic radiance, as for `dielectric`.
+    boundary is smooth.  Radiance is basic radiance, and objects may overlap by `priority`, as for `dielectric`.
 
     References: Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces"; Kulla, Conty 2017,
     "Revisiting Physically Based Shading at Imageworks"; Burley 2012, "Physically-Based Shading at Disney" (roughness).
     """
 
     type: Literal["rough_dielectric"] = "rough_dielectric"
-    ior: PositiveNumber = Field(default=1.5, description="index of refraction on the inside")
-    outside_ior: PositiveNumber = Field(
-        default=1.0, description="index on the outside: of the glass that this one is embedded in"
-    )
     roughness: TexturedFraction = Field(default=0.3, description="0 is smooth, 1 as rough as can be")
     multiple_scattering: bool = Field(
         default=True, description="count light that meets several facets; without it, rough glass is too dark"
     )
 
+    @model_validator(mode="after")
+    def _absorbs_by_priority(self) -> "RoughDielectric":
+        for key in ("absorption", "attenuation_color"):
+            if self.priority is None and getattr(self, key) is not None:
+                at(key, f"needs a priority, by which light knows what it is in; with it, {key} tells what it loses")
+        return self
+
+    def is_nothing(self) -> bool:
+        return self.priority is None and self.ior == self.outside_ior
+
     def is_lit(self) -> bool:
-        if self.ior == self.outside_ior:
+        if self.is_nothing():
             return False
         return not isinstance(self.roughness, float) or self.roughness**2 >= SMOOTH_ALPHA
-
-    def holds_medium(self) -> bool:
-        return True
 
     @staticmethod
     def pack(specs: Sequence["RoughDielectric"], book: Book) -> "RoughDielectricTable":
@@ -152,7 +156,7 @@ def _once(alpha: float, eta: float, toward: Vec3, outgoing: Vec3) -> float:
     radiance; what is reflected with G2 as in Heitz 2014, eq. 99.
     """
     if outgoing[2] > 0.0:
-        half = normalize(add(toward, outgoing))
+        half = half_vector(toward, outgoing)
         reflectance, _ = fresnel_dielectric(min(1.0, dot(toward, half)), eta)
         return reflectance * reflected(alpha, toward[2], outgoing[2], half)
 
@@ -165,7 +169,8 @@ def _once(alpha: float, eta: float, toward: Vec3, outgoing: Vec3) -> float:
         return 0.0
     reflectance, _ = fresnel_dielectric(min(1.0, near), eta)
     visible = 2.0 * near * ggx(alpha, half) / (toward[2] + stretched(alpha, toward[2]))
-    bent = near + eta * far
+    # That is near + eta far, in the form that does not cancel where the indices are nearly equal.
+    bent = (1.0 - eta) * (1.0 + eta) / (near - eta * far)
     return (1.0 - reflectance) * visible * masking(alpha, -outgoing[2]) * eta * eta * -far / (bent * bent)
 
 
@@ -223,9 +228,8 @@ def _(material, direction, normal, front, draws):
         x, y, z = sample_lost(material.cells, near.rows if returns else far.rows, rest, v)
         outgoing = (x, y, z if returns else -z)
     pdf = _once(material.alpha, eta, toward, outgoing) + _more(material, near, far, toward, outgoing)
-    if not pdf > 0.0:
-        return absorbed(direction)
-    return Scatter(to_world(outgoing, s, t, normal), WHITE, pdf)
+    # Indices that differ in their last digits alone leave none to tell by which facet light came there.
+    return Scatter(to_world(outgoing, s, t, normal), WHITE, pdf if pdf > 0.0 else math.inf)
 
 
 @evaluate.register(RoughDielectricRow)

@@ -50,6 +50,12 @@ class ThinDielectric(MaterialSpec):
         default=(1.0, 1.0, 1.0), description="fraction of the light that goes through which is not absorbed, by channel"
     )
 
+    def is_nothing(self) -> bool:
+        return self.ior == 1.0 and self.color == WHITE
+
+    def transmits(self) -> bool:
+        return True
+
     @staticmethod
     def pack(specs: Sequence["ThinDielectric"], book: Book) -> "ThinDielectricTable":
         return ThinDielectricTable(

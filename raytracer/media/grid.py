@@ -16,26 +16,35 @@ from pydantic import Field, model_validator
 from raytracer.geometry import row3
 from raytracer.jit import kernel
 from raytracer.media.interface import (
+    FLIGHT_NUMBERS,
     Asymmetry,
     Flight,
     MediumSpec,
     evaluate_phase,
     flight_numbers,
     fly,
+    moved,
     row,
     scatter_phase,
     shadow_numbers,
     transmittance,
 )
 from raytracer.media.phase import pdf_henyey_greenstein, sample_henyey_greenstein
-from raytracer.spec import Albedo, NonNegativeNumber, Point, Transform, matrix_of
-from raytracer.vec import Vec3
+from raytracer.spec import Albedo, NonNegativeNumber, Point, Transform, at, matrix_of
+from raytracer.vec import Vec3, madd
 
 BLOCK = 8
 """Voxels along an edge of the blocks whose largest densities bound those within."""
 
 _FEW = 0.05
 """Estimates of transmittance below this end by chance: what is left of them is not worth many steps."""
+
+MOST_THICK = FLIGHT_NUMBERS / (math.sqrt(3.0) * BLOCK)
+"""The largest optical thickness of a voxel: light that crosses a block then takes no more numbers than a flight has.
+
+Where a block is dense here and empty there, each number takes it a mean free path of the densest voxel on.  Thicker
+ones would look no different: light gets no further into a voxel than a thousandth of it.
+"""
 
 
 class Grid(MediumSpec):
@@ -72,6 +81,18 @@ class Grid(MediumSpec):
 
     def is_clear(self, assets: Mapping[str, Any]) -> bool:
         return self.extinction == 0.0 or not assets["file"].any()
+
+    def check(self, assets: Mapping[str, Any]) -> None:
+        density = assets["file"]
+        # The longest edge that a voxel may have in a skewed box is one over the least stretch of the map to voxels.
+        edge = 1.0 / np.linalg.svd(self._to_voxels(density.shape)[:, :3], compute_uv=False).min()
+        thickness = self.extinction * float(density.max()) * edge
+        if thickness > MOST_THICK:
+            at(
+                "extinction",
+                f"makes the densest voxels {thickness:.3g} mean free paths thick, where {MOST_THICK:.0f} are the most; "
+                f"with {self.extinction * MOST_THICK / thickness:.3g} or less, or a finer grid, it looks as solid",
+            )
 
     def scatters(self) -> bool:
         return any(self.albedo)
@@ -163,6 +184,13 @@ class GridRow(NamedTuple):
     g: float
 
 
+@moved.register(GridTable)
+def _(table: GridTable, by: Vec3) -> GridTable:
+    to_voxels = table.to_voxels.copy()
+    to_voxels[:, :, 3] -= table.to_voxels[:, :, :3] @ by
+    return table._replace(to_voxels=to_voxels)
+
+
 @kernel
 def _int3(table, index):
     return (np.int64(table[index, 0]), np.int64(table[index, 1]), np.int64(table[index, 2]))
@@ -237,11 +265,13 @@ def density_at(medium, point):
 class Walk(NamedTuple):
     """A ray on its way through the blocks.
 
-    start and way, the ray in voxels, whose parameter is the distance in metres; at, how far it has come; end, where it
-    leaves; block, where it is; out, the distances at which it leaves the block along each axis; bound (1/m), the
-    largest extinction there.
+    before, the distance (m) to where it is in the box for the first time, from which on it is followed, lest steps be
+    lost beside the way of a ray from far away; start and way, the ray in voxels from there on, whose parameter is the
+    distance in metres; at, how far it has come; end, where it leaves; block, where it is; out, the distances at which
+    it leaves the block along each axis; bound (1/m), the largest extinction there.
     """
 
+    before: float
     start: Vec3
     way: Vec3
     at: float
@@ -292,17 +322,18 @@ def begin_walk(medium, origin, direction, distance):
     start, way = _turned(medium, origin), _turned(medium, direction)
     start = (start[0] + medium.shift[0], start[1] + medium.shift[1], start[2] + medium.shift[2])
     sx, sy, sz = medium.shape
-    at = max(max(0.0, _entry(start[0], way[0], sx)), max(_entry(start[1], way[1], sy), _entry(start[2], way[2], sz)))
-    end = min(min(distance, _exit(start[0], way[0], sx)), min(_exit(start[1], way[1], sy), _exit(start[2], way[2], sz)))
-    if not at < end:
-        return Walk(start, way, end, end, (0, 0, 0), (math.inf, math.inf, math.inf), 0.0)
+    near = max(max(0.0, _entry(start[0], way[0], sx)), max(_entry(start[1], way[1], sy), _entry(start[2], way[2], sz)))
+    far = min(min(distance, _exit(start[0], way[0], sx)), min(_exit(start[1], way[1], sy), _exit(start[2], way[2], sz)))
+    if not near < far:
+        return Walk(far, start, way, 0.0, 0.0, (0, 0, 0), (math.inf, math.inf, math.inf), 0.0)
+    start = madd(start, near, way)
     block = (
-        _block_of(start[0] + at * way[0], medium.blocks[0]),
-        _block_of(start[1] + at * way[1], medium.blocks[1]),
-        _block_of(start[2] + at * way[2], medium.blocks[2]),
+        _block_of(start[0], medium.blocks[0]),
+        _block_of(start[1], medium.blocks[1]),
+        _block_of(start[2], medium.blocks[2]),
     )
     out = (_out(start[0], way[0], block[0]), _out(start[1], way[1], block[1]), _out(start[2], way[2], block[2]))
-    return Walk(start, way, at, end, block, out, _bound(medium, block))
+    return Walk(near, start, way, 0.0, far - near, block, out, _bound(medium, block))
 
 
 @kernel
@@ -339,7 +370,7 @@ def walk_on(medium, walk, thickness):
             at = end
             break
         bound = _bound(medium, (x, y, z))
-    return Walk(start, way, at, end, (x, y, z), out, bound)
+    return Walk(walk.before, start, way, at, end, (x, y, z), out, bound)
 
 
 @kernel
@@ -361,7 +392,7 @@ def _(medium, origin, direction, distance, throughput, draws, numbers):
         numbers += 1
         walk = walk_on(medium, walk, -math.log1p(-u2))
         if walk.at < walk.end and u1 * walk.bound < _extinction_at(medium, walk):
-            return Flight(walk.at, medium.albedo, numbers)
+            return Flight(walk.before + walk.at, medium.albedo, numbers)
     return Flight(math.inf, (1.0, 1.0, 1.0), numbers)
 
 

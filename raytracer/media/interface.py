@@ -35,6 +35,14 @@ class MediumSpec(Spec):
         """Whether it leaves light alone everywhere, so that it is no medium; `assets`, what its files held, by key."""
         raise NotImplementedError
 
+    def check(self, assets: Mapping[str, Any]) -> None:
+        """Refuse values that do not suit what its files hold.
+
+        Raises
+        ------
+        ValidationError : by `spec.at`, for the key that is wrong.
+        """
+
     def scatters(self) -> bool:
         """Whether any light that it takes goes on elsewhere."""
         raise NotImplementedError
@@ -104,11 +112,22 @@ def evaluate_phase(medium, direction, outgoing):
     raise NotImplementedError
 
 
+@generic
+def moved(table: Any, by: Vec3) -> Any:
+    """The table of media in a world that is moved by a vector (m): itself where they are alike everywhere."""
+    raise NotImplementedError(type(table))
+
+
+@moved.register(tuple)
+def _(table: Any, by: Vec3) -> Any:
+    return table
+
+
 # ---- Random numbers
 
 _UNBOUNDED = 1 << 31
 _PER_SEGMENT = 1 << 15
-_SHADOW = _PER_SEGMENT >> 1
+FLIGHT_NUMBERS = _PER_SEGMENT >> 1
 """Beyond the slots of all segments, each has 2^15 numbers of its own: half for its flight, half for its shadow ray.
 
 A segment that takes more goes round; no two uses on one path have the same number before that.
@@ -126,13 +145,15 @@ def flight_numbers(draws, number):
     """The pair of random numbers that a flight takes as its `number`th of the segment: the first is well stratified."""
     if number == 0:
         return sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + MEDIUM)
-    return sample_2d(draws.sampler, draws.key, draws.index, _dimension(draws, number & (_SHADOW - 1)))
+    return sample_2d(draws.sampler, draws.key, draws.index, _dimension(draws, number & (FLIGHT_NUMBERS - 1)))
 
 
 @kernel
 def shadow_numbers(draws, number):
     """As `flight_numbers`, for the segment's shadow ray."""
-    return sample_2d(draws.sampler, draws.key, draws.index, _dimension(draws, _SHADOW + (number & (_SHADOW - 1))))
+    return sample_2d(
+        draws.sampler, draws.key, draws.index, _dimension(draws, FLIGHT_NUMBERS + (number & (FLIGHT_NUMBERS - 1)))
+    )
 
 
 # ---- By reference

@@ -20,21 +20,32 @@ from raytracer.textures.interface import Book
 DEFAULT_MATERIAL = "lambertian"
 """What an object is made of that names no material."""
 
+INVISIBLE = "boundary"
+"""What an object is made of that is no boundary, but for that of a medium."""
+
 _RELIEF = ("bump", "bump_height", "normal_map", "normal_scale")
 
 
 def resolved(material: MaterialSpec, named: Mapping[str, MaterialSpec]) -> MaterialSpec:
     """The material with specs in place of names; what selects always the same child is that child.
 
-    A selector's own relief is that of its children, but for those that have one themselves.
+    What is no boundary at all, as glass of the index that is around it, is an invisible one.  A selector's own relief
+    is that of its children, but for those that have one themselves.
     """
     if not isinstance(material, SelectorSpec):
-        return material
+        return _invisible(material) if material.is_nothing() else material
     children = []
     for child in material.children().values():
         found = resolved(named[child] if isinstance(child, str) else child, named)
         children.append(_with_relief_of(material, found))
     return material.with_children(children)
+
+
+def _invisible(material: MaterialSpec) -> MaterialSpec:
+    """What is no boundary, but for a medium that a material keeps out."""
+    found = MATERIALS.specs()[INVISIBLE](clear=material.holds_medium())
+    assert isinstance(found, MaterialSpec)
+    return found
 
 
 def _with_relief_of(parent: MaterialSpec, child: MaterialSpec) -> MaterialSpec:

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from pydantic import ValidationError
 
 from raytracer.assets import LOADERS
 from raytracer.errors import InputError
@@ -11,6 +12,7 @@ from raytracer.materials.interface import MaterialSpec
 from raytracer.media.interface import KEEP, NONE, Media
 from raytracer.scene.spec import SceneSpec
 from raytracer.shapes.interface import ShapeSpec
+from raytracer.spec import sentence
 
 
 class Space(NamedTuple):
@@ -28,7 +30,7 @@ class Spaces:
 
     Raises
     ------
-    SceneError : the file of a medium cannot be read.
+    SceneError : the file of a medium cannot be read, or does not suit it.
     """
 
     def __init__(self, spec: SceneSpec) -> None:
@@ -36,6 +38,8 @@ class Spaces:
         objects = [name for _, item in spec.all_objects() for name in (item.medium, item.outside_medium)]
         used = sorted({name for name in (spec.medium, spec.camera.medium, *objects) if name is not None})
         assets = {name: self._load(name) for name in used}
+        for name in used:
+            self._check(name, assets[name])
         there = [name for name in used if not spec.media[name].is_clear(assets[name])]
         kinds = sorted({spec.media[name].type for name in there})
         self._tables: list[Any] = []
@@ -54,6 +58,13 @@ class Spaces:
             except InputError as error:
                 raise self._spec.error(str(error), "media", name, key) from None
         return {}
+
+    def _check(self, name: str, assets: Mapping[str, Any]) -> None:
+        try:
+            self._spec.media[name].check(assets)
+        except ValidationError as error:
+            (found,) = error.errors(include_url=False)
+            raise self._spec.error(sentence(found), "media", name, *found["loc"]) from None
 
     def _reference(self, name: str | None) -> int:
         """That of a medium; NONE for one that is clear, or where there is none."""

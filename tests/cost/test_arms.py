@@ -43,7 +43,7 @@ TAKES: dict[str, set[str]] = {
     "light": {"light_sampling"},
     "texture": {"relief"},
     # Of a material its textures go, what it was made of, the light that it gave, and the holes that it had.
-    "material": {"light_sampling", "passage"}
+    "material": {"light_sampling", "passage", "nested_dielectrics"}
     | {f"texture.{kind}" for kind in TEXTURES.specs()}
     | {f"material.{kind}" for kind in MATERIALS.specs()},
 }

@@ -6,9 +6,11 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
-from raytracer.media.grid import BLOCK, Grid, block_maxima
+from raytracer.media.grid import BLOCK, MOST_THICK, Grid, block_maxima
 from raytracer.media.homogeneous import Homogeneous
+from raytracer.media.interface import FLIGHT_NUMBERS
 from raytracer.vec import Vec3
 from tests.media.kernels import fly_many, packed, transmittance_many
 
@@ -92,7 +94,7 @@ def test_what_only_absorbs_needs_no_chance() -> None:
     np.testing.assert_allclose(weight, np.broadcast_to(np.exp([0.0, -0.75, -3.0]), (10, 3)), rtol=1e-14)
 
 
-@pytest.mark.parametrize("extinction", [1e-300, 1e-30, 1e30, 1e300])
+@pytest.mark.parametrize("extinction", [1e-30, 1e-10, 1e10, 1e30])
 @pytest.mark.parametrize("distance", [0.0, 1e-30, 1.0, math.inf])
 def test_extreme_coefficients_make_no_nan(extinction: float, distance: float) -> None:
     for values in ((extinction,) * 3, (extinction, 1.0, 0.0)):
@@ -237,6 +239,36 @@ def test_grids_stand_one_after_another() -> None:
     for index, expected in ((0, 0.5), (1, 2.0)):
         far, _, _ = fly_many(table, COUNT, index=index, origin=(0.5, 0.5, 0.0))
         assert_means(np.isinf(far)[:, None].astype(float), np.full(1, math.exp(-expected)))
+
+
+@pytest.mark.parametrize("away", [1e3, 1e9, 1e14])
+def test_flights_from_far_away_end(away: float) -> None:
+    # Their steps are counted from the box on.  From 1e14 m off, where float64 knows places to 1/64 m, steps of a
+    # thousandth of that would not have been any.
+    table = grid(np.pad(np.ones((2, 2, 2)), 4), extinction=3000.0)
+    far, weight, numbers = fly_many(table, 500, origin=(0.5, 0.5, -away))
+    assert (numbers < FLIGHT_NUMBERS).all()
+    assert np.isfinite(weight).all()
+    # Within a voxel's tenth of where the density begins.
+    error = 0.02 + 4.0 * 2.0**-52 * away
+    assert (np.abs(far - away - 0.37) < 0.05 + error).all()
+    through = transmittance_many(table, 50, origin=(0.5, 0.5, -away))
+    assert not through.any()
+
+
+def test_grids_that_no_flight_would_get_through_are_refused() -> None:
+    density = np.pad(np.full((2, 2, 2), 2.0), 7)
+    for transform, metres in ((None, 1.0), ([{"scale": [1.0, 3.0, 1.0]}], 3.0)):
+        # 16 voxels an edge, so the longest edge of one is metres / 16.
+        most = MOST_THICK * 16.0 / (2.0 * metres)
+        Grid(file="x", extinction=0.999 * most, transform=transform).check({"file": density})
+        with pytest.raises(ValidationError, match="1182 are the most"):
+            Grid(file="x", extinction=1.001 * most, transform=transform).check({"file": density})
+    # The thickest that is let through needs no more numbers than a flight has, in a block that is empty but for an end.
+    table = grid(density, extinction=0.99 * most * metres)
+    for origin, direction in (((0.5, 0.5, -1.0), (0.0, 0.0, 1.0)), ((0.3, 0.3, 0.0), (0.0, 0.0, 1.0))):
+        _, _, numbers = fly_many(table, 200, origin=origin, direction=direction)
+        assert numbers.max() < 2 * FLIGHT_NUMBERS
 
 
 def test_samplers_agree_on_a_grid() -> None:

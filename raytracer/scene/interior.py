@@ -1,0 +1,147 @@
+"""What objects are filled with that have priorities, and what their surfaces are to each other where they overlap."""
+
+from collections.abc import Hashable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from raytracer.cameras.moving import MovingCamera
+from raytracer.interior import Interior, Submerged
+from raytracer.materials.interface import PASS, Filling, MaterialSpec, SelectorSpec
+from raytracer.paths import MOST_SOLIDS
+from raytracer.scene.materials import parts
+from raytracer.scene.objects import Assets, Item
+from raytracer.scene.spec import SceneSpec
+from raytracer.scene.whereabouts import Whereabouts
+from raytracer.shapes.interface import PlacingSpec
+from raytracer.vec import Vec3
+
+_UP: Vec3 = (3.0 / 13.0, 12.0 / 13.0, 4.0 / 13.0)
+"""Where a camera looks for what it stands in: steeply up, so that it leaves water by its surface, but along no axis."""
+
+
+class _Solid(NamedTuple):
+    """A resolved material that fills what has it, with the media around it, and its place among the materials used."""
+
+    material: MaterialSpec
+    space: Hashable
+    filling: Filling
+    place: int
+
+
+class Solids:
+    """The materials in use that have priorities, from the lowest rank to the highest.
+
+    Of equal priorities the rank is higher of what comes first in the scene.
+
+    Parameters
+    ----------
+    used, spaces, owners : the materials in use, the media around each, and the number in `items` of what has it first.
+
+    Raises
+    ------
+    SceneError : there are too many of them, or a material would fill an object with different things.
+    """
+
+    def __init__(
+        self,
+        spec: SceneSpec,
+        used: Sequence[MaterialSpec],
+        spaces: Sequence[Hashable],
+        owners: Sequence[int],
+        items: Sequence[Item],
+    ) -> None:
+        found: dict[tuple[MaterialSpec, Hashable], _Solid] = {}
+        for place, (material, space) in enumerate(zip(used, spaces, strict=True)):
+            try:
+                filling = material.filling()
+            except ValueError as error:
+                raise spec.error(str(error), *_keys(items[owners[place]])) from None
+            if filling is not None:
+                found.setdefault((material, space), _Solid(material, space, filling, place))
+        self._ranked = sorted(found.values(), key=lambda solid: (solid.filling.priority, -solid.place))
+        if len(self._ranked) > MOST_SOLIDS:
+            last = items[owners[max(solid.place for solid in self._ranked)]]
+            raise spec.error(
+                f"is one of {len(self._ranked)} materials with a priority, and there may be {MOST_SOLIDS}: "
+                "take the priority from those that overlap nothing",
+                *_keys(last),
+            )
+        self._spec, self._items = spec, items
+        self._owners = {
+            owner for owner, key in zip(owners, zip(used, spaces, strict=True), strict=True) if key in found
+        }
+
+        # What each surface is as a boundary to nothing, and to what has a lower rank.
+        self._boundaries: list[tuple[MaterialSpec, list[MaterialSpec | None], Hashable]] = []
+        for rank, solid in enumerate(self._ranked):
+            outsides = [1.0, *(other.filling.ior for other in self._ranked[:rank])]
+            for part in parts([solid.material]):
+                if not isinstance(part, SelectorSpec):
+                    self._boundaries.append((part, [part.against(ior) for ior in outsides], solid.space))
+
+    def materials(self) -> tuple[list[MaterialSpec], list[Hashable]]:
+        """What is to be packed besides the materials in use: boundaries, and the media around each."""
+        rows = [
+            (material, space)
+            for part, against, space in self._boundaries
+            for material in (part, *against)
+            if material is not None
+        ]
+        return [material for material, _ in rows], [space for _, space in rows]
+
+    def pack(
+        self, references: Sequence[int], boundaries: Sequence[int], assets: Assets, camera: Any
+    ) -> Interior | None:
+        """The packed solids; None where no material in use has a priority.
+
+        Parameters
+        ----------
+        references, boundaries : of the materials in use, and of `materials()`.
+        camera : the packed camera.
+        """
+        if not self._ranked:
+            return None
+        rank = np.full(max(references) + 1, -1, np.int32)
+        for number, solid in enumerate(self._ranked):
+            rank[references[solid.place]] = number
+        against = np.full((max((*references, *boundaries)) + 1, len(self._ranked) + 1), PASS, np.int32)
+        left = iter(boundaries)
+        for _, variants, _ in self._boundaries:
+            own = next(left)
+            for column, variant in enumerate(variants):
+                against[own, column] = PASS if variant is None else next(left)
+        absorption = np.array([solid.filling.absorption for solid in self._ranked], np.float64)
+        return Interior(
+            rank,
+            against,
+            absorption if absorption.any() else None,
+            np.array([references[solid.place] for solid in self._ranked], np.int32),
+            Submerged(_UP) if self._may_hold(camera, assets) else None,
+        )
+
+    def _may_hold(self, camera: Any, assets: Assets) -> bool:
+        """Whether a ray of the camera may begin in something that has a priority."""
+        if isinstance(camera, MovingCamera) or not hasattr(camera, "lens"):
+            return True
+        where = Whereabouts(self._spec, assets)
+        placing = {number for number, item in enumerate(self._spec.objects) if isinstance(item, PlacingSpec)}
+        holding = {self._items[owner].number for owner in self._owners} | placing
+        if any(number >= 0 and where.moves(number) for number in holding):
+            return True
+        time = self._spec.camera.opening().open
+        eye: Any = self._spec.camera
+        reach = 0.0 if camera.lens is None else camera.lens.radius
+        for number in holding - {-1}:
+            corners = where.corners(number, time)
+            low, high = corners.min(axis=0), corners.max(axis=0)
+            # Below what is flat there may be water without a bottom.
+            if np.any(low == high) or np.all((low - reach <= eye.look_from) & (eye.look_from <= high + reach)):
+                return True
+        return False
+
+
+def _keys(item: Item) -> tuple[str | int, ...]:
+    """The path to where an object's material is written."""
+    given = item.spec.material
+    return ("materials", given) if isinstance(given, str) else (*item.keys, "material")

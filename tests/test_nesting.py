@@ -1,0 +1,319 @@
+"""Solids and liquids that overlap: the one with the highest priority is there, and its surface alone is seen.
+
+References: Schmidt, Budge 2002, "Simple Nested Dielectrics in Ray Traced Images", JGT 7(2).
+"""
+
+import itertools
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from raytracer.errors import InputError
+from raytracer.film.image import Image
+from raytracer.materials.interface import PASS
+from raytracer.paths import MOST_SOLIDS
+from raytracer.scene.effects import effects_of
+from raytracer.scene.pack import pack
+from tests.nested import picture
+from tests.rendering import mean, scene
+
+SKY = "environment: {type: constant, radiance: 1}\n"
+NIGHT = "environment: {type: constant, radiance: 1.0e-12}\n"
+
+
+def camera(z: float, vfov: float = 0.1) -> str:
+    """On the axis, looking down along -z."""
+    return f"camera: {{type: pinhole, look_from: [0, 0, {z}], look_at: [0, 0, {z - 1}], vfov: {vfov}}}\n"
+
+
+def slab(low: float, high: float, material: str) -> str:
+    """Hundred metres wide."""
+    return f"  - {{type: box, min: [-50, -50, {low}], max: [50, 50, {high}], material: {material}}}\n"
+
+
+def clear(ior: float, priority: int | None = None, absorption: float = 0.0, **more: Any) -> str:
+    given = {"type": "dielectric", "ior": ior, "absorption": absorption, **more}
+    if priority is not None:
+        given["priority"] = priority
+    return "{" + ", ".join(f"{key}: {value}" for key, value in given.items()) + "}"
+
+
+EMITTER = "material: {type: emitter, radiance: 1}"
+LAMP = f"  - {{type: quad, corner: [-50, -50, -20], edges: [[100, 0, 0], [0, 100, 0]], {EMITTER}}}\n"
+
+
+def assert_value(text: str, expected: float, *, rounding: float = 1e-6, **settings: Any) -> None:
+    """The picture's mean, within four of its standard deviations, which are at most 1 % of it, and a rounding."""
+    value, deviation = mean(picture(text, **settings))
+    assert np.all(deviation < 0.01 * expected)
+    assert np.all(np.abs(value - expected) < 4.0 * deviation + rounding * expected), (value, expected, deviation)
+
+
+def transmittance(*indices: float) -> float:
+    """Of a stack of clear layers seen head on, whose light goes to and fro: 1/T - 1 is the sum of R / (1 - R).
+
+    References: Stokes 1862, "On the intensity of the light reflected from or transmitted through a pile of plates".
+    """
+    reflected = [((a - b) / (a + b)) ** 2 for a, b in itertools.pairwise(indices)]
+    return 1.0 / (1.0 + sum(r / (1.0 - r) for r in reflected))
+
+
+@pytest.mark.parametrize(
+    ("layers", "indices"),
+    [
+        # Glass, water and diamond that overlap by a tenth, in any order of priorities.
+        (((0.0, 1.0, 1.5, 2), (0.9, 2.0, 1.33, 1), (1.9, 3.0, 2.4, 3)), (1.0, 1.5, 1.33, 2.4, 1.0)),
+        (((0.0, 1.0, 1.5, 2), (0.9, 2.0, 1.33, 5), (1.9, 3.0, 2.4, 2)), (1.0, 1.5, 1.33, 2.4, 1.0)),
+        # Diamond in water: it is there with the higher priority, and hidden with the lower one.
+        (((0.0, 3.0, 1.33, 1), (1.0, 2.0, 2.4, 2)), (1.0, 1.33, 2.4, 1.33, 1.0)),
+        (((0.0, 3.0, 1.33, 2), (1.0, 2.0, 2.4, 1)), (1.0, 1.33, 1.0)),
+        # Of equal priorities the first one of the scene is there.
+        (((0.0, 3.0, 1.33, 1), (1.0, 2.0, 2.4, 1)), (1.0, 1.33, 1.0)),
+        (((1.0, 2.0, 2.4, 1), (0.0, 3.0, 1.33, 1)), (1.0, 1.33, 2.4, 1.33, 1.0)),
+        # Two pieces of the same material are one.
+        (((0.0, 2.0, 1.5, 1), (1.0, 3.0, 1.5, 1)), (1.0, 1.5, 1.0)),
+        # Where the index does not change there is no boundary; and a bubble of air is a boundary of its own.
+        (((0.0, 3.0, 1.33, 1), (1.0, 2.0, 1.33, 2)), (1.0, 1.33, 1.0)),
+        (((0.0, 3.0, 1.5, 1), (1.0, 2.0, 1.0, 2)), (1.0, 1.5, 1.0, 1.5, 1.0)),
+    ],
+)
+def test_overlapping_slabs_transmit_as_layers(layers, indices) -> None:
+    objects = "".join(slab(low, high, clear(ior, priority)) for low, high, ior, priority in layers)
+    assert_value(camera(10.0) + NIGHT + "objects:\n" + LAMP + objects, transmittance(*indices))
+
+
+@pytest.mark.parametrize(
+    ("z", "before", "behind"),
+    [
+        (1.5, (1.33, 1.5, 1.0), (1.33, 1.0)),
+        (0.95, (1.5, 1.0), (1.5, 1.33, 1.0)),
+        (0.5, (1.5, 1.0), (1.5, 1.33, 1.0)),
+        (-1.0, (1.0,), (1.0, 1.5, 1.33, 1.0)),
+    ],
+)
+def test_a_camera_may_stand_in_anything(z: float, before: tuple[float, ...], behind: tuple[float, ...]) -> None:
+    # Glass under water, with which it overlaps from 0.9 to 1.  What the layers before the camera let through goes to
+    # and fro between them and those behind it: T / (1 - R R').
+    objects = slab(0.0, 1.0, clear(1.5, 2)) + slab(0.9, 2.0, clear(1.33, 1))
+    through = transmittance(*before)
+    expected = through / (1.0 - (1.0 - through) * (1.0 - transmittance(*behind)))
+    assert_value(camera(z) + NIGHT + "objects:\n" + LAMP + objects, expected)
+
+
+def test_light_is_absorbed_by_what_it_is_in() -> None:
+    # The camera is under water, the lamp too, and 1 m of tinted glass of the same index between them.
+    water, glass = clear(1.5, 1, 0.1), clear(1.5, 2, 0.7)
+    text = camera(0.0) + NIGHT + "objects:\n" + LAMP + slab(-30.0, 50.0, water) + slab(-2.0, -1.0, glass)
+    value, _ = mean(picture(text, spp=8))
+    # Behind each surface a ray goes on off it, by 4 ulps of what a corner and two edges reach, and loses nothing there.
+    offset = 4.0 * 2.0**-23 * 250.0
+    np.testing.assert_allclose(-np.log(value), 0.1 * 19.0 + 0.7 * 1.0, rtol=0.0, atol=1.01 * (0.1 + 0.7) * offset)
+
+
+@pytest.mark.parametrize("priority", [None, 1])
+def test_a_camera_in_tinted_glass(priority: int | None) -> None:
+    # 2 m to the nearer face; what that reflects comes back by way of the other one, 4 m up and 4 m down.
+    reflected, kept = 0.04, math.exp(-0.3)
+    expected = kept**2 * (1.0 - reflected) / (1.0 - reflected**2 * kept**8)
+    glass = slab(-2.0, 2.0, clear(1.5, priority, 0.3))
+    assert_value(camera(0.0) + NIGHT + "objects:\n" + LAMP + glass, expected)
+
+
+def test_shadow_rays_pass_hidden_surfaces_and_are_absorbed() -> None:
+    # A matte floor and a small lamp under water; between them glass that water hides, and some that has its index.
+    bright = "material: {type: emitter, radiance: 1.0e4}"
+    lamp = f"  - {{type: quad, corner: [0.49, 0.01, 1], edges: [[0.02, 0, 0], [0, -0.02, 0]], {bright}}}\n"
+    floor = "  - {type: quad, corner: [-9, -9, 0], edges: [[18, 0, 0], [0, 18, 0]], material: {type: lambertian}}\n"
+    dry = camera(2.0) + NIGHT + "objects:\n" + lamp + floor
+    hidden = (
+        slab(-1, 60, clear(1.33, 3, 0.2)) + slab(0.2, 0.4, clear(2.4, 2, 9.0)) + slab(0.5, 0.6, clear(1.33, 4, 0.2))
+    )
+    (value, *_), (deviation, *_) = mean(picture(dry, max_depth=2))
+    # The lamp is 0.02 m across: its points are 1.118 m from the floor's middle, within 4e-5 of it on average.
+    expected = value * math.exp(-0.2 * (2.0 + math.hypot(1.0, 0.5)))
+    (found, *_), (other, *_) = mean(picture(dry + hidden, max_depth=2))
+    assert deviation < 0.01 * value
+    assert abs(found - expected) < 4.0 * math.hypot(other, deviation * expected / value) + 1e-4 * expected
+
+
+def tiles(picture: Image) -> tuple[np.ndarray, np.ndarray]:
+    """Means of tiles of 4 x 4 pixels, and their standard deviations."""
+    assert picture.variance is not None
+    height, width, _ = picture.radiance.shape
+    shape = (height // 4, 4, width // 4, 4, 3)
+    return picture.radiance.reshape(shape).mean(axis=(1, 3)), np.sqrt(
+        picture.variance.reshape(shape).sum(axis=(1, 3))
+    ) / 16
+
+
+def assert_alike(a: Image, b: Image) -> None:
+    """No tile differs by more than 4.5 standard deviations: of 192 numbers, one in 700 times."""
+    (first, noise), (second, other) = tiles(a), tiles(b)
+    z = (first - second) / np.maximum(np.hypot(noise, other), 1e-12)
+    assert np.abs(z).max() < 4.5
+    assert np.hypot(noise, other).max() < 0.05
+
+
+@pytest.mark.parametrize(
+    ("kind", "tint"),
+    [
+        ("dielectric", "[2, 0.5, 0.1]"),
+        # Another type of scene, and so another kernel.
+        pytest.param("rough_dielectric, roughness: 0.3", "0", marks=pytest.mark.slow),
+    ],
+)
+def test_a_glass_of_water_is_what_outside_ior_makes_of_it(kind: str, tint: str) -> None:
+    # A ball of water in a thick ball of glass; by priorities, the water reaches into the glass.
+    view = "camera: {type: pinhole, look_from: [0, 0, 6], look_at: [0, 0.3, 0], vfov: 24}\n" + SKY + "objects:\n"
+    ground = "  - {type: sphere, center: [0, -1001, 0], radius: 1000, material: {type: lambertian, albedo: 0.5}}\n"
+    back = "  - {type: quad, corner: [-9, -9, -3], edges: [[18, 0, 0], [0, 9.3, 0]], material: {type: lambertian}}\n"
+
+    def balls(*radii: tuple[float, str]) -> str:
+        return "".join(f"  - {{type: sphere, center: [0, 0, 0], radius: {r}, material: {m}}}\n" for r, m in radii)
+
+    glass = f"{{type: {kind}, ior: 1.5, priority: 2}}"
+    water = f"{{type: dielectric, ior: 1.33, priority: 1, absorption: {tint}}}"
+    inner = f"{{type: {kind}, ior: 1.33, outside_ior: 1.5{'' if tint == '0' else f', absorption: {tint}'}}}"
+    settings = {"width": 32, "height": 32, "spp": 256}
+    nested = picture(view + ground + back + balls((1.0, glass), (-0.7, glass), (0.8, water)), **settings)
+    explicit = picture(
+        view + ground + back + balls((1.0, f"{{type: {kind}, ior: 1.5}}"), (0.7, inner)), **settings, seed=2
+    )
+    assert_alike(nested, explicit)
+
+
+# ---- What is packed
+
+
+VIEW = "camera: {type: pinhole, look_from: [0, 0, 9], look_at: [0, 0, 0]}\n"
+
+
+def packed(text: str) -> Any:
+    return pack(scene(text, filled=False)).scene
+
+
+def ball(x: float, material: str) -> str:
+    return f"  - {{type: sphere, center: [{x}, 0, 0], radius: 1, material: {material}}}\n"
+
+
+def test_without_a_priority_there_is_nothing_of_it() -> None:
+    found = packed(VIEW + "objects:\n" + ball(0, clear(1.5)))
+    assert found.interior is None
+    assert found.passage is None
+
+
+def test_a_camera_far_from_all_solids_does_not_look_around() -> None:
+    objects = "objects:\n" + ball(0, clear(1.5, 1))
+    assert packed(VIEW + objects).interior.camera is None
+    assert packed(VIEW.replace("[0, 0, 9]", "[0, 0, 0.5]") + objects).interior.camera is not None
+    # A lens of 17 m has rays that begin in it.
+    wide = VIEW.replace("pinhole", "thin_lens").replace("look_at", "aperture: 17000, look_at")
+    assert packed(wide + objects).interior.camera is not None
+    moving = VIEW.replace("look_at", "shutter: 1, motion: {velocity: [0, 0, -9]}, look_at")
+    assert packed(moving + objects).interior.camera is not None
+    around = VIEW.replace("pinhole", "orthographic, height: 2")
+    assert packed(around + objects).interior.camera is not None
+
+
+def test_boundaries_are_what_lies_on_both_sides() -> None:
+    found = packed(VIEW + "objects:\n" + ball(0, clear(1.5, 2)) + ball(1, clear(1.2, 1)) + ball(2, clear(1.5, 7)))
+    interior, eta = found.interior, found.materials[0].eta
+    water, glass, gem = interior.surface
+    assert list(interior.rank[[water, glass, gem]]) == [0, 1, 2]
+    assert eta[interior.against[glass, 0]] == 1.5
+    assert eta[interior.against[glass, 1]] == 1.5 / 1.2
+    assert interior.against[gem, 2] == PASS
+    assert eta[interior.against[water, 0]] == 1.2
+
+
+def test_materials_that_select_fill_with_one_thing() -> None:
+    frosted = f"{{type: mixture, materials: [{clear(1.5, 2)}, {{type: rough_dielectric, ior: 1.5, priority: 2}}]}}"
+    found = packed(VIEW + "objects:\n" + ball(0, frosted) + ball(1, clear(1.33, 1)))
+    assert len(found.interior.surface) == 2
+    # Both of the mixture's materials are boundaries of their own to water.
+    dielectrics, rough = found.materials
+    assert 1.5 / 1.33 in dielectrics.eta
+    assert 1.5 / 1.33 in rough.eta
+    differing = frosted.replace("priority: 2}]", "priority: 3}]")
+    with pytest.raises(InputError, match=r"objects\[0\]\.material.*different things"):
+        packed(VIEW + "objects:\n" + ball(0, differing))
+
+
+def test_there_are_only_so_many() -> None:
+    many = "".join(ball(3 * k, clear(1.5, k)) for k in range(MOST_SOLIDS))
+    assert len(packed(VIEW + "objects:\n" + many).interior.surface) == MOST_SOLIDS
+    with pytest.raises(InputError, match=f"one of {MOST_SOLIDS + 1} materials with a priority"):
+        packed(VIEW + "objects:\n" + many + ball(-3, clear(1.5, 1000)))
+
+
+def test_explained() -> None:
+    spec = scene(VIEW + "objects:\n" + ball(0, clear(1.5, 2)), filled=False)
+    effect = effects_of(spec, pack(spec).scene)["nested_dielectrics"]
+    assert effect.active
+    assert "1 material" in effect.why
+
+
+@pytest.mark.parametrize(
+    "material",
+    [
+        "{type: dielectric, ior: 1}",
+        "{type: dielectric, ior: 1.33, outside_ior: 1.33}",
+        "{type: rough_dielectric, ior: 1, roughness: 0.7}",
+        "{type: thin_dielectric, ior: 1}",
+        "{type: principled, ior: 1, transmission: 1, base_color: 1, roughness: 0.4}",
+        "{type: mixture, materials: [{type: dielectric, ior: 1}, {type: rough_dielectric, ior: 1}]}",
+    ],
+)
+def test_no_change_of_index_is_no_object_at_all(material: str) -> None:
+    found = packed(VIEW + "objects:\n" + ball(0, material))
+    assert [type(table).__name__ for table in found.selectors.tables] == ["BoundaryTable"]
+    assert found.passage is not None
+
+
+@pytest.mark.parametrize(
+    "material",
+    [
+        "{type: dielectric, ior: 1, absorption: 1}",
+        "{type: thin_dielectric, ior: 1, color: 0.5}",
+        "{type: principled, ior: 1, transmission: 1, base_color: 0.5}",
+        "{type: principled, ior: 1, transmission: 1, base_color: 1, emission: 1}",
+    ],
+)
+def test_what_takes_or_gives_light_is_there(material: str) -> None:
+    assert packed(VIEW + "objects:\n" + ball(0, material)).selectors is None
+
+
+# ---- With other effects, each with a kernel of its own
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("moves", ["object", "instance"])
+def test_a_tint_that_moves_past_the_camera(moves: str) -> None:
+    # 2 m of ink of the index of air, which the camera stands in; in the shutter's second it moves 1 m back, so that the
+    # way in it is 2 - t: the mean of exp(-s (2 - t)) is exp(-2 s) (exp(s) - 1) / s.
+    ink = "{type: dielectric, ior: 1, priority: 1, absorption: 0.7}"
+    motion = "motion: {velocity: [0, 0, 1]}"
+    head = camera(0.0).replace("pinhole,", "pinhole, shutter: 1,") + NIGHT
+    if moves == "instance":
+        head += "groups:\n  slab:\n" + slab(-2, 0.0, ink)
+        moving = f"  - {{type: instance, of: slab, {motion}}}\n"
+    else:
+        moving = slab(-2, 0.0, ink).replace("box,", f"box, {motion},")
+    assert_value(head + "objects:\n" + LAMP + moving, math.exp(-1.4) * (math.exp(0.7) - 1.0) / 0.7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("z", [1.0, -2.0])
+@pytest.mark.parametrize("priority", [1, 3])
+def test_a_medium_fills_what_no_higher_priority_does(z: float, priority: int) -> None:
+    # 10 m of ink from 0 down, and 1 m of something clear in it, which is there if its priority is above 2.  The camera
+    # is above the ink, or in it.
+    text = camera(z) + "media: {ink: {type: homogeneous, absorption: 0.1}}\n" + NIGHT + "objects:\n" + LAMP
+    text += slab(-10.0, 0.0, "{type: dielectric, ior: 1, priority: 2}, medium: ink") + slab(
+        -6, -5, clear(1.0, priority)
+    )
+    # Behind each of three surfaces a ray goes on a little off it, as above.
+    lost = 3.0 * 0.1 * 4.0 * 2.0**-23 * 250.0
+    assert_value(text, math.exp(-0.1 * (min(10.0, 10.0 + z) - (priority > 2))), spp=64, rounding=lost)
