@@ -12,14 +12,16 @@ from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
-__all__ = ["explain", "load", "render"]
+__all__ = ["SceneWarning", "explain", "load", "render"]
 
 if TYPE_CHECKING:
+    from raytracer.errors import SceneWarning
     from raytracer.explanation import explain
     from raytracer.rendering import render_image as render
     from raytracer.scene.load import load
 
 _HOMES = {
+    "SceneWarning": ("raytracer.errors", "SceneWarning"),
     "explain": ("raytracer.explanation", "explain"),
     "load": ("raytracer.scene.load", "load"),
     "render": ("raytracer.rendering", "render_image"),

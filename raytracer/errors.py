@@ -39,6 +39,23 @@ class SceneError(InputError):
         return one_line(": ".join(part for part in (place, self.key, self.message) if part))
 
 
+class Interrupted(Exception):  # noqa: N818
+    """The user has ended the work early, and has been told so; exit status 130."""
+
+
+class SceneWarning(UserWarning):
+    """Something in a scene that is probably not meant, or that numbers cannot hold."""
+
+
+class StrictError(InputError):
+    """Warnings that were to count as errors; `sentences` has them all."""
+
+    def __init__(self, sentences: Sequence[str]) -> None:
+        self.sentences = tuple(sentences)
+        more = f" (and {len(sentences) - 1} more)" if len(sentences) > 1 else ""
+        super().__init__(f"{sentences[0]}{more}")
+
+
 class OutputError(Exception):
     """Reading or writing failed while the work was under way; exit status 1."""
 

@@ -29,6 +29,8 @@ class Mesh(NamedTuple):
     degenerate : how many triangles of zero area the file had besides.
     uv : float64 (n, 2), finite texture coordinates of the vertices, v upwards; None if the file has none.
     kinds : int32 (m,), the number of each face's material in the file, see `gltf.read_materials`; None if it has none.
+    first_degenerate : the number of the first of the triangles of zero area, counted from 0 as the file has them; -1 if
+        there is none.
     """
 
     vertices: Vectors
@@ -37,6 +39,7 @@ class Mesh(NamedTuple):
     degenerate: int
     uv: Vectors | None = None
     kinds: NDArray[np.int32] | None = None
+    first_degenerate: int = -1
 
     def vertex_normals(self) -> Vectors:
         """The file's normals, or those of `smooth_normals` where it has none: float64 (n, 3)."""
@@ -156,7 +159,8 @@ def _checked(parts: Parts) -> Mesh:
         bad = int(np.argmin(np.isfinite(parts.uv).all(axis=1)))
         raise BrokenMeshError(f"has a texture coordinate that is not finite (of vertex {bad}, counted from 0)")
     kinds = None if parts.kinds is None else parts.kinds[kept]
-    return Mesh(vertices, faces, normals, degenerate, parts.uv, kinds)
+    first = int(np.argmin(kept)) if degenerate else -1
+    return Mesh(vertices, faces, normals, degenerate, parts.uv, kinds, first)
 
 
 def read_mesh(path: str | Path) -> Mesh:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from raytracer.errors import InputError
+from raytracer.errors import InputError, Interrupted
 from raytracer.units import parse_duration, parse_share
 
 if TYPE_CHECKING:
@@ -22,8 +22,6 @@ Examples:
   rt cost scenes/cover.yaml --arms defocus,accuracy=fast -D film.width=600 -D film.height=338
   rt cost scenes/cover.yaml --no-arms --json
 """
-
-_INTERRUPTED = 130
 
 # Columns of a table that goes into a file.
 _WIDTH = 100
@@ -104,6 +102,7 @@ def cost(
                 progress=bar.update,
                 name=scene,
                 load_seconds=load_seconds,
+                warn=lambda sentence: print(f"rt: warning: {sentence}", file=sys.stderr),
             )
         except KeyboardInterrupt:
             bar.close()
@@ -117,7 +116,7 @@ def cost(
         if not quiet:
             print(f"wrote {', '.join(map(str, paths))}", file=sys.stderr)
     if found.interrupted:
-        raise typer.Exit(_INTERRUPTED)
+        raise Interrupted
 
 
 def _parsed(option: str, text: str, parse: Callable[[str], float]) -> float:

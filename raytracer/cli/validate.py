@@ -10,30 +10,38 @@ from raytracer.errors import InputError
 EXAMPLE = """\b
 Example:
   rt validate scenes/*.yaml
+  rt validate --strict scenes/cover.yaml
 """
 
 
 def validate(
     scenes: Annotated[list[str], typer.Argument(metavar="SCENE", help="Scene files.")],
+    strict: Annotated[bool, typer.Option("--strict", help="Take warnings for errors.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Do not name the files that are right.")] = False,
 ) -> None:
     """Check scene files, and the files that they name.
 
-    What is wrong is named by file, line and key, one line a file; the exit status is then 2.
+    What is wrong is named by file, line and key, one line a file; the exit status is then 2.  What one may doubt is a
+    warning (docs/warnings.md).
     """
+    from raytracer.scene.concerns import concerns, told
     from raytracer.scene.load import load
     from raytracer.scene.pack import pack
 
     wrong = False
     for scene in scenes:
         try:
-            pack(load(scene))
+            sentences = told(concerns(pack(load(scene))))
         except InputError as error:
             wrong = True
             print(f"rt: {error}", file=sys.stderr)
-        else:
-            if not quiet:
-                print(f"{scene}: valid")
+            continue
+        for sentence in sentences:
+            print(f"rt: {'' if strict else 'warning: '}{sentence}", file=sys.stderr)
+        if sentences and strict:
+            wrong = True
+        elif not quiet:
+            print(f"{scene}: valid")
     if wrong:
         raise typer.Exit(2)
 

@@ -42,6 +42,7 @@ from raytracer.cost.results import Arm, PlanItem, Prediction, Study
 from raytracer.cost.tiles import Tiles, part
 from raytracer.errors import InputError
 from raytracer.noise import Rate, steepest_of, top_share
+from raytracer.scene.concerns import heed
 from raytracer.scene.objects import Assets
 from raytracer.scene.pack import Packed, pack
 from raytracer.scene.spec import SceneSpec
@@ -130,6 +131,7 @@ def study(
     name: str = "scene",
     load_seconds: float = 0.0,
     bench: Bench = MACHINE,
+    warn: Callable[[str], object] | None = None,
 ) -> Study:
     """Measure what a scene's accuracy costs, on some tiles of its picture.
 
@@ -147,6 +149,7 @@ def study(
     name : of the scene, in the report.
     load_seconds : what loading the scene took, which is a part of every render's time.
     bench : what does the work.
+    warn : told what the scene makes one doubt, a sentence each (docs/warnings.md).
 
     Returns
     -------
@@ -164,6 +167,7 @@ def study(
 
     with clock.phase("pack"):
         packed = pack(spec)
+    heed(packed, warn)
     with clock.phase("plan"):
         chosen = _chosen(packed, asked)
         items = plan(spec, packed)

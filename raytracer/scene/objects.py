@@ -18,9 +18,21 @@ from raytracer.embree import Placements
 from raytracer.errors import InputError
 from raytracer.geometry import Geometry
 from raytracer.instances import Instances, pose_rows
-from raytracer.motion import Moving, Rows, Shift, Static, composed, decompose, pack_trajectories, place, trajectory_of
-from raytracer.primitives.interface import concatenate, geometry, group_key, section, unmapped
+from raytracer.motion import (
+    Moving,
+    Rows,
+    Shift,
+    Static,
+    compose,
+    composed,
+    decompose,
+    pack_trajectories,
+    place,
+    trajectory_of,
+)
+from raytracer.primitives.interface import concatenate, geometry, graded, group_key, section, unmapped
 from raytracer.primitives.translated import translated
+from raytracer.scene.limits import check_extent, check_poses
 from raytracer.scene.spec import SceneSpec
 from raytracer.shapes.interface import PlacingSpec, ShapeSpec
 from raytracer.spec import Spec, matrix_of
@@ -72,10 +84,15 @@ class Layout(NamedTuple):
 
 
 class Owners(NamedTuple):
-    """The rows of a table from start[i] on, up to start[i + 1], are of object number[i]; -1 for none of its own."""
+    """The rows of a table from start[i] on, up to start[i + 1], are of object number[i]; -1 for none of its own.
+
+    item[i] of the layout is what they are made from, and they are in group[i], -1 for none.
+    """
 
     start: NDArray[np.int64]
     number: NDArray[np.int32]
+    item: NDArray[np.int32]
+    group: NDArray[np.int32]
 
 
 class Objects(NamedTuple):
@@ -296,21 +313,29 @@ def _composed(poses: Matrices, moving: Sequence[Rows], below: Placing) -> tuple[
 
 
 class _Piece(NamedTuple):
-    """The rows of one item: group, -1 for none; the number of its object."""
+    """The rows of one item: group, -1 for none; the number of its object, and its own."""
 
     group: int
     table: Any
     number: int
+    item: int
 
 
 def pack_objects(
-    spec: SceneSpec, layout: Layout, references: Sequence[Reference], assets: Assets, *, textured: bool
+    spec: SceneSpec,
+    layout: Layout,
+    references: Sequence[Reference],
+    assets: Assets,
+    *,
+    textured: bool,
+    eye: NDArray[np.float64],
 ) -> Objects:
     """Pack laid-out objects, whose items have these material references, one, or one a face.
 
     Parameters
     ----------
     textured : whether the scene has textures, so that meshes need the parameters that their files give to vertices.
+    eye : (3,), where the camera is in the packed scene (m).
 
     Raises
     ------
@@ -321,9 +346,14 @@ def pack_objects(
         for part in parts:
             item = layout.items[part.item]
             table = _pack_item(spec, item, part.placed, references[part.item], assets)
-            table = table if textured else unmapped(table)
+            if not textured:
+                table = unmapped(table)
+                # Where a group is placed, and what moves, is near the eye in one place or moment and far in another.
+                if group < 0 and not isinstance(part.placed, Shift):
+                    table = graded(table, eye)
             number = item.number if group < 0 else -1
-            pieces.setdefault(group_key(table), []).append(_Piece(group, table, number))
+            pieces.setdefault(group_key(table), []).append(_Piece(group, table, number, part.item))
+    _check_placings(spec, layout)
     order = sorted(pieces)
     bounds = np.zeros((len(layout.groups) + 1, len(order), 2), np.int64)
     for number, key in enumerate(order):
@@ -346,10 +376,21 @@ def pack_objects(
     return Objects(primitives, bounds, owners, instances, placed, geometries[0], geometries[1:], placements)
 
 
+def _check_placings(spec: SceneSpec, layout: Layout) -> None:
+    """Refuse instances that the ray caster cannot place."""
+    for placing in layout.placings:
+        moving = [compose(rows[0]) for rows in placing.trajectories]
+        try:
+            check_poses(np.concatenate([placing.poses, np.array(moving).reshape(-1, 4, 4)]))
+        except ValueError as error:
+            raise spec.error(str(error), "objects", placing.number) from None
+
+
 def _pack_item(spec: SceneSpec, item: Item, placed: Static | Shift, reference: Any, assets: Assets) -> Any:
     """The table of one object."""
     try:
         table = item.spec.pack_exposed(placed.matrix, reference, assets.of(item.spec, item.keys), spec.camera.opening())
+        check_extent(geometry(table))
     except ValueError as error:
         raise spec.error(str(error), *item.keys) from None
     return translated(table, placed.shift) if isinstance(placed, Shift) else table
@@ -369,7 +410,8 @@ def _owners_of(pieces: Sequence[_Piece]) -> Owners:
     """Whose the rows of these pieces are, one after the other."""
     lengths = [len(piece.table.material) for piece in pieces]
     start = np.cumsum([0, *lengths[:-1]], dtype=np.int64)
-    return Owners(start, np.array([piece.number for piece in pieces], np.int32))
+    number, item, group = np.array([(piece.number, piece.item, piece.group) for piece in pieces], np.int32).T
+    return Owners(start, np.ascontiguousarray(number), np.ascontiguousarray(item), np.ascontiguousarray(group))
 
 
 def _pack_instances(

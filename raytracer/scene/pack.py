@@ -12,22 +12,28 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from raytracer.assets import LOADERS
-from raytracer.cameras.moving import MovingCamera, pack_camera
+from raytracer.cameras.interface import moved as moved_camera
+from raytracer.cameras.moving import MovingCamera, camera_at, pack_camera
 from raytracer.embree import Accel, Placements
 from raytracer.errors import InputError
 from raytracer.geometry import Exact, Geometry
-from raytracer.integrator import Scene
+from raytracer.integrator import Clamp, Scene
 from raytracer.kinds import MATERIALS
+from raytracer.lights.interface import moved as moved_lights
 from raytracer.materials.interface import MaterialSpec
+from raytracer.media.interface import moved as moved_media
+from raytracer.origin import Origin
 from raytracer.paths import Passage
 from raytracer.relief import pack_relief
 from raytracer.sampling import SAMPLERS
 from raytracer.scene.document import path_text
 from raytracer.scene.focus import focused, focuses
+from raytracer.scene.interior import Solids
 from raytracer.scene.lights import pack_lights, pulses_of
-from raytracer.scene.materials import DEFAULT_MATERIAL, brought, pack_materials, parts, resolved
+from raytracer.scene.materials import DEFAULT_MATERIAL, INVISIBLE, brought, pack_materials, parts, resolved
 from raytracer.scene.media import Spaces
-from raytracer.scene.objects import Assets, Layout, Objects, Owners, lay_out, pack_objects
+from raytracer.scene.objects import Assets, Item, Layout, Objects, Owners, lay_out, pack_objects
+from raytracer.scene.recentring import recentred
 from raytracer.scene.spec import SceneSpec
 from raytracer.scene.textures import pack_textures
 from raytracer.scene.whereabouts import Whereabouts
@@ -35,8 +41,7 @@ from raytracer.shapes.interface import ShapeSpec
 from raytracer.shutter import Pulses, Shutter, pack_shutter
 from raytracer.spec import sentence
 from raytracer.textures.interface import Book
-
-_INVISIBLE = "boundary"
+from raytracer.vec import Vec3, neg
 
 Recast: TypeAlias = Callable[[MaterialSpec, Book], MaterialSpec]
 """Another material in place of a resolved one, whose textures the book knows."""
@@ -48,7 +53,9 @@ class Packed(NamedTuple):
     robust, whether rays must not slip through the edges between triangles; materials, what the scene calls each by the
     reference that primitives have; owners, the objects that the rows of each table belong to; instance_objects (n,)
     int32, the object that each instance belongs to; spec, the scene that was packed, its camera focused at a distance;
-    built, the ray caster's structure, where focusing took it.
+    built, the ray caster's structure, where focusing took it; items, what owners.item means, and empty, by its number,
+    how many triangles without an area were left out of its file, and the first of these; looks, the resolved material
+    of each reference.
     """
 
     scene: Scene
@@ -61,6 +68,14 @@ class Packed(NamedTuple):
     instance_objects: NDArray[np.int32]
     spec: SceneSpec
     built: Accel | None
+    items: Sequence[Item]
+    empty: Mapping[int, tuple[int, int]]
+    looks: Mapping[int, MaterialSpec]
+
+    @property
+    def shift(self) -> Vec3:
+        """What is added to the scene's coordinates to get the packed ones (m)."""
+        return (0.0, 0.0, 0.0) if self.scene.origin is None else neg(self.scene.origin.world)
 
     def build(self) -> Accel:
         """The ray caster's structure; its address belongs into the scene."""
@@ -95,7 +110,7 @@ def pack(spec: SceneSpec, spp: int | None = None, assets: Assets | None = None, 
     if not spec.objects:
         raise spec.error("the scene has no objects, so there is nothing to render", "objects")
     assets = assets or Assets(spec)
-    layout = lay_out(spec, assets)
+    layout, origin = recentred(spec, lay_out(spec, assets), assets)
     used, owners, faces = _materials(spec, layout, assets)
     stand = {material: (*layout.items[owner].keys, "file") for material, owner in zip(used, owners, strict=True)}
     book = pack_textures(spec, list(parts(used)), stand)
@@ -104,19 +119,31 @@ def pack(spec: SceneSpec, spp: int | None = None, assets: Assets | None = None, 
         book = pack_textures(spec, list(parts(used)), stand)
     media = Spaces(spec)
     spaces = [media.of(layout.items[owner].spec, material) for owner, material in zip(owners, used, strict=True)]
-    tables, selectors, references, real = pack_materials(used, spaces, book)
+    solids = Solids(spec, used, spaces, owners, layout.items)
+    more, around = solids.materials()
+    tables, selectors, references, real = pack_materials([*used, *more], [*spaces, *around], book)
+    references, boundaries = references[: len(used)], references[len(used) :]
     shown = [
         reference if which is None else np.array(references)[which]
         for reference, which in zip(references, faces, strict=False)
     ]
-    objects = pack_objects(spec, layout, shown, assets, textured=book.tables is not None)
-    spec, built = _focused(spec, assets, objects, used, references)
+    eye = np.array(camera_at(spec.camera, spec.camera.opening().open).look_from)
+    if origin is not None:
+        eye -= origin.world
+    objects = pack_objects(spec, layout, shown, assets, textured=book.tables is not None, eye=eye)
+    spec, built = _focused(spec, assets, objects, used, references, origin)
     environment = _pack_environment(spec)
     camera = _pack_camera(spec, assets)
+    if origin is not None:
+        camera = moved_camera(camera, neg(origin.world))
+    interior = solids.pack(references, boundaries, assets, camera)
     moving = isinstance(camera, MovingCamera) or objects.moves()
     settings = spec.render
     is_lit = settings.max_depth > 1 and (media.scatters() or any(material.is_lit() for material in used))
     lights, instances = pack_lights(spec, environment, objects, used, references, book, is_lit, moving)
+    space = media.pack(references, spaces)
+    if origin is not None:
+        lights, space = _tables_moved(lights, moved_lights, origin), _tables_moved(space, moved_media, origin)
     scene = Scene(
         accel=0,
         accuracy=Exact() if settings.accuracy == "exact" else None,
@@ -124,18 +151,21 @@ def pack(spec: SceneSpec, spp: int | None = None, assets: Assets | None = None, 
         instances=instances,
         materials=tables,
         selectors=selectors,
-        passage=Passage() if any(material.passes() for material in used) else None,
+        passage=Passage() if interior is not None or any(material.passes() for material in used) else None,
         relief=pack_relief(real, book),
         textures=book.tables,
         lights=lights,
         environment=environment,
-        media=media.pack(references, spaces),
+        media=space,
         camera=camera,
         shutter=_pack_shutter(spec, moving, pulses_of(lights)),
         filter=spec.film.filter.pack(),
         sampler=SAMPLERS[settings.sampler](settings.seed, spp or settings.spp),
         depth=settings.max_depth,
         roulette=settings.rr_depth,
+        origin=origin,
+        clamp=None if settings.clamp is None else Clamp(settings.clamp),
+        interior=interior,
     )
     names: dict[int, str] = {}
     for owner, reference in zip(owners, references, strict=True):
@@ -153,11 +183,36 @@ def pack(spec: SceneSpec, spp: int | None = None, assets: Assets | None = None, 
         objects.placed,
         spec,
         built,
+        layout.items,
+        _empty(layout, assets),
+        dict(zip(references, used, strict=True)),
     )
 
 
+def _empty(layout: Layout, assets: Assets) -> dict[int, tuple[int, int]]:
+    """How many triangles without an area the files of items have, and the first of these."""
+    found: dict[int, tuple[int, int]] = {}
+    for number, item in enumerate(layout.items):
+        for held in assets.of(item.spec, item.keys).values():
+            if getattr(held, "degenerate", 0):
+                found.setdefault(number, (held.degenerate, held.first_degenerate))
+    return found
+
+
+def _tables_moved(held: Any, moved: Callable[[Any, Vec3], Any], origin: Origin) -> Any:
+    """What holds tables of lights or media, in the packed world."""
+    if held is None:
+        return None
+    return held._replace(tables=tuple(moved(table, neg(origin.world)) for table in held.tables))
+
+
 def _focused(
-    spec: SceneSpec, assets: Assets, objects: Objects, used: Sequence[MaterialSpec], references: Sequence[int]
+    spec: SceneSpec,
+    assets: Assets,
+    objects: Objects,
+    used: Sequence[MaterialSpec],
+    references: Sequence[int],
+    origin: Origin | None,
 ) -> tuple[SceneSpec, Accel | None]:
     """The scene with its camera focused at a distance, and the ray caster's structure if that took a ray."""
     if not focuses(spec):
@@ -170,7 +225,8 @@ def _focused(
         built.append(_accel(tables, objects.geometries, objects.groups, objects.placements, robust=robust))
         return built[0]
 
-    focused_spec = focused(spec, Whereabouts(spec, assets), objects, clear, build)
+    world = (0.0, 0.0, 0.0) if origin is None else origin.world
+    focused_spec = focused(spec, Whereabouts(spec, assets), objects, clear, build, world)
     return focused_spec, built[0] if built else None
 
 
@@ -203,7 +259,7 @@ def material_of(spec: SceneSpec, item: ShapeSpec) -> MaterialSpec:
     """An object's material, resolved: named, inline, or the default."""
     if isinstance(item.material, str):
         return resolved(spec.materials[item.material], spec.materials)
-    default = DEFAULT_MATERIAL if item.medium is None else _INVISIBLE
+    default = DEFAULT_MATERIAL if item.medium is None else INVISIBLE
     found = item.material or MATERIALS.specs()[default]()
     assert isinstance(found, MaterialSpec)
     return resolved(found, spec.materials)

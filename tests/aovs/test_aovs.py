@@ -15,7 +15,7 @@ from raytracer.film import load_layers
 from raytracer.film.image import Image
 from raytracer.geometry import Hit
 from raytracer.kinds import AOVS
-from raytracer.rendering import render, render_image
+from raytracer.rendering import render
 from raytracer.scene.load import build
 from tests.rendering import scene
 
@@ -43,7 +43,7 @@ objects:
 
 def layers(text: str, *, aovs: tuple[str, ...] = ALL, threads: int = 2, seed: int = 1, **settings: Any) -> Image:
     settings = {"width": SIZE, "height": SIZE, "sampler": "sobol", **settings}
-    return render_image(scene(text, **settings), threads=threads, seed=seed, aovs=aovs)
+    return render(scene(text, **settings), threads=threads, seed=seed, aovs=aovs).image
 
 
 @pytest.fixture(scope="module")

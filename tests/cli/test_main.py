@@ -12,7 +12,10 @@ from raytracer.cli import main as cli
 from raytracer.cli.main import main
 from raytracer.errors import InputError, OutputError
 
-SCENE = "camera: {type: pinhole, look_from: [0, 0, 4], vfov: 40}\nfilm: {width: 8, height: 6}\n"
+SCENE = (
+    "camera: {type: pinhole, look_from: [0, 0, 4], vfov: 40}\nfilm: {width: 8, height: 6}\n"
+    "environment: {type: constant, radiance: 1}\n"
+)
 BALL = "objects: [{type: sphere, center: [0, 0, 0], radius: 1}]\n"
 
 

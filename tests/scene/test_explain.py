@@ -32,9 +32,8 @@ def explained(
 ) -> Explanation:
     """The explanation of a camera at the origin that looks along -z."""
     items = objects or ("type: sphere, center: [0, 0, -2], radius: 0.1",)
-    text = f"camera: {{{HERE}, {camera}}}\nlights: [{lights}]\nobjects:\n" + "".join(
-        f"  - {{{item}}}\n" for item in items
-    )
+    head = f"camera: {{{HERE}, {camera}}}\nenvironment: {{type: constant, radiance: 1}}\nlights: [{lights}]\nobjects:\n"
+    text = head + "".join(f"  - {{{item}}}\n" for item in items)
     return explain(scene(text, width=width, height=height, filled=False), circle=circle)
 
 
@@ -510,9 +509,7 @@ def test_an_exposure_value_without_a_speed_is_that_of_iso_100() -> None:
         assert any(line.endswith(words) for line in lines)
 
 
-@pytest.mark.parametrize(
-    ("shutter", "words"), [("1e-320", "e-320 s"), ("1e-300", "1.000e-300 s"), ("1e-6", "1/1000000 s")]
-)
+@pytest.mark.parametrize(("shutter", "words"), [("1e-30", "1.000e-30 s"), ("1e-6", "1/1000000 s")])
 def test_times_of_any_length_are_printed(shutter: str, words: str) -> None:
     text = explained(f"type: pinhole, vfov: 40, shutter: {shutter}", ball("moves", 10.0, SPEED)).text()
     assert [line.split(maxsplit=1)[1].endswith(words) for line in text.splitlines() if "    shutter " in line] == [True]
@@ -535,7 +532,7 @@ def test_json_has_four_parts(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     file = tmp_path / "scene.yaml"
     file.write_text(
         f"camera: {{type: thin_lens, {HERE}, {FULL_FRAME}, focal_length: 50 mm, f_number: 22, focus_distance: inf}}\n"
-        f"film: {{width: 6000, height: 4000}}\nobjects: [{{{ball('ball', 5.0)}}}]\n"
+        f"film: {{width: 6000, height: 4000}}\nenvironment: {{type: gradient}}\nobjects: [{{{ball('ball', 5.0)}}}]\n"
     )
     assert main(["explain", str(file), "--json", "--circle", "0.03 mm"]) == 0
     found: dict[str, Any] = json.loads(capsys.readouterr().out)

@@ -1,0 +1,388 @@
+"""Faces of different objects that lie in one plane and overlap, and spheres that coincide.
+
+Which of the two a ray meets is then left to float32.  Two surfaces are one to it if they are nearer than the offset of
+the rays that leave them.
+
+References: Gottschalk, Lin, Manocha 1996, "OBBTree", SIGGRAPH (overlap by separating axes).
+"""
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.geometry import OFFSET_ULPS
+from raytracer.materials.interface import MaterialSpec
+from raytracer.scene.concerns.faces import Faces, extremes, faces_of
+from raytracer.scene.concerns.interface import Concern, Keys, concern, named
+from raytracer.scene.concerns.outlines import Points, is_flat, resting
+from raytracer.scene.concerns.survey import Survey
+from raytracer.spec import TRANSFORM_ROUNDING
+
+Indices = NDArray[np.int64]
+
+_KIND = "surfaces that coincide"
+
+_SLOPES = 64
+"""Cells from 0 to 1 into which the slopes of planes are sorted: each more than twice `MOST_SLOPE` wide."""
+
+_ROUNDING = 64.0 * np.finfo(np.float64).eps
+"""By how much equal planes may differ in float64, after some transforms."""
+
+_MOST_LAGS = 64
+"""Neighbours in its cell that a face is held against; the largest faces of a cell are held against all."""
+
+_LARGEST, _MOST_CELLS = 8, 1000
+
+_MOST_PAIRS = 1 << 21
+"""About how many neighbours are looked at in all."""
+
+_PAIRS_AT_ONCE = 1 << 14
+
+_MOST_TRIES = 32
+"""Places where two objects, or copies of them, coincide that are looked at until one is a concern."""
+
+_MOST_SIDES = 256
+"""Pairs of bodies of which no more faces are looked at once two of them were found to coincide."""
+
+_SLANTED = np.sqrt([2.0, 3.0, 5.0, 7.0]) / np.sqrt(17.0)
+"""A unit vector, no part of which is a rational multiple of another."""
+
+
+class _Pair(NamedTuple):
+    """Two surfaces in one place.
+
+    keys, the paths of their objects; materials, references; solid, whether each is seen from outside alone; normals
+    (2, 3); point, one that both have; offset, of rays that leave them (m).
+    """
+
+    keys: tuple[Keys, Keys]
+    materials: tuple[int, int]
+    solid: tuple[bool, bool]
+    normals: Points
+    point: Points
+    offset: float
+
+
+def contacts(survey: Survey) -> Iterator[Concern]:
+    """Concerns about surfaces in the same place, one for each two objects."""
+    tried: dict[tuple[Keys, Keys], int] = {}
+    for pair in (*_flat_pairs(survey), *_round_pairs(survey)):
+        one, other = sorted(pair.keys, key=survey.order)
+        tries = tried.get((one, other), 0)
+        found = _judged(survey, pair, one, other) if tries < _MOST_TRIES else None
+        tried[one, other] = tries + 1 if found is None else _MOST_TRIES
+        if found is not None:
+            yield found
+
+
+# ---- What a pair means
+
+
+def _judged(survey: Survey, pair: _Pair, first: Keys, second: Keys) -> Concern | None:
+    """What is to be said of a pair, if anything: much that touches is never seen where it does."""
+    looks = [survey.packed.looks.get(material) for material in pair.materials]
+    alike = pair.materials[0] == pair.materials[1]
+    if any(look is not None and _lets_in(look) for look in looks):
+        if alike and first == second:
+            return None
+        remedy = (
+            "and light goes into one of them: which of the two it meets first is left to rounding, so some goes "
+            "astray; let them overlap by more than that and give what is clear a `priority`, or leave a gap"
+        )
+    elif alike or not _is_seen(survey, pair):
+        return None
+    else:
+        remedy = "where they overlap: which of the two is seen is left to rounding; move one of them by more than that"
+    other = "another of its own" if first == second else f"one of {named(survey.spec, first)}"
+    message = f"a surface of it coincides with {other}, to within {pair.offset:.2g} m, {remedy}"
+    return concern(survey.spec, _KIND, second, message)
+
+
+def _is_seen(survey: Survey, pair: _Pair) -> bool:
+    """Whether two opaque surfaces can be seen where they coincide: not between two solids, nor from inside of one.
+
+    A pair that lies within another solid is not seen either.
+    """
+    toward = (survey.camera - pair.point) @ pair.normals.T
+    if np.any((toward <= 0.0) & pair.solid):
+        return False
+    return not survey.is_buried(pair.point + 2.0 * pair.offset * np.sign(toward[0]) * pair.normals[0])
+
+
+def _lets_in(look: MaterialSpec) -> bool:
+    """Whether light goes into or through what has this material."""
+    return look.passes() or look.transmits()
+
+
+# ---- Flat faces that overlap
+
+
+def _flat_pairs(survey: Survey) -> Iterator[_Pair]:
+    faces = faces_of(survey)
+    if faces is None:
+        return
+    body = _bodies(faces)
+    first, second = _neighbours(faces, body)
+    # One pair of faces stands for all that two bodies have on the same sides of the camera.
+    seen = np.einsum("ij,ij->i", survey.camera - faces.points[:, 0], faces.normal) > 0.0
+    side = 2 * body + seen
+    matters = _matter(survey, faces, seen)
+    sides = int(side.max()) + 1
+    told: set[int] = set()
+    for begin in range(0, len(first), _PAIRS_AT_ONCE):
+        a, b = first[begin : begin + _PAIRS_AT_ONCE], second[begin : begin + _PAIRS_AT_ONCE]
+        fresh = ~np.isin(side[a] * sides + side[b], list(told))
+        a, b = a[fresh], b[fresh]
+        found = _overlap(faces, a, b)
+        found[found] = matters(a[found], b[found])
+        a, b = a[found], b[found]
+        _, chosen = np.unique(side[a] * sides + side[b], return_index=True)
+        for i, j in zip(a[chosen].tolist(), b[chosen].tolist(), strict=True):
+            if len(told) < _MOST_SIDES:
+                told.add(int(side[i]) * sides + int(side[j]))
+            both = [(int(faces.piece[face]), int(faces.instance[face])) for face in (i, j)]
+            yield _Pair(
+                survey.owners(*both),
+                (int(faces.material[i]), int(faces.material[j])),
+                (survey.is_solid(both[0][0]), survey.is_solid(both[1][0])),
+                faces.normal[[i, j]],
+                _middle(faces.points[i].astype(np.float64), faces.points[j].astype(np.float64), faces.normal[j]),
+                float(max(faces.offset[i], faces.offset[j])),
+            )
+
+
+def _matter(survey: Survey, faces: Faces, seen: NDArray[np.bool_]) -> Callable[[Indices, Indices], NDArray[np.bool_]]:
+    """What tells of pairs of faces in one plane whether they matter, as far as that can be told of thousands at once.
+
+    seen (n,) : whether the camera is on the outer side of each face.
+    """
+    looks = survey.packed.looks
+    clear = np.zeros(int(faces.material.max()) + 1, bool)
+    clear[[reference for reference, look in looks.items() if reference < len(clear) and _lets_in(look)]] = True
+    closed = np.array([survey.is_solid(piece) for piece in range(len(survey.pieces.item))])
+
+    def matters(a: Indices, b: Indices) -> NDArray[np.bool_]:
+        lets_in = clear[faces.material[a]] | clear[faces.material[b]]
+        solid = closed[faces.piece[a]], closed[faces.piece[b]]
+        opposite = np.einsum("ij,ij->i", faces.normal[a], faces.normal[b]) < 0.0
+        hidden = (solid[0] & ~seen[a]) | (solid[1] & ~seen[b]) | (solid[0] & solid[1] & opposite)
+        return np.asarray(lets_in | ((faces.material[a] != faces.material[b]) & ~hidden))
+
+    return matters
+
+
+def _middle(points: Points, other: Points, normal: Points) -> Points:
+    """A point (3,) inside of what two convex polygons (k, 3) share, in the plane of the second, with this normal.
+
+    References: Sutherland, Hodgman 1974, "Reentrant Polygon Clipping", Communications of the ACM 17(1).
+    """
+    left = list(points)
+    for start, end in zip(other, np.roll(other, -1, axis=0), strict=True):
+        inwards = np.cross(normal, end - start)
+        heights = [float((corner - start) @ inwards) for corner in left]
+        clipped = []
+        for k, (corner, height) in enumerate(zip(left, heights, strict=True)):
+            before = heights[k - 1]
+            if (height > 0.0) != (before > 0.0):
+                clipped.append(left[k - 1] + before / (before - height) * (corner - left[k - 1]))
+            if height > 0.0:
+                clipped.append(corner)
+        # Of edges without a length nothing is cut off.
+        left = clipped or left
+    return np.asarray(np.mean(left, axis=0))
+
+
+def _bodies(faces: Faces) -> Indices:
+    """A number for each face (n,), the same for those of one object that have one material."""
+    copies, kinds = int(faces.instance.max()) + 2, int(faces.material.max()) + 1
+    number = (faces.piece * copies + faces.instance + 1) * kinds + faces.material
+    # Pairs of these are numbered too.
+    return number if number.max() < 2**30 else np.unique(number, return_inverse=True)[1].ravel()
+
+
+def _overlap(faces: Faces, first: Indices, second: Indices) -> NDArray[np.bool_]:
+    """Which pairs of faces lie in one plane, as float32 sees it, and overlap."""
+    result = np.zeros(len(first), bool)
+    offset = np.maximum(faces.offset[first], faces.offset[second])
+    corners = [faces.points[face].astype(np.float64) for face in (first, second)]
+    (low, high), (other_low, other_high) = (extremes(points) for points in corners)
+    near = np.all(np.minimum(high, other_high) - np.maximum(low, other_low) >= -offset[:, None], axis=1)
+    swapped = (high - low).max(axis=1) > (other_high - other_low).max(axis=1)
+    rows = np.flatnonzero(near)
+    if not len(rows):
+        return result
+    swapped, offset = swapped[rows], offset[rows]
+    inner, outer = (np.where(swapped[:, None, None], corners[1 - side][rows], corners[side][rows]) for side in (0, 1))
+    normal = faces.normal[np.where(swapped, first[rows], second[rows])]
+    origin = outer[:, :1]
+    in_plane = (np.abs(np.einsum("nki,ni->nk", inner - origin, normal)) <= offset[:, None]).all(axis=1)
+    rows, inner, outer, normal, origin, offset = (
+        column[in_plane] for column in (rows, inner, outer, normal, origin, offset)
+    )
+    across = np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    frame = np.stack([across, np.cross(normal, across)], axis=2)
+    flat = [(points - origin) @ frame for points in (inner, outer)]
+
+    # Convex polygons are apart if they are along the normal of an edge of one of them.
+    edges = np.concatenate([np.roll(points, -1, axis=1) - points for points in flat], axis=1)
+    length = np.linalg.norm(edges, axis=2)
+    axes = np.stack([-edges[:, :, 1], edges[:, :, 0]], axis=2)
+    shadows = [np.einsum("nac,nkc->nak", axes, points) for points in flat]
+    depth = np.minimum(shadows[0].max(axis=2), shadows[1].max(axis=2)) - np.maximum(
+        shadows[0].min(axis=2), shadows[1].min(axis=2)
+    )
+    apart = (length > 0.0) & (depth <= 2.0 * offset[:, None] * length)
+    result[rows[~apart.any(axis=1)]] = True
+    return result
+
+
+# ---- Which faces may lie in one plane
+
+
+def _neighbours(faces: Faces, body: Indices) -> tuple[Indices, Indices]:
+    """Pairs of faces of different bodies that are in a cell of slopes and heights of planes."""
+    cell, face = _cells(faces)
+    order = np.argsort(cell, kind="stable")
+    cell, face = cell[order], face[order]
+    start = np.flatnonzero(np.diff(cell, prepend=cell[0] - 1))
+    owner = body[face]
+    mixed = np.minimum.reduceat(owner, start) != np.maximum.reduceat(owner, start)
+    kept = np.repeat(mixed, np.diff(start, append=len(cell)))
+    cell, face = cell[kept], face[kept]
+    if not len(cell):
+        return face, face
+    order = np.lexsort((faces.points[face, 0, 0], cell))
+    cell, face = cell[order], face[order]
+    owner = body[face]
+    pairs = []
+    for lag in range(1, min(_MOST_LAGS, 1 + _MOST_PAIRS // len(cell)) + 1):
+        same = cell[lag:] == cell[:-lag]
+        if not same.any():
+            break
+        same = np.flatnonzero(same & (owner[lag:] != owner[:-lag]))
+        pairs.append(np.stack([face[same], face[same + lag]]))
+
+    # In a crowded cell, the largest faces are held against all.
+    start = np.flatnonzero(np.diff(cell, prepend=cell[0] - 1))
+    count = np.diff(start, append=len(cell))
+    crowded = np.flatnonzero(count > len(pairs) + 1)
+    for begin, size in zip(start[crowded][:_MOST_CELLS].tolist(), count[crowded].tolist(), strict=False):
+        members = face[begin : begin + size]
+        least, most = extremes(faces.points[members])
+        span = (most - least).max(axis=1)
+        number = min(_LARGEST, size, 1 + _MOST_PAIRS // (4 * size))
+        largest = members[np.argpartition(-span, number - 1)[:number]]
+        for one in largest.tolist():
+            others = members[body[members] != body[one]]
+            pairs.append(np.stack([np.full(len(others), one), others]))
+    first, second = np.sort(np.concatenate(pairs, axis=1), axis=0)
+    _, chosen = np.unique(first * len(body) + second, return_index=True)
+    return first[chosen], second[chosen]
+
+
+def _cells(faces: Faces) -> tuple[Indices, Indices]:
+    """Cells of planes and the faces in them: each in all whose edges it may be across by its own inexactness.
+
+    Over the axis along which its normal is largest, a plane is its two slopes, within -1 and 1, and its height.
+    """
+    point = faces.points[:, 0].astype(np.float64)
+    out = point - np.median(point, axis=0)
+    doubt = faces.slope + _ROUNDING
+    steep = np.abs(faces.normal)
+    steepest = np.maximum(np.maximum(steep[:, 0], steep[:, 1]), steep[:, 2])
+    room = 2.0 * (faces.offset / steepest + doubt * np.abs(out).max(axis=1))
+    # A cell is twice as large as what most are known to, so two cells hold each; the others are looked for no further.
+    step = max(4.0 * float(np.quantile(room, 0.99)), np.finfo(float).tiny)
+    room = np.minimum(room, 0.49 * step)
+    wide = 4 * _SLOPES
+    cells, members = [], []
+    for axis in range(3):
+        face = np.flatnonzero(steep[:, axis] >= steepest - doubt)
+        normal, along = faces.normal[face], faces.normal[face, axis]
+        slopes = [_SLOPES * normal[:, other] / along for other in range(3) if other != axis]
+        values = [(slope, 2.0 * _SLOPES * doubt[face]) for slope in slopes]
+        values.append((np.einsum("ij,ij->i", normal, out[face]) / along / step, room[face] / step))
+        key = np.full(len(face), axis, np.int64)
+        for part, size in enumerate((wide, wide, 2**40)):
+            value, around = values[part]
+            first, last = (np.round(value + end * around).astype(np.int64) for end in (-1.0, 1.0))
+            # What reaches across an edge is in both cells.
+            both = np.flatnonzero(first != last)
+            number = np.concatenate([first, last[both]]) + size // 2
+            spread = np.concatenate([np.arange(len(face)), both])
+            face, key = face[spread], key[spread] * size + np.clip(number, 0, size - 1)
+            values = [(column[spread], width[spread]) for column, width in values]
+        cells.append(key)
+        members.append(face)
+    return np.concatenate(cells), np.concatenate(members)
+
+
+# ---- Spheres that coincide
+
+
+def _round_pairs(survey: Survey) -> Iterator[_Pair]:
+    """Spheres with one centre and radius, to within the offset of rays that leave them."""
+    found = [_balls(survey, number) for number in range(len(survey.tables)) if not is_flat(survey.tables[number])]
+    if not found:
+        return
+    place, piece, instance, material = (np.concatenate(column) for column in zip(*found, strict=True))
+    if len(place) < 2:
+        return
+    offset = OFFSET_ULPS * (np.abs(place[:, :3]).max(axis=1) + place[:, 3])
+    # Along a direction that no one builds by, what is near in four dimensions are neighbours, and few others.
+    along = place @ _SLANTED
+    order = np.argsort(along)
+    for lag in range(1, min(_MOST_LAGS, len(order) - 1) + 1):
+        first, second = order[:-lag], order[lag:]
+        near = along[second] - along[first] <= 2.0 * np.maximum(offset[first], offset[second])
+        if not near.any():
+            break
+        first, second = first[near], second[near]
+        apart = np.abs(place[first] - place[second]).max(axis=1)
+        same = apart <= np.maximum(offset[first], offset[second])
+        for i, j in zip(first[same].tolist(), second[same].tolist(), strict=True):
+            out = _unit(survey.camera - place[i, :3])
+            yield _Pair(
+                survey.owners((int(piece[i]), int(instance[i])), (int(piece[j]), int(instance[j]))),
+                (int(material[i]), int(material[j])),
+                (False, False),
+                np.stack([out, out]),
+                place[i, :3] + place[i, 3] * out,
+                float(max(offset[i], offset[j])),
+            )
+
+
+def _unit(vector: Points) -> Points:
+    length = float(np.linalg.norm(vector))
+    return vector / length if length > 0.0 else np.eye(3)[0]
+
+
+def _balls(survey: Survey, number: int) -> tuple[Points, Indices, Indices, Indices]:
+    """Centres and radii (n, 4) of a table's spheres in the scene, their pieces, instances, and materials (n,)."""
+    pieces, base = survey.pieces, resting(survey.tables[number])
+    of = np.flatnonzero(pieces.table == number)
+    owner = np.repeat(of, (pieces.stop - pieces.start)[of])
+    rows, own = np.column_stack([base.center, np.abs(base.radius)]), base.material.astype(np.int64)
+    single = pieces.group[owner] < 0
+    found = [(rows[single], owner[single], np.full(np.count_nonzero(single), -1), own[single])]
+    instances = survey.packed.scene.instances
+    for row in np.flatnonzero(~single).tolist():
+        shown = survey.placed(int(owner[row]))
+        pose, scale = survey.poses[shown], survey.scales[shown]
+        # What is stretched is no sphere.
+        gram = pose[:, :3, :3].transpose(0, 2, 1) @ pose[:, :3, :3]
+        stretched = np.abs(gram - scale[:, None, None] ** 2 * np.eye(3)).max(axis=(1, 2))
+        kept = stretched <= TRANSFORM_ROUNDING * scale**2
+        shown, pose, scale = shown[kept], pose[kept], scale[kept]
+        center = pose[:, :3, :3] @ rows[row, :3] + pose[:, :3, 3]
+        material = np.full(len(shown), own[row])
+        if instances is not None and instances.material is not None:
+            given = instances.material[shown]
+            material = np.where(given >= 0, given, material)
+        place = np.column_stack([center, scale * rows[row, 3]])
+        found.append((place, np.full(len(shown), owner[row]), shown, material))
+    place, piece, instance, material = (np.concatenate(column) for column in zip(*found, strict=True))
+    return place, piece, instance, material

@@ -1,0 +1,170 @@
+"""The flat faces of a scene that might lie in the plane of another object's."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.geometry import OFFSET_ULPS
+from raytracer.scene.concerns.outlines import Points, edges, is_flat, outline
+from raytracer.scene.concerns.survey import Survey
+
+Indices = NDArray[np.int64]
+
+MOST_FACES = 2_000_000
+"""Faces that are looked at; what would make more, by its many copies, is left out."""
+
+_LARGE = 10_000
+"""Faces of an object from which on only those are looked at that reach into the box of another."""
+
+_MOST_BOXES = 256
+"""Boxes of others that are looked at, face by face; among more, all faces are taken."""
+
+_BLOCK = 1 << 14
+
+MOST_SLOPE = 1.0 / 256.0
+"""Tilt that the offset of its corners may give to a face; what is narrower has no plane to speak of."""
+
+
+class Faces(NamedTuple):
+    """Flat faces in the packed scene's space, of four corners at most.
+
+    points (n, 4, 3) float32, the corners, of triangles the last one twice; normal (n, 3), unit, to the outside; slope
+    (n,), by how much the plane may be tilted by the offset of the corners; piece (n,) and instance (n,), -1 for none,
+    whose they are; material (n,), references; offset (n,), of rays that leave them (m).
+    """
+
+    points: NDArray[np.float32]
+    normal: Points
+    slope: Points
+    piece: Indices
+    instance: Indices
+    material: Indices
+    offset: Points
+
+
+def faces_of(survey: Survey) -> Faces | None:
+    """All flat faces, of large objects those that reach into the box of another; None where there are no two."""
+    pieces = survey.pieces
+    found: list[Faces] = []
+    flat = np.array([is_flat(table) for table in survey.tables])[pieces.table]
+    rows = pieces.stop - pieces.start
+    baked, grouped = flat & (pieces.group < 0), np.flatnonzero(flat & (pieces.group >= 0))
+    small = baked & (rows <= _LARGE)
+    tables = np.unique(pieces.table[small]).tolist()
+    found += [_of_small(survey, np.flatnonzero(small & (pieces.table == number))) for number in tables]
+    for piece in np.flatnonzero(baked & (rows > _LARGE)).tolist():
+        found += _of_large(survey, piece)
+    room = MOST_FACES - sum(len(part.piece) for part in found)
+    total = np.array([len(survey.placed(piece)) for piece in grouped.tolist()], np.int64) * rows[grouped]
+    for piece, count in sorted(zip(grouped.tolist(), total.tolist(), strict=True), key=lambda pair: pair[1]):
+        room -= count
+        if room < 0:
+            break
+        found.append(_of_copies(survey, piece))
+    if sum(len(part.piece) for part in found) < 2:
+        return None
+    columns: list[Any] = [np.concatenate(column) for column in zip(*found, strict=True)]
+    return Faces(*columns)
+
+
+def _of_small(survey: Survey, chosen: Indices) -> Faces:
+    """The faces of some objects of one table."""
+    pieces = survey.pieces
+    table = survey.tables[pieces.table[chosen[0]]]
+    start, stop = pieces.start[chosen], pieces.stop[chosen]
+    row = np.repeat(start - np.cumsum(stop - start) + (stop - start), stop - start) + np.arange((stop - start).sum())
+    begin, end = int(row[0]), int(row[-1]) + 1
+    if end - begin == len(row):
+        points = outline(table, begin, end)
+    else:
+        points = np.concatenate([outline(table, *span) for span in zip(start.tolist(), stop.tolist(), strict=True)])
+    return _made(points, np.repeat(chosen, stop - start), table.material[row])
+
+
+def _of_large(survey: Survey, piece: int) -> list[Faces]:
+    """The faces of a large object that reach into the box of another object, or all if it is of several materials."""
+    pieces = survey.pieces
+    table = survey.tables[pieces.table[piece]]
+    start, stop = int(pieces.start[piece]), int(pieces.stop[piece])
+    low, high = survey.boxes
+    slack = OFFSET_ULPS * float(pieces.reach[piece])
+    near = (low <= pieces.high[piece] + slack).all(axis=1) & (high >= pieces.low[piece] - slack).all(axis=1)
+    near[piece] = False
+    others = np.flatnonzero(near)
+    own = table.material[start:stop]
+    takes_all = len(others) > _MOST_BOXES or bool((own != own[0]).any())
+    found: list[Faces] = []
+    for begin in range(start, stop, _BLOCK) if takes_all or len(others) else ():
+        points = outline(table, begin, min(begin + _BLOCK, stop))
+        kept = np.full(len(points), takes_all)
+        if not takes_all:
+            least, most = extremes(points)
+            for other in others.tolist():
+                bottom, top = low[other] - slack, high[other] + slack
+                inside = [(least[:, axis] <= top[axis]) & (most[:, axis] >= bottom[axis]) for axis in range(3)]
+                kept |= inside[0] & inside[1] & inside[2]
+        rows = np.flatnonzero(kept)
+        if len(rows):
+            found.append(_made(points[rows], np.full(len(rows), piece), table.material[begin + rows]))
+    return found
+
+
+def extremes(points: Any) -> tuple[Any, Any]:
+    """The least and the greatest coordinates (n, 3) of the corners (n, k, 3), which numpy is slow to find by itself."""
+    least, most = points[:, 0].copy(), points[:, 0].copy()
+    for corner in range(1, points.shape[1]):
+        np.minimum(least, points[:, corner], out=least)
+        np.maximum(most, points[:, corner], out=most)
+    return least, most
+
+
+def _of_copies(survey: Survey, piece: int) -> Faces:
+    """The faces of an object wherever instances place it."""
+    pieces, instances = survey.pieces, survey.packed.scene.instances
+    assert instances is not None
+    shown = survey.placed(piece)
+    table = survey.tables[pieces.table[piece]]
+    start, stop = int(pieces.start[piece]), int(pieces.stop[piece])
+    pose = survey.poses[shown]
+    points = np.einsum("nij,rkj->nrki", pose[:, :3, :3], outline(table, start, stop)) + pose[:, None, None, :3, 3]
+    material = np.broadcast_to(table.material[start:stop], points.shape[:2])
+    if instances.material is not None:
+        given = instances.material[shown][:, None]
+        material = np.where(given >= 0, given, material)
+    instance = np.repeat(shown, stop - start)
+    mirrored = np.linalg.det(pose[:, :3, :3]) < 0.0
+    points = points.reshape(-1, *points.shape[2:])
+    turned = np.repeat(mirrored, stop - start)
+    points[turned] = points[turned, ::-1]
+    return _made(points, np.full(len(instance), piece), material.reshape(-1), instance)
+
+
+def _made(points: Points, piece: Indices, material: NDArray[np.int32], instance: Indices | None = None) -> Faces:
+    """Faces of the corners (n, k, 3), those of more than four cut into such."""
+    count, corners, _ = points.shape
+    shown = np.full(count, -1) if instance is None else instance
+    if corners > 4:
+        fan = np.array([(0, corner, corner + 1, min(corner + 2, corners - 1)) for corner in range(1, corners - 1, 2)])
+        points = points[:, fan].reshape(-1, 4, 3)
+        piece, material, shown = (np.repeat(column, len(fan)) for column in (piece, material, shown))
+    u, v, w = edges(points)
+    normal = np.cross(u, v)
+    area = np.sqrt(np.einsum("ij,ij->i", normal, normal))
+    longest = np.sqrt(np.max([np.einsum("ij,ij->i", edge, edge) for edge in (u, v, w)], axis=0))
+    least, most = extremes(points)
+    offset = OFFSET_ULPS * np.maximum(most.max(axis=1), -least.min(axis=1))
+    # The least height of a triangle is twice its area over its longest edge.
+    firm = np.flatnonzero(offset * longest < MOST_SLOPE * area)
+    held = np.empty((len(firm), 4, 3), np.float32)
+    held[:, : points.shape[1]] = points[firm]
+    held[:, points.shape[1] :] = points[firm, -1:]
+    return Faces(
+        held,
+        normal[firm] / area[firm, None],
+        offset[firm] * longest[firm] / area[firm],
+        piece[firm],
+        shown[firm],
+        material[firm].astype(np.int64),
+        offset[firm],
+    )

@@ -1,0 +1,214 @@
+"""Objects of sizes that float32 cannot hold side by side, or not where they are.
+
+A ray leaves a primitive by `OFFSET_ULPS` of how far its coordinates reach, which is what float32 hits are good to.  At
+`MOST_RADII` of its own radii that is a twentieth of an object's radius.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.geometry import OFFSET_ULPS
+from raytracer.primitives.spheres import Spheres
+from raytracer.scene.concerns.interface import Concern, concern
+from raytracer.scene.concerns.outlines import Points, normals, outline, reaches, resting
+from raytracer.scene.concerns.survey import Survey
+
+MOST_RADII = 1e5
+"""How many of its radii an object may be away: at 1e6, Embree misses 15 % of the rays at 0.99 of a sphere's radius."""
+
+MOST_EXTENTS = 1e6
+"""How much larger than the smallest object the largest may be: float32 has 2^24 = 1.7e7 steps."""
+
+_HULL = math.sqrt(3.0)
+"""How much farther than an object reaches along an axis its box does."""
+
+# Primitives of an object against each of which others are held; of one with more, its box is.
+_MOST_FACES = 4096
+
+# Objects so large that others may drown in their offset.
+_MOST_GROUNDS = 256
+
+
+def sizes(survey: Survey) -> Iterator[Concern]:
+    """Concerns about sizes: degenerate triangles, far and tiny objects, and such as others swallow."""
+    yield from _degenerate(survey)
+    yield from _far(survey)
+    drowned = list(_drowned(survey))
+    yield from drowned
+    if not drowned:
+        yield from _extents(survey)
+
+
+def _degenerate(survey: Survey) -> Iterator[Concern]:
+    """Triangles without an area, in files or once they are rounded to float32."""
+    packed, pieces = survey.packed, survey.pieces
+    for item, (count, first) in packed.empty.items():
+        keys = packed.items[item].keys
+        plural = "s" if count > 1 else ""
+        yield concern(
+            survey.spec,
+            "triangles without an area",
+            keys,
+            f"its file has {count:,} triangle{plural} without an area (the first is number {first}, counted from 0), "
+            "which no ray can hit and which are left out",
+        )
+    for piece in np.flatnonzero(pieces.empty).tolist():
+        count, total = int(pieces.empty[piece]), int(pieces.stop[piece] - pieces.start[piece])
+        what = f"{count:,} of its {total:,} faces have" if total > 1 else "it has"
+        yield survey.concern(
+            "faces that float32 cannot hold",
+            piece,
+            f"{what} no area once its coordinates are rounded to float32, in which rays are cast, so no ray can hit "
+            f"{'them' if total > 1 else 'it'}: make the object larger, or place it nearer to {survey.origin_text()}",
+        )
+
+
+# ---- Far away
+
+
+class _Seen(NamedTuple):
+    """Of each piece, or of its instance that is worst off, in radii: how far its coordinates reach, and the camera is.
+
+    extent : its own radius (m), in the scene.
+    """
+
+    reach: Points
+    distance: Points
+    extent: Points
+
+
+def _seen(survey: Survey) -> _Seen:
+    pieces, camera = survey.pieces, survey.camera
+    half = np.maximum(pieces.half, np.finfo(float).tiny)
+    away = np.maximum(0.0, np.linalg.norm(pieces.middle - camera, axis=1) - half)
+    result = _Seen(pieces.reach / half, away / half, pieces.half.copy())
+    instances = survey.packed.scene.instances
+    for group in np.unique(pieces.group[pieces.group >= 0]).tolist():
+        assert instances is not None
+        shown, of = np.flatnonzero(instances.group == group), np.flatnonzero(pieces.group == group)
+        if not len(shown):
+            continue
+        pose, scale = survey.poses[shown], survey.scales[shown]
+        low, high = pieces.low[of].min(axis=0), pieces.high[of].max(axis=0)
+        middle = pose[:, :3, :3] @ (low + 0.5 * (high - low)) + pose[:, :3, 3]
+        radius = scale * 0.5 * float(np.linalg.norm(high - low))
+        away = np.maximum(0.0, np.linalg.norm(middle - camera, axis=1) - radius)
+        # The nearest copy is the one that is seen; that which is farthest out is held the worst.
+        result.distance[of] = (away / scale).min() / half[of]
+        out = (np.abs(middle).max(axis=1) / scale).max() / half[of]
+        result.reach[of] = np.maximum(result.reach[of], out)
+        result.extent[of] = pieces.half[of] * scale.max()
+    return result
+
+
+def _far(survey: Survey) -> Iterator[Concern]:
+    """Objects that are too far away for their size, from the origin or from the camera."""
+    seen = _seen(survey)
+    for piece in np.flatnonzero((seen.reach > MOST_RADII) | (seen.distance > MOST_RADII)).tolist():
+        radius = float(seen.extent[piece])
+        if seen.distance[piece] > MOST_RADII:
+            where, times = "the camera", float(seen.distance[piece])
+        else:
+            where, times = survey.origin_text(), float(seen.reach[piece])
+        yield survey.concern(
+            "objects too far away for their size",
+            piece,
+            f"is {times:.2g} of its radii ({radius:.3g} m) away from {where}, and beyond {MOST_RADII:.0e} float32 is "
+            "too coarse to hit it well: make it larger, bring it nearer, or leave it out",
+        )
+
+
+# ---- On a ground that swallows them
+
+
+def _drowned(survey: Survey) -> Iterator[Concern]:
+    """Objects that lie on what is so large that the offset of rays which leave it is a good part of their size."""
+    pieces = survey.pieces
+    half = pieces.half
+    grounds = np.flatnonzero((pieces.group < 0) & (3.0 * pieces.reach > MOST_RADII * half.min(initial=np.inf)))
+    told = np.zeros(len(half), bool)
+    for ground in grounds[np.argsort(-pieces.reach[grounds], kind="stable")][:_MOST_GROUNDS].tolist():
+        small = np.flatnonzero(~told & (MOST_RADII * half < 3.0 * pieces.reach[ground]))
+        for piece, radius, reach in _on(survey, ground, small[small != ground]):
+            told[piece] = True
+            yield survey.concern(
+                "objects that drown in what they lie on",
+                piece,
+                f"is {2.0 * radius:.3g} m large and lies on {survey.name_of(ground)}, which rays leave "
+                f"{OFFSET_ULPS * reach:.2g} m off its surface because its coordinates reach {reach:.3g} m there: "
+                "nothing that is lower casts a shadow on it; make that one smaller, or split it",
+            )
+
+
+def _on(survey: Survey, ground: int, small: NDArray[np.int64]) -> Iterator[tuple[int, float, float]]:
+    """Which of some objects, or copies of them, drown in one: their radii, and how far its coordinates reach (m)."""
+    pieces = survey.pieces
+    single = small[pieces.group[small] < 0]
+    radius = pieces.half[single]
+    reach = _reach_below(survey, ground, pieces.middle[single], radius)
+    lost = MOST_RADII * radius < reach
+    yield from zip(single[lost].tolist(), radius[lost].tolist(), reach[lost].tolist(), strict=True)
+    for piece in small[pieces.group[small] >= 0].tolist():
+        middle, radius = _copies(survey, piece)
+        reach = _reach_below(survey, ground, middle, radius)
+        worst = int(np.argmax(reach / radius))
+        if MOST_RADII * radius[worst] < reach[worst]:
+            yield piece, float(radius[worst]), float(reach[worst])
+
+
+def _copies(survey: Survey, piece: int) -> tuple[Points, Points]:
+    """Middles (n, 3) and radii (n,) of a piece wherever it is placed."""
+    middle, half = survey.pieces.middle[piece], survey.pieces.half[piece]
+    shown = survey.placed(piece)
+    pose = survey.poses[shown]
+    return pose[:, :3, :3] @ middle + pose[:, :3, 3], survey.scales[shown] * half
+
+
+def _reach_below(survey: Survey, ground: int, middle: Points, radius: Points) -> Points:
+    """How far the coordinates reach (n,) (m) of what balls lie on, of several faces the least; 0 for those beside."""
+    pieces = survey.pieces
+    table = survey.tables[pieces.table[ground]]
+    start, stop = int(pieces.start[ground]), int(pieces.stop[ground])
+    reach = reaches(table, start, stop)
+    base = resting(table)
+    if isinstance(base, Spheres):
+        away = np.linalg.norm(middle - base.center[start], axis=1)
+        on = np.abs(away - abs(base.radius[start])) <= _HULL * radius + OFFSET_ULPS * reach
+        return np.asarray(np.where(on, reach, 0.0))
+    near = _HULL * radius + OFFSET_ULPS * float(reach.max())
+    low, high = pieces.low[ground] - near[:, None], pieces.high[ground] + near[:, None]
+    within = ((middle >= low) & (middle <= high)).all(axis=1)
+    if stop - start > _MOST_FACES:
+        return np.asarray(np.where(within, float(reach.min()), 0.0))
+    result = np.where(within, np.inf, 0.0)
+    faces = outline(table, start, stop)
+    normal = normals(faces)
+    for place in np.flatnonzero(within).tolist():
+        slack = _HULL * radius[place] + OFFSET_ULPS * reach
+        height = np.abs(np.einsum("ni,ni->n", middle[place] - faces[:, 0], normal))
+        beside = np.maximum(faces.min(axis=1) - middle[place], middle[place] - faces.max(axis=1)).max(axis=1)
+        on = (height <= slack) & (beside <= slack)
+        result[place] = reach[on].min() if on.any() else 0.0
+    return np.asarray(result)
+
+
+# ---- All of the scene
+
+
+def _extents(survey: Survey) -> Iterator[Concern]:
+    """A scene whose largest object is too much larger than its smallest."""
+    extent = _seen(survey).extent
+    small, large = int(np.argmin(extent)), int(np.argmax(extent))
+    ratio = float(extent[large] / max(extent[small], np.finfo(float).tiny))
+    if ratio > MOST_EXTENTS:
+        yield survey.concern(
+            "sizes that are too far apart",
+            small,
+            f"is {2.0 * extent[small]:.3g} m large, and {survey.name_of(large)} {2.0 * extent[large]:.3g} m, "
+            f"{ratio:.2g} times as much: beyond {MOST_EXTENTS:.0e} float32 cannot hold both, and rays from far away "
+            "miss what is small; make skies of an `environment` or a `sun`, and grounds no larger than is seen",
+        )

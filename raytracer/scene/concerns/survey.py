@@ -1,0 +1,255 @@
+"""What a packed scene holds, object by object: how large, where, and how many primitives vanish in float32."""
+
+from functools import cached_property, reduce
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.cameras.moving import camera_at
+from raytracer.materials.interface import MaterialSpec
+from raytracer.motion import compose
+from raytracer.primitives.spheres import Spheres
+from raytracer.scene.concerns.interface import Concern, Keys, concern, named
+from raytracer.scene.concerns.outlines import Points, has_edges, normals, outline, resting
+from raytracer.scene.pack import Packed
+from raytracer.shapes.interface import ShapeSpec
+
+# Rows worked on at once: what is computed for each stays in the cache, and takes little memory.
+_BLOCK = 1 << 14
+
+
+class Pieces(NamedTuple):
+    """Ranges of rows of the tables, one for each object in the scene's space or in that of a group (n,).
+
+    table, start, stop : where its rows are.
+    item : of `Packed.items`; group : -1 for what is in none.
+    low, high : the box (n, 3) round it, in the space of its group or of the packed scene (m).
+    empty : how many of its rows have no area as float32 holds them, and first, the first of them (-1).
+    """
+
+    table: NDArray[np.int64]
+    start: NDArray[np.int64]
+    stop: NDArray[np.int64]
+    item: NDArray[np.int64]
+    group: NDArray[np.int64]
+    low: Points
+    high: Points
+    empty: NDArray[np.int64]
+    first: NDArray[np.int64]
+
+    @property
+    def half(self) -> Points:
+        """Half the largest edge of each box (n,) (m), which is the radius of a sphere."""
+        return np.asarray(0.5 * (self.high - self.low).max(axis=1))
+
+    @property
+    def middle(self) -> Points:
+        """The middle of each box (n, 3)."""
+        return np.asarray(self.low + 0.5 * (self.high - self.low))
+
+    @property
+    def reach(self) -> Points:
+        """How far the coordinates of each reach (n,) (m)."""
+        return np.asarray(np.maximum(np.abs(self.low), np.abs(self.high)).max(axis=1))
+
+
+class Survey:
+    """A packed scene, looked over.
+
+    shift (3,) : the origin of the packed scene in the scene as it was written.
+    """
+
+    def __init__(self, packed: Packed) -> None:
+        self.packed, self.spec = packed, packed.spec
+        origin = packed.scene.origin
+        self.shift = np.zeros(3) if origin is None else np.array(origin.world)
+        self.tables = packed.scene.primitives
+        self.pieces = _pieces(packed)
+
+    @cached_property
+    def camera(self) -> Points:
+        """Where the camera is when the shutter opens (3,), in the packed scene."""
+        camera = self.spec.camera
+        return np.asarray(camera_at(camera, camera.opening().open).look_from - self.shift)
+
+    @cached_property
+    def poses(self) -> Points:
+        """From the space of its group to the packed scene, for each instance: (n, 4, 4), at the shutter's opening."""
+        instances = self.packed.scene.instances
+        if instances is None:
+            return np.empty((0, 4, 4))
+        result = np.zeros((len(instances.group), 4, 4))
+        result[:, 3, 3] = 1.0
+        still = len(instances.pose)
+        result[:still, :3] = instances.pose
+        if instances.trajectories is not None:
+            rows = instances.trajectories.rows[instances.trajectories.first[:-1]]
+            result[still:] = [compose(row) for row in rows]
+        return result
+
+    @cached_property
+    def scales(self) -> Points:
+        """The largest factor of each instance's pose (n,)."""
+        return np.asarray(np.linalg.norm(self.poses[:, :3, :3], axis=1).max(axis=1, initial=0.0))
+
+    @cached_property
+    def boxes(self) -> tuple[Points, Points]:
+        """Boxes (n, 3) round the pieces in the packed scene, and round all copies of those in groups."""
+        low, high = self.pieces.low.copy(), self.pieces.high.copy()
+        for piece in np.flatnonzero(self.pieces.group >= 0).tolist():
+            shown = self.placed(piece)
+            pose = self.poses[shown]
+            middle = pose[:, :3, :3] @ self.pieces.middle[piece] + pose[:, :3, 3]
+            half = np.abs(pose[:, :3, :3]) @ (0.5 * (high[piece] - low[piece]))
+            low[piece] = (middle - half).min(axis=0, initial=np.inf)
+            high[piece] = (middle + half).max(axis=0, initial=-np.inf)
+        return low, high
+
+    def placed(self, piece: int) -> NDArray[np.int64]:
+        """The instances that show a piece (n,); none for what is in no group."""
+        instances = self.packed.scene.instances
+        if instances is None or self.pieces.group[piece] < 0:
+            return np.empty(0, np.int64)
+        return np.flatnonzero(instances.group == self.pieces.group[piece])
+
+    def spec_of(self, piece: int) -> ShapeSpec:
+        """The object that a piece is, or is part of."""
+        return self.packed.items[int(self.pieces.item[piece])].spec
+
+    def look_of(self, piece: int) -> MaterialSpec | None:
+        """Its resolved material; None if its faces, or its copies, have several."""
+        pieces, instances = self.pieces, self.packed.scene.instances
+        own = self.tables[pieces.table[piece]].material[pieces.start[piece] : pieces.stop[piece]]
+        found = np.unique(own) if own[0] != own[-1] else own[:1]
+        if instances is not None and instances.material is not None and pieces.group[piece] >= 0:
+            given = np.unique(instances.material[self.placed(piece)])
+            found = np.concatenate([given[given >= 0], found if (given < 0).any() else found[:0]])
+        return self.packed.looks.get(int(found[0])) if len(found) == 1 else None
+
+    def keys_of(self, piece: int) -> Keys:
+        """The path of that object in the scene."""
+        return self.packed.items[int(self.pieces.item[piece])].keys
+
+    def owners(self, one: tuple[int, int], other: tuple[int, int]) -> tuple[Keys, Keys]:
+        """The paths of two objects, each told by its piece and instance (-1 for none).
+
+        They are those that place the pieces; of two pieces that are placed by the same one, what they are in the group.
+        """
+        placing = [-1 if instance < 0 else int(self.packed.instance_objects[instance]) for _, instance in (one, other)]
+        inside = self.keys_of(one[0]), self.keys_of(other[0])
+        if placing[0] == placing[1]:
+            return inside
+        first, second = (
+            keys if number < 0 else ("objects", number) for number, keys in zip(placing, inside, strict=True)
+        )
+        return first, second
+
+    def order(self, keys: Keys) -> tuple[bool, str, int]:
+        """What puts objects into the order in which they are written: those of groups come first."""
+        *path, number = keys
+        return path == ["objects"], str(path), int(number)
+
+    def contains(self, piece: int, points: Points) -> NDArray[np.bool_]:
+        """Which points (n, 3) of its space are inside of a sphere or a box; none is inside of anything else."""
+        table = self.tables[self.pieces.table[piece]]
+        start, stop = int(self.pieces.start[piece]), int(self.pieces.stop[piece])
+        base = resting(table)
+        if isinstance(base, Spheres):
+            away = np.linalg.norm(points - base.center[start], axis=1)
+            return np.asarray(away < abs(float(base.radius[start])))
+        if self.spec_of(piece).type != "box":
+            return np.zeros(len(points), bool)
+        faces = outline(table, start, stop)
+        heights = np.einsum("pfi,fi->pf", points[:, None] - faces[None, :, 0], normals(faces))
+        return np.asarray((heights < 0.0).all(axis=1))
+
+    def is_buried(self, point: Points) -> bool:
+        """Whether a point (3,) of the packed scene is inside of an opaque sphere or box."""
+        low, high = self.boxes
+        for piece in np.flatnonzero(((point > low) & (point < high)).all(axis=1)).tolist():
+            look = self.look_of(piece)
+            if look is None or look.passes() or look.transmits():
+                continue
+            shown = self.placed(piece)
+            if self.pieces.group[piece] < 0:
+                inside = self.contains(piece, point[None])
+            else:
+                pose = self.poses[shown]
+                away = (point - pose[:, :3, 3])[:, :, None]
+                within = np.asarray(np.linalg.solve(pose[:, :3, :3], away)[:, :, 0], np.float64)
+                inside = self.contains(piece, within)
+            if inside.any():
+                return True
+        return False
+
+    def is_solid(self, piece: int) -> bool:
+        """Whether it is seen from the side of its normals alone, if it is closed as it should be."""
+        return self.spec_of(piece).type in ("box", "mesh")
+
+    def name_of(self, piece: int) -> str:
+        """What a sentence calls it."""
+        return named(self.spec, self.keys_of(piece))
+
+    def concern(self, kind: str, piece: int, message: str) -> Concern:
+        """A concern about an object."""
+        return concern(self.spec, kind, self.keys_of(piece), message)
+
+    def origin_text(self) -> str:
+        """What a sentence calls the point from which coordinates are counted."""
+        return "the middle of the scene" if self.shift.any() else "the origin"
+
+
+def _pieces(packed: Packed) -> Pieces:
+    found: list[Pieces] = []
+    for number, (table, owners) in enumerate(zip(packed.scene.primitives, packed.owners, strict=True)):
+        stop = np.append(owners.start[1:], len(table.material))
+        used = stop > owners.start
+        start, stop = owners.start[used], stop[used]
+        item, group = owners.item[used].astype(np.int64), owners.group[used].astype(np.int64)
+        found.append(Pieces(np.full(len(start), number), start, stop, item, group, *_measured(table, start, stop)))
+    return Pieces(*(np.concatenate(column) for column in zip(*found, strict=True)))
+
+
+class _Measures(NamedTuple):
+    """Of ranges of rows: boxes, rows without an area, and the first of these."""
+
+    low: Points
+    high: Points
+    empty: NDArray[np.int64]
+    first: NDArray[np.int64]
+
+
+def _measured(table: object, start: NDArray[np.int64], stop: NDArray[np.int64]) -> _Measures:
+    """What there is in ranges of a table's rows, which follow each other."""
+    count = len(start)
+    found = _Measures(
+        np.full((count, 3), np.inf), np.full((count, 3), -np.inf), np.zeros(count, np.int64), -np.ones(count, np.int64)
+    )
+    for begin in range(0, int(stop[-1]) if count else 0, _BLOCK):
+        end = min(begin + _BLOCK, int(stop[-1]))
+        points = outline(table, begin, end)
+        first = int(np.searchsorted(start, begin, side="right")) - 1
+        last = int(np.searchsorted(start, end, side="left"))
+        within = np.maximum(start[first:last] - begin, 0)
+        corners = [points[:, k] for k in range(points.shape[1])]
+        low, high = reduce(np.minimum, corners), reduce(np.maximum, corners)
+        found.low[first:last] = np.minimum(found.low[first:last], np.minimum.reduceat(low, within))
+        found.high[first:last] = np.maximum(found.high[first:last], np.maximum.reduceat(high, within))
+
+        rows = np.flatnonzero(_is_empty(table, points))
+        piece, earliest, number = np.unique(
+            np.searchsorted(within, rows, side="right") - 1 + first, return_index=True, return_counts=True
+        )
+        fresh = found.empty[piece] == 0
+        found.first[piece[fresh]] = begin + rows[earliest[fresh]] - start[piece[fresh]]
+        found.empty[piece] += number
+    return found
+
+
+def _is_empty(table: object, points: Points) -> NDArray[np.bool_]:
+    """Which primitives have no area as float32 holds them, so that no ray can hit them (n,)."""
+    if not has_edges(table):
+        return np.zeros(len(points), bool)
+    a, b, c = (points[:, k].astype(np.float32).astype(np.float64) for k in (0, 1, points.shape[1] - 1))
+    return np.asarray(~np.any(np.cross(b - a, c - a), axis=1))

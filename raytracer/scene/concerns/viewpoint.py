@@ -1,0 +1,85 @@
+"""Cameras that stand where there is nothing to be seen."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.geometry import OFFSET_ULPS
+from raytracer.primitives.spheres import Spheres
+from raytracer.scene.concerns.interface import Concern, concern
+from raytracer.scene.concerns.outlines import Points, normals, outline, resting
+from raytracer.scene.concerns.survey import Survey
+
+_KIND = "cameras without a view"
+
+# Faces of an object that are looked at one by one.
+_MOST_FACES = 10_000
+
+
+def viewpoint(survey: Survey) -> Iterator[Concern]:
+    """Concerns about where the camera is."""
+    pieces = survey.pieces
+    for piece in np.flatnonzero(
+        (pieces.group < 0) & (pieces.stop - pieces.start <= _MOST_FACES) & _near(survey)
+    ).tolist():
+        table = survey.tables[pieces.table[piece]]
+        start, stop = int(pieces.start[piece]), int(pieces.stop[piece])
+        offset = OFFSET_ULPS * float(pieces.reach[piece])
+        if _is_on(survey, table, start, stop, offset):
+            yield concern(
+                survey.spec,
+                _KIND,
+                ("camera", "look_from"),
+                f"lies on the surface of {survey.name_of(piece)}, to within {offset:.2g} m, so which side it sees is "
+                "left to rounding: move it by more than that",
+            )
+        elif _is_in_the_dark(survey, piece):
+            yield concern(
+                survey.spec,
+                _KIND,
+                ("camera", "look_from"),
+                f"is inside {survey.name_of(piece)}, which is opaque and holds no light, so the picture will be black",
+            )
+
+
+def _near(survey: Survey) -> NDArray[np.bool_]:
+    """Which pieces have the camera in their box, or on it (n,)."""
+    pieces, camera = survey.pieces, survey.camera
+    slack = OFFSET_ULPS * pieces.reach[:, None]
+    return np.asarray(((camera >= pieces.low - slack) & (camera <= pieces.high + slack)).all(axis=1))
+
+
+def _is_on(survey: Survey, table: object, start: int, stop: int, offset: float) -> bool:
+    """Whether the camera is nearer to a surface than the offset of rays that leave it."""
+    base = resting(table)
+    if isinstance(base, Spheres):
+        return abs(_away(base, start, survey.camera) - abs(float(base.radius[start]))) <= offset
+    faces = outline(table, start, stop)
+    normal = normals(faces)
+    to = survey.camera - faces
+    height = np.abs(np.einsum("nki,ni->nk", to, normal)).max(axis=1)
+    # Inside of a convex face, the point is to the left of all of its edges.
+    edges = np.roll(faces, -1, axis=1) - faces
+    left = np.einsum("nki,ni->nk", np.cross(edges, to), normal)
+    return bool(((height <= offset) & (left >= 0.0).all(axis=1)).any())
+
+
+def _away(table: Spheres, row: int, point: Points) -> float:
+    return float(np.linalg.norm(point - table.center[row]))
+
+
+def _is_in_the_dark(survey: Survey, piece: int) -> bool:
+    """Whether the camera is inside of a closed opaque object into which no light comes."""
+    look = survey.look_of(piece)
+    if look is None or look.passes() or look.transmits() or look.emits():
+        return False
+    low, high = survey.boxes
+    middles = low + 0.5 * (high - low)
+    emitting = np.array([(found := survey.look_of(other)) is None or found.emits() for other in range(len(low))])
+    places = [light.position for light in survey.spec.lights if hasattr(light, "position")]
+    # A flash without a place of its own is at the camera.
+    lit = [survey.camera if place is None else np.subtract(place, survey.shift) for place in places]
+    points = np.concatenate([survey.camera[None], middles[emitting], np.reshape(lit, (-1, 3))])
+    inside = survey.contains(piece, points)
+    return bool(inside[0]) and not inside[1:].any()

@@ -1,0 +1,364 @@
+"""Warnings before a render: each is given for a scene that deserves it, names object and line, and for no other."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import raytracer as rt
+from raytracer.cli.main import main
+from raytracer.errors import InputError, StrictError
+from raytracer.primitives import interface as primitives
+from raytracer.rendering import render
+from raytracer.scene.concerns import concerns, told
+from raytracer.scene.concerns.interface import MOST_TOLD, Concern
+from raytracer.scene.concerns.outlines import outline, reaches
+from raytracer.scene.load import build, load
+from raytracer.scene.pack import pack
+
+ROOT = Path(__file__).parents[2]
+
+HEAD = """\
+camera: {type: pinhole, look_from: EYE, look_at: [0.1, 0.5, 0], vfov: 40}
+film: {width: 8, height: 6}
+environment: {type: constant, radiance: 1}
+materials:
+  grey: {type: lambertian, albedo: 0.5}
+  red: {type: lambertian, albedo: [0.5, 0, 0]}
+  glass: {type: dielectric, ior: 1.5}
+  lamp: {type: emitter, radiance: 3}
+"""
+
+FLOOR = "type: quad, name: floor, corner: [-5, 0, 5], edges: [[10, 0, 0], [0, 0, -10]], material: grey"
+BALL = "type: sphere, name: ball, center: [0, 2, 0], radius: 1, material: grey"
+WALL = "type: quad, name: wall, corner: [-5, 0, -2], edges: [[10, 0, 0], [0, 10, 0]], material: grey"
+POSTER = "type: quad, name: poster, corner: [0, 1, -2], edges: [[1, 0, 0], [0, 1, 0]], material: red"
+CRATE = "type: box, name: crate, min: [0, 0, 0], max: [1, 1, 1], material: red"
+TUBE = "type: quad, name: tube, corner: [0, 3, 0], edges: [[1, 0, 0], [0, 0, 1]], material: lamp"
+TURNED = "transform: [{rotate: {axis: [1, 2, 3], angle: 33}}]"
+
+
+def found(*objects: str, eye: str = "[0, 1.5, 6]", more: str = "", base: Path | None = None) -> list[Concern]:
+    """What there is to warn of in a scene of these objects."""
+    text = HEAD.replace("EYE", eye) + more + "objects:\n" + "".join(f"  - {{{item}}}\n" for item in objects)
+    return concerns(pack(build(text, "s.yaml", base=base)))
+
+
+def dark(text: str) -> str:
+    return text.replace("environment: {type: constant, radiance: 1}\n", "")
+
+
+CLEAN: dict[str, tuple[str, ...]] = {
+    "a floor and a ball": (FLOOR, BALL),
+    "the ground of One Weekend": (
+        "type: sphere, center: [0, -1000, 0], radius: 1000",
+        "type: sphere, center: [0, 0.2, 0], radius: 0.2",
+    ),
+    "a crate on a floor": (FLOOR, CRATE),
+    "a crate on a crate": (CRATE, "type: box, min: [0, 1, 0], max: [1, 2, 1], material: grey"),
+    "a poster a tenth of a millimetre off": (WALL, POSTER.replace("-2]", "-1.9999]")),
+    "a poster of the wall's own material": (WALL, POSTER.replace("red", "grey")),
+    "a poster beside the wall": (WALL, POSTER.replace("corner: [0", "corner: [5")),
+    "a poster beside the wall, both turned": (
+        f"{WALL}, {TURNED}",
+        f"{POSTER.replace('corner: [0', 'corner: [5')}, {TURNED}",
+    ),
+    "hollow glass": (
+        "type: sphere, center: [0, 2, 0], radius: 1, material: glass",
+        "type: sphere, center: [0, 2, 0], radius: -0.9, material: glass",
+    ),
+    "a lamp above": (FLOOR, TUBE),
+    "a lamp inside of a room": (
+        "type: sphere, name: room, center: [0, 0, 0], radius: -20, material: grey",
+        "type: sphere, center: [0, 3, 0], radius: 0.3, material: lamp",
+    ),
+}
+
+
+@pytest.mark.parametrize("objects", CLEAN.values(), ids=CLEAN)
+def test_what_is_right_is_no_concern(objects: tuple[str, ...]) -> None:
+    assert found(*objects) == []
+
+
+WARNED: dict[str, tuple[tuple[str, ...], str, str]] = {
+    "a pea a kilometre away": (
+        (FLOOR, BALL, "type: sphere, name: pea, center: [0, 1, -1000], radius: 0.001"),
+        's.yaml:12: objects[2] "pea": ',
+        "is 1e+06 of its radii (0.001 m) away from the camera",
+    ),
+    "a pebble on a planet": (
+        (
+            "type: sphere, name: planet, center: [0, -1000000, 0], radius: 1000000",
+            "type: sphere, name: pebble, center: [0, 0.1, 0], radius: 0.1",
+            "type: sphere, name: balloon, center: [0, 30, 0], radius: 0.1",
+        ),
+        's.yaml:11: objects[1] "pebble": ',
+        'lies on objects[0] "planet", which rays leave 0.95 m off its surface',
+    ),
+    "a dome of stars": (
+        (FLOOR, BALL, "type: sphere, name: dome, center: [0, 0, 0], radius: -1e7, material: lamp"),
+        's.yaml:11: objects[1] "ball": ',
+        'is 2 m large, and objects[2] "dome" 2e+07 m, 1e+07 times as much',
+    ),
+    "a face that is nothing in float32": (
+        (FLOOR, "type: triangle, name: speck, vertices: [[3, 1, 0], [4, 1, 0], [5, 1.00000001, 0]]"),
+        's.yaml:11: objects[1] "speck": ',
+        "it has no area once its coordinates are rounded to float32",
+    ),
+    "a poster in the wall": (
+        (WALL, POSTER),
+        's.yaml:11: objects[1] "poster": ',
+        'coincides with one of objects[0] "wall"',
+    ),
+    "a poster less than an offset off": (
+        (WALL, POSTER.replace("-2]", "-1.999999]")),
+        's.yaml:11: objects[1] "poster": ',
+        "to within 4.8e-06 m, where they overlap: which of the two is seen is left to rounding",
+    ),
+    "a disc in a wall, both turned": (
+        (
+            f"{WALL}, {TURNED}",
+            f"type: disc, center: [0, 1, -2], normal: [0, 0, 1], radius: 0.5, material: red, {TURNED}",
+        ),
+        "s.yaml:11: objects[1]: ",
+        'coincides with one of objects[0] "wall"',
+    ),
+    "a triangle in a wall": (
+        (WALL, "type: triangle, vertices: [[0, 1, -2], [1, 1, -2], [0, 2, -2]], material: red"),
+        "s.yaml:11: objects[1]: ",
+        'coincides with one of objects[0] "wall"',
+    ),
+    "a lamp in the wall": (
+        (WALL, POSTER.replace("red", "lamp")),
+        's.yaml:11: objects[1] "poster": ',
+        'coincides with one of objects[0] "wall"',
+    ),
+    "boxes with flush tops": (
+        (CRATE, "type: box, name: inlay, min: [0.2, 0.5, 0.2], max: [0.8, 1, 0.8], material: grey"),
+        's.yaml:11: objects[1] "inlay": ',
+        'coincides with one of objects[0] "crate"',
+    ),
+    "glass on a floor": (
+        (FLOOR, CRATE.replace("red", "glass")),
+        's.yaml:11: objects[1] "crate": ',
+        "light goes into one of them",
+    ),
+    "glass on glass of the same kind": (
+        (CRATE.replace("red", "glass"), "type: box, name: lid, min: [0, 1, 0], max: [1, 2, 1], material: glass"),
+        's.yaml:11: objects[1] "lid": ',
+        "light goes into one of them",
+    ),
+    "a ball twice": (
+        (BALL, BALL.replace("ball", "twin").replace("grey", "red")),
+        's.yaml:11: objects[1] "twin": ',
+        'coincides with one of objects[0] "ball"',
+    ),
+    "an emitter that gives nothing": (
+        (FLOOR, "type: quad, corner: [0, 3, 0], edges: [[1, 0, 0], [0, 0, 1]], material: {type: emitter, radiance: 0}"),
+        "s.yaml:11: objects[1]: ",
+        "is made of an emitter that gives no light: its radiance is 0",
+    ),
+    "a lamp to the ceiling": (
+        (FLOOR, TUBE.replace("[1, 0, 0], [0, 0, 1]", "[0, 0, 1], [1, 0, 0]")),
+        's.yaml:11: objects[1] "tube": ',
+        "gives light to the side of its normal only",
+    ),
+    "a bulb inside out": (
+        (FLOOR, "type: sphere, name: bulb, center: [0, 3, 0], radius: -0.3, material: lamp"),
+        's.yaml:11: objects[1] "bulb": ',
+        "has a negative radius, so it gives light to its inside only",
+    ),
+}
+
+
+@pytest.mark.parametrize(("objects", "place", "words"), WARNED.values(), ids=WARNED)
+def test_a_concern_names_its_object(objects: tuple[str, ...], place: str, words: str) -> None:
+    (concern,) = found(*objects)
+    assert concern.text.startswith(place)
+    assert words in concern.text
+
+
+@pytest.mark.parametrize(
+    ("eye", "words"),
+    [
+        ("[0, 2, 0.5]", 'is inside objects[1] "ball", which is opaque and holds no light'),
+        ("[2, 0, 4]", 'lies on the surface of objects[0] "floor"'),
+        ("[0, 3.0000000001, 0]", 'lies on the surface of objects[1] "ball"'),
+    ],
+)
+def test_a_camera_that_sees_nothing(eye: str, words: str) -> None:
+    (concern,) = found(FLOOR, BALL, eye=eye)
+    assert concern.text.startswith("s.yaml:1: camera.look_from: ")
+    assert words in concern.text
+
+
+def test_a_camera_in_a_box_sees_what_is_lit_in_there() -> None:
+    room = "type: box, name: room, min: [-3, -1, -3], max: [3, 4, 3]"
+    (concern,) = found(room, eye="[0, 1, 2]")
+    assert 'is inside objects[0] "room"' in concern.text
+    assert found(room, "type: sphere, center: [0, 3, 0], radius: 0.2, material: lamp", eye="[0, 1, 2]") == []
+    lights = "lights: [{type: point, position: [0, 3, 0], intensity: 1}]\n"
+    assert found(room, eye="[0, 1, 2]", more=lights) == []
+    outside = lights.replace("[0, 3, 0]", "[0, 5, 0]")
+    assert len(found(room, eye="[0, 1, 2]", more=outside)) == 1
+    assert found(room.replace("room,", "room, material: glass,"), eye="[0, 1, 2]") == []
+
+
+def test_a_scene_without_light_is_black() -> None:
+    text = dark(HEAD.replace("EYE", "[0, 1, 6]")) + f"objects: [{{{FLOOR}}}]\n"
+    (concern,) = concerns(pack(build(text, "s.yaml")))
+    assert concern.text.startswith("s.yaml:8: objects: nothing gives light")
+    point = "lights: [{type: point, position: [0, 3, 0], intensity: 0}]\n"
+    first, second = concerns(pack(build(point + text, "s.yaml")))
+    assert first.text == "s.yaml:1: lights[0]: gives no light: its intensity is 0"
+    assert second.keys == ("objects",)
+    assert concerns(pack(build(point.replace("intensity: 0", "intensity: [0, 0, 1]") + text, "s.yaml"))) == []
+
+
+def test_a_shift_that_is_a_million_metres_changes_no_concern() -> None:
+    # Coordinates are judged as they are packed, near the origin.
+    far = "transform: [{translate: [1e6, -1e6, 1e6]}]"
+    eye, at = "[1e6, -999999, 1000006]", "[1000000.1, -999999.5, 1e6]"
+    text = HEAD.replace("EYE", eye).replace("[0.1, 0.5, 0]", at)
+    for objects, kinds in (((FLOOR, BALL), 0), ((WALL, POSTER), 1)):
+        moved = "".join(f"  - {{{item}, {far}}}\n" for item in objects)
+        assert len(concerns(pack(build(f"{text}objects:\n{moved}", "s.yaml")))) == kinds
+
+
+def test_what_instances_place_is_held_against_the_rest() -> None:
+    picture = POSTER.replace("-2]", "0]").replace("poster", "picture")
+    group = f"groups:\n  pictures:\n    - {{{picture}}}\n"
+    placed = "type: instance, name: hung, of: pictures, transform: [{translate: [2, 0, DEPTH]}]"
+    (concern,) = found(WALL, placed.replace("DEPTH", "-2"), more=group)
+    assert concern.text.startswith(
+        's.yaml:14: objects[1] "hung": a surface of it coincides with one of objects[0] "wall"'
+    )
+    assert found(WALL, placed.replace("DEPTH", "-1.99"), more=group) == []
+
+
+def obj(path: Path, vertices: Any, faces: Any) -> None:
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.asarray(vertices, float).tolist()]
+    path.write_text("\n".join([*lines, *(f"f {a} {b} {c}" for a, b, c in (np.asarray(faces) + 1).tolist())]) + "\n")
+
+
+def test_triangles_without_an_area_are_counted(tmp_path: Path) -> None:
+    vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0], [3, 1, 0]]
+    obj(tmp_path / "rock.obj", vertices, [[0, 1, 2], [0, 1, 3], [1, 4, 2], [4, 4, 4]])
+    (concern,) = found("type: mesh, file: rock.obj", base=tmp_path)
+    assert "its file has 2 triangles without an area (the first is number 1, counted from 0)" in concern.text
+    # A file that is fine may become too fine for float32 where it is placed: every second triangle is 1e-9 m high.
+    heights = [[x, 1.0 + (x % 2) * (1e-9 if x < 6 else 1.0), 0.0] for x in range(12)]
+    obj(tmp_path / "fine.obj", heights, [[k, k + 1, k + 2] for k in range(10)])
+    (concern,) = found("type: mesh, file: fine.obj", base=tmp_path)
+    assert "5 of its 10 faces have no area once its coordinates are rounded to float32" in concern.text
+
+
+def test_of_many_alike_ten_are_told() -> None:
+    posters = [POSTER.replace("name: poster, corner: [0", f"corner: [{x}") for x in np.arange(-4.8, 4.2, 0.5)]
+    sentences = told(found(WALL, *(item.replace("[[1, 0, 0]", "[[0.4, 0, 0]") for item in posters)))
+    assert len(sentences) == MOST_TOLD + 1
+    assert sentences[-1] == f"and {len(posters) - MOST_TOLD} more surfaces that coincide"
+
+
+def test_the_order_of_objects_does_not_matter() -> None:
+    (concern,) = found(POSTER, WALL)
+    assert concern.text.startswith(
+        's.yaml:11: objects[1] "wall": a surface of it coincides with one of objects[0] "poster"'
+    )
+
+
+SHIPPED = sorted([*ROOT.glob("scenes/*.yaml"), *ROOT.glob("scenes/lecture/*.yaml")])
+
+LIGHT = ("bokeh", "cornell", "cover", "fan", "glass", "nested", "smoke", "textures", "train")
+"""Scenes that are packed in no time."""
+
+
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, id=path.stem, marks=[] if path.stem in LIGHT else [pytest.mark.slow]) for path in SHIPPED],
+)
+def test_shipped_scenes_are_no_concern(path: Path) -> None:
+    assert [item.text for item in concerns(pack(load(path)))] == []
+
+
+# ---- How it is told
+
+
+def written(tmp_path: Path, *objects: str) -> Path:
+    path = tmp_path / "scene.yaml"
+    path.write_text(HEAD.replace("EYE", "[0, 1, 6]") + "objects:\n" + "".join(f"  - {{{item}}}\n" for item in objects))
+    return path
+
+
+def test_validate_warns_and_strict_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bad = written(tmp_path, WALL, POSTER)
+    assert main(["validate", str(bad)]) == 0
+    captured = capsys.readouterr()
+    assert captured.out == f"{bad}: valid\n"
+    assert captured.err.startswith(f'rt: warning: {bad}:11: objects[1] "poster": ')
+    assert main(["validate", "--strict", str(bad)]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith(f'rt: {bad}:11: objects[1] "poster": ')
+    assert captured.err.count("\n") == 1
+
+
+def test_strict_ends_a_render_before_it_begins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bad, out = (
+        written(tmp_path, WALL, POSTER, BALL, BALL.replace("ball", "twin").replace("grey", "red")),
+        tmp_path / "a.npy",
+    )
+    assert main(["render", str(bad), "-o", str(out), "--strict"]) == 2
+    captured = capsys.readouterr()
+    assert [line.split(": ")[2] for line in captured.err.splitlines()] == ['objects[1] "poster"', 'objects[3] "twin"']
+    assert not out.exists()
+    with pytest.raises(StrictError, match=r'objects\[1\] "poster": .* \(and 1 more\)'):
+        render(load(bad), strict=True)
+
+
+def test_explain_and_python_warn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bad = written(tmp_path, WALL, POSTER)
+    (sentence,) = rt.explain(rt.load(bad)).warnings
+    assert 'objects[1] "poster"' in sentence
+
+    # The warning is at the line that asked for the picture.
+    def stop(*_: object) -> None:
+        raise InputError("far enough")
+
+    monkeypatch.setattr("raytracer.rendering.check_development", stop)
+    with pytest.warns(rt.SceneWarning, match="poster") as warned, pytest.raises(InputError, match="far enough"):
+        rt.render(rt.load(bad))
+    assert [item.filename for item in warned] == [__file__]
+
+
+# ---- Tables
+
+
+def test_every_kind_of_primitive_has_an_outline() -> None:
+    assert set(primitives.geometry.registry) == set(outline.registry)
+
+
+SHAPES = [
+    "type: sphere, center: [1, 2, 3], radius: 0.5",
+    "type: disc, center: [1, 2, 3], normal: [1, 2, 2], radius: 0.5",
+    "type: quad, corner: [1, 2, 3], edges: [[1, 0.3, 0], [0, 1, 2]]",
+    "type: box, min: [1, 2, 3], max: [2, 4, 6]",
+    "type: triangle, vertices: [[1, 2, 3], [2, 2, 3], [1, 4, 2]]",
+    "type: mesh, file: rock.obj, smooth: true",
+]
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_outlines_span_what_tables_hold(shape: str, tmp_path: Path) -> None:
+    obj(tmp_path / "rock.obj", [[1, 2, 3], [2, 2, 3], [1, 4, 2], [5, 5, 5]], [[0, 1, 2]])
+    text = HEAD.replace("EYE", "[0, 1, 6]") + f"objects: [{{{shape}}}]\n"
+    (table,) = pack(build(text, "s.yaml", base=tmp_path)).scene.primitives
+    points = outline(table, 0, len(table.material))
+    low, high = primitives.bounds(table)
+    # A polygon in a disc falls short of its circle by 1 - cos(pi / 16).
+    short = 0.02 * float(np.max(high - low)) if "disc" in shape else 0.0
+    assert np.abs(points.min(axis=(0, 1)) - low).max() <= short
+    assert np.abs(points.max(axis=(0, 1)) - high).max() <= short
+    reach = reaches(table, 0, len(table.material))
+    assert (reach >= np.abs(points).max(axis=(1, 2)) - short).all()
