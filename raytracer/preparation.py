@@ -1,6 +1,10 @@
 """A scene made ready, and parts of its picture rendered by themselves: what measurements of a warm renderer need."""
 
-from collections.abc import Sequence
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
 from typing import NamedTuple
 
 import numpy as np
@@ -60,21 +64,61 @@ def prepare(spec: SceneSpec, packed: Packed | None = None) -> Prepared:
     accel = packed.build()
     scene = packed.scene._replace(accel=accel.address)
     times.append(now())
-    compile_for(scene, view(Film.empty(1, 1)))
+    compile_for(scene, view(film_for(scene, 1, 1)))
     times.append(now())
     phases = ("pack", "build", "compile")
     seconds = {phase: end - begin for phase, begin, end in zip(phases, times, times[1:], strict=False)}
     return Prepared(packed.spec, packed, accel, scene, seconds)
 
 
-def compile_for(scene: Scene, target: FilmView) -> None:
-    """Compile the path tracer for a scene and a film of these types, or take it from the cache."""
-    render_tile(scene, target, workspace(), 0, 0, 0, 0, 0, 0)
+def compile_for(scene: Scene, target: FilmView, room: Workspace | None = None) -> None:
+    """Compile the path tracer for a scene, a film and a workspace of these types, or take it from the cache.
+
+    Raises
+    ------
+    KeyboardInterrupt : Ctrl-C was pressed; once, at the end, since the compiler takes it for a mistake of its own;
+        twice, at once if that can be.
+    """
+    with _interrupts_held_back():
+        render_tile(scene, target, room or workspace(), 0, 0, 0, 0, 0, 0)
+
+
+@contextmanager
+def _interrupts_held_back() -> Iterator[None]:
+    """Let what Ctrl-C sends wait for the end of the `with` block; only the main thread is sent it."""
+    before = signal.getsignal(signal.SIGINT)
+    # A handler that is none of Python's would be lost; one that ignores the signal has nothing to wait for.
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield
+        return
+    pressed: list[tuple[int, FrameType | None]] = []
+
+    def wait(number: int, frame: FrameType | None) -> None:
+        pressed.append((number, frame))
+        if len(pressed) > 1:
+            raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, wait)
+    try:
+        yield
+    except Exception:
+        # What the compiler has made of the interrupt.
+        if len(pressed) < 2:
+            raise
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if pressed:
+        before(*pressed[-1])
+
+
+def film_for(scene: Scene, width: int, height: int) -> Film:
+    """An empty film that holds what a scene has to tell."""
+    return Film.empty(width, height, is_clamped=scene.clamp is not None)
 
 
 def view(film: Film, left: int = 0, top: int = 0, aovs: object = None) -> FilmView:
     """A film as kernels see it, its first pixel being (left, top) of the picture."""
-    return FilmView(film.mean, film.m2, film.count, film.nan_count, left, top, aovs)
+    return FilmView(film.mean, film.m2, film.count, film.nan_count, left, top, aovs, film.removed)
 
 
 def render_tiles(
@@ -110,7 +154,8 @@ def render_tiles(
 
     def work(room: Workspace, tile: int) -> None:
         window = windows[tile]
-        target = FilmView(mean[tile], m2[tile], count[tile], bad[tile], window.left, window.top, None)
+        removed = None if scene.clamp is None else np.zeros((TILE, TILE, 4))
+        target = FilmView(mean[tile], m2[tile], count[tile], bad[tile], window.left, window.top, None, removed)
         begin = 0
         for end in sorted({*keep, spp}):
             start = now()

@@ -2,23 +2,29 @@
 
 import math
 import sys
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from raytracer import __version__
 from raytracer.adaptive import Adaptive, Aim, Outcome, Pilots
 from raytracer.development import check_development, finish, recording_of
 from raytracer.embree import Accel
-from raytracer.errors import InputError
+from raytracer.errors import InputError, SceneWarning
 from raytracer.film.exposure import Setting
-from raytracer.film.film import Film
 from raytracer.film.image import Image
 from raytracer.integrator import FilmView, Scene
 from raytracer.noise import Estimate, Tally, steepest_of
+from raytracer.noise.fireflies import Fireflies, find_fireflies
 from raytracer.noise.rates import SHALLOWEST
-from raytracer.preparation import compile_for, view
+from raytracer.preparation import compile_for, film_for, view
+from raytracer.replay import brightest_of, first_dropped, samples
 from raytracer.sampling import SAMPLERS
+from raytracer.scene.concerns import heed
 from raytracer.scene.effects import effects_of
 from raytracer.scene.pack import Packed, pack
 from raytracer.scene.spec import SceneSpec
@@ -46,10 +52,14 @@ class Stats:
 
     seconds, by phase; rays, camera, bounce and shadow rays; samples, over all pixels; spp, the fewest, mean and most of
     them a pixel; pilot_samples, those besides that were thrown away; nan_samples, samples dropped because they were not
-    finite; error, `relative` (RMS, of the light that reached the film, before it was denoised), `low` and `high`, the
-    ends of its 95 % interval, the local `exponent` of its square over samples, and `target`, if one was given; empty
-    below 16 samples a pixel; threads; effects, the names of those simulated; exposure, its numbers by name, none for a
-    picture of plain radiance; peak_rss_bytes, of the process.
+    finite; first_nan, `pixel` (x, y) and `sample` of the first of them, row by row, or None; fireflies, `pixels` that
+    one sample has made far brighter than those around, `light`, by which part of the picture's light, `brightest` (x,
+    y), the `sample` that made it so, and `clamp`, a limit for radiance that would take them away, or None; empty
+    without any; clamp, its `limit`, and the parts of the `light` that it took and of the `samples` that it did so from;
+    empty without one; error, `relative` (RMS, of the light that reached the film, before it was denoised), `low` and
+    `high`, the ends of its 95 % interval, the local `exponent` of its square over samples, and `target`, if one was
+    given; empty below 16 samples a pixel; threads; effects, the names of those simulated; exposure, its numbers by
+    name, none for a picture of plain radiance; peak_rss_bytes, of the process.
     """
 
     seconds: dict[str, float] = field(default_factory=dict)
@@ -58,6 +68,9 @@ class Stats:
     spp: dict[str, float] = field(default_factory=dict)
     pilot_samples: int = 0
     nan_samples: int = 0
+    first_nan: dict[str, Any] | None = None
+    fireflies: dict[str, Any] = field(default_factory=dict)
+    clamp: dict[str, float] = field(default_factory=dict)
     error: dict[str, float] = field(default_factory=dict)
     threads: int = 0
     effects: list[str] = field(default_factory=list)
@@ -110,6 +123,8 @@ def render(
     progress: Callable[[Progress], None] | None = None,
     load_seconds: float = 0.0,
     rehearse: Callable[[Image], object] | None = None,
+    warn: Callable[[str], object] | None = None,
+    strict: bool = False,
 ) -> Rendered:
     """Render a scene.  The same scene, seed and spp, or noise, give the same bits for any number of threads.
 
@@ -129,9 +144,12 @@ def render(
         early with the samples taken so far.
     rehearse : what the caller will do with the image, to be done once with an early one, so that `time_limit` leaves
         the time for it.
+    warn : told what the scene makes one doubt, a sentence each, before anything is rendered (docs/warnings.md).
+    strict : whether that counts as an error.
 
     Raises
     ------
+    StrictError : there is such a doubt, and `strict`.
     InputError : a crop outside the film, a noise or limit out of range, a scene that cannot be packed, an unknown AOV,
         no denoiser, or what `check_process` refuses.
     """
@@ -146,6 +164,7 @@ def render(
     window = _window(spec, crop)
 
     packed = pack(spec)
+    heed(packed, warn, strict=strict)
     check_development(packed.spec, window)
     stats.effects = [name for name, effect in effects_of(packed.spec, packed.scene).items() if effect.active]
     clock.lap("pack")
@@ -184,7 +203,9 @@ def render(
     clock.lap("render")
 
     _account(stats, canvas, outcome)
-    stats.nan_samples = int(sheet.film.nan_count.sum())
+    with canvas.crew.heeding():
+        sheet.diagnose(stats)
+    clock.lap("render")
     image, setting = sheet.finished(_header(packed.spec, crop, stats, is_adaptive=is_adaptive), clock.lap)
     stats.exposure = {} if setting is None else setting.numbers()
     stats.seconds["total"] = sum(stats.seconds.values())
@@ -204,8 +225,12 @@ def render_image(
     time_limit: float | None = None,
     aovs: Sequence[str] = (),
     denoise: bool = False,
+    strict: bool = False,
 ) -> Image:
-    """The image of a scene: `image.radiance` is float64 (height, width, 3), row 0 at the top.  See `render`."""
+    """The image of a scene: `image.radiance` is float64 (height, width, 3), row 0 at the top.  See `render`.
+
+    What the scene makes one doubt is a SceneWarning, or an error if `strict`.
+    """
     return render(
         scene,
         spp=spp,
@@ -216,7 +241,14 @@ def render_image(
         time_limit=time_limit,
         aovs=aovs,
         denoise=denoise,
+        warn=_warn,
+        strict=strict,
     ).image
+
+
+def _warn(sentence: str) -> None:
+    """Warn at the line that called `render_image`."""
+    warnings.warn(sentence, SceneWarning, stacklevel=5)
 
 
 class _Sheet:
@@ -235,7 +267,7 @@ class _Sheet:
         self.scene = packed.scene._replace(accel=accel.address)
         height, width = window.bottom - window.top, window.right - window.left
         self._recording = self._record(height, width)
-        self.film = Film.empty(width, height)
+        self.film = film_for(self.scene, width, height)
         aov_view = None if self._recording is None else self._recording.view
         self.target = view(self.film, window.left, window.top, aov_view)
 
@@ -257,12 +289,51 @@ class _Sheet:
         def sampled(seed: int, spp: int) -> Scene:
             return self.scene._replace(sampler=SAMPLERS[settings.sampler](seed, spp))
 
-        def scratch() -> FilmView:
-            recording = self._record(TILE, TILE)
-            return view(Film.empty(TILE, TILE), aovs=None if recording is None else recording.view)
-
         # Its shares want but one difference, for which it takes half the memory.
-        return Pilots(sampled, scratch, lambda: Tally(self._windows, SHALLOWEST), settings.seed)
+        return Pilots(sampled, self._scratch, lambda: Tally(self._windows, SHALLOWEST), settings.seed)
+
+    def _scratch(self) -> FilmView:
+        """A film of one tile, of the same type as the picture's."""
+        recording = self._record(TILE, TILE)
+        return view(film_for(self.scene, TILE, TILE), aovs=None if recording is None else recording.view)
+
+    def diagnose(self, stats: Stats) -> None:
+        """Note what is wrong with the samples on the film."""
+        film, limit = self.film, self._packed.spec.render.clamp
+        stats.nan_samples = int(film.nan_count.sum())
+        if film.removed is not None and limit is not None:
+            stats.clamp = {"limit": limit, **_taken_by_clamp(film.mean, film.count, film.removed)}
+        if stats.nan_samples:
+            row, column = (int(place) for place in np.argwhere(film.nan_count)[0])
+            x, y = self.target.left + column, self.target.top + row
+            sample = first_dropped(self.scene, self._scratch(), x, y, self._taken(row, column))
+            stats.first_nan = {"pixel": [x, y], "sample": sample}
+        found = find_fireflies(film.mean, film.m2, film.count)
+        if found is not None:
+            stats.fireflies = self._of_fireflies(found)
+
+    def _taken(self, row: int, column: int) -> int:
+        """Samples that a pixel of the film was given."""
+        return int(self.film.count[row, column] + self.film.nan_count[row, column])
+
+    def _of_fireflies(self, found: Fireflies) -> dict[str, Any]:
+        """What `Stats` tells of fireflies."""
+        row, column = found.brightest
+        x, y = self.target.left + column, self.target.top + row
+        packets = list(samples(self.scene, self._scratch(), x, y, self._taken(row, column)))
+        limit = found.limit
+        if limit is not None:
+            # From the film's unit to that of radiance, by what the camera's rays count for there.
+            weights = np.concatenate([packet.weights for packet in packets])
+            weights = weights[weights > 0.0]
+            limit = float(f"{limit / weights.mean():.2g}") if len(weights) else None
+        return {
+            "pixels": found.pixels,
+            "light": found.light,
+            "brightest": [x, y],
+            "sample": brightest_of(packets),
+            "clamp": limit,
+        }
 
     def finished(
         self, settings: Mapping[str, str | float | int], lap: Callable[[str], object]
@@ -280,8 +351,9 @@ class _Sheet:
         )
 
     def seconds_to_finish(self, rehearse: Callable[[Image], object] | None) -> float:
-        """How long it takes to make an image of the film, and for the caller to do with it what is to be done."""
+        """How long it takes to look at the film, make an image of it, and for the caller to do with it what it does."""
         begin = now()
+        self.diagnose(Stats())
         image, _ = self.finished({}, lambda phase: None)
         if rehearse is not None:
             rehearse(image)
@@ -347,6 +419,18 @@ def _error(estimate: Estimate | None, noise: float | None) -> dict[str, float]:
     return error if noise is None else {**error, "target": noise}
 
 
+def _taken_by_clamp(
+    mean: NDArray[np.float64], count: NDArray[np.int64], removed: NDArray[np.float64]
+) -> dict[str, float]:
+    """The parts of the light that a clamp took, and of the samples that it did so from."""
+    lost = removed[..., :3] / np.maximum(count, 1)[..., None]
+    whole, samples = float(mean.sum() + lost.sum()), int(count.sum())
+    return {
+        "light": float(lost.sum()) / whole if whole else 0.0,
+        "samples": float(removed[..., 3].sum()) / samples if samples else 0.0,
+    }
+
+
 def _account(stats: Stats, canvas: Canvas, outcome: Outcome) -> None:
     """Note what was sampled."""
     stats.rays = int(canvas.rays.sum()) + outcome.pilot_rays
@@ -387,6 +471,8 @@ def _header(
         header |= {name: stats.error[key] for key, name in names.items()}
     if "target" in stats.error:
         header["noise"] = stats.error["target"]
+    if stats.clamp:
+        header |= {"clamp": stats.clamp["limit"], "clamp_took": stats.clamp["light"]}
     if crop is not None:
         header["crop"] = ",".join(map(str, crop))
     return header

@@ -18,7 +18,7 @@ import typer
 from typer.exceptions import TyperException
 
 import raytracer.cli
-from raytracer.errors import InputError, OutputError, one_line
+from raytracer.errors import InputError, Interrupted, OutputError, StrictError, one_line
 
 FAILED = 1
 WRONG_INPUT = 2
@@ -73,10 +73,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         context = getattr(error, "ctx", None)
         command = context.command_path if context else "rt"
         return _fail(error.exit_code, f"{_plain(error.format_message())} (see '{command} --help')")
+    except StrictError as error:
+        return max(_fail(WRONG_INPUT, sentence) for sentence in error.sentences)
     except InputError as error:
         return _fail(WRONG_INPUT, str(error))
     except OutputError as error:
         return _fail(FAILED, str(error))
+    except Interrupted:
+        return INTERRUPTED
     except KeyboardInterrupt:
         return _fail(INTERRUPTED, "interrupted")
     except MemoryError:

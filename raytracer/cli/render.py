@@ -2,15 +2,17 @@
 
 import contextlib
 import json
+import shlex
 import sys
 import tempfile
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from raytracer.errors import InputError, OutputError
+from raytracer.errors import InputError, Interrupted, OutputError
 
 if TYPE_CHECKING:
     from raytracer.film.image import Image
@@ -25,9 +27,9 @@ Examples:
   rt render scenes/cornell.yaml --noise 2% -o cornell.exr --aov samples
   rt render scenes/cornell.yaml --crop 200,200,400,400 --time-limit 30s --stats stats.json
   rt render scenes/cornell.yaml -o cornell.exr --aov depth,normal,albedo --denoise
+  rt render scenes/cornell.yaml --pixel 212,140 --sample 3 --debug
 """
 
-_INTERRUPTED = 130
 # What the interpreter takes to end.
 _EXIT_SECONDS = 0.05
 
@@ -100,7 +102,31 @@ def render(
         ),
     ] = False,
     stats: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write what the render took as JSON.")] = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Fail if a sample is not finite.")] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Take warnings for errors, and fail if a sample is not finite.")
+    ] = False,
+    pixel: Annotated[
+        str | None, typer.Option(metavar="X,Y", help="With --debug: the pixel, from 0,0 in the top left corner.")
+    ] = None,
+    sample: Annotated[
+        int | None,
+        typer.Option(
+            help="With --debug: the sample of the pixel, from 0.  Default: the first that is not finite, or else the "
+            "brightest.",
+            min=0,
+            max=2**31 - 1,
+            show_default=False,
+        ),
+    ] = None,
+    debug: Annotated[
+        bool,
+        typer.Option(
+            "--debug",
+            help="Write no picture: print the path of one sample, vertex by vertex, as it is in the picture that these "
+            "options make.",
+        ),
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="With --debug: print JSON.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")] = False,
 ) -> None:
     """Render a scene.
@@ -111,6 +137,8 @@ def render(
     window = _parse_crop(crop)
     target = _parse_noise(noise)
     limit = _parse_time(time_limit)
+    place = _parse_pixel(pixel)
+    _check_debug(place, sample, is_on=debug, as_json=as_json)
     layers = _parse_aovs(aov or [], outputs)
 
     # Find out what cannot be written before the work, not after.
@@ -118,14 +146,20 @@ def render(
     from raytracer.scene.load import load, parse_overrides
 
     spec = load(scene, parse_overrides(define or []))
-    for path in outputs:
-        check_writable(path)
-    if stats is not None:
-        check_file(stats)
+    if not debug:
+        for path in outputs:
+            check_writable(path)
+        if stats is not None:
+            check_file(stats)
+    again = _Again(scene, define or [], preview, spp, seed, noise, time_limit)
     if preview:
         spec = _small(spec)
         if target is None:
             spp = min(spp or spec.render.spp, _PREVIEW_SPP)
+    if place is not None:
+        is_whole = spp is None and (target is not None or limit is not None)
+        _show_path(spec, place, sample, spp, seed, is_whole=is_whole, as_json=as_json)
+        return
     from raytracer.rendering import render as render_scene
 
     load_seconds = time.perf_counter() - context.obj
@@ -144,17 +178,19 @@ def render(
             progress=bar.update,
             load_seconds=load_seconds,
             rehearse=lambda image: _rehearse(image, outputs),
+            warn=lambda sentence: print(f"rt: warning: {sentence}", file=sys.stderr),
+            strict=strict,
         )
     finally:
         bar.close()
     _write(rendered, outputs, stats)
     wanted = spp or (None if target or limit else spec.render.spp)
-    _report(rendered, outputs, wanted, target, quiet, strict, is_crop=window is not None)
+    _report(rendered, outputs, wanted, target, again, quiet, strict, is_crop=window is not None)
     seconds = time.perf_counter() - context.obj
     if limit is not None and not rendered.interrupted and seconds > 1.05 * limit:
         print(f"rt: {_delay(rendered, limit, seconds)}", file=sys.stderr)
     if rendered.interrupted:
-        raise typer.Exit(_INTERRUPTED)
+        raise Interrupted
 
 
 def _parse_crop(text: str | None) -> tuple[int, int, int, int] | None:
@@ -165,6 +201,67 @@ def _parse_crop(text: str | None) -> tuple[int, int, int, int] | None:
     except ValueError:
         raise InputError(f"--crop {text}: must be four whole numbers, X0,Y0,X1,Y1") from None
     return left, top, right, bottom
+
+
+def _parse_pixel(text: str | None) -> tuple[int, int] | None:
+    if text is None:
+        return None
+    try:
+        x, y = map(int, text.split(","))
+    except ValueError:
+        raise InputError(f"--pixel {text}: must be two whole numbers, X,Y") from None
+    return x, y
+
+
+def _check_debug(pixel: tuple[int, int] | None, sample: int | None, *, is_on: bool, as_json: bool) -> None:
+    """Refuse options that only mean something together."""
+    if is_on and pixel is None:
+        raise InputError("--debug needs --pixel X,Y, the pixel whose path it is to print")
+    for name, given in (("--pixel", pixel is not None), ("--sample", sample is not None), ("--json", as_json)):
+        if given and not is_on:
+            raise InputError(f"{name} needs --debug, which prints the path of one sample")
+
+
+def _show_path(
+    spec: "SceneSpec",
+    pixel: tuple[int, int],
+    sample: int | None,
+    spp: int | None,
+    seed: int | None,
+    *,
+    is_whole: bool,
+    as_json: bool,
+) -> None:
+    """Print the path of one sample."""
+    from raytracer.debugging import text, trace
+
+    found = trace(spec, pixel, sample, spp=spp, seed=seed, whole=is_whole)
+    print(json.dumps(found.json(), indent=2, allow_nan=False) if as_json else text(found), end="\n" if as_json else "")
+
+
+class _Again(NamedTuple):
+    """What of a command line decides what a sample of the picture is."""
+
+    scene: str
+    define: list[str]
+    preview: bool
+    spp: int | None
+    seed: int | None
+    noise: str | None
+    time_limit: str | None
+
+    def command(self, pixel: Sequence[int], sample: int | None = None) -> str:
+        """The command line that prints the path of a sample."""
+        words = ["rt", "render", self.scene]
+        for text in self.define:
+            words += ["-D", text]
+        words += ["--preview"] if self.preview else []
+        for name in ("spp", "seed", "noise", "time_limit"):
+            value = getattr(self, name)
+            words += [] if value is None else [f"--{name.replace('_', '-')}", str(value)]
+        words += ["--pixel", ",".join(map(str, pixel))]
+        words += [] if sample is None else ["--sample", str(sample)]
+        return shlex.join([*words, "--debug"])
 
 
 def _parse_aovs(lists: list[str], outputs: list[Path]) -> tuple[str, ...]:
@@ -265,6 +362,7 @@ def _report(
     outputs: list[Path],
     wanted: int | None,
     target: float | None,
+    again: _Again,
     quiet: bool,
     strict: bool,
     *,
@@ -274,6 +372,7 @@ def _report(
 
     wanted : samples a pixel, or the most of them; None for no limit.
     target : the relative error that was asked for.
+    again : how to take a sample of the picture once more.
     """
     result = rendered.stats
     names = ", ".join(map(str, outputs))
@@ -288,8 +387,13 @@ def _report(
     if not quiet and rendered.setting is not None and rendered.setting.exposure.metering is not None:
         part = " in the crop" if is_crop else ""
         print(f"exposure: {rendered.setting.sentence()}{part}", file=sys.stderr)
+    if result.fireflies:
+        print(f"rt: {_fireflies(result.fireflies, again)}", file=sys.stderr)
     if result.nan_samples:
         sentence = f"{_not_finite(result.nan_samples)} and {'was' if result.nan_samples == 1 else 'were'} dropped"
+        if result.first_nan is not None:
+            first = "it" if result.nan_samples == 1 else "the first one"
+            sentence += f"; this shows {first}: {again.command(result.first_nan['pixel'], result.first_nan['sample'])}"
         if strict:
             raise OutputError(sentence)
         print(f"rt: {sentence}", file=sys.stderr)
@@ -325,13 +429,34 @@ def _summary(rendered: "Rendered", names: str) -> str:
     seconds = result.seconds["render"]
     samples = result.samples + result.pilot_samples
     rates = f"{samples / seconds / 1e6:.3g} M samples/s, {result.rays / seconds / 1e6:.3g} M rays/s"
-    error = "relative error unknown from fewer than 16 spp"
+    error = "relative error unknown"
+    if rendered.fewest_samples < 16:
+        error += " from fewer than 16 spp"
+    elif not result.error and not rendered.interrupted:
+        error += ", as values are beyond all bounds"
     if result.error:
         value, low, high = (result.error[key] for key in ("relative", "low", "high"))
         where = " before denoising" if "denoise" in result.seconds else ""
         error = f"relative error{where} {_percent(value, low, high)}"
     finite = _not_finite(result.nan_samples)
-    return f"{names}: {width} x {height}, {spp} in {seconds:.2f} s ({rates}), {error}, {finite}"
+    parts = [f"{names}: {width} x {height}, {spp} in {seconds:.2f} s ({rates})", error, finite]
+    if result.clamp:
+        light, clamped = (_percent(result.clamp[key]) for key in ("light", "samples"))
+        parts.append(f"clamp took {light} of the light, in {clamped} of the samples")
+    return ", ".join(parts)
+
+
+def _fireflies(found: Mapping[str, Any], again: _Again) -> str:
+    """What is to be known of fireflies."""
+    count, by, which = "1 pixel is a firefly", "one sample makes it", "this shows it"
+    if found["pixels"] != 1:
+        count, by = f"{found['pixels']} pixels are fireflies", "one sample each makes them"
+        which = "this shows the brightest one"
+    clamp = "" if found["clamp"] is None else f", and -D render.clamp={found['clamp']:g} would cut it off"
+    return (
+        f"{count}: {by} far brighter than what is around, by {_percent(found['light'])} of the picture's light; "
+        f"more samples even that out{clamp}; {which}: {again.command(found['brightest'], found['sample'])}"
+    )
 
 
 def _percent(value: float, *interval: float) -> str:

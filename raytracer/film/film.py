@@ -19,6 +19,8 @@ class Film:
     m2 : float64 (height, width, 3), sum of the squared differences of the samples from their mean.
     count : int64 (height, width), samples in the mean.
     nan_count : int64 (height, width), samples left out because they were not finite.
+    removed : float64 (height, width, 4), what a clamp has taken of the samples, summed by channel, and of how many;
+        None where no sample is clamped.
 
     References: Welford 1962, "Note on a Method for Calculating Corrected Sums of Squares and Products",
         Technometrics 4(3); it is stable where E[x^2] - E[x]^2 cancels.
@@ -28,15 +30,17 @@ class Film:
     m2: NDArray[np.float64]
     count: NDArray[np.int64]
     nan_count: NDArray[np.int64]
+    removed: NDArray[np.float64] | None = None
 
     @classmethod
-    def empty(cls, width: int, height: int) -> "Film":
+    def empty(cls, width: int, height: int, *, is_clamped: bool = False) -> "Film":
         """A film of `width` by `height` pixels without a sample."""
         return cls(
             mean=np.zeros((height, width, 3)),
             m2=np.zeros((height, width, 3)),
             count=np.zeros((height, width), dtype=np.int64),
             nan_count=np.zeros((height, width), dtype=np.int64),
+            removed=np.zeros((height, width, 4)) if is_clamped else None,
         )
 
     def variance_of_mean(self) -> NDArray[np.float64]:

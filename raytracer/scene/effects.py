@@ -42,14 +42,22 @@ def effects_of(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
         "environment_sampling": Effect(_aims(scene, Background), _why_environment_sampling(spec, scene)),
         "media": Effect(scene.media is not None, _why_media(spec, scene)),
         "instances": Effect(scene.instances is not None, _why_instances(scene)),
+        "recentring": Effect(scene.origin is not None, _why_recentring(scene)),
         "roulette": Effect(
             scene.roulette < scene.depth,
             f"paths may end by chance after {scene.roulette} of at most {scene.depth} segments"
             if scene.roulette < scene.depth
             else f"rr_depth {scene.roulette} is not below max_depth {scene.depth}",
         ),
+        "clamp": Effect(
+            scene.clamp is not None,
+            "samples are as bright as they are"
+            if spec.render.clamp is None
+            else f"samples brighter than {spec.render.clamp:g} are made as dark as that, which takes light away",
+        ),
         "relief": Effect(scene.relief is not None, _why_relief(spec, scene)),
         "passage": Effect(scene.passage is not None, _why_passage(spec, scene)),
+        "nested_dielectrics": Effect(scene.interior is not None, _why_nested(scene)),
         **_materials(spec, scene),
         **_textures(spec, scene),
         **_media_kinds(spec, scene),
@@ -247,12 +255,32 @@ def _why_instances(scene: Scene) -> str:
     return f"{number:,} placement{'' if number == 1 else 's'} of {groups} of primitives{moves}"
 
 
+def _why_recentring(scene: Scene) -> str:
+    if scene.origin is None:
+        return "the scene, and each group, lies near enough to its origin for float32"
+    x, y, z = scene.origin.world
+    away = f"the scene is packed round its point [{x:.10g}, {y:.10g}, {z:.10g}]" if any(scene.origin.world) else ""
+    moved = 0 if scene.origin.groups is None else int(scene.origin.groups.any(axis=1).sum())
+    inside = f"{_count(moved, 'group')} of primitives round a point of its own" if moved else ""
+    return " and ".join(filter(None, (away, inside))) + ", since float32 is coarse far from the origin"
+
+
 def _why_passage(spec: SceneSpec, scene: Scene) -> str:
     if scene.passage is None:
         return "no surface has holes or is a mere boundary, so what is met ends a ray"
     holes = sum(material_of(spec, item).passes() for _, item in spec.all_objects())
+    if scene.interior is not None and not holes:
+        return "rays, those for shadows too, go on straight through surfaces that others hide by their priority"
     where = _count(holes, "object") if holes else "the file of a mesh"
     return f"rays, those for shadows too, go on straight through {where}"
+
+
+def _why_nested(scene: Scene) -> str:
+    if scene.interior is None:
+        return "no material in use has a priority, so each surface is a boundary to its `outside_ior`"
+    number = len(scene.interior.surface)
+    look = "; rays of the camera find out what they begin in" if scene.interior.camera is not None else ""
+    return f"{_count(number, 'material')} in use have a priority, by which they may overlap{look}"
 
 
 def _materials(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:

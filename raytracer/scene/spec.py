@@ -17,7 +17,7 @@ from raytracer.film.tone import ToneCurveField, ToneCurveSpec
 from raytracer.film.white_balance import WhiteBalanceField
 from raytracer.kinds import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES
 from raytracer.scene.document import Node, locate, path_text
-from raytracer.spec import INLINE_MATERIAL, Count, Name, Spec, at
+from raytracer.spec import INLINE_MATERIAL, Count, Name, PositiveNumber, Spec, at
 from raytracer.textures.interface import is_name, textures_of
 
 MAX_PIXELS = 2**28
@@ -117,6 +117,11 @@ class Render(Spec):
     )
     rr_depth: Annotated[int, Count(0, _INT32_MAX)] = Field(
         default=5, description="Path segments before Russian roulette may end a path"
+    )
+    clamp: PositiveNumber | None = Field(
+        default=None,
+        description="Largest radiance that a sample may have in any channel: brighter ones are made as dark as that, "
+        "which takes away fireflies, and light; off by default",
     )
 
 

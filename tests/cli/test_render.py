@@ -4,14 +4,21 @@ import json
 import re
 import signal
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+import raytracer.rendering
 from raytracer.cli import render
 from raytracer.cli.main import main
-from raytracer.film import load, load_layers
+from raytracer.film import Image, load, load_layers
+from raytracer.integrator import FilmView, Scene
+from raytracer.noise.fireflies import Fireflies, find_fireflies
+from raytracer.rendering import Rendered, Stats
+from raytracer.replay import Samples
 
 SCENE = """\
 camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
@@ -162,7 +169,7 @@ def test_too_few_samples_to_know_the_error(scene: Path, capsys: pytest.CaptureFi
 
 def test_a_black_picture_is_no_success(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["render", "ball.yaml", "-o", "a.npy", "-q", "--noise", "1%", "-D", "environment.radiance=0"]) == 0
-    assert capsys.readouterr().err == "rt: a.npy is black, so its relative error says nothing\n"
+    assert capsys.readouterr().err.endswith("\nrt: a.npy is black, so its relative error says nothing\n")
 
 
 def test_no_room_to_practise_is_no_failure(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -208,8 +215,63 @@ def test_ctrl_c_writes_what_is_there(
     assert main(["render", "ball.yaml", "-o", "a.npy", "--spp", "100000000"]) == 130
     err = capsys.readouterr().err
     assert re.search(r"interrupted; a\.npy has \d+( to \d+)? of 100000000 samples per pixel", err)
+    assert err.count("interrupted") == 1
     assert np.load("a.npy").shape == (16, 24, 3)
     assert sorted(path.name for path in scene.parent.iterdir()) == ["a.npy", "ball.yaml"]
+
+
+def test_fireflies_are_told_with_what_helps(
+    scene: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # As if one of 64 samples in the middle of the ball had met a lamp.
+    def struck(mean: NDArray[np.float64], m2: NDArray[np.float64], count: NDArray[np.int64]) -> Fireflies | None:
+        mean, m2 = mean.copy(), m2.copy()
+        mean[8, 12] += 100.0
+        m2[8, 12] += 6400.0**2 * 63.0 / 64.0
+        return find_fireflies(mean, m2, count)
+
+    monkeypatch.setattr(raytracer.rendering, "find_fireflies", struck)
+    assert main(["render", "ball.yaml", "-o", "a.npy", "--spp", "64", "-q", "--seed", "3", "--stats", "a.json"]) == 0
+    found = json.loads(Path("a.json").read_text())["fireflies"]
+    assert (found["pixels"], found["brightest"]) == (1, [12, 8])
+    # A sample of 64 that adds a quarter of what is around, at most 0.5.
+    assert found["clamp"] == pytest.approx(64.0 * 0.25 * 0.45, rel=0.2)
+    assert capsys.readouterr().err == (
+        "rt: 1 pixel is a firefly: one sample makes it far brighter than what is around, by "
+        f"{render._percent(found['light'])} of the picture's light; more samples even that out, and -D "
+        f"render.clamp={found['clamp']:g} would cut it off; this shows it: "
+        f"rt render ball.yaml --spp 64 --seed 3 --pixel 12,8 --sample {found['sample']} --debug\n"
+    )
+    # It is looked for among all samples of the pixel, of which an aim for an error takes more than the scene says.
+    asked: list[int] = []
+
+    def taken(scene: Scene, scratch: FilmView, x: int, y: int, taken: int) -> Iterator[Samples]:
+        asked.append(taken)
+        return iter([Samples(0, np.eye(40, 3, -37), np.ones(40))])
+
+    monkeypatch.setattr(raytracer.rendering, "samples", taken)
+    words = ["--noise", "50%", "-D", "render.spp=8", "-q", "--stats", "a.json"]
+    assert main(["render", "ball.yaml", "-o", "a.npy", *words]) == 0
+    assert json.loads(Path("a.json").read_text())["fireflies"]["sample"] == 37
+    assert min(asked) >= 32
+
+
+@pytest.mark.parametrize(
+    ("fewest", "error", "interrupted", "said"),
+    [
+        (8, {}, False, "relative error unknown from fewer than 16 spp"),
+        (64, {}, False, "relative error unknown, as values are beyond all bounds"),
+        (64, {}, True, "relative error unknown"),
+        (64, {"relative": 0.01, "low": 0.01, "high": 0.01}, False, "relative error 1.00 % (1.00 .. 1.00)"),
+    ],
+)
+def test_the_summary_says_why_no_error_is_known(
+    fewest: int, error: dict[str, float], interrupted: bool, said: str
+) -> None:
+    spp = {"fewest": fewest, "mean": float(fewest), "most": fewest}
+    stats = Stats(seconds={"render": 1.0}, spp=spp, error=error)
+    made = Rendered(Image(np.ones((2, 3, 3))), stats, True, interrupted, fewest, None)
+    assert f", {said}, all samples finite" in render._summary(made, "a.npy")
 
 
 def test_explain_names_every_effect_with_its_reason(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:

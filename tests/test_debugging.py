@@ -1,0 +1,250 @@
+"""The path of one sample, written down: it is the sample of the picture, and what is told of it adds up."""
+
+import json
+import math
+import shlex
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import raytracer.rendering
+from raytracer.cli.main import main
+from raytracer.debugging import Trace, text, trace
+from raytracer.errors import InputError
+from raytracer.rendering import render
+from raytracer.scene.pack import Packed, pack
+from tests.hard_cases.accumulation import poisoned
+from tests.rendering import scene
+
+ROOM = """
+camera: {type: pinhole, look_from: [0, 1, 4], look_at: [0, 0, 0], vfov: 40}
+environment: {type: constant, radiance: 0.25}
+materials:
+  clay: {type: lambertian, albedo: [0.8, 0.6, 0.4]}
+objects:
+  - {name: floor, type: quad, corner: [-9, -1, 9], edges: [[18, 0, 0], [0, 0, -18]], material: clay}
+  - {name: ball, type: sphere, center: [0, 0, 0], radius: 1, material: clay}
+  - {name: glass, type: sphere, center: [0.6, 0, 2], radius: 0.5, material: {type: dielectric}}
+  - {name: shade, type: disc, center: [0, 2, 0], normal: [0, 1, 0], radius: 0.5, material: {type: metal}}
+  - {name: lamp, type: quad, corner: [-1, 3, 1], edges: [[0, 0, -2], [2, 0, 0]], material: {type: emitter, radiance: 9}}
+"""
+
+SPP = 12
+"""Samples of a pixel: a whole packet, and half of one."""
+
+
+def room(**settings: Any) -> Any:
+    return scene(ROOM, spp=SPP, rr_depth=3, **settings)
+
+
+def vertices(found: Trace, kind: str) -> list[dict[str, Any]]:
+    return [event for event in found.events if event["event"] == kind]
+
+
+@pytest.fixture(scope="module")
+def traces() -> list[Trace]:
+    """All samples of a pixel that sees the ball under the shade, and of one that sees the floor through the glass."""
+    return [trace(room(), pixel, sample) for pixel in ((8, 6), (13, 12)) for sample in range(SPP)]
+
+
+def test_they_are_the_samples_of_the_picture(traces: list[Trace]) -> None:
+    picture = render(room(), threads=1).image.radiance
+    for x, y in ((8, 6), (13, 12)):
+        values = np.array([found.value for found in traces if found.pixel == (x, y)])
+        # The same sums in the same order: of each packet, and of the one after it.
+        first, second = values[:8].sum(axis=0) / 8.0, values[8:].sum(axis=0) / 4.0
+        np.testing.assert_array_max_ulp(picture[y, x], first + (second - first) * (4.0 / 12.0), maxulp=2)
+    assert len({found.value for found in traces}) > SPP
+
+
+def test_what_is_gathered_adds_up(traces: list[Trace]) -> None:
+    for found in traces:
+        total = np.zeros(3)
+        throughput = np.ones(3)
+        for event in found.events:
+            if event["event"] == "emits":
+                total += event["mis_weight"] * throughput * event["emitted"]
+            elif event["event"] == "leaves":
+                np.testing.assert_allclose(event["throughput"], throughput, rtol=1e-14)
+                total += throughput * event["background"]
+            elif event["event"] == "arrives":
+                total += event["brings"]
+            elif event["event"] == "surface":
+                np.testing.assert_allclose(event["throughput_before"], throughput, rtol=1e-14)
+                assert event["throughput"] == event["throughput_before"]
+            elif event["event"] == "scatters" and event["survival"] > 0.0:
+                throughput = throughput * event["weight"] / event["survival"]
+            np.testing.assert_allclose(event["gathered"], total, rtol=1e-13, atol=1e-15)
+        np.testing.assert_allclose(found.value, total, rtol=1e-13)
+        assert found.bad is None
+
+
+def test_rays_start_where_the_path_was_and_end_where_it_goes_on(traces: list[Trace]) -> None:
+    for found in traces:
+        (start,) = vertices(found, "camera")
+        assert start["origin"] == [0.0, 1.0, 4.0]
+        place, direction = np.array(start["origin"]), start["direction"]
+        for event in found.events:
+            if event["event"] == "surface":
+                assert event["direction"] == direction
+                # Float32 knows the distance to some 1e-6 of it.
+                far = np.array(event["origin"]) + event["distance"] * np.array(direction)
+                np.testing.assert_allclose(event["point"], far, atol=1e-4)
+                np.testing.assert_allclose(event["origin"], place, atol=1e-4)
+                place = np.array(event["point"])
+            elif event["event"] == "scatters":
+                direction = event["direction"]
+                assert math.isclose(math.hypot(*direction), 1.0, rel_tol=1e-12)
+
+
+def test_objects_and_materials_have_their_names(traces: list[Trace]) -> None:
+    met = {
+        (event["object"], event["material"], event["shown"]) for found in traces for event in vertices(found, "surface")
+    }
+    assert {("ball", "clay", "lambertian"), ("floor", "clay", "lambertian")} <= met
+    assert ("glass", "objects[2].material", "dielectric") in met
+    through = [
+        found for found in traces if [event["object"] for event in vertices(found, "surface")][:2] == ["glass"] * 2
+    ]
+    # In by the front, and against the inside.
+    assert through
+    assert all([event["side"] for event in vertices(found, "surface")][:2] == ["front", "back"] for found in through)
+
+
+def test_what_is_in_the_way_of_light_is_named(traces: list[Trace]) -> None:
+    blocks = [event for found in traces for event in vertices(found, "blocked")]
+    assert {"shade", "ball"} & {event["object"] for event in blocks}
+    for found in traces:
+        aimed = None
+        for event in found.events:
+            if event["event"] == "aims":
+                aimed = event
+            elif event["event"] == "arrives":
+                assert aimed is not None
+                assert event["brings"] == aimed["brings"]
+            elif event["event"] == "blocked":
+                assert aimed is not None
+                assert 0.0 < event["distance"] < aimed["distance"]
+
+
+def test_without_a_sample_it_is_the_brightest(traces: list[Trace]) -> None:
+    seen = [found for found in traces if found.pixel == (8, 6)]
+    brightest = max(seen, key=lambda found: sum(found.value))
+    assert trace(room(), (8, 6)).sample == brightest.sample
+
+
+def test_a_sample_beyond_the_last_one_is_what_more_would_bring() -> None:
+    longer = trace(room(), (8, 6), 13, spp=16)
+    assert trace(room(), (8, 6), 13).value == longer.value
+    # Another seed is another sample.
+    assert trace(room(), (8, 6), 13, seed=9).value != longer.value
+
+
+def test_a_pixel_outside_is_refused() -> None:
+    for pixel in ((16, 0), (0, 16), (-1, 3)):
+        with pytest.raises(InputError, match=r"must lie within the film, from 0,0 to 15,15"):
+            trace(room(), pixel, 0)
+
+
+def test_what_a_clamp_leaves_is_what_a_sample_adds(traces: list[Trace]) -> None:
+    # As if a clamp had left a half of it.
+    found = traces[0]
+    last = {**found.events[-1], "value": [0.5 * value for value in found.value]}
+    half, whole = (f"({', '.join(f'{scale * value:.9g}' for value in found.value)})" for scale in (0.5, 1.0))
+    told = text(found._replace(events=[*found.events[:-1], last]))
+    assert told.endswith(f"gathered {whole}, times 1 is {whole}; after the clamp it adds {half}\n")
+    assert "clamp" not in text(found)
+
+
+def test_rays_are_counted_of_the_path_and_not_of_its_packet(traces: list[Trace]) -> None:
+    for found in traces:
+        count = len(vertices(found, "surface")) + len(vertices(found, "leaves"))
+        assert f": {count} ray{'s' * (count > 1)} long, " in text(found)
+    # Some paths of a packet are longer than others.
+    assert any(found.events[-1]["round"] > found.events[-2]["round"] for found in traces)
+
+
+def test_text_tells_the_vertices_in_order(traces: list[Trace]) -> None:
+    for found in traces:
+        told = text(found)
+        x, y = found.pixel
+        assert told.startswith(f"pixel {x},{y} sample {found.sample}: ")
+        names = [event["object"] for event in vertices(found, "surface")]
+        places = [told.index(f"ray {number} meets {name} ") for number, name in enumerate(names, 1)]
+        assert places == sorted(places)
+        assert "nan" not in told
+
+
+@pytest.fixture
+def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The room as a file, with a clay that is not a number."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(raytracer.rendering, "pack", _poisoned)
+    monkeypatch.setattr(raytracer.debugging, "pack", _poisoned)
+    Path("my room.yaml").write_text(scene_text())
+    return "my room.yaml"
+
+
+def _poisoned(spec: Any) -> Packed:
+    return poisoned(pack(spec), "lambertian")
+
+
+def scene_text() -> str:
+    """As a file what `scene` makes of the room."""
+    from tests.rendering import _HEAD, _SPECKS
+
+    head = _HEAD.format(width=16, height=16, spp=SPP, max_depth=50, rr_depth=3, sampler="independent", accuracy="exact")
+    # Such as nobody warns of.
+    return head + ROOM.rstrip() + _SPECKS.replace("1.0e-9", "0.1").replace("radiance: 0", "radiance: 1")
+
+
+def test_what_is_not_finite_is_reported_as_a_command_that_shows_it(
+    file: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["render", file, "-D", "render.seed=4", "--spp", "10", "-q", "-o", "a.npy", "--crop", "2,3,16,16"]
+    assert main([*words, "--stats", "a.json", "--threads", "2"]) == 0
+    stats = json.loads(Path("a.json").read_text())
+    first = stats["first_nan"]
+    (x, y), sample = first["pixel"], first["sample"]
+    err = capsys.readouterr().err
+    told, _, command = err.strip().partition("; this shows the first one: ")
+    assert told == f"rt: {stats['nan_samples']} samples were not finite and were dropped"
+    assert command == (f"rt render 'my room.yaml' -D render.seed=4 --spp 10 --pixel {x},{y} --sample {sample} --debug")
+    assert np.isfinite(np.load("a.npy")).all()
+    # That command shows a path which is not finite, and none before it in the row is.
+    assert main(shlex.split(command)[1:]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith(f"pixel {x},{y} sample {sample}: ")
+    assert "which is not finite, so it was dropped" in out
+    assert out.count("^ not finite from here on: ") == 1
+    assert main([*shlex.split(command)[1:], "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    bad = found["events"][found["first_not_finite"]]
+    # The albedo is where it begins.
+    assert bad["event"] in {"aims", "scatters"}
+    assert "nan" in found["value"]
+    assert all(not event["not_finite"] for event in found["events"][: found["first_not_finite"]])
+    assert main([*shlex.split(command)[1:-3], "--debug"]) == 0
+    assert f"sample {sample}: " in capsys.readouterr().out
+    # Under --strict it is a failure.
+    assert main([*words, "--strict"]) == 1
+    assert command in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ("--debug", "--debug needs --pixel X,Y, the pixel whose path it is to print"),
+        ("--pixel 3,4", "--pixel needs --debug, which prints the path of one sample"),
+        ("--sample 3", "--sample needs --debug, which prints the path of one sample"),
+        ("--json", "--json needs --debug, which prints the path of one sample"),
+        ("--pixel 3 --debug", "--pixel 3: must be two whole numbers, X,Y"),
+        ("--pixel a,b --debug", "--pixel a,b: must be two whole numbers, X,Y"),
+        ("--pixel 3,99 --debug", "pixel 3,99 must lie within the film, from 0,0 to 15,15"),
+    ],
+)
+def test_options_that_make_no_sense(options: str, sentence: str, file: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", file, *options.split()]) == 2
+    assert capsys.readouterr() == ("", f"rt: {sentence}\n")
