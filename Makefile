@@ -2,11 +2,13 @@
 #   PYTHON=python3.12   the interpreter that makes it
 #   VENV=folder         where it is (.venv)
 #   BENCH_ARGS=--quick  a short `make bench`
+#   HARD_CASES_ARGS="3 11"      those cases alone
 PYTHON ?= python3
 VENV ?= .venv
 PEER_VENV ?= .venv-peers
 PYTEST_ARGS ?= --numprocesses auto --dist worksteal
 BENCH_ARGS ?=
+HARD_CASES_ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
@@ -31,7 +33,7 @@ MILLION := scenes/generated/million.ply
 FOREST := scenes/generated/forest_russet.npy
 GENERATED := $(MILLION) $(FOREST)
 
-.PHONY: help render test test-slow check bench peers references gallery docs scenes clean
+.PHONY: help render test test-slow check bench peers hard-cases references gallery docs scenes clean
 
 help:  ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | while IFS='|' read -r name text; do \
@@ -58,11 +60,15 @@ bench: $(INSTALLED) $(GENERATED)  ## Measure the speed, against Mitsuba 3 too on
 peers: $(INSTALLED) $(INSTALLED_PEERS) $(MILLION)  ## Compare with Mitsuba 3, which this installs
 	$(VENV_PYTHON) peers/compare.py --peer $(PEER_PYTHON)
 
+hard-cases: $(INSTALLED_TEST) $(GENERATED)  ## Measure what the naive way gets wrong and we do, into docs/hard-cases.md
+	$(VENV_PYTHON) -m tests.hard_cases $(HARD_CASES_ARGS)
+
 references: $(INSTALLED_TEST)  ## Render the reference images of the tests anew
 	$(VENV_PYTHON) -m tests.make_references
 
 gallery: $(INSTALLED) $(GENERATED)  ## Render the pictures in docs/gallery
 	$(VENV_PYTHON) docs/make_gallery.py
+	$(VENV_PYTHON) -m tests.hard_cases.pictures
 
 docs: $(INSTALLED)  ## Write docs/scenes.md from the scene schema
 	$(VENV_PYTHON) docs/make_scenes.py

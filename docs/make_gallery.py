@@ -237,6 +237,14 @@ def sheet(pictures: Sequence[NDArray[np.uint8]], captions: Sequence[str], column
     return paper
 
 
+def save_small(paper: Image.Image, target: Path) -> None:
+    """Save a picture as finely compressed as the size allows."""
+    for quality in QUALITIES:
+        paper.save(target, quality=quality)
+        if target.stat().st_size <= MOST_BYTES:
+            break
+
+
 def scene_picture(file: Path) -> None:
     """Render a scene as it is."""
     rendered = render(smaller(file, {}, LONGEST_EDGE, LONGEST_EDGE), spp=SPP)
@@ -251,11 +259,7 @@ def lecture_picture(name: str) -> None:
         spec = smaller(SCENES / "lecture" / f"{name}.yaml", variant.keys, wanted.width, wanted.width)
         pictures.append(render(spec, spp=wanted.spp).image.display())
     paper = sheet(pictures, [variant.caption for variant in wanted.variants], wanted.columns)
-    target = GALLERY / f"lecture_{name}.jpg"
-    for quality in QUALITIES:
-        paper.save(target, quality=quality)
-        if target.stat().st_size <= MOST_BYTES:
-            break
+    save_small(paper, GALLERY / f"lecture_{name}.jpg")
 
 
 def main() -> None:

@@ -28,7 +28,7 @@ materials:
   lamp: {type: emitter, radiance: [1, 2, 3]}
 objects:
   - {type: sphere, name: ball, center: [0, 0, 0], radius: 1, material: grey}
-  - {type: quad, corner: [0, 0, 0], edges: [[1, 0, 0], [0, 1, 0]], material: lamp}
+  - {type: quad, corner: [2, 0, 0], edges: [[1, 0, 0], [0, 1, 0]], material: lamp}
   - {type: mesh, file: rock.ply}
 """
 
@@ -146,6 +146,8 @@ VALUES = [
     changed("not a number", "radius: 1", "radius: .nan", f"{BALL}.radius: must be a number, got nan"),
     changed("infinite", "radius: 1", "radius: inf", f"{BALL}.radius: must be finite, got inf"),
     changed("overflow", "radius: 1", "radius: 1e999", f"{BALL}.radius: must be finite"),
+    changed("too large", "radius: 1", "radius: 1e31", f"{BALL}.radius: must be 0, or of a magnitude between 1e-30"),
+    changed("too small", "radius: 1", "radius: 1e-28 mm", f"{BALL}.radius: must be 0, or of a magnitude", "'1e-28 mm'"),
     changed("zero radius", "radius: 1", "radius: 0", f"{BALL}.radius: must not be zero"),
     changed("minus zero radius", "radius: 1", "radius: -0.0", f"{BALL}.radius: must not be zero"),
     changed("unknown unit", "radius: 1", "radius: 1 mmm", f"{BALL}.radius: ", "unknown unit 'mmm'; did you mean 'mm'?"),
@@ -198,6 +200,63 @@ MESHES = [
     mesh("cut off", ".ply", b"ply\nformat binary_little_endian 1.0\nelement vertex 3\n", "broken.ply"),
     mesh("no mesh at all", ".ply", b"GIF89a\0\0", "broken.ply"),
     mesh("unknown suffix of a mesh", ".xyzzy", ROCK, "xyzzy"),
+]
+
+QUAD = "scene.yaml:10: objects[1]"
+
+
+def rigid(name: str, matrix: str, *words: str) -> Row:
+    return changed(name, "radius: 1,", f"radius: 1, transform: {matrix},", *words)
+
+
+# What float32 cannot hold, and what is nothing.
+LIMITS = [
+    changed(
+        "radius too small", "radius: 1", "radius: 1e-25", f"{BALL}: is 2e-25 m large, and rays find nothing smaller"
+    ),
+    changed("radius too large", "radius: 1", "radius: 1e25", f"{BALL}: lies 1e+25 m from the origin, or is as large"),
+    changed(
+        "beyond what rays find",
+        "center: [0, 0, 0]",
+        "center: [0, 2e18, 0]",
+        f"{BALL}: lies 2e+18 m",
+        "beyond 1.84e+18 m",
+    ),
+    changed("edges too small", "[[1, 0, 0], [0, 1, 0]]", "[[1e-25, 0, 0], [0, 1e-25, 0]]", f"{QUAD}: is 1e-25 m large"),
+    changed("edges too large", "[[1, 0, 0], [0, 1, 0]]", "[[1e25, 0, 0], [0, 1e25, 0]]", f"{QUAD}: lies 1e+25 m"),
+    changed("edges of nothing", "[[1, 0, 0], [0, 1, 0]]", "[[0, 0, 0], [0, 1, 0]]", f"{QUAD}.edges: ", "has no area"),
+    changed(
+        "edges of NaN", "[[1, 0, 0], [0, 1, 0]]", "[[1, 0, .nan], [0, 1, 0]]", f"{QUAD}.edges[0][2]: must be", "nan"
+    ),
+    rigid("scale too small", "[{scale: 1e-25}]", f"{BALL}: is 2e-25 m large, and rays find nothing smaller"),
+    rigid(
+        "scale that float32 cannot undo", "[{scale: [1e-14, 2e-14, 1e-14]}]", f"{BALL}: scales by 1.26e-14, and float32"
+    ),
+    rigid("scale of NaN", "[{scale: .nan}]", f"{BALL}.transform[0].scale: must be a number, got nan"),
+    rigid("matrix of NaN", f"{[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, '.nan', 0], [0, 0, 0, 1]]}", f"{BALL}.transform"),
+    rigid("shear to nothing", "[[1, 1, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]", "flattens the object"),
+    mesh("mesh of lines", ".obj", "v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\nf 3 3 3\n", "has no faces with an area"),
+    changed(
+        "mesh beyond what rays find", "file: rock.ply", "file: rock.ply, transform: [{scale: 1e19}]", "lies 1e+19 m"
+    ),
+]
+
+STRICT = [
+    Row(
+        "a sphere twice, strictly",
+        ('scene.yaml:10: objects[1] "twin": a surface of it coincides with one of objects[0] "ball", to within',),
+        change=(
+            "  - {type: quad,",
+            "  - {type: sphere, name: twin, center: [0, 0, 0], radius: 1, material: lamp}\n  - {type: quad,",
+        ),
+        command="render SCENE -o DIR/out.npy --strict",
+    ),
+    Row(
+        "a camera in a ball, strictly",
+        ('scene.yaml:1: camera.look_from: is inside objects[0] "ball", which is opaque and holds no light',),
+        change=("look_from: [0, 0, 4]", "look_from: [0, 0, 0.5]"),
+        command="validate --strict SCENE",
+    ),
 ]
 
 OVERRIDES = [
@@ -325,6 +384,7 @@ LIGHTS = [
         command="render SCENE -o DIR/out.npy",
     ),
     surroundings("environment without a file", "type: image", ".file: is missing"),
+    surroundings("sun too bright", "type: sky, sun: true, scale: 1e30", ".scale: gives the sun an irradiance of"),
     surroundings("environment that is not there", "type: image, file: sky.hdr", ".file: there is no file 'sky.hdr'"),
     surroundings("environment of unknown suffix", "type: image, file: a.xyz", ".xyz", file=("a.xyz", "x")),
     surroundings("environment that is broken", "type: image, file: a.hdr", "a.hdr", file=("a.hdr", "#?RADIANCE\n")),
@@ -423,6 +483,7 @@ MOTION = [
     exposed("a shutter of an unknown key", "shutter: {close: 1, from: 0}", f"{CAMERA}.shutter.from: unknown key"),
     exposed("a negative exposure", "shutter: -1/125 s", f"{CAMERA}.shutter: ", "at least 0"),
     exposed("a shutter in metres", "shutter: 8 mm", f"{CAMERA}.shutter: ", "'mm' is a unit of length"),
+    exposed("a shutter too late", "time: 1e9, shutter: 1 ns", f"{CAMERA}.time: is open for 1e-09 s, too short"),
     exposed("a shutter that is a list", "shutter: [0, 1]", f"{CAMERA}.shutter: must be a time"),
     exposed("two openings", "shutter: {open: 0, close: 1}, time: 1", f"{CAMERA}.time: ", "give one"),
     exposed("a shutter of two ends", "shutter: {close: 1, duration: 1}", f"{CAMERA}.shutter.duration: ", "give one"),
@@ -487,6 +548,7 @@ MOTION = [
     exposed("a shake without an amplitude", "shake: {bandwidth: 5}", f"{CAMERA}.shake.amplitude: is missing"),
     exposed("a shake in metres", "shake: {amplitude: 1 mm}", f"{CAMERA}.shake.amplitude: ", "unit of length"),
     exposed("a negative shake", "shake: {amplitude: -1}", f"{CAMERA}.shake.amplitude: must be at least 0, got -1"),
+    exposed("a shake of whole turns", "shake: {amplitude: 200}", f"{CAMERA}.shake.amplitude: must be at most 180"),
     exposed("a shake of no bandwidth", "shake: {amplitude: 1, bandwidth: 0}", f"{CAMERA}.shake.bandwidth: ", "than 0"),
     exposed("a shake of rpm", "shake: {amplitude: 1, bandwidth: 9 rpm}", f"{CAMERA}.shake.bandwidth: ", "angular rate"),
     exposed("a shake of seed 0.5", "shake: {amplitude: 1, seed: 0.5}", f"{CAMERA}.shake.seed: must be a whole number"),
@@ -616,6 +678,16 @@ MEDIA = [
     ),
     changed("unknown outside medium", "l: grey", "l: grey, outside_medium: fog", f"{BALL}.outside_medium: unknown"),
     changed("unknown medium of the camera", "vfov: 40", "vfov: 40, medium: fog", f"{CAMERA}.medium: unknown medium"),
+    dataclasses.replace(
+        medium(
+            "grid that no light would get through",
+            "type: grid, file: fog.npy, extinction: 1.0e+9",
+            ".extinction: makes the densest voxels",
+            "mean free paths thick, where 1182 are the most",
+        ),
+        command="render SCENE -o DIR/out.npy",
+        files=(("fog.npy", npy(_GRID)),),
+    ),
     grid("grid of another suffix", "fog.vdb", b"", "unknown suffix '.vdb' for a grid; known: .npy"),
     grid("grid that is no NumPy file", "fog.npy", "density", "is no NumPy file"),
     grid("empty grid file", "fog.npy", b"", "is no NumPy file"),
@@ -821,6 +893,34 @@ FACETS = [
     material("rough glass in nothing", "type: rough_dielectric, outside_ior: 0", ".outside_ior: must be greater"),
     material("misspelt roughness", "type: rough_dielectric, roughnes: 1", "did you mean 'roughness'?"),
     material("roughness by no texture", "type: rough_dielectric, roughness: x", ".roughness: unknown texture 'x'"),
+    material("negative priority", "type: dielectric, priority: -1", ".priority: must be at least 0, got -1"),
+    material("half a priority", "type: rough_dielectric, priority: 0.5", ".priority: must be a whole number, got 0.5"),
+    material("priority of a mirror", "type: metal, priority: 1", "unknown key 'priority'"),
+    material(
+        "priority and an outside",
+        "type: dielectric, priority: 1, outside_ior: 1.3",
+        ".outside_ior: goes not with priority, by which what is outside is found: leave it out",
+    ),
+    material(
+        "priority and what is absorbed outside",
+        "type: dielectric, priority: 1, outside_absorption: 1",
+        ".outside_absorption: goes not with priority",
+    ),
+    material(
+        "tint of a rough glass",
+        "type: rough_dielectric, absorption: 1",
+        ".absorption: needs a priority, by which light knows what it is in",
+    ),
+    material(
+        "half a tint of a rough glass",
+        "type: rough_dielectric, priority: 1, attenuation_color: 0.5",
+        ".attenuation_distance: is missing",
+    ),
+    material(
+        "fillings that differ",
+        "type: mixture, materials: [{type: dielectric, priority: 1}, {type: rough_dielectric, priority: 2}]",
+        ": its materials fill one object with different things",
+    ),
 ]
 
 
@@ -1298,6 +1398,8 @@ ROWS = [
     *KEYS,
     *VALUES,
     *MESHES,
+    *LIMITS,
+    *STRICT,
     *OVERRIDES,
     *RENDER,
     *USAGE,
