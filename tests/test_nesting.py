@@ -211,6 +211,11 @@ def test_a_camera_far_from_all_solids_does_not_look_around() -> None:
     # A lens of 17 m has rays that begin in it.
     wide = VIEW.replace("pinhole", "thin_lens").replace("look_at", "aperture: 17000, look_at")
     assert packed(wide + objects).interior.camera is not None
+    # One of 15 m does not, but for the corners of three blades of that area, 11.7 m away.
+    narrower = wide.replace("17000", "15000")
+    assert packed(narrower + objects).interior.camera is None
+    bladed = narrower.replace("aperture:", "aperture_shape: {type: polygon, blades: 3}, aperture:")
+    assert packed(bladed + objects).interior.camera is not None
     moving = VIEW.replace("look_at", "shutter: 1, motion: {velocity: [0, 0, -9]}, look_at")
     assert packed(moving + objects).interior.camera is not None
     around = VIEW.replace("pinhole", "orthographic, height: 2")

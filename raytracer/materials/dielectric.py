@@ -54,8 +54,9 @@ class Dielectric(ClearSpec):
     equals the one that comes first in the scene; surfaces hidden in it let light straight through, shadow rays too, and
     each surface that is seen is a boundary to what lies behind it. Light knows what it is in, also where the camera
     stands in it, and loses what that absorbs on all its ways. Make things that touch overlap by a little, as water and
-    its glass: of two faces in the same place a ray meets but one. Without priorities, a face between two glasses is one
-    surface, with `ior` and `outside_ior`.
+    its glass: of two faces in the same place a ray meets but one. Glass without a priority has no part in this: within
+    water that has one, its surface is one to `outside_ior`, and the water goes on absorbing in it. Where nothing has a
+    priority, a face between two glasses is one surface, with `ior` and `outside_ior`.
 
     References: Pharr et al. 2023, "Physically Based Rendering", 4th ed., sec. 9.5; basic radiance: Nicodemus 1963;
     priorities: Schmidt, Budge 2002, "Simple Nested Dielectrics in Ray Traced Images", JGT 7(2); absorption: Beer 1852;

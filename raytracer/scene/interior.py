@@ -1,5 +1,6 @@
 """What objects are filled with that have priorities, and what their surfaces are to each other where they overlap."""
 
+import math
 from collections.abc import Hashable, Sequence
 from typing import Any, NamedTuple
 
@@ -132,6 +133,9 @@ class Solids:
         time = self._spec.camera.opening().open
         eye: Any = self._spec.camera
         reach = 0.0 if camera.lens is None else camera.lens.radius
+        if camera.lens is not None and camera.lens.shape is not None:
+            # Blades and masks reach farther than the round opening of the same area.
+            reach = math.inf
         for number in holding - {-1}:
             corners = where.corners(number, time)
             low, high = corners.min(axis=0), corners.max(axis=0)
