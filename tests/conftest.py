@@ -3,7 +3,12 @@
 Compiled kernels go to the user's cache as in any other run, so only the first run after a change compiles.
 """
 
+import signal
+
 from hypothesis import settings
+
+# A shell starts what it runs in the background with Ctrl-C ignored, which tests send to themselves.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The same examples in every run, and no limit on their time: the first one may compile.
 # `--hypothesis-profile=explore` tries others.

@@ -34,8 +34,8 @@ def scene(name: str, sampler: str | None = None) -> SceneSpec:
     return load(SCENES / f"{name}.yaml", overrides)
 
 
-# What these have besides the other scenes' kinds are materials and media, which know nothing of threads.
-LARGE = {"metals", "next_week", "studio"}
+# What these have besides the other scenes' kinds are materials, media and priorities, which know nothing of threads.
+LARGE = {"metals", "nested", "next_week", "studio"}
 
 NAMES = [
     pytest.param(path.stem, marks=[pytest.mark.slow] if path.stem in LARGE | GENERATED.keys() else [])

@@ -200,21 +200,13 @@ def _rendered_or_refused(document: Document, seed: int, folder: Path) -> None:
         assert np.isfinite(result.image.radiance).all(), keys
 
 
-def _all_are_rendered_or_refused(examples: int, folder: Path) -> None:
-    write_files(folder)
-
-    @settings(max_examples=examples, suppress_health_check=list(HealthCheck))
-    @given(scenes(), SEEDS)
-    def holds(document: Document, seed: int) -> None:
-        _rendered_or_refused(document, seed, folder)
-
-    holds()
-
-
-def test_a_number_is_refused_or_rendered(tmp_path: Path) -> None:
-    _all_are_rendered_or_refused(20, tmp_path)
-
-
 @pytest.mark.slow
 def test_many_numbers_are_refused_or_rendered(tmp_path: Path) -> None:
-    _all_are_rendered_or_refused(500, tmp_path)
+    write_files(tmp_path)
+
+    @settings(max_examples=500, suppress_health_check=list(HealthCheck))
+    @given(scenes(), SEEDS)
+    def holds(document: Document, seed: int) -> None:
+        _rendered_or_refused(document, seed, tmp_path)
+
+    holds()

@@ -63,6 +63,7 @@ def test_defaults() -> None:
         "seed": 0,
         "rr_depth": 5,
         "light_sampling": "mis",
+        "clamp": None,
     }
     assert result.environment is None
     assert result.film.filter.type == "box"  # type: ignore[attr-defined]
