@@ -28,6 +28,9 @@ materials:
   red: {type: lambertian, albedo: [0.5, 0, 0]}
   glass: {type: dielectric, ior: 1.5}
   lamp: {type: emitter, radiance: 3}
+  water: {type: dielectric, ior: 1.33, priority: 1}
+  ink: {type: dielectric, ior: 1.33, priority: 1, absorption: 2}
+  marble: {type: dielectric, ior: 1.5, priority: 2}
 """
 
 FLOOR = "type: quad, name: floor, corner: [-5, 0, 5], edges: [[10, 0, 0], [0, 0, -10]], material: grey"
@@ -36,6 +39,8 @@ WALL = "type: quad, name: wall, corner: [-5, 0, -2], edges: [[10, 0, 0], [0, 10,
 POSTER = "type: quad, name: poster, corner: [0, 1, -2], edges: [[1, 0, 0], [0, 1, 0]], material: red"
 CRATE = "type: box, name: crate, min: [0, 0, 0], max: [1, 1, 1], material: red"
 TUBE = "type: quad, name: tube, corner: [0, 3, 0], edges: [[1, 0, 0], [0, 0, 1]], material: lamp"
+POOL = "type: box, name: pool, min: [-1, 0, -1], max: [1, 1, 1], material: water"
+BEAD = "type: sphere, name: bead, center: [0, 0.5, 0], radius: 0.2, material: glass"
 TURNED = "transform: [{rotate: {axis: [1, 2, 3], angle: 33}}]"
 
 
@@ -69,6 +74,24 @@ CLEAN: dict[str, tuple[str, ...]] = {
         "type: sphere, center: [0, 2, 0], radius: -0.9, material: glass",
     ),
     "a lamp above": (FLOOR, TUBE),
+    "glass that has a priority in water": (POOL, BEAD.replace("glass", "marble")),
+    "glass beside water": (POOL, BEAD.replace("[0,", "[1.3,")),
+    "glass beside water that is turned, in its box": (
+        f"{POOL}, transform: [{{rotate: {{axis: [0, 1, 0], angle: 45}}}}]",
+        BEAD.replace("[0, 0.5, 0]", "[0.9, 0.5, 0.9]"),
+    ),
+    "glass a millimetre above water": (POOL, BEAD.replace("0.5", "1.201")),
+    "glass that is made for clear water": (
+        POOL,
+        BEAD.replace("material: glass", "material: {type: dielectric, ior: 1.5, outside_ior: 1.33}"),
+    ),
+    "a hollow in water, and a bead in it": (
+        POOL,
+        BEAD.replace("bead", "hollow").replace("glass", "{type: dielectric, ior: 1.33}").replace("0.2", "-0.4"),
+        BEAD,
+    ),
+    "an opaque ball in water": (POOL, BEAD.replace("glass", "red")),
+    "glass in glass, none of which has a priority": (POOL.replace("water", "glass"), BEAD),
     "a lamp inside of a room": (
         "type: sphere, name: room, center: [0, 0, 0], radius: -20, material: grey",
         "type: sphere, center: [0, 3, 0], radius: 0.3, material: lamp",
@@ -84,7 +107,7 @@ def test_what_is_right_is_no_concern(objects: tuple[str, ...]) -> None:
 WARNED: dict[str, tuple[tuple[str, ...], str, str]] = {
     "a pea a kilometre away": (
         (FLOOR, BALL, "type: sphere, name: pea, center: [0, 1, -1000], radius: 0.001"),
-        's.yaml:12: objects[2] "pea": ',
+        's.yaml:15: objects[2] "pea": ',
         "is 1e+06 of its radii (0.001 m) away from the camera",
     ),
     "a pebble on a planet": (
@@ -93,27 +116,27 @@ WARNED: dict[str, tuple[tuple[str, ...], str, str]] = {
             "type: sphere, name: pebble, center: [0, 0.1, 0], radius: 0.1",
             "type: sphere, name: balloon, center: [0, 30, 0], radius: 0.1",
         ),
-        's.yaml:11: objects[1] "pebble": ',
+        's.yaml:14: objects[1] "pebble": ',
         'lies on objects[0] "planet", which rays leave 0.95 m off its surface',
     ),
     "a dome of stars": (
         (FLOOR, BALL, "type: sphere, name: dome, center: [0, 0, 0], radius: -1e7, material: lamp"),
-        's.yaml:11: objects[1] "ball": ',
+        's.yaml:14: objects[1] "ball": ',
         'is 2 m large, and objects[2] "dome" 2e+07 m, 1e+07 times as much',
     ),
     "a face that is nothing in float32": (
         (FLOOR, "type: triangle, name: speck, vertices: [[3, 1, 0], [4, 1, 0], [5, 1.00000001, 0]]"),
-        's.yaml:11: objects[1] "speck": ',
+        's.yaml:14: objects[1] "speck": ',
         "it has no area once its coordinates are rounded to float32",
     ),
     "a poster in the wall": (
         (WALL, POSTER),
-        's.yaml:11: objects[1] "poster": ',
+        's.yaml:14: objects[1] "poster": ',
         'coincides with one of objects[0] "wall"',
     ),
     "a poster less than an offset off": (
         (WALL, POSTER.replace("-2]", "-1.999999]")),
-        's.yaml:11: objects[1] "poster": ',
+        's.yaml:14: objects[1] "poster": ',
         "to within 4.8e-06 m, where they overlap: which of the two is seen is left to rounding",
     ),
     "a disc in a wall, both turned": (
@@ -121,52 +144,85 @@ WARNED: dict[str, tuple[tuple[str, ...], str, str]] = {
             f"{WALL}, {TURNED}",
             f"type: disc, center: [0, 1, -2], normal: [0, 0, 1], radius: 0.5, material: red, {TURNED}",
         ),
-        "s.yaml:11: objects[1]: ",
+        "s.yaml:14: objects[1]: ",
         'coincides with one of objects[0] "wall"',
     ),
     "a triangle in a wall": (
         (WALL, "type: triangle, vertices: [[0, 1, -2], [1, 1, -2], [0, 2, -2]], material: red"),
-        "s.yaml:11: objects[1]: ",
+        "s.yaml:14: objects[1]: ",
         'coincides with one of objects[0] "wall"',
     ),
     "a lamp in the wall": (
         (WALL, POSTER.replace("red", "lamp")),
-        's.yaml:11: objects[1] "poster": ',
+        's.yaml:14: objects[1] "poster": ',
         'coincides with one of objects[0] "wall"',
     ),
     "boxes with flush tops": (
         (CRATE, "type: box, name: inlay, min: [0.2, 0.5, 0.2], max: [0.8, 1, 0.8], material: grey"),
-        's.yaml:11: objects[1] "inlay": ',
+        's.yaml:14: objects[1] "inlay": ',
         'coincides with one of objects[0] "crate"',
     ),
     "glass on a floor": (
         (FLOOR, CRATE.replace("red", "glass")),
-        's.yaml:11: objects[1] "crate": ',
+        's.yaml:14: objects[1] "crate": ',
         "light goes into one of them",
     ),
     "glass on glass of the same kind": (
         (CRATE.replace("red", "glass"), "type: box, name: lid, min: [0, 1, 0], max: [1, 2, 1], material: glass"),
-        's.yaml:11: objects[1] "lid": ',
+        's.yaml:14: objects[1] "lid": ',
         "light goes into one of them",
     ),
     "a ball twice": (
         (BALL, BALL.replace("ball", "twin").replace("grey", "red")),
-        's.yaml:11: objects[1] "twin": ',
+        's.yaml:14: objects[1] "twin": ',
         'coincides with one of objects[0] "ball"',
+    ),
+    "glass in water": (
+        (POOL, BEAD),
+        's.yaml:14: objects[1] "bead": ',
+        'is clear, and lies within objects[0] "pool", whose material has a `priority`, as its own has not',
+    ),
+    "frosted glass that reaches into water": (
+        (POOL, BEAD.replace("[0,", "[1.1,").replace("glass", "{type: rough_dielectric, ior: 1.5}")),
+        's.yaml:14: objects[1] "bead": ',
+        'is clear, and overlaps objects[0] "pool", whose material has a `priority`',
+    ),
+    "glass around water": (
+        (POOL, BEAD.replace("0.2", "3")),
+        's.yaml:14: objects[1] "bead": ',
+        'is clear, and overlaps objects[0] "pool"',
+    ),
+    "a glass rod through water": (
+        (POOL, "type: box, name: rod, min: [-0.1, -2, -0.1], max: [0.1, 3, 0.1], material: glass"),
+        's.yaml:14: objects[1] "rod": ',
+        'is clear, and overlaps objects[0] "pool"',
+    ),
+    "glass that is made for water, in ink": (
+        (
+            POOL.replace("water", "ink"),
+            BEAD.replace("material: glass", "material: {type: dielectric, ior: 1.5, outside_ior: 1.33}"),
+        ),
+        's.yaml:14: objects[1] "bead": ',
+        'lies within objects[0] "pool"',
+    ),
+    "a cutout of glass in water": (
+        (POOL, BEAD.replace("glass", "{type: cutout, opacity: 0.5, material: glass}")),
+        's.yaml:14: objects[1] "bead": ',
+        'lies within objects[0] "pool"',
     ),
     "an emitter that gives nothing": (
         (FLOOR, "type: quad, corner: [0, 3, 0], edges: [[1, 0, 0], [0, 0, 1]], material: {type: emitter, radiance: 0}"),
-        "s.yaml:11: objects[1]: ",
+        "s.yaml:14: objects[1]: ",
         "is made of an emitter that gives no light: its radiance is 0",
     ),
     "a lamp to the ceiling": (
         (FLOOR, TUBE.replace("[1, 0, 0], [0, 0, 1]", "[0, 0, 1], [1, 0, 0]")),
-        's.yaml:11: objects[1] "tube": ',
+        's.yaml:14: objects[1] "tube": ',
         "gives light to the side of its normal only",
     ),
     "a bulb inside out": (
         (FLOOR, "type: sphere, name: bulb, center: [0, 3, 0], radius: -0.3, material: lamp"),
-        's.yaml:11: objects[1] "bulb": ',
+        's.yaml:14: objects[1] "bulb": ',
         "has a negative radius, so it gives light to its inside only",
     ),
 }
@@ -208,7 +264,7 @@ def test_a_camera_in_a_box_sees_what_is_lit_in_there() -> None:
 def test_a_scene_without_light_is_black() -> None:
     text = dark(HEAD.replace("EYE", "[0, 1, 6]")) + f"objects: [{{{FLOOR}}}]\n"
     (concern,) = concerns(pack(build(text, "s.yaml")))
-    assert concern.text.startswith("s.yaml:8: objects: nothing gives light")
+    assert concern.text.startswith("s.yaml:11: objects: nothing gives light")
     point = "lights: [{type: point, position: [0, 3, 0], intensity: 0}]\n"
     first, second = concerns(pack(build(point + text, "s.yaml")))
     assert first.text == "s.yaml:1: lights[0]: gives no light: its intensity is 0"
@@ -232,9 +288,80 @@ def test_what_instances_place_is_held_against_the_rest() -> None:
     placed = "type: instance, name: hung, of: pictures, transform: [{translate: [2, 0, DEPTH]}]"
     (concern,) = found(WALL, placed.replace("DEPTH", "-2"), more=group)
     assert concern.text.startswith(
-        's.yaml:14: objects[1] "hung": a surface of it coincides with one of objects[0] "wall"'
+        's.yaml:17: objects[1] "hung": a surface of it coincides with one of objects[0] "wall"'
     )
     assert found(WALL, placed.replace("DEPTH", "-1.99"), more=group) == []
+
+
+GROUND = "type: quad, name: ground, corner: [-1e6, 0, 1e6], edges: [[2e6, 0, 0], [0, 0, -2e6]]"
+SLAB = "type: box, name: ground, min: [-1e6, -1, -1e6], max: [1e6, 0, 1e6]"
+PEBBLES = (
+    "type: sphere, name: a, center: [0, 0.003, 0], radius: 0.003",
+    "type: sphere, name: b, center: [0.03, 0.01, 0], radius: 0.01",
+)
+BOX = "type: box, name: box, min: [-0.5, 0, -0.5], max: [0.5, 1, 0.5]"
+LOW = "[0, 0.05, 0.15]"
+
+
+def kinds(*objects: str, eye: str) -> set[str]:
+    return {concern.kind for concern in found(*objects, eye=eye)}
+
+
+@pytest.mark.parametrize("ground", [GROUND, SLAB])
+def test_a_huge_ground_that_is_cut_is_no_concern(ground: str) -> None:
+    assert found(ground, *PEBBLES, eye=LOW) == []
+    assert found(ground, BOX, eye="[0, 1.6, 5]") == []
+    # The offset there is 4 * 2^-23 of the reach of a part, which is 2^-20 of the ground's at least.
+    (concern,) = found(ground, *PEBBLES, eye="[0, 1e-6, 0.15]")
+    assert 'lies on the surface of objects[0] "ground", to within 1' in concern.text
+    # Pebbles of which rays 20 km off leave the ground farther than they are large do drown, though it is cut.
+    far = "type: sphere, name: far, center: [20000, 0.01, 0], radius: 0.01"
+    assert "objects that drown in what they lie on" in kinds(ground, far, eye=LOW)
+
+
+@pytest.mark.parametrize(
+    "why",
+    [
+        "transform: [{rotate: {axis: [1, 0, 1], angle: 3}}]",
+        "material: {type: lambertian, albedo: {type: checker, scale: 1, even: 0.5, odd: 0.7}}",
+    ],
+    ids=["tilted", "textured"],
+)
+def test_a_huge_ground_that_is_not_cut_is_one(why: str) -> None:
+    assert kinds(f"{GROUND}, {why}", *PEBBLES, eye=LOW) == {
+        "objects that drown in what they lie on",
+        "cameras without a view",
+    }
+    high = BOX.replace("[-0.5, 0,", "[-0.5, 50,").replace("[0.5, 1,", "[0.5, 51,")
+    assert kinds(f"{GROUND}, {why}", high, eye="[0, 40, 5]") == {"sizes that are too far apart"}
+
+
+def test_glass_in_water_that_groups_and_meshes_hold(tmp_path: Path) -> None:
+    corners = [[x, y, z] for x in (-1, 1) for y in (0, 1) for z in (-1, 1)]
+    sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    triangles = [[side[0], side[k], side[k + 1]] for side in sides for k in (1, 2)]
+    obj(tmp_path / "pool.obj", corners, triangles)
+    # Of a surface and one wall nothing is inside.
+    obj(tmp_path / "open.obj", corners, triangles[6:8] + triangles[10:])
+    pool = "type: mesh, name: pool, file: pool.obj, material: water"
+    (concern,) = found(pool, BEAD, base=tmp_path)
+    assert 'objects[1] "bead": is clear, and lies within objects[0] "pool"' in concern.text
+    assert found(pool, BEAD.replace("[0,", "[1.3,"), base=tmp_path) == []
+    assert found(pool.replace("pool.obj", "open.obj"), BEAD, base=tmp_path) == []
+
+    group = f"groups:\n  beads:\n    - {{{BEAD}}}\n"
+    placed = "type: instance, name: put, of: beads, transform: [{scale: 0.5}, {translate: [PLACE, 0, 0]}]"
+    away = placed.replace("put", "away").replace("PLACE", "5")
+    (concern,) = found(pool, away, placed.replace("PLACE", "0.5"), more=group, base=tmp_path)
+    assert 'objects[2] "put": is clear, and lies within objects[0] "pool"' in concern.text
+    assert found(pool, away, more=group, base=tmp_path) == []
+
+    # The pool is in another place than in its group.
+    group = group.replace("beads", "pools").replace(BEAD, pool)
+    placed = "type: instance, name: put, of: pools, transform: [{translate: [7, 0, 0]}]"
+    (concern,) = found(placed, BEAD.replace("[0,", "[7,"), more=group, base=tmp_path)
+    assert 'objects[1] "bead": is clear, and lies within objects[0] "put"' in concern.text
+    assert found(placed, BEAD, more=group, base=tmp_path) == []
 
 
 def obj(path: Path, vertices: Any, faces: Any) -> None:
@@ -264,7 +391,7 @@ def test_of_many_alike_ten_are_told() -> None:
 def test_the_order_of_objects_does_not_matter() -> None:
     (concern,) = found(POSTER, WALL)
     assert concern.text.startswith(
-        's.yaml:11: objects[1] "wall": a surface of it coincides with one of objects[0] "poster"'
+        's.yaml:14: objects[1] "wall": a surface of it coincides with one of objects[0] "poster"'
     )
 
 
@@ -296,11 +423,11 @@ def test_validate_warns_and_strict_refuses(tmp_path: Path, capsys: pytest.Captur
     assert main(["validate", str(bad)]) == 0
     captured = capsys.readouterr()
     assert captured.out == f"{bad}: valid\n"
-    assert captured.err.startswith(f'rt: warning: {bad}:11: objects[1] "poster": ')
+    assert captured.err.startswith(f'rt: warning: {bad}:14: objects[1] "poster": ')
     assert main(["validate", "--strict", str(bad)]) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
-    assert captured.err.startswith(f'rt: {bad}:11: objects[1] "poster": ')
+    assert captured.err.startswith(f'rt: {bad}:14: objects[1] "poster": ')
     assert captured.err.count("\n") == 1
 
 

@@ -200,10 +200,11 @@ def _reach_below(survey: Survey, ground: int, middle: Points, radius: Points) ->
 
 
 def _extents(survey: Survey) -> Iterator[Concern]:
-    """A scene whose largest object is too much larger than its smallest."""
+    """A scene whose largest object is too much larger than its smallest; what is cut is nowhere too large for it."""
     extent = _seen(survey).extent
-    small, large = int(np.argmin(extent)), int(np.argmax(extent))
-    ratio = float(extent[large] / max(extent[small], np.finfo(float).tiny))
+    whole = np.array([0.0 if survey.is_cut(piece) else size for piece, size in enumerate(extent.tolist())])
+    small, large = int(np.argmin(extent)), int(np.argmax(whole))
+    ratio = float(whole[large] / max(extent[small], np.finfo(float).tiny))
     if ratio > MOST_EXTENTS:
         yield survey.concern(
             "sizes that are too far apart",

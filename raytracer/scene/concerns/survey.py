@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from raytracer.cameras.moving import camera_at
 from raytracer.materials.interface import MaterialSpec
 from raytracer.motion import compose
+from raytracer.primitives.parallelograms import Parallelograms
 from raytracer.primitives.spheres import Spheres
 from raytracer.scene.concerns.interface import Concern, Keys, concern, named
 from raytracer.scene.concerns.outlines import Points, has_edges, normals, outline, resting
@@ -186,6 +187,12 @@ class Survey:
     def is_solid(self, piece: int) -> bool:
         """Whether it is seen from the side of its normals alone, if it is closed as it should be."""
         return self.spec_of(piece).type in ("box", "mesh")
+
+    def is_cut(self, piece: int) -> bool:
+        """Whether its faces were cut into parts that are as large as they are far away (`primitives.graded`)."""
+        rows = int(self.pieces.stop[piece] - self.pieces.start[piece])
+        faces = 6 if self.spec_of(piece).type == "box" else 1
+        return isinstance(self.tables[self.pieces.table[piece]], Parallelograms) and rows > faces
 
     def name_of(self, piece: int) -> str:
         """What a sentence calls it."""

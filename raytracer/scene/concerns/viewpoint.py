@@ -8,13 +8,16 @@ from numpy.typing import NDArray
 from raytracer.geometry import OFFSET_ULPS
 from raytracer.primitives.spheres import Spheres
 from raytracer.scene.concerns.interface import Concern, concern
-from raytracer.scene.concerns.outlines import Points, normals, outline, resting
+from raytracer.scene.concerns.outlines import Points, normals, outline, reaches, resting
 from raytracer.scene.concerns.survey import Survey
 
 _KIND = "cameras without a view"
 
 # Faces of an object that are looked at one by one.
 _MOST_FACES = 10_000
+
+_MOST_REACH = 5.0
+"""How many times the largest coordinate the offset of a quad may count: its corner once, either edge twice."""
 
 
 def viewpoint(survey: Survey) -> Iterator[Concern]:
@@ -25,8 +28,8 @@ def viewpoint(survey: Survey) -> Iterator[Concern]:
     ).tolist():
         table = survey.tables[pieces.table[piece]]
         start, stop = int(pieces.start[piece]), int(pieces.stop[piece])
-        offset = OFFSET_ULPS * float(pieces.reach[piece])
-        if _is_on(survey, table, start, stop, offset):
+        offset = _offset_there(survey, table, start, stop)
+        if offset is not None:
             yield concern(
                 survey.spec,
                 _KIND,
@@ -46,15 +49,17 @@ def viewpoint(survey: Survey) -> Iterator[Concern]:
 def _near(survey: Survey) -> NDArray[np.bool_]:
     """Which pieces have the camera in their box, or on it (n,)."""
     pieces, camera = survey.pieces, survey.camera
-    slack = OFFSET_ULPS * pieces.reach[:, None]
+    slack = _MOST_REACH * OFFSET_ULPS * pieces.reach[:, None]
     return np.asarray(((camera >= pieces.low - slack) & (camera <= pieces.high + slack)).all(axis=1))
 
 
-def _is_on(survey: Survey, table: object, start: int, stop: int, offset: float) -> bool:
-    """Whether the camera is nearer to a surface than the offset of rays that leave it."""
+def _offset_there(survey: Survey, table: object, start: int, stop: int) -> float | None:
+    """The offset of rays that leave the surface that the camera is on, to within that (m); None if it is on none."""
     base = resting(table)
+    offset = OFFSET_ULPS * reaches(table, start, stop)
     if isinstance(base, Spheres):
-        return abs(_away(base, start, survey.camera) - abs(float(base.radius[start]))) <= offset
+        height = abs(_away(base, start, survey.camera) - abs(float(base.radius[start])))
+        return float(offset[0]) if height <= offset[0] else None
     faces = outline(table, start, stop)
     normal = normals(faces)
     to = survey.camera - faces
@@ -62,7 +67,8 @@ def _is_on(survey: Survey, table: object, start: int, stop: int, offset: float) 
     # Inside of a convex face, the point is to the left of all of its edges.
     edges = np.roll(faces, -1, axis=1) - faces
     left = np.einsum("nki,ni->nk", np.cross(edges, to), normal)
-    return bool(((height <= offset) & (left >= 0.0).all(axis=1)).any())
+    on = (height <= offset) & (left >= 0.0).all(axis=1)
+    return float(offset[on].max()) if on.any() else None
 
 
 def _away(table: Spheres, row: int, point: Points) -> float:
