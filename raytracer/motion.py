@@ -20,6 +20,7 @@ References: Shoemake 1985, "Animating Rotation with Quaternion Curves", SIGGRAPH
 (RTCQuaternionDecomposition).
 """
 
+import functools
 import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
@@ -241,7 +242,15 @@ def _keyed(keyframes: Sequence[Keyframe], time: float) -> Matrix:
     if np.array_equal(first[:3, :3], last[:3, :3]):
         first[:3, 3] += fraction * (last[:3, 3] - first[:3, 3])
         return first
-    return compose(_between(decompose(first), decompose(last), fraction))
+    return compose(_between(_decomposed(a.transform), _decomposed(b.transform), fraction))
+
+
+@functools.lru_cache(maxsize=64)
+def _decomposed(transform: Transform) -> NDArray[np.float64]:
+    """The row (16,) of a keyframe's pose, which each step of a trajectory asks for."""
+    row = decompose(matrix_of(transform))
+    row.setflags(write=False)
+    return row
 
 
 class Static(NamedTuple):
