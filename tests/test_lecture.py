@@ -90,6 +90,7 @@ def _check(name: str) -> None:
         assert np.median(values) > 0.01, variant.caption
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STREET)
 def test_settings_of_the_street_are_exposed_well(name: str) -> None:
     _check(name)

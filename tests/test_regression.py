@@ -11,8 +11,9 @@ from raytracer.film.image import Image
 from raytracer.rendering import render
 from tests.make_references import FOLDER, GENERATED, REFERENCES, ROOT, SEED, spec_of
 
-# Of `nested` the quick tests know enough by tests/test_nesting.py.
-NAMES = [pytest.param(name, marks=[pytest.mark.slow] if name in {*GENERATED, "nested"} else []) for name in REFERENCES]
+# What these compile for long, the quick tests know by other scenes, and by tests/test_nesting.py.
+LARGE = GENERATED.keys() | {"nested", "next_week", "studio"}
+NAMES = [pytest.param(name, marks=[pytest.mark.slow] if name in LARGE else []) for name in REFERENCES]
 
 # Each takes as long as ten renders of the others.
 KEEN = [pytest.param(name, marks=[] if name in ("cornell", "lens") else [pytest.mark.slow]) for name in REFERENCES]

@@ -147,8 +147,11 @@ def test_an_effect_brings_its_own_code(kernels: Kernels, name: str, brings: set[
     assert found - brings <= {"filters.box", "materials.lambertian", "primitives.spheres", "sampling.independent"}
     assert ("raytracer.optics" in kernels[name]["modules"]) == (name == "glass")
     assert kernels[name]["llvm_size"] > kernels["plain"]["llvm_size"]
+    # Counts are atomic and shared by all threads; they cost a third of the time.
+    assert kernels[name]["reference_counts"] == 0
 
 
+@pytest.mark.slow
 def test_shadow_rays_are_compiled_where_there_are_lights(kernels: Kernels) -> None:
     assert {name: report["calls"]["rtcOccluded8"] for name, report in kernels.all().items()} == {
         "plain": 0,
@@ -171,17 +174,19 @@ def test_shadow_rays_are_compiled_where_there_are_lights(kernels: Kernels) -> No
     }
 
 
+@pytest.mark.slow
 def test_shadow_rays_are_followed_where_light_may_pass(kernels: Kernels) -> None:
     # As rays that look for what they meet, in place of those that only look whether they meet anything.
     assert kernels["gauze"]["calls"]["rtcIntersect8"] == 2
     assert {report["calls"]["rtcIntersect8"] for name, report in kernels.all().items() if name != "gauze"} == {1}
 
 
+@pytest.mark.slow
 def test_kernels_count_no_references(kernels: Kernels) -> None:
-    # Counts are atomic and shared by all threads; they cost a third of the time.
     assert {name: report["reference_counts"] for name, report in kernels.all().items()} == dict.fromkeys(kernels, 0)
 
 
+@pytest.mark.slow
 def test_only_aovs_that_are_asked_for_are_compiled(kernels: Kernels) -> None:
     recorded = {
         name: {module for module in report["modules"] if module.startswith("raytracer.aovs.")}
@@ -191,6 +196,7 @@ def test_only_aovs_that_are_asked_for_are_compiled(kernels: Kernels) -> None:
     assert not any(recorded.values())
 
 
+@pytest.mark.slow
 def test_relief_is_compiled_where_a_material_has_some(kernels: Kernels) -> None:
     # A checker is its texture in both; the second one shades with its slopes too.
     assert {name for name, report in kernels.all().items() if "raytracer.relief" in report["modules"]} == {"bumpy"}

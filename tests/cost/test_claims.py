@@ -195,6 +195,7 @@ def test_equal_arms_have_no_bias_over_many_seeds_and_a_planted_one_has_its_size(
 # ---- Effects that only take time
 
 
+@pytest.mark.slow
 def test_a_medium_that_no_ray_enters_shows_its_time_and_no_bias() -> None:
     mist = """
 media:

@@ -92,6 +92,7 @@ objects:
 """
 
 
+@pytest.mark.slow
 def test_a_render_is_nearer_to_its_reference_and_says_that_it_is_denoised(tmp_path: Path) -> None:
     pytest.importorskip("pyoidn")
     settings = {"width": 64, "height": 48, "sampler": "independent"}

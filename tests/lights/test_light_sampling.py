@@ -187,6 +187,7 @@ objects:
 """
 
 
+@pytest.mark.slow
 def test_plates_and_lights() -> None:
     """Veach's picture: each way is bad where the other is good, and both together are never worse than the better."""
     size = {"film__width": 48, "film__height": 8, "render__max_depth": 2, "render__spp": 256}
