@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from raytracer.cameras.interface import CameraSpec
 from raytracer.jit import kernel
-from raytracer.spec import Direction, Point
+from raytracer.spec import MOST, Direction, Point
 from raytracer.vec import Vec3, dot, sub
 
 
@@ -45,7 +45,8 @@ class PlacedSpec(CameraSpec):
         ValueError : look_from and look_at are the same point, or `up` is parallel to the view.
         """
         forward = np.subtract(self.look_at, self.look_from)
-        if not forward.any():
+        # As near as no two numbers of a scene but 0 are to it, squares of what lies between would vanish.
+        if np.abs(forward).max() * MOST < 1.0:
             raise ValueError("look_from and look_at are the same point, so the camera looks nowhere")
         forward = forward / np.linalg.norm(forward)
         up = np.asarray(self.up) / np.linalg.norm(self.up)

@@ -276,8 +276,10 @@ def test_frame_is_orthonormal_however_close_up_is_to_the_view() -> None:
     for up in ([0, 0, 1], [0, 0, -3]):
         with pytest.raises(ValidationError, match="parallel"):
             camera(look_from=[0, 0, 0], look_at=[0, 0, -2], up=up)
-    with pytest.raises(ValidationError, match="same point"):
-        camera(look_from=[1, 2, 3], look_at=[1, 2, 3])
+    # The square of 1e-300 is 0, by which nothing can be divided.
+    for near in ([1, 2, 0], [1, 2, 1e-300]):
+        with pytest.raises(ValidationError, match="same point"):
+            camera(look_from=near, look_at=[1, 2, 0])
 
 
 @pytest.mark.parametrize("size", [1e-30, 1e30])
