@@ -154,7 +154,7 @@ def render_tiles(
 
     def work(room: Workspace, tile: int) -> None:
         window = windows[tile]
-        removed = None if scene.clamp is None else np.zeros((TILE, TILE, 4))
+        removed = film_for(scene, TILE, TILE).removed
         target = FilmView(mean[tile], m2[tile], count[tile], bad[tile], window.left, window.top, None, removed)
         begin = 0
         for end in sorted({*keep, spp}):

@@ -5,7 +5,7 @@ In a scene:
     - {type: box, min: [0, 0, 0], max: [1, 2, 1], material: white, transform: [{rotate: {axis: [0, 1, 0], angle: 15}}]}
 """
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -28,6 +28,9 @@ _FACES = (
 
 class Box(ShapeSpec):
     """A box between two opposite corners; a transform may turn or shear it."""
+
+    closed: ClassVar[bool] = True
+    faces: ClassVar[int | None] = 6
 
     type: Literal["box"] = "box"
     min: Point = Field(description="corner with the smallest coordinates (m)")

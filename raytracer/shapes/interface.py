@@ -1,7 +1,7 @@
 """What every shape kind gives to packing."""
 
 from collections.abc import Mapping
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,14 @@ Assets = Mapping[str, Any]
 
 
 class ShapeSpec(ObjectSpec):
-    """Base of the shapes."""
+    """Base of the shapes.
+
+    closed : whether it has flat faces that enclose a volume, as far as that is known of them.
+    faces : how many flat faces it has, for a kind that has always as many; if they enclose a volume, it is convex.
+    """
+
+    closed: ClassVar[bool] = False
+    faces: ClassVar[int | None] = None
 
     type: str
     motion: Motion | None = Field(

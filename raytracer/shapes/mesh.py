@@ -44,6 +44,7 @@ class Mesh(ShapeSpec):
     """
 
     loads: ClassVar[dict[str, str]] = {"file": "mesh"}
+    closed: ClassVar[bool] = True
 
     type: Literal["mesh"] = "mesh"
     file: str | None = Field(

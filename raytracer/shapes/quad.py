@@ -5,7 +5,7 @@ In a scene:
     - {type: quad, corner: [0, 0, 0], edges: [[1, 0, 0], [0, 1, 0]], material: wall}
 """
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -18,6 +18,8 @@ from raytracer.spec import Point
 
 class Quad(ShapeSpec):
     """A parallelogram; its normal is u x v."""
+
+    faces: ClassVar[int | None] = 1
 
     type: Literal["quad"] = "quad"
     corner: Point = Field(description="one corner (m)")

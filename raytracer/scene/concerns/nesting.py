@@ -175,7 +175,7 @@ def _within(survey: Survey, points: Points, holder: _Copy) -> NDArray[np.bool_]:
         moved = points[result] + 4.0 * OFFSET_ULPS * reach * way
         own = np.linalg.solve(holder.pose[:3, :3], (moved - holder.pose[:3, 3]).T).T
         boxed = ((own > survey.pieces.low[piece]) & (own < survey.pieces.high[piece])).all(axis=1)
-        if survey.spec_of(piece).type == "mesh":
+        if survey.is_solid(piece) and survey.spec_of(piece).faces is None:
             direction = np.linalg.solve(holder.pose[:3, :3], way)
             boxed[boxed] = _is_enclosed(survey, piece, own[boxed], direction)
         else:

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from raytracer.cameras.moving import camera_at
 from raytracer.materials.interface import MaterialSpec
 from raytracer.motion import compose
-from raytracer.primitives.parallelograms import Parallelograms
 from raytracer.primitives.spheres import Spheres
 from raytracer.scene.concerns.interface import Concern, Keys, concern, named
 from raytracer.scene.concerns.outlines import Points, has_edges, normals, outline, resting
@@ -152,14 +151,14 @@ class Survey:
         return path == ["objects"], str(path), int(number)
 
     def contains(self, piece: int, points: Points) -> NDArray[np.bool_]:
-        """Which points (n, 3) of its space are inside of a sphere or a box; none is inside of anything else."""
+        """Which points (n, 3) of its space are inside of it, if it is a sphere or convex; none if it is not."""
         table = self.tables[self.pieces.table[piece]]
         start, stop = int(self.pieces.start[piece]), int(self.pieces.stop[piece])
         base = resting(table)
         if isinstance(base, Spheres):
             away = np.linalg.norm(points - base.center[start], axis=1)
             return np.asarray(away < abs(float(base.radius[start])))
-        if self.spec_of(piece).type != "box":
+        if not self.is_solid(piece) or self.spec_of(piece).faces is None:
             return np.zeros(len(points), bool)
         faces = outline(table, start, stop)
         heights = np.einsum("pfi,fi->pf", points[:, None] - faces[None, :, 0], normals(faces))
@@ -186,13 +185,12 @@ class Survey:
 
     def is_solid(self, piece: int) -> bool:
         """Whether it is seen from the side of its normals alone, if it is closed as it should be."""
-        return self.spec_of(piece).type in ("box", "mesh")
+        return self.spec_of(piece).closed
 
     def is_cut(self, piece: int) -> bool:
         """Whether its faces were cut into parts that are as large as they are far away (`primitives.graded`)."""
-        rows = int(self.pieces.stop[piece] - self.pieces.start[piece])
-        faces = 6 if self.spec_of(piece).type == "box" else 1
-        return isinstance(self.tables[self.pieces.table[piece]], Parallelograms) and rows > faces
+        rows, faces = int(self.pieces.stop[piece] - self.pieces.start[piece]), self.spec_of(piece).faces
+        return faces is not None and rows > faces
 
     def name_of(self, piece: int) -> str:
         """What a sentence calls it."""
