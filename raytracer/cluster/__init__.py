@@ -1,0 +1,1 @@
+"""Renders on other machines, by Dask's scheduler and workers."""

@@ -1,0 +1,1 @@
+"""Regression tests of scenes for pytest: the fixture `rt_regression`."""

@@ -1,0 +1,1 @@
+"""Small pictures kept as references, and whether scenes still look like them."""
