@@ -63,15 +63,16 @@ peers: $(INSTALLED) $(INSTALLED_PEERS) $(MILLION)  ## Compare with Mitsuba 3, wh
 hard-cases: $(INSTALLED_TEST) $(GENERATED)  ## Measure what the naive way gets wrong and we do, into docs/hard-cases.md
 	$(VENV_PYTHON) -m tests.hard_cases $(HARD_CASES_ARGS)
 
-references: $(INSTALLED_TEST)  ## Render the reference images of the tests anew
-	$(VENV_PYTHON) -m tests.make_references
+references: $(INSTALLED) $(GENERATED)  ## Render the reference images of the tests anew
+	$(RT) reference tests/references/*.npz
 
 gallery: $(INSTALLED) $(GENERATED)  ## Render the pictures in docs/gallery
 	$(VENV_PYTHON) docs/make_gallery.py
 	$(VENV_PYTHON) -m tests.hard_cases.pictures
 
-docs: $(INSTALLED)  ## Write docs/scenes.md from the scene schema
+docs: $(INSTALLED)  ## Write docs/scenes.md and raytracer/vocabulary.pyi from the scene schema
 	$(VENV_PYTHON) docs/make_scenes.py
+	$(VENV_PYTHON) docs/make_vocabulary.py
 
 scenes: $(GENERATED)  ## Make the scene files that are not in the repository
 

@@ -21,8 +21,8 @@ from warm import (
     MEGA,
     QUICK_ROUNDS,
     ROUNDS,
-    Crew,
     Failed,
+    Renderers,
     arguments_for,
     figures,
     measured,
@@ -58,14 +58,14 @@ def measure_scene(path: Path, rounds: int, threads: int, pixels: int, seconds: f
     """
     width, height = reduced(path, pixels)
     say(f"{path.stem}, {width} x {height}")
-    with Crew() as crew:
+    with Renderers() as renderers:
         for name, accuracy in ARMS.items():
-            crew.start(name, our_command(path, width, height, FIRST_SPP, threads, accuracy=accuracy))
-        crew.check()
-        warm = crew.take_turns(1, 1, dict.fromkeys(crew, FIRST_SPP))
+            renderers.start(name, our_command(path, width, height, FIRST_SPP, threads, accuracy=accuracy))
+        renderers.check()
+        warm = renderers.take_turns(1, 1, dict.fromkeys(renderers, FIRST_SPP))
         spp = max(1, round(FIRST_SPP * seconds / warm[EXACT][0]["render"]))
-        answers = crew.take_turns(rounds, 2, dict.fromkeys(crew, spp), pictures=True)
-    pictures = {name: pictures_of(answers[name]) for name in crew}
+        answers = renderers.take_turns(rounds, 2, dict.fromkeys(renderers, spp), pictures=True)
+    pictures = {name: pictures_of(answers[name]) for name in renderers}
     w = weights(pictures[EXACT].mean(axis=0))
 
     def bias(name: str) -> Interval:
@@ -86,7 +86,7 @@ def measure_scene(path: Path, rounds: int, threads: int, pixels: int, seconds: f
                 "time_ratio": ratio_interval(figures(answers[name]), figures(answers[EXACT])),
                 "squared_bias": bias(name),
             }
-            for name in crew
+            for name in renderers
         },
     }
 

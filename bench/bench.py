@@ -2,13 +2,14 @@
 
     python bench/bench.py --peer .venv-peers/bin/python
 
-Five parts, of which --only takes some:
+Six parts, of which --only takes some:
 
 - speed: equal samples in equal scenes, by us and by Mitsuba, with all threads and with one;
 - start: fresh processes, with a warm cache and with none, and the memory of a large scene;
 - equal_time: error against Mitsuba's at equal time, on all scenes that both can show (equal_time.py);
 - accuracies: the time of `accuracy: exact | robust | fast` on every scene (accuracies.py);
-- samplers: time to equal error by sampler on every scene (samplers.py).
+- samplers: time to equal error by sampler on every scene (samplers.py);
+- sweeps: a sweep against the renders that it is made of (sweeps.py).
 
 Renderers are warm and take turns (warm.py); what is compared is the median of the ratios within a round.
 Prints Markdown, and writes every figure to outputs/bench.json. Without Mitsuba, for which `make peers` makes an
@@ -32,6 +33,7 @@ from typing import Any, NamedTuple
 import accuracies
 import equal_time
 import samplers
+import sweeps
 from warm import (
     MEGA,
     PEER_PYTHON,
@@ -39,8 +41,8 @@ from warm import (
     ROOT,
     ROUNDS,
     SCENES,
-    Crew,
     Failed,
+    Renderers,
     arguments_for,
     figures,
     measured,
@@ -56,7 +58,7 @@ from raytracer.noise import median_interval
 
 RT = "import sys; from raytracer.cli.main import main; sys.exit(main())"
 TINY = ("--spp", "1", "--crop", "0,0,8,8")
-STUDIES = {"equal_time": equal_time, "accuracies": accuracies, "samplers": samplers}
+STUDIES = {"equal_time": equal_time, "accuracies": accuracies, "samplers": samplers, "sweeps": sweeps}
 PARTS = ("speed", "start", *STUDIES)
 
 
@@ -90,6 +92,7 @@ TARGETS = {
     "relMSE / Mitsuba's at equal time, its default sampler, worst scene": 1.0,
     "relMSE / Mitsuba's at equal time, its best sampler, worst scene": 1.0,
     "cover, time to equal error by Sobol / independent": 0.5,
+    "cover by 7 x 5 apertures and distances, sweep / its renders alone": 1.1,
 }
 """What the project asks of itself on four cores."""
 
@@ -108,18 +111,18 @@ def commands(task: Task, threads: int, peer: str | None) -> dict[str, list[str]]
 def interleave(task: Task, threads: int, rounds: int, peer: str | None) -> dict[str, Any]:
     """Warm renders of every renderer in turn: seconds, rates and noise of each, and ratios to the peer."""
     say(f"{task.scene}, {threads} threads")
-    with Crew() as crew:
+    with Renderers() as workers:
         for name, command in commands(task, threads, peer).items():
-            crew.start(name, command)
-        answers = crew.take_turns(rounds, 1, dict.fromkeys(crew, task.spp))
-    renderers = {name: digest(task, crew[name].about, answers[name]) for name in crew}
-    if PEER in crew:
-        for name in crew:
+            workers.start(name, command)
+        answers = workers.take_turns(rounds, 1, dict.fromkeys(workers, task.spp))
+    renderers = {name: digest(task, workers[name].about, answers[name]) for name in workers}
+    if PEER in workers:
+        for name in workers:
             times, noises = (figures(answers[name], of) / figures(answers[PEER], of) for of in ("render", "noise"))
             renderers[name]["time_ratio"] = median_interval(times)
             renderers[name]["equal_noise_ratio"] = median_interval(times * noises)
     about = {**task._asdict(), "threads": threads, "rounds": rounds}
-    return {**about, "renderers": renderers, "failed": crew.failed}
+    return {**about, "renderers": renderers, "failed": workers.failed}
 
 
 def digest(task: Task, about: dict[str, Any], runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -277,6 +280,8 @@ def achieved(report: dict[str, Any]) -> dict[str, float]:
         if item["scene"] == "cover" and "samplers" in item:
             sobol = item["samplers"]["sobol"]
             out["cover, time to equal error by Sobol / independent"] = sobol["time_to_equal_error"][0]
+    if "sweeps" in report:
+        out["cover by 7 x 5 apertures and distances, sweep / its renders alone"] = report["sweeps"]["to_alone"][0]
     return out
 
 
@@ -349,6 +354,8 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
         result |= accuracies.measure(rounds, threads, quick)
     if "samplers" in arguments.only:
         result |= samplers.measure(rounds, threads, quick)
+    if "sweeps" in arguments.only:
+        result |= sweeps.measure(rounds, threads, quick)
     return result
 
 

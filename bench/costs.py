@@ -21,7 +21,7 @@ from warm import (
     QUICK_ROUNDS,
     ROUNDS,
     SCENES,
-    Crew,
+    Renderers,
     arguments_for,
     figures,
     measured,
@@ -100,13 +100,13 @@ def arms(folder: Path) -> dict[str, tuple[Path, list[str]]]:
 
 def measure(rounds: int, threads: int) -> dict[str, Any]:
     """Warm renders of all arms in turn, and their ratios to the plain cover."""
-    with tempfile.TemporaryDirectory() as folder, Crew() as crew:
+    with tempfile.TemporaryDirectory() as folder, Renderers() as renderers:
         for name, (path, defines) in arms(Path(folder)).items():
             options = [word for define in defines for word in ("--define", define)]
-            crew.start(name, [*our_command(path, WIDTH, HEIGHT, SPP, threads), *options])
-        answers = crew.take_turns(rounds, 1, dict.fromkeys(crew, SPP))
+            renderers.start(name, [*our_command(path, WIDTH, HEIGHT, SPP, threads), *options])
+        answers = renderers.take_turns(rounds, 1, dict.fromkeys(renderers, SPP))
     return {
-        "failed": crew.failed,
+        "failed": renderers.failed,
         "arms": {
             name: {
                 "seconds": figures(answers[name]).tolist(),
@@ -114,7 +114,7 @@ def measure(rounds: int, threads: int) -> dict[str, Any]:
                 "rays_ratio": ratio_interval(figures(answers[name], "rays"), figures(answers[PLAIN], "rays")).value,
                 "noise_ratio": ratio_interval(figures(answers[name], "noise"), figures(answers[PLAIN], "noise")).value,
             }
-            for name in crew
+            for name in renderers
         },
     }
 

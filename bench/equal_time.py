@@ -31,8 +31,8 @@ from warm import (
     ROOT,
     ROUNDS,
     Array,
-    Crew,
     Failed,
+    Renderers,
     arguments_for,
     figures,
     measured,
@@ -76,17 +76,17 @@ def cases() -> Sequence[Any]:
     return tuple(CASES)
 
 
-def reference(crew: Crew, name: str, spp: int, renders: int) -> Reference:
+def reference(renderers: Renderers, name: str, spp: int, renders: int) -> Reference:
     """The mean of renders of other seeds than those that are timed."""
     say(f"  reference of {renders} x {spp} spp")
-    answers = crew.take_turns(renders, FIRST_OF_REFERENCE, {name: spp}, pictures=True)
+    answers = renderers.take_turns(renders, FIRST_OF_REFERENCE, {name: spp}, pictures=True)
     pictures = pictures_of(answers[name])
     return Reference(pictures.mean(axis=0), pictures.var(axis=0, ddof=1) / renders)
 
 
-def trial(crew: Crew, spp: int) -> tuple[str, dict[str, int]]:
+def trial(renderers: Renderers, spp: int) -> tuple[str, dict[str, int]]:
     """The best one of Mitsuba's other samplers, and our spp that fit in the time of it and of the default."""
-    answers = crew.take_turns(TRIALS, FIRST_OF_TRIAL, dict.fromkeys(crew, spp))
+    answers = renderers.take_turns(TRIALS, FIRST_OF_TRIAL, dict.fromkeys(renderers, spp))
     best = min(BETTER, key=lambda name: float(np.median(figures(answers[name], "noise") * figures(answers[name]))))
     times = {name: np.median(figures(answers[name]) / figures(answers[OURS])) for name in (INDEPENDENT, best)}
     return best, {name: max(1, int(spp * time)) for name, time in times.items()}
@@ -97,10 +97,10 @@ def error_ratio(sums: Array) -> Array:
     return np.asarray(sums[:, 0] / sums[:, 1] * np.exp(sums[:, 2] / sums[:, 3]))
 
 
-def play(crew: Crew, spp: dict[str, int], rounds: int, references: dict[str, Reference]) -> dict[str, Any]:
+def play(renderers: Renderers, spp: dict[str, int], rounds: int, references: dict[str, Reference]) -> dict[str, Any]:
     """Renders by us and a rival in turn, in about the same time: seconds, errors, and their ratios."""
     (rival,) = set(spp) - {OURS}
-    answers = crew.take_turns(rounds, FIRST_SEED, spp, pictures=True)
+    answers = renderers.take_turns(rounds, FIRST_SEED, spp, pictures=True)
     w = weights((references[OURS].mean + references[rival].mean) / 2.0)
     relmse, seconds = {}, {}
     for name in spp:
@@ -127,22 +127,22 @@ def measure_case(case: Any, peer: str, rounds: int, threads: int, spp: int, rend
     Failed : a program did not start, or rendered what is not a number.
     """
     size = (case.scene, case.width, case.height, spp, threads)
-    with Crew() as crew:
-        crew.start(OURS, our_command(*size))
+    with Renderers() as renderers:
+        renderers.start(OURS, our_command(*size))
         for name in (INDEPENDENT, *BETTER):
-            crew.start(name, peer_command(peer, *size, sampler=name.rpartition(" ")[2]))
-        crew.check()
-        best, fitting = trial(crew, spp)
+            renderers.start(name, peer_command(peer, *size, sampler=name.rpartition(" ")[2]))
+        renderers.check()
+        best, fitting = trial(renderers, spp)
         for name in set(BETTER) - {best}:
-            crew.pop(name).close()
+            renderers.pop(name).close()
 
-        theirs = reference(crew, best, spp, renders)
-        ours = reference(crew, OURS, fitting[best], renders)
+        theirs = reference(renderers, best, spp, renders)
+        ours = reference(renderers, OURS, fitting[best], renders)
         references = {OURS: ours, INDEPENDENT: theirs, best: theirs}
-        matches = [play(crew, {OURS: mine, rival: spp}, rounds, references) for rival, mine in fitting.items()]
+        matches = [play(renderers, {OURS: mine, rival: spp}, rounds, references) for rival, mine in fitting.items()]
         w = weights((ours.mean + theirs.mean) / 2.0)
         return {
-            "about": {name: worker.about for name, worker in crew.items()},
+            "about": {name: worker.about for name, worker in renderers.items()},
             "matches": matches,
             "references_differ": float(np.mean(w * ((ours.mean - theirs.mean) ** 2 - ours.variance - theirs.variance))),
         }

@@ -57,7 +57,7 @@ CASES = (
     Case("lecture/aperture", (150, 100), (96, 64), (96, 64)),
 )
 
-HALVES = """
+HALF_WALL = """
 camera: {type: pinhole, look_from: [0, 1, 5], look_at: [0, 1, 0], vfov: 30}
 film: {width: 256, height: 128}
 render: {max_depth: 8}
@@ -207,7 +207,7 @@ def report_never_entered(found: dict[str, dict[str, Any]]) -> str:
 def to_equal_error(rounds: int, threads: int, target: float) -> dict[str, Any]:
     """Renders to a noise target, and with as many samples in every pixel, in turns."""
     say(f"half a picture is a plain wall, to {target:.2%}")
-    spec = build(HALVES, "halves")
+    spec = build(HALF_WALL, "halves")
     # Compile, and see how many samples it takes.
     spp = round(render(spec, noise=target, seed=100, threads=threads).stats.spp["mean"])
     adaptive: list[Rendered] = []

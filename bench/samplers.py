@@ -23,8 +23,8 @@ from warm import (
     QUICK_ROUNDS,
     ROUNDS,
     Array,
-    Crew,
     Failed,
+    Renderers,
     arguments_for,
     figures,
     measured,
@@ -60,14 +60,14 @@ def measure_scene(path: Path, rounds: int, threads: int, levels: Sequence[int], 
     """
     width, height = reduced(path, pixels)
     say(f"{path.stem}, {width} x {height}, by samplers")
-    with Crew() as crew:
+    with Renderers() as renderers:
         for name in (INDEPENDENT, *OTHERS):
-            crew.start(name, our_command(path, width, height, levels[0], threads, sampler=name))
-        crew.check()
+            renderers.start(name, our_command(path, width, height, levels[0], threads, sampler=name))
+        renderers.check()
         pictures: list[dict[str, Array]] = []
         for level in levels:
-            answers = crew.take_turns(rounds, 1 + level * rounds, dict.fromkeys(crew, level), pictures=True)
-            pictures.append({name: pictures_of(answers[name]) for name in crew})
+            answers = renderers.take_turns(rounds, 1 + level * rounds, dict.fromkeys(renderers, level), pictures=True)
+            pictures.append({name: pictures_of(answers[name]) for name in renderers})
 
     # The most samples tell the brightness of pixels best.
     w = weights(np.mean([stack.mean(axis=0) for stack in pictures[-1].values()], axis=0))

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from raytracer.cost.machine import load_average, processor
 from raytracer.scene.load import load
-from raytracer.scheduling import available_threads
+from raytracer.scheduling import TILE, available_threads
 
 ROOT = Path(__file__).parents[1]
 SCENES = ROOT / "scenes"
@@ -34,8 +34,6 @@ PEER_PYTHON = ROOT / ".venv-peers" / "bin" / "python"
 
 ROUNDS, QUICK_ROUNDS = 9, 3
 MEGA = 1e6
-TILE = 16
-"""Edge of the squares of pixels that intervals of a picture's error are a bootstrap over."""
 
 Answer = dict[str, Any]
 Array = NDArray[np.float64]
@@ -98,14 +96,14 @@ class Worker:
         self._process.communicate()
 
 
-class Crew(dict[str, Worker]):
+class Renderers(dict[str, Worker]):
     """Warm renderers by name, ended when left as a context; `failed` says why others did not start."""
 
     def __init__(self) -> None:
         super().__init__()
         self.failed: dict[str, str] = {}
 
-    def __enter__(self) -> Crew:
+    def __enter__(self) -> Renderers:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -176,7 +174,7 @@ def pictures_of(answers: Sequence[Answer]) -> Array:
 
 
 def tiles_of(width: int, height: int) -> NDArray[np.int64]:
-    """For each pixel, row by row, the number of its tile."""
+    """For each pixel, row by row, the number of its tile; intervals of a picture's error are a bootstrap over these."""
     x, y = np.arange(width) // TILE, np.arange(height) // TILE
     return np.asarray((y[:, None] * (x[-1] + 1) + x[None, :]).ravel(), dtype=np.int64)
 

@@ -20,11 +20,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.accumulation import FilmView
 from raytracer.embree import PACKET
-from raytracer.integrator import FilmView, Scene, render_tile
+from raytracer.errands import Errand, Haul, brought
+from raytracer.integrator import Scene, render_tile
 from raytracer.noise import Estimate, Tally
 from raytracer.paths import Workspace
-from raytracer.scheduling import FIRST_PASS, Canvas, now
+from raytracer.scheduling import FIRST_PASS, Canvas, Elsewhere, now
 
 Array = NDArray[np.float64]
 
@@ -169,7 +171,7 @@ class Adaptive:
         """By how much the samples may grow, if evenly, until the deadline."""
         if self._aim.deadline is None:
             return math.inf
-        left = max(0.0, self._aim.deadline - now()) * self._canvas.crew.threads
+        left = max(0.0, self._aim.deadline - now()) * self._canvas.threads
         return 1.0 + left / float(self._canvas.pace @ self._canvas.counts)
 
     def _look(self, growth: float) -> None:
@@ -210,7 +212,7 @@ class Adaptive:
         if self._aim.deadline is not None:
             # The last round is planned for a little more than it can do.
             is_last = in_time < _LAST_ROUND
-            seconds = self._canvas.crew.threads * (self._aim.deadline - now()) * (1.0 if is_last else _PLANNED)
+            seconds = self._canvas.threads * (self._aim.deadline - now()) * (1.0 if is_last else _PLANNED)
             fits = _boundary(lambda level: bool(canvas.pace @ (at(level) - counts) <= seconds))
             level = min(level, fits[1 if is_last else 0])
         return at(level)
@@ -233,6 +235,23 @@ def look(
     """
     taken = np.zeros(len(canvas.windows), dtype=np.int64)
     rays = np.zeros(len(canvas.windows), dtype=np.int64)
+    if canvas.elsewhere is None:
+        _look_here(canvas, scene, scratch, spp, tally, rays, taken)
+    else:
+        _look_elsewhere(canvas, canvas.elsewhere, scene, spp, tally, rays, taken)
+    tally.settle(canvas.mean)
+    return np.nan_to_num(tally.tile_mse(np.full(len(canvas.windows), spp))), rays, taken
+
+
+def _look_here(
+    canvas: Canvas,
+    scene: Scene,
+    scratch: Callable[[], FilmView],
+    spp: int,
+    tally: Tally,
+    rays: NDArray[np.int64],
+    taken: NDArray[np.int64],
+) -> None:
     films = deque(scratch() for _ in range(canvas.crew.threads))
 
     def work(room: Workspace, tile: int) -> None:
@@ -248,8 +267,36 @@ def look(
         films.append(film)
 
     canvas.crew.run(range(len(canvas.windows)), work)
-    tally.settle(canvas.mean)
-    return np.nan_to_num(tally.tile_mse(np.full(len(canvas.windows), spp))), rays, taken
+
+
+def _look_elsewhere(
+    canvas: Canvas,
+    elsewhere: Elsewhere,
+    scene: Scene,
+    spp: int,
+    tally: Tally,
+    rays: NDArray[np.int64],
+    taken: NDArray[np.int64],
+) -> None:
+    waiting = deque(range(len(canvas.windows)))
+    seconds = canvas.pace * spp
+
+    def draw() -> Errand | None:
+        limit = canvas.errand_seconds(float(seconds[list(waiting)].sum()))
+        tiles = canvas.batch(waiting, lambda tile: float(seconds[tile]), limit)
+        if not tiles:
+            return None
+        windows, every = tuple(canvas.windows[tile] for tile in tiles), len(tiles)
+        marks = ((spp // 2,),) * every
+        return Errand(tuple(tiles), windows, (0,) * every, (spp,) * every, marks, scene.sampler, None, mean_only=True)
+
+    def bring(errand: Errand, haul: Haul) -> None:
+        for number, (tile, found) in enumerate(zip(errand.tiles, brought(errand, haul), strict=True)):
+            for count, mean in (*found.noted, (spp, found.arrays[0])):
+                tally.record(tile, mean, count)
+            rays[tile], taken[tile] = haul.rays[number], spp
+
+    canvas.crew.send(elsewhere, draw, bring)
 
 
 def shares(errors: Array, cost: Array, columns: int, pixels: NDArray[np.int64]) -> Shares:

@@ -68,6 +68,8 @@ def finish(
     aovs: Sequence[str] = (),
     denoise_threads: int | None = None,
     lap: Callable[[str], object] = lambda phase: None,
+    *,
+    is_final: bool = False,
 ) -> tuple[Image, Setting | None]:
     """The image on a film, and how it was exposed; None for plain radiance.
 
@@ -78,8 +80,9 @@ def finish(
     recording, aovs : what was gathered besides radiance, and which of it becomes layers.
     denoise_threads : threads for Open Image Denoise; None not to denoise.
     lap : called with the name of a phase, "develop" or "denoise", at its end.
+    is_final : whether nothing will be added to the film, so that the image may be its memory.
     """
-    image = develop(film, settings or {})
+    image = develop(film, settings or {}, is_final=is_final)
     if recording is not None:
         image = replace(
             image,

@@ -103,4 +103,4 @@ def shown(value: Any) -> str:
         return "a mapping"
     if isinstance(value, Sequence):
         return f"a list of {len(value)}"
-    return repr(value)
+    return shortened(repr(value))

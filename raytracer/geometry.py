@@ -262,6 +262,18 @@ def within_triangle(u: float, v: float, margin: float) -> tuple[float, float]:
 
 
 @kernel
+def spawn_point(hit, direction):
+    """Where a ray leaves a surface along `direction`: off it by the float32 error bound, to the direction's side."""
+    return madd(hit.point, hit.offset if dot(direction, hit.normal) > 0.0 else -hit.offset, hit.normal)
+
+
+@kernel
+def leaks(hit, outgoing):
+    """Whether a direction is on different sides of the true and of the shading surface, so that light would leak."""
+    return dot(outgoing, hit.normal) * dot(outgoing, hit.shading_normal) <= 0.0
+
+
+@kernel
 def row3(table, index):
     """Row `index` of an array of shape (n, 3), float32 or float64, as a float64 vector."""
     return (np.float64(table[index, 0]), np.float64(table[index, 1]), np.float64(table[index, 2]))

@@ -11,33 +11,26 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raytracer import embree
+from raytracer.accumulation import accumulate
 from raytracer.cameras.interface import FILTER, camera_ray
-from raytracer.embree import GEOMETRY, INSTANCE, MISS, PACKET, PLACEMENT, PRIMITIVE, TFAR
+from raytracer.embree import GEOMETRY, MISS, PACKET, TFAR
 from raytracer.filters.interface import sample_filter
-from raytracer.geometry import Site
-from raytracer.instances import find, meet
+from raytracer.geometry import Site, leaks, spawn_point
+from raytracer.instances import meet
 from raytracer.interior import (
-    Interior,
-    Submerged,
     boundary_of,
     clear_within,
     go_through,
     keep_within,
     kept,
-    look_past,
-    move_within,
-    settle_within,
-    shadow_goes_through,
     start_shadow,
 )
 from raytracer.jit import entry, generic, kernel, share
 from raytracer.lights.interface import Lights, Unaimed, sample_lights, surroundings, weight_aimed, weight_emitted
 from raytracer.materials.interface import (
     BLACK,
-    PASS,
     ROULETTE,
     SLOTS,
     WHITE,
@@ -46,7 +39,6 @@ from raytracer.materials.interface import (
     emission_at,
     evaluate_at,
     scatter_at,
-    select_again,
     select_at,
 )
 from raytracer.media.interface import (
@@ -59,31 +51,23 @@ from raytracer.media.interface import (
 from raytracer.origin import as_written
 from raytracer.pathlog import (
     note_aim,
-    note_arrival,
     note_emission,
     note_flight,
     note_leaving,
-    note_met,
-    note_occluded,
     note_round,
     note_scatter,
     note_start,
     note_surface,
-    note_value,
 )
 from raytracer.paths import (
-    MOST_PASSED,
-    PASS_STRIDE,
-    Passage,
     fill_space,
+    found_in,
+    gather,
     goes_straight,
-    keep_goal,
     keep_time,
     load3,
-    load_ray,
     mark_start,
     mark_vertex,
-    move_shadow,
     rounds,
     sample_time,
     seen_from,
@@ -93,11 +77,12 @@ from raytracer.paths import (
     store3,
     time_of,
     travelled,
-    veil,
 )
-from raytracer.primitives.interface import expect_any, row_of_any
+from raytracer.primitives.interface import expect_any
 from raytracer.sampling import pixel_key, sample_1d, sample_2d
-from raytracer.vec import Vec3, dot, is_black, madd, max_component, mul, neg, norm, scale, sub
+from raytracer.shadows import aim, resolve_shadows
+from raytracer.submersion import look_around
+from raytracer.vec import Vec3, dot, is_black, madd, max_component, mul, neg, scale
 
 
 class Scene(NamedTuple):
@@ -133,25 +118,6 @@ class Scene(NamedTuple):
     clamp: Any = None
     origin: Any = None
     interior: Any = None
-
-
-class FilmView(NamedTuple):
-    """Where samples gather, for the pixels from (left, top) on.
-
-    mean and m2 (height, width, 3) float64, the running mean and sum of squared differences from it; count
-    (height, width) int64, samples taken; bad (height, width) int64, samples dropped because they were not finite;
-    aovs, what else is recorded, or None; removed (height, width, 4) float64, what a clamp has taken of the samples,
-    summed by channel, and of how many, or None where there is none.
-    """
-
-    mean: NDArray[np.float64]
-    m2: NDArray[np.float64]
-    count: NDArray[np.int64]  # type: ignore[assignment]  # takes the place of tuple.count
-    bad: NDArray[np.int64]
-    left: int
-    top: int
-    aovs: Any
-    removed: Any = None
 
 
 # ---- What a scene may lack
@@ -288,30 +254,7 @@ def _(aovs, work, sample, done):
     return
 
 
-@generic
-def merge(aovs, work, x, y, count):
-    """Add a packet's records to the image, before those samples that are not finite are dropped."""
-    raise NotImplementedError
-
-
-@merge.register(type(None))
-def _(aovs, work, x, y, count):
-    return
-
-
 # ---- Light
-
-
-@kernel
-def spawn_point(hit, direction):
-    """Where a ray leaves a surface along `direction`: off it by the float32 error bound, to the direction's side."""
-    return madd(hit.point, hit.offset if dot(direction, hit.normal) > 0.0 else -hit.offset, hit.normal)
-
-
-@kernel
-def leaks(hit, outgoing):
-    """Whether a direction is on different sides of the true and of the shading surface, so that light would leak."""
-    return dot(outgoing, hit.normal) * dot(outgoing, hit.shading_normal) <= 0.0
 
 
 @generic
@@ -373,137 +316,6 @@ def _(lights, scene, work, slot, sample, medium, point, direction, throughput, t
 
 
 @kernel
-def aim(scene, work, slot, sample, start, light, arriving, time):
-    """Set shadow ray `slot` from `start` to a LightSample, and the radiance that it brings if nothing is in its way."""
-    way = sub(light.target, start)
-    distance = norm(way)
-    direction = scale(1.0 / distance, way)
-    # A negative end would count as something met.
-    end = max(0.0, distance - light.gap)
-    embree.set_ray(work.shadows, slot, start, direction, end)
-    keep_goal(scene.passage, work, slot, start, direction, end)
-    set_time(scene.shutter, work.shadows, slot, time)
-    work.shadow_sample[slot] = sample
-    store3(work.unshadowed, slot, 0, arriving)
-
-
-@generic
-def resolve_shadows(lights, scene, work, count, key, first, segment):
-    """Trace the shadow rays, and add what arrives; returns the number of rays traced."""
-    raise NotImplementedError
-
-
-@resolve_shadows.register(type(None))
-@resolve_shadows.register(Unaimed)
-def _(lights, scene, work, count, key, first, segment):
-    return 0
-
-
-@resolve_shadows.register(Lights)
-def _(lights, scene, work, count, key, first, segment):
-    return follow_shadows(scene.passage, scene, work, count, key, first, segment) if count > 0 else 0
-
-
-@generic
-def follow_shadows(passage, scene, work, count, key, first, segment):
-    """Add what each shadow ray brings, where it arrives; returns the number of rays traced."""
-    raise NotImplementedError
-
-
-@follow_shadows.register(type(None))
-def _(passage, scene, work, count, key, first, segment):
-    embree.occluded(scene.accel, work.shadows, count)
-    for slot in range(count):
-        if work.shadows.floats[TFAR, slot] >= 0.0:
-            distance = np.float64(work.shadows.floats[TFAR, slot])
-            through = veil(scene.media, scene, work, slot, distance, key, first, segment)
-            for channel in range(3):
-                work.radiance[work.shadow_sample[slot], channel] += through[channel] * work.unshadowed[slot, channel]
-            note_arrival(work.log, work, work.shadow_sample[slot], mul(through, load3(work.unshadowed, slot, 0)))
-        else:
-            note_occluded(work.log, scene, work, slot)
-    return count
-
-
-@follow_shadows.register(Passage)
-def _(passage, scene, work, count, key, first, segment):
-    """A surface lets a shadow ray pass as often as it lets a path pass."""
-    rays = 0
-    for surface in range(1, MOST_PASSED):
-        if count == 0:
-            break
-        embree.intersect(scene.accel, work.shadows, count)
-        rays += count
-        going = 0
-        for slot in range(count):
-            sample = work.shadow_sample[slot]
-            time = time_of(scene.shutter, work, sample)
-            near = np.float64(work.shadows.floats[TFAR, slot])
-            through = veil(scene.media, scene, work, slot, near, key, first, segment)
-            through = mul(through, kept(scene.interior, work.shadow_within, slot, near))
-            arriving = mul(through, load3(work.unshadowed, slot, 0))
-            table = work.shadows.ints[GEOMETRY, slot]
-            if table == MISS:
-                gather(work, sample, arriving, WHITE)
-                note_arrival(work.log, work, sample, arriving)
-                continue
-
-            # Meet a surface, and end there unless it lets the ray pass.
-            origin, direction = load_ray(work.shadows, slot)
-            instance, primitive = found_in(scene, work.shadows, slot)
-            hit = meet(scene.instances, scene, instance, table, primitive, origin, direction, near, time)
-            front = dot(direction, hit.normal) < 0.0
-            draws = Draws(scene.sampler, key, first + sample, (segment + 1) * SLOTS + surface * PASS_STRIDE)
-            local = as_written(scene.origin, scene.instances, instance, hit.local)
-            site = Site(local, hit.u, hit.v, near)
-            reference = select_again(scene.selectors, scene, hit.material, front, site, draws)
-            if boundary_of(scene.interior, work.shadow_within, slot, hit.material, reference, front) != PASS:
-                note_met(work.log, work, slot, sample, work.shadows, False)
-                continue
-            note_met(work.log, work, slot, sample, work.shadows, True)
-            shadow_goes_through(scene.interior, scene, work, slot, hit.material, front)
-            # Off the surface, it is aimed at its end anew: it would miss that by as much as it was moved.
-            start = spawn_point(hit, direction)
-            goal = load3(work.shadow_goal, slot, 0)
-            way, rest = goal, math.inf
-            if work.shadow_goal[slot, 3] != 0.0:
-                way = sub(goal, start)
-                rest = norm(way)
-                if dot(way, direction) <= 0.0:
-                    gather(work, sample, arriving, WHITE)
-                    note_arrival(work.log, work, sample, arriving)
-                    continue
-                way = scale(1.0 / rest, way)
-            embree.set_ray(work.shadows, going, start, way, rest)
-            store3(work.shadow_goal, going, 0, goal)
-            work.shadow_goal[going, 3] = work.shadow_goal[slot, 3]
-            set_time(scene.shutter, work.shadows, going, time)
-            move_shadow(scene.media, work, slot, going)
-            move_within(scene.interior, work, slot, going)
-            work.shadow_sample[going] = sample
-            store3(work.unshadowed, going, 0, arriving)
-            going += 1
-        count = going
-    return rays
-
-
-@kernel
-def found_in(scene, packet, lane):
-    """The instance, -1 for none, and the row in its table of what a lane's ray has met."""
-    ids = packet.ints
-    table = ids[GEOMETRY, lane]
-    primitive = row_of_any(scene.primitives, table, ids[PRIMITIVE, lane])
-    return find(scene.instances, table, primitive, ids[INSTANCE, lane], ids[PLACEMENT, lane])
-
-
-@kernel
-def gather(work, sample, throughput, radiance):
-    """Add to a sample the radiance that reaches the camera with this throughput."""
-    for channel in range(3):
-        work.radiance[sample, channel] += throughput[channel] * radiance[channel]
-
-
-@kernel
 def start_paths(scene, aovs, work, key, x, y, first, count):
     """Camera rays of samples first .. first + count - 1 of pixel (x, y); returns how many of them see anything."""
     live = 0
@@ -529,68 +341,6 @@ def start_paths(scene, aovs, work, key, x, y, first, count):
         put_path(work, live, lane, origin, direction, WHITE, math.inf)
         live += 1
     return live
-
-
-@generic
-def look_around(interior, scene, work, live):
-    """Find out what the camera's rays begin in; returns the number of rays traced."""
-    raise NotImplementedError
-
-
-@look_around.register(type(None))
-def _(interior, scene, work, live):
-    return 0
-
-
-@look_around.register(Interior)
-def _(interior, scene, work, live):
-    return look_up(interior.camera, scene, work, live)
-
-
-@generic
-def look_up(camera, scene, work, live):
-    """Count the solids that the camera's rays begin in; returns the number of rays traced."""
-    raise NotImplementedError
-
-
-@look_up.register(type(None))
-def _(camera, scene, work, live):
-    return 0
-
-
-@look_up.register(Submerged)
-def _(camera, scene, work, live):
-    # The room of shadow rays is still free.
-    for slot in range(live):
-        sample = work.sample[slot]
-        work.shadow_sample[slot] = sample
-        embree.set_ray(work.shadows, slot, load3(work.path, slot, 0), camera.up, math.inf)
-        set_time(scene.shutter, work.shadows, slot, time_of(scene.shutter, work, sample))
-    rays, count = 0, live
-    for _ in range(MOST_PASSED):
-        if count == 0:
-            break
-        embree.intersect(scene.accel, work.shadows, count)
-        rays += count
-        going = 0
-        for slot in range(count):
-            sample = work.shadow_sample[slot]
-            table = work.shadows.ints[GEOMETRY, slot]
-            if table == MISS:
-                continue
-            origin, direction = load_ray(work.shadows, slot)
-            instance, primitive = found_in(scene, work.shadows, slot)
-            near, time = np.float64(work.shadows.floats[TFAR, slot]), time_of(scene.shutter, work, sample)
-            hit = meet(scene.instances, scene, instance, table, primitive, origin, direction, near, time)
-            look_past(scene.interior, work.within, sample, hit.material, dot(direction, hit.normal) < 0.0)
-            embree.set_ray(work.shadows, going, spawn_point(hit, direction), direction, math.inf)
-            set_time(scene.shutter, work.shadows, going, time)
-            work.shadow_sample[going] = sample
-            going += 1
-        count = going
-    for slot in range(live):
-        settle_within(scene.interior, scene.media, work, work.sample[slot])
-    return rays
 
 
 @kernel
@@ -749,76 +499,6 @@ def trace_paths(scene, aovs, work, key, first, live):
         rays += resolve_shadows(scene.lights, scene, work, shadows, key, first, segment)
         live = survivors
     return rays
-
-
-class Clamp(NamedTuple):
-    """No sample is brighter than `limit`, in any channel."""
-
-    limit: float
-
-
-@generic
-def clamped(clamp, film, work, sample, x, y, value):
-    """What a sample of this finite value may add to its pixel; what it may not is noted on the film."""
-    raise NotImplementedError
-
-
-@clamped.register(type(None))
-def _(clamp, film, work, sample, x, y, value):
-    return value
-
-
-@clamped.register(Clamp)
-def _(clamp, film, work, sample, x, y, value):
-    # Radiance is measured, before it is weighted: what a camera's rays count for says nothing of how rare they are.
-    brightest = max_component(load3(work.radiance, sample, 0))
-    if brightest <= clamp.limit:
-        return value
-    left = scale(clamp.limit / brightest, value)
-    for channel in range(3):
-        film.removed[y, x, channel] += value[channel] - left[channel]
-    film.removed[y, x, 3] += 1.0
-    return left
-
-
-@kernel
-def accumulate(clamp, film, work, x, y, count):
-    """Add a packet of samples to a pixel's running mean and sum of squares.
-
-    The weight of a sample that is dropped becomes NaN, by which it can be told from the others afterwards.
-
-    References: Chan, Golub, LeVeque 1979, "Updating Formulae and a Pairwise Algorithm for Computing Sample Variances".
-    """
-    merge(film.aovs, work, x, y, count)
-
-    # Drop what is not finite, and count it.
-    good = 0
-    for sample in range(count):
-        value = scale(work.radiance[sample, 3], load3(work.radiance, sample, 0))
-        if math.isfinite(value[0] + value[1] + value[2]):
-            left = clamped(clamp, film, work, sample, x, y, value)
-            note_value(work.log, work, sample, value, left)
-            store3(work.radiance, good, 0, left)
-            good += 1
-        else:
-            note_value(work.log, work, sample, value, value)
-            work.radiance[sample, 3] = math.nan
-    film.bad[y, x] += count - good
-    if good == 0:
-        return
-    total = film.count[y, x] + good
-    film.count[y, x] = total
-    for channel in range(3):
-        mean = 0.0
-        for sample in range(good):
-            mean += work.radiance[sample, channel]
-        mean /= good
-        m2 = 0.0
-        for sample in range(good):
-            m2 += (work.radiance[sample, channel] - mean) ** 2
-        difference = mean - film.mean[y, x, channel]
-        film.mean[y, x, channel] += difference * (good / total)
-        film.m2[y, x, channel] += m2 + difference * difference * (good * (total - good) / total)
 
 
 @entry

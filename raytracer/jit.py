@@ -20,6 +20,7 @@ from numba import types
 from numba.core.cgutils import alloca_once_value, gep_inbounds
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import register_pass
 from numba.core.datamodel.models import PrimitiveModel
 from numba.core.serialize import dumps
@@ -27,7 +28,7 @@ from numba.core.typed_passes import NativeLowering
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, overload, register_model
 
-from raytracer.kernel_files import KernelFiles
+from raytracer.kernel_files import KernelFiles, source_hash
 
 _PACKAGE = Path(__file__).parent
 
@@ -82,6 +83,13 @@ class _PartCompiler(CompilerBase):
         return [manager]
 
 
+alone: Any = global_compiler_lock
+"""Held by the thread that compiles.
+
+Who else changes what the whole process shares, such as the filters of warnings, holds it too: the compiler puts back
+the filters that it has found, and of two threads that do so at once one puts back the other's.
+"""
+
 _PART: Any = {**_OPTIONS, "no_cfunc_wrapper": True, "pipeline_class": _PartCompiler}
 
 _ROUTINE: Any = {**_PART, "forceinline": False}
@@ -91,12 +99,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def _source_hash() -> str:
     """Hash of the package's sources, since Numba does not notice an edited callee, and of the compilers' versions."""
-    digest = hashlib.sha256()
-    for path in sorted(_PACKAGE.rglob("*.py")):
-        digest.update(str(path.relative_to(_PACKAGE)).encode())
-        digest.update(path.read_bytes())
-    digest.update(f"{numba.__version__} {sys.version}".encode())
-    return digest.hexdigest()[:16]
+    return source_hash(_PACKAGE, numba.__version__)[:16]
 
 
 def _cache_root() -> Path:
@@ -130,6 +133,13 @@ def _use_cache_of_these_sources() -> Path:
 CACHE_FOLDER = _use_cache_of_these_sources()
 
 
+def processor() -> str:
+    """What kernels are compiled for: platform, processor and its instruction set; where that is alike, bits are."""
+    from numba.core.registry import cpu_target
+
+    return " ".join(cpu_target.target_context.codegen().magic_tuple())
+
+
 def entry(function: Callable[..., Any]) -> Any:
     """Compile what Python calls to start work: without the interpreter lock, and cached on disk.
 
@@ -145,7 +155,7 @@ def entry(function: Callable[..., Any]) -> Any:
     cache._cache_file = files
 
     def in_turn(signature: tuple[types.Type, ...]) -> Any:
-        with files.alone(cache._index_key(signature, compiled.targetctx.codegen())):
+        with alone, files.alone(cache._index_key(signature, compiled.targetctx.codegen())):
             return at_once(signature)
 
     compiled.compile = in_turn

@@ -4,6 +4,7 @@ import contextlib
 import hashlib
 import os
 import pickle
+import sys
 import uuid
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,6 +13,16 @@ from typing import Any
 _LONGEST_WAIT = 300.0
 """Seconds after which a kernel is compiled all the same: ten times what the largest takes.  Windows says of a folder
 that may not be written what it says of a lock that is held."""
+
+
+def source_hash(package: Path, *versions: str) -> str:
+    """Hash (64 hex digits) of a package's Python sources, and of the interpreter's and further versions."""
+    digest = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        digest.update(str(path.relative_to(package)).encode())
+        digest.update(path.read_bytes())
+    digest.update(" ".join((*versions, sys.version)).encode())
+    return digest.hexdigest()
 
 
 class KernelFiles:

@@ -15,7 +15,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
 from raytracer.errors import shown, suggestion
-from raytracer.spec import Spec, at
+from raytracer.spec import Spec, a_noun, at, class_noun
 
 
 class _ByName:
@@ -81,9 +81,11 @@ class Family:
 
     def _known_type(self, value: Any) -> Any:
         """Refuse what names no kind of this family, before pydantic does in its own words."""
-        if isinstance(value, Spec):
-            return value
         known = self.specs()
+        if isinstance(value, Spec):
+            if type(value) not in known.values():
+                raise ValueError(f"must be {a_noun(self.noun)}, got {a_noun(class_noun(type(value)))}")
+            return value
         if not isinstance(value, Mapping):
             raise ValueError(f"must be a mapping with a type ({', '.join(known)}), got {shown(value)}")  # noqa: TRY004
         if "type" not in value:
@@ -99,8 +101,8 @@ def type_name(spec: type[Spec]) -> str | None:
     field = spec.model_fields.get("type")
     if field is None or get_origin(field.annotation) is not Literal:
         return None
-    (name,) = get_args(field.annotation)
-    return str(name)
+    names = get_args(field.annotation)
+    return str(names[0]) if len(names) == 1 else None
 
 
 AOVS = Family("AOV", "raytracer.aovs")

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from raytracer import embree
 from raytracer.cameras.interface import TIME
-from raytracer.embree import DIRECTION, ORIGIN, PACKET, Packet
+from raytracer.embree import DIRECTION, GEOMETRY, INSTANCE, ORIGIN, PACKET, PLACEMENT, PRIMITIVE, Packet
 from raytracer.embree import TIME as EMBREE_TIME
+from raytracer.instances import find
 from raytracer.jit import generic, kernel
 from raytracer.materials.interface import PASS, SLOTS, WHITE, Draws
 from raytracer.media.interface import NONE, Media, crossed, transmittance_at
+from raytracer.primitives.interface import row_of_any
 from raytracer.sampling import sample_1d
 from raytracer.shutter import Shutter, draw_time
 from raytracer.vec import dot, madd, norm, normalize, sub
@@ -124,6 +126,22 @@ def load_ray(packet, lane):
     origin = (np.float64(rows[ORIGIN, lane]), np.float64(rows[ORIGIN + 1, lane]), np.float64(rows[ORIGIN + 2, lane]))
     x, y, z = rows[DIRECTION, lane], rows[DIRECTION + 1, lane], rows[DIRECTION + 2, lane]
     return origin, normalize((np.float64(x), np.float64(y), np.float64(z)))
+
+
+@kernel
+def found_in(scene, packet, lane):
+    """The instance, -1 for none, and the row in its table of what a lane's ray has met."""
+    ids = packet.ints
+    table = ids[GEOMETRY, lane]
+    primitive = row_of_any(scene.primitives, table, ids[PRIMITIVE, lane])
+    return find(scene.instances, table, primitive, ids[INSTANCE, lane], ids[PLACEMENT, lane])
+
+
+@kernel
+def gather(work, sample, throughput, radiance):
+    """Add to a sample the radiance that reaches the camera with this throughput."""
+    for channel in range(3):
+        work.radiance[sample, channel] += throughput[channel] * radiance[channel]
 
 
 @kernel

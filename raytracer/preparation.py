@@ -10,9 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.accumulation import FilmView
 from raytracer.embree import PACKET, Accel
 from raytracer.film.film import Film
-from raytracer.integrator import FilmView, Scene, render_tile
+from raytracer.integrator import Scene, render_tile
+from raytracer.jit import alone
 from raytracer.paths import Workspace, workspace
 from raytracer.sampling import SAMPLERS
 from raytracer.scene.pack import Packed, pack
@@ -71,16 +73,25 @@ def prepare(spec: SceneSpec, packed: Packed | None = None) -> Prepared:
     return Prepared(packed.spec, packed, accel, scene, seconds)
 
 
-def compile_for(scene: Scene, target: FilmView, room: Workspace | None = None) -> None:
+def compile_for(scene: Scene, target: FilmView, room: Workspace | None = None) -> int:
     """Compile the path tracer for a scene, a film and a workspace of these types, or take it from the cache.
+
+    Returns how many kernels this process has now that it did not have before.
 
     Raises
     ------
     KeyboardInterrupt : Ctrl-C was pressed; once, at the end, since the compiler takes it for a mistake of its own;
         twice, at once if that can be.
     """
-    with _interrupts_held_back():
+    with _interrupts_held_back(), alone:
+        before = _versions()
         render_tile(scene, target, room or workspace(), 0, 0, 0, 0, 0, 0)
+        return _versions() - before
+
+
+def _versions() -> int:
+    """How many versions of the path tracer there are; none where it is not compiled at all."""
+    return len(getattr(render_tile, "signatures", ()))
 
 
 @contextmanager

@@ -30,8 +30,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.geometry import leaks
 from raytracer.instances import Instances, pose_of
-from raytracer.integrator import evaluate_from, leaks, scatter_from, shading_normal
+from raytracer.integrator import evaluate_from, scatter_from, shading_normal
 from raytracer.jit import generic, kernel
 from raytracer.materials.interface import BLACK, MaterialSpec, Scatter, absorbed, evaluate_at, scatter_at
 from raytracer.motion import apply_vector, invert

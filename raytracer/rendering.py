@@ -11,24 +11,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer import __version__
+from raytracer.accumulation import FilmView
 from raytracer.adaptive import Adaptive, Aim, Outcome, Pilots
 from raytracer.development import check_development, finish, recording_of
 from raytracer.embree import Accel
-from raytracer.errors import InputError, SceneWarning
+from raytracer.errors import InputError, OutputError, SceneWarning
 from raytracer.film.exposure import Setting
+from raytracer.film.film import Film
 from raytracer.film.image import Image
-from raytracer.integrator import FilmView, Scene
+from raytracer.integrator import Scene
+from raytracer.jit import alone
 from raytracer.noise import Estimate, Tally, steepest_of
 from raytracer.noise.fireflies import Fireflies, find_fireflies
 from raytracer.noise.rates import SHALLOWEST
+from raytracer.noise.wording import percent
 from raytracer.preparation import compile_for, film_for, view
+from raytracer.progress import Bar
 from raytracer.replay import brightest_of, first_dropped, samples
 from raytracer.sampling import SAMPLERS
 from raytracer.scene.concerns import heed
 from raytracer.scene.effects import effects_of
 from raytracer.scene.pack import Packed, pack
 from raytracer.scene.spec import SceneSpec
-from raytracer.scheduling import FIRST_PASS, TILE, Canvas, Crew, Window, available_threads, now, tiles
+from raytracer.scheduling import (
+    FIRST_PASS,
+    TILE,
+    Canvas,
+    Crew,
+    Elsewhere,
+    Window,
+    Workforce,
+    available_threads,
+    now,
+    tiles,
+)
+from raytracer.stock import Stock
 
 if TYPE_CHECKING:
     from raytracer.aovs.recording import Recording
@@ -58,7 +75,8 @@ class Stats:
     without any; clamp, its `limit`, and the parts of the `light` that it took and of the `samples` that it did so from;
     empty without one; error, `relative` (RMS, of the light that reached the film, before it was denoised), `low` and
     `high`, the ends of its 95 % interval, the local `exponent` of its square over samples, and `target`, if one was
-    given; empty below 16 samples a pixel; threads; effects, the names of those simulated; exposure, its numbers by
+    given; empty below 16 samples a pixel; threads, those of a cluster's workers included, whose
+    names are `workers`, none without a cluster; effects, the names of those simulated; exposure, its numbers by
     name, none for a picture of plain radiance; peak_rss_bytes, of the process.
     """
 
@@ -73,6 +91,7 @@ class Stats:
     clamp: dict[str, float] = field(default_factory=dict)
     error: dict[str, float] = field(default_factory=dict)
     threads: int = 0
+    workers: list[str] = field(default_factory=list)
     effects: list[str] = field(default_factory=list)
     exposure: dict[str, float] = field(default_factory=dict)
     peak_rss_bytes: int = 0
@@ -88,7 +107,8 @@ class Rendered(NamedTuple):
 
     complete, whether all samples were taken, or the error asked for was reached; interrupted, whether a
     KeyboardInterrupt ended it early;
-    fewest_samples, of any pixel (image.samples is the most); setting, how it was exposed, None for plain radiance.
+    fewest_samples, of any pixel (image.samples is the most); setting, how it was exposed, None for plain radiance;
+    failure, why a cluster ended it early, None if none did.
     """
 
     image: Image
@@ -97,6 +117,7 @@ class Rendered(NamedTuple):
     interrupted: bool
     fewest_samples: int
     setting: Setting | None
+    failure: str | None = None
 
 
 def peak_rss_bytes() -> int:
@@ -125,8 +146,12 @@ def render(
     rehearse: Callable[[Image], object] | None = None,
     warn: Callable[[str], object] | None = None,
     strict: bool = False,
+    stock: Stock | None = None,
+    cluster: Workforce | None = None,
 ) -> Rendered:
     """Render a scene.  The same scene, seed and spp, or noise, give the same bits for any number of threads.
+
+    It may be called by several threads at once.
 
     Parameters
     ----------
@@ -146,72 +171,44 @@ def render(
         the time for it.
     warn : told what the scene makes one doubt, a sentence each, before anything is rendered (docs/warnings.md).
     strict : whether that counts as an error.
+    stock : what renders of like scenes share; nothing is kept if None.
+    cluster : who takes the samples; this machine if None.
 
     Raises
     ------
     StrictError : there is such a doubt, and `strict`.
     InputError : a crop outside the film, a noise or limit out of range, a scene that cannot be packed, an unknown AOV,
-        no denoiser, or what `check_process` refuses.
+        no denoiser, what `check_process` refuses, or a cluster that cannot render this.
     """
-    if denoise:
-        from raytracer.film.denoise import require_denoiser
+    prepared = ready(
+        spec,
+        spp=spp,
+        seed=seed,
+        threads=threads,
+        crop=crop,
+        noise=noise,
+        time_limit=time_limit,
+        aovs=aovs,
+        denoise=denoise,
+        load_seconds=load_seconds,
+        warn=warn,
+        strict=strict,
+        stock=stock,
+        cluster=cluster,
+    )
+    return prepared.render(progress=progress, rehearse=rehearse)
 
-        require_denoiser()
-    _check_ends(noise, time_limit)
-    stats = Stats(threads=threads or available_threads())
-    clock = _Clock(stats.seconds, load_seconds)
-    spec = _with_settings(spec, spp, seed)
-    window = _window(spec, crop)
 
-    packed = pack(spec)
-    heed(packed, warn, strict=strict)
-    check_development(packed.spec, window)
-    stats.effects = [name for name, effect in effects_of(packed.spec, packed.scene).items() if effect.active]
-    clock.lap("pack")
-    accel = packed.build()
-    clock.lap("build")
-    sheet = _Sheet(packed, accel, window, aovs, stats.threads if denoise else None)
-    compile_for(sheet.scene, sheet.target)
-    clock.lap("compile")
+class SampleBar(Bar):
+    """A bar in samples, with the error where one is aimed at."""
 
-    # Render a first picture, by which to see how long the end will take.
-    is_adaptive = noise is not None or (time_limit is not None and spp is None)
-    most = None if is_adaptive and spp is None else spec.render.spp
-    watch = _Watch(progress, window.pixels * spec.render.spp)
-    canvas = sheet.canvas(Crew(stats.threads, watch.tick))
-    watch.canvas = canvas
-    canvas.first_pass(FIRST_PASS if most is None else most)
-    clock.lap("render")
-    deadline = None
-    if time_limit is not None and not canvas.crew.stopped:
-        with canvas.crew.heeding():
-            deadline = clock.began + time_limit - sheet.seconds_to_finish(rehearse)
-        clock.lap("develop")
+    def __init__(self, *, always: bool = False, quiet: bool = False) -> None:
+        super().__init__(" samples", always=always, quiet=quiet, unit_scale=True)
 
-    # Render the rest.
-    outcome = Outcome(reached=False, pilot_samples=0, pilot_rays=0)
-    if is_adaptive:
-        adaptive = Adaptive(canvas, sheet.pilots(), Aim(noise, most, deadline))
-        with canvas.crew.heeding():
-            adaptive.run(watch.expect)
-        outcome = adaptive.outcome
-    else:
-        canvas.by_turns(spec.render.spp, deadline)
-        outcome = outcome._replace(reached=bool(canvas.counts.min() >= spec.render.spp))
-    with canvas.crew.heeding():
-        stats.error = _error(canvas.estimate(), noise)
-    clock.lap("render")
-
-    _account(stats, canvas, outcome)
-    with canvas.crew.heeding():
-        sheet.diagnose(stats)
-    clock.lap("render")
-    image, setting = sheet.finished(_header(packed.spec, crop, stats, is_adaptive=is_adaptive), clock.lap)
-    stats.exposure = {} if setting is None else setting.numbers()
-    stats.seconds["total"] = sum(stats.seconds.values())
-    stats.peak_rss_bytes = peak_rss_bytes()
-    is_complete = outcome.reached and not canvas.crew.interrupted
-    return Rendered(image, stats, is_complete, canvas.crew.interrupted, int(canvas.counts.min()), setting)
+    def show(self, progress: Progress) -> None:
+        """Show how far a render is."""
+        note = "" if progress.error is None else f"error {percent(progress.error)}"
+        self.update(progress.done, progress.wanted, note)
 
 
 def render_image(
@@ -226,87 +223,262 @@ def render_image(
     aovs: Sequence[str] = (),
     denoise: bool = False,
     strict: bool = False,
+    progress: bool | Callable[[Progress], None] = False,
+    stock: Stock | None = None,
+    cluster: Workforce | None = None,
 ) -> Image:
     """The image of a scene: `image.radiance` is float64 (height, width, 3), row 0 at the top.  See `render`.
 
-    What the scene makes one doubt is a SceneWarning, or an error if `strict`.
+    What the scene makes one doubt is a SceneWarning, or an error if `strict`.  `progress` shows a bar, also in a
+    notebook; or it is a function that is called with a `Progress`.
+
+    Raises
+    ------
+    OutputError : a cluster was lost before the picture was there.
     """
-    return render(
-        scene,
-        spp=spp,
-        seed=seed,
-        threads=threads,
-        crop=crop,
-        noise=noise,
-        time_limit=time_limit,
-        aovs=aovs,
-        denoise=denoise,
-        warn=_warn,
-        strict=strict,
-    ).image
+    with SampleBar(always=True) as bar:
+        rendered = render(
+            scene,
+            spp=spp,
+            seed=seed,
+            threads=threads,
+            crop=crop,
+            noise=noise,
+            time_limit=time_limit,
+            aovs=aovs,
+            denoise=denoise,
+            progress=bar.show if progress is True else progress or None,
+            warn=_warn,
+            strict=strict,
+            stock=stock,
+            cluster=cluster,
+        )
+    if rendered.failure is not None:
+        raise OutputError(rendered.failure)
+    return rendered.image
 
 
 def _warn(sentence: str) -> None:
     """Warn at the line that called `render_image`."""
-    warnings.warn(sentence, SceneWarning, stacklevel=5)
+    with alone:
+        warnings.warn(sentence, SceneWarning, stacklevel=6)
 
 
-class _Sheet:
-    """A scene that is built, and the film that a part of its picture gathers on.
+def ready(
+    spec: SceneSpec,
+    *,
+    spp: int | None = None,
+    seed: int | None = None,
+    threads: int | None = None,
+    crop: tuple[int, int, int, int] | None = None,
+    noise: float | None = None,
+    time_limit: float | None = None,
+    aovs: Sequence[str] = (),
+    denoise: bool = False,
+    load_seconds: float = 0.0,
+    warn: Callable[[str], object] | None = None,
+    strict: bool = False,
+    stock: Stock | None = None,
+    cluster: Workforce | None = None,
+) -> "Ready":
+    """Do all of a render but to take samples, so that the next scene is made ready while one is rendered.
 
-    scene, with the address of the ray caster's structure; film; target, the film as kernels see it.
+    Parameters and errors are those of `render`.
+    """
+    if denoise:
+        from raytracer.film.denoise import require_denoiser
+
+        require_denoiser()
+    _check_ends(noise, time_limit)
+    seconds = {"load": load_seconds}
+    clock = _Clock(seconds)
+    spec = _with_settings(spec, spp, seed)
+    window = _window(spec, crop)
+    elsewhere = None
+    if cluster is not None:
+        elsewhere = cluster.engage(spec, aovs=aovs, denoise=denoise, warn=warn, strict=strict)
+
+    packed = pack(spec, supplies=stock)
+    heed(packed, warn, strict=strict)
+    check_development(packed.spec, window)
+    effects = effects_of(packed.spec, packed.scene)
+    clock.lap("pack")
+    accel = packed.build(stock)
+    clock.lap("build")
+    is_adaptive = noise is not None or (time_limit is not None and spp is None)
+    asked = _Asked(
+        window=window,
+        crop=crop,
+        aovs=tuple(aovs),
+        denoises=denoise,
+        noise=noise,
+        time_limit=time_limit,
+        most=None if is_adaptive and spp is None else spec.render.spp,
+        is_adaptive=is_adaptive,
+        threads=threads or available_threads(),
+    )
+    names = tuple(name for name, effect in effects.items() if effect.active)
+    found = Ready(packed, accel, packed.scene._replace(accel=accel.address), names, asked, elsewhere, seconds)
+    if elsewhere is None:
+        kernels = compile_for(found.scene, found.film(TILE, TILE).view())
+        if stock is not None:
+            stock.note_kernels(kernels)
+    clock.lap("compile")
+    return found
+
+
+class _Asked(NamedTuple):
+    """What was asked for: `render`'s settings, checked.
+
+    most, samples a pixel, None without a limit; is_adaptive, whether samples go where they are needed.
     """
 
-    def __init__(
-        self, packed: Packed, accel: Accel, window: Window, aovs: Sequence[str], denoise_threads: int | None
-    ) -> None:
-        self._packed, self._window, self._aovs, self._denoise_threads = packed, window, aovs, denoise_threads
-        # Held, since its address is all that the scene knows of it.
-        self._accel = accel
-        self._windows = tiles(window)
-        self.scene = packed.scene._replace(accel=accel.address)
-        height, width = window.bottom - window.top, window.right - window.left
-        self._recording = self._record(height, width)
-        self.film = film_for(self.scene, width, height)
-        aov_view = None if self._recording is None else self._recording.view
-        self.target = view(self.film, window.left, window.top, aov_view)
+    window: Window
+    crop: tuple[int, int, int, int] | None
+    aovs: tuple[str, ...]
+    denoises: bool
+    noise: float | None
+    time_limit: float | None
+    most: int | None
+    is_adaptive: bool
+    threads: int
 
-    def _record(self, height: int, width: int) -> "Recording | None":
-        denoise = self._denoise_threads is not None
-        return recording_of(self._packed.spec, self._packed, height, width, self._aovs, denoise=denoise)
+
+@dataclass(frozen=True)
+class Ready:
+    """A scene that is packed, built and compiled, and can be rendered, several times if need be.
+
+    Attributes
+    ----------
+    packed : the scene, its camera focused at a distance.
+    accel : the ray caster's structure, which lives as long as this does.
+    scene : as kernels take it, with the structure's address.
+    effects : the names of those that are simulated.
+    asked : what the picture is to be.
+    elsewhere : who takes the samples; the threads of this process if None.
+    seconds : what was done so far took, by phase: load, pack, build and compile.
+    """
+
+    packed: Packed
+    accel: Accel
+    scene: Scene
+    effects: tuple[str, ...]
+    asked: _Asked
+    elsewhere: Elsewhere | None
+    seconds: dict[str, float]
+
+    def film(self, height: int, width: int, left: int = 0, top: int = 0) -> "_Sheet":
+        """An empty film for a part of the picture."""
+        asked = self.asked
+        recording = recording_of(self.packed.spec, self.packed, height, width, asked.aovs, denoise=asked.denoises)
+        return _Sheet(film_for(self.scene, width, height), recording, left, top)
+
+    def render(
+        self,
+        *,
+        progress: Callable[[Progress], None] | None = None,
+        rehearse: Callable[[Image], object] | None = None,
+    ) -> Rendered:
+        """Take the samples, and develop the picture; parameters are those of `rendering.render`."""
+        asked = self.asked
+        stats = Stats(threads=asked.threads, seconds=dict(self.seconds), effects=list(self.effects))
+        spec = self.packed.spec
+        clock = _Clock(stats.seconds)
+        render = _Render(self)
+
+        # Render a first picture, by which to see how long the end will take.
+        watch = _Watch(progress, asked.window.pixels * spec.render.spp)
+        canvas = render.canvas(Crew(asked.threads, watch.tick))
+        watch.canvas = canvas
+        canvas.first_pass(FIRST_PASS if asked.most is None else asked.most)
+        clock.lap("render")
+        deadline = None
+        if asked.time_limit is not None and not canvas.crew.stopped:
+            with canvas.crew.heeding():
+                deadline = clock.began + asked.time_limit - render.seconds_to_finish(rehearse)
+            clock.lap("develop")
+
+        # Render the rest.
+        outcome = Outcome(reached=False, pilot_samples=0, pilot_rays=0)
+        if asked.is_adaptive:
+            adaptive = Adaptive(canvas, render.pilots(), Aim(asked.noise, asked.most, deadline))
+            with canvas.crew.heeding():
+                adaptive.run(watch.expect)
+            outcome = adaptive.outcome
+        else:
+            canvas.by_turns(spec.render.spp, deadline)
+            outcome = outcome._replace(reached=bool(canvas.counts.min() >= spec.render.spp))
+        with canvas.crew.heeding():
+            stats.error = _error(canvas.estimate(), asked.noise)
+        clock.lap("render")
+
+        _account(stats, canvas, outcome)
+        with canvas.crew.heeding():
+            render.diagnose(stats)
+        clock.lap("render")
+        header = _header(spec, asked.crop, stats, is_adaptive=asked.is_adaptive)
+        image, setting = render.finished(header, clock.lap, is_final=True)
+        stats.exposure = {} if setting is None else setting.numbers()
+        stats.seconds["total"] = sum(stats.seconds.values())
+        stats.peak_rss_bytes = peak_rss_bytes()
+        interrupted = canvas.crew.interrupted
+        complete = outcome.reached and not interrupted
+        return Rendered(image, stats, complete, interrupted, int(canvas.counts.min()), setting, canvas.crew.failure)
+
+
+class _Sheet(NamedTuple):
+    """A film, with what is recorded on it besides radiance, for a part of the picture from (left, top) on."""
+
+    film: Film
+    recording: "Recording | None"
+    left: int
+    top: int
+
+    def view(self) -> FilmView:
+        """As kernels see it."""
+        return view(self.film, self.left, self.top, None if self.recording is None else self.recording.view)
+
+
+class _Render:
+    """What a scene that is ready gathers on a film."""
+
+    def __init__(self, ready: Ready) -> None:
+        window = ready.asked.window
+        self._ready, self._spec, self._scene = ready, ready.packed.spec, ready.scene
+        self._windows = tiles(window)
+        self._sheet = ready.film(window.bottom - window.top, window.right - window.left, window.left, window.top)
 
     def _tally(self) -> Tally:
-        return Tally(self._windows, steepest_of(self._packed.spec.render.sampler))
+        return Tally(self._windows, steepest_of(self._spec.render.sampler))
 
     def canvas(self, crew: Crew) -> Canvas:
         """The film for a crew to work on."""
-        return Canvas(self.scene, self.target, self._windows, crew, self._tally())
+        return Canvas(self._scene, self._sheet.view(), self._windows, crew, self._tally(), self._ready.elsewhere)
 
     def pilots(self) -> Pilots:
         """How to take samples that do not get onto the film."""
-        settings = self._packed.spec.render
+        settings = self._spec.render
 
         def sampled(seed: int, spp: int) -> Scene:
-            return self.scene._replace(sampler=SAMPLERS[settings.sampler](seed, spp))
+            return self._scene._replace(sampler=SAMPLERS[settings.sampler](seed, spp))
 
         # Its shares want but one difference, for which it takes half the memory.
         return Pilots(sampled, self._scratch, lambda: Tally(self._windows, SHALLOWEST), settings.seed)
 
     def _scratch(self) -> FilmView:
         """A film of one tile, of the same type as the picture's."""
-        recording = self._record(TILE, TILE)
-        return view(film_for(self.scene, TILE, TILE), aovs=None if recording is None else recording.view)
+        return self._ready.film(TILE, TILE).view()
 
     def diagnose(self, stats: Stats) -> None:
         """Note what is wrong with the samples on the film."""
-        film, limit = self.film, self._packed.spec.render.clamp
+        film, limit = self._sheet.film, self._spec.render.clamp
         stats.nan_samples = int(film.nan_count.sum())
         if film.removed is not None and limit is not None:
             stats.clamp = {"limit": limit, **_taken_by_clamp(film.mean, film.count, film.removed)}
         if stats.nan_samples:
             row, column = (int(place) for place in np.argwhere(film.nan_count)[0])
-            x, y = self.target.left + column, self.target.top + row
-            sample = first_dropped(self.scene, self._scratch(), x, y, self._taken(row, column))
+            x, y = self._sheet.left + column, self._sheet.top + row
+            sample = first_dropped(self._scene, self._scratch(), x, y, self._taken(row, column))
             stats.first_nan = {"pixel": [x, y], "sample": sample}
         found = find_fireflies(film.mean, film.m2, film.count)
         if found is not None:
@@ -314,13 +486,13 @@ class _Sheet:
 
     def _taken(self, row: int, column: int) -> int:
         """Samples that a pixel of the film was given."""
-        return int(self.film.count[row, column] + self.film.nan_count[row, column])
+        return int(self._sheet.film.count[row, column] + self._sheet.film.nan_count[row, column])
 
     def _of_fireflies(self, found: Fireflies) -> dict[str, Any]:
         """What `Stats` tells of fireflies."""
         row, column = found.brightest
-        x, y = self.target.left + column, self.target.top + row
-        packets = list(samples(self.scene, self._scratch(), x, y, self._taken(row, column)))
+        x, y = self._sheet.left + column, self._sheet.top + row
+        packets = list(samples(self._scene, self._scratch(), x, y, self._taken(row, column)))
         limit = found.limit
         if limit is not None:
             # From the film's unit to that of radiance, by what the camera's rays count for there.
@@ -336,18 +508,21 @@ class _Sheet:
         }
 
     def finished(
-        self, settings: Mapping[str, str | float | int], lap: Callable[[str], object]
+        self, settings: Mapping[str, str | float | int], lap: Callable[[str], object], *, is_final: bool = False
     ) -> tuple[Image, Setting | None]:
-        """The image on the film, and how it was exposed."""
+        """The image on the film, and how it was exposed; `is_final` as for `development.finish`."""
+        asked, sheet = self._ready.asked, self._sheet
+        threads = asked.threads if asked.denoises else None
         return finish(
-            self.film,
-            self._packed.spec,
-            self._window,
+            sheet.film,
+            self._spec,
+            asked.window,
             settings,
-            self._recording,
-            self._aovs,
-            self._denoise_threads,
+            sheet.recording,
+            asked.aovs,
+            threads,
             lap,
+            is_final=is_final,
         )
 
     def seconds_to_finish(self, rehearse: Callable[[Image], object] | None) -> float:
@@ -383,14 +558,14 @@ class _Watch:
 class _Clock:
     """Seconds by phase.
 
-    began : when the command did, by `scheduling.now`.
+    began : when the command would have, by `scheduling.now`, had it not paused between phases.
     """
 
-    def __init__(self, seconds: dict[str, float], load_seconds: float) -> None:
+    def __init__(self, seconds: dict[str, float]) -> None:
+        """A clock that adds to the seconds of the phases so far."""
         self._seconds = seconds
-        seconds["load"] = load_seconds
         self._start = now()
-        self.began = self._start - load_seconds
+        self.began = self._start - sum(seconds.values())
 
     def lap(self, phase: str) -> None:
         """Count what has passed since the last lap as this phase's."""
@@ -435,6 +610,8 @@ def _account(stats: Stats, canvas: Canvas, outcome: Outcome) -> None:
     """Note what was sampled."""
     stats.rays = int(canvas.rays.sum()) + outcome.pilot_rays
     stats.samples, stats.pilot_samples = canvas.done, outcome.pilot_samples
+    stats.threads = canvas.threads
+    stats.workers = [] if canvas.elsewhere is None else list(canvas.elsewhere.workers)
     stats.spp = {"fewest": int(canvas.counts.min()), "mean": canvas.samples, "most": int(canvas.counts.max())}
 
 

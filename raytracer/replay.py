@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.accumulation import FilmView
 from raytracer.embree import PACKET
-from raytracer.integrator import FilmView, Scene, render_tile
+from raytracer.integrator import Scene, render_tile
 from raytracer.pathlog import path_log
 from raytracer.paths import Workspace, workspace
 

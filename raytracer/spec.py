@@ -61,6 +61,11 @@ def class_noun(cls: type[BaseModel]) -> str:
     return str(field.default) if field and isinstance(field.default, str) else cls.__name__.removesuffix("Spec").lower()
 
 
+def a_noun(noun: str) -> str:
+    """A noun with its article."""
+    return f"an {noun}" if noun[0] in "aeiouAEIOU" else f"a {noun}"
+
+
 class Spec(BaseModel):
     """A checked mapping of the scene file: unknown keys are errors, values are never coerced, instances are frozen."""
 
@@ -75,7 +80,7 @@ class Spec(BaseModel):
         return {(key,): (name, kind) for key, name, kind in given if name is not None}
 
     @classmethod
-    def _own_keys_first(cls) -> list[str]:
+    def own_keys_first(cls) -> list[str]:
         """Its keys, those that all mappings of its family have at the end."""
         keys = (key for base in cls.__mro__ for key in vars(base).get("__annotations__", ()))
         return [key for key in dict.fromkeys(keys) if key in cls.model_fields]
@@ -86,7 +91,8 @@ class Spec(BaseModel):
         if isinstance(data, cls):
             return data
         if not isinstance(data, Mapping):
-            raise ValueError(f"must be a mapping ({', '.join(cls.model_fields)}), got {shown(data)}")  # noqa: TRY004
+            given = a_noun(class_noun(type(data))) if isinstance(data, Spec) else shown(data)
+            raise ValueError(f"must be a mapping ({', '.join(cls.model_fields)}), got {given}")  # noqa: TRY004
 
         # YAML's lists are fields' tuples, which cannot change either.
         known = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items() if k in cls.model_fields}
@@ -96,7 +102,7 @@ class Spec(BaseModel):
         # Tell the unknown keys with the other errors; a key that is missing is probably the one that is misspelt.
         noun = class_noun(cls)
         errors = [
-            _error((key,), f"unknown key {key!r} of {noun}; {suggestion(str(key), cls._own_keys_first(), 'keys')}")
+            _error((key,), f"unknown key {key!r} of {noun}; {suggestion(str(key), cls.own_keys_first(), 'keys')}")
             for key in data
             if key not in known
         ]
@@ -532,9 +538,7 @@ def name_or_material(value: Any, info: ValidationInfo) -> Any:
     ------
     ValueError: neither.
     """
-    if isinstance(value, Spec):
-        return value
-    if isinstance(value, Mapping):
+    if isinstance(value, Spec | Mapping):
         check = (info.context or {}).get(INLINE_MATERIAL)
         return check(value) if check else value
     return _name(value)

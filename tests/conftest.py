@@ -7,6 +7,10 @@ import signal
 
 from hypothesis import settings
 
+from tests.browser import chromium, open_page
+
+__all__ = ["chromium", "open_page"]
+
 # A shell starts what it runs in the background with Ctrl-C ignored, which tests send to themselves.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 

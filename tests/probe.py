@@ -14,8 +14,9 @@ import numba
 import numpy as np
 from numba.core import event
 
+from raytracer.accumulation import FilmView
 from raytracer.aovs.recording import Recording
-from raytracer.integrator import FilmView, render_tile
+from raytracer.integrator import render_tile
 from raytracer.paths import workspace
 from raytracer.scene.identities import identify
 from raytracer.scene.pack import pack
@@ -42,6 +43,15 @@ GAUZE = "  - {type: sphere, center: [2, 0, 0], radius: 1, material: {type: cutou
 
 CHECKED = MATTE.replace("{type: lambertian}", "{type: lambertian, albedo: {type: checker}}")
 BUMPY = CHECKED.replace("{type: checker}}", "{type: checker}, bump: {type: checker}}")
+MANY = (
+    IRIS.replace("look_at: [0, 0, 0]", "look_at: [0, 0, 0], shutter: 1")
+    + CONSTANT
+    + "media: {fog: {type: homogeneous, absorption: 1}}\nmedium: fog\n"
+    + CHECKED.replace("radius: 1", "radius: 1, motion: {velocity: [1, 0, 0]}")
+    + LAMP
+    + GLASS
+    + GAUZE
+)
 
 SCENES = {
     "plain": PINHOLE + MATTE,
@@ -61,6 +71,7 @@ SCENES = {
     "checked": PINHOLE + CHECKED,
     "bumpy": PINHOLE + BUMPY,
     "gauze": PINHOLE + MATTE + LAMP + GAUZE,
+    "many": MANY,
 }
 
 

@@ -29,7 +29,7 @@ render: {{spp: {spp}, max_depth: {max_depth}, rr_depth: {rr_depth}, sampler: {sa
 """
 
 
-def scene(
+def scene_text(
     text: str,
     *,
     width: int = 16,
@@ -40,12 +40,10 @@ def scene(
     sampler: str = "independent",
     accuracy: str = "exact",
     filled: bool = True,
-    base: Path | None = None,
-) -> SceneSpec:
-    """A checked scene from its `camera`, `environment`, `materials` and, last, its `objects`.
+) -> str:
+    """A scene file of its `camera`, `environment`, `materials` and, last, its `objects`.
 
     filled : with specks of all kinds, so that it shares its compiled kernel with other scenes.
-    base : folder of the files that it names.
     """
     head = _HEAD.format(
         width=width,
@@ -56,7 +54,12 @@ def scene(
         sampler=sampler,
         accuracy=accuracy,
     )
-    return build(head + text.rstrip() + (_SPECKS if filled else "\n"), "test.yaml", base=base)
+    return head + text.rstrip() + (_SPECKS if filled else "\n")
+
+
+def scene(text: str, *, base: Path | None = None, **settings: Any) -> SceneSpec:
+    """The checked scene of `scene_text(text, **settings)`; `base` is the folder of the files that it names."""
+    return build(scene_text(text, **settings), "test.yaml", base=base)
 
 
 def rendered(text: str, *, seed: int = 1, threads: int = 2, **settings: Any) -> Rendered:

@@ -276,7 +276,7 @@ RENDER = [
     options("unknown suffix of an image", "-o DIR/out.xyz", ".xyz"),
     options("no suffix", "-o DIR/out", "out"),
     options("output below a file", "-o SCENE/out.png", "out.png: cannot be written"),
-    options("full disk", "-o DIR/full.png", "No space left on device", status=1),
+    options("full disk", "-o DIR/full.png -D render.max_depth=1", "No space left on device", status=1),
     options("crop outside", "-o DIR/out.npy --crop 4,4,20,20", "crop"),
     options("crop of nothing", "-o DIR/out.npy --crop 4,4,4,4", "crop"),
     options("crop of three numbers", "-o DIR/out.npy --crop 0,0,4", "crop"),

@@ -187,8 +187,8 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return "my room.yaml"
 
 
-def _poisoned(spec: Any) -> Packed:
-    return poisoned(pack(spec), "lambertian")
+def _poisoned(spec: Any, **settings: Any) -> Packed:
+    return poisoned(pack(spec, **settings), "lambertian")
 
 
 def scene_text() -> str:

@@ -17,17 +17,14 @@ from raytracer.embree import PACKET
 from raytracer.rendering import Progress, Rendered, render
 from raytracer.scene.load import load
 from raytracer.scene.spec import SceneSpec
-from tests.make_references import GENERATED
+from tests.repository import GENERATED, ROOT, SCENES, need_files_of
 
-ROOT = Path(__file__).parent.parent
-SCENES = ROOT / "scenes"
 WIDTH, HEIGHT, SPP = 44, 36, 37
 
 
 def scene(name: str, sampler: str | None = None) -> SceneSpec:
     """A scene of the repository at a small size, cut by tiles of 16 into unequal ones; SPP is not a whole packet."""
-    if name in GENERATED and not (SCENES / "generated" / GENERATED[name]).exists():
-        pytest.skip(f"make scenes has not made what {name}.yaml is made of")
+    need_files_of(name)
     overrides: dict[str, Any] = {"film.width": WIDTH, "film.height": HEIGHT, "render.spp": SPP}
     if sampler is not None:
         overrides["render.sampler"] = sampler
@@ -58,7 +55,8 @@ def assert_same(a: Rendered, b: Rendered) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_threads_do_not_matter(name: str) -> None:
-    spec = scene(name)
+    # The sampler of the references, so that both tests compile one kernel; others are the cover's, below.
+    spec = scene(name, "independent")
     one = render(spec, threads=1)
     assert one.stats.nan_samples == 0
     assert one.image.radiance.any()
@@ -68,10 +66,18 @@ def test_threads_do_not_matter(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_crop_is_that_part_of_the_picture(name: str) -> None:
-    spec = scene(name)
+    spec = scene(name, "independent")
     whole = radiance(spec)
     for left, top, right, bottom in ((0, 0, 7, 5), (13, 9, 31, 33), (43, 35, 44, 36)):
         np.testing.assert_array_equal(radiance(spec, crop=(left, top, right, bottom)), whole[top:bottom, left:right])
+
+
+@pytest.mark.parametrize("sampler", ["independent", "stratified", "sobol"])
+def test_threads_and_crops_do_not_matter_to_a_sampler(sampler: str) -> None:
+    spec = scene("cover", sampler)
+    one = render(spec, threads=1)
+    assert_same(render(spec, threads=4), one)
+    np.testing.assert_array_equal(radiance(spec, crop=(13, 9, 31, 33)), one.image.radiance[9:33, 13:31])
 
 
 @pytest.mark.parametrize("sampler", ["independent", "stratified", "sobol"])
@@ -167,7 +173,7 @@ def test_neighbours_and_channels_are_not_copies() -> None:
 def test_another_process_has_the_same_bits() -> None:
     program = (
         "from tests.test_determinism import radiance, scene; import hashlib; "
-        "print(hashlib.sha256(radiance(scene('glass')).tobytes()).hexdigest())"
+        "print(hashlib.sha256(radiance(scene('glass', 'independent')).tobytes()).hexdigest())"
     )
     package = Path(raytracer.__file__).parent.parent
     digests = {
@@ -181,5 +187,5 @@ def test_another_process_has_the_same_bits() -> None:
         ).stdout
         for _ in range(2)
     }
-    digests.add(hashlib.sha256(radiance(scene("glass")).tobytes()).hexdigest() + "\n")
+    digests.add(hashlib.sha256(radiance(scene("glass", "independent")).tobytes()).hexdigest() + "\n")
     assert len(digests) == 1

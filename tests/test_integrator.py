@@ -6,21 +6,22 @@ Exact answers are asserted to rounding; estimates by their own standard deviatio
 import math
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 import raytracer.rendering
-from raytracer.integrator import FilmView, accumulate
+from raytracer.accumulation import FilmView, accumulate
 from raytracer.jit import entry
 from raytracer.lights.interface import power_heuristic
 from raytracer.paths import workspace
 from raytracer.scene.load import build
 from raytracer.scene.pack import Packed, pack
 from raytracer.scene.spec import SceneSpec
-from tests.make_references import FOLDER
 from tests.rendering import assert_mean, image, mean, rendered, scene
+from tests.repository import REFERENCES
 
 LOOK = "camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}\n"
 CONSTANT = "environment: {type: constant, radiance: 1}\n"
@@ -520,8 +521,8 @@ def both_ways(monkeypatch: pytest.MonkeyPatch, text: str, **settings: object) ->
     with_lights = image(text, **settings)
     assert pack(scene(text, **settings)).scene.lights is not None
 
-    def without_lights(spec: SceneSpec, spp: int | None = None) -> Packed:
-        packed = pack(spec, spp)
+    def without_lights(spec: SceneSpec, **settings: Any) -> Packed:
+        packed = pack(spec, **settings)
         return packed._replace(scene=packed.scene._replace(lights=None))
 
     monkeypatch.setattr(raytracer.rendering, "pack", without_lights)
@@ -547,7 +548,7 @@ objects:
 """,
         spp=512,
         max_depth=3,
-        base=FOLDER,
+        base=REFERENCES,
     )
 
 

@@ -16,6 +16,7 @@ SPECKS = """
     corner: [0, -98, 0]
     edges: [[1.0e-9, 0, 0], [0, 0, 1.0e-9]]
     material: {type: mixture, materials: [{type: lambertian, albedo: 0}, {type: cutout, material: {type: lambertian}}]}
+  - {type: quad, corner: [0, -99, 0], edges: [[1.0e-9, 0, 0], [0, 0, 1.0e-9]], material: {type: boundary}}
 """
 
 CAMERA = "camera: {type: pinhole, look_from: [-2, 0, 4], look_at: [-0.5, 0, 0], vfov: 4}\n"
@@ -57,7 +58,7 @@ def assert_equal(a: tuple[float, float], b: tuple[float, float], factor: float =
 def test_half_of_the_light_passes_each_layer(layers: int) -> None:
     # Black gauze before a sky of 1: what is seen is 2^-layers, whatever the depth, for passing counts no segment.
     text = CAMERA + SKY + "objects:\n" + "".join(veil(-k, gauze(0.5)) for k in range(layers))
-    for depth in (1, 8):
+    for depth in (2, 8):
         value, deviation = shown(text, depth=depth)
         assert abs(value - 0.5**layers) < 4.0 * deviation
 

@@ -28,7 +28,8 @@ from raytracer.kinds import (
     TEXTURES,
     Family,
 )
-from raytracer.scene.load import load
+from raytracer.scene.dump import plain, yaml_text
+from raytracer.scene.load import build, load
 from raytracer.spec import Spec
 
 ROOT = Path(__file__).parents[1]
@@ -122,6 +123,7 @@ def test_a_kinds_docstring_holds_a_scene_that_is_valid(
     }[family]
     assert found
     assert {type(item) for item in found} == {spec}
+    assert build(yaml_text(plain(scene)), "again.yaml", base=tmp_path) == scene
 
 
 @pytest.mark.parametrize(

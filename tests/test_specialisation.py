@@ -36,6 +36,9 @@ FAMILIES = (
     "textures",
 )
 
+# Kinds of the scene `plain`, which all others have too.
+PLAIN = {"filters.box", "materials.lambertian", "primitives.spheres", "sampling.independent"}
+
 # Scenes whose kernel is that of `plain`, so that there is nothing to compile.
 SAME_AS_PLAIN = {"off"}
 
@@ -117,12 +120,12 @@ def kinds(report: dict[str, Any]) -> set[str]:
 def test_plain_scene_holds_its_own_kinds_only(kernels: Kernels) -> None:
     # A matte ball in the dark before a pinhole: no lens, glass, metal, light, environment, and no optics at all.
     plain = kernels["plain"]
-    assert kinds(plain) == {"filters.box", "materials.lambertian", "primitives.spheres", "sampling.independent"}
-    assert "raytracer.optics" not in plain["modules"]
+    assert kinds(plain) == PLAIN
+    assert not {"raytracer.motion", "raytracer.optics"} & set(plain["modules"])
     assert plain["calls"] == {"rtcIntersect8": 1, "rtcOccluded8": 0}
 
 
-@pytest.mark.parametrize(
+EFFECTS = pytest.mark.parametrize(
     ("name", "brings"),
     [
         ("sky", {"environments.constant"}),
@@ -140,15 +143,55 @@ def test_plain_scene_holds_its_own_kinds_only(kernels: Kernels) -> None:
         ("daylight", {"environments.equirectangular", "lights.background"}),
     ],
 )
+
+
+def classes_in(numba_type: Any) -> set[str]:
+    """Modules of the classes that a scene's type is made of."""
+    own = getattr(numba_type, "instance_class", None)
+    inner = set().union(*map(classes_in, getattr(numba_type, "types", ())))
+    return inner if own is None else {own.__module__, *inner}
+
+
+@EFFECTS
+def test_an_effect_brings_its_own_classes(name: str, brings: set[str]) -> None:
+    # From these follows what is compiled; what functions a class needs besides, compiled kernels show below.
+    found = kinds({"modules": classes_in(numba.typeof(pack(scene(SCENES[name], filled=False)).scene))})
+    assert found <= brings | PLAIN | {"cameras.placement"}
+    assert found & brings
+
+
+def test_many_effects_bring_their_own_code(kernels: Kernels) -> None:
+    # One scene for most of the next test's: whatever is none of these effects' is brought by nobody.
+    many = kernels["many"]
+    assert kinds(many) - PLAIN == {
+        "apertures.polygon",
+        "apertures.vignetting",
+        "cameras.pupil",
+        "environments.constant",
+        "lights.emitters",
+        "materials.cutout",
+        "materials.dielectric",
+        "materials.emitter",
+        "media.homogeneous",
+        "primitives.translated",
+        "sampling.alias",
+        "textures.checker",
+    }
+    assert many["calls"] == {"rtcIntersect8": 2, "rtcOccluded8": 0}
+    assert many["llvm_size"] > kernels["plain"]["llvm_size"]
+    # Counts are atomic and shared by all threads; they cost a third of the time.
+    assert many["reference_counts"] == kernels["plain"]["reference_counts"] == 0
+
+
+@pytest.mark.slow
+@EFFECTS
 def test_an_effect_brings_its_own_code(kernels: Kernels, name: str, brings: set[str]) -> None:
     found = kinds(kernels[name])
     assert brings <= found
     # Nothing besides, but for kinds that are there anyway.
-    assert found - brings <= {"filters.box", "materials.lambertian", "primitives.spheres", "sampling.independent"}
+    assert found - brings <= PLAIN
     assert ("raytracer.optics" in kernels[name]["modules"]) == (name == "glass")
     assert kernels[name]["llvm_size"] > kernels["plain"]["llvm_size"]
-    # Counts are atomic and shared by all threads; they cost a third of the time.
-    assert kernels[name]["reference_counts"] == 0
 
 
 @pytest.mark.slow
@@ -171,6 +214,7 @@ def test_shadow_rays_are_compiled_where_there_are_lights(kernels: Kernels) -> No
         "gauze": 0,
         "checked": 0,
         "bumpy": 0,
+        "many": 0,
     }
 
 
@@ -178,7 +222,8 @@ def test_shadow_rays_are_compiled_where_there_are_lights(kernels: Kernels) -> No
 def test_shadow_rays_are_followed_where_light_may_pass(kernels: Kernels) -> None:
     # As rays that look for what they meet, in place of those that only look whether they meet anything.
     assert kernels["gauze"]["calls"]["rtcIntersect8"] == 2
-    assert {report["calls"]["rtcIntersect8"] for name, report in kernels.all().items() if name != "gauze"} == {1}
+    others = kernels.all().keys() - {"gauze", "many"}
+    assert {kernels[name]["calls"]["rtcIntersect8"] for name in others} == {1}
 
 
 @pytest.mark.slow
@@ -203,6 +248,7 @@ def test_relief_is_compiled_where_a_material_has_some(kernels: Kernels) -> None:
     assert kernels["bumpy"]["llvm_size"] > kernels["checked"]["llvm_size"] > kernels["plain"]["llvm_size"]
 
 
+@pytest.mark.slow
 def test_instances_are_compiled_where_something_is_placed(kernels: Kernels) -> None:
     # A matte ellipsoid is the matte ball of `plain`, and besides it the transforms of rays and hits.
     assert kinds(kernels["egg"]) <= kinds(kernels["plain"])
@@ -213,7 +259,7 @@ def test_instances_are_compiled_where_something_is_placed(kernels: Kernels) -> N
 
 def test_a_second_process_compiles_nothing(kernels: Kernels) -> None:
     assert kernels["plain"]["cache_misses"] == 1
-    for name in ("plain", "lamp"):
+    for name in ("plain", "many"):
         assert kernels[name]
         again = probe(kernels.cache, name)[name]
         assert again["compiled"] == 0

@@ -15,8 +15,7 @@ from raytracer.apertures.vignetting import Rim
 from raytracer.cameras.pinhole import Pinhole
 from raytracer.cameras.thin_lens import ThinLens
 from raytracer.environments.gradient import Gradient
-from raytracer.geometry import Exact
-from raytracer.integrator import spawn_point
+from raytracer.geometry import Exact, spawn_point
 from raytracer.jit import entry
 from raytracer.lights.interface import power_heuristic
 from raytracer.materials.interface import SelectorSpec

@@ -12,8 +12,9 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.accumulation import merge
 from raytracer.film.film import Film
-from raytracer.integrator import merge, observe, observe_direct, observe_start
+from raytracer.integrator import observe, observe_direct, observe_start
 from raytracer.jit import each, generic
 from raytracer.paths import load3, store3
 from raytracer.spec import Spec

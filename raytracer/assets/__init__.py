@@ -4,8 +4,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from raytracer.assets import gltf
 from raytracer.assets.grids import read_grid
-from raytracer.assets.images import Image, read_image
+from raytracer.assets.images import Image, file_of, read_image
 from raytracer.assets.meshes import Mesh, read_mesh, smooth_normals
 from raytracer.assets.placements import read_placements
 
@@ -17,4 +18,25 @@ LOADERS: Mapping[str, Callable[[Path], Any]] = {
 }
 """How each kind of asset that a shape may ask for is read."""
 
-__all__ = ["LOADERS", "Image", "Mesh", "read_grid", "read_image", "read_mesh", "read_placements", "smooth_normals"]
+
+def companions(kind: str, path: Path) -> tuple[Path, ...]:
+    """The files that a file of this kind (of `LOADERS`) names in its turn, as far as they are there.
+
+    They are those of glTF files; the materials of OBJ files are not read.
+    """
+    path = file_of(path)
+    return gltf.companions(path) if kind in ("mesh", "image") and path.suffix.lower() in (".gltf", ".glb") else ()
+
+
+__all__ = [
+    "LOADERS",
+    "Image",
+    "Mesh",
+    "companions",
+    "file_of",
+    "read_grid",
+    "read_image",
+    "read_mesh",
+    "read_placements",
+    "smooth_normals",
+]

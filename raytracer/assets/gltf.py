@@ -15,7 +15,7 @@ import json
 import math
 import struct
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 from urllib.parse import unquote
 
@@ -85,6 +85,10 @@ def with_numbered_materials(gltf: Gltf) -> bytes:
     header["materials"] = [{"name": str(number)} for number in range(count + 1)]
     for key in ("images", "textures", "samplers"):
         header.pop(key, None)
+    for buffer in header.get("buffers", ()):
+        # trimesh takes an address for a name.
+        if not str(buffer.get("uri", "data:")).startswith("data:"):
+            buffer["uri"] = unquote(str(buffer["uri"]))
     for mesh in header.get("meshes", ()):
         for primitive in mesh["primitives"]:
             primitive.setdefault("material", count)
@@ -162,6 +166,41 @@ def _uri_bytes(uri: str, folder: Path, what: str) -> bytes:
         raise BrokenGltfError(f"names {shown(unquote(uri))} as {what}, and there is no such file") from None
     except (OSError, ValueError):
         raise BrokenGltfError(f"names {shown(unquote(uri))} as {what}, which cannot be read") from None
+
+
+def companions(path: Path) -> tuple[Path, ...]:
+    """The files that a glTF file names and that are there: buffers, and images beside it.
+
+    Nothing is said of a file that is broken or missing; whoever reads it will.
+    """
+    try:
+        header = _header_of(path)
+    except (OSError, BrokenGltfError):
+        return ()
+    found: dict[Path, None] = {}
+    for key in ("buffers", "images"):
+        items = header.get(key, [])
+        for item in items if isinstance(items, list) else ():
+            uri = item.get("uri") if isinstance(item, dict) else None
+            if not isinstance(uri, str) or uri.startswith("data:"):
+                continue
+            # trimesh seeks what is not there beside the file.
+            for name in (unquote(uri), PurePosixPath(unquote(uri)).name):
+                with contextlib.suppress(OSError, ValueError):
+                    if (path.parent / name).is_file():
+                        found.setdefault(path.parent / name)
+    return tuple(found)
+
+
+def _header_of(path: Path) -> dict[str, Any]:
+    """The JSON of a glTF file, without reading its binary chunk."""
+    with path.open("rb") as file:
+        start = file.read(20)
+        if len(start) == 20 and struct.unpack_from("<I", start)[0] == _MAGIC:
+            length, kind = struct.unpack_from("<II", start, 12)
+            if kind == _JSON_CHUNK:
+                return _header(file.read(length))
+        return parse(start + file.read()).header
 
 
 def _item(header: Json, key: str, number: Any) -> Json:

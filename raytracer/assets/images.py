@@ -85,7 +85,9 @@ def _any_size() -> Iterator[None]:
 def _decode_pillow(data: bytes) -> Image:
     import PIL.Image
 
-    with _any_size(), warnings.catch_warnings(), PIL.Image.open(io.BytesIO(data)) as file:
+    from raytracer.jit import alone
+
+    with alone, _any_size(), warnings.catch_warnings(), PIL.Image.open(io.BytesIO(data)) as file:
         # What Pillow warns of is either of no matter here or raises when it decodes.
         warnings.simplefilter("ignore")
         _check_size(*file.size)
@@ -178,6 +180,12 @@ def decode_image(data: bytes, suffix: str) -> Image:
         value = image.texels[row, column, channel]
         raise _BrokenImageError(f"has a pixel that is not finite ({value} in row {row}, column {column})")
     return image
+
+
+def file_of(path: Path) -> Path:
+    """The file on the disk: of image N of a glTF file, `PATH#N`, what is before the #."""
+    inside = _IN_GLTF.fullmatch(path.name)
+    return path if inside is None else path.with_name(inside[1])
 
 
 def read_image(path: str | Path) -> Image:

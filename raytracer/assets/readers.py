@@ -352,8 +352,10 @@ def read(path: Path) -> Parts:
     BrokenMeshError : the file is broken, or holds no triangles.
     OSError : the file cannot be opened.
     """
+    from raytracer.jit import alone
+
     name, reader = _READERS[path.suffix.lower()]
-    with path.open("rb") as file, warnings.catch_warnings(), np.errstate(all="ignore"):
+    with alone, path.open("rb") as file, warnings.catch_warnings(), np.errstate(all="ignore"):
         if not file.peek(1):
             raise BrokenMeshError("is empty")
 

@@ -1,14 +1,16 @@
 """`rt cost`: what accuracy costs in time."""
 
+import contextlib
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from raytracer.cli import options
 from raytracer.errors import InputError, Interrupted
+from raytracer.progress import Bar
 from raytracer.units import parse_duration, parse_share
 
 if TYPE_CHECKING:
@@ -26,6 +28,8 @@ Examples:
 # Columns of a table that goes into a file.
 _WIDTH = 100
 
+_LAYOUT = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}"
+
 
 def cost(
     scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file.")],
@@ -42,9 +46,7 @@ def cost(
             help="Folder for a page, a plot, an error map, CSV and JSON (pip install 'raytracer[report]').",
         ),
     ] = None,
-    define: Annotated[
-        list[str] | None, typer.Option("--define", "-D", metavar="KEY=VALUE", help="Override a key of the scene.")
-    ] = None,
+    define: options.Define = None,
     arms: Annotated[
         str | None,
         typer.Option(
@@ -59,9 +61,9 @@ def cost(
             help="How many tiles of 16 x 16 pixels to measure, at least 16 or all.  Default: what a minute allows."
         ),
     ] = None,
-    threads: Annotated[int | None, typer.Option(help="Threads that work.  Default: all.", min=1, max=1024)] = None,
-    seed: Annotated[int | None, typer.Option(help="Seed of all random numbers.", min=0, max=2**32 - 1)] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    threads: options.Threads = None,
+    seed: options.Seed = None,
+    as_json: options.AsJson = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; what was found is printed.")] = False,
 ) -> None:
     """Say what a scene's accuracy costs in time, and what each of its effects and settings does to both.
@@ -70,8 +72,8 @@ def cost(
     before the prediction is there, nothing is known.
     """
     start = time.perf_counter()
-    error = _parsed("--target", target, parse_share)
-    seconds = None if budget is None else _parsed("--budget", budget, parse_duration)
+    error = options.number("--target", target, parse_share)
+    seconds = None if budget is None else options.number("--budget", budget, parse_duration)
     if no_arms and arms is not None:
         raise InputError("--arms and --no-arms exclude each other")
     names = [] if no_arms else _parse_names(arms)
@@ -88,7 +90,7 @@ def cost(
 
     from raytracer.cost.study import study
 
-    with _Bar(quiet) as bar:
+    with contextlib.closing(_Bars(quiet)) as bar:
         try:
             found = study(
                 spec,
@@ -119,14 +121,6 @@ def cost(
         raise Interrupted
 
 
-def _parsed(option: str, text: str, parse: Callable[[str], float]) -> float:
-    """What an option's text says."""
-    try:
-        return parse(text)
-    except ValueError as error:
-        raise InputError(f"{option} {text}: {error}") from None
-
-
 def _parse_names(text: str | None) -> list[str] | None:
     if text is None:
         return None
@@ -155,38 +149,26 @@ def _show(found: "Study", as_json: bool) -> None:
         print(text(found, width=width, colour=on_terminal and "NO_COLOR" not in os.environ), end="")
 
 
-class _Bar:
-    """A tqdm bar for each phase that takes its time."""
+class _Bars:
+    """A bar for each phase that takes its time."""
 
     def __init__(self, quiet: bool) -> None:
         self._quiet = quiet
-        self._bar: Any = None
         self._phase = ""
+        self._bar: Bar | None = None
 
     def update(self, progress: "Progress") -> None:
         """Show how far the phase is."""
-        if self._quiet:
-            return
-        if progress.phase != self._phase:
-            from tqdm import tqdm
-
+        if self._bar is None or progress.phase != self._phase:
             self.close()
             self._phase = progress.phase
-            # None: only on a terminal.
-            layout = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}"
-            self._bar = tqdm(total=1.0, desc=progress.phase, bar_format=layout, leave=False, disable=None)
-        self._bar.update(progress.fraction - self._bar.n)
+            self._bar = Bar(quiet=self._quiet, desc=progress.phase, bar_format=_LAYOUT)
+        self._bar.update(progress.fraction, 1.0)
 
     def close(self) -> None:
         """Take the bar away."""
         if self._bar is not None:
             self._bar.close()
-
-    def __enter__(self) -> "_Bar":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 def register(app: typer.Typer) -> None:

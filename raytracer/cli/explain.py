@@ -4,6 +4,8 @@ from typing import Annotated
 
 import typer
 
+from raytracer.cli import options
+
 EXAMPLE = """\b
 Example:
   rt explain scenes/cover.yaml
@@ -14,9 +16,7 @@ Example:
 
 def explain(
     scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file.")],
-    define: Annotated[
-        list[str] | None, typer.Option("--define", "-D", metavar="KEY=VALUE", help="Override a key of the scene.")
-    ] = None,
+    define: options.Define = None,
     circle: Annotated[
         str | None,
         typer.Option(
@@ -24,7 +24,7 @@ def explain(
             help="Blur at which the depth of field ends: 0.03mm, 2px; default: 1/1500 of the sensor's diagonal.",
         ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Say which effects a scene calls for and which not, and what its camera does, in numbers."""
     from raytracer.explanation import explain as explained

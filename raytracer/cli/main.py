@@ -49,7 +49,7 @@ def options(
 
 
 for _module in pkgutil.iter_modules(raytracer.cli.__path__):
-    if _module.name != "main":
+    if _module.name not in {"main", "options"}:
         importlib.import_module(f"raytracer.cli.{_module.name}").register(app)
 
 

@@ -6,17 +6,21 @@ import shlex
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from raytracer.cli import options
 from raytracer.errors import InputError, Interrupted, OutputError
+from raytracer.scene.preview import EDGE, SPP, smaller
+from raytracer.units import parse_duration, parse_share
 
 if TYPE_CHECKING:
+    from raytracer.cluster import Cluster
     from raytracer.film.image import Image
-    from raytracer.rendering import Progress, Rendered
+    from raytracer.rendering import Rendered
     from raytracer.scene.spec import SceneSpec
 
 EXAMPLE = """\b
@@ -28,13 +32,11 @@ Examples:
   rt render scenes/cornell.yaml --crop 200,200,400,400 --time-limit 30s --stats stats.json
   rt render scenes/cornell.yaml -o cornell.exr --aov depth,normal,albedo --denoise
   rt render scenes/cornell.yaml --pixel 212,140 --sample 3 --debug
+  rt render scenes/cover.yaml --spp 4096 --cluster tcp://head:8786
 """
 
 # What the interpreter takes to end.
 _EXIT_SECONDS = 0.05
-
-_PREVIEW_EDGE = 480
-_PREVIEW_SPP = 16
 
 
 def render(
@@ -51,16 +53,11 @@ def render(
             show_default=False,
         ),
     ] = None,
-    define: Annotated[
-        list[str] | None,
-        typer.Option("--define", "-D", metavar="KEY=VALUE", help="Override a key of the scene: camera.vfov=40."),
-    ] = None,
-    spp: Annotated[int | None, typer.Option(help="Samples per pixel.", min=1, max=2**31 - 1)] = None,
-    seed: Annotated[int | None, typer.Option(help="Seed of all random numbers.", min=0, max=2**32 - 1)] = None,
-    threads: Annotated[int | None, typer.Option(help="Threads that work.  Default: all.", min=1, max=1024)] = None,
-    crop: Annotated[
-        str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Render only the pixels X0 <= x < X1, Y0 <= y < Y1.")
-    ] = None,
+    define: options.Define = None,
+    spp: options.Spp = None,
+    seed: options.Seed = None,
+    threads: options.Threads = None,
+    crop: options.Crop = None,
     noise: Annotated[
         str | None,
         typer.Option(
@@ -97,10 +94,17 @@ def render(
     ] = False,
     preview: Annotated[
         bool,
-        typer.Option(
-            "--preview", help=f"A quick look: at most {_PREVIEW_EDGE} pixels wide or high, {_PREVIEW_SPP} spp."
-        ),
+        typer.Option("--preview", help=f"A quick look: at most {EDGE} pixels wide or high, {SPP} spp."),
     ] = False,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="Have the samples taken by the workers of this Dask scheduler, tcp://host:8786 "
+            "(pip install 'raytracer[cluster]').  The picture has the bits that it has here, if their instruction sets "
+            "are alike; see docs/cluster.md.",
+        ),
+    ] = None,
     stats: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write what the render took as JSON.")] = None,
     strict: Annotated[
         bool, typer.Option("--strict", help="Take warnings for errors, and fail if a sample is not finite.")
@@ -134,12 +138,13 @@ def render(
     Ctrl-C ends the render early and writes the picture so far.
     """
     outputs = output or [Path("outputs") / f"{Path(scene).stem}.png"]
-    window = _parse_crop(crop)
-    target = _parse_noise(noise)
-    limit = _parse_time(time_limit)
+    window = options.crop(crop)
+    target = None if noise is None else options.number("--noise", noise, parse_share)
+    limit = None if time_limit is None else options.number("--time-limit", time_limit, parse_duration)
     place = _parse_pixel(pixel)
     _check_debug(place, sample, is_on=debug, as_json=as_json)
-    layers = _parse_aovs(aov or [], outputs)
+    has_layers = any(path.suffix.lower() == ".exr" for path in outputs)
+    layers = options.aovs(aov or [], None if has_layers else "-o NAME.exr")
 
     # Find out what cannot be written before the work, not after.
     from raytracer.film.output import check_file, check_writable
@@ -153,18 +158,18 @@ def render(
             check_file(stats)
     again = _Again(scene, define or [], preview, spp, seed, noise, time_limit)
     if preview:
-        spec = _small(spec)
+        spec = smaller(spec)
         if target is None:
-            spp = min(spp or spec.render.spp, _PREVIEW_SPP)
+            spp = min(spp or spec.render.spp, SPP)
     if place is not None:
         is_whole = spp is None and (target is not None or limit is not None)
         _show_path(spec, place, sample, spp, seed, is_whole=is_whole, as_json=as_json)
         return
+    from raytracer.rendering import SampleBar
     from raytracer.rendering import render as render_scene
 
-    load_seconds = time.perf_counter() - context.obj
-    bar = _Bar(quiet)
-    try:
+    with SampleBar(quiet=quiet) as bar, _machines(cluster) as machines:
+        load_seconds = time.perf_counter() - context.obj
         rendered = render_scene(
             spec,
             spp=spp,
@@ -175,14 +180,13 @@ def render(
             time_limit=None if limit is None else max(limit - _EXIT_SECONDS, 0.5 * limit),
             aovs=layers,
             denoise=denoise,
-            progress=bar.update,
+            progress=bar.show,
             load_seconds=load_seconds,
             rehearse=lambda image: _rehearse(image, outputs),
             warn=lambda sentence: print(f"rt: warning: {sentence}", file=sys.stderr),
             strict=strict,
+            cluster=machines,
         )
-    finally:
-        bar.close()
     _write(rendered, outputs, stats)
     wanted = spp or (None if target or limit else spec.render.spp)
     _report(rendered, outputs, wanted, target, again, quiet, strict, is_crop=window is not None)
@@ -193,14 +197,16 @@ def render(
         raise Interrupted
 
 
-def _parse_crop(text: str | None) -> tuple[int, int, int, int] | None:
-    if text is None:
-        return None
-    try:
-        left, top, right, bottom = map(int, text.split(","))
-    except ValueError:
-        raise InputError(f"--crop {text}: must be four whole numbers, X0,Y0,X1,Y1") from None
-    return left, top, right, bottom
+@contextlib.contextmanager
+def _machines(address: str | None) -> "Iterator[Cluster | None]":
+    """The cluster at an address; None for this machine."""
+    if address is None:
+        yield None
+        return
+    from raytracer.cluster import Cluster
+
+    with Cluster(address, say=lambda sentence: print(f"rt: {sentence}", file=sys.stderr)) as cluster:
+        yield cluster
 
 
 def _parse_pixel(text: str | None) -> tuple[int, int] | None:
@@ -264,76 +270,6 @@ class _Again(NamedTuple):
         return shlex.join([*words, "--debug"])
 
 
-def _parse_aovs(lists: list[str], outputs: list[Path]) -> tuple[str, ...]:
-    """The AOVs named in comma-separated lists."""
-    if not lists:
-        return ()
-    if not any(path.suffix.lower() == ".exr" for path in outputs):
-        raise InputError(f"--aov {lists[0]}: only .exr files hold layers: add -o NAME.exr")
-    from raytracer.aovs.recording import known_aovs
-
-    try:
-        return known_aovs([name.strip() for text in lists for name in text.split(",")])
-    except InputError as error:
-        raise InputError(f"--aov {','.join(lists)}: {error}") from None
-
-
-def _parse_noise(text: str | None) -> float | None:
-    if text is None:
-        return None
-    from raytracer.units import parse_share
-
-    try:
-        return parse_share(text)
-    except ValueError as error:
-        raise InputError(f"--noise {text}: {error}") from None
-
-
-def _parse_time(text: str | None) -> float | None:
-    if text is None:
-        return None
-    from raytracer.units import parse_duration
-
-    try:
-        return parse_duration(text)
-    except ValueError as error:
-        raise InputError(f"--time-limit {text}: {error}") from None
-
-
-def _small(spec: "SceneSpec") -> "SceneSpec":
-    """The scene with a film of at most _PREVIEW_EDGE pixels a side, of the same shape."""
-    factor = min(1.0, _PREVIEW_EDGE / max(spec.film.width, spec.film.height))
-    size = {edge: max(1, round(factor * getattr(spec.film, edge))) for edge in ("width", "height")}
-    return spec.model_copy(update={"film": spec.film.model_copy(update=size)})
-
-
-class _Bar:
-    """A tqdm bar in samples, from the first progress on, with the error where one is aimed at."""
-
-    def __init__(self, quiet: bool) -> None:
-        self._quiet = quiet
-        self._bar: Any = None
-
-    def update(self, progress: "Progress") -> None:
-        """Show how far the render is."""
-        if self._quiet:
-            return
-        if self._bar is None:
-            from tqdm import tqdm
-
-            # None: only on a terminal.
-            self._bar = tqdm(total=progress.wanted, unit=" samples", unit_scale=True, leave=False, disable=None)
-        self._bar.total = progress.wanted
-        if progress.error is not None:
-            self._bar.set_postfix_str(f"error {_percent(progress.error)}", refresh=False)
-        self._bar.update(progress.done - self._bar.n)
-
-    def close(self) -> None:
-        """Take the bar away."""
-        if self._bar is not None:
-            self._bar.close()
-
-
 def _rehearse(image: "Image", outputs: list[Path]) -> None:
     """Write files as those asked for, and forget them; where there is no room for that, it is not practised."""
     with contextlib.suppress(OSError, OutputError), tempfile.TemporaryDirectory() as folder:
@@ -378,7 +314,7 @@ def _report(
     names = ", ".join(map(str, outputs))
     if rendered.interrupted:
         print(f"rt: interrupted; {names} has {_samples(rendered, wanted)}", file=sys.stderr)
-    elif not rendered.complete:
+    elif not rendered.complete and rendered.failure is None:
         print(f"rt: {_shortfall(rendered, names, wanted, target)}", file=sys.stderr)
     elif target is not None and not rendered.image.radiance.any():
         print(f"rt: {names} is black, so its relative error says nothing", file=sys.stderr)
@@ -397,10 +333,14 @@ def _report(
         if strict:
             raise OutputError(sentence)
         print(f"rt: {sentence}", file=sys.stderr)
+    if rendered.failure is not None:
+        raise OutputError(f"{rendered.failure}; {names} has {_samples(rendered, wanted)}")
 
 
 def _shortfall(rendered: "Rendered", names: str, wanted: int | None, target: float | None) -> str:
     """Why a render ended before it had what was asked for."""
+    from raytracer.noise.wording import plain_percent
+
     spp = f"{wanted} sample{'' if wanted == 1 else 's'} per pixel"
     if wanted is None or target is None or rendered.fewest_samples < wanted:
         if target is not None and not rendered.stats.error and rendered.fewest_samples >= 16:
@@ -408,7 +348,7 @@ def _shortfall(rendered: "Rendered", names: str, wanted: int | None, target: flo
         return f"out of time; {names} has {_samples(rendered, wanted)}"
     if not rendered.stats.error:
         return f"{spp} tell too little of the error of {names}: it takes 16"
-    return f"{spp} do not bring {names} to a relative error of {100.0 * target:g} %"
+    return f"{spp} do not bring {names} to a relative error of {plain_percent(target)}"
 
 
 def _delay(rendered: "Rendered", limit: float, seconds: float) -> str:
@@ -422,6 +362,9 @@ def _delay(rendered: "Rendered", limit: float, seconds: float) -> str:
 
 def _summary(rendered: "Rendered", names: str) -> str:
     """What every render tells: samples, seconds, rates, error, and what was not finite."""
+    from raytracer.noise import Interval
+    from raytracer.noise.wording import percent, percent_interval
+
     result = rendered.stats
     height, width, _ = rendered.image.radiance.shape
     fewest, mean, most = (result.spp[key] for key in ("fewest", "mean", "most"))
@@ -435,37 +378,30 @@ def _summary(rendered: "Rendered", names: str) -> str:
     elif not result.error and not rendered.interrupted:
         error += ", as values are beyond all bounds"
     if result.error:
-        value, low, high = (result.error[key] for key in ("relative", "low", "high"))
         where = " before denoising" if "denoise" in result.seconds else ""
-        error = f"relative error{where} {_percent(value, low, high)}"
+        interval = Interval(*(result.error[key] for key in ("relative", "low", "high")))
+        error = f"relative error{where} {percent_interval(interval)}"
     finite = _not_finite(result.nan_samples)
     parts = [f"{names}: {width} x {height}, {spp} in {seconds:.2f} s ({rates})", error, finite]
     if result.clamp:
-        light, clamped = (_percent(result.clamp[key]) for key in ("light", "samples"))
+        light, clamped = (percent(result.clamp[key]) for key in ("light", "samples"))
         parts.append(f"clamp took {light} of the light, in {clamped} of the samples")
     return ", ".join(parts)
 
 
 def _fireflies(found: Mapping[str, Any], again: _Again) -> str:
     """What is to be known of fireflies."""
+    from raytracer.noise.wording import percent
+
     count, by, which = "1 pixel is a firefly", "one sample makes it", "this shows it"
     if found["pixels"] != 1:
         count, by = f"{found['pixels']} pixels are fireflies", "one sample each makes them"
         which = "this shows the brightest one"
     clamp = "" if found["clamp"] is None else f", and -D render.clamp={found['clamp']:g} would cut it off"
     return (
-        f"{count}: {by} far brighter than what is around, by {_percent(found['light'])} of the picture's light; "
+        f"{count}: {by} far brighter than what is around, by {percent(found['light'])} of the picture's light; "
         f"more samples even that out{clamp}; {which}: {again.command(found['brightest'], found['sample'])}"
     )
-
-
-def _percent(value: float, *interval: float) -> str:
-    """A fraction in percent to three digits, and its interval to as many places: "1.23 % (1.20 .. 1.26)"."""
-    # Floor of the decimal logarithm, after rounding to three digits.
-    exponent = int(f"{100.0 * value:.2e}".partition("e")[2]) if value else 0
-    places = min(max(2 - exponent, 0), 6)
-    text = f"{100.0 * value:.{places}f} %"
-    return text + f" ({' .. '.join(f'{100.0 * end:.{places}f}' for end in interval)})" if interval else text
 
 
 def _not_finite(samples: int) -> str:

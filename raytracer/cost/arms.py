@@ -270,7 +270,8 @@ class _Switches:
             return "it is what the scene is made of" if made is None else made(self, name, kind)
         if name in _SPECS:
             event = _SPECS[name]
-            if event.more_than and event.without(self._spec) == _SPECS[event.more_than].without(self._spec):
+            # By their values: a key that is set to what it is by default makes no other picture here.
+            if event.more_than and dict(event.without(self._spec)) == dict(_SPECS[event.more_than].without(self._spec)):
                 return f"without {event.more_than} it is the same scene: see there"
             return Variant(name, "effect", event.what, event.without, packs_anew=True)
         part = _PACKED.get(name)

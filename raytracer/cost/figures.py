@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.cost import phrases
 from raytracer.cost.results import Point, Prediction, Study
 from raytracer.errors import InputError
 from raytracer.film import srgb
 from raytracer.film.exposure import luminance
+from raytracer.noise import wording
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -192,10 +192,10 @@ def _draw_convergence(axes: "Axes", study: Study, points: list[Point], theme: _T
 
     # Draw what was asked for, and where the fit meets it.
     asked: list[tuple[Callable[..., Any], float, str, str, str]] = [
-        (axes.axhline, predicted.target, _VERMILLION, "-.", f"target {phrases.plain_percent(predicted.target)}")
+        (axes.axhline, predicted.target, _VERMILLION, "-.", f"target {wording.plain_percent(predicted.target)}")
     ]
     if predicted.budget is not None and predicted.budget > 0.0:
-        said = f"budget {phrases.chosen_duration(predicted.budget)}"
+        said = f"budget {wording.chosen_duration(predicted.budget)}"
         asked.append((axes.axvline, predicted.budget, _GREEN, ":", said))
     for draw, at_value, colour, style, words in asked:
         draw(at_value, color=colour, linewidth=1.5, linestyle=style, label=words)
@@ -210,7 +210,7 @@ def _draw_convergence(axes: "Axes", study: Study, points: list[Point], theme: _T
             color=_VERMILLION,
             capsize=4.0,
             markersize=7.0,
-            label=f"target reached, predicted: {phrases.duration(at.value)}",
+            label=f"target reached, predicted: {wording.duration(at.value)}",
         )
 
 

@@ -18,6 +18,7 @@ from raytracer.cost import export, figures, phrases
 from raytracer.cost.results import Arm, Study
 from raytracer.errors import InputError, one_line
 from raytracer.film.output import check_file, write_bytes
+from raytracer.noise import wording
 from raytracer.noise.intervals import Interval
 
 PAGE = "cost.html"
@@ -43,7 +44,7 @@ class Column(NamedTuple):
 
 def _columns(study: Study) -> list[Column]:
     spp = phrases.common_spp(study.arms)
-    target = phrases.plain_percent(study.prediction.target)
+    target = wording.plain_percent(study.prediction.target)
     return [
         Column(
             "arm",
@@ -137,17 +138,17 @@ def _cells(arm: Arm, study: Study) -> list[Cell]:
     noise = phrases.noise_of(arm)
     if phrases.common_spp(study.arms) is None and arm.spp:
         noise = f"{noise} at {arm.spp:,} spp"
-    ratio = phrases.SAME_NOISE if not arm.noise_differs else phrases.ratio_interval(arm.noise_ratio)
+    ratio = phrases.SAME_NOISE if not arm.noise_differs else wording.number_interval(arm.noise_ratio)
     if math.isnan(arm.noise_ratio.value):
-        ratio = phrases.UNKNOWN
+        ratio = wording.UNKNOWN
     if arm.target_seconds is None:
         target = Cell("", one_line(arm.why_blank), "", False)
     else:
         target = Cell(phrases.reached(arm), one_line(arm.why_blank), _key(arm.target_seconds), True)
     return [
-        _cell(phrases.duration_interval(arm.per_sample), arm.per_sample.value, number=True),
+        _cell(wording.duration_interval(arm.per_sample), arm.per_sample.value, number=True),
         _cell(_nanoseconds(arm.per_ray), arm.per_ray.value, number=True),
-        _cell(phrases.number(arm.rays_per_sample), arm.rays_per_sample, number=True),
+        _cell(wording.number(arm.rays_per_sample), arm.rays_per_sample, number=True),
         _cell(phrases.time_of(arm), arm.time.value),
         _cell(noise, arm.noise.value),
         _cell("" if of_scene else ratio, arm.noise_ratio.value),
@@ -163,8 +164,8 @@ def _nanoseconds(interval: Interval) -> str:
 
 def _brightness(arm: Arm) -> str:
     if arm.brightness is None:
-        return "" if arm.group == "scene" else phrases.UNKNOWN
-    return phrases.percent_interval(arm.brightness)
+        return "" if arm.group == "scene" else wording.UNKNOWN
+    return wording.percent_interval(arm.brightness)
 
 
 class _File(NamedTuple):
@@ -228,8 +229,8 @@ def page(study: Study) -> str:
         "points": [
             {
                 "spp": f"{point.spp:,}",
-                "time": phrases.duration(point.seconds),
-                "error": phrases.percent_interval(point.error),
+                "time": wording.duration(point.seconds),
+                "error": wording.percent_interval(point.error),
             }
             for point in study.prediction.points
         ],

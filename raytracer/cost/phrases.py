@@ -6,117 +6,23 @@ from typing import Any, NamedTuple
 
 from raytracer.cost.results import Arm, Prediction, Study
 from raytracer.errors import one_line
-from raytracer.noise.intervals import Interval
+from raytracer.noise.wording import (
+    UNKNOWN,
+    chosen_duration,
+    duration,
+    duration_interval,
+    number,
+    number_interval,
+    percent,
+    percent_interval,
+    plain_percent,
+)
 
-UNKNOWN = "unknown"
 SAME_TIME = "no measurable difference"
 SAME_NOISE = "the same"
 
-# Units of time, their lengths in seconds, and from how many seconds on they are too short.
-_UNITS = (
-    ("ms", 1e-3, 0.9995),
-    ("s", 1.0, 120.0),
-    ("min", 60.0, 7200.0),
-    ("h", 3600.0, 172800.0),
-    ("days", 86400.0, math.inf),
-)
-
-# A longer time, in seconds, is no time that anybody waits for.
-_YEAR = 365.25 * 86400.0
-
-# Below this, numbers are shown with an exponent.
-_PLAIN_FROM = 1e-4
-
 # Bias that is smaller than this is not told more exactly.
 _SMALLEST_BIAS = 1e-5
-
-
-def _decimals(value: float, digits: int) -> int:
-    """Decimals that show as many significant digits."""
-    if value == 0.0 or not math.isfinite(value):
-        return 0
-    return max(0, digits - 1 - math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}")))))
-
-
-def number(value: float) -> str:
-    """Three significant digits: 0.0123, 1.23, 12,300; "unknown" for nan."""
-    if math.isnan(value):
-        return UNKNOWN
-    if value != 0.0 and math.isfinite(value) and not _PLAIN_FROM <= abs(value) < 1e12:
-        return f"{value:.2e}"
-    rounded = float(f"{value:.2e}")
-    return f"{rounded:,.{_decimals(rounded, 3)}f}"
-
-
-def _three(interval: Interval, scale: float) -> tuple[str, str, str]:
-    """Value and ends with the same decimals: three digits of the value, unless the ends have over four then."""
-    values = [x * scale for x in interval]
-    decimals = min(_decimals(values[0], 3), _decimals(max((abs(x) for x in values), default=0.0), 4))
-    if any(x != 0.0 and not _PLAIN_FROM <= abs(x) < 1e9 for x in values) or decimals == 0:
-        value, low, high = (number(x) for x in values)
-    else:
-        value, low, high = (f"{x:,.{decimals}f}" for x in values)
-    return value, low, high
-
-
-def _with_ends(interval: Interval, scale: float = 1.0, unit: str = "") -> str:
-    if math.isnan(interval.value):
-        return UNKNOWN
-    if math.isnan(interval.low) or math.isnan(interval.high) or interval.low == interval.high:
-        return number(interval.value * scale) + unit
-    value, low, high = _three(interval, scale)
-    return f"{value}{unit} ({low} .. {high})"
-
-
-def percent(value: float) -> str:
-    """A fraction in percent: "1.23 %"."""
-    return UNKNOWN if math.isnan(value) else f"{number(100.0 * value)} %"
-
-
-def percent_interval(interval: Interval) -> str:
-    """A fraction with its interval: "1.23 % (1.20 .. 1.26)"."""
-    return _with_ends(interval, 100.0, " %")
-
-
-def ratio_interval(interval: Interval) -> str:
-    """A number with its interval: "0.839 (0.821 .. 0.857)"."""
-    return _with_ends(interval)
-
-
-def plain_percent(value: float) -> str:
-    """A fraction that somebody chose, with no more digits than it has: "1 %"."""
-    return f"{100.0 * value:g} %"
-
-
-def _unit(seconds: float) -> tuple[str, float]:
-    """The unit that suits a time, and its length in seconds."""
-    size = abs(seconds)
-    return next((unit for unit in _UNITS if size < unit[2]), _UNITS[-1])[:2]
-
-
-def duration(seconds: float) -> str:
-    """A time with the unit that suits it: "71.3 ms", "12.3 s", "7.48 min", "over a year", "never" for inf."""
-    if math.isnan(seconds):
-        return UNKNOWN
-    if math.isinf(seconds):
-        return "never" if seconds > 0.0 else UNKNOWN
-    if seconds > _YEAR:
-        return "over a year"
-    unit, length = _unit(seconds)
-    return f"{number(seconds / length)} {unit}" if seconds else "0 s"
-
-
-def chosen_duration(seconds: float) -> str:
-    """A time that somebody chose, with no more digits than it has: "60 s"."""
-    return f"{seconds:g} s" if 1.0 <= seconds < 120.0 else duration(seconds)
-
-
-def duration_interval(interval: Interval) -> str:
-    """A time with its interval, all in one unit: "61.2 s (58.0 .. 65.1)"."""
-    if not math.isfinite(interval.value) or interval.value > _YEAR:
-        return duration(interval.value)
-    unit, length = _unit(interval.value)
-    return _with_ends(interval, 1.0 / length, f" {unit}")
 
 
 def per_ray(nanoseconds: float) -> str:
@@ -232,7 +138,7 @@ def prediction(predicted: Prediction) -> list[tuple[str, str]]:
     if math.isnan(seconds.value) or math.isinf(seconds.value):
         answer = UNKNOWN if math.isnan(seconds.value) else "never, by what was measured"
     else:
-        answer = f"{duration_interval(seconds)}; {_with_ends(spp)} spp"
+        answer = f"{duration_interval(seconds)}; {number_interval(spp)} spp"
     said = [(f"error of {target} takes", answer)]
     is_fitted = predicted.error(1.0) > 0.0
     if is_fitted:
@@ -329,7 +235,7 @@ def time_of(arm: Arm) -> str:
         return ""
     if math.isnan(arm.time.value):
         return UNKNOWN
-    return ratio_interval(arm.time) if arm.time_differs else SAME_TIME
+    return number_interval(arm.time) if arm.time_differs else SAME_TIME
 
 
 def noise_of(arm: Arm) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from raytracer.cost import phrases
 from raytracer.cost.results import Arm, Study
 from raytracer.errors import one_line
+from raytracer.noise import wording
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -115,7 +116,7 @@ def _prediction(console: "Console", study: Study) -> None:
             table.add_column(justify="right", no_wrap=True)
         table.add_row(*(Text(words, style="dim") for words in ("spp", "time", "error")))
         for point in predicted.points:
-            table.add_row(f"{point.spp:,}", phrases.duration(point.seconds), phrases.percent_interval(point.error))
+            table.add_row(f"{point.spp:,}", wording.duration(point.seconds), wording.percent_interval(point.error))
         _indented(console, table)
     else:
         _line(console, "  nothing was measured")
@@ -143,7 +144,7 @@ def _arms(console: "Console", study: Study) -> None:
     table.add_column("time against\nthe scene")
     table.add_column(f"noise at\n{spp:,} spp" if spp else "noise")
     table.add_column("bias against\nthe scene")
-    table.add_column(f"time to\n{phrases.plain_percent(study.prediction.target)}", justify="right")
+    table.add_column(f"time to\n{wording.plain_percent(study.prediction.target)}", justify="right")
     for title, arms in phrases.sections(study.arms):
         if title:
             table.add_row(Text(title, style="italic", no_wrap=True))
@@ -176,13 +177,13 @@ def _cells(arm: Arm, notes: phrases.Notes, spp: int | None, indent: bool) -> tup
     if arm.failed:
         return name, "", "", "", f"not measured {notes.mark(arm.failed)}"
     noise = phrases.noise_of(arm)
-    if spp is None and noise not in {phrases.UNKNOWN, phrases.SAME_NOISE}:
+    if spp is None and noise not in {wording.UNKNOWN, phrases.SAME_NOISE}:
         noise = f"{noise} at {arm.spp:,} spp"
     return (
         name,
-        phrases.duration(arm.per_sample.value),
+        wording.duration(arm.per_sample.value),
         phrases.per_ray(arm.per_ray.value),
-        phrases.number(arm.rays_per_sample),
+        wording.number(arm.rays_per_sample),
         phrases.time_of(arm),
         noise,
         phrases.bias_of(arm),

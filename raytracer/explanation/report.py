@@ -16,9 +16,11 @@ from raytracer.scene.spec import SceneSpec
 from raytracer.scene.whereabouts import Whereabouts, label
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Explanation:
     """What is simulated and what not; and numbers, by names that end in their units, infinite ones included.
+
+    Printed, and in a notebook, it is the text that a person reads.
 
     kind, of the camera; camera, its numbers; objects, those of each object that has a name or moves; warnings, one
     sentence for each thing that the scene makes one doubt (docs/warnings.md), and for each in which the picture will
@@ -39,6 +41,9 @@ class Explanation:
             "objects": {name: _finite(numbers) for name, numbers in self.objects.items()},
             "warnings": self.warnings,
         }
+
+    def __repr__(self) -> str:
+        return self.text().rstrip()
 
     def text(self) -> str:
         """As a person reads it."""

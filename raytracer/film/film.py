@@ -54,14 +54,16 @@ class Film:
         return variance
 
 
-def develop(film: Film, settings: Mapping[str, str | float | int]) -> Image:
+def develop(film: Film, settings: Mapping[str, str | float | int], *, is_final: bool = False) -> Image:
     """The image on `film`; a pixel without a sample is black.
 
     `samples` is that of the pixel with the most; the variance is None if no pixel has two.
+
+    is_final : whether nothing will be added to the film, so that the image may be its memory.
     """
     samples = int(film.count.max())
     return Image(
-        radiance=film.mean.copy(),
+        radiance=film.mean if is_final else film.mean.copy(),
         variance=film.variance_of_mean() if samples > 1 else None,
         samples=samples,
         settings=dict(settings),

@@ -6,14 +6,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from raytracer.film import output, srgb
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False, eq=False)
 class Image:
     """An image in linear light with the primaries and white of Rec. 709 (which are those of sRGB).
+
+    NumPy takes it for its radiance, `np.asarray(image)`, without a copy; a notebook shows it.
 
     Attributes
     ----------
@@ -49,6 +51,20 @@ class Image:
         for name, layer in self.layers.items():
             if np.shape(layer)[:2] != shape[:2] or np.ndim(layer) not in (2, 3):
                 raise ValueError(f"layer {name} must be of the image's size, {shape[:2]}, got {np.shape(layer)}")
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        """The radiance, without a copy unless the type asks for one."""
+        if copy:
+            return np.array(self.radiance, dtype)
+        found = np.asarray(self.radiance, dtype)
+        if copy is False and not np.shares_memory(found, self.radiance):
+            raise ValueError(f"the radiance is {self.radiance.dtype}, and no view of it is {found.dtype}")
+        return found
+
+    def __repr__(self) -> str:
+        height, width, _ = self.radiance.shape
+        layers = f", {', '.join(self.layers)}" if self.layers else ""
+        return f"<rt.Image: {width} x {height}, {self.samples} spp{layers}>"
 
     def display(self) -> NDArray[np.uint8]:
         """The image as a display shows it: uint8 (height, width, 3) in sRGB, by its tone curve, clipped at 0 and 1."""

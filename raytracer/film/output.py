@@ -17,7 +17,8 @@ import os
 import secrets
 import shutil
 import stat
-from collections.abc import Callable, Iterator, Mapping
+import threading
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +33,9 @@ if TYPE_CHECKING:
 
 Layers = Mapping[str, NDArray[np.floating[Any]]]
 
+DISPLAY_SUFFIXES = (".png", ".jpg", ".jpeg")
+"""Files that hold what a display shows; all others hold linear light."""
+
 _JPEG_QUALITY = 95
 _EXR_PREFIX = "rt."
 
@@ -40,6 +44,9 @@ _CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 
 # The open files of this process, which are written to and not renamed over, even if they are regular files.
 _OPEN_FILES = (Path("/dev"), Path("/dev/fd"), Path("/proc/self/fd"))
+
+
+_SILENCE = threading.Lock()
 
 
 # ---- encoding ----
@@ -121,6 +128,9 @@ _ENCODERS: dict[str, Callable[["Image", Layers], bytes]] = {
     ".hdr": _encode_hdr,
     ".npy": _encode_npy,
 }
+
+SUFFIXES = tuple(_ENCODERS)
+"""Of all files that hold images."""
 
 
 # ---- writing ----
@@ -246,20 +256,28 @@ def save(image: "Image", path: str | Path, layers: Layers | None = None) -> None
 # ---- reading ----
 
 
-def _decode_pillow(data: bytes) -> NDArray[np.float64]:
+def _decode_pillow(data: bytes, *, is_linear: bool = True) -> NDArray[np.float64]:
+    """Values of an image file in sRGB, decoded to linear ones or as they are, in 0..1."""
     import PIL.Image
 
     with PIL.Image.open(io.BytesIO(data)) as file:
-        if file.mode.startswith("I"):
-            grey = np.asarray(file, dtype=np.float64) / 65535.0
-            return np.repeat(srgb.decode(grey)[..., None], 3, axis=2)
-        return srgb.decode(np.asarray(file.convert("RGB"), dtype=np.float64) / 255.0)
+        is_deep = file.mode.startswith("I")
+        stored = np.asarray(file if is_deep else file.convert("RGB"))
+
+    # A power for each of all values that there may be is quicker than one for each pixel.
+    largest = 65535 if is_deep else 255
+    shades = np.arange(largest + 1) / largest
+    values = np.take(srgb.decode(shades) if is_linear else shades, stored)
+    return np.repeat(values[..., None], 3, axis=2) if is_deep else values
 
 
 @contextlib.contextmanager
 def silenced() -> Iterator[None]:
-    """Keep from the terminal what the OpenEXR library prints about a broken file before it raises."""
-    with contextlib.ExitStack() as stack:
+    """Keep from the terminal what the OpenEXR library prints about a broken file before it raises.
+
+    By one thread at a time: of two, one would put back what the other has put in the terminal's place.
+    """
+    with _SILENCE, contextlib.ExitStack() as stack:
         stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
         with contextlib.suppress(OSError):
             kept = os.dup(2)
@@ -271,12 +289,18 @@ def silenced() -> Iterator[None]:
         yield
 
 
-def _decode_exr(data: bytes) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
+def _decode_exr(
+    data: bytes, wanted: Collection[str] | None = None
+) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
     import OpenEXR
 
     with silenced(), OpenEXR.File(io.BytesIO(data), separate_channels=True) as file:
         header = dict(file.header())
-        channels = {name: np.asarray(c.pixels, dtype=np.float64) for name, c in file.channels().items()}
+        channels = {
+            name: np.asarray(c.pixels, dtype=np.float64)
+            for name, c in file.channels().items()
+            if wanted is None or (name.rpartition(".")[0] or "radiance") in wanted or name in wanted
+        }
     prefix = _EXR_PREFIX
     settings = {key[len(prefix) :]: str(value) for key, value in header.items() if key.startswith(prefix)}
 
@@ -297,7 +321,7 @@ def _decode_exr(data: bytes) -> tuple[dict[str, NDArray[np.float64]], dict[str, 
 
 
 def _decode_exr_radiance(data: bytes) -> NDArray[np.float64]:
-    layers, _ = _decode_exr(data)
+    layers, _ = _decode_exr(data, {"radiance"})
     return layers["radiance"] if "radiance" in layers else np.repeat(layers["Y"][..., None], 3, axis=2)
 
 
@@ -350,12 +374,29 @@ def load(path: str | Path) -> NDArray[np.float64]:
         return decode(path.read_bytes())
 
 
-def load_layers(path: str | Path) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
+def load_encoded(path: str | Path) -> NDArray[np.float64]:
+    """Values of a .png or .jpg file as it holds them, sRGB-encoded: float64 (height, width, 3) in 0..1.
+
+    Raises
+    ------
+    InputError : as `load`; or the file is of a linear format.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in DISPLAY_SUFFIXES:
+        raise InputError(f"{path}: only {', '.join(DISPLAY_SUFFIXES)} files hold display values")
+    with _reading(path):
+        return _decode_pillow(path.read_bytes(), is_linear=False)
+
+
+def load_layers(
+    path: str | Path, wanted: Collection[str] | None = None
+) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
     """Layers and settings of an .exr file that `save` wrote, or another program.
 
     The layers are float64, (height, width, 3) where a layer has the channels R, G and B or X, Y and Z, (height, width,
     2) where it has X and Y, and (height, width) for every other channel, by the layer's name if it is the only one; the
-    image itself is called `radiance`.  The settings are text.
+    image itself is called `radiance`.  The settings are text.  Of all layers only those `wanted` are brought, if any
+    are named.
 
     Raises
     ------
@@ -365,4 +406,4 @@ def load_layers(path: str | Path) -> tuple[dict[str, NDArray[np.float64]], dict[
     if path.suffix.lower() != ".exr":
         raise InputError(f"{path}: only .exr files have layers")
     with _reading(path):
-        return _decode_exr(path.read_bytes())
+        return _decode_exr(path.read_bytes(), wanted)

@@ -1,1 +1,124 @@
-"""Pages of HTML that hold all they show: no request leaves them, and they work from the file system."""
+"""Pages of HTML that hold all they show: no request leaves them, and they work from the file system and in the dark.
+
+A page `<name>` is made of files in this folder: `<name>.html` is its body, `<name>.css` and `<name>.js` its own style
+and script, if there are any; `style.css` and `base.js` are every page's, and the parts that it asks for (`wipe`) are a
+style and a script too.  The data that it shows are JSON beside them: scripts make text of them, and never HTML.
+"""
+
+import base64
+import html
+import io
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.errors import one_line
+
+_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
+
+# What would end the element that holds the data, or begin a comment in it.
+_ESCAPES = str.maketrans({"<": "\\u003c", ">": "\\u003e", "&": "\\u0026"})
+
+
+def page(name: str, title: str, data: Mapping[str, Any], *, parts: Sequence[str] = ()) -> bytes:
+    """One self-contained HTML file (UTF-8).
+
+    Parameters
+    ----------
+    name : of the page's files in this folder.
+    title : of the window; its first heading is in the body.
+    data : what the scripts find as `data`: mappings, sequences, texts, numbers, NumPy's too; numbers that JSON cannot
+        hold become the texts "inf", "-inf" and "nan".
+    parts : what the page's script builds on: names of further scripts and styles in this folder, in order.
+
+    Raises
+    ------
+    TypeError : something in `data` is none of these.
+    """
+    sources = ("base", *parts, name)
+    styles = ("style", *parts, name)
+    lines = [
+        "<!doctype html>",
+        '<html lang="en">',
+        "<head>",
+        '<meta charset="utf-8">',
+        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">',
+        '<meta name="color-scheme" content="light dark">',
+        # Without an icon of its own a browser asks the server for one.
+        '<link rel="icon" href="data:,">',
+        f"<title>{html.escape(one_line(title))}</title>",
+        *(f"<style>\n{text}</style>" for text in _texts(styles, ".css")),
+        "</head>",
+        "<body>",
+        "<noscript><p>This page needs JavaScript, which is switched off here.</p></noscript>",
+        *_texts((name,), ".html"),
+        f'<script type="application/json" id="data">{_json(data)}</script>',
+        *(f"<script>\n{text}</script>" for text in _texts(sources, ".js")),
+        "</body>",
+        "</html>",
+    ]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _texts(names: Sequence[str], suffix: str) -> Iterator[str]:
+    """The texts of those files in this folder that there are."""
+    for name in names:
+        file = files(__name__).joinpath(name + suffix)
+        if file.is_file():
+            yield file.read_text(encoding="utf-8")
+
+
+def _json(data: Any) -> str:
+    """JSON in ASCII that may stand in HTML."""
+    return json.dumps(_plain(data), allow_nan=False, separators=(",", ":")).translate(_ESCAPES)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, Sequence) and not isinstance(value, str | bytes):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return value
+
+
+def data_uri(content: bytes, media_type: str) -> str:
+    """A file's content as an address, which asks nobody for it: `data:image/png;base64,...`."""
+    return f"data:{media_type};base64,{base64.b64encode(content).decode()}"
+
+
+def png(pixels: NDArray[np.uint8]) -> str:
+    """A picture, uint8 (height, width[, 3 or 4]), as the address of a PNG: every pixel as it is."""
+    return _encoded(pixels, "PNG")
+
+
+def webp(pixels: NDArray[np.uint8], quality: int | None = None) -> str:
+    """A picture, uint8 (height, width[, 3 or 4]), as the address of a WebP of a quality in 0..100.
+
+    Without a quality every pixel is as it is, which is smaller than a PNG.
+    """
+    if quality is None:
+        return _encoded(pixels, "WEBP", lossless=True, quality=20, method=2, exact=True)
+    return _encoded(pixels, "WEBP", quality=quality)
+
+
+def jpeg(pixels: NDArray[np.uint8], quality: int = 90) -> str:
+    """A picture, uint8 (height, width[, 3]), as the address of a JPEG of a quality in 0..100."""
+    return _encoded(pixels, "JPEG", quality=quality)
+
+
+def _encoded(pixels: NDArray[np.uint8], kind: str, **settings: Any) -> str:
+    import PIL.Image
+
+    buffer = io.BytesIO()
+    PIL.Image.fromarray(np.ascontiguousarray(pixels)).save(buffer, kind, **settings)
+    return data_uri(buffer.getvalue(), f"image/{kind.lower()}")

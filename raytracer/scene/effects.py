@@ -1,6 +1,8 @@
 """Which effects a scene calls for, and why: read off its packed type, so that what is said is what is compiled."""
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from itertools import chain
 from typing import Any, NamedTuple
 
 from raytracer.cameras.moving import MovingCamera
@@ -29,7 +31,10 @@ def effects_of(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
     """Every effect that the program knows, by name; those of a packed scene are active."""
     camera = getattr(scene.camera, "camera", scene.camera)
     lens = getattr(camera, "lens", None)
-    emitting = [item for _, item in spec.all_objects() if material_of(spec, item).emits()]
+    of_objects = [material_of(spec, item) for _, item in spec.all_objects()]
+    by_object = [tuple(parts([material])) for material in of_objects]
+    made_of = list(dict.fromkeys(chain.from_iterable(by_object)))
+    emitting = [material for material in of_objects if material.emits()]
     return {
         "defocus": Effect(lens is not None, _why_defocus(spec, lens)),
         **_photograph(spec),
@@ -55,11 +60,11 @@ def effects_of(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
             if spec.render.clamp is None
             else f"samples brighter than {spec.render.clamp:g} are made as dark as that, which takes light away",
         ),
-        "relief": Effect(scene.relief is not None, _why_relief(spec, scene)),
-        "passage": Effect(scene.passage is not None, _why_passage(spec, scene)),
+        "relief": Effect(scene.relief is not None, _why_relief(made_of, scene)),
+        "passage": Effect(scene.passage is not None, _why_passage(of_objects, scene)),
         "nested_dielectrics": Effect(scene.interior is not None, _why_nested(scene)),
-        **_materials(spec, scene),
-        **_textures(spec, scene),
+        **_materials(by_object, scene),
+        **_textures(spec, made_of, scene),
         **_media_kinds(spec, scene),
         **_kinds("shape", SHAPES, (item.type for item in spec.objects)),
         **_lights(spec, scene),
@@ -265,10 +270,10 @@ def _why_recentring(scene: Scene) -> str:
     return " and ".join(filter(None, (away, inside))) + ", since float32 is coarse far from the origin"
 
 
-def _why_passage(spec: SceneSpec, scene: Scene) -> str:
+def _why_passage(of_objects: Sequence[MaterialSpec], scene: Scene) -> str:
     if scene.passage is None:
         return "no surface has holes or is a mere boundary, so what is met ends a ray"
-    holes = sum(material_of(spec, item).passes() for _, item in spec.all_objects())
+    holes = sum(material.passes() for material in of_objects)
     if scene.interior is not None and not holes:
         return "rays, those for shadows too, go on straight through surfaces that others hide by their priority"
     where = _count(holes, "object") if holes else "the file of a mesh"
@@ -283,28 +288,23 @@ def _why_nested(scene: Scene) -> str:
     return f"{_count(number, 'material')} in use have a priority, by which they may overlap{look}"
 
 
-def _materials(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
+def _materials(by_object: Sequence[Sequence[MaterialSpec]], scene: Scene) -> dict[str, Effect]:
     """One effect a kind of material: whether any object is of it, or of a material made of it."""
-    of_objects = [{part.type for part in parts([material_of(spec, item)])} for _, item in spec.all_objects()]
+    numbers = Counter(chain.from_iterable({part.type for part in made_of} for made_of in by_object))
     tables = (*scene.materials, *(scene.selectors.tables if scene.selectors is not None else ()))
     packed = {type(table).__module__ for table in tables}
     effects = {}
     for kind, cls in MATERIALS.specs().items():
-        number = sum(kind in kinds for kinds in of_objects)
+        number = numbers[kind]
         active = cls.__module__ in packed
         brought = ", and in the file of a mesh" if active and not number else ""
-        effects[f"material.{kind}"] = Effect(active, f"{_count(number, 'object')} of {len(of_objects)}{brought}")
+        effects[f"material.{kind}"] = Effect(active, f"{_count(number, 'object')} of {len(by_object)}{brought}")
     return effects
 
 
-def _parts(spec: SceneSpec) -> list[MaterialSpec]:
-    """The materials of all objects, and what they are made of."""
-    return list(dict.fromkeys(parts(material_of(spec, item) for _, item in spec.all_objects())))
-
-
-def _textures(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
+def _textures(spec: SceneSpec, made_of: Sequence[MaterialSpec], scene: Scene) -> dict[str, Effect]:
     """One effect a kind of texture: whether any parameter of a material is one of its kind."""
-    asked = [use.value for part in _parts(spec) for use in textures_of(part)]
+    asked = [use.value for part in made_of for use in textures_of(part)]
     kinds = [(spec.textures[value] if isinstance(value, str) else value).type for value in asked]
     packed = {type(table).__module__ for table in scene.textures or ()}
     effects = {}
@@ -316,10 +316,10 @@ def _textures(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
     return effects
 
 
-def _why_relief(spec: SceneSpec, scene: Scene) -> str:
+def _why_relief(made_of: Sequence[MaterialSpec], scene: Scene) -> str:
     if scene.relief is None:
         return "no material in use has a bump or a normal map, so surfaces are shaded as smooth as they are"
-    number = sum(part.bump is not None or part.normal_map is not None for part in _parts(spec))
+    number = sum(part.bump is not None or part.normal_map is not None for part in made_of)
     return f"{_count(number, 'material')} in use have a bump or a normal map"
 
 

@@ -6,12 +6,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytracer.cameras.moving import MovingCamera
+from raytracer.cameras.moving import MovingCamera, camera_at
+from raytracer.cameras.placement import PlacedSpec
 from raytracer.interior import Interior, Submerged
 from raytracer.materials.interface import PASS, Filling, MaterialSpec, SelectorSpec
 from raytracer.paths import MOST_SOLIDS
 from raytracer.scene.materials import parts
-from raytracer.scene.objects import Assets, Item
+from raytracer.scene.objects import Item
 from raytracer.scene.spec import SceneSpec
 from raytracer.scene.whereabouts import Whereabouts
 from raytracer.shapes.interface import PlacingSpec
@@ -92,14 +93,15 @@ class Solids:
         return [material for material, _ in rows], [space for _, space in rows]
 
     def pack(
-        self, references: Sequence[int], boundaries: Sequence[int], assets: Assets, camera: Any
+        self, references: Sequence[int], boundaries: Sequence[int], where: Whereabouts, seen_by: PlacedSpec, camera: Any
     ) -> Interior | None:
         """The packed solids; None where no material in use has a priority.
 
         Parameters
         ----------
         references, boundaries : of the materials in use, and of `materials()`.
-        camera : the packed camera.
+        where : the places of the scene's objects.
+        seen_by, camera : the camera, and as it is packed.
         """
         if not self._ranked:
             return None
@@ -118,20 +120,19 @@ class Solids:
             against,
             absorption if absorption.any() else None,
             np.array([references[solid.place] for solid in self._ranked], np.int32),
-            Submerged(_UP) if self._may_hold(camera, assets) else None,
+            Submerged(_UP) if self._may_hold(where, seen_by, camera) else None,
         )
 
-    def _may_hold(self, camera: Any, assets: Assets) -> bool:
+    def _may_hold(self, where: Whereabouts, seen_by: PlacedSpec, camera: Any) -> bool:
         """Whether a ray of the camera may begin in something that has a priority."""
         if isinstance(camera, MovingCamera) or not hasattr(camera, "lens"):
             return True
-        where = Whereabouts(self._spec, assets)
         placing = {number for number, item in enumerate(self._spec.objects) if isinstance(item, PlacingSpec)}
         holding = {self._items[owner].number for owner in self._owners} | placing
         if any(number >= 0 and where.moves(number) for number in holding):
             return True
-        time = self._spec.camera.opening().open
-        eye: Any = self._spec.camera
+        time = seen_by.opening().open
+        eye = np.array(camera_at(seen_by, time).look_from)
         reach = 0.0 if camera.lens is None else camera.lens.radius
         if camera.lens is not None and camera.lens.shape is not None:
             # Blades and masks reach farther than the round opening of the same area.
@@ -140,7 +141,7 @@ class Solids:
             corners = where.corners(number, time)
             low, high = corners.min(axis=0), corners.max(axis=0)
             # Below what is flat there may be water without a bottom.
-            if np.any(low == high) or np.all((low - reach <= eye.look_from) & (eye.look_from <= high + reach)):
+            if np.any(low == high) or np.all((low - reach <= eye) & (eye <= high + reach)):
                 return True
         return False
 

@@ -1,18 +1,22 @@
 """From a scene file to a checked scene; whatever is wrong is one sentence that names file, line and key."""
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
+from raytracer.assets import file_of
 from raytracer.errors import InputError, SceneError, shortened, shown
-from raytracer.materials.interface import MaterialSpec
 from raytracer.scene.document import Node, Place, node_of, override, parse, parse_path, read
+from raytracer.scene.dump import plain_value
+from raytracer.scene.files import named_files
 from raytracer.scene.spec import SceneSpec, check_material, error_at
-from raytracer.spec import INLINE_MATERIAL, Spec, sentence
-from raytracer.textures.interface import textures_of
+from raytracer.spec import INLINE_MATERIAL, sentence
+
+CONTEXT = {INLINE_MATERIAL: check_material}
+"""Context of the check of a scene, and of its parts by themselves."""
 
 
 def load(path: str | os.PathLike[str], overrides: Mapping[str, Any] | None = None) -> SceneSpec:
@@ -38,49 +42,74 @@ def build(text: str, file: str, overrides: Mapping[str, Any] | None = None, base
     if root is None or (root.entries is None and root.value is None and root.items is None):
         raise SceneError("is empty; a scene needs at least camera and film", file=file)
     for key, value in (overrides or {}).items():
-        root = _override(root, key, value)
-    try:
-        scene = SceneSpec.model_validate(root.plain(), context={INLINE_MATERIAL: check_material})
-    except ValidationError as error:
-        raise _first(error, root, file) from None
-    scene._base = base or Path()
+        root = set_value(root, key, value)
+    return _built(root.plain(), root, file, base or Path())
+
+
+def build_plain(values: Mapping[str, Any], base: Path | None = None) -> SceneSpec:
+    """The checked scene of plain values, such as `dump.plain` gives, or of values that hold checked parts.
+
+    Parameters
+    ----------
+    values: What a scene file holds, by its keys; parts may be objects of `raytracer.camera`, `raytracer.object` etc.
+    base: The folder that file names in it are relative to; the working directory by default.
+
+    Raises
+    ------
+    SceneError: what it says is wrong; it names the key.
+    """
+    return _built(pythonic(values), None, None, base or Path.cwd())
+
+
+def _built(values: Mapping[str, Any], root: Node | None, file: str | None, base: Path) -> SceneSpec:
+    scene = validated(values, root, file)
+    scene._base = base
     scene._file = file
     scene._root = root
-    _check_files(scene)
+    check_files(scene, type(scene).model_fields)
     return scene
 
 
-def _inline(material: Any, keys: tuple[str | int, ...]) -> Iterator[tuple[Spec | str | None, tuple[str | int, ...]]]:
-    """A material and those that it holds inline, each with where it stands."""
-    yield material, keys
-    if isinstance(material, MaterialSpec):
-        for below, child in material.children().items():
-            yield from _inline(child, (*keys, *below))
+def validated(values: Any, root: Node | None, file: str | None) -> SceneSpec:
+    """The scene of these values, with errors that tell where they stand in `root` of `file`.
+
+    Raises
+    ------
+    SceneError: what they say is wrong.
+    """
+    try:
+        return SceneSpec.model_validate(values, context=CONTEXT)
+    except ValidationError as error:
+        raise first_error(error, root or node_of(plain_value(values), Place(0)), file) from None
 
 
-def _check_files(scene: SceneSpec) -> None:
-    """Refuse a scene that names a file which is not there: better now than after minutes of reading others."""
-    places: list[tuple[Spec | str | None, tuple[str | int, ...]]] = [
-        (scene.camera, ("camera",)),
-        (scene.environment, ("environment",)),
-        *((texture, ("textures", name)) for name, texture in scene.textures.items()),
-        *(part for name, material in scene.materials.items() for part in _inline(material, ("materials", name))),
-        *((medium, ("media", name)) for name, medium in scene.media.items()),
-        *((item, keys) for keys, item in scene.all_objects()),
-        *(part for keys, item in scene.all_objects() for part in _inline(item.material, (*keys, "material"))),
-        *((light, ("lights", i)) for i, light in enumerate(scene.lights)),
-    ]
-    places += [
-        (use.value, (*keys, use.key)) for spec, keys in places if isinstance(spec, Spec) for use in textures_of(spec)
-    ]
-    for spec, keys in places:
-        for place, (name, _) in (spec.files() if isinstance(spec, Spec) else {}).items():
-            path = scene.base / name
+def pythonic(value: Any) -> Any:
+    """Values in which arrays and NumPy's numbers are lists and numbers, and paths are texts."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, Mapping):
+        return {key: pythonic(item) for key, item in value.items()}
+    return [pythonic(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def check_files(scene: SceneSpec, keys: Iterable[str]) -> None:
+    """Refuse a scene that names, under these keys, a file which is not there: better now than after reading others.
+
+    Raises
+    ------
+    SceneError: there is no such file, or it is a folder.
+    """
+    for key in keys:
+        for named in named_files(getattr(scene, key), (key,)):
+            path = file_of(scene.base / named.name)
             if path.is_dir():
-                raise scene.error(f"{shown(name)} is a folder, not a file", *keys, *place)
+                raise scene.error(f"{shown(named.name)} is a folder, not a file", *named.keys)
             if not path.exists():
-                where = "" if Path(name).is_absolute() else f" in {scene.base.resolve()}, the scene's folder"
-                raise scene.error(f"there is no file {shown(name)}{where}", *keys, *place)
+                folder = "the scene's folder" if scene.file is not None else "which names of files are relative to"
+                where = "" if Path(named.name).is_absolute() else f" in {scene.base.resolve()}, {folder}"
+                raise scene.error(f"there is no file {shown(named.name)}{where}", *named.keys)
 
 
 def parse_overrides(definitions: Iterable[str]) -> dict[str, Any]:
@@ -104,6 +133,20 @@ def parse_overrides(definitions: Iterable[str]) -> dict[str, Any]:
     return result
 
 
+def path_of(key: str, value: Any) -> tuple[str, ...]:
+    """The steps of the dotted path of an override.
+
+    Raises
+    ------
+    InputError: it is no path.
+    """
+    return _path(key, _option(key, value))
+
+
+def _option(key: str, value: Any) -> str:
+    return f"-D {key}={shortened(as_yaml(value))}"
+
+
 def _path(key: str, option: str) -> tuple[str, ...]:
     try:
         return parse_path(key)
@@ -111,26 +154,35 @@ def _path(key: str, option: str) -> tuple[str, ...]:
         raise InputError(f"{option}: {error}") from None
 
 
-def _override(root: Node, key: str, value: Any) -> Node:
-    option = f"-D {key}={shortened(_as_yaml(value))}"
+def set_value(root: Node, key: str, value: Any) -> Node:
+    """The tree with the value at a dotted path put in place of what is there; see `document.override`.
+
+    Raises
+    ------
+    SceneError: the path leads to what is not there.
+    InputError: it is no path.
+    """
+    option = _option(key, value)
     try:
-        return override(root, _path(key, option), node_of(value, Place(0, option)))
+        return override(root, path_of(key, value), node_of(value, Place(0, option)))
     except ValueError as error:
         raise SceneError(str(error), source=option) from None
 
 
-def _as_yaml(value: Any) -> str:
+def as_yaml(value: Any) -> str:
     """A value as the command line would give it."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key}: {_as_yaml(item)}" for key, item in value.items()) + "}"
+        return "{" + ", ".join(f"{key}: {as_yaml(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(_as_yaml(item) for item in value) + "]"
+        return "[" + ", ".join(as_yaml(item) for item in value) + "]"
     if isinstance(value, str):
         return value
     return "null" if value is None else shown(value)
 
 
-def _first(error: ValidationError, root: Node, file: str) -> SceneError:
+def first_error(error: ValidationError, root: Node | None, file: str | None) -> SceneError:
     """The error that stands first in the document."""
     found = [error_at(sentence(item), item["loc"], root, file) for item in error.errors(include_url=False)]
     return min(found, key=lambda item: (item.source is None, item.line or 0))

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import ValidationError
 
-from raytracer.assets import LOADERS
 from raytracer.errors import InputError
 from raytracer.materials.interface import MaterialSpec
 from raytracer.media.interface import KEEP, NONE, Media
+from raytracer.scene.objects import Assets
 from raytracer.scene.spec import SceneSpec
 from raytracer.shapes.interface import ShapeSpec
 from raytracer.spec import sentence
@@ -33,8 +33,8 @@ class Spaces:
     SceneError : the file of a medium cannot be read, or does not suit it.
     """
 
-    def __init__(self, spec: SceneSpec) -> None:
-        self._spec = spec
+    def __init__(self, spec: SceneSpec, files: Assets) -> None:
+        self._spec, self._files = spec, files
         objects = [name for _, item in spec.all_objects() for name in (item.medium, item.outside_medium)]
         used = sorted({name for name in (spec.medium, spec.camera.medium, *objects) if name is not None})
         assets = {name: self._load(name) for name in used}
@@ -54,7 +54,7 @@ class Spaces:
         medium = self._spec.media[name]
         for key, kind in medium.loads.items():
             try:
-                return {key: LOADERS[kind](self._spec.base / getattr(medium, key))}
+                return {key: self._files.read(kind, getattr(medium, key))}
             except InputError as error:
                 raise self._spec.error(str(error), "media", name, key) from None
         return {}

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.assets import LOADERS
 from raytracer.embree import Placements
 from raytracer.errors import InputError
 from raytracer.geometry import Geometry
@@ -34,6 +33,7 @@ from raytracer.primitives.interface import concatenate, geometry, graded, group_
 from raytracer.primitives.translated import translated
 from raytracer.scene.limits import check_extent, check_poses
 from raytracer.scene.spec import SceneSpec
+from raytracer.scene.supplies import Anew, Supplies
 from raytracer.shapes.interface import PlacingSpec, ShapeSpec
 from raytracer.spec import Spec, matrix_of
 
@@ -121,11 +121,23 @@ class Objects(NamedTuple):
 
 
 class Assets:
-    """Files that objects and the camera name, each read once."""
+    """Files that a scene names, each read once."""
 
-    def __init__(self, spec: SceneSpec) -> None:
-        self._spec = spec
-        self._read: dict[tuple[str, Path], Any] = {}
+    def __init__(self, spec: SceneSpec, supplies: Supplies | None = None) -> None:
+        self._spec, self._supplies = spec, supplies or Anew()
+        self._held: dict[tuple[str, Path], Any] = {}
+
+    def read(self, kind: str, name: str) -> Any:
+        """What the file of that name, relative to the scene, holds as a kind of `assets.LOADERS`.
+
+        Raises
+        ------
+        InputError : it cannot be read.
+        """
+        known = kind, self._spec.base / name
+        if known not in self._held:
+            self._held[known] = self._supplies.read(*known)
+        return self._held[known]
 
     def of(self, item: Spec, keys: Keys) -> Mapping[str, Any]:
         """What the files of an object, or of the camera, hold, by the path of the key that names each.
@@ -136,14 +148,18 @@ class Assets:
         """
         result = {}
         for path, (name, kind) in item.files().items():
-            file = self._spec.base / name
-            if (kind, file) not in self._read:
-                try:
-                    self._read[kind, file] = LOADERS[kind](file)
-                except InputError as error:
-                    raise self._spec.error(str(error), *keys, *path) from None
-            result[".".join(map(str, path))] = self._read[kind, file]
+            try:
+                result[".".join(map(str, path))] = self.read(kind, name)
+            except InputError as error:
+                raise self._spec.error(str(error), *keys, *path) from None
         return result
+
+    def is_fresh(self, supplies: Supplies) -> bool:
+        """Whether `supplies` has for each file that was read the very same as this."""
+        try:
+            return all(supplies.read(*known) is held for known, held in self._held.items())
+        except InputError:
+            return False
 
 
 # ---- Which object goes where

@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from raytracer.assets import LOADERS
+from raytracer.accumulation import Clamp
 from raytracer.cameras.interface import moved as moved_camera
 from raytracer.cameras.moving import MovingCamera, camera_at, pack_camera
 from raytracer.embree import Accel, Placements
 from raytracer.errors import InputError
 from raytracer.geometry import Exact, Geometry
-from raytracer.integrator import Clamp, Scene
+from raytracer.integrator import Scene
 from raytracer.kinds import MATERIALS
 from raytracer.lights.interface import moved as moved_lights
-from raytracer.materials.interface import MaterialSpec
+from raytracer.materials.interface import MaterialSpec, Selectors
 from raytracer.media.interface import moved as moved_media
 from raytracer.origin import Origin
 from raytracer.paths import Passage
@@ -31,10 +31,11 @@ from raytracer.scene.focus import focused, focuses
 from raytracer.scene.interior import Solids
 from raytracer.scene.lights import pack_lights, pulses_of
 from raytracer.scene.materials import DEFAULT_MATERIAL, INVISIBLE, brought, pack_materials, parts, resolved
-from raytracer.scene.media import Spaces
+from raytracer.scene.media import Space, Spaces
 from raytracer.scene.objects import Assets, Item, Layout, Objects, Owners, lay_out, pack_objects
 from raytracer.scene.recentring import recentred
 from raytracer.scene.spec import SceneSpec
+from raytracer.scene.supplies import Anew, Supplies
 from raytracer.scene.textures import pack_textures
 from raytracer.scene.whereabouts import Whereabouts
 from raytracer.shapes.interface import ShapeSpec
@@ -77,31 +78,68 @@ class Packed(NamedTuple):
         """What is added to the scene's coordinates to get the packed ones (m)."""
         return (0.0, 0.0, 0.0) if self.scene.origin is None else neg(self.scene.origin.world)
 
-    def build(self) -> Accel:
-        """The ray caster's structure; its address belongs into the scene."""
-        tables = len(self.scene.primitives)
-        return self.built or _accel(tables, self.geometries, self.groups, self.placements, robust=self.robust)
+    def build(self, supplies: Supplies | None = None) -> Accel:
+        """The ray caster's structure, built or from `supplies`; its address belongs into the scene."""
+        if self.built is not None:
+            return self.built
+        return (supplies or Anew()).structure(
+            self.geometries,
+            self.groups,
+            self.placements,
+            first_instance=len(self.scene.primitives),
+            robust=self.robust,
+        )
 
 
-def _accel(
-    tables: int,
-    geometries: Mapping[int, Geometry],
-    groups: Sequence[Mapping[int, Geometry]],
-    placements: Sequence[Placements],
-    *,
-    robust: bool,
-) -> Accel:
-    return Accel(geometries, groups, placements, first_instance=tables, robust=robust)
+class _World(NamedTuple):
+    """What is packed of a scene for its camera's place and the time that its shutter is open, however it is seen.
+
+    layout, origin, objects and environment, packed; assets, the files that were read; where, the places of objects;
+    used, the materials in use, and of each its reference; boundaries, the references of what `solids` are to each
+    other; book, tables, selectors, relief, names and looks, of materials; media, and spaces, those around `used`;
+    empty, see `Packed`.
+    """
+
+    layout: Layout
+    origin: Origin | None
+    objects: Objects
+    environment: Any
+    assets: Assets
+    where: Whereabouts
+    used: Sequence[MaterialSpec]
+    references: Sequence[int]
+    boundaries: Sequence[int]
+    book: Book
+    tables: tuple[Any, ...]
+    selectors: Selectors | None
+    relief: Any
+    names: Mapping[int, str]
+    looks: Mapping[int, MaterialSpec]
+    solids: Solids
+    spaces: Sequence[Space]
+    media: Spaces
+    empty: Mapping[int, tuple[int, int]]
+
+    def is_fresh(self, supplies: Supplies) -> bool:
+        """Whether the files still hold what was packed."""
+        return self.assets.is_fresh(supplies)
 
 
-def pack(spec: SceneSpec, spp: int | None = None, assets: Assets | None = None, recast: Recast | None = None) -> Packed:
+def pack(
+    spec: SceneSpec,
+    spp: int | None = None,
+    assets: Assets | None = None,
+    recast: Recast | None = None,
+    supplies: Supplies | None = None,
+) -> Packed:
     """Pack a checked scene.
 
     Parameters
     ----------
     spp : samples per pixel that a stratified sampler is to expect; the scene's own if None.
-    assets : the files of objects; read if None.
+    assets : the files that the scene names; read if None.
     recast : what is packed in place of each material in use, those that files bring included.
+    supplies : where files and what was packed or built before come from; nowhere if None.
 
     Raises
     ------
@@ -109,15 +147,45 @@ def pack(spec: SceneSpec, spp: int | None = None, assets: Assets | None = None, 
     """
     if not spec.objects:
         raise spec.error("the scene has no objects, so there is nothing to render", "objects")
-    assets = assets or Assets(spec)
+    supplies = supplies or Anew()
+    files = assets or Assets(spec, supplies)
+    if recast is None:
+        world = supplies.kept(
+            _world_key(spec), lambda: _pack_world(spec, files, None), lambda it: it.is_fresh(supplies)
+        )
+    else:
+        world = _pack_world(spec, files, recast)
+    return _seen(spec, world, files, supplies, spp or spec.render.spp)
+
+
+def _world_key(spec: SceneSpec) -> tuple[Any, ...]:
+    """What `_pack_world` makes of a scene depends on this, and on what is in its files."""
+    opening = spec.camera.opening()
+    return (
+        spec.base,
+        opening,
+        camera_at(spec.camera, opening.open).look_from,
+        spec.camera.medium,
+        spec.environment,
+        spec.textures,
+        spec.materials,
+        spec.media,
+        spec.medium,
+        spec.groups,
+        spec.objects,
+    )
+
+
+def _pack_world(spec: SceneSpec, assets: Assets, recast: Recast | None) -> _World:
+    """Pack what `_world_key` tells, and nothing else, of a scene."""
     layout, origin = recentred(spec, lay_out(spec, assets), assets)
     used, owners, faces = _materials(spec, layout, assets)
     stand = {material: (*layout.items[owner].keys, "file") for material, owner in zip(used, owners, strict=True)}
-    book = pack_textures(spec, list(parts(used)), stand)
+    book = pack_textures(spec, list(parts(used)), stand, assets)
     if recast is not None:
         used = [recast(material, book) for material in used]
-        book = pack_textures(spec, list(parts(used)), stand)
-    media = Spaces(spec)
+        book = pack_textures(spec, list(parts(used)), stand, assets)
+    media = Spaces(spec, assets)
     spaces = [media.of(layout.items[owner].spec, material) for owner, material in zip(owners, used, strict=True)]
     solids = Solids(spec, used, spaces, owners, layout.items)
     more, around = solids.materials()
@@ -131,17 +199,48 @@ def pack(spec: SceneSpec, spp: int | None = None, assets: Assets | None = None, 
     if origin is not None:
         eye -= origin.world
     objects = pack_objects(spec, layout, shown, assets, textured=book.tables is not None, eye=eye)
-    spec, built = _focused(spec, assets, objects, used, references, origin)
-    environment = _pack_environment(spec)
+    environment = _pack_environment(spec, assets)
+    names: dict[int, str] = {}
+    for owner, reference in zip(owners, references, strict=True):
+        item = layout.items[owner]
+        given = item.spec.material
+        names.setdefault(reference, given if isinstance(given, str) else path_text((*item.keys, "material")))
+    return _World(
+        layout=layout,
+        origin=origin,
+        objects=objects,
+        environment=environment,
+        assets=assets,
+        where=Whereabouts(spec, assets),
+        used=used,
+        references=references,
+        boundaries=boundaries,
+        book=book,
+        tables=tables,
+        selectors=selectors,
+        relief=pack_relief(real, book),
+        names=names,
+        looks=dict(zip(references, used, strict=True)),
+        solids=solids,
+        spaces=spaces,
+        media=media,
+        empty=_empty(layout, assets),
+    )
+
+
+def _seen(spec: SceneSpec, world: _World, assets: Assets, supplies: Supplies, spp: int) -> Packed:
+    """The packed scene: the world with the camera that sees it, and how it is rendered."""
+    origin, objects, used, references = world.origin, world.objects, world.used, world.references
+    spec, built = _focused(spec, world, supplies)
     camera = _pack_camera(spec, assets)
     if origin is not None:
         camera = moved_camera(camera, neg(origin.world))
-    interior = solids.pack(references, boundaries, assets, camera)
+    interior = world.solids.pack(references, world.boundaries, world.where, spec.camera, camera)
     moving = isinstance(camera, MovingCamera) or objects.moves()
     settings = spec.render
-    is_lit = settings.max_depth > 1 and (media.scatters() or any(material.is_lit() for material in used))
-    lights, instances = pack_lights(spec, environment, objects, used, references, book, is_lit, moving)
-    space = media.pack(references, spaces)
+    is_lit = settings.max_depth > 1 and (world.media.scatters() or any(material.is_lit() for material in used))
+    lights, instances = pack_lights(spec, world.environment, objects, used, references, world.book, is_lit, moving)
+    space = world.media.pack(references, world.spaces)
     if origin is not None:
         lights, space = _tables_moved(lights, moved_lights, origin), _tables_moved(space, moved_media, origin)
     scene = Scene(
@@ -149,43 +248,38 @@ def pack(spec: SceneSpec, spp: int | None = None, assets: Assets | None = None, 
         accuracy=Exact() if settings.accuracy == "exact" else None,
         primitives=objects.primitives,
         instances=instances,
-        materials=tables,
-        selectors=selectors,
+        materials=world.tables,
+        selectors=world.selectors,
         passage=Passage() if interior is not None or any(material.passes() for material in used) else None,
-        relief=pack_relief(real, book),
-        textures=book.tables,
+        relief=world.relief,
+        textures=world.book.tables,
         lights=lights,
-        environment=environment,
+        environment=world.environment,
         media=space,
         camera=camera,
         shutter=_pack_shutter(spec, moving, pulses_of(lights)),
         filter=spec.film.filter.pack(),
-        sampler=SAMPLERS[settings.sampler](settings.seed, spp or settings.spp),
+        sampler=SAMPLERS[settings.sampler](settings.seed, spp),
         depth=settings.max_depth,
         roulette=settings.rr_depth,
         origin=origin,
         clamp=None if settings.clamp is None else Clamp(settings.clamp),
         interior=interior,
     )
-    names: dict[int, str] = {}
-    for owner, reference in zip(owners, references, strict=True):
-        item = layout.items[owner]
-        given = item.spec.material
-        names.setdefault(reference, given if isinstance(given, str) else path_text((*item.keys, "material")))
     return Packed(
         scene,
         objects.geometries,
         objects.groups,
         objects.placements,
         settings.accuracy != "fast",
-        names,
+        world.names,
         objects.owners,
         objects.placed,
         spec,
         built,
-        layout.items,
-        _empty(layout, assets),
-        dict(zip(references, used, strict=True)),
+        world.layout.items,
+        world.empty,
+        world.looks,
     )
 
 
@@ -206,27 +300,26 @@ def _tables_moved(held: Any, moved: Callable[[Any, Vec3], Any], origin: Origin) 
     return held._replace(tables=tuple(moved(table, neg(origin.world)) for table in held.tables))
 
 
-def _focused(
-    spec: SceneSpec,
-    assets: Assets,
-    objects: Objects,
-    used: Sequence[MaterialSpec],
-    references: Sequence[int],
-    origin: Origin | None,
-) -> tuple[SceneSpec, Accel | None]:
+def _focused(spec: SceneSpec, world: _World, supplies: Supplies) -> tuple[SceneSpec, Accel | None]:
     """The scene with its camera focused at a distance, and the ray caster's structure if that took a ray."""
     if not focuses(spec):
         return spec, None
-    clear = {reference for material, reference in zip(used, references, strict=True) if material.lets_all_through()}
+    objects = world.objects
+    clear = {
+        reference
+        for material, reference in zip(world.used, world.references, strict=True)
+        if material.lets_all_through()
+    }
     built: list[Accel] = []
 
     def build() -> Accel:
-        tables, robust = len(objects.primitives), spec.render.accuracy != "fast"
-        built.append(_accel(tables, objects.geometries, objects.groups, objects.placements, robust=robust))
+        first, robust = len(objects.primitives), spec.render.accuracy != "fast"
+        shapes = objects.geometries, objects.groups, objects.placements
+        built.append(supplies.structure(*shapes, first_instance=first, robust=robust))
         return built[0]
 
-    world = (0.0, 0.0, 0.0) if origin is None else origin.world
-    focused_spec = focused(spec, Whereabouts(spec, assets), objects, clear, build, world)
+    around = (0.0, 0.0, 0.0) if world.origin is None else world.origin.world
+    focused_spec = focused(spec, world.where, objects, clear, build, around)
     return focused_spec, built[0] if built else None
 
 
@@ -284,13 +377,12 @@ def _pack_shutter(spec: SceneSpec, is_moving: bool, pulses: Sequence[Pulses]) ->
     return pack_shutter(spec.camera.timing(), spec.film.width, spec.film.height, pulses)
 
 
-def _pack_environment(spec: SceneSpec) -> Any:
+def _pack_environment(spec: SceneSpec, files: Assets) -> Any:
     """The packed environment; None where there is none, or a black one."""
     item = spec.environment
     if item is None:
         return None
     try:
-        assets = {key: LOADERS[kind](spec.base / getattr(item, key)) for key, kind in item.loads.items()}
-        return item.pack(assets)
+        return item.pack({key: files.read(kind, getattr(item, key)) for key, kind in item.loads.items()})
     except (InputError, ValueError) as error:
         raise spec.error(str(error), "environment", *item.loads) from None

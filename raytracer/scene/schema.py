@@ -1,5 +1,6 @@
 """The JSON Schema of scene files, for editors (draft 2020-12)."""
 
+import functools
 from collections.abc import Iterator
 from typing import Any
 
@@ -8,8 +9,9 @@ from raytracer.scene.spec import SceneSpec
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
+@functools.cache
 def schema() -> dict[str, Any]:
-    """The JSON Schema of a scene file, with every key's description, unit, default and range."""
+    """The JSON Schema of a scene file, with every key's description, unit, default and range; not to be changed."""
     result = SceneSpec.model_json_schema(mode="validation")
     definitions = result["$defs"]
 

@@ -1,5 +1,6 @@
 """What a scene file may hold, and the checks across its parts."""
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
@@ -12,17 +13,22 @@ from pydantic import (
     model_validator,
 )
 
-from raytracer.errors import SceneError, suggestion
+from raytracer.errors import InputError, SceneError, suggestion
+from raytracer.film.output import check_file, write_bytes
 from raytracer.film.tone import ToneCurveField, ToneCurveSpec
 from raytracer.film.white_balance import WhiteBalanceField
 from raytracer.kinds import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES
 from raytracer.scene.document import Node, locate, path_text
+from raytracer.scene.dump import plain, yaml_text
+from raytracer.scene.files import named_files, with_names
 from raytracer.spec import INLINE_MATERIAL, Count, Name, PositiveNumber, Spec, at
 from raytracer.textures.interface import is_name, textures_of
 
 MAX_PIXELS = 2**28
 _INT32_MAX = 2**31 - 1
 _UINT32_MAX = 2**32 - 1
+
+_SUFFIXES = (".yaml", ".yml")
 
 _Keys: TypeAlias = tuple[str | int, ...]
 
@@ -125,8 +131,30 @@ class Render(Spec):
     )
 
 
-class SceneSpec(Spec):
-    """A scene file."""
+if TYPE_CHECKING:
+    _FromCode: TypeAlias = Spec
+else:
+
+    class _Checking(type(Spec)):
+        def __call__(cls, **values: Any) -> Any:
+            from raytracer.scene.load import build_plain
+
+            return build_plain(values)
+
+    class _FromCode(Spec, metaclass=_Checking):
+        """A mapping that goes through a file's checks when it is made in code, with their errors."""
+
+
+class SceneSpec(_FromCode):
+    """A scene: what a scene file holds, checked.
+
+    It is loaded from a file, `rt.load("scene.yaml")`, or built in code, `rt.Scene(camera=..., film=...)`, with the keys
+    of a file as arguments.  File names in it are relative to the folder of the file, or to the working directory.
+
+    Raises
+    ------
+    InputError : what it is given is wrong.
+    """
 
     camera: Camera = Field(description="The camera")
     film: Film = Field(description="The image: its size and filter")
@@ -153,6 +181,24 @@ class SceneSpec(Spec):
     objects: tuple[Shape, ...] = Field(default=(), description="The objects")
     lights: tuple[Light, ...] = Field(default=(), description="Lights besides emitting objects")
 
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            *,
+            camera: Camera | Mapping[str, Any],
+            film: Film | Mapping[str, Any],
+            render: Render | Mapping[str, Any] = ...,
+            environment: Environment | Mapping[str, Any] | None = ...,
+            textures: Mapping[str, Texture | Mapping[str, Any]] = ...,
+            materials: Mapping[str, Material | Mapping[str, Any]] = ...,
+            media: Mapping[str, Medium | Mapping[str, Any]] = ...,
+            medium: str | None = ...,
+            groups: Mapping[str, Sequence[Shape | Mapping[str, Any]]] = ...,
+            objects: Sequence[Shape | Mapping[str, Any]] = ...,
+            lights: Sequence[Light | Mapping[str, Any]] = ...,
+        ) -> None: ...
+
     _base: Path = PrivateAttr(default=Path())
     _file: str | None = PrivateAttr(default=None)
     _root: Node | None = PrivateAttr(default=None)
@@ -161,6 +207,76 @@ class SceneSpec(Spec):
     def base(self) -> Path:
         """The folder that file names in the scene are relative to."""
         return self._base
+
+    @property
+    def file(self) -> str | None:
+        """The file that the scene was loaded from, as it was named; None for one that was built in code."""
+        return self._file
+
+    def __repr__(self) -> str:
+        count = len(self.objects)
+        seen = f"{self.camera.type}, {self.film.width} x {self.film.height} pixels"
+        return f"<rt.Scene {self.file or 'made in code'}: {seen}, {count} object{'' if count == 1 else 's'}>"
+
+    __str__ = __repr__
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both say the same, and name the same files."""
+        if not isinstance(other, SceneSpec):
+            return NotImplemented
+        return self is other or self._absolute() == other._absolute()
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def _absolute(self) -> dict[str, Any]:
+        """Plain values with the absolute names of files, numbered by what the scene calls them."""
+        named = named_files(self)
+        numbers = {name: number for number, name in enumerate(dict.fromkeys(item.name for item in named))}
+        absolute = {keys: f"{numbers[name]} {os.path.realpath(self.base / name)}" for keys, name, _ in named}
+        return with_names(plain(self), absolute)
+
+    def replace(self, overrides: Mapping[str, Any]) -> "SceneSpec":
+        """The scene with other values at dotted paths, `scene.replace({"camera.f_number": 2})`; see `rt.load`.
+
+        Raises
+        ------
+        InputError : a path leads to what is not there, or a value does not suit.
+        """
+        from raytracer.scene.edit import overridden
+
+        return overridden(self, overrides)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the scene as a YAML file, from which `rt.load` reads an equal one.
+
+        Names of files are made relative to the folder of `path`, which is made if it is missing.  Comments are lost,
+        and aliases written out.
+
+        Raises
+        ------
+        InputError : the name ends in neither .yaml nor .yml, or is no file's.
+        OutputError : the file cannot be written.
+        """
+        target = Path(path)
+        if target.suffix.lower() not in _SUFFIXES:
+            raise InputError(f"{target}: a scene file ends in {' or '.join(_SUFFIXES)}")
+        check_file(target)
+        write_bytes(target, yaml_text(with_names(plain(self), self._names_from(target.parent))).encode())
+
+    def _names_from(self, folder: Path) -> dict[_Keys, str]:
+        """The names of its files as seen from another folder; two names of one file stay two."""
+        base, start = os.path.realpath(self.base), os.path.realpath(folder)
+        if base == start:
+            return {}
+        try:
+            way = Path(os.path.relpath(base, start))
+        except ValueError:
+            # Of another drive.
+            way = Path(base)
+        return {
+            keys: name if Path(name).is_absolute() else f"{way.as_posix()}/{name}"
+            for keys, name, _ in named_files(self)
+        }
 
     def error(self, message: str, *keys: str | int) -> SceneError:
         """An error about what the scene holds at a path, such as `"objects", 3, "file"`: it names file and line."""
@@ -276,12 +392,12 @@ class SceneSpec(Spec):
     def _check_instances(self) -> None:
         """Refuse instances of what there is not, and of what they are a part of."""
         named = {item.name: item for item in self.objects if item.name is not None}
-        places = {name: [item.of for item in items if hasattr(item, "of")] for name, items in self.groups.items()}
-        places |= {name: [item.of] if hasattr(item, "of") else [] for name, item in named.items()}
+        places = {name: [_placed_by(item) for item in items if _placed_by(item)] for name, items in self.groups.items()}
+        places |= {name: [_placed_by(item)] if _placed_by(item) else [] for name, item in named.items()}
         for keys, item in self.all_objects():
-            if hasattr(item, "of") and item.of not in places:
-                hint = suggestion(item.of, places, "groups and named objects")
-                at((*keys, "of"), f"unknown group or object {item.of!r}; {hint}")
+            if (placed := _placed_by(item)) and placed not in places:
+                hint = suggestion(placed, places, "groups and named objects")
+                at((*keys, "of"), f"unknown group or object {placed!r}; {hint}")
 
         # Walk down from each name; what was found to end is not walked again.
         ends: set[str] = set()
@@ -293,6 +409,11 @@ class SceneSpec(Spec):
                     if getattr(item, "of", None) == chain[1] and chain[0] in (keys[1], item.name)
                 )
                 at((*keys, "of"), f"places {chain[0]!r} in itself: {' -> '.join(chain)}")
+
+
+def _placed_by(item: Spec) -> str:
+    """The name of what an object places; empty if it is one that places none."""
+    return str(item.__dict__.get("of", ""))
 
 
 def _ring(name: str, places: Mapping[str, Sequence[str]], ends: set[str]) -> list[str]:
@@ -332,4 +453,4 @@ def error_at(message: str, keys: _Keys, root: Node | None, file: str | None) -> 
     if root is None:
         return SceneError(message, file=file, key=path_text(keys))
     place, path = locate(root, keys)
-    return SceneError(message, file=file, line=place.line, key=path_text(path), source=place.option)
+    return SceneError(message, file=file, line=place.line or None, key=path_text(path), source=place.option)

@@ -1,13 +1,12 @@
 """The textures that a scene's materials ask for: their files read, their values checked, their tables packed."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from raytracer.assets import LOADERS
 from raytracer.errors import InputError, shown
 from raytracer.materials.interface import MaterialSpec
 from raytracer.scene.materials import resolved
+from raytracer.scene.objects import Assets as Files
 from raytracer.scene.spec import SceneSpec
 from raytracer.textures.interface import Assets, Book, Range, TextureSpec, Use, textures_of
 
@@ -48,8 +47,8 @@ def _places(
             yield use, _Place(asked, ("textures", use.value) if isinstance(use.value, str) else asked)
 
 
-def _read(spec: SceneSpec, texture: TextureSpec, keys: _Keys, known: dict[tuple[str, Path], Any]) -> Assets:
-    """What a texture's files held; each file is read once.
+def _read(spec: SceneSpec, texture: TextureSpec, keys: _Keys, files: Files) -> Assets:
+    """What a texture's files held.
 
     Raises
     ------
@@ -57,13 +56,10 @@ def _read(spec: SceneSpec, texture: TextureSpec, keys: _Keys, known: dict[tuple[
     """
     found: dict[str, Any] = {}
     for key, kind in texture.loads.items():
-        path = spec.base / getattr(texture, key)
         try:
-            if (kind, path) not in known:
-                known[kind, path] = LOADERS[kind](path)
+            found[key] = files.read(kind, getattr(texture, key))
         except InputError as error:
             raise spec.error(str(error), *keys, key) from None
-        found[key] = known[kind, path]
     try:
         texture.check(found)
     except ValueError as error:
@@ -83,7 +79,9 @@ def _check_range(spec: SceneSpec, use: Use, values: Range, keys: _Keys) -> None:
     raise spec.error(f"must be {side} {bound:g}, and the {name} takes the value {value:.6g}", *keys)
 
 
-def pack_textures(spec: SceneSpec, used: Sequence[MaterialSpec], stand: Mapping[MaterialSpec, _Keys]) -> Book:
+def pack_textures(
+    spec: SceneSpec, used: Sequence[MaterialSpec], stand: Mapping[MaterialSpec, _Keys], files: Files
+) -> Book:
     """What materials are packed with, holding the textures that the `used` ones ask for.
 
     stand : where materials stand that are not in the scene itself but in files of its objects.
@@ -92,7 +90,6 @@ def pack_textures(spec: SceneSpec, used: Sequence[MaterialSpec], stand: Mapping[
     ------
     SceneError : a texture's file cannot be read, or its values do not suit what they stand for.
     """
-    files: dict[tuple[str, Path], Any] = {}
     assets: dict[TextureSpec, Assets] = {}
     uses: list[Use] = []
     for use, place in _places(spec, used, stand):

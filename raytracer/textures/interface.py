@@ -161,11 +161,17 @@ class Use(NamedTuple):
 
 def textures_of(spec: Spec) -> Iterator[Use]:
     """The textures that a spec's fields ask for."""
-    for key, info in type(spec).model_fields.items():
+    for key, field in _texturable(type(spec)):
         value = getattr(spec, key)
-        for field in info.metadata:
-            if isinstance(field, Texturable) and isinstance(value, str | TextureSpec):
-                yield Use(key, field, value)
+        if isinstance(value, str | TextureSpec):
+            yield Use(key, field, value)
+
+
+@cache
+def _texturable(cls: type[Spec]) -> tuple[tuple[str, Texturable], ...]:
+    """The fields of a class that take textures."""
+    every = ((key, field) for key, info in cls.model_fields.items() for field in info.metadata)
+    return tuple((key, field) for key, field in every if isinstance(field, Texturable))
 
 
 def is_zero(value: Any) -> bool:

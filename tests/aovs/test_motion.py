@@ -16,9 +16,18 @@ PIXEL = 2.0 * math.tan(math.radians(VFOV / 2.0)) / SIZE
 AOVS = ("motion", "position", "object_id", "depth")
 WALL = "{type: quad, corner: [-9, -9, 0], edges: [[18, 0, 0], [0, 18, 0]], material: {type: lambertian}"
 
+# What the scenes here have in common, so that those of a camera that stands compile one kernel, and those of one that
+# moves another: behind the camera, where it sees nothing of it.
+REST = """
+  - {type: quad, corner: [0, 0, 99], edges: [[1.0e-3, 0, 0], [0, 1.0e-3, 0]]}
+  - {type: quad, corner: [0, 0, 98], edges: [[1.0e-3, 0, 0], [0, 1.0e-3, 0]], motion: {velocity: [1, 0, 0]}}
+  - {type: sphere, center: [0, 0, 97], radius: 1.0e-3, motion: {velocity: [1, 0, 0]}}
+  - {type: disc, center: [0, 0, 96], normal: [0, 0, 1], radius: 1.0e-3, motion: {spin: {axis: [0, 0, 1], rate: 20}}}
+"""
+
 
 def layers(camera: str, objects: str, **settings: Any) -> Any:
-    text = f"camera: {{look_from: [0, 0, 4], look_at: [0, 0, 0], shutter: 1, {camera}}}\nobjects:\n{objects}"
+    text = f"camera: {{look_from: [0, 0, 4], look_at: [0, 0, 0], shutter: 1, {camera}}}\nobjects:\n{objects}{REST}"
     settings = {"width": SIZE, "height": SIZE, "sampler": "sobol", "max_depth": 1, "filled": False, **settings}
     return render(scene(text, **settings), threads=2, aovs=AOVS).image.layers
 

@@ -251,6 +251,7 @@ def test_points_appear_in_their_pixels() -> None:
         picture = image(
             f"""
 camera: {{type: pinhole, look_from: {eye.tolist()}, look_at: {target.tolist()}, vfov: 40}}
+environment: {{type: constant, radiance: 1.0e-30}}
 objects:
   - {{type: sphere, center: {point}, radius: 0.02, material: {{type: emitter, radiance: 1}}}}
 """,

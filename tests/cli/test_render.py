@@ -12,11 +12,13 @@ import pytest
 from numpy.typing import NDArray
 
 import raytracer.rendering
+from raytracer.accumulation import FilmView
 from raytracer.cli import render
 from raytracer.cli.main import main
 from raytracer.film import Image, load, load_layers
-from raytracer.integrator import FilmView, Scene
+from raytracer.integrator import Scene
 from raytracer.noise.fireflies import Fireflies, find_fireflies
+from raytracer.noise.wording import percent
 from raytracer.rendering import Rendered, Stats
 from raytracer.replay import Samples
 
@@ -181,22 +183,6 @@ def test_no_room_to_practise_is_no_failure(scene: Path, monkeypatch: pytest.Monk
     assert np.load("a.npy").any()
 
 
-@pytest.mark.parametrize(
-    ("value", "interval", "text"),
-    [
-        (0.012345, (0.012, 0.0126), "1.23 % (1.20 .. 1.26)"),
-        (0.0999, (0.0951, 0.1049), "9.99 % (9.51 .. 10.49)"),
-        (0.09999, (), "10.0 %"),
-        (0.3, (0.25, 0.36), "30.0 % (25.0 .. 36.0)"),
-        (2.0, (1.0, 4.0), "200 % (100 .. 400)"),
-        (0.00012345, (0.00012, 0.00013), "0.0123 % (0.0120 .. 0.0130)"),
-        (0.0, (0.0, 0.0), "0.00 % (0.00 .. 0.00)"),
-    ],
-)
-def test_errors_are_told_to_three_digits(value: float, interval: tuple[float, ...], text: str) -> None:
-    assert render._percent(value, *interval) == text
-
-
 def test_a_limit_that_compiling_took_is_explained(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
     # No command takes a millisecond.
     assert main(["render", "ball.yaml", "-o", "a.npy", "--time-limit", "1ms", "-q"]) == 0
@@ -211,7 +197,7 @@ def test_ctrl_c_writes_what_is_there(
     scene: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     # The first report of progress comes while the workers are at work; the signal is the one that Ctrl-C sends.
-    monkeypatch.setattr(render._Bar, "update", lambda bar, progress: signal.raise_signal(signal.SIGINT))
+    monkeypatch.setattr("raytracer.rendering.SampleBar.show", lambda bar, progress: signal.raise_signal(signal.SIGINT))
     assert main(["render", "ball.yaml", "-o", "a.npy", "--spp", "100000000"]) == 130
     err = capsys.readouterr().err
     assert re.search(r"interrupted; a\.npy has \d+( to \d+)? of 100000000 samples per pixel", err)
@@ -238,7 +224,7 @@ def test_fireflies_are_told_with_what_helps(
     assert found["clamp"] == pytest.approx(64.0 * 0.25 * 0.45, rel=0.2)
     assert capsys.readouterr().err == (
         "rt: 1 pixel is a firefly: one sample makes it far brighter than what is around, by "
-        f"{render._percent(found['light'])} of the picture's light; more samples even that out, and -D "
+        f"{percent(found['light'])} of the picture's light; more samples even that out, and -D "
         f"render.clamp={found['clamp']:g} would cut it off; this shows it: "
         f"rt render ball.yaml --spp 64 --seed 3 --pixel 12,8 --sample {found['sample']} --debug\n"
     )
@@ -262,7 +248,7 @@ def test_fireflies_are_told_with_what_helps(
         (8, {}, False, "relative error unknown from fewer than 16 spp"),
         (64, {}, False, "relative error unknown, as values are beyond all bounds"),
         (64, {}, True, "relative error unknown"),
-        (64, {"relative": 0.01, "low": 0.01, "high": 0.01}, False, "relative error 1.00 % (1.00 .. 1.00)"),
+        (64, {"relative": 0.0123, "low": 0.012, "high": 0.0126}, False, "relative error 1.23 % (1.20 .. 1.26)"),
     ],
 )
 def test_the_summary_says_why_no_error_is_known(

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from raytracer.accumulation import Clamp, FilmView, accumulate
 from raytracer.cli.main import main
 from raytracer.cost.arms import variants
 from raytracer.film import load_layers
 from raytracer.film.film import Film
-from raytracer.integrator import Clamp, FilmView, accumulate
 from raytracer.jit import entry
 from raytracer.pathlog import path_log
 from raytracer.paths import workspace

@@ -13,6 +13,7 @@ import pytest
 
 from raytracer.errors import InputError, OutputError
 from raytracer.film import Image, check_writable, load, load_layers, output, save, srgb
+from raytracer.film.output import load_encoded
 
 SUFFIXES = [".png", ".jpg", ".jpeg", ".exr", ".hdr", ".npy"]
 SETTINGS = {"scene": "Köln, 東京", "spp": 64, "seed": 2**63, "f_number": 0.1}
@@ -101,6 +102,23 @@ def test_a_grey_png_of_16_bits_is_read_to_its_full_precision(tmp_path):
     codes = np.array([[0, 1, 32768, 65535]], dtype=np.uint16)
     PIL.Image.fromarray(codes).save(tmp_path / "a.png")
     np.testing.assert_allclose(load(tmp_path / "a.png")[..., 1], srgb.decode(codes / 65535), rtol=1e-12)
+
+
+def test_display_values_are_read_as_they_are_held(tmp_path):
+    shades = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    PIL.Image.fromarray(np.dstack([shades, shades[::-1], shades.T])).save(tmp_path / "a.png")
+    found = load_encoded(tmp_path / "a.png")
+    np.testing.assert_array_equal(found[..., 0] * 255, shades)
+    np.testing.assert_array_equal(load(tmp_path / "a.png"), srgb.decode(found))
+    with pytest.raises(InputError, match=r"only \.png, \.jpg, \.jpeg files hold display values"):
+        load_encoded(tmp_path / "a.exr")
+
+
+def test_only_the_layers_that_are_wanted_are_read(image, tmp_path):
+    save(image, tmp_path / "a.exr", {"depth": image.radiance[..., 0], "normal": -image.radiance})
+    layers, settings = load_layers(tmp_path / "a.exr", {"variance", "depth"})
+    assert layers.keys() == {"variance", "depth"}
+    assert settings["samples"] == "64"
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

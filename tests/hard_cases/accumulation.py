@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import raytracer.rendering
+from raytracer.accumulation import FilmView, accumulate
 from raytracer.film.film import Film
-from raytracer.integrator import FilmView, accumulate, survive
+from raytracer.integrator import survive
 from raytracer.jit import entry
 from raytracer.materials.interface import Draws, scatter
 from raytracer.materials.lambertian import Lambertian

@@ -10,10 +10,8 @@ import yaml
 from raytracer.comparison import z_test
 from raytracer.origin import Origin
 from raytracer.scene.pack import Packed, pack
-from tests.make_references import GENERATED, ROOT
 from tests.moving import checked, document, moved, pictured, scaled
-
-SCENES = ROOT / "scenes"
+from tests.repository import SCENES, need_files_of
 
 FAR = (1e6, -1e6, 1e6)
 
@@ -45,8 +43,7 @@ def packed(name: str, width: int, found: dict[str, Any]) -> Packed:
 
 
 def source(name: str) -> dict[str, Any]:
-    if name in GENERATED and not (SCENES / "generated" / GENERATED[name]).exists():
-        pytest.skip(f"make scenes has not made what {name}.yaml is made of")
+    need_files_of(name)
     return document(Path(SCENES / f"{name}.yaml"))
 
 

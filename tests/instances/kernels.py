@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from raytracer import embree
 from raytracer.embree import GEOMETRY, INSTANCE, MISS, PLACEMENT, PRIMITIVE, TFAR, TIME, Accel, Placements
-from raytracer.geometry import Exact
+from raytracer.geometry import Exact, spawn_point
 from raytracer.instances import Instances, find, meet, pdf_placed, sample_placed
-from raytracer.integrator import spawn_point
 from raytracer.jit import entry
 from raytracer.motion import pack_trajectories
 from raytracer.primitives.interface import geometry, row_of_any

@@ -21,7 +21,7 @@ from raytracer.scene.load import build
 from raytracer.scene.pack import pack
 from raytracer.scene.spec import SceneSpec
 from tests.lights.kernels import escaped, table_of
-from tests.make_references import FOLDER
+from tests.repository import REFERENCES
 
 MODES = ("mis", "lights", "paths")
 
@@ -308,7 +308,7 @@ def test_all_ways_have_one_mean(tmp_path: Path, name: str) -> None:
     sky = np.random.default_rng(2).random((6, 12, 3)) ** 3
     sky[1, 3] = 10.0
     np.save(tmp_path / "map.npy", sky)
-    (tmp_path / "octahedron.obj").write_bytes((FOLDER / "octahedron.obj").read_bytes())
+    (tmp_path / "octahedron.obj").write_bytes((REFERENCES / "octahedron.obj").read_bytes())
     assert_one_mean(pictures(SCENES[name], base=tmp_path, render__spp=4096), noise=0.02)
 
 

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from raytracer import embree
 from raytracer.cameras.interface import camera_ray, project
 from raytracer.embree import GEOMETRY, MISS, PRIMITIVE, TFAR, TIME, Accel
-from raytracer.geometry import Exact
+from raytracer.geometry import Exact, spawn_point
 from raytracer.instances import meet
-from raytracer.integrator import found_in, spawn_point
 from raytracer.jit import entry
 from raytracer.materials.interface import Draws
 from raytracer.motion import (
@@ -23,7 +22,7 @@ from raytracer.motion import (
     pack_trajectories,
     pose_at,
 )
-from raytracer.paths import sample_time
+from raytracer.paths import found_in, sample_time
 from raytracer.primitives.interface import carry_any, geometry, hit_any, pdf_point_any, row_of_any, sample_point_any
 from raytracer.sampling import SAMPLERS
 from raytracer.scene.pack import Packed

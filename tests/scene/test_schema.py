@@ -31,11 +31,20 @@ def test_it_is_a_schema_in_plain_json() -> None:
     assert json.loads(json.dumps(schema(), allow_nan=False)) == schema()
 
 
-def test_the_scenes_of_the_repository_conform(validator: Any) -> None:
+def first_of_each(objects: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Those that have other keys than all before them: a schema hardly tells the others apart."""
+    return list(
+        {json.dumps([(key, type(item[key]).__name__) for key in item]): item for item in objects[::-1]}.values()
+    )
+
+
+@pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_the_scenes_of_the_repository_conform(validator: Any, every: bool) -> None:
     for path in sorted((Path(__file__).parents[2] / "scenes").glob("*.yaml")):
         root = parse(path.read_text(encoding="utf-8"), str(path))
         assert root is not None
-        validator.validate(root.plain())
+        plain: Any = root.plain()
+        validator.validate(plain if every else {**plain, "objects": first_of_each(plain["objects"])})
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from raytracer import embree
 from raytracer.embree import GEOMETRY, MISS, PRIMITIVE, TFAR, Accel
-from raytracer.geometry import Exact
-from raytracer.integrator import spawn_point
+from raytracer.geometry import Exact, spawn_point
 from raytracer.jit import entry
 from raytracer.primitives.interface import geometry, hit_any, pdf_point_any, row_of_any, sample_point_any
 

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from raytracer import embree
 from raytracer.embree import GEOMETRY, MISS, PACKET, TFAR, TIME, Accel, Packet
-from raytracer.geometry import Exact
+from raytracer.geometry import Exact, spawn_point
 from raytracer.instances import Instances, meet, pose_of
-from raytracer.integrator import found_in, spawn_point
 from raytracer.jit import entry, generic, kernel
 from raytracer.optics import fresnel_dielectric, refract
+from raytracer.paths import found_in
 from raytracer.primitives.spheres import Spheres
 from raytracer.primitives.translated import Translated
 from raytracer.scene.load import build

@@ -34,7 +34,7 @@ def _without_power(survey: Survey) -> Iterator[Concern]:
     _, first = np.unique(survey.pieces.item, return_index=True)
     for piece in np.sort(first).tolist():
         look = survey.look_of(piece)
-        if look is not None and hasattr(look, "radiance") and not look.emits():
+        if look is not None and "radiance" in type(look).model_fields and not look.emits():
             yield survey.concern(_KIND, piece, "is made of an emitter that gives no light: its radiance is 0")
 
 

@@ -66,6 +66,7 @@ class Survey:
         self.shift = np.zeros(3) if origin is None else np.array(origin.world)
         self.tables = packed.scene.primitives
         self.pieces = _pieces(packed)
+        self._looks: dict[int, MaterialSpec | None] = {}
 
     @cached_property
     def camera(self) -> Points:
@@ -119,6 +120,11 @@ class Survey:
 
     def look_of(self, piece: int) -> MaterialSpec | None:
         """Its resolved material; None if its faces, or its copies, have several."""
+        if piece not in self._looks:
+            self._looks[piece] = self._look_of(piece)
+        return self._looks[piece]
+
+    def _look_of(self, piece: int) -> MaterialSpec | None:
         pieces, instances = self.pieces, self.packed.scene.instances
         own = self.tables[pieces.table[piece]].material[pieces.start[piece] : pieces.stop[piece]]
         found = np.unique(own) if own[0] != own[-1] else own[:1]

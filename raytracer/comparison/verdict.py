@@ -1,23 +1,19 @@
-"""Whether two noisy images are of the same scene, and how far apart they are.
+"""Whether two noisy images are of the same scene.
 
 Two renders of one scene differ by their noise, which each knows: the variance of its pixels.  `z_test` asks whether
-they differ by more than that; the metrics below say by how much, noise included.
+they differ by more than that.
 """
 
-import io
-import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from raytracer.comparison.bands import ROWS, over_bands
+from raytracer.comparison.sizes import check_sizes
 from raytracer.errors import InputError
-from raytracer.film.output import write_bytes
-from raytracer.noise.metric import weights
 
 Array = NDArray[np.float64]
 
@@ -28,7 +24,6 @@ _ROUNDING = 1e-6
 _COUNTED_BEYOND = 2.0
 
 _CHANNELS = ("red", "green", "blue")
-_WIDEST_REFERENCE = 128
 
 
 @dataclass(frozen=True)
@@ -55,9 +50,9 @@ class Verdict:
     reason: str
     mean_z: Array
     mean_p: float
-    tile_z: Array
+    tile_z: Array = field(repr=False)
     tile_p: float
-    pixel_z: Array
+    pixel_z: Array = field(repr=False)
     pixel_p: float
     exceeding: Array
     exceeding_p: float
@@ -97,23 +92,29 @@ class _Pair(NamedTuple):
     b: Array
     var_b: Array
 
-    def tiles(self, tile: int, cells: Array) -> "_Pair":
-        a, var_a, b, var_b = (_tile_sums(values, tile) for values in self)
-        return _Pair(a / cells, var_a / cells**2, b / cells, var_b / cells**2)
+    def rows(self, top: int, bottom: int) -> "_Pair":
+        return _Pair(*(values[top:bottom] for values in self))
 
-    def variance_of_difference(self) -> Array:
+    def means(self, cells: Array | int) -> "_Pair":
+        """Means of parts, whose sums these are, of as many values as `cells` says."""
+        return _Pair(self.a / cells, self.var_a / cells**2, self.b / cells, self.var_b / cells**2)
+
+    def ratio(self) -> float:
+        """How many times that of b the variance of a is; 0 if one of them is without noise."""
+        total_a, total_b = float(self.var_a.sum()), float(self.var_b.sum())
+        return total_a / total_b if total_a > 0.0 and total_b > 0.0 else 0.0
+
+    def variance_of_difference(self, ratio: float) -> Array:
         """Variance of a - b, under the hypothesis that both are of one scene.
 
         It is var_a + var_b, but a pixel in which rare bright samples have not turned up yet takes itself to be
         free of noise.  If b has r times as many samples, its variance tells what that of a should be, and the other
         way round: the pooled estimate of Student's two-sample test is var_a / r + r var_b.  The larger one is
-        taken, with the r that the totals of the variances are in.
+        taken, with the r that the totals of the variances are in, `ratio`.
         """
         summed = self.var_a + self.var_b
-        total_a, total_b = float(self.var_a.sum()), float(self.var_b.sum())
-        if total_a == 0.0 or total_b == 0.0:
+        if ratio == 0.0:
             return summed
-        ratio = total_a / total_b
         return np.maximum(summed, self.var_a / ratio + self.var_b * ratio)
 
     def z(self, variance: Array) -> Array:
@@ -127,7 +128,7 @@ class _Pair(NamedTuple):
 
 def _checked(a: ArrayLike, var_a: ArrayLike | None, b: ArrayLike, var_b: ArrayLike | None) -> _Pair:
     first, second = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
-    _check_sizes(first, second)
+    check_sizes(first, second)
     variances = []
     for image, given in ((first, var_a), (second, var_b)):
         variance = np.zeros_like(image) if given is None else np.asarray(given, dtype=np.float64)
@@ -137,15 +138,6 @@ def _checked(a: ArrayLike, var_a: ArrayLike | None, b: ArrayLike, var_b: ArrayLi
             raise InputError("a variance is not known everywhere: it takes two samples in every pixel")
         variances.append(variance)
     return _Pair(first, variances[0], second, variances[1])
-
-
-def _check_sizes(a: Array, b: Array) -> None:
-    if a.ndim != 3 or a.shape[2] != 3 or a.size == 0:
-        raise InputError(f"an image has the shape (height, width, 3), got {a.shape}")
-    if a.shape != b.shape:
-        raise InputError(
-            f"the images differ in size: {a.shape[1]} x {a.shape[0]} and {b.shape[1]} x {b.shape[0]} pixels"
-        )
 
 
 def _percent(a: float, b: float) -> str:
@@ -189,25 +181,35 @@ def z_test(
     pair = _checked(a, var_a, b, var_b)
     height, width, _ = pair.a.shape
     cells = _tile_sums(np.ones((height, width, 1)), tile)
+    # Bands of whole tiles.
+    rows = max(ROWS // tile, 1) * tile
+    pixel_z = np.empty_like(pair.a)
 
-    # Compare means of everything, then of tiles.
     with np.errstate(invalid="ignore"):
-        whole = _Pair(
-            pair.a.mean(axis=(0, 1)),
-            pair.var_a.sum(axis=(0, 1)) / (height * width) ** 2,
-            pair.b.mean(axis=(0, 1)),
-            pair.var_b.sum(axis=(0, 1)) / (height * width) ** 2,
-        )
-        mean_z = whole.z(whole.variance_of_difference())
-        tiles = pair.tiles(tile, cells)
-        tile_z = tiles.z(tiles.variance_of_difference())
+        # Compare means of everything, then of tiles.
+        sums = over_bands(lambda top, bottom: [_tile_sums(v, tile) for v in pair.rows(top, bottom)], height, rows)
+        of_tiles = _Pair(*(np.concatenate(parts) for parts in zip(*sums, strict=True)))
+        whole = _Pair(*(values.sum(axis=(0, 1)) for values in of_tiles)).means(height * width)
+        mean_z = whole.z(whole.variance_of_difference(whole.ratio()))
+        tiles = of_tiles.means(cells)
+        tile_z = tiles.z(tiles.variance_of_difference(tiles.ratio()))
 
+    ratio = of_tiles.ratio()
+
+    def compare_pixels(top: int, bottom: int) -> NDArray[np.int64]:
+        """Fill in a band of `pixel_z`, and count what is beyond the limit in each channel."""
+        band = pair.rows(top, bottom)
+        variance = band.variance_of_difference(ratio)
         # A pixel's own variance, from few samples, may be far too small, which that of its neighbours tells.
-        variance = pair.variance_of_difference()
-        of_tile = np.repeat(np.repeat(_tile_sums(variance, tile) / cells, tile, axis=0), tile, axis=1)
-        noisy = variance > 0.0
-        pixel_z = pair.z(np.where(noisy, np.maximum(variance, of_tile[:height, :width]), 0.0))
-    exceeding = np.mean(np.abs(pixel_z) > _COUNTED_BEYOND, axis=(0, 1))
+        of_tile = _tile_sums(variance, tile) / cells[top // tile : -(-bottom // tile)]
+        of_tile = np.repeat(np.repeat(of_tile, tile, axis=0), tile, axis=1)[: bottom - top, :width]
+        with np.errstate(invalid="ignore"):
+            z = band.z(np.where(variance > 0.0, np.maximum(variance, of_tile), 0.0))
+        pixel_z[top:bottom] = z
+        counts: NDArray[np.int64] = np.count_nonzero(np.abs(z) > _COUNTED_BEYOND, axis=(0, 1))
+        return counts
+
+    exceeding = np.sum(over_bands(compare_pixels, height, rows), axis=0) / (height * width)
 
     # Name the first test that failed.
     mean_p, tile_p, pixel_p = _p_of_largest(mean_z), _p_of_largest(tile_z), _p_of_largest(pixel_z)
@@ -239,101 +241,3 @@ def z_test(
     else:
         reason = f"no difference beyond the noise: z of the means {', '.join(f'{z:.1f}' for z in mean_z)}"
     return Verdict(passed, reason, mean_z, mean_p, tile_z, tile_p, pixel_z, pixel_p, exceeding, exceeding_p)
-
-
-# ---- metrics ----
-
-
-def _difference(a: ArrayLike, b: ArrayLike) -> tuple[Array, Array]:
-    first, second = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
-    _check_sizes(first, second)
-    return first - second, second
-
-
-def mse(a: ArrayLike, b: ArrayLike) -> float:
-    """Mean squared error of `a` against `b`, images (height, width, 3), over pixels and channels.
-
-    Raises
-    ------
-    InputError : the shapes differ.
-    """
-    difference, _ = _difference(a, b)
-    return float(np.mean(difference**2))
-
-
-def relmse(a: ArrayLike, b: ArrayLike) -> float:
-    """Relative mean squared error of `a` against the reference `b`: the mean of (a - b)^2 / (b^2 + 0.01).
-
-    The 0.01 keeps black pixels from deciding.  The MRSE of pbrt-v4's imgtool divides by (b + 0.01)^2 instead.
-
-    Raises
-    ------
-    InputError : the shapes differ.
-
-    References: Rousselle, Knaus and Zwicker 2011, "Adaptive Sampling and Reconstruction using Greedy Error
-        Minimization", ACM Transactions on Graphics 30(6), section 6.
-    """
-    difference, reference = _difference(a, b)
-    return float(np.mean(weights(reference, 1.0) * difference**2))
-
-
-def psnr(a: ArrayLike, b: ArrayLike, peak: float = 1.0) -> float:
-    """Peak signal-to-noise ratio in dB, 10 log10(peak^2 / MSE); inf for equal images.
-
-    Raises
-    ------
-    InputError : the shapes differ.
-    """
-    error = mse(a, b)
-    return math.inf if error == 0.0 else 10.0 * math.log10(peak**2 / error)
-
-
-# ---- references ----
-
-
-class Reference(NamedTuple):
-    """A small image kept to compare with: mean and variance (height, width, 3), and what it was rendered with."""
-
-    mean: Array
-    variance: Array
-    settings: dict[str, str | float | int]
-
-
-def save_reference(
-    path: str | Path, mean: ArrayLike, variance: ArrayLike, settings: Mapping[str, str | float | int]
-) -> None:
-    """Write a reference as compressed float32 .npz; the same values give the same bytes.
-
-    Raises
-    ------
-    ValueError : the shapes differ, or the image is wider than 128 pixels, too large to keep with the sources.
-    OutputError : the file cannot be written.
-    """
-    single = np.asarray(mean, dtype=np.float32)
-    if single.ndim != 3 or single.shape[2] != 3 or single.shape != np.shape(variance):
-        raise ValueError(f"mean and variance of one shape (height, width, 3), got {single.shape}, {np.shape(variance)}")
-    if single.shape[1] > _WIDEST_REFERENCE:
-        raise ValueError(f"a reference is at most {_WIDEST_REFERENCE} pixels wide, got {single.shape[1]}")
-    buffer = io.BytesIO()
-    text = np.array(json.dumps(dict(settings), sort_keys=True))
-    np.savez_compressed(buffer, mean=single, variance=np.asarray(variance, dtype=np.float32), settings=text)
-    write_bytes(path, buffer.getvalue())
-
-
-def load_reference(path: str | Path) -> Reference:
-    """Read what `save_reference` wrote; the arrays are float64 with the precision of float32.
-
-    Raises
-    ------
-    InputError : the file is missing or broken.
-    """
-    try:
-        with np.load(io.BytesIO(Path(path).read_bytes()), allow_pickle=False) as file:
-            mean, variance = (np.asarray(file[name], dtype=np.float64) for name in ("mean", "variance"))
-            return Reference(mean, variance, json.loads(str(file["settings"])))
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except MemoryError:
-        raise
-    except Exception as error:
-        raise InputError(f"{path}: broken, or not a reference image") from error

@@ -1,0 +1,118 @@
+"""`rt check`: do scenes still look like their references?"""
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from raytracer.cli import options
+from raytracer.errors import Interrupted
+
+if TYPE_CHECKING:
+    from raytracer.regression.checking import Checked
+
+EXAMPLE = """\b
+Examples:
+  rt check tests/references
+  rt check tests/references cover cornell --spp 4096
+  rt check tests/references --report check.html --json
+"""
+
+_REPORT = Path("outputs") / "check.html"
+
+
+def check(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of references that `rt reference` made.")],
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="NAME", help="Names of references.  Default: all.")
+    ] = None,
+    spp: Annotated[
+        int | None,
+        typer.Option(
+            help="Samples per pixel.  Default: as many as it takes to find 1 % more or less light, 256 at least.",
+            min=1,
+            max=2**31 - 1,
+            show_default=False,
+        ),
+    ] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            help="Seed of all random numbers.  Default: the one after the reference's.",
+            min=0,
+            max=2**32 - 1,
+            show_default=False,
+        ),
+    ] = None,
+    alpha: Annotated[
+        float, typer.Option(help="How often a scene that has not changed may fail.", min=1e-12, max=0.5)
+    ] = 1e-3,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.html",
+            help=f"Page of all verdicts.  Default: {_REPORT.as_posix()}, and only if something fails.",
+            show_default=False,
+        ),
+    ] = None,
+    threads: options.Threads = None,
+    as_json: options.AsJson = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; only failures are printed.")] = False,
+) -> None:
+    """Render scenes again, with other random numbers, and judge by the noise whether they look as their references do.
+
+    Prints a line a scene.  The exit status is 1 if one has changed, and 2 if one could not be rendered or its reference
+    could not be read.
+    """
+    from raytracer.film.output import check_file, write_bytes
+    from raytracer.regression import checking
+    from raytracer.regression.bar import Bar
+    from raytracer.stock import Stock
+
+    paths = checking.references_in(folder, names or [])
+    page = report or _REPORT
+    check_file(page)
+
+    stock, results, is_interrupted = Stock(), list["Checked"](), False
+    with Bar(len(paths), quiet=quiet) as bar:
+        for number, path in enumerate(paths):
+            try:
+                result = checking.check(
+                    path,
+                    spp=spp,
+                    seed=seed,
+                    alpha=alpha,
+                    threads=threads,
+                    stock=stock,
+                    progress=bar.of(number, path.stem),
+                )
+            except KeyboardInterrupt:
+                is_interrupted = True
+                break
+            results.append(result)
+            if not as_json and not (quiet and result.passed):
+                bar.say(result.sentence(), sys.stdout)
+
+    has_failed = any(not result.passed and not result.error for result in results)
+    if as_json:
+        print(json.dumps([result.json() for result in results], indent=2, allow_nan=False))
+    if results and (report is not None or has_failed):
+        from raytracer.regression.report import report as page_of
+
+        write_bytes(page, page_of(results))
+        print(f"rt: {page} shows {'what has failed' if has_failed else 'the pictures'}", file=sys.stderr)
+    if is_interrupted:
+        left = len(paths) - len(results)
+        print(f"rt: interrupted; {left} of {len(paths)} were not checked", file=sys.stderr)
+        raise Interrupted
+    if any(result.error for result in results):
+        raise typer.Exit(2)
+    if has_failed:
+        raise typer.Exit(1)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command(epilog=EXAMPLE)(check)

@@ -1,0 +1,222 @@
+"""`rt compare`: how far apart images are, and whether by more than their noise."""
+
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import typer
+
+from raytracer.cli import options
+from raytracer.errors import InputError
+
+if TYPE_CHECKING:
+    from raytracer.comparison import Checks, Comparison, Folders, Pair
+
+EXAMPLE = """\b
+Examples:
+  rt compare render.exr reference.exr
+  rt compare render.png reference.png --fail-above flip=0.05 --fail-below ssim=0.98
+  rt compare a.exr b.exr --difference signed.png --difference flip=flip.png
+  rt compare a.exr b.exr --difference wipe.html
+  rt compare outputs/before outputs/after --fail-above relmse=0.001 --json
+"""
+
+_FAILED = 1
+
+
+def compare(
+    a: Annotated[str, typer.Argument(metavar="A", help="Image, or folder of images.")],
+    b: Annotated[str, typer.Argument(metavar="B", help="What it is compared with: the reference.")],
+    metric: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME,...",
+            help="What to measure: mae, mse, rmse, relmse, mrse, psnr, ssim, flip; may repeat.  Default: all, but for "
+            "flip of large images, which takes long.",
+            show_default=False,
+        ),
+    ] = None,
+    fail_above: Annotated[
+        list[str] | None,
+        typer.Option(metavar="METRIC=VALUE", help="Fail if a metric is above this: flip=0.05; may repeat."),
+    ] = None,
+    fail_below: Annotated[
+        list[str] | None,
+        typer.Option(metavar="METRIC=VALUE", help="The same for psnr and ssim, which are better when larger."),
+    ] = None,
+    test: Annotated[
+        bool | None,
+        typer.Option(
+            "--test/--no-test",
+            help="Whether the z-test of the variances that .exr files hold has to pass.  Default: if there is nothing "
+            "else that could fail, and both images hold theirs.",
+            show_default=False,
+        ),
+    ] = None,
+    alpha: Annotated[
+        float | None,
+        typer.Option(help="How often images that differ by their noise only may fail the z-test.  Default: 0.001."),
+    ] = None,
+    difference: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[KIND=]FILE",
+            help="Write a picture of the difference, .png, of the kind signed (default), absolute, relative, flip, z "
+            "or side-by-side; or .html, a page to wipe between the images.  Of folders: a folder of pictures.  "
+            "May repeat.",
+        ),
+    ] = None,
+    as_json: options.AsJson = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; what was found is printed.")] = False,
+) -> int:
+    """Compare an image with a reference, or all images of a folder with those of the same name in another.
+
+    .png and .jpg are compared in what they hold; .exr, .hdr and .npy in linear light, but for psnr and ssim, which are
+    of what a display shows.  Exit status 1 if something that was asked for is not so, or an image of a folder has
+    none to be compared with.
+    """
+    above, below = _bounds("--fail-above", fail_above), _bounds("--fail-below", fail_below)
+    are_folders = Path(a).is_dir() and Path(b).is_dir()
+    for one, other in ((a, b), (b, a)):
+        if Path(one).is_dir() and not are_folders:
+            if not Path(other).exists():
+                raise InputError(f"{other}: no such folder")
+            raise InputError(f"{one} is a folder, and {other} is not: compare two images or two folders")
+    pictures = [_picture(text, are_folders) for text in difference or []]
+
+    from raytracer.comparison import ALPHA, Checks, checked, known_metrics
+    from raytracer.film.output import check_file
+
+    names = None if metric is None else known_metrics(name for text in metric for name in text.split(","))
+    checks = checked(Checks(above, below, test, ALPHA if alpha is None else alpha))
+    if not are_folders:
+        for picture in pictures:
+            check_file(picture.path)
+        return _compare_files(a, b, names, checks, pictures, as_json, quiet)
+    return _compare_folders(a, b, names, checks, pictures, as_json, quiet)
+
+
+class _Picture(NamedTuple):
+    """A picture to write."""
+
+    kind: str
+    path: Path
+
+
+def _bounds(option: str, texts: list[str] | None) -> dict[str, float]:
+    """The bounds that an option's texts give."""
+    found: dict[str, float] = {}
+    for text in texts or []:
+        name, equals, value = text.partition("=")
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if not equals or math.isnan(number):
+            raise InputError(f"{option} {text}: must be METRIC=NUMBER, as in relmse=0.01")
+        found[name.strip().lower()] = number
+    return found
+
+
+def _picture(text: str, are_folders: bool) -> _Picture:
+    """The kind and file that `--difference` names."""
+    from raytracer.comparison import KINDS, check_kind
+
+    kind, equals, name = text.partition("=")
+    if not equals or "/" in kind or "." in kind:
+        kind, name = "", text
+    path = Path(name)
+    is_page = path.suffix.lower() in (".html", ".htm")
+    kind = kind or ("wipe" if is_page else KINDS[0])
+    check_kind(kind)
+    if not name:
+        raise InputError(f"--difference {text}: names no file")
+    if kind == "wipe" and not is_page:
+        raise InputError(f"--difference {text}: a page to wipe is written to a file .html")
+    if kind != "wipe" and is_page:
+        raise InputError(f"--difference {text}: only the kind wipe is a page; other kinds are written as .png")
+    if kind != "wipe" and not are_folders and path.suffix.lower() != ".png":
+        raise InputError(f"--difference {text}: pictures of differences are written as .png, or .html to wipe")
+    if are_folders and kind != "wipe" and path.is_file():
+        raise InputError(f"--difference {text}: is a file, and the pictures of a folder are written to a folder")
+    return _Picture(kind, path)
+
+
+def _compare_files(
+    a: str,
+    b: str,
+    names: tuple[str, ...] | None,
+    checks: "Checks",
+    pictures: list[_Picture],
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    from raytracer.comparison import encode, judge, read
+    from raytracer.film.output import write_bytes
+
+    found = judge(read(a, "A"), read(b, "B"), names, checks)
+    # What cannot be shown is known before anything is written.
+    files = [(picture.path, encode(found, picture.kind)) for picture in pictures]
+    for path, data in files:
+        write_bytes(path, data)
+        if not quiet:
+            print(f"wrote {path}", file=sys.stderr)
+    _show(found, as_json)
+    return _status(found.passed)
+
+
+def _compare_folders(
+    a: str,
+    b: str,
+    names: tuple[str, ...] | None,
+    checks: "Checks",
+    pictures: list[_Picture],
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    from raytracer.comparison import compare_folders, encode
+    from raytracer.comparison.wipe import Views
+    from raytracer.film.output import write_bytes
+    from raytracer.progress import Bar
+
+    wipes = {picture.path: Views() for picture in pictures if picture.kind == "wipe"}
+    with Bar(" pairs", quiet=quiet, desc="compare") as bar:
+
+        def done(pair: "Pair", number: int, count: int) -> None:
+            for picture in pictures:
+                if pair.comparison is None:
+                    continue
+                if picture.kind == "wipe":
+                    wipes[picture.path].add(pair.comparison, pair.name)
+                else:
+                    write_bytes(picture.path / f"{pair.name}.png", encode(pair.comparison, picture.kind))
+            bar.update(number, count)
+
+        found = compare_folders(a, b, metrics=names, checks=checks, done=done)
+    for path, views in wipes.items():
+        write_bytes(path, views.page(f"{a} against {b}"))
+    if not quiet:
+        for picture in pictures:
+            print(f"wrote {picture.path}", file=sys.stderr)
+    _show(found, as_json)
+    return _status(found.passed)
+
+
+def _show(found: "Comparison | Folders", as_json: bool) -> None:
+    """Print what was found."""
+    if as_json:
+        import json
+
+        print(json.dumps(found.json(), indent=2, allow_nan=False))
+    else:
+        print(found.text(), end="")
+
+
+def _status(passed: bool | None) -> int:
+    return _FAILED if passed is False else 0
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command(epilog=EXAMPLE)(compare)

@@ -1,0 +1,72 @@
+"""Options that several commands have, and what they mean."""
+
+from collections.abc import Callable, Sequence
+from typing import Annotated
+
+import typer
+
+from raytracer.errors import InputError
+
+Define = Annotated[
+    list[str] | None,
+    typer.Option("--define", "-D", metavar="KEY=VALUE", help="Override a key of the scene: camera.vfov=40."),
+]
+Spp = Annotated[int | None, typer.Option(help="Samples per pixel.", min=1, max=2**31 - 1)]
+Seed = Annotated[int | None, typer.Option(help="Seed of all random numbers.", min=0, max=2**32 - 1)]
+Threads = Annotated[int | None, typer.Option(help="Threads that work.  Default: all.", min=1, max=1024)]
+Crop = Annotated[
+    str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Render only the pixels X0 <= x < X1, Y0 <= y < Y1.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+def number(option: str, text: str, parse: Callable[[str], float]) -> float:
+    """The number that an option gives, by a function of `raytracer.units`.
+
+    Raises
+    ------
+    InputError : it is none, and why.
+    """
+    try:
+        return parse(text)
+    except ValueError as error:
+        raise InputError(f"{option} {text}: {error}") from None
+
+
+def crop(text: str | None) -> tuple[int, int, int, int] | None:
+    """The pixels that `--crop X0,Y0,X1,Y1` names.
+
+    Raises
+    ------
+    InputError : they are not four whole numbers.
+    """
+    if text is None:
+        return None
+    try:
+        left, top, right, bottom = map(int, text.split(","))
+    except ValueError:
+        raise InputError(f"--crop {text}: must be four whole numbers, X0,Y0,X1,Y1") from None
+    return left, top, right, bottom
+
+
+def aovs(lists: Sequence[str], remedy: str | None) -> tuple[str, ...]:
+    """The AOVs that `--aov` names, in comma-separated lists.
+
+    Parameters
+    ----------
+    remedy : how to have a file that holds layers written, where none is.
+
+    Raises
+    ------
+    InputError : there is no such AOV, or no file for it.
+    """
+    if not lists:
+        return ()
+    if remedy is not None:
+        raise InputError(f"--aov {lists[0]}: only .exr files hold layers: add {remedy}")
+    from raytracer.aovs.recording import known_aovs
+
+    try:
+        return known_aovs([name.strip() for text in lists for name in text.split(",")])
+    except InputError as error:
+        raise InputError(f"--aov {','.join(lists)}: {error}") from None

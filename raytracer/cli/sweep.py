@@ -1,0 +1,196 @@
+"""`rt sweep`: a scene with every combination of some values, as pictures, numbers and a page to slide through."""
+
+import json
+import sys
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from raytracer.cli import options
+from raytracer.errors import Interrupted, OutputError
+from raytracer.scene.preview import EDGE, SPP
+from raytracer.units import parse_duration, parse_share
+
+if TYPE_CHECKING:
+    from raytracer.cluster import Cluster
+    from raytracer.sweeping.points import Sweep, Taken
+
+EXAMPLE = """\b
+Examples:
+  rt sweep scenes/cover.yaml -D camera.defocus_angle=0,0.6,2 -D camera.focus_distance=5:15:5 --preview
+  rt sweep portrait.yaml -D camera.f_number=1.4..22 -D camera.focus_on=eye,ear,wall
+  rt sweep portrait.yaml -D camera.f_number=1.4..22/3 --noise 2% --animate webp
+  rt sweep night.yaml -D camera.shutter=1/1000..1/30 -D camera.iso=3200..100 --zip
+  rt sweep sweep.yaml -o outputs/lesson --format exr
+
+\b
+Values of a key (docs/sweeps.md):
+  1.4,2,2.8        a list; of anything: ball,cube or [1,0,0],[0,1,0] or 1/125 s,1/60 s
+  2:10:5           5 numbers from 2 to 10, equally far apart;  1:100:5:log by equal ratios
+  1.4..22          full stops; halves 1.4..22/2, thirds 1.4..22/3
+
+Run it again to go on: points that are done are kept.
+"""
+
+
+def sweep(
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file, or file of a sweep (docs/sweeps.md).")],
+    define: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--define",
+            "-D",
+            metavar="KEY=VALUES",
+            help="Values of a key of the scene, see below; a single one is the same for all points.  May repeat: all "
+            "combinations are rendered.",
+        ),
+    ] = None,
+    zipped: Annotated[
+        bool, typer.Option("--zip", help="Take the values of all keys in pairs, in place of all combinations.")
+    ] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FOLDER",
+            help="Where images, manifest, contact sheet and page go.  Default: outputs/<scene>_sweep",
+            show_default=False,
+        ),
+    ] = None,
+    formats: Annotated[
+        str, typer.Option("--format", metavar="SUFFIX,...", help="Images of each point: png, jpg, exr, hdr, npy.")
+    ] = "png",
+    animate: Annotated[
+        list[str] | None,
+        typer.Option(metavar="SUFFIX,...", help="Write an animation of all points too: gif, webp, png.  May repeat."),
+    ] = None,
+    fps: Annotated[float, typer.Option(help="Frames a second of the animation.")] = 5.0,
+    spp: options.Spp = None,
+    seed: options.Seed = None,
+    threads: options.Threads = None,
+    crop: options.Crop = None,
+    noise: Annotated[
+        str | None,
+        typer.Option(metavar="PERCENT", help="Stop each point when its relative error is down to this: 1%, 0.01."),
+    ] = None,
+    time_limit: Annotated[
+        str | None, typer.Option(metavar="TIME", help="Time for each point, from its first sample to its picture: 30s.")
+    ] = None,
+    aov: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME,...", help="What else to record, as layers of .exr files; see docs/aovs.md."),
+    ] = None,
+    denoise: Annotated[
+        bool, typer.Option("--denoise", help="Take out the noise with Intel Open Image Denoise.")
+    ] = False,
+    preview: Annotated[
+        bool, typer.Option("--preview", help=f"A quick look: at most {EDGE} pixels wide or high, {SPP} spp.")
+    ] = False,
+    max_points: Annotated[int, typer.Option(help="Points that a sweep may have.", min=1)] = 1000,
+    cluster: Annotated[
+        str | None,
+        typer.Option(metavar="URL", help="Dask scheduler whose workers render: tcp://host:8786; see docs/cluster.md."),
+    ] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Take warnings for errors: such a point fails.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the manifest as JSON.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")] = False,
+) -> None:
+    """Render a scene with every combination of some values.
+
+    Writes an image for each, manifest.csv and .json, a contact sheet, and index.html, a page to slide through.  Ctrl-C
+    ends it early, and the same command goes on where it was.
+    """
+    window = options.crop(crop)
+    target = None if noise is None else options.number("--noise", noise, parse_share)
+    limit = None if time_limit is None else options.number("--time-limit", time_limit, parse_duration)
+
+    from raytracer.sweeping.bar import SweepBar
+    from raytracer.sweeping.plan import parse_definitions
+    from raytracer.sweeping.run import formats_of, strangers
+    from raytracer.sweeping.run import sweep as run
+
+    suffixes = formats_of(formats.split(","))
+    layers = options.aovs(aov or [], None if "exr" in suffixes else "--format exr")
+    stem = Path(scene).stem
+    folder = output or Path("outputs") / (stem if stem.endswith("sweep") else f"{stem}_sweep")
+    with ExitStack() as stack:
+        bar = stack.enter_context(SweepBar())
+        result = run(
+            scene,
+            parse_definitions(define or []),
+            folder=folder,
+            zipped=zipped,
+            spp=spp,
+            seed=seed,
+            threads=threads,
+            crop=window,
+            noise=target,
+            time_limit=limit,
+            aovs=layers,
+            denoise=denoise,
+            strict=strict,
+            preview=preview,
+            formats=suffixes,
+            animate=[suffix.strip() for text in animate or [] for suffix in text.split(",")],
+            fps=fps,
+            max_points=max_points,
+            cluster=None if cluster is None else stack.enter_context(_cluster(cluster, bar.say)),
+            progress=None if quiet else bar,
+            report=lambda taken: _report(taken, bar.say),
+            warn=lambda sentence: bar.say(f"rt: warning: {sentence}"),
+        )
+    if as_json:
+        from raytracer.sweeping.manifest import to_json
+
+        print(json.dumps(to_json(result), indent=2, allow_nan=False, ensure_ascii=False))
+    _conclude(result, folder, strangers(result), quiet=quiet)
+
+
+def _cluster(url: str, say: Callable[[str], object]) -> "Cluster":
+    from raytracer.cluster import Cluster
+
+    return Cluster(url, say=lambda sentence: say(f"rt: {sentence}"))
+
+
+def _report(taken: "Taken", say: Callable[[str], object]) -> None:
+    """Say what is wrong with a point."""
+    if taken.status == "failed":
+        say(f"rt: {taken.point.name} failed: {taken.reason}")
+    elif not taken.complete:
+        say(f"rt: {taken.point.name} has {taken.samples:.4g} samples per pixel, fewer than were asked for")
+    if taken.nan_samples:
+        say(f"rt: {taken.point.name}: {taken.nan_samples} samples were not finite and were dropped")
+
+
+def _conclude(result: "Sweep", folder: Path, others: list[str], *, quiet: bool) -> None:
+    """Say on stderr what there is now, and fail if some of it is not."""
+    counts = {status: sum(taken.status == status for taken in result.taken) for status in ("done", "failed", "missing")}
+    if result.interrupted:
+        print(f"rt: interrupted; {counts['done']} of {_points(result)} done; the same command goes on", file=sys.stderr)
+        raise Interrupted
+    if not quiet:
+        kept = f", {result.kept} of them before" if result.kept else ""
+        names = (", " if result.zipped else " x ").join(f"{len(axis.values)} {axis.key}" for axis in result.axes)
+        print(f"{folder / 'index.html'}: {_count(counts['done'], 'picture')} ({names}){kept}", file=sys.stderr)
+    if others and not quiet:
+        number = _count(len(others), "image")
+        print(f"rt: {folder} holds {number} besides, perhaps of another sweep: {others[0]}", file=sys.stderr)
+    if counts["failed"]:
+        raise OutputError(f"{counts['failed']} of {_points(result)} failed; {folder / 'manifest.csv'} says why")
+
+
+def _points(result: "Sweep") -> str:
+    return _count(len(result.taken), "point")
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command(epilog=EXAMPLE)(sweep)

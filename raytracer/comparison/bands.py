@@ -1,0 +1,20 @@
+"""Work on large images, shared out to threads by bands of rows."""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+T = TypeVar("T")
+
+# Rows of 4K images for which what is worked out of them stays in the processor's caches.
+ROWS = 64
+
+
+def over_bands(work: Callable[[int, int], T], height: int, rows: int = ROWS) -> list[T]:
+    """`work(top, bottom)` of all bands of `rows` rows, in their order; bands are the same for any number of threads."""
+    tops = range(0, height, rows)
+    if len(tops) == 1:
+        return [work(0, height)]
+    with ThreadPoolExecutor(min(len(tops), os.cpu_count() or 1)) as threads:
+        return list(threads.map(lambda top: work(top, min(top + rows, height)), tops))

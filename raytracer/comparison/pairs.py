@@ -1,0 +1,433 @@
+"""Two images compared: metrics, the z-test of their noise, and whether that is good enough."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.comparison.bands import over_bands
+from raytracer.comparison.metrics import (
+    METRICS,
+    Domain,
+    Sums,
+    exposures,
+    flip_map,
+    mean_of_map,
+    require_extra,
+    ssim,
+    sums,
+)
+from raytracer.comparison.reading import Array, Picture, Source, read
+from raytracer.comparison.sizes import check_sizes
+from raytracer.comparison.verdict import Verdict, z_test
+from raytracer.errors import InputError, suggestion
+from raytracer.film import srgb
+
+ALPHA = 1e-3
+"""How often two renders that differ by their noise only may fail."""
+
+# Pixels, times exposures, for which FLIP is measured unasked: some seconds on four cores.
+_FLIP_UNASKED = 2**22
+
+
+class NotFinite(NamedTuple):
+    """How many pixels are not finite in each image, and the first of them (x, y), if any."""
+
+    a: int = 0
+    b: int = 0
+    first: tuple[int, int] | None = None
+
+
+class Checks(NamedTuple):
+    """What a comparison has to stand.
+
+    above, below : bounds by metric: what is above (below) fails.
+    test : whether the z-test has to pass; None: if there are no bounds, and both images know their variances.
+    alpha : significance level of the z-test.
+    """
+
+    above: Mapping[str, float] = {}
+    below: Mapping[str, float] = {}
+    test: bool | None = None
+    alpha: float = ALPHA
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison:
+    """What `compare` found.
+
+    Attributes
+    ----------
+    a, b : names of the images; `b` is the reference.
+    width, height : pixels.
+    metrics : values by name: mae, mse, rmse, relmse, mrse, psnr (dB), ssim, flip.
+    domains : what each is of: `linear` light, or `display` values, sRGB-encoded in 0..1.
+    unmeasured : reasons by name of metrics that are missing.
+    noise_mse : mean squared error that the noise of both alone makes, or None if not known.
+    verdict : of the z-test, or None for the reason that `untested` gives.
+    notes : sentences that belong to the verdict.
+    not_finite : pixels that are not finite; metrics are of the others.
+    failures : what was asked for and is not so, in sentences.
+    passed : whether there are no failures; None if nothing was asked for.
+    is_display : whether display values are compared, or linear light.
+    flip : what FLIP tells of each pixel, (height, width), or None where it was not measured or was let go of.
+    pictures : the two images, or None where they were let go of.
+    """
+
+    a: str
+    b: str
+    width: int
+    height: int
+    metrics: dict[str, float]
+    domains: dict[str, Domain]
+    unmeasured: dict[str, str]
+    noise_mse: float | None
+    verdict: Verdict | None
+    untested: str
+    notes: tuple[str, ...]
+    not_finite: NotFinite
+    failures: tuple[str, ...]
+    passed: bool | None
+    is_display: bool
+    flip: NDArray[np.float32] | None
+    pictures: tuple[Picture, Picture] | None
+
+    def without_pixels(self) -> "Comparison":
+        """The same, without what takes memory."""
+        verdict = self.verdict and replace(self.verdict, pixel_z=np.empty((0, 0, 3)))
+        return replace(self, flip=None, pictures=None, verdict=verdict)
+
+    def json(self) -> dict[str, Any]:
+        """Everything but pixels, as JSON can hold it."""
+        verdict = self.verdict
+        return {
+            "a": self.a,
+            "b": self.b,
+            "width": self.width,
+            "height": self.height,
+            "metrics": {
+                name: {"value": _number(value), "domain": self.domains[name]} for name, value in self.metrics.items()
+            },
+            "unmeasured": self.unmeasured,
+            "noise_mse": self.noise_mse,
+            "z_test": None
+            if verdict is None
+            else {
+                "passed": verdict.passed,
+                "reason": verdict.reason,
+                "mean_z": [_number(z) for z in verdict.mean_z],
+                "p": {
+                    "mean": _number(verdict.mean_p),
+                    "tile": _number(verdict.tile_p),
+                    "pixel": _number(verdict.pixel_p),
+                    "exceeding": _number(verdict.exceeding_p),
+                },
+            },
+            "untested": self.untested or None,
+            "notes": list(self.notes),
+            "not_finite": self.not_finite._asdict(),
+            "passed": self.passed,
+            "failures": list(self.failures),
+        }
+
+    def text(self) -> str:
+        """A report in lines."""
+        domain = "display values" if self.is_display else "linear light"
+        lines = [f"{self.a} against {self.b}: {self.width} x {self.height} pixels, {domain}"]
+        for name, value in self.metrics.items():
+            unit = " dB" if name == "psnr" else ""
+            remark = "  of display values" if self.domains[name] == "display" and domain != "display values" else ""
+            if name == "mse" and self.noise_mse is not None:
+                remark = f"  (noise alone makes {self.noise_mse:.4g})"
+            lines.append(f"  {METRICS[name].label:<7}{value:.6g}{unit}{remark}")
+        lines += [f"  {METRICS[name].label:<7}-  {reason}" for name, reason in self.unmeasured.items()]
+        if self.not_finite.first is not None:
+            lines.append(f"not finite: {_not_finite(self.not_finite)}")
+        if told := self.told():
+            lines.append(told)
+        lines += [f"  {note}" for note in self.notes]
+        if self.passed is not None:
+            lines.append("PASS" if self.passed else f"FAIL: {'; '.join(self.failures)}")
+        return "\n".join(lines) + "\n"
+
+    @property
+    def labels(self) -> tuple[str, str]:
+        """What to write beside the images: which of the two, and its name."""
+        return _label("A", self.a), _label("B", self.b)
+
+    def told(self) -> str:
+        """What the z-test said, or why there was none, unless it is among the failures."""
+        if self.verdict is None:
+            return f"no z-test: {self.untested}" if self.untested else ""
+        told = _told(self.verdict)
+        return "" if told in self.failures else told
+
+    def __repr__(self) -> str:
+        return self.text().rstrip()
+
+
+def _label(side: str, name: str) -> str:
+    return side if name == side else f"{side}  {name}"
+
+
+def _told(verdict: Verdict) -> str:
+    return f"z-test {'passed' if verdict.passed else 'failed'}: {verdict.reason}"
+
+
+def _number(value: float) -> float | str:
+    return float(value) if math.isfinite(value) else str(float(value))
+
+
+def _not_finite(found: NotFinite) -> str:
+    counts = [f"{n:,} pixel{'' if n == 1 else 's'} of {which}" for n, which in ((found.a, "A"), (found.b, "B")) if n]
+    x, y = found.first or (0, 0)
+    return f"{' and '.join(counts)}, the first at x = {x}, y = {y}"
+
+
+def compare(
+    a: Source,
+    b: Source,
+    *,
+    metrics: Iterable[str] | None = None,
+    fail_above: Mapping[str, float] | None = None,
+    fail_below: Mapping[str, float] | None = None,
+    test: bool | None = None,
+    alpha: float = ALPHA,
+    names: tuple[str, str] = ("A", "B"),
+) -> Comparison:
+    """Compare an image with a reference.
+
+    Two linear images are compared in linear light, and in what a display shows of them, clipped and sRGB-encoded, by
+    PSNR and SSIM.  As soon as one of them is a display image, both are compared as such, in steps of 8 bits.
+
+    Parameters
+    ----------
+    a, b : image and reference: names of files (.png .jpg .exr .hdr .npy), images that were rendered, or arrays
+        (height, width, 3), uint8 for display values, else linear light.
+    metrics : names of those to measure.  Default: all that are at hand and quick.
+    fail_above, fail_below : bounds by metric; a comparison beyond one has failed.
+    test : whether the z-test has to pass; default: if there are no bounds, and both images know their variances.
+    alpha : how often two renders that differ by their noise only may fail the z-test.
+    names : of images without one.
+
+    Raises
+    ------
+    InputError : a file cannot be read, the images differ in size, a metric is not known or cannot be measured here,
+        or a test is asked for that takes variances which are not there.
+    """
+    checks = checked(Checks(fail_above or {}, fail_below or {}, test, alpha))
+    wanted = known_metrics(metrics)
+    return judge(read(a, names[0]), read(b, names[1]), wanted, checks)
+
+
+def known_metrics(names: Iterable[str] | None) -> tuple[str, ...] | None:
+    """The names of metrics, whatever their case is.
+
+    Raises
+    ------
+    InputError : one is not known.
+    """
+    if names is None:
+        return None
+    found = tuple(dict.fromkeys(name.strip().lower() for name in names))
+    for name in found:
+        if name not in METRICS:
+            raise InputError(f"unknown metric {name!r}: {suggestion(name, METRICS, 'metrics')}")
+    return found
+
+
+def checked(checks: Checks) -> Checks:
+    """The checks, with the metrics' names in lower case.
+
+    Raises
+    ------
+    InputError : a metric is not known, a bound is on its wrong side or no number, or `alpha` is no probability.
+    """
+    sides = []
+    for bounds, is_below in ((checks.above, False), (checks.below, True)):
+        side = {}
+        for given, bound in bounds.items():
+            (name,) = known_metrics([given]) or ("",)
+            metric = METRICS[name]
+            if metric.is_better_larger != is_below:
+                better, other = ("larger", "below") if metric.is_better_larger else ("smaller", "above")
+                raise InputError(f"{metric.label} is better when it is {better}, so it fails {other} its bound")
+            if math.isnan(bound):
+                raise InputError(f"the bound of {metric.label} must be a number")
+            side[name] = float(bound)
+        sides.append(side)
+    if not 0.0 < checks.alpha < 1.0:
+        raise InputError(f"alpha must lie between 0 and 1, got {checks.alpha:g}")
+    return checks._replace(above=sides[0], below=sides[1])
+
+
+def judge(a: Picture, b: Picture, wanted: tuple[str, ...] | None, checks: Checks) -> Comparison:
+    """As `compare`, of pictures that were read."""
+    _check_alike(a, b)
+    height, width, _ = a.values.shape
+    is_display = a.is_display or b.is_display
+    if is_display:
+        a, b = _as_display(a), _as_display(b)
+    domain: Domain = "display" if is_display else "linear"
+
+    # Leave out what is not finite, in both.
+    first, second, not_finite, count = _finite(a.values, b.values)
+    measured, domains, unmeasured, seen = _measure(first, second, domain, wanted, checks, count)
+    verdict, untested, notes = _test(a, b, checks)
+    noise = None
+    if not is_display and a.variance is not None and b.variance is not None:
+        noise = float(np.mean(a.variance) + np.mean(b.variance))
+
+    # Hold what was found against what was asked for.
+    failures = []
+    bounds = [(checks.above, False, "above"), (checks.below, True, "below")]
+    for limits, is_below, word in bounds:
+        for name, bound in limits.items():
+            value = measured[name]
+            if math.isnan(value) or (value < bound if is_below else value > bound):
+                failures.append(f"{METRICS[name].label} is {value:.4g}, {word} {bound:g}")
+    has_bounds = bool(checks.above or checks.below)
+    is_tested = checks.test or (checks.test is None and not has_bounds and verdict is not None)
+    is_asked = has_bounds or bool(is_tested)
+    if is_asked and not_finite.first is not None:
+        failures.append(f"not finite: {_not_finite(not_finite)}")
+    elif is_tested and verdict is not None and not verdict.passed:
+        failures.append(_told(verdict))
+    return Comparison(
+        a.name,
+        b.name,
+        width,
+        height,
+        measured,
+        domains,
+        unmeasured,
+        noise,
+        verdict,
+        untested,
+        notes,
+        not_finite,
+        tuple(failures),
+        not failures if is_asked else None,
+        is_display,
+        seen,
+        (a, b),
+    )
+
+
+def _check_alike(a: Picture, b: Picture) -> None:
+    try:
+        check_sizes(a.values, b.values)
+    except InputError as error:
+        raise InputError(f"{a.name}, {b.name}: {error}") from None
+
+
+def _as_display(picture: Picture) -> Picture:
+    """A picture as what a display shows, in steps of 8 bits as in a file."""
+    if picture.is_display:
+        return picture._replace(unknown="holds display values")
+    values = picture.in_bytes() / 255.0
+    return picture._replace(values=values, is_display=True, variance=None, unknown="is compared as a display shows it")
+
+
+def _finite(a: Array, b: Array) -> tuple[Array, Array, NotFinite, int]:
+    """The images with 0 in both of them for pixels that are not finite in one, and how many values are left."""
+    if np.isfinite(a).all() and np.isfinite(b).all():
+        return a, b, NotFinite(), a.size
+    broken_a, broken_b = _broken(a), _broken(b)
+    broken = broken_a | broken_b
+    y, x = divmod(int(np.argmax(broken)), a.shape[1])
+    first, second = (np.where(broken[..., None], 0.0, image) for image in (a, b))
+    found = NotFinite(int(np.count_nonzero(broken_a)), int(np.count_nonzero(broken_b)), (x, y))
+    return first, second, found, 3 * int(np.count_nonzero(~broken))
+
+
+def _broken(image: Array) -> NDArray[np.bool_]:
+    """Which pixels of an image are not finite."""
+    broken: NDArray[np.bool_] = np.any(~np.isfinite(image), axis=2)
+    return broken
+
+
+def _measure(
+    a: Array, b: Array, domain: Domain, wanted: tuple[str, ...] | None, checks: Checks, count: int
+) -> tuple[dict[str, float], dict[str, Domain], dict[str, str], NDArray[np.float32] | None]:
+    """Values of metrics, what each is of, why others are missing, and the map of FLIP."""
+    must = {*(wanted or ()), *checks.above, *checks.below}
+    names = [name for name in METRICS if wanted is None or name in must]
+    shown: tuple[Array, Array] | None = None
+    totals: dict[str, Sums] = {}
+    values: dict[str, float] = {}
+    domains: dict[str, Domain] = {}
+    missing: dict[str, str] = {}
+    seen: NDArray[np.float32] | None = None
+    for name in names:
+        metric = METRICS[name]
+        own: Domain = "display" if metric.always_display else domain
+        first, second = a, b
+        if own != domain:
+            shown = shown or (_encoded(a), _encoded(b))
+            first, second = shown
+        if metric.of is not None:
+            totals.setdefault(own, sums(first, second))
+            values[name] = metric.of(totals[own], count) if count else math.nan
+        else:
+            try:
+                if name not in must:
+                    _check_quick(name, second, own)
+                if name == "ssim":
+                    values[name] = ssim(first, second)
+                else:
+                    seen = flip_map(first, second, own)
+                    values[name] = mean_of_map(seen)
+            except InputError as error:
+                if name in must:
+                    raise
+                missing[name] = str(error)
+                continue
+        domains[name] = own
+    return values, domains, missing, seen
+
+
+def _encoded(linear: Array) -> Array:
+    """What a display shows of linear light, in 0..1."""
+    encoded = np.empty_like(linear)
+
+    def encode(top: int, bottom: int) -> None:
+        encoded[top:bottom] = srgb.encode(linear[top:bottom])
+
+    over_bands(encode, len(linear))
+    return encoded
+
+
+def _check_quick(name: str, reference: Array, domain: Domain) -> None:
+    """Refuse what takes long, unless it is asked for."""
+    require_extra(name)
+    height, width, _ = reference.shape
+    if name == "flip":
+        times = exposures(reference) if domain == "linear" else 1
+        if times * height * width > _FLIP_UNASKED:
+            in_exposures = f" in {times} exposures" if times > 1 else ""
+            raise InputError(f"takes long for {width} x {height} pixels{in_exposures}, so only if it is asked for")
+
+
+def _test(a: Picture, b: Picture, checks: Checks) -> tuple[Verdict | None, str, tuple[str, ...]]:
+    """The verdict of the z-test, or why there is none, and what is to be known of it."""
+    if checks.test is False:
+        return None, "", ()
+    for picture in (a, b):
+        if picture.variance is None:
+            why = f"{picture.name} {picture.unknown}"
+            if checks.test:
+                raise InputError(f"the z-test takes the variances of both images: {why}")
+            # Nobody expects a variance of what is meant for a display.
+            return None, "" if picture.is_display else why, ()
+    samplers = sorted({picture.sampler for picture in (a, b)} - {"", "independent"})
+    notes = []
+    if samplers:
+        notes.append(
+            f"the noise of {' and '.join(samplers)} samples is less than their variance tells, so that small "
+            "differences pass; with `render.sampler: independent` they do not",
+        )
+    return z_test(a.values, a.variance, b.values, b.variance, alpha=checks.alpha), "", tuple(notes)

@@ -1,0 +1,94 @@
+"""What is compared: images in memory or in files, with all that their comparison needs to know.
+
+A picture is either linear light or display values, which are what .png and .jpg files hold: sRGB-encoded, in 0..1.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from raytracer.errors import InputError
+from raytracer.film import srgb
+from raytracer.film.image import Image
+from raytracer.film.output import DISPLAY_SUFFIXES, load, load_encoded, load_layers
+
+Array = NDArray[np.float64]
+
+Source = str | Path | Image | ArrayLike
+"""A file's name, an image that was rendered, or an array (height, width, 3): uint8 for display values, else linear."""
+
+
+class Picture(NamedTuple):
+    """An image to compare.
+
+    name, for sentences; values, float64 (height, width, 3), linear or, if `is_display`, encoded in 0..1; image, where
+    it comes from, if from memory; variance, of `values`, or None for the reason that `unknown` gives; sampler, that its
+    noise comes from, or "" if not known.
+    """
+
+    name: str
+    values: Array
+    is_display: bool
+    image: Image | None = None
+    variance: Array | None = None
+    unknown: str = "holds no variance"
+    sampler: str = ""
+
+    def in_bytes(self) -> NDArray[np.uint8]:
+        """What a display shows of it, as it would be written to a .png file."""
+        if self.is_display:
+            return np.rint(255.0 * np.nan_to_num(self.values)).astype(np.uint8)
+        return srgb.to_uint8(self.values) if self.image is None else self.image.display()
+
+
+def read(source: Source, name: str) -> Picture:
+    """The picture that a `source` is; `name` is that of one without.
+
+    Raises
+    ------
+    InputError : a file is missing, broken or of an unknown suffix, or an array is not an image.
+    """
+    if isinstance(source, Image):
+        return _of_image(source, name)
+    if isinstance(source, str | Path):
+        return _of_file(Path(source))
+    array = np.asarray(source)
+    if array.ndim != 3 or array.shape[2] != 3 or array.size == 0 or array.dtype.kind not in "fiub":
+        raise InputError(f"{name}: an image has the shape (height, width, 3), got {array.dtype} {array.shape}")
+    if array.dtype == np.uint8:
+        return Picture(name, array / 255.0, True)
+    return Picture(name, array.astype(np.float64, copy=False), False)
+
+
+def _of_image(image: Image, name: str) -> Picture:
+    sampler = str(image.settings.get("sampler", ""))
+    if image.variance is None:
+        why = "was denoised" if "denoised" in image.settings else "has no variance"
+        return Picture(name, image.radiance, False, image, None, why, sampler)
+    return Picture(name, image.radiance, False, image, *_usable(image.variance), sampler)
+
+
+def _of_file(path: Path) -> Picture:
+    if path.suffix.lower() in DISPLAY_SUFFIXES:
+        return Picture(str(path), load_encoded(path), True)
+    if path.suffix.lower() != ".exr":
+        return Picture(str(path), load(path), False)
+    layers, settings = load_layers(path, {"radiance", "variance", "Y"})
+    if "radiance" not in layers and "Y" not in layers:
+        raise InputError(f"{path}: has neither channels R, G and B nor Y")
+    values = layers["radiance"] if "radiance" in layers else np.repeat(layers["Y"][..., None], 3, axis=2)
+    sampler = settings.get("sampler", "")
+    variance = layers.get("variance")
+    if variance is None or variance.shape != values.shape:
+        return Picture(str(path), values, False, sampler=sampler)
+    if "denoised" in settings:
+        return Picture(str(path), values, False, None, None, "was denoised", sampler)
+    return Picture(str(path), values, False, None, *_usable(variance), sampler)
+
+
+def _usable(variance: Array) -> tuple[Array | None, str]:
+    if np.isfinite(variance).all():
+        return variance, ""
+    return None, "does not know its variance everywhere, which takes two samples in every pixel"

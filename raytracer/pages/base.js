@@ -1,0 +1,31 @@
+"use strict";
+
+/* What every page has: its data, and how it makes elements and texts of them. */
+
+const data = JSON.parse(document.getElementById("data").textContent);
+
+/* The first element that a selector finds. */
+const find = (selector, within = document) => within.querySelector(selector);
+
+/* An element with attributes ("class", "aria-label", ...; those that are null are left out) and listeners ("onclick": a
+   function), holding texts and elements. */
+function make(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (typeof value === "function") element.addEventListener(key.slice(2), value);
+    else if (value !== null && value !== undefined) element.setAttribute(key, value);
+  }
+  element.append(...children);
+  return element;
+}
+
+/* A number as it is read: so many significant digits, no zeros behind them; texts (inf, nan) as they are. */
+function shortNumber(value, digits = 4) {
+  if (typeof value !== "number") return value === null || value === undefined ? "" : String(value);
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  if (size < 1e-4 || size >= 1e9) return value.toExponential(digits - 1).replace(/\.?0+e/, "e");
+  // Digits before the point are all told.
+  const rounded = size >= 10 ** digits ? Math.round(value) : Number(value.toPrecision(digits));
+  return rounded.toLocaleString("en-US", { maximumFractionDigits: 12, useGrouping: size >= 1e5 });
+}

@@ -1,0 +1,555 @@
+"""Sweeps: one picture for each combination of values of a scene's keys.
+
+While a point is rendered, the next one is made ready in a thread, and the one before is saved in another.  What points
+share, files, meshes and the ray caster's structures, is made once (`Stock`).
+"""
+
+import os
+import re
+import sys
+import threading
+import warnings
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack, closing, contextmanager, suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.errors import InputError, OutputError, SceneWarning, one_line
+from raytracer.explanation.numbers import View, depth_of_field, exposure
+from raytracer.film.image import Image
+from raytracer.film.output import check_file, check_writable
+from raytracer.rendering import Progress, Ready, Rendered, ready
+from raytracer.scene.edit import overridden
+from raytracer.scene.inputs import digest
+from raytracer.scene.pack import Packed
+from raytracer.scene.preview import SPP, smaller
+from raytracer.scene.spec import SceneSpec
+from raytracer.scheduling import Workforce, now
+from raytracer.stock import Stock
+from raytracer.sweeping.animation import FPS, KINDS, STEM, Kind, write_animation
+from raytracer.sweeping.animation import check as check_animation
+from raytracer.sweeping.bar import SweepBar
+from raytracer.sweeping.manifest import JSON, RECORDS, find_record, write_manifest, write_record
+from raytracer.sweeping.page import write_page
+from raytracer.sweeping.plan import Plan, planned
+from raytracer.sweeping.points import MOST_POINTS, Point, Sweep, Taken, points_of
+from raytracer.sweeping.sheet import SHEET, write_sheet
+
+DISPLAY_FORMATS = ("png", "jpg", "jpeg")
+"""Suffixes of images that a page can show."""
+
+_TURN_SECONDS = 2.0e-4
+"""For how long a thread keeps the interpreter's lock when others wait for it: far less than a tile takes."""
+
+_ASIDE = re.compile(r"\.[0-9a-f]{16}\.tmp")
+"""Names of files that are being written (`film.output.write_bytes`)."""
+
+# Keys of a scene that say how many samples a picture takes.
+_SIZES = ("film.width", "film.height", "render.spp")
+
+
+class Done(NamedTuple):
+    """How far a sweep is.
+
+    share : of the work that there was to do, from 0 to 1; points that were there already are none.
+    points : how many are settled; of : how many there are.
+    name : the point that is being rendered.
+    """
+
+    share: float
+    points: int
+    of: int
+    name: str
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How each point is rendered; see `rendering.render`.
+
+    preview : a quick look, as `rt render --preview` has it.
+    """
+
+    spp: int | None = None
+    seed: int | None = None
+    crop: tuple[int, int, int, int] | None = None
+    noise: float | None = None
+    time_limit: float | None = None
+    aovs: tuple[str, ...] = ()
+    denoise: bool = False
+    strict: bool = False
+    preview: bool = False
+
+
+def sweep(
+    scene: SceneSpec | str | os.PathLike[str],
+    values: Mapping[str, Any] | None = None,
+    *,
+    folder: str | os.PathLike[str] | None = None,
+    zipped: bool = False,
+    spp: int | None = None,
+    seed: int | None = None,
+    threads: int | None = None,
+    crop: tuple[int, int, int, int] | None = None,
+    noise: float | None = None,
+    time_limit: float | None = None,
+    aovs: Sequence[str] = (),
+    denoise: bool = False,
+    strict: bool = False,
+    preview: bool = False,
+    formats: Sequence[str] = ("png",),
+    animate: Sequence[str] = (),
+    fps: float = FPS,
+    max_points: int = MOST_POINTS,
+    cluster: Workforce | None = None,
+    stock: Stock | None = None,
+    progress: Callable[[Done], object] | bool | None = None,
+    report: Callable[[Taken], object] | None = None,
+    warn: Callable[[str], object] | None = None,
+) -> Sweep:
+    """Render a scene with every combination of values of some of its keys.
+
+    `rt.sweep(scene, {"camera.f_number": [1.4, 2], "camera.focus_distance": "2:10:5"}, spp=64).images[1, 4].radiance`
+
+    Parameters
+    ----------
+    scene : a scene, its file, or a file of a sweep (docs/sweeps.md).
+    values : by dotted path, a list of values, or a text as on the command line: `1.4,2`, `2:10:5`, `1:100:3:log`,
+        `1.4..22`; a single value is the same for all points.
+    folder : where images, manifest, contact sheet and page go; what is there already of the same sweep is kept.  With
+        None the images stay in memory.
+    zipped : whether values are taken in pairs, in place of all combinations.
+    spp, seed, threads, crop, noise, time_limit, aovs, denoise, strict, cluster : for each point; see `render`.
+    preview : a quick look: a smaller film, and at most 16 samples a pixel.
+    formats : suffixes of the images in the folder; where none of png and jpg is among them, png is.
+    animate : formats, of "gif", "webp" and "png", of an animation of all points in the folder.
+    fps : its frames a second.
+    max_points : more are an error.
+    stock : what points share; one of its own if None.
+    progress : called about ten times a second, or True for a bar.
+    report : called with each point that was rendered or has failed, once it is settled.
+    warn : told what the scenes make one doubt, each sentence once; by default they are SceneWarnings.
+
+    A KeyboardInterrupt ends the sweep early: what is done is kept, and `interrupted` is set.  A point that fails does
+    not end the others.
+
+    Raises
+    ------
+    InputError : nothing to sweep, wrong values, formats or settings, or every point is wrong; then nothing is written.
+    StrictError : the same, by warnings, and `strict`.
+    OutputError : the folder cannot be written, or a cluster was lost.
+    """
+    plan = planned(scene, values or {}, zipped=zipped)
+    points = points_of(plan.axes, zipped=plan.zipped, most=max_points)
+    settings = Settings(spp, seed, crop, noise, time_limit, tuple(aovs), denoise, strict, preview)
+    for kind in animate:
+        check_animation(kind, fps)
+    home = (
+        None
+        if folder is None
+        else _Home(Path(folder), formats_of(formats), cast(tuple[Kind, ...], tuple(animate)), fps)
+    )
+    if home is None and animate:
+        raise InputError("an animation needs a folder to be written to")
+    with ExitStack() as stack:
+        if progress is True:
+            progress = stack.enter_context(SweepBar(always=True))
+        work = _Work(plan, points, settings, home, threads, cluster, stock or Stock(), warn or _warn)
+        return work.run(progress or None, report)
+
+
+def formats_of(formats: Sequence[str]) -> tuple[str, ...]:
+    """The formats of a point's images, one for display first.
+
+    Raises
+    ------
+    InputError : one is not known.
+    """
+    names = list(dict.fromkeys(name.strip().lower().removeprefix(".") for name in formats))
+    for name in names:
+        check_writable(f"image.{name}")
+    shown = [name for name in names if name in DISPLAY_FORMATS] or ["png"]
+    return (*shown, *(name for name in names if name not in shown))
+
+
+class _Home(NamedTuple):
+    """Where a sweep's files go, and which."""
+
+    folder: Path
+    formats: tuple[str, ...]
+    animate: tuple[Kind, ...]
+    fps: float
+
+    def files(self, point: Point) -> tuple[str, ...]:
+        """Names of a point's images."""
+        return tuple(f"{point.name}.{suffix}" for suffix in self.formats)
+
+    def clean(self) -> None:
+        """Take away what an earlier sweep was writing when it was killed."""
+        for folder in (self.folder, self.folder / RECORDS):
+            for path in folder.iterdir() if folder.is_dir() else ():
+                if _ASIDE.fullmatch(path.name):
+                    path.unlink(missing_ok=True)
+
+
+class _Prepared(NamedTuple):
+    """A point before it is rendered: what it takes to do so, or why that cannot be done, and what is known of it."""
+
+    point: Point
+    made: Ready | Exception
+    camera: Mapping[str, float]
+    warnings: tuple[str, ...]
+
+
+class _Work:
+    """A sweep under way."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        points: Sequence[Point],
+        settings: Settings,
+        home: _Home | None,
+        threads: int | None,
+        cluster: Workforce | None,
+        stock: Stock,
+        warn: Callable[[str], object],
+    ) -> None:
+        self._plan, self._settings, self._home = plan, settings, home
+        self._threads, self._cluster, self._stock, self._warn = threads, cluster, stock, warn
+        self._points = list(points)
+        self._taken: dict[int, Taken] = {}
+        self._images: dict[int, Image] = {}
+        self._errors: list[Exception] = []
+        self._kept = 0
+        self._specs: dict[int, SceneSpec] = {}
+        self._told: set[str] = set()
+        self._lock = threading.Lock()
+        self._weights = [self._weight(point) for point in points]
+
+    def run(self, progress: Callable[[Done], object] | None, report: Callable[[Taken], object] | None) -> Sweep:
+        """Render what is missing, and write all there is to say."""
+        todo = self._todo()
+        self._kept = len(self._taken)
+        interrupted, failure = False, None
+        reports = _Reports(report, begun=bool(self._taken))
+        with _quick_turns(), ThreadPoolExecutor(1, "saver") as saver:
+            try:
+                with closing(self._prepared(todo)) as prepared:
+                    for number, found in prepared:
+                        for sentence in found.warnings:
+                            self._doubt(sentence)
+                        outcome = self._render(number, found.made, todo, progress)
+                        if isinstance(outcome, Exception):
+                            reports.expect(saver.submit(self._fail, number, found, outcome))
+                        elif outcome.interrupted or outcome.failure is not None:
+                            interrupted, failure = outcome.interrupted, outcome.failure
+                            break
+                        else:
+                            reports.expect(saver.submit(self._save, number, found, outcome))
+            except KeyboardInterrupt:
+                interrupted = True
+            reports.catch_up()
+        if len(self._errors) == len(self._points):
+            raise self._errors[0]
+        reports.flush()
+        result = self._result(interrupted=interrupted)
+        if self._home is not None and any(taken.status != "missing" for taken in result.taken):
+            _publish(result, self._home)
+        if failure is not None:
+            raise OutputError(failure)
+        return result
+
+    # ---- What there is to do
+
+    def _todo(self) -> list[int]:
+        """The points that are not done, after those that are were taken over."""
+        if self._home is None:
+            return list(range(len(self._points)))
+        if self._home.folder.exists() and not self._home.folder.is_dir():
+            raise InputError(f"{self._home.folder}: is a file, not a folder")
+        check_file(self._home.folder / JSON)
+        self._home.clean()
+        if (self._home.folder / RECORDS).is_dir():
+            for number, point in enumerate(self._points):
+                with suppress(Exception):
+                    # What is wrong with it is told when it is its turn.
+                    self._identify(number)
+                    found = find_record(self._points[number], self._home.files(point), self._home.folder)
+                    if found is not None:
+                        self._taken[number] = found
+        return [number for number in range(len(self._points)) if number not in self._taken]
+
+    def _identify(self, number: int) -> SceneSpec:
+        """The scene of a point, whose digest is noted."""
+        if number in self._specs:
+            return self._specs[number]
+        point, settings = self._points[number], self._settings
+        spec = overridden(self._plan.spec, point.values)
+        if settings.preview:
+            spec = smaller(spec)
+        given = {
+            "spp": self._spp(spec),
+            "seed": settings.seed,
+            "crop": settings.crop,
+            "noise": settings.noise,
+            "time_limit": settings.time_limit,
+            "aovs": sorted(settings.aovs) or None,
+            "denoise": settings.denoise or None,
+        }
+        known = digest(
+            spec, **{name: list(value) if isinstance(value, tuple) else value for name, value in given.items()}
+        )
+        self._points[number] = replace(point, digest=known)
+        self._specs[number] = spec
+        return spec
+
+    def _spp(self, spec: SceneSpec) -> int | None:
+        spp = self._settings.spp
+        if self._settings.preview and self._settings.noise is None:
+            return min(spp or spec.render.spp, SPP)
+        return spp
+
+    def _weight(self, point: Point) -> float:
+        """How much work a point is against others, as far as its values tell."""
+        weight = 1.0
+        for key in _SIZES:
+            value = point.values.get(key, 1)
+            counts = isinstance(value, (int, float)) and value > 0
+            if counts and not (key == "render.spp" and self._settings.spp is not None):
+                weight *= value
+        return weight
+
+    # ---- Making ready
+
+    def _prepared(self, todo: Sequence[int]) -> Generator[tuple[int, _Prepared], None, None]:
+        """Points made ready in their order, each while the one before it is rendered."""
+        with ThreadPoolExecutor(1, "preparer") as preparer:
+            following: Future[_Prepared] | None = None
+            for place, number in enumerate(todo):
+                # The first one here, where an interrupt ends what may take long.
+                found = self._prepare(number) if following is None else following.result()
+                if place + 1 < len(todo):
+                    following = preparer.submit(self._prepare, todo[place + 1])
+                yield number, found
+
+    def _prepare(self, number: int) -> _Prepared:
+        """Make a point ready, or say why that cannot be."""
+        sentences: list[str] = []
+        settings = self._settings
+        began = now()
+        try:
+            spec = self._identify(number)
+            made = ready(
+                spec,
+                load_seconds=now() - began,
+                spp=self._spp(spec),
+                seed=settings.seed,
+                threads=self._threads,
+                crop=settings.crop,
+                noise=settings.noise,
+                time_limit=settings.time_limit,
+                aovs=settings.aovs,
+                denoise=settings.denoise,
+                warn=sentences.append,
+                strict=settings.strict,
+                stock=self._stock,
+                cluster=self._cluster,
+            )
+            camera = camera_numbers(made.packed)
+        except Exception as error:  # noqa: BLE001
+            return _Prepared(self._points[number], error, {}, tuple(sentences))
+        finally:
+            self._specs.pop(number, None)
+        return _Prepared(self._points[number], made, camera, tuple(sentences))
+
+    # ---- Rendering
+
+    def _render(
+        self, number: int, made: Ready | Exception, todo: Sequence[int], progress: Callable[[Done], object] | None
+    ) -> Rendered | Exception:
+        """The picture of a point, or what went wrong."""
+        if isinstance(made, Exception):
+            return made
+        whole = sum(self._weights[i] for i in todo)
+        before = sum(self._weights[i] for i in todo if i < number)
+        name = self._points[number].name
+
+        def tell(render: Progress) -> None:
+            if progress is not None:
+                part = render.done / render.wanted if render.wanted else 1.0
+                share = (before + part * self._weights[number]) / whole
+                progress(Done(share, len(self._taken), len(self._points), name))
+
+        try:
+            return made.render(progress=tell)
+        except Exception as error:  # noqa: BLE001
+            return error
+
+    # ---- Keeping
+
+    def _save(self, number: int, found: _Prepared, rendered: Rendered) -> Taken:
+        """Write a point's images, and what is known of it."""
+        stats = rendered.stats
+        taken = Taken(
+            found.point,
+            "done",
+            camera=dict(found.camera),
+            exposure=dict(stats.exposure),
+            seconds=dict(stats.seconds),
+            samples=float(stats.spp["mean"]),
+            rays=stats.rays,
+            error={name: stats.error[name] for name in ("relative", "low", "high") if name in stats.error},
+            nan_samples=stats.nan_samples,
+            complete=rendered.complete,
+            warnings=found.warnings,
+        )
+        if self._home is None:
+            self._images[number] = rendered.image
+            return self._settle(number, taken)
+        folder = self._home.folder
+        taken = replace(taken, files=self._home.files(found.point))
+        try:
+            for name in taken.files:
+                rendered.image.save(folder / name)
+            write_record(taken, folder)
+        except Exception as error:  # noqa: BLE001
+            return self._fail(number, found, error)
+        return self._settle(number, taken)
+
+    def _fail(self, number: int, found: _Prepared, error: Exception) -> Taken:
+        """Note why there is no picture of a point."""
+        self._errors.append(error)
+        return self._settle(
+            number, Taken(found.point, "failed", _sentence(error), camera=dict(found.camera), warnings=found.warnings)
+        )
+
+    def _settle(self, number: int, taken: Taken) -> Taken:
+        """Note what became of a point, now and then in the manifest too, if any picture is there."""
+        with self._lock:
+            self._taken[number] = taken
+        # It tells of all points, so after each one it would take a sweep's time squared: after 1, 2, 4, ... of them.
+        settled = len(self._taken) - self._kept
+        is_time = settled & (settled - 1) == 0
+        if self._home is not None and is_time and len(self._errors) < len(self._taken):
+            with suppress(OutputError):
+                # What cannot be written now is told of when it is written for the last time.
+                write_manifest(self._result(), self._home.folder)
+        return taken
+
+    def _doubt(self, sentence: str) -> None:
+        """Warn, once."""
+        if sentence not in self._told:
+            self._told.add(sentence)
+            self._warn(sentence)
+
+    def _result(self, *, interrupted: bool = False) -> Sweep:
+        with self._lock:
+            settled = dict(self._taken)
+        taken = tuple(settled.get(i) or Taken(point, "missing") for i, point in enumerate(self._points))
+        pictures = () if self._home is not None else tuple(self._images.get(i) for i in range(len(self._points)))
+        folder = None if self._home is None else self._home.folder
+        return Sweep(
+            self._plan.name, self._plan.axes, self._plan.zipped, taken, folder, interrupted, self._kept, pictures
+        )
+
+
+class _Reports:
+    """Tells of points as they are settled; of failures only once there is a picture: if all fail, one error says so."""
+
+    def __init__(self, report: Callable[[Taken], object] | None, *, begun: bool) -> None:
+        self._report, self._begun = report, begun
+        self._saved: deque[Future[Taken]] = deque()
+        self._held: list[Taken] = []
+
+    def expect(self, saved: Future[Taken]) -> None:
+        """Take a point that is being saved, once at most one other is."""
+        self._saved.append(saved)
+        self.catch_up(leave=1)
+
+    def catch_up(self, *, leave: int = 0) -> None:
+        """Wait until at most `leave` points are being saved."""
+        while len(self._saved) > leave:
+            taken = self._saved.popleft().result()
+            self._held.append(taken)
+            self._begun |= taken.status == "done"
+            if self._begun:
+                self.flush()
+
+    def flush(self) -> None:
+        """Tell of all that is known."""
+        for taken in self._held:
+            if self._report is not None:
+                self._report(taken)
+        self._held.clear()
+
+
+@contextmanager
+def _quick_turns() -> Iterator[None]:
+    """Let threads that render have their turns while another one works in Python.
+
+    A thread that has finished a tile, about every millisecond, needs the interpreter's lock for a moment, and would
+    wait for it for 5 ms by default.
+    """
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(min(before, _TURN_SECONDS))
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
+
+
+def _publish(sweep: Sweep, home: _Home) -> None:
+    """Write what shows a sweep as a whole."""
+    write_manifest(sweep, home.folder)
+    if any(taken.status == "done" for taken in sweep.taken):
+        images = partial(_shown, home.folder)
+        write_sheet(sweep, images)
+        write_page(sweep, images)
+        for kind in home.animate:
+            write_animation(sweep, images, kind, fps=home.fps)
+
+
+def _shown(folder: Path, taken: Taken) -> NDArray[np.uint8] | None:
+    """A point's picture, uint8 (height, width, 3), as its file for display holds it."""
+    import PIL.Image
+
+    if not taken.files:
+        return None
+    with PIL.Image.open(folder / taken.files[0]) as file:
+        return np.asarray(file.convert("RGB"))
+
+
+def camera_numbers(packed: Packed) -> dict[str, float]:
+    """A packed scene's camera in numbers, as `rt explain` has them."""
+    view = View(packed.spec, packed.scene.camera, packed.shift)
+    return view.numbers | depth_of_field(view, None) | exposure(packed.spec)
+
+
+def strangers(sweep: Sweep) -> list[str]:
+    """Names of images in the sweep's folder that are none of its points': an earlier sweep's, perhaps."""
+    if sweep.folder is None:
+        return []
+    own = {name for taken in sweep.taken for name in taken.files} | {SHEET} | {f"{STEM}.{kind}" for kind in KINDS}
+    images = (path.name for path in sweep.folder.iterdir() if path.suffix.lower() in (".png", ".jpg", ".jpeg", ".exr"))
+    return sorted(name for name in images if name not in own)
+
+
+def _sentence(error: Exception) -> str:
+    """Why a point failed."""
+    if isinstance(error, (InputError, OutputError)):
+        return one_line(str(error))
+    if isinstance(error, MemoryError):
+        return "out of memory"
+    return one_line(f"internal error, {type(error).__name__}: {error}")
+
+
+def _warn(sentence: str) -> None:
+    """Warn at the line that called `sweep`."""
+    warnings.warn(sentence, SceneWarning, stacklevel=5)

@@ -1,0 +1,329 @@
+"""Texts that stand for many values of a key.
+
+| text | values |
+|---|---|
+| `1.4,2,2.8` | those; each as on any command line: `50 mm`, `ball`, `[1, 0, 0]` |
+| `2:10:5` | from 2 to 10 in 5 equal steps of difference, both ends included |
+| `1:100:5:log` | from 1 to 100, each the same multiple of the one before |
+| `1.4..22` | stops of exposure, each with half or twice the light of the one before; `1.4..22/2` halves, `/3` thirds |
+
+A list may hold ranges too: `1:4:4,inf`.
+
+Stops are exact: apertures are powers of the square root of 2, times powers of 2, speeds 100 times these.  What is
+engraved on lenses and dials rounds them, and is taken for what it stands for: in `1.4..22` the value of 1.4 is 1.41421,
+and in `1/1000..1/30` that of 1/1000 s is 1/1024 s.  In a list, which is no range, 1.4 is 1.4.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+from raytracer.errors import shortened, shown
+from raytracer.scene.document import parse
+from raytracer.scene.load import as_yaml
+from raytracer.sweeping.points import Axis
+from raytracer.sweeping.stops import SCALES, stops
+from raytracer.units import Dimension, parse_quantity
+
+# Values of one key: far more than anybody looks at, and few enough for any machine.
+_MOST_VALUES = 100_000
+
+# Decimals that logarithmic steps are rounded to, so that 10 is 10 and not 9.999999999999998.
+_LOG_DIGITS = 15
+
+# Digits at which a label stops being short, and that the shortest label of a rounded number has.
+_LABEL_WIDTH, _LABEL_DIGITS = 7, 4
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_END = re.compile(rf"({_NUMBER})(?:\s*/\s*({_NUMBER}))?\s*([^\W\d_/:.]+(?:/[^\W\d_]+)?|°(?:/s)?)?")
+_STARTS_AS_NUMBER = re.compile(r"\s*[-+]?(?:\.?\d|\.?inf\b)")
+_PART = re.compile(r"(.*?)\s*/\s*(\d+)\s*")
+
+_DIMENSIONS: Mapping[Dimension, str] = {
+    "length": "m",
+    "angle": "deg",
+    "time": "s",
+    "speed": "m/s",
+    "rate": "deg/s",
+    "frequency": "Hz",
+    "temperature": "K",
+}
+"""Dimensions by the unit that their numbers are in."""
+
+
+class _Value(NamedTuple):
+    value: Any
+    label: str
+    """Empty for a number that has none of its own."""
+
+
+class Given(NamedTuple):
+    """Values of a key, and whether it is one value alone, which is no axis but the same for all points."""
+
+    axis: Axis
+    fixed: bool
+
+
+# ---- Keys and their values
+
+
+def read_text(key: str, text: str, source: str) -> Given:
+    """The values that a text stands for.
+
+    source : what gave it, as errors call it: an option of the command line.
+
+    Raises
+    ------
+    ValueError : it is no such text; the message continues `source: `.
+    SceneError : a value is not YAML.
+    """
+    items = _split(text)
+    values: list[_Value] = []
+    is_range = False
+    for item in items:
+        if not item.strip() and len(items) > 1:
+            raise ValueError("has an empty value between its commas")
+        found = _range(key, item.strip())
+        is_range |= found is not None
+        values += [_plain(item.strip(), source)] if found is None else found
+        if len(values) > _MOST_VALUES:
+            raise ValueError(f"has more than {_MOST_VALUES} values")
+    return Given(_axis(key, values), len(items) == 1 and not is_range)
+
+
+def read_value(key: str, given: Any, source: str) -> Given:
+    """The values that a Python value, or one of YAML, stands for: a text as `read_text` has it, or a list of them.
+
+    Raises
+    ------
+    ValueError : a text that is none, an empty list, or a value twice; the message continues `source: `.
+    SceneError : a value is not YAML.
+    """
+    if isinstance(given, str):
+        return read_text(key, given, source)
+    if hasattr(given, "tolist"):
+        given = given.tolist()
+    if isinstance(given, Sequence | range):
+        if len(given) == 0:
+            raise ValueError("has no values")
+        return Given(_axis(key, [_Value(value, _own_label(value)) for value in given]), fixed=False)
+    return Given(one_value(key, given), fixed=True)
+
+
+def one_value(key: str, value: Any) -> Axis:
+    """An axis of one value, whatever it is."""
+    return _axis(key, [_Value(value, _own_label(value))])
+
+
+def _split(text: str) -> list[str]:
+    """`text` at those of its commas that are not within brackets or quotes."""
+    items, depth, quote, begin = [], 0, "", 0
+    for i, character in enumerate(text):
+        if quote:
+            quote = "" if character == quote else quote
+        elif character in "\"'" and not text[begin:i].strip():
+            quote = character
+        elif character in "[{":
+            depth += 1
+        elif character in "]}":
+            depth -= 1
+        elif character == "," and depth <= 0:
+            items.append(text[begin:i])
+            begin = i + 1
+    return [*items, text[begin:]]
+
+
+def _plain(text: str, source: str) -> _Value:
+    """A value that is no range."""
+    root = parse(text, "", option=source)
+    value = None if root is None else root.plain()
+    return _Value(value, text if _is_number(value) else _own_label(value))
+
+
+def _own_label(value: Any) -> str:
+    """What a value is called where nobody wrote it; empty for numbers, which are told apart by `_axis`."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return as_yaml(value)
+    return ""
+
+
+def _axis(key: str, values: Sequence[_Value]) -> Axis:
+    """The values with labels that tell them apart.
+
+    Raises
+    ------
+    ValueError : a value is there twice.
+    """
+    seen: dict[str, str] = {}
+    for number, (value, label) in enumerate(values):
+        same = repr(float(value)) if _is_number(value) else as_yaml(value)
+        if same in seen:
+            raise ValueError(f"has the value {shortened(label or as_yaml(value))} twice")
+        seen[same] = label or str(number)
+    own = [value for value, label in values if not label]
+    numbers = iter(_labels(own))
+    labels = [shortened(label) if label else next(numbers) for _, label in values]
+    if len(set(labels)) < len(labels):
+        labels = [label if labels.count(label) == 1 else f"{label} #{i + 1}" for i, label in enumerate(labels)]
+    return Axis(key, tuple(value for value, _ in values), tuple(labels))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _labels(values: Sequence[Any]) -> list[str]:
+    """Short texts of numbers, or of numbers with units, that differ as the numbers do."""
+    whole = [_shortest(value) for value in values]
+    if all(len(text) <= _LABEL_WIDTH for text in whole):
+        return whole
+    for digits in range(_LABEL_DIGITS, 17):
+        rounded = [
+            text if len(text) <= _LABEL_WIDTH else _shortest(float(f"{value:.{digits}g}"))
+            for text, value in zip(whole, values, strict=True)
+        ]
+        if len(set(rounded)) == len(rounded):
+            return rounded
+    return whole
+
+
+def _shortest(value: float) -> str:
+    return repr(value).removesuffix(".0")
+
+
+# ---- Ranges
+
+
+class _End(NamedTuple):
+    """An end of a range: a number, exactly as written, and its unit, which may be empty."""
+
+    number: Fraction
+    unit: str
+
+
+def _range(key: str, item: str) -> list[_Value] | None:
+    """The values of a range; None if the item is none."""
+    if not _STARTS_AS_NUMBER.match(item):
+        return None
+    if ".." in item:
+        start, _, stop = item.partition("..")
+        return _stops(key, start, stop)
+    if ":" in item:
+        return _steps(item.split(":"))
+    return None
+
+
+def _end(text: str) -> _End:
+    match = _END.fullmatch(text.strip())
+    if match is None:
+        raise ValueError(f"is a range whose end {shown(text.strip())} is no finite number (such as 2, 1/125 or 50 mm)")
+    numerator, denominator, unit = match.groups()
+    if denominator is not None and Fraction(denominator) == 0:
+        raise ValueError(f"divides by zero in {shown(text.strip())}")
+    return _End(Fraction(numerator) / Fraction(denominator or 1), unit or "")
+
+
+def _alike(start: _End, stop: _End) -> tuple[_End, _End]:
+    """Both ends in one unit: that of one of them stands for both; units that differ become the base unit."""
+    if start.unit == stop.unit:
+        return start, stop
+    if not start.unit or not stop.unit:
+        unit = start.unit or stop.unit
+        return _End(start.number, unit), _End(stop.number, unit)
+    for dimension, unit in _DIMENSIONS.items():
+        try:
+            numbers = [parse_quantity(f"{float(end.number)!r} {end.unit}", dimension) for end in (start, stop)]
+        except ValueError:
+            continue
+        return _End(Fraction(repr(numbers[0])), unit), _End(Fraction(repr(numbers[1])), unit)
+    raise ValueError(f"has ends in {shown(start.unit)} and {shown(stop.unit)}, which are no units of one kind")
+
+
+def _steps(parts: Sequence[str]) -> list[_Value]:
+    """The values of start:stop:count, or start:stop:count:log."""
+    if len(parts) < 3:
+        raise ValueError("is a range without a count: start:stop:count, such as 2:10:5")
+    is_log = len(parts) == 4 and parts[3].strip() == "log"
+    if len(parts) > 3 and not is_log:
+        raise ValueError(f"ends in {shown(':'.join(parts[3:]))}; only 'log' may follow the count, as in 1:100:5:log")
+    start, stop = _alike(_end(parts[0]), _end(parts[1]))
+    if not re.fullmatch(r"\s*\+?\d+\s*", parts[2]):
+        raise ValueError(f"has the count {shown(parts[2].strip())}; it must be a whole number")
+    count = int(parts[2])
+    if count < 1:
+        raise ValueError("is an empty range: its count must be at least 1")
+    if count > _MOST_VALUES:
+        raise ValueError(f"has more than {_MOST_VALUES} values")
+    if count == 1 and start != stop:
+        raise ValueError("has different ends but a count of 1: one value cannot be both")
+    if count > 1 and start == stop:
+        raise ValueError(f"has equal ends, so its {count} values are one")
+    if is_log and start.number * stop.number <= 0:
+        raise ValueError("is logarithmic, so both of its ends must be greater than 0, or both less")
+    numbers = list(
+        _geometric(start.number, stop.number, count) if is_log else _linear(start.number, stop.number, count)
+    )
+    return _with_unit(numbers, start.unit)
+
+
+def _linear(start: Fraction, stop: Fraction, count: int) -> Iterator[float]:
+    """Equal steps of difference, in exact arithmetic, so that 0.1:0.7:7 has 0.3 and not 0.30000000000000004."""
+    for i in range(count):
+        yield float(start + (stop - start) * Fraction(i, max(count - 1, 1)))
+
+
+def _geometric(start: Fraction, stop: Fraction, count: int) -> Iterator[float]:
+    """Equal steps of ratio."""
+    first, ratio = float(start), float(stop / start)
+    for i in range(count):
+        yield float(f"{first * ratio ** (i / max(count - 1, 1)):.{_LOG_DIGITS}g}")
+
+
+def _with_unit(numbers: Sequence[float], unit: str) -> list[_Value]:
+    """Numbers as values: whole ones as such, and as texts where they have a unit."""
+    whole = [int(number) if number.is_integer() and abs(number) < 2.0**53 else number for number in numbers]
+    if not unit:
+        return [_Value(number, "") for number in whole]
+    labels = _labels(whole)
+    return [_Value(f"{number!r} {unit}", f"{label} {unit}") for number, label in zip(whole, labels, strict=True)]
+
+
+# ---- Stops
+
+
+def _stops(key: str, start_text: str, stop_text: str) -> list[_Value]:
+    """The values of start..stop, start..stop/2 or start..stop/3."""
+    scale = SCALES.get(key.rpartition(".")[2])
+    if scale is None:
+        raise ValueError(
+            f"asks for stops, which are known of {', '.join(SCALES)} alone; for others there are "
+            "start:stop:count and start:stop:count:log"
+        )
+    stop_text, parts = _parts(stop_text)
+    start, stop = _alike(_end(start_text), _end(stop_text))
+    if start.number <= 0 or stop.number <= 0:
+        raise ValueError("is a range of stops, so both of its ends must be greater than 0")
+    if start == stop:
+        raise ValueError("is an empty range: its ends are equal")
+
+    # Marks are engraved in the unit that plain numbers are in.
+    if start.unit and start.unit != scale.unit:
+        scale = scale._replace(base=1.0, unit="", marks={})
+    unit = start.unit or scale.unit
+    found = stops(scale, float(start.number), float(stop.number), parts)
+    named = _with_unit(found.values, unit)
+    values = _with_unit(found.values, "") if unit == scale.unit else named
+    labels = [f"{mark} {unit}".strip() if mark else own.label for mark, own in zip(found.marks, named, strict=True)]
+    return [_Value(value, label) for (value, _), label in zip(values, labels, strict=True)]
+
+
+def _parts(stop: str) -> tuple[str, int]:
+    """The end of a range of stops, and into how many parts each stop is divided.
+
+    `22/3` is 22 in thirds; `1/3`, one over something, is a fraction as shutters have them.
+    """
+    match = _PART.fullmatch(stop)
+    if match is None or match[1].strip() in ("1", "+1"):
+        return stop, 1
+    return match[1], int(match[2])

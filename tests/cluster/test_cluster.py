@@ -1,0 +1,287 @@
+"""Renders by a Dask scheduler and workers that are processes of their own on this machine."""
+
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from raytracer.cli.main import main
+from raytracer.cluster import Cluster, connection, engagement
+from raytracer.cluster.fitness import Fingerprint, fingerprint, obstacle
+from raytracer.errors import InputError, StrictError
+from raytracer.rendering import Progress, Rendered, render
+from raytracer.scene.load import load
+from raytracer.scene.spec import SceneSpec
+from tests.cluster.machines import Machines, machines
+from tests.rendering import scene
+from tests.repository import REFERENCES, SCENES
+from tests.test_adaptive import HALVES
+
+pytest.importorskip("distributed")
+
+MESH = "\n  - {type: mesh, file: solids/octahedron.obj, transform: [{scale: 0.4}], material: {type: lambertian}}\n"
+
+
+@pytest.fixture(scope="module")
+def three(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machines]:
+    """A scheduler and three workers."""
+    with machines(tmp_path_factory.mktemp("machines")) as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def cluster(three: Machines) -> Iterator[Cluster]:
+    with Cluster(three.address) as connected:
+        yield connected
+
+
+@pytest.fixture
+def spec(tmp_path: Path) -> SceneSpec:
+    """A scene with a file, which the workers cannot find by its name."""
+    (tmp_path / "solids").mkdir()
+    (tmp_path / "solids" / "octahedron.obj").write_bytes((REFERENCES / "octahedron.obj").read_bytes())
+    return scene(HALVES.rstrip() + MESH, width=44, height=36, spp=37, max_depth=4, base=tmp_path)
+
+
+def assert_same(a: Rendered, b: Rendered) -> None:
+    """Everything that a picture and its file hold, bit for bit."""
+    np.testing.assert_array_equal(a.image.radiance, b.image.radiance)
+    assert a.image.variance is not None
+    assert b.image.variance is not None
+    np.testing.assert_array_equal(a.image.variance, b.image.variance)
+    assert a.image.settings == b.image.settings
+    assert (a.complete, a.stats.rays, a.stats.error) == (b.complete, b.stats.rays, b.stats.error)
+
+
+def test_three_workers_give_the_bits_of_one_machine(cluster: Cluster, spec: SceneSpec) -> None:
+    here = render(spec, threads=2)
+    far = render(spec, cluster=cluster)
+    assert_same(far, here)
+    assert 1 <= len(far.stats.workers) <= 3
+    assert all(worker.startswith("tcp://127.0.0.1:") for worker in far.stats.workers)
+    assert here.stats.workers == []
+
+    # Once more, with other settings, where workers have the file.
+    far = render(spec, seed=5, noise=0.1, cluster=cluster)
+    assert_same(far, render(spec, seed=5, noise=0.1, threads=2))
+
+
+def test_the_command_renders_on_a_cluster(
+    three: Machines, spec: SceneSpec, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "halves.yaml"
+    spec.save(path)
+    here, far = tmp_path / "here.npy", tmp_path / "far.npy"
+    assert main(["render", str(path), "-q", "-o", str(here)]) == 0
+    said = capsys.readouterr().err
+    assert main(["render", str(path), "-q", "-o", str(far), "--cluster", three.address]) == 0
+    assert far.read_bytes() == here.read_bytes()
+    assert capsys.readouterr().err == said
+
+
+def test_several_renders_share_a_cluster(cluster: Cluster, spec: SceneSpec) -> None:
+    found: dict[int, Rendered] = {}
+
+    def work(seed: int) -> None:
+        found[seed] = render(spec, seed=seed, cluster=cluster)
+
+    threads = [threading.Thread(target=work, args=(seed,)) for seed in (1, 2, 3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for seed in (1, 2, 3):
+        assert_same(found[seed], render(spec, seed=seed, threads=2))
+
+
+# ---- Who may take part
+
+
+def test_a_worker_of_another_version_is_refused(
+    cluster: Cluster, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = fingerprint()._replace(versions={**fingerprint().versions, "numba": "0.1"})
+    monkeypatch.setattr(engagement, "fingerprint", lambda: other)
+    told: list[str] = []
+    with pytest.raises(InputError, match=r"^worker tcp://127\S* has numba .*, and here it is 0.1; install the same"):
+        render(spec, cluster=cluster, warn=told.append)
+
+
+def test_another_instruction_set_is_told_and_refused_if_strict(
+    cluster: Cluster, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = fingerprint()._replace(processor="vax")
+    monkeypatch.setattr(engagement, "fingerprint", lambda: other)
+    told: list[str] = []
+    assert render(spec, cluster=cluster, warn=told.append).complete
+    assert len([sentence for sentence in told if "has another instruction set than this machine" in sentence]) == 1
+    with pytest.raises(StrictError, match="instruction set"):
+        engagement_only(cluster, spec, strict=True)
+
+
+def engagement_only(cluster: Cluster, spec: SceneSpec, **settings: Any) -> None:
+    """Take samples without the doubts that the scene itself raises."""
+    from raytracer.scheduling import Crew
+
+    cluster.engage(spec, **settings).run(lambda: None, lambda errand, haul: None, Crew(1), time.perf_counter() + 30.0)
+
+
+def test_what_differs_is_named() -> None:
+    here = Fingerprint({"rt": "2.0", "Python": "3.12.1"}, "abc", "vax")
+    assert obstacle(here, here) is None
+    assert obstacle(here, here._replace(processor="pdp")) is None
+    there = here._replace(versions={"rt": "1.0", "Python": "3.12.1"})
+    assert obstacle(here, there) == "has rt 1.0, and here it is 2.0; install the same versions on all machines"
+    there = here._replace(program="def")
+    assert obstacle(here, there) == "has other sources of rt 2.0 than there are here; install the same, and restart it"
+
+
+# ---- Nobody there
+
+
+def test_no_scheduler(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(connection, "CONNECT_SECONDS", 0.3)
+    with pytest.raises(
+        InputError, match=r"^tcp://127.0.0.1:9: no Dask scheduler answers within 0.3 s; `dask scheduler`"
+    ):
+        Cluster("tcp://127.0.0.1:9")
+    with pytest.raises(InputError, match="pigeon://roof: is no address of a Dask scheduler"):
+        Cluster("pigeon://roof")
+    with pytest.raises(InputError, match=r"tls://127.0.0.1:9: needs certificates"):
+        Cluster("tls://127.0.0.1:9")
+    assert main(["render", str(SCENES / "cornell.yaml"), "--cluster", "tcp://127.0.0.1:9", "-q"]) == 2
+    assert capsys.readouterr().err.startswith("rt: tcp://127.0.0.1:9: no Dask scheduler answers")
+
+
+def test_no_dask(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError, match=r"pip install 'raytracer\[cluster\]'"):
+        Cluster("tcp://127.0.0.1:9")
+
+
+def test_nothing_of_dask_is_imported_unless_it_is_used() -> None:
+    code = "import sys, raytracer.cluster, raytracer.cli.main; assert not {'dask', 'distributed'} & sys.modules.keys()"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_no_workers(three: Machines, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[str] = []
+    monkeypatch.setattr(engagement, "SAY_AFTER", 0.2)
+    with Cluster(three.address, patience=0.5, say=told.append) as empty:
+        monkeypatch.setattr(empty.client, "nthreads", dict)
+        with pytest.raises(InputError, match=r"has had no workers for 0.5 s; `dask worker tcp://127.*` starts one"):
+            render(spec, cluster=empty)
+    assert told == [f"{three.address} has no workers; waiting for one, up to 0.5 s"]
+
+
+# ---- Workers that come and go
+
+
+class _Watch:
+    """Calls something in its own thread once a render is so far, in part of its samples."""
+
+    def __init__(self, **steps: Callable[[], object]) -> None:
+        self._steps = sorted((float(name.removeprefix("at_")) / 100.0, step) for name, step in steps.items())
+
+    def __call__(self, progress: Progress) -> None:
+        while self._steps and progress.done >= self._steps[0][0] * progress.wanted:
+            self._steps.pop(0)[1]()
+
+
+@pytest.fixture(scope="module")
+def long() -> SceneSpec:
+    """Some ten seconds of work of one thread, on a scene that is compiled already."""
+    return scene(HALVES, width=160, height=120, spp=2000, max_depth=4)
+
+
+@pytest.fixture(scope="module")
+def expected(long: SceneSpec) -> Rendered:
+    return render(long, threads=2)
+
+
+@pytest.mark.slow
+def test_a_worker_that_is_killed_changes_nothing(tmp_path: Path, long: SceneSpec, expected: Rendered) -> None:
+    with machines(tmp_path, workers=2) as found, Cluster(found.address) as cluster:
+        victim = found.worker()
+        watch = _Watch(at_30=lambda: found.kill(victim))
+        assert_same(render(long, cluster=cluster, progress=watch), expected)
+        assert victim.poll() is not None
+
+
+@pytest.mark.slow
+def test_a_worker_that_comes_late_takes_part(tmp_path: Path, long: SceneSpec, expected: Rendered) -> None:
+    with machines(tmp_path, workers=1) as found, Cluster(found.address) as cluster:
+        far = render(long, cluster=cluster, progress=_Watch(at_5=lambda: found.worker(threads=2)))
+        assert_same(far, expected)
+        assert len(far.stats.workers) == 2
+
+
+@pytest.mark.slow
+def test_all_may_die_if_another_comes(tmp_path: Path, long: SceneSpec, expected: Rendered) -> None:
+    told: list[str] = []
+    with machines(tmp_path, workers=0) as found, Cluster(found.address, say=told.append) as cluster:
+        first = [found.worker(), found.worker()]
+
+        def disaster() -> None:
+            for worker in first:
+                found.kill(worker)
+            threading.Timer(4.0, found.worker).start()
+
+        far = render(long, cluster=cluster, progress=_Watch(at_30=disaster))
+        assert_same(far, expected)
+        assert 2 <= len(far.stats.workers) <= 3
+    assert any("has no workers; waiting for one" in sentence for sentence in told)
+
+
+@pytest.mark.slow
+def test_a_lost_scheduler_leaves_the_picture_so_far(
+    tmp_path: Path, long: SceneSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connection, "CONNECT_SECONDS", 2.0)
+    with machines(tmp_path, workers=2) as found:
+        time.sleep(3.0)
+        with Cluster(found.address) as cluster:
+            far = render(long, cluster=cluster, progress=_Watch(at_30=lambda: found.kill(found.scheduler)))
+    assert far.failure == "the cluster is lost: its scheduler does not answer any more"
+    assert not far.complete
+    assert 0 < far.fewest_samples < 2000
+    assert np.all(np.isfinite(far.image.radiance))
+
+
+@pytest.mark.slow
+def test_ctrl_c_leaves_the_picture_so_far(cluster: Cluster, long: SceneSpec) -> None:
+    def press() -> None:
+        raise KeyboardInterrupt
+
+    far = render(long, cluster=cluster, progress=_Watch(at_30=press))
+    assert far.interrupted
+    assert far.failure is None
+    assert 0 < far.fewest_samples < 2000
+    # Nothing of it goes on there.
+    assert_same(render(long, spp=8, cluster=cluster), render(long, spp=8, threads=2))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "keys"),
+    [
+        ("textures", {}),
+        ("smoke", {"render.clamp": 5}),
+        ("instances", {}),
+        ("cover", {"render.sampler": "stratified"}),
+    ],
+)
+def test_every_effect_goes_along(cluster: Cluster, name: str, keys: dict[str, Any]) -> None:
+    shown = load(SCENES / f"{name}.yaml", {"film.width": 40, "film.height": 30, "render.spp": 20, **keys})
+    aovs = ("normal", "depth", "object_id", "direct", "coverage", "samples")
+    here, far = render(shown, aovs=aovs, threads=2), render(shown, aovs=aovs, cluster=cluster)
+    assert_same(far, here)
+    assert here.stats.clamp == far.stats.clamp
+    for layer in aovs:
+        np.testing.assert_array_equal(far.image.layers[layer], here.image.layers[layer])

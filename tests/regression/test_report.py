@@ -1,0 +1,146 @@
+"""The page of a check, in a browser: what failed is seen, and the numbers are those of the verdict."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from raytracer.comparison import z_test
+from raytracer.film.image import Image
+from raytracer.regression.checking import TILE, Checked
+from raytracer.regression.references import Recipe, Reference
+from raytracer.regression.report import report
+from tests.regression.made_up import HEIGHT, WIDTH, truth
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+
+def result(name: str, change: float = 1.0, light: float = 1.0, **settings: Any) -> Checked:
+    """What a check has found of a picture that is brighter by a factor, of so much light."""
+    rng = np.random.default_rng(len(name))
+    recipe = Recipe("../scene.yaml", {"film.width": WIDTH}, 4096, 12345, "0.1.0", {})
+    mean = light * truth()
+    kept = Reference(mean, (0.3 * mean) ** 2 / 4096, recipe)
+    variance = (0.3 * mean) ** 2 / 256
+    image = Image(change * (mean + np.sqrt(variance) * rng.standard_normal(mean.shape)), change**2 * variance, 256)
+    verdict = z_test(image.radiance, image.variance, kept.mean, kept.variance, TILE)
+    return Checked(
+        name,
+        Path("references") / f"{name}.npz",
+        verdict.passed,
+        verdict.reason,
+        scene="../scene.yaml",
+        spp=256,
+        seed=12346,
+        finds=0.01,
+        reference=kept,
+        image=image,
+        verdict=verdict,
+        **settings,
+    )
+
+
+@pytest.fixture
+def shown(tmp_path: Path, open_page: "Callable[..., Page]") -> "Callable[..., Page]":
+    def show(*results: Checked, fragment: str = "") -> "Page":
+        path = tmp_path / "check.html"
+        path.write_bytes(report(results))
+        return open_page(path, fragment)
+
+    return show
+
+
+# Average colour of what an image of the page holds.
+MEAN_COLOUR = """async (image) => {
+  await image.decode();
+  const canvas = new OffscreenCanvas(image.naturalWidth, image.naturalHeight);
+  const context = canvas.getContext("2d");
+  context.drawImage(image, 0, 0);
+  const { data } = context.getImageData(0, 0, canvas.width, canvas.height);
+  const sum = [0, 0, 0];
+  data.forEach((value, index) => { if (index % 4 < 3) sum[index % 4] += value; });
+  return [canvas.width, canvas.height, ...sum.map((value) => value / (data.length / 4))];
+}"""
+
+
+def test_what_failed_comes_first_with_its_pictures_and_numbers(shown: "Callable[..., Page]") -> None:
+    good, bad = result("good"), result("bad", 1.01, changes=("the scene",))
+    gone = Checked("gone", Path("gone.npz"), passed=False, reason="gone.yaml: no such file", error=True)
+    page = shown(good, bad, gone)
+    assert page.title() == "rt check: 2 of 3 failed"
+    assert page.locator("h1").inner_text() == "2 of 3 failed"
+    assert page.locator("nav a").all_inner_texts() == ["bad", "gone", "good"]
+    sections = page.locator("section.result")
+    assert sections.count() == 3
+    first = sections.nth(0)
+    assert bad.reason in first.inner_text()
+    assert "the scene has changed since the reference was rendered" in first.inner_text()
+    assert "gone.yaml: no such file" in sections.nth(1).inner_text()
+    assert sections.nth(1).locator("img").count() == 0
+
+    # The numbers are those of the verdict.
+    assert bad.verdict is not None
+    rows = first.locator("table").nth(0).locator("tbody tr").all()
+    assert bad.image is not None
+    assert bad.reference is not None
+    now, kept = (values.mean(axis=(0, 1)) for values in (bad.image.radiance, bad.reference.mean))
+    for row, *expected in zip(rows, kept, now, 100 * (now - kept) / kept, bad.verdict.mean_z, strict=True):
+        told = [float(text.removesuffix(" %")) for text in row.locator("td").all_inner_texts()[1:]]
+        np.testing.assert_allclose(told, expected, rtol=0.05)
+    tests = first.locator("table").nth(1).locator("tbody tr")
+    assert tests.nth(0).locator(".bad").count() == 1
+
+    # The pictures are what they are called.
+    images = first.locator("figure > img")
+    kept, now, difference, pixels, tiles = (image.evaluate(MEAN_COLOUR) for image in images.all())
+    assert [image[:2] for image in (kept, now, difference, pixels, tiles)] == [[WIDTH, HEIGHT]] * 5
+    assert sum(now) > sum(kept)
+    for red, _, blue in (difference[2:], pixels[2:], tiles[2:]):
+        assert red > blue
+    wipe = first.locator(".wipe")
+    assert wipe.get_attribute("data-pictures") == "2"
+    assert wipe.locator(".wipe-label").all_inner_texts() == ["reference", "now"]
+
+
+def test_what_passed_is_seen_when_it_is_asked_for(shown: "Callable[..., Page]") -> None:
+    page = shown(result("one"), result("two"))
+    assert page.locator("h1").inner_text() == "2 passed"
+    assert page.locator("figure >> visible=true").count() == 0
+    page.locator("nav a").nth(1).click()
+    page.wait_for_selector("#result-1 figure >> visible=true")
+    page.wait_for_selector("#result-1 .wipe-divider")
+    assert page.locator("#result-0 figure >> visible=true").count() == 0
+
+
+def test_dark_pictures_are_brightened_and_bright_ones_dimmed(shown: "Callable[..., Page]") -> None:
+    page = shown(result("dark", 1.1, light=1e-3), result("light", 1.1, light=1e3), result("fair", 1.1))
+    means = [image.evaluate(MEAN_COLOUR)[2:] for image in page.locator("section.result figure:first-child > img").all()]
+    for mean in means:
+        assert 40.0 < np.mean(mean) < 220.0
+    texts = page.locator("section.result").all_inner_texts()
+    assert ["times its light" in text for text in texts] == [True, True, False]
+
+
+def test_names_are_text_and_no_html(shown: "Callable[..., Page]") -> None:
+    name = "<img src=x onerror=alert(1)></script><b>"
+    bad = Checked(name, Path("a.npz"), passed=False, reason=name, error=True)
+    page = shown(bad, result("good"))
+    assert page.locator("section.result h2").first.inner_text().startswith(name)
+    assert page.locator("b").count() == 0
+
+
+def test_values_that_are_not_finite_are_shown(shown: "Callable[..., Page]") -> None:
+    bad = result("bad")
+    assert bad.image is not None
+    bad.image.radiance[3, 4] = np.nan
+    assert bad.reference is not None
+    verdict = z_test(bad.image.radiance, bad.image.variance, *bad.reference[:2], TILE)
+    assert not verdict.passed
+    page = shown(
+        Checked("bad", bad.path, False, verdict.reason, reference=bad.reference, image=bad.image, verdict=verdict)
+    )
+    assert "not finite" in page.locator("section.result").inner_text()
+    assert page.locator("section.result figure > img").count() == 5

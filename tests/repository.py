@@ -1,0 +1,19 @@
+"""Where the repository has what tests use."""
+
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+SCENES = ROOT / "scenes"
+REFERENCES = Path(__file__).parent / "references"
+"""Small pictures of the scenes, and scenes that only they are made of (`make references`)."""
+
+GENERATED = {"million": "million.ply", "instances": "forest_russet.npy"}
+"""Scenes that are made of files which are not in the repository, and the last of these that is made."""
+
+
+def need_files_of(name: str) -> None:
+    """Skip the test if what the scene of this name is made of has not been made."""
+    if name in GENERATED and not (SCENES / "generated" / GENERATED[name]).exists():
+        pytest.skip(f"make scenes has not made what {name}.yaml is made of")

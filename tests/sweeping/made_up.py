@@ -1,0 +1,71 @@
+"""A sweep that nobody rendered: pictures of noise, and numbers of which each is its own."""
+
+from pathlib import Path
+
+import numpy as np
+import PIL.Image
+from numpy.typing import NDArray
+
+from raytracer.sweeping.points import Axis, Point, Sweep, Taken
+
+WIDTH, HEIGHT = 48, 32
+
+F_NUMBER = Axis("camera.f_number", (1.4, 2.0, 2.8, 4.0), ("1.4", "2", "2.8", "4"))
+FOCUS = Axis("camera.focus_distance", (2.0, 5.0, 10.0), ("2", "5", "10"))
+ALBEDO = Axis("materials.<b>&amp;.albedo", ([1, 0, 0], [0, 1, 0]), ("[1,0,0]", "[0,1,0]"))
+
+
+def picture(point: Point) -> NDArray[np.uint8]:
+    """Noise of the point's own."""
+    seed = sum(number * 10**place for place, number in enumerate(point.index))
+    return np.random.default_rng(seed).integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+
+
+def images(taken: Taken) -> NDArray[np.uint8] | None:
+    return picture(taken.point) if taken.status == "done" else None
+
+
+def made_up(
+    folder: Path | None,
+    axes: tuple[Axis, ...] = (F_NUMBER, FOCUS),
+    *,
+    zipped: bool = False,
+    failed: tuple[tuple[int, ...], ...] = (),
+    missing: tuple[tuple[int, ...], ...] = (),
+) -> Sweep:
+    """A sweep whose pictures are files in `folder`, if there is one."""
+    shape = (len(axes[0].values),) if zipped else tuple(len(axis.values) for axis in axes)
+    taken = []
+    for number, place in enumerate(np.ndindex(shape)):
+        index = place * len(axes) if zipped else place
+        values = {axis.key: axis.values[end] for axis, end in zip(axes, index, strict=True)}
+        name = " ".join(f"{axis.key.split('.')[-1]}={axis.labels[end]}" for axis, end in zip(axes, index, strict=True))
+        point = Point(index, values, name, f"{number:064x}")
+        if index in failed:
+            taken.append(Taken(point, "failed", "camera: <i>no</i> & never"))
+        elif index in missing:
+            taken.append(Taken(point, "missing"))
+        else:
+            taken.append(_done(point, number))
+            if folder is not None:
+                PIL.Image.fromarray(picture(point)).save(folder / f"{name}.png")
+    return Sweep("scene.yaml", axes, zipped, tuple(taken), folder)
+
+
+def _done(point: Point, number: int) -> Taken:
+    return Taken(
+        point,
+        "done",
+        files=(f"{point.name}.png", f"{point.name}.exr"),
+        camera={
+            "vfov_deg": 20.0,
+            "focus_distance_m": 2.0 + number,
+            "far_limit_m": 12.3456789 + number if number % 2 else float("inf"),
+        },
+        exposure={"shutter_s": 0.008, "iso": 100.0},
+        seconds={"load": 0.01, "render": 1.0 + 0.01 * number, "total": 1.2345 + 0.1 * number},
+        samples=64.0,
+        rays=123_456_789 + number,
+        error={"relative": 0.0123 + 0.001 * number, "low": 0.011, "high": 0.014},
+        warnings=("the lens is <wide>",) if number == 0 else (),
+    )

@@ -1,0 +1,122 @@
+"""Files of sweeps, and what is the same for all points."""
+
+from pathlib import Path
+
+import pytest
+
+from raytracer.errors import InputError, SceneError
+from raytracer.scene.load import load
+from raytracer.sweeping.plan import parse_definitions, planned
+
+SCENE = """\
+camera: {type: thin_lens, look_from: [0, 0, 5], look_at: [0, 0, 0], sensor: full_frame, focal_length: 50 mm}
+film: {width: 8, height: 6}
+environment: {type: constant, radiance: 1}
+objects: [{type: sphere, name: ball, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 0.5}}]
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    path = tmp_path / "scene.yaml"
+    path.write_text(SCENE)
+    return path
+
+
+def _sweep(scene: Path, text: str) -> Path:
+    path = scene.parent / "sweep.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_single_values_are_the_same_for_all_points(scene: Path) -> None:
+    plan = planned(scene, {"camera.f_number": "2,4", "film.width": "16", "film.height": 12})
+    assert [axis.key for axis in plan.axes] == ["camera.f_number"]
+    assert (plan.spec.film.width, plan.spec.film.height) == (16, 12)
+    assert plan.name == str(scene)
+
+
+def test_a_scene_in_memory(scene: Path) -> None:
+    plan = planned(load(scene), {"camera.f_number": [2, 4], "film.width": 16})
+    assert plan.spec.film.width == 16
+    assert plan.axes[0].values == (2, 4)
+
+
+def test_a_file_of_a_sweep(scene: Path) -> None:
+    path = _sweep(
+        scene,
+        """\
+scene: scene.yaml
+define: {film.width: 16, camera.look_at: [0, 1, 0]}
+sweep:
+  camera.f_number: 1.4..4
+  camera.focus_distance: [4, 1/2 m, inf]
+zip: false
+""",
+    )
+    plan = planned(path, {})
+    assert plan.spec.film.width == 16
+    assert plan.spec.camera.look_at == (0.0, 1.0, 0.0)
+    assert [axis.labels for axis in plan.axes] == [("1.4", "2", "2.8", "4"), ("4", "1/2 m", "inf")]
+    assert plan.name == str(scene)
+    assert not plan.zipped
+
+
+def test_options_stand_in_place_of_what_the_file_says(scene: Path) -> None:
+    path = _sweep(scene, "{scene: scene.yaml, sweep: {camera.f_number: '1.4,2'}, zip: true}")
+    plan = planned(path, {"camera.f_number": "8,11", "camera.focus_distance": "1,2"})
+    assert [axis.values for axis in plan.axes] == [(8, 11), (1, 2)]
+    assert plan.zipped
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("scene: scene.yaml\nsweep:\n  camera.f_number: 2:10\n", r"sweep\.yaml:3: sweep\.camera\.f_number: .* count"),
+        ("scene: scene.yaml\nsweep: {camera.f_number: []}\n", r"sweep\.yaml:2: sweep\.camera\.f_number: has no values"),
+        ("scene: scene.yaml\nsweep:\n  a: [1, 2]\nzp: true\n", r"sweep\.yaml:4: zp: .* did you mean 'zip'"),
+        ("scene: scene.yaml\nsweep: [1]\n", r"sweep\.yaml:2: sweep: must be a mapping"),
+        ("sweep: {a: [1, 2]}\n", r"sweep\.yaml:1: scene: is missing"),
+        ("sweep: {a: [1, 2]}\nscene: none.yaml\n", r"sweep\.yaml:2: scene: there is no file 'none.yaml'"),
+        ("scene: scene.yaml\nsweep:\n  a..b: [1, 2]\n", r"sweep\.yaml:3: sweep\.a\.\.b: .* is not a path"),
+        (
+            "scene: scene.yaml\ndefine: {a: 1}\nsweep: {a: [1, 2]}\n",
+            r"sweep\.yaml:3: sweep\.a: 'a' is under define too",
+        ),
+        ("scene: scene.yaml\ndefine: {film.with: 1}\nsweep: {film.height: [1, 2]}\n", r"did you mean 'width'"),
+    ],
+)
+def test_errors_name_file_and_line(scene: Path, text: str, says: str) -> None:
+    with pytest.raises(SceneError, match=says):
+        planned(_sweep(scene, text), {})
+
+
+def test_a_scene_that_needs_a_key_may_get_it_from_an_axis(scene: Path) -> None:
+    scene.write_text(SCENE.replace("width: 8, ", ""))
+    with pytest.raises(SceneError, match=r"film\.width: is missing"):
+        load(scene)
+    assert planned(scene, {"film.width": "8,16"}).spec.film.width == 8
+
+
+def test_the_first_value_may_be_wrong_where_others_are_not(scene: Path) -> None:
+    """It fails as a point, and the others are rendered."""
+    assert planned(scene, {"camera.f_number": "-1,2"}).axes[0].values == (-1, 2)
+
+
+@pytest.mark.parametrize(
+    ("definitions", "says"),
+    [
+        (["camera.vfov"], "must be key.path=values"),
+        (["a=1,2", "a=3"], "a is given twice"),
+    ],
+)
+def test_options_that_are_none(definitions: list[str], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        parse_definitions(definitions)
+
+
+def test_an_option_with_a_wrong_text_is_named(scene: Path) -> None:
+    with pytest.raises(InputError, match=r"^-D camera.f_number=2:10: is a range without a count"):
+        planned(scene, {"camera.f_number": "2:10"})
+    with pytest.raises(InputError, match=r"^-D camera..f_number=2,3: 'camera..f_number' is not a path"):
+        planned(scene, {"camera..f_number": "2,3"})

@@ -1,0 +1,499 @@
+"""Sweeps: what is rendered, kept, and told; most of it with pictures that nobody rendered."""
+
+import csv
+import json
+import math
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import raytracer as rt
+from raytracer.errors import InputError, OutputError, SceneWarning, StrictError
+from raytracer.film import output
+from raytracer.film.image import Image
+from raytracer.rendering import Progress, Rendered, Stats
+from raytracer.scene.load import load
+from raytracer.scene.pack import pack
+from raytracer.stock import Stock
+from raytracer.sweeping import run
+from raytracer.sweeping.run import Done, strangers, sweep
+from tests.sweeping.test_plan import SCENE
+
+VALUES = {"camera.f_number": "1.4,2,2.8", "camera.focus_distance": "2,5"}
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    path = tmp_path / "scene.yaml"
+    path.write_text(SCENE)
+    return path
+
+
+class FakeReady:
+    """A scene made ready whose picture is of one colour, by its camera's numbers."""
+
+    def __init__(self, spec: Any, behave: Callable[[Any], None] | None, **settings: Any) -> None:
+        self.packed = pack(spec)
+        self.settings = settings
+        self._behave = behave
+
+    def render(self, *, progress: Callable[[Progress], None]) -> Rendered:
+        progress(Progress(1, 2, 0.0))
+        camera = self.packed.spec.camera
+        interrupted = False
+        if self._behave is not None:
+            try:
+                self._behave(camera)
+            except KeyboardInterrupt:
+                interrupted = True
+        value = camera.f_number * 0.1 + camera.focus_distance * 0.01
+        stats = Stats(seconds={"render": 0.5, "total": 0.75}, rays=7, samples=48)
+        stats.spp = {"fewest": 16, "mean": 16.0, "most": 16}
+        stats.error = {"relative": 0.25, "low": 0.2, "high": 0.3, "exponent": 1.0}
+        image = Image(np.full((6, 8, 3), value), samples=16)
+        return Rendered(image, stats, not interrupted, interrupted, 16, None)
+
+
+class Bench:
+    """Counts what was made ready and rendered; `behave` is called in each render."""
+
+    def __init__(self) -> None:
+        self.rendered: list[tuple[float, float]] = []
+        self.settings: list[dict[str, Any]] = []
+        self.behave: Callable[[Any], None] | None = None
+
+    def ready(self, spec: Any, **settings: Any) -> FakeReady:
+        self.settings.append(settings)
+
+        def noted(camera: Any) -> None:
+            if self.behave is not None:
+                self.behave(camera)
+            self.rendered.append((camera.f_number, camera.focus_distance))
+
+        return FakeReady(spec, noted, **settings)
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
+    made = Bench()
+    monkeypatch.setattr(run, "ready", made.ready)
+    return made
+
+
+def _pictures(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.glob("*.png")}
+
+
+# ---- What there is afterwards
+
+
+def test_a_folder_holds_pictures_numbers_sheet_and_page(scene: Path, tmp_path: Path, bench: Bench) -> None:
+    folder = tmp_path / "out"
+    result = sweep(scene, VALUES, folder=folder, formats=["exr", "png"], animate=["gif"])
+    names = {f"f_number={n}_focus_distance={d}" for n in ("1.4", "2", "2.8") for d in (2, 5)}
+    images = {f"{name}.{suffix}" for name in names for suffix in ("png", "exr")}
+    others = {"manifest.csv", "manifest.json", "contact_sheet.png", "index.html", "sweep.gif", "points"}
+    assert {path.name for path in folder.iterdir()} == images | others
+    assert result.taken[0].files == ("f_number=1.4_focus_distance=2.png", "f_number=1.4_focus_distance=2.exr")
+    assert strangers(result) == []
+    assert output.load(folder / "f_number=2_focus_distance=5.exr") == pytest.approx(0.25)
+
+
+def test_the_manifest_tells_values_and_numbers(scene: Path, tmp_path: Path, bench: Bench) -> None:
+    """Of a 50 mm lens at f/2 the pupil is 25 mm wide."""
+    folder = tmp_path / "out"
+    sweep(scene, VALUES | {"camera.focus_distance": "5,inf"}, folder=folder)
+    rows = list(csv.DictReader((folder / "manifest.csv").read_text().splitlines()))
+    told = json.loads((folder / "manifest.json").read_text())
+    assert [row["name"] for row in rows] == [point["name"] for point in told["points"]]
+    row, point = rows[3], told["points"][3]
+    assert (row["camera.f_number"], row["camera.focus_distance"]) == ("2", "inf")
+    assert point["values"] == {"camera.f_number": 2, "camera.focus_distance": "inf"}
+    assert point["index"] == [1, 1]
+    assert float(row["entrance_pupil_mm"]) == pytest.approx(25.0)
+    assert point["camera"]["far_limit_m"] == "inf"
+    assert row["far_limit_m"] == "inf"
+    assert (row["seconds"], row["render_seconds"], row["samples"]) == ("0.75", "0.5", "16.0")
+    assert (row["relative_error"], row["relative_error_low"], row["relative_error_high"]) == ("0.25", "0.2", "0.3")
+    assert told["axes"][0] == {"key": "camera.f_number", "values": [1.4, 2, 2.8], "labels": ["1.4", "2", "2.8"]}
+    assert (told["points"][0]["status"], told["interrupted"], told["zipped"]) == ("done", False, False)
+
+
+def test_in_memory_images_are_in_the_order_of_the_axes(scene: Path, bench: Bench) -> None:
+    result = sweep(load(scene), {"camera.f_number": [1.4, 2.0, 2.8], "camera.focus_distance": np.array([2.0, 5.0])})
+    assert result.images.shape == result.shape == (3, 2)
+    assert result.images[2, 1].radiance == pytest.approx(0.28 + 0.05)
+    assert result.folder is None
+    assert strangers(result) == []
+
+
+def test_pairs(scene: Path, bench: Bench) -> None:
+    result = sweep(scene, {"camera.f_number": [1.4, 2.0], "camera.focus_distance": [2.0, 5.0]}, zipped=True)
+    assert result.images.shape == (2,)
+    assert bench.rendered == [(1.4, 2.0), (2.0, 5.0)]
+
+
+def test_images_in_a_folder_are_not_in_memory(scene: Path, tmp_path: Path, bench: Bench) -> None:
+    result = sweep(scene, VALUES, folder=tmp_path / "out")
+    with pytest.raises(InputError, match="files in"):
+        _ = result.images
+
+
+def test_settings_reach_every_point(scene: Path, bench: Bench) -> None:
+    sweep(scene, VALUES, seed=7, noise=0.02, time_limit=3.0, crop=(0, 0, 2, 2), threads=2, preview=True, spp=64)
+    assert len(bench.settings) == 6
+    for settings in bench.settings:
+        expected = {"seed": 7, "noise": 0.02, "time_limit": 3.0, "crop": (0, 0, 2, 2), "threads": 2, "spp": 64}
+        assert expected.items() <= settings.items()
+    stocks = {id(settings["stock"]) for settings in bench.settings}
+    assert len(stocks) == 1
+
+
+def test_a_preview_is_small_and_has_few_samples(scene: Path, bench: Bench) -> None:
+    result = sweep(scene, VALUES | {"film.width": 960, "film.height": 480}, preview=True)
+    assert {settings["spp"] for settings in bench.settings} == {16}
+    assert len(result.taken) == 6
+
+
+# ---- Going on
+
+
+def test_run_again_it_renders_nothing_and_changes_nothing(scene: Path, tmp_path: Path, bench: Bench) -> None:
+    folder = tmp_path / "out"
+    sweep(scene, VALUES, folder=folder, animate=["webp"])
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    bench.rendered.clear()
+    result = sweep(scene, VALUES, folder=folder, animate=["webp"])
+    assert bench.rendered == []
+    assert result.kept == 6
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+
+
+def test_only_what_is_missing_is_rendered(scene: Path, tmp_path: Path, bench: Bench) -> None:
+    """A point is done if its input is the same and its files hold what they did."""
+    folder = tmp_path / "out"
+    sweep(scene, VALUES, folder=folder)
+    bench.rendered.clear()
+    (folder / "f_number=2_focus_distance=2.png").unlink()
+    (folder / "f_number=1.4_focus_distance=5.png").write_bytes(b"something else")
+    (folder / "points" / "f_number=2.8_focus_distance=5.json").write_text("{")
+    sweep(scene, VALUES | {"camera.focus_distance": "2,5,7"}, folder=folder)
+    assert bench.rendered == [(1.4, 5.0), (1.4, 7.0), (2.0, 2.0), (2.0, 7.0), (2.8, 5.0), (2.8, 7.0)]
+
+
+@pytest.mark.parametrize("change", [{"spp": 3}, {"seed": 1}, {"noise": 0.1}, {"crop": (0, 0, 1, 1)}, {"preview": True}])
+def test_other_settings_are_other_pictures(scene: Path, tmp_path: Path, bench: Bench, change: dict[str, Any]) -> None:
+    values = {"camera.f_number": "2,4"}
+    sweep(scene, values | {"camera.focus_distance": 2}, folder=tmp_path / "out")
+    bench.rendered.clear()
+    sweep(scene, values | {"camera.focus_distance": 2}, folder=tmp_path / "out", **change)
+    assert len(bench.rendered) == 2
+
+
+def test_a_changed_scene_is_rendered_again_and_a_comment_is_no_change(
+    scene: Path, tmp_path: Path, bench: Bench
+) -> None:
+    folder = tmp_path / "out"
+    sweep(scene, VALUES, folder=folder)
+    bench.rendered.clear()
+    scene.write_text("# A comment.\n" + SCENE.replace("radius: 1,", "radius: 1.0,"))
+    assert sweep(scene, VALUES, folder=folder).kept == 6
+    scene.write_text(SCENE.replace("radius: 1,", "radius: 2,"))
+    assert sweep(scene, VALUES, folder=folder).kept == 0
+    assert len(bench.rendered) == 6
+
+
+def test_another_format_is_rendered_for(scene: Path, tmp_path: Path, bench: Bench) -> None:
+    folder = tmp_path / "out"
+    sweep(scene, VALUES, folder=folder)
+    assert sweep(scene, VALUES, folder=folder, formats=["exr"]).kept == 0
+    assert sweep(scene, VALUES, folder=folder, formats=["png"]).kept == 6
+
+
+class _Killed(BaseException):
+    """As if the process had been killed."""
+
+
+def test_killed_at_any_write_it_ends_in_the_same_files(
+    scene: Path, tmp_path: Path, bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    values = {"camera.f_number": "1.4,2", "camera.focus_distance": 2}
+    sweep(scene, values, folder=tmp_path / "whole")
+    replace, killed = output.os.replace, 0
+    for last in range(100):
+        folder = tmp_path / f"killed_{last}"
+        count = 0
+
+        def dying(source: Path, target: Path) -> None:
+            nonlocal count
+            if count == last:  # noqa: B023
+                raise _Killed
+            count += 1
+            replace(source, target)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(output.os, "replace", dying)
+            patch.setattr(Path, "unlink", lambda path, missing_ok=False: None)
+            try:
+                sweep(scene, values, folder=folder)
+            except _Killed:
+                killed += 1
+            else:
+                break
+        bench.rendered.clear()
+        done = len(list((folder / "points").glob("*.json"))) if (folder / "points").is_dir() else 0
+        sweep(scene, values, folder=folder)
+        assert len(bench.rendered) == 2 - done
+        assert _pictures(folder) == _pictures(tmp_path / "whole")
+        assert {path.name for path in folder.rglob("*")} == {path.name for path in (tmp_path / "whole").rglob("*")}
+    # Images, records, manifests after each point, and all again at the end with the sheet and the page.
+    assert killed == 2 * (1 + 1 + 2) + 2 + 2
+
+
+# ---- What goes wrong
+
+
+def test_a_failed_point_is_told_and_does_not_end_the_others(scene: Path, tmp_path: Path, bench: Bench) -> None:
+    folder, told = tmp_path / "out", []
+    result = sweep(
+        scene, {"camera.f_number": "-1,2,4", "camera.focus_distance": "2"}, folder=folder, report=told.append
+    )
+    assert [taken.status for taken in result.taken] == ["failed", "done", "done"]
+    assert told == list(result.taken)
+    row = next(csv.DictReader((folder / "manifest.csv").read_text().splitlines()))
+    assert row["status"] == "failed"
+    assert "camera.f_number: must be greater than 0" in row["reason"]
+    assert row["file"] == ""
+
+
+def test_a_failed_render_is_tried_again(scene: Path, tmp_path: Path, bench: Bench) -> None:
+    def fail(camera: Any) -> None:
+        if camera.f_number == 2.0 and camera.focus_distance == 5.0:
+            raise RuntimeError("no\nluck")
+
+    bench.behave = fail
+    result = sweep(scene, VALUES, folder=tmp_path / "out")
+    failed = [taken for taken in result.taken if taken.status == "failed"]
+    assert [taken.point.values["camera.f_number"] for taken in failed] == [2]
+    assert failed[0].reason == "internal error, RuntimeError: no luck"
+    assert failed[0].camera["f_number"] == 2.0
+    bench.behave = None
+    bench.rendered.clear()
+    assert sweep(scene, VALUES, folder=tmp_path / "out").kept == 5
+    assert bench.rendered == [(2.0, 5.0)]
+
+
+def test_what_cannot_be_saved_has_failed(
+    scene: Path, tmp_path: Path, bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save = Image.save
+
+    def full(image: Image, path: Path) -> None:
+        if "f_number=2_" in str(path):
+            raise OutputError(f"{path}: cannot be written: No space left on device")
+        save(image, path)
+
+    monkeypatch.setattr(Image, "save", full)
+    result = sweep(scene, VALUES, folder=tmp_path / "out")
+    assert [taken.status for taken in result.taken] == ["done", "done", "failed", "failed", "done", "done"]
+
+
+def test_where_every_point_fails_there_is_one_error_and_no_folder(scene: Path, tmp_path: Path, bench: Bench) -> None:
+    told: list[Any] = []
+    with pytest.raises(InputError, match=r"unknown key 'f_numbr' .* did you mean 'f_number'"):
+        sweep(scene, {"camera.f_numbr": "2,4"}, folder=tmp_path / "out", report=told.append)
+    assert told == []
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_interrupt_keeps_what_is_done(scene: Path, tmp_path: Path, bench: Bench) -> None:
+    def interrupt(camera: Any) -> None:
+        if camera.f_number == 2.0:
+            raise KeyboardInterrupt
+
+    bench.behave = interrupt
+    folder = tmp_path / "out"
+    result = sweep(scene, VALUES, folder=folder)
+    assert result.interrupted
+    assert [taken.status for taken in result.taken] == ["done", "done", *["missing"] * 4]
+    assert json.loads((folder / "manifest.json").read_text())["interrupted"] is True
+    assert len(_pictures(folder)) == 3
+    bench.behave = None
+    bench.rendered.clear()
+    assert not sweep(scene, VALUES, folder=folder).interrupted
+    assert len(bench.rendered) == 4
+    assert json.loads((folder / "manifest.json").read_text())["interrupted"] is False
+
+
+def test_a_lost_cluster_ends_the_sweep(
+    scene: Path, tmp_path: Path, bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    render = FakeReady.render
+
+    def lose(self: FakeReady, *, progress: Callable[[Progress], None]) -> Rendered:
+        rendered = render(self, progress=progress)
+        lost = self.packed.spec.camera.f_number == 2.0
+        return rendered._replace(failure="the scheduler has gone") if lost else rendered
+
+    monkeypatch.setattr(FakeReady, "render", lose)
+    with pytest.raises(OutputError, match="the scheduler has gone"):
+        sweep(scene, VALUES, folder=tmp_path / "out")
+    told = json.loads((tmp_path / "out" / "manifest.json").read_text())
+    assert [point["status"] for point in told["points"]] == ["done", "done", *["missing"] * 4]
+
+
+def test_pictures_of_another_sweep_are_left_and_told(scene: Path, tmp_path: Path, bench: Bench) -> None:
+    folder = tmp_path / "out"
+    sweep(scene, VALUES, folder=folder)
+    result = sweep(scene, {"camera.f_number": "1.4,2", "camera.focus_distance": "2,5"}, folder=folder)
+    assert result.kept == 4
+    assert strangers(result) == ["f_number=2.8_focus_distance=2.png", "f_number=2.8_focus_distance=5.png"]
+    rows = list(csv.DictReader((folder / "manifest.csv").read_text().splitlines()))
+    assert len(rows) == 4
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ({"formats": ["tiff"]}, "unknown suffix '.tiff'"),
+        ({"animate": ["mp4"]}, "gif, webp, png"),
+        ({"animate": ["gif"], "fps": 0.0}, "--fps"),
+        ({"max_points": 5}, "more than the 5"),
+    ],
+)
+def test_wrong_settings_are_told_before_anything(
+    scene: Path, tmp_path: Path, bench: Bench, settings: dict[str, Any], says: str
+) -> None:
+    with pytest.raises(InputError, match=says):
+        sweep(scene, VALUES, folder=tmp_path / "out", **settings)
+    assert bench.settings == []
+
+
+def test_a_file_is_no_folder(scene: Path, bench: Bench) -> None:
+    with pytest.raises(InputError, match="is a file, not a folder"):
+        sweep(scene, VALUES, folder=scene)
+
+
+# ---- While it is at work
+
+
+def test_the_next_point_is_made_ready_while_one_is_rendered(scene: Path, bench: Bench) -> None:
+    """Rendering waits for that, so that a sweep without it would hang, and fail."""
+    begun = [threading.Event() for _ in range(3)]
+    made = bench.ready
+
+    def ready(spec: Any, **settings: Any) -> FakeReady:
+        begun[{1.4: 0, 2.0: 1, 2.8: 2}[spec.camera.f_number]].set()
+        return made(spec, **settings)
+
+    waited = []
+    bench.behave = lambda camera: waited.append(begun[{1.4: 1, 2.0: 2, 2.8: 2}[camera.f_number]].wait(60.0))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run, "ready", ready)
+        sweep(scene, {"camera.f_number": [1.4, 2.0, 2.8], "camera.focus_distance": 2})
+    assert waited == [True, True, True]
+
+
+def test_progress_rises_to_the_end_and_counts_by_work(scene: Path, bench: Bench) -> None:
+    """Points of 1, 2 and 5 samples are 1/8, 2/8 and 5/8 of the work; half of each is told."""
+    told: list[Done] = []
+    values = {"camera.f_number": 2, "camera.focus_distance": 2, "render.spp": "1,2,5"}
+    sweep(scene, values, progress=told.append)
+    assert [done.share for done in told] == pytest.approx([0.5 / 8, 2 / 8, 5.5 / 8])
+    assert [done.of for done in told] == [3, 3, 3]
+
+
+def test_a_doubt_is_told_once(scene: Path, bench: Bench) -> None:
+    made = bench.ready
+
+    def ready(spec: Any, **settings: Any) -> FakeReady:
+        settings["warn"]("there is a doubt")
+        return made(spec, **settings)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run, "ready", ready)
+        with pytest.warns(SceneWarning) as found:
+            result = sweep(scene, VALUES)
+    assert [str(warning.message) for warning in found] == ["there is a doubt"]
+    assert found[0].filename == __file__
+    assert all(taken.warnings == ("there is a doubt",) for taken in result.taken)
+
+
+def test_strict_fails_points(scene: Path, bench: Bench) -> None:
+    def ready(spec: Any, **settings: Any) -> Any:
+        raise StrictError(["a doubt"])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run, "ready", ready)
+        with pytest.raises(StrictError):
+            sweep(scene, VALUES, strict=True)
+
+
+# ---- Rendered
+
+
+# The same kernels as in tests/cli/test_render.py.
+BALL = """\
+camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
+film: {width: 24, height: 16}
+render: {spp: 4, max_depth: 5}
+environment: {type: constant, radiance: 0.5}
+objects:
+  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 0.8}}
+"""
+
+
+def test_a_sweep_has_the_bits_of_single_renders(tmp_path: Path) -> None:
+    """And the world is packed once for each place of the camera, and its structure built once for all."""
+    path = tmp_path / "ball.yaml"
+    path.write_text(BALL)
+    stock = Stock()
+    values = {"camera.vfov": [30, 40], "camera.look_from": [[0, 0, 4], [0, 1, 4]]}
+    result = sweep(path, values, stock=stock, threads=2)
+    alone = rt.render(rt.load(path, {"camera.vfov": 40, "camera.look_from": [0, 0, 4]}), threads=2)
+    assert np.array_equal(result.images[1, 0].radiance, alone.radiance)
+    assert len({image.radiance.tobytes() for image in result.images.flat}) == 4
+    assert (stock.counts.worlds_packed, stock.counts.structures_built) == (2, 1)
+    assert all(math.isfinite(taken.seconds["total"]) for taken in result.taken)
+
+
+# What a process does that is told to sweep in its arguments.
+_COMMAND = "import sys; from raytracer.cli.main import main; sys.exit(main(sys.argv[1:]))"
+
+
+@pytest.mark.slow
+def test_killed_at_random_moments_it_ends_in_the_same_files(tmp_path: Path) -> None:
+    """A process that is killed without a word, again and again, while it is at work."""
+    path = tmp_path / "ball.yaml"
+    path.write_text(BALL)
+
+    def start(folder: str) -> subprocess.Popen[bytes]:
+        words = ["sweep", str(path), "-D", "camera.vfov=20:60:12", "--spp", "20000"]
+        words += ["-o", str(tmp_path / folder), "--threads", "2", "--quiet"]
+        return subprocess.Popen([sys.executable, "-c", _COMMAND, *words])
+
+    def done() -> int:
+        return len(list((tmp_path / "killed" / "points").glob("*.json")))
+
+    assert start("whole").wait() == 0
+    random = np.random.default_rng(7)
+    for target in (1, 3, 3, 6):
+        process = start("killed")
+        while process.poll() is None and done() < target:
+            time.sleep(0.01)
+        time.sleep(random.uniform(0.0, 0.2))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    assert 6 <= done() <= 12
+    assert start("killed").wait() == 0
+    assert _pictures(tmp_path / "killed") == _pictures(tmp_path / "whole")
+    names = [{path.name for path in (tmp_path / folder).rglob("*")} for folder in ("killed", "whole")]
+    assert names[0] == names[1]

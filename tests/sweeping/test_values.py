@@ -1,0 +1,130 @@
+"""Texts that stand for values: lists, ranges, and their errors."""
+
+import math
+
+import numpy as np
+import pytest
+
+from raytracer.errors import SceneError
+from raytracer.sweeping.values import read_text, read_value
+
+
+def _values(text: str, key: str = "camera.focus_distance") -> tuple[object, ...]:
+    return read_text(key, text, f"-D {key}={text}").axis.values
+
+
+def _labels(text: str, key: str = "camera.focus_distance") -> tuple[str, ...]:
+    return read_text(key, text, f"-D {key}={text}").axis.labels
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("1.4,2,2.8", (1.4, 2, 2.8)),
+        ("1/125 s,1/60 s", ("1/125 s", "1/60 s")),
+        ("ball, cube", ("ball", "cube")),
+        ("[1, 0, 0],[0,1,0]", ([1, 0, 0], [0, 1, 0])),
+        ("{type: linear},{type: filmic, white: 4}", ({"type": "linear"}, {"type": "filmic", "white": 4})),
+        ("'a,b',\"c:d\"", ("a,b", "c:d")),
+        ("true,false", (True, False)),
+        ("../a.hdr,b.hdr", ("../a.hdr", "b.hdr")),
+        ("it's,that's", ("it's", "that's")),
+        # Exact decimals: binary steps would give 0.30000000000000004.
+        ("0.1:0.7:7", (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)),
+        ("10:2:5", (10, 8, 6, 4, 2)),
+        ("0:1:4", (0, 1 / 3, 2 / 3, 1)),
+        ("5:5:1", (5,)),
+        ("-1:1:3", (-1, 0, 1)),
+        ("1/4:1/2:2", (0.25, 0.5)),
+        ("1:1000:4:log", (1, 10, 100, 1000)),
+        ("-1:-100:3:log", (-1, -10, -100)),
+        ("1:4:4,inf", (1, 2, 3, 4, math.inf)),
+        ("1 cm:5 cm:3", ("1 cm", "3 cm", "5 cm")),
+        ("1:5cm:3", ("1 cm", "3 cm", "5 cm")),
+        ("50 mm:2 m:3", ("0.05 m", "1.025 m", "2 m")),
+    ],
+)
+def test_a_text_stands_for_these_values(text: str, values: tuple[object, ...]) -> None:
+    found = _values(text)
+    assert found == values
+    assert [type(value) for value in found] == [type(value) for value in values]
+
+
+@pytest.mark.parametrize("text", ["2", "ball", "[1, 0, 0]", "{type: box}", "1/125 s", ""])
+def test_one_value_is_no_axis(text: str) -> None:
+    assert read_text("camera.vfov", text, "").fixed
+
+
+@pytest.mark.parametrize("text", ["2,3", "2:2:1", "1:2:2"])
+def test_several_values_or_a_range_are_an_axis(text: str) -> None:
+    assert not read_text("camera.vfov", text, "").fixed
+
+
+@pytest.mark.parametrize(
+    ("text", "labels"),
+    [
+        ("1.40,2.0,1e-3", ("1.40", "2.0", "1e-3")),
+        ("0:1:4", ("0", "0.3333", "0.6667", "1")),
+        ("1000:1001:3", ("1000", "1000.5", "1001")),
+        # As many digits as tell them apart.
+        ("1:1.000002:3", ("1", "1.000001", "1.000002")),
+        ("1 cm:2 cm:4", ("1 cm", "1.333 cm", "1.667 cm", "2 cm")),
+        ("[1,0,0],[0,1,0]", ("[1, 0, 0]", "[0, 1, 0]")),
+        ("'a b',c", ("a b", "c")),
+    ],
+)
+def test_labels_are_as_written_or_short(text: str, labels: tuple[str, ...]) -> None:
+    assert _labels(text) == labels
+
+
+def test_labels_of_long_values_differ() -> None:
+    start = "a" * 60
+    labels = _labels(f"{start}b,{start}c")
+    assert len(set(labels)) == 2
+    assert all(len(label) < 60 for label in labels)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("2:10", "a count: start:stop:count"),
+        ("2:10:5:lin", "only 'log' may follow"),
+        ("2:10:1", "different ends but a count of 1"),
+        ("2:10:0", "empty range"),
+        ("2:10:2.5", "must be a whole number"),
+        ("2:2:3", "equal ends"),
+        ("2:x:5", "'x' is no finite number"),
+        ("2:inf:5", "'inf' is no finite number"),
+        ("1:2:1000000000", "more than 100000 values"),
+        ("-1:1:3:log", "logarithmic"),
+        ("0:1:3:log", "logarithmic"),
+        ("1/0:3:3", "divides by zero"),
+        ("2 m:3 s:3", "no units of one kind"),
+        ("1,,2", "empty value"),
+        ("1,2,", "empty value"),
+        ("2,2.0", "the value 2.0 twice"),
+        ("1:3:3,2", "the value 2 twice"),
+        ("ball,ball", "the value ball twice"),
+    ],
+)
+def test_what_is_wrong_is_said(text: str, says: str) -> None:
+    with pytest.raises(ValueError, match=says.replace("(", r"\(")):
+        _values(text)
+
+
+def test_a_value_that_is_not_yaml_names_its_option() -> None:
+    with pytest.raises(SceneError, match=r"-D camera.look_from=\[1,0: not valid YAML"):
+        _values("[1,0", "camera.look_from")
+
+
+def test_lists_arrays_and_ranges_of_python_are_axes() -> None:
+    assert read_value("k", np.linspace(0.0, 1.0, 3), "k").axis.values == (0.0, 0.5, 1.0)
+    assert read_value("k", range(3), "k").axis.values == (0, 1, 2)
+    assert read_value("k", ("2 m", [1, 0, 0], None), "k").axis.labels == ("2 m", "[1, 0, 0]", "null")
+    assert read_value("k", 1.0 / 3.0, "k").fixed
+    with pytest.raises(ValueError, match="no values"):
+        read_value("k", [], "k")
+
+
+def test_a_list_of_python_holds_values_and_no_ranges() -> None:
+    assert read_value("k", ["1:2:3", "a,b"], "k").axis.values == ("1:2:3", "a,b")

@@ -1,0 +1,346 @@
+"""What renders of like scenes share is what each would have made for itself, and is made once."""
+
+import os
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from raytracer import stock as stock_module
+from raytracer.assets import LOADERS
+from raytracer.errors import InputError
+from raytracer.geometry import Geometry, Primitive, padded
+from raytracer.rendering import ready, render
+from raytracer.scene.edit import overridden
+from raytracer.scene.load import build, load
+from raytracer.scene.pack import pack
+from raytracer.scene.spec import SceneSpec
+from raytracer.stock import Stock, same
+from tests.rendering import scene
+from tests.repository import ROOT
+
+# Something of each that packing keeps: textures, media, solids that overlap, a moving object, instances, a sky, files.
+_RICH = """
+camera:
+  {type: thin_lens, look_from: [0, 1, 6], look_at: [0, 0.5, 0], vfov: 40, focus_distance: 5, aperture: 20 mm,
+   shutter: {open: 0, close: 0.1}}
+film: {width: 8, height: 8}
+render: {spp: 8}
+environment: {type: image, file: sky.npy}
+textures: {squares: {type: checker, scale: 0.5, even: 0.2, odd: 0.8}, wood: {type: image, file: wood.png}}
+materials:
+  floor: {type: lambertian, albedo: squares}
+  board: {type: lambertian, albedo: wood}
+  glass: {type: dielectric, priority: 2}
+  water: {type: dielectric, ior: 1.33, priority: 1, absorption: [0.1, 0.2, 0.3]}
+media: {haze: {type: homogeneous, scattering: 0.01}}
+medium: haze
+groups:
+  pair: [{type: sphere, center: [0, 0, 0], radius: 0.1}, {type: box, min: [0, 0, 0], max: [0.1, 0.1, 0.1]}]
+objects:
+  - {type: quad, name: floor, corner: [-9, 0, -9], edges: [[0, 0, 18], [18, 0, 0]], material: floor}
+  - {type: mesh, name: tree, file: mesh.ply, material: board}
+  - {type: sphere, name: drop, center: [0, 0.5, 1], radius: 0.5, material: water}
+  - {type: sphere, center: [0.4, 0.5, 1], radius: 0.4, material: glass}
+  - {type: sphere, center: [-2, 0.5, 0], radius: 0.5, material: floor, motion: {velocity: [1, 0, 0]}}
+  - {type: instance, of: pair, transform: [{translate: [1, 2, 0]}]}
+lights: [{type: point, position: [0, 5, 0], intensity: 3}]
+"""
+
+_PLY = """ply
+format ascii 1.0
+element vertex 4
+property float x
+property float y
+property float z
+element face 2
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+1 {height} 0
+0 {height} 0
+3 0 1 2
+3 0 2 3
+"""
+
+
+@pytest.fixture
+def rich(tmp_path: Path) -> Path:
+    """A scene with files."""
+    import PIL.Image
+
+    _write_mesh(tmp_path / "mesh.ply", 1.0)
+    PIL.Image.fromarray(np.full((4, 4, 3), 90, np.uint8)).save(tmp_path / "wood.png")
+    np.save(tmp_path / "sky.npy", np.linspace(0.1, 1.0, 8 * 16 * 3, dtype=np.float32).reshape(8, 16, 3))
+    (tmp_path / "rich.yaml").write_text(_RICH)
+    return tmp_path / "rich.yaml"
+
+
+def _write_mesh(path: Path, height: float) -> None:
+    path.write_text(_PLY.format(height=height))
+
+
+def _alone(spec: SceneSpec) -> Any:
+    return pack(spec)._replace(built=None)
+
+
+# Overrides that leave the world as it is, and those that do not.
+_SEEN_OTHERWISE: list[dict[str, Any]] = [
+    {"camera.aperture": "5 mm"},
+    {"camera.aperture": 0},
+    {"camera.focus_distance": 2},
+    {"camera.focus_on": "tree", "camera.focus_distance": None},
+    {"camera.vfov": 20},
+    {"camera.look_at": [0.5, 0.5, 0.0]},
+    {"film.width": 20, "film.filter": "mitchell"},
+    {"render.max_depth": 1},
+    {"render.light_sampling": "paths", "lights": []},
+    {"render.sampler": "stratified", "render.spp": 16, "render.seed": 7},
+    {"render.accuracy": "fast"},
+    {"render.clamp": 5},
+]
+_ANOTHER_WORLD: list[dict[str, Any]] = [
+    {"camera.look_from": [0.0, 0.6, 1.0]},
+    {"camera.look_from": [3.0e6, 0.0, 0.0], "camera.look_at": [0.0, 0.0, 0.0]},
+    {"camera.shutter": {"open": 0.0, "close": 0.0}},
+    {"camera.shutter": {"open": 0.05, "close": 0.2}},
+    {"materials.floor.albedo": 0.3},
+    {"objects.2.radius": 0.25},
+    {"environment.rotation": 30},
+]
+
+
+def test_what_is_packed_from_a_stock_is_what_is_packed_anew(rich: Path) -> None:
+    stock, spec = Stock(), load(rich)
+    every = [*_SEEN_OTHERWISE, *_ANOTHER_WORLD, *_SEEN_OTHERWISE[:2]]
+    for overrides in every:
+        changed = overridden(spec, overrides)
+        assert same(pack(changed, supplies=stock)._replace(built=None), _alone(changed)), overrides
+    assert stock.counts.files_read == 3
+    assert stock.counts.worlds_packed == 1 + len(_ANOTHER_WORLD)
+
+
+def test_settings_that_a_scene_did_not_set_are_told_from_those_it_did() -> None:
+    one, other = (
+        build(
+            "camera: {type: pinhole, vfov: 40, look_from: [0, 0, 1], look_at: [0, 0, 0]}\nfilm: {width: 8, height: 8}\n"
+            f"objects: [{{type: sphere, center: [0, 0, {zero}], radius: 1{name}}}]\n",
+            "test.yaml",
+        ).objects
+        for zero, name in (("0.0", ""), ("0.0", ", name: null"))
+    )
+    assert not same(one, other)
+    assert same(one, one[:1])
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "alike"),
+    [
+        (0.0, -0.0, False),
+        (1, 1.0, False),
+        ((1.0, 2.0), (1.0, 2.0), True),
+        ((1.0, 2.0), (1.0, 2.0, 3.0), False),
+        ({"a": 1, "b": 2}, {"a": 1, "b": 2}, True),
+        ({"a": 1, "b": 2}, {"b": 2, "a": 1}, False),
+        (np.array([np.nan, 0.0]), np.array([np.nan, 0.0]), True),
+        (np.array([0.0]), np.array([-0.0]), False),
+        (np.zeros(2, np.float32), np.zeros(2), False),
+        (np.zeros((2, 1)), np.zeros((1, 2)), False),
+        (np.array([True, False]), np.array([True, True]), False),
+    ],
+)
+def test_the_same_is_the_same_to_the_last_bit(one: Any, other: Any, alike: bool) -> None:
+    assert same(one, other) is alike
+
+
+# ---- Files
+
+
+def test_a_file_is_read_once_until_it_changes(tmp_path: Path) -> None:
+    stock, path = Stock(), tmp_path / "mesh.ply"
+    _write_mesh(path, 1.0)
+    first = stock.read("mesh", path)
+    assert stock.read("mesh", path) is first
+    _write_mesh(path, 2.5)
+    second = stock.read("mesh", path)
+    assert second.vertices.max() == 2.5
+    # As long and as old as it was, but another file.
+    status = path.stat()
+    _write_mesh(tmp_path / "other.ply", 3.5)
+    os.utime(tmp_path / "other.ply", ns=(status.st_atime_ns, status.st_mtime_ns))
+    os.replace(tmp_path / "other.ply", path)
+    assert stock.read("mesh", path).vertices.max() == 3.5
+    assert stock.counts.files_read == 3
+    path.unlink()
+    with pytest.raises(InputError, match="no such file"):
+        stock.read("mesh", path)
+
+
+def test_a_changed_file_is_another_world(rich: Path) -> None:
+    stock, spec = Stock(), load(rich)
+    before = pack(spec, supplies=stock)
+    _write_mesh(rich.parent / "mesh.ply", 0.5)
+    after = pack(spec, supplies=stock)
+    assert same(after._replace(built=None), _alone(spec))
+    assert not same(before.geometries, after.geometries)
+    (rich.parent / "wood.png").unlink()
+    with pytest.raises(InputError, match=r"wood\.png: no such file"):
+        pack(spec, supplies=stock)
+
+
+def test_a_mesh_is_read_again_when_a_file_that_it_names_changes(tmp_path: Path) -> None:
+    stock, path = Stock(), tmp_path / "triangle.gltf"
+    buffer = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+    path.write_text(
+        '{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],'
+        '"meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],'
+        '"accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",'
+        '"min": [0, 0, 0], "max": [2, 2, 2]}],'
+        '"bufferViews": [{"buffer": 0, "byteLength": 36}], "buffers": [{"uri": "points.bin", "byteLength": 36}]}'
+    )
+    (tmp_path / "points.bin").write_bytes(buffer.tobytes())
+    assert stock.read("mesh", path).vertices.max() == 1.0
+    assert stock.read("mesh", path).vertices.max() == 1.0
+    assert stock.counts.files_read == 1
+    (tmp_path / "points.bin").write_bytes((2 * buffer).tobytes())
+    os.utime(tmp_path / "points.bin", ns=(1, 1))
+    assert stock.read("mesh", path).vertices.max() == 2.0
+
+
+def test_many_threads_read_a_file_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    together, count = threading.Barrier(4), 4
+    read: list[Path] = []
+    path = tmp_path / "a.npy"
+    path.write_bytes(b"")
+
+    def load(path: Path) -> object:
+        read.append(path)
+        return object()
+
+    monkeypatch.setattr(stock_module, "LOADERS", {**LOADERS, "grid": load})
+    stock = Stock()
+
+    def work(_: int) -> Any:
+        together.wait()
+        return stock.read("grid", path)
+
+    with ThreadPoolExecutor(count) as pool:
+        found = set(map(id, pool.map(work, range(count))))
+    assert len(read) == len(found) == 1
+
+
+# ---- Structures
+
+
+def _triangle(size: float) -> dict[int, Geometry]:
+    corners = padded(size * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.float32)
+    return {0: Geometry(Primitive.TRIANGLE, (corners,), padded(np.array([[0, 1, 2]]), np.uint32))}
+
+
+def _structure(stock: Stock, size: float = 1.0, *, first_instance: int = 1, robust: bool = True) -> Any:
+    return stock.structure(_triangle(size), (), (), first_instance=first_instance, robust=robust)
+
+
+def test_a_structure_is_built_once_for_the_same_geometry() -> None:
+    stock = Stock()
+    first = _structure(stock)
+    assert _structure(stock) is first
+    assert _structure(stock, robust=False) is not first
+    assert _structure(stock, 0.5) is not first
+    assert _structure(stock, first_instance=2) is not first
+    assert stock.counts.structures_built == 4
+    assert _structure(stock).cast([0.1, 0.1, 1.0], [0.0, 0.0, -1.0]).distance == pytest.approx(1.0)
+
+
+def test_what_was_not_used_for_longest_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Room for two triangles of 36 and 12 bytes.
+    monkeypatch.setattr(stock_module, "_MOST_GEOMETRY", 100)
+    stock = Stock()
+    for size in (1.0, 2.0, 1.0, 3.0):
+        _structure(stock, size)
+    assert stock.counts.structures_built == 3
+    _structure(stock, 1.0)
+    assert stock.counts.structures_built == 3
+    _structure(stock, 2.0)
+    assert stock.counts.structures_built == 4
+
+
+def test_what_is_heavier_than_all_that_is_kept_is_kept_as_long_as_it_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stock_module, "_MOST_GEOMETRY", 1)
+    stock = Stock()
+    assert _structure(stock) is _structure(stock)
+
+
+def test_kernels_that_there_were_are_not_counted() -> None:
+    stock = Stock()
+    spec = scene(_SPHERE)
+    ready(spec)
+    ready(spec, stock=stock)
+    assert stock.counts == (0, 1, 1, 0)
+
+
+# ---- Renders
+
+_SPHERE = """
+camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
+environment: {type: constant, radiance: 1}
+objects:
+  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 0.5}}
+"""
+
+
+def test_pictures_from_a_stock_have_the_bits_of_others() -> None:
+    stock = Stock()
+    first = scene(_SPHERE)
+    for overrides in ({"camera.vfov": 30}, {"objects.0.radius": 0.5}, {"camera.vfov": 25}, {}):
+        spec = overridden(first, overrides)
+        shared = render(spec, spp=8, threads=2, stock=stock).image
+        assert np.array_equal(shared.radiance, render(spec, spp=8, threads=2).image.radiance)
+    assert stock.counts[1:3] == (2, 2)
+
+
+def test_what_is_ready_may_be_rendered_again() -> None:
+    spec = scene(_SPHERE)
+    prepared = ready(spec, spp=8, threads=2)
+    one, other = prepared.render(), prepared.render()
+    assert np.array_equal(one.image.radiance, other.image.radiance)
+    assert not np.shares_memory(one.image.radiance, other.image.radiance)
+    assert set(prepared.seconds) == {"load", "pack", "build", "compile"}
+    assert set(one.stats.seconds) == {*prepared.seconds, "render", "develop", "total"}
+
+
+def test_the_picture_of_a_rehearsal_is_not_painted_over() -> None:
+    kept: list[Any] = []
+    spec = scene(_SPHERE)
+    final = render(
+        spec, spp=16, threads=2, time_limit=600.0, rehearse=lambda image: kept.extend([image, image.radiance.copy()])
+    )
+    rehearsed, then = kept
+    assert np.array_equal(rehearsed.radiance, then)
+    assert not np.array_equal(rehearsed.radiance, final.image.radiance)
+
+
+def test_a_pause_before_a_render_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    from raytracer import rendering
+
+    seconds = iter([100.0, 107.0])
+    monkeypatch.setattr(rendering, "now", lambda: next(seconds))
+    phases = {"load": 2.0, "build": 1.0}
+    clock = rendering._Clock(phases)
+    assert clock.began == 97.0
+    clock.lap("render")
+    assert phases == {"load": 2.0, "build": 1.0, "render": 7.0}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["cover", "cornell", "nested", "textures", "studio", "smoke", "bouncing", "fan"])
+def test_shipped_scenes_are_packed_from_a_stock_as_anew(name: str) -> None:
+    stock, spec = Stock(), load(ROOT / "scenes" / f"{name}.yaml")
+    for overrides in ({}, {"film.width": 30}, {"render.max_depth": 2}, {"camera.look_at": [0.1, 0.2, 0.3]}, {}):
+        changed = overridden(spec, overrides)
+        assert same(pack(changed, supplies=stock)._replace(built=None), _alone(changed)), overrides
+    assert stock.counts.worlds_packed == 1
