@@ -1,7 +1,7 @@
 """What it costs to render on a cluster rather than in one process, on the same cores of this machine.
 
 Dask starts the workers, as processes on the loopback device.  The same picture is rendered here and there in turns;
-the first render there, for which fresh workers load the program and make the scene ready, is told by itself.
+the first render there, for which fresh workers make the scene ready, is told by itself.
 """
 
 from __future__ import annotations
@@ -40,8 +40,9 @@ def measure(spec: SceneSpec, spp: int, workers: int, threads: int, rounds: int) 
     here: list[float] = []
     there: list[float] = []
     local_cluster: Any = distributed.LocalCluster
+    settings = {"host": "127.0.0.1", "dashboard_address": None, "preload": "raytracer.cluster.worker"}
     with (
-        local_cluster(n_workers=workers, threads_per_worker=threads, host="127.0.0.1", dashboard_address=None) as dask,
+        local_cluster(n_workers=workers, threads_per_worker=threads, **settings) as dask,
         Cluster(dask) as cluster,
     ):
         cluster.client.wait_for_workers(workers)

@@ -38,10 +38,11 @@ _LONGEST_PASS = 32 * PACKET
 
 _WAKE_UP_SECONDS = 0.1
 
-# Work sent elsewhere in one go: so many seconds of one thread, for what every errand costs (some 5 ms) to be little of
-# it; at most so many tiles, 4 MB of film.  The last ones are short, so that all threads end together.
-_LONGEST_ERRAND = 1.0
-_SHORTEST_ERRAND = 0.05
+# Work sent elsewhere in one go: so many seconds of one thread, for what every errand costs (15 ms of the processors of
+# client and scheduler together) to be little of it; at most so many tiles, 4 MB of film.  The last ones are short, so
+# that all threads end together.
+_LONGEST_ERRAND = 2.0
+_SHORTEST_ERRAND = 0.1
 _MOST_TILES = 256
 
 # How many errands a thread elsewhere has ahead of it, work that waits here included.

@@ -224,11 +224,11 @@ def test_errands_are_worth_the_way_and_the_last_ones_are_short(
 
     seconds = [pace * float(np.subtract(errand.ends, errand.begins).sum()) for errand in others.errands]
     packet = 8 * pace
-    assert max(seconds) <= max(1.0, packet) + 1e-9
+    assert max(seconds) <= max(2.0, packet) + 1e-9
     assert all(len(errand.tiles) <= 256 for errand in others.errands)
-    # The way costs some 5 ms: it is to be a hundredth of the whole.
-    assert len(seconds) * 0.005 <= max(0.02 * sum(seconds), 0.5 * threads)
-    assert max(seconds[-threads:]) <= max(0.1, packet)
+    # The way costs 15 ms: that is to be little of the whole, where this takes more than some seconds.
+    assert len(seconds) * 0.015 <= max(0.03 * sum(seconds), 1.0 * threads)
+    assert max(seconds[-threads:]) <= max(0.2, packet)
 
 
 def test_an_end_by_the_clock_sends_nothing_that_would_be_late(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ Dask's scheduler imports this module too, so it loads nothing heavy by itself.
 """
 
 import hashlib
+import importlib
 import os
 import pickle
 import shutil
@@ -99,6 +100,12 @@ def prepare(order: Order, files: Mapping[str, NDArray[np.uint8]]) -> Answer:
             while len(_scenes) > _SCENES_KEPT:
                 _scenes.popitem(last=False)
     return answer
+
+
+def dask_setup(worker: object) -> None:
+    """Load the program when a worker starts, not with its first scene; Dask calls this for a `--preload`."""
+    fingerprint()
+    importlib.import_module("raytracer.preparation")
 
 
 def packed(errand: "Errand") -> bytes:

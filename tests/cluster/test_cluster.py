@@ -14,7 +14,7 @@ import pytest
 from raytracer.cli.main import main
 from raytracer.cluster import Cluster, connection, engagement
 from raytracer.cluster.fitness import Fingerprint, fingerprint, obstacle
-from raytracer.errors import InputError, StrictError
+from raytracer.errors import InputError, OutputError, StrictError
 from raytracer.rendering import Progress, Rendered, render
 from raytracer.scene.load import load
 from raytracer.scene.spec import SceneSpec
@@ -83,6 +83,25 @@ def test_the_command_renders_on_a_cluster(
     assert main(["render", str(path), "-q", "-o", str(far), "--cluster", three.address]) == 0
     assert far.read_bytes() == here.read_bytes()
     assert capsys.readouterr().err == said
+
+
+def test_the_command_fails_when_the_cluster_is_lost(
+    three: Machines,
+    spec: SceneSpec,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def lost(*arguments: object) -> None:
+        raise OutputError("the cluster is lost")
+
+    monkeypatch.setattr(engagement.Engagement, "run", lost)
+    spec.save(tmp_path / "halves.yaml")
+    picture = tmp_path / "far.npy"
+    assert main(["render", str(tmp_path / "halves.yaml"), "-q", "-o", str(picture), "--cluster", three.address]) == 1
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said == f"rt: the cluster is lost; {picture} has 0 of 37 samples per pixel"
+    assert np.load(picture).shape == (36, 44, 3)
 
 
 def test_several_renders_share_a_cluster(cluster: Cluster, spec: SceneSpec) -> None:
