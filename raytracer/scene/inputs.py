@@ -24,7 +24,8 @@ from raytracer.scene.files import Keys, Named, named_files, with_names
 from raytracer.scene.load import build
 from raytracer.scene.spec import SceneSpec
 
-_COMPILERS = ("embreex", "numba", "numpy")
+# What computes, and what reads the files that scenes name.
+_LIBRARIES = ("embreex", "numba", "numpy", "scipy", "meshio", "OpenEXR", "Pillow", "trimesh")
 
 _SECTIONS_KEPT = 64
 
@@ -62,15 +63,16 @@ def files_of(spec: SceneSpec) -> tuple[InputFile, ...]:
 
 
 class _Contents:
-    """Hashes of files by path, size and time of change, so that each file is read once."""
+    """Hashes of files by path, size and times of change, so that each file is read once."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._known: dict[Path, tuple[tuple[int, int], str]] = {}
+        self._known: dict[Path, tuple[tuple[int, ...], str]] = {}
 
     def __call__(self, path: Path) -> str:
         status = path.stat()
-        stamp = status.st_size, status.st_mtime_ns
+        # The time of the last change of its entry is nobody's to set, as that of the content is.
+        stamp = status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino
         with self._lock:
             known = self._known.get(path)
         if known is None or known[0] != stamp:
@@ -124,8 +126,8 @@ _sections = _Sections()
 
 @cache
 def program() -> str:
-    """Hash of the program: its sources, and the versions of what computes."""
-    versions = (f"{name} {importlib.metadata.version(name)}" for name in _COMPILERS)
+    """Hash of the program: its sources, and the versions of what computes and reads files."""
+    versions = (f"{name} {importlib.metadata.version(name)}" for name in _LIBRARIES)
     return source_hash(Path(raytracer.__file__).parent, *versions)
 
 

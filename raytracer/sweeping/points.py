@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import product
@@ -38,7 +39,7 @@ class Point:
 
     index : for each axis, the number of its value; values, by key, those of the axes alone; name, the stem of its
         files, different for all points; digest, hex SHA-256 of all that its picture depends on, or "" where its scene
-        is wrong.
+        is wrong or a file of it changed while it was read.
     """
 
     index: tuple[int, ...]
@@ -164,11 +165,12 @@ def points_of(axes: Sequence[Axis], *, zipped: bool = False, most: int = MOST_PO
         raise InputError(f"the sweep has {count:,} points{sizes}, more than the {most:,} that --max-points allows")
     indices = [(i,) * len(axes) for i in range(count)] if zipped else list(product(*map(range, lengths)))
     parts = [_parts_of_names(axis, key) for axis, key in zip(axes, _short_keys(axes), strict=True)]
+    names = ["_".join(part[i] for part, i in zip(parts, index, strict=True)) for index in indices]
+    shared = Counter(name.casefold() for name in names)
     points = []
-    for index in indices:
+    for index, name in zip(indices, names, strict=True):
         values = {axis.key: axis.values[i] for axis, i in zip(axes, index, strict=True)}
-        name = "_".join(part[i] for part, i in zip(parts, index, strict=True))
-        if len(name.encode()) > _NAME_LENGTH:
+        if len(name.encode()) > _NAME_LENGTH or shared[name.casefold()] > 1:
             name = "point_" + "_".join(str(i + 1) for i in index)
         points.append(Point(index, values, name))
     return tuple(points)

@@ -4,15 +4,16 @@ While a point is rendered, the next one is made ready in a thread, and the one b
 share, files, meshes and the ray caster's structures, is made once (`Stock`).
 """
 
+import math
 import os
 import re
 import sys
 import threading
 import warnings
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack, closing, contextmanager, suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -50,6 +51,9 @@ _TURN_SECONDS = 2.0e-4
 
 _ASIDE = re.compile(r"\.[0-9a-f]{16}\.tmp")
 """Names of files that are being written (`film.output.write_bytes`)."""
+
+# Settings that stand in place of a key of the scene.
+_IN_PLACE = {"spp": "render.spp", "seed": "render.seed"}
 
 # Keys of a scene that say how many samples a picture takes.
 _SIZES = ("film.width", "film.height", "render.spp")
@@ -148,6 +152,9 @@ def sweep(
     plan = planned(scene, values or {}, zipped=zipped)
     points = points_of(plan.axes, zipped=plan.zipped, most=max_points)
     settings = Settings(spp, seed, crop, noise, time_limit, tuple(aovs), denoise, strict, preview)
+    for name, key in _IN_PLACE.items():
+        if getattr(settings, name) is not None and any(axis.key == key for axis in plan.axes):
+            raise InputError(f"--{name} stands in place of {key}, which has several values here: leave one of them out")
     for kind in animate:
         check_animation(kind, fps)
     home = (
@@ -195,7 +202,8 @@ class _Home(NamedTuple):
         for folder in (self.folder, self.folder / RECORDS):
             for path in folder.iterdir() if folder.is_dir() else ():
                 if _ASIDE.fullmatch(path.name):
-                    path.unlink(missing_ok=True)
+                    with suppress(OSError):
+                        path.unlink()
 
 
 class _Prepared(NamedTuple):
@@ -239,7 +247,7 @@ class _Work:
         self._kept = len(self._taken)
         interrupted, failure = False, None
         reports = _Reports(report, begun=bool(self._taken))
-        with _quick_turns(), ThreadPoolExecutor(1, "saver") as saver:
+        with _quick_turns, ThreadPoolExecutor(1, "saver") as saver:
             try:
                 with closing(self._prepared(todo)) as prepared:
                     for number, found in prepared:
@@ -280,20 +288,25 @@ class _Work:
             for number, point in enumerate(self._points):
                 with suppress(Exception):
                     # What is wrong with it is told when it is its turn.
-                    self._identify(number)
+                    self._note_digest(number)
                     found = find_record(self._points[number], self._home.files(point), self._home.folder)
                     if found is not None:
                         self._taken[number] = found
         return [number for number in range(len(self._points)) if number not in self._taken]
 
-    def _identify(self, number: int) -> SceneSpec:
-        """The scene of a point, whose digest is noted."""
-        if number in self._specs:
-            return self._specs[number]
-        point, settings = self._points[number], self._settings
-        spec = overridden(self._plan.spec, point.values)
-        if settings.preview:
-            spec = smaller(spec)
+    def _spec(self, number: int) -> SceneSpec:
+        """The scene of a point."""
+        if number not in self._specs:
+            spec = overridden(self._plan.spec, self._points[number].values)
+            self._specs[number] = smaller(spec) if self._settings.preview else spec
+        return self._specs[number]
+
+    def _note_digest(self, number: int) -> None:
+        """Note what a point's picture depends on, files as they are now."""
+        self._points[number] = replace(self._points[number], digest=self._digest(self._spec(number)))
+
+    def _digest(self, spec: SceneSpec) -> str:
+        settings = self._settings
         given = {
             "spp": self._spp(spec),
             "seed": settings.seed,
@@ -303,12 +316,9 @@ class _Work:
             "aovs": sorted(settings.aovs) or None,
             "denoise": settings.denoise or None,
         }
-        known = digest(
+        return digest(
             spec, **{name: list(value) if isinstance(value, tuple) else value for name, value in given.items()}
         )
-        self._points[number] = replace(point, digest=known)
-        self._specs[number] = spec
-        return spec
 
     def _spp(self, spec: SceneSpec) -> int | None:
         spp = self._settings.spp
@@ -321,7 +331,7 @@ class _Work:
         weight = 1.0
         for key in _SIZES:
             value = point.values.get(key, 1)
-            counts = isinstance(value, (int, float)) and value > 0
+            counts = isinstance(value, (int, float)) and 0 < value < math.inf
             if counts and not (key == "render.spp" and self._settings.spp is not None):
                 weight *= value
         return weight
@@ -345,7 +355,8 @@ class _Work:
         settings = self._settings
         began = now()
         try:
-            spec = self._identify(number)
+            spec = self._spec(number)
+            self._note_digest(number)
             made = ready(
                 spec,
                 load_seconds=now() - began,
@@ -363,6 +374,11 @@ class _Work:
                 cluster=self._cluster,
             )
             camera = camera_numbers(made.packed)
+            if self._digest(spec) != self._points[number].digest:
+                # Nobody knows whether the picture is of the file before or after; no record is of "".
+                self._points[number] = replace(self._points[number], digest="")
+                name = self._points[number].name
+                sentences.append(f"{name}: a file changed while it was read, so that it is rendered again next time")
         except Exception as error:  # noqa: BLE001
             return _Prepared(self._points[number], error, {}, tuple(sentences))
         finally:
@@ -490,19 +506,33 @@ class _Reports:
         self._held.clear()
 
 
-@contextmanager
-def _quick_turns() -> Iterator[None]:
-    """Let threads that render have their turns while another one works in Python.
+class _QuickTurns:
+    """Lets threads that render have their turns while another one works in Python, as long as any sweep is under way.
 
     A thread that has finished a tile, about every millisecond, needs the interpreter's lock for a moment, and would
     wait for it for 5 ms by default.
     """
-    before = sys.getswitchinterval()
-    sys.setswitchinterval(min(before, _TURN_SECONDS))
-    try:
-        yield
-    finally:
-        sys.setswitchinterval(before)
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._sweeps = 0
+        self._before = 0.0
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if self._sweeps == 0:
+                self._before = sys.getswitchinterval()
+                sys.setswitchinterval(min(self._before, _TURN_SECONDS))
+            self._sweeps += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._sweeps -= 1
+            if self._sweeps == 0:
+                sys.setswitchinterval(self._before)
+
+
+_quick_turns = _QuickTurns()
 
 
 def _publish(sweep: Sweep, home: _Home) -> None:

@@ -14,6 +14,7 @@ engraved on lenses and dials rounds them, and is taken for what it stands for: i
 and in `1/1000..1/30` that of 1/1000 s is 1/1024 s.  In a list, which is no range, 1.4 is 1.4.
 """
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
@@ -206,22 +207,32 @@ def _range(key: str, item: str) -> list[_Value] | None:
     """The values of a range; None if the item is none."""
     if not _STARTS_AS_NUMBER.match(item):
         return None
-    if ".." in item:
-        start, _, stop = item.partition("..")
-        return _stops(key, start, stop)
-    if ":" in item:
-        return _steps(item.split(":"))
-    return None
+    try:
+        if ".." in item:
+            start, _, stop = item.partition("..")
+            return _stops(key, start, stop)
+        return _steps(item.split(":")) if ":" in item else None
+    except OverflowError:
+        raise ValueError("is a range whose ends are too large, or too far apart") from None
 
 
 def _end(text: str) -> _End:
     match = _END.fullmatch(text.strip())
-    if match is None:
+    numerator, denominator = (None, None) if match is None else (_exact(match[1]), _exact(match[2] or "1"))
+    if match is None or numerator is None or denominator is None:
         raise ValueError(f"is a range whose end {shown(text.strip())} is no finite number (such as 2, 1/125 or 50 mm)")
-    numerator, denominator, unit = match.groups()
-    if denominator is not None and Fraction(denominator) == 0:
+    if denominator == 0:
         raise ValueError(f"divides by zero in {shown(text.strip())}")
-    return _End(Fraction(numerator) / Fraction(denominator or 1), unit or "")
+    return _End(numerator / denominator, match[3] or "")
+
+
+def _exact(text: str) -> Fraction | None:
+    """A number as it is written; None for one that float64 cannot hold, 0 for one that is 0 there."""
+    # Asked first, since an exponent of a billion takes a billion digits.
+    number = float(text)
+    if not math.isfinite(number):
+        return None
+    return Fraction(text) if number else Fraction(0)
 
 
 def _alike(start: _End, stop: _End) -> tuple[_End, _End]:
