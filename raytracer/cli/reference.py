@@ -142,7 +142,8 @@ def _sentence(path: Path, made: "Reference") -> str:
         before = load_reference(path)
         # With the seed that it has as well, the two are not independent, and differ all the less.
         ratio = gain_ratio(before.recipe.gains, made.recipe.gains)
-        verdict = z_test(ratio * made.mean, ratio**2 * made.variance, before.mean, before.variance)
+        spp = before.recipe.spp / made.recipe.spp
+        verdict = z_test(ratio * made.mean, ratio**2 * made.variance, before.mean, before.variance, ratio=spp)
         found += f"; what it replaces: {verdict.reason}"
     return found
 

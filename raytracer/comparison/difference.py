@@ -117,7 +117,7 @@ def _scale(values: Array) -> float:
 
 def _raw(comparison: Comparison) -> Array:
     a, b = _values(comparison)
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
         return _largest(a - b)
 
 
@@ -142,7 +142,7 @@ def _absolute(comparison: Comparison) -> Shown:
 
 def _relative(comparison: Comparison) -> Shown:
     a, b = _values(comparison)
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
         found = np.sqrt(np.mean(weights(b, 1.0) * (a - b) ** 2, axis=2))
     scale = _scale(found)
     caption = "root of the relative squared error"

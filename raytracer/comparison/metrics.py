@@ -7,7 +7,7 @@ SSIM are meant for what a display shows, in 0..1; FLIP has a kind for each.
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from typing import Any, Literal, NamedTuple
 
@@ -73,19 +73,27 @@ def sums(a: ArrayLike, b: ArrayLike) -> Sums:
 
     def of_band(top: int, bottom: int) -> tuple[float, ...]:
         reference = second[top:bottom]
-        difference = first[top:bottom] - reference
-        squared = difference**2
-        with np.errstate(divide="ignore", invalid="ignore"):
+        # What is too large for float64 is inf, or not a number.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            difference = first[top:bottom] - reference
+            squared = difference**2
             pbrt = squared / (reference + _MRSE_FLOOR) ** 2
-        return (
-            float(np.abs(difference).sum()),
-            float(squared.sum()),
-            float((weights(reference, 1.0) * squared).sum()),
-            # A reference of -0.01 has no relative error.
-            float(pbrt.sum(where=(reference != -_MRSE_FLOOR))),
-        )
+            return (
+                float(np.abs(difference).sum()),
+                float(squared.sum()),
+                float((weights(reference, 1.0) * squared).sum()),
+                # A reference of -0.01 has no relative error.
+                float(pbrt.sum(where=(reference != -_MRSE_FLOOR))),
+            )
 
-    return Sums(*(math.fsum(parts) for parts in zip(*over_bands(of_band, len(first)), strict=True)))
+    return Sums(*(_total(parts) for parts in zip(*over_bands(of_band, len(first)), strict=True)))
+
+
+def _total(parts: Sequence[float]) -> float:
+    try:
+        return math.fsum(parts)
+    except OverflowError:
+        return math.inf
 
 
 def _pair(a: ArrayLike, b: ArrayLike) -> tuple[Array, Array]:

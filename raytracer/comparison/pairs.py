@@ -372,6 +372,8 @@ def _measure(
         if metric.of is not None:
             totals.setdefault(own, sums(first, second))
             values[name] = metric.of(totals[own], count) if count else math.nan
+        elif not count:
+            values[name] = math.nan
         else:
             try:
                 if name not in must:

@@ -80,8 +80,10 @@ def _p_of_exceeding(exceeding: Array, pixels: int) -> float:
 
 def _tile_sums(values: Array, tile: int) -> Array:
     """Sums of `values` (height, width, ...) over squares of `tile` pixels; those at the edges may be smaller."""
-    rows = np.add.reduceat(values, np.arange(0, values.shape[0], tile), axis=0)
-    return np.add.reduceat(rows, np.arange(0, values.shape[1], tile), axis=1)
+    # Here, since threads do not take over what their caller ignores.
+    with np.errstate(invalid="ignore", over="ignore"):
+        rows = np.add.reduceat(values, np.arange(0, values.shape[0], tile), axis=0)
+        return np.add.reduceat(rows, np.arange(0, values.shape[1], tile), axis=1)
 
 
 class _Pair(NamedTuple):
@@ -100,9 +102,12 @@ class _Pair(NamedTuple):
         return _Pair(self.a / cells, self.var_a / cells**2, self.b / cells, self.var_b / cells**2)
 
     def ratio(self) -> float:
-        """How many times that of b the variance of a is; 0 if one of them is without noise."""
-        total_a, total_b = float(self.var_a.sum()), float(self.var_b.sum())
-        return total_a / total_b if total_a > 0.0 and total_b > 0.0 else 0.0
+        """How many times that of b the variance of a is, in the median part; 0 if one of them is without noise.
+
+        Not that of the totals, which one bright rare sample is enough to decide.
+        """
+        known = (self.var_a > 0.0) & (self.var_b > 0.0)
+        return float(np.median(self.var_a[known] / self.var_b[known])) if known.any() else 0.0
 
     def variance_of_difference(self, ratio: float) -> Array:
         """Variance of a - b, under the hypothesis that both are of one scene.
@@ -110,7 +115,7 @@ class _Pair(NamedTuple):
         It is var_a + var_b, but a pixel in which rare bright samples have not turned up yet takes itself to be
         free of noise.  If b has r times as many samples, its variance tells what that of a should be, and the other
         way round: the pooled estimate of Student's two-sample test is var_a / r + r var_b.  The larger one is
-        taken, with the r that the totals of the variances are in, `ratio`.
+        taken, with r = `ratio`.
         """
         summed = self.var_a + self.var_b
         if ratio == 0.0:
@@ -141,7 +146,8 @@ def _checked(a: ArrayLike, var_a: ArrayLike | None, b: ArrayLike, var_b: ArrayLi
 
 
 def _percent(a: float, b: float) -> str:
-    return f"{a:.6g} against {b:.6g}" + (f" ({(a - b) / b:+.2%})" if b else "")
+    change = (float(a) - float(b)) / float(b) if b else math.nan
+    return f"{a:.6g} against {b:.6g}" + (f" ({change:+.2%})" if math.isfinite(change) else "")
 
 
 def _largest(z: Array) -> tuple[int, ...]:
@@ -155,6 +161,7 @@ def z_test(
     var_b: ArrayLike | None,
     tile: int = 8,
     alpha: float = 1e-3,
+    ratio: float | None = None,
 ) -> Verdict:
     """Test the hypothesis that two images differ by their noise only.
 
@@ -173,6 +180,8 @@ def z_test(
         tells that it should have.
     tile : width and height of a tile in pixels.
     alpha : how often two honest images may fail.
+    ratio : how many times that of b the variance of a is, of the same scene: the samples of b over those of a, where
+        they are known.  By default the median of what the tiles say.
 
     Raises
     ------
@@ -185,25 +194,24 @@ def z_test(
     rows = max(ROWS // tile, 1) * tile
     pixel_z = np.empty_like(pair.a)
 
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
         # Compare means of everything, then of tiles.
         sums = over_bands(lambda top, bottom: [_tile_sums(v, tile) for v in pair.rows(top, bottom)], height, rows)
         of_tiles = _Pair(*(np.concatenate(parts) for parts in zip(*sums, strict=True)))
         whole = _Pair(*(values.sum(axis=(0, 1)) for values in of_tiles)).means(height * width)
-        mean_z = whole.z(whole.variance_of_difference(whole.ratio()))
         tiles = of_tiles.means(cells)
-        tile_z = tiles.z(tiles.variance_of_difference(tiles.ratio()))
-
-    ratio = of_tiles.ratio()
+        shares = of_tiles.ratio() if ratio is None else ratio
+        mean_z = whole.z(whole.variance_of_difference(shares))
+        tile_z = tiles.z(tiles.variance_of_difference(shares))
 
     def compare_pixels(top: int, bottom: int) -> NDArray[np.int64]:
         """Fill in a band of `pixel_z`, and count what is beyond the limit in each channel."""
         band = pair.rows(top, bottom)
-        variance = band.variance_of_difference(ratio)
+        variance = band.variance_of_difference(shares)
         # A pixel's own variance, from few samples, may be far too small, which that of its neighbours tells.
         of_tile = _tile_sums(variance, tile) / cells[top // tile : -(-bottom // tile)]
         of_tile = np.repeat(np.repeat(of_tile, tile, axis=0), tile, axis=1)[: bottom - top, :width]
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore", over="ignore"):
             z = band.z(np.where(variance > 0.0, np.maximum(variance, of_tile), 0.0))
         pixel_z[top:bottom] = z
         counts: NDArray[np.int64] = np.count_nonzero(np.abs(z) > _COUNTED_BEYOND, axis=(0, 1))

@@ -207,7 +207,8 @@ def check(
     except InputError as error:
         return replace(result, error=True, reason=str(error), seconds=time.perf_counter() - begin)
 
-    verdict = z_test(image.radiance, variance, reference.mean, reference.variance, TILE, alpha)
+    samples = reference.recipe.spp / spp
+    verdict = z_test(image.radiance, variance, reference.mean, reference.variance, TILE, alpha, samples)
     passed, reason = verdict.passed, verdict.reason
     if passed and rendered.stats.nan_samples and not reference.recipe.dropped:
         dropped = rendered.stats.nan_samples

@@ -37,8 +37,8 @@ from raytracer.stock import Stock
 from raytracer.sweeping.animation import FPS, KINDS, STEM, Kind, write_animation
 from raytracer.sweeping.animation import check as check_animation
 from raytracer.sweeping.bar import SweepBar
-from raytracer.sweeping.manifest import JSON, RECORDS, find_record, write_manifest, write_record
-from raytracer.sweeping.page import write_page
+from raytracer.sweeping.manifest import CSV, JSON, RECORDS, find_record, write_manifest, write_record
+from raytracer.sweeping.page import PAGE, write_page
 from raytracer.sweeping.plan import Plan, planned
 from raytracer.sweeping.points import MOST_POINTS, Point, Sweep, Taken, points_of
 from raytracer.sweeping.sheet import SHEET, write_sheet
@@ -197,6 +197,11 @@ class _Home(NamedTuple):
         """Names of a point's images."""
         return tuple(f"{point.name}.{suffix}" for suffix in self.formats)
 
+    @property
+    def others(self) -> tuple[str, ...]:
+        """Names of the other files; of records, which are not known yet, any one."""
+        return (JSON, CSV, PAGE, SHEET, *(f"{STEM}.{kind}" for kind in self.animate), f"{RECORDS}/{JSON}")
+
     def clean(self) -> None:
         """Take away what an earlier sweep was writing when it was killed."""
         for folder in (self.folder, self.folder / RECORDS):
@@ -282,7 +287,8 @@ class _Work:
             return list(range(len(self._points)))
         if self._home.folder.exists() and not self._home.folder.is_dir():
             raise InputError(f"{self._home.folder}: is a file, not a folder")
-        check_file(self._home.folder / JSON)
+        for name in self._home.others:
+            check_file(self._home.folder / name)
         self._home.clean()
         if (self._home.folder / RECORDS).is_dir():
             for number, point in enumerate(self._points):
@@ -547,10 +553,10 @@ def _publish(sweep: Sweep, home: _Home) -> None:
 
 
 def _shown(folder: Path, taken: Taken) -> NDArray[np.uint8] | None:
-    """A point's picture, uint8 (height, width, 3), as its file for display holds it."""
+    """A point's picture, uint8 (height, width, 3), as its file for display holds it; None if that has gone."""
     import PIL.Image
 
-    if not taken.files:
+    if not taken.files or not (folder / taken.files[0]).exists():
         return None
     with PIL.Image.open(folder / taken.files[0]) as file:
         return np.asarray(file.convert("RGB"))
@@ -564,7 +570,7 @@ def camera_numbers(packed: Packed) -> dict[str, float]:
 
 def strangers(sweep: Sweep) -> list[str]:
     """Names of images in the sweep's folder that are none of its points': an earlier sweep's, perhaps."""
-    if sweep.folder is None:
+    if sweep.folder is None or not sweep.folder.is_dir():
         return []
     own = {name for taken in sweep.taken for name in taken.files} | {SHEET} | {f"{STEM}.{kind}" for kind in KINDS}
     images = (path.name for path in sweep.folder.iterdir() if path.suffix.lower() in (".png", ".jpg", ".jpeg", ".exr"))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from raytracer import comparison
-from raytracer.comparison import compare
+from raytracer.comparison import compare, encode
 from raytracer.errors import InputError
 from raytracer.film import srgb
 from raytracer.film.image import Image
@@ -168,6 +168,26 @@ def test_pixels_that_are_not_finite_are_counted_named_and_left_out():
 def test_an_image_without_a_finite_pixel_fails_any_bound():
     a = np.full(SHAPE, np.nan)
     assert compare(a, a, fail_above={"mae": 1e9}, metrics=["mae"]).passed is False
+
+
+def test_of_no_finite_pixel_nothing_is_known():
+    a, b = np.full(SHAPE, np.nan), np.full(SHAPE, 0.5)
+    found = compare(a, b, metrics=[*QUICK, "ssim", "flip"])
+    assert all(np.isnan(value) for value in found.metrics.values())
+    assert compare(a, b, fail_below={"ssim": 0.1}, metrics=["ssim"]).failures[0].startswith("SSIM is nan")
+
+
+@pytest.mark.parametrize("height", [24, 200])
+def test_what_float64_cannot_hold_is_infinite(height):
+    """In one band of rows, and in several, whose sums may be finite where their sum is not."""
+    a, b = np.full((height, 32, 3), 1.7e308), np.full((height, 32, 3), -1.7e308)
+    found = compare(a, b, metrics=["mae", "mse", "rmse", "relmse"])
+    assert [found.metrics[name] for name in ("mae", "mse", "rmse")] == [np.inf] * 3
+    assert compare(a / 1e150, 0.0 * b, metrics=["mse"]).metrics["mse"] == np.inf
+    image = Image(a, np.ones_like(a), 16)
+    assert compare(image, Image(b, np.ones_like(b), 16), metrics=["mae"]).passed is False
+    for kind in ("signed", "absolute", "relative"):
+        encode(found, kind)
 
 
 def test_the_z_test_of_pixels_that_are_not_finite_fails():

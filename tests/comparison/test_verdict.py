@@ -112,6 +112,39 @@ def test_planted_faults_fail_and_are_named(fault, scene):
         assert re.search(reason, verdict.reason), verdict.reason
 
 
+def with_a_firefly(image, variance, where=(2, 3), value=100.0):
+    """The render with one sample so bright that it is all that its pixel's mean and variance tell."""
+    image, variance = image.copy(), variance.copy()
+    image[where] += value
+    variance[where] += value**2
+    return image, variance
+
+
+@pytest.mark.parametrize("who", ["reference", "render"])
+def test_one_rare_bright_sample_hides_nothing_elsewhere(who, scene):
+    rng = np.random.default_rng(11)
+    for change, passes in ((lambda image: image, True), (changed_tile, False)):
+        a, b = quick_render(rng, change(scene), 0.3), quick_render(rng, scene, 0.3)
+        pair = (a, with_a_firefly(*b)) if who == "reference" else (with_a_firefly(*a), b)
+        verdict = compare.z_test(*pair[0], *pair[1])
+        assert verdict.passed is passes, verdict.reason
+        assert passes or "in the tile at x = 40, y = 16" in verdict.reason
+
+
+def test_samples_that_are_known_tell_the_noise_where_most_tiles_do_not(scene):
+    # Rare samples decide two of three tiles: of their median ratio, 1e-7, every difference is noise.
+    rng = np.random.default_rng(12)
+    small = scene[:8, :24]
+    a, var_a = quick_render(rng, small, 0.1)
+    b, var_b = with_a_firefly(*with_a_firefly(*quick_render(rng, small, 0.1)), where=(2, 11))
+    a[6, 20] *= 2.0
+    assert np.abs(compare.z_test(a, var_a, b, var_b).pixel_z[:, 16:]).max() < 0.1
+    known = np.abs(compare.z_test(a, var_a, b, var_b, ratio=1.0).pixel_z)
+    assert known[6, 20].max() > 10.0
+    known[6, 20] = 0.0
+    assert known.max() < 5.0
+
+
 def test_a_bias_fails_once_the_noise_of_the_mean_permits(scene):
     # 1 % of the mean is k standard deviations at spp samples; beyond 3.7 + 3 of them it is found 999 times of 1000.
     rng = np.random.default_rng(6)

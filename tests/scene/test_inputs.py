@@ -201,6 +201,17 @@ def test_what_a_file_holds_counts(folder: Path, keys: tuple[Any, ...], name: str
     assert digest(scene_in(folder)) != before
 
 
+def test_what_was_written_over_with_its_time_put_back_counts(folder: Path) -> None:
+    before = digest(scene_in(folder))
+    path = folder / "other.png"
+    status = path.stat()
+    data = bytearray(path.read_bytes())
+    data[-1] ^= 1
+    path.write_bytes(data)
+    os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
+    assert digest(scene_in(folder)) != before
+
+
 def test_what_a_file_is_called_does_not_count_but_which_places_share_it_does(folder: Path) -> None:
     before = digest(scene_in(folder))
     text = (folder / "scene.yaml").read_text()

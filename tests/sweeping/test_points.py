@@ -49,6 +49,18 @@ def test_names_differ_where_case_or_signs_do_not_count() -> None:
     assert len({point.name.casefold() for point in points}) == 4
 
 
+@pytest.mark.parametrize(
+    "axes",
+    [
+        [Axis("camera.focus_on", ("ball", "Ball", "ball.1"), ("ball", "Ball", "ball.1"))],
+        [Axis("x.a", ("1", "1_b=2"), ("1", "1_b=2")), Axis("x.b", ("3", "2_b=3"), ("3", "2_b=3"))],
+    ],
+)
+def test_names_differ_whatever_values_are_called(axes: list[Axis]) -> None:
+    names = [point.name.casefold() for point in points_of(axes)]
+    assert len(set(names)) == len(names)
+
+
 def test_keys_that_end_alike_are_named_in_full() -> None:
     (point, *_) = points_of([Axis(f"objects[{i}].radius", (1,), ("1",)) for i in (3, 4)] + [Axis("x.y", (2,), ("2",))])
     assert point.name == "objects.3.radius=1_objects.4.radius=1_y=2"

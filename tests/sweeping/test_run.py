@@ -211,6 +211,41 @@ def test_a_changed_scene_is_rendered_again_and_a_comment_is_no_change(
     assert len(bench.rendered) == 6
 
 
+def test_a_file_that_changes_during_a_sweep_and_back_is_rendered_again(
+    scene: Path, tmp_path: Path, bench: Bench
+) -> None:
+    """Records are of what was read, not of what was there at the beginning; what changes while it is read has none."""
+    sky = tmp_path / "sky.npy"
+    before, after = np.full((2, 4, 3), 1.0), np.full((2, 4, 3), 2.0)
+    np.save(sky, before)
+    scene.write_text(SCENE.replace("{type: constant, radiance: 1}", "{type: image, file: sky.npy}"))
+    values = {"camera.f_number": "1.4,2,2.8,4", "camera.focus_distance": 2}
+    folder = tmp_path / "out"
+    sweep(scene, values, folder=folder)
+    for path in (folder / "points").iterdir():
+        path.unlink()
+
+    made, reads = bench.ready, []
+
+    def ready(spec: Any, **settings: Any) -> FakeReady:
+        reads.append(spec.camera.f_number)
+        if spec.camera.f_number == 2.0:
+            np.save(sky, after)
+        elif spec.camera.f_number == 4.0:
+            np.save(sky, before)
+        return made(spec, **settings)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run, "ready", ready)
+        told: list[str] = []
+        found = sweep(scene, values, folder=folder, warn=told.append)
+    assert [taken.status for taken in found.taken] == ["done"] * 4
+    assert [sentence.partition(":")[0] for sentence in told] == ["f_number=2", "f_number=4"]
+    bench.rendered.clear()
+    assert sweep(scene, values, folder=folder).kept == 1
+    assert [f_number for f_number, _ in bench.rendered] == [2.0, 2.8, 4.0]
+
+
 def test_another_format_is_rendered_for(scene: Path, tmp_path: Path, bench: Bench) -> None:
     folder = tmp_path / "out"
     sweep(scene, VALUES, folder=folder)
@@ -333,6 +368,18 @@ def test_an_interrupt_keeps_what_is_done(scene: Path, tmp_path: Path, bench: Ben
     assert json.loads((folder / "manifest.json").read_text())["interrupted"] is False
 
 
+def test_an_interrupt_before_there_is_anything_leaves_nothing(scene: Path, tmp_path: Path, bench: Bench) -> None:
+    folder = tmp_path / "out"
+
+    def interrupt(camera: Any) -> None:
+        raise KeyboardInterrupt
+
+    bench.behave = interrupt
+    result = sweep(scene, VALUES, folder=folder)
+    assert result.interrupted and not folder.exists()
+    assert strangers(result) == []
+
+
 def test_a_lost_cluster_ends_the_sweep(
     scene: Path, tmp_path: Path, bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -377,9 +424,43 @@ def test_wrong_settings_are_told_before_anything(
     assert bench.settings == []
 
 
+@pytest.mark.parametrize(("name", "key"), [("spp", "render.spp"), ("seed", "render.seed")])
+def test_a_setting_does_not_stand_in_place_of_values(scene: Path, bench: Bench, name: str, key: str) -> None:
+    """All points would be one."""
+    fixed = {"camera.f_number": 2, "camera.focus_distance": 2}
+    with pytest.raises(InputError, match=f"--{name} stands in place of {key}"):
+        sweep(scene, fixed | {key: "1,2"}, **{name: 3})
+    assert bench.settings == []
+    assert len(sweep(scene, fixed | {key: "1,2"}).taken) == 2
+
+
 def test_a_file_is_no_folder(scene: Path, bench: Bench) -> None:
     with pytest.raises(InputError, match="is a file, not a folder"):
         sweep(scene, VALUES, folder=scene)
+
+
+@pytest.mark.parametrize("name", ["index.html", "contact_sheet.png", "manifest.csv", "sweep.gif", "points"])
+def test_what_stands_in_the_way_is_told_before_anything(
+    scene: Path, tmp_path: Path, bench: Bench, name: str
+) -> None:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    if name == "points":
+        (folder / name).write_text("no folder")
+    else:
+        (folder / name).mkdir()
+    with pytest.raises(InputError, match=name):
+        sweep(scene, VALUES, folder=folder, animate=["gif"])
+    assert bench.settings == []
+
+
+def test_a_picture_that_was_taken_away_meanwhile_is_not_shown(scene: Path, tmp_path: Path, bench: Bench) -> None:
+    folder = tmp_path / "out"
+    first = folder / "f_number=1.4_focus_distance=2.png"
+    bench.behave = lambda camera: first.unlink(missing_ok=True) if camera.f_number == 2.8 else None
+    sweep(scene, VALUES, folder=folder, animate=["gif"])
+    assert not first.exists()
+    assert {"index.html", "contact_sheet.png", "sweep.gif"} <= {path.name for path in folder.iterdir()}
 
 
 # ---- While it is at work
@@ -409,6 +490,44 @@ def test_progress_rises_to_the_end_and_counts_by_work(scene: Path, bench: Bench)
     sweep(scene, values, progress=told.append)
     assert [done.share for done in told] == pytest.approx([0.5 / 8, 2 / 8, 5.5 / 8])
     assert [done.of for done in told] == [3, 3, 3]
+
+
+def test_progress_is_a_number_where_a_value_is_none(scene: Path, bench: Bench) -> None:
+    """A film of infinite width is no infinite part of the work."""
+    told: list[Done] = []
+    values = {"camera.f_number": 2, "camera.focus_distance": 2, "film.width": [math.inf, 8]}
+    assert [taken.status for taken in sweep(scene, values, progress=told.append).taken] == ["failed", "done"]
+    assert all(0.0 <= done.share <= 1.0 for done in told) and told
+
+
+def test_sweeps_side_by_side_leave_the_interpreter_as_it_was(scene: Path, bench: Bench) -> None:
+    """The one that begins first is over first."""
+    before = sys.getswitchinterval()
+    second_began, first_ended = threading.Event(), threading.Event()
+    values = {"camera.f_number": [2], "camera.focus_distance": 2}
+
+    def behave(camera: Any) -> None:
+        if threading.current_thread() is first:
+            assert second_began.wait(60.0)
+        else:
+            second_began.set()
+            assert first_ended.wait(60.0)
+
+    def render() -> None:
+        sweep(scene, values)
+        if threading.current_thread() is first:
+            first_ended.set()
+
+    bench.behave = behave
+    first, second = threading.Thread(target=render), threading.Thread(target=render)
+    first.start()
+    while len(bench.settings) < 1:
+        time.sleep(0.001)
+    second.start()
+    first.join()
+    second.join()
+    assert len(bench.rendered) == 2
+    assert sys.getswitchinterval() == before
 
 
 def test_a_doubt_is_told_once(scene: Path, bench: Bench) -> None:
