@@ -2,10 +2,12 @@
 
     python docs/make_gallery.py [NAME ...]    those alone: cover, lecture_aperture, ...
 
-Of a scene of scenes/lecture, a picture shows several settings side by side: those of `LECTURE`.
+Of a scene of scenes/lecture, a picture shows several settings side by side: those of `LECTURE`.  `sweep` is the contact
+sheet of the README's sweep.
 """
 
 import sys
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,6 +19,8 @@ from PIL import Image, ImageDraw, ImageFont
 from raytracer.rendering import render
 from raytracer.scene.load import load
 from raytracer.scene.spec import SceneSpec
+from raytracer.sweeping.run import sweep
+from raytracer.sweeping.sheet import SHEET
 
 ROOT = Path(__file__).parents[1]
 SCENES = ROOT / "scenes"
@@ -24,6 +28,8 @@ GALLERY = ROOT / "docs" / "gallery"
 LONGEST_EDGE = 800
 SPP = 256
 MOST_BYTES = 300_000
+
+SWEEP_WIDTH = 1600
 
 GAP = 6
 CAPTION = 24
@@ -262,13 +268,27 @@ def lecture_picture(name: str) -> None:
     save_small(paper, GALLERY / f"lecture_{name}.jpg")
 
 
+def sweep_picture() -> None:
+    """The contact sheet of a lens from f/1.4 to f/22, focused on three things."""
+    values = {"camera.focus_on": ["yellow ball", "red ball", "last ball"], "camera.f_number": "1.4..22"}
+    metered = {"camera.exposure": "auto", "camera.iso": None}
+    with tempfile.TemporaryDirectory() as folder:
+        sweep(SCENES / "lecture" / "aperture.yaml", values | metered, folder=folder, spp=64)
+        with Image.open(Path(folder) / SHEET) as paper:
+            small = paper.convert("RGB")
+    small.thumbnail((SWEEP_WIDTH, SWEEP_WIDTH), Image.Resampling.LANCZOS)
+    save_small(small, GALLERY / "sweep.jpg")
+
+
 def main() -> None:
     """Render the scenes that are named, or all."""
     GALLERY.mkdir(exist_ok=True)
     plain = {file.stem: file for file in sorted(SCENES.glob("*.yaml"))}
-    for name in sys.argv[1:] or [*plain, *(f"lecture_{name}" for name in LECTURE)]:
+    for name in sys.argv[1:] or [*plain, *(f"lecture_{name}" for name in LECTURE), "sweep"]:
         if name in plain:
             scene_picture(plain[name])
+        elif name == "sweep":
+            sweep_picture()
         else:
             lecture_picture(name.removeprefix("lecture_"))
         picture = GALLERY / f"{name}.jpg"

@@ -77,7 +77,7 @@ class Regression:
         What was found, if the scene has passed: its `image`, the `reference` and the `verdict`.
         """
         __tracebackhide__ = True
-        from raytracer.errors import InputError
+        from raytracer.errors import InputError, OutputError
         from raytracer.regression import making
         from raytracer.regression.checking import ALPHA, check
         from raytracer.regression.references import save_reference
@@ -86,22 +86,23 @@ class Regression:
         level = ALPHA if alpha is None else alpha
         judge = partial(check, path, spp=spp, seed=seed, alpha=level, threads=_threads(), stock=self._stock)
         is_update = self._config.getoption("--rt-update")
+        result, obstacle = None, ""
         try:
             place = self._node.path.parent / scene if isinstance(scene, str | os.PathLike) else scene
             found, obstacle = self._source(place, path, overrides, width)
-            if obstacle and not is_update:
-                pytest.fail(f"{obstacle}; pytest --rt-update renders it", pytrace=False)
             result = None if obstacle else judge(found=found)
             if is_update and (result is None or not result.passed):
                 made = making.make(found, spp=reference_spp or making.SPP, threads=_threads(), stock=self._stock)
                 save_reference(path, *made)
                 self._node.user_properties.append((_PROPERTY, str(path)))
                 result = judge(found=found)
-        except InputError as error:
-            pytest.fail(str(error), pytrace=False)
-        assert result is not None
-        if not result.passed:
-            pytest.fail(self._told(result), pytrace=False)
+        except (InputError, OutputError) as error:
+            result, told = None, str(error)
+        else:
+            told = f"{obstacle}; pytest --rt-update renders it" if result is None else self._told(result)
+        if result is None or not result.passed:
+            # Out here, where no other error is being handled that pytest would tell of as well.
+            pytest.fail(told, pytrace=False)
         return result
 
     def _reference(self, scene: "str | os.PathLike[str] | SceneSpec", name: str | None) -> Path:
@@ -112,6 +113,8 @@ class Regression:
             if not isinstance(scene, str | os.PathLike):
                 pytest.fail("a scene that is built in code needs a name for its reference: name=...", pytrace=False)
             name = Path(scene).stem
+        if name != Path(name).name:
+            pytest.fail(f"name={name!r}: is the name of a reference, not a path", pytrace=False)
         folder: Path = self._node.path.parent / FOLDER
         return folder / f"{name}{SUFFIX}"
 
@@ -142,10 +145,12 @@ class Regression:
         return found, ""
 
     def _told(self, result: "Checked") -> str:
-        """Why the test fails."""
+        """Why the test fails; empty if it does not."""
         from raytracer.film.output import write_bytes
         from raytracer.regression.report import report
 
+        if result.passed:
+            return ""
         lines = [result.sentence(), f"  reference: {result.path}"]
         if result.verdict is not None:
             given = self._config.getoption("--rt-report")

@@ -1,6 +1,7 @@
 """Rendering, as five calls on explicit state: load, pack, build, render, develop."""
 
 import math
+import os
 import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -31,6 +32,7 @@ from raytracer.replay import brightest_of, first_dropped, samples
 from raytracer.sampling import SAMPLERS
 from raytracer.scene.concerns import heed
 from raytracer.scene.effects import effects_of
+from raytracer.scene.load import load
 from raytracer.scene.pack import Packed, pack
 from raytracer.scene.spec import SceneSpec
 from raytracer.scheduling import (
@@ -49,6 +51,9 @@ from raytracer.stock import Stock
 
 if TYPE_CHECKING:
     from raytracer.aovs.recording import Recording
+
+# What counters of the kernels hold, and what a machine may have.
+_MOST_SPP, _MOST_SEED, _MOST_THREADS = 2**31 - 1, 2**32 - 1, 1024
 
 
 class Progress(NamedTuple):
@@ -212,7 +217,7 @@ class SampleBar(Bar):
 
 
 def render_image(
-    scene: SceneSpec,
+    scene: SceneSpec | str | os.PathLike[str],
     *,
     spp: int | None = None,
     seed: int | None = None,
@@ -227,7 +232,9 @@ def render_image(
     stock: Stock | None = None,
     cluster: Workforce | None = None,
 ) -> Image:
-    """The image of a scene: `image.radiance` is float64 (height, width, 3), row 0 at the top.  See `render`.
+    """The image of a scene, or of a scene file: `image.radiance` is float64 (height, width, 3), row 0 at the top.
+
+    The arguments are those of `render`; `aovs` may also be one name.
 
     What the scene makes one doubt is a SceneWarning, or an error if `strict`.  `progress` shows a bar, also in a
     notebook; or it is a function that is called with a `Progress`.
@@ -238,14 +245,14 @@ def render_image(
     """
     with SampleBar(always=True) as bar:
         rendered = render(
-            scene,
+            load(scene) if isinstance(scene, str | os.PathLike) else scene,
             spp=spp,
             seed=seed,
             threads=threads,
             crop=crop,
             noise=noise,
             time_limit=time_limit,
-            aovs=aovs,
+            aovs=[aovs] if isinstance(aovs, str) else aovs,
             denoise=denoise,
             progress=bar.show if progress is True else progress or None,
             warn=_warn,
@@ -290,6 +297,7 @@ def ready(
 
         require_denoiser()
     _check_ends(noise, time_limit)
+    threads = _whole("threads", threads, 1, _MOST_THREADS)
     seconds = {"load": load_seconds}
     clock = _Clock(seconds)
     spec = _with_settings(spec, spp, seed)
@@ -575,8 +583,18 @@ class _Clock:
 
 
 def _with_settings(spec: SceneSpec, spp: int | None, seed: int | None) -> SceneSpec:
-    given = {name: value for name, value in (("spp", spp), ("seed", seed)) if value is not None}
+    asked = (("spp", _whole("spp", spp, 1, _MOST_SPP)), ("seed", _whole("seed", seed, 0, _MOST_SEED)))
+    given = {name: value for name, value in asked if value is not None}
     return spec.model_copy(update={"render": spec.render.model_copy(update=given)})
+
+
+def _whole(name: str, value: int | None, least: int, most: int) -> int | None:
+    """A number that must be whole, as Python's own; or None."""
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
+        raise InputError(f"{name} must be a whole number from {least} to {most}, got {value!r}")
+    return int(value)
 
 
 def _check_ends(noise: float | None, time_limit: float | None) -> None:

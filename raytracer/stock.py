@@ -192,7 +192,8 @@ def _stamp(kind: str, path: Path) -> Any:
         found = [file.stat() for file in (file_of(path), *companions(kind, path))]
     except OSError:
         return None
-    return [(status.st_mtime_ns, status.st_size, status.st_ino) for status in found]
+    # The time at which the file's entry changed is nobody's to put back, as that of its content is.
+    return [(status.st_mtime_ns, status.st_ctime_ns, status.st_size, status.st_ino) for status in found]
 
 
 def _weight(value: Any) -> int:

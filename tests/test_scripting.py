@@ -12,7 +12,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -169,6 +169,41 @@ def test_a_scene_in_code_is_the_scene_of_the_file() -> None:
     assert made == build(text, "a.yaml")
     assert isinstance(made, SceneSpec)
     assert made is not build_plain({"camera": CAMERA, "film": FILM})
+
+
+def test_a_scene_file_stands_for_its_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: dict[str, Any] = {}
+
+    def render(scene: SceneSpec, **settings: Any) -> Any:
+        asked.update(settings, scene=scene)
+        return SimpleNamespace(failure=None, image="the image")
+
+    scene = rt.Scene(camera=CAMERA, film=FILM, objects=[BALL], environment=rt.environment.gradient())
+    scene.save(tmp_path / "scene.yaml")
+    monkeypatch.setattr("raytracer.rendering.render", render)
+    for given in (tmp_path / "scene.yaml", str(tmp_path / "scene.yaml"), scene):
+        assert rt.render(given, aovs="depth") == "the image"
+        assert asked["scene"] == scene
+        assert asked["aovs"] == ["depth"]
+    assert rt.explain(tmp_path / "scene.yaml").camera == rt.explain(scene).camera
+    with pytest.raises(rt.InputError, match=r"nosuch\.yaml: no such file"):
+        rt.render("nosuch.yaml")
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ({"spp": 0}, "spp must be a whole number from 1 to 2147483647, got 0"),
+        ({"spp": 1.5}, "spp must be a whole number from 1 to 2147483647, got 1.5"),
+        ({"spp": True}, "spp must be a whole number from 1 to 2147483647, got True"),
+        ({"seed": -1}, "seed must be a whole number from 0 to 4294967295, got -1"),
+        ({"threads": 0}, "threads must be a whole number from 1 to 1024, got 0"),
+    ],
+)
+def test_settings_that_cannot_be_are_told(settings: dict[str, Any], says: str) -> None:
+    with pytest.raises(rt.InputError) as caught:
+        rt.render(rt.Scene(camera=CAMERA, film=FILM), **settings)
+    assert str(caught.value) == says
 
 
 def test_names_of_files_stay_where_the_scene_was_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -175,6 +175,10 @@ def test_a_file_is_read_once_until_it_changes(tmp_path: Path) -> None:
     os.replace(tmp_path / "other.ply", path)
     assert stock.read("mesh", path).vertices.max() == 3.5
     assert stock.counts.files_read == 3
+    # As large as before, in its place, and with its time put back.
+    _write_mesh(path, 4.5)
+    os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
+    assert stock.read("mesh", path).vertices.max() == 4.5
     path.unlink()
     with pytest.raises(InputError, match="no such file"):
         stock.read("mesh", path)

@@ -178,7 +178,8 @@ def _conclude(result: "Sweep", folder: Path, others: list[str], *, quiet: bool) 
         print(f"{folder / 'index.html'}: {_count(counts['done'], 'picture')} ({names}){kept}", file=sys.stderr)
     if others and not quiet:
         number = _count(len(others), "image")
-        print(f"rt: {folder} holds {number} besides, perhaps of another sweep: {others[0]}", file=sys.stderr)
+        told = f"{folder} also holds {number} that this sweep did not make, such as {others[0]}"
+        print(f"rt: {told}; -o names another folder", file=sys.stderr)
     if counts["failed"]:
         raise OutputError(f"{counts['failed']} of {_points(result)} failed; {folder / 'manifest.csv'} says why")
 

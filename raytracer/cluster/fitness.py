@@ -2,13 +2,9 @@
 
 import platform
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from typing import NamedTuple
 
 import raytracer
-
-# What the bits of a picture depend on, by the names of distributions.
-_LIBRARIES = ("numba", "llvmlite", "numpy", "embreex")
 
 
 class Fingerprint(NamedTuple):
@@ -27,14 +23,9 @@ class Fingerprint(NamedTuple):
 def fingerprint() -> Fingerprint:
     """This process's."""
     from raytracer.jit import processor
-    from raytracer.scene.inputs import program
+    from raytracer.scene.inputs import libraries, program
 
-    versions = {"rt": raytracer.__version__, "Python": platform.python_version()}
-    for library in _LIBRARIES:
-        try:
-            versions[library] = version(library)
-        except PackageNotFoundError:
-            versions[library] = "none"
+    versions = {"rt": raytracer.__version__, "Python": platform.python_version(), **libraries()}
     return Fingerprint(versions, program(), processor())
 
 

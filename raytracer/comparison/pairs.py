@@ -254,7 +254,8 @@ def checked(checks: Checks) -> Checks:
             metric = METRICS[name]
             if metric.is_better_larger != is_below:
                 better, other = ("larger", "below") if metric.is_better_larger else ("smaller", "above")
-                raise InputError(f"{metric.label} is better when it is {better}, so it fails {other} its bound")
+                wanted = f"{metric.label} is better when it is {better}, so it fails {other} its bound"
+                raise InputError(f"{wanted}: --fail-{other} {name}=...")
             if math.isnan(bound):
                 raise InputError(f"the bound of {metric.label} must be a number")
             side[name] = float(bound)

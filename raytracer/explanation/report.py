@@ -1,6 +1,7 @@
 """All that there is to say of a scene, as numbers and as text."""
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +11,7 @@ from raytracer.explanation.numbers import Circle, View, depth_of_field, exposure
 from raytracer.explanation.text import camera_text, effects_text, objects_text, warnings_text
 from raytracer.scene.concerns import concerns, told
 from raytracer.scene.effects import Effect, effects_of
+from raytracer.scene.load import load
 from raytracer.scene.objects import Assets
 from raytracer.scene.pack import pack
 from raytracer.scene.spec import SceneSpec
@@ -60,8 +62,8 @@ def _finite(numbers: Mapping[str, float]) -> dict[str, float | str]:
     return {name: "inf" if math.isinf(value) else value for name, value in numbers.items()}
 
 
-def explain(spec: SceneSpec, *, circle: Circle | None = None) -> Explanation:
-    """Explain a checked scene.
+def explain(scene: SceneSpec | str | os.PathLike[str], *, circle: Circle | None = None) -> Explanation:
+    """Explain a checked scene, or a scene file.
 
     Parameters
     ----------
@@ -73,15 +75,16 @@ def explain(spec: SceneSpec, *, circle: Circle | None = None) -> Explanation:
     SceneError : the scene cannot be packed.
     InputError : a circle in mm for a camera whose film has no size.
     """
+    spec = load(scene) if isinstance(scene, str | os.PathLike) else scene
     assets = Assets(spec)
     packed = pack(spec, assets=assets)
-    spec, scene = packed.spec, packed.scene
-    view = View(spec, scene.camera, packed.shift)
+    spec = packed.spec
+    view = View(spec, packed.scene.camera, packed.shift)
     where = Whereabouts(spec, assets)
     numbers = view.numbers | depth_of_field(view, circle) | exposure(spec)
     objects = {label(spec, number): view.object(where, number) for number in _explained(spec, where)}
     warnings = [*told(concerns(packed)), *cautions(view, numbers)]
-    return Explanation(effects_of(spec, scene), spec.camera.type, numbers, objects, warnings)
+    return Explanation(effects_of(spec, packed.scene), spec.camera.type, numbers, objects, warnings)
 
 
 def _explained(spec: SceneSpec, where: Whereabouts) -> list[int]:

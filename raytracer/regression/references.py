@@ -23,6 +23,8 @@ WIDEST = 128
 
 _ABSENT = "no such file"
 
+_INT32_MAX, _UINT32_MAX = 2**31 - 1, 2**32 - 1
+
 
 class Recipe(NamedTuple):
     """What a reference was rendered from.
@@ -87,6 +89,8 @@ def load_reference(path: str | Path) -> Reference:
             recipe = _recipe(json.loads(str(file["settings"])))
         if mean.ndim != 3 or mean.shape[2] != 3 or mean.shape != variance.shape or mean.size == 0:
             raise ValueError("not an image and its variance")
+        if not np.all(np.isfinite(variance) & (variance >= 0.0)):
+            raise ValueError("a variance that is none")
     except FileNotFoundError as error:
         raise InputError(f"{path}: {_ABSENT}") from error
     except MemoryError:
@@ -109,10 +113,17 @@ def _recipe(found: Mapping[str, Any]) -> Recipe:
     return Recipe(
         scene=scene,
         overrides=dict(found["overrides"]),
-        spp=int(found["spp"]),
-        seed=int(found["seed"]),
+        spp=_whole(found["spp"], 1, _INT32_MAX),
+        seed=_whole(found["seed"], 0, _UINT32_MAX),
         version=str(found["version"]),
         inputs={str(name): str(digest) for name, digest in found["inputs"].items()},
         dropped=int(found["dropped"]),
         gains=None if gains is None else (float(gains[0]), float(gains[1]), float(gains[2])),
     )
+
+
+def _whole(value: Any, least: int, most: int) -> int:
+    number = int(value)
+    if not least <= number <= most:
+        raise ValueError(f"{number} is not in {least}..{most}")
+    return number

@@ -25,7 +25,7 @@ from raytracer.scene.load import build
 from raytracer.scene.spec import SceneSpec
 
 # What computes, and what reads the files that scenes name.
-_LIBRARIES = ("embreex", "numba", "numpy", "scipy", "meshio", "OpenEXR", "Pillow", "trimesh")
+_LIBRARIES = ("embreex", "llvmlite", "numba", "numpy", "scipy", "meshio", "OpenEXR", "Pillow", "trimesh")
 
 _SECTIONS_KEPT = 64
 
@@ -124,11 +124,22 @@ class _Sections:
 _sections = _Sections()
 
 
+def libraries() -> dict[str, str]:
+    """Versions by name of the libraries that the bits of a picture depend on; `none` where one is not installed."""
+    return {name: _version(name) for name in _LIBRARIES}
+
+
+def _version(name: str) -> str:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return "none"
+
+
 @cache
 def program() -> str:
     """Hash of the program: its sources, and the versions of what computes and reads files."""
-    versions = (f"{name} {importlib.metadata.version(name)}" for name in _LIBRARIES)
-    return source_hash(Path(raytracer.__file__).parent, *versions)
+    return source_hash(Path(raytracer.__file__).parent, *map(" ".join, libraries().items()))
 
 
 def digest(spec: SceneSpec, **settings: Any) -> str:

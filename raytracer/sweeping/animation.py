@@ -55,9 +55,9 @@ def check(kind: str, fps: float) -> None:
     InputError : `fps` is not in 0..50, or `kind` is none of those that there are.
     """
     if kind not in KINDS:
-        raise InputError(f"'--animate': must be one of {', '.join(KINDS)}, got {kind!r}")
+        raise InputError(f"--animate {kind}: must be one of {', '.join(KINDS)}")
     if not 0.0 < fps <= _MOST_FPS:
-        raise InputError(f"'--fps': must be greater than 0 and at most {_MOST_FPS:g}, got {fps:g}")
+        raise InputError(f"--fps {fps:g}: must be greater than 0 and at most {_MOST_FPS:g}")
 
 
 def animate(

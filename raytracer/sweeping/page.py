@@ -33,6 +33,9 @@ _THUMB_QUALITY = 85
 
 _UNIT = re.compile(r"(.+)_(deg|mm|um|m|s|px)")
 _WORDS = {
+    "airy_disc": "Airy disc",
+    "hyperfocal": "hyperfocal distance",
+    "pixel_at_1m": "pixel at 1 m",
     "samples": "samples a pixel",
     "error": "relative error",
     "render_seconds": "time to render",

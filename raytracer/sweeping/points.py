@@ -112,6 +112,12 @@ class Sweep:
         """How many values each axis has; of zipped axes, how many points there are."""
         return shape_of(self.axes, zipped=self.zipped)
 
+    def __repr__(self) -> str:
+        counts = Counter(taken.status for taken in self.taken)
+        axes = (" and " if self.zipped else " x ").join(f"{len(axis.values)} {axis.key}" for axis in self.axes)
+        states = ", ".join(f"{counts[status]} {status}" for status in ("done", "failed", "missing") if counts[status])
+        return f"<rt.Sweep of {self.scene}: {axes}, {states}>"
+
     @property
     def images(self) -> NDArray[np.object_]:
         """The images, of shape `shape`: `images[2, 0].radiance`; None for points that are not done.
@@ -170,9 +176,8 @@ def points_of(axes: Sequence[Axis], *, zipped: bool = False, most: int = MOST_PO
     points = []
     for index, name in zip(indices, names, strict=True):
         values = {axis.key: axis.values[i] for axis, i in zip(axes, index, strict=True)}
-        if len(name.encode()) > _NAME_LENGTH or shared[name.casefold()] > 1:
-            name = "point_" + "_".join(str(i + 1) for i in index)
-        points.append(Point(index, values, name))
+        fits = len(name.encode()) <= _NAME_LENGTH and shared[name.casefold()] == 1
+        points.append(Point(index, values, name if fits else "point_" + "_".join(str(i + 1) for i in index)))
     return tuple(points)
 
 

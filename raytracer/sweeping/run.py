@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from raytracer.errors import InputError, OutputError, SceneWarning, one_line
 from raytracer.explanation.numbers import View, depth_of_field, exposure
 from raytracer.film.image import Image
-from raytracer.film.output import check_file, check_writable
+from raytracer.film.output import SUFFIXES, check_file
 from raytracer.rendering import Progress, Ready, Rendered, ready
 from raytracer.scene.edit import overridden
 from raytracer.scene.inputs import digest
@@ -180,7 +180,8 @@ def formats_of(formats: Sequence[str]) -> tuple[str, ...]:
     """
     names = list(dict.fromkeys(name.strip().lower().removeprefix(".") for name in formats))
     for name in names:
-        check_writable(f"image.{name}")
+        if f".{name}" not in SUFFIXES:
+            raise InputError(f"--format {name}: unknown suffix '.{name}'; known: {', '.join(SUFFIXES)}")
     shown = [name for name in names if name in DISPLAY_FORMATS] or ["png"]
     return (*shown, *(name for name in names if name not in shown))
 

@@ -14,6 +14,7 @@ engraved on lenses and dials rounds them, and is taken for what it stands for: i
 and in `1/1000..1/30` that of 1/1000 s is 1/1024 s.  In a list, which is no range, 1.4 is 1.4.
 """
 
+import difflib
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,6 +27,9 @@ from raytracer.scene.load import as_yaml
 from raytracer.sweeping.points import Axis
 from raytracer.sweeping.stops import SCALES, stops
 from raytracer.units import Dimension, parse_quantity
+
+# Likeness, by difflib's ratio, of a key and its misspelling: `f_nmber` has 0.93, `radius` and `radiance` have 0.71.
+_SLIP = 0.85
 
 # Values of one key: far more than anybody looks at, and few enough for any machine.
 _MOST_VALUES = 100_000
@@ -305,8 +309,14 @@ def _with_unit(numbers: Sequence[float], unit: str) -> list[_Value]:
 
 def _stops(key: str, start_text: str, stop_text: str) -> list[_Value]:
     """The values of start..stop, start..stop/2 or start..stop/3."""
-    scale = SCALES.get(key.rpartition(".")[2])
+    if stop_text.startswith("."):
+        raise ValueError("has three dots; a range of stops has two, as in 1.4..22")
+    own = key.rpartition(".")[2]
+    scale = SCALES.get(own)
     if scale is None:
+        # A slip of the finger alone: a radius is no radiance.
+        if meant := difflib.get_close_matches(own, SCALES, n=1, cutoff=_SLIP):
+            raise ValueError(f"asks for stops, which are not known of {own!r}; did you mean {meant[0]!r}?")
         raise ValueError(
             f"asks for stops, which are known of {', '.join(SCALES)} alone; for others there are "
             "start:stop:count and start:stop:count:log"

@@ -177,3 +177,21 @@ def test_tests_that_run_at_once_share_the_processors(monkeypatch: pytest.MonkeyP
     assert pytest_plugin._threads() == 2
     monkeypatch.setenv("PYTEST_XDIST_WORKER_COUNT", "20")
     assert pytest_plugin._threads() == 1
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        ('rt_regression("../none.yaml")', "*none.yaml: no such file"),
+        ('rt_regression("../ball.yaml", name="../ball")', "name='../ball': is the name of a reference, not a path"),
+        ('rt_regression("../ball.yaml")', "*ball.npz: cannot be written: *"),
+    ],
+)
+def test_what_is_wrong_is_one_sentence(project: pytest.Pytester, call: str, says: str) -> None:
+    write(project, f"def test_ball(rt_regression): {call}\n")
+    (project.path / "tests" / "references").write_text("no folder")
+    result = run(project, "--rt-update")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines([says])
+    result.stdout.no_fnmatch_line("*During handling*")
+    result.stdout.no_fnmatch_line("*Error*")

@@ -1,6 +1,7 @@
 """What a picture depends on: files that scenes name, and files that these name; hashes and bundles of them."""
 
 import base64
+import importlib.metadata
 import json
 import os
 import shutil
@@ -185,6 +186,16 @@ def test_the_program_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     assert digest(scene) != before
 
 
+@pytest.mark.parametrize("library", ["numba", "embreex", "Pillow", "trimesh"])
+def test_the_libraries_that_compute_and_read_files_count(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    before, version = inputs.program(), importlib.metadata.version
+    monkeypatch.setattr(importlib.metadata, "version", lambda name: "0.1" if name == library else version(name))
+    inputs.program.cache_clear()
+    after = inputs.program()
+    inputs.program.cache_clear()
+    assert after != before
+
+
 def test_an_overridden_scene_has_the_digest_of_one_that_was_loaded_so(tmp_path: Path) -> None:
     scene = build(PLAIN, "a.yaml")
     digest(scene)
@@ -199,6 +210,21 @@ def test_what_a_file_holds_counts(folder: Path, keys: tuple[Any, ...], name: str
     path = folder.parent / "sky" / "sky.png" if name == "SKY" else folder / name
     path.write_bytes(path.read_bytes() + b"\n")
     assert digest(scene_in(folder)) != before
+
+
+def test_which_picture_of_a_file_counts(tmp_path: Path) -> None:
+    (tmp_path / "m.glb").write_bytes(b"glTF" + bytes(8))
+    material = "{type: lambertian, albedo: {type: image, file: 'm.glb#NUMBER'}}"
+    texts = (PLAIN.replace("{type: lambertian}", material.replace("NUMBER", number)) for number in "01")
+    assert len({digest(build(text, "a.yaml", base=tmp_path)) for text in texts}) == 2
+
+
+def test_scenes_that_share_their_first_object_differ_by_the_others() -> None:
+    scene = build(PLAIN, "a.yaml")
+    second = build(PLAIN.replace("ball", "other"), "a.yaml").objects[0]
+    third = build(PLAIN.replace("ball", "other").replace("radius: 1", "radius: 2"), "a.yaml").objects[0]
+    scenes = [scene.model_copy(update={"objects": (*scene.objects, other)}) for other in (second, third)]
+    assert len({digest(one) for one in (scene, *scenes)}) == 3
 
 
 def test_what_was_written_over_with_its_time_put_back_counts(folder: Path) -> None:

@@ -3,7 +3,7 @@
 import pytest
 
 from raytracer.errors import InputError
-from raytracer.sweeping.points import Axis, points_of
+from raytracer.sweeping.points import Axis, Sweep, Taken, points_of
 from raytracer.sweeping.values import read_text
 
 
@@ -71,3 +71,12 @@ def test_names_that_no_file_could_have_are_numbers() -> None:
     points = points_of(axes)
     assert points[1].name == "point_1_1_1_1_2"
     assert len({point.name for point in points}) == 32
+
+
+def test_a_sweep_says_in_a_line_what_it_is() -> None:
+    axes = (Axis("camera.f_number", (1.4, 2), ("1.4", "2")), Axis("camera.vfov", (20,), ("20",)))
+    first, second = points_of(axes)
+    taken = (Taken(first, "done"), Taken(second, "failed", "no lens"))
+    assert repr(Sweep("a.yaml", axes, False, taken)) == (
+        "<rt.Sweep of a.yaml: 2 camera.f_number x 1 camera.vfov, 1 done, 1 failed>"
+    )

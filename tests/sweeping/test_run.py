@@ -157,6 +157,14 @@ def test_settings_reach_every_point(scene: Path, bench: Bench) -> None:
     assert len(stocks) == 1
 
 
+def test_so_do_a_cluster_and_what_else_is_asked_for(scene: Path, bench: Bench) -> None:
+    cluster: Any = object()
+    sweep(scene, VALUES, strict=True, denoise=True, aovs=["depth"], cluster=cluster)
+    for settings in bench.settings:
+        assert settings["cluster"] is cluster
+        assert (settings["strict"], settings["denoise"], settings["aovs"]) == (True, True, ("depth",))
+
+
 def test_a_preview_is_small_and_has_few_samples(scene: Path, bench: Bench) -> None:
     result = sweep(scene, VALUES | {"film.width": 960, "film.height": 480}, preview=True)
     assert {settings["spp"] for settings in bench.settings} == {16}
@@ -189,7 +197,19 @@ def test_only_what_is_missing_is_rendered(scene: Path, tmp_path: Path, bench: Be
     assert bench.rendered == [(1.4, 5.0), (1.4, 7.0), (2.0, 2.0), (2.0, 7.0), (2.8, 5.0), (2.8, 7.0)]
 
 
-@pytest.mark.parametrize("change", [{"spp": 3}, {"seed": 1}, {"noise": 0.1}, {"crop": (0, 0, 1, 1)}, {"preview": True}])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"spp": 3},
+        {"seed": 1},
+        {"noise": 0.1},
+        {"time_limit": 60.0},
+        {"crop": (0, 0, 1, 1)},
+        {"aovs": ("albedo",)},
+        {"denoise": True},
+        {"preview": True},
+    ],
+)
 def test_other_settings_are_other_pictures(scene: Path, tmp_path: Path, bench: Bench, change: dict[str, Any]) -> None:
     values = {"camera.f_number": "2,4"}
     sweep(scene, values | {"camera.focus_distance": 2}, folder=tmp_path / "out")
@@ -244,6 +264,22 @@ def test_a_file_that_changes_during_a_sweep_and_back_is_rendered_again(
     bench.rendered.clear()
     assert sweep(scene, values, folder=folder).kept == 1
     assert [f_number for f_number, _ in bench.rendered] == [2.0, 2.8, 4.0]
+
+
+def test_the_manifest_is_not_written_after_every_point(
+    scene: Path, tmp_path: Path, bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It tells of all points: after 1, 2, 4, 8 of them, and at the end."""
+    told: list[int] = []
+    write = run.write_manifest
+
+    def counted(result: Any, folder: Path) -> None:
+        told.append(sum(taken.status == "done" for taken in result.taken))
+        write(result, folder)
+
+    monkeypatch.setattr(run, "write_manifest", counted)
+    sweep(scene, {"camera.f_number": "1:9:9", "camera.focus_distance": 2}, folder=tmp_path / "out")
+    assert told == [1, 2, 4, 8, 9]
 
 
 def test_another_format_is_rendered_for(scene: Path, tmp_path: Path, bench: Bench) -> None:
@@ -376,7 +412,8 @@ def test_an_interrupt_before_there_is_anything_leaves_nothing(scene: Path, tmp_p
 
     bench.behave = interrupt
     result = sweep(scene, VALUES, folder=folder)
-    assert result.interrupted and not folder.exists()
+    assert result.interrupted
+    assert not folder.exists()
     assert strangers(result) == []
 
 
@@ -440,9 +477,7 @@ def test_a_file_is_no_folder(scene: Path, bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("name", ["index.html", "contact_sheet.png", "manifest.csv", "sweep.gif", "points"])
-def test_what_stands_in_the_way_is_told_before_anything(
-    scene: Path, tmp_path: Path, bench: Bench, name: str
-) -> None:
+def test_what_stands_in_the_way_is_told_before_anything(scene: Path, tmp_path: Path, bench: Bench, name: str) -> None:
     folder = tmp_path / "out"
     folder.mkdir()
     if name == "points":
@@ -497,7 +532,7 @@ def test_progress_is_a_number_where_a_value_is_none(scene: Path, bench: Bench) -
     told: list[Done] = []
     values = {"camera.f_number": 2, "camera.focus_distance": 2, "film.width": [math.inf, 8]}
     assert [taken.status for taken in sweep(scene, values, progress=told.append).taken] == ["failed", "done"]
-    assert all(0.0 <= done.share <= 1.0 for done in told) and told
+    assert [0.0 <= done.share <= 1.0 for done in told] == [True]
 
 
 def test_sweeps_side_by_side_leave_the_interpreter_as_it_was(scene: Path, bench: Bench) -> None:

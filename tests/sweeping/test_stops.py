@@ -102,6 +102,9 @@ def test_what_is_engraved_is_near_what_it_stands_for(key: str, parts: int) -> No
         ("2..x", "camera.f_number", "'x' is no finite number"),
         ("1..10", "lights[0].intensity", "end at 8 or 16"),
         ("20..40", "camera.vfov", "stops, which are known of f_number"),
+        ("1..8", "objects.ball.radius", "stops, which are known of f_number"),
+        ("1.4..22", "camera.f_nmber", "not known of 'f_nmber'; did you mean 'f_number'"),
+        ("1.4...22", "camera.f_number", "has three dots"),
     ],
 )
 def test_ranges_that_are_no_stops(text: str, key: str, says: str) -> None:
