@@ -146,6 +146,7 @@ class Regression:
 
     def _told(self, result: "Checked") -> str:
         """Why the test fails; empty if it does not."""
+        from raytracer.errors import OutputError
         from raytracer.film.output import write_bytes
         from raytracer.regression.report import report
 
@@ -156,8 +157,12 @@ class Regression:
             given = self._config.getoption("--rt-report")
             folder = Path(given) if given else self._pages.mktemp("rt")
             page = folder / (re.sub(r"[^\w.-]+", "_", f"{self._node.nodeid}-{result.name}") + ".html")
-            write_bytes(page, report([result]))
-            lines.append(f"  pictures:  {page}")
+            try:
+                write_bytes(page, report([result]))
+                lines.append(f"  pictures:  {page}")
+            except OutputError as error:
+                # What has failed is told all the same.
+                lines.append(f"  pictures:  {error}")
             lines.append("  if it is to look like this from now on: pytest --rt-update")
         return "\n".join(lines)
 

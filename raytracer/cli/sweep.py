@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from raytracer.cli import options
-from raytracer.errors import Interrupted, OutputError
+from raytracer.errors import InputError, Interrupted, OutputError
 from raytracer.scene.preview import EDGE, SPP
 from raytracer.units import parse_duration, parse_share
 
@@ -96,6 +96,9 @@ def sweep(
         typer.Option(metavar="URL", help="Dask scheduler whose workers render: tcp://host:8786; see docs/cluster.md."),
     ] = None,
     strict: Annotated[bool, typer.Option("--strict", help="Take warnings for errors: such a point fails.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Print the points and their exact values, and render nothing.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the manifest as JSON.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")] = False,
 ) -> None:
@@ -104,6 +107,9 @@ def sweep(
     Writes an image for each, manifest.csv and .json, a contact sheet, and index.html, a page to slide through.  Ctrl-C
     ends it early, and the same command goes on where it was.
     """
+    if dry_run:
+        _foretell(scene, define or [], zipped=zipped, max_points=max_points)
+        return
     window = options.crop(crop)
     target = None if noise is None else options.number("--noise", noise, parse_share)
     limit = None if time_limit is None else options.number("--time-limit", time_limit, parse_duration)
@@ -148,6 +154,26 @@ def sweep(
 
         print(json.dumps(to_json(result), indent=2, allow_nan=False, ensure_ascii=False))
     _conclude(result, folder, strangers(result), quiet=quiet)
+
+
+def _foretell(scene: str, define: list[str], *, zipped: bool, max_points: int) -> None:
+    """Print a line for each point, and fail if one of them could not be rendered."""
+    from raytracer.scene.load import as_yaml
+    from raytracer.sweeping.plan import parse_definitions, planned
+    from raytracer.sweeping.points import points_of
+
+    plan = planned(scene, parse_definitions(define), zipped=zipped)
+    points = points_of(plan.axes, zipped=plan.zipped, most=max_points)
+    wrong = 0
+    for point in points:
+        print("  ".join([point.name, *(f"{key}={as_yaml(value)}" for key, value in point.values.items())]))
+        try:
+            plan.spec.replace(point.values)
+        except InputError as error:
+            wrong += 1
+            print(f"rt: {point.name} would fail: {error}", file=sys.stderr)
+    if wrong:
+        raise OutputError(f"{wrong} of {_count(len(points), 'point')} would fail")
 
 
 def _cluster(url: str, say: Callable[[str], object]) -> "Cluster":

@@ -143,12 +143,15 @@ def _images(folder: Path) -> set[str]:
     if not folder.is_dir():
         raise InputError(f"{folder}: {'is not a folder' if folder.exists() else 'no such folder'}")
     try:
-        return {path.relative_to(folder).as_posix() for path in _files(folder)}
+        return {path.as_posix() for path in _files(folder)}
     except OSError as error:
         raise InputError(f"{error.filename or folder}: cannot be read: {error.strerror}") from error
 
 
 def _files(folder: Path) -> Iterator[Path]:
+    """Images by their paths within, but for those that are hidden: what an editor keeps of earlier ones, or a Mac."""
     for path in folder.rglob("*"):
-        if path.suffix.lower() in SUFFIXES and path.is_file() and not path.name.startswith("."):
-            yield path
+        inside = path.relative_to(folder)
+        is_hidden = any(part.startswith(".") for part in inside.parts)
+        if not is_hidden and path.suffix.lower() in SUFFIXES and path.is_file():
+            yield inside

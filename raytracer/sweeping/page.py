@@ -63,7 +63,8 @@ def numbers(taken: Taken) -> dict[str, float]:
         if phase in taken.seconds:
             told[name] = taken.seconds[phase]
     told |= {"rays": taken.rays, "nan_samples": taken.nan_samples}
-    return told | taken.exposure | taken.camera
+    # Of metered pictures the exposure knows the sensitivity, which the camera's own EV100 takes for ISO 100.
+    return told | taken.exposure | taken.camera | taken.exposure
 
 
 class _Shown(NamedTuple):

@@ -140,3 +140,16 @@ def test_wrong_usage_is_one_sentence_and_no_folder(
 def test_the_limit_is_the_packages(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sweep", "ball.yaml", "-D", f"camera.vfov=1:90:{MOST_POINTS + 1}"]) == 2
     assert f"more than the {MOST_POINTS:,}" in capsys.readouterr().err
+
+
+def test_a_dry_run_tells_points_and_what_is_wrong_with_them(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*_LENS, "--dry-run"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 6
+    assert lines[1] == ("f_number=1.4_focus_distance=5  camera.f_number=1.4142135623730951  camera.focus_distance=5")
+    assert main(["sweep", "lens.yaml", "-D", "camera.f_number=2,-2", "--dry-run"]) == 1
+    told = capsys.readouterr()
+    assert len(told.out.splitlines()) == 2
+    assert "rt: f_number=-2 would fail: -D camera.f_number=-2: camera.f_number: must be greater than 0" in told.err
+    assert told.err.endswith("rt: 1 of 2 points would fail\n")
+    assert not Path("outputs").exists()

@@ -274,6 +274,9 @@ def folders(tmp_path):
         save(render(1, gain=1.0 if folder == "a" else 0.5), tmp_path / folder / "apart.png")
         save(render(1), tmp_path / folder / f"only_{folder}.png")
         (tmp_path / folder / "notes.txt").write_text("no image")
+        (tmp_path / folder / ".before").mkdir()
+        (tmp_path / folder / ".before" / f"{folder}.png").write_bytes(b"hidden")
+        (tmp_path / folder / f"._{folder}.png").write_bytes(b"hidden")
     (tmp_path / "a" / "broken.png").write_bytes(b"\x89PNG")
     save(render(1), tmp_path / "b" / "broken.png")
     return tmp_path / "a", tmp_path / "b"

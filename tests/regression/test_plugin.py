@@ -105,6 +105,9 @@ def test_a_picture_that_has_changed_fails_and_is_shown(project: pytest.Pytester,
     result.assert_outcomes(failed=1)
     assert [item.name for item in (project.path / "pages").iterdir()] == ["tests_test_ball.py_test_ball-ball.html"]
 
+    result = run(project, "--rt-report", "ball.yaml")
+    result.stdout.fnmatch_lines(["ball: FAILED: the mean of * differs: *", "  pictures:  *.html: cannot be written: *"])
+
     kept = reference(project).read_bytes()
     run(project, "--rt-update").assert_outcomes(passed=1)
     assert reference(project).read_bytes() != kept

@@ -12,9 +12,10 @@ import PIL.Image
 import pytest
 
 from raytracer.sweeping.manifest import write_manifest
+from raytracer.sweeping.page import numbers as numbers_of
 from raytracer.sweeping.page import page as page_of
 from raytracer.sweeping.page import write_page
-from raytracer.sweeping.points import Sweep, Taken
+from raytracer.sweeping.points import Axis, Sweep, Taken, points_of
 from raytracer.sweeping.run import sweep as rendered
 from tests.sweeping.made_up import ALBEDO, F_NUMBER, FOCUS, HEIGHT, WIDTH, images, made_up
 
@@ -130,6 +131,14 @@ def test_the_numbers_are_those_of_the_manifest(opened: Callable[..., Any], sweep
 
 def labels(index: tuple[int, ...]) -> tuple[str, ...]:
     return tuple(axis.labels[number] for axis, number in zip((F_NUMBER, FOCUS), index, strict=True))
+
+
+def test_a_metered_picture_has_the_light_that_was_metered() -> None:
+    # f/2 and 1/125 s at ISO 1600, which the metering chose: log2(4 * 125 * 100 / 1600), where at ISO 100 it were 8.97.
+    point = points_of([Axis("camera.f_number", (2.0,), ("2",))])[0]
+    taken = Taken(point, "done", camera={"ev100": 8.966, "vfov_deg": 20.0}, exposure={"iso": 1600.0, "ev100": 4.966})
+    assert numbers_of(taken)["ev100"] == 4.966
+    assert numbers_of(taken)["vfov_deg"] == 20.0
 
 
 def test_numbers_are_short_and_say_their_units(opened: Callable[..., Any]) -> None:
