@@ -312,7 +312,7 @@ def poisoned(packed: Packed, name: str) -> Packed:
 
 def _rendered_poisoned(spec: Any) -> Rendered:
     found = raytracer.rendering.pack
-    raytracer.rendering.pack = lambda spec: poisoned(found(spec), "lambertian")
+    raytracer.rendering.pack = lambda spec, **settings: poisoned(found(spec, **settings), "lambertian")
     try:
         return render(spec, threads=2)
     finally:
