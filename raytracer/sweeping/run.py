@@ -7,7 +7,6 @@ share, files, meshes and the ray caster's structures, is made once (`Stock`).
 import math
 import os
 import re
-import sys
 import threading
 import warnings
 from collections import deque
@@ -45,9 +44,6 @@ from raytracer.sweeping.sheet import SHEET, write_sheet
 
 DISPLAY_FORMATS = ("png", "jpg", "jpeg")
 """Suffixes of images that a page can show."""
-
-_TURN_SECONDS = 2.0e-4
-"""For how long a thread keeps the interpreter's lock when others wait for it: far less than a tile takes."""
 
 _ASIDE = re.compile(r"\.[0-9a-f]{16}\.tmp")
 """Names of files that are being written (`film.output.write_bytes`)."""
@@ -253,7 +249,7 @@ class _Work:
         self._kept = len(self._taken)
         interrupted, failure = False, None
         reports = _Reports(report, begun=bool(self._taken))
-        with _quick_turns, ThreadPoolExecutor(1, "saver") as saver:
+        with ThreadPoolExecutor(1, "saver") as saver:
             try:
                 with closing(self._prepared(todo)) as prepared:
                     for number, found in prepared:
@@ -511,35 +507,6 @@ class _Reports:
             if self._report is not None:
                 self._report(taken)
         self._held.clear()
-
-
-class _QuickTurns:
-    """Lets threads that render have their turns while another one works in Python, as long as any sweep is under way.
-
-    A thread that has finished a tile, about every millisecond, needs the interpreter's lock for a moment, and would
-    wait for it for 5 ms by default.
-    """
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._sweeps = 0
-        self._before = 0.0
-
-    def __enter__(self) -> None:
-        with self._lock:
-            if self._sweeps == 0:
-                self._before = sys.getswitchinterval()
-                sys.setswitchinterval(min(self._before, _TURN_SECONDS))
-            self._sweeps += 1
-
-    def __exit__(self, *_: object) -> None:
-        with self._lock:
-            self._sweeps -= 1
-            if self._sweeps == 0:
-                sys.setswitchinterval(self._before)
-
-
-_quick_turns = _QuickTurns()
 
 
 def _publish(sweep: Sweep, home: _Home) -> None:

@@ -535,36 +535,6 @@ def test_progress_is_a_number_where_a_value_is_none(scene: Path, bench: Bench) -
     assert [0.0 <= done.share <= 1.0 for done in told] == [True]
 
 
-def test_sweeps_side_by_side_leave_the_interpreter_as_it_was(scene: Path, bench: Bench) -> None:
-    """The one that begins first is over first."""
-    before = sys.getswitchinterval()
-    second_began, first_ended = threading.Event(), threading.Event()
-    values = {"camera.f_number": [2], "camera.focus_distance": 2}
-
-    def behave(camera: Any) -> None:
-        if threading.current_thread() is first:
-            assert second_began.wait(60.0)
-        else:
-            second_began.set()
-            assert first_ended.wait(60.0)
-
-    def render() -> None:
-        sweep(scene, values)
-        if threading.current_thread() is first:
-            first_ended.set()
-
-    bench.behave = behave
-    first, second = threading.Thread(target=render), threading.Thread(target=render)
-    first.start()
-    while len(bench.settings) < 1:
-        time.sleep(0.001)
-    second.start()
-    first.join()
-    second.join()
-    assert len(bench.rendered) == 2
-    assert sys.getswitchinterval() == before
-
-
 def test_a_doubt_is_told_once(scene: Path, bench: Bench) -> None:
     made = bench.ready
 
