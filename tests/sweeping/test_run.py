@@ -501,21 +501,33 @@ def test_a_picture_that_was_taken_away_meanwhile_is_not_shown(scene: Path, tmp_p
 # ---- While it is at work
 
 
-def test_the_next_point_is_made_ready_while_one_is_rendered(scene: Path, bench: Bench) -> None:
-    """Rendering waits for that, so that a sweep without it would hang, and fail."""
-    begun = [threading.Event() for _ in range(3)]
+@pytest.mark.parametrize("packs_anew", [True, False])
+def test_points_that_are_packed_anew_are_made_ready_beside_a_render(
+    scene: Path, bench: Bench, packs_anew: bool
+) -> None:
+    """What the first point packs tells nothing, what the second packs does: the third is begun while it renders."""
+    stops = [1.4, 2.0, 2.8, 4.0]
+    begun = {stop: threading.Event() for stop in stops}
+    beside: list[bool] = []
     made = bench.ready
 
     def ready(spec: Any, **settings: Any) -> FakeReady:
-        begun[{1.4: 0, 2.0: 1, 2.8: 2}[spec.camera.f_number]].set()
+        begun[spec.camera.f_number].set()
+        world = spec.camera.f_number if packs_anew else 0.0
+        settings["stock"].kept((world,), lambda: world, lambda _: True)
         return made(spec, **settings)
 
-    waited = []
-    bench.behave = lambda camera: waited.append(begun[{1.4: 1, 2.0: 2, 2.8: 2}[camera.f_number]].wait(60.0))
+    def behave(camera: Any) -> None:
+        following = stops.index(camera.f_number) + 1
+        if following < len(stops):
+            is_expected = packs_anew and following > 1
+            beside.append(begun[stops[following]].wait(60.0 if is_expected else 0.1))
+
+    bench.behave = behave
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run, "ready", ready)
-        sweep(scene, {"camera.f_number": [1.4, 2.0, 2.8], "camera.focus_distance": 2})
-    assert waited == [True, True, True]
+        sweep(scene, {"camera.f_number": stops, "camera.focus_distance": 2})
+    assert beside == [False, packs_anew, packs_anew]
 
 
 def test_progress_rises_to_the_end_and_counts_by_work(scene: Path, bench: Bench) -> None:
