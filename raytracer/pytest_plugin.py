@@ -169,8 +169,10 @@ class Regression:
 
 def _threads() -> int | None:
     """Threads of a render, where several processes run tests: the processors are shared among them."""
+    from raytracer.scheduling import available_threads
+
     workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
-    return None if workers == 1 else max(1, (os.cpu_count() or 1) // workers)
+    return None if workers == 1 else max(1, available_threads() // workers)
 
 
 @pytest.fixture(scope="session")

@@ -115,8 +115,8 @@ def sweep(
     limit = None if time_limit is None else options.number("--time-limit", time_limit, parse_duration)
 
     from raytracer.sweeping.bar import SweepBar
+    from raytracer.sweeping.home import formats_of, strangers
     from raytracer.sweeping.plan import parse_definitions
-    from raytracer.sweeping.run import formats_of, strangers
     from raytracer.sweeping.run import sweep as run
 
     suffixes = formats_of(formats.split(","))

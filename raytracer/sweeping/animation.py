@@ -15,7 +15,7 @@ import numpy as np
 from raytracer.errors import InputError
 from raytracer.film.output import write_bytes
 from raytracer.sweeping.points import Sweep
-from raytracer.sweeping.sheet import cut, font
+from raytracer.sweeping.sheet import cut, fitted, font
 from raytracer.sweeping.sliders import Images, Slider, sliders
 
 if TYPE_CHECKING:
@@ -182,10 +182,7 @@ def _captioned(picture: "PIL.Image.Image", size: tuple[int, int], caption: str, 
     import PIL.ImageDraw
 
     frame = PIL.Image.new("RGB", (size[0], size[1] + 2 * text), _PAPER)
-    if picture.size != size:
-        ratio = min(size[0] / picture.width, size[1] / picture.height)
-        inside = max(1, round(ratio * picture.width)), max(1, round(ratio * picture.height))
-        picture = picture.resize(inside, PIL.Image.Resampling.LANCZOS)
+    picture = fitted(picture, size)
     frame.paste(picture, ((size[0] - picture.width) // 2, (size[1] - picture.height) // 2))
     place = size[0] / 2, size[1] + text
     PIL.ImageDraw.Draw(frame).text(place, caption, _INK, font(text), anchor="mm")
@@ -196,7 +193,7 @@ def _in_one_palette(frames: Sequence["PIL.Image.Image"]) -> list["PIL.Image.Imag
     """The frames in 256 colours, which are those of all of them, so that none changes its look for the others'."""
     import PIL.Image
 
-    # Every so-manieth pixel of all frames is a picture of its own, from which the colours are chosen.
+    # Every n-th pixel of all frames is a picture of its own, from which the colours are chosen.
     step = max(1, math.isqrt(len(frames) * frames[0].width * frames[0].height // _LOOKED_AT))
     seen = np.concatenate([np.asarray(frame)[::step, ::step].reshape(-1, 3) for frame in frames])
     with PIL.Image.fromarray(seen[None]) as sample:

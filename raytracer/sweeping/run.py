@@ -1,12 +1,11 @@
 """Sweeps: one picture for each combination of values of a scene's keys.
 
-While a point is rendered, the next one is made ready in a thread, and the one before is saved in another.  What points
-share, files, meshes and the ray caster's structures, is made once (`Stock`).
+While a point is rendered, the one before is saved in a thread, and the next one is made ready in another if that takes
+long.  What points share, files, meshes and the ray caster's structures, is made once (`Stock`).
 """
 
 import math
 import os
-import re
 import threading
 import warnings
 from collections import deque
@@ -14,17 +13,12 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, cast
-
-import numpy as np
-from numpy.typing import NDArray
 
 from raytracer.errors import InputError, OutputError, SceneWarning, one_line
 from raytracer.explanation.numbers import View, depth_of_field, exposure
 from raytracer.film.image import Image
-from raytracer.film.output import SUFFIXES, check_file
 from raytracer.rendering import Progress, Ready, Rendered, ready
 from raytracer.scene.edit import overridden
 from raytracer.scene.inputs import digest
@@ -33,20 +27,13 @@ from raytracer.scene.preview import SPP, smaller
 from raytracer.scene.spec import SceneSpec
 from raytracer.scheduling import Workforce, now
 from raytracer.stock import Stock
-from raytracer.sweeping.animation import FPS, KINDS, STEM, Kind, write_animation
+from raytracer.sweeping.animation import FPS, Kind
 from raytracer.sweeping.animation import check as check_animation
 from raytracer.sweeping.bar import SweepBar
-from raytracer.sweeping.manifest import CSV, JSON, RECORDS, find_record, write_manifest, write_record
-from raytracer.sweeping.page import PAGE, write_page
+from raytracer.sweeping.home import Home, formats_of
+from raytracer.sweeping.manifest import RECORDS, find_record, write_manifest, write_record
 from raytracer.sweeping.plan import Plan, planned
 from raytracer.sweeping.points import MOST_POINTS, Point, Sweep, Taken, points_of
-from raytracer.sweeping.sheet import SHEET, write_sheet
-
-DISPLAY_FORMATS = ("png", "jpg", "jpeg")
-"""Suffixes of images that a page can show."""
-
-_ASIDE = re.compile(r"\.[0-9a-f]{16}\.tmp")
-"""Names of files that are being written (`film.output.write_bytes`)."""
 
 # Settings that stand in place of a key of the scene.
 _IN_PLACE = {"spp": "render.spp", "seed": "render.seed"}
@@ -154,9 +141,7 @@ def sweep(
     for kind in animate:
         check_animation(kind, fps)
     home = (
-        None
-        if folder is None
-        else _Home(Path(folder), formats_of(formats), cast(tuple[Kind, ...], tuple(animate)), fps)
+        None if folder is None else Home(Path(folder), formats_of(formats), cast(tuple[Kind, ...], tuple(animate)), fps)
     )
     if home is None and animate:
         raise InputError("an animation needs a folder to be written to")
@@ -165,47 +150,6 @@ def sweep(
             progress = stack.enter_context(SweepBar(always=True))
         work = _Work(plan, points, settings, home, threads, cluster, stock or Stock(), warn or _warn)
         return work.run(progress or None, report)
-
-
-def formats_of(formats: Sequence[str]) -> tuple[str, ...]:
-    """The formats of a point's images, one for display first.
-
-    Raises
-    ------
-    InputError : one is not known.
-    """
-    names = list(dict.fromkeys(name.strip().lower().removeprefix(".") for name in formats))
-    for name in names:
-        if f".{name}" not in SUFFIXES:
-            raise InputError(f"--format {name}: unknown suffix '.{name}'; known: {', '.join(SUFFIXES)}")
-    shown = [name for name in names if name in DISPLAY_FORMATS] or ["png"]
-    return (*shown, *(name for name in names if name not in shown))
-
-
-class _Home(NamedTuple):
-    """Where a sweep's files go, and which."""
-
-    folder: Path
-    formats: tuple[str, ...]
-    animate: tuple[Kind, ...]
-    fps: float
-
-    def files(self, point: Point) -> tuple[str, ...]:
-        """Names of a point's images."""
-        return tuple(f"{point.name}.{suffix}" for suffix in self.formats)
-
-    @property
-    def others(self) -> tuple[str, ...]:
-        """Names of the other files; of records, which are not known yet, any one."""
-        return (JSON, CSV, PAGE, SHEET, *(f"{STEM}.{kind}" for kind in self.animate), f"{RECORDS}/{JSON}")
-
-    def clean(self) -> None:
-        """Take away what an earlier sweep was writing when it was killed."""
-        for folder in (self.folder, self.folder / RECORDS):
-            for path in folder.iterdir() if folder.is_dir() else ():
-                if _ASIDE.fullmatch(path.name):
-                    with suppress(OSError):
-                        path.unlink()
 
 
 class _Prepared(NamedTuple):
@@ -229,7 +173,7 @@ class _Work:
         plan: Plan,
         points: Sequence[Point],
         settings: Settings,
-        home: _Home | None,
+        home: Home | None,
         threads: int | None,
         cluster: Workforce | None,
         stock: Stock,
@@ -275,7 +219,7 @@ class _Work:
         reports.flush()
         result = self._result(interrupted=interrupted)
         if self._home is not None and any(taken.status != "missing" for taken in result.taken):
-            _publish(result, self._home)
+            self._home.publish(result)
         if failure is not None:
             raise OutputError(failure)
         return result
@@ -286,10 +230,7 @@ class _Work:
         """The points that are not done, after those that are were taken over."""
         if self._home is None:
             return list(range(len(self._points)))
-        if self._home.folder.exists() and not self._home.folder.is_dir():
-            raise InputError(f"{self._home.folder}: is a file, not a folder")
-        for name in self._home.others:
-            check_file(self._home.folder / name)
+        self._home.check()
         self._home.clean()
         if (self._home.folder / RECORDS).is_dir():
             for number, point in enumerate(self._points):
@@ -323,9 +264,7 @@ class _Work:
             "aovs": sorted(settings.aovs) or None,
             "denoise": settings.denoise or None,
         }
-        return digest(
-            spec, **{name: list(value) if isinstance(value, tuple) else value for name, value in given.items()}
-        )
+        return digest(spec, **given)
 
     def _spp(self, spec: SceneSpec) -> int | None:
         spp = self._settings.spp
@@ -521,40 +460,10 @@ class _Reports:
         self._held.clear()
 
 
-def _publish(sweep: Sweep, home: _Home) -> None:
-    """Write what shows a sweep as a whole."""
-    write_manifest(sweep, home.folder)
-    if any(taken.status == "done" for taken in sweep.taken):
-        images = partial(_shown, home.folder)
-        write_sheet(sweep, images)
-        write_page(sweep, images)
-        for kind in home.animate:
-            write_animation(sweep, images, kind, fps=home.fps)
-
-
-def _shown(folder: Path, taken: Taken) -> NDArray[np.uint8] | None:
-    """A point's picture, uint8 (height, width, 3), as its file for display holds it; None if that has gone."""
-    import PIL.Image
-
-    if not taken.files or not (folder / taken.files[0]).exists():
-        return None
-    with PIL.Image.open(folder / taken.files[0]) as file:
-        return np.asarray(file.convert("RGB"))
-
-
 def camera_numbers(packed: Packed) -> dict[str, float]:
     """A packed scene's camera in numbers, as `rt explain` has them."""
     view = View(packed.spec, packed.scene.camera, packed.shift)
     return view.numbers | depth_of_field(view, None) | exposure(packed.spec)
-
-
-def strangers(sweep: Sweep) -> list[str]:
-    """Names of images in the sweep's folder that are none of its points': an earlier sweep's, perhaps."""
-    if sweep.folder is None or not sweep.folder.is_dir():
-        return []
-    own = {name for taken in sweep.taken for name in taken.files} | {SHEET} | {f"{STEM}.{kind}" for kind in KINDS}
-    images = (path.name for path in sweep.folder.iterdir() if path.suffix.lower() in (".png", ".jpg", ".jpeg", ".exr"))
-    return sorted(name for name in images if name not in own)
 
 
 def _sentence(error: Exception) -> str:

@@ -256,14 +256,19 @@ def _draw_picture(
         draw.text(middle, cut(words, sizes.text, sizes.slot[0]), _BAD, font(sizes.text), anchor="mm")
         return
     with PIL.Image.fromarray(pixels) as picture:
-        if picture.size == sizes.picture:
-            sheet.paste(picture, (x, y))
-            return
-        # Points may differ in size.
-        ratio = min(width / picture.width, height / picture.height)
-        size = max(1, round(ratio * picture.width)), max(1, round(ratio * picture.height))
-        resized = picture.resize(size, PIL.Image.Resampling.LANCZOS)
-        sheet.paste(resized, (x + (width - size[0]) // 2, y + (height - size[1]) // 2))
+        fitting = fitted(picture, sizes.picture)
+        sheet.paste(fitting, (x + (width - fitting.width) // 2, y + (height - fitting.height) // 2))
+
+
+def fitted(picture: "PIL.Image.Image", size: tuple[int, int]) -> "PIL.Image.Image":
+    """A picture as large as it can be within a size (width, height): those of points may differ."""
+    import PIL.Image
+
+    if picture.size == size:
+        return picture
+    ratio = min(size[0] / picture.width, size[1] / picture.height)
+    inside = max(1, round(ratio * picture.width)), max(1, round(ratio * picture.height))
+    return picture.resize(inside, PIL.Image.Resampling.LANCZOS)
 
 
 @cache

@@ -173,7 +173,7 @@ def test_a_scene_that_the_test_builds_has_a_name(project: pytest.Pytester, rende
 
 
 def test_tests_that_run_at_once_share_the_processors(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("os.cpu_count", lambda: 8)
+    monkeypatch.setattr("raytracer.scheduling.available_threads", lambda: 8)
     monkeypatch.delenv("PYTEST_XDIST_WORKER_COUNT", raising=False)
     assert pytest_plugin._threads() is None
     monkeypatch.setenv("PYTEST_XDIST_WORKER_COUNT", "3")

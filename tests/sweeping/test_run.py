@@ -23,8 +23,9 @@ from raytracer.rendering import Progress, Rendered, Stats
 from raytracer.scene.load import load
 from raytracer.scene.pack import pack
 from raytracer.stock import Stock
-from raytracer.sweeping import run
-from raytracer.sweeping.run import Done, strangers, sweep
+from raytracer.sweeping import home, run
+from raytracer.sweeping.home import strangers
+from raytracer.sweeping.run import Done, sweep
 from tests.sweeping.test_plan import SCENE
 
 VALUES = {"camera.f_number": "1.4,2,2.8", "camera.focus_distance": "2,5"}
@@ -277,7 +278,8 @@ def test_the_manifest_is_not_written_after_every_point(
         told.append(sum(taken.status == "done" for taken in result.taken))
         write(result, folder)
 
-    monkeypatch.setattr(run, "write_manifest", counted)
+    for module in (run, home):
+        monkeypatch.setattr(module, "write_manifest", counted)
     sweep(scene, {"camera.f_number": "1:9:9", "camera.focus_distance": 2}, folder=tmp_path / "out")
     assert told == [1, 2, 4, 8, 9]
 
