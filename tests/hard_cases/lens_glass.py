@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.cameras.thin_lens import ThinLens
-from raytracer.lens_surfaces import LensSurfaces, Surface, cardinal_points, focus, nearest_focus, pack_surfaces
+from raytracer.lenses.first_order import cardinal_points
+from raytracer.lenses.focusing import focus, nearest_focus
+from raytracer.lenses.surfaces import LensSurfaces, Surface, pack_surfaces
 from tests.cameras.kernels import weighted_rays
 from tests.hard_cases.harness import Measured, hard_case
 from tests.lenses.kernels import DOUBLE_GAUSS, lens_of, met, traced

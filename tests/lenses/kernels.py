@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.jit import entry
-from raytracer.lens_surfaces import LensSurfaces, Surface, meet_surface, pack_surfaces, trace
+from raytracer.lenses.surfaces import LensSurfaces, Surface, meet_surface, pack_surfaces, trace
 
 Array = NDArray[np.float64]
 

@@ -6,14 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.lens_surfaces import (
-    Surface,
-    cardinal_points,
-    focus,
-    nearest_focus,
-    pack_surfaces,
-    ray_transfer_matrix,
-)
+from raytracer.lenses.first_order import cardinal_points, ray_transfer_matrix
+from raytracer.lenses.focusing import focus, nearest_focus
+from raytracer.lenses.surfaces import Surface, pack_surfaces
 from tests.lenses.kernels import DOUBLE_GAUSS, DOUBLET, lens_of, met, traced
 
 AXIS = (0.0, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Lenses of glass: rows of spherical surfaces on one axis, rays through them, and where they make a sharp image.
+"""Lenses of glass: rows of surfaces on one axis, and rays through them.
 
 Lengths are millimetres, in the lens's own frame: z is the axis, from the scene to the film, and the front vertex is
 at 0.  A curvature is 1 / radius, positive where the centre lies on the film's side.  Flat glass has the curvature 0,
@@ -13,7 +13,6 @@ Johnson 2010, "Lens Design Fundamentals", 2nd ed.
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -22,11 +21,6 @@ from numpy.typing import NDArray
 from raytracer.jit import entry, kernel
 from raytracer.optics import fresnel_dielectric, refract
 from raytracer.vec import dot, madd
-
-# The ray that decides where an image is sharp goes through the pupil here: half of the pupil's area lies within.
-# Kingslake, Johnson 2010, ch. 6, on the 0.7 zone; a blocked ray is followed by one of half the height.
-_ZONE = math.sqrt(0.5)
-_MOST_HALVINGS = 16
 
 
 class Surface(NamedTuple):
@@ -166,142 +160,6 @@ def trace(lens, origin, direction, towards_film):
 
 
 @entry
-def _trace(lens, origin, direction, towards_film):
+def trace_ray(lens, origin, direction, towards_film):
+    """`trace`, for Python."""
     return trace(lens, origin, direction, towards_film)
-
-
-# ---- First order
-
-
-class CardinalPoints(NamedTuple):
-    """Where a lens's focal points and principal planes are on the axis, and its focal length in air (mm)."""
-
-    focal_length: float
-    front_focus: float
-    front_principal: float
-    rear_principal: float
-    rear_focus: float
-
-
-def _in_order(lens: LensSurfaces, towards_film: bool) -> list[tuple[float, float, float, float]]:
-    """Of each surface, in the order of a ray: curvature as the ray sees it, way from the one before, and indices."""
-    curvature, vertex, ior = lens.curvature, lens.vertex, lens.ior
-    if not towards_film:
-        curvature, vertex, ior = -curvature[::-1], -vertex[::-1], ior[::-1]
-    ways = np.diff(vertex, prepend=vertex[0])
-    pairs = pairwise(ior)
-    return [(float(c), float(way), float(a), float(b)) for c, way, (a, b) in zip(curvature, ways, pairs, strict=True)]
-
-
-def _heights(lens: LensSurfaces, height: float, slope: float, towards_film: bool) -> list[float]:
-    """Heights (mm) at which a ray near the axis meets each surface, from its height and slope at the first."""
-    heights = []
-    for curvature, way, near, far in _in_order(lens, towards_film):
-        height += way * slope
-        heights.append(height)
-        slope = (near * slope - height * curvature * (far - near)) / far
-    return heights
-
-
-def ray_transfer_matrix(lens: LensSurfaces) -> NDArray[np.float64]:
-    """What a lens does to rays near the axis: float64 (2, 2), of (height, index x slope), from front to last vertex.
-
-    References: Gerrard, Burch 1975, "Introduction to Matrix Methods in Optics", ch. II.
-    """
-    matrix = np.eye(2)
-    for curvature, way, near, far in _in_order(lens, towards_film=True):
-        passed = np.array([[1.0, way / near], [0.0, 1.0]])
-        bent = np.array([[1.0, 0.0], [-curvature * (far - near), 1.0]])
-        matrix = bent @ passed @ matrix
-    return matrix
-
-
-def cardinal_points(lens: LensSurfaces) -> CardinalPoints:
-    """Focal length, focal points and principal planes.
-
-    Raises
-    ------
-    ValueError : parallel light leaves the lens parallel, so that it has no focus.
-    """
-    (a, _), (c, d) = ray_transfer_matrix(lens)
-    if c == 0.0:
-        raise ValueError("the lens has no power: it makes no image")
-    before, behind, last = float(lens.ior[0]), float(lens.ior[-1]), float(lens.vertex[-1])
-    return CardinalPoints(
-        focal_length=float(-1.0 / c),
-        front_focus=float(before * d / c),
-        front_principal=float(before * (d - 1.0) / c),
-        rear_principal=float(last - behind * (a - 1.0) / c),
-        rear_focus=float(last - behind * a / c),
-    )
-
-
-# ---- Focus
-
-
-def _image(lens: LensSurfaces, distance: float, towards_film: bool) -> float:
-    """How far behind the last surface on its way (mm) the light of a point of the axis meets the axis again.
-
-    distance : of the point before the first surface on the way (mm), may be infinite.  The result is infinite where the
-    light leaves as a parallel beam, and negative where it spreads.
-
-    Raises
-    ------
-    ValueError : none of the light gets through.
-    """
-    height, slope = (1.0, 0.0) if math.isinf(distance) else (distance, 1.0)
-    heights = np.abs(_heights(lens, height, slope, towards_film))
-    radius = np.asarray(lens.radius if towards_film else lens.radius[::-1])
-    with np.errstate(divide="ignore"):
-        marginal = float((radius / heights).min())
-    ends = (float(lens.vertex[0]), float(lens.vertex[-1]))
-    first, last = ends if towards_film else ends[::-1]
-    side = 1.0 if towards_film else -1.0
-    for halving in range(_MOST_HALVINGS):
-        part = _ZONE * marginal / 2.0**halving
-        length = math.hypot(1.0, part * slope)
-        start = (0.0, part, first) if math.isinf(distance) else (0.0, 0.0, first - side * distance)
-        weight, point, direction = _trace(lens, start, (0.0, part * slope / length, side / length), towards_film)
-        if weight > 0.0:
-            behind = side * (point[2] - last)
-            return math.inf if direction[1] == 0.0 else behind - point[1] * side * direction[2] / direction[1]
-    raise ValueError(f"no light of a point {distance:g} mm before the lens gets through it")
-
-
-def nearest_focus(lens: LensSurfaces, travel: float) -> float:
-    """Distance (mm) before the front vertex of the nearest plane that is sharp on a film this far behind the last one.
-
-    Raises
-    ------
-    ValueError : so near behind the lens nothing is sharp.
-    """
-    distance = _image(lens, travel, towards_film=False)
-    if distance <= 0.0:
-        raise ValueError(
-            f"nothing is sharp {travel:g} mm behind the lens: infinity is {_image(lens, math.inf, True):g} mm behind it"
-        )
-    return distance
-
-
-def focus(lens: LensSurfaces, distance: float, travel: float) -> float:
-    """How far behind the last vertex (mm) the film must be for a plane at a distance before the front one to be sharp.
-
-    What is sharp is decided by light through the zone of the pupil that halves its area.  The ray is followed from the
-    plane to the film, so nothing is searched for, however small the aperture or near the plane.
-
-    Parameters
-    ----------
-    distance : of the plane (mm), greater than 0, may be infinite.
-    travel : how far behind the last vertex the film can be (mm).
-
-    Raises
-    ------
-    ValueError : the plane is nearer than the lens can focus; it names the nearest one that is possible.
-    """
-    nearest = nearest_focus(lens, travel)
-    if not distance >= nearest:
-        raise ValueError(
-            f"the lens cannot focus at {distance:g} mm: the nearest plane that is sharp with the film {travel:g} mm "
-            f"behind the lens is {nearest:g} mm before it"
-        )
-    return _image(lens, distance, towards_film=True)

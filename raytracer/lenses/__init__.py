@@ -1,0 +1,1 @@
+"""Real lenses: their surfaces, rays through them, and what they do."""
