@@ -8,16 +8,26 @@ In a lens file, or as the `ior` of a material:
     {cauchy: [1.5046, 0.0042]}                # n = A + B / l^2 + C / l^4, with l in micrometres
     {sellmeier: {b: [1.03961212, 0.231792344, 1.01046945], c: [0.00600069867, 0.0200179144, 103.560653]}}
 
-Wavelengths are nanometres, in air.
+Wavelengths are nanometres, in air.  A formula is good for light that is seen: from 360 to 830 nm it must give what
+glass can have, and from 300 to 2500 nm it must have no pole.
 
 References: Born, Wolf 1999, "Principles of Optics", 7th ed., sec. 2.3.4; Sellmeier 1871; Cauchy 1836.
 """
 
+import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import GetCoreSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, core_schema
+
+from raytracer.errors import nearest, shown, suggestion
+from raytracer.spec import Check, Quantity, at
+from raytracer.units import parse_quantity, quantity_pattern
 
 LINE_D = 587.5618
 """The yellow line of helium (nm), at which glasses are told by one index."""
@@ -28,6 +38,12 @@ LINE_F = 486.1327
 LINE_C = 656.2725
 """The red line of hydrogen (nm)."""
 
+_SEEN = np.arange(360.0, 831.0)
+_POLE_FREE = (0.3, 2.5)
+
+MOST_INDEX = 5.0
+"""No clear material has a greater index: that of germanium, in the infrared, is 4."""
+
 
 class Glass(NamedTuple):
     """A clear material: n^2 = base + sum of b l^2 / (l^2 - c), or n = base + sum of a_k / l^2k; l in micrometres.
@@ -36,6 +52,7 @@ class Glass(NamedTuple):
     base : the constant term.
     b, c : of Sellmeier's formula, c in square micrometres; empty for Cauchy's.
     a : of Cauchy's formula, a_k in micrometres^2k; empty for Sellmeier's.
+    told : n_d and V_d, if it was told by them; else empty.
     """
 
     name: str
@@ -43,6 +60,7 @@ class Glass(NamedTuple):
     b: tuple[float, ...] = ()
     c: tuple[float, ...] = ()
     a: tuple[float, ...] = ()
+    told: tuple[float, ...] = ()
 
     def disperses(self) -> bool:
         """Whether the index depends on the wavelength."""
@@ -60,7 +78,17 @@ class Glass(NamedTuple):
     def abbe(self) -> float:
         """The Abbe number V_d; infinite for what does not disperse."""
         d, f, c = (float(self.ior(line)) for line in (LINE_D, LINE_F, LINE_C))
-        return (d - 1.0) / (f - c) if f != c else float("inf")
+        return (d - 1.0) / (f - c) if f != c else math.inf
+
+    def written(self) -> Any:
+        """What a file says for it: a number, a name or a mapping."""
+        if self.disperses() and CATALOGUE.get(self.name) == self:
+            return self.name
+        if self.told:
+            return dict(zip(("index", "abbe"), self.told, strict=True))
+        if self.b:
+            return {"sellmeier": {"b": list(self.b), "c": list(self.c)}}
+        return {"cauchy": [self.base, *self.a]} if self.a else self.base
 
 
 AIR = Glass("air", 1.0)
@@ -75,18 +103,117 @@ def of_abbe(index: float, abbe: float) -> Glass:
     """Cauchy's formula with two terms, through n_d and V_d."""
     d, f, c = (1e-3 * line for line in (LINE_D, LINE_F, LINE_C))
     b = (index - 1.0) / abbe / (f**-2 - c**-2)
-    return Glass(f"{index:g}/{abbe:g}", index - b / d**2, a=(b,))
+    return Glass(f"{index:g}/{abbe:g}", index - b / d**2, a=(b,), told=(index, abbe))
 
+
+# Schott's optical glass, by the constants of its data sheets of 2017, Zemax catalogue 2017-01-20b.
+_SCHOTT = (
+    Glass("N-FK51A", 1.0, (0.971247817, 0.216901417, 0.904651666), (0.00472301995, 0.0153575612, 168.68133)),
+    Glass("N-FK5", 1.0, (0.844309338, 0.344147824, 0.910790213), (0.00475111955, 0.0149814849, 97.8600293)),
+    Glass("N-PK51", 1.0, (1.15610775, 0.153229344, 0.785618966), (0.00585597402, 0.0194072416, 140.537046)),
+    Glass("N-PK52A", 1.0, (1.029607, 0.1880506, 0.736488165), (0.00516800155, 0.0166658798, 138.964129)),
+    Glass("N-BK7", 1.0, (1.03961212, 0.231792344, 1.01046945), (0.00600069867, 0.0200179144, 103.560653)),
+    Glass("K10", 1.0, (1.15687082, 0.0642625444, 0.872376139), (0.00809424251, 0.0386051284, 104.74773)),
+    Glass("N-K5", 1.0, (1.08511833, 0.199562005, 0.930511663), (0.00661099503, 0.024110866, 111.982777)),
+    Glass("N-ZK7", 1.0, (1.07715032, 0.168079109, 0.851889892), (0.00676601657, 0.0230642817, 89.0498778)),
+    Glass("N-BAK1", 1.0, (1.12365662, 0.309276848, 0.881511957), (0.00644742752, 0.0222284402, 107.297751)),
+    Glass("N-BAK4", 1.0, (1.28834642, 0.132817724, 0.945395373), (0.00779980626, 0.0315631177, 105.965875)),
+    Glass("N-SK4", 1.0, (1.32993741, 0.228542996, 0.988465211), (0.00716874107, 0.0246455892, 100.886364)),
+    Glass("N-SK5", 1.0, (0.991463823, 0.495982121, 0.987393925), (0.00522730467, 0.0172733646, 98.3594579)),
+    Glass("N-SK16", 1.0, (1.34317774, 0.241144399, 0.994317969), (0.00704687339, 0.0229005, 92.7508526)),
+    Glass("N-SSK5", 1.0, (1.59222659, 0.103520774, 1.05174016), (0.00920284626, 0.0423530072, 106.927374)),
+    Glass("N-SSK8", 1.0, (1.44857867, 0.117965926, 1.06937528), (0.00869310149, 0.0421566593, 111.300666)),
+    Glass("N-BAF10", 1.0, (1.5851495, 0.143559385, 1.08521269), (0.00926681282, 0.0424489805, 105.613573)),
+    Glass("N-LAK8", 1.0, (1.33183167, 0.546623206, 1.19084015), (0.00620023871, 0.0216465439, 82.5827736)),
+    Glass("N-LAK9", 1.0, (1.46231905, 0.344399589, 1.15508372), (0.00724270156, 0.0243353131, 85.4686868)),
+    Glass("N-LAF2", 1.0, (1.80984227, 0.15729555, 1.0930037), (0.0101711622, 0.0442431765, 100.687748)),
+    Glass("N-LAF34", 1.0, (1.75836958, 0.313537785, 1.18925231), (0.00872810026, 0.0293020832, 85.1780644)),
+    Glass("N-LASF44", 1.0, (1.78897105, 0.38675867, 1.30506243), (0.00872506277, 0.0308085023, 92.7743824)),
+    Glass("N-KZFS4", 1.0, (1.35055424, 0.197575506, 1.09962992), (0.0087628207, 0.0371767201, 90.3866994)),
+    Glass("LLF1", 1.0, (1.21640125, 0.13366454, 0.883399468), (0.00857807248, 0.0420143003, 107.59306)),
+    Glass("LF5", 1.0, (1.28035628, 0.163505973, 0.893930112), (0.00929854416, 0.0449135769, 110.493685)),
+    Glass("F2", 1.0, (1.34533359, 0.209073176, 0.937357162), (0.00997743871, 0.0470450767, 111.886764)),
+    Glass("N-F2", 1.0, (1.39757037, 0.159201403, 1.2686543), (0.00995906143, 0.0546931752, 119.248346)),
+    Glass("F5", 1.0, (1.3104463, 0.19603426, 0.96612977), (0.00958633048, 0.0457627627, 115.011883)),
+    Glass("N-BASF2", 1.0, (1.53652081, 0.156971102, 1.30196815), (0.0108435729, 0.0562278762, 131.3397)),
+    Glass("SF2", 1.0, (1.40301821, 0.231767504, 0.939056586), (0.0105795466, 0.0493226978, 112.405955)),
+    Glass("SF5", 1.0, (1.46141885, 0.247713019, 0.949995832), (0.0111826126, 0.0508594669, 112.041888)),
+    Glass("N-SF5", 1.0, (1.52481889, 0.187085527, 1.42729015), (0.011254756, 0.0588995392, 129.141675)),
+    Glass("N-SF15", 1.0, (1.57055634, 0.218987094, 1.50824017), (0.0116507014, 0.0597856897, 132.709339)),
+    Glass("SF1", 1.0, (1.55912923, 0.284246288, 0.968842926), (0.0121481001, 0.0534549042, 112.174809)),
+    Glass("SF10", 1.0, (1.61625977, 0.259229334, 1.07762317), (0.0127534559, 0.0581983954, 116.60768)),
+    Glass("N-SF10", 1.0, (1.62153902, 0.256287842, 1.64447552), (0.0122241457, 0.0595736775, 147.468793)),
+    Glass("SF4", 1.0, (1.61957826, 0.339493189, 1.02566931), (0.0125502104, 0.0544559822, 117.652222)),
+    Glass("SF11", 1.0, (1.73848403, 0.311168974, 1.17490871), (0.0136068604, 0.0615960463, 121.922711)),
+    Glass("N-SF11", 1.0, (1.73759695, 0.313747346, 1.89878101), (0.013188707, 0.0623068142, 155.23629)),
+    Glass("SF6", 1.0, (1.72448482, 0.390104889, 1.04572858), (0.0134871947, 0.0569318095, 118.557185)),
+    Glass("N-SF6", 1.0, (1.77931763, 0.338149866, 2.08734474), (0.0133714182, 0.0617533621, 174.01759)),
+    Glass("SF57", 1.0, (1.81651371, 0.428893641, 1.07186278), (0.0143704198, 0.0592801172, 121.419942)),
+    Glass("N-SF66", 1.0, (2.0245976, 0.470187196, 2.59970433), (0.0147053225, 0.0692998276, 161.817601)),
+)
+
+# Fused silica: Malitson 1965, JOSA 55(10).  Calcium fluoride: Malitson 1963, Applied Optics 2(11).  Sapphire, its
+# ordinary ray: Malitson, Dodge 1972, JOSA 62(11).  Diamond: Peter 1923, Zeitschrift fuer Physik 15(1).  Water at 20
+# degrees: Daimon, Masumura 2007, Applied Optics 46(18).
+_MEASURED = (
+    Glass("fused silica", 1.0, (0.6961663, 0.4079426, 0.8974794), (0.0684043**2, 0.1162414**2, 9.896161**2)),
+    Glass("CaF2", 1.0, (0.5675888, 0.4710914, 3.8484723), (0.050263605**2, 0.1003909**2, 34.649040**2)),
+    Glass("sapphire", 1.0, (1.4313493, 0.65054713, 5.3414021), (0.0726631**2, 0.1193242**2, 18.028251**2)),
+    Glass("diamond", 1.0, (0.3306, 4.3356), (0.1750**2, 0.1060**2)),
+    Glass(
+        "water",
+        1.0,
+        (0.5684027565, 0.1726177391, 0.02086189578, 0.1130748688),
+        (0.005101829712, 0.01821153936, 0.02620722293, 10.69792721),
+    ),
+)
+
+# Index and Abbe number of plastics for lenses: Baeumer (ed.) 2010, "Handbook of Plastic Optics", 2nd ed., ch. 1 and 5.
+_PLASTICS = {
+    "PMMA": (1.4918, 57.4),
+    "polystyrene": (1.5905, 30.9),
+    "polycarbonate": (1.5855, 29.9),
+    "COP": (1.5312, 56.0),
+}
 
 CATALOGUE: Mapping[str, Glass] = {
-    "N-BK7": Glass(
-        "N-BK7",
-        1.0,
-        (1.03961212, 0.231792344, 1.01046945),
-        (0.00600069867, 0.0200179144, 103.560653),
-    ),
+    **{glass.name: glass for glass in (*_SCHOTT, *_MEASURED)},
+    **{name: of_abbe(*told)._replace(name=name) for name, told in _PLASTICS.items()},
+    "air": AIR,
 }
-"""Common glasses by name."""
+"""Common glasses, crystals, plastics and water by name; Schott's glasses by the names of its data sheets."""
+
+
+# ---- As files have them
+
+_FORMS = {
+    "index": "{index: 1.5168, abbe: 64.17}",
+    "cauchy": "{cauchy: [1.5046, 0.0042]}",
+    "sellmeier": "{sellmeier: {b: [...], c: [...]}}",
+}
+
+_INDEX = Quantity(low=0.0, low_open=True, high=MOST_INDEX)
+_ABBE = Quantity(low=5.0, high=200.0)
+_COEFFICIENT = Quantity()
+_MOST_TERMS = 8
+
+
+def named(name: str) -> Glass:
+    """The glass of the catalogue that has this name.
+
+    Raises
+    ------
+    ValueError : there is none; it comes with the nearest one that there is.
+    """
+    if name in CATALOGUE:
+        return CATALOGUE[name]
+    close = suggestion(name, CATALOGUE, "glasses")
+    raise ValueError(f"unknown glass {shown(name)}; {close} (any can be given by {_FORMS['index']})")
+
+
+def nearest_name(name: str) -> str | None:
+    """The name of the catalogue that is spelt most like `name`, if any comes near."""
+    return nearest(name, CATALOGUE)
 
 
 def glass_of(value: Any) -> Glass:
@@ -98,6 +225,121 @@ def glass_of(value: Any) -> Glass:
     """
     if isinstance(value, Glass):
         return value
-    if isinstance(value, str):
-        return CATALOGUE[value]
-    return constant(float(value))
+    if isinstance(value, Mapping):
+        return _seen(_of_mapping(value))
+    if isinstance(value, str) and not _is_number(value):
+        return named(value)
+    return constant(_INDEX(value))
+
+
+def _is_number(text: str) -> bool:
+    try:
+        parse_quantity(text, "number")
+    except ValueError:
+        return any(character.isdigit() for character in text[:1])
+    return True
+
+
+def _of_mapping(value: Mapping[Any, Any]) -> Glass:
+    keys = set(value)
+    if keys <= {"index", "abbe"} and keys:
+        index, abbe = (_item(value, key, check) for key, check in (("index", _INDEX), ("abbe", _ABBE)))
+        return of_abbe(index, abbe)
+    if keys == {"cauchy"}:
+        base, *a = _numbers(value["cauchy"], ("cauchy",))
+        return Glass(f"Cauchy {base:g}", base, a=tuple(a)) if any(a) else constant(base)
+    if keys == {"sellmeier"}:
+        terms = value["sellmeier"]
+        if not isinstance(terms, Mapping) or set(terms) != {"b", "c"}:
+            at("sellmeier", "must hold b and c: {b: [...], c: [...]}")
+        b, c = (_numbers(terms[key], ("sellmeier", key)) for key in ("b", "c"))
+        if len(b) != len(c):
+            at("sellmeier", f"must hold as many b as c, got {len(b)} and {len(c)}")
+        for number, pole in enumerate(c):
+            if b[number] != 0.0 and _POLE_FREE[0] ** 2 <= pole <= _POLE_FREE[1] ** 2:
+                wave = 1e3 * math.sqrt(pole)
+                at(("sellmeier", "c", number), f"puts a pole at {wave:.4g} nm: from 300 to 2500 nm there must be none")
+        return Glass("Sellmeier", 1.0, tuple(b), tuple(c))
+    known = " or ".join(_FORMS.values())
+    raise ValueError(f"must be {known}, got a mapping of {', '.join(map(str, value)) or 'nothing'}")
+
+
+def _item(value: Mapping[Any, Any], key: str, check: Quantity) -> float:
+    if key not in value:
+        at(key, f"is missing: a glass is told by {_FORMS['index']}")
+    try:
+        return check(value[key])
+    except ValueError as error:
+        at(key, str(error))
+
+
+def _numbers(value: Any, path: tuple[str, ...]) -> list[float]:
+    if not isinstance(value, list | tuple) or not 1 <= len(value) <= _MOST_TERMS:
+        at(path, f"must be a list of 1 to {_MOST_TERMS} numbers, got {shown(value)}")
+    found = []
+    for number, item in enumerate(value):
+        try:
+            found.append(_COEFFICIENT(item))
+        except ValueError as error:
+            at((*path, number), str(error))
+    return found
+
+
+def _seen(glass: Glass) -> Glass:
+    """The glass, if its index is one for all light that is seen."""
+    with np.errstate(all="ignore"):
+        ior = glass.ior(_SEEN)
+    wrong = ~((ior >= 1.0) & (ior <= MOST_INDEX))
+    if wrong.any():
+        first = int(np.argmax(wrong))
+        raise ValueError(
+            f"gives the index {ior[first]:.4g} at {_SEEN[first]:g} nm: from 360 to 830 nm it must be between 1 and "
+            f"{MOST_INDEX:g}"
+        )
+    return glass
+
+
+@dataclass(frozen=True)
+class Index(Check):
+    """Annotation of a field that holds a `Glass`: a number, a name of the catalogue, or a mapping."""
+
+    def __call__(self, value: Any) -> Glass:
+        """The glass that is meant.
+
+        Raises
+        ------
+        ValueError : it means none.
+        """
+        return glass_of(value)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(
+            self, serialization=core_schema.plain_serializer_function_ser_schema(lambda glass: glass.written())
+        )
+
+    def json_schema(self) -> JsonSchemaValue:
+        """A number, a name, or one of the mappings."""
+        number: JsonSchemaValue = {"type": "number", "exclusiveMinimum": 0, "maximum": MOST_INDEX}
+        abbe: JsonSchemaValue = {"type": "number", "minimum": 5, "maximum": 200}
+        numbers: JsonSchemaValue = {
+            "type": "array",
+            "items": {"type": "number"},
+            "minItems": 1,
+            "maxItems": _MOST_TERMS,
+        }
+        text = {"type": "string", "pattern": quantity_pattern("number")}
+        terms = _closed({"b": numbers, "c": numbers})
+        mappings = [
+            _closed({"index": number, "abbe": abbe}),
+            _closed({"cauchy": numbers}),
+            _closed({"sellmeier": terms}),
+        ]
+        return {"anyOf": [number, {"enum": list(CATALOGUE)}, text, *mappings]}
+
+
+def _closed(properties: JsonSchemaValue) -> JsonSchemaValue:
+    return {"type": "object", "properties": properties, "required": list(properties), "additionalProperties": False}
+
+
+IndexField: TypeAlias = Annotated[Glass, Index()]
+"""An index of refraction, which may depend on the wavelength."""

@@ -7,12 +7,14 @@ from typing import Any
 from raytracer.assets import gltf
 from raytracer.assets.grids import read_grid
 from raytracer.assets.images import Image, file_of, read_image
+from raytracer.assets.lenses import read_lens
 from raytracer.assets.meshes import Mesh, read_mesh, smooth_normals
 from raytracer.assets.placements import read_placements
 
 LOADERS: Mapping[str, Callable[[Path], Any]] = {
     "grid": read_grid,
     "image": read_image,
+    "lens": read_lens,
     "mesh": read_mesh,
     "placements": read_placements,
 }
@@ -36,6 +38,7 @@ __all__ = [
     "file_of",
     "read_grid",
     "read_image",
+    "read_lens",
     "read_mesh",
     "read_placements",
     "smooth_normals",

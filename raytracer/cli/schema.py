@@ -1,4 +1,6 @@
-"""`rt schema`: the JSON Schema of scene files."""
+"""`rt schema`: the JSON Schema of scene files, and of lens files."""
+
+from typing import Annotated
 
 import typer
 
@@ -7,19 +9,24 @@ Example, for an editor with the YAML language server:
   rt schema > scene.schema.json
 and as the first line of a scene:
   # yaml-language-server: $schema=scene.schema.json
+And for files of lenses:
+  rt schema --lens > lens.schema.json
 """
 
 
-def schema() -> None:
+def schema(
+    lens: Annotated[bool, typer.Option("--lens", help="That of lens files instead.")] = False,
+) -> None:
     """Print the JSON Schema of scene files.
 
     It holds every key with its meaning, unit, range and default.
     """
     import json
 
+    from raytracer.scene.schema import lens_schema
     from raytracer.scene.schema import schema as scene_schema
 
-    print(json.dumps(scene_schema(), indent=2, ensure_ascii=False, allow_nan=False))
+    print(json.dumps(lens_schema() if lens else scene_schema(), indent=2, ensure_ascii=False, allow_nan=False))
 
 
 def register(app: typer.Typer) -> None:

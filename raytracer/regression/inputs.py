@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 
-from raytracer.scene.dump import plain
+from raytracer.dump import plain
 from raytracer.scene.inputs import files_of
 from raytracer.scene.spec import SceneSpec
 

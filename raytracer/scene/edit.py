@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from raytracer.scene.document import Node, Place, collection
-from raytracer.scene.dump import plain_value
+from raytracer.document import Node, Place, collection
+from raytracer.dump import plain_value
 from raytracer.scene.load import check_files, path_of, set_value, validated
 from raytracer.scene.spec import SceneSpec
 

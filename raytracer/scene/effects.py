@@ -1,5 +1,6 @@
 """Which effects a scene calls for, and why: read off its packed type, so that what is said is what is compiled."""
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from itertools import chain
@@ -7,6 +8,7 @@ from typing import Any, NamedTuple
 
 from raytracer.cameras.moving import MovingCamera
 from raytracer.cameras.perspective import PerspectiveCamera
+from raytracer.hues import LensSpectrum, Spectrum
 from raytracer.integrator import Scene
 from raytracer.kinds import LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES, Family
 from raytracer.lights.background import Background
@@ -30,16 +32,19 @@ class Effect(NamedTuple):
 def effects_of(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
     """Every effect that the program knows, by name; those of a packed scene are active."""
     camera = getattr(scene.camera, "camera", scene.camera)
-    lens = getattr(camera, "lens", None)
+    lens, glass = getattr(camera, "lens", None), getattr(camera, "surfaces", None)
     of_objects = [material_of(spec, item) for _, item in spec.all_objects()]
     by_object = [tuple(parts([material])) for material in of_objects]
     made_of = list(dict.fromkeys(chain.from_iterable(by_object)))
     emitting = [material for material in of_objects if material.emits()]
     return {
-        "defocus": Effect(lens is not None, _why_defocus(spec, lens)),
+        "defocus": Effect(lens is not None or glass is not None, _why_defocus(spec, lens, glass)),
+        "real_lens": Effect(glass is not None, _why_real_lens(spec, glass)),
+        "dispersion": Effect(scene.spectrum is not None, _why_dispersion(spec, made_of, scene)),
+        "flare": Effect(getattr(camera, "flare", None) is not None, _why_flare(camera, glass)),
         **_photograph(spec),
-        **_opening(spec, lens),
-        "projection": _projection(spec, isinstance(camera, PerspectiveCamera)),
+        **_opening(spec, lens, glass),
+        "projection": _projection(spec, isinstance(camera, PerspectiveCamera), glass is not None),
         "motion_blur": Effect(_moves(spec, scene), _why_motion_blur(spec, scene)),
         **_shutter(spec, scene),
         "light_sampling": Effect(isinstance(scene.lights, Lights), _why_light_sampling(spec, scene, len(emitting))),
@@ -71,14 +76,21 @@ def effects_of(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
     }
 
 
-def _projection(spec: SceneSpec, in_perspective: bool) -> Effect:
+def _projection(spec: SceneSpec, in_perspective: bool, has_glass: bool) -> Effect:
     """Whether the picture is other than in perspective."""
     if in_perspective:
         return Effect(False, f"the {spec.camera.type} camera shows the scene in perspective")
+    if has_glass:
+        return Effect(True, "the glass of the lens distorts the perspective")
     return Effect(True, f"the {spec.camera.type} camera shows the scene otherwise than in perspective")
 
 
-def _why_defocus(spec: SceneSpec, lens: Any) -> str:
+def _why_defocus(spec: SceneSpec, lens: Any, glass: Any) -> str:
+    if glass is not None:
+        numbers = spec.camera.describe(spec.film.width, spec.film.height)
+        distance = numbers["focus_distance_m"]
+        focus = f"{distance:.4g} m" if distance < math.inf else "infinity"
+        return f"the stop is open to f/{numbers['f_number']:.4g}, and the lens focused at {focus}"
     if lens is None:
         return f"the {spec.camera.type} camera has no aperture, so everything is sharp"
     width = f"{2e3 * lens.radius:.4g} mm wide"
@@ -88,9 +100,44 @@ def _why_defocus(spec: SceneSpec, lens: Any) -> str:
     return f"the lens is {width} and focused at {focus}"
 
 
-def _opening(spec: SceneSpec, lens: Any) -> dict[str, Effect]:
+def _why_real_lens(spec: SceneSpec, glass: Any) -> str:
+    if glass is None:
+        return f"the {spec.camera.type} camera has no glass, and so none of its aberrations"
+    number = len(glass.curvature)
+    return f"rays are traced through {_count(number, 'surface')} of a lens, with all its aberrations"
+
+
+def _why_dispersion(spec: SceneSpec, made_of: Sequence[MaterialSpec], scene: Scene) -> str:
+    if scene.spectrum is None:
+        return "no index of refraction depends on the wavelength, so light stays red, green and blue"
+    parting = sum(part.parting() != 0 for part in made_of)
+    whose = [_count(parting, "material") + " in use"] if isinstance(scene.spectrum, Spectrum) else []
+    lens = isinstance(scene.spectrum, LensSpectrum) or scene.spectrum.camera is not None
+    whose += ["the camera's lens"] if lens else []
+    many = len(whose) > 1 or parting > 1
+    verb = "bend" if many else "bends"
+    return f"{' and '.join(whose)} {verb} light of each wavelength by another angle; wavelengths are drawn by chance"
+
+
+def _why_flare(camera: Any, glass: Any) -> str:
+    if glass is None:
+        return "there is no glass in the camera that could reflect"
+    if getattr(camera, "flare", None) is None:
+        return "flare is not asked for, so the glass of the lens reflects nothing, and loses no light"
+    return "light that two surfaces of the lens reflect reaches the film, and what one reflects is lost"
+
+
+def _opening(spec: SceneSpec, lens: Any, glass: Any) -> dict[str, Effect]:
     """What the lens's opening does besides having a size."""
     shape, rim = (getattr(spec.camera, key, None) for key in ("aperture_shape", "vignetting"))
+    if glass is not None:
+        shaped = glass.diaphragm is not None
+        return {
+            "aperture_shape": Effect(
+                shaped, f"the stop has the shape {shape.type}" if shape and shaped else "the stop is round"
+            ),
+            "vignetting": Effect(True, "the rims of the glass keep light out that comes in from the side"),
+        }
     shaped, vignetted = (getattr(lens, part, None) is not None for part in ("shape", "rim"))
     none = "the camera's opening is a point, or missing"
     shapeless = none if lens is None else "the opening is round"

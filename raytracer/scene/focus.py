@@ -107,15 +107,14 @@ def _distance_seen(spec: SceneSpec, objects: Objects, clear: Set[int], accel: Ac
     # Where focusing changes the field of view, look again through the focused camera, until that sees the same.
     for _ in range(_MOST_ROUNDS):
         try:
-            top = camera.model_copy(update={"focus_distance": distance}).optics(width, height).top
+            start, way = camera.model_copy(update={"focus_distance": distance}).sight(x, y, width, height)
         except ValueError:
-            # Nearer than the focal length there is no image to look at.
+            # Nearer than the camera can focus there is no image to look at.
             return distance
-        right, up = (2.0 * x - 1.0) * top * width / height, (1.0 - 2.0 * y) * top
-        way = right * np.array(frame.right) + up * np.array(frame.up) + np.array(frame.forward)
+        axes = np.array([frame.right, frame.up, frame.forward])
         stretch = float(np.linalg.norm(way))
-        met = _met(objects, clear, accel, np.subtract(frame.origin, world), way / stretch)
-        distance = met / stretch
+        met = _met(objects, clear, accel, np.subtract(frame.origin, world) + start @ axes, way @ axes / stretch)
+        distance = float(start[2]) + met * float(way[2]) / stretch
         if distance in tried:
             break
         tried.add(distance)

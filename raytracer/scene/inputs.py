@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 
 import raytracer
 from raytracer.assets import companions, file_of
+from raytracer.dump import plain, plain_value, yaml_text
 from raytracer.errors import InputError, shown
 from raytracer.film.output import write_bytes
 from raytracer.kernel_files import source_hash
-from raytracer.scene.dump import plain, plain_value, yaml_text
 from raytracer.scene.files import Keys, Named, named_files, with_names
 from raytracer.scene.load import build
 from raytracer.scene.spec import SceneSpec

@@ -8,6 +8,7 @@ import numpy as np
 
 from raytracer.cameras.moving import MovingCamera, camera_at
 from raytracer.cameras.placement import PlacedSpec
+from raytracer.glass import AIR
 from raytracer.interior import Interior, Submerged
 from raytracer.materials.interface import PASS, Filling, MaterialSpec, SelectorSpec
 from raytracer.paths import MOST_SOLIDS
@@ -77,7 +78,7 @@ class Solids:
         # What each surface is as a boundary to nothing, and to what has a lower rank.
         self._boundaries: list[tuple[MaterialSpec, list[MaterialSpec | None], Hashable]] = []
         for rank, solid in enumerate(self._ranked):
-            outsides = [1.0, *(other.filling.ior for other in self._ranked[:rank])]
+            outsides = [AIR, *(other.filling.ior for other in self._ranked[:rank])]
             for part in parts([solid.material]):
                 if not isinstance(part, SelectorSpec):
                     self._boundaries.append((part, [part.against(ior) for ior in outsides], solid.space))

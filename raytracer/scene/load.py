@@ -1,18 +1,18 @@
 """From a scene file to a checked scene; whatever is wrong is one sentence that names file, line and key."""
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from raytracer.assets import file_of
+from raytracer.assets import LOADERS, file_of
+from raytracer.document import Node, Place, first_error, node_of, override, parse, parse_path, read
+from raytracer.dump import plain_value
 from raytracer.errors import InputError, SceneError, shortened, shown
-from raytracer.scene.document import Node, Place, node_of, override, parse, parse_path, read
-from raytracer.scene.dump import plain_value
 from raytracer.scene.files import named_files
-from raytracer.scene.spec import SceneSpec, check_material, error_at
+from raytracer.scene.spec import SceneSpec, check_material
 from raytracer.spec import INLINE_MATERIAL, sentence
 
 CONTEXT = {INLINE_MATERIAL: check_material}
@@ -67,7 +67,32 @@ def _built(values: Mapping[str, Any], root: Node | None, file: str | None, base:
     scene._file = file
     scene._root = root
     check_files(scene, type(scene).model_fields)
-    return scene
+    return bound(scene)
+
+
+def bound(scene: SceneSpec, read_file: Callable[[str, Path], Any] | None = None) -> SceneSpec:
+    """The scene with a camera that knows what those of its files hold which its numbers depend on.
+
+    read_file : gives what a file holds as a kind of `assets.LOADERS`; by default it is read.
+
+    Raises
+    ------
+    SceneError: such a file cannot be read, or what it holds and the camera's keys do not go together.
+    """
+    camera, assets = scene.camera, {}
+    if not camera.binds:
+        return scene
+    for key in camera.binds:
+        kind, path = camera.loads[key], scene.base / getattr(camera, key)
+        try:
+            assets[key] = LOADERS[kind](path) if read_file is None else read_file(kind, path)
+        except InputError as error:
+            raise scene.error(str(error), "camera", key) from None
+    try:
+        return scene.model_copy(update={"camera": camera.bound(assets)})
+    except ValidationError as error:
+        (found,) = error.errors(include_url=False)
+        raise scene.error(sentence(found), "camera", *found["loc"]) from None
 
 
 def validated(values: Any, root: Node | None, file: str | None) -> SceneSpec:
@@ -180,9 +205,3 @@ def as_yaml(value: Any) -> str:
     if isinstance(value, str):
         return value
     return "null" if value is None else shown(value)
-
-
-def first_error(error: ValidationError, root: Node | None, file: str | None) -> SceneError:
-    """The error that stands first in the document."""
-    found = [error_at(sentence(item), item["loc"], root, file) for item in error.errors(include_url=False)]
-    return min(found, key=lambda item: (item.source is None, item.line or 0))

@@ -7,11 +7,11 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from raytracer.document import Place, first_error, node_of
+from raytracer.dump import plain_value
 from raytracer.errors import InputError, SceneError, suggestion
 from raytracer.kinds import Family, type_name
-from raytracer.scene.document import Place, node_of
-from raytracer.scene.dump import plain_value
-from raytracer.scene.load import CONTEXT, first_error, pythonic
+from raytracer.scene.load import CONTEXT, pythonic
 from raytracer.spec import Spec
 
 Maker = Callable[..., Any]

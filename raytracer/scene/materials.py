@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from raytracer.assets.gltf import read_materials
+from raytracer.document import path_text
 from raytracer.errors import InputError
 from raytracer.kinds import MATERIALS
 from raytracer.materials.interface import MaterialSpec, Selectors, SelectorSpec
-from raytracer.scene.document import path_text
 from raytracer.scene.spec import SceneSpec, check_material
 from raytracer.shapes.interface import ShapeSpec
 from raytracer.spec import sentence

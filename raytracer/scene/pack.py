@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from raytracer.accumulation import Clamp
 from raytracer.cameras.interface import moved as moved_camera
 from raytracer.cameras.moving import MovingCamera, camera_at, pack_camera
+from raytracer.document import path_text
 from raytracer.embree import Accel, Placements
 from raytracer.errors import InputError
 from raytracer.geometry import Exact, Geometry
@@ -26,15 +27,16 @@ from raytracer.origin import Origin
 from raytracer.paths import Passage
 from raytracer.relief import pack_relief
 from raytracer.sampling import SAMPLERS
-from raytracer.scene.document import path_text
 from raytracer.scene.focus import focused, focuses
 from raytracer.scene.interior import Solids
 from raytracer.scene.lights import pack_lights, pulses_of
+from raytracer.scene.load import bound
 from raytracer.scene.materials import DEFAULT_MATERIAL, INVISIBLE, brought, pack_materials, parts, resolved
 from raytracer.scene.media import Space, Spaces
 from raytracer.scene.objects import Assets, Item, Layout, Objects, Owners, lay_out, pack_objects
 from raytracer.scene.recentring import recentred
 from raytracer.scene.spec import SceneSpec
+from raytracer.scene.spectrum import pack_spectrum, parting_of
 from raytracer.scene.supplies import Anew, Supplies
 from raytracer.scene.textures import pack_textures
 from raytracer.scene.whereabouts import Whereabouts
@@ -96,8 +98,8 @@ class _World(NamedTuple):
 
     layout, origin, objects and environment, packed; assets, the files that were read; where, the places of objects;
     used, the materials in use, and of each its reference; boundaries, the references of what `solids` are to each
-    other; book, tables, selectors, relief, names and looks, of materials; media, and spaces, those around `used`;
-    empty, see `Packed`.
+    other; book, tables, selectors, relief, names, looks and parting, of materials; media, and spaces, those around
+    `used`; empty, see `Packed`.
     """
 
     layout: Layout
@@ -115,6 +117,7 @@ class _World(NamedTuple):
     relief: Any
     names: Mapping[int, str]
     looks: Mapping[int, MaterialSpec]
+    parting: NDArray[np.uint8] | None
     solids: Solids
     spaces: Sequence[Space]
     media: Spaces
@@ -149,6 +152,7 @@ def pack(
         raise spec.error("the scene has no objects, so there is nothing to render", "objects")
     supplies = supplies or Anew()
     files = assets or Assets(spec, supplies)
+    spec = bound(spec, supplies.read)
     if recast is None:
         world = supplies.kept(
             _world_key(spec), lambda: _pack_world(spec, files, None), lambda it: it.is_fresh(supplies)
@@ -221,6 +225,7 @@ def _pack_world(spec: SceneSpec, assets: Assets, recast: Recast | None) -> _Worl
         relief=pack_relief(real, book),
         names=names,
         looks=dict(zip(references, used, strict=True)),
+        parting=parting_of(real),
         solids=solids,
         spaces=spaces,
         media=media,
@@ -265,6 +270,7 @@ def _seen(spec: SceneSpec, world: _World, assets: Assets, supplies: Supplies, sp
         origin=origin,
         clamp=None if settings.clamp is None else Clamp(settings.clamp),
         interior=interior,
+        spectrum=pack_spectrum(world.parting, camera),
     )
     return Packed(
         scene,

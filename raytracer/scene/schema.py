@@ -1,9 +1,10 @@
-"""The JSON Schema of scene files, for editors (draft 2020-12)."""
+"""The JSON Schema of scene files and lens files, for editors (draft 2020-12)."""
 
 import functools
 from collections.abc import Iterator
 from typing import Any
 
+from raytracer.lenses.prescription import LensSpec
 from raytracer.scene.spec import SceneSpec
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -30,7 +31,18 @@ def schema() -> dict[str, Any]:
     for node in _mappings(result):
         if node.pop("x-texture", False):
             node["$ref"] = "#/$defs/Texture"
+    return _finished(result, "rt scene")
 
+
+@functools.cache
+def lens_schema() -> dict[str, Any]:
+    """The JSON Schema of a lens file, likewise."""
+    return _finished(LensSpec.model_json_schema(mode="validation"), "rt lens")
+
+
+def _finished(schema: dict[str, Any], title: str) -> dict[str, Any]:
+    """A schema as pydantic makes it, with what editors need; it is changed."""
+    for node in _mappings(schema):
         # A kind is told by its type, so that cannot be left out although it has a default.
         properties = node.get("properties", {})
         if "const" in properties.get("type", {}):
@@ -42,7 +54,7 @@ def schema() -> dict[str, Any]:
                 text = described.get("description", "").rstrip(".")
                 described["description"] = f"{text} [{unit}, or with a unit]".strip()
         node.pop("discriminator", None)
-    return {"$schema": DIALECT, **result, "title": "rt scene"}
+    return {"$schema": DIALECT, **schema, "title": title}
 
 
 def _mappings(node: Any) -> Iterator[dict[str, Any]]:

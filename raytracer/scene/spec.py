@@ -13,13 +13,13 @@ from pydantic import (
     model_validator,
 )
 
+from raytracer.document import Node, error_at, path_text
+from raytracer.dump import plain, yaml_text
 from raytracer.errors import InputError, SceneError, suggestion
 from raytracer.film.output import check_file, write_bytes
 from raytracer.film.tone import ToneCurveField, ToneCurveSpec
 from raytracer.film.white_balance import WhiteBalanceField
 from raytracer.kinds import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES
-from raytracer.scene.document import Node, locate, path_text
-from raytracer.scene.dump import plain, yaml_text
 from raytracer.scene.files import named_files, with_names
 from raytracer.spec import INLINE_MATERIAL, Count, Name, PositiveNumber, Spec, at
 from raytracer.textures.interface import is_name, textures_of
@@ -280,7 +280,7 @@ class SceneSpec(_FromCode):
 
     def error(self, message: str, *keys: str | int) -> SceneError:
         """An error about what the scene holds at a path, such as `"objects", 3, "file"`: it names file and line."""
-        return error_at(message, keys, self._root, self._file)
+        return error_at(message, keys, self._root, self._file, typed=False)
 
     def all_objects(self) -> list[tuple[_Keys, Any]]:
         """Every object, of the scene and of its groups, and its path in the scene."""
@@ -446,11 +446,3 @@ _MATERIAL: TypeAdapter[Spec] = TypeAdapter(Material)
 def check_material(value: Mapping[str, Any]) -> Spec:
     """The material that an object or another material holds inline, checked as those under `materials` are."""
     return _MATERIAL.validate_python(value, context={INLINE_MATERIAL: check_material})
-
-
-def error_at(message: str, keys: _Keys, root: Node | None, file: str | None) -> SceneError:
-    """`message` about the value at `keys` of the document `root`, with its line or the option that it came from."""
-    if root is None:
-        return SceneError(message, file=file, key=path_text(keys))
-    place, path = locate(root, keys)
-    return SceneError(message, file=file, line=place.line or None, key=path_text(path), source=place.option)

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.document import path_text
 from raytracer.motion import Motion, matrix_at
 from raytracer.primitives.interface import bounds
-from raytracer.scene.document import path_text
 from raytracer.scene.objects import Assets, Keys
 from raytracer.scene.recentring import translation
 from raytracer.scene.spec import SceneSpec

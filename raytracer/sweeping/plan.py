@@ -19,11 +19,11 @@ from typing import Any, NamedTuple
 
 from pydantic import Field, ValidationError
 
+from raytracer.document import Node, error_at, parse, parse_path, read
 from raytracer.errors import InputError, SceneError, shown
-from raytracer.scene.document import Node, parse, parse_path, read
 from raytracer.scene.edit import overridden
 from raytracer.scene.load import load
-from raytracer.scene.spec import SceneSpec, error_at
+from raytracer.scene.spec import SceneSpec
 from raytracer.spec import Spec, sentence
 from raytracer.sweeping.points import Axis
 from raytracer.sweeping.values import Given, one_value, read_value

@@ -21,8 +21,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
+from raytracer.document import parse
 from raytracer.errors import shortened, shown
-from raytracer.scene.document import parse
 from raytracer.scene.load import as_yaml
 from raytracer.sweeping.points import Axis
 from raytracer.sweeping.stops import SCALES, stops

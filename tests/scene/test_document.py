@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from raytracer.errors import SceneError
-from raytracer.scene import document
-from raytracer.scene.document import (
+from raytracer import document
+from raytracer.document import (
     MAX_BYTES,
     Node,
     Place,
@@ -22,6 +21,7 @@ from raytracer.scene.document import (
     path_text,
     read,
 )
+from raytracer.errors import SceneError
 
 
 def value(text: str) -> Any:

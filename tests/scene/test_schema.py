@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from raytracer.document import parse
 from raytracer.errors import SceneError
-from raytracer.scene.document import parse
 from raytracer.scene.load import build
 from raytracer.scene.schema import schema
 

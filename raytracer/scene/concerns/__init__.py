@@ -7,6 +7,7 @@ from raytracer.scene.concerns.contacts import contacts
 from raytracer.scene.concerns.interface import Concern, told
 from raytracer.scene.concerns.lamps import lamps
 from raytracer.scene.concerns.nesting import nesting
+from raytracer.scene.concerns.picture import picture
 from raytracer.scene.concerns.sizes import sizes
 from raytracer.scene.concerns.survey import Survey
 from raytracer.scene.concerns.viewpoint import viewpoint
@@ -18,7 +19,7 @@ __all__ = ["Concern", "concerns", "heed", "told"]
 def concerns(packed: Packed) -> list[Concern]:
     """What there is to warn of in a packed scene, one a matter; see docs/warnings.md."""
     survey = Survey(packed)
-    return [*sizes(survey), *contacts(survey), *nesting(survey), *lamps(survey), *viewpoint(survey)]
+    return [*sizes(survey), *contacts(survey), *nesting(survey), *lamps(survey), *viewpoint(survey), *picture(survey)]
 
 
 def heed(packed: Packed, warn: Callable[[str], object] | None, *, strict: bool = False) -> None:

@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from typing import NamedTuple, TypeAlias
 
+from raytracer.document import path_text
 from raytracer.errors import SceneError
-from raytracer.scene.document import path_text
 from raytracer.scene.spec import SceneSpec
 
 Keys: TypeAlias = tuple[str | int, ...]

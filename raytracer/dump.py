@@ -1,4 +1,4 @@
-"""From a checked scene back to plain values, and to YAML: what `build` makes an equal scene from."""
+"""From a checked scene or lens back to plain values, and to YAML, which read as an equal one."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -6,7 +6,8 @@ from typing import Any
 
 import yaml
 
-from raytracer.scene.document import scalar
+from raytracer.document import scalar
+from raytracer.glass import Glass
 from raytracer.spec import Spec, Transform
 
 _FIRST = ("type", "name")
@@ -35,6 +36,8 @@ def plain_value(value: Any) -> Any:
         return {key: plain_value(getattr(value, key)) for key in _keys(value)}
     if isinstance(value, Transform):
         return [plain_value(step) for step in value.steps] if value.matrix is None else {"matrix": _list(value.matrix)}
+    if isinstance(value, Glass):
+        return plain_value(value.written())
     if isinstance(value, tuple | list):
         return _list(value)
     if isinstance(value, Mapping):
@@ -61,7 +64,7 @@ def _order(kind: type[Spec]) -> list[str]:
 
 # ---- YAML
 
-_LISTED = ("textures", "materials", "media", "groups", "objects", "lights")
+_LISTED = ("textures", "materials", "media", "groups", "objects", "lights", "surfaces")
 
 
 class _Representer(yaml.representer.SafeRepresenter):

@@ -1,6 +1,6 @@
 """A YAML text as a tree of nodes that know their line, so that every error can name it.
 
-YAML 1.2's core schema with what a scene needs made safe: `1e-3` is a number, `on`, `yes` and `1:30` are texts,
+YAML 1.2's core schema with what scenes and lenses need made safe: `1e-3` is a number, `on`, `yes` and `1:30` are texts,
 `inf` and `.inf` are infinite; tags, duplicate keys, several documents and expanding aliases are refused.
 
 References: YAML Ain't Markup Language 1.2.2, section 10.3 (core schema); https://yaml.org/type/merge.html
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import yaml
+from pydantic import ValidationError
 from yaml.events import (
     AliasEvent,
     DocumentStartEvent,
@@ -24,6 +25,7 @@ from yaml.events import (
 )
 
 from raytracer.errors import SceneError, shown, suggestion
+from raytracer.spec import sentence
 
 MAX_BYTES = 64 * 2**20
 MAX_DEPTH = 64
@@ -155,7 +157,7 @@ class _Composer:
         self._next()
         event = self._next()
         if isinstance(event, DocumentStartEvent):
-            raise self.error(event, "a second document starts here; a scene file holds one")
+            raise self.error(event, "a second document starts here; a file holds one")
         return root
 
     def error(self, event: Any, message: str) -> SceneError:
@@ -180,7 +182,7 @@ class _Composer:
         if isinstance(event, AliasEvent):
             return self._alias(event, depth)
         if event.tag is not None:
-            raise self.error(event, f"the tag {event.tag!r} is refused; a scene holds plain values only")
+            raise self.error(event, f"the tag {event.tag!r} is refused; only plain values are taken")
 
         # An anchor is open (None) while what it names is being read, so that it cannot hold itself.
         if event.anchor is not None:
@@ -271,8 +273,8 @@ def parse(text: str, file: str, option: str | None = None) -> Node | None:
     return _Composer(text, file, option).compose()
 
 
-def read(file: str) -> str:
-    """The text of a scene file.
+def read(file: str, noun: str = "scene") -> str:
+    """The text of a file that holds a scene, or what else `noun` says.
 
     Raises
     ------
@@ -284,14 +286,14 @@ def read(file: str) -> str:
     except FileNotFoundError:
         raise SceneError("no such file", file=file) from None
     except IsADirectoryError:
-        raise SceneError("is a folder, not a scene file", file=file) from None
+        raise SceneError(f"is a folder, not a {noun} file", file=file) from None
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise SceneError(f"cannot be read: {reason.lower()}", file=file) from None
     if len(data) > MAX_BYTES:
-        raise SceneError(f"is larger than {MAX_BYTES // 2**20} MB, the limit for a scene file", file=file)
+        raise SceneError(f"is larger than {MAX_BYTES // 2**20} MB, the limit for a {noun} file", file=file)
     if b"\0" in data:
-        raise SceneError("is a binary file, not a scene in YAML", file=file)
+        raise SceneError(f"is a binary file, not a {noun} in YAML", file=file)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -363,19 +365,21 @@ def override(root: Node, path: Sequence[str], new: Node) -> Node:
     return collection(root.place if root.entries is not None else new.place, entries=entries)
 
 
-def locate(root: Node, path: Path) -> tuple[Place, Path]:
+def locate(root: Node, path: Path, *, typed: bool = True) -> tuple[Place, Path]:
     """Where the value at `path` is written, and the path without the type names that pydantic adds to it.
 
     Of a path that ends in a missing or unknown key it is the place of that key, or of the mapping that lacks it.
+
+    typed : whether the path has those names; of one that is of keys alone, a key may be called as a type is.
     """
     node, place = root, root.place
     found: list[str | int] = []
-    tagged = False
+    tagged = not typed
     for step in path:
         if not tagged and node.entries is not None and _type_of(node) == step:
             tagged = True
             continue
-        tagged = False
+        tagged = not typed
         if node.entries is None and node.items is None:
             # A bare name that stands for a mapping: the steps below it are not in the document.
             break
@@ -396,3 +400,34 @@ def _type_of(node: Node) -> Any:
     if node.entries is not None and "type" in node.entries:
         return node.entries["type"][1].value
     return None
+
+
+# ---- Errors
+
+
+def error_at(message: str, keys: Path, root: Node | None, file: str | None, *, typed: bool = True) -> SceneError:
+    """`message` about the value at `keys` of the document `root`, with its line or the option that it came from.
+
+    typed : as in `locate`.
+    """
+    if root is None:
+        return SceneError(message, file=file, key=path_text(keys))
+    place, path = locate(root, keys, typed=typed)
+    return SceneError(message, file=file, line=place.line or None, key=path_text(path), source=place.option)
+
+
+def first_error(error: ValidationError, root: Node | None, file: str | None) -> SceneError:
+    """The error that stands first in the document."""
+    items = error.errors(include_url=False)
+    # Of a list pydantic counts the items that are right, so that one with a wrong item may seem too short as well.
+    wrong = [
+        item
+        for item in items
+        if item["type"] != "too_short" or not any(_is_below(other["loc"], item["loc"]) for other in items)
+    ]
+    found = [error_at(sentence(item), item["loc"], root, file) for item in wrong]
+    return min(found, key=lambda item: (item.source is None, item.line or 0))
+
+
+def _is_below(path: Path, above: Path) -> bool:
+    return len(path) > len(above) and path[: len(above)] == above

@@ -1,0 +1,68 @@
+"""Lenses that other programs have written: read as ours, and written as files of ours."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+from raytracer.dump import plain, yaml_text
+from raytracer.errors import SceneError
+from raytracer.lenses.importing import pbrt, zemax
+from raytracer.lenses.importing.draft import Draft, Glasses
+from raytracer.lenses.importing.zemax import checked_glasses
+from raytracer.lenses.prescription import LensSpec
+
+MAX_BYTES = 16 * 2**20
+
+_READERS: Mapping[str, Callable[[str, str, Glasses], Draft]] = {".dat": pbrt.draft, ".zmx": zemax.draft}
+
+SUFFIXES = tuple(_READERS)
+"""Suffixes of the files that `imported` reads, in lower case."""
+
+
+def imported(path: Path, glasses: Glasses = MappingProxyType({})) -> LensSpec:
+    """The lens of a file of pbrt (`.dat`) or Zemax (`.zmx`).
+
+    glasses : what names of glasses mean that are not in the catalogue, or not what it says.
+
+    Raises
+    ------
+    SceneError : it cannot be read, or holds what is not supported; it names file and line.
+    """
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        raise SceneError(
+            f"is no lens of another program: files that end in {' or '.join(SUFFIXES)} are", file=str(path)
+        )
+    return reader(_text(path), str(path), glasses).spec()
+
+
+def as_yaml(spec: LensSpec) -> str:
+    """The lens as the text of a lens file, from which an equal one is read."""
+    return yaml_text(plain(spec))
+
+
+def _text(path: Path) -> str:
+    """A file's text: UTF-16 if it begins as that does, or has zeros, UTF-8, or else Latin-1."""
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        raise SceneError("no such file", file=str(path)) from None
+    except IsADirectoryError:
+        raise SceneError("is a folder, not a lens file", file=str(path)) from None
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise SceneError(f"cannot be read: {reason.lower()}", file=str(path)) from None
+    if len(data) > MAX_BYTES:
+        raise SceneError(f"is larger than {MAX_BYTES // 2**20} MB, the limit for a lens file", file=str(path))
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return data.decode("utf-16", errors="replace")
+    if b"\0" in data:
+        return data.decode("utf-16-le" if data[1:2] == b"\0" else "utf-16-be", errors="replace")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+__all__ = ["SUFFIXES", "as_yaml", "checked_glasses", "imported"]

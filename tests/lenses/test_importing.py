@@ -1,0 +1,309 @@
+"""Lenses of other programs: tables of pbrt and prescriptions of Zemax, whole, damaged, and of what is not supported."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from raytracer.assets.lenses import read_lens, read_prescription
+from raytracer.errors import SceneError
+from raytracer.glass import AIR, CATALOGUE, constant
+from raytracer.lenses.first_order import cardinal_points
+from raytracer.lenses.importing import as_yaml, checked_glasses, imported
+from raytracer.lenses.prescription import LensSpec
+
+TABLE = """\
+# Double Gauss f/2
+# US patent 2,673,491
+# radius  thickness  n  aperture
+29.475 3.76 1.67 25.2
+84.83 0.12 1 25.2
+19.275 4.025 1.67 23   # second meniscus
+40.77 3.275 1.699 23
+12.75 5.705 1 18
+0 4.5 0 17.1
+-14.495 1.18 1.603 17
+40.77 6.065 1.658 20
+-20.385 0.19 1 20
+437.065 3.22 1.717 20
+-39.73 0 1 20
+"""
+
+COOKE = """\
+VERS 130404 15 24485
+MODE SEQ
+NAME A simple triplet
+UNIT MM X W X CM MR CPMM
+ENPD 1.0E+1
+FTYP 0 0 3 3 0 0 0
+XFLN 0 0 0 0
+YFLN 0 1.4E+1 2.0E+1 0
+WAVM 1 4.8E-1 1
+SURF 0
+  TYPE STANDARD
+  CURV 0.0 0 0 0 0 ""
+  DISZ INFINITY
+  DIAM 0 0 0 0 1 ""
+SURF 1
+  TYPE STANDARD
+  CURV 4.54264791E-002 0 0 0 0 ""
+  DISZ 3.25895583
+  GLAS SK16 0 0 0 0 0 0 0 0 0 0
+  DIAM 9.5 1 0 0 1 ""
+SURF 2
+  TYPE STANDARD
+  CURV -2.2948389E-003 0 0 0 0 ""
+  DISZ 6.0075511
+  DIAM 9.5 1 0 0 1 ""
+SURF 3
+  TYPE STANDARD
+  CURV -4.501812E-002 0 0 0 0 ""
+  DISZ 9.99974567E-1
+  GLAS F2 0 0 0 0 0 0 0 0 0 0
+  DIAM 5.0 1 0 0 1 ""
+SURF 4
+  STOP
+  TYPE STANDARD
+  CURV 4.92806889E-002 0 0 0 0 ""
+  DISZ 4.75040893
+  DIAM 5.0 1 0 0 1 ""
+SURF 5
+  TYPE STANDARD
+  CURV 1.25496334E-002 0 0 0 0 ""
+  DISZ 2.95207564
+  GLAS SK16 0 0 0 0 0 0 0 0 0 0
+  DIAM 7.5 1 0 0 1 ""
+SURF 6
+  TYPE STANDARD
+  CURV -5.4361615611E-002 0 0 0 0 ""
+  DISZ 4.22077801E+1
+  DIAM 7.5 1 0 0 1 ""
+SURF 7
+  TYPE STANDARD
+  CURV 0.0 0 0 0 0 ""
+  DISZ 0
+  DIAM 1.8E+1 0 0 0 1 ""
+"""
+
+
+def written(folder: Path, name: str, text: str, encoding: str = "utf-8") -> Path:
+    path = folder / name
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+def complaint(path: Path) -> str:
+    with pytest.raises(SceneError) as caught:
+        imported(path)
+    told = str(caught.value)
+    assert "\n" not in told
+    assert told.startswith(str(path))
+    return told.removeprefix(str(path))
+
+
+def outcome(path: Path) -> LensSpec | str:
+    try:
+        return imported(path)
+    except SceneError as error:
+        return str(error)
+
+
+# ---- pbrt
+
+
+def test_a_table_of_pbrt(tmp_path: Path) -> None:
+    spec = imported(written(tmp_path, "dgauss.dat", TABLE))
+    assert (spec.name, spec.source) == ("Double Gauss f/2", "US patent 2,673,491")
+    lens = spec.lens()
+    assert [element.kind for element in lens.elements].index("stop") == 5
+    assert [float(element.glass.ior()) for element in lens.elements][:5] == [1.67, 1.0, 1.67, 1.699, 1.0]
+    assert [2.0 * element.radius for element in lens.elements][4:7] == [18.0, 17.1, 17.0]
+    assert [element.thickness for element in lens.elements][3:6] == [3.275, 5.705, 4.5]
+    # What the table is said to have: f = 50 mm, f/2, which its rounded indices meet to a hundredth.
+    assert cardinal_points(lens.packed()).focal_length == pytest.approx(50.0, rel=0.01)
+
+
+def test_a_table_with_the_way_before_each_surface_is_the_same_lens(tmp_path: Path) -> None:
+    rows = [line.partition("#")[0].split() for line in TABLE.splitlines()[3:]]
+    before = ["0", *(row[1] for row in rows[:-1])]
+    shifted = [" ".join([row[0], gap, *row[2:]]) for row, gap in zip(rows, before, strict=True)]
+    text = "# Double Gauss f/2\n# radius axpos N aperture\n" + "\n".join(shifted) + "\n"
+    lens = read_lens(written(tmp_path, "unscaled.dat", text))
+    assert lens.elements == read_lens(written(tmp_path, "dgauss.dat", TABLE)).elements
+
+
+def test_a_radius_of_0_between_two_media_is_flat_glass(tmp_path: Path) -> None:
+    lens = read_lens(written(tmp_path, "flat.dat", "0 5 1.5 25\n-50 1 1 25\n0 2 1 20\n0 3 1.6 20\n40 0 1 20\n"))
+    assert [element.kind for element in lens.elements] == ["flat", "spherical", "stop", "flat", "spherical"]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", ": holds no surfaces: a lens table has lines of radius, thickness"),
+        ("# only a comment\n", ": holds no surfaces"),
+        ("1 2 3\n", ":1: must hold 4 numbers (radius, thickness, index of refraction, aperture), got 3"),
+        ("50 1 1.5 x\n", ":1: the aperture must be a number, got 'x'"),
+        ("50 1 nan 5\n", ":1: the index of refraction must be a number, got 'nan'"),
+        ("50 1 1.5 20\n\n-5 1 1 20\n", ":3: aperture: must be at most 10 mm"),
+        ("50 -1 1.5 20\n-50 0 1 20\n", ":1: thickness: must be at least 0, got -1"),
+        ("50 1 1 20\n0 1 1 5\n0 1 1 5\n-50 0 1 20\n", ":3: type: is a second stop"),
+        ("50 1 1.5 20\n", ":1: material: must be air"),
+        ("50 1 9 20\n-50 0 1 20\n", ":1: material: must be at most 5, got 9"),
+    ],
+)
+def test_what_is_no_table(tmp_path: Path, text: str, expected: str) -> None:
+    assert expected in complaint(written(tmp_path, "broken.dat", text))
+
+
+# ---- Zemax
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1"])
+def test_a_prescription_of_zemax(tmp_path: Path, encoding: str) -> None:
+    text = COOKE.replace("A simple", "A naïve") if encoding == "latin-1" else COOKE
+    spec = imported(written(tmp_path, "cooke.zmx", text.replace("\n", "\r\n"), encoding))
+    assert spec.name == ("A naïve triplet" if encoding == "latin-1" else "A simple triplet")
+    lens = spec.lens()
+    assert len(lens.elements) == 6
+    glasses = [CATALOGUE["N-SK16"], AIR, CATALOGUE["F2"], AIR, CATALOGUE["N-SK16"], AIR]
+    assert [element.glass for element in lens.elements] == glasses
+    assert [element.is_stop for element in lens.elements] == [False, False, False, True, False, False]
+    assert [element.radius for element in lens.elements] == [9.5, 9.5, 5.0, 5.0, 7.5, 7.5]
+    # As it is published: 50 mm, a pupil of 10 mm, 20 degrees.
+    assert cardinal_points(lens.packed()).focal_length == pytest.approx(50.0, rel=1e-3)
+    assert lens.f_number == pytest.approx(5.0, rel=1e-3)
+    assert lens.image_circle == pytest.approx(36.4, rel=1e-3)
+
+
+def changed(folder: Path, old: str, new: str, count: int = 1) -> Path:
+    assert old in COOKE
+    return written(folder, "lens.zmx", COOKE.replace(old, new, count))
+
+
+def test_inches_are_made_millimetres(tmp_path: Path) -> None:
+    lens = imported(changed(tmp_path, "UNIT MM", "UNIT IN")).lens()
+    assert cardinal_points(lens.packed()).focal_length == pytest.approx(25.4 * 50.0, rel=1e-3)
+    assert lens.elements[0].radius == pytest.approx(25.4 * 9.5)
+
+
+def test_a_model_glass_and_one_that_an_option_names(tmp_path: Path) -> None:
+    path = changed(tmp_path, "GLAS F2 0 0 0 0", "GLAS ___BLANK 1 0 1.62 36.4")
+    assert imported(path).lens().elements[2].glass.told == (1.62, 36.4)
+    path = changed(tmp_path, "GLAS F2", "GLAS E-F2")
+    given_glasses = checked_glasses(["E-F2=1.62/36.3", "SK16=N-SK5", "OTHER=1.7"])
+    lens = imported(path, given_glasses).lens()
+    assert lens.elements[2].glass.told == (1.62, 36.3)
+    assert lens.elements[0].glass is CATALOGUE["N-SK5"]
+    assert given_glasses["OTHER"] == "1.7"
+
+
+def test_conics_and_even_aspheres(tmp_path: Path) -> None:
+    conic = imported(changed(tmp_path, "  CURV -2.29", "  CONI -1.5\n  CURV -2.29")).lens().elements[1]
+    assert (conic.kind, conic.conic) == ("conic", -1.5)
+    told = complaint(changed(tmp_path, "  CURV -2.29", "  CONI 1e40\n  CURV -2.29"))
+    assert told.startswith(":21: conic: must be 0, or of a magnitude")
+    terms = "  TYPE EVENASPH\n  PARM 1 0\n  PARM 2 1E-5\n  PARM 3 -2E-8\n  PARM 4 0\n  CURV -2.29"
+    path = changed(tmp_path, "  TYPE STANDARD\n  CURV -2.29", terms)
+    asphere = imported(path).lens().elements[1]
+    assert (asphere.kind, asphere.coefficients) == ("asphere", (1e-5, -2e-8))
+    # In inches a coefficient of the fourth power is 1 / inch^3.
+    path.write_text(path.read_text().replace("UNIT MM", "UNIT IN"))
+    assert imported(path).lens().elements[1].coefficients[0] == pytest.approx(1e-5 / 25.4**3, rel=1e-9)
+
+
+def test_a_surface_in_air_that_does_nothing_is_left_out(tmp_path: Path) -> None:
+    dummy = "SURF 9\n  TYPE STANDARD\n  CURV 0\n  DISZ -2\n  DIAM 3\nSURF 3\n"
+    lens = imported(changed(tmp_path, "SURF 3\n", dummy)).lens()
+    assert len(lens.elements) == 6
+    assert lens.elements[1].thickness == pytest.approx(4.0075511)
+    stop = "SURF 9\n  STOP\n  TYPE STANDARD\n  CURV 0\n  DISZ 2\n  DIAM 3\nSURF 3\n"
+    path = written(tmp_path, "stop.zmx", COOKE.replace("  STOP\n", "").replace("SURF 3\n", stop))
+    assert [element.kind for element in imported(path).lens().elements][2] == "stop"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("MODE SEQ", "MODE NSC", ":2: is a non-sequential system: only sequential lenses are read"),
+        ("UNIT MM", "UNIT FURLONG", ":4: has lengths in the unknown unit 'FURLONG'; known units: MM, CM"),
+        ("  TYPE STANDARD\n  CURV -2.29", "  TYPE COORDBRK\n  CURV -2.29", ":22: has a coordinate break"),
+        ("  TYPE STANDARD\n  CURV -2.29", "  TYPE ZERNSAG\n  CURV -2.29", ":22: has a surface of the type 'ZERNSAG'"),
+        ("GLAS F2", "GLAS MIRROR", ":30: has a mirror: only lenses, which light goes through, are read"),
+        ("GLAS F2", "GLAS BAK6", "names the glass 'BAK6', which is not in the catalogue; the nearest name is 'N-BAK"),
+        ("GLAS F2", "GLAS QQQQQ", ":30: names the glass 'QQQQQ', which is not in the catalogue: give its index"),
+        ("DIAM 5.0 1", "DIAM 0 1", ":26: has no diameter (DIAM)"),
+        ("DISZ 6.0075511", "DISZ INFINITY", ":21: has no finite thickness (DISZ)"),
+        ("DISZ 6.0075511", "DISZ -6", ":21: goes back by 6 mm to the next surface, which must be behind it"),
+        ("DISZ 6.0075511", "DISZ", ":24: DISZ must have a number, got ''"),
+        ("CURV -2.2948389E-003", "CURV curved", ":23: CURV must have a number, got 'curved'"),
+        ("CURV -2.2948389E-003", "CURV INFINITY", ":23: CURV must be finite"),
+        ("CURV -2.2948389E-003", "CURV 1", ":21: aperture: must be at most 2 mm, as wide as its surface is, got 19"),
+        ("  CURV 4.92", "  TYPE EVENASPH\n  PARM 1 0.01\n  CURV 4.92", "term in the square of the height (PARM 1)"),
+        ("SURF 5\n", "SURF 5\n  STOP\n", ":38: stop: is a second stop; the first is surface 4"),
+        ("GLAS F2 0 0 0 0", "GLAS ___BLANK 1 0 0.5 36", ":26: material"),
+    ],
+)  # fmt: skip
+def test_what_is_not_supported(tmp_path: Path, old: str, new: str, expected: str) -> None:
+    assert expected in complaint(changed(tmp_path, old, new))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", ": holds 0 surfaces: a lens needs one between the object and the image"),
+        ("SURF 0\nSURF 1\n", ": holds 2 surfaces"),
+        ("SURF 0\n  DISZ INFINITY\nSURF 1\n  DISZ 3\nSURF 2\n", ": holds no glass"),
+    ],
+)
+def test_what_is_no_prescription(tmp_path: Path, text: str, expected: str) -> None:
+    assert expected in complaint(written(tmp_path, "lens.zmx", text))
+
+
+@pytest.mark.parametrize("definition", ["", "SK16", "=1.5", "SK16=", "SK16=1.6/", "SK16=a/b", "SK16=1.6/1", "SK16=NN"])
+def test_what_is_no_glass_option(definition: str) -> None:
+    with pytest.raises(ValueError, match=r"^[^\n]+$"):
+        checked_glasses([definition])
+
+
+# ---- Files
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    assert "no such file" in complaint(tmp_path / "none.zmx")
+    (tmp_path / "folder.dat").mkdir()
+    assert "is a folder, not a lens file" in complaint(tmp_path / "folder.dat")
+    assert "files that end in .dat or .zmx are" in complaint(written(tmp_path, "lens.seq", COOKE))
+
+
+@pytest.mark.parametrize(("name", "text"), [("dgauss.dat", TABLE), ("cooke.zmx", COOKE)])
+def test_what_is_imported_is_written_and_read_as_the_same_lens(tmp_path: Path, name: str, text: str) -> None:
+    path = written(tmp_path, name, text)
+    spec = imported(path)
+    again = written(tmp_path, "again.yaml", as_yaml(spec))
+    assert read_prescription(again) == spec == read_prescription(path)
+    assert read_lens(again) == read_lens(path) == spec.lens()
+
+
+@pytest.mark.parametrize(("name", "text"), [("damaged.dat", TABLE), ("damaged.zmx", COOKE)])
+def test_damage_anywhere_is_a_sentence_at_worst(name: str, text: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+    folder = tmp_path_factory.mktemp("damaged")
+
+    @settings(max_examples=150, deadline=None)
+    @given(st.data())
+    def damage(data: Any) -> None:
+        broken = text.encode()
+        for _ in range(data.draw(st.integers(1, 3))):
+            place, cut = data.draw(st.integers(0, len(broken))), data.draw(st.integers(0, 12))
+            broken = broken[:place] + data.draw(st.binary(max_size=4)) + broken[place + cut :]
+        path = folder / name
+        path.write_bytes(broken)
+        found = outcome(path)
+        if isinstance(found, str):
+            assert "\n" not in found
+        else:
+            assert constant(1.0) == found.lens().elements[-1].glass
+
+    damage()
