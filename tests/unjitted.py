@@ -17,6 +17,7 @@ from raytracer.cameras.thin_lens import ThinLens
 from raytracer.environments.gradient import Gradient
 from raytracer.geometry import Exact, spawn_point
 from raytracer.jit import entry
+from raytracer.lenses.lens import Lens
 from raytracer.lights.interface import power_heuristic
 from raytracer.materials.interface import SelectorSpec
 from raytracer.optics import fresnel_dielectric, refract
@@ -30,6 +31,7 @@ from tests.apertures.kernels import passed, sampled
 from tests.cameras.kernels import camera_rays
 from tests.environments.test_environments import seen
 from tests.lenses.kernels import DOUBLE_GAUSS, lens_of, traced
+from tests.lenses.test_aspheres import ASPHERES
 from tests.materials.kernels import evaluate_many, incoming, scatter_many
 from tests.materials.test_contract import EXAMPLES, FACETS, spec_of
 from tests.shapes.kernels import pdf_of, sample
@@ -116,6 +118,10 @@ def numbers() -> dict[str, NDArray[np.float64]]:
     out["rim"] = passed(Rim(1.0, 2.0), out["mask"], 0.3, -0.1)
     starts = np.concatenate([8.0 * u - 4.0, np.full((20, 1), -9.0)], axis=1)
     out["lens weights"], out["lens points"], out["lens directions"] = traced(lens_of(DOUBLE_GAUSS), starts, (0, 0, 1))
+    for name, element in ASPHERES.items():
+        out[f"{name} weights"], out[f"{name} points"], out[f"{name} directions"] = traced(
+            Lens(name, (element,)).packed(), 0.1 * element.radius * starts, (0, 0, 1)
+        )
     points = 3.0 * np.random.default_rng(2).normal(size=(20, 3))
     for name, parameters in (
         ("checker", {}),

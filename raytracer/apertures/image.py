@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from raytracer.apertures.interface import ApertureSpec, Assets, sample_aperture
+from raytracer.lenses.diaphragm import covers, reach
 from raytracer.optics import REC709_LUMINANCE
 from raytracer.sampling.warp import sample_bin
 
@@ -93,3 +94,24 @@ def _(aperture, u1, u2):
     pixel, right = sample_bin(aperture.columns, row * width, (row + 1) * width, u1)
     x = pixel - row * width + right - 0.5 * width
     return aperture.side * x, aperture.side * (0.5 * height - row - down)
+
+
+@covers.register(Mask)
+def _(diaphragm, x, y):
+    height = len(diaphragm.rows)
+    width = len(diaphragm.columns) // height
+    across, down = x / diaphragm.side + 0.5 * width, 0.5 * height - y / diaphragm.side
+    if not (0.0 <= across < width and 0.0 <= down < height):
+        return 0.0
+    row, pixel = int(down), int(across)
+    begin = row * width
+    of_row = diaphragm.rows[row] - (diaphragm.rows[row - 1] if row > 0 else 0.0)
+    of_pixel = diaphragm.columns[begin + pixel] - (diaphragm.columns[begin + pixel - 1] if pixel > 0 else 0.0)
+    # Of all light, pi, this part falls on the area of a pixel.
+    return min(1.0, of_row * of_pixel * math.pi / (diaphragm.side * diaphragm.side))
+
+
+@reach.register
+def _(diaphragm: Mask) -> float:
+    height = len(diaphragm.rows)
+    return 0.5 * diaphragm.side * math.hypot(height, len(diaphragm.columns) // height)

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, TypeAlias
 from pydantic import Field
 
 from raytracer.jit import generic
+from raytracer.lenses.diaphragm import covers, reach
 from raytracer.sampling.warp import sample_disc
 from raytracer.spec import PositiveNumber, Spec
 
@@ -80,6 +81,16 @@ def _(aperture, u1, u2):
 def _(aperture, u1, u2):
     x, y = sample_aperture(aperture.shape, u1, u2)
     return aperture.width * x, aperture.height * y
+
+
+@covers.register(Stretched)
+def _(diaphragm, x, y):
+    return covers(diaphragm.shape, x / diaphragm.width, y / diaphragm.height)
+
+
+@reach.register
+def _(diaphragm: Stretched) -> float:
+    return max(diaphragm.width, diaphragm.height) * reach(diaphragm.shape)
 
 
 @generic

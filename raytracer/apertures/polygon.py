@@ -13,6 +13,7 @@ from pydantic import Field
 
 from raytracer.apertures.interface import ApertureSpec, Assets, sample_aperture
 from raytracer.jit import generic, kernel
+from raytracer.lenses.diaphragm import covers, reach
 from raytracer.sampling.warp import sample_disc
 from raytracer.spec import Angle, Count, Fraction
 
@@ -123,6 +124,24 @@ def _(edge, fraction):
     return edge.apex - 2.0 * edge.radius * sine * sine, edge.radius * math.sin(angle)
 
 
+@generic
+def beyond(edge, along, across):
+    """Of a point in the sector of an edge: greater than 0 beyond the edge, at most 0 on its near side."""
+    raise NotImplementedError
+
+
+@beyond.register(Straight)
+def _(edge, along, across):
+    return along - edge.near
+
+
+@beyond.register(Arc)
+def _(edge, along, across):
+    # The distances from the arc's centre, squared, without their common part, which is large for a slight curve.
+    past = along - edge.apex
+    return past * (past + 2.0 * edge.radius) + across * across
+
+
 @sample_aperture.register(Polygon)
 def _(aperture, u1, u2):
     # The disc, taken to the polygon along its radii, with each sector of the disc as large as what it becomes.
@@ -134,3 +153,18 @@ def _(aperture, u1, u2):
     angle = aperture.turn + 2.0 * math.pi * number / aperture.blades
     cosine, sine = math.cos(angle), math.sin(angle)
     return radius * (cosine * along - sine * across), radius * (sine * along + cosine * across)
+
+
+@covers.register(Polygon)
+def _(diaphragm, x, y):
+    slice_angle = 2.0 * math.pi / diaphragm.blades
+    number = math.floor((math.atan2(y, x) - diaphragm.turn) / slice_angle + 0.5)
+    angle = diaphragm.turn + slice_angle * number
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return 1.0 if beyond(diaphragm.edge, cosine * x + sine * y, cosine * y - sine * x) <= 0.0 else 0.0
+
+
+@reach.register
+def _(diaphragm: Polygon) -> float:
+    # The corners are the ends of the edges.
+    return math.hypot(*edge_point(diaphragm.edge, 1.0))

@@ -1,4 +1,8 @@
-"""What a lens does to rays near its axis: ray transfer matrices, focal points and principal planes."""
+"""What a lens does to rays near its axis: ray transfer matrices, focal points and principal planes, and pupils.
+
+A lens with cylinders does one thing to rays in the plane of x and z, and another to those in that of y and z: `across`
+says which is meant.
+"""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -6,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.lenses.surfaces import LensSurfaces
+from raytracer.lenses.surfaces import LensSurfaces, part
 
 
 class CardinalPoints(NamedTuple):
@@ -19,47 +23,56 @@ class CardinalPoints(NamedTuple):
     rear_focus: float
 
 
-def _in_order(lens: LensSurfaces, towards_film: bool) -> list[tuple[float, float, float, float]]:
+class Pupil(NamedTuple):
+    """What the stop looks like from outside: its image's place on the axis, and its radius (mm)."""
+
+    z: float
+    radius: float
+
+
+def _in_order(lens: LensSurfaces, towards_film: bool, across: str) -> list[tuple[float, float, float, float]]:
     """Of each surface, in the order of a ray: curvature as the ray sees it, way from the one before, and indices."""
     curvature, vertex, ior = lens.curvature, lens.vertex, lens.ior
+    if lens.shapes is not None:
+        curvature = lens.shapes.quadric[:, "xy".index(across)]
     if not towards_film:
         curvature, vertex, ior = -curvature[::-1], -vertex[::-1], ior[::-1]
-    ways = np.diff(vertex, prepend=vertex[0])
+    ways = np.diff(vertex, prepend=vertex[:1])
     pairs = pairwise(ior)
     return [(float(c), float(way), float(a), float(b)) for c, way, (a, b) in zip(curvature, ways, pairs, strict=True)]
 
 
-def heights(lens: LensSurfaces, height: float, slope: float, towards_film: bool) -> list[float]:
+def heights(lens: LensSurfaces, height: float, slope: float, towards_film: bool, across: str = "y") -> list[float]:
     """Heights (mm) at which a ray near the axis meets each surface, from its height and slope at the first."""
     found = []
-    for curvature, way, near, far in _in_order(lens, towards_film):
+    for curvature, way, near, far in _in_order(lens, towards_film, across):
         height += way * slope
         found.append(height)
         slope = (near * slope - height * curvature * (far - near)) / far
     return found
 
 
-def ray_transfer_matrix(lens: LensSurfaces) -> NDArray[np.float64]:
+def ray_transfer_matrix(lens: LensSurfaces, across: str = "y") -> NDArray[np.float64]:
     """What a lens does to rays near the axis: float64 (2, 2), of (height, index x slope), from front to last vertex.
 
     References: Gerrard, Burch 1975, "Introduction to Matrix Methods in Optics", ch. II.
     """
     matrix = np.eye(2)
-    for curvature, way, near, far in _in_order(lens, towards_film=True):
+    for curvature, way, near, far in _in_order(lens, towards_film=True, across=across):
         passed = np.array([[1.0, way / near], [0.0, 1.0]])
         bent = np.array([[1.0, 0.0], [-curvature * (far - near), 1.0]])
         matrix = bent @ passed @ matrix
     return matrix
 
 
-def cardinal_points(lens: LensSurfaces) -> CardinalPoints:
+def cardinal_points(lens: LensSurfaces, across: str = "y") -> CardinalPoints:
     """Focal length, focal points and principal planes.
 
     Raises
     ------
     ValueError : parallel light leaves the lens parallel, so that it has no focus.
     """
-    (a, _), (c, d) = ray_transfer_matrix(lens)
+    (a, _), (c, d) = ray_transfer_matrix(lens, across)
     if c == 0.0:
         raise ValueError("the lens has no power: it makes no image")
     before, behind, last = float(lens.ior[0]), float(lens.ior[-1]), float(lens.vertex[-1])
@@ -70,3 +83,36 @@ def cardinal_points(lens: LensSurfaces) -> CardinalPoints:
         rear_principal=float(last - behind * (a - 1.0) / c),
         rear_focus=float(last - behind * a / c),
     )
+
+
+def _translation(lens: LensSurfaces, gap: int) -> NDArray[np.float64]:
+    """The way from a surface to the one behind it."""
+    way = float(lens.vertex[gap + 1] - lens.vertex[gap])
+    return np.array([[1.0, way / float(lens.ior[gap + 1])], [0.0, 1.0]])
+
+
+def entrance_pupil(lens: LensSurfaces, across: str = "y") -> Pupil:
+    """The image of the stop by what is before it; at infinity, and infinitely large, where that is telecentric.
+
+    lens : with a stop, as `Lens.packed` always has.
+    """
+    stop, z = lens.stop, float(lens.vertex[0])
+    matrix = np.eye(2)
+    if stop > 0:
+        matrix = _translation(lens, stop - 1) @ ray_transfer_matrix(part(lens, 0, stop), across)
+    (a, b), _ = matrix
+    if a == 0.0:
+        return Pupil(float("inf"), float("inf"))
+    return Pupil(z + float(lens.ior[0] * b / a), float(lens.radius[stop] / abs(a)))
+
+
+def exit_pupil(lens: LensSurfaces, across: str = "y") -> Pupil:
+    """The image of the stop by what is behind it; at infinity, and infinitely large, where that is telecentric.
+
+    lens : with a stop, as `Lens.packed` always has.
+    """
+    # A stop on a surface is its own image by that surface.
+    (_, b), (_, d) = ray_transfer_matrix(part(lens, lens.stop, len(lens.vertex)), across)
+    if d == 0.0:
+        return Pupil(float("inf"), float("inf"))
+    return Pupil(float(lens.vertex[-1] - lens.ior[-1] * b / d), float(lens.radius[lens.stop] / abs(d)))

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from raytracer.apertures.interface import sample_aperture, unvignetted
 from raytracer.jit import entry
+from raytracer.lenses.diaphragm import covers
 
 Array = NDArray[np.float64]
 
@@ -23,6 +24,12 @@ def _unvignetted(rim, points, right, up, out):
         out[i] = unvignetted(rim, points[i, 0], points[i, 1], right, up)
 
 
+@entry
+def _covers(diaphragm, points, out):
+    for i in range(len(points)):
+        out[i] = covers(diaphragm, points[i, 0], points[i, 1])
+
+
 def sampled(aperture: Any, numbers: Any) -> Array:
     """Points (n, 2) of uniform numbers (n, 2)."""
     given = np.ascontiguousarray(numbers, np.float64)
@@ -36,4 +43,12 @@ def passed(rim: Any, points: Any, right: float, up: float) -> Array:
     given = np.ascontiguousarray(points, np.float64)
     out = np.empty(len(given))
     _unvignetted(rim, given, right, up, out)
+    return out
+
+
+def covered(diaphragm: Any, points: Any) -> Array:
+    """Which part of the light at points (n, 2) an opening lets through (n,)."""
+    given = np.ascontiguousarray(points, np.float64)
+    out = np.empty(len(given))
+    _covers(diaphragm, given, out)
     return out

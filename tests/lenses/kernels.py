@@ -49,7 +49,7 @@ def _traced(lens, origins, directions, towards_film, weights, points, out):
     for ray in range(len(weights)):
         origin = (origins[ray, 0], origins[ray, 1], origins[ray, 2])
         direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
-        weights[ray], point, onward = trace(lens, origin, direction, towards_film)
+        weights[ray], point, onward = trace(lens, origin, direction, towards_film, None)
         for axis in range(3):
             points[ray, axis] = point[axis]
             out[ray, axis] = onward[axis]

@@ -8,7 +8,7 @@ import pytest
 
 from raytracer.lenses.first_order import cardinal_points, ray_transfer_matrix
 from raytracer.lenses.focusing import focus, nearest_focus
-from raytracer.lenses.surfaces import Surface, pack_surfaces
+from raytracer.lenses.surfaces import Surface, bend, pack_surfaces
 from tests.lenses.kernels import DOUBLE_GAUSS, DOUBLET, lens_of, met, traced
 
 AXIS = (0.0, 0.0, 1.0)
@@ -111,6 +111,35 @@ def test_one_surface_refracts_by_snell_and_is_met_on_its_sphere() -> None:
         normals = np.array([0.0, 0.0, 1.0]) - curvature * points
         np.testing.assert_allclose(np.cross(normals, ways), 1.7 * np.cross(normals, onward), rtol=0.0, atol=4e-15)
         np.testing.assert_allclose(np.linalg.norm(onward, axis=1), 1.0, rtol=0.0, atol=4e-15)
+
+
+def test_snells_law_in_longer_numbers() -> None:
+    """t = mu d + (c_t - mu c_i) N with c_t^2 = 1 - mu^2 (1 - c_i^2), in numbers of 64 bits of mantissa or more.
+
+    Roundings of c_t^2 are as much larger in c_t as that is smaller.
+    """
+    rng = np.random.default_rng(3)
+    if np.finfo(np.longdouble).eps == np.finfo(np.float64).eps:
+        pytest.skip("this machine has no longer numbers")
+    reflected = 0
+    for mu in (0.3, 1.0 / 1.5, 1.0, 1.2, 1.9):
+        for direction, normal in zip(unit(rng.normal(size=(400, 3))), unit(rng.normal(size=(400, 3))), strict=True):
+            cosine = float(direction @ normal)
+            if cosine == 0.0:
+                continue
+            found, onward = bend(tuple(direction), tuple(normal), cosine, mu)
+            d, n, m = np.asarray(direction, np.longdouble), np.asarray(normal, np.longdouble), np.longdouble(mu)
+            # Of directions that are units to rounding the truth is that of their own product.
+            square = 1 - m * m * (1 - np.longdouble(cosine) ** 2)
+            if square <= 0:
+                assert found == 0.0
+                reflected += 1
+                continue
+            expected = m * d + (np.copysign(np.sqrt(square), cosine) - m * np.longdouble(cosine)) * n
+            slack = 1e-15 * (1.0 + 1.0 / abs(found))
+            assert np.abs(np.asarray(onward) - expected).max() <= slack
+            assert slack < 1e-12 or abs(found) < 2e-3
+    assert 100 < reflected < 1500
 
 
 def test_rays_come_back_the_way_they_went() -> None:

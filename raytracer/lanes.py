@@ -1,0 +1,222 @@
+"""Eight numbers at once: what a processor does to all lanes of a packet by one instruction.
+
+`Lanes` are eight float64 in a vector of LLVM's, which every processor has in some form: one register of AVX-512, two of
+AVX, four of SSE or NEON.  Kernels write formulas of them as of single numbers, with + - * / and comparisons, and
+`select` in place of a branch; compilers seldom find such code by themselves in a loop over rays that may end early.
+Called from Python they are NumPy's arrays of eight.
+"""
+
+import operator
+from typing import Any
+
+import llvmlite.ir
+import numpy as np
+from numba import types
+from numba.core.cgutils import get_item_pointer, get_or_insert_function
+from numba.core.datamodel.models import PrimitiveModel
+from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, register_model
+
+from raytracer.jit import instead
+
+WIDTH = 8
+"""How many lanes there are."""
+
+_DOUBLE, _BIT = llvmlite.ir.DoubleType(), llvmlite.ir.IntType(1)
+_VECTOR, _BITS = llvmlite.ir.VectorType(_DOUBLE, WIDTH), llvmlite.ir.VectorType(_BIT, WIDTH)
+
+
+class _Lanes(types.Type):
+    """Eight float64."""
+
+
+class _Mask(types.Type):
+    """Eight bits: where something holds."""
+
+
+LANES, MASK = _Lanes("Lanes"), _Mask("LaneMask")
+
+
+@register_model(_Lanes)
+class _LanesModel(PrimitiveModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, _VECTOR)
+
+
+@register_model(_Mask)
+class _MaskModel(PrimitiveModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, _BITS)
+
+
+# ---- Operators
+
+
+def _spread(builder: Any, value: Any) -> Any:
+    """A scalar in all lanes."""
+    if value.type != _DOUBLE:
+        return value
+    index = llvmlite.ir.IntType(32)
+    one = builder.insert_element(llvmlite.ir.Constant(_VECTOR, llvmlite.ir.Undefined), value, index(0))
+    zeros = llvmlite.ir.Constant(llvmlite.ir.VectorType(index, WIDTH), [0] * WIDTH)
+    return builder.shuffle_vector(one, llvmlite.ir.Constant(_VECTOR, llvmlite.ir.Undefined), zeros)
+
+
+def _operator(function: Any, result: types.Type, generate: Any) -> None:
+    """Teach Numba an operator on two lanes, or lanes and a number."""
+    pairs = [(LANES, LANES), (LANES, types.float64), (types.float64, LANES)]
+
+    @infer_global(function)
+    class _Template(ConcreteTemplate):
+        cases = [signature(result, *pair) for pair in pairs]
+
+    def lower(context, builder, typing, arguments):  # type: ignore[no-untyped-def]
+        return generate(builder, *(_spread(builder, argument) for argument in arguments))
+
+    for pair in pairs:
+        lower_builtin(function, *pair)(lower)
+
+
+_operator(operator.add, LANES, lambda builder, a, b: builder.fadd(a, b))
+_operator(operator.sub, LANES, lambda builder, a, b: builder.fsub(a, b))
+_operator(operator.mul, LANES, lambda builder, a, b: builder.fmul(a, b))
+_operator(operator.truediv, LANES, lambda builder, a, b: builder.fdiv(a, b))
+_operator(operator.lt, MASK, lambda builder, a, b: builder.fcmp_ordered("<", a, b))
+_operator(operator.le, MASK, lambda builder, a, b: builder.fcmp_ordered("<=", a, b))
+_operator(operator.gt, MASK, lambda builder, a, b: builder.fcmp_ordered(">", a, b))
+_operator(operator.ge, MASK, lambda builder, a, b: builder.fcmp_ordered(">=", a, b))
+
+
+@infer_global(operator.and_)
+class _And(ConcreteTemplate):
+    cases = [signature(MASK, MASK, MASK)]
+
+
+@lower_builtin(operator.and_, MASK, MASK)
+def _and(context, builder, typing, arguments):  # type: ignore[no-untyped-def]
+    return builder.and_(*arguments)
+
+
+@infer_global(operator.neg)
+class _Negative(ConcreteTemplate):
+    cases = [signature(LANES, LANES)]
+
+
+@lower_builtin(operator.neg, LANES)
+def _negative(context, builder, typing, arguments):  # type: ignore[no-untyped-def]
+    return builder.fneg(arguments[0])
+
+
+# ---- Functions
+
+
+@intrinsic
+def _root(typing_context, value):  # type: ignore[no-untyped-def]
+    def generate(context, builder, typing, arguments):  # type: ignore[no-untyped-def]
+        kind = llvmlite.ir.FunctionType(_VECTOR, [_VECTOR])
+        function = get_or_insert_function(builder.module, kind, f"llvm.sqrt.v{WIDTH}f64")
+        return builder.call(function, arguments)
+
+    return LANES(LANES), generate
+
+
+@intrinsic
+def _select(typing_context, where, yes, no):  # type: ignore[no-untyped-def]
+    def generate(context, builder, typing, arguments):  # type: ignore[no-untyped-def]
+        mask, *values = arguments
+        return builder.select(mask, *(_spread(builder, value) for value in values))
+
+    return LANES(where, yes, no), generate
+
+
+def _address(context: Any, builder: Any, kind: Any, rows: Any, row: Any) -> Any:
+    """Where a row of an array (n, WIDTH) begins, as the address of a vector."""
+    array = context.make_array(kind)(context, builder, rows)
+    zero = context.get_constant(types.intp, 0)
+    pointer = get_item_pointer(context, builder, kind, array, [row, zero], wraparound=False)
+    return builder.bitcast(pointer, _VECTOR.as_pointer())
+
+
+@intrinsic
+def _load(typing_context, rows, row):  # type: ignore[no-untyped-def]
+    def generate(context, builder, typing, arguments):  # type: ignore[no-untyped-def]
+        held, number = arguments
+        number = context.cast(builder, number, typing.args[1], types.intp)
+        return builder.load(_address(context, builder, typing.args[0], held, number), align=8)
+
+    return LANES(rows, row), generate
+
+
+@intrinsic
+def _store(typing_context, rows, row, value):  # type: ignore[no-untyped-def]
+    def generate(context, builder, typing, arguments):  # type: ignore[no-untyped-def]
+        held, number, lanes = arguments
+        number = context.cast(builder, number, typing.args[1], types.intp)
+        address = _address(context, builder, typing.args[0], held, number)
+        builder.store(_spread(builder, lanes), address, align=8)
+        return context.get_dummy_value()
+
+    return types.void(rows, row, value), generate
+
+
+@intrinsic
+def _anywhere(typing_context, where):  # type: ignore[no-untyped-def]
+    def generate(context, builder, typing, arguments):  # type: ignore[no-untyped-def]
+        bits = llvmlite.ir.IntType(WIDTH)
+        return builder.icmp_unsigned("!=", builder.bitcast(arguments[0], bits), bits(0))
+
+    return types.boolean(where), generate
+
+
+@instead(lambda where: lambda where: _anywhere(where))
+def anywhere(where):
+    """Whether something holds in any lane."""
+    return bool(np.any(where))
+
+
+@instead(lambda value: lambda value: _root(value))
+def root(value):
+    """Square roots; NaN of what is negative."""
+    with np.errstate(invalid="ignore"):
+        return np.sqrt(value)
+
+
+@instead(lambda where, yes, no: lambda where, yes, no: _select(where, yes, no))
+def select(where, yes, no):
+    """`yes` in the lanes in which `where` holds, `no` in the others."""
+    return np.where(where, yes, no)
+
+
+@instead(lambda rows, row: lambda rows, row: _load(rows, row))
+def load(rows, row):
+    """A row of an array (n, WIDTH), float64."""
+    return rows[row].copy()
+
+
+@instead(lambda rows, row, value: lambda rows, row, value: _store(rows, row, value))
+def store(rows, row, value):
+    """Write lanes, or the same number into all of them, into a row of an array (n, WIDTH), float64."""
+    rows[row] = value
+
+
+@intrinsic
+def _pick(typing_context, rows, numbers, column):  # type: ignore[no-untyped-def]
+    def generate(context, builder, typing, arguments):  # type: ignore[no-untyped-def]
+        held, lanes, place = arguments
+        word, index = context.get_value_type(types.intp), llvmlite.ir.IntType(32)
+        array = context.make_array(typing.args[0])(context, builder, held)
+        place = context.cast(builder, place, typing.args[2], types.intp)
+        found = llvmlite.ir.Constant(_VECTOR, llvmlite.ir.Undefined)
+        for lane in range(WIDTH):
+            row = builder.fptosi(builder.extract_element(lanes, index(lane)), word)
+            pointer = get_item_pointer(context, builder, typing.args[0], array, [row, place], wraparound=False)
+            found = builder.insert_element(found, builder.load(pointer), index(lane))
+        return found
+
+    return LANES(rows, numbers, column), generate
+
+
+@instead(lambda rows, numbers, column: lambda rows, numbers, column: _pick(rows, numbers, column))
+def pick(rows, numbers, column):
+    """What stands in a column of an array (n, m), float64, for each lane in the row of its number."""
+    return rows[numbers.astype(np.int64), column]

@@ -1,0 +1,294 @@
+"""A lens as Python code knows it: its elements' surfaces in order, and how it is packed for rays.
+
+Lengths are millimetres, in the frame of `raytracer.lenses.surfaces`: z is the axis, from the scene to the film, and the
+front vertex is at 0; x is to the right and y up as seen from behind the camera.
+"""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from raytracer.glass import AIR, LINE_D, Glass
+from raytracer.lenses.aspheres import Shapes
+from raytracer.lenses.coatings import Coating, Coatings, pack_coatings
+from raytracer.lenses.first_order import heights
+from raytracer.lenses.surfaces import Indices, LensSurfaces, check_surface
+
+KINDS = ("flat", "stop", "spherical", "conic", "asphere", "cylindrical")
+"""What a surface may be, as words of lens files."""
+
+# Places at which the sag of an asphere is looked at.
+_PROFILE = 1025
+
+FIRST_WAVELENGTH, LAST_WAVELENGTH, STEP = 380.0, 780.0, 0.5
+"""What the table of indices of a lens that disperses covers (nm): that of the tables of colours in `spectra`."""
+
+
+class Element(NamedTuple):
+    """A surface of a lens.
+
+    curvature (1/mm), positive where the centre lies on the film's side; thickness, the distance to the next vertex
+    towards the film (mm), which in the last one is that to the film, and without effect; glass, what is behind it, on
+    the film's side; radius, how far from the axis light passes (mm), half of the clear aperture; kind, one of `KINDS`;
+    conic, the constant k of a conic section, 0 for a sphere and -1 for a paraboloid; coefficients, a_4, a_6 ... of an
+    even asphere (mm^-3, mm^-5 ...), whose sag is c r^2 / (1 + sqrt(1 - (1 + k) c^2 r^2)) + a_4 r^4 + a_6 r^6 + ...;
+    axis, the direction "x" or "y" along which a cylinder is straight; coating, None if there is none; is_stop, whether
+    its rim is the diaphragm.
+    """
+
+    curvature: float
+    thickness: float
+    glass: Glass
+    radius: float
+    kind: str = "spherical"
+    conic: float = 0.0
+    coefficients: tuple[float, ...] = ()
+    axis: str = ""
+    coating: Coating | None = None
+    is_stop: bool = False
+
+    def sag(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+        """How far the surface is behind its vertex, towards the film (mm), at distances (x, y) from the axis (mm).
+
+        x and y are broadcast; NaN where it does not reach.
+        """
+        u, v, w = self.quadric()
+        squares = np.square(np.asarray(x, np.float64)) + np.square(np.asarray(y, np.float64))
+        bent = u * np.square(np.asarray(x, np.float64)) + v * np.square(np.asarray(y, np.float64))
+        with np.errstate(invalid="ignore"):
+            sag = bent / (1.0 + np.sqrt(1.0 - w * bent))
+        for power, coefficient in enumerate(self.coefficients, start=2):
+            sag = sag + coefficient * squares**power
+        return np.asarray(sag)
+
+    def quadric(self) -> tuple[float, float, float]:
+        """The curvatures (1/mm) of u x^2 + v y^2 + w z^2 = 2 z, which the surface is but for its coefficients."""
+        across = (0.0 if self.axis == "x" else self.curvature, 0.0 if self.axis == "y" else self.curvature)
+        return (*across, self.curvature * (1.0 + self.conic))
+
+
+@dataclasses.dataclass(frozen=True)
+class Focus:
+    """How a lens is focused.
+
+    moves : "all", the whole lens, and "sensor", the film, which is the same to rays; or "group", a part of the lens.
+    first, last : the surfaces that the group begins and ends with, by their numbers from 1.
+    """
+
+    moves: str = "all"
+    first: int = 1
+    last: int = 1
+
+
+@dataclasses.dataclass(frozen=True)
+class Lens:
+    """A lens: what it is called, its surfaces from the front to the film, and what has been published of it.
+
+    focal_length (mm), f_number : as published; None where they are not.
+    image_circle : diameter of the picture that it was designed for (mm); None if that is not known.
+
+    Raises
+    ------
+    ValueError : what is no lens, by the number of the surface from 1.
+    """
+
+    name: str
+    elements: tuple[Element, ...]
+    source: str = ""
+    focal_length: float | None = None
+    f_number: float | None = None
+    image_circle: float | None = None
+    focus: Focus = Focus()
+
+    def __post_init__(self) -> None:
+        if not self.elements:
+            raise ValueError("a lens needs a surface")
+        stops = [number for number, element in enumerate(self.elements, start=1) if element.is_stop]
+        if len(stops) > 1:
+            raise ValueError(f"surface {stops[1]} is a second stop")
+        for number, element in enumerate(self.elements, start=1):
+            _check(f"surface {number}", element)
+        self._coatings()
+        if self.focus.moves not in {"all", "sensor", "group"}:
+            raise ValueError(f"a lens focuses by moving all of it, the sensor or a group, not by {self.focus.moves}")
+        if self.focus.moves == "group" and not 1 <= self.focus.first <= self.focus.last <= len(self.elements):
+            raise ValueError(
+                f"the group that focuses is from surface {self.focus.first} to {self.focus.last}, of "
+                f"{len(self.elements)}"
+            )
+
+    def disperses(self) -> bool:
+        """Whether a glass in it has an index that depends on the wavelength."""
+        return any(element.glass.disperses() for element in self.elements)
+
+    def is_round(self) -> bool:
+        """Whether it is the same when turned about its axis, which a cylinder in it is not."""
+        return not any(element.kind == "cylindrical" for element in self.elements)
+
+    def stop(self) -> int:
+        """The surface, from 0, whose rim is the diaphragm: the one marked so, or that which light of the axis fills."""
+        for number, element in enumerate(self.elements):
+            if element.is_stop:
+                return number
+        surfaces = self._surfaces(LINE_D)
+        reached = np.abs(heights(surfaces, 1.0, 0.0, towards_film=True))
+        return int(np.argmax(reached / surfaces.radius))
+
+    def stopped(self, radius: float) -> "Lens":
+        """The same lens with its stop closed to a radius (mm), as if it opened no wider.
+
+        Raises
+        ------
+        ValueError : the stop does not open so far.
+        """
+        stop = self.stop()
+        self._check_stop(stop, radius)
+        return self._with({stop: self.elements[stop]._replace(radius=float(radius), is_stop=True)})
+
+    def focused(self, shift: float) -> "Lens":
+        """The same lens with the group that focuses moved towards the scene (mm); unchanged if all of it moves.
+
+        Raises
+        ------
+        ValueError : the group would go through what is before or behind it.
+        """
+        if self.focus.moves != "group" or shift == 0.0:
+            return self
+        first, last = self.focus.first - 1, self.focus.last - 1
+        if first == 0:
+            # The frame begins at the front vertex, which moves along.
+            return self._with({last: self._moved(last, shift)})
+        return self._with({first - 1: self._moved(first - 1, -shift), last: self._moved(last, shift)})
+
+    def packed(
+        self,
+        wavelength: float = LINE_D,
+        *,
+        stop_radius: float | None = None,
+        shift: float = 0.0,
+        diaphragm: Any = None,
+        dispersion: bool = False,
+        coatings: bool = False,
+    ) -> LensSurfaces:
+        """Its surfaces for rays.
+
+        Parameters
+        ----------
+        wavelength : at which its glasses have the packed indices (nm).
+        stop_radius : that of the stop (mm); its widest by default.
+        shift : how far the group that focuses is moved towards the scene (mm).  Vertices stay where they are relative
+            to the film, so the front one is at -shift if it moves along.
+        diaphragm : shape of the stop, packed by `raytracer.apertures`, in units of the stop's radius; None is round.
+        dispersion : whether rays have wavelengths; without effect on a lens that does not disperse.
+        coatings : whether to pack those of its surfaces, which only reflections in the lens depend on.
+
+        Raises
+        ------
+        ValueError : the stop does not open so far, or the group would go through its neighbours.
+        """
+        packed = self._surfaces(wavelength)
+        stop = self.stop()
+        vertex, radius = packed.vertex.copy(), packed.radius.copy()
+        if stop_radius is not None:
+            self._check_stop(stop, stop_radius)
+            radius[stop] = stop_radius
+        if self.focus.moves == "group":
+            vertex[self.focus.first - 1 : self.focus.last] -= shift
+            if (np.diff(vertex) < 0.0).any():
+                raise ValueError(f"the focusing group of the lens cannot move by {shift:g} mm: surfaces would meet")
+        indices = self._indices() if dispersion and self.disperses() else None
+        layers = (
+            pack_coatings([element.coating for element in self.elements], packed.ior.tolist()) if coatings else None
+        )
+        return packed._replace(
+            vertex=vertex, radius=radius, stop=stop, diaphragm=diaphragm, indices=indices, coatings=layers
+        )
+
+    def _with(self, changed: dict[int, Element]) -> "Lens":
+        elements = tuple(changed.get(number, element) for number, element in enumerate(self.elements))
+        return dataclasses.replace(self, elements=elements)
+
+    def _moved(self, number: int, by: float) -> Element:
+        element = self.elements[number]
+        if number + 1 == len(self.elements):
+            return element
+        if element.thickness + by < 0.0:
+            raise ValueError(f"the focusing group of the lens cannot move by {abs(by):g} mm: surfaces would meet")
+        return element._replace(thickness=element.thickness + by)
+
+    def _check_stop(self, stop: int, radius: float) -> None:
+        widest = self.elements[stop].radius
+        if not 0.0 < radius <= widest:
+            raise ValueError(f"the stop of the lens opens to a radius of {widest:g} mm, not {radius:g} mm")
+
+    def _surfaces(self, wavelength: float) -> LensSurfaces:
+        """Packed with its stop wide open, and -1 where none is marked."""
+        rows = self.elements
+        marked = [number for number, element in enumerate(rows) if element.is_stop]
+        return LensSurfaces(
+            curvature=np.array([element.curvature for element in rows], np.float64),
+            vertex=np.cumsum([0.0, *(element.thickness for element in rows[:-1])]),
+            radius=np.array([element.radius for element in rows], np.float64),
+            ior=np.array([float(glass.ior(wavelength)) for glass in self._glasses()]),
+            stop=marked[0] if marked else -1,
+            shapes=_shapes(rows),
+        )
+
+    def _glasses(self) -> list[Glass]:
+        """Before the first surface, and behind each."""
+        return [AIR, *(element.glass for element in self.elements)]
+
+    def _coatings(self) -> Coatings | None:
+        indices = [float(glass.ior()) for glass in self._glasses()]
+        return pack_coatings([element.coating for element in self.elements], indices)
+
+    def _indices(self) -> Indices:
+        wavelengths = np.arange(FIRST_WAVELENGTH, LAST_WAVELENGTH + STEP, STEP)
+        columns = [np.broadcast_to(glass.ior(wavelengths), wavelengths.shape) for glass in self._glasses()]
+        return Indices(np.ascontiguousarray(np.stack(columns, axis=1)), FIRST_WAVELENGTH, STEP)
+
+
+def _shapes(rows: Sequence[Element]) -> Shapes | None:
+    """What is not plain in surfaces; None if all are spheres or flat."""
+    if not any(element.conic or any(element.coefficients) or element.axis for element in rows):
+        return None
+    coefficients = np.zeros((len(rows), max(len(element.coefficients) for element in rows)))
+    for row, element in zip(coefficients, rows, strict=True):
+        row[: len(element.coefficients)] = element.coefficients
+    bounds = np.array([_bounds(element) for element in rows])
+    return Shapes(
+        quadric=np.array([element.quadric() for element in rows], np.float64),
+        coefficients=coefficients,
+        aspheric=np.ascontiguousarray(coefficients.any(axis=1)),
+        plain=np.array([not (element.conic or any(element.coefficients) or element.axis) for element in rows]),
+        limit=np.array([element.radius for element in rows], np.float64),
+        lowest=np.ascontiguousarray(bounds[:, 0]),
+        highest=np.ascontiguousarray(bounds[:, 1]),
+    )
+
+
+def _bounds(element: Element) -> tuple[float, float]:
+    """Between what the sag of an asphere is (mm)."""
+    if not any(element.coefficients):
+        return 0.0, 0.0
+    sags = element.sag(0.0, np.linspace(0.0, element.radius, _PROFILE))
+    sags = sags[np.isfinite(sags)]
+    # Between two places it goes no further beyond both than it does between the two that are farthest apart.
+    margin = float(np.abs(np.diff(sags)).max())
+    return float(sags.min()) - margin, float(sags.max()) + margin
+
+
+def _check(name: str, element: Element) -> None:
+    if element.kind not in KINDS:
+        raise ValueError(f"{name} is of no known kind: {element.kind}")
+    if not all(map(math.isfinite, (element.conic, *element.coefficients))):
+        raise ValueError(f"{name} has a number that is not finite")
+    if (element.kind == "cylindrical") != (element.axis in {"x", "y"}):
+        raise ValueError(f"{name} needs an axis, x or y, if and only if it is cylindrical")
+    if element.axis and (element.conic or element.coefficients):
+        raise ValueError(f"{name} is cylindrical, and can be neither conic nor aspheric as well")
+    check_surface(name, element.curvature, element.thickness, element.radius, element.conic)

@@ -1,0 +1,63 @@
+"""Rays through lenses as tests ask for them."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.glass import LINE_D
+from raytracer.lenses.lens import Lens
+from raytracer.lenses.surfaces import LensSurfaces, trace_rays
+
+Array = NDArray[np.float64]
+
+
+class Gone(NamedTuple):
+    """Rays behind a lens: weights (n,), points on the last surface and directions (n, 3)."""
+
+    weights: Array
+    points: Array
+    directions: Array
+
+
+def unit(rows: Any) -> Array:
+    """Vectors (n, 3) of length 1."""
+    given = np.atleast_2d(np.asarray(rows, np.float64))
+    return np.asarray(given / np.linalg.norm(given, axis=1, keepdims=True))
+
+
+def gone_through(
+    lens: Lens | LensSurfaces,
+    origins: Any,
+    directions: Any,
+    *,
+    towards_film: bool = True,
+    wavelength: float = LINE_D,
+) -> Gone:
+    """Rays (n, 3) through a lens, whose glasses have the index of a wavelength (nm)."""
+    packed = lens.packed(wavelength) if isinstance(lens, Lens) else lens
+    starts = np.array(origins, np.float64, ndmin=2)
+    ways = np.array(np.broadcast_to(np.asarray(directions, np.float64), starts.shape))
+    return Gone(*trace_rays(packed, starts, ways, towards_film, None))
+
+
+def parallel(
+    heights: Array, before: float, *, axis: int = 0, towards_film: bool = True
+) -> tuple[Array, tuple[float, float, float]]:
+    """Rays parallel to the axis at these heights (mm) along x (0) or y (1), from as far before the front vertex.
+
+    Away from the film they start as far behind it.
+    """
+    origins = np.zeros((len(heights), 3))
+    origins[:, axis] = heights
+    side = 1.0 if towards_film else -1.0
+    origins[:, 2] = -side * before
+    return origins, (0.0, 0.0, side)
+
+
+def backs(lens: Lens, heights: Array, *, wavelength: float = LINE_D) -> Array:
+    """Where parallel light at these heights (mm) crosses the axis behind the last vertex (mm)."""
+    found = gone_through(lens, *parallel(heights, 100.0), wavelength=wavelength)
+    assert found.weights.all()
+    crossing = found.points[:, 2] - found.points[:, 0] * found.directions[:, 2] / found.directions[:, 0]
+    return np.asarray(crossing - float(lens.packed().vertex[-1]))

@@ -1,0 +1,126 @@
+"""Focus: the least spot, groups that move, and what a lens cannot focus."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from raytracer.glass import AIR, constant
+from raytracer.lenses.first_order import cardinal_points, entrance_pupil
+from raytracer.lenses.focusing import HOW, film_place, focus, focus_shift, focused, nearest_distance
+from raytracer.lenses.lens import Element, Focus, Lens
+from raytracer.lenses.surfaces import LensSurfaces, trace_rays
+from tests.lenses.kernels import DOUBLE_GAUSS
+from tests.lenses.rays import Array
+from tests.lenses.test_first_order import lens_of, thin
+
+WHOLE = lens_of(DOUBLE_GAUSS)
+SINGLET = Lens("plano-convex", (Element(0.0, 5.0, constant(1.5), 15.0), Element(-0.02, 0.0, AIR, 10.0)))
+
+# A thin lens of 100 mm before one of -150 mm, 40 mm apart: a telephoto lens that focuses by its rear.
+INNER = Lens("inner focus", (*thin(100.0, 40.0, 10.0), *thin(-150.0, 0.0, 20.0)), focus=Focus("group", 3, 4))
+FRONT = dataclasses.replace(INNER, focus=Focus("group", 1, 2))
+
+
+def spot(lens: LensSurfaces, distance: float, film: float) -> float:
+    """Root mean square of distances on the film from the axis, of light of a point of it through all of the pupil."""
+    pupil = entrance_pupil(lens)
+    # Evenly by area over more than the pupil: each ring holds as much, and is as good as any of its points.
+    rings = 1.5 * pupil.radius * np.sqrt((np.arange(8000) + 0.5) / 8000)
+    turns = 2.4 * np.arange(8000)
+    through = np.stack([rings * np.cos(turns), rings * np.sin(turns), np.full(8000, pupil.z)], axis=1)
+    ways: Array = np.broadcast_to(np.array([0.0, 0.0, 1.0]), through.shape)
+    if math.isfinite(distance):
+        ways = through - np.array([0.0, 0.0, pupil.z - distance])
+        ways = ways / np.linalg.norm(ways, axis=1)[:, None]
+    weights, points, onward = trace_rays(lens, through - 50.0 * ways, ways)
+    points, onward = points[weights > 0.0], onward[weights > 0.0]
+    on_film = points[:, :2] + ((film - points[:, 2]) / onward[:, 2])[:, None] * onward[:, :2]
+    return float(np.sqrt((on_film**2).sum(axis=1).mean()))
+
+
+@pytest.mark.parametrize("distance", [math.inf, 2000.0, 1000.0])
+@pytest.mark.parametrize("lens", [WHOLE, SINGLET, INNER], ids=lambda lens: lens.name)
+def test_the_least_spot_is_least(lens: Lens, distance: float) -> None:
+    shift, film = focus_shift(lens, distance, "rms")
+    packed = lens.packed(shift=shift)
+    steps = np.array([-0.02, -0.01, 0.0, 0.01, 0.02]) * cardinal_points(packed).focal_length
+    sizes = [spot(packed, distance, film + step) for step in steps]
+    assert np.argmin(sizes) == 2
+    # The square of the size is a parabola, whose vertex is there but for the rings of the two samplings.
+    curved, sloped, _ = np.polyfit(steps, np.square(sizes), 2)
+    assert -sloped / (2.0 * curved) == pytest.approx(0.0, abs=2e-3 * (steps[-1] - steps[0]))
+    # It is smaller than that of the marginal ray's focus, by as much as is between them.
+    assert sizes[2] <= spot(packed, distance, focus_shift(lens, distance, "marginal").film)
+
+
+@pytest.mark.parametrize("h", [10.0, 4.0])
+def test_the_marginal_focus_is_that_of_the_zone_that_halves_the_area(h: float) -> None:
+    # The worked number of the plano-convex lens, at 1 / sqrt(2) of the widest h.
+    lens = SINGLET.stopped(h)
+    zone = h * math.sqrt(0.5)
+    bent = math.asin(1.5 * zone / 50.0) - math.asin(zone / 50.0)
+    expected = zone / math.tan(bent) - (50.0 - math.sqrt(2500.0 - zone * zone))
+    assert film_place(lens) - 5.0 == pytest.approx(expected, abs=1e-10)
+
+
+@pytest.mark.parametrize("how", HOW)
+@pytest.mark.parametrize("lens", [INNER, FRONT], ids=["rear moves", "front moves"])
+def test_a_group_that_moves_brings_planes_to_the_same_film(lens: Lens, how: str) -> None:
+    film = film_place(lens, how)
+    nearest = nearest_distance(lens, how)
+    assert 100.0 < nearest < 2000.0
+    shifts = []
+    for distance in (math.inf, 1e7, 30.0 * nearest, 3.0 * nearest, nearest):
+        found = focus_shift(lens, distance, how)
+        assert found.film == film
+        shifts.append(found.shift)
+        # Focused so, the lens makes its image there.
+        fixed, place = focused(lens, distance, how)
+        packed = fixed.packed()
+        image = focus(packed, distance - entrance_pupil(packed).z, 1e5, how) + packed.vertex[-1]
+        assert image == pytest.approx(place, abs=0.02 if distance == nearest else 1e-7)
+        np.testing.assert_allclose(
+            place - packed.vertex, found.film - lens.packed(shift=found.shift).vertex, rtol=0.0, atol=1e-12
+        )
+    # The front of a lens goes out for what is near; a rear that spreads light goes in.
+    assert shifts[0] == 0.0
+    moved = np.diff(shifts)
+    assert (moved > 0.0).all() if lens is FRONT else (moved < 0.0).all()
+
+
+def test_newtons_equation_of_a_front_that_moves() -> None:
+    # A front of focal length f that images a plane at f + f^2 / e must go out by e, to leave its image where it was.
+    lens = FRONT.stopped(0.01)
+    extension = 8.0
+    shift, _ = focus_shift(lens, 100.0 + 100.0**2 / extension)
+    assert shift == pytest.approx(extension, rel=1e-6)
+
+
+def test_a_plane_nearer_than_a_lens_focuses_is_refused_with_the_nearest() -> None:
+    for lens in (WHOLE, INNER, FRONT):
+        for how in HOW:
+            nearest = nearest_distance(lens, how)
+            for distance in (0.99 * nearest, 0.0, -5.0, math.nan, -math.inf):
+                with pytest.raises(ValueError, match=rf"cannot focus at .*: the nearest .* is {nearest:g} mm before"):
+                    focus_shift(lens, distance, how)
+    # A lens that moves as a whole ends where the image is as large as the object: 2 f from the principal plane.
+    points = cardinal_points(WHOLE.packed())
+    expected = 2.0 * points.focal_length - points.front_principal + entrance_pupil(WHOLE.packed()).z
+    assert nearest_distance(WHOLE.stopped(0.01)) == pytest.approx(expected, rel=1e-4)
+
+
+def test_what_has_no_focus_is_named() -> None:
+    with pytest.raises(ValueError, match="no image behind it"):
+        focus_shift(Lens("diverging", thin(-100.0)), math.inf)
+    with pytest.raises(ValueError, match="by marginal or rms, not by guess"):
+        focus_shift(WHOLE, math.inf, "guess")
+    with pytest.raises(ValueError, match="cannot move by 41 mm: surfaces would meet"):
+        INNER.packed(shift=41.0)
+    with pytest.raises(ValueError, match="cannot move by 41 mm: surfaces would meet"):
+        INNER.focused(41.0)
+    with pytest.raises(ValueError, match="all of it, the sensor or a group, not by hand"):
+        dataclasses.replace(INNER, focus=Focus("hand"))
+    with pytest.raises(ValueError, match="from surface 3 to 9, of 4"):
+        dataclasses.replace(INNER, focus=Focus("group", 3, 9))

@@ -1,0 +1,368 @@
+"""Reflections inside lenses: formulas of plates, matrices of mirrors, and light that takes its way by chance."""
+
+import math
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from raytracer.glass import constant, of_abbe
+from raytracer.jit import entry
+from raytracer.lenses.coatings import MGF2, reflectance
+from raytracer.lenses.ghosts import aim_ghost, choose, flare_of, nanometres, trace_way
+from raytracer.lenses.lens import Element, Lens
+from raytracer.lenses.surfaces import LensSurfaces, Surface, bend, index_of, meet, pack_surfaces, passed, trace_rays
+from raytracer.sampling import Independent, pixel_key, sample_1d
+from raytracer.sampling.warp import sample_disc
+from raytracer.vec import madd, normalize, sub
+from tests.lenses.kernels import DOUBLE_GAUSS
+
+Array = NDArray[np.float64]
+
+ABBE = {1.67: 47.1, 1.699: 30.1, 1.603: 38.0, 1.658: 57.3, 1.717: 48.0}
+
+COUNT = 1 << 17
+
+
+def double_gauss(*, coated: bool = False, dispersion: bool = False) -> LensSurfaces:
+    """The f/2 lens, its surfaces towards air coated or bare."""
+    elements, before = [], 1.0
+    for radius, thickness, index, aperture in DOUBLE_GAUSS:
+        glass = of_abbe(index, ABBE[index]) if index > 1.0 else constant(1.0)
+        coating = MGF2 if coated and radius and 1.0 in (before, index) else None
+        curvature = 1.0 / radius if radius else 0.0
+        elements.append(Element(curvature, thickness, glass, aperture, coating=coating, is_stop=radius == 0.0))
+        before = index
+    return Lens("", tuple(elements)).packed(dispersion=dispersion, coatings=coated)
+
+
+# ---- Compiled loops
+
+
+@entry
+def _followed(lens, origin, direction, firsts, lasts, wavelength, out):
+    for way in range(len(firsts)):
+        weight, point, onward = trace_way(lens, origin, direction, firsts[way], lasts[way], wavelength)
+        out[way, 0] = weight
+        for axis in range(3):
+            out[way, 1 + axis] = point[axis]
+            out[way, 4 + axis] = onward[axis]
+
+
+@entry
+def _chosen(flare, numbers, out):
+    for i in range(len(numbers)):
+        _, out[i, 0], out[i, 1], out[i, 2] = choose(flare, numbers[i])
+
+
+@entry
+def _aimed(flare, pair, x, y, numbers, out):
+    for i in range(len(numbers)):
+        u, v = sample_disc(numbers[i, 0], numbers[i, 1])
+        out[i, 0], out[i, 1], out[i, 2] = aim_ghost(flare, pair, x, y, u, v, numbers[i, 2])
+
+
+@entry
+def _estimates(lens, flare, start, wavelength, numbers, out):
+    # Of each ray the direct light and that of ghosts, each evenly from everywhere and from one side alone, as a part of
+    # what falls on the last surface.
+    rear, rim = lens.vertex[len(lens.vertex) - 1], lens.radius[len(lens.radius) - 1]
+    for i in range(len(numbers)):
+        x, y = sample_disc(numbers[i, 0], numbers[i, 1])
+        pair, first, last, probability = choose(flare, numbers[i, 2])
+        right, up = rim * x, rim * y
+        if pair >= 0:
+            right, up, area = aim_ghost(flare, pair, start[0], start[1], x, y, numbers[i, 3])
+            probability *= math.pi * rim * rim / area
+        direction = normalize(sub((right, up, rear), start))
+        weight, _, onward = trace_way(lens, start, direction, first, last, wavelength)
+        column = 0 if first < 0 else 2
+        out[i, column] = weight / probability
+        out[i, column + 1] = weight / probability if onward[0] > 0.1 else 0.0
+
+
+@entry
+def _walks(lens, start, wavelength, numbers, sampler, out, ends):
+    # Every surface reflects or lets through by chance; `ends` counts where light comes out: front, rear, nowhere.
+    key = pixel_key(sampler, 0, 0)
+    count = len(lens.curvature)
+    rear, rim = lens.vertex[count - 1], lens.radius[count - 1]
+    for i in range(len(numbers)):
+        x, y = sample_disc(numbers[i, 0], numbers[i, 1])
+        origin = start
+        direction = normalize(sub((rim * x, rim * y, rear), start))
+        surface, side, turns, met = count - 1, -1, 0, 0
+        while 0 <= surface < count:
+            distance, normal, cosine = meet(lens, surface, origin, direction, float(side))
+            if cosine == 0.0 or (turns > 0 and distance < 0.0):
+                break
+            origin = madd(origin, distance, direction)
+            if passed(lens, surface, origin) == 0.0:
+                break
+            near = index_of(lens, surface if side > 0 else surface + 1, wavelength)
+            far = index_of(lens, surface + 1 if side > 0 else surface, wavelength)
+            part, _ = reflectance(lens.coatings, surface, abs(cosine), near, far, nanometres(wavelength))
+            met += 1
+            if sample_1d(sampler, key, i, met) < part:
+                direction = madd(direction, -2.0 * cosine, normal)
+                side = -side
+                turns += 1
+            else:
+                _, direction = bend(direction, normal, cosine, near / far)
+            surface += side
+        ends[0 if surface < 0 else 1 if surface == count else 2] += 1
+        if surface < 0 and turns <= 2:
+            out[i, turns] = 1.0
+            out[i, turns + 1] = 1.0 if direction[0] > 0.1 else 0.0
+
+
+def followed(lens: LensSurfaces, start: Any, direction: Any, ways: Any, wavelength: float | None = None) -> Array:
+    """Weight, point and direction (n, 7) of one ray on ways (n, 2)."""
+    firsts, lasts = np.array(ways, np.int32).reshape(-1, 2).T.copy()
+    out = np.empty((len(firsts), 7))
+    origin, towards = (tuple(map(float, vector)) for vector in (start, direction))
+    _followed(lens, origin, towards, firsts, lasts, wavelength, out)
+    return out
+
+
+# ---- Plates
+
+
+def plates(*indices: float) -> LensSurfaces:
+    """Planes 1 mm apart, without rims to speak of, and the index of refraction behind each."""
+    return pack_surfaces([Surface(0.0, 1.0, index, 1e9) for index in indices])
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.5, 1.2])
+def test_plate_lets_direct_light_and_a_ghost_through(angle: float) -> None:
+    # Both surfaces reflect R: (1 - R)^2 goes directly, (1 - R)^2 R^2 after two reflections, and with all that follow
+    # (1 - R) / (1 + R); what returns on the film's side is the rest, 2 R / (1 + R).
+    lens = plates(1.5168, 1.0)
+    direction = (math.sin(angle), 0.0, -math.cos(angle))
+    inside = math.asin(math.sin(angle) / 1.5168)
+    s = (math.cos(angle) - 1.5168 * math.cos(inside)) / (math.cos(angle) + 1.5168 * math.cos(inside))
+    p = (1.5168 * math.cos(angle) - math.cos(inside)) / (1.5168 * math.cos(angle) + math.cos(inside))
+    part = 0.5 * (s * s + p * p)
+    straight, ghost = followed(lens, (0.0, 0.0, 10.0), direction, [(-1, -1), (0, 1)])
+    assert straight[0] == pytest.approx((1.0 - part) ** 2, rel=1e-12)
+    assert ghost[0] == pytest.approx((1.0 - part) ** 2 * part**2, rel=1e-12)
+    series = straight[0] / (1.0 - ghost[0] / straight[0])
+    assert series + 2.0 * part / (1.0 + part) == pytest.approx(1.0, rel=1e-12)
+    # The plate leaves directions as they are; the ghost is aside by twice the way across it.
+    np.testing.assert_allclose([straight[4:], ghost[4:]], [direction] * 2, rtol=0.0, atol=1e-15)
+    assert ghost[1] - straight[1] == pytest.approx(2.0 * math.tan(inside), rel=1e-12, abs=1e-15)
+
+
+def powers(reflectances: Any, orders: int) -> tuple[Array, Array]:
+    """Light through a stack of boundaries and back from it, by number of reflections (orders,): the adding method.
+
+    Every boundary passes 1 - R and reflects R t, in which the power of t counts reflections.
+
+    References: Stokes 1862, "On the intensity of the light reflected from or transmitted through a pile of plates".
+    """
+
+    def times(*series: Array) -> Array:
+        product = np.eye(1, orders)[0]
+        for factor in series:
+            product = np.convolve(product, factor)[:orders]
+        return product
+
+    one = np.eye(1, orders)[0]
+    through, front, back = one, 0.0 * one, 0.0 * one
+    for part in reflectances:
+        passes, mirror = (1.0 - part) * one, part * np.eye(1, orders, 1)[0]
+        loop = times(back, mirror)
+        echoes, power = one.copy(), one
+        for _ in range(orders):
+            power = times(power, loop)
+            echoes = echoes + power
+        front = front + times(through, mirror, echoes, through)
+        back = mirror + times(passes, back, echoes, passes)
+        through = times(through, echoes, passes)
+    return through, front
+
+
+@pytest.mark.parametrize("coated", [False, True])
+def test_on_the_axis_all_orders_are_those_of_a_pile_of_plates(coated: bool) -> None:
+    # On the axis a lens is such a pile.  Direct light is that without a reflection, all ghosts are those of two; and
+    # with all orders, what goes through and what comes back are all the light.
+    lens = double_gauss(coated=coated)
+    normal = ((lens.ior[1:] - lens.ior[:-1]) / (lens.ior[1:] + lens.ior[:-1])) ** 2
+    if coated:
+        # With a quarter of a wave: between n0 and n2, ((n0 n2 - n1^2) / (n0 n2 + n1^2))^2.
+        product = lens.ior[1:] * lens.ior[:-1]
+        normal = np.where(lens.coatings.wavelength > 0.0, ((product - 1.38**2) / (product + 1.38**2)) ** 2, normal)
+    through, back = powers(normal, 80)
+    assert through.sum() + back.sum() == pytest.approx(1.0, rel=1e-12)
+    ways = [(-1, -1), *combinations(range(len(normal)), 2)]
+    found = followed(lens, (0.0, 0.0, 80.0), (0.0, 0.0, -1.0), ways, 550.0 if coated else None)[:, 0]
+    assert found[0] == pytest.approx(through[0], rel=1e-12)
+    assert found[1:].sum() == pytest.approx(through[2], rel=1e-12)
+
+
+def test_a_coating_takes_most_of_the_ghosts_away() -> None:
+    # 50 mm f/2 with eight surfaces to air.
+    ways = list(combinations(range(11), 2))
+    bare, coated = (
+        followed(double_gauss(coated=coated), (0.0, 0.0, 80.0), (0.0, 0.0, -1.0), ways, 550.0)[:, 0].sum()
+        for coated in (False, True)
+    )
+    assert 0.05 < bare < 0.1
+    assert coated < 0.1 * bare
+
+
+# ---- Ways
+
+
+def test_the_direct_way_is_that_of_the_lens_without_reflections() -> None:
+    lens = double_gauss(dispersion=True)
+    start = (3.0, -5.0, 72.0)
+    for wavelength in (400.0, 550.0, 700.0):
+        for x in (-3.0, 0.0, 4.0):
+            direction = np.array([x, 2.0, lens.vertex[-1]]) - start
+            direction /= np.linalg.norm(direction)
+            weights, points, onward = trace_rays(lens, [start], [direction], False, wavelength)
+            (way,) = followed(lens, start, direction, [(-1, -1)], wavelength)
+            assert weights[0] == 1.0
+            assert 0.5 < way[0] < 0.75
+            np.testing.assert_array_equal(way[1:], [*points[0], *onward[0]])
+
+
+def paraxial(lens: LensSurfaces, first: int, last: int, height: float, slope: float, behind: float) -> float:
+    """Slope dy/dz before the lens of a ray near the axis from behind it: refraction n' u' = n u - h c (n' - n), and
+    reflection, for which n' is -n."""
+    surface, side, turns = len(lens.curvature) - 1, -1, 0
+    height -= slope * behind
+    while True:
+        near, far = (lens.ior[surface], lens.ior[surface + 1])[:: 1 if side > 0 else -1]
+        if (turns == 0 and surface == first) or (turns == 1 and surface == last):
+            far, side, turns = -near, -side, turns + 1
+        slope = (near * slope - height * lens.curvature[surface] * (far - near)) / far
+        if surface + side < 0:
+            return float(slope)
+        height += slope * (lens.vertex[surface + side] - lens.vertex[surface])
+        surface += side
+
+
+def test_ghosts_near_the_axis_go_where_matrices_send_them() -> None:
+    lens = double_gauss()
+    behind, slope = 36.0, 1e-5
+    ways = [pair for pair in combinations(range(11), 2) if 5 not in pair]
+    start = (0.0, 1e-4, lens.vertex[-1] + behind)
+    found = followed(lens, start, (0.0, -slope / math.hypot(1.0, slope), -1.0 / math.hypot(1.0, slope)), ways)
+    expected = [paraxial(lens, *pair, start[1], slope, behind) for pair in ways]
+    assert (found[:, 0] > 0.0).all()
+    np.testing.assert_allclose(found[:, 5] / found[:, 6], expected, rtol=1e-4, atol=1e-9)
+
+
+# ---- How they are drawn
+
+
+def test_ways_are_drawn_as_often_as_is_said() -> None:
+    lens = double_gauss()
+    flare = flare_of(lens, 21.6, 36.0)
+    # All pairs of the ten surfaces with glass; the stop has none.
+    pairs = [pair for pair in combinations(range(11), 2) if 5 not in pair]
+    assert list(zip(flare.first, flare.last, strict=True)) == pairs
+    numbers = (np.arange(COUNT) + 0.5) / COUNT
+    out = np.empty((COUNT, 3))
+    _chosen(flare, numbers, out)
+    for way in [(-1, -1), *pairs]:
+        drawn = out[(out[:, :2] == way).all(axis=1)]
+        assert len(drawn) / COUNT == pytest.approx(drawn[0, 2], abs=1.5 / COUNT)
+    direct = out[:, 0] < 0.0
+    assert direct.mean() == 0.5
+    # What is strong is drawn more often, and nothing is left out.
+    ghosts = out[~direct, 2]
+    assert ghosts.min() >= 0.2499 / len(pairs)
+    assert ghosts.max() > 1.0 / len(pairs)
+    ends = np.empty((2, 3))
+    _chosen(flare, np.array([0.0, np.nextafter(1.0, 0.0)]), ends)
+    np.testing.assert_array_equal(ends[:, :2], [(-1, -1), pairs[-1]])
+
+
+def test_what_does_not_reflect_has_no_ghosts() -> None:
+    for lens in (plates(1.0), plates(1.5)):
+        flare = flare_of(lens, 1.0, 10.0)
+        assert len(flare.first) == 0
+        out = np.empty((1, 3))
+        _chosen(flare, np.array([0.999]), out)
+        np.testing.assert_array_equal(out, [[-1.0, -1.0, 1.0]])
+
+
+@pytest.mark.parametrize(("coated", "wavelength", "x"), [(False, None, 0.0), (False, None, 15.0), (True, 450.0, 8.0)])
+def test_light_that_takes_its_way_by_chance_brings_as_much(coated: bool, wavelength: float | None, x: float) -> None:
+    lens = double_gauss(coated=coated, dispersion=wavelength is not None)
+    start = (x, 4.0, float(lens.vertex[-1]) + 36.0)
+    rng = np.random.default_rng(7)
+    flare = flare_of(lens, 21.6, 36.0)
+    found, walked = np.zeros((COUNT, 4)), np.zeros((4 * COUNT, 4))
+    ends = np.zeros(3, np.int64)
+    _estimates(lens, flare, start, wavelength, rng.random((COUNT, 4)), found)
+    _walks(lens, start, wavelength, rng.random((len(walked), 2)), Independent(11), walked, ends)
+    # Some light comes back to the film, and most of it ends at rims.
+    assert ends.sum() == len(walked)
+    assert ends.min() > 0
+    error = np.hypot(found.std(axis=0) / math.sqrt(len(found)), walked.std(axis=0) / math.sqrt(len(walked)))
+    assert walked.mean(axis=0)[2] > 0.0
+    assert (np.abs(found.mean(axis=0) - walked.mean(axis=0)) <= 4.0 * error).all()
+    # So few rays are enough to tell the ghosts to a few per cent.
+    assert error[2] < 0.1 * found.mean(axis=0)[2]
+
+
+def test_any_shares_of_the_ways_give_the_same_light() -> None:
+    lens = double_gauss()
+    start = (8.0, 0.0, float(lens.vertex[-1]) + 36.0)
+    numbers = np.random.default_rng(8).random((COUNT, 4))
+    drawn = flare_of(lens, 21.6, 36.0)
+    alike = drawn._replace(cumulative=np.append(0.2, 0.2 + 0.8 * np.arange(1, 46) / 45.0))
+    anywhere = drawn._replace(ellipses=np.zeros_like(drawn.ellipses))
+    means, errors = [], []
+    for flare in (drawn, alike, anywhere):
+        out = np.zeros((COUNT, 4))
+        _estimates(lens, flare, start, None, numbers, out)
+        means.append(out.mean(axis=0))
+        errors.append(out.std(axis=0) / math.sqrt(COUNT))
+    for other in (1, 2):
+        assert (np.abs(means[0] - means[other]) <= 4.0 * np.hypot(errors[0], errors[other])).all()
+        # Drawn by strength, and aimed at where they pass, ghosts are told better by as many rays.
+        assert errors[0][2] < errors[other][2]
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0), (9.0, -12.0), (-21.0, 0.0)])
+def test_ghosts_are_aimed_with_the_density_that_is_said(place: tuple[float, float]) -> None:
+    # Areas over the density are areas: of the surface, and of its half to one side.
+    lens = double_gauss()
+    flare = flare_of(lens, 21.6, 36.0)
+    numbers = np.random.default_rng(9).random((COUNT, 3))
+    for pair in range(0, len(flare.first), 7):
+        out = np.empty((COUNT, 3))
+        _aimed(flare, pair, *place, numbers, out)
+        on = np.hypot(out[:, 0], out[:, 1]) <= flare.reach
+        for side in (on, on & (out[:, 1] > 0.25 * flare.reach)):
+            areas = np.where(side, out[:, 2], 0.0)
+            # The part of a disc beyond a quarter of its radius: (acos(d) - d sqrt(1 - d^2)) / pi.
+            part = 1.0 if side is on else (math.acos(0.25) - 0.25 * math.sqrt(1.0 - 0.25**2)) / math.pi
+            expected = part * math.pi * flare.reach**2
+            assert areas.mean() == pytest.approx(expected, abs=4.5 * areas.std() / math.sqrt(COUNT))
+
+
+def test_through_a_small_stop_few_ghosts_are_aimed_in_vain() -> None:
+    # At f/8 a sixteenth of the opening is left.
+    lens = double_gauss()
+    radius = lens.radius.copy()
+    radius[lens.stop] /= 4.0
+    lens = lens._replace(radius=radius)
+    start = (8.0, 0.0, float(lens.vertex[-1]) + 36.0)
+    numbers = np.random.default_rng(8).random((COUNT, 4))
+    aimed = flare_of(lens, 21.6, 36.0)
+    means, errors = [], []
+    for flare in (aimed, aimed._replace(ellipses=np.zeros_like(aimed.ellipses))):
+        out = np.zeros((COUNT, 4))
+        _estimates(lens, flare, start, None, numbers, out)
+        means.append(out[:, 2].mean())
+        errors.append(out[:, 2].std() / math.sqrt(COUNT))
+    assert means[0] == pytest.approx(means[1], abs=4.0 * math.hypot(*errors))
+    assert errors[0] < 0.4 * errors[1]
