@@ -1,0 +1,396 @@
+"""`rt lens`: a lens by itself, its import from other programs' files, and its distortion."""
+
+import contextlib
+import math
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+
+import typer
+import typer.core
+
+from raytracer.cli import options
+from raytracer.errors import InputError
+from raytracer.units import parse_quantity
+
+if TYPE_CHECKING:
+    from raytracer.lens_report.analysis.results import Settings
+    from raytracer.lens_report.analysis.study import Study
+    from raytracer.lenses.lens import Lens
+
+EXAMPLE = """\b
+Examples:
+  rt lens scenes/lenses/double-gauss-50mm.yaml
+  rt lens scenes/lenses/double-gauss-50mm.yaml --f-number 5.6 --focus-distance 2m
+  rt lens scenes/lenses/double-gauss-50mm.yaml -o outputs/gauss.html -o outputs/gauss.svg
+  rt lens scenes/lenses/double-gauss-50mm.yaml --wavelengths d,F,C --json
+
+\b
+Other commands on lenses:
+  rt lens import FILE [-o LENS.yaml]       take over a .dat or .zmx file: rt lens import --help
+  rt lens distortion FILE [-o MAP.npz]     distortion, and OpenCV's models of it: rt lens distortion --help
+"""
+
+EXAMPLE_IMPORT = """\b
+Example:
+  rt lens import wide.22mm.dat -o wide.yaml
+  rt lens import achromat.zmx
+"""
+
+EXAMPLE_DISTORTION = """\b
+Examples:
+  rt lens distortion scenes/lenses/wide-22mm.yaml
+  rt lens distortion scenes/lenses/wide-22mm.yaml --width 1920 -o outputs/wide.npz -o outputs/wide.yaml
+
+\b
+With OpenCV, a picture that was made through the lens is straightened by
+  maps = numpy.load("outputs/wide.npz")
+  straight = cv2.remap(picture, maps["map_x"], maps["map_y"], cv2.INTER_CUBIC)
+"""
+
+_DEFAULT = "report"
+
+File = Annotated[str, typer.Argument(metavar="FILE", help="Lens file: .yaml, or .dat or .zmx of other programs.")]
+Number = Annotated[float | None, typer.Option("--f-number", metavar="N", help="Stop down to this; default: wide open.")]
+Distance = Annotated[
+    str, typer.Option("--focus-distance", metavar="LENGTH", help="Plane that is sharp, from the entrance pupil: 2m.")
+]
+Sensor = Annotated[
+    str | None,
+    typer.Option(
+        "--sensor",
+        metavar="SIZE",
+        help="A sensor's name, or width and height: aps_c, 36x24 (mm).  Default: full_frame, or as much of it as the "
+        "lens's image circle holds.",
+        show_default=False,
+    ),
+]
+Wavelengths = Annotated[
+    str,
+    typer.Option(
+        "--wavelengths",
+        metavar="NM,...",
+        help="Wavelengths (nm), or the lines d, F, C; the first is focused on, colour errors are between the others.",
+    ),
+]
+
+
+class _WithDefault(typer.core.TyperGroup):
+    """A command that is also a group: what is no name of a subcommand goes to the first."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if not args or args[0] not in self.commands:
+            args = [_DEFAULT, *args]
+        return super().parse_args(ctx, args)
+
+
+lens = typer.Typer(
+    cls=_WithDefault,
+    rich_markup_mode=None,
+    add_completion=False,
+    help="Show a lens by itself: its numbers, aberrations and section.",
+)
+
+
+@lens.command(_DEFAULT, epilog=EXAMPLE)
+def report(
+    file: File,
+    output: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="OUT",
+            help="A report, .html or .pdf; the section, .svg or .png; or all numbers, .json.  May repeat.  "
+            ".pdf and .png need pip install 'raytracer[report]'.",
+        ),
+    ] = None,
+    f_number: Number = None,
+    focus_distance: Distance = "inf",
+    sensor: Sensor = None,
+    wavelengths: Wavelengths = "d,F,C",
+    as_json: options.AsJson = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print no summary.")] = False,
+) -> None:
+    """Show a lens by itself: first-order data, aberrations, spots, MTF, Seidel sums, tolerances.
+
+    Numbers come by ray transfer matrices and by rays that are traced through its surfaces.
+    """
+    outputs = output or []
+    writers = [_writer(path) for path in outputs]
+    settings = _settings(f_number, focus_distance, sensor, wavelengths)
+    _check_files(outputs)
+
+    import json
+
+    from raytracer.assets.lenses import read_lens
+    from raytracer.film.output import write_bytes
+    from raytracer.lens_report import text
+    from raytracer.lens_report.analysis.study import study
+
+    found = read_lens(Path(file))
+    with _told(file):
+        studied = study(found, _fitting(settings, sensor, found))
+    # What cannot be drawn is known before anything is written.
+    contents = [make(found, studied) for make in writers]
+    for path, content in zip(outputs, contents, strict=True):
+        write_bytes(path, content)
+        if not quiet:
+            print(f"wrote {path}", file=sys.stderr)
+    if as_json:
+        print(json.dumps(studied.as_dict(), indent=2, allow_nan=False, ensure_ascii=False))
+    elif not quiet:
+        print(text.summary(studied), end="")
+
+
+@lens.command("import", epilog=EXAMPLE_IMPORT)
+def import_file(
+    file: Annotated[str, typer.Argument(metavar="FILE", help="Table of another program: .dat (pbrt) or .zmx (Zemax).")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="LENS.yaml", help="Lens file to write; default: stdout.")
+    ] = None,
+    glass: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=INDEX/ABBE",
+            help="What a glass is that is not in the catalogue: SK16=1.62041/60.3.  May repeat.",
+        ),
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing.")] = False,
+) -> None:
+    """Take over another program's lens: write it as a lens file.
+
+    Of .zmx files the sequential surfaces that are round, in air, with glasses of the catalogue or by index and Abbe
+    number; what is none of these is an error that says so.
+    """
+    from raytracer.film.output import check_file, write_bytes
+    from raytracer.lenses.importing import as_yaml, checked_glasses, imported
+
+    if output is not None:
+        if output.suffix.lower() not in (".yaml", ".yml"):
+            raise InputError(f"{output}: a lens file is written as .yaml")
+        check_file(output)
+    try:
+        glasses = checked_glasses(glass or [])
+    except ValueError as error:
+        raise InputError(f"--glass: {error}") from None
+    written = as_yaml(imported(Path(file), glasses))
+    if output is None:
+        print(written, end="")
+        return
+    write_bytes(output, written.encode())
+    if not quiet:
+        print(f"wrote {output}", file=sys.stderr)
+
+
+@lens.command("distortion", epilog=EXAMPLE_DISTORTION)
+def distortion(
+    file: File,
+    output: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="OUT",
+            help="The maps and their inverse, .npz; OpenCV's model of them, .yaml; or all numbers but the maps, "
+            ".json.  May repeat.",
+        ),
+    ] = None,
+    width: Annotated[int, typer.Option(help="Pixels across the sensor.", min=2, max=16_384)] = 1200,
+    ideal: Annotated[
+        Literal["rectilinear", "equidistant"] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Projection to compare with: rectilinear or equidistant.  Default: rectilinear, and equidistant for "
+            "lenses that see 65 degrees from the axis or more.",
+            show_default=False,
+        ),
+    ] = None,
+    f_number: Number = None,
+    focus_distance: Distance = "inf",
+    sensor: Sensor = None,
+    wavelengths: Wavelengths = "d",
+    as_json: options.AsJson = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print no summary.")] = False,
+) -> None:
+    """Trace a lens's distortion over the sensor, and fit OpenCV's models to it.
+
+    The residual of each model is said: how far it is from the traced rays, in pixels.
+    """
+    outputs = output or []
+    for path in outputs:
+        if path.suffix.lower() not in (".npz", ".yaml", ".yml", ".json"):
+            raise InputError(f"{path}: {_suffix(path)} for a map of distortion; known: .npz, .yaml, .json")
+    settings = _settings(f_number, focus_distance, sensor, wavelengths)
+    _check_files(outputs)
+
+    import json
+
+    from raytracer.assets.lenses import read_lens
+    from raytracer.film.output import write_bytes
+    from raytracer.lens_report import maps
+    from raytracer.lens_report.analysis.bench import bench_of
+
+    seen = read_lens(Path(file))
+    with _told(file):
+        found = maps.distortion(bench_of(seen, _fitting(settings, sensor, seen)), width, ideal=ideal)
+    as_text = json.dumps(maps.as_dict(found), indent=2, allow_nan=False) + "\n"
+    for path in outputs:
+        kind = path.suffix.lower()
+        if kind == ".json":
+            write_bytes(path, as_text.encode())
+        else:
+            write_bytes(path, maps.npz(found) if kind == ".npz" else maps.opencv_yaml(found))
+        if not quiet:
+            print(f"wrote {path}", file=sys.stderr)
+    if as_json:
+        print(as_text, end="")
+    elif not quiet:
+        print(maps.text(found), end="")
+
+
+# ---- What commands share
+
+
+def _settings(f_number: float | None, focus_distance: str, sensor: str | None, wavelengths: str) -> "Settings":
+    from raytracer.lens_report.analysis.results import Settings
+
+    if f_number is not None and not 0.0 < f_number < 1e6:
+        raise InputError(f"--f-number {f_number:g}: must be greater than 0 and less than a million")
+    distance = 1000.0 * options.number("--focus-distance", focus_distance, lambda text: parse_quantity(text, "length"))
+    if distance <= 0.0:
+        raise InputError(f"--focus-distance {focus_distance}: must be greater than 0")
+    size = _sensor(sensor or "full_frame")
+    return Settings(
+        f_number=f_number, focus_distance_mm=distance, sensor_mm=size, wavelengths_nm=_wavelengths(wavelengths)
+    )
+
+
+def _fitting(settings: "Settings", sensor: str | None, seen: "Lens") -> "Settings":
+    """Settings for a lens: where no sensor is asked for, one that its image circle covers."""
+    from raytracer.lenses.stops import widest_f_number
+
+    # What is engraved on a lens is rounded, and stands for wide open.
+    engraved, wanted = seen.f_number, settings.f_number
+    if wanted is not None and engraved is not None and engraved <= wanted < widest_f_number(seen):
+        settings = settings._replace(f_number=None)
+    diagonal = math.hypot(*settings.sensor_mm)
+    if sensor is not None or seen.image_circle is None or seen.image_circle >= diagonal:
+        return settings
+    width, height = settings.sensor_mm
+    share = seen.image_circle / diagonal
+    return settings._replace(sensor_mm=(share * width, share * height))
+
+
+def _sensor(text: str) -> tuple[float, float]:
+    """Width and height (mm)."""
+    from raytracer.sensors import SENSORS, SensorSpec
+
+    parts = text.lower().split("x")
+    if len(parts) == 2 and text not in SENSORS:
+        width, height = (options.number("--sensor", part, lambda part: parse_quantity(part, "optic")) for part in parts)
+        if not (0.0 < width < 1e4 and 0.0 < height < 1e4):
+            raise InputError(f"--sensor {text}: must be larger than 0 and smaller than 10 m")
+        return width, height
+    from pydantic import ValidationError
+
+    try:
+        size = SensorSpec(format=text).size()
+    except ValidationError as error:
+        reason = str(error.errors()[0]["msg"]).removeprefix("Value error, ")
+        raise InputError(f"--sensor {text}: {reason}; or a size such as 36x24 (mm)") from None
+    assert size is not None
+    return size.width, size.height
+
+
+def _wavelengths(text: str) -> tuple[float, ...]:
+    from raytracer.glass import LINE_C, LINE_D, LINE_F
+
+    lines = {"d": LINE_D, "f": LINE_F, "c": LINE_C}
+    found = []
+    for part in text.split(","):
+        name = part.strip().lower().removesuffix("nm").strip()
+        try:
+            nm = lines[name] if name in lines else float(name)
+        except ValueError:
+            raise InputError(f"--wavelengths {text}: must be wavelengths in nm, or the lines d, F, C") from None
+        if not 300.0 <= nm <= 2500.0:
+            raise InputError(f"--wavelengths {text}: must be from 300 to 2500 nm")
+        if nm in found:
+            raise InputError(f"--wavelengths {text}: has {part.strip()} twice")
+        found.append(nm)
+    return tuple(found)
+
+
+@contextlib.contextmanager
+def _told(file: str) -> Iterator[None]:
+    """What a lens cannot do is the user's to know, with the file that it is of."""
+    try:
+        yield
+    except ValueError as error:
+        raise InputError(f"{file}: {error}") from None
+
+
+def _check_files(paths: Sequence[Path]) -> None:
+    """Find out what cannot be written before the work, not after."""
+    from raytracer.film.output import check_file
+
+    for path in paths:
+        check_file(path)
+
+
+def _suffix(path: Path) -> str:
+    return f"unknown suffix {path.suffix!r}" if path.suffix else "no suffix"
+
+
+def _writer(path: Path) -> "Writer":
+    """What makes a file of the kind that its suffix names."""
+    kind = path.suffix.lower()
+    if kind not in _WRITERS:
+        raise InputError(f"{path}: {_suffix(path)} for a report on a lens; known: {', '.join(_WRITERS)}")
+    if kind in (".pdf", ".png"):
+        from raytracer.lens_report.pdf import require_matplotlib
+
+        require_matplotlib(kind)
+    return _WRITERS[kind]
+
+
+def _html(found: "Lens", studied: "Study") -> bytes:
+    from raytracer.lens_report.page import page
+
+    return page(found, studied)
+
+
+def _pdf(found: "Lens", studied: "Study") -> bytes:
+    from raytracer.lens_report.pdf import pdf
+
+    return pdf(found, studied)
+
+
+def _svg(found: "Lens", studied: "Study") -> bytes:
+    from raytracer.lens_report import drawing
+
+    return drawing.document(drawing.sections(found, studied))
+
+
+def _png(found: "Lens", studied: "Study") -> bytes:
+    from raytracer.lens_report.pdf import png
+
+    return png(found, studied)
+
+
+def _json(found: "Lens", studied: "Study") -> bytes:
+    import json
+
+    return (json.dumps(studied.as_dict(points=True), indent=2, allow_nan=False, ensure_ascii=False) + "\n").encode()
+
+
+Writer: TypeAlias = "Callable[[Lens, Study], bytes]"
+
+_WRITERS: dict[str, Writer] = {".html": _html, ".pdf": _pdf, ".svg": _svg, ".png": _png, ".json": _json}
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command, and those below it, to `app`."""
+    app.add_typer(lens, name="lens")

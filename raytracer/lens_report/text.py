@@ -1,0 +1,332 @@
+"""What a study says in words and numbers: for a terminal, and as rows of tables for pages."""
+
+import math
+import textwrap
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from raytracer.lens_report.analysis.results import Curve, FirstOrder, Note
+from raytracer.lens_report.analysis.study import Study
+from raytracer.lens_report.plots import projection, wavelength_name
+from raytracer.lenses.lens import Lens
+
+_WIDTH = 100
+
+
+class Row(NamedTuple):
+    """A row of a table: its name, what is in it, and what it means ("" where that is plain)."""
+
+    name: str
+    cells: tuple[str, ...]
+    meaning: str = ""
+
+
+class Table(NamedTuple):
+    """Rows under a head; all columns but the first are numbers or short words, to the right."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[Row, ...]
+    text: str = ""
+
+
+# ---- Numbers
+
+
+def millimetres(value: float, digits: int = 6) -> str:
+    """A length; `infinite` and `none` in words."""
+    if math.isnan(value):
+        return "none"
+    if math.isinf(value):
+        return "infinite"
+    return f"{_digits(value, digits)} mm"
+
+
+def _digits(value: float, digits: int) -> str:
+    """So many significant digits, but not below a nanometre."""
+    if value == 0.0 or abs(value) < 5e-7:
+        return "0"
+    decimals = max(0, min(6, digits - 1 - math.floor(math.log10(abs(value)))))
+    return f"{value:.{decimals}f}".replace("-", "−")
+
+
+def _degrees(value: float) -> str:
+    return "none" if math.isnan(value) else f"{value:.2f}°"
+
+
+def _relative(value: float) -> str:
+    if math.isnan(value):
+        return ""
+    return "0" if value == 0.0 else f"{value:.1e}".replace("-", "−")
+
+
+def _plain(value: float, digits: int = 4) -> str:
+    # Adding 0 takes the sign from a zero.
+    return "none" if math.isnan(value) else f"{value + 0.0:.{digits}g}".replace("-", "−")
+
+
+def distance(millimetre: float) -> str:
+    """A distance in the scene."""
+    if math.isinf(millimetre):
+        return "infinity"
+    return f"{millimetre / 1000.0:.6g} m"
+
+
+# ---- Tables
+
+
+def setting(study: Study) -> str:
+    """How the lens is set up."""
+    first, chosen = study.first_order[0], study.settings
+    width, height = chosen.sensor_mm
+    colours = ", ".join(wavelength_name(nm) for nm in chosen.wavelengths_nm)
+    number = f"f/{chosen.f_number:g}" if chosen.f_number is not None else f"wide open, f/{first.f_number:.4g}"
+    return (
+        f"{number}, focused on {distance(chosen.focus_distance_mm)}, film {width:.4g} x {height:.4g} mm, "
+        f"largest field {first.half_field_deg:.4g}° ({first.half_field_image_height_mm:.4g} mm); {colours}"
+    )
+
+
+def first_order(study: Study) -> tuple[Table, ...]:
+    """First-order data, of each plane of the lens that differs: by matrices, and by traced rays."""
+    several = len(study.first_order) > 1
+    return tuple(_first_order(first, several) for first in study.first_order)
+
+
+def _first_order(first: FirstOrder, several: bool) -> Table:
+    def place(name: str, z: float) -> Row:
+        return Row(name, (millimetres(z), "", ""))
+
+    rows = [
+        Row(
+            "focal length",
+            (
+                millimetres(first.focal_length_mm),
+                millimetres(first.focal_length_traced_mm),
+                _relative(first.focal_length_difference),
+            ),
+        ),
+        Row(
+            "back focus",
+            (
+                millimetres(first.back_focus_mm),
+                millimetres(first.back_focus_traced_mm),
+                _relative(first.back_focus_difference),
+            ),
+            "from the last vertex to the rear focal point",
+        ),
+        place("front focal point F", first.front_focus_z_mm),
+        place("rear focal point F′", first.rear_focus_z_mm),
+        place("front principal plane H", first.front_principal_z_mm),
+        place("rear principal plane H′", first.rear_principal_z_mm),
+        place("front nodal point N", first.front_nodal_z_mm),
+        place("rear nodal point N′", first.rear_nodal_z_mm),
+        place("stop", first.stop_z_mm),
+        place("stop's diameter", first.stop_diameter_mm),
+        place("entrance pupil", first.entrance_pupil_z_mm),
+        place("entrance pupil's diameter", first.entrance_pupil_diameter_mm),
+        place("exit pupil", first.exit_pupil_z_mm),
+        place("exit pupil's diameter", first.exit_pupil_diameter_mm),
+        Row("f-number", (_plain(first.f_number), "", ""), "focal length over the entrance pupil's diameter"),
+        Row("working f-number", ("", _plain(first.working_f_number), ""), "1 / (2 sin u′) of the marginal ray"),
+        Row("magnification", (_plain(first.magnification), "", "")),
+        place("film", first.film_z_mm),
+        place("front vertex to film", first.total_track_mm),
+        Row("field of view, width", ("", _degrees(first.field_of_view_width_deg), "")),
+        Row("field of view, height", ("", _degrees(first.field_of_view_height_deg), "")),
+        Row("field of view, diagonal", ("", _degrees(first.field_of_view_diagonal_deg), "")),
+        Row("radius of the Petzval surface", (millimetres(first.petzval_radius_mm, 5), "", "")),
+    ]
+    # What is published is of the lens as it stands at infinity; its group may change it, and its cylinders across.
+    if math.isfinite(first.published_focal_length_mm) and first.magnification == 0.0 and first.meridian == "y":
+        off = first.focal_length_mm / first.published_focal_length_mm - 1.0
+        said = f"{round(100.0 * off, 2) + 0.0:+.2f} %".replace("-", "−")
+        rows.insert(1, Row("focal length, published", (f"{first.published_focal_length_mm:g} mm", "", said)))
+    title = f"First order, in the plane of {first.meridian}" if several else "First order"
+    text = (
+        f"At {wavelength_name(first.wavelength_nm)}. By ray transfer matrices, and beside them by rays traced near the "
+        "axis; the difference is relative. Places are from the front vertex, positive towards the film."
+    )
+    return Table(title, ("", "matrices", "traced", "difference"), tuple(rows), text)
+
+
+def surfaces(lens: Lens) -> Table:
+    """The prescription."""
+    rows = []
+    for number, one in enumerate(lens.elements, start=1):
+        radius = "flat" if one.curvature == 0.0 else f"{1.0 / one.curvature:.6g}".replace("-", "−")
+        name = one.glass.name
+        glass = "" if float(one.glass.ior()) == 1.0 else name
+        more = [one.kind] if one.kind not in ("spherical", "flat") else []
+        more += ["stop"] if one.is_stop and one.kind != "stop" else []
+        more += [f"k = {one.conic:g}"] if one.conic else []
+        more += [f"along {one.axis}"] if one.axis else []
+        more += ["coated"] if one.coating is not None else []
+        cells = (radius, f"{one.thickness:g}", glass, f"{2.0 * one.radius:g}", ", ".join(more))
+        rows.append(Row(str(number), cells))
+    head = ("surface", "radius (mm)", "to the next (mm)", "material", "clear diameter (mm)", "")
+    return Table("Surfaces", head, tuple(rows))
+
+
+def seidel(study: Study) -> Table | None:
+    """Third-order sums by surface."""
+    sums = study.seidel
+    if sums is None:
+        return None
+    columns = (
+        ("spherical", sums.spherical, sums.total_spherical),
+        ("coma", sums.coma, sums.total_coma),
+        ("astigmatism", sums.astigmatism, sums.total_astigmatism),
+        ("Petzval", sums.petzval, sums.total_petzval),
+        ("distortion", sums.distortion, sums.total_distortion),
+        ("axial colour", sums.axial_colour, sums.total_axial_colour),
+        ("lateral colour", sums.lateral_colour, sums.total_lateral_colour),
+    )
+    rows = [
+        Row(str(number + 1), tuple(_micrometres(column[number]) for _, column, _ in columns))
+        for number in range(len(sums.spherical))
+    ]
+    rows.append(Row("sum", tuple(_micrometres(total) for _, _, total in columns)))
+    text = (
+        f"In micrometres, at {wavelength_name(sums.wavelength_nm)}, for the marginal ray and the chief ray that lands "
+        f"{sums.image_height_mm:.4g} mm out: S_I to S_V, C_I and C_II. Large numbers of both signs that undo each "
+        "other make a lens hard to build."
+    )
+    return Table("Seidel sums", ("surface", *(name for name, _, _ in columns)), tuple(rows), text)
+
+
+def _micrometres(millimetre: float) -> str:
+    return f"{1000.0 * float(millimetre):.2f}".replace("-", "−")
+
+
+def tolerances(study: Study) -> tuple[Table, ...]:
+    """How exactly film and glass have to be where they are."""
+    several = len(study.tolerances) > 1
+    found = []
+    for result in study.tolerances:
+        plane = f", in the plane of {result.meridian}" if several else ""
+        rows = (
+            Row("circle of confusion", (millimetres(result.circle_of_confusion_mm, 3),)),
+            Row("depth of focus", (f"± {millimetres(result.depth_of_focus_mm, 3)}",), "how far off the film may be"),
+            Row("nearest plane that is sharp", (_scene(result.near_limit_mm),), "from the entrance pupil"),
+            Row("farthest plane that is sharp", (_scene(result.far_limit_mm),), "from the entrance pupil"),
+            Row("best focus, from the film", (millimetres(result.best_focus_mm, 3),), "least RMS spot on the axis"),
+            Row("RMS spot on the axis", (f"{_plain(result.rms_on_axis_um, 3)} µm",)),
+            Row("the same at best focus", (f"{_plain(result.rms_on_axis_best_um, 3)} µm",)),
+            Row("all errors below, together", (millimetres(result.rss_back_focus_mm, 3),), "RSS, on the back focus"),
+        )
+        found.append(Table(f"Tolerance on focus{plane}", ("", ""), rows))
+        errors = tuple(
+            Row(
+                f"{one.surface}: {one.parameter}",
+                (
+                    f"{one.step:g} {one.unit}".strip(),
+                    f"{1000.0 * one.back_focus_mm:.3g}".replace("-", "−"),
+                    _plain(one.back_focus_per_unit),
+                    f"{one.spot_um:+.3g}".replace("-", "−"),
+                    f"{one.spot_refocused_um:+.3g}".replace("-", "−"),
+                ),
+            )
+            for one in result.sensitivities
+        )
+        if errors:
+            head = ("surface", "error", "back focus (µm)", "by the number", "spot (µm)", "refocused (µm)")
+            text = "What a small error of each number does to the back focus, and adds to the RMS spot on the axis."
+            found.append(Table(f"Errors of making{plane}", head, errors, text))
+    return tuple(found)
+
+
+def _scene(value: float) -> str:
+    return "none" if math.isnan(value) else distance(value)
+
+
+def notes(study: Study) -> tuple[Note, ...]:
+    """What a reader of a report has to know besides; not what is about keys of the JSON."""
+    return tuple(note for note in study.notes if "null" not in note.reason and "`" not in note.reason)
+
+
+# ---- A terminal
+
+
+def summary(study: Study) -> str:
+    """A study on a page of a terminal."""
+    lines = textwrap.wrap(study.name, _WIDTH)
+    lines += textwrap.wrap(study.source, _WIDTH)
+    lines += textwrap.wrap(setting(study), _WIDTH)
+    for table in first_order(study):
+        lines += ["", table.title, *_columns([table.head, *((row.name, *row.cells) for row in table.rows)])]
+    lines += ["", "Aberrations", *_columns(aberrations(study))]
+    lines += ["", "Spots, of all wavelengths together", *_columns(spots(study))]
+    for note in notes(study):
+        lines += ["", *textwrap.wrap(f"{note.topic.replace('_', ' ')}: {note.reason}", _WIDTH)]
+    return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def aberrations(study: Study) -> list[tuple[str, ...]]:
+    """The aberrations in a number each: name, value, where."""
+    rows: list[tuple[str, ...]] = []
+    for spherical in study.spherical:
+        zones = np.flatnonzero(np.isfinite(spherical.longitudinal_mm[0]))
+        if zones.size:
+            value, zone = spherical.longitudinal_mm[0, zones[-1]], spherical.pupil[zones[-1]]
+            where = "at the pupil's rim" if zone == 1.0 else f"at {zone:.2g} of the pupil's height"
+            rows.append(("spherical aberration", millimetres(float(value), 3), where))
+    rows += [("longitudinal colour", millimetres(c.axial_between_ends_mm, 3), _ends(study)) for c in study.colour]
+    for curvature in study.field_curvature:
+        for name, values in (("tangential", curvature.tangential_mm[0]), ("sagittal", curvature.sagittal_mm[0])):
+            rows += _outermost(f"focus, {name}", values, curvature.image_height_mm, "mm")
+    for distortion in study.distortion:
+        rows += _outermost("distortion", distortion.percent, distortion.image_height_mm, "%")
+        if distortion.projection != "f tan":
+            name = f"distortion against {projection(distortion.projection)}"
+            rows += _outermost(name, distortion.projection_percent, distortion.image_height_mm, "%")
+    for colour in study.colour:
+        for nm, values in zip(colour.edge_wavelengths_nm[1:], colour.lateral_um[1:], strict=True):
+            name = f"lateral colour, {wavelength_name(float(nm))}"
+            rows += _outermost(name, values, colour.image_height_mm, "µm")
+    for light in study.illumination:
+        rows += _outermost("relative illumination", 100.0 * light.relative, light.image_height_mm, "%")
+    return rows
+
+
+def _ends(study: Study) -> str:
+    wavelengths = study.settings.wavelengths_nm
+    return f"{wavelengths[1]:.4g} nm from {wavelengths[2]:.4g} nm" if len(wavelengths) > 2 else ""
+
+
+def _outermost(name: str, values: Curve, heights: Curve, unit: str) -> list[tuple[str, ...]]:
+    """The value that is farthest out, and where that is."""
+    there = np.flatnonzero(np.isfinite(values))
+    if not there.size:
+        return []
+    last = there[-1]
+    return [(name, f"{_plain(float(values[last]), 3)} {unit}", f"{float(heights[last]):.4g} mm out")]
+
+
+def spots(study: Study) -> list[tuple[str, ...]]:
+    """A table of spots and contrast over the field, its head first."""
+    frequencies = study.settings.frequencies_per_mm
+    head = ("image height", "field", "RMS", "largest", *(f"T {f:g}/mm" for f in frequencies))
+    rows = [(*head, *(f"S {f:g}/mm" for f in frequencies))]
+    for spot, mtf in zip(study.spots, study.mtf, strict=True):
+        contrasts = [
+            _plain(float(np.interp(frequency, mtf.frequencies_per_mm, values)), 2)
+            for values in (mtf.tangential, mtf.sagittal)
+            for frequency in frequencies
+        ]
+        sizes = (f"{_plain(spot.rms_um, 3)} µm", f"{_plain(spot.largest_um, 3)} µm")
+        rows.append((millimetres(spot.image_height_mm, 4), _degrees(spot.field_deg), *sizes, *contrasts))
+    return rows
+
+
+def _columns(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    """Rows under each other: the first column to the left, the others to the right but for words at the end."""
+    widths = [max(len(row[column]) for row in rows if column < len(row)) for column in range(max(map(len, rows)))]
+    lines = []
+    for row in rows:
+        cells = zip(row, widths[: len(row)], strict=True)
+        aligned = (f"{cell:>{width}}" if n else f"{cell:<{width}}" for n, (cell, width) in enumerate(cells))
+        lines.append("  " + "  ".join(aligned))
+    return lines

@@ -1,0 +1,194 @@
+"""`rt lens`: what it prints and writes, and what it refuses."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raytracer.assets.lenses import read_lens
+from raytracer.cli.main import main
+from tests.lens_report.benches import SHIPPED
+
+LENSES = {path.stem: str(path) for path in SHIPPED}
+GAUSS = LENSES["double-gauss-50mm"]
+
+SINGLET = """\
+name: singlet
+surfaces:
+  - {type: flat, thickness: 5, material: 1.5, aperture: 20}
+  - {type: spherical, radius: -50, aperture: 20}
+"""
+
+DAT = """\
+# D-GAUSS F/2 22deg HFOV
+# radius\taxpos\tN\taperture
+29.475\t3.76\t1.67\t25.2
+84.83\t0.12\t1\t25.2
+0\t4.5\t0\t17.1
+-39.73\t0\t1\t20
+"""
+
+
+@pytest.fixture
+def singlet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "singlet.yaml").write_text(SINGLET)
+    return "singlet.yaml"
+
+
+def test_a_summary(singlet: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["lens", singlet]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("singlet\n")
+    assert re.search(r"^  focal length +100\.000 mm +100\.000 mm", out, re.MULTILINE)
+    assert "Spots, of all wavelengths together" in out
+
+
+def test_files_of_all_kinds(singlet: str, capsys: pytest.CaptureFixture[str]) -> None:
+    names = ["a/report.html", "section.svg", "section.png", "numbers.json"]
+    assert main(["lens", singlet, *(part for name in names for part in ("-o", name))]) == 0
+    captured = capsys.readouterr()
+    assert captured.err.splitlines() == [f"wrote {name}" for name in names]
+    starts = [b"<!doctype html>", b"<?xml", b"\x89PNG", b"{"]
+    assert [Path(name).read_bytes()[: len(start)] for name, start in zip(names, starts, strict=True)] == starts
+    # Of the spots' points only the file has them.
+    points = json.loads(Path("numbers.json").read_text())["spots"][0]["spots"][0]["points_um"]
+    assert len(points) > 100
+    assert not list(Path().glob("**/.*.tmp"))
+
+
+def test_json_is_all_of_the_output(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["--f-number", "4", "--focus-distance", "2m", "--sensor", "aps_c", "--wavelengths", "550, f ,656.3nm"]
+    assert main(["lens", GAUSS, *arguments, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["settings"]["focus_distance_mm"] == 2000.0
+    assert found["settings"]["sensor_mm"] == [23.6, 15.8]
+    assert found["settings"]["wavelengths_nm"] == [550.0, 486.1327, 656.3]
+    first = found["first_order"][0]
+    assert first["f_number"] == pytest.approx(4.0, rel=0.02)
+    assert first["magnification"] == pytest.approx(-50.0 / 1950.0, rel=0.05)
+
+
+def test_a_small_lens_is_seen_on_a_small_film(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["lens", "distortion", "--json", LENSES["phone-3.7mm"]]) == 0
+    circle = read_lens(Path(LENSES["phone-3.7mm"])).image_circle
+    assert circle is not None
+    found = json.loads(capsys.readouterr().out)
+    assert np.hypot(*found["sensor_mm"]) == pytest.approx(circle)
+    assert found["film_mm"][-1] == pytest.approx(0.5 * circle, rel=1e-3)
+    assert found["ideal_mm"][-1] is not None
+
+
+def test_the_f_number_that_is_engraved_is_wide_open(capsys: pytest.CaptureFixture[str]) -> None:
+    """The double Gauss is called f/2, and opens to f/2.004."""
+    assert main(["lens", "distortion", GAUSS, "--f-number", "2", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["f_number"] is None
+    assert main(["lens", "distortion", GAUSS, "--f-number", "1.9"]) == 2
+    assert "the lens opens to f/2.00" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ([], "Missing argument 'FILE'"),
+        (["none.yaml"], "none.yaml: no such file"),
+        (["singlet.yaml", "-o", "a.xyz"], "a.xyz: unknown suffix '.xyz' for a report on a lens; known: .html, .pdf"),
+        (["singlet.yaml", "-o", "a"], "a: no suffix for a report on a lens"),
+        (["singlet.yaml", "-o", "folder.html"], "folder.html: is a folder, not a file"),
+        (["singlet.yaml", "--f-number", "0.5"], "singlet.yaml: the lens opens to f/"),
+        (["singlet.yaml", "--f-number", "-1"], "--f-number -1: must be greater than 0"),
+        (["singlet.yaml", "--focus-distance", "0"], "--focus-distance 0: must be greater than 0"),
+        (["singlet.yaml", "--focus-distance", "3kg"], "--focus-distance 3kg: has the unknown unit 'kg'"),
+        (["singlet.yaml", "--focus-distance", "5cm"], "singlet.yaml: the lens cannot focus at 50 mm"),
+        (["singlet.yaml", "--sensor", "ful_frame"], "--sensor ful_frame: unknown sensor 'ful_frame'; did you mean"),
+        (["singlet.yaml", "--sensor", "36x0"], "--sensor 36x0: must be larger than 0"),
+        (["singlet.yaml", "--sensor", "36xa"], "--sensor a: must be a length in millimetres"),
+        (["singlet.yaml", "--wavelengths", "d,x"], "--wavelengths d,x: must be wavelengths in nm, or the lines"),
+        (["singlet.yaml", "--wavelengths", "200"], "--wavelengths 200: must be from 300 to 2500 nm"),
+        (["singlet.yaml", "--wavelengths", "d,d"], "--wavelengths d,d: has d twice"),
+        (["import", "singlet.yaml"], "singlet.yaml: is no lens of another program"),
+        (["import", "none.dat"], "none.dat: no such file"),
+        (["import", "gauss.dat", "-o", "a.txt"], "a.txt: a lens file is written as .yaml"),
+        (["import", "gauss.dat", "--glass", "SK16"], "--glass: must be NAME=INDEX/ABBE"),
+        (["distortion", "singlet.yaml", "-o", "map.png"], "map.png: unknown suffix '.png' for a map of distortion"),
+        (["distortion", "singlet.yaml", "--ideal", "round"], "Invalid value for '--ideal'"),
+        (["distortion", "singlet.yaml", "--width", "1"], "Invalid value for '--width'"),
+    ],
+)
+def test_what_is_wrong_is_one_sentence(
+    singlet: str, arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("gauss.dat").write_text(DAT)
+    Path("folder.html").mkdir()
+    before = sorted(Path().iterdir())
+    assert main(["lens", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (line,) = captured.err.splitlines()
+    assert line.startswith(f"rt: {sentence}")
+    assert sorted(Path().iterdir()) == before
+
+
+def test_what_cannot_be_written_is_one_sentence(
+    singlet: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.replace", full)
+    assert main(["lens", singlet, "-o", "report.svg"]) == 1
+    assert capsys.readouterr().err == "rt: report.svg: cannot be written: No space left on device\n"
+    assert not list(Path().glob("*.svg")) + list(Path().glob(".*.tmp"))
+
+
+def test_an_interrupt_ends_it_quietly(
+    singlet: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("raytracer.lens_report.analysis.study.study", interrupt)
+    assert main(["lens", singlet, "-o", "report.svg"]) == 130
+    assert capsys.readouterr().err == "rt: interrupted\n"
+    assert not Path("report.svg").exists()
+
+
+@pytest.mark.parametrize("command", [[], ["import"], ["distortion"]])
+def test_help_shows_an_example(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["lens", *command, "--help"]) == 0
+    out = capsys.readouterr().out
+    assert "Example" in out
+    assert f"  rt lens {' '.join(command)}".rstrip() in out
+
+
+def test_the_list_of_commands_has_it(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == 0
+    assert "  lens " in capsys.readouterr().out
+
+
+def test_an_imported_lens_is_the_same_lens(singlet: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("gauss.dat").write_text(DAT)
+    assert main(["lens", "import", "gauss.dat", "-o", "gauss.yaml"]) == 0
+    assert capsys.readouterr() == ("", "wrote gauss.yaml\n")
+    ours, theirs = read_lens(Path("gauss.yaml")), read_lens(Path("gauss.dat"))
+    assert ours.elements == theirs.elements
+    assert main(["lens", "import", "gauss.dat"]) == 0
+    assert capsys.readouterr().out == Path("gauss.yaml").read_text()
+
+
+def test_distortion_as_text_files_and_json(singlet: str, capsys: pytest.CaptureFixture[str]) -> None:
+    names = ["map.npz", "opencv.yaml", "numbers.json"]
+    outputs = [part for name in names for part in ("-o", name)]
+    assert main(["lens", "distortion", GAUSS, "--width", "150", *outputs]) == 0
+    captured = capsys.readouterr()
+    assert captured.err.splitlines() == [f"wrote {name}" for name in names]
+    assert captured.out.startswith("Double Gauss 50 mm f/2\n150 x 100 pixels of 240 µm\n")
+    assert "pinhole: off by" in captured.out
+    with np.load("map.npz") as arrays:
+        assert arrays["map_x"].shape == arrays["inverse_y"].shape == (100, 150)
+        assert arrays["map_x"].dtype == np.float32
+    assert Path("opencv.yaml").read_text().startswith("%YAML:1.0\n---\n")
+    assert main(["lens", "distortion", GAUSS, "--width", "150", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == json.loads(Path("numbers.json").read_text())

@@ -1,0 +1,183 @@
+"""Drawings: surfaces are where the lens has them, and rays go as rays do."""
+
+import math
+import xml.etree.ElementTree as ET
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from raytracer.assets.lenses import read_lens
+from raytracer.glass import AIR, constant
+from raytracer.lens_report import drawing, svg
+from raytracer.lens_report.analysis.results import Settings
+from raytracer.lens_report.analysis.study import study
+from raytracer.lens_report.drawing import Arc, Cubic, Line, fan, picture, profile, reversed_pieces
+from raytracer.lenses.first_order import cardinal_points
+from raytracer.lenses.lens import Element
+from tests.lens_report.benches import SHIPPED, cylinder_pair, lens_of, plano_convex, symmetric_lens
+
+GLASS = constant(1.5)
+QUICK = Settings(steps=5, rays=8, fields=(0.0, 1.0))
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def bezier(start: tuple[float, float], cubic: Cubic) -> np.ndarray:
+    """Points of a cubic curve (n, 2)."""
+    t = np.linspace(0.0, 1.0, 21)[:, None]
+    a, b, c, d = (np.array(point) for point in (start, *cubic))
+    return (1 - t) ** 3 * a + 3 * t * (1 - t) ** 2 * b + 3 * t**2 * (1 - t) * c + t**3 * d
+
+
+@pytest.mark.parametrize("radius", [20.0, -35.0])
+def test_a_sphere_is_an_arc_of_its_radius(radius: float) -> None:
+    start, (arc,) = profile(Element(1.0 / radius, 1.0, GLASS, 15.0), 3.0, 15.0)
+    assert isinstance(arc, Arc)
+    assert (arc.half_z, arc.half_height) == pytest.approx((abs(radius), abs(radius)))
+    for z, height in (start, arc.end):
+        assert math.hypot(z - 3.0 - radius, height) == pytest.approx(abs(radius))
+    # The centre of an arc upwards is on its left if the pen turns anticlockwise.
+    assert arc.anticlockwise == (radius < 0.0)
+    for (z, height), cubic in pairwise_cubics(start, drawing._cubics(start, arc)):
+        points = bezier((z, height), cubic)
+        np.testing.assert_allclose(np.hypot(points[:, 0] - 3.0 - radius, points[:, 1]), abs(radius), rtol=1e-8)
+
+
+def pairwise_cubics(start: tuple[float, float], cubics: list[Cubic]) -> list[tuple[tuple[float, float], Cubic]]:
+    return list(zip([start, *(cubic.end for cubic in cubics)], cubics, strict=False))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"conic": -0.6},
+        {"conic": -1.0},
+        {"conic": -2.25},
+        {"conic": 3.0},
+        {"conic": -1.0, "coefficients": (3e-5, -2e-8)},
+        {"coefficients": (1e-5, 1e-8, -1e-11)},
+    ],
+)
+def test_points_of_a_curve_lie_on_the_surface(changes: dict[str, float]) -> None:
+    surface = Element(0.02, 1.0, GLASS, 18.0, kind="asphere")._replace(**changes)
+    start, pieces = profile(surface, -4.0, 18.0)
+    cubics = drawing._cubics(start, pieces[0]) if isinstance(pieces[0], Arc) else list(pieces)
+    for place, cubic in pairwise_cubics(start, cubics):
+        for z, height in bezier(place, cubic):
+            expected = -4.0 + float(surface.sag(0.0, height))
+            assert z == pytest.approx(expected, abs=1e-5)
+
+
+def test_a_cylinder_is_straight_along_its_axis() -> None:
+    surface = Element(0.02, 1.0, GLASS, 10.0, kind="cylindrical", axis="x")
+    assert isinstance(profile(surface, 0.0, 10.0, "x")[1][0], Line)
+    assert isinstance(profile(surface, 0.0, 10.0, "y")[1][0], Arc)
+
+
+def test_a_curve_turned_round_is_the_same_curve() -> None:
+    surface = Element(0.02, 1.0, GLASS, 18.0, kind="asphere", coefficients=(1e-5,))
+    for start, pieces in (profile(surface, 0.0, 18.0), profile(surface._replace(coefficients=()), 0.0, 18.0)):
+        assert reversed_pieces(*reversed_pieces(start, pieces)) == (start, pieces)
+        assert reversed_pieces(start, pieces)[0] == pieces[-1].end
+
+
+def test_rays_of_a_far_point_are_parallel_and_meet_every_surface() -> None:
+    lens = plano_convex()
+    surfaces = lens.packed()
+    film = cardinal_points(surfaces).rear_focus
+    found = fan(surfaces, film, -10.0)
+    assert found is not None
+    rays, angle = found
+    assert rays.shape == (7, 4, 2)
+    first = rays[:, 1] - rays[:, 0]
+    np.testing.assert_allclose(np.degrees(np.arctan2(-first[:, 1], first[:, 0])), angle, atol=1e-9)
+    # The front is the stop of the singlet here, or its rear rim: the image height is f tan(angle), but for aberrations.
+    assert 100.0 * math.tan(math.radians(angle)) == pytest.approx(10.0, rel=0.05)
+    for number, element in enumerate(lens.elements):
+        depths = [float(element.sag(0.0, height)) for height in rays[:, 1 + number, 1]]
+        np.testing.assert_allclose(rays[:, 1 + number, 0] - surfaces.vertex[number], depths, atol=1e-12)
+    np.testing.assert_array_equal(rays[:, -1, 0], film)
+
+
+def test_the_outer_rays_of_a_singlet_cross_the_axis_before_the_film() -> None:
+    surfaces = plano_convex().packed()
+    film = cardinal_points(surfaces).rear_focus
+    found = fan(surfaces, film, 0.0)
+    assert found is not None
+    heights = found[0][:, :, 1]
+    # Spherical aberration: they land on the other side, the outermost the farthest.
+    assert (heights[:3, 1] * heights[:3, -1] < 0.0).all()
+    assert abs(heights[0, -1]) > abs(heights[1, -1]) > abs(heights[2, -1])
+    np.testing.assert_allclose(heights, -heights[::-1], atol=1e-9)
+
+
+def test_rays_of_a_near_point_come_from_it() -> None:
+    surfaces = plano_convex().packed()
+    found = fan(surfaces, 200.0, -5.0, plane=-190.0)
+    assert found is not None
+    starts, seconds = found[0][:, 0], found[0][:, 1]
+    slopes = (seconds - starts)[:, 1] / (seconds - starts)[:, 0]
+    at_plane = starts[:, 1] + slopes * (-190.0 - starts[:, 0])
+    np.testing.assert_allclose(at_plane, at_plane[0], atol=1e-9)
+
+
+def test_no_light_makes_no_fan() -> None:
+    assert fan(symmetric_lens().packed(), 40.0, 500.0) is None
+
+
+@pytest.mark.parametrize(
+    "path", [path for path in SHIPPED if "anamorphic" not in path.stem], ids=lambda path: path.stem
+)
+def test_a_shipped_lens_in_section(path: object) -> None:
+    lens = read_lens(path)
+    found = study(lens, QUICK)
+    (shown,) = drawing.sections(lens, found)
+    glasses = sum(float(one.glass.ior()) != 1.0 for one in lens.elements[:-1])
+    assert len(shown.outlines) == glasses
+    assert len(shown.fields) == 3
+    root = ET.fromstring(svg.document(picture(shown)))
+    assert root.tag == f"{SVG}svg"
+    paths = [node.get("d", "") for node in root.iter(f"{SVG}path")]
+    assert sum(d.endswith("Z") for d in paths) == glasses
+    # No name covers another.
+    placed, _ = drawing._rows(shown, 5.0, 0.0)
+    for row in {row for _, _, row in placed}:
+        names = [(x, len(mark.name)) for mark, x, number in placed if number == row]
+        assert all(b - a > 3.0 * (long + wide) for (a, long), (b, wide) in pairwise(names))
+
+
+def test_a_lens_with_cylinders_is_drawn_in_both_planes() -> None:
+    lens = cylinder_pair()
+    shown = drawing.sections(lens, study(lens, QUICK))
+    assert [one.title[-1] for one in shown] == ["y", "x"]
+    root = ET.fromstring(drawing.document(shown))
+    assert len(root.findall(f"{SVG}svg")) == 2
+
+
+def test_glass_is_told_from_air() -> None:
+    lens = plano_convex()
+    film = cardinal_points(lens.packed()).rear_focus
+    shown = drawing.drawing(lens, lens.packed(), film, [0.0], half_film=12.0)
+    (outline,) = shown.outlines
+    assert outline.title == "n = 1.5000"
+    assert all(element.glass == AIR for element in lens.elements[1:])
+    # Flat front, straight rim up to the larger of the two, curved back.
+    assert [type(piece) for piece in outline.pieces] == [Line, Line, Line, Line, Arc, Line, Line, Line]
+    assert max(height for _, height in (piece.end for piece in outline.pieces)) == 12.5
+
+
+def test_rays_astray_do_not_make_all_else_small() -> None:
+    """A ball of dense glass throws rays of its rim far to the side."""
+    ball = lens_of((0.1, 20.0, constant(1.8), 9.95), (-0.1, 0.0, AIR, 9.95))
+    shown = drawing.drawing(ball, ball.packed(), 21.0, [0.0, 6.0, 8.0], half_film=8.0)
+    assert all(abs(ray.points[-1, 1]) <= 1.4 * 12.5 for ray in shown.rays)
+    whole = fan(ball.packed(), 21.0, -8.0)
+    assert whole is not None
+    drawn = [ray.points for ray in shown.rays if ray.field == 2]
+    # What is left of a ray lies on it.
+    cut = [(ended, ray) for ended, ray in zip(drawn, whole[0], strict=True) if abs(ray[-1, 1]) > 20.0]
+    assert cut
+    for ended, ray in cut:
+        (z, height), (full_z, full_height) = ended[-1] - ended[-2], ray[-1] - ray[-2]
+        assert z * full_height == pytest.approx(height * full_z)
+        assert 0.0 < height / full_height < 1.0

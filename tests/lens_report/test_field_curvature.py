@@ -1,0 +1,53 @@
+"""Coddington's equations against real rays close to the chief ray."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from raytracer.assets.lenses import read_lens
+from raytracer.lens_report.analysis.bench import MERIDIANS, Bench, bench_of
+from raytracer.lens_report.analysis.chief import object_points, of_fields
+from raytracer.lens_report.analysis.field_curvature import field_curvature
+from raytracer.lenses.surfaces import trace_rays
+from tests.lens_report.benches import SHIPPED, aspheric_pair, bench_at, closest, cylinder_pair, rays_close_to, sensor
+
+
+def foci(bench: Bench, meridian: str, field_deg: float) -> Any:
+    """Tangential and sagittal focus along the axis, from the film, of pairs of rays on both sides of the chief ray."""
+    chief = of_fields(bench, meridian, bench.primary, np.array([field_deg]))
+    origin, toward = chief.origin[0], chief.toward[0]
+    near = not math.isinf(bench.distance)
+    start = object_points(bench, chief.origin, -chief.toward)[0] if near else origin
+    column = MERIDIANS[meridian]
+    across = np.eye(3)[1 - column]
+    found = []
+    for along in (np.cross(toward, across), across):
+        apart = 1e-2 if not near else 1e-2 / bench.distance
+        origins, directions = rays_close_to(start, toward, along, apart, parallel=not near)
+        weights, points, onward = trace_rays(bench.wide(), origins, directions)
+        assert (weights > 0.0).all()
+        found.append(closest(points, onward)[2] - bench.film)
+    return found
+
+
+@pytest.mark.parametrize("distance", [math.inf, 300.0])
+@pytest.mark.parametrize(("make", "meridian"), [(aspheric_pair, "y"), (cylinder_pair, "y"), (cylinder_pair, "x")])
+def test_foci_are_where_real_rays_meet(make: Any, meridian: str, distance: float) -> None:
+    bench = bench_at(make(), sensor_mm=sensor(10.0), focus_distance_mm=distance, steps=5)
+    found = field_curvature(bench, meridian)
+    for row, angle in enumerate(found.field_deg):
+        tangential, sagittal = foci(bench, meridian, float(angle))
+        assert found.tangential_mm[0, row] == pytest.approx(tangential, abs=1e-4)
+        assert found.sagittal_mm[0, row] == pytest.approx(sagittal, abs=1e-4)
+
+
+def test_the_fisheye_out_to_its_rim() -> None:
+    path = next(path for path in SHIPPED if "fisheye" in path.name)
+    bench = bench_of(read_lens(path))
+    found = field_curvature(bench)
+    for row in (10, 25, 38):
+        tangential, sagittal = foci(bench, "y", float(found.field_deg[row]))
+        assert found.tangential_mm[0, row] == pytest.approx(tangential, abs=1e-4)
+        assert found.sagittal_mm[0, row] == pytest.approx(sagittal, abs=1e-4)

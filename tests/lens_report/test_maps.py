@@ -1,0 +1,173 @@
+"""Maps of distortion: there and back, against traced rays, and against OpenCV."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from raytracer.assets.lenses import read_lens
+from raytracer.lens_report import maps
+from raytracer.lens_report.analysis import chief
+from raytracer.lens_report.analysis.bench import Bench, bench_of
+from raytracer.lens_report.analysis.results import Settings
+from tests.lens_report.benches import SHIPPED, cylinder_pair
+
+cv2 = pytest.importorskip("cv2")
+
+LENSES = {path.stem: path for path in SHIPPED}
+WIDTH = 300
+
+
+def bench(name: str, **settings: Any) -> Bench:
+    lens = cylinder_pair() if name == "cylinders" else read_lens(LENSES[name])
+    side = min(43.3, lens.image_circle or 43.3) / math.hypot(3.0, 2.0)
+    return bench_of(lens, Settings(sensor_mm=(3.0 * side, 2.0 * side), **settings))
+
+
+def mapped(name: str, **settings: Any) -> maps.Distortion:
+    size = {"sensor_mm": (12.0, 8.0)} if name == "cylinders" else {}
+    made = bench(name)
+    return maps.distortion(bench_of(made.lens, made.settings._replace(**{**size, **settings})), WIDTH)
+
+
+NAMES = ("double-gauss-50mm", "fisheye-10mm", "phone-3.7mm", "wide-22mm", "cylinders")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_inverse_undoes_the_map(name: str) -> None:
+    found = mapped(name)
+    points = found.grid.points()
+    for there, back in ((found.undistorted, found.distorted), (found.distorted, found.undistorted)):
+        again = back(there(points))
+        lit = np.isfinite(again).all(axis=-1)
+        assert lit.mean() > 0.8
+        assert np.abs(again - points)[lit].max() / found.grid.pitch < 1e-3
+
+
+@pytest.mark.parametrize("name", ["double-gauss-50mm", "phone-3.7mm"])
+@pytest.mark.parametrize("distance", [math.inf, 1500.0])
+def test_points_lie_where_their_chief_rays_land(name: str, distance: float) -> None:
+    made = bench(name, focus_distance_mm=distance)
+    found = maps.distortion(made, WIDTH)
+    half = 0.5 * math.hypot(*made.settings.sensor_mm)
+    fields = np.degrees(np.arctan(np.linspace(0.05, 0.95, 7) * half / found.scale[0]))
+    heights = chief.of_fields(made, "y", made.primary, fields).height
+    turned = np.array([math.cos(0.7), math.sin(0.7)])
+    ideal = (found.scale[0] * np.tan(np.radians(fields)))[:, None] * turned
+    np.testing.assert_allclose(found.distorted(ideal), heights[:, None] * turned, atol=1e-6 * half)
+
+
+def test_cylinders_are_traced_across_both_planes() -> None:
+    found = mapped("cylinders")
+    made = bench_of(cylinder_pair(), Settings(sensor_mm=(12.0, 8.0)))
+    for axis, meridian in enumerate(("x", "y")):
+        fields = np.array([1.0, 2.0])
+        heights = chief.of_fields(made, meridian, made.primary, fields).height
+        ideal = np.zeros((2, 2))
+        ideal[:, axis] = found.scale[axis] * np.tan(np.radians(fields))
+        np.testing.assert_allclose(found.distorted(ideal)[:, axis], heights, atol=1e-7)
+    assert found.scale[0] != pytest.approx(found.scale[1], rel=0.1)
+
+
+def test_the_middle_is_undistorted() -> None:
+    found = mapped("double-gauss-50mm")
+    near = np.array([[0.0, 0.0], [1e-3, 0.0], [0.0, -1e-3]])
+    np.testing.assert_allclose(found.distorted(near), near, atol=1e-9)
+
+
+def test_a_barrel_draws_points_inwards() -> None:
+    """The double Gauss: what its study says of distortion is what its map does."""
+    found = mapped("double-gauss-50mm")
+    corner = np.array([15.0, 10.0])
+    assert np.linalg.norm(found.distorted(corner)) < np.linalg.norm(corner)
+    assert np.linalg.norm(found.undistorted(corner)) > np.linalg.norm(corner)
+
+
+@pytest.mark.parametrize("name", ["double-gauss-50mm", "wide-22mm", "phone-3.7mm"])
+def test_pinhole_models_are_opencv_s(name: str) -> None:
+    """Each puts the points of the film where OpenCV puts them, as far from the traced ones as it says."""
+    found = mapped(name)
+    film = maps._fitted_points(found.grid)
+    seen = found.undistorted(film) / found.scale[0]
+    lit = np.isfinite(seen).all(axis=1)
+    world = np.column_stack([seen[lit], np.ones(lit.sum())])
+    for model in found.models:
+        if model.name == "fisheye":
+            continue
+        put, _ = cv2.projectPoints(world, np.zeros(3), np.zeros(3), found.camera_matrix(), model.coefficients)
+        off = np.linalg.norm(put[:, 0] - found.grid.pixels(film[lit]), axis=1)
+        assert off.max() == pytest.approx(model.largest_px, rel=1e-3, abs=1e-6)
+        assert np.sqrt(np.mean(off**2)) == pytest.approx(model.rms_px, rel=1e-3, abs=1e-6)
+    assert found.models[0].rms_px < 0.1
+
+
+def test_the_fisheye_model_is_opencv_s() -> None:
+    found = mapped("fisheye-10mm")
+    model = found.models[0]
+    assert (model.name, found.ideal) == ("fisheye", "equidistant")
+    film = maps._fitted_points(found.grid)
+    seen = found.undistorted(film) / found.scale[0]
+    angles = np.linalg.norm(seen, axis=1)
+    lit = angles < math.radians(85.0)
+    direction = seen[lit] / np.maximum(angles[lit], 1e-12)[:, None]
+    world = np.column_stack([np.sin(angles[lit])[:, None] * direction, np.cos(angles[lit])])
+    put, _ = cv2.fisheye.projectPoints(
+        world[:, None], np.zeros(3), np.zeros(3), found.camera_matrix(), model.coefficients
+    )
+    off = np.linalg.norm(put[:, 0] - found.grid.pixels(film[lit]), axis=1)
+    assert off.max() <= 1.001 * model.largest_px + 1e-6
+    assert model.rms_px < 0.1
+
+
+def test_the_map_straightens_a_picture() -> None:
+    """A smooth picture as the lens gives it, straightened by the map, is the picture as it was."""
+    found = mapped("double-gauss-50mm")
+    there, back = found.maps()
+    height, width = found.grid.height, found.grid.width
+    y, x = np.mgrid[:height, :width].astype(np.float32)
+
+    def scene(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return (np.sin(x / 12.0) * np.cos(y / 15.0)).astype(np.float32)
+
+    # What the lens gives at a pixel is the ideal picture at that pixel's undistorted place.
+    given = scene(back[..., 0], back[..., 1])
+    straight = cv2.remap(given, there[..., 0], there[..., 1], cv2.INTER_CUBIC)
+    inside = (there > 3.0).all(axis=-1) & (there[..., 0] < width - 4) & (there[..., 1] < height - 4)
+    assert inside.mean() > 0.5
+    assert np.abs(straight - scene(x, y))[inside].max() < 0.01
+    assert np.abs(given - scene(x, y))[inside].max() > 0.1
+
+
+def test_opencv_reads_the_file(tmp_path: Path) -> None:
+    found = mapped("wide-22mm")
+    path = tmp_path / "wide.yaml"
+    path.write_bytes(maps.opencv_yaml(found))
+    stored = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+    np.testing.assert_array_equal(stored.getNode("camera_matrix").mat(), found.camera_matrix())
+    coefficients = stored.getNode("distortion_coefficients").mat()
+    np.testing.assert_array_equal(coefficients.ravel(), found.models[0].coefficients)
+    assert stored.getNode("image_width").real() == WIDTH
+    assert stored.getNode("distortion_model").string() == found.models[0].name
+
+
+def test_the_archive_holds_the_maps(tmp_path: Path) -> None:
+    found = mapped("double-gauss-50mm")
+    path = tmp_path / "map.npz"
+    path.write_bytes(maps.npz(found))
+    with np.load(path) as arrays:
+        there, back = found.maps()
+        np.testing.assert_array_equal(arrays["map_x"], there[..., 0])
+        np.testing.assert_array_equal(arrays["inverse_y"], back[..., 1])
+        about = json.loads(str(arrays["about"]))
+    assert about == json.loads(json.dumps(maps.as_dict(found)))
+    assert about["models"][0]["rms_px"] == found.models[0].rms_px
+
+
+def test_a_lens_that_sees_behind_itself_has_no_pinhole() -> None:
+    found = mapped("fisheye-10mm", sensor_mm=(36.0, 24.0))
+    assert all(model.name == "fisheye" for model in found.models) or found.models[0].name == "fisheye"
+    outside = found.undistorted(np.array([[30.0, 0.0]]))
+    assert np.isnan(outside).all()

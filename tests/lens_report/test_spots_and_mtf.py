@@ -1,0 +1,108 @@
+"""Spots and geometric MTF: perfect lenses, discs, and what diffraction leaves of a perfect lens."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.special import j1
+
+from raytracer.glass import AIR, constant
+from raytracer.lens_report.analysis.mtf import (
+    FREQUENCIES_PER_MM,
+    diffraction_limit,
+    geometric_mtf,
+    mtf,
+    mtf_over_field,
+    perfect_mtf,
+)
+from raytracer.lens_report.analysis.spherical import spherical
+from raytracer.lens_report.analysis.spots import axis_point, light_of, spots
+from raytracer.lenses.lens import Lens
+from tests.lens_report.benches import bench_at, cylinder_pair, lens_of, plano_convex, sensor
+
+
+def hyperbolic(radius: float) -> Lens:
+    """Sharp for light along its axis, whatever its aperture: f = 100."""
+    shape = {"kind": "conic", "conic": -2.25, "is_stop": True}
+    return lens_of((0.0, 5.0, constant(1.5), radius + 2.0, {"kind": "flat"}), (-0.02, 0.0, AIR, radius, shape))
+
+
+def test_a_perfect_lens_has_a_point_and_an_mtf_of_one() -> None:
+    bench = bench_at(hyperbolic(15.0), fields=(0.0,))
+    spot = spots(bench)[0]
+    assert spot.largest_um < 1e-9
+    assert [part.transmitted for part in spot.spots] == [1.0, 1.0, 1.0]
+    for curve in (mtf(bench)[0].tangential, mtf(bench)[0].sagittal):
+        np.testing.assert_allclose(curve, 1.0, rtol=0.0, atol=1e-12)
+
+
+def test_a_defocused_point_is_a_disc() -> None:
+    # A film d off at f/N is lit on a disc of the diameter d / N, evenly, whose transform is 2 J1(x) / x.
+    bench = bench_at(hyperbolic(2.5), film=105.0 + 1.0, fields=(0.0,), rays=256)
+    spot = spots(bench)[0]
+    diameter = 1.0 / 20.0
+    assert spot.largest_um == pytest.approx(500.0 * diameter, rel=1e-2)
+    assert spot.rms_um == pytest.approx(500.0 * diameter / math.sqrt(2.0), rel=2e-3)
+    x = math.pi * diameter * FREQUENCIES_PER_MM[1:]
+    expected = np.abs(2.0 * j1(x) / x)
+    found = mtf(bench)[0]
+    for curve in (found.tangential, found.sagittal):
+        assert curve[0] == pytest.approx(1.0, abs=1e-12)
+        np.testing.assert_allclose(curve[1:], expected, rtol=0.0, atol=2e-3)
+
+
+def test_two_lines_beat() -> None:
+    # Two points d apart: |cos(pi f d)|.
+    found = geometric_mtf(np.array([-0.01, 0.01]), np.ones(2), FREQUENCIES_PER_MM)
+    np.testing.assert_allclose(found, np.abs(np.cos(math.pi * 0.02 * FREQUENCIES_PER_MM)), atol=1e-12)
+    assert np.isnan(geometric_mtf(np.empty(0), np.empty(0), FREQUENCIES_PER_MM)).all()
+
+
+def test_the_size_of_the_spot_is_that_of_the_aberration() -> None:
+    bench = bench_at(plano_convex(), fields=(0.0, 0.5), sensor_mm=sensor(10.0))
+    axis = spots(bench)[0]
+    assert axis.largest_um == pytest.approx(np.abs(spherical(bench).transverse_um).max(), rel=0.05)
+    # For a transverse aberration of the third order, T r^3, the mean square over the pupil is T^2 / 4.
+    assert axis.rms_um == pytest.approx(np.abs(spherical(bench).transverse_um).max() / 2.0, rel=0.05)
+
+
+def test_an_astigmatic_lens_blurs_one_direction() -> None:
+    # The film in the focus of one of two crossed cylinders: a line along the other's field.
+    bench = bench_at(cylinder_pair(), film=95.0, fields=(0.0,))
+    spot = spots(bench, "y")[0].spots[0]
+    width, height = (float(np.ptp(spot.points_um[:, way])) for way in (0, 1))
+    assert width != pytest.approx(height, rel=0.5)
+    # The same spot in either meridian, with its axes exchanged.
+    across = spots(bench, "x")[0].spots[0]
+    assert float(np.ptp(across.points_um[:, 1])) == pytest.approx(width, rel=0.05)
+
+
+def test_a_grid_twice_as_fine_sees_the_same_spot() -> None:
+    bench = bench_at(plano_convex(), sensor_mm=sensor(10.0))
+    sizes = []
+    for rays in (48, 96):
+        places, weights = light_of(bench, axis_point(bench, "y"), rays)[0]
+        sizes.append((float(weights.sum()), float((weights * (places**2).sum(axis=1)).sum() / weights.sum())))
+    # The light that gets through is that of the pupil's area.
+    assert sizes[1][0] == pytest.approx(math.pi * 10.0**2, rel=3e-3)
+    assert sizes[0] == pytest.approx(sizes[1], rel=2e-2)
+
+
+def test_the_diffraction_limit() -> None:
+    # Smith 2008, ch. 15: (2 / pi) (acos v - v sqrt(1 - v^2)), 0.391 in the middle.
+    np.testing.assert_allclose(perfect_mtf(np.array([0.0, 0.5, 1.0, 2.0])), [1.0, 0.391002, 0.0, 0.0], atol=1e-6)
+    found = diffraction_limit(bench_at(hyperbolic(2.5)))
+    assert found.f_number == pytest.approx(20.0, rel=2e-3)
+    assert found.cutoff_per_mm == pytest.approx(1.0 / (587.5618e-6 * 20.0), rel=2e-3)
+
+
+def test_mtf_over_the_field_agrees_with_that_of_the_fields() -> None:
+    bench = bench_at(
+        plano_convex(), fields=(0.0, 0.5, 1.0), steps=3, sensor_mm=sensor(3.0), frequencies_per_mm=(2.0, 4.0)
+    )
+    over, single = mtf_over_field(bench), mtf(bench)
+    for row, frequency in enumerate(over.frequencies_per_mm):
+        column = int(np.flatnonzero(frequency == FREQUENCIES_PER_MM)[0])
+        for number, curve in enumerate(single):
+            assert over.tangential[row, number] == pytest.approx(curve.tangential[column], abs=0.02)
+            assert over.sagittal[row, number] == pytest.approx(curve.sagittal[column], abs=0.02)
