@@ -2,14 +2,15 @@
 
     python bench/bench.py --peer .venv-peers/bin/python
 
-Six parts, of which --only takes some:
+Seven parts, of which --only takes some:
 
 - speed: equal samples in equal scenes, by us and by Mitsuba, with all threads and with one;
 - start: fresh processes, with a warm cache and with none, and the memory of a large scene;
 - equal_time: error against Mitsuba's at equal time, on all scenes that both can show (equal_time.py);
 - accuracies: the time of `accuracy: exact | robust | fast` on every scene (accuracies.py);
 - samplers: time to equal error by sampler on every scene (samplers.py);
-- sweeps: a sweep against the renders that it is made of (sweeps.py).
+- sweeps: a sweep against the renders that it is made of (sweeps.py);
+- lenses: a lens of glass against the ideal one (lenses.py).
 
 Renderers are warm and take turns (warm.py); what is compared is the median of the ratios within a round.
 Prints Markdown, and writes every figure to outputs/bench.json. Without Mitsuba, for which `make peers` makes an
@@ -32,6 +33,7 @@ from typing import Any, NamedTuple
 
 import accuracies
 import equal_time
+import lenses
 import samplers
 import sweeps
 from warm import (
@@ -58,7 +60,7 @@ from raytracer.noise import median_interval
 
 RT = "import sys; from raytracer.cli.main import main; sys.exit(main())"
 TINY = ("--spp", "1", "--crop", "0,0,8,8")
-STUDIES = {"equal_time": equal_time, "accuracies": accuracies, "samplers": samplers, "sweeps": sweeps}
+STUDIES = {"equal_time": equal_time, "accuracies": accuracies, "samplers": samplers, "sweeps": sweeps, "lenses": lenses}
 PARTS = ("speed", "start", *STUDIES)
 
 
@@ -93,6 +95,7 @@ TARGETS = {
     "relMSE / Mitsuba's at equal time, its best sampler, worst scene": 1.0,
     "cover, time to equal error by Sobol / independent": 0.5,
     "cover by 7 x 5 apertures and distances, sweep / its renders alone": 1.1,
+    "cover through the double Gauss / through a thin lens": 1.35,
 }
 """What the project asks of itself on four cores."""
 
@@ -282,6 +285,9 @@ def achieved(report: dict[str, Any]) -> dict[str, float]:
             out["cover, time to equal error by Sobol / independent"] = sobol["time_to_equal_error"][0]
     if "sweeps" in report:
         out["cover by 7 x 5 apertures and distances, sweep / its renders alone"] = report["sweeps"]["to_alone"][0]
+    arms = report.get("lenses", {}).get("arms", {})
+    if lenses.DISPERSING in arms:
+        out["cover through the double Gauss / through a thin lens"] = arms[lenses.DISPERSING]["time_ratio"][0]
     return out
 
 
@@ -356,6 +362,8 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
         result |= samplers.measure(rounds, threads, quick)
     if "sweeps" in arguments.only:
         result |= sweeps.measure(rounds, threads, quick)
+    if "lenses" in arguments.only:
+        result |= lenses.measure(rounds, threads, quick)
     return result
 
 

@@ -1,9 +1,9 @@
 """Render the scenes of the repository into docs/gallery, small: `make gallery`.
 
-    python docs/make_gallery.py [NAME ...]    those alone: cover, lecture_aperture, ...
+    python docs/make_gallery.py [NAME ...]    those alone: cover, lecture_aperture, optics_coma, ...
 
-Of a scene of scenes/lecture, a picture shows several settings side by side: those of `LECTURE`.  `sweep` is the contact
-sheet of the README's sweep.
+Of a scene of scenes/lecture or scenes/optics, a picture shows several settings side by side: those of `LECTURE` and
+`OPTICS`.  `sweep` is the contact sheet of the README's sweep.
 """
 
 import sys
@@ -40,14 +40,18 @@ QUALITIES = (92, 88, 84, 80, 75)
 
 
 class Variant(NamedTuple):
-    """A setting of a lecture scene: what stands below its picture, and the keys that it changes, as `-D` does."""
+    """A setting of a scene: what stands below its picture, and the keys that it changes, as `-D` does.
+
+    stretch : how many times as wide as recorded the picture is shown, which undoes what an anamorphic lens did.
+    """
 
     caption: str
     keys: Mapping[str, Any]
+    stretch: float = 1.0
 
 
 class Sheet(NamedTuple):
-    """How the settings of a lecture scene are shown: how many in a row, each how wide and high at most (px); spp."""
+    """How the settings of a scene are shown: how many in a row, each how wide and high at most (px); spp."""
 
     columns: int
     width: int
@@ -222,6 +226,102 @@ LECTURE = {
 }
 
 
+OPTICS = {
+    "spherical_aberration": Sheet(
+        1,
+        720,
+        4096,
+        [
+            Variant("plano-convex singlet, f/4", {}),
+            Variant("f/8", {"camera.f_number": 8}),
+            Variant(
+                "an ideal lens, f/4",
+                {
+                    "camera": {
+                        "type": "thin_lens",
+                        "sensor": {"width": 12, "height": 2},
+                        "focal_length": 100,
+                        "f_number": 4,
+                        "focus_distance": 2,
+                    }
+                },
+            ),
+        ],
+    ),
+    "coma": Sheet(2, 480, 2048, [Variant("hyperboloid, f/2.5", {}), Variant("f/5", {"camera.f_number": 5})]),
+    "field_curvature": Sheet(
+        2,
+        480,
+        512,
+        [
+            Variant("achromat, focus 4 m away", {}),
+            Variant("focus 6 m away", {"camera.focus_distance": 6}),
+        ],
+    ),
+    "fisheye": Sheet(
+        2,
+        480,
+        256,
+        [
+            Variant("fisheye, 10 mm", {}),
+            Variant("wide-angle, 22 mm", {"camera.lens": "../lenses/wide-22mm.yaml", "camera.sensor": "full_frame"}),
+        ],
+    ),
+    "chromatic_fringes": Sheet(
+        2,
+        480,
+        1024,
+        [Variant("singlet of flint", {}), Variant("achromat", {"camera.lens": "../lenses/achromat-100mm.yaml"})],
+    ),
+    "swirly_bokeh": Sheet(
+        3,
+        400,
+        512,
+        [
+            Variant("double Gauss, f/2", {}),
+            Variant("f/4", {"camera.f_number": 4}),
+            Variant(
+                "Petzval, f/2.2",
+                {
+                    "camera.lens": "../lenses/petzval-100mm.yaml",
+                    "camera.f_number": 2.2,
+                    "camera.look_from": [0, 0.27, 1.3],
+                },
+            ),
+        ],
+    ),
+    "anamorphic_bokeh": Sheet(
+        1,
+        800,
+        512,
+        [
+            Variant("anamorphic, drawn out twice as wide", {}, 2.0),
+            Variant(
+                "double Gauss",
+                {
+                    "camera.lens": "../lenses/double-gauss-50mm.yaml",
+                    "camera.sensor": {"width": 33.2, "height": 12.45},
+                    "film.width": 800,
+                },
+            ),
+        ],
+    ),
+    "flare": Sheet(
+        3,
+        400,
+        4096,
+        [
+            Variant("no reflections", {"camera.flare": False}),
+            Variant("bare glass", {"camera.dispersion": False}),
+            Variant("coated", {"camera.lens": "../lenses/double-gauss-50mm-coated.yaml"}),
+        ],
+    ),
+}
+
+SHEETS = {"lecture": LECTURE, "optics": OPTICS}
+"""Scenes of which several settings are shown, by their folders."""
+
+
 def smaller(file: Path, keys: Mapping[str, Any], width: int, height: int) -> SceneSpec:
     """A scene whose film fits into width x height pixels."""
     film = load(file, dict(keys)).film
@@ -257,15 +357,23 @@ def scene_picture(file: Path) -> None:
     rendered.image.save(GALLERY / f"{file.stem}.jpg")
 
 
-def lecture_picture(name: str) -> None:
-    """Render the settings of a lecture scene side by side, as finely compressed as the size allows."""
-    wanted = LECTURE[name]
+def stretched(picture: NDArray[np.uint8], factor: float) -> NDArray[np.uint8]:
+    """A picture (height, width, 3) so many times as wide."""
+    if factor == 1.0:
+        return picture
+    height, width, _ = picture.shape
+    return np.asarray(Image.fromarray(picture).resize((round(factor * width), height), Image.Resampling.LANCZOS))
+
+
+def settings_picture(folder: str, name: str) -> None:
+    """Render the settings of a scene side by side, as finely compressed as the size allows."""
+    wanted = SHEETS[folder][name]
     pictures = []
     for variant in wanted.variants:
-        spec = smaller(SCENES / "lecture" / f"{name}.yaml", variant.keys, wanted.width, wanted.width)
-        pictures.append(render(spec, spp=wanted.spp).image.display())
+        spec = smaller(SCENES / folder / f"{name}.yaml", variant.keys, wanted.width, wanted.width)
+        pictures.append(stretched(render(spec, spp=wanted.spp).image.display(), variant.stretch))
     paper = sheet(pictures, [variant.caption for variant in wanted.variants], wanted.columns)
-    save_small(paper, GALLERY / f"lecture_{name}.jpg")
+    save_small(paper, GALLERY / f"{folder}_{name}.jpg")
 
 
 def sweep_picture() -> None:
@@ -284,13 +392,15 @@ def main() -> None:
     """Render the scenes that are named, or all."""
     GALLERY.mkdir(exist_ok=True)
     plain = {file.stem: file for file in sorted(SCENES.glob("*.yaml"))}
-    for name in sys.argv[1:] or [*plain, *(f"lecture_{name}" for name in LECTURE), "sweep"]:
+    in_folders = [f"{folder}_{name}" for folder, sheets in SHEETS.items() for name in sheets]
+    for name in sys.argv[1:] or [*plain, *in_folders, "sweep"]:
         if name in plain:
             scene_picture(plain[name])
         elif name == "sweep":
             sweep_picture()
         else:
-            lecture_picture(name.removeprefix("lecture_"))
+            folder, _, scene = name.partition("_")
+            settings_picture(folder, scene)
         picture = GALLERY / f"{name}.jpg"
         print(f"{picture.relative_to(ROOT)}: {picture.stat().st_size} bytes", flush=True)
         if picture.stat().st_size > MOST_BYTES:

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.hues import finished, ray_wavelength
 from raytracer.jit import generic, kernel
 from raytracer.pathlog import note_value
 from raytracer.paths import load3, store3
@@ -38,13 +39,13 @@ class Clamp(NamedTuple):
 
 
 @generic
-def merge(aovs, work, x, y, count):
+def merge(aovs, spectrum, work, x, y, count):
     """Add a packet's records to the image, before those samples that are not finite are dropped."""
     raise NotImplementedError
 
 
 @merge.register(type(None))
-def _(aovs, work, x, y, count):
+def _(aovs, spectrum, work, x, y, count):
     return
 
 
@@ -61,7 +62,8 @@ def _(clamp, film, work, sample, x, y, value):
 
 @clamped.register(Clamp)
 def _(clamp, film, work, sample, x, y, value):
-    # Radiance is measured, before it is weighted: what a camera's rays count for says nothing of how rare they are.
+    # Radiance is measured, before it is weighted: what a camera's rays count for says nothing of how rare they are, nor
+    # does the hue that its lens gives them.
     brightest = max_component(load3(work.radiance, sample, 0))
     if brightest <= clamp.limit:
         return value
@@ -73,26 +75,28 @@ def _(clamp, film, work, sample, x, y, value):
 
 
 @kernel
-def accumulate(clamp, film, work, x, y, count):
+def accumulate(spectrum, clamp, film, work, x, y, count):
     """Add a packet of samples to a pixel's running mean and sum of squares.
 
     The weight of a sample that is dropped becomes NaN, by which it can be told from the others afterwards.
 
     References: Chan, Golub, LeVeque 1979, "Updating Formulae and a Pairwise Algorithm for Computing Sample Variances".
     """
-    merge(film.aovs, work, x, y, count)
+    merge(film.aovs, spectrum, work, x, y, count)
 
     # Drop what is not finite, and count it.
     good = 0
     for sample in range(count):
-        value = scale(work.radiance[sample, 3], load3(work.radiance, sample, 0))
+        wavelength = ray_wavelength(spectrum, work, sample)
+        radiance = finished(spectrum, work, sample, load3(work.radiance, sample, 0))
+        value = scale(work.radiance[sample, 3], radiance)
         if math.isfinite(value[0] + value[1] + value[2]):
             left = clamped(clamp, film, work, sample, x, y, value)
-            note_value(work.log, work, sample, value, left)
+            note_value(work.log, work, sample, value, left, wavelength)
             store3(work.radiance, good, 0, left)
             good += 1
         else:
-            note_value(work.log, work, sample, value, value)
+            note_value(work.log, work, sample, value, value, wavelength)
             work.radiance[sample, 3] = math.nan
     film.bad[y, x] += count - good
     if good == 0:

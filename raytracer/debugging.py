@@ -25,14 +25,17 @@ from raytracer.scene.spec import SceneSpec
 _RAY = (("origin", 3), ("direction", 3), ("throughput_before", 3), ("pdf", 1))
 _FOUND = (("geometry", 1), ("part", 1), ("array", 1), ("placement", 1), ("distance", 1))
 _LAYOUTS: Mapping[int, tuple[str, tuple[tuple[str, int], ...]]] = {
-    pathlog.START: ("camera", (("film", 2), ("time", 1), ("origin", 3), ("direction", 3), ("factors", 3))),
+    pathlog.START: (
+        "camera",
+        (("film", 2), ("time", 1), ("origin", 3), ("direction", 3), ("factors", 3), ("wavelength", 1)),
+    ),
     pathlog.SURFACE: (
         "surface",
         (
             *_RAY,
             *(("distance", 1), ("instance", 1), ("table", 1), ("primitive", 1)),
             *(("point", 3), ("normal", 3), ("smooth_normal", 3), ("uv", 2), ("offset", 1)),
-            *(("front", 1), ("material", 1), ("shown", 1), ("throughput", 3)),
+            *(("front", 1), ("material", 1), ("shown", 1), ("throughput", 3), ("wavelengths", 3)),
         ),
     ),
     pathlog.LEAVES: ("leaves", (*_RAY, ("throughput", 3), ("background", 3))),
@@ -43,7 +46,10 @@ _LAYOUTS: Mapping[int, tuple[str, tuple[tuple[str, int], ...]]] = {
     pathlog.EMITS: ("emits", (("emitted", 3), ("mis_weight", 1))),
     pathlog.SCATTERS: (
         "scatters",
-        (("normal", 3), ("direction", 3), ("weight", 3), ("pdf", 1), ("throughput", 3), ("survival", 1)),
+        (
+            *(("normal", 3), ("direction", 3), ("weight", 3), ("pdf", 1), ("throughput", 3), ("survival", 1)),
+            ("wavelengths", 3),
+        ),
     ),
     pathlog.AIMS: (
         "aims",
@@ -55,7 +61,8 @@ _LAYOUTS: Mapping[int, tuple[str, tuple[tuple[str, int], ...]]] = {
     pathlog.ARRIVES: ("arrives", (("brings", 3),)),
     pathlog.BLOCKED: ("blocked", _FOUND),
     pathlog.PASSES: ("passes", _FOUND),
-    pathlog.DONE: ("done", (("value", 3), ("factor", 1), ("unclamped", 3))),
+    pathlog.AGAIN: ("again", ()),
+    pathlog.DONE: ("done", (("value", 3), ("factor", 1), ("unclamped", 3), ("wavelength", 1))),
 }
 
 # Which may be infinite: distances, and densities of directions and lights without choice.
@@ -173,6 +180,11 @@ class _Names:
                 values = values + self._origin
             found[name] = values.tolist() if size > 1 else float(values[0])
             column += size
+        # A path has wavelengths where something disperses.
+        if "wavelengths" in found:
+            found["wavelengths"] = [wavelength for wavelength in found["wavelengths"] if not math.isnan(wavelength)]
+        if math.isnan(found.get("wavelength", 0.0)):
+            found["wavelength"] = None
         found["gathered"] = row[pathlog.GATHERED : pathlog.GATHERED + 3].tolist()
         getattr(self, f"_{kind}", lambda event: None)(found)
         found["not_finite"] = list(_not_finite(found))
@@ -272,7 +284,7 @@ def text(found: Trace) -> str:
     return "\n".join(lines) + "\n"
 
 
-_VERTICES = {"camera", "surface", "leaves", "medium", "done"}
+_VERTICES = {"camera", "surface", "leaves", "medium", "again", "done"}
 
 
 def _number(value: float) -> str:
@@ -288,8 +300,9 @@ def _lines_of_camera(event: Mapping[str, Any]) -> list[str]:
     time = "" if event["time"] is None else f", at {_number(event['time'])} of the shutter's time"
     weights = [f"{name} {_number(event[f'{name}_weight'])}" for name in ("filter", "shutter", "camera")]
     stopped = ["stopped in the camera, so it sees nothing"] if event["camera_weight"] == 0.0 else []
+    hue = "" if event["wavelength"] is None else f", of {_number(event['wavelength'])} nm"
     return [
-        f"camera ray through film position {_numbers(event['film'])}{time}",
+        f"camera ray through film position {_numbers(event['film'])}{time}{hue}",
         f"from {_numbers(event['origin'])} towards {_numbers(event['direction'])}",
         f"weights: {', '.join(weights)}",
         *stopped,
@@ -307,8 +320,20 @@ def _lines_of_surface(event: Mapping[str, Any]) -> list[str]:
         f"from {_numbers(event['origin'])} towards {_numbers(event['direction'])}, pdf {_number(event['pdf'])} / sr",
         f"normal {_numbers(event['normal'])}, spawned rays start {_number(event['offset'])} m off it",
         *_smooth(event),
-        f"throughput {_numbers(event['throughput'])}",
+        f"throughput {_numbers(event['throughput'])}{_by_wavelength(event)}",
     ]
+
+
+def _by_wavelength(event: Mapping[str, Any]) -> str:
+    """Of what light three numbers are, where they are not of red, green and blue."""
+    waves = event["wavelengths"]
+    if not waves:
+        return ""
+    return (
+        f" at {' '.join(map(_number, waves))} nm"
+        if len(waves) > 1
+        else f", the first of them at {_number(waves[0])} nm"
+    )
 
 
 def _smooth(event: Mapping[str, Any]) -> list[str]:
@@ -346,7 +371,8 @@ def _lines_of_scattering(event: Mapping[str, Any]) -> list[str]:
         return ["the path ends here: nothing is scattered"]
     head = f"scattered towards {_numbers(event['direction'])}, pdf {_number(event['pdf'])} / sr"
     survival = f"survives with probability {_number(event['survival'])}" if event["survival"] else "ends here"
-    weights = f"weight {_numbers(event['weight'])}, throughput then {_numbers(event['throughput'])}; {survival}"
+    then = f"{_numbers(event['throughput'])}{_by_wavelength(event)}"
+    weights = f"weight {_numbers(event['weight'])}, throughput then {then}; {survival}"
     normal = [f"  as shaded with the normal {_numbers(event['normal'])}"] if any(event["normal"]) else []
     return [head, *normal, f"  {weights}"]
 
@@ -374,9 +400,15 @@ def _lines_of_passing(event: Mapping[str, Any]) -> list[str]:
     return [f"{event['object']} lets the light through, after {_number(event['distance'])} m"]
 
 
+def _lines_of_return(event: Mapping[str, Any]) -> list[str]:
+    return ["once more from the camera, for the next wavelength: what it meets counts from where wavelengths part"]
+
+
 def _lines_of_end(event: Mapping[str, Any]) -> list[str]:
     gathered, value = _numbers(event["gathered"]), _numbers(event["value"])
     times = f"times {_number(event['factor'])}"
+    if event["wavelength"] is not None:
+        times = f"as light of {_number(event['wavelength'])} nm {times}"
     if event["not_finite"] or event["value"] == event["unclamped"]:
         return [f"gathered {gathered}, {times} is what the sample adds: {value}"]
     return [f"gathered {gathered}, {times} is {_numbers(event['unclamped'])}; after the clamp it adds {value}"]
@@ -393,5 +425,6 @@ _LINES = {
     "arrives": _lines_of_arrival,
     "blocked": _lines_of_block,
     "passes": _lines_of_passing,
+    "again": _lines_of_return,
     "done": _lines_of_end,
 }

@@ -76,13 +76,15 @@ class Site(NamedTuple):
     """Where on a surface textures are looked up.
 
     point, for solid textures (m); u and v, the surface's parameters; distance, that light has come to or goes from
-    here through what lies before the surface (m).
+    here through what lies before the surface (m); hue, the spectra.Hue of the light, or None where no material asks
+    for it.
     """
 
     point: Vec3
     u: float
     v: float
     distance: float
+    hue: Any = None
 
 
 class LightPoint(NamedTuple):

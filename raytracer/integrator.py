@@ -14,10 +14,29 @@ import numpy as np
 
 from raytracer import embree
 from raytracer.accumulation import accumulate
-from raytracer.cameras.interface import FILTER, camera_ray
+from raytracer.cameras.interface import FILTER, Together, lane_ray, rays_together, set_lane, trace_lanes
 from raytracer.embree import GEOMETRY, MISS, PACKET, TFAR
 from raytracer.filters.interface import sample_filter
 from raytracer.geometry import Site, leaks, spawn_point
+from raytracer.hues import (
+    PLACES,
+    LensSpectrum,
+    Spectrum,
+    gain,
+    goes_again,
+    mattering,
+    meet_hue,
+    part_hues,
+    ray_wavelength,
+    shaded,
+    share_hues,
+    start_again,
+    start_hue,
+    tinted,
+    turns,
+    wavelengths_of,
+    with_hue,
+)
 from raytracer.instances import meet
 from raytracer.interior import (
     boundary_of,
@@ -50,6 +69,7 @@ from raytracer.media.interface import (
 )
 from raytracer.origin import as_written
 from raytracer.pathlog import (
+    note_again,
     note_aim,
     note_emission,
     note_flight,
@@ -93,8 +113,8 @@ class Scene(NamedTuple):
     through surfaces; relief, bump and normal maps; textures, lights, environment, media; camera; shutter, if anything
     moves; filter and sampler; depth, the largest number of path segments; roulette, the number of segments before
     Russian roulette starts; clamp, how bright a sample may be; origin, origin.Origin of a scene that was written far
-    from its own; interior, solids that have priorities.  All but the tuples named, camera, filter, sampler and numbers
-    may be None.
+    from its own; interior, solids that have priorities; spectrum, if anything disperses.  All but the tuples named,
+    camera, filter, sampler and numbers may be None.
     """
 
     accel: int
@@ -118,6 +138,7 @@ class Scene(NamedTuple):
     clamp: Any = None
     origin: Any = None
     interior: Any = None
+    spectrum: Any = None
 
 
 # ---- What a scene may lack
@@ -147,18 +168,22 @@ def wander(media, scene, work, lane, sample, survivors, shadows, near, throughpu
 
 @wander.register(type(None))
 def _(media, scene, work, lane, sample, survivors, shadows, near, throughput, segment, time, draws):
-    return Wandering(mul(throughput, kept(scene.interior, work.within, sample, near)), False, False, False)
+    rest = tinted(scene.spectrum, work, sample, kept(scene.interior, work.within, sample, near))
+    return Wandering(mul(throughput, rest), False, False, False)
 
 
 @wander.register(Media)
 def _(media, scene, work, lane, sample, survivors, shadows, near, throughput, segment, time, draws):
     medium = work.medium[sample]
     if medium == NONE:
-        return Wandering(mul(throughput, kept(scene.interior, work.within, sample, near)), False, False, False)
+        rest = tinted(scene.spectrum, work, sample, kept(scene.interior, work.within, sample, near))
+        return Wandering(mul(throughput, rest), False, False, False)
     origin, direction = load3(work.path, lane, 0), load3(work.path, lane, 3)
-    flight = fly_at(media, medium, origin, direction, near, throughput, draws, 0)
-    throughput = mul(throughput, flight.weight)
-    throughput = mul(throughput, kept(scene.interior, work.within, sample, min(near, flight.distance)))
+    channels = mattering(scene.spectrum, work, sample, throughput)
+    flight = fly_at(media, medium, origin, direction, near, channels, draws, 0)
+    throughput = mul(throughput, tinted(scene.spectrum, work, sample, flight.weight))
+    rest = kept(scene.interior, work.within, sample, min(near, flight.distance))
+    throughput = mul(throughput, tinted(scene.spectrum, work, sample, rest))
     note_flight(work.log, work, lane, sample, medium, near, flight.distance, flight.weight, throughput)
     if is_black(throughput):
         return Wandering(throughput, True, False, False)
@@ -172,12 +197,13 @@ def _(media, scene, work, lane, sample, survivors, shadows, near, throughput, se
     aimed = connect_within(
         scene.lights, scene, work, shadows, sample, medium, point, direction, throughput, time, draws
     )
-    survival = survive(scene, throughput, segment, draws)
+    survival = survive(scene, gain(scene.spectrum, work, sample, throughput), segment, draws)
+    waves = wavelengths_of(scene.spectrum, work, sample)
     if survival == 0.0:
-        note_scatter(work.log, work, sample, BLACK, direction, WHITE, math.nan, throughput, survival)
+        note_scatter(work.log, work, sample, BLACK, direction, WHITE, math.nan, throughput, survival, waves)
         return Wandering(throughput, True, False, aimed)
     outgoing, pdf = scatter_phase_at(media, medium, direction, draws)
-    note_scatter(work.log, work, sample, BLACK, outgoing, WHITE, pdf, throughput, survival)
+    note_scatter(work.log, work, sample, BLACK, outgoing, WHITE, pdf, throughput, survival, waves)
     mark_vertex(scene.passage, work, sample, point)
     put_path(work, survivors, sample, point, outgoing, scale(1.0 / survival, throughput), pdf)
     return Wandering(throughput, True, True, aimed)
@@ -244,6 +270,28 @@ def _(aovs, work, sample):
 
 
 @generic
+def observe_again(aovs, work, sample):
+    """Keep what is recorded of a path that is traced once more, for another wavelength."""
+    raise NotImplementedError
+
+
+@observe_again.register(type(None))
+def _(aovs, work, sample):
+    return
+
+
+@generic
+def observe_end(aovs, work, sample):
+    """Add to what was kept of a path what was recorded when it was traced once more."""
+    raise NotImplementedError
+
+
+@observe_end.register(type(None))
+def _(aovs, work, sample):
+    return
+
+
+@generic
 def observe_direct(aovs, work, sample, done):
     """Record what a path of `done` segments has gathered by its first two: direct light."""
     raise NotImplementedError
@@ -277,10 +325,11 @@ def _(lights, scene, work, slot, sample, hit, reference, site, direction, normal
     value, pdf = evaluate_from(scene.relief, scene, hit, reference, site, direction, normal, front, light.direction)
     if is_black(value):
         return False
+    value = shaded(scene.spectrum, work, sample, reference, value)
     weight = weight_aimed(lights.heuristic, light.pdf, pdf)
     start = spawn_point(hit, light.direction)
     start_shadow(scene.interior, scene, work, slot, sample, hit, direction, light.direction)
-    arriving = scale(weight, mul(mul(throughput, value), light.weight))
+    arriving = scale(weight, mul(mul(throughput, value), tinted(scene.spectrum, work, sample, light.weight)))
     aim(scene, work, slot, sample, start, light, arriving, time)
     note_aim(work.log, work, slot, sample, start, light, value, pdf, weight, arriving)
     return True
@@ -309,28 +358,86 @@ def _(lights, scene, work, slot, sample, medium, point, direction, throughput, t
     set_shadow_space(work, slot, medium)
     keep_within(scene.interior, work, slot, sample)
     weight = weight_aimed(lights.heuristic, light.pdf, phase)
-    arriving = scale(phase * weight, mul(throughput, light.weight))
+    arriving = scale(phase * weight, mul(throughput, tinted(scene.spectrum, work, sample, light.weight)))
     aim(scene, work, slot, sample, point, light, arriving, time)
     note_aim(work.log, work, slot, sample, point, light, (phase, phase, phase), phase, weight, arriving)
     return True
 
 
 @kernel
+def film_sample(scene, x, y, draws):
+    """A film position of pixel (x, y), and its weight."""
+    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, FILTER)
+    dx, dy, weight = sample_filter(scene.filter, u1, u2)
+    return x + 0.5 + dx, y + 0.5 + dy, weight
+
+
+@generic
+def prepare_lanes(together, scene, work, key, x, y, first, count):
+    """Make the camera rays of a packet, where the camera makes them together."""
+    raise NotImplementedError
+
+
+@prepare_lanes.register(type(None))
+def _(together, scene, work, key, x, y, first, count):
+    return
+
+
+@prepare_lanes.register(Together)
+def _(together, scene, work, key, x, y, first, count):
+    for lane in range(count):
+        draws = Draws(scene.sampler, key, first + lane, 0)
+        film_x, film_y, weight = film_sample(scene, x, y, draws)
+        work.lens[PLACES, lane], work.lens[PLACES + 1, lane], work.lens[PLACES + 2, lane] = film_x, film_y, weight
+        set_lane(scene.camera, work.lens, lane, film_x, film_y, draws)
+    trace_lanes(scene.camera, work.lens)
+    share_hues(scene.spectrum, scene.camera, work, x, y, count)
+
+
+@generic
+def film_place(together, scene, work, lane, x, y, draws):
+    """As `film_sample`, of a lane that may have been prepared."""
+    raise NotImplementedError
+
+
+@film_place.register(type(None))
+def _(together, scene, work, lane, x, y, draws):
+    return film_sample(scene, x, y, draws)
+
+
+@film_place.register(Together)
+def _(together, scene, work, lane, x, y, draws):
+    return work.lens[PLACES, lane], work.lens[PLACES + 1, lane], work.lens[PLACES + 2, lane]
+
+
+@kernel
 def start_paths(scene, aovs, work, key, x, y, first, count):
     """Camera rays of samples first .. first + count - 1 of pixel (x, y); returns how many of them see anything."""
     live = 0
+    together = rays_together(scene.camera)
+    prepare_lanes(together, scene, work, key, x, y, first, count)
     for lane in range(count):
         draws = Draws(scene.sampler, key, first + lane, 0)
-        u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, FILTER)
-        dx, dy, weight = sample_filter(scene.filter, u1, u2)
-        film_x, film_y = x + 0.5 + dx, y + 0.5 + dy
+        film_x, film_y, weight = film_place(together, scene, work, lane, x, y, draws)
         time, rate = sample_time(scene.shutter, film_x, film_y, draws)
-        origin, direction, importance = camera_ray(scene.camera, film_x, film_y, time, draws)
+        origin, direction, importance = lane_ray(scene.camera, work.lens, lane, film_x, film_y, time, draws)
         store3(work.radiance, lane, 0, BLACK)
         # Not into the throughput: what a ray counts for says nothing of whether its path should go on.
         work.radiance[lane, 3] = weight * rate * importance
         observe_start(aovs, work, lane)
-        note_start(work.log, work, lane, film_x, film_y, time, origin, direction, (weight, rate, importance))
+        start_hue(scene.spectrum, work, lane, draws, origin, direction)
+        note_start(
+            work.log,
+            work,
+            lane,
+            film_x,
+            film_y,
+            time,
+            origin,
+            direction,
+            (weight, rate, importance),
+            ray_wavelength(scene.spectrum, work, lane),
+        )
         if importance == 0.0:
             continue
         keep_time(scene.shutter, work, lane, time)
@@ -340,6 +447,23 @@ def start_paths(scene, aovs, work, key, x, y, first, count):
         # The camera had no choice of direction that a light sample could share.
         put_path(work, live, lane, origin, direction, WHITE, math.inf)
         live += 1
+    return live
+
+
+@kernel
+def start_paths_again(scene, aovs, work, count, turn):
+    """Camera rays of those samples whose wavelengths have parted, for another of these; returns how many there are."""
+    live = 0
+    for sample in range(count):
+        if goes_again(work, sample):
+            observe_again(aovs, work, sample)
+            origin, direction = start_again(work, sample, turn)
+            note_again(work.log, work, sample)
+            fill_space(scene.media, work, sample)
+            clear_within(scene.interior, work, sample)
+            mark_start(scene.passage, work, sample, origin)
+            put_path(work, live, sample, origin, direction, WHITE, math.inf)
+            live += 1
     return live
 
 
@@ -411,8 +535,8 @@ def trace_paths(scene, aovs, work, key, first, live):
             # Leave the scene.
             table = work.rays.ints[GEOMETRY, lane]
             if table == MISS:
-                radiance = surroundings(scene.lights, scene, direction, pdf)
-                gather(work, sample, throughput, radiance)
+                radiance = tinted(scene.spectrum, work, sample, surroundings(scene.lights, scene, direction, pdf))
+                gather(scene.spectrum, work, sample, throughput, radiance)
                 note_leaving(work.log, work, lane, sample, throughput, radiance)
                 continue
 
@@ -420,12 +544,24 @@ def trace_paths(scene, aovs, work, key, first, live):
             instance, primitive = found_in(scene, work.rays, lane)
             hit = meet(scene.instances, scene, instance, table, primitive, origin, direction, near, time)
             local = as_written(scene.origin, scene.instances, instance, hit.local)
-            site = Site(local, hit.u, hit.v, travelled(scene.passage, work, sample, near, hit.point))
+            site = Site(local, hit.u, hit.v, travelled(scene.passage, work, sample, near, hit.point), None)
             front = dot(direction, hit.normal) < 0.0
             reference = select_at(scene.selectors, scene, hit.material, front, site, draws)
             reference = boundary_of(scene.interior, work.within, sample, hit.material, reference, front)
             note_surface(
-                work.log, work, lane, sample, instance, table, primitive, near, hit, front, reference, throughput
+                work.log,
+                work,
+                lane,
+                sample,
+                instance,
+                table,
+                primitive,
+                near,
+                hit,
+                front,
+                reference,
+                throughput,
+                wavelengths_of(scene.spectrum, work, sample),
             )
             if goes_straight(scene.passage, work, sample, reference):
                 go_through(scene.interior, scene, work, sample, hit, direction, direction)
@@ -433,6 +569,8 @@ def trace_paths(scene, aovs, work, key, first, live):
                 survivors += 1
                 continue
             normal = shading_normal(scene.relief, scene, hit, instance, reference, site, direction, front, time)
+            throughput = meet_hue(scene.spectrum, work, sample, reference, throughput)
+            site = with_hue(scene.spectrum, work, sample, site)
             if done == 1:
                 ray = (seen_from(scene.passage, work, sample, origin), direction)
                 observe(
@@ -459,7 +597,8 @@ def trace_paths(scene, aovs, work, key, first, live):
                 weight = weight_emitted(
                     scene.lights, scene, instance, table, primitive, vertex, hit.point, hit.normal, time, pdf
                 )
-                gather(work, sample, scale(weight, throughput), emitted)
+                emitted = tinted(scene.spectrum, work, sample, emitted)
+                gather(scene.spectrum, work, sample, scale(weight, throughput), emitted)
                 note_emission(work.log, work, sample, emitted, weight)
             observe_direct(aovs, work, sample, done)
             if done == scene.depth:
@@ -486,9 +625,12 @@ def trace_paths(scene, aovs, work, key, first, live):
 
             # Go on where the material sends the path.
             out = scatter_from(scene.relief, scene, hit, reference, site, direction, normal, front, draws)
-            throughput = mul(throughput, out.weight)
-            survival = survive(scene, throughput, done, draws)
-            note_scatter(work.log, work, sample, normal, out.direction, out.weight, out.pdf, throughput, survival)
+            weight = shaded(scene.spectrum, work, sample, reference, out.weight)
+            throughput = mul(throughput, weight)
+            throughput = part_hues(scene.spectrum, work, sample, reference, normal, out.direction, throughput)
+            survival = survive(scene, gain(scene.spectrum, work, sample, throughput), done, draws)
+            waves = wavelengths_of(scene.spectrum, work, sample)
+            note_scatter(work.log, work, sample, normal, out.direction, weight, out.pdf, throughput, survival, waves)
             if survival == 0.0:
                 continue
             go_through(scene.interior, scene, work, sample, hit, direction, out.direction)
@@ -498,6 +640,33 @@ def trace_paths(scene, aovs, work, key, first, live):
             survivors += 1
         rays += resolve_shadows(scene.lights, scene, work, shadows, key, first, segment)
         live = survivors
+    return rays
+
+
+@generic
+def trace_again(spectrum, scene, aovs, work, key, first, count, live):
+    """`trace_paths`, as often as paths have wavelengths that go ways of their own; returns the number of rays."""
+    raise NotImplementedError
+
+
+@trace_again.register(type(None))
+@trace_again.register(LensSpectrum)
+def _(spectrum, scene, aovs, work, key, first, count, live):
+    return trace_paths(scene, aovs, work, key, first, live)
+
+
+@trace_again.register(Spectrum)
+def _(spectrum, scene, aovs, work, key, first, count, live):
+    rays = 0
+    for turn in range(turns(spectrum.camera)):
+        if turn > 0:
+            live = start_paths_again(scene, aovs, work, count, turn)
+            rays += look_around(scene.interior, scene, work, live)
+        rays += trace_paths(scene, aovs, work, key, first, live)
+        if turn > 0:
+            for sample in range(count):
+                if goes_again(work, sample):
+                    observe_end(aovs, work, sample)
     return rays
 
 
@@ -517,6 +686,6 @@ def render_tile(scene, film, work, left, top, right, bottom, begin, end):
                 count = min(PACKET, end - first)
                 live = start_paths(tracing, film.aovs, room, key, x, y, first, count)
                 rays += look_around(scene.interior, tracing, room, live)
-                rays += trace_paths(tracing, film.aovs, room, key, first, live)
-                accumulate(scene.clamp, film, room, x - film.left, y - film.top, count)
+                rays += trace_again(scene.spectrum, tracing, film.aovs, room, key, first, count, live)
+                accumulate(scene.spectrum, scene.clamp, film, room, x - film.left, y - film.top, count)
     return rays

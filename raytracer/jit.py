@@ -218,6 +218,16 @@ def generic(stub: Callable[..., Any]) -> Any:
     return dispatcher
 
 
+def instead(implementation: Callable[..., Any]) -> Callable[[F], F]:
+    """Make what kernels call in place of a Python function: `implementation(*types)` gives it, as for `overload`."""
+
+    def decorated(function: F) -> F:
+        overload(function, strict=False, jit_options=_PART)(implementation)
+        return function
+
+    return decorated
+
+
 def switch(case: Callable[..., Any]) -> Any:
     """Make `case(table, *args)` into `function(tables, index, *args)` that picks one table of a tuple at run time.
 

@@ -7,7 +7,7 @@ Called from Python they are NumPy's arrays of eight.
 """
 
 import operator
-from typing import Any
+from typing import Any, ClassVar
 
 import llvmlite.ir
 import numpy as np
@@ -18,6 +18,8 @@ from numba.core.typing.templates import ConcreteTemplate, infer_global, signatur
 from numba.extending import intrinsic, lower_builtin, register_model
 
 from raytracer.jit import instead
+
+_inline: Any = intrinsic
 
 WIDTH = 8
 """How many lanes there are."""
@@ -51,6 +53,9 @@ class _MaskModel(PrimitiveModel):
 
 # ---- Operators
 
+# A product and a sum may be one instruction, which rounds once.
+_FUSED = ("contract",)
+
 
 def _spread(builder: Any, value: Any) -> Any:
     """A scalar in all lanes."""
@@ -68,18 +73,18 @@ def _operator(function: Any, result: types.Type, generate: Any) -> None:
 
     @infer_global(function)
     class _Template(ConcreteTemplate):
-        cases = [signature(result, *pair) for pair in pairs]
+        cases: ClassVar = [signature(result, *pair) for pair in pairs]
 
-    def lower(context, builder, typing, arguments):  # type: ignore[no-untyped-def]
+    def lower(context, builder, typing, arguments):
         return generate(builder, *(_spread(builder, argument) for argument in arguments))
 
     for pair in pairs:
         lower_builtin(function, *pair)(lower)
 
 
-_operator(operator.add, LANES, lambda builder, a, b: builder.fadd(a, b))
-_operator(operator.sub, LANES, lambda builder, a, b: builder.fsub(a, b))
-_operator(operator.mul, LANES, lambda builder, a, b: builder.fmul(a, b))
+_operator(operator.add, LANES, lambda builder, a, b: builder.fadd(a, b, flags=_FUSED))
+_operator(operator.sub, LANES, lambda builder, a, b: builder.fsub(a, b, flags=_FUSED))
+_operator(operator.mul, LANES, lambda builder, a, b: builder.fmul(a, b, flags=_FUSED))
 _operator(operator.truediv, LANES, lambda builder, a, b: builder.fdiv(a, b))
 _operator(operator.lt, MASK, lambda builder, a, b: builder.fcmp_ordered("<", a, b))
 _operator(operator.le, MASK, lambda builder, a, b: builder.fcmp_ordered("<=", a, b))
@@ -89,30 +94,30 @@ _operator(operator.ge, MASK, lambda builder, a, b: builder.fcmp_ordered(">=", a,
 
 @infer_global(operator.and_)
 class _And(ConcreteTemplate):
-    cases = [signature(MASK, MASK, MASK)]
+    cases: ClassVar = [signature(MASK, MASK, MASK)]
 
 
 @lower_builtin(operator.and_, MASK, MASK)
-def _and(context, builder, typing, arguments):  # type: ignore[no-untyped-def]
+def _and(context, builder, typing, arguments):
     return builder.and_(*arguments)
 
 
 @infer_global(operator.neg)
 class _Negative(ConcreteTemplate):
-    cases = [signature(LANES, LANES)]
+    cases: ClassVar = [signature(LANES, LANES)]
 
 
 @lower_builtin(operator.neg, LANES)
-def _negative(context, builder, typing, arguments):  # type: ignore[no-untyped-def]
+def _negative(context, builder, typing, arguments):
     return builder.fneg(arguments[0])
 
 
 # ---- Functions
 
 
-@intrinsic
-def _root(typing_context, value):  # type: ignore[no-untyped-def]
-    def generate(context, builder, typing, arguments):  # type: ignore[no-untyped-def]
+@_inline
+def _root(typing_context, value):
+    def generate(context, builder, typing, arguments):
         kind = llvmlite.ir.FunctionType(_VECTOR, [_VECTOR])
         function = get_or_insert_function(builder.module, kind, f"llvm.sqrt.v{WIDTH}f64")
         return builder.call(function, arguments)
@@ -120,9 +125,9 @@ def _root(typing_context, value):  # type: ignore[no-untyped-def]
     return LANES(LANES), generate
 
 
-@intrinsic
-def _select(typing_context, where, yes, no):  # type: ignore[no-untyped-def]
-    def generate(context, builder, typing, arguments):  # type: ignore[no-untyped-def]
+@_inline
+def _select(typing_context, where, yes, no):
+    def generate(context, builder, typing, arguments):
         mask, *values = arguments
         return builder.select(mask, *(_spread(builder, value) for value in values))
 
@@ -137,9 +142,9 @@ def _address(context: Any, builder: Any, kind: Any, rows: Any, row: Any) -> Any:
     return builder.bitcast(pointer, _VECTOR.as_pointer())
 
 
-@intrinsic
-def _load(typing_context, rows, row):  # type: ignore[no-untyped-def]
-    def generate(context, builder, typing, arguments):  # type: ignore[no-untyped-def]
+@_inline
+def _load(typing_context, rows, row):
+    def generate(context, builder, typing, arguments):
         held, number = arguments
         number = context.cast(builder, number, typing.args[1], types.intp)
         return builder.load(_address(context, builder, typing.args[0], held, number), align=8)
@@ -147,9 +152,9 @@ def _load(typing_context, rows, row):  # type: ignore[no-untyped-def]
     return LANES(rows, row), generate
 
 
-@intrinsic
-def _store(typing_context, rows, row, value):  # type: ignore[no-untyped-def]
-    def generate(context, builder, typing, arguments):  # type: ignore[no-untyped-def]
+@_inline
+def _store(typing_context, rows, row, value):
+    def generate(context, builder, typing, arguments):
         held, number, lanes = arguments
         number = context.cast(builder, number, typing.args[1], types.intp)
         address = _address(context, builder, typing.args[0], held, number)
@@ -159,49 +164,49 @@ def _store(typing_context, rows, row, value):  # type: ignore[no-untyped-def]
     return types.void(rows, row, value), generate
 
 
-@intrinsic
-def _anywhere(typing_context, where):  # type: ignore[no-untyped-def]
-    def generate(context, builder, typing, arguments):  # type: ignore[no-untyped-def]
+@_inline
+def _anywhere(typing_context, where):
+    def generate(context, builder, typing, arguments):
         bits = llvmlite.ir.IntType(WIDTH)
         return builder.icmp_unsigned("!=", builder.bitcast(arguments[0], bits), bits(0))
 
     return types.boolean(where), generate
 
 
-@instead(lambda where: lambda where: _anywhere(where))
+@instead(lambda where: lambda where: _anywhere(where))  # noqa: PLW0108
 def anywhere(where):
     """Whether something holds in any lane."""
     return bool(np.any(where))
 
 
-@instead(lambda value: lambda value: _root(value))
+@instead(lambda value: lambda value: _root(value))  # noqa: PLW0108
 def root(value):
     """Square roots; NaN of what is negative."""
     with np.errstate(invalid="ignore"):
         return np.sqrt(value)
 
 
-@instead(lambda where, yes, no: lambda where, yes, no: _select(where, yes, no))
+@instead(lambda where, yes, no: lambda where, yes, no: _select(where, yes, no))  # noqa: PLW0108
 def select(where, yes, no):
     """`yes` in the lanes in which `where` holds, `no` in the others."""
     return np.where(where, yes, no)
 
 
-@instead(lambda rows, row: lambda rows, row: _load(rows, row))
+@instead(lambda rows, row: lambda rows, row: _load(rows, row))  # noqa: PLW0108
 def load(rows, row):
     """A row of an array (n, WIDTH), float64."""
     return rows[row].copy()
 
 
-@instead(lambda rows, row, value: lambda rows, row, value: _store(rows, row, value))
+@instead(lambda rows, row, value: lambda rows, row, value: _store(rows, row, value))  # noqa: PLW0108
 def store(rows, row, value):
     """Write lanes, or the same number into all of them, into a row of an array (n, WIDTH), float64."""
     rows[row] = value
 
 
-@intrinsic
-def _pick(typing_context, rows, numbers, column):  # type: ignore[no-untyped-def]
-    def generate(context, builder, typing, arguments):  # type: ignore[no-untyped-def]
+@_inline
+def _pick(typing_context, rows, numbers, column):
+    def generate(context, builder, typing, arguments):
         held, lanes, place = arguments
         word, index = context.get_value_type(types.intp), llvmlite.ir.IntType(32)
         array = context.make_array(typing.args[0])(context, builder, held)
@@ -216,7 +221,7 @@ def _pick(typing_context, rows, numbers, column):  # type: ignore[no-untyped-def
     return LANES(rows, numbers, column), generate
 
 
-@instead(lambda rows, numbers, column: lambda rows, numbers, column: _pick(rows, numbers, column))
+@instead(lambda rows, numbers, column: lambda rows, numbers, column: _pick(rows, numbers, column))  # noqa: PLW0108
 def pick(rows, numbers, column):
     """What stands in a column of an array (n, m), float64, for each lane in the row of its number."""
     return rows[numbers.astype(np.int64), column]

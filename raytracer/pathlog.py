@@ -17,7 +17,7 @@ from raytracer.paths import load3
 from raytracer.vec import norm, sub
 
 # What a row tells of, in its first column.
-START, SURFACE, LEAVES, FLIGHT, EMITS, SCATTERS, AIMS, ARRIVES, BLOCKED, PASSES, DONE = range(11)
+START, SURFACE, LEAVES, FLIGHT, EMITS, SCATTERS, AIMS, ARRIVES, BLOCKED, PASSES, DONE, AGAIN = range(12)
 
 # The round of the packet, the radiance that the path has gathered by then, and the first column of what depends on the
 # kind.
@@ -73,18 +73,21 @@ def _put_met(log, row, column, packet, lane):
 
 
 @generic
-def note_start(log, work, sample, film_x, film_y, time, origin, direction, factors):
-    """A camera ray; factors, three that its radiance is multiplied by: the filter's, the shutter's, the camera's."""
+def note_start(log, work, sample, film_x, film_y, time, origin, direction, factors, wavelength):
+    """A camera ray; factors, three that its radiance is multiplied by: the filter's, the shutter's, the camera's.
+
+    wavelength, that it has in the camera's lens (nm), or NaN.
+    """
     raise NotImplementedError
 
 
 @note_start.register(type(None))
-def _(log, work, sample, film_x, film_y, time, origin, direction, factors):
+def _(log, work, sample, film_x, film_y, time, origin, direction, factors, wavelength):
     return
 
 
 @note_start.register(PathLog)
-def _(log, work, sample, film_x, film_y, time, origin, direction, factors):
+def _(log, work, sample, film_x, film_y, time, origin, direction, factors, wavelength):
     log.state[1] = 0
     if sample != log.sample:
         return
@@ -95,6 +98,25 @@ def _(log, work, sample, film_x, film_y, time, origin, direction, factors):
     _put(log, row, FIRST + 3, origin)
     _put(log, row, FIRST + 6, direction)
     _put(log, row, FIRST + 9, factors)
+    log.rows[row, FIRST + 12] = wavelength
+
+
+@generic
+def note_again(log, work, sample):
+    """A path is traced once more, from the camera on, for another of its wavelengths."""
+    raise NotImplementedError
+
+
+@note_again.register(type(None))
+def _(log, work, sample):
+    return
+
+
+@note_again.register(PathLog)
+def _(log, work, sample):
+    log.state[1] = 0
+    if sample == log.sample:
+        _row(log, work, AGAIN)
 
 
 @generic
@@ -114,18 +136,21 @@ def _(log, segment):
 
 
 @generic
-def note_surface(log, work, lane, sample, instance, table, primitive, near, hit, front, reference, throughput):
-    """A path met a surface, whose material is `reference` behind all selectors, and arrives with this throughput."""
+def note_surface(log, work, lane, sample, instance, table, primitive, near, hit, front, reference, throughput, waves):
+    """A path met a surface, whose material is `reference` behind all selectors, and arrives with this throughput.
+
+    waves, three wavelengths (nm) that it is of, each NaN if it is not; so too where it scatters.
+    """
     raise NotImplementedError
 
 
 @note_surface.register(type(None))
-def _(log, work, lane, sample, instance, table, primitive, near, hit, front, reference, throughput):
+def _(log, work, lane, sample, instance, table, primitive, near, hit, front, reference, throughput, waves):
     return
 
 
 @note_surface.register(PathLog)
-def _(log, work, lane, sample, instance, table, primitive, near, hit, front, reference, throughput):
+def _(log, work, lane, sample, instance, table, primitive, near, hit, front, reference, throughput, waves):
     if sample != log.sample:
         return
     row = _row(log, work, SURFACE)
@@ -147,6 +172,7 @@ def _(log, work, lane, sample, instance, table, primitive, near, hit, front, ref
     rows[row, FIRST + 27] = hit.material
     rows[row, FIRST + 28] = reference
     _put(log, row, FIRST + 29, throughput)
+    _put(log, row, FIRST + 32, waves)
 
 
 @generic
@@ -217,18 +243,18 @@ def _(log, work, sample, emitted, weight):
 
 
 @generic
-def note_scatter(log, work, sample, normal, outgoing, weight, pdf, throughput, survival):
+def note_scatter(log, work, sample, normal, outgoing, weight, pdf, throughput, survival, waves):
     """A path is sent on from a surface or, where the normal is zero, within a medium; survival 0 ends it."""
     raise NotImplementedError
 
 
 @note_scatter.register(type(None))
-def _(log, work, sample, normal, outgoing, weight, pdf, throughput, survival):
+def _(log, work, sample, normal, outgoing, weight, pdf, throughput, survival, waves):
     return
 
 
 @note_scatter.register(PathLog)
-def _(log, work, sample, normal, outgoing, weight, pdf, throughput, survival):
+def _(log, work, sample, normal, outgoing, weight, pdf, throughput, survival, waves):
     if sample != log.sample:
         return
     row = _row(log, work, SCATTERS)
@@ -238,6 +264,7 @@ def _(log, work, sample, normal, outgoing, weight, pdf, throughput, survival):
     log.rows[row, FIRST + 9] = pdf
     _put(log, row, FIRST + 10, throughput)
     log.rows[row, FIRST + 13] = survival
+    _put(log, row, FIRST + 14, waves)
 
 
 @generic
@@ -333,20 +360,24 @@ def _(log, scene, work, slot):
 
 
 @generic
-def note_value(log, work, sample, value, left):
-    """A sample is done: what it brings, and what a clamp leaves of that for its pixel, if it is finite."""
+def note_value(log, work, sample, value, left, wavelength):
+    """A sample is done: what it brings, and what a clamp leaves of that for its pixel, if it is finite.
+
+    wavelength, of its ray in the camera's lens (nm), which gave it its hue, or NaN.
+    """
     raise NotImplementedError
 
 
 @note_value.register(type(None))
-def _(log, work, sample, value, left):
+def _(log, work, sample, value, left, wavelength):
     return
 
 
 @note_value.register(PathLog)
-def _(log, work, sample, value, left):
+def _(log, work, sample, value, left, wavelength):
     if sample == log.sample:
         row = _row(log, work, DONE)
         _put(log, row, FIRST, left)
         log.rows[row, FIRST + 3] = work.radiance[sample, 3]
         _put(log, row, FIRST + 4, value)
+        log.rows[row, FIRST + 7] = wavelength

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer import embree
+from raytracer import embree, hues
 from raytracer.cameras.interface import TIME
 from raytracer.embree import DIRECTION, GEOMETRY, INSTANCE, ORIGIN, PACKET, PLACEMENT, PRIMITIVE, Packet
 from raytracer.embree import TIME as EMBREE_TIME
@@ -21,7 +21,7 @@ from raytracer.media.interface import NONE, Media, crossed, transmittance_at
 from raytracer.primitives.interface import row_of_any
 from raytracer.sampling import sample_1d
 from raytracer.shutter import Shutter, draw_time
-from raytracer.vec import dot, madd, norm, normalize, sub
+from raytracer.vec import dot, madd, mul, norm, normalize, sub
 
 
 class Workspace(NamedTuple):
@@ -37,6 +37,11 @@ class Workspace(NamedTuple):
     through; features (PACKET, 32) float64, what the camera ray met; within (PACKET, MOST_SOLIDS) int32, how many
     objects of each rank it is in.  By shadow ray: shadow_space (PACKET, 2) int64, the medium in which it is, and how
     many random numbers it took there; shadow_within, as within.
+
+    hues (PACKET, 37) float64: the wavelengths that the path is of, as `hues` has them.
+
+    lens (57, PACKET) float64: the packet's rays within a camera's lens, as `lenses.packets` has them; the same rays at
+    two other wavelengths; what each of the three counts for; and places on the film.
 
     log, where a path is written down (pathlog.PathLog), or None.
     """
@@ -57,6 +62,8 @@ class Workspace(NamedTuple):
     shadow_space: NDArray[np.int64]
     within: NDArray[np.int32]
     shadow_within: NDArray[np.int32]
+    hues: NDArray[np.float64]
+    lens: NDArray[np.float64]
     log: Any = None
 
 
@@ -90,6 +97,8 @@ def workspace(log: Any = None) -> Workspace:
         shadow_space=np.zeros((PACKET, 2), np.int64),
         within=np.zeros((PACKET, MOST_SOLIDS), np.int32),
         shadow_within=np.zeros((PACKET, MOST_SOLIDS), np.int32),
+        hues=floats(hues.COLUMNS),
+        lens=np.zeros((hues.LENS_ROWS, PACKET)),
         log=log,
     )
 
@@ -137,11 +146,26 @@ def found_in(scene, packet, lane):
     return find(scene.instances, table, primitive, ids[INSTANCE, lane], ids[PLACEMENT, lane])
 
 
-@kernel
-def gather(work, sample, throughput, radiance):
+@generic
+def gather(spectrum, work, sample, throughput, radiance):
     """Add to a sample the radiance that reaches the camera with this throughput."""
+    raise NotImplementedError
+
+
+@gather.register(type(None))
+@gather.register(hues.LensSpectrum)
+def _(spectrum, work, sample, throughput, radiance):
     for channel in range(3):
         work.radiance[sample, channel] += throughput[channel] * radiance[channel]
+
+
+@gather.register(hues.Spectrum)
+def _(spectrum, work, sample, throughput, radiance):
+    if not hues.counts(work, sample):
+        return
+    light = hues.seen_as(spectrum, work, sample, mul(throughput, radiance))
+    for channel in range(3):
+        work.radiance[sample, channel] += light[channel]
 
 
 @kernel

@@ -7,6 +7,7 @@ import numpy as np
 from raytracer import embree
 from raytracer.embree import GEOMETRY, MISS, TFAR
 from raytracer.geometry import Site, spawn_point
+from raytracer.hues import LensSpectrum, Spectrum, tinted
 from raytracer.instances import meet
 from raytracer.interior import boundary_of, kept, move_within, shadow_goes_through
 from raytracer.jit import generic, kernel
@@ -48,6 +49,24 @@ def aim(scene, work, slot, sample, start, light, arriving, time):
 
 
 @generic
+def deliver(spectrum, work, slot, through):
+    """Add to a sample what a shadow ray brings, of which this comes through what is in its way."""
+    raise NotImplementedError
+
+
+@deliver.register(type(None))
+@deliver.register(LensSpectrum)
+def _(spectrum, work, slot, through):
+    for channel in range(3):
+        work.radiance[work.shadow_sample[slot], channel] += through[channel] * work.unshadowed[slot, channel]
+
+
+@deliver.register(Spectrum)
+def _(spectrum, work, slot, through):
+    gather(spectrum, work, work.shadow_sample[slot], through, load3(work.unshadowed, slot, 0))
+
+
+@generic
 def resolve_shadows(lights, scene, work, count, key, first, segment):
     """Trace the shadow rays, and add what arrives; returns the number of rays traced."""
     raise NotImplementedError
@@ -77,8 +96,8 @@ def _(passage, scene, work, count, key, first, segment):
         if work.shadows.floats[TFAR, slot] >= 0.0:
             distance = np.float64(work.shadows.floats[TFAR, slot])
             through = veil(scene.media, scene, work, slot, distance, key, first, segment)
-            for channel in range(3):
-                work.radiance[work.shadow_sample[slot], channel] += through[channel] * work.unshadowed[slot, channel]
+            through = tinted(scene.spectrum, work, work.shadow_sample[slot], through)
+            deliver(scene.spectrum, work, slot, through)
             note_arrival(work.log, work, work.shadow_sample[slot], mul(through, load3(work.unshadowed, slot, 0)))
         else:
             note_occluded(work.log, scene, work, slot)
@@ -101,10 +120,10 @@ def _(passage, scene, work, count, key, first, segment):
             near = np.float64(work.shadows.floats[TFAR, slot])
             through = veil(scene.media, scene, work, slot, near, key, first, segment)
             through = mul(through, kept(scene.interior, work.shadow_within, slot, near))
-            arriving = mul(through, load3(work.unshadowed, slot, 0))
+            arriving = mul(tinted(scene.spectrum, work, sample, through), load3(work.unshadowed, slot, 0))
             table = work.shadows.ints[GEOMETRY, slot]
             if table == MISS:
-                gather(work, sample, arriving, WHITE)
+                gather(scene.spectrum, work, sample, arriving, WHITE)
                 note_arrival(work.log, work, sample, arriving)
                 continue
 
@@ -115,7 +134,7 @@ def _(passage, scene, work, count, key, first, segment):
             front = dot(direction, hit.normal) < 0.0
             draws = Draws(scene.sampler, key, first + sample, (segment + 1) * SLOTS + surface * PASS_STRIDE)
             local = as_written(scene.origin, scene.instances, instance, hit.local)
-            site = Site(local, hit.u, hit.v, near)
+            site = Site(local, hit.u, hit.v, near, None)
             reference = select_again(scene.selectors, scene, hit.material, front, site, draws)
             if boundary_of(scene.interior, work.shadow_within, slot, hit.material, reference, front) != PASS:
                 note_met(work.log, work, slot, sample, work.shadows, False)
@@ -130,7 +149,7 @@ def _(passage, scene, work, count, key, first, segment):
                 way = sub(goal, start)
                 rest = norm(way)
                 if dot(way, direction) <= 0.0:
-                    gather(work, sample, arriving, WHITE)
+                    gather(scene.spectrum, work, sample, arriving, WHITE)
                     note_arrival(work.log, work, sample, arriving)
                     continue
                 way = scale(1.0 / rest, way)

@@ -17,6 +17,7 @@ from raytracer.apertures.round import Round as _Round
 from raytracer.apertures.vignetting import Vignetting as _Vignetting
 from raytracer.cameras.equirectangular import Equirectangular as _Equirectangular
 from raytracer.cameras.fisheye import Fisheye as _Fisheye
+from raytracer.cameras.lens import RealLens as _RealLens
 from raytracer.cameras.none import BareSensor as _BareSensor
 from raytracer.cameras.orthographic import Orthographic as _Orthographic
 from raytracer.cameras.pinhole import Pinhole as _Pinhole
@@ -203,6 +204,82 @@ class _Cameras:
         ----------
         projection : how the angle from the axis becomes a distance in the picture
         fov : angle (deg) of a diameter of the circle, up to 360 [degrees, or with a unit]
+        look_from : position of the camera (m) [metres, or with a unit]
+        look_at : point in the centre of the picture (m) [metres, or with a unit]
+        up : direction that is up in the picture
+        medium : name of the medium that the camera stands in; the scene's `medium` by default
+        shutter : when light is gathered: {open: 0, close: 1} in seconds of scene time, or for how long from `time` on,
+            such as 1/125 s, or {duration: 1/125 s, opening, ramp, readout, direction, curtain}; without it the picture
+            is of one moment [seconds, or with a unit]
+        time : time of the scene (s) at which a shutter given by its duration opens; default 0 [seconds, or with a unit]
+        motion : how the camera moves: velocity (m/s), spin {axis, rate, center} or keyframes
+        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}
+        exposure : auto, or {metering: spot, at: [x, y], size}: exposes the picture by what is metered in it; without it
+            and `iso`, pixels are plain radiance
+        exposure_compensation : stops (EV) by which the picture is made brighter than `iso` or `exposure` make it
+        """
+    @staticmethod
+    def lens(
+        *,
+        lens: str | PathLike[str],
+        f_number: float | str | None = ...,
+        focus_distance: float | str | None = ...,
+        focus_on: str | None = ...,
+        focus_at: _Numbers | None = ...,
+        focus: Literal["marginal", "rms"] = ...,
+        aperture_shape: Literal["image", "polygon", "round"] | _ImageAperture | _Keys | _PolygonAperture | _Round | None = ...,
+        dispersion: bool = ...,
+        flare: bool = ...,
+        sensor: Literal["medium_format", "full_frame", "aps_h", "aps_c", "four_thirds", "1-inch", "1/1.63-inch", "1/2.3-inch", "1/3.2-inch"] | _SensorSpec | _Keys | None = ...,
+        sensor_fit: Literal["crop", "horizontal", "vertical", "overscan"] | None = ...,
+        iso: float | str | None = ...,
+        look_from: _Numbers = ...,
+        look_at: _Numbers = ...,
+        up: _Numbers = ...,
+        medium: str | None = ...,
+        shutter: _ShutterSpec | _Keys | float | str | None = ...,
+        time: float | str | None = ...,
+        motion: _Motion | _Keys | None = ...,
+        shake: _Shake | _Keys | None = ...,
+        exposure: _AutoExposure | _Keys | None = ...,
+        exposure_compensation: float | str | None = ...,
+    ) -> _RealLens:
+        """A lens of glass, as its prescription has it, through which every ray goes, surface by surface.
+
+        So the picture has the lens's own aberrations, distortion and vignetting, and its blur the shape of what of the
+        pupil is seen from each place.  `look_from` is the middle of the entrance pupil near the axis, from where distances
+        are measured; the lens with its front before that, and the film behind it, stand in the scene but are not seen.
+
+        Without `iso`, a picture of an even scene has its radiance in the middle, and is darker to its corners by the
+        lens's vignetting and the fourth power of the cosine.  With it, the film gathers what arrives through the exit
+        pupil, E = integral of L cos^4 / Z^2 dA.
+
+        References: Kolb, Mitchell, Hanrahan 1995, "A Realistic Camera Model for Computer Graphics", SIGGRAPH; Steinert,
+        Dammertz, Hanika, Lensch 2011, "General Spectral Camera Lens Simulation", CGF 30(6).
+
+        Parameters
+        ----------
+        lens : prescription of the lens (.yaml .dat .zmx), relative to the scene
+        f_number : f-number to which the stop closes; by default it is as wide open as it goes
+        focus_distance : distance of the plane of focus along the axis, from the entrance pupil (m), inf allowed;
+            default: |look_at - look_from| [metres, or with a unit]
+        focus_on : name of the object whose middle is in focus, in place of `focus_distance`; for the surface that is
+            seen of it, see `focus_at`
+        focus_at : place in the frame at which what is seen is in focus: fractions of its width and height, from the top
+            left, in place of `focus_distance`; infinity where nothing is seen; cutouts count as solid
+        focus : what is sharp: where light through the zone of the pupil that halves its area meets on the axis, or
+            where the spot of a point of the axis has the least root mean square radius (`rms`)
+        aperture_shape : shape of the stop, of the same area as the round one: a type, or a mapping; round by default
+        dispersion : whether the lens's glasses have an index by wavelength, where its prescription says so; else each
+            has that of the d line for all colours
+        flare : whether the lens's surfaces reflect light too: what is lost, ghosts of two reflections, and flare
+        sensor : a name (medium_format, full_frame, aps_h, aps_c, four_thirds, 1-inch, 1/1.63-inch, 1/2.3-inch,
+            1/3.2-inch), or {width: 36 mm, height: 24 mm}; full_frame where only a focal length is given, or there is no
+            lens
+        sensor_fit : how a picture of another shape than the sensor's lies on it: `crop`, the default, the largest part
+            of the sensor; `horizontal`, its whole width; `vertical`, its whole height; `overscan`, all of it
+        iso : speed of the sensor: asks for photographic exposure, by aperture, shutter and speed, after which 1 is what
+            saturates the sensor
         look_from : position of the camera (m) [metres, or with a unit]
         look_at : point in the centre of the picture (m) [metres, or with a unit]
         up : direction that is up in the picture
@@ -720,8 +797,8 @@ class _Materials:
     def dielectric(
         *,
         outside_absorption: _Numbers | float | str | None = ...,
-        ior: float | str = ...,
-        outside_ior: float | str = ...,
+        ior: float | str | _Keys = ...,
+        outside_ior: float | str | _Keys = ...,
         priority: int | None = ...,
         absorption: _Numbers | float | str | None = ...,
         attenuation_color: _Numbers | float | str | None = ...,
@@ -739,6 +816,8 @@ class _Materials:
         Of light that comes to the boundary from within, over a distance d, the fraction exp(-absorption d) is kept. On the
         way to other things inside the glass none is lost: give it a `priority` where that matters.
 
+        Where an index depends on the wavelength, wavelengths part: see docs/dispersion.md.
+
         Closed objects whose materials have a `priority` may overlap. Where they do, the one with the highest is there, of
         equals the one that comes first in the scene; surfaces hidden in it let light straight through, shadow rays too, and
         each surface that is seen is a boundary to what lies behind it. Light knows what it is in, also where the camera
@@ -754,8 +833,9 @@ class _Materials:
         Parameters
         ----------
         outside_absorption : absorption coefficient of the outside by channel (1/m); none by default
-        ior : index of refraction on the inside
-        outside_ior : index on the outside: of the glass that this one is embedded in
+        ior : index of refraction on the inside: a number, a glass of the catalogue such as N-BK7, or {index, abbe},
+            {cauchy} or {sellmeier}; glass whose index depends on the wavelength disperses light
+        outside_ior : index on the outside, likewise: of the glass that this one is embedded in
         priority : where objects overlap that have a priority, the one with the highest is there; takes the place of
             `outside_ior`
         absorption : absorption coefficient of the inside by channel (1/m); none by default
@@ -938,8 +1018,8 @@ class _Materials:
         *,
         roughness: float | str | TextureSpec | _Keys = ...,
         multiple_scattering: bool = ...,
-        ior: float | str = ...,
-        outside_ior: float | str = ...,
+        ior: float | str | _Keys = ...,
+        outside_ior: float | str | _Keys = ...,
         priority: int | None = ...,
         absorption: _Numbers | float | str | None = ...,
         attenuation_color: _Numbers | float | str | None = ...,
@@ -953,7 +1033,8 @@ class _Materials:
 
         Each facet reflects by Fresnel's equations.  What is reflected or refracted into other facets is not lost: it
         leaves to both sides, and light in glass of any roughness is as much as came in.  Below a roughness of 0.032 the
-        boundary is smooth.  Radiance is basic radiance, and objects may overlap by `priority`, as for `dielectric`.
+        boundary is smooth.  Radiance is basic radiance, and objects may overlap by `priority`, as for `dielectric`.  Glass
+        whose index depends on the wavelength is met at one wavelength at a time.
 
         References: Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces"; Kulla, Conty 2017,
         "Revisiting Physically Based Shading at Imageworks"; Burley 2012, "Physically-Based Shading at Disney" (roughness).
@@ -962,8 +1043,9 @@ class _Materials:
         ----------
         roughness : 0 is smooth, 1 as rough as can be
         multiple_scattering : count light that meets several facets; without it, rough glass is too dark
-        ior : index of refraction on the inside
-        outside_ior : index on the outside: of the glass that this one is embedded in
+        ior : index of refraction on the inside: a number, a glass of the catalogue such as N-BK7, or {index, abbe},
+            {cauchy} or {sellmeier}; glass whose index depends on the wavelength disperses light
+        outside_ior : index on the outside, likewise: of the glass that this one is embedded in
         priority : where objects overlap that have a priority, the one with the highest is there; takes the place of
             `outside_ior`
         absorption : absorption coefficient of the inside by channel (1/m); none by default

@@ -1383,7 +1383,56 @@ EXPOSURES = [
     ),
 ]
 
+# ---- Lenses of glass
+
+GLASS = """\
+name: singlet
+surfaces:
+  - {type: spherical, radius: 50, thickness: 5, material: N-BK7, aperture: 20}
+  - {type: spherical, radius: -50, aperture: 20}
+"""
+
+
+def glass(name: str, keys: str, *words: str, lens: str | bytes = GLASS, command: str = "validate SCENE") -> Row:
+    """A camera of these keys with a lens of glass."""
+    camera = f"camera: {{type: lens, lens: glass.yaml, look_from: [0, 0, 4], look_at: [0, 0, 0]{keys}}}"
+    start = SCENE.index("camera:")
+    scene = SCENE[:start] + camera + SCENE[SCENE.index("\n", start) :]
+    return Row(name, words, scene=scene, files=(("glass.yaml", lens),), command=command)
+
+
+def prescription(name: str, old: str, new: str, *words: str) -> Row:
+    assert old in GLASS
+    return glass(name, "", "glass.yaml:", *words, lens=GLASS.replace(old, new, 1))
+
+
+GLASSES = [
+    glass("faster than the lens", ", f_number: 1", f"{CAMERA}.f_number: the lens opens to f/"),
+    glass("an f-number of nothing", ", f_number: 0", f"{CAMERA}.f_number: must be greater than 0, got 0"),
+    glass("too near for the lens", ", focus_distance: 3 cm", f"{CAMERA}.focus_distance: ", "nearest"),
+    glass("focus of no kind", ", focus: sharp", f"{CAMERA}.focus: "),
+    glass("flare by how much", ", flare: 2", f"{CAMERA}.flare: "),
+    glass("a focal length besides the lens's", ", focal_length: 50", f"{CAMERA}.focal_length: unknown key"),
+    glass("two focuses of a lens", ", focus_distance: 2, focus_on: ball", f"{CAMERA}.focus_on: focus_distance and"),
+    glass("a lens of bytes", "", "glass.yaml", lens=b"\x89PNG\r\n\x1a\n\0"),
+    glass("an empty lens", "", "glass.yaml: is empty", lens=""),
+    prescription("a lens of no radius", "radius: 50", "radius: 0", "surfaces[0].radius: "),
+    prescription("a lens of unknown glass", "N-BK7", "N-BK8", "surfaces[0].material: unknown", "N-BK7"),
+    prescription(
+        "a lens of no such surface", "type: spherical", "type: sphere", "surfaces[0].type: unknown type", "asphere"
+    ),
+    prescription(
+        "a lens wider than its sphere", "aperture: 20", "aperture: 200", "surfaces[0].aperture: must be at most"
+    ),
+    prescription("a lens with a gap", "thickness: 5, ", "", "surfaces[0].thickness: is missing"),
+    prescription(
+        "a lens that ends in glass", "radius: -50, ", "radius: -50, material: 1.5, ", "surfaces[1].material: "
+    ),
+    prescription("a lens of two kinds", "name: singlet", "nmae: singlet", "unknown key 'nmae'"),
+]
+
 ROWS = [
+    *GLASSES,
     *DEVELOPMENT,
     *TEXTURES,
     *FACETS,

@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -16,6 +17,7 @@ import yaml
 
 import raytracer
 from raytracer.cli.main import app
+from raytracer.dump import plain, yaml_text
 from raytracer.kinds import (
     APERTURES,
     CAMERAS,
@@ -28,7 +30,6 @@ from raytracer.kinds import (
     TEXTURES,
     Family,
 )
-from raytracer.scene.dump import plain, yaml_text
 from raytracer.scene.load import build, load
 from raytracer.spec import Spec
 
@@ -97,6 +98,9 @@ def _scene_with(family: Family, snippet: str, folder: Path) -> Path:
             for source in (item, item.get("aperture_shape", {})):
                 if "file" in source:
                     (folder / source["file"]).touch()
+            if "lens" in item:
+                # What a camera's lens can do is asked of its file when the scene is checked.
+                shutil.copytree(ROOT / "scenes" / "lenses", folder / "lenses", dirs_exist_ok=True)
     path = folder / "scene.yaml"
     path.write_text(yaml.safe_dump(scene))
     return path
@@ -190,8 +194,9 @@ def test_the_readme_lists_the_commands_that_exist() -> None:
 def test_options_in_the_readme_exist() -> None:
     for text in _fenced(README, ""):
         for command, rest in re.findall(r"^(?:\$ )?rt (\w+)(.*)$", text, re.MULTILINE):
-            parameters = typer.main.get_command(app).commands[command].params  # type: ignore[attr-defined]
-            known = {name for parameter in parameters for name in parameter.opts}
+            found = typer.main.get_command(app).commands[command]  # type: ignore[attr-defined]
+            parts = [found, *getattr(found, "commands", {}).values()]
+            known = {name for part in parts for parameter in part.params for name in parameter.opts}
             assert set(re.findall(r"(?<=\s)(--[\w-]+|-[a-zA-Z]\b)", rest)) <= known
 
 

@@ -20,11 +20,18 @@ from tests.repository import GENERATED, REFERENCES, SCENES, need_files_of
 NAMES = sorted(path.stem for path in REFERENCES.glob("*.npz"))
 
 # What these compile for long, the quick tests know by other scenes, by tests/materials and by tests/test_nesting.py.
-LARGE = GENERATED.keys() | {"metals", "nested", "next_week", "studio"}
+LARGE = GENERATED.keys() | {"diamond", "metals", "nested", "next_week", "prism", "studio"}
 PICTURES = [pytest.param(name, marks=[pytest.mark.slow] if name in LARGE else []) for name in NAMES]
 
+# Small lamps that paths find by chance: to notice one per cent takes twenty times as many samples.
+SPARKLING = {"diamond", "prism"}
+
 # Each takes as long as ten renders of the others.
-KEEN = [pytest.param(name, marks=[] if name in ("cornell", "lens") else [pytest.mark.slow]) for name in NAMES]
+KEEN = [
+    pytest.param(name, marks=[] if name in ("cornell", "lens") else [pytest.mark.slow])
+    for name in NAMES
+    if name not in SPARKLING
+]
 
 
 def checked(rt_regression: Regression, name: str, **settings: Any) -> Checked:

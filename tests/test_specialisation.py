@@ -18,7 +18,7 @@ import pytest
 import raytracer
 from raytracer.scene.load import build
 from raytracer.scene.pack import pack
-from tests.probe import SCENES
+from tests.probe import MATTE, SCENES
 from tests.rendering import scene
 
 ROOT = Path(__file__).parent.parent
@@ -158,6 +158,15 @@ def test_an_effect_brings_its_own_classes(name: str, brings: set[str]) -> None:
     found = kinds({"modules": classes_in(numba.typeof(pack(scene(SCENES[name], filled=False)).scene))})
     assert found <= brings | PLAIN | {"cameras.placement"}
     assert found & brings
+
+
+def test_no_glass_is_compiled_for_scenes_without_a_real_lens(kernels: Kernels) -> None:
+    glass = ("raytracer.lenses.", "raytracer.cameras.lens", "raytracer.lanes", "raytracer.spectra")
+    lens = f"camera: {{type: lens, lens: '{ROOT}/scenes/lenses/double-gauss-50mm.yaml'}}\n"
+    found = classes_in(numba.typeof(pack(scene(lens + MATTE, filled=False)).scene))
+    assert all(any(module.startswith(name) for module in found) for name in glass if name != "raytracer.lanes")
+    for name in ("plain", "lens"):
+        assert not [module for module in kernels[name]["modules"] if module.startswith(glass)]
 
 
 def test_many_effects_bring_their_own_code(kernels: Kernels) -> None:

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from raytracer.accumulation import merge
 from raytracer.film.film import Film
-from raytracer.integrator import observe, observe_direct, observe_start
+from raytracer.hues import KEPT, finished
+from raytracer.integrator import observe, observe_again, observe_direct, observe_end, observe_start
 from raytracer.jit import each, generic
 from raytracer.paths import load3, store3
 from raytracer.spec import Spec
+from raytracer.vec import add, sub
 
 
 @dataclass(frozen=True)
@@ -208,12 +210,47 @@ def _(layer, work, sample):
 
 
 @generic
-def _add(layer, work, sample, x, y):
+def _keep_direct(layer, work, sample):
+    raise NotImplementedError
+
+
+@_keep_direct.register(tuple)
+def _(layer, work, sample):
+    return
+
+
+@_keep_direct.register(Light)
+def _(layer, work, sample):
+    # What is direct so far, and all that there is, which is direct if nothing else was noted.
+    whole = load3(work.radiance, sample, 0)
+    direct = load3(work.features, sample, layer.column) if work.features[sample, _SPLIT] != 0.0 else whole
+    store3(work.hues, sample, KEPT, sub(direct, whole))
+
+
+@generic
+def _add_direct(layer, work, sample):
+    raise NotImplementedError
+
+
+@_add_direct.register(tuple)
+def _(layer, work, sample):
+    return
+
+
+@_add_direct.register(Light)
+def _(layer, work, sample):
+    whole = load3(work.radiance, sample, 0)
+    direct = load3(work.features, sample, layer.column) if work.features[sample, _SPLIT] != 0.0 else whole
+    store3(work.features, sample, layer.column, add(direct, load3(work.hues, sample, KEPT)))
+
+
+@generic
+def _add(layer, spectrum, work, sample, x, y):
     raise NotImplementedError
 
 
 @_add.register(Mean)
-def _(layer, work, sample, x, y):
+def _(layer, spectrum, work, sample, x, y):
     if work.features[sample, _MET] == 0.0:
         return
     # Leave out what has no value, such as the way in the picture of a point that passes behind the camera.
@@ -229,7 +266,7 @@ def _(layer, work, sample, x, y):
 
 
 @_add.register(Vote)
-def _(layer, work, sample, x, y):
+def _(layer, spectrum, work, sample, x, y):
     # A ray that a lens stops sees nothing, which is not the same as seeing that there is nothing.
     if work.radiance[sample, 3] == 0.0:
         return
@@ -242,23 +279,25 @@ def _(layer, work, sample, x, y):
 
 
 @_add.register(Coverage)
-def _(layer, work, sample, x, y):
+def _(layer, spectrum, work, sample, x, y):
     weight = work.radiance[sample, 3]
     layer.sums[y, x, 0] += weight * work.features[sample, _MET]
     layer.sums[y, x, 1] += weight
 
 
 @_add.register(Light)
-def _(layer, work, sample, x, y):
+def _(layer, spectrum, work, sample, x, y):
     value = load3(work.radiance, sample, 0)
     direct = load3(work.features, sample, layer.column) if work.features[sample, _SPLIT] != 0.0 else value
-    part = share(layer.part, value, direct)
+    part = finished(spectrum, work, sample, share(layer.part, value, direct))
     for channel in range(3):
         layer.sums[y, x, channel] += work.radiance[sample, 3] * part[channel]
 
 
 _note_each = each(_note)
 _note_direct_each = each(_note_direct)
+_keep_direct_each = each(_keep_direct)
+_add_direct_each = each(_add_direct)
 _add_each = each(_add)
 
 
@@ -286,9 +325,21 @@ def _(aovs, work, sample, done):
         _note_direct_each(aovs.layers, work, sample)
 
 
+@observe_again.register(Aovs)
+def _(aovs, work, sample):
+    _keep_direct_each(aovs.layers, work, sample)
+    work.features[sample, _SPLIT] = 0.0
+
+
+@observe_end.register(Aovs)
+def _(aovs, work, sample):
+    _add_direct_each(aovs.layers, work, sample)
+    work.features[sample, _SPLIT] = 1.0
+
+
 @merge.register(Aovs)
-def _(aovs, work, x, y, count):
+def _(aovs, spectrum, work, x, y, count):
     for sample in range(count):
         value = load3(work.radiance, sample, 0)
         if math.isfinite(work.radiance[sample, 3] * (value[0] + value[1] + value[2])):
-            _add_each(aovs.layers, work, sample, x, y)
+            _add_each(aovs.layers, spectrum, work, sample, x, y)

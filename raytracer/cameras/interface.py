@@ -1,7 +1,7 @@
 """What every camera kind gives to packing and to kernels."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -21,11 +21,14 @@ Assets: TypeAlias = Mapping[str, Any]
 NO_ASSETS: Assets = {}
 
 # Slots of random numbers of a camera sample, each a dimension of its own; a slot not drawn costs nothing.
-FILTER, LENS, TIME, SLOTS = 0, 1, 2, 8
+FILTER, LENS, TIME, WAVELENGTH, GHOST, SLOTS = 0, 1, 2, 3, 4, 8
 
 
 class CameraSpec(Spec):
     """Base of the cameras: what packing and `rt explain` ask of each."""
+
+    binds: ClassVar[tuple[str, ...]] = ()
+    """Keys of `loads` whose files the camera's numbers depend on, so that they are read when a scene is checked."""
 
     type: str
     medium: Name | None = Field(
@@ -133,6 +136,19 @@ class CameraSpec(Spec):
             slowest=None if sensor is None else sensor.base_iso,
         )
 
+    def bound(self, assets: Assets) -> "CameraSpec":
+        """The camera with what its files held, which its numbers depend on; itself where they do not.
+
+        Raises
+        ------
+        ValidationError : an asset and the camera's keys do not go together; it points at one of these.
+        """
+        return self
+
+    def doubts(self, width: int, height: int) -> list[tuple[str, str]]:
+        """What is probably not meant: the key that it is about, and a predicate of that key's value."""
+        return []
+
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> Any:
         """The packed camera for a film of width x height pixels; `assets` holds what its files did.
 
@@ -156,6 +172,71 @@ def camera_ray(camera, x, y, time, draws):
     `time` is None if nothing moves, else the fraction of the shutter's opening that has passed, 0 to 1.
     """
     raise NotImplementedError
+
+
+class Together(NamedTuple):
+    """The camera makes the rays of a packet of samples together: by `set_lane` for each, then `trace_lanes` once."""
+
+
+@generic
+def rays_together(camera):
+    """`Together()` for a camera that makes the rays of a packet together; None for the others, and by default."""
+    raise NotImplementedError
+
+
+@rays_together.register(tuple)
+def _(camera):
+    return None
+
+
+@generic
+def set_lane(camera, rows, lane, x, y, draws):
+    """Tell a camera that makes rays together of a sample, at film position (x, y): see `camera_ray`.
+
+    rows : float64 (16, packet), the camera's own.
+    """
+    raise NotImplementedError
+
+
+@generic
+def trace_lanes(camera, rows):
+    """Make the rays of all lanes that were set."""
+    raise NotImplementedError
+
+
+class Sharing(NamedTuple):
+    """Light of several wavelengths shares the rays of a camera whose lens bends each in its own way.
+
+    edge, that of the square round a pixel's middle, in which all places of the film count the same (pixels); back, the
+    camera's lens for the way from the scene to the film.
+    """
+
+    edge: float
+    back: Any
+
+
+@generic
+def share_lanes(camera, sharing, rows, others, x, y):
+    """Find out whether light of other wavelengths too comes to pixel (x, y) by the rays that `trace_lanes` made.
+
+    rows : the packet, after `trace_lanes`.
+    others : float64 (16, packet), for one other wavelength of each ray: its row `packets.WAVELENGTH` is given.  Its row
+        `packets.WEIGHT` becomes the part that the lens lets through of it, over that of the ray's own wavelength, or 0
+        if it does not come to this pixel; its row `packets.EXTENT`, as that of `rows` is, one over how densely the
+        camera draws such rays at that wavelength, in units common to all.
+    """
+    raise NotImplementedError
+
+
+@generic
+def lane_ray(camera, rows, lane, x, y, time, draws):
+    """As `camera_ray`, of a lane of a packet; by default there is nothing to know of packets."""
+    raise NotImplementedError
+
+
+@lane_ray.register(tuple)
+def _(camera, rows, lane, x, y, time, draws):
+    return camera_ray(camera, x, y, time, draws)
 
 
 @generic

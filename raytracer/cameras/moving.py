@@ -11,7 +11,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytracer.cameras.interface import NO_ASSETS, Assets, camera_ray, moved, project
+from raytracer.cameras.interface import (
+    NO_ASSETS,
+    Assets,
+    camera_ray,
+    lane_ray,
+    moved,
+    project,
+    rays_together,
+    set_lane,
+    share_lanes,
+    trace_lanes,
+)
 from raytracer.cameras.placement import PlacedSpec
 from raytracer.motion import (
     MOST_STEPS,
@@ -83,6 +94,33 @@ def _posed(spec: PlacedSpec, matrix: Matrix) -> PlacedSpec:
     moved = {name: matrix[:3, :3] @ getattr(spec, name) + matrix[:3, 3] for name in ("look_from", "look_at")}
     moved["up"] = matrix[:3, :3] @ spec.up
     return spec.model_copy(update={name: tuple(map(float, vector)) for name, vector in moved.items()})
+
+
+@rays_together.register(MovingCamera)
+def _(camera):
+    return rays_together(camera.camera)
+
+
+@set_lane.register(MovingCamera)
+def _(camera, rows, lane, x, y, draws):
+    set_lane(camera.camera, rows, lane, x, y, draws)
+
+
+@trace_lanes.register(MovingCamera)
+def _(camera, rows):
+    trace_lanes(camera.camera, rows)
+
+
+@share_lanes.register(MovingCamera)
+def _(camera, sharing, rows, others, x, y):
+    share_lanes(camera.camera, sharing, rows, others, x, y)
+
+
+@lane_ray.register(MovingCamera)
+def _(camera, rows, lane, x, y, time, draws):
+    origin, direction, weight = lane_ray(camera.camera, rows, lane, x, y, time, draws)
+    pose = pose_at(camera.trajectories, 0, time)
+    return apply_point(pose, origin), normalize(apply_vector(pose, direction)), weight
 
 
 @camera_ray.register(MovingCamera)

@@ -3,6 +3,8 @@
 import math
 from typing import Annotated, Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from raytracer.cameras.exposed import ExposedSpec
@@ -193,6 +195,19 @@ class PerspectiveSpec(ExposedSpec):
             image = 0.5 * film.height / top
             return Optics(top, sensor, film, self._focal_length(image), image)
         return Optics(top, None, None, None, None)
+
+    def sight(self, x: float, y: float, width: int, height: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The ray that a place in the frame sees along: as right, up, forward, its start (m) and direction (3,).
+
+        x, y : fractions of the frame's width and height, from the top left.
+
+        Raises
+        ------
+        ValueError : the camera cannot be focused as it is said to be, or sees nothing there.
+        """
+        top = self.optics(width, height).top
+        right, up = (2.0 * x - 1.0) * top * width / height, (1.0 - 2.0 * y) * top
+        return np.zeros(3), np.array([right, up, 1.0])
 
     def relative_aperture(self, width: int, height: int) -> float | None:
         if self.f_number is not None:

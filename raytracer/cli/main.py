@@ -101,6 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _plain(message: str) -> str:
     """A message of Typer's, which checks numbers by pydantic and speaks as that does."""
     message = message.rstrip(".").partition(", unable to parse")[0].replace("Input should be", "must be")
+    message = message.replace(": Value error, ", ": ")
     return message.replace("a valid integer", "a whole number").replace("a valid number", "a number")
 
 

@@ -9,9 +9,18 @@ before.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Literal, NamedTuple, get_args, get_origin
 
-from raytracer.cost.recast import Means, Plain
+from raytracer.cost.recast import Means, OneIndex, Plain
 from raytracer.cost.repack import cleared, cleared_of, unaimed, unlit
-from raytracer.cost.respec import exposed_at_once, frozen, held, opened_at_once
+from raytracer.cost.respec import (
+    dark_glass,
+    exposed_at_once,
+    frozen,
+    held,
+    ideal,
+    of_one_wavelength,
+    opened_at_once,
+    round_stop,
+)
 from raytracer.errors import InputError, suggestion
 from raytracer.integrator import Scene
 from raytracer.kinds import LIGHTS, MATERIALS, MEDIA
@@ -216,6 +225,15 @@ _SPECS: Mapping[str, _Event] = {
         "rays that meet nothing see black",
         lambda spec: spec.model_copy(update={"environment": None}),
     ),
+    "real_lens": _Event("an ideal thin lens has the place of the glass: its entrance pupil, focus and scale", ideal),
+    "flare": _Event("the glass of the lens reflects nothing", dark_glass),
+}
+
+# Of a lens of glass: how it is without an effect, or why there is no such lens.
+_GLASS: Mapping[str, _Event | str] = {
+    "aperture_shape": _Event("the stop is a round one of the same area", round_stop),
+    "defocus": "a real lens needs its opening: see real_lens",
+    "vignetting": "it is what the rims of the glass do: see real_lens",
 }
 
 _DEVELOPED = "it is done to the finished picture, whatever its samples took"
@@ -244,6 +262,7 @@ class _Switches:
     def __init__(self, spec: SceneSpec, packed: Packed) -> None:
         self._spec, self._scene = spec, packed.scene
         effects = effects_of(packed.spec, packed.scene)
+        self._has_glass = effects["real_lens"].active
         self._sources = _sources(spec, packed.scene, effects)
         self._parts = list(dict.fromkeys(parts(material_of(spec, item) for _, item in spec.all_objects())))
         self.found: list[Variant] = []
@@ -268,8 +287,14 @@ class _Switches:
         if dot:
             made = _FAMILIES.get(family)
             return "it is what the scene is made of" if made is None else made(self, name, kind)
-        if name in _SPECS:
-            event = _SPECS[name]
+        if name == "dispersion":
+            what = "glass bends all colours alike, as it bends the yellow of the d line"
+            return Variant(name, "effect", what, of_one_wavelength, packs_anew=True, recast=OneIndex())
+        glass = _GLASS.get(name) if self._has_glass else None
+        if isinstance(glass, str):
+            return glass
+        event = glass or _SPECS.get(name)
+        if event is not None:
             # By their values: a key that is set to what it is by default makes no other picture here.
             if event.more_than and dict(event.without(self._spec)) == dict(_SPECS[event.more_than].without(self._spec)):
                 return f"without {event.more_than} it is the same scene: see there"

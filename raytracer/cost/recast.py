@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from raytracer.geometry import Site
+from raytracer.glass import Glass, constant
 from raytracer.materials.interface import MaterialSpec, SelectorSpec, reflectance, row
 from raytracer.materials.lambertian import Lambertian
 from raytracer.optics import REC709_LUMINANCE
@@ -85,3 +86,15 @@ class Plain(_Changed):
         relief = {key: getattr(material, key) for key in MaterialSpec.model_fields if key != "type"}
         matte = {"albedo": tuple(np.clip(albedo, 0.0, 1.0).tolist())}
         return Lambertian().model_copy(update=relief | matte)
+
+
+class OneIndex(_Changed):
+    """Glass that bends all colours as it bends the d line, in place of what disperses."""
+
+    def change(self, material: MaterialSpec, book: Book) -> MaterialSpec:
+        fixed = {
+            key: constant(float(value.ior()))
+            for key, value in material.__dict__.items()
+            if isinstance(value, Glass) and value.disperses()
+        }
+        return material.model_copy(update=fixed) if fixed else material

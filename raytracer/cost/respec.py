@@ -3,9 +3,12 @@
 A shutter without its ramps is open for as long as with them, so that the picture keeps its brightness.
 """
 
+from typing import Any
+
 import numpy as np
 
 from raytracer.cameras.moving import camera_at
+from raytracer.kinds import CAMERAS
 from raytracer.scene.spec import SceneSpec
 from raytracer.shutter import ShutterSpec
 
@@ -55,3 +58,33 @@ def exposed_at_once(spec: SceneSpec) -> SceneSpec:
     close = None if shutter.close is None else shutter.close + later
     update = {"open": timing.opens + later, "close": close, "readout": 0.0}
     return _with_shutter(spec, shutter.model_copy(update=update))
+
+
+# ---- Lenses of glass
+
+
+def ideal(spec: SceneSpec) -> SceneSpec:
+    """The scene as the thin lens sees it that is equivalent to the glass of its camera."""
+    camera: Any = spec.camera
+    keys = camera.equivalent(spec.film.width, spec.film.height)
+    thin = CAMERAS.specs()[keys["type"]].model_validate(keys)
+    return spec.model_copy(update={"camera": thin})
+
+
+def _with_glass(spec: SceneSpec, **values: Any) -> SceneSpec:
+    return spec.model_copy(update={"camera": spec.camera.model_copy(update=values)})
+
+
+def dark_glass(spec: SceneSpec) -> SceneSpec:
+    """The scene seen through glass that reflects nothing."""
+    return _with_glass(spec, flare=False)
+
+
+def of_one_wavelength(spec: SceneSpec) -> SceneSpec:
+    """The scene seen through glass that bends all colours alike."""
+    return _with_glass(spec, dispersion=False) if hasattr(spec.camera, "dispersion") else spec
+
+
+def round_stop(spec: SceneSpec) -> SceneSpec:
+    """The scene seen through a round opening in the glass."""
+    return _with_glass(spec, aperture_shape=None)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.cameras.interface import project
+from raytracer.cameras.lens import LensCamera
 from raytracer.cameras.moving import MovingCamera
 from raytracer.cameras.perspective import PerspectiveCamera
 from raytracer.errors import InputError, shown
@@ -73,24 +74,30 @@ class View:
 
     def blur(self, depth: float) -> float:
         """Diameter of the blur of a point at a distance along the axis (m), in pixels; NaN where there is no lens."""
-        if not isinstance(self._resting, PerspectiveCamera):
+        if not isinstance(self._resting, PerspectiveCamera | LensCamera):
             return math.nan
         if self.pupil() == 0.0:
             return 0.0
         return circle_of_confusion(self.pupil(), 1.0 / self.pixel(), self.focus(), depth)
 
     def pupil(self) -> float:
-        """Diameter of the opening that blurs (m); 0 for a point, or where there is none."""
+        """Diameter of the opening that blurs (m), of a lens of glass its entrance pupil; 0 for a point, or none."""
+        if isinstance(self._resting, LensCamera):
+            return float(self._resting.thin.diameter)
         lens = getattr(self._resting, "lens", None)
         return 0.0 if lens is None else 2.0 * float(lens.radius)
 
     def focus(self) -> float:
         """Distance of the plane of focus (m); behind the camera, and negative, for a mere hole."""
-        inverse = self._resting.lens.inverse_focus
+        glass = isinstance(self._resting, LensCamera)
+        inverse = (self._resting.thin if glass else self._resting.lens).inverse_focus
         return 1.0 / inverse if inverse != 0.0 else math.inf
 
     def pixel(self) -> float:
-        """Edge of a pixel's image at a distance of 1."""
+        """Edge of a pixel's image at a distance of 1; of a lens of glass, near the axis."""
+        if isinstance(self._resting, LensCamera):
+            film, thin = self._resting.film, self._resting.thin
+            return METRES_PER_MILLIMETRE * float(film.pixel / thin.image_distance)
         return float(self._resting.plane.pixel)
 
     def millimetres(self, pixels: float) -> float:

@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from raytracer.cameras.lens import RealLens
+from raytracer.dump import plain_value
 from raytracer.explanation.cautions import cautions
 from raytracer.explanation.numbers import Circle, View, depth_of_field, exposure
-from raytracer.explanation.text import camera_text, effects_text, objects_text, warnings_text
+from raytracer.explanation.text import camera_text, effects_text, objects_text, thin_lens_text, warnings_text
 from raytracer.scene.concerns import concerns, told
 from raytracer.scene.effects import Effect, effects_of
 from raytracer.scene.load import load
@@ -26,7 +28,8 @@ class Explanation:
 
     kind, of the camera; camera, its numbers; objects, those of each object that has a name or moves; warnings, one
     sentence for each thing that the scene makes one doubt (docs/warnings.md), and for each in which the picture will
-    differ from what the camera would take, or may not be as meant.
+    differ from what the camera would take, or may not be as meant; thin_lens, keys of the ideal camera in place of one
+    with a lens of glass, None for any other.
     """
 
     effects: dict[str, Effect]
@@ -34,6 +37,7 @@ class Explanation:
     camera: dict[str, float]
     objects: dict[str, dict[str, float]]
     warnings: list[str]
+    thin_lens: dict[str, Any] | None = None
 
     def json(self) -> dict[str, Any]:
         """For `--json`; infinity, which JSON lacks, becomes the text "inf"."""
@@ -42,7 +46,7 @@ class Explanation:
             "camera": _finite(self.camera),
             "objects": {name: _finite(numbers) for name, numbers in self.objects.items()},
             "warnings": self.warnings,
-        }
+        } | ({} if self.thin_lens is None else {"thin_lens": _finite(self.thin_lens)})
 
     def __repr__(self) -> str:
         return self.text().rstrip()
@@ -52,14 +56,23 @@ class Explanation:
         parts = [
             effects_text(self.effects),
             camera_text(self.kind, self.camera),
+            thin_lens_text(self.thin_lens),
             objects_text(self.objects),
             warnings_text(self.warnings),
         ]
         return "\n".join(part for part in parts if part)
 
 
-def _finite(numbers: Mapping[str, float]) -> dict[str, float | str]:
-    return {name: "inf" if math.isinf(value) else value for name, value in numbers.items()}
+def _finite(numbers: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: "inf" if value == math.inf else value for name, value in numbers.items()}
+
+
+def _thin_lens(spec: SceneSpec) -> dict[str, Any] | None:
+    """The thin lens in place of a lens of glass, as a scene file would have it."""
+    if not isinstance(spec.camera, RealLens):
+        return None
+    keys = spec.camera.equivalent(spec.film.width, spec.film.height)
+    return {key: plain_value(value) for key, value in keys.items()}
 
 
 def explain(scene: SceneSpec | str | os.PathLike[str], *, circle: Circle | None = None) -> Explanation:
@@ -84,7 +97,8 @@ def explain(scene: SceneSpec | str | os.PathLike[str], *, circle: Circle | None 
     numbers = view.numbers | depth_of_field(view, circle) | exposure(spec)
     objects = {label(spec, number): view.object(where, number) for number in _explained(spec, where)}
     warnings = [*told(concerns(packed)), *cautions(view, numbers)]
-    return Explanation(effects_of(spec, packed.scene), spec.camera.type, numbers, objects, warnings)
+    effects = effects_of(spec, packed.scene)
+    return Explanation(effects, spec.camera.type, numbers, objects, warnings, _thin_lens(spec))
 
 
 def _explained(spec: SceneSpec, where: Whereabouts) -> list[int]:

@@ -4,7 +4,7 @@ import math
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -59,6 +59,7 @@ _GROUPS = {
     "Focus": (
         _Line("focus_distance_m", "focus distance", "m"),
         _Line("image_distance_mm", "image distance", "mm"),
+        _Line("back_focus_mm", "film behind the last surface", "mm"),
         _Line("magnification", "magnification"),
         _Line("circle_px", "sharp up to a circle of", "px", also=_Line("circle_mm", "", "mm")),
         _Line("near_limit_m", "near limit", "m"),
@@ -66,6 +67,11 @@ _GROUPS = {
         _Line("depth_of_field_m", "depth of field", "m"),
         _Line("hyperfocal_m", "hyperfocal distance", "m"),
         _Line("blur_at_infinity_px", "blur at infinity", "px"),
+    ),
+    "Equivalent thin lens": (
+        _Line("thin_lens_focal_length_mm", "its focal length", "mm"),
+        _Line("thin_lens_f_number", "its f-number"),
+        _Line("thin_lens_vfov_deg", "its vertical field of view", "deg"),
     ),
     "Exposure": (
         _Line("shutter_s", "shutter", "s"),
@@ -106,7 +112,7 @@ def duration(seconds: float) -> str:
 
 def _quantity(value: float, line: _Line) -> str:
     """A number with its unit."""
-    if line.key == "f_number":
+    if line.key.endswith("f_number"):
         return f"f/{rounded(value)}" if math.isfinite(value) else "infinity"
     if line.unit == "s":
         return duration(value)
@@ -167,6 +173,16 @@ def camera_text(kind: str, camera: Mapping[str, float]) -> str:
         if lines
     ]
     return f"Camera: {kind}\n" + "".join(shown_groups)
+
+
+def thin_lens_text(keys: Mapping[str, Any] | None) -> str:
+    """The thin lens in place of a lens of glass, to be copied into a scene; nothing without one."""
+    if keys is None:
+        return ""
+    import yaml
+
+    text = yaml.safe_dump(dict(keys), default_flow_style=None, sort_keys=False, width=_COLUMNS_OF_TEXT)
+    return "Thin lens in its place\n" + textwrap.indent(f"camera:\n{textwrap.indent(text, '  ')}", "  ")
 
 
 def _quantities(camera: Mapping[str, float], line: _Line) -> str:

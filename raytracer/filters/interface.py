@@ -15,6 +15,10 @@ class FilterSpec(Spec):
         """The packed filter."""
         raise NotImplementedError
 
+    def edge(self) -> float | None:
+        """Edge of the square (pixels) whose places all count the same, and no others; None if it is not so."""
+        return None
+
 
 @generic
 def sample_filter(pixel_filter, u1, u2):

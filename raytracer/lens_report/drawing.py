@@ -579,6 +579,7 @@ def draw(drawing: Drawing, axes: "Axes") -> None:
     """A drawing on Matplotlib's axes."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
+    from matplotlib.transforms import ScaledTranslation
 
     ink = "#222222"
     for outline in drawing.outlines:
@@ -599,7 +600,7 @@ def draw(drawing: Drawing, axes: "Axes") -> None:
             axes.plot([z, z], [side * low, side * high], color=ink, linewidth=2.2)
     film, half = drawing.film
     axes.plot([film, film], [-half, half], color=ink, linewidth=2.0)
-    placed, _ = _rows(drawing, 700.0 / (drawing.high[0] - drawing.low[0]), 0.0)
+    placed, rows = _rows(drawing, 700.0 / (drawing.high[0] - drawing.low[0]), 0.0)
     for mark, _, row in placed:
         axes.plot([mark.z], [0.0], "o", color=ink, markersize=2.5)
         axes.annotate(
@@ -617,7 +618,17 @@ def draw(drawing: Drawing, axes: "Axes") -> None:
     axes.set_aspect("equal")
     axes.axis("off")
     if used:
-        axes.legend(fontsize=6.5, frameon=False, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3)
+        # Below the names, which are placed in points: an axis's height has another number of them for each lens.
+        below = axes.transAxes + ScaledTranslation(0.0, -(9.0 * rows + 4.0) / 72.0, axes.figure.dpi_scale_trans)
+        axes.legend(
+            fontsize=6.5,
+            frameon=False,
+            loc="upper center",
+            bbox_to_anchor=(0.5, 0.0),
+            bbox_transform=below,
+            borderaxespad=0.0,
+            ncols=3,
+        )
 
 
 def _polybezier(start: Point, pieces: Sequence[Piece]) -> tuple[list[Point], list[int]]:

@@ -27,7 +27,7 @@ def page(lens: Lens, study: Study) -> bytes:
         "tables_before": [_table(table) for table in before],
         "groups": [_group(group) for group in groups(study)],
         "tables_after": [_table(table) for table in after],
-        "notes": [{"topic": note.topic.replace("_", " "), "reason": note.reason} for note in text.notes(study)],
+        "notes": [{"topic": text.topic(note), "reason": note.reason} for note in text.notes(study)],
     }
     return pages.page("lens", f"{study.name}: report", data)
 

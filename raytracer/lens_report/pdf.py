@@ -232,7 +232,7 @@ def _heading(figure: "Figure", title: str, said: str) -> float:
 
 def _notes(book: "PdfPages", study: Study) -> None:
     figure = _figure(*_PAGE)
-    said = "\n".join(_wrapped(f"{note.topic.replace('_', ' ')}: {note.reason}") for note in text.notes(study))
+    said = "\n".join(_wrapped(f"{text.topic(note)}: {note.reason}") for note in text.notes(study))
     figure.text(0.06, 0.965, "Notes", fontsize=13, va="top")
     figure.text(0.06, 0.935, said, fontsize=8.0, va="top")
     _save(book, figure)

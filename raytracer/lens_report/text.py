@@ -52,6 +52,13 @@ def _digits(value: float, digits: int) -> str:
     return f"{value:.{decimals}f}".replace("-", "−")
 
 
+def micrometres(value: float) -> str:
+    """A length that is small as a rule, in micrometres; in millimetres from one on."""
+    if math.isnan(value):
+        return "none"
+    return f"{_plain(value, 3)} µm" if abs(value) < 1000.0 else f"{_plain(0.001 * value, 3)} mm"
+
+
 def _degrees(value: float) -> str:
     return "none" if math.isnan(value) else f"{value:.2f}°"
 
@@ -82,7 +89,9 @@ def setting(study: Study) -> str:
     first, chosen = study.first_order[0], study.settings
     width, height = chosen.sensor_mm
     colours = ", ".join(wavelength_name(nm) for nm in chosen.wavelengths_nm)
-    number = f"f/{chosen.f_number:g}" if chosen.f_number is not None else f"wide open, f/{first.f_number:.4g}"
+    # The working f-number, as the pupil near the axis may be wider than what rays of the rim make of it.
+    open_to = f"wide open, working f/{first.working_f_number:.4g}"
+    number = open_to if chosen.f_number is None else f"f/{chosen.f_number:g}"
     return (
         f"{number}, focused on {distance(chosen.focus_distance_mm)}, film {width:.4g} x {height:.4g} mm, "
         f"largest field {first.half_field_deg:.4g}° ({first.half_field_image_height_mm:.4g} mm); {colours}"
@@ -213,8 +222,8 @@ def tolerances(study: Study) -> tuple[Table, ...]:
             Row("nearest plane that is sharp", (_scene(result.near_limit_mm),), "from the entrance pupil"),
             Row("farthest plane that is sharp", (_scene(result.far_limit_mm),), "from the entrance pupil"),
             Row("best focus, from the film", (millimetres(result.best_focus_mm, 3),), "least RMS spot on the axis"),
-            Row("RMS spot on the axis", (f"{_plain(result.rms_on_axis_um, 3)} µm",)),
-            Row("the same at best focus", (f"{_plain(result.rms_on_axis_best_um, 3)} µm",)),
+            Row("RMS spot on the axis", (micrometres(result.rms_on_axis_um),)),
+            Row("the same at best focus", (micrometres(result.rms_on_axis_best_um),)),
             Row("all errors below, together", (millimetres(result.rss_back_focus_mm, 3),), "RSS, on the back focus"),
         )
         found.append(Table(f"Tolerance on focus{plane}", ("", ""), rows))
@@ -247,6 +256,11 @@ def notes(study: Study) -> tuple[Note, ...]:
     return tuple(note for note in study.notes if "null" not in note.reason and "`" not in note.reason)
 
 
+def topic(note: Note) -> str:
+    """What a note is about, in words."""
+    return "Seidel sums" if note.topic == "seidel" else note.topic.replace("_", " ")
+
+
 # ---- A terminal
 
 
@@ -257,36 +271,42 @@ def summary(study: Study) -> str:
     lines += textwrap.wrap(setting(study), _WIDTH)
     for table in first_order(study):
         lines += ["", table.title, *_columns([table.head, *((row.name, *row.cells) for row in table.rows)])]
-    lines += ["", "Aberrations", *_columns(aberrations(study))]
-    lines += ["", "Spots, of all wavelengths together", *_columns(spots(study))]
+    meridians = [first.meridian for first in study.first_order]
+    for meridian in meridians:
+        plane = f", in the plane of {meridian}" if len(meridians) > 1 else ""
+        lines += ["", f"Aberrations{plane}", *_columns(aberrations(study, meridian))]
+    for meridian in meridians:
+        plane = f", in the plane of {meridian}" if len(meridians) > 1 else ""
+        lines += ["", f"Spots, of all wavelengths together{plane}", *_columns(spots(study, meridian))]
     for note in notes(study):
-        lines += ["", *textwrap.wrap(f"{note.topic.replace('_', ' ')}: {note.reason}", _WIDTH)]
+        lines += ["", *textwrap.wrap(f"{topic(note)}: {note.reason}", _WIDTH)]
     return "\n".join(line.rstrip() for line in lines) + "\n"
 
 
-def aberrations(study: Study) -> list[tuple[str, ...]]:
-    """The aberrations in a number each: name, value, where."""
+def aberrations(study: Study, meridian: str = "y") -> list[tuple[str, ...]]:
+    """The aberrations in one plane of the lens in a number each: name, value, where."""
     rows: list[tuple[str, ...]] = []
-    for spherical in study.spherical:
+    for spherical in (one for one in study.spherical if one.meridian == meridian):
         zones = np.flatnonzero(np.isfinite(spherical.longitudinal_mm[0]))
         if zones.size:
             value, zone = spherical.longitudinal_mm[0, zones[-1]], spherical.pupil[zones[-1]]
             where = "at the pupil's rim" if zone == 1.0 else f"at {zone:.2g} of the pupil's height"
             rows.append(("spherical aberration", millimetres(float(value), 3), where))
-    rows += [("longitudinal colour", millimetres(c.axial_between_ends_mm, 3), _ends(study)) for c in study.colour]
-    for curvature in study.field_curvature:
+    colours = [one for one in study.colour if one.meridian == meridian]
+    rows += [("longitudinal colour", millimetres(one.axial_between_ends_mm, 3), _ends(study)) for one in colours]
+    for curvature in (one for one in study.field_curvature if one.meridian == meridian):
         for name, values in (("tangential", curvature.tangential_mm[0]), ("sagittal", curvature.sagittal_mm[0])):
             rows += _outermost(f"focus, {name}", values, curvature.image_height_mm, "mm")
-    for distortion in study.distortion:
+    for distortion in (one for one in study.distortion if one.meridian == meridian):
         rows += _outermost("distortion", distortion.percent, distortion.image_height_mm, "%")
         if distortion.projection != "f tan":
             name = f"distortion against {projection(distortion.projection)}"
             rows += _outermost(name, distortion.projection_percent, distortion.image_height_mm, "%")
-    for colour in study.colour:
+    for colour in colours:
         for nm, values in zip(colour.edge_wavelengths_nm[1:], colour.lateral_um[1:], strict=True):
             name = f"lateral colour, {wavelength_name(float(nm))}"
             rows += _outermost(name, values, colour.image_height_mm, "µm")
-    for light in study.illumination:
+    for light in (one for one in study.illumination if one.meridian == meridian):
         rows += _outermost("relative illumination", 100.0 * light.relative, light.image_height_mm, "%")
     return rows
 
@@ -305,18 +325,20 @@ def _outermost(name: str, values: Curve, heights: Curve, unit: str) -> list[tupl
     return [(name, f"{_plain(float(values[last]), 3)} {unit}", f"{float(heights[last]):.4g} mm out")]
 
 
-def spots(study: Study) -> list[tuple[str, ...]]:
-    """A table of spots and contrast over the field, its head first."""
+def spots(study: Study, meridian: str = "y") -> list[tuple[str, ...]]:
+    """A table of spots and contrast over the field in one plane of the lens, its head first."""
     frequencies = study.settings.frequencies_per_mm
     head = ("image height", "field", "RMS", "largest", *(f"T {f:g}/mm" for f in frequencies))
     rows = [(*head, *(f"S {f:g}/mm" for f in frequencies))]
     for spot, mtf in zip(study.spots, study.mtf, strict=True):
+        if spot.meridian != meridian:
+            continue
         contrasts = [
             _plain(float(np.interp(frequency, mtf.frequencies_per_mm, values)), 2)
             for values in (mtf.tangential, mtf.sagittal)
             for frequency in frequencies
         ]
-        sizes = (f"{_plain(spot.rms_um, 3)} µm", f"{_plain(spot.largest_um, 3)} µm")
+        sizes = (micrometres(spot.rms_um), micrometres(spot.largest_um))
         rows.append((millimetres(spot.image_height_mm, 4), _degrees(spot.field_deg), *sizes, *contrasts))
     return rows
 

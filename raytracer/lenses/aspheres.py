@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.jit import kernel
-from raytracer.lenses.surfaces import meet_shape, meet_surface
+from raytracer.lenses.surfaces import meet_shape, meet_surface, turned_shapes
 from raytracer.vec import dot, madd, norm, normalize, scale
 
 MOST_STEPS = 64
@@ -37,6 +37,19 @@ class Shapes(NamedTuple):
     limit: NDArray[np.float64]
     lowest: NDArray[np.float64]
     highest: NDArray[np.float64]
+
+
+@turned_shapes.register(Shapes)
+def _(shapes: Shapes) -> Shapes:
+    return Shapes(
+        quadric=-shapes.quadric[::-1],
+        coefficients=-shapes.coefficients[::-1],
+        aspheric=shapes.aspheric[::-1].copy(),
+        plain=shapes.plain[::-1].copy(),
+        limit=shapes.limit[::-1].copy(),
+        lowest=-shapes.highest[::-1],
+        highest=-shapes.lowest[::-1],
+    )
 
 
 @kernel

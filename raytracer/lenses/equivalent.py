@@ -1,9 +1,9 @@
 """The thin lens that shows what a lens of glass does: as large a picture, as much blur, as much light, and no errors.
 
-It stands in the entrance pupil, and is as wide as the light that the lens takes in along its axis.  A point that is seen from there at the slope u lies on the film
-where the chief ray of the slope u, near the axis, arrives: at i u, so that i is the thin lens's image distance.  By
-Gauss's equation that and the distance of what is in focus give its focal length.  It is that of the lens where the lens
-is focused at infinity, and where its pupils are as large as each other.
+It stands in the entrance pupil, and is as wide as the light that the lens takes in along its axis.  A point that is
+seen from there at the slope u lies on the film where the chief ray of the slope u, near the axis, arrives: at i u, so
+that i is the thin lens's image distance.  By Gauss's equation that and the distance of what is in focus give its focal
+length.  It is that of the lens where the lens is focused at infinity, or where its pupils are as large as each other.
 
 References: Kingslake 1983, "Optical System Design", ch. 7; Hecht 2017, "Optics", 5th ed., sec. 6.1.
 """
@@ -58,7 +58,7 @@ def thin_equivalent(lens: LensSurfaces, film: float, focus_distance: float, acro
 
     Raises
     ------
-    ValueError : the entrance pupil is at infinity, so that nothing can stand there.
+    ValueError : the entrance pupil is at infinity, so that nothing can stand there; or the image is upright.
     """
     pupil = entrance_pupil(lens, across)
     if math.isinf(pupil.z):
@@ -66,5 +66,7 @@ def thin_equivalent(lens: LensSurfaces, film: float, focus_distance: float, acro
     start = np.array([float(lens.vertex[0]) - pupil.z, float(lens.ior[0])])
     height, slope = ray_transfer_matrix(lens, across) @ start
     aperture = abs(cardinal_points(lens).focal_length) / f_number_of(lens)
-    image = abs(float(height + slope / float(lens.ior[-1]) * (film - float(lens.vertex[-1]))))
+    image = float(height + slope / float(lens.ior[-1]) * (film - float(lens.vertex[-1])))
+    if image < 0.0:
+        raise ValueError("the lens has an image inside it, and so makes an upright one: no thin lens does that")
     return ThinEquivalent(pupil.z, image, focus_distance, aperture)

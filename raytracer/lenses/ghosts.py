@@ -38,7 +38,11 @@ _ANYWHERE = 0.2
 _RADII = 17
 _ACROSS = 24
 
-_TRIALS = 1024
+# By how many rays it is found how strong a pair is, at most and at least, and about how many they are of all pairs.
+_MOST_TRIALS, _FEWEST_TRIALS, _ALL_TRIALS = 1024, 64, 200_000
+
+# Up to how many pairs, those of 32 surfaces, it is found where their light passes: of more that takes too long.
+_MOST_FOUND = 500
 
 
 class Flare(NamedTuple):
@@ -188,11 +192,11 @@ def _passing(lens, radii, points, behind, first, last, out):
 
 
 @entry
-def _strengths(lens, flare, radius, behind, out):
+def _strengths(lens, flare, radius, behind, trials, out):
     rear = lens.vertex[len(lens.vertex) - 1]
     for pair in range(len(flare.first)):
         total = 0.0
-        for trial in range(1, _TRIALS + 1):
+        for trial in range(1, trials + 1):
             x, y = sample_disc(radical_inverse(2, trial), radical_inverse(3, trial))
             start = (radius * x, radius * y, rear + behind)
             u, v = sample_disc(radical_inverse(5, trial), radical_inverse(7, trial))
@@ -201,7 +205,7 @@ def _strengths(lens, flare, radius, behind, out):
             weight, _, _ = trace_way(lens, start, direction, flare.first[pair], flare.last[pair], None)
             weight *= area * direction[2] ** 4
             total += weight * weight
-        out[pair] = math.sqrt(total / _TRIALS)
+        out[pair] = math.sqrt(total / trials)
 
 
 def _ellipses(
@@ -258,10 +262,11 @@ def flare_of(
     if lens.stop >= 0:
         rims[lens.stop] *= reach_of(lens.diaphragm)
     plain = lens._replace(indices=None, diaphragm=None, radius=rims)
-    if is_round:
+    if is_round and len(pairs) <= _MOST_FOUND:
         flare = flare._replace(ellipses=_ellipses(plain, radius, behind, reach, first, last))
     strengths = np.zeros(len(pairs))
-    _strengths(plain, flare, float(radius), float(behind), strengths)
+    trials = max(_FEWEST_TRIALS, min(_MOST_TRIALS, _ALL_TRIALS // len(pairs)))
+    _strengths(plain, flare, float(radius), float(behind), trials, strengths)
     alike = np.full(len(pairs), 1.0 / len(pairs))
     shares = _ALIKE * alike + (1.0 - _ALIKE) * strengths / strengths.sum() if strengths.any() else alike
     cumulative = np.cumsum([_DIRECT, *((1.0 - _DIRECT) * shares)])

@@ -13,8 +13,8 @@ from raytracer.lenses.diaphragm import covers
 from raytracer.lenses.surfaces import Indices, row_of
 
 # Rows of a packet of rays: origin (mm), unit direction, wavelength (nm), weight, and where it crosses the stop (mm);
-# what comes behind is the camera's.
-ORIGIN, DIRECTION, WAVELENGTH, WEIGHT, CROSSING, FREE, ROWS = 0, 3, 6, 7, 8, 10, 16
+# what comes behind is the camera's: over how much its rays are spread, the number that drew the wavelength, and more.
+ORIGIN, DIRECTION, WAVELENGTH, WEIGHT, CROSSING, EXTENT, DRAWN, FREE, ROWS = 0, 3, 6, 7, 8, 10, 11, 12, 16
 
 
 @generic

@@ -11,6 +11,7 @@ Lengths are millimetres; surfaces come in the order in which light from the scen
 the next surface, and `material` what fills it, air by default; `aperture` is the clear diameter.
 """
 
+import math
 from dataclasses import dataclass
 from functools import reduce
 from operator import or_
@@ -28,7 +29,16 @@ from raytracer.spec import Count, Number, PositiveNumber, PositiveOptic, Quantit
 
 MOST_SURFACES = 200
 
-Radius: TypeAlias = Annotated[float, Quantity("optic", nonzero=True)]
+
+def _curved(value: Any) -> Any:
+    """What other programs write for flat glass, told from a wrong number."""
+    number = float("inf") if value in ("inf", "infinity") else value
+    if isinstance(number, int | float) and not isinstance(number, bool) and (number == 0 or math.isinf(number)):
+        raise ValueError(f"must be neither zero nor infinite, got {shown(value)}: flat glass is of the type flat")
+    return value
+
+
+Radius: TypeAlias = Annotated[float, Quantity("optic", nonzero=True), BeforeValidator(_curved)]
 Thickness: TypeAlias = Annotated[float, Quantity("optic", low=0.0)]
 
 

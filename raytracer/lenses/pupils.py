@@ -1,10 +1,11 @@
 """Where a lens's pupil is, as seen from each place of the film: what a camera aims its rays at.
 
-On a plane across the axis, that of the exit pupil if it can be, an ellipse is put round all points through which light of any wavelength gets from a
-place of the film to the scene.  Points of the ellipse are drawn evenly, so that its area, which the weight of each ray
-has, is one over their density.  The ellipse is smallest at the places of a table, and between these its middle and its
-axes are interpolated: what a picture shows does not depend on it, as long as it holds the pupil.  So no rings come from
-steps between the places; rings of other renderers came from areas that were not in the weight.
+On a plane across the axis, that of the exit pupil if it can be, an ellipse is put round all points through which light
+of any wavelength gets from a place of the film to the scene.  Points of the ellipse are drawn evenly, so that its area,
+which the weight of each ray has, is one over their density.  The ellipse is smallest at the places of a table, and
+between these its middle and its axes are interpolated: what a picture shows does not depend on it, as long as it holds
+the pupil.  So no rings come from steps between the places; in other renderers they came from areas that were not in the
+weight.
 
 References: Kolb, Mitchell, Hanrahan 1995, "A Realistic Camera Model for Computer Graphics", SIGGRAPH, sec. 3.3; Pharr,
 Jakob, Humphreys 2023, "Physically Based Rendering", 4th ed., sec. 5.4.4 (bounds by radius, as boxes).
@@ -35,30 +36,31 @@ from raytracer.lenses.surfaces import LensSurfaces, part, trace_rays
 Points = NDArray[np.float64]
 
 # Places of the table along the radius of the film, and along each side of a quadrant of it.
-_RADII = 24
-_SIDES = 8
+_RADII, _SIDES = 24, 6
 
-# Points along an edge of the grids in which the pupil is looked for, and halvings that find its edge.
-_GRID, _FINEST, _MOST_BOXES = 32, 160, 16
+# Points along an edge of the grids in which the pupil is looked for, boxes that are tried, and halvings that find its
+# edge; rays from the middle of the stop that tell where it may be.
+_GRID, _FINEST, _MOST_BOXES, _HALVINGS = 32, 160, 16, 14
 _CHIEF_RAYS = 500
 
 # Halvings that find where the picture ends, and parts of the radius that are worked on at once.
 _EDGE_HALVINGS, _PIECES = 14, 7
 
-# Steps of the table before its end that are looked at closely.
-_CLOSE = 2
+# Directions in which what is farthest out stands for an outline.
+_FITTED = 128
+
+# Steps between two places of the table, and in the last step of the radius, at which it is seen whether what is
+# interpolated holds the pupil; and rounds in which ellipses grow until it does.
+_BETWEEN, _CLOSE, _MOST_ROUNDS = 8, 64, 12
+
+# Rings round an ellipse, in units of its own size, that tell how far the pupil reaches out of it; their points; and by
+# how much ellipses are larger in the end, for what lies between these.
+_RINGS = 1.001 * 1.01 ** np.arange(48.0)
+_AROUND = 360
+_SPARE = 1.003
 
 # Points along an edge of the grid by which the light of a pupil of any shape is added up.
 _FINE = 512
-_HALVINGS = 14
-
-# By how much an ellipse is larger than what was found, for what lies between the points that were looked at.
-_SPARE = 1.003
-_RINGS = (1.001, 1.004, 1.02)
-_ROUND = 512
-
-# Directions in which what is farthest out stands for an outline.
-_FITTED = 128
 
 
 class RoundPupils(NamedTuple):
@@ -100,9 +102,10 @@ def aim(pupils, x, y, u, v):
 @aim.register(RoundPupils)
 def _(pupils, x, y, u, v):
     radius = math.sqrt(x * x + y * y)
-    if not radius < pupils.edge:
-        return x, y, 0.0
     place = radius * pupils.per_mm
+    # Beyond the table nothing is known.
+    if not (radius < pupils.edge and place <= len(pupils.ellipses) - 1.0):
+        return x, y, 0.0
     row = min(int(place), len(pupils.ellipses) - 2)
     part = place - row
     rest = 1.0 - part
@@ -132,8 +135,8 @@ def _(pupils, x, y, u, v):
     middle_y = w00 * e00[1] + w01 * e01[1] + w10 * e10[1] + w11 * e11[1]
     half_x = w00 * e00[2] + w01 * e01[2] + w10 * e10[2] + w11 * e11[2]
     half_y = w00 * e00[3] + w01 * e01[3] + w10 * e10[3] + w11 * e11[3]
-    a = math.copysign(middle_x, x) + half_x * u
-    b = math.copysign(middle_y, y) + half_y * v
+    a = math.copysign(1.0, x) * middle_x + half_x * u
+    b = math.copysign(1.0, y) * middle_y + half_y * v
     return a, b, math.pi * half_x * half_y
 
 
@@ -142,7 +145,7 @@ def _(pupils, x, y, u, v):
 
 @entry
 def _through(lens, film, plane, wavelength, targets, packet, weights):
-    """Weights of rays from a place of the film to points (n, 2) of a plane across the axis; n is a multiple of WIDTH."""
+    """Weights of rays from a place of the film to points (n, 2) of a plane across the axis, with n / WIDTH whole."""
     for first in range(0, len(targets), WIDTH):
         for lane in range(WIDTH):
             x, y = targets[first + lane, 0] - film[0], targets[first + lane, 1] - film[1]
@@ -377,7 +380,7 @@ def _circle(count: int) -> Points:
 def _outline(points: Points) -> Points:
     """Of points (n, 2) those that are farthest out in some direction, all around."""
     farthest = (points @ _circle(_FITTED).T).argmax(axis=0)
-    return points[farthest[np.append(True, farthest[1:] != farthest[:-1])]]
+    return np.asarray(points[farthest[np.append(True, farthest[1:] != farthest[:-1])]])
 
 
 class _Places:
@@ -397,35 +400,51 @@ class _Places:
         return any(len(search.edge(radius, 0.0)) for search in self._searches)
 
     def at(self, x: float, y: float) -> Points:
-        """Points (n, 2) whose convex hull is the pupil; none where no light arrives."""
-        found = [search.edge(x, y) for search in self._searches]
-        points = np.concatenate(found)
-        if not len(points):
-            return points
-        points = _outline(points)
+        """Points (n, 2) whose convex hull is the pupil, but for what lies between them; none where no light arrives."""
+        points = np.concatenate([search.edge(x, y) for search in self._searches])
+        return _outline(points) if len(points) else points
 
-        # Corners of the pupil may lie between the lines of the grid.
-        for _round in range(8):
-            centre, along = points.mean(axis=0), np.linspace(0.0, len(points), _ROUND)
-            row = np.minimum(along.astype(np.int64), len(points) - 1)
-            part = (along - row)[:, None]
-            rim = (1.0 - part) * points[row] + part * points[(row + 1) % len(points)]
-            rings = np.concatenate([centre + factor * (rim - centre) for factor in _RINGS])
-            missed = np.any([search.passes(x, y, rings) for search in self._searches], axis=0)
-            if not missed.any():
-                break
-            points = _outline(np.concatenate([points, rings[missed]]))
-        return points
+    def excess(self, x: float, y: float, ellipse: Points) -> float:
+        """By which factor an ellipse (middle x, y, half axes) must grow to hold the pupil."""
+
+        def passes(factors: Points, directions: int) -> NDArray[np.bool_]:
+            rings = factors[:, None, None] * ellipse[2:] * _circle(directions) + ellipse[:2]
+            flat = np.ascontiguousarray(rings.reshape(-1, 2))
+            met = np.any([search.passes(x, y, flat) for search in self._searches], axis=0)
+            return np.asarray(met.reshape(len(factors), directions).any(axis=1))
+
+        # What reaches out of an ellipse crosses a ring just round it.
+        if not passes(_RINGS[:1], _AROUND).any():
+            return 1.0
+        return float(_RINGS[np.flatnonzero(passes(_RINGS, _AROUND // 2)).max(initial=0)] * _RINGS[1])
 
 
-def _widened(lerps: Sequence[tuple[Sequence[tuple[int, float]], Points]], ellipses: Points) -> None:
-    """Let ellipses (n, 4) hold points also where they are interpolated: pairs of rows with weights, and points."""
-    for parts, points in lerps:
-        between = sum((weight * ellipses[row] for row, weight in parts), np.zeros(4))
-        factor = _excess(points, between)
-        if factor > 1.0:
-            for row, _ in parts:
-                ellipses[row, 2:] *= factor
+class _Place(NamedTuple):
+    """A place of the film (mm), and the ellipses between which its own is interpolated, with their weights."""
+
+    x: float
+    y: float
+    rows: tuple[int, ...]
+    weights: tuple[float, ...]
+
+
+def _hold(ellipses: Points, places: Sequence[_Place], pupil: _Places) -> None:
+    """Let ellipses (n, 4) hold the pupil at all of these places."""
+
+    def excess(place: _Place) -> float:
+        return pupil.excess(place.x, place.y, np.asarray(place.weights) @ ellipses[list(place.rows)])
+
+    # An ellipse that has grown holds what it held before.
+    for _round in range(_MOST_ROUNDS):
+        if not places:
+            return
+        factors = _in_parallel(excess, places)
+        growth = np.ones(len(ellipses))
+        for place, factor in zip(places, factors, strict=True):
+            for row, weight in zip(place.rows, place.weights, strict=True):
+                growth[row] = max(growth[row], factor if weight > 0.0 else 1.0)
+        ellipses[:, 2:] *= growth[:, None]
+        places = [place for place, factor in zip(places, factors, strict=True) if factor > 1.0]
 
 
 def _in_parallel(work: Any, pieces: Sequence[Any]) -> list[Any]:
@@ -441,21 +460,23 @@ def _round_pupils(lens: LensSurfaces, film_z: float, radius: float, wavelengths:
     if radius == 0.0:
         return RoundPupils(np.zeros((2, 3)), 1.0, 0.0)
 
-    # Between the places of the table others tell whether what is interpolated holds the pupil: more of them where the
-    # picture ends, since there it shrinks the faster the smaller it is.
-    places = np.unique(np.append(np.arange(2 * _RADII + 1) / 2.0, _RADII - np.arange(8 * _CLOSE) / 8.0))
-
     def seen(part: Points) -> list[Points]:
         pupil = _Places(lens, film_z, wavelengths, is_round=True)
         return [pupil.at(float(place) * radius / _RADII, 0.0) for place in part]
 
-    found = list(itertools.chain(*_in_parallel(seen, np.array_split(places, _PIECES))))
+    found = list(itertools.chain(*_in_parallel(seen, np.array_split(np.arange(_RADII + 1), _PIECES))))
     # What is lit at the very edge may be too little to be found again.
     lit = [points for points in found if len(points)]
-    whole = [points if len(points) else lit[-1] for place, points in zip(places, found, strict=True) if place % 1.0 == 0.0]
-    ellipses = np.array([_ellipse(points, centred=True) for points in whole])
-    between = [(int(place), float(place % 1.0), points) for place, points in zip(places, found, strict=True) if place % 1.0]
-    _widened([(((row, 1.0 - part), (row + 1, part)), points) for row, part, points in between], ellipses)
+    ellipses = np.array([_ellipse(points if len(points) else lit[-1], centred=True) for points in found])
+
+    # Where the picture ends, the pupil shrinks the faster the smaller it is.
+    between = np.append(np.arange(_BETWEEN * _RADII + 1) / _BETWEEN, _RADII - np.arange(_CLOSE) / _CLOSE)
+    places = []
+    for place in between.tolist():
+        row = min(int(place), _RADII - 1)
+        part = place - row
+        places.append(_Place(place * radius / _RADII, 0.0, (row, row + 1), (1.0 - part, part)))
+    _hold(ellipses, places, _Places(lens, film_z, wavelengths, is_round=True))
     ellipses[:, 2:] *= _SPARE
     return RoundPupils(np.ascontiguousarray(ellipses[:, [0, 2, 3]]), _RADII / radius, edge)
 
@@ -478,37 +499,35 @@ def _square_pupils(
     lens: LensSurfaces, film_z: float, half: tuple[float, float], wavelengths: Sequence[float]
 ) -> SquarePupils:
     """The table for places of a quadrant with these sides (mm)."""
-    fine = 2 * _SIDES + 1
-    across, up = (side * np.arange(fine) / (2 * _SIDES) for side in half)
+    count = _SIDES + 1
 
     def seen(row: int) -> list[Points]:
-        places = _Places(lens, film_z, wavelengths, is_round=False)
-        return [places.at(float(x), float(up[row])) for x in across]
+        pupil = _Places(lens, film_z, wavelengths, is_round=False)
+        return [pupil.at(half[0] * column / _SIDES, half[1] * row / _SIDES) for column in range(count)]
 
-    found = _in_parallel(seen, range(fine))
-    ellipses = np.zeros((_SIDES + 1, _SIDES + 1, 4))
-    for row, column in itertools.product(range(_SIDES + 1), repeat=2):
-        near = [
-            found[v][u]
-            for v, u in itertools.product(range(2 * row - 1, 2 * row + 2), range(2 * column - 1, 2 * column + 2))
-            if 0 <= v < fine and 0 <= u < fine and len(found[v][u])
-        ]
-        own = found[2 * row][2 * column]
-        if len(own):
-            ellipses[row, column] = _ellipse(own, centred=False)
-        elif near:
-            ellipses[row, column] = _ellipse(np.concatenate(near), centred=False)
-    lerps = []
-    for v, u in itertools.product(range(fine), repeat=2):
-        rows = ((v // 2, 0.5), ((v + 1) // 2, 0.5)) if v % 2 else ((v // 2, 1.0),)
-        columns = ((u // 2, 0.5), ((u + 1) // 2, 0.5)) if u % 2 else ((u // 2, 1.0),)
-        parts = [(row * (_SIDES + 1) + column, a * b) for row, a in rows for column, b in columns]
-        if len(found[v][u]):
-            lerps.append((parts, found[v][u]))
-    flat = ellipses.reshape(-1, 4)
-    _widened(lerps, flat)
-    flat[:, 2:] *= _SPARE
-    return SquarePupils(ellipses, _SIDES / half[0], _SIDES / half[1])
+    found = list(itertools.chain(*_in_parallel(seen, range(count))))
+    lit = np.array([number for number, points in enumerate(found) if len(points)], np.int64)
+    if not len(lit):
+        return SquarePupils(np.zeros((2, 2, 4)), 1.0 / half[0], 1.0 / half[1])
+    # What is dark may lie beside what is not, and has its ellipse.
+    nearest = [
+        int(lit[np.hypot(lit // count - number // count, lit % count - number % count).argmin()])
+        for number in range(len(found))
+    ]
+    ellipses = np.array([_ellipse(found[number], centred=False) for number in nearest])
+
+    places = []
+    between = range(_BETWEEN * _SIDES + 1)
+    for v, u in itertools.product(between, between):
+        up, across = v / _BETWEEN, u / _BETWEEN
+        row, column = min(int(up), _SIDES - 1), min(int(across), _SIDES - 1)
+        below, left = row + 1 - up, column + 1 - across
+        rows = tuple(count * (row + i) + column + j for i, j in itertools.product((0, 1), repeat=2))
+        weights = tuple(a * b for a, b in itertools.product((below, 1.0 - below), (left, 1.0 - left)))
+        places.append(_Place(half[0] * across / _SIDES, half[1] * up / _SIDES, rows, weights))
+    _hold(ellipses, places, _Places(lens, film_z, wavelengths, is_round=False))
+    ellipses[:, 2:] *= _SPARE
+    return SquarePupils(ellipses.reshape(count, count, 4), _SIDES / half[0], _SIDES / half[1])
 
 
 # ---- Tables, made once
@@ -524,20 +543,21 @@ def pupils_of(
     lens : as the camera packs it, focused and stopped down.
     film_z : where the film is (mm), in the lens's frame.
     half : half the film's width and height (mm).
-    wavelengths : those (nm) between which all are that will be seen; (None,) stands for a lens without indices.
+    wavelengths : those (nm) between which all are that will be seen; without effect for a lens without indices.
     is_round : whether the lens is alike all around its axis.
     """
     name = f"pupils-{_digest(lens, film_z, half, wavelengths, is_round)}.npz"
     held = _read(name)
-    if held is None:
-        if is_round:
-            made: Any = _round_pupils(lens, film_z, math.hypot(*half), wavelengths)
-        else:
-            made = _square_pupils(lens, film_z, half, wavelengths)
-        _write(name, made)
-        return made
-    kind: Any = RoundPupils if is_round else SquarePupils
-    return kind(np.ascontiguousarray(held["ellipses"]), float(held["first"]), float(held["second"]))
+    if held is not None:
+        kind: type[RoundPupils | SquarePupils] = RoundPupils if is_round else SquarePupils
+        return kind(np.ascontiguousarray(held["ellipses"]), float(held["first"]), float(held["second"]))
+    made: RoundPupils | SquarePupils
+    if is_round:
+        made = _round_pupils(lens, film_z, math.hypot(*half), wavelengths)
+    else:
+        made = _square_pupils(lens, film_z, half, wavelengths)
+    _write(name, made)
+    return made
 
 
 def _digest(*parts: Any) -> str:

@@ -11,6 +11,7 @@ References: Kolb, Mitchell, Hanrahan 1995, "A Realistic Camera Model for Compute
 Johnson 2010, "Lens Design Fundamentals", 2nd ed.
 """
 
+import functools
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeAlias
@@ -137,6 +138,35 @@ def part(lens: LensSurfaces, first: int, last: int) -> LensSurfaces:
         shapes=_rows_of(lens.shapes, rows),
         indices=indices and indices._replace(ior=np.ascontiguousarray(indices.ior[:, media])),
         coatings=_rows_of(lens.coatings, rows),
+    )
+
+
+@functools.singledispatch
+def turned_shapes(shapes: Any) -> Any:
+    """The shapes of a lens's surfaces in a mirror across the axis, from the last to the first."""
+    raise NotImplementedError(type(shapes))
+
+
+@turned_shapes.register(type(None))
+def _(shapes: None) -> None:
+    return None
+
+
+def turned(lens: LensSurfaces) -> LensSurfaces:
+    """The lens in a mirror across the axis at z = 0, so that its back is in front.
+
+    A ray to the film is one to the scene in there, with its z and that of its direction negated.
+    """
+    indices = lens.indices
+    return LensSurfaces(
+        curvature=-lens.curvature[::-1],
+        vertex=-lens.vertex[::-1],
+        radius=lens.radius[::-1].copy(),
+        ior=lens.ior[::-1].copy(),
+        stop=len(lens.curvature) - 1 - lens.stop if lens.stop >= 0 else -1,
+        shapes=turned_shapes(lens.shapes),
+        indices=indices and indices._replace(ior=np.ascontiguousarray(indices.ior[:, ::-1])),
+        diaphragm=lens.diaphragm,
     )
 
 

@@ -54,7 +54,7 @@ def _(table, scene, point, time, u, draws):
     if pdf == 0.0:
         return LightSample(direction, BLACK, 0.0, on.point, on.gap)
     local = as_written(scene.origin, scene.instances, instance, on.local)
-    site = Site(local, on.u, on.v, norm(way))
+    site = Site(local, on.u, on.v, norm(way), None)
     front = dot(direction, on.normal) < 0.0
     radiance = emission_shown(scene.selectors, scene, table.material[chosen], front, site, draws)
     return LightSample(direction, scale(1.0 / pdf, radiance), pdf, on.point, on.gap)

@@ -6,6 +6,12 @@ In a scene:
     water in glass: {type: dielectric, ior: 1.33, outside_ior: 1.5}
     bottle: {type: dielectric, attenuation_color: [0.2, 0.7, 0.3], attenuation_distance: 5 mm}
 
+Glass that splits light into its colours, by the index of a catalogue, or at the d line with the Abbe number:
+
+    prism: {type: dielectric, ior: N-SF11}
+    diamond: {type: dielectric, ior: diamond}
+    strong flint: {type: dielectric, ior: {index: 1.785, abbe: 25.7}}
+
 Solids and liquids that touch, made to overlap:
 
     tumbler: {type: dielectric, ior: 1.5, priority: 3}
@@ -27,9 +33,13 @@ from raytracer.materials.interface import (
     LOBE,
     WHITE,
     ClearSpec,
+    Dispersion,
     Scatter,
+    absorbed,
     emission,
+    eta_at,
     evaluate,
+    pack_dispersion,
     reflectance,
     row,
     scatter,
@@ -37,8 +47,9 @@ from raytracer.materials.interface import (
 from raytracer.optics import fresnel_dielectric, refract
 from raytracer.sampling import sample_1d
 from raytracer.spec import Color, Vector
+from raytracer.spectra import TOGETHER, Hue, tinted_by
 from raytracer.textures.interface import Book
-from raytracer.vec import Vec3, dot, reflect
+from raytracer.vec import Vec3, dot, mul, reflect, scale
 
 
 class Dielectric(ClearSpec):
@@ -49,6 +60,8 @@ class Dielectric(ClearSpec):
 
     Of light that comes to the boundary from within, over a distance d, the fraction exp(-absorption d) is kept. On the
     way to other things inside the glass none is lost: give it a `priority` where that matters.
+
+    Where an index depends on the wavelength, wavelengths part: see docs/dispersion.md.
 
     Closed objects whose materials have a `priority` may overlap. Where they do, the one with the highest is there, of
     equals the one that comes first in the scene; surfaces hidden in it let light straight through, shadow rays too, and
@@ -68,6 +81,9 @@ class Dielectric(ClearSpec):
         default=None, description="absorption coefficient of the outside by channel (1/m); none by default"
     )
 
+    def parting(self) -> int:
+        return TOGETHER if self.disperses() else 0
+
     def is_nothing(self) -> bool:
         return self.priority is None and self.ior == self.outside_ior and not any(map(any, self.coefficients()))
 
@@ -81,8 +97,9 @@ class Dielectric(ClearSpec):
     def pack(specs: Sequence["Dielectric"], book: Book) -> "DielectricTable":
         coefficients = np.array([spec.coefficients() for spec in specs], np.float64)
         return DielectricTable(
-            np.array([spec.ior / spec.outside_ior for spec in specs], np.float64),
+            np.array([spec.eta() for spec in specs], np.float64),
             Absorption(coefficients) if coefficients.any() else None,
+            pack_dispersion(specs),
         )
 
 
@@ -93,10 +110,14 @@ class Absorption(NamedTuple):
 
 
 class DielectricTable(NamedTuple):
-    """eta (n,) float64, index inside over index outside; absorption, None where nothing absorbs."""
+    """eta (n,) float64, index inside over index outside; absorption, None where nothing absorbs.
+
+    dispersion, None where no index depends on the wavelength; eta is that of the d line.
+    """
 
     eta: NDArray[np.float64]
     absorption: Absorption | None
+    dispersion: Dispersion | None
 
 
 class DielectricRow(NamedTuple):
@@ -107,13 +128,68 @@ class DielectricRow(NamedTuple):
     kept_outside: Vec3
 
 
+class DispersingRow(NamedTuple):
+    """As DielectricRow, for light of single wavelengths: of as many as it carries, or 0 where the material has one eta.
+
+    number, the wavelength that is refracted.  What is kept is by wavelength, or by channel where the material has one
+    eta.
+    """
+
+    eta: Vec3
+    carried: float
+    number: np.int64
+    kept_inside: Vec3
+    kept_outside: Vec3
+
+
 @row.register(DielectricTable)
 def _(table, index, textures, site):
+    return _row(site.hue, table, index, site.distance)
+
+
+@generic
+def _row(hue, table, index, distance):
+    """The record of a material for light that has this Hue, or none, and has come so far (m)."""
+    raise NotImplementedError
+
+
+@_row.register(type(None))
+def _(hue, table, index, distance):
     return DielectricRow(
         table.eta[index],
-        transmittance(table.absorption, index, 0, site.distance),
-        transmittance(table.absorption, index, 1, site.distance),
+        transmittance(table.absorption, index, 0, distance),
+        transmittance(table.absorption, index, 1, distance),
     )
+
+
+@_row.register(Hue)
+def _(hue, table, index, distance):
+    return _hued(table.dispersion, table, index, hue, distance)
+
+
+@generic
+def _hued(dispersion, table, index, hue, distance):
+    raise NotImplementedError
+
+
+@_hued.register(type(None))
+def _(dispersion, table, index, hue, distance):
+    return _row(None, table, index, distance)
+
+
+@_hued.register(Dispersion)
+def _(dispersion, table, index, hue, distance):
+    inside = transmittance(table.absorption, index, 0, distance)
+    outside = transmittance(table.absorption, index, 1, distance)
+    if dispersion.disperses[index] == 0:
+        eta = table.eta[index]
+        return DispersingRow((eta, eta, eta), 0.0, np.int64(0), inside, outside)
+    eta = (
+        eta_at(dispersion, index, hue.wavelengths[0]),
+        eta_at(dispersion, index, hue.wavelengths[1]),
+        eta_at(dispersion, index, hue.wavelengths[2]),
+    )
+    return DispersingRow(eta, hue.carried, hue.number, tinted_by(hue, inside), tinted_by(hue, outside))
 
 
 @generic
@@ -148,6 +224,40 @@ def _(material, direction, normal, front, draws):
     return Scatter(refract(direction, normal, cos_i, cos_t, eta), kept, math.inf)
 
 
+@scatter.register(DispersingRow)
+def _(material, direction, normal, front, draws):
+    first, second, third = material.eta
+    if not front:
+        first, second, third = 1.0 / first, 1.0 / second, 1.0 / third
+    cos_i = min(1.0, abs(dot(direction, normal)))
+    kept = material.kept_outside if front else material.kept_inside
+    u = sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE)
+    of_first, cos_t = fresnel_dielectric(cos_i, first)
+    if material.carried == 0.0:
+        if u < of_first:
+            return Scatter(reflect(direction, normal), kept, math.inf)
+        return Scatter(refract(direction, normal, cos_i, cos_t, first), kept, math.inf)
+
+    # Wavelengths have one way when reflected, with one chance for all of them.
+    of_all, chance = (of_first, of_first, of_first), of_first
+    if material.carried > 1.0:
+        of_all = (of_first, fresnel_dielectric(cos_i, second)[0], fresnel_dielectric(cos_i, third)[0])
+        chance = (of_all[0] + of_all[1] + of_all[2]) / 3.0
+    if u < chance:
+        return Scatter(reflect(direction, normal), mul(scale(1.0 / chance, of_all), kept), math.inf)
+
+    # Refracted, each has its own.
+    number = material.number
+    eta = (first, second, third)[number]
+    reflectance, cos_t = fresnel_dielectric(cos_i, eta)
+    if reflectance == 1.0:
+        return absorbed(direction)
+    part = (1.0 - reflectance) / (1.0 - chance) * kept[number]
+    weight = (part if number == 0 else 0.0, part if number == 1 else 0.0, part if number == 2 else 0.0)
+    return Scatter(refract(direction, normal, cos_i, cos_t, eta), weight, math.inf)
+
+
+@evaluate.register(DispersingRow)
 @evaluate.register(DielectricRow)
 def _(material, direction, normal, front, outgoing):
     return BLACK, 0.0
@@ -158,6 +268,7 @@ def _(table, index, front, textures, site):
     return BLACK
 
 
+@reflectance.register(DispersingRow)
 @reflectance.register(DielectricRow)
 def _(material):
     return WHITE

@@ -9,8 +9,11 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
+from raytracer.glass import AIR, LINE_D, Glass, IndexField, constant
 from raytracer.jit import generic, kernel, switch
 from raytracer.sampling import sample_2d
 from raytracer.sampling.hashing import BELOW_ONE
@@ -20,7 +23,6 @@ from raytracer.spec import (
     Length,
     NonNegativeNumber,
     PositiveLength,
-    PositiveNumber,
     Quantity,
     Spec,
     Triple,
@@ -28,6 +30,7 @@ from raytracer.spec import (
     at,
     name_or_material,
 )
+from raytracer.spectra import FIRST, LAST
 from raytracer.textures.interface import Book, OptionalTexture
 from raytracer.vec import Vec3
 
@@ -39,7 +42,7 @@ class Filling(NamedTuple):
     """What an object is filled with that has a priority over others: its index of refraction and absorption (1/m)."""
 
     priority: int
-    ior: float
+    ior: Glass
     absorption: Vector
 
 
@@ -109,7 +112,11 @@ class MaterialSpec(Spec):
             )
         return given[0] if given else None
 
-    def against(self, ior: float) -> "MaterialSpec | None":
+    def parting(self) -> int:
+        """How it sends light of each wavelength another way: spectra.TOGETHER or ALONE, or 0 if it does not."""
+        return 0
+
+    def against(self, ior: Glass) -> "MaterialSpec | None":
         """This material as a boundary to something of that index; None where there is no boundary then."""
         return self
 
@@ -177,9 +184,13 @@ class ClearSpec(MaterialSpec):
     attenuation by colour and distance: KHR_materials_volume of glTF.
     """
 
-    ior: PositiveNumber = Field(default=1.5, description="index of refraction on the inside")
-    outside_ior: PositiveNumber = Field(
-        default=1.0, description="index on the outside: of the glass that this one is embedded in"
+    ior: IndexField = Field(
+        default=constant(1.5),
+        description="index of refraction on the inside: a number, a glass of the catalogue such as N-BK7, or {index, "
+        "abbe}, {cauchy} or {sellmeier}; glass whose index depends on the wavelength disperses light",
+    )
+    outside_ior: IndexField = Field(
+        default=AIR, description="index on the outside, likewise: of the glass that this one is embedded in"
     )
     priority: Annotated[int, Count(0, 2**31 - 1)] | None = Field(
         default=None,
@@ -223,7 +234,15 @@ class ClearSpec(MaterialSpec):
     def filling(self) -> Filling | None:
         return None if self.priority is None else Filling(self.priority, self.ior, self.inside_absorption())
 
-    def against(self, ior: float) -> MaterialSpec | None:
+    def disperses(self) -> bool:
+        """Whether the index on one of its sides depends on the wavelength."""
+        return self.ior.disperses() or self.outside_ior.disperses()
+
+    def eta(self, wavelength: float = LINE_D) -> float:
+        """The index inside over that outside, for light of a wavelength (nm)."""
+        return float(self.ior.ior(wavelength)) / float(self.outside_ior.ior(wavelength))
+
+    def against(self, ior: Glass) -> MaterialSpec | None:
         if ior == self.ior:
             return None
         return self if ior == self.outside_ior else self.model_copy(update={"outside_ior": ior})
@@ -233,6 +252,39 @@ class ClearSpec(MaterialSpec):
 
     def holds_medium(self) -> bool:
         return True
+
+
+_PER_NANOMETRE = 2
+
+
+class Dispersion(NamedTuple):
+    """Indices that depend on the wavelength.
+
+    eta (n, m) float64, by material, index inside over index outside, at half nanometres from FIRST to LAST of
+    `spectra`; between them it is linear, which for optical glass is right to 1e-6; disperses (n,) uint8, whether a
+    material does.
+    """
+
+    eta: NDArray[np.float64]
+    disperses: NDArray[np.uint8]
+
+
+def pack_dispersion(specs: Sequence[ClearSpec]) -> Dispersion | None:
+    """The indices of boundaries by wavelength, a row each; None where none of them disperses."""
+    if not any(spec.disperses() for spec in specs):
+        return None
+    wavelengths = np.linspace(FIRST, LAST, int(_PER_NANOMETRE * (LAST - FIRST)) + 1)
+    rows = [spec.ior.ior(wavelengths) / spec.outside_ior.ior(wavelengths) for spec in specs]
+    return Dispersion(np.array(rows, np.float64), np.array([spec.disperses() for spec in specs], np.uint8))
+
+
+@kernel
+def eta_at(dispersion: Dispersion, index: int, wavelength: float) -> float:
+    """Index inside over index outside of boundary `index` of a table, at a wavelength (nm)."""
+    place = _PER_NANOMETRE * (wavelength - FIRST)
+    first = int(max(0, min(dispersion.eta.shape[1] - 2, int(place))))
+    below, above = float(dispersion.eta[index, first]), float(dispersion.eta[index, first + 1])
+    return below + (place - first) * (above - below)
 
 
 Child: TypeAlias = Annotated[Any, BeforeValidator(name_or_material)]

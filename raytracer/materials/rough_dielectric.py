@@ -3,6 +3,7 @@
 In a scene:
 
     frosted glass: {type: rough_dielectric, ior: 1.5, roughness: 0.4}
+    frosted flint: {type: rough_dielectric, ior: N-SF11, roughness: 0.2}
 """
 
 import math
@@ -13,18 +14,22 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from raytracer.jit import kernel
+from raytracer.glass import LINE_D
+from raytracer.jit import generic, kernel
 from raytracer.materials.interface import (
     BLACK,
     DIRECTION,
     LOBE,
     WHITE,
     ClearSpec,
+    Dispersion,
     Scatter,
     absorbed,
     chance,
     emission,
+    eta_at,
     evaluate,
+    pack_dispersion,
     reflectance,
     row,
     scatter,
@@ -51,6 +56,7 @@ from raytracer.microfacet import (
 from raytracer.optics import fresnel_dielectric, refract
 from raytracer.sampling import sample_2d
 from raytracer.spec import at
+from raytracer.spectra import ALONE, FIRST, LAST, Hue
 from raytracer.textures.interface import Book, Numbers, TexturedFraction, TexturedNumbers, number
 from raytracer.vec import Vec3, add, basis, dot, neg, normalize, reflect, scale, to_local, to_world
 
@@ -60,7 +66,8 @@ class RoughDielectric(ClearSpec):
 
     Each facet reflects by Fresnel's equations.  What is reflected or refracted into other facets is not lost: it
     leaves to both sides, and light in glass of any roughness is as much as came in.  Below a roughness of 0.032 the
-    boundary is smooth.  Radiance is basic radiance, and objects may overlap by `priority`, as for `dielectric`.
+    boundary is smooth.  Radiance is basic radiance, and objects may overlap by `priority`, as for `dielectric`.  Glass
+    whose index depends on the wavelength is met at one wavelength at a time.
 
     References: Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces"; Kulla, Conty 2017,
     "Revisiting Physically Based Shading at Imageworks"; Burley 2012, "Physically-Based Shading at Disney" (roughness).
@@ -79,6 +86,9 @@ class RoughDielectric(ClearSpec):
                 at(key, f"needs a priority, by which light knows what it is in; with it, {key} tells what it loses")
         return self
 
+    def parting(self) -> int:
+        return ALONE if self.disperses() else 0
+
     def is_nothing(self) -> bool:
         return self.priority is None and self.ior == self.outside_ior
 
@@ -89,24 +99,43 @@ class RoughDielectric(ClearSpec):
 
     @staticmethod
     def pack(specs: Sequence["RoughDielectric"], book: Book) -> "RoughDielectricTable":
-        etas = [spec.ior / spec.outside_ior for spec in specs]
-        roughness = [spec.roughness if isinstance(spec.roughness, float) else None for spec in specs]
+        bands = [_BANDS if spec.disperses() else (LINE_D,) for spec in specs]
+        sides = [(spec, spec.eta(wavelength)) for spec, waves in zip(specs, bands, strict=True) for wavelength in waves]
+        roughness = [spec.roughness if isinstance(spec.roughness, float) else None for spec, _ in sides]
+        dispersion = pack_dispersion(specs)
+        first = np.cumsum([0, *map(len, bands[:-1])]).astype(np.int32)
         return RoughDielectricTable(
-            np.array(etas, np.float64),
+            np.array([spec.eta() for spec in specs], np.float64),
             book.numbers([spec.roughness for spec in specs]),
-            deficits(
-                roughness,
-                [(eta, 1.0 / eta) if spec.multiple_scattering else None for spec, eta in zip(specs, etas, strict=True)],
-            ),
+            deficits(roughness, [(eta, 1.0 / eta) if spec.multiple_scattering else None for spec, eta in sides]),
+            None if dispersion is None else Bands(dispersion, first),
         )
 
 
+_BAND = 50.0
+_BANDS = tuple(np.arange(FIRST + 0.5 * _BAND, LAST, _BAND).tolist())
+
+
+class Bands(NamedTuple):
+    """Indices that depend on the wavelength, and first (n,) int32, where in the deficits those of each material begin.
+
+    A material that disperses has them for the middle of each of several bands of wavelengths.
+    """
+
+    dispersion: Dispersion
+    first: NDArray[np.int32]
+
+
 class RoughDielectricTable(NamedTuple):
-    """By row: eta (n,) float64, index inside over index outside; roughness; deficits, on the outside and the inside."""
+    """By row: eta (n,) float64, index inside over index outside; roughness; deficits, on the outside and the inside.
+
+    bands, None where no index depends on the wavelength; eta is that of the d line.
+    """
 
     eta: NDArray[np.float64]
     roughness: Numbers | TexturedNumbers
     deficits: Deficits
+    bands: Bands | None
 
 
 class RoughDielectricRow(NamedTuple):
@@ -134,9 +163,46 @@ class Side(NamedTuple):
 def _(table, index, textures, site):
     roughness = number(table.roughness, index, textures, site)
     alpha = min(1.0, roughness * roughness)
-    outside = rows_of(table.deficits, index, max(SMOOTH_ALPHA, alpha), 0)
-    inside = rows_of(table.deficits, index, max(SMOOTH_ALPHA, alpha), 1)
-    return RoughDielectricRow(table.eta[index], alpha, table.deficits.cells, outside, inside)
+    eta, place = _index(site.hue, table.bands, table, index)
+    outside = rows_of(table.deficits, place, max(SMOOTH_ALPHA, alpha), 0)
+    inside = rows_of(table.deficits, place, max(SMOOTH_ALPHA, alpha), 1)
+    return RoughDielectricRow(eta, alpha, table.deficits.cells, outside, inside)
+
+
+@generic
+def _index(hue, bands, table, index):
+    """(index inside over index outside, place in the deficits) of a material for light of this Hue, or of none."""
+    raise NotImplementedError
+
+
+@_index.register(type(None))
+def _(hue, bands, table, index):
+    return table.eta[index], index
+
+
+@_index.register(Hue)
+def _(hue, bands, table, index):
+    return _index_in(bands, table, index, hue)
+
+
+@generic
+def _index_in(bands, table, index, hue):
+    raise NotImplementedError
+
+
+@_index_in.register(type(None))
+def _(bands, table, index, hue):
+    return table.eta[index], index
+
+
+@_index_in.register(Bands)
+def _(bands, table, index, hue):
+    first = np.int64(bands.first[index])
+    if bands.dispersion.disperses[index] == 0:
+        return table.eta[index], first
+    wavelength = hue.wavelengths[0]
+    band = min(len(_BANDS) - 1, int((wavelength - FIRST) / _BAND))
+    return eta_at(bands.dispersion, index, wavelength), first + band
 
 
 @kernel

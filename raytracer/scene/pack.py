@@ -248,6 +248,7 @@ def _seen(spec: SceneSpec, world: _World, assets: Assets, supplies: Supplies, sp
     space = world.media.pack(references, world.spaces)
     if origin is not None:
         lights, space = _tables_moved(lights, moved_lights, origin), _tables_moved(space, moved_media, origin)
+    shutter = _pack_shutter(spec, moving, pulses_of(lights))
     scene = Scene(
         accel=0,
         accuracy=Exact() if settings.accuracy == "exact" else None,
@@ -262,7 +263,7 @@ def _seen(spec: SceneSpec, world: _World, assets: Assets, supplies: Supplies, sp
         environment=world.environment,
         media=space,
         camera=camera,
-        shutter=_pack_shutter(spec, moving, pulses_of(lights)),
+        shutter=shutter,
         filter=spec.film.filter.pack(),
         sampler=SAMPLERS[settings.sampler](settings.seed, spp),
         depth=settings.max_depth,
@@ -270,7 +271,7 @@ def _seen(spec: SceneSpec, world: _World, assets: Assets, supplies: Supplies, sp
         origin=origin,
         clamp=None if settings.clamp is None else Clamp(settings.clamp),
         interior=interior,
-        spectrum=pack_spectrum(world.parting, camera),
+        spectrum=pack_spectrum(world.parting, camera, spec.film.filter.edge(), shutter),
     )
     return Packed(
         scene,

@@ -1,4 +1,4 @@
-"""Write the scenes of ``scenes/lecture`` that look down one street.
+"""Write the scenes of ``scenes/lecture`` and ``scenes/optics`` that look down one street.
 
 They differ in their cameras, and in whether somebody stands in the street; a second run writes the same bytes:
 
@@ -68,6 +68,18 @@ camera:
 # Change: camera.type to pinhole, with camera.focal_length=35, camera.f_number=11 and camera.shutter=1/160.
 camera:
   {type: none, look_from: [0, 1.6, 0], look_at: [0, 5, -150], sensor: full_frame, shutter: 1/80000 s, iso: 100}
+""",
+}
+
+OPTICS = {
+    "fisheye": """\
+# Fisheye: a lens that sees half of all there is, and can have no straight lines for it.
+# Look at: the street, which is straight, as is every house in it.  Lines through the middle stay so; all others are
+# bent, the more the farther out.  The corners are black: the lens's picture is a circle of 25 mm.
+# Change: camera.lens to ../lenses/wide-22mm.yaml, whose lines are straight, and whose corners are drawn out for it.
+camera:
+  {type: lens, lens: ../lenses/fisheye-10mm.yaml, look_from: [0, 1.6, 0], look_at: [0, 3, -20],
+   sensor: {width: 25 mm, height: 16.667 mm}, f_number: 8, focus_distance: 10, shutter: 1/250 s, iso: 100}
 """,
 }
 
@@ -191,19 +203,21 @@ def houses_and_trees() -> str:
 def street(name: str) -> str:
     """Return the text of a whole scene file."""
     film = FILM.replace("width: 480, height: 320", "width: 400, height: 320") if name == "pinhole" else FILM
-    head, somebody = HEADS[name].partition("camera:"), name in INHABITED
+    head, somebody = (HEADS | OPTICS)[name].partition("camera:"), name in INHABITED
     text = f"{head[0]}{MADE}{head[1]}{head[2]}{film}{ENVIRONMENT}{CLOTHES if somebody else ''}"
     return f"{text}{STREET}{houses_and_trees()}{TOWER}{PERSON if somebody else ''}"
 
 
 def main() -> None:
-    """Write the scenes to the folder given, or beside the other scenes."""
+    """Write the scenes to the folders lecture and optics of the one given, or beside the other scenes."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    default = Path(__file__).resolve().parent.parent / "lecture"
-    parser.add_argument("folder", nargs="?", type=Path, default=default, help="default: scenes/lecture")
+    default = Path(__file__).resolve().parent.parent
+    parser.add_argument("folder", nargs="?", type=Path, default=default, help="default: scenes")
     arguments = parser.parse_args()
-    for name in HEADS:
-        (arguments.folder / f"{name}.yaml").write_text(street(name), encoding="utf-8", newline="\n")
+    for folder, heads in (("lecture", HEADS), ("optics", OPTICS)):
+        for name in heads:
+            target = arguments.folder / folder / f"{name}.yaml"
+            target.write_text(street(name), encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":

@@ -5,19 +5,54 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.cameras.interface import camera_ray, project
-from raytracer.jit import entry
+from raytracer.cameras.interface import (
+    Together,
+    camera_ray,
+    lane_ray,
+    project,
+    rays_together,
+    set_lane,
+    trace_lanes,
+)
+from raytracer.jit import entry, generic
+from raytracer.lanes import WIDTH
 from raytracer.materials.interface import Draws
 from raytracer.sampling import SAMPLERS, pixel_key
 
 Array = NDArray[np.float64]
 
 
+@generic
+def single_ray(together, camera, rows, x, y, time, draws):
+    """`camera_ray` of any camera, also of those that make the rays of a packet together: then the first lane's."""
+    raise NotImplementedError
+
+
+@single_ray.register(type(None))
+def _(together, camera, rows, x, y, time, draws):
+    return camera_ray(camera, x, y, time, draws)
+
+
+@single_ray.register(Together)
+def _(together, camera, rows, x, y, time, draws):
+    set_lane(camera, rows, 0, x, y, draws)
+    trace_lanes(camera, rows)
+    return lane_ray(camera, rows, 0, x, y, time, draws)
+
+
+def packet_rows() -> Array:
+    """Room for the packet of `single_ray`."""
+    return np.zeros((16, WIDTH))
+
+
 @entry
-def _camera_rays(camera, sampler, x, y, origins, directions, weights):
+def _camera_rays(camera, sampler, rows, x, y, origins, directions, weights):
     key = pixel_key(sampler, 3, 4)
     for index in range(len(x)):
-        origin, direction, weights[index] = camera_ray(camera, x[index], y[index], None, Draws(sampler, key, index, 0))
+        draws = Draws(sampler, key, index, 0)
+        origin, direction, weights[index] = single_ray(
+            rays_together(camera), camera, rows, x[index], y[index], None, draws
+        )
         for axis in range(3):
             origins[index, axis] = origin[axis]
             directions[index, axis] = direction[axis]
@@ -35,7 +70,7 @@ def weighted_rays(camera: Any, x: Any, y: Any, *, seed: int = 0) -> tuple[Array,
     columns = np.array(x, np.float64, ndmin=1)
     rows = np.array(np.broadcast_to(y, columns.shape), np.float64)
     origins, directions, weights = np.empty((len(columns), 3)), np.empty((len(columns), 3)), np.empty(len(columns))
-    _camera_rays(camera, SAMPLERS["independent"](seed, 1), columns, rows, origins, directions, weights)
+    _camera_rays(camera, SAMPLERS["independent"](seed, 1), packet_rows(), columns, rows, origins, directions, weights)
     return origins, directions, weights
 
 

@@ -113,7 +113,7 @@ def test_the_f_number_that_is_engraved_is_wide_open(capsys: pytest.CaptureFixtur
         (["import", "gauss.dat", "-o", "a.txt"], "a.txt: a lens file is written as .yaml"),
         (["import", "gauss.dat", "--glass", "SK16"], "--glass: must be NAME=INDEX/ABBE"),
         (["distortion", "singlet.yaml", "-o", "map.png"], "map.png: unknown suffix '.png' for a map of distortion"),
-        (["distortion", "singlet.yaml", "--ideal", "round"], "Invalid value for '--ideal'"),
+        (["distortion", "singlet.yaml", "--ideal", "round"], "Invalid value for '--ideal': 'round' is not"),
         (["distortion", "singlet.yaml", "--width", "1"], "Invalid value for '--width'"),
     ],
 )

@@ -42,6 +42,9 @@ TAKES: dict[str, set[str]] = {
     "light_sampling=paths": {"light_sampling", "environment_sampling"},
     "light": {"light_sampling"},
     "texture": {"relief"},
+    # Of a lens of glass all its errors go; without what it reflects, colours of its coating too.
+    "real_lens": {"vignetting", "projection", "dispersion", "flare"},
+    "flare": {"dispersion"},
     # Of a material its textures go, what it was made of, the light that it gave, and the holes that it had.
     "material": {"light_sampling", "passage", "nested_dielectrics"}
     | {f"texture.{kind}" for kind in TEXTURES.specs()}
@@ -162,6 +165,8 @@ def test_no_variant_changes_what_is_asked_of_the_picture(path: Path) -> None:
         assert changed.film == spec.film
         assert (changed.render.spp, changed.render.seed) == (spec.render.spp, spec.render.seed)
         width, height = spec.film.width, spec.film.height
+        if variant.name == "real_lens":
+            continue
         assert changed.camera.describe(width, height) == pytest.approx(spec.camera.describe(width, height), rel=1e-9)
         # Also for how long the film is exposed, and how.
         before, after = (item.camera.photograph(width, height) for item in (spec, changed))
@@ -249,6 +254,68 @@ def test_a_moving_camera_loses_its_lens_and_not_its_motion() -> None:
     _, scene = without(spec, "defocus")
     assert scene.camera.camera.lens is None
     assert equal(scene.camera.trajectories, pack(spec).scene.camera.trajectories)
+
+
+DOUBLE_GAUSS = SCENES / "lenses" / "double-gauss-50mm.yaml"
+
+GLASS = (
+    f"{{type: lens, lens: '{DOUBLE_GAUSS}', look_at: [0, 0, -5], f_number: 4, focus_distance: 4, "
+    "shutter: 1/100 s, iso: 100, flare: true, aperture_shape: {type: polygon, blades: 5}}"
+)
+
+
+def test_a_lens_of_glass_goes_as_a_whole_or_by_what_it_does() -> None:
+    spec = small(camera=GLASS)
+    packed = pack(spec)
+    found = {item.name for item in variants(spec, packed) if item.group == "effect"}
+    assert {"real_lens", "dispersion", "flare", "aperture_shape"} <= found
+    reasons = kept(spec, packed)
+    for name in ("defocus", "vignetting"):
+        assert "see real_lens" in reasons[name]
+    assert "projection" in reasons
+    _, dark = without(spec, "flare")
+    assert dark.camera.flare is None
+    assert dark.spectrum is not None
+    _, grey = without(spec, "dispersion")
+    assert grey.spectrum is None
+    assert grey.camera.surfaces.indices is None
+    _, rounded = without(spec, "aperture_shape")
+    assert rounded.camera.surfaces.diaphragm is None
+
+
+@pytest.mark.parametrize("focus", ["4", ".inf"])
+def test_the_thin_lens_in_place_of_glass_shows_as_much_as_brightly(focus: str) -> None:
+    spec = small(camera=GLASS.replace("focus_distance: 4", f"focus_distance: {focus}").replace("flare: true, ", ""))
+    changed, scene = without(spec, "real_lens")
+    assert changed.camera.type == "thin_lens"
+    assert scene.camera.lens is not None
+    assert scene.camera.lens.shape is not None
+    before, after = (item.camera.describe(800, 400) for item in (spec, changed))
+    for key in ("sensor_width_mm", "film_width_mm", "pixel_pitch_um", "focus_distance_m", "ev100"):
+        assert after[key] == pytest.approx(before[key], rel=0.01), key
+    for key in ("entrance_pupil_mm", "image_distance_mm", "pixel_at_1m_mm", "magnification"):
+        assert after[key] == pytest.approx(before[key], rel=1e-6), key
+    # Of glass with distortion and a pupil with aberrations.
+    for key in ("f_number", "hfov_deg", "vfov_deg", "focal_length_mm"):
+        assert after[key] == pytest.approx(before[key], rel=0.03), key
+    x = np.full(40000, 4.0)
+    real, ideal = (weighted_rays(camera, x, 2.0)[2] for camera in (pack(spec).scene.camera, scene.camera))
+    assert ideal.mean() == pytest.approx(real.mean(), rel=0.03)
+
+
+def test_glass_of_the_scene_bends_all_colours_alike() -> None:
+    prism = "{type: sphere, center: [0, 0, -5], radius: 1, material: {type: dielectric, ior: N-SF10}}"
+    spec = small(objects=f"[{prism}]")
+    assert pack(spec).scene.spectrum is not None
+    changed, scene = without(spec, "dispersion")
+    assert scene.spectrum is None
+    assert changed.camera == spec.camera
+    plain = small(objects=f"[{prism.replace('N-SF10', '1.72828')}]")
+    (ours,), (expected,) = scene.materials, pack(plain).scene.materials
+    assert type(ours) is type(expected)
+    for name in ours._fields:
+        if isinstance(getattr(ours, name), np.ndarray):
+            np.testing.assert_allclose(getattr(ours, name), getattr(expected, name), rtol=0.0, atol=1e-5)
 
 
 CURVED = "{opening: [[0, 0], [2 ms, 1], [4 ms, 0.5], [10 ms, 0]], open: 1}"

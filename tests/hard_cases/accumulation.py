@@ -85,7 +85,7 @@ def _add_up(film, work, values):
             for channel in range(3):
                 work.radiance[lane, channel] = values[first + lane]
             work.radiance[lane, 3] = 1.0
-        accumulate(None, film, work, 0, 0, count)
+        accumulate(None, None, film, work, 0, 0, count)
 
 
 def _summed(values: NDArray[np.float64]) -> FilmView:

@@ -6,7 +6,7 @@ import pytest
 from raytracer.glass import AIR, CATALOGUE, LINE_C, LINE_D, LINE_F, constant
 from raytracer.lens_report.analysis.colour import axial_mm, colour
 from raytracer.lens_report.analysis.first_order import first_order
-from tests.lens_report.benches import THIN, bench_at, lens_of, sensor, symmetric_lens, thin_lens
+from tests.lens_report.benches import THIN, bench_at, lens_of, sensor, stop, symmetric_lens, thin_lens
 
 
 @pytest.mark.parametrize("name", ["N-BK7", "N-SF11"])
@@ -57,6 +57,20 @@ def test_symmetry_leaves_no_lateral_colour_at_life_size() -> None:
     # Chief rays of all colours go through the middle of the stop, and so leave as they came.
     assert np.abs(found.lateral_um).max() < 1e-6
     assert np.abs(colour(bench_at(dispersing, sensor_mm=sensor(8.0))).lateral_um).max() > 1.0
+
+
+def test_a_stop_before_a_thin_lens_makes_blue_images_smaller() -> None:
+    glass, before = CATALOGUE["N-BK7"], 20.0
+    lens = thin_lens(100.0, 0.0, glass, 30.0).elements
+    bench = bench_at(lens_of(stop(before, 5.0), *(row[:4] for row in lens)), sensor_mm=sensor(1.0))
+    found = colour(bench)
+    # A ray that meets the lens at the height y is bent by y / f, and goes on to the film at 100 mm.
+    height = before * np.tan(np.radians(found.field_deg))
+    for row, line in enumerate((LINE_D, LINE_F, LINE_C)):
+        power = 0.01 * (float(glass.ior(line)) - 1.0) / (float(glass.ior()) - 1.0)
+        expected = -1e3 * 100.0 * height * (power - 0.01)
+        np.testing.assert_allclose(found.lateral_um[row], expected, rtol=1e-3, atol=1e-9)
+    assert found.lateral_um[1, -1] < -1.0
 
 
 def test_no_dispersion_no_colour() -> None:

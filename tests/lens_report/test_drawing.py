@@ -181,3 +181,15 @@ def test_rays_astray_do_not_make_all_else_small() -> None:
         (z, height), (full_z, full_height) = ended[-1] - ended[-2], ray[-1] - ray[-2]
         assert z * full_height == pytest.approx(height * full_z)
         assert 0.0 < height / full_height < 1.0
+
+
+def test_names_of_points_are_clear_of_the_legend_on_paper() -> None:
+    figures = pytest.importorskip("matplotlib.figure")
+    lens = read_lens(next(path for path in SHIPPED if path.stem == "anamorphic-75mm"))
+    shown = drawing.sections(lens, study(lens, Settings(steps=3, rays=4, fields=(0.0, 1.0))))
+    figure = figures.Figure(figsize=(10.0, 5.2 * len(shown)))
+    for one, axes in zip(shown, figure.subplots(len(shown), squeeze=False)[:, 0], strict=True):
+        drawing.draw(one, axes)
+        figure.draw_without_rendering()
+        bottom = min(name.get_window_extent().y0 for name in axes.texts)
+        assert axes.get_legend().get_window_extent().y1 < bottom

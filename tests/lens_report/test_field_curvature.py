@@ -43,6 +43,15 @@ def test_foci_are_where_real_rays_meet(make: Any, meridian: str, distance: float
         assert found.sagittal_mm[0, row] == pytest.approx(sagittal, abs=1e-4)
 
 
+def test_the_petzval_surface_is_three_times_as_far_from_the_tangential_focus_as_from_the_sagittal_one() -> None:
+    # In the limit of small fields: Welford 1986, ch. 8.
+    bench = bench_at(aspheric_pair(), sensor_mm=sensor(1.0), steps=5)
+    found = field_curvature(bench)
+    tangential, sagittal = (row[0, 1:] - found.petzval_mm[1:] for row in (found.tangential_mm, found.sagittal_mm))
+    np.testing.assert_allclose(tangential, 3.0 * sagittal, rtol=1e-2)
+    assert abs(sagittal[-1]) > 0.1 * abs(found.petzval_mm[-1])
+
+
 def test_the_fisheye_out_to_its_rim() -> None:
     path = next(path for path in SHIPPED if "fisheye" in path.name)
     bench = bench_of(read_lens(path))

@@ -63,14 +63,16 @@ def test_the_doublet_of_the_book() -> None:
     assert found.longitudinal_mm[0, -1] == pytest.approx(11.2939 - 11.28584, abs=1e-4)
 
 
-@pytest.mark.parametrize("conic", [-2.25, 0.0])
-def test_offence_against_the_sine_condition_is_sagittal_coma(conic: float) -> None:
+@pytest.mark.parametrize(("conic", "turned"), [(-2.25, False), (0.0, False), (0.0, True)])
+def test_offence_against_the_sine_condition_is_sagittal_coma(conic: float, turned: bool) -> None:
     # For small fields: offence = sagittal coma / image height (Welford 1986, ch. 9), where the film is at the focus of
     # the zone.
     shape = {"kind": "conic" if conic else "spherical", "conic": conic}
     lens = lens_of(
         (0.0, 8.0, constant(1.5), 12.0, {"kind": "flat"}), (-0.02, 0.0, AIR, 10.0, shape | {"is_stop": True})
     )
+    if turned:
+        lens = lens_of((0.02, 8.0, constant(1.5), 10.0, {"is_stop": True}), (0.0, 0.0, AIR, 12.0, {"kind": "flat"}))
     bench = bench_at(lens, sensor_mm=sensor(0.01))
     axis = spherical(bench)
     focused = bench_at(lens, film=bench.film + float(axis.longitudinal_mm[0, -1]), sensor_mm=sensor(0.01))

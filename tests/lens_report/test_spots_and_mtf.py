@@ -18,7 +18,7 @@ from raytracer.lens_report.analysis.mtf import (
 from raytracer.lens_report.analysis.spherical import spherical
 from raytracer.lens_report.analysis.spots import axis_point, light_of, spots
 from raytracer.lenses.lens import Lens
-from tests.lens_report.benches import bench_at, cylinder_pair, lens_of, plano_convex, sensor
+from tests.lens_report.benches import bench_at, cylinder_pair, lens_of, plano_convex, sensor, stop
 
 
 def hyperbolic(radius: float) -> Lens:
@@ -49,6 +49,16 @@ def test_a_defocused_point_is_a_disc() -> None:
     for curve in (found.tangential, found.sagittal):
         assert curve[0] == pytest.approx(1.0, abs=1e-12)
         np.testing.assert_allclose(curve[1:], expected, rtol=0.0, atol=2e-3)
+
+
+def test_light_of_a_near_point_is_the_solid_angle_of_the_pupil() -> None:
+    # A stop of radius 10 mm in front, seen from 20 mm: 2 pi (1 - cos a) with tan a = 1/2.
+    lens = lens_of(stop(1.0, 10.0), (0.001, 1.0, constant(1.5), 40.0), (-0.001, 0.0, AIR, 40.0))
+    bench = bench_at(lens, film=30.0, focus_distance_mm=20.0, rays=256)
+    weights = light_of(bench, axis_point(bench, "y"), 256)[0][1]
+    assert weights.sum() == pytest.approx(2.0 * math.pi * (1.0 - 1.0 / math.sqrt(1.25)), rel=3e-3)
+    # The middle of the pupil is seen under the greatest angle: cos^3 of the rim's, which is what is left of it there.
+    assert weights.min() / weights.max() == pytest.approx(1.25**-1.5, rel=2e-2)
 
 
 def test_two_lines_beat() -> None:

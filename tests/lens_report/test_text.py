@@ -63,7 +63,16 @@ def test_a_lens_with_cylinders_has_two_of_each_but_no_sums() -> None:
     found = study(cylinder_pair(), QUICK)
     assert [table.title[-1] for table in text.first_order(found)] == ["y", "x"]
     assert text.seidel(found) is None
-    assert "in the plane of x" in text.summary(found)
+    said = text.summary(found)
+    for title in ("First order", "Aberrations", "Spots, of all wavelengths together"):
+        assert f"\n{title}, in the plane of y\n" in said
+        assert f"\n{title}, in the plane of x\n" in said
+    for meridian, distortion in zip("yx", found.distortion, strict=True):
+        rows = text.aberrations(found, meridian)
+        assert len({row[0] for row in rows}) == len(rows)
+        assert len(text.spots(found, meridian)) == 1 + len(QUICK.fields)
+        assert number({row[0]: row[1] for row in rows}["distortion"]) == pytest.approx(distortion.percent[-1], rel=0.01)
+    assert "\nSeidel sums: not defined" in said
 
 
 def test_what_has_no_value_is_said_in_words() -> None:
@@ -72,6 +81,9 @@ def test_what_has_no_value_is_said_in_words() -> None:
     assert text.millimetres(-1.5) == "−1.50000 mm"
     assert text.distance(float("inf")) == "infinity"
     assert text.distance(1500.0) == "1.5 m"
+    assert text.micrometres(787.4) == "787 µm"
+    assert text.micrometres(1351.0) == "1.35 mm"
+    assert text.micrometres(float("nan")) == "none"
 
 
 @pytest.mark.parametrize(("low", "high"), [(-0.3, 0.7), (0.0, 1.0), (-1e-7, 3e-7), (12345.0, 99999.0), (-60.0, 20.0)])

@@ -2,22 +2,36 @@
 
 import math
 from itertools import combinations
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from raytracer.cameras.lens import RealLens
 from raytracer.glass import constant, of_abbe
 from raytracer.jit import entry
 from raytracer.lenses.coatings import MGF2, reflectance
 from raytracer.lenses.ghosts import aim_ghost, choose, flare_of, nanometres, trace_way
 from raytracer.lenses.lens import Element, Lens
-from raytracer.lenses.surfaces import LensSurfaces, Surface, bend, index_of, meet, pack_surfaces, passed, trace_rays
+from raytracer.lenses.surfaces import (
+    LensSurfaces,
+    Surface,
+    bend,
+    index_of,
+    meet,
+    pack_surfaces,
+    passed,
+    trace,
+    trace_rays,
+)
+from raytracer.rendering import render
 from raytracer.sampling import Independent, pixel_key, sample_1d
 from raytracer.sampling.warp import sample_disc
 from raytracer.vec import madd, normalize, sub
 from tests.lenses.kernels import DOUBLE_GAUSS
+from tests.rendering import scene
 
 Array = NDArray[np.float64]
 
@@ -331,6 +345,18 @@ def test_any_shares_of_the_ways_give_the_same_light() -> None:
         assert errors[0][2] < errors[other][2]
 
 
+def test_ghosts_of_many_surfaces_are_aimed_anywhere() -> None:
+    # Twenty plates have 780 ghosts, of too many to look for where each passes.
+    rows = [Surface(0.0, 0.5, index, 12.0) for _ in range(20) for index in (1.5, 1.0)]
+    flare = flare_of(pack_surfaces(rows), 5.0, 10.0)
+    assert len(flare.first) == 780
+    assert flare.cumulative[-1] == 1.0
+    assert (np.diff(flare.cumulative) >= 0.2499 / 780.0).all()
+    out = np.empty((100, 3))
+    _aimed(flare, 77, 3.0, 4.0, np.random.default_rng(9).random((100, 3)), out)
+    np.testing.assert_allclose(out[:, 2], math.pi * 12.0**2, rtol=1e-12)
+
+
 @pytest.mark.parametrize("place", [(0.0, 0.0), (9.0, -12.0), (-21.0, 0.0)])
 def test_ghosts_are_aimed_with_the_density_that_is_said(place: tuple[float, float]) -> None:
     # Areas over the density are areas: of the surface, and of its half to one side.
@@ -366,3 +392,47 @@ def test_through_a_small_stop_few_ghosts_are_aimed_in_vain() -> None:
         errors.append(out[:, 2].std() / math.sqrt(COUNT))
     assert means[0] == pytest.approx(means[1], abs=4.0 * math.hypot(*errors))
     assert errors[0] < 0.4 * errors[1]
+
+
+@entry
+def _of_even_light(lens, start, numbers, out):
+    # Of light that is even: what a lens without losses would bring; its direct light; and that of all ghosts.
+    rear, rim = lens.vertex[len(lens.vertex) - 1], lens.radius[len(lens.radius) - 1]
+    for i in range(len(numbers)):
+        x, y = sample_disc(numbers[i, 0], numbers[i, 1])
+        direction = normalize(sub((rim * x, rim * y, rear), start))
+        square = direction[2] * direction[2]
+        passes, _, _ = trace(lens, start, direction, False, None)
+        out[i, 0] = passes * square * square
+        for first in range(-1, len(lens.curvature)):
+            for last in range(-1 if first < 0 else first + 1, 0 if first < 0 else len(lens.curvature)):
+                weight, _, _ = trace_way(lens, start, direction, first, last, None)
+                out[i, 1 if first < 0 else 2] += weight * square * square
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("f_number", [2, 5.6])
+def test_the_camera_gathers_direct_light_and_ghosts(f_number: float) -> None:
+    # An even scene of radiance 1 is as bright as its light that gets through, over what a lens without losses passes.
+    file = Path(__file__).parents[2] / "scenes" / "lenses" / "double-gauss-50mm.yaml"
+    text = f"""
+camera: {{type: lens, lens: '{file}', f_number: {f_number}, focus_distance: .inf, dispersion: false, flare: true,
+          sensor: {{width: 0.8 mm, height: 0.8 mm}}}}
+environment: {{type: constant, radiance: 1}}
+objects:
+  - {{type: sphere, center: [0, 0, 1.0e6], radius: 1.0e-6}}
+"""
+    spec = scene(text, width=8, height=8, spp=1 << 15, filled=False)
+    found = render(spec, threads=2).image.radiance[..., 1]
+    assert isinstance(spec.camera, RealLens)
+    setting = spec.camera.setting()
+    brought = np.zeros((COUNT, 3))
+    start = (0.0, 0.0, float(setting.film))
+    _of_even_light(setting.surfaces, start, np.random.default_rng(3).random((COUNT, 2)), brought)
+    even, direct, ghosts = brought.mean(axis=0)
+    assert ghosts > 0.01 * direct
+    # What lens and ghosts are measured by is the same light, whose noise mostly cancels.
+    noise = (brought[:, 1:].sum(axis=1) - (direct + ghosts) / even * brought[:, 0]).std() / math.sqrt(COUNT) / even
+    error = math.hypot(noise, found.std() / math.sqrt(found.size))
+    assert found.mean() == pytest.approx((direct + ghosts) / even, abs=4.0 * error)
+    assert error < 0.2 * ghosts / even

@@ -84,7 +84,7 @@ def albedo(spec: Any, degrees: float, *, front: bool = True, material: Any = Non
     points, weights = hemisphere(mirrored(direction), 2e-7 if alpha < 0.1 else 2e-4)
     total = np.asarray(weights @ evaluate_row(material, direction, points, front=front)[0])
     if isinstance(spec, RoughDielectric):
-        eta = (spec.ior / spec.outside_ior) ** (1.0 if front else -1.0)
+        eta = spec.eta() ** (1.0 if front else -1.0)
         tangent = np.array(direction[:2]) / eta
         sine2 = float(tangent @ tangent)
         axis = np.append(tangent / max(1.0, math.sqrt(sine2)), -math.sqrt(max(0.0, 1.0 - sine2)))

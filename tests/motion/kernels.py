@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer import embree
-from raytracer.cameras.interface import camera_ray, project
+from raytracer.cameras.interface import project, rays_together
 from raytracer.embree import GEOMETRY, MISS, PRIMITIVE, TFAR, TIME, Accel
 from raytracer.geometry import Exact, spawn_point
 from raytracer.instances import meet
@@ -28,6 +28,7 @@ from raytracer.sampling import SAMPLERS
 from raytracer.scene.pack import Packed
 from raytracer.shutter import Shutter
 from raytracer.vec import dot, neg
+from tests.cameras.kernels import packet_rows, single_ray
 
 Array = NDArray[np.float64]
 
@@ -195,10 +196,11 @@ def sample(tables: tuple[Any, ...], only: int, reference: Any, u: Array, time: f
 
 
 @entry
-def _camera_rays(camera, sampler, x, y, times, origins, directions, seen):
+def _camera_rays(camera, sampler, rows, x, y, times, origins, directions, seen):
     for index in range(len(x)):
         draws = Draws(sampler, np.uint64(7), index, 0)
-        origin, direction, _ = camera_ray(camera, x[index], y[index], times[index], draws)
+        together = rays_together(camera)
+        origin, direction, _ = single_ray(together, camera, rows, x[index], y[index], times[index], draws)
         at = (
             origin[0] + 2.0 * direction[0],
             origin[1] + 2.0 * direction[1],
@@ -215,7 +217,7 @@ def camera_rays(camera: Any, x: Any, y: Any, times: Any) -> tuple[Array, Array, 
     columns = np.array(x, np.float64, ndmin=1)
     rows, moments = (np.array(np.broadcast_to(values, columns.shape), np.float64) for values in (y, times))
     out = [np.empty((len(columns), 3)) for _ in range(3)]
-    _camera_rays(camera, SAMPLERS["independent"](0, 1), columns, rows, moments, *out)
+    _camera_rays(camera, SAMPLERS["independent"](0, 1), packet_rows(), columns, rows, moments, *out)
     return out[0], out[1], out[2]
 
 

@@ -11,8 +11,8 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from raytracer.document import path_text
 from raytracer.errors import InputError, SceneError
-from raytracer.scene.document import path_text
 from raytracer.scene.load import build, load, parse_overrides
 from raytracer.scene.spec import SceneSpec
 

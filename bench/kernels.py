@@ -1,0 +1,113 @@
+"""Show whether the machine code of scenes is that of another revision.
+
+    python bench/kernels.py --against HEAD~1 cover glass
+
+A scene pays for what it names, so what is added for other scenes must leave its kernel as it was. Each scene is
+compiled by the sources as they are and by those of the revision, in processes and with kernel caches of their own, and
+the instructions of the two kernels are counted by what they do. Where things are in memory is left out: an effect that
+a scene does not have still has a place in it. So is what Numba puts round a kernel for calls by Python, once a tile.
+Prints Markdown; exits with 1 if a kernel has changed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+from warm import ROOT, SCENES, Failed, say, table
+
+DEFAULT_SCENES = ("cover", "cornell", "glass", "textures", "studio")
+
+# A line of assembly that begins a function, with its name; and one that is an instruction, with what it does.
+_LABEL = re.compile(r'^"?([_A-Za-z][^:"]*)"?:')
+_INSTRUCTION = re.compile(r"^\s+([a-z]\w*)(?:\s|$)")
+
+# How the compiler calls the kernel itself.
+_KERNEL = "_ZN9raytracer10integrator"
+
+
+def instructions(scene: Path) -> Counter[str]:
+    """How often the kernel of a scene does what, by the sources that this process imports."""
+    from raytracer.integrator import render_tile
+    from raytracer.preparation import prepare
+    from raytracer.scene.load import load
+
+    prepare(load(scene))
+    (code,) = render_tile.inspect_asm().values()
+    counts: Counter[str] = Counter()
+    inside = False
+    for line in code.splitlines():
+        if label := _LABEL.match(line):
+            inside = label[1].startswith(_KERNEL)
+        elif inside and (found := _INSTRUCTION.match(line)):
+            counts[found[1]] += 1
+    return counts
+
+
+def counted(tree: Path, scene: Path) -> Counter[str]:
+    """The same by the sources of a tree, in a process of its own.
+
+    Raises
+    ------
+    Failed : it did not exit with 0.
+    """
+    with tempfile.TemporaryDirectory() as cache:
+        environment = {**os.environ, "PYTHONPATH": f"{tree}", "RAYTRACER_CACHE_DIR": cache}
+        done = subprocess.run(
+            [sys.executable, __file__, "--count", str(scene)],
+            capture_output=True,
+            text=True,
+            check=False,
+            env=environment,
+            cwd=tree,
+        )
+    if done.returncode:
+        raise Failed((done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1])
+    return Counter(json.loads(done.stdout))
+
+
+def exported(revision: str, folder: Path) -> Path:
+    """The tree of a revision, with the files that make has made of this one."""
+    archive = subprocess.run(["git", "-C", str(ROOT), "archive", revision], capture_output=True, check=True)
+    subprocess.run(["tar", "-x", "-C", str(folder)], input=archive.stdout, check=True)
+    generated = folder / "scenes" / "generated"
+    if not generated.exists() and (SCENES / "generated").exists():
+        generated.symlink_to(SCENES / "generated", target_is_directory=True)
+    return folder
+
+
+def compare(scene: str, before: Path) -> list[str]:
+    """The row of a scene: its instructions by the sources of `before`, by ours, and what differs."""
+    say(scene)
+    old = counted(before, before / "scenes" / f"{scene}.yaml")
+    new = counted(ROOT, SCENES / f"{scene}.yaml")
+    moved = sum(((old - new) + (new - old)).values())
+    return [scene, str(old.total()), str(new.total()), str(moved), "the same" if moved == 0 else "changed"]
+
+
+def main() -> None:
+    """Compile, count, print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="*", default=DEFAULT_SCENES, help=f"default: {' '.join(DEFAULT_SCENES)}")
+    parser.add_argument("--against", default="HEAD", metavar="REVISION", help="default: HEAD")
+    parser.add_argument("--count", type=Path, metavar="SCENE", help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.count is not None:
+        print(json.dumps(instructions(arguments.count)))
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        before = exported(arguments.against, Path(folder))
+        rows = [compare(scene, before) for scene in arguments.scenes]
+    print(table(("scene", f"instructions at {arguments.against}", "now", "in one of them alone", ""), rows))
+    sys.exit(any(row[-1] != "the same" for row in rows))
+
+
+if __name__ == "__main__":
+    main()

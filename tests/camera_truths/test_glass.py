@@ -1,0 +1,208 @@
+"""Blurs behind real glass, measured on pictures of a spot of light and by rays, against formulas for the glass.
+
+Of a point at infinity, light meets the front of a lens evenly.  So of a singlet whose back focus is known by its
+height, the blur on a film is a disc with the mean square radius (2 / H^2) int TA(h)^2 h dh: TA(h) is how far from the
+axis the light of the height h meets the film, and H the largest height.  `measure.blur_px` gives what an even disc of
+that moment would be wide.
+"""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from raytracer.glass import AIR, constant
+from raytracer.lenses.lens import Element, Lens
+from raytracer.photography import circle_of_confusion, far_limit, near_limit
+from raytracer.scene.load import build
+from raytracer.scene.pack import pack
+from tests.camera_truths.measure import LOOK, blur_px, moments, pixels, spot
+from tests.lenses.files import INDEX, PLANO_CONVEX, ROUND_SIDE, thin, written
+from tests.lenses.rays import gone_through, unit
+from tests.repository import SCENES
+
+PIXELS = 39
+SPP = 256
+FAR = 1e4
+"""Distance (m) of what counts as infinitely far: of f = 100 mm its image is 1e-3 mm behind that of infinity."""
+
+
+def film_behind(camera: str) -> float:
+    """How far the film is behind the last vertex (mm)."""
+    text = f"camera: {{{LOOK}, {camera}}}\nfilm: {{width: {PIXELS}, height: {PIXELS}}}\n{spot(0, 0, 5, 1)}"
+    packed = pack(build(text, "test.yaml")).scene.camera
+    return float(packed.film.z - packed.surfaces.vertex[-1])
+
+
+# ---- The plano-convex singlet
+
+
+def _crossing(h: float) -> float:
+    """Where light at the height h crosses the axis, behind the vertex of the round side (mm): camera truths."""
+    bent = math.asin(INDEX * h / ROUND_SIDE) - math.asin(h / ROUND_SIDE)
+    return h / math.tan(bent) - (ROUND_SIDE - math.sqrt(ROUND_SIDE**2 - h * h))
+
+
+def _aside(h: float, film: float) -> float:
+    """How far from the axis light at the height h meets a film (mm)."""
+    bent = math.asin(INDEX * h / ROUND_SIDE) - math.asin(h / ROUND_SIDE)
+    return abs((_crossing(h) - film) * math.tan(bent))
+
+
+def _width(top: float, film: float) -> float:
+    """Diameter (mm) of the even disc with the moment of the blur."""
+    square, _ = quad(lambda h: 2.0 / top**2 * _aside(h, film) ** 2 * h, 0.0, top)
+    return math.sqrt(8.0 * square)
+
+
+@pytest.mark.parametrize("f_number", [4.5, 5.0, 7.0])
+@pytest.mark.parametrize("focus", ["marginal", "rms"])
+def test_the_blur_of_the_plano_convex_singlet(tmp_path: Path, f_number: float, focus: str) -> None:
+    """At f/5 light is up to 10 mm from the axis, and crosses it from 95.418 to 100 mm behind the lens."""
+    path = written(tmp_path, PLANO_CONVEX)
+    keys = f"type: lens, lens: '{path}', f_number: {f_number}, focus_distance: .inf, focus: {focus}"
+    top = 100.0 / (2.0 * f_number)
+    film = film_behind(f"{keys}, sensor: {{width: 1, height: 1}}")
+    assert _crossing(top) < film < _crossing(0.01)
+    expected = _width(top, film)
+    # The film is as wide as the widest light, and a quarter more.
+    widest = 2.0 * max(_aside(h, film) for h in np.linspace(0.01, top, 200).tolist())
+    side = 1.25 * widest
+    pitch = side / PIXELS
+    # What shines is seen as 1.5 pixels wide.
+    shining = 0.75 * pitch / 100.0 * FAR
+    camera = f"{keys}, sensor: {{width: {side!r}, height: {side!r}}}"
+    picture = pixels(camera, spot(0.0, 0.0, FAR, shining), width=PIXELS, height=PIXELS, spp=16 * SPP)
+    assert blur_px(picture, 0.75) * pitch == pytest.approx(expected, rel=0.02)
+    # And its edge: nothing beyond the widest light, and something just within it.
+    rows, columns = np.mgrid[0:PIXELS, 0:PIXELS] + 0.5 - PIXELS / 2
+    distance = np.hypot(rows, columns) * pitch
+    assert picture[distance > 0.5 * widest + 1.6 * pitch].sum() == 0.0
+    assert picture[(distance > 0.5 * widest - 2.0 * pitch) & (distance < 0.5 * widest)].sum() > 0.0
+
+
+def test_the_best_focus_by_rms_is_sharper_than_the_marginal_one(tmp_path: Path) -> None:
+    path = written(tmp_path, PLANO_CONVEX)
+    films = {
+        focus: film_behind(
+            f"type: lens, lens: '{path}', f_number: 5, focus_distance: .inf, focus: {focus}, sensor: full_frame"
+        )
+        for focus in ("marginal", "rms")
+    }
+    assert _width(10.0, films["rms"]) <= _width(10.0, films["marginal"])
+    for moved in (-0.1, 0.1):
+        assert _width(10.0, films["rms"]) < _width(10.0, films["rms"] + moved)
+
+
+# ---- Circle of confusion, by a thin piece of glass
+
+THIN_50 = Lens("thin", (Element(1.0 / 50.0, 1e-9, constant(1.5), 25.0), Element(-1.0 / 50.0, 0.0, AIR, 25.0)))
+
+
+def _traced_blur(f_number: float, focus: float, distance: float, *, focal_length: float = 50.0) -> float:
+    """Diameter (mm) of the blur of a point of the axis (m), of rays a thousandth of the opening from the axis.
+
+    So near to it glass is ideal; and blurs are in proportion to the opening.
+    """
+    c = 1.0 / focal_length
+    lens = Lens("thin", (Element(c, 1e-9, constant(1.5), 0.5 / c), Element(-c, 0.0, AIR, 0.5 / c)))
+    small = 1e-3 * 0.5 * focal_length / f_number
+    film = 1.0 / (c - 1e-3 / focus)
+    way = unit([[0.0, small, 1e3 * distance]])
+    found = gone_through(lens, [[0.0, 0.0, -1e3 * distance]], way)
+    ahead = (film - found.points[0, 2]) / found.directions[0, 2]
+    return 2e3 * abs(float(found.points[0, 1] + ahead * found.directions[0, 1]))
+
+
+def test_the_circle_of_confusion_by_rays_through_glass() -> None:
+    # 50 mm f/1.4 focused at 2 m, a point at 4 m: 0.45788 mm.
+    assert _traced_blur(1.4, 2.0, 4.0) == pytest.approx(0.45788, abs=1e-5)
+    for focus, distance in ((2.0, 0.7), (1.0, 30.0), (10.0, 4.0)):
+        expected = circle_of_confusion(50.0 / 1.4, 1.0 / (1.0 / 50.0 - 1e-3 / focus), 1e3 * focus, 1e3 * distance)
+        assert _traced_blur(1.4, focus, distance) == pytest.approx(expected, abs=1e-4)
+
+
+def test_limits_of_the_depth_of_field_by_rays_through_glass() -> None:
+    # 50 mm, f/2.8, 0.03 mm, 3 m: 2729.5 and 3330.1 mm, and the blur there is exactly 0.03 mm.
+    for limit in (2.7295, 3.3301):
+        assert _traced_blur(2.8, 3.0, limit) == pytest.approx(0.03, abs=1e-5)
+    for limit in (near_limit, far_limit):
+        at = limit(0.05, 2.8, 3e-5, 3.0)
+        assert _traced_blur(2.8, 3.0, at) == pytest.approx(0.03, abs=2e-6)
+    # 28 mm, f/11 at 2.5 m: infinity is within them.
+    assert _traced_blur(11.0, 2.5, 1e6, focal_length=28.0) < 0.03
+
+
+@pytest.mark.parametrize(("focal", "expected"), [(17.0, 103.68), (50.0, 46.79), (200.0, 12.35)])
+def test_field_of_view_by_rays_through_the_middle_of_glass(focal: float, expected: float) -> None:
+    c = 1.0 / focal
+    lens = Lens("thin", (Element(c, 1e-9, constant(1.5), 0.5 / c), Element(-c, 0.0, AIR, 0.5 / c)))
+    way = unit([[0.0, math.hypot(18.0, 12.0), -focal]])
+    found = gone_through(lens, [[0.0, -math.hypot(18.0, 12.0), focal]], way, towards_film=False)
+    assert found.weights[0] == 1.0
+    slope = -found.directions[0, 1] / found.directions[0, 2]
+    assert 2.0 * math.degrees(math.atan(slope)) == pytest.approx(expected, abs=0.005)
+
+
+# ---- Pictures
+
+
+@pytest.mark.parametrize(("distance", "f_number"), [(0.3, 16.0), (0.6, 22.0)])
+def test_the_circle_of_confusion_behind_thin_glass(tmp_path: Path, distance: float, f_number: float) -> None:
+    """On the axis there is spherical aberration alone, of 1.67 h^2 / f along it: less than 1 % of this blur."""
+    path = thin(tmp_path, 50.0, 20.0)
+    image = 1.0 / (1.0 / 50.0 - 1e-3 / 10.0)
+    expected = circle_of_confusion(50.0 / f_number, image, 1e4, 1e3 * distance)
+    side = 1.5 * expected
+    pitch = side / PIXELS
+    shining = 2.0 * pitch / image * distance
+    camera = (
+        f"type: lens, lens: '{path}', f_number: {f_number}, focus_distance: 10, "
+        f"sensor: {{width: {side!r}, height: {side!r}}}"
+    )
+    picture = pixels(camera, spot(0.0, 0.0, distance, shining), width=PIXELS, height=PIXELS, spp=4 * SPP)
+    assert blur_px(picture, 2.0) * pitch == pytest.approx(expected, rel=0.02)
+
+
+def _double_gauss(more: str) -> str:
+    return f"type: lens, lens: '{SCENES / 'lenses' / 'double-gauss-50mm.yaml'}', dispersion: false, {more}"
+
+
+@pytest.mark.parametrize(("f_number", "distance"), [(2.8, 4.0), (8.0, 1.0), (8.0, 30.0)])
+def test_the_circle_of_confusion_behind_the_double_gauss(f_number: float, distance: float) -> None:
+    """A corrected lens blurs as the thin lens does, which its entrance pupil and its focal length make.
+
+    c = A m |s - F| / s, with A = f / N, the distances from the entrance pupil, and the magnification m of the plane of
+    focus: by the spot's own image in focus.  The lens's aberrations are some hundredths of a millimetre.
+    """
+    focus = 2.0
+    pitch = 0.02
+    side = PIXELS * pitch
+    sensor = f"sensor: {{width: {side!r}, height: {side!r}}}, focus_distance: {focus}, f_number: {f_number}"
+    sharp = pixels(_double_gauss(sensor), spot(0.0, 0.0, focus, 0.005), width=PIXELS, height=PIXELS, spp=SPP)
+    found = moments(sharp)
+    own = math.sqrt(2.0 * (found.variance_x + found.variance_y - 1.0 / 6.0)) * pitch
+    m = own / 5.0
+    assert m == pytest.approx(50.0 / 1950.0, rel=0.05)
+    length = _focal_length()
+    expected = length / f_number * m * abs(distance - focus) / distance
+    side = 1.5 * expected
+    pitch = side / PIXELS
+    shining = 2.0 * pitch / m * distance / focus * 1e-3
+    picture = pixels(
+        _double_gauss(f"sensor: {{width: {side!r}, height: {side!r}}}, focus_distance: {focus}, f_number: {f_number}"),
+        spot(0.0, 0.0, distance, shining),
+        width=PIXELS,
+        height=PIXELS,
+        spp=4 * SPP,
+    )
+    assert blur_px(picture, 2.0) * pitch == pytest.approx(expected, rel=0.02)
+
+
+def _focal_length() -> float:
+    from raytracer.assets.lenses import read_lens
+    from raytracer.lenses.first_order import cardinal_points
+
+    return cardinal_points(read_lens(SCENES / "lenses" / "double-gauss-50mm.yaml").packed()).focal_length

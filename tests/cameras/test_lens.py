@@ -1,0 +1,272 @@
+"""The camera with a lens of glass: what its keys mean, where it sees what, and what it says of mistakes."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import raytracer as rt
+from raytracer.cameras.interface import moved
+from raytracer.cameras.moving import MovingCamera, pack_camera
+from raytracer.errors import SceneError
+from raytracer.explanation.numbers import View
+from raytracer.lenses.equivalent import thin_equivalent
+from raytracer.lenses.first_order import cardinal_points
+from raytracer.scene.load import build, build_plain, load
+from raytracer.scene.pack import pack
+from tests.cameras.kernels import projected, weighted_rays
+from tests.lenses.files import thin, written
+from tests.lenses.rays import Array
+from tests.repository import SCENES
+
+LENSES = SCENES / "lenses"
+DOUBLE_GAUSS = LENSES / "double-gauss-50mm.yaml"
+
+SCENE = """
+camera: {{type: lens, lens: '{lens}', look_from: [1, 2, 3], look_at: [1, 2, 0]{keys}}}
+film: {{width: 360, height: 240}}
+objects:
+  - {{type: sphere, name: ball, center: [1.1, 2.05, 1], radius: 0.2}}
+  - {{type: quad, corner: [-49, -48, -5], edges: [[100, 0, 0], [0, 100, 0]]}}
+"""
+
+
+def scene(lens: Path | str = DOUBLE_GAUSS, **keys: Any) -> Any:
+    text = "".join(f", {key}: {value}" for key, value in keys.items())
+    return build(SCENE.format(lens=lens, keys=text), "test.yaml")
+
+
+def camera(lens: Path | str = DOUBLE_GAUSS, **keys: Any) -> Any:
+    return pack(scene(lens, **keys)).scene.camera
+
+
+# ---- Where what is seen
+
+
+def met(origins: Array, directions: Array, distance: float) -> Array:
+    """Where rays (n, 3) are at a distance before the camera of `SCENE`."""
+    way = (3.0 - distance - origins[:, 2:]) / directions[:, 2:]
+    return origins + way * directions
+
+
+@pytest.mark.parametrize("name", ["double-gauss-50mm", "telephoto-250mm", "anamorphic-75mm", "wide-22mm"])
+def test_rays_of_a_place_of_the_film_meet_where_it_is_sharp(name: str) -> None:
+    """And that point is projected back to the place, upright, by all but the lens's own errors."""
+    distance = 40.0
+    packed = camera(LENSES / f"{name}.yaml", focus_distance=distance, f_number=11, sensor="four_thirds")
+    places = np.array([(180.0, 120.0), (90.0, 60.0), (300.0, 30.0), (20.0, 220.0)])
+    for x, y in places:
+        origins, directions, weights = weighted_rays(packed, np.full(400, x), y)
+        lit = weights > 0.0
+        assert lit.mean() > 0.8
+        points = met(origins[lit], directions[lit], distance)
+        middle = points.mean(axis=0)
+        # A pixel's image there, of which the spot is a small part.
+        pixel = distance * packed.film.pixel / packed.thin.image_distance * 1e-3
+        assert np.hypot(*(points - middle)[:, :2].T).mean() < 0.5 * pixel
+        found = projected(packed, middle)[0]
+        np.testing.assert_allclose(found[:2], (x, y), rtol=0.0, atol=0.15)
+        assert found[2] == pytest.approx(distance)
+    # To the right and up is right and up.
+    right, up = projected(packed, [(1.1, 2.0, 3.0 - distance), (1.0, 2.1, 3.0 - distance)])[:, :2] - (180.0, 120.0)
+    assert right[0] > 0.0
+    assert abs(right[1]) < 1e-9
+    assert up[1] < 0.0
+    assert abs(up[0]) < 1e-9
+
+
+def test_a_fisheye_sees_what_is_beside_it() -> None:
+    packed = camera(LENSES / "fisheye-10mm.yaml", focus_distance=math.inf, f_number=8)
+    angles = np.radians([0.0, 20.0, 45.0, 70.0])
+    points = np.stack([1.0 + 1e6 * np.sin(angles), 2.0 + 0.0 * angles, 3.0 - 1e6 * np.cos(angles)], axis=1)
+    places = projected(packed, points)
+    assert (np.diff(places[:, 0]) > 0.0).all()
+    for (x, y, _), angle in zip(places[:3], angles[:3], strict=True):
+        _, directions, weights = weighted_rays(packed, np.full(400, x), y)
+        mean = directions[weights > 0.0].mean(axis=0)
+        assert math.atan2(mean[0], -mean[2]) == pytest.approx(angle, abs=2e-3)
+    # Not behind it, and not beyond its picture.
+    assert np.isnan(projected(packed, [(1.0, 2.0, 10.0)])[0, :2]).all()
+
+
+def test_a_camera_in_a_recentred_world_sees_the_same() -> None:
+    packed = camera(focus_distance=3, f_number=4)
+    by = (10.0, -20.0, 30.0)
+    origins, directions, weights = weighted_rays(packed, np.full(20, 100.0), 70.0)
+    there = weighted_rays(moved(packed, by), np.full(20, 100.0), 70.0)
+    np.testing.assert_allclose(there[0], origins + by, rtol=0.0, atol=1e-12)
+    np.testing.assert_array_equal(there[1], directions)
+    np.testing.assert_array_equal(there[2], weights)
+
+
+def test_the_camera_moves_with_its_lens() -> None:
+    spec = scene(focus_distance=3, f_number=4, shutter="{open: 0, close: 1}", motion="{velocity: [1, 0, 0]}")
+    packed = pack_camera(spec.camera, 36, 24)
+    assert isinstance(packed, MovingCamera)
+    still = pack(scene(focus_distance=3, f_number=4)).scene.camera
+    # In the middle of its way it stands half a metre to the right.
+    here, there = View(scene(focus_distance=3), still), View(spec, packed)
+    assert there.place(np.array([1.5, 2.0, 0.0]), 0.5)[0] == pytest.approx(
+        View(spec, packed._replace(camera=packed.camera)).place(np.array([1.0, 2.0, 0.0]), 0.0)[0], abs=1e-6
+    )
+    assert here.pupil() == pytest.approx(there.pupil())
+
+
+# ---- Focus
+
+
+def test_focus_is_on_an_object_or_on_what_is_seen() -> None:
+    on = pack(scene(focus_on="ball")).spec.camera
+    assert on.focus_distance == pytest.approx(2.0)
+    assert on.focus_on is None
+    # The ball's surface is nearer than its middle; beside it is the wall, 8 m away.
+    x, y = projected(camera(focus_distance=2), [(1.1, 2.05, 1.0)])[0, :2]
+    at = pack(scene(focus_at=[float(x / 360.0), float(y / 240.0)])).spec.camera
+    assert at.focus_distance == pytest.approx(1.8, abs=0.01)
+    assert pack(scene(focus_at="[0.1, 0.9]")).spec.camera.focus_distance == pytest.approx(8.0, rel=1e-6)
+
+
+def test_the_sensor_moves_back_for_what_is_near() -> None:
+    films = [camera(focus_distance=distance, f_number=8).film.z for distance in (math.inf, 10, 1, 0.5)]
+    assert (np.diff(films) > 0.0).all()
+    # Newton: x x' = f^2 by distances from the focal points.
+    lens = scene(f_number=8).camera.setting().surfaces
+    points, away = cardinal_points(lens), 1e3 * 0.5
+    pupil = scene(f_number=8).camera.setting().thin.pupil
+    way = away - pupil + points.front_focus
+    assert films[-1] - films[0] == pytest.approx(points.focal_length**2 / way, rel=0.01)
+
+
+# ---- The thin lens in place of it
+
+
+def test_the_thin_lens_of_a_thin_piece_of_glass_is_that_glass(tmp_path: Path) -> None:
+    path = thin(tmp_path, 50.0, 8.0)
+    for distance in (math.inf, 2.0, 0.3):
+        setting = scene(path, f_number=16, focus_distance=distance).camera.setting()
+        found = thin_equivalent(setting.surfaces, setting.film, 1e3 * distance)
+        assert found.focal_length == pytest.approx(50.0, rel=1e-3)
+        assert found.aperture == pytest.approx(50.0 / 16.0, rel=1e-3)
+        assert found.f_number == pytest.approx(16.0, rel=1e-3)
+
+
+def test_the_thin_lens_sees_as_much_and_blurs_as_much() -> None:
+    spec = scene(f_number=4, focus_distance=2, iso=100, shutter="1/100 s", sensor="full_frame")
+    keys = spec.camera.equivalent(360, 240)
+    thin_scene = build_plain({"camera": keys, "film": spec.film, "objects": spec.objects})
+    assert thin_scene.camera.type == "thin_lens"
+    ours, theirs = (View(each, pack(each).scene.camera) for each in (spec, thin_scene))
+    # Near the axis, where a lens has no distortion.
+    point = np.array([1.01, 2.005, 1.0])
+    np.testing.assert_allclose(ours.place(point, 0.0), theirs.place(point, 0.0), rtol=0.0, atol=0.01)
+    assert ours.blur(4.0) == pytest.approx(theirs.blur(4.0), rel=1e-9)
+    assert ours.blur(2.0) == pytest.approx(0.0, abs=1e-12)
+    for name in ("pixel_pitch_um", "focus_distance_m", "aperture_diameter_mm", "blur_at_infinity_px", "film_height_mm"):
+        assert ours.numbers[name] == pytest.approx(theirs.numbers[name], rel=1e-9), name
+    assert ours.numbers["thin_lens_focal_length_mm"] == pytest.approx(theirs.numbers["focal_length_mm"], rel=1e-9)
+    # And it is as bright: weights on the axis, in W/m2 of a radiance of 1.
+    light = [
+        weighted_rays(pack(each).scene.camera, np.full(4000, 180.0), 120.0)[2].mean() for each in (spec, thin_scene)
+    ]
+    assert light[0] == pytest.approx(light[1], rel=0.01)
+
+
+def test_a_scene_with_the_lens_is_explained() -> None:
+    found = rt.explain(scene(f_number=2.8, focus_distance=2))
+    assert found.camera["f_number"] == pytest.approx(2.8, rel=1e-3)
+    assert found.camera["focal_length_mm"] == pytest.approx(50.0, rel=5e-3)
+    assert found.camera["near_limit_m"] < 2.0 < found.camera["far_limit_m"]
+    text = found.text()
+    assert "Thin lens in its place" in text
+    assert "thin_lens" in text
+    assert found.json()["thin_lens"]["type"] == "thin_lens"
+
+
+# ---- Mistakes
+
+
+@pytest.mark.parametrize(
+    ("keys", "says"),
+    [
+        ({"f_number": 1.2}, r"test\.yaml:2: camera\.f_number: .*f/2.*1\.2"),
+        ({"focus_distance": 0.05}, r"test\.yaml:2: camera\.focus_distance: .*nearest"),
+        ({"focus_distance": 2, "focus_on": "ball"}, r"camera\.focus_on: focus_distance and focus_on both set"),
+        ({"focus": "sharp"}, r"camera\.focus: "),
+        ({"vfov": 40}, r"unknown key 'vfov'"),
+        ({"iso": 100}, r"camera\.iso: iso needs a shutter"),
+    ],
+)
+def test_mistakes_are_one_sentence(keys: dict[str, Any], says: str) -> None:
+    with pytest.raises(SceneError, match=says) as caught:
+        scene(**keys)
+    assert "\n" not in str(caught.value)
+
+
+def test_files_that_are_no_lens(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r"test\.yaml:2: camera\.lens: there is no file '/nowhere\.yaml'"):
+        scene("/nowhere.yaml")
+    bad = tmp_path / "bad.yaml"
+    bad.write_text("name: bad\nsurfaces:\n  - {type: spherical, radius: 30 s, aperture: 10}\n", encoding="utf-8")
+    with pytest.raises(SceneError, match=r"test\.yaml:2: camera\.lens: .*bad\.yaml:3: surfaces\[0\]\.radius") as caught:
+        scene(bad)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("focus", [{}, {"focus_distance": 2}, {"focus_at": [0.5, 0.5]}])
+def test_a_lens_without_an_image_is_the_lens_s_fault(tmp_path: Path, focus: dict[str, Any]) -> None:
+    diverging = tmp_path / "diverging.yaml"
+    surfaces = "".join(f"  - {{type: spherical, radius: {r}, aperture: 10, {m}}}\n" for r, m in _DIVERGING)
+    diverging.write_text(f"name: diverging\nsurfaces:\n{surfaces}", encoding="utf-8")
+    with pytest.raises(SceneError, match=r"test\.yaml:2: camera\.lens: the lens makes no image"):
+        scene(diverging, **focus)
+
+
+_DIVERGING = ((-50, "thickness: 2, material: 1.5"), (50, "thickness: 0"))
+
+
+def test_a_lens_with_an_image_inside_is_refused(tmp_path: Path) -> None:
+    # An objective and a relay, which turns the picture once more: it would be seen upside down.
+    singlets = ""
+    for radius, gap in ((50.0, 110.0), (25.0, 0.0)):
+        singlets += (
+            f"  - {{type: spherical, radius: {radius}, thickness: 1, material: 1.5, aperture: 20}}\n"
+            f"  - {{type: spherical, radius: {-radius}, thickness: {gap}, aperture: 20}}\n"
+        )
+    path = written(tmp_path, singlets)
+    with pytest.raises(SceneError, match=r"test\.yaml:2: camera\.lens: the lens has an image inside it"):
+        scene(path)
+
+
+def test_an_object_too_near_for_the_lens_is_told_when_the_scene_is_packed() -> None:
+    spec = build(
+        SCENE.format(lens=DOUBLE_GAUSS, keys=", focus_on: ball").replace("[1.1, 2.05, 1]", "[1, 2, 2.95]"), "test.yaml"
+    )
+    with pytest.raises(SceneError, match=r"camera\.focus_on: .*nearest"):
+        pack(spec)
+
+
+def test_the_widest_stop_is_what_is_engraved() -> None:
+    # f/2 is the engraved number; a lens whose rims make it f/2.003 is still set to f/2.
+    spec = scene(f_number=2)
+    assert spec.camera.setting().f_number == pytest.approx(2.0, rel=0.02)
+    assert scene().camera.setting().f_number == pytest.approx(2.0, rel=0.02)
+
+
+def test_a_sensor_beyond_the_image_circle_is_warned_of() -> None:
+    large = scene(sensor="medium_format", focus_distance=math.inf)
+    assert any("image circle" in sentence for sentence in rt.explain(large).warnings)
+    assert not any("image circle" in sentence for sentence in rt.explain(scene(sensor="aps_c")).warnings)
+
+
+def test_a_lens_file_is_part_of_what_a_picture_depends_on(tmp_path: Path) -> None:
+    from raytracer.scene.inputs import digest
+
+    path = tmp_path / "lens.yaml"
+    path.write_text(DOUBLE_GAUSS.read_text(encoding="utf-8"), encoding="utf-8")
+    file = tmp_path / "scene.yaml"
+    file.write_text(SCENE.format(lens="lens.yaml", keys=", focus_distance: 2"), encoding="utf-8")
+    before = digest(load(file))
+    path.write_text(DOUBLE_GAUSS.read_text(encoding="utf-8").replace("29.475", "29.5"), encoding="utf-8")
+    assert digest(load(file)) != before

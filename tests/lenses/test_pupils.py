@@ -1,0 +1,195 @@
+"""Bounds of the pupil: they hold all of it, are hardly larger, and are in no picture."""
+
+import itertools
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from raytracer.apertures.polygon import PolygonAperture
+from raytracer.assets.lenses import read_lens
+from raytracer.glass import LINE_D
+from raytracer.jit import entry
+from raytracer.lenses import pupils as module
+from raytracer.lenses.focusing import focus_shift
+from raytracer.lenses.lens import Lens
+from raytracer.lenses.pupils import RoundPupils, SquarePupils, aim, aiming_plane, light_on_axis, pupils_of, transmitted
+from raytracer.lenses.stops import stop_radius_for, widest_f_number
+from raytracer.lenses.surfaces import LensSurfaces
+from tests.lenses.rays import Array
+from tests.repository import SCENES
+
+SHIPPED = {path.stem: path for path in sorted((SCENES / "lenses").glob("*.yaml"))}
+QUICK = ("double-gauss-50mm", "fisheye-10mm", "phone-3.7mm")
+SEEN = (380.0, 500.0, 780.0)
+
+
+@entry
+def _aims(pupils, x, y, discs, out):
+    for index in range(len(discs)):
+        out[index, 0], out[index, 1], out[index, 2] = aim(pupils, x, y, discs[index, 0], discs[index, 1])
+
+
+def aims(pupils: Any, x: float, y: float, discs: Array) -> tuple[Array, float]:
+    """Points (n, 2) that points of the unit disc (n, 2) are taken to, and the area of what they fill."""
+    out = np.empty((len(discs), 3))
+    _aims(pupils, x, y, np.ascontiguousarray(discs), out)
+    assert (out[:, 2] == out[0, 2]).all()
+    return out[:, :2].copy(), float(out[0, 2])
+
+
+def disc(count: int, *, reach: float = 1.0) -> Array:
+    """Points spread evenly over a disc: Vogel 1979, "A Better Way to Construct the Sunflower Head"."""
+    number = np.arange(count)
+    radius, angle = reach * np.sqrt((number + 0.5) / count), number * math.pi * (3.0 - math.sqrt(5.0))
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+
+
+def half_of(lens: Lens) -> tuple[float, float]:
+    """Half the sides of a film (mm) that is a bit larger than a lens's picture."""
+    circle = lens.image_circle or 40.0
+    return 0.45 * circle, 0.3 * circle
+
+
+def set_up(name: str, f_number: float | None, distance: float) -> tuple[Lens, LensSurfaces, float]:
+    """A shipped lens, packed as a camera does for a picture in colours, and where its film is."""
+    lens = read_lens(SHIPPED[name])
+    radius = None if f_number is None else stop_radius_for(lens, f_number)
+    focus = focus_shift(lens, distance, stop_radius=radius)
+    return lens, lens.packed(stop_radius=radius, shift=focus.shift, dispersion=True), focus.film
+
+
+def check_bounds(name: str, f_number: float | None, distance: float, places: int) -> None:
+    """What passes lies within the bounds, from random places of the film and at random wavelengths."""
+    lens, surfaces, film = set_up(name, f_number, distance)
+    half = half_of(lens)
+    pupils = pupils_of(surfaces, film, half, SEEN, is_round=lens.is_round())
+    rng = np.random.default_rng(7)
+    discs = disc(20_000, reach=1.25)
+    away = np.hypot(*discs.T)
+    filled = []
+    for _place in range(places):
+        x, y = rng.uniform(-1.0, 1.0, 2) * half
+        points, area = aims(pupils, x, y, discs)
+        if area == 0.0:
+            wide = disc(20_000, reach=2.0 * float(surfaces.radius.max()))
+            assert transmitted(surfaces, (x, y, film), wide, LINE_D).mean() < 1e-3
+            continue
+        passes = transmitted(surfaces, (x, y, film), points, rng.uniform(380.0, 780.0)) > 0.0
+        assert away[passes].max(initial=0.0) <= 1.0, (x, y)
+        if passes.any():
+            filled.append(passes.mean() * 1.25**2)
+    # Ellipses round what is left of a pupil by the rims of a lens are not much larger than that.
+    assert np.median(filled) > 0.7
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_bounds_hold_the_pupil(name: str) -> None:
+    check_bounds(name, None, math.inf, 12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SHIPPED)
+def test_bounds_hold_the_pupil_of_all_lenses(name: str) -> None:
+    lens = read_lens(SHIPPED[name])
+    widest = widest_f_number(lens)
+    for f_number in (None, 1.7 * widest, 4.0 * widest):
+        for distance in (math.inf, 30.0 * (lens.focal_length or 50.0)):
+            check_bounds(name, f_number, distance, 40)
+
+
+def test_bounds_of_a_lens_with_cylinders_are_on_the_side_of_the_place() -> None:
+    # What is mirrored is the place, so the middle of the ellipse is too, on whichever side of the axis it lies.
+    pupils = SquarePupils(np.broadcast_to([-0.5, 0.25, 2.0, 3.0], (2, 2, 4)).copy(), 0.1, 0.1)
+    for x, y in itertools.product((-3.0, 3.0), (-4.0, 4.0)):
+        points, area = aims(pupils, x, y, np.zeros((1, 2)))
+        middle = (-0.5 * math.copysign(1.0, x), 0.25 * math.copysign(1.0, y))
+        np.testing.assert_allclose(points[0], middle, rtol=1e-14)
+        assert area == pytest.approx(6.0 * math.pi)
+
+
+def test_bounds_of_a_stop_that_is_not_round_hold_its_corners() -> None:
+    _, round_stop, film = set_up("double-gauss-50mm", 5.6, math.inf)
+    shaped = round_stop._replace(diaphragm=PolygonAperture(blades=5).pack({}))
+    pupils = pupils_of(shaped, film, (18.0, 12.0), SEEN, is_round=True)
+    discs = disc(20_000, reach=1.25)
+    for x, y in ((0.0, 0.0), (3.0, -9.0), (-16.0, 10.0)):
+        points, _ = aims(pupils, x, y, discs)
+        passes = transmitted(shaped, (x, y, film), points, LINE_D) > 0.0
+        assert np.hypot(*discs[passes].T).max() <= 1.0
+    # On the axis they touch the corners of the pentagon, which is as large as the round stop, at all wavelengths.
+    points, area = aims(pupils, 0.0, 0.0, disc(100_000))
+    seen = transmitted(shaped, (0.0, 0.0, film), points, LINE_D).mean() * area
+    whole, of_round = aims(pupils_of(round_stop, film, (18.0, 12.0), SEEN, is_round=True), 0.0, 0.0, disc(100_000))
+    assert seen == pytest.approx(transmitted(round_stop, (0.0, 0.0, film), whole, LINE_D).mean() * of_round, rel=5e-3)
+    assert area == pytest.approx(seen * 2.0 * math.pi / 5.0 / math.sin(2.0 * math.pi / 5.0), rel=0.04)
+
+
+def test_light_does_not_depend_on_the_bounds() -> None:
+    """Area times the part that passes, of what is aimed at, is the pupil's area, which a plain grid gives too.
+
+    Between places of the table and at them: second differences along the radius are those of a smooth curve, where
+    areas that changed from bin to bin and were not in the weight had steps; pbrt-v3 issue 162.
+    """
+    lens, surfaces, film = set_up("double-gauss-50mm", None, math.inf)
+    pupils = pupils_of(surfaces, film, (18.0, 12.0), SEEN, is_round=lens.is_round())
+    assert isinstance(pupils, RoundPupils)
+    step = 1.0 / pupils.per_mm
+    radii = step * np.arange(0.0, 22.0, 0.125)
+    area = np.array([_area(surfaces, film, pupils, float(radius)) for radius in radii])
+    brute = np.array([_brute(surfaces, film, float(radius)) for radius in radii[::16]])
+    np.testing.assert_allclose(area[::16], brute, rtol=4e-3)
+    # A curve of a low degree tells the smooth part; what is left has no larger steps at the places of the table.
+    rest = area - np.polynomial.Polynomial.fit(radii, area, 12)(radii)
+    second = np.abs(np.diff(rest, 2))
+    at_places = np.zeros(len(second), bool)
+    at_places[7::8] = True
+    assert second.max() < 3e-3 * area[0]
+    assert second[at_places].mean() < 2.0 * second[~at_places].mean()
+
+
+def _area(surfaces: LensSurfaces, film: float, pupils: Any, radius: float) -> float:
+    points, area = aims(pupils, radius, 0.0, disc(40_000))
+    return area * float(transmitted(surfaces, (radius, 0.0, film), points, LINE_D).mean())
+
+
+def _brute(surfaces: LensSurfaces, film: float, radius: float) -> float:
+    size = 1.6 * float(surfaces.radius.max())
+    points = disc(400_000, reach=size)
+    return math.pi * size**2 * float(transmitted(surfaces, (radius, 0.0, film), points, LINE_D).mean())
+
+
+def test_light_on_the_axis_is_that_of_the_cone() -> None:
+    # pi sin^2 for a round pupil; for any other the integral, here of what is round too.
+    _, surfaces, film = set_up("double-gauss-50mm", 2.8, math.inf)
+    closed = light_on_axis(surfaces, film, LINE_D, is_round=True)
+    added = light_on_axis(surfaces, film, LINE_D, is_round=False)
+    assert added == pytest.approx(closed, rel=1e-3)
+    assert closed == pytest.approx(math.pi / (4.0 * 2.8**2), rel=0.01)
+
+
+def test_tables_are_kept_and_a_damaged_one_is_made_again(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(module, "CACHE_FOLDER", tmp_path / "not yet there")
+    lens, surfaces, film = set_up("plano-convex-100mm", None, math.inf)
+    first = pupils_of(surfaces, film, (2.0, 1.0), (LINE_D,), is_round=lens.is_round())
+    (file,) = (tmp_path / "not yet there").iterdir()
+    made = []
+    monkeypatch.setattr(module, "_round_pupils", lambda *given: made.append(given) or first)
+    again = pupils_of(surfaces, film, (2.0, 1.0), (LINE_D,), is_round=True)
+    assert not made
+    np.testing.assert_array_equal(again.ellipses, first.ellipses)
+    assert again[1:] == first[1:]
+    file.write_bytes(file.read_bytes()[:200])
+    pupils_of(surfaces, film, (2.0, 1.0), (LINE_D,), is_round=True)
+    assert len(made) == 1
+    # Another film, stop or focus has its own.
+    pupils_of(surfaces, film + 0.1, (2.0, 1.0), (LINE_D,), is_round=True)
+    assert len(made) == 2
+
+
+def test_the_plane_is_before_the_film_wherever_the_exit_pupil_is() -> None:
+    for name in SHIPPED:
+        _, surfaces, film = set_up(name, None, math.inf)
+        assert aiming_plane(surfaces, film) < film

@@ -1,0 +1,170 @@
+"""Glass whose index depends on the wavelength: where it sends light, how often, and how it is put together."""
+
+import math
+
+import numpy as np
+import pytest
+
+from raytracer.geometry import Site
+from raytracer.glass import CATALOGUE, glass_of
+from raytracer.materials.dielectric import Dielectric, DielectricRow
+from raytracer.materials.interface import Draws, eta_at, pack_dispersion, row, scatter
+from raytracer.materials.rough_dielectric import RoughDielectric
+from raytracer.materials.thin_dielectric import ThinDielectric
+from raytracer.optics import fresnel_dielectric
+from raytracer.sampling import SAMPLERS, pixel_key
+from raytracer.spectra import ALONE, TOGETHER, Hue, basis_at, spectra
+from raytracer.textures.interface import Book
+from tests.materials.kernels import UP, _scatter_many, evaluate_row, incoming
+
+WAVES = (450.0, 550.0, 650.0)
+
+
+def hue_of(*wavelengths: float, number: int = 0) -> Hue:
+    """Light of one wavelength or three (nm), of which one is refracted."""
+    waves = (*wavelengths, *wavelengths, *wavelengths)[:3]
+    return Hue(
+        float(len(wavelengths)), np.int64(number), waves, *(basis_at(spectra(), wavelength) for wavelength in waves)
+    )
+
+
+def site_of(*wavelengths: float, distance: float = 1.0, number: int = 0) -> Site:
+    return Site((0.0, 0.0, 0.0), 0.0, 0.0, distance, hue_of(*wavelengths, number=number))
+
+
+def row_of(spec: Dielectric | RoughDielectric, site: Site, *others: Dielectric | RoughDielectric):
+    return row(type(spec).pack([spec, *others], Book()), 0, None, site)
+
+
+def scattered(material, direction, count: int, front: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    outgoing, weight, pdf = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
+    _scatter_many(material, direction, UP, front, SAMPLERS["independent"](7, 1), outgoing, weight, pdf)
+    return outgoing, weight, pdf
+
+
+@pytest.mark.parametrize("wavelength", [400.0, 486.1327, 587.5618, 706.5188])
+def test_a_prism_bends_light_by_the_formula_of_least_deviation(wavelength: float) -> None:
+    apex = math.radians(60.0)
+    index = float(CATALOGUE["N-SF11"].ior(wavelength))
+    incidence = math.asin(index * math.sin(apex / 2.0))
+    prism = row_of(Dielectric(ior="N-SF11"), site_of(wavelength))
+    # Through the first face, whose normal is z; and out of the second one, at which the prism is 60 degrees thick.
+    direction = (math.sin(incidence), 0.0, -math.cos(incidence))
+    within = next(tuple(out) for out in scattered(prism, direction, 100)[0] if out[2] < 0.0)
+    second = (-math.sin(apex), 0.0, math.cos(apex))
+    draws = Draws(SAMPLERS["independent"](7, 1), pixel_key(SAMPLERS["independent"](7, 1), 0, 0), 0, 8)
+    inwards = tuple(-component for component in second)
+    assert np.dot(within, inwards) > 0.0
+    found = [scatter(prism, within, second, False, draws._replace(index=index)) for index in range(50)]
+    out = next(one.direction for one in found if np.dot(one.direction, second) < 0.0)
+    deviation = math.acos(np.clip(np.dot(direction, out), -1.0, 1.0))
+    # The table of indices is linear between half nanometres.
+    assert deviation == pytest.approx(2.0 * incidence - apex, abs=3e-6)
+
+
+@pytest.mark.parametrize("name", [name for name, glass in CATALOGUE.items() if glass.disperses()])
+def test_indices_between_those_of_the_table_are_right_to_a_millionth(name: str) -> None:
+    dispersion = pack_dispersion([Dielectric(ior=name)])
+    assert dispersion is not None
+    wavelengths = np.random.default_rng(2).uniform(380.0, 780.0, 2000)
+    found = [eta_at(dispersion, 0, wavelength) for wavelength in wavelengths]
+    np.testing.assert_allclose(found, CATALOGUE[name].ior(wavelengths), rtol=0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("front", [True, False])
+@pytest.mark.parametrize(("degrees", "number"), [(0.0, 0), (30.0, 1), (33.7, 2), (80.0, 0)])
+def test_each_wavelength_is_reflected_as_often_as_fresnel_says(degrees: float, number: int, front: bool) -> None:
+    spec = Dielectric(ior={"index": 1.785, "abbe": 25.7})
+    direction, count = incoming(degrees), 400_000
+    outgoing, weight, pdf = scattered(row_of(spec, site_of(*WAVES, number=number)), direction, count, front)
+    etas = [spec.eta(wavelength) if front else 1.0 / spec.eta(wavelength) for wavelength in WAVES]
+    expected = np.array([fresnel_dielectric(abs(direction[2]), eta)[0] for eta in etas])
+    back = outgoing[:, 2] > 0.0
+    assert np.isinf(pdf).all()
+    found = np.where(back[:, None], weight, 0.0).mean(axis=0)
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=5.0 * math.sqrt(0.25 / count))
+    # Each has a way of its own where it is refracted.
+    through = weight[~back]
+    assert not np.delete(through, number, axis=1).any()
+    assert through[:, number].sum() / count == pytest.approx(1.0 - expected[number], abs=0.005)
+    if through.any():
+        sines = np.hypot(outgoing[~back, 0], outgoing[~back, 1])
+        np.testing.assert_allclose(sines, math.hypot(*direction[:2]) / etas[number], atol=1e-5)
+
+
+def test_light_of_one_wavelength_is_met_as_by_plain_glass() -> None:
+    outgoing, weight, _ = scattered(row_of(Dielectric(ior="N-SF11"), site_of(450.0)), incoming(50.0), 1000)
+    np.testing.assert_allclose(weight[:, 0], 1.0, rtol=1e-12)
+    assert {*np.sign(outgoing[:, 2])} == {1.0, -1.0}
+
+
+def test_what_has_one_index_takes_no_part_in_it() -> None:
+    plain, flint = Dielectric(ior=1.5, absorption=[1.0, 2.0, 3.0]), Dielectric(ior="N-SF11")
+    beside = row_of(plain, site_of(*WAVES), flint)
+    alone = row(Dielectric.pack([plain], Book()), 0, None, Site((0.0, 0.0, 0.0), 0.0, 0.0, 1.0))
+    assert isinstance(alone, DielectricRow)
+    for front in (True, False):
+        for one, other in zip(*(scattered(one, incoming(40.0), 1000, front) for one in (beside, alone)), strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+def test_coloured_glass_takes_of_each_wavelength_what_its_colour_says() -> None:
+    spec = Dielectric(ior="N-BK7", attenuation_color=[0.9, 0.3, 0.1], attenuation_distance=0.5)
+    found = row_of(spec, site_of(*WAVES, distance=0.5)).kept_inside
+    expected = [basis_at(spectra(), wavelength) @ np.array([0.9, 0.3, 0.1]) for wavelength in WAVES]
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_rough_glass_draws_by_its_pdf_at_each_wavelength() -> None:
+    spec = RoughDielectric(ior="N-SF11", roughness=0.5)
+    for wavelength in (420.0, 680.0):
+        material = row_of(spec, site_of(wavelength))
+        assert material.eta == pytest.approx(spec.eta(wavelength), abs=1e-6)
+        outgoing, weight, pdf = scattered(material, incoming(30.0), 1000)
+        value, density = evaluate_row(material, incoming(30.0), outgoing)
+        np.testing.assert_allclose(density, pdf, rtol=1e-9)
+        np.testing.assert_allclose(value, density[:, None] * weight, rtol=1e-9)
+
+
+def test_rough_glass_between_one_index_and_many_keeps_its_own_deficits() -> None:
+    plain, flint = RoughDielectric(ior=1.5, roughness=0.5), RoughDielectric(ior="N-SF11", roughness=0.5)
+    table = RoughDielectric.pack([flint, plain], Book())
+    site = site_of(420.0)
+    beside, alone = row(table, 1, None, site), row_of(plain, site)
+    outgoing, _, pdf = scattered(alone, incoming(30.0), 100)
+    np.testing.assert_array_equal(scattered(beside, incoming(30.0), 100)[0], outgoing)
+    np.testing.assert_array_equal(evaluate_row(beside, incoming(30.0), outgoing)[1], pdf)
+
+
+def test_materials_say_how_they_part_wavelengths() -> None:
+    assert Dielectric(ior="N-SF11").parting() == TOGETHER
+    assert RoughDielectric(ior="N-SF11").parting() == ALONE
+    assert Dielectric(ior=1.3, outside_ior="water").parting() == TOGETHER
+    assert Dielectric(ior=1.5, outside_ior=1.3).parting() == 0
+
+
+def test_boundaries_between_what_disperses() -> None:
+    flint, water = CATALOGUE["N-SF11"], CATALOGUE["water"]
+    solid = Dielectric(ior="N-SF11", priority=2)
+    filling = solid.filling()
+    assert filling is not None
+    assert filling.ior == flint
+    # The same glass on both sides is no boundary.
+    assert solid.against(flint) is None
+    assert Dielectric(ior="N-SF11", outside_ior="N-SF11").is_nothing()
+    wet = solid.against(water)
+    assert isinstance(wet, Dielectric)
+    assert wet.eta(450.0) == pytest.approx(float(flint.ior(450.0)) / float(water.ior(450.0)), rel=1e-15)
+    assert wet.against(glass_of(1.0)).eta(450.0) == float(flint.ior(450.0))
+
+
+def test_a_plain_number_is_the_index_that_it_was() -> None:
+    for ior in (1.5, 1.33, 2.4, 1.0 / 3.0):
+        spec = Dielectric(ior=ior, outside_ior=1.1)
+        assert spec.eta() == ior / 1.1
+        assert not spec.disperses()
+
+
+def test_a_pane_has_one_index() -> None:
+    with pytest.raises(ValueError, match="must be a number"):
+        ThinDielectric(ior="N-BK7")
