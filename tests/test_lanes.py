@@ -47,7 +47,10 @@ def test_lanes_are_numpys_arrays_of_eight(compiled: bool) -> None:
         np.where(a >= 0.5, a, 7.0),
         table[chosen, 1],
     ]
-    np.testing.assert_array_equal(rows[2:12], expected)
+    exact = np.arange(10) != 1
+    np.testing.assert_array_equal(rows[2:12][exact], np.array(expected)[exact])
+    # A product and a sum may be one instruction, which rounds once.
+    np.testing.assert_allclose(rows[3], expected[1], rtol=0.0, atol=3.0 * np.finfo(float).eps)
     np.testing.assert_array_equal(rows[13], 4.0)
 
 

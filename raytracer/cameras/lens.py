@@ -313,16 +313,20 @@ class RealLens(ExposedSpec):
         }
 
     def doubts(self, width: int, height: int) -> list[tuple[str, str]]:
+        found = [
+            ("lens", f"surfaces {first} and {second} of the lens go through each other within their apertures")
+            for first, second in self.glass().crossings()
+        ]
         circle, film = self.glass().image_circle, self._film(width, height)
         corner = math.hypot(*film)
         # Sizes of sensors are rounded to a tenth of a millimetre, and so are image circles.
         if circle is None or corner <= circle + 0.2:
-            return []
+            return found
         message = (
             f"the picture is {corner:.3g} mm across its corners, and the image circle of the lens {circle:.3g} mm: "
             "beyond it the picture is dark, or worse than the lens was made for"
         )
-        return [("lens" if self.sensor is None else "sensor", message)]
+        return [*found, ("lens" if self.sensor is None else "sensor", message)]
 
     # ---- Packed
 

@@ -28,6 +28,12 @@ _ROOM = 0.05
 # Far below whatever is drawn, be it millimetres, micrometres or parts of a whole.
 _NOTHING = 1e-9
 
+# What a quotient of two lengths may be off by rounding, with room to spare: places of ticks, in steps.
+_ROUNDING = 1e-9
+
+# Beyond these powers of ten, and for steps below their inverse, numbers are written with an exponent.
+_MOST_DIGITS = 5
+
 
 class Series(NamedTuple):
     """Points (x, y) of a line, broken where one is not finite, or dots by themselves."""
@@ -83,7 +89,7 @@ def _extent(arrays: list[Array]) -> Range:
     if values.size == 0:
         return -1.0, 1.0
     low, high = float(values.min()), float(values.max())
-    if high - low <= max(_NOTHING, 1e-9 * max(abs(low), abs(high))):
+    if high - low <= max(_NOTHING, _ROUNDING * max(abs(low), abs(high))):
         # What does not change is not to be shown as if it did by its last digits.
         room = 0.5 * abs(high) if abs(high) > _NOTHING else 1.0
         return low - room, high + room
@@ -95,16 +101,16 @@ def ticks(low: float, high: float, most: int) -> list[float]:
     """Round numbers from `low` to `high`, at most `most` of them: multiples of 1, 2 or 5 times a power of ten."""
     raw = (high - low) / max(1, most - 1)
     power = 10.0 ** math.floor(math.log10(raw))
-    step = next(power * m for m in (1.0, 2.0, 5.0, 10.0, 20.0) if power * m >= raw * (1.0 - 1e-9))
-    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    step = next(power * m for m in (1.0, 2.0, 5.0, 10.0, 20.0) if power * m >= raw * (1.0 - _ROUNDING))
+    first, last = math.ceil(low / step - _ROUNDING), math.floor(high / step + _ROUNDING)
     return [n * step for n in range(first, last + 1)]
 
 
 def tick_text(value: float, step: float) -> str:
     """A tick's number, with as many decimals as its neighbours need to differ from it."""
-    if value != 0.0 and (abs(value) >= 1e5 or step < 1e-5):
+    if value != 0.0 and (abs(value) >= 10.0**_MOST_DIGITS or step < 10.0**-_MOST_DIGITS):
         return f"{value:.3g}"
-    decimals = max(0, math.ceil(-math.log10(step) - 1e-9))
+    decimals = max(0, math.ceil(-math.log10(step) - _ROUNDING))
     return f"{value:.{decimals}f}".replace("-", "−")
 
 

@@ -41,6 +41,15 @@ _BEYOND = 1.3
 
 _ROUNDS = 40
 
+# Steps of Newton's method end when they are this part of what they look for: a few roundings of it.
+_SETTLED = 1e-13
+
+# What has not come this near to its goal, as a part of the film, has none; and by as much places may lie outside.
+_MISSED = 1e-9
+
+# How far from a right angle (radians) a slope still has a tangent that is worth drawing, and the least field to fit.
+_GRAZING = 1e-6
+
 # Rows of a map that are made at a time, since what they pass through takes many times their room.
 _BAND = 64
 
@@ -185,7 +194,7 @@ def _projected(angle: Array, ideal: Ideal) -> Array:
     """An ideal projection of angles (radians), of f = 1; NaN where there is none."""
     if ideal == "equidistant":
         return angle
-    return np.where(np.abs(angle) < 0.5 * math.pi - 1e-6, np.tan(angle), np.nan)
+    return np.where(np.abs(angle) < 0.5 * math.pi - _GRAZING, np.tan(angle), np.nan)
 
 
 def _round(bench: Bench) -> _Found:
@@ -230,7 +239,7 @@ def _round(bench: Bench) -> _Found:
             for _ in range(_ROUNDS):
                 step = (spline(r) - q) / spline(r, 1)
                 r = r - step
-                if not np.nanmax(np.abs(step), initial=0.0) > 1e-12 * known[-1]:
+                if not np.nanmax(np.abs(step), initial=0.0) > 10.0 * _SETTLED * known[-1]:
                     break
             return _along(points, q, r)
 
@@ -268,7 +277,7 @@ def _skew(bench: Bench) -> _Found:
         step = np.zeros_like(tangents)
         step[good] = np.linalg.solve(jacobian[good], missed[good][..., None])[..., 0]
         tangents = tangents - step
-        if np.abs(step).max() < 1e-13:
+        if np.abs(step).max() < _SETTLED:
             break
     landed, out = _from_stop(bench, tangents)
     if not np.isfinite(landed).all():
@@ -292,7 +301,7 @@ def _skew(bench: Bench) -> _Found:
 
         def forth(points: Array) -> Array:
             found = np.stack([spline.ev(points[..., 0], points[..., 1]) for spline in splines], axis=-1)
-            outside = (np.abs(points) > reach * (1.0 + 1e-9)).any(axis=-1)
+            outside = (np.abs(points) > reach * (1.0 + _MISSED)).any(axis=-1)
             found[outside] = np.nan
             return found
 
@@ -306,12 +315,12 @@ def _skew(bench: Bench) -> _Found:
                 ]
                 step = np.linalg.solve(np.stack(rows, axis=-2), (value - points)[..., None])[..., 0]
                 moved = np.clip(at - step, -reach, reach)
-                still = np.abs(moved - at).max(initial=0.0) < 1e-13 * reach.max()
+                still = np.abs(moved - at).max(initial=0.0) < _SETTLED * reach.max()
                 at = moved
                 if still:
                     break
             missed = np.linalg.norm(forth(at) - points, axis=-1)
-            at[~(missed < 1e-9 * reach.max())] = np.nan
+            at[~(missed < _MISSED * reach.max())] = np.nan
             return at
 
         return _Table(forth, back)
@@ -389,7 +398,7 @@ def _models(
 
     found: dict[str, Model] = {}
     missing: dict[str, str] = {}
-    radius = max(float(angles.max()), 1e-6)
+    radius = max(float(angles.max()), _GRAZING)
     found["fisheye"] = _fit("fisheye", 4, (0, 1, 2, 3), radius, lambda k: _ray(seen, fisheye(k, angles)), real, focal)
     if widest > _WIDEST_PINHOLE:
         why = f"the lens sees {widest:.1f}° from the axis, and a pinhole's model ends before 90°"

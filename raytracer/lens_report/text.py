@@ -44,9 +44,13 @@ def millimetres(value: float, digits: int = 6) -> str:
     return f"{_digits(value, digits)} mm"
 
 
+# Half a nanometre, in millimetres: less is shown as 0.
+_LEAST = 5e-7
+
+
 def _digits(value: float, digits: int) -> str:
     """So many significant digits, but not below a nanometre."""
-    if value == 0.0 or abs(value) < 5e-7:
+    if value == 0.0 or abs(value) < _LEAST:
         return "0"
     decimals = max(0, min(6, digits - 1 - math.floor(math.log10(abs(value)))))
     return f"{value:.{decimals}f}".replace("-", "−")

@@ -28,6 +28,12 @@ FIRST_WAVELENGTH, LAST_WAVELENGTH, STEP = 380.0, 780.0, 0.5
 """What the table of indices of a lens that disperses covers (nm): that of the tables of colours in `spectra`."""
 
 
+# Places between the axis and the rim at which neighbours are held against each other, and by how much they may be in
+# each other: tables give rims and thicknesses to a hundredth of a millimetre.
+_CROSSING_STEPS = 33
+_CROSSING_MM = 0.02
+
+
 class Element(NamedTuple):
     """A surface of a lens.
 
@@ -137,6 +143,28 @@ class Lens:
         surfaces = self._surfaces(LINE_D)
         reached = np.abs(heights(surfaces, 1.0, 0.0, towards_film=True))
         return int(np.argmax(reached / surfaces.radius))
+
+    def crossings(self) -> list[tuple[int, int]]:
+        """Neighbouring surfaces, by their numbers from 1, that go through each other where light passes both.
+
+        Rays meet surfaces in their order all the same, so such a lens has numbers, but nobody could grind it.
+        """
+        found, place = [], 0.0
+        before: tuple[int, float, Element] | None = None
+        for number, element in enumerate(self.elements, start=1):
+            # Air around a diaphragm may hold the bulge of a surface.
+            if element.kind != "stop":
+                if before is not None:
+                    reach = np.linspace(0.0, min(before[2].radius, element.radius), _CROSSING_STEPS)
+                    gaps = [
+                        place + element.sag(*way) - before[1] - before[2].sag(*way)
+                        for way in ((reach, 0.0 * reach), (0.0 * reach, reach))
+                    ]
+                    if min(float(np.nanmin(gap)) for gap in gaps) < -_CROSSING_MM:
+                        found.append((before[0], number))
+                before = number, place, element
+            place += element.thickness
+        return found
 
     def stopped(self, radius: float) -> "Lens":
         """The same lens with its stop closed to a radius (mm), as if it opened no wider.

@@ -109,14 +109,15 @@ def no_picture_of_what_is_totally_reflected(rays: int) -> list[Measured]:
     return [Measured("rays that are wrong, or no numbers", naive, wrong, 0.0)]
 
 
-@hard_case(34, "pbrt-v3 pull requests 122 and 123")
-def the_lens_camera_is_focused_or_refuses(trials: int) -> list[Measured]:
+@hard_case(34, "pbrt-v3 pull requests 122 and 123", quick=4, thorough=1)
+def the_lens_camera_is_focused_or_refuses(step: int) -> list[Measured]:
     """All shipped lenses as cameras, by distances down to 10 mm and stops down to f/64.
 
+    A quick run takes one of `step` of them.
     What cannot be is one sentence that names the nearest distance; nothing hangs.
     """
     stuck, wrong = 0, 0
-    for path in sorted(LENSES.glob("*.yaml")):
+    for path in sorted(LENSES.glob("*.yaml"))[::step]:
         for f_number in (16.0, 64.0):
             for distance in (".inf", "10", "1", "0.1", "0.01"):
                 keys = f"f_number: {f_number}, focus_distance: {distance}"

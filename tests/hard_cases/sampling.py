@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from raytracer.environments.equirectangular import equirectangular
+from raytracer.glass import glass_of
 from raytracer.jit import entry
 from raytracer.materials.interface import MaterialSpec
 from raytracer.materials.rough_conductor import RoughConductor
@@ -363,7 +364,7 @@ def materials_keep_energy_and_are_reciprocal(samples: int) -> list[Measured]:
 
 def _asymmetry(spec: MaterialSpec, pairs: NDArray[np.float64]) -> float:
     """The largest relative difference of f there and back, of light in basic radiance, among pairs of directions."""
-    inside, outside = getattr(spec, "ior", 1.0), getattr(spec, "outside_ior", 1.0)
+    inside, outside = (float(glass_of(getattr(spec, key, 1.0)).ior()) for key in ("ior", "outside_ior"))
     worst = 0.0
     for a, b in pairs:
         there, back = (

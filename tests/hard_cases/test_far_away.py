@@ -29,6 +29,8 @@ MOVED = {
     "metals": 96,
     "next_week": 64,
     "nested": 96,
+    "prism": 96,
+    "diamond": 64,
 }
 """Scenes, and how wide their pictures are (px)."""
 

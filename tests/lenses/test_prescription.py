@@ -16,10 +16,12 @@ from raytracer.document import parse
 from raytracer.errors import SceneError
 from raytracer.glass import AIR, CATALOGUE, constant
 from raytracer.lenses.importing import as_yaml
-from raytracer.lenses.lens import Focus, Lens
+from raytracer.lenses.lens import Element, Focus, Lens
 from raytracer.lenses.prescription import LensSpec
 from raytracer.scene.schema import lens_schema
 from tests.repository import SCENES
+
+LENSES = SCENES / "lenses"
 
 LENS = """\
 name: test
@@ -273,3 +275,19 @@ def test_schema_and_check_are_of_one_mind(tmp_path: Path, validator: Any, old: s
         assert isinstance(read_prescription(written(tmp_path, text)), LensSpec)
     else:
         complaint(tmp_path, text)
+
+
+def test_surfaces_that_go_through_each_other_are_found() -> None:
+    # Two spheres of 50 mm that face each other: the gap at the height h is t - 2 (R - sqrt(R^2 - h^2)).
+    def lens(thickness: float) -> Lens:
+        front = Element(curvature=1.0 / 50.0, thickness=thickness, glass=constant(1.5), radius=10.0)
+        return Lens("biconvex", (front, Element(curvature=-1.0 / 50.0, thickness=0.0, glass=AIR, radius=10.0)))
+
+    least = 2.0 * (50.0 - math.sqrt(50.0**2 - 10.0**2))
+    assert lens(least + 0.01).crossings() == []
+    assert lens(least - 0.05).crossings() == [(1, 2)]
+
+
+@pytest.mark.parametrize("path", sorted(LENSES.glob("*.yaml")), ids=lambda path: path.stem)
+def test_no_surfaces_of_shipped_lenses_go_through_each_other(path: Path) -> None:
+    assert read_lens(path).crossings() == []
