@@ -18,6 +18,7 @@ from raytracer.scene.load import load, parse_overrides
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "scenes" / "lecture"
+OPTICS = FOLDER.parent / "optics"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.yaml"))
 PAGE = (ROOT / "docs" / "lecture.md").read_text(encoding="utf-8")
 
@@ -58,9 +59,11 @@ def test_the_gallery_shows_every_scene_of_the_lecture_and_the_page_every_sheet()
     assert sorted(re.findall(r"gallery/lecture_(\w+)\.jpg", PAGE)) == NAMES
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_scene_says_what_to_look_at_and_what_to_change(name: str) -> None:
-    comment = (FOLDER / f"{name}.yaml").read_text(encoding="utf-8").partition("camera:")[0]
+@pytest.mark.parametrize(
+    "path", [*sorted(FOLDER.glob("*.yaml")), *sorted(OPTICS.glob("*.yaml"))], ids=lambda path: path.stem
+)
+def test_a_scene_says_what_to_look_at_and_what_to_change(path: Path) -> None:
+    comment = path.read_text(encoding="utf-8").partition("camera:")[0]
     assert all(line.startswith("# ") for line in comment.splitlines())
     assert "# Look at: " in comment
     assert "# Change: " in comment

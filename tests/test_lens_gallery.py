@@ -29,14 +29,6 @@ def test_the_gallery_shows_every_scene_and_the_page_every_sheet() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_scene_says_what_to_look_at_and_what_to_change(name: str) -> None:
-    comment = (FOLDER / f"{name}.yaml").read_text(encoding="utf-8").partition("camera:")[0]
-    assert all(line.startswith("# ") for line in comment.splitlines())
-    assert "# Look at: " in comment
-    assert "# Change: " in comment
-
-
-@pytest.mark.parametrize("name", NAMES)
 def test_every_setting_is_a_scene_of_its_own(name: str) -> None:
     variants = make_gallery.OPTICS[name].variants
     specs = [load(FOLDER / f"{name}.yaml", dict(variant.keys)) for variant in variants]

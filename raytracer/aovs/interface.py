@@ -16,7 +16,7 @@ from raytracer.accumulation import merge
 from raytracer.film.film import Film
 from raytracer.hues import KEPT, finished
 from raytracer.integrator import observe, observe_again, observe_direct, observe_end, observe_start
-from raytracer.jit import each, generic
+from raytracer.jit import each, generic, kernel
 from raytracer.paths import load3, store3
 from raytracer.spec import Spec
 from raytracer.vec import add, sub
@@ -209,6 +209,13 @@ def _(layer, work, sample):
     store3(work.features, sample, layer.column, load3(work.radiance, sample, 0))
 
 
+@kernel
+def _direct_of(layer, work, sample):
+    """All that a sample has gathered, and what of it is direct: all of it, if nothing else was noted."""
+    whole = load3(work.radiance, sample, 0)
+    return whole, load3(work.features, sample, layer.column) if work.features[sample, _SPLIT] != 0.0 else whole
+
+
 @generic
 def _keep_direct(layer, work, sample):
     raise NotImplementedError
@@ -221,9 +228,7 @@ def _(layer, work, sample):
 
 @_keep_direct.register(Light)
 def _(layer, work, sample):
-    # What is direct so far, and all that there is, which is direct if nothing else was noted.
-    whole = load3(work.radiance, sample, 0)
-    direct = load3(work.features, sample, layer.column) if work.features[sample, _SPLIT] != 0.0 else whole
+    whole, direct = _direct_of(layer, work, sample)
     store3(work.hues, sample, KEPT, sub(direct, whole))
 
 
@@ -239,8 +244,7 @@ def _(layer, work, sample):
 
 @_add_direct.register(Light)
 def _(layer, work, sample):
-    whole = load3(work.radiance, sample, 0)
-    direct = load3(work.features, sample, layer.column) if work.features[sample, _SPLIT] != 0.0 else whole
+    _, direct = _direct_of(layer, work, sample)
     store3(work.features, sample, layer.column, add(direct, load3(work.hues, sample, KEPT)))
 
 

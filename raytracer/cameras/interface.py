@@ -145,6 +145,10 @@ class CameraSpec(Spec):
         """
         return self
 
+    def equivalent(self, width: int, height: int) -> dict[str, Any] | None:
+        """The thin-lens camera in place of one with a lens of glass, as keys of a scene file; None for any other."""
+        return None
+
     def doubts(self, width: int, height: int) -> list[tuple[str, str]]:
         """What is probably not meant: the key that it is about, and a predicate of that key's value."""
         return []
@@ -243,6 +247,29 @@ def _(camera, rows, lane, x, y, time, draws):
 def project(camera, point, time):
     """Where a point is seen: film position (x, y) in pixels, and its depth along the axis (m); NaN if nowhere."""
     raise NotImplementedError
+
+
+class Defocus(NamedTuple):
+    """What blurs what is out of focus, near the axis: the thin lens that a camera has, or that stands for its glass.
+
+    diameter, of the opening (m), 0 for a point; pixel, the edge of its image at a distance of 1; inverse_focus, one
+    over the distance of the plane of focus (1/m), 0 for infinity, negative behind the camera as for a mere hole.
+    """
+
+    diameter: float
+    pixel: float
+    inverse_focus: float
+
+
+@generic
+def defocus_of(camera: Any) -> Defocus | None:
+    """What blurs what a packed camera at rest sees; None for cameras without a perspective."""
+    raise NotImplementedError(type(camera))
+
+
+@defocus_of.register(tuple)
+def _(camera: Any) -> Defocus | None:
+    return None
 
 
 @generic

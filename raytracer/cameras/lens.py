@@ -25,7 +25,9 @@ from raytracer.cameras.interface import (
     NO_ASSETS,
     WAVELENGTH,
     Assets,
+    Defocus,
     Together,
+    defocus_of,
     lane_ray,
     project,
     rays_together,
@@ -373,9 +375,9 @@ class RealLens(ExposedSpec):
             wavelengths=spectra() if is_spectral else None,
             flare=flare,
             seen=_view(setting, pupils),
-            thin=Thin(
-                METRES_PER_MILLIMETRE * setting.thin.image_distance,
+            thin=Defocus(
                 METRES_PER_MILLIMETRE * setting.thin.aperture,
+                pixel / setting.thin.image_distance,
                 1.0 / self.focal_distance(),
             ),
         )
@@ -549,14 +551,6 @@ class Film(NamedTuple):
     z: float
 
 
-class Thin(NamedTuple):
-    """The thin lens in place of the lens: image distance and diameter (m), and 1 / focus distance (1/m)."""
-
-    image_distance: float
-    diameter: float
-    inverse_focus: float
-
-
 class Reflections(NamedTuple):
     """Light that is reflected in the lens.
 
@@ -585,7 +579,7 @@ class LensCamera(NamedTuple):
     wavelengths: Any
     flare: Any
     seen: Any
-    thin: Thin
+    thin: Defocus
 
 
 @generic
@@ -762,6 +756,11 @@ def _(camera, rows, lane, x, y, time, draws):
     way = rows[packets.DIRECTION, lane], rows[packets.DIRECTION + 1, lane], rows[packets.DIRECTION + 2, lane]
     start, direction = in_world(camera, origin, way)
     return start, direction, rows[packets.WEIGHT, lane]
+
+
+@defocus_of.register(LensCamera)
+def _(camera: LensCamera) -> Defocus:
+    return camera.thin
 
 
 @project.register(LensCamera)

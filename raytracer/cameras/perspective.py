@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from raytracer.cameras.exposed import ExposedSpec
-from raytracer.cameras.interface import camera_ray, project
+from raytracer.cameras.interface import Defocus, camera_ray, defocus_of, project
 from raytracer.cameras.placement import Frame, in_frame
 from raytracer.jit import generic, kernel
 from raytracer.photography import (
@@ -329,6 +329,12 @@ def film_direction(frame, plane, x, y):
 def _(camera, x, y, time, draws):
     direction = film_direction(camera.frame, camera.plane, x, y)
     return lens_ray(camera.lens, camera.frame, camera.irradiance, direction, draws)
+
+
+@defocus_of.register(PerspectiveCamera)
+def _(camera: Any) -> Defocus:
+    lens, pixel = camera.lens, float(camera.plane.pixel)
+    return Defocus(0.0, pixel, 0.0) if lens is None else Defocus(2.0 * float(lens.radius), pixel, lens.inverse_focus)
 
 
 @project.register(PerspectiveCamera)

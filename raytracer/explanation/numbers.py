@@ -8,10 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.cameras.interface import project
-from raytracer.cameras.lens import LensCamera
+from raytracer.cameras.interface import defocus_of, project
 from raytracer.cameras.moving import MovingCamera
-from raytracer.cameras.perspective import PerspectiveCamera
 from raytracer.errors import InputError, shown
 from raytracer.motion import compose, row_at
 from raytracer.photography import circle_of_confusion, far_limit, focal_length_of, hyperfocal, near_limit
@@ -68,13 +66,14 @@ class View:
         self._packed = packed
         self._rests = not isinstance(packed, MovingCamera)
         self._resting = packed if self._rests else packed.camera
+        self._defocus = defocus_of(self._resting)
         self.numbers = spec.camera.describe(spec.film.width, spec.film.height)
         self._timing = spec.camera.timing()
         self._middle = middle_of(spec)
 
     def blur(self, depth: float) -> float:
         """Diameter of the blur of a point at a distance along the axis (m), in pixels; NaN where there is no lens."""
-        if not isinstance(self._resting, PerspectiveCamera | LensCamera):
+        if self._defocus is None:
             return math.nan
         if self.pupil() == 0.0:
             return 0.0
@@ -82,23 +81,16 @@ class View:
 
     def pupil(self) -> float:
         """Diameter of the opening that blurs (m), of a lens of glass its entrance pupil; 0 for a point, or none."""
-        if isinstance(self._resting, LensCamera):
-            return float(self._resting.thin.diameter)
-        lens = getattr(self._resting, "lens", None)
-        return 0.0 if lens is None else 2.0 * float(lens.radius)
+        return 0.0 if self._defocus is None else self._defocus.diameter
 
     def focus(self) -> float:
         """Distance of the plane of focus (m); behind the camera, and negative, for a mere hole."""
-        glass = isinstance(self._resting, LensCamera)
-        inverse = (self._resting.thin if glass else self._resting.lens).inverse_focus
+        inverse = 0.0 if self._defocus is None else self._defocus.inverse_focus
         return 1.0 / inverse if inverse != 0.0 else math.inf
 
     def pixel(self) -> float:
         """Edge of a pixel's image at a distance of 1; of a lens of glass, near the axis."""
-        if isinstance(self._resting, LensCamera):
-            film, thin = self._resting.film, self._resting.thin
-            return METRES_PER_MILLIMETRE * float(film.pixel / thin.image_distance)
-        return float(self._resting.plane.pixel)
+        return math.nan if self._defocus is None else self._defocus.pixel
 
     def millimetres(self, pixels: float) -> float:
         """A length on the film (mm); NaN if it has no size."""

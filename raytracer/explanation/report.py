@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from raytracer.cameras.lens import RealLens
 from raytracer.dump import plain_value
 from raytracer.explanation.cautions import cautions
 from raytracer.explanation.numbers import Circle, View, depth_of_field, exposure
@@ -69,10 +68,8 @@ def _finite(numbers: Mapping[str, Any]) -> dict[str, Any]:
 
 def _thin_lens(spec: SceneSpec) -> dict[str, Any] | None:
     """The thin lens in place of a lens of glass, as a scene file would have it."""
-    if not isinstance(spec.camera, RealLens):
-        return None
     keys = spec.camera.equivalent(spec.film.width, spec.film.height)
-    return {key: plain_value(value) for key, value in keys.items()}
+    return None if keys is None else {key: plain_value(value) for key, value in keys.items()}
 
 
 def explain(scene: SceneSpec | str | os.PathLike[str], *, circle: Circle | None = None) -> Explanation:

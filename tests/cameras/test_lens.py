@@ -64,7 +64,7 @@ def test_rays_of_a_place_of_the_film_meet_where_it_is_sharp(name: str) -> None:
         points = met(origins[lit], directions[lit], distance)
         middle = points.mean(axis=0)
         # A pixel's image there, of which the spot is a small part.
-        pixel = distance * packed.film.pixel / packed.thin.image_distance * 1e-3
+        pixel = distance * packed.thin.pixel
         assert np.hypot(*(points - middle)[:, :2].T).mean() < 0.5 * pixel
         found = projected(packed, middle)[0]
         np.testing.assert_allclose(found[:2], (x, y), rtol=0.0, atol=0.15)
