@@ -32,6 +32,32 @@ from raytracer.kernel_files import KernelFiles, source_hash
 
 _PACKAGE = Path(__file__).parent
 
+# What lies above the kernels, and has none of its own: an edit of these leaves all that is compiled as it is.
+_WITHOUT_KERNELS = (
+    "adaptive",
+    "cli",
+    "cluster",
+    "comparison",
+    "cost",
+    "debugging",
+    "development",
+    "errands",
+    "explanation",
+    "lens_report",
+    "lightfield",
+    "pages",
+    "preparation",
+    "pytest_plugin",
+    "regression",
+    "rendering",
+    "replay",
+    "scene",
+    "scheduling",
+    "stock",
+    "sweeping",
+    "vocabulary",
+)
+
 _CACHES_KEPT = 4
 
 # Kernels allocate nothing, so arrays need no reference counts: these are atomic, and shared by all threads
@@ -98,8 +124,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def _source_hash() -> str:
-    """Hash of the package's sources, since Numba does not notice an edited callee, and of the compilers' versions."""
-    return source_hash(_PACKAGE, numba.__version__)[:16]
+    """Hash of the kernels' sources, since Numba does not notice an edited callee, and of the compilers' versions."""
+    return source_hash(_PACKAGE, numba.__version__, without=_WITHOUT_KERNELS)[:16]
 
 
 def _cache_root() -> Path:

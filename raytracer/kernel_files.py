@@ -6,7 +6,7 @@ import os
 import pickle
 import sys
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +15,17 @@ _LONGEST_WAIT = 300.0
 that may not be written what it says of a lock that is held."""
 
 
-def source_hash(package: Path, *versions: str) -> str:
-    """Hash (64 hex digits) of a package's Python sources, and of the interpreter's and further versions."""
+def source_hash(package: Path, *versions: str, without: Collection[str] = ()) -> str:
+    """Hash (64 hex digits) of a package's Python sources, and of the interpreter's and further versions.
+
+    without : names of modules and subpackages whose sources do not count.
+    """
     digest = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
-        digest.update(str(path.relative_to(package)).encode())
-        digest.update(path.read_bytes())
+        name = path.relative_to(package)
+        if name.parts[0].removesuffix(".py") not in without:
+            digest.update(str(name).encode())
+            digest.update(path.read_bytes())
     digest.update(" ".join((*versions, sys.version)).encode())
     return digest.hexdigest()
 

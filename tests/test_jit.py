@@ -1,6 +1,7 @@
 """Dispatch by type, and the cache of kernels."""
 
 import os
+import re
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -145,6 +146,24 @@ def test_any_edited_source_makes_another_cache(tmp_path: Path, monkeypatch: pyte
         digest = jit._source_hash()
         assert digest not in seen
         seen.add(digest)
+
+
+def test_edits_above_the_kernels_leave_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    package = _package(tmp_path / "package")
+    monkeypatch.setattr(jit, "_PACKAGE", package)
+    before = jit._source_hash()
+    (package / "rendering.py").write_text("z = 1\n")
+    (package / "cli").mkdir()
+    (package / "cli" / "a.py").write_text("z = 1\n")
+    assert jit._source_hash() == before
+
+
+@pytest.mark.parametrize("name", jit._WITHOUT_KERNELS)
+def test_what_does_not_count_for_the_cache_compiles_nothing(name: str) -> None:
+    package = Path(jit.__file__).parent
+    taken = re.compile(r"from raytracer\.jit import .*\b(kernel|entry|generic|each|switch|share)\b")
+    for path in [package / f"{name}.py", *(package / name).rglob("*.py")]:
+        assert not path.exists() or not taken.search(path.read_text(encoding="utf-8"))
 
 
 def test_other_numba_versions_have_another_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
