@@ -46,6 +46,7 @@ _WITHOUT_KERNELS = (
     "lens_report",
     "lightfield",
     "pages",
+    "plenoptic",
     "preparation",
     "pytest_plugin",
     "regression",

@@ -1,0 +1,23 @@
+"""`rt lightfield`: what is made of light fields.
+
+A command is a module of this package with `register(group)`, which adds it to the group.
+"""
+
+import importlib
+import pkgutil
+
+import typer
+
+lightfield = typer.Typer(
+    rich_markup_mode=None,
+    add_completion=False,
+    no_args_is_help=True,
+    help="Look around in light fields, and focus them after the shot.",
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the group to `app`."""
+    for module in pkgutil.iter_modules(__path__):
+        importlib.import_module(f"{__name__}.{module.name}").register(lightfield)
+    app.add_typer(lightfield, name="lightfield")

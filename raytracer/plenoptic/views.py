@@ -1,0 +1,104 @@
+"""Where the views of a light field are, and where each of their pixels looks.
+
+Views stand in one plane, that of a lens or of an array of cameras, and look along one axis.  Positions in that plane
+are right and up from the middle (m).  Images are those at a distance of 1: tangents to the right of the axis and up.
+A view at `u` sees along the slope `x - w0 u` what the middle would see at `x` in the plane at the distance `1 / w0`,
+where all views see the same at the same pixel: what is there stands still from view to view.  So a point at the
+distance `1 / w` and at `x` from the middle is at `x - u (w - w0)` in the view at `u`.
+
+References: Levoy & Hanrahan 1996, "Light Field Rendering"; Gortler et al. 1996, "The Lumigraph"; Isaksen, McMillan,
+Gortler 2000, "Dynamically Reparameterized Light Fields"; Ng 2005, "Fourier Slice Photography", sec. 3.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Plane(NamedTuple):
+    """The image at a distance of 1: edge of a pixel, and left and top edge, right and up from the axis (tangents)."""
+
+    pixel: float
+    left: float
+    top: float
+
+
+class Pose(NamedTuple):
+    """Where the middle of the views is in the scene (m), and the unit vectors right, up and forward."""
+
+    origin: tuple[float, float, float]
+    right: tuple[float, float, float]
+    up: tuple[float, float, float]
+    forward: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Views:
+    """The geometry of a light field: rows x columns views of height x width pixels.
+
+    Attributes
+    ----------
+    position : float64 (rows, columns, 2), of each view in their plane, right and up (m); row 0 is the highest, column
+        0 that farthest to the left, as seen from behind.
+    plane : the image of every view, at a distance of 1.
+    width, height : pixels of a view.
+    inverse_focus : one over the distance of the plane in which the same pixel of all views sees the same point (1/m);
+        0 for infinity, where views are parallel.
+    cell : width and height (m) of the part of their plane over which each view gathers light; None for points.
+    aperture : diameter of the lens behind which the views are (m); None for an array of cameras.
+    focal_length : of that lens (mm), if it is known; what `alpha` and f-numbers are relative to.
+    pose : where it all is in the scene, if that is known.
+
+    Raises
+    ------
+    ValueError : sizes that do not go together, or numbers that are not finite.
+    """
+
+    position: NDArray[np.float64]
+    plane: Plane
+    width: int
+    height: int
+    inverse_focus: float = 0.0
+    cell: tuple[float, float] | None = None
+    aperture: float | None = None
+    focal_length: float | None = None
+    pose: Pose | None = None
+
+    def __post_init__(self) -> None:
+        shape = np.shape(self.position)
+        if len(shape) != 3 or shape[2] != 2 or 0 in shape:
+            raise ValueError(f"position must have the shape (rows, columns, 2), got {shape}")
+        if self.width < 1 or self.height < 1:
+            raise ValueError(f"views must have pixels, got {self.width} x {self.height}")
+        numbers = [*self.plane, self.inverse_focus, *(self.cell or ()), self.aperture or 0.0, self.focal_length or 0.0]
+        if not (np.isfinite(self.position).all() and all(map(math.isfinite, numbers)) and self.plane.pixel > 0.0):
+            raise ValueError("numbers of a light field's geometry must be finite, and its pixels have a size")
+
+    @property
+    def rows(self) -> int:
+        """Rows of views."""
+        return int(self.position.shape[0])
+
+    @property
+    def columns(self) -> int:
+        """Views in a row."""
+        return int(self.position.shape[1])
+
+    @property
+    def focus_distance(self) -> float:
+        """Distance (m) of the plane in which all views see the same; inf where they are parallel."""
+        return math.inf if self.inverse_focus == 0.0 else 1.0 / self.inverse_focus
+
+    def shift(self, inverse_distance: float) -> NDArray[np.float64]:
+        """How far what is at a distance is moved in each view, as to the middle: pixels right and down, (r, c, 2)."""
+        moved = self.position * ((self.inverse_focus - inverse_distance) / self.plane.pixel)
+        return np.asarray(moved * np.array([1.0, -1.0]))
+
+    def nearest(self, right: float = 0.0, up: float = 0.0) -> tuple[int, int]:
+        """Row and column of the view nearest to a place in their plane (m); the middle by default."""
+        away = ((self.position - np.array([right, up])) ** 2).sum(axis=-1)
+        row, column = np.unravel_index(int(away.argmin()), away.shape)
+        return int(row), int(column)
