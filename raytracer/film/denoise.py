@@ -6,6 +6,7 @@ every file that has a header says so, and .exr files keep the picture as it was 
 References: https://www.openimagedenoise.org/documentation.html, section "RT" of "Filters".
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -77,13 +78,21 @@ def _single(values: NDArray[Any], low: float, high: float) -> NDArray[np.float32
     return np.ascontiguousarray(np.clip(np.nan_to_num(values), low, high), dtype=np.float32)
 
 
-def denoise(image: Image, albedo: NDArray[Any], normal: NDArray[Any], *, threads: int | None = None) -> Image:
+def denoise(
+    image: Image,
+    albedo: NDArray[Any],
+    normal: NDArray[Any],
+    *,
+    threads: int | None = None,
+    parts: Sequence[tuple[slice, slice]] = ((slice(None), slice(None)),),
+) -> Image:
     """The image with its noise taken out, as far as the network can tell it; the same for any number of threads.
 
     Parameters
     ----------
     albedo, normal : (height, width, 3), means over a pixel in which what meets no surface counts as 0.
     threads : how many work; all processors if None.
+    parts : rows and columns of each picture that there is, so that nothing of one gets into another beside it.
 
     Raises
     ------
@@ -93,16 +102,18 @@ def denoise(image: Image, albedo: NDArray[Any], normal: NDArray[Any], *, threads
     device = _Device(threads)
     try:
         # Guides that are noisy themselves, behind a lens or in motion, are filtered first, as its authors advise.
-        guides = {"albedo": _single(albedo, 0.0, 1.0), "normal": _single(normal, -1.0, 1.0)}
-        guides = {name: device.run({name: values}) for name, values in guides.items()}
-        color = _single(image.radiance, 0.0, _LARGEST)
-        radiance = device.run({"color": color, **guides}, hdr=True, cleanAux=True)
+        radiance = np.empty(image.radiance.shape)
+        for part in parts:
+            guides = {"albedo": _single(albedo[part], 0.0, 1.0), "normal": _single(normal[part], -1.0, 1.0)}
+            guides = {name: device.run({name: values}) for name, values in guides.items()}
+            color = _single(image.radiance[part], 0.0, _LARGEST)
+            radiance[part] = device.run({"color": color, **guides}, hdr=True, cleanAux=True)
         version = device.version()
     finally:
         device.release()
     return replace(
         image,
-        radiance=radiance.astype(np.float64),
+        radiance=radiance,
         # The variance is that of the noisy picture.
         variance=None,
         settings={**image.settings, "denoised": f"oidn {version}, guided by albedo and normal (biased)"},

@@ -42,12 +42,21 @@ _LEAST = float(np.finfo(np.float64).tiny)
 
 
 class Frame(NamedTuple):
-    """Width and height of a whole picture (px), and where in it the top left pixel of a part of it lies."""
+    """Width and height of a whole picture (px), and where in it the top left pixel of a part of it lies.
+
+    view : width and height (px) of each of the views that it is made of, side by side; None for a single one.
+    """
 
     width: int
     height: int
     left: int
     top: int
+    view: tuple[int, int] | None = None
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height (px) of what one camera sees."""
+        return self.view or (self.width, self.height)
 
 
 class Setting(NamedTuple):
@@ -123,24 +132,26 @@ def luminance(values: Floats) -> Floats:
 
 
 def _distances(x: float, y: float, frame: Frame, height: int, width: int) -> Floats:
-    """Distances (height, width), in pixels, of the pixels' middles from (x, y), in fractions of the frame."""
-    across = frame.left + np.arange(width) + 0.5 - x * frame.width
-    down = frame.top + np.arange(height) + 0.5 - y * frame.height
+    """Distances (height, width), in pixels, of the pixels' middles from (x, y), in fractions of their own view."""
+    wide, high = frame.size
+    across = (frame.left + np.arange(width)) % wide + 0.5 - x * wide
+    down = (frame.top + np.arange(height)) % high + 0.5 - y * high
     return np.asarray(np.hypot(across, down[:, None]))
 
 
 def _nearest_pixel(x: float, y: float, frame: Frame) -> float:
-    """Distance (px) of the pixel's middle of the whole frame that is nearest to (x, y), in fractions of the frame."""
+    """Distance (px) of the pixel's middle of a whole view that is nearest to (x, y), in fractions of the view."""
 
     def apart(place: float, size: int) -> float:
         position = place * size
         return abs(min(math.floor(position), size - 1) + 0.5 - position)
 
-    return math.hypot(apart(x, frame.width), apart(y, frame.height))
+    wide, high = frame.size
+    return math.hypot(apart(x, wide), apart(y, high))
 
 
 def metering_weights(metering: Metering, frame: Frame, height: int, width: int) -> Floats:
-    """How much each pixel of a part of the frame counts, (height, width); 1 in sum.
+    """How much each pixel of a part of the frame counts, (height, width); 1 in sum.  Of many views each has its circle.
 
     `mean`: all alike.  `spot`: those in a circle.  `center_weighted`: three quarters for a circle in the middle of half
     the frame's shorter side, and one quarter for what is around it, as Nikon's cameras have it (12 mm of 24 mm).  A
@@ -156,7 +167,7 @@ def metering_weights(metering: Metering, frame: Frame, height: int, width: int) 
         return np.full((height, width), 1.0 / (height * width))
     is_spot = metering.mode == "spot"
     x, y = (metering.x, metering.y) if is_spot else (0.5, 0.5)
-    diameter = (metering.size if is_spot else _CENTRE_DIAMETER) * min(frame.width, frame.height)
+    diameter = (metering.size if is_spot else _CENTRE_DIAMETER) * min(frame.size)
     apart = _distances(x, y, frame, height, width)
     rounding = 1.0 + 8.0 * np.finfo(np.float64).eps
     inside = apart <= rounding * max(0.5 * diameter, _nearest_pixel(x, y, frame))

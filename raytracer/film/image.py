@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from raytracer.film import output, srgb
+from raytracer.plenoptic.layout import Layout
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -28,6 +29,7 @@ class Image:
     layers : further arrays by name (AOVs), (height, width) or (height, width, channels); only .exr files hold them.
     channels : what the channels of a layer are called in a file, where not R, G and B, or the layer's own name.
     tone_curve : what takes linear values to those that a display shows, in 0..1; None if that is clipping.
+    layout : how the picture holds a light field; None where it holds none, or is only a part of one.
 
     Raises
     ------
@@ -41,6 +43,7 @@ class Image:
     layers: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     channels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     tone_curve: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
+    layout: Layout | None = None
 
     def __post_init__(self) -> None:
         shape = np.shape(self.radiance)

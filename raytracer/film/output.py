@@ -7,18 +7,17 @@
 | .exr | float32 (uint32 for numbers of things), linear; variance and layers | attributes, `rt.` before the name |
 | .hdr | 8-bit mantissas with a common exponent, linear | header lines, named as in .exr |
 | .npy | float64, linear | - |
+| .lf | the views of a light field, float32, linear; layers and rays | attributes |
 
 A file is written aside and renamed, so that what stood there before is whole whatever goes wrong.
 """
 
 import contextlib
+import dataclasses
 import io
 import os
-import secrets
-import shutil
-import stat
 import threading
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,9 +26,11 @@ from numpy.typing import NDArray
 
 from raytracer.errors import InputError, OutputError
 from raytracer.film import rgbe, srgb
+from raytracer.wholefiles import is_special, told, whole
 
 if TYPE_CHECKING:
     from raytracer.film.image import Image
+    from raytracer.plenoptic.field import LightField
 
 Layers = Mapping[str, NDArray[np.floating[Any]]]
 
@@ -41,10 +42,6 @@ _EXR_PREFIX = "rt."
 
 # Red, green, blue and white of Rec. 709, as x and y each.
 _CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
-
-# The open files of this process, which are written to and not renamed over, even if they are regular files.
-_OPEN_FILES = (Path("/dev"), Path("/dev/fd"), Path("/proc/self/fd"))
-
 
 _SILENCE = threading.Lock()
 
@@ -129,21 +126,24 @@ _ENCODERS: dict[str, Callable[["Image", Layers], bytes]] = {
     ".npy": _encode_npy,
 }
 
+_LIGHT_FIELD = ".lf"
+
 SUFFIXES = tuple(_ENCODERS)
-"""Of all files that hold images."""
+"""Of all files that are images."""
+
+WRITTEN = (*SUFFIXES, _LIGHT_FIELD)
+"""Of all files that pictures can be written to."""
+
+NO_LIGHT_FIELD = (
+    "the picture is of one view, or a part of one, and no light field: render the whole picture of a camera_array, "
+    "light_slab or light_field, or of a thin_lens with the AOV rays"
+)
 
 
 # ---- writing ----
 
 
-def _is_special(path: Path) -> bool:
-    """Whether `path` is a device, a pipe, or an open file of this process, which cannot be renamed over."""
-    if path.is_dir() or not path.exists():
-        return False
-    return path.parent in _OPEN_FILES or not stat.S_ISREG(path.stat().st_mode)
-
-
-def _suffix(path: Path) -> str:
+def _suffix(path: Path, known: Sequence[str] = WRITTEN) -> str:
     """The format's suffix; a device without one takes PNG.
 
     Raises
@@ -151,12 +151,12 @@ def _suffix(path: Path) -> str:
     InputError : the suffix is not known.
     """
     suffix = path.suffix.lower()
-    if suffix in _ENCODERS:
+    if suffix in known:
         return suffix
-    if not suffix and _is_special(path):
+    if not suffix and is_special(path):
         return ".png"
     found = f"unknown suffix {path.suffix!r}" if suffix else "no suffix"
-    raise InputError(f"{path}: {found} for an image; known: {', '.join(_ENCODERS)}")
+    raise InputError(f"{path}: {found} for an image; known: {', '.join(known)}")
 
 
 def check_writable(path: str | Path) -> None:
@@ -178,7 +178,7 @@ def check_file(path: str | Path) -> None:
             raise InputError(f"{path}: is a folder, not a file")
         if path.exists() and not os.access(path, os.W_OK):
             raise InputError(f"{path}: may not be overwritten: it is protected against writing")
-        if _is_special(path):
+        if is_special(path):
             return
 
         # Folders that are missing are made when the image is written, in the nearest that is there.
@@ -205,29 +205,25 @@ def write_bytes(path: str | Path, data: bytes) -> None:
     OutputError : the file cannot be written (full disk, quota, permission); nothing is left behind.
     """
     path = Path(path)
-    try:
-        if _is_special(path):
-            with path.open("wb") as file:
-                file.write(data)
+    with told(path):
+        if is_special(path):
+            path.write_bytes(data)
             return
+    with whole(path) as aside, told(path):
+        aside.write_bytes(data)
 
-        target = path.resolve()
-        target.parent.mkdir(parents=True, exist_ok=True)
-        aside = target.parent / f".{secrets.token_hex(8)}.tmp"
-        try:
-            with aside.open("xb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            if target.exists():
-                shutil.copymode(target, aside)
-            os.replace(aside, target)
-        except BaseException:
-            with contextlib.suppress(OSError):
-                aside.unlink(missing_ok=True)
-            raise
-    except (OSError, RuntimeError) as error:
-        raise OutputError(f"{path}: cannot be written: {getattr(error, 'strerror', None) or error}") from error
+
+def light_field(image: "Image") -> "LightField":
+    """The light field that a picture holds, without a copy of its pixels.
+
+    Raises
+    ------
+    InputError : it holds none.
+    """
+    found = None if image.layout is None else image.layout.light_field(image)
+    if found is None or (found.views.rows * found.views.columns == 1 and found.rays is None):
+        raise InputError(NO_LIGHT_FIELD)
+    return found
 
 
 def save(image: "Image", path: str | Path, layers: Layers | None = None) -> None:
@@ -235,22 +231,36 @@ def save(image: "Image", path: str | Path, layers: Layers | None = None) -> None
 
     Parameters
     ----------
-    layers : arrays besides the image's own layers, for formats that hold them (.exr), of shape (height, width) for a
+    layers : arrays besides the image's own layers, for .exr, of shape (height, width) for a
         channel of that name, or (height, width, 3) for the channels R, G and B of a layer of that name.
 
     Raises
     ------
-    InputError : the suffix is not known.
+    InputError : the suffix is not known, or a light field asked for of a picture that is none.
     OutputError : the format cannot hold the image, or the file cannot be written.
     """
     path = Path(path)
     suffix = _suffix(path)
+    if suffix == _LIGHT_FIELD:
+        _save_light_field(image, path)
+        return
     try:
         data = _ENCODERS[suffix](image, layers or {})
     except (ValueError, OSError, RuntimeError) as error:
         height, width, _ = image.radiance.shape
         raise OutputError(f"{path}: an image of {width} x {height} pixels cannot be written as {suffix}") from error
     write_bytes(path, data)
+
+
+def _save_light_field(image: "Image", path: Path) -> None:
+    from raytracer.plenoptic import lf
+
+    try:
+        found = light_field(image)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    samples = {"samples": image.samples}
+    lf.write(path, dataclasses.replace(found, settings={**found.settings, **samples}))
 
 
 # ---- reading ----
@@ -369,7 +379,7 @@ def load(path: str | Path) -> NDArray[np.float64]:
     InputError : the file is missing, unreadable or broken, or of an unknown suffix.
     """
     path = Path(path)
-    decode = _DECODERS[_suffix(path)]
+    decode = _DECODERS[_suffix(path, SUFFIXES)]
     with _reading(path):
         return decode(path.read_bytes())
 

@@ -1,5 +1,98 @@
 """What is made of light fields: photographs focused afterwards, views, depth, pages to look around in.
 
-Each function takes a `LightField` (`open` reads one) and gives arrays, `Image`s or bytes; the command line and users
-of Python call the same.
+import raytracer as rt
+
+with rt.lightfield.open("x.lf") as field:
+    rt.lightfield.refocus(field, 2.5).save("near.png")
+
+Each function takes a `LightField` (`open` reads one, `of` finds it in a picture) and gives arrays, `Image`s or bytes;
+the command line and users of Python call the same.
 """
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from raytracer.lightfield.decoding.calibration import Grid, find_grid, read_grid
+    from raytracer.lightfield.decoding.decoder import Decoded, decode
+    from raytracer.lightfield.decoding.optics import Optics
+    from raytracer.lightfield.foreign import export_array, export_views, import_views
+    from raytracer.lightfield.fourier import FourierRefocuser
+    from raytracer.lightfield.making import of
+    from raytracer.lightfield.openings import cell_weights
+    from raytracer.lightfield.refocusing import focal_stack, refocus
+    from raytracer.lightfield.viewer import page, write_page
+    from raytracer.plenoptic.field import LightField, Rays
+    from raytracer.plenoptic.focusing import refocusable
+    from raytracer.plenoptic.lf import Writer, open, write  # noqa: A004
+    from raytracer.plenoptic.views import Plane, Pose, Views
+
+_HOMES = {
+    "Decoded": "raytracer.lightfield.decoding.decoder",
+    "FourierRefocuser": "raytracer.lightfield.fourier",
+    "Grid": "raytracer.lightfield.decoding.calibration",
+    "LightField": "raytracer.plenoptic.field",
+    "Optics": "raytracer.lightfield.decoding.optics",
+    "Plane": "raytracer.plenoptic.views",
+    "Pose": "raytracer.plenoptic.views",
+    "Rays": "raytracer.plenoptic.field",
+    "Views": "raytracer.plenoptic.views",
+    "Writer": "raytracer.plenoptic.lf",
+    "cell_weights": "raytracer.lightfield.openings",
+    "decode": "raytracer.lightfield.decoding.decoder",
+    "export_array": "raytracer.lightfield.foreign",
+    "export_views": "raytracer.lightfield.foreign",
+    "find_grid": "raytracer.lightfield.decoding.calibration",
+    "focal_stack": "raytracer.lightfield.refocusing",
+    "import_views": "raytracer.lightfield.foreign",
+    "of": "raytracer.lightfield.making",
+    "open": "raytracer.plenoptic.lf",
+    "read_grid": "raytracer.lightfield.decoding.calibration",
+    "page": "raytracer.lightfield.viewer",
+    "refocus": "raytracer.lightfield.refocusing",
+    "refocusable": "raytracer.plenoptic.focusing",
+    "write": "raytracer.plenoptic.lf",
+    "write_page": "raytracer.lightfield.viewer",
+}
+"""Where the names are.  A module of this package has another name than what is in it: imported, it would hide that."""
+
+__all__ = [
+    "Decoded",
+    "FourierRefocuser",
+    "Grid",
+    "LightField",
+    "Optics",
+    "Plane",
+    "Pose",
+    "Rays",
+    "Views",
+    "Writer",
+    "cell_weights",
+    "decode",
+    "export_array",
+    "export_views",
+    "find_grid",
+    "focal_stack",
+    "import_views",
+    "of",
+    "open",
+    "page",
+    "read_grid",
+    "refocus",
+    "refocusable",
+    "write",
+    "write_page",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is asked for only then."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = getattr(importlib.import_module(_HOMES[name]), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

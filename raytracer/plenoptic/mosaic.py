@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.plenoptic.field import LightField
+from raytracer.plenoptic.rays import LAYER, rays_of
 from raytracer.plenoptic.views import Views
 
 if TYPE_CHECKING:
@@ -21,10 +22,12 @@ class Mosaic:
 
     def light_field(self, image: "Image") -> LightField:
         """What the picture holds, without a copy of its pixels."""
+        rays = image.layers.get(LAYER)
         return LightField(
             radiance=self._apart(image.radiance),
             views=self.views,
-            layers={name: self._apart(layer) for name, layer in image.layers.items()},
+            layers={name: self._apart(layer) for name, layer in image.layers.items() if name != LAYER},
+            rays=None if rays is None else rays_of(rays, self.views),
             settings=image.settings,
         )
 

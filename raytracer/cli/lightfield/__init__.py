@@ -1,6 +1,7 @@
 """`rt lightfield`: what is made of light fields.
 
-A command is a module of this package with `register(group)`, which adds it to the group.
+A command is a module of this package with `register(group)`, which adds it to the group; what they share is in modules
+whose names begin with `_`.
 """
 
 import importlib
@@ -19,5 +20,6 @@ lightfield = typer.Typer(
 def register(app: typer.Typer) -> None:
     """Add the group to `app`."""
     for module in pkgutil.iter_modules(__path__):
-        importlib.import_module(f"{__name__}.{module.name}").register(lightfield)
+        if not module.name.startswith("_"):
+            importlib.import_module(f"{__name__}.{module.name}").register(lightfield)
     app.add_typer(lightfield, name="lightfield")

@@ -1,0 +1,70 @@
+"""`rt lightfield export`: light fields for other programs."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from raytracer.cli.lightfield._common import File, Quiet, check_folder, check_outputs, opened, wrote
+from raytracer.errors import InputError
+
+EXAMPLE = """\b
+Examples:
+  rt lightfield export array.lf -o views                          views/view_00_00.png and so on
+  rt lightfield export array.lf -o views --format exr
+  rt lightfield export array.lf -o cotton --naming hci            input_Cam000.png, parameters.cfg, .pfm
+  rt lightfield export array.lf -o knights --naming stanford
+  rt lightfield export array.lf -o array.npy
+
+\b
+A geometry.json beside them says what their names do not: rt lightfield import takes all back.
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command("export", epilog=EXAMPLE)(export)
+
+
+def export(
+    file: File,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder to write, or a .npy file.")],
+    naming: Annotated[
+        str | None, typer.Option(metavar="NAME", help="grid, stanford or hci.  Default: grid.", show_default=False)
+    ] = None,
+    suffix: Annotated[
+        str | None,
+        typer.Option("--format", metavar="SUFFIX", help="Of the views: png jpg exr hdr npy.  Default: png."),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write the views of a light field for other programs: a folder of pictures, or one array."""
+    from raytracer.lightfield.foreign import NAMINGS, check_export, export_array, export_views
+
+    is_array = output.suffix.lower() == ".npy" and not output.is_dir()
+    if is_array and (naming is not None or suffix is not None):
+        raise InputError(f"{output}: is one file: --naming and --format are of folders")
+    if is_array:
+        check_outputs([output], (".npy",), "an array")
+    elif output.suffix.lower() == ".lf":
+        raise InputError(f"{output}: is no folder of views, and no .npy")
+    else:
+        check_folder(output)
+    named = next((known for known in NAMINGS if known == (naming or "grid")), None)
+    if named is None:
+        raise InputError(f"--naming {naming}: must be {', '.join(NAMINGS)}")
+
+    with opened(file) as field:
+        if is_array:
+            for path in export_array(field, output):
+                wrote(path, quiet)
+            return
+        ending = f".{(suffix or 'png').lower().removeprefix('.')}"
+        check_export(field, output, named, ending)
+        found = export_views(field, output, naming=named, suffix=ending)
+    if not quiet:
+        print(f"wrote {len(found.files)} files to {output}", file=sys.stderr)
+        if found.clipped > 0.0:
+            share = f"{100.0 * found.clipped:.2g} % of the values are brighter than 1"
+            print(f"note: {share} and were clipped: --format exr keeps them", file=sys.stderr)

@@ -1,0 +1,112 @@
+"""`rt lightfield import`: light fields of other programs."""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from raytracer.cli import options
+from raytracer.cli.lightfield._common import Quiet, check_outputs, wrote
+from raytracer.errors import InputError
+from raytracer.units import parse_quantity
+
+EXAMPLE = """\b
+Examples:
+  rt lightfield import knights/rectified -o knights.lf
+  rt lightfield import knights/rectified -o knights.lf --spacing 8mm --vfov 20 --focus-distance 1.2m
+  rt lightfield import benchmark/cotton -o cotton.lf          parameters.cfg says the metres
+  rt lightfield import views -o views.lf --rows 9 --columns 9
+  rt lightfield import all.png -o all.lf --rows 9 --columns 9
+  rt lightfield import lytro_eslf.png -o lytro.lf --rows 14 --columns 14 --interleaved
+
+\b
+Names that are known: out_ROW_COLUMN_Y_X_.png (Stanford), input_Cam032.png (HCI), and all that end in row and column,
+view_03_05.png, or in one number, by rows.  Also .npy of (rows, columns, height, width, 3).
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command("import", epilog=EXAMPLE)(import_file)
+
+
+def import_file(
+    path: Annotated[str, typer.Argument(metavar="PATH", help="Folder of views, picture of all views, or .npy.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.lf", help="File to write.")],
+    rows: Annotated[int | None, typer.Option(help="Rows of views, where names do not say.", min=1, max=4096)] = None,
+    columns: Annotated[int | None, typer.Option(help="Views in a row.", min=1, max=4096)] = None,
+    spacing: Annotated[
+        str | None,
+        typer.Option(metavar="LENGTH[,LENGTH]", help="From view to view: 8mm; or to the right and down, 8mm,10mm."),
+    ] = None,
+    focus_distance: Annotated[
+        str | None,
+        typer.Option(metavar="LENGTH", help="Plane in which all views see the same: 1.2m; inf for parallel views."),
+    ] = None,
+    vfov: Annotated[str | None, typer.Option(metavar="ANGLE", help="Vertical field of view of a view.")] = None,
+    focal_length: Annotated[str | None, typer.Option(metavar="LENGTH", help="Of a view's lens, with --sensor.")] = None,
+    sensor: Annotated[str | None, typer.Option(metavar="LENGTH", help="Width of a view's sensor: 36mm.")] = None,
+    flip: Annotated[
+        str, typer.Option(metavar="x|y|xy", help="Axes along which places in Stanford names run the other way.")
+    ] = "",
+    interleaved: Annotated[
+        bool, typer.Option("--interleaved", help="Of one picture: pixels of all views lie beside each other (ESLF).")
+    ] = False,
+    dtype: Annotated[
+        str, typer.Option(metavar="TYPE", help="Of the numbers in the file: float16, float32, float64.")
+    ] = "float32",
+    compress: Annotated[bool, typer.Option("--compress", help="Smaller, and slower to write and to read.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Take over a light field of another program: write it as an .lf file.
+
+    Metres need --spacing, --focus-distance, and --vfov or --focal-length with --sensor, unless a parameters.cfg or
+    geometry.json says them; without, places are in steps of one view, and distances in pixels from view to view.
+    """
+    check_outputs([output], (".lf",), "a light field")
+    if flip not in ("", "x", "y", "xy", "yx"):
+        raise InputError(f"--flip {flip}: must be x, y or xy")
+    steps = None if spacing is None else _spacing(spacing)
+    lengths = {
+        "focus_distance": _positive("--focus-distance", focus_distance, _metres),
+        "vfov": _positive("--vfov", vfov, lambda text: parse_quantity(text, "angle")),
+        "focal_length": _positive("--focal-length", focal_length, lambda text: parse_quantity(text, "optic")),
+        "sensor": _positive("--sensor", sensor, lambda text: parse_quantity(text, "optic")),
+    }
+    if lengths["vfov"] is not None and lengths["vfov"] >= 180.0:
+        raise InputError(f"--vfov {vfov}: must be less than 180 degrees")
+
+    from raytracer.lightfield.foreign import import_views
+    from raytracer.plenoptic import lf
+
+    if dtype not in lf.TYPES:
+        raise InputError(f"--dtype {dtype}: must be {', '.join(lf.TYPES)}")
+    field = import_views(path, rows=rows, columns=columns, spacing=steps, flip=flip, interleaved=interleaved, **lengths)
+    lf.write(output, field, dtype=dtype, compress=compress)
+    wrote(output, quiet)
+    if not quiet and field.settings.get("units") == "views":
+        how = "--spacing, --focus-distance and --vfov say them"
+        print(f"note: metres are not known ({how}): 1 / distance is in pixels per view", file=sys.stderr)
+
+
+def _metres(text: str) -> float:
+    return parse_quantity(text, "length")
+
+
+def _positive(option: str, text: str | None, parse: Callable[[str], float]) -> float | None:
+    if text is None:
+        return None
+    value = options.number(option, text, parse)
+    if not value > 0.0:
+        raise InputError(f"{option} {text}: must be greater than 0")
+    return value
+
+
+def _spacing(text: str) -> tuple[float, float]:
+    found = [_positive("--spacing", part.strip(), _metres) for part in text.split(",")]
+    right, down = (found * 2)[:2]
+    if len(found) > 2 or right is None or down is None or right + down == float("inf"):
+        raise InputError(f"--spacing {text}: must be one length, or two, to the right and down")
+    return right, down

@@ -1,0 +1,145 @@
+"""`rt lightfield info`: what a file holds."""
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from raytracer.cli import options
+from raytracer.cli.lightfield._common import File, opened
+
+if TYPE_CHECKING:
+    from raytracer.plenoptic.field import LightField
+
+EXAMPLE = """\b
+Examples:
+  rt lightfield info outputs/array.lf
+  rt lightfield info outputs/array.lf --json
+  rt lightfield info outputs/array.lf --check     reads all of it, to know that it is whole
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command(epilog=EXAMPLE)(info)
+
+
+def info(
+    file: File,
+    check: Annotated[
+        bool, typer.Option("--check", help="Read everything, and fail where the file is damaged.")
+    ] = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Show what a light field holds: views, their places and pixels, and where it can be focused."""
+    with opened(file) as field:
+        if check:
+            _read_all(field)
+        found = {**_numbers(field), "file_bytes": Path(file).stat().st_size}
+    if as_json:
+        print(json.dumps(found, indent=2, allow_nan=False))
+    else:
+        print(_text(found), end="")
+
+
+def _read_all(field: "LightField") -> None:
+    for array in (field.radiance, *field.layers.values()):
+        for row in range(field.views.rows):
+            for column in range(field.views.columns):
+                array[row, column]
+    for part in field.rays or ():
+        part[:]
+
+
+def _numbers(field: "LightField") -> dict[str, Any]:
+    """Numbers as JSON holds them: None for what is not known, "inf" for infinity."""
+    import numpy as np
+
+    from raytracer.plenoptic.focusing import refocusable, spacing
+
+    views = field.views
+    near, far = refocusable(views)
+    step = spacing(views)
+    size = np.ptp(views.position.reshape(-1, 2), axis=0).tolist()
+    pixel = views.plane.pixel
+    field_of_view = [2.0 * math.degrees(math.atan(0.5 * n * pixel)) for n in (views.width, views.height)]
+    return {
+        "rows": views.rows,
+        "columns": views.columns,
+        "width": views.width,
+        "height": views.height,
+        "units": str(field.settings.get("units", "metres")),
+        "spacing": [step.right, step.up],
+        "extent": size,
+        "focus_distance": _number(views.focus_distance),
+        "refocus_near": _number(near),
+        "refocus_far": _number(far),
+        "pixel": pixel,
+        "field_of_view_deg": field_of_view,
+        "aperture": views.aperture,
+        "focal_length_mm": views.focal_length,
+        "cell": None if views.cell is None else list(views.cell),
+        "pose": None if views.pose is None else views.pose._asdict(),
+        "dtype": str(field.radiance.dtype),
+        "bytes": math.prod(field.radiance.shape) * field.radiance.dtype.itemsize,
+        "layers": {
+            name: {"shape": list(layer.shape), "dtype": str(layer.dtype)} for name, layer in field.layers.items()
+        },
+        "rays": 0 if field.rays is None else len(field.rays.weight),
+        "settings": {key: value if isinstance(value, int) else _plain(value) for key, value in field.settings.items()},
+    }
+
+
+def _number(value: float) -> float | str:
+    return value if math.isfinite(value) else str(value)
+
+
+def _plain(value: str | float) -> str | float:
+    return _number(value) if isinstance(value, float) else value
+
+
+def _text(found: dict[str, Any]) -> str:
+    from raytracer.errors import one_line
+
+    is_metric = found["units"] == "metres"
+    lines = {
+        "views": f"{found['columns']} x {found['rows']}, each {found['width']} x {found['height']} pixels",
+        "radiance": f"{found['dtype']}, {found['bytes'] / 1e6:.4g} MB, in a file of {found['file_bytes'] / 1e6:.4g} MB",
+    }
+    if is_metric:
+        across, down = found["spacing"]
+        wide, high = found["extent"]
+        lines["spacing"] = (
+            f"{_length(across)} to the right, {_length(down)} down; {_length(wide)} x {_length(high)} in all"
+        )
+        lines["field of view"] = "{:.4g} x {:.4g} deg".format(*found["field_of_view_deg"])
+        lines["focus distance"] = _distance(found["focus_distance"])
+        near, far = _distance(found["refocus_near"]), _distance(found["refocus_far"])
+        lines["refocusable"] = f"{near} to {far}, a pixel from view to view at most"
+    else:
+        lines["spacing"] = (
+            "not known in metres: places are in steps of one view, and 1 / distance is in pixels per view"
+        )
+    if found["aperture"] is not None:
+        lines["aperture"] = _length(found["aperture"])
+    if found["focal_length_mm"] is not None:
+        lines["focal length"] = f"{found['focal_length_mm']:.6g} mm"
+    if found["layers"]:
+        lines["layers"] = ", ".join(found["layers"])
+    if found["rays"]:
+        lines["rays"] = f"{found['rays']}, kept as they were rendered"
+    lines |= {f"  {key}": str(value) for key, value in found["settings"].items()}
+    width = max(map(len, lines))
+    return "".join(
+        f"{one_line(key) if key.strip() == key else key:<{width}}  {one_line(text)}\n" for key, text in lines.items()
+    )
+
+
+def _length(metres: float) -> str:
+    return f"{metres:.4g} m" if metres >= 1.0 else f"{1e3 * metres:.4g} mm"
+
+
+def _distance(metres: float | str) -> str:
+    return "infinity" if isinstance(metres, str) else f"{metres:.4g} m"

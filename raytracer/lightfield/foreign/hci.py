@@ -1,0 +1,197 @@
+"""`parameters.cfg` of the 4D Light Field Benchmark of Konstanz and Heidelberg (HCI).
+
+Views are `input_Cam000.png` and so on, by rows from the top left; `gt_depth_lowres.pfm` (m, along the axis) and
+`gt_disp_lowres.pfm` (pixels from view to view, larger where it is nearer) are of the view in the middle.  The sensor's
+size is that of the longer side of the image.
+
+References: Honauer, Johannsen, Kondermann, Goldluecke 2016, "A Dataset and Evaluation Methodology for Depth Estimation
+on 4D Light Fields"; the keys and the relation of disparity and depth are those of the benchmark's evaluation toolkit.
+"""
+
+import configparser
+import io
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.errors import InputError
+from raytracer.lightfield.foreign.geometry import Known, regular
+from raytracer.plenoptic.views import Pose, Views
+from raytracer.units import METRES_PER_MILLIMETRE
+
+FILE = "parameters.cfg"
+
+
+_GRID_TOLERANCE = 1e-6
+"""How far, in steps of one view, a view may be from its place on a grid to be called regular: numbers in millimetres
+have six digits."""
+
+_SENSOR_MM = 35.0
+"""Written for views whose sensor is not known: that of the benchmark's scenes."""
+
+
+class Parameters(NamedTuple):
+    """What the file says: the number of views, their pixels, and how they were taken."""
+
+    rows: int
+    columns: int
+    width: int
+    height: int
+    known: Known
+    focal_length: float
+    pose: Pose | None
+
+
+def read(path: Path) -> Parameters:
+    """What a `parameters.cfg` says.
+
+    Raises
+    ------
+    InputError : it cannot be read, or lacks a key that is needed, or a number makes no sense.
+    """
+    parser = configparser.ConfigParser(interpolation=None)
+    try:
+        parser.read_string(path.read_text("utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except (configparser.Error, UnicodeError) as error:
+        raise InputError(f"{path}: is no file of parameters, with sections and KEY = VALUE") from error
+
+    def number(section: str, key: str) -> float:
+        if not parser.has_option(section, key):
+            raise InputError(f"{path}: has no {key} in [{section}]")
+        try:
+            return float(parser.get(section, key))
+        except ValueError:
+            found = parser.get(section, key)
+            raise InputError(f"{path}: {key} must be a number, not {found!r:.40}") from None
+
+    def positive(section: str, key: str) -> float:
+        value = number(section, key)
+        if not value > 0.0:
+            raise InputError(f"{path}: {key} must be greater than 0, not {value:g}")
+        return value
+
+    def count(section: str, key: str) -> int:
+        value = positive(section, key)
+        if not math.isfinite(value) or value != int(value):
+            raise InputError(f"{path}: {key} must be a whole number, not {value:g}")
+        return int(value)
+
+    width, height = count("intrinsics", "image_resolution_x_px"), count("intrinsics", "image_resolution_y_px")
+    focal_length = positive("intrinsics", "focal_length_mm")
+    pixel = positive("intrinsics", "sensor_size_mm") / focal_length / max(width, height)
+    spacing = positive("extrinsics", "baseline_mm") * METRES_PER_MILLIMETRE
+    distance = positive("extrinsics", "focus_distance_m")
+    if not math.isfinite(pixel + spacing):
+        raise InputError(f"{path}: its lengths must be finite")
+    names = [*(f"center_cam_{axis}_m" for axis in "xyz"), *(f"center_cam_r{axis}_rad" for axis in "xyz")]
+    pose = None
+    if all(parser.has_option("extrinsics", name) for name in names):
+        pose = _pose([number("extrinsics", name) for name in names])
+    return Parameters(
+        rows=count("extrinsics", "num_cams_y"),
+        columns=count("extrinsics", "num_cams_x"),
+        width=width,
+        height=height,
+        known=Known((spacing, spacing), distance, pixel),
+        focal_length=focal_length,
+        pose=pose,
+    )
+
+
+def _pose(numbers: list[float]) -> Pose | None:
+    """A camera that looks down, with its top to +y, turned about x, y and z in this order, as Blender's."""
+    from scipy.spatial.transform import Rotation
+
+    if not all(map(math.isfinite, numbers)):
+        return None
+    right, up, backward = Rotation.from_euler("xyz", numbers[3:]).as_matrix().T.tolist()
+    x, y, z = numbers[:3]
+    return Pose((x, y, z), _triple(right), _triple(up), _triple([-part for part in backward]))
+
+
+def _triple(numbers: list[float]) -> tuple[float, float, float]:
+    x, y, z = numbers
+    return x, y, z
+
+
+def spacing(views: Views) -> float:
+    """The distance from view to view (m) of a regular grid, the same to the right and down.
+
+    Raises
+    ------
+    ValueError : they are on no such grid, or look past the middle of their images.
+    """
+    rows, columns = views.rows, views.columns
+    wide = float(np.ptp(views.position[..., 0])) / max(columns - 1, 1)
+    high = float(np.ptp(views.position[..., 1])) / max(rows - 1, 1)
+    step = max(wide, high)
+    away = views.position - views.position.mean(axis=(0, 1)) - step * regular(rows, columns)
+    if step <= 0.0 or np.abs(away).max() > _GRID_TOLERANCE * step:
+        raise ValueError("its views are not on a grid of one spacing, which parameters.cfg cannot tell")
+    plane = views.plane
+    off = max(abs(plane.left + 0.5 * views.width * plane.pixel), abs(plane.top - 0.5 * views.height * plane.pixel))
+    if off > _GRID_TOLERANCE * plane.pixel * max(views.width, views.height):
+        raise ValueError("its views look past the middle of their images, which parameters.cfg cannot tell")
+    return step
+
+
+def text(views: Views, name: str, disparity: NDArray[np.float64] | None) -> bytes:
+    """A `parameters.cfg`.
+
+    Parameters
+    ----------
+    disparity : of the view in the middle (pixels from view to view), for the range that is noted; None if not known.
+    """
+    longer = max(views.width, views.height)
+    focal_length = views.focal_length or _SENSOR_MM / (views.plane.pixel * longer)
+    parser = configparser.ConfigParser(interpolation=None)
+    parser["intrinsics"] = {
+        "focal_length_mm": repr(focal_length),
+        "image_resolution_x_px": str(views.width),
+        "image_resolution_y_px": str(views.height),
+        "sensor_size_mm": repr(views.plane.pixel * longer * focal_length),
+    }
+    parser["extrinsics"] = {
+        "num_cams_x": str(views.columns),
+        "num_cams_y": str(views.rows),
+        "baseline_mm": repr(spacing(views) / METRES_PER_MILLIMETRE),
+        "focus_distance_m": repr(views.focus_distance),
+        **_placed(views.pose),
+    }
+    known = None if disparity is None else disparity[np.isfinite(disparity)]
+    low, high = (0.0, 0.0) if known is None or known.size == 0 else (float(known.min()), float(known.max()))
+    parser["meta"] = {"scene": name, "disp_min": repr(low), "disp_max": repr(high), "depth_map_scale": "1.0"}
+    buffer = io.StringIO()
+    parser.write(buffer)
+    return buffer.getvalue().encode()
+
+
+def _placed(pose: Pose | None) -> dict[str, str]:
+    from scipy.spatial.transform import Rotation
+
+    if pose is None:
+        return {}
+    backward = -np.array(pose.forward)
+    axes = np.stack([np.array(pose.right), np.array(pose.up), backward], axis=1)
+    if np.linalg.det(axes) <= 0.0:
+        return {}
+    turned = Rotation.from_matrix(axes).as_euler("xyz")
+    places = {f"center_cam_{axis}_m": repr(float(value)) for axis, value in zip("xyz", pose.origin, strict=True)}
+    return places | {f"center_cam_r{axis}_rad": repr(float(a)) for axis, a in zip("xyz", turned, strict=True)}
+
+
+def disparity(depth: NDArray[np.float64], views: Views, step: float) -> NDArray[np.float64]:
+    """How many pixels what is at a depth (m) moves to the left from a view to the next on its right."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(step * (1.0 / depth - views.inverse_focus) / views.plane.pixel)
+
+
+def depth(disparity: NDArray[np.float64], views: Views, step: float) -> NDArray[np.float64]:
+    """The depth (m) at which what is seen moves by a disparity."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(1.0 / (disparity * views.plane.pixel / step + views.inverse_focus))

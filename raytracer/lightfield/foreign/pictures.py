@@ -1,0 +1,104 @@
+"""Views that are pictures of their own, or parts of one, read as they are asked for."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.errors import InputError
+from raytracer.film import output, srgb
+from raytracer.plenoptic.lazy import Lazy
+
+_CHANNELS = 3
+
+
+class Pictures(Lazy):
+    """A picture file for each view, (rows, columns, height, width, 3) in linear light.
+
+    Raises, when one is read
+    ------------------------
+    InputError : a file is broken, or of another size than the first.
+    """
+
+    def __init__(self, files: list[list[Path]]) -> None:
+        self._files = files
+        self._last: tuple[Path, NDArray[np.float64]] = (files[0][0], output.load(files[0][0]))
+        height, width = self._last[1].shape[:2]
+        super().__init__((len(files), len(files[0]), height, width, _CHANNELS), np.dtype(np.float64))
+
+    def _read(self, ahead: tuple[slice, ...]) -> NDArray[Any]:
+        rows, columns, *within = ahead
+        views = [[self._view(path)[tuple(within)] for path in row[columns]] for row in self._files[rows]]
+        sizes = [len(range(size)[part]) for part, size in zip(ahead, self.shape, strict=True)]
+        return np.array(views, dtype=self.dtype).reshape(sizes)
+
+    def _view(self, path: Path) -> NDArray[np.float64]:
+        if path == self._last[0]:
+            return self._last[1]
+        found = output.load(path)
+        if found.shape[:2] != self.shape[2:4]:
+            height, width = found.shape[:2]
+            first = f"{self.shape[3]} x {self.shape[2]} as {self._files[0][0].name} is"
+            raise InputError(f"{path}: is of {width} x {height} pixels, and must be {first}: views are of one size")
+        self._last = (path, found)
+        return found
+
+
+class Stack(Lazy):
+    """An array of views in a .npy file, (rows, columns, height, width) and 3 or 1 channels, or none, as it is there.
+
+    Whole numbers are taken for what displays show (sRGB), others for linear light.
+
+    Raises
+    ------
+    InputError : the file is missing, truncated, or holds something else.
+    """
+
+    def __init__(self, path: Path) -> None:
+        try:
+            self._array = np.load(path, mmap_mode="r", allow_pickle=False)
+        except FileNotFoundError as error:
+            raise InputError(f"{path}: no such file") from error
+        except (OSError, ValueError, EOFError, SyntaxError, MemoryError) as error:
+            reason = (
+                error.strerror if isinstance(error, OSError) and error.strerror else "is truncated, or no .npy file"
+            )
+            raise InputError(f"{path}: {reason}") from error
+        shape, kind = self._array.shape, self._array.dtype
+        is_known = kind.kind == "f" or (kind.kind == "u" and kind.itemsize <= 2)
+        if len(shape) not in (4, 5) or 0 in shape or shape[4:] not in ((), (1,), (_CHANNELS,)) or not is_known:
+            wanted = "(rows, columns, height, width, 3) of floating-point numbers, or uint8 or uint16"
+            raise InputError(f"{path}: must be {wanted}; it is {shape} of {kind}")
+        super().__init__((*shape[:4], _CHANNELS), np.dtype(np.float64))
+
+    def _read(self, ahead: tuple[slice, ...]) -> NDArray[Any]:
+        found = np.asarray(self._array[ahead[: min(4, self._array.ndim)]])
+        if self._array.ndim == len(ahead) - 1:
+            found = found[..., None]
+        if found.dtype.kind == "u":
+            found = srgb.decode(found / np.iinfo(found.dtype).max)
+        colours = np.broadcast_to(found.astype(np.float64), (*found.shape[:4], _CHANNELS))
+        return np.asarray(colours[..., ahead[4]])
+
+
+def montage(path: Path, rows: int, columns: int, *, interleaved: bool) -> NDArray[np.float64]:
+    """The views of one picture that shows them all, (rows, columns, height, width, 3).
+
+    Parameters
+    ----------
+    interleaved : whether pixels of all views lie beside each other, as under microlenses (ESLF); else views do.
+
+    Raises
+    ------
+    InputError : the picture cannot be read, or does not divide into so many views.
+    """
+    picture = output.load(path)
+    height, width = picture.shape[:2]
+    if height % rows or width % columns:
+        raise InputError(
+            f"{path}: {width} x {height} pixels do not divide into {columns} columns and {rows} rows of views"
+        )
+    if interleaved:
+        return picture.reshape(height // rows, rows, width // columns, columns, _CHANNELS).transpose(1, 3, 0, 2, 4)
+    return picture.reshape(rows, height // rows, columns, width // columns, _CHANNELS).swapaxes(1, 2)
