@@ -28,6 +28,13 @@ _ARGUMENTS = (
 )
 _WIDE = (1280, 800)
 
+# Where all is drawn by a simulated graphics card; without any, Chromium complains of reading WebGL's pictures back.
+WEBGL = (
+    *(argument for argument in _ARGUMENTS if argument != "--disable-gpu"),
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+)
+
 
 class Windows:
     """A browser's windows, which are used again by tests that want the same: a new one takes half a second."""
@@ -47,8 +54,11 @@ class Windows:
 
 # Not for the whole session: Playwright's event loop would be in the way of all others in the same thread.
 @pytest.fixture(scope="module")
-def chromium() -> Iterator[Windows]:
-    """A browser for the tests of a module; without one they are skipped, or fail where RT_REQUIRE_BROWSER is set."""
+def chromium(request: pytest.FixtureRequest) -> Iterator[Windows]:
+    """A browser for the tests of a module; without one they are skipped, or fail where RT_REQUIRE_BROWSER is set.
+
+    A module that names CHROMIUM has a browser with those arguments.
+    """
     executable = next(filter(None, map(shutil.which, _NAMES)), None)
     if executable is None:
         why = f"no browser: none of {', '.join(_NAMES)} is installed"
@@ -58,7 +68,9 @@ def chromium() -> Iterator[Windows]:
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=executable, args=list(_ARGUMENTS))
+        browser = playwright.chromium.launch(
+            executable_path=executable, args=list(getattr(request.module, "CHROMIUM", _ARGUMENTS))
+        )
         yield Windows(browser)
         browser.close()
 

@@ -111,9 +111,12 @@ def webp(pixels: NDArray[np.uint8], quality: int | None = None) -> str:
     return _encoded(pixels, "WEBP", quality=quality)
 
 
-def jpeg(pixels: NDArray[np.uint8], quality: int = 90) -> str:
-    """A picture, uint8 (height, width[, 3]), as the address of a JPEG of a quality in 0..100."""
-    return _encoded(pixels, "JPEG", quality=quality)
+def jpeg(pixels: NDArray[np.uint8], quality: int = 90, *, full_colour: bool = False) -> str:
+    """A picture, uint8 (height, width[, 3]), as the address of a JPEG of a quality in 0..100.
+
+    Its colours are of half the picture's size, unless they are to be of the full one.
+    """
+    return _encoded(pixels, "JPEG", quality=quality, subsampling="4:4:4" if full_colour else "4:2:0")
 
 
 def _encoded(pixels: NDArray[np.uint8], kind: str, **settings: Any) -> str:

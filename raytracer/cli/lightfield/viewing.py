@@ -1,0 +1,82 @@
+"""`rt lightfield view`: a page to focus and look around in."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from raytracer.cli import options
+from raytracer.cli.lightfield._common import File, Quiet, check_outputs, opened, wrote
+from raytracer.errors import InputError
+
+EXAMPLE = """\b
+Examples:
+  rt lightfield view outputs/array.lf                      writes outputs/array.html
+  rt lightfield view outputs/array.lf -o array.html --size 10MB
+  rt lightfield view outputs/night.lf --exposure +3
+
+\b
+In a browser, a click focuses there, a drag looks around, and sliders focus (in metres) and open the aperture.
+"""
+
+_UNITS = {"": 1, "b": 1, "kb": 1_000, "mb": 1_000_000, "gb": 1_000_000_000}
+_MOST_EV = 64.0
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command(epilog=EXAMPLE)(view)
+
+
+def view(
+    file: File,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="PAGE.html", help="Default: outputs/FILE.html.")
+    ] = None,
+    size: Annotated[str, typer.Option(metavar="BYTES", help="Size that the page has at most: 10MB.")] = "40MB",
+    exposure: Annotated[
+        str | None,
+        typer.Option(metavar="EV", help="Exposure with which it is first shown: +2.  Default: 0, unless it is dark."),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write one page of HTML in which a light field is focused and looked around in.
+
+    The page holds all it shows, and works without a network.  What does not fit into its size is left out, and said:
+    first every second view of many, then pixels.
+    """
+    path = Path("outputs", f"{Path(file).stem}.html") if output is None else output
+    check_outputs([path], [".html", ".htm"], "a page")
+    most = _bytes(size)
+    ev = None if exposure is None else options.number("--exposure", exposure, _ev)
+
+    from raytracer.lightfield.viewer import write_page
+
+    with opened(file) as field:
+        notes = write_page(path, field, title=Path(file).stem, size=most, exposure=ev)
+    if not quiet:
+        for note in notes:
+            print(note, file=sys.stderr)
+    wrote(path, quiet)
+
+
+def _bytes(text: str) -> int:
+    from raytracer.lightfield.viewer import LEAST_SIZE
+
+    digits = text.strip().rstrip("BbKkMmGg ")
+    unit = text.strip()[len(digits) :].strip().lower()
+    try:
+        size = float(digits) * _UNITS[unit]
+    except (ValueError, KeyError):
+        raise InputError(f"--size {text}: must be a number of bytes, such as 10MB") from None
+    if not LEAST_SIZE <= size < _UNITS["gb"]:
+        raise InputError(f"--size {text}: must be at least {LEAST_SIZE / 1e6:g}MB, and below 1GB")
+    return int(size)
+
+
+def _ev(text: str) -> float:
+    value = float(text.lower().removesuffix("ev").strip())
+    if not abs(value) <= _MOST_EV:
+        raise ValueError(f"must be from {-_MOST_EV:g} to {_MOST_EV:g}")
+    return value
