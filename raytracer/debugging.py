@@ -132,7 +132,7 @@ def trace(
     given = {name: value for name, value in (("spp", spp), ("seed", seed)) if value is not None}
     spec = spec.model_copy(update={"render": spec.render.model_copy(update=given)})
     x, y = pixel
-    width, height = spec.film.width, spec.film.height
+    width, height = spec.picture()
     if not (0 <= x < width and 0 <= y < height):
         raise InputError(f"pixel {x},{y} must lie within the film, from 0,0 to {width - 1},{height - 1}")
     packed = pack(spec)

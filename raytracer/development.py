@@ -2,13 +2,17 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from raytracer.cameras.moving import camera_at
 from raytracer.film.exposure import Frame, Setting
 from raytracer.film.film import Film, develop
 from raytracer.film.image import Image
 from raytracer.film.photograph import RADIANCE, Process, check_process, photograph
 from raytracer.kinds import AOVS
+from raytracer.plenoptic.layout import Layout
+from raytracer.scene.focus import middle_of
 from raytracer.scene.pack import Packed
 from raytracer.scene.spec import SceneSpec
 from raytracer.scheduling import Window
@@ -37,7 +41,7 @@ def check_development(spec: SceneSpec, window: Window) -> None:
     ------
     InputError : see `photograph.check_process`.
     """
-    frame = Frame(spec.film.width, spec.film.height, window.left, window.top)
+    frame = _frame(spec, window)
     check_process(process_of(spec), frame, window.bottom - window.top, window.right - window.left)
 
 
@@ -92,10 +96,12 @@ def finish(
         )
         if denoise_threads is not None:
             lap("develop")
-            image = _denoised(image, film, recording, denoise_threads)
+            image = _denoised(image, film, recording, denoise_threads, _views_in(spec, window))
             lap("denoise")
-    left, top = (0, 0) if window is None else window[:2]
-    frame = Frame(spec.film.width, spec.film.height, left, top)
+    whole = Window(0, 0, *spec.picture())
+    if window in (None, whole):
+        image = replace(image, layout=layout_of(spec))
+    frame = _frame(spec, window or whole)
     # The picture that a denoiser has left as it was is a layer too.
     units = {"noisy": RADIANCE, **{name: AOVS.specs()[name].unit for name in aovs}}
     image, setting = photograph(image, process_of(spec), frame, spec.render.seed, units)
@@ -103,9 +109,36 @@ def finish(
     return image, setting
 
 
-def _denoised(image: Image, film: Film, recording: "Recording", threads: int) -> Image:
+def _frame(spec: SceneSpec, window: Window) -> Frame:
+    """Where a part of the picture lies in it."""
+    size = spec.film.width, spec.film.height
+    whole = spec.picture()
+    return Frame(*whole, window.left, window.top, None if whole == size else size)
+
+
+def layout_of(spec: SceneSpec) -> Layout | None:
+    """How the whole picture holds a light field, with its camera where it is in the middle of the exposure."""
+    return camera_at(spec.camera, middle_of(spec)).layout(spec.film.width, spec.film.height)
+
+
+def _views_in(spec: SceneSpec, window: Window | None) -> list[tuple[slice, slice]]:
+    """Rows and columns of what each view has in a part of the picture."""
+    window = window or Window(0, 0, *spec.picture())
+
+    def spans(begin: int, end: int, size: int) -> list[slice]:
+        edges = [begin, *range(begin - begin % size + size, end, size), end]
+        return [slice(low - begin, high - begin) for low, high in pairwise(edges)]
+
+    columns = spans(window.left, window.right, spec.film.width)
+    rows = spans(window.top, window.bottom, spec.film.height)
+    return [(row, column) for row in rows for column in columns]
+
+
+def _denoised(
+    image: Image, film: Film, recording: "Recording", threads: int, parts: Sequence[tuple[slice, slice]]
+) -> Image:
     """The image without its noise, as far as the denoiser can tell."""
     from raytracer.film.denoise import denoise
 
     albedo, normal, coverage = (recording.develop(name, film) for name in _GUIDES)
-    return denoise(image, coverage[..., None] * albedo, coverage[..., None] * normal, threads=threads)
+    return denoise(image, coverage[..., None] * albedo, coverage[..., None] * normal, threads=threads, parts=parts)

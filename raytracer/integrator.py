@@ -14,7 +14,16 @@ import numpy as np
 
 from raytracer import embree
 from raytracer.accumulation import accumulate
-from raytracer.cameras.interface import FILTER, Together, lane_ray, rays_together, set_lane, trace_lanes
+from raytracer.cameras.interface import (
+    FILTER,
+    Together,
+    film_corner,
+    lane_ray,
+    place_in_view,
+    rays_together,
+    set_lane,
+    trace_lanes,
+)
 from raytracer.embree import GEOMETRY, MISS, PACKET, TFAR
 from raytracer.filters.interface import sample_filter
 from raytracer.geometry import Site, leaks, spawn_point
@@ -259,13 +268,13 @@ def _(aovs, scene, work, sample, instance, table, primitive, hit, reference, sit
 
 
 @generic
-def observe_start(aovs, work, sample):
-    """Forget what the sample before recorded."""
+def observe_start(aovs, work, sample, origin, direction):
+    """Forget what the sample before recorded, and record the camera ray of this one."""
     raise NotImplementedError
 
 
 @observe_start.register(type(None))
-def _(aovs, work, sample):
+def _(aovs, work, sample, origin, direction):
     return
 
 
@@ -369,7 +378,8 @@ def film_sample(scene, x, y, draws):
     """A film position of pixel (x, y), and its weight."""
     u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, FILTER)
     dx, dy, weight = sample_filter(scene.filter, u1, u2)
-    return x + 0.5 + dx, y + 0.5 + dy, weight
+    left, top = film_corner(scene.camera, x, y)
+    return left + 0.5 + dx, top + 0.5 + dy, weight
 
 
 @generic
@@ -419,12 +429,13 @@ def start_paths(scene, aovs, work, key, x, y, first, count):
     for lane in range(count):
         draws = Draws(scene.sampler, key, first + lane, 0)
         film_x, film_y, weight = film_place(together, scene, work, lane, x, y, draws)
-        time, rate = sample_time(scene.shutter, film_x, film_y, draws)
+        place_x, place_y = place_in_view(scene.camera, film_x, film_y)
+        time, rate = sample_time(scene.shutter, place_x, place_y, draws)
         origin, direction, importance = lane_ray(scene.camera, work.lens, lane, film_x, film_y, time, draws)
         store3(work.radiance, lane, 0, BLACK)
         # Not into the throughput: what a ray counts for says nothing of whether its path should go on.
         work.radiance[lane, 3] = weight * rate * importance
-        observe_start(aovs, work, lane)
+        observe_start(aovs, work, lane, origin, direction)
         start_hue(scene.spectrum, work, lane, draws, origin, direction)
         note_start(
             work.log,

@@ -34,7 +34,7 @@ class Workspace(NamedTuple):
 
     By sample, and used where the scene calls for it: time (PACKET,) float64; medium (PACKET,) int64, in which the path
     is; vertex (PACKET, 3) float64, where it last scattered; passed (PACKET,) int64, how many surfaces it went straight
-    through; features (PACKET, 32) float64, what the camera ray met; within (PACKET, MOST_SOLIDS) int32, how many
+    through; features (PACKET, 48) float64, what the camera ray met; within (PACKET, MOST_SOLIDS) int32, how many
     objects of each rank it is in.  By shadow ray: shadow_space (PACKET, 2) int64, the medium in which it is, and how
     many random numbers it took there; shadow_within, as within.
 
@@ -93,7 +93,7 @@ def workspace(log: Any = None) -> Workspace:
         medium=integers(),
         vertex=floats(3),
         passed=integers(),
-        features=floats(32),
+        features=floats(48),
         shadow_space=np.zeros((PACKET, 2), np.int64),
         within=np.zeros((PACKET, MOST_SOLIDS), np.int32),
         shadow_within=np.zeros((PACKET, MOST_SOLIDS), np.int32),

@@ -5,7 +5,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -34,7 +34,7 @@ from raytracer.scene.concerns import heed
 from raytracer.scene.effects import effects_of
 from raytracer.scene.load import load
 from raytracer.scene.pack import Packed, pack
-from raytracer.scene.spec import SceneSpec
+from raytracer.scene.spec import MAX_PIXELS, SceneSpec
 from raytracer.scheduling import (
     FIRST_PASS,
     TILE,
@@ -314,6 +314,11 @@ def ready(
     accel = packed.build(stock)
     clock.lap("build")
     is_adaptive = noise is not None or (time_limit is not None and spp is None)
+    if is_adaptive and aovs:
+        from raytracer.aovs.recording import by_sample
+
+        for name in by_sample(aovs):
+            raise InputError(f"the AOV {name} needs as many samples in every pixel: give spp and no noise")
     asked = _Asked(
         window=window,
         crop=crop,
@@ -375,6 +380,10 @@ class Ready:
     elsewhere: Elsewhere | None
     seconds: dict[str, float]
 
+    def part(self, window: Window) -> "Ready":
+        """The same for a part of the picture; its pixels are those of the whole."""
+        return replace(self, asked=self.asked._replace(window=window))
+
     def film(self, height: int, width: int, left: int = 0, top: int = 0) -> "_Sheet":
         """An empty film for a part of the picture."""
         asked = self.asked
@@ -387,8 +396,14 @@ class Ready:
         progress: Callable[[Progress], None] | None = None,
         rehearse: Callable[[Image], object] | None = None,
     ) -> Rendered:
-        """Take the samples, and develop the picture; parameters are those of `rendering.render`."""
+        """Take the samples, and develop the picture; parameters are those of `rendering.render`.
+
+        Raises
+        ------
+        InputError : the picture has too many pixels to be held at once.
+        """
         asked = self.asked
+        _check_size(asked.window)
         stats = Stats(threads=asked.threads, seconds=dict(self.seconds), effects=list(self.effects))
         spec = self.packed.spec
         clock = _Clock(stats.seconds)
@@ -634,7 +649,7 @@ def _account(stats: Stats, canvas: Canvas, outcome: Outcome) -> None:
 
 
 def _window(spec: SceneSpec, crop: tuple[int, int, int, int] | None) -> Window:
-    width, height = spec.film.width, spec.film.height
+    width, height = spec.picture()
     if crop is None:
         return Window(0, 0, width, height)
     window = Window(*crop)
@@ -642,6 +657,15 @@ def _window(spec: SceneSpec, crop: tuple[int, int, int, int] | None) -> Window:
         corners = ",".join(map(str, crop))
         raise InputError(f"crop {corners} must lie within the film, 0,0,{width},{height}, and hold at least a pixel")
     return window
+
+
+def _check_size(window: Window) -> None:
+    if window.pixels > MAX_PIXELS:
+        size = f"{window.right - window.left} x {window.bottom - window.top} is {window.pixels:,} pixels"
+        raise InputError(
+            f"the picture is too large: {size}, at most {MAX_PIXELS:,} are possible at once; rt lightfield render "
+            "takes the views of an array in parts"
+        )
 
 
 def _header(

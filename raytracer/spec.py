@@ -357,6 +357,37 @@ class Triple(Check):
         return result
 
 
+@dataclass(frozen=True)
+class Pair(Check):
+    """Annotation of a field of two numbers, right and up, each checked by `component`; one stands for both."""
+
+    component: Quantity
+
+    def __call__(self, value: Any) -> tuple[float, float]:
+        """The checked pair.
+
+        Raises
+        ------
+        ValueError: neither two numbers nor one, or a number out of range.
+        """
+        if not isinstance(value, list | tuple):
+            number = self.component(value)
+            return number, number
+        if len(value) != 2:
+            raise ValueError(f"must be one number, or two, to the right and upwards, got {shown(value)}")
+        return _entry(value[0], self.component, (0,)), _entry(value[1], self.component, (1,))
+
+    def json_schema(self) -> JsonSchemaValue:
+        """An array of two, or one of its components; `x-unit` names the unit of plain numbers."""
+        item = self.component.json_schema()
+        unit = item.pop("x-unit", None)
+        result: JsonSchemaValue = {"anyOf": [{"type": "array", "items": item, "minItems": 2, "maxItems": 2}]}
+        result["anyOf"] += item["anyOf"]
+        return result | ({"x-unit": unit} if unit else {})
+
+
+Extent: TypeAlias = Annotated[tuple[float, float], Pair(Quantity("length", low=0.0, low_open=True))]
+
 Point: TypeAlias = Annotated[Vector, Triple(Quantity("length"), "a point")]
 Displacement: TypeAlias = Annotated[Vector, Triple(Quantity("length"), "a vector", nonzero=True)]
 Direction: TypeAlias = Annotated[Vector, Triple(Quantity(), "a direction", nonzero=True)]

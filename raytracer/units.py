@@ -1,7 +1,7 @@
 """Numbers with units: `50 mm`, `1/125 s`, `20 deg`.
 
-World lengths come out in metres, optic lengths in millimetres, angles in degrees, times in seconds, speeds in metres a
-second, angular rates in degrees a second, frequencies in hertz, temperatures in kelvins.
+World lengths come out in metres, optic lengths in millimetres, wavelengths in nanometres, angles in degrees, times in
+seconds, speeds in metres a second, angular rates in degrees a second, frequencies in hertz, temperatures in kelvins.
 """
 
 import math
@@ -13,7 +13,7 @@ from raytracer.errors import shown, suggestion
 METRES_PER_MILLIMETRE = 1e-3
 
 Dimension: TypeAlias = Literal[
-    "length", "optic", "angle", "time", "speed", "rate", "frequency", "temperature", "number"
+    "length", "optic", "wavelength", "angle", "time", "speed", "rate", "frequency", "temperature", "number"
 ]
 
 
@@ -81,6 +81,9 @@ _DIMENSIONS: dict[str, _Dimension] = {
     "optic": _Dimension(
         "length", "millimetres", "50, 50 mm or 5cm", {u: (1e3 * f, d) for u, (f, d) in _LENGTHS.items()}
     ),
+    "wavelength": _Dimension(
+        "wavelength", "nanometres", "550, 550 nm or 0.55um", {u: (1e9 * f, d) for u, (f, d) in _LENGTHS.items()}
+    ),
     "angle": _Dimension("angle", "degrees", "20, 20 deg or 0.3 rad", _ANGLES),
     "time": _Dimension("time", "seconds", "0.5, 1/125 s or 8 ms", _TIMES),
     "speed": _Dimension("speed", "metres per second", "2, 30 km/h or 5 cm/s", _SPEEDS),
@@ -112,7 +115,8 @@ def parse_quantity(value: float | str, dimension: Dimension) -> float:
     Parameters
     ----------
     value: A plain number, or a text of a number or fraction and, if wanted, a unit. May be infinite.
-    dimension: "length" gives metres, "optic" millimetres, "angle" degrees, "time" seconds, "number" no unit.
+    dimension: "length" gives metres, "optic" millimetres, "wavelength" nanometres, "angle" degrees, "time" seconds,
+        "number" no unit.
 
     Raises
     ------
@@ -145,6 +149,26 @@ def parse_share(text: str) -> float:
         hint = f"; did you mean {number}%?" if 1.0 <= share < 100.0 and not is_percent else ""
         raise ValueError(f"must be greater than 0 and less than 100%{hint}")
     return share
+
+
+_BYTES = {"B": 1, "kB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12, "KiB": 2**10, "MiB": 2**20, "GiB": 2**30}
+
+
+def parse_bytes(text: str) -> int:
+    """An amount of memory in bytes, from `2GB`, `500 MB` or `1.5 GiB`.
+
+    Raises
+    ------
+    ValueError: it is none, or not above 0; the message is a predicate that continues "key: ".
+    """
+    found = re.fullmatch(rf"\s*({_NUMBER})\s*([A-Za-z]+)\s*", text)
+    units = {unit.lower(): size for unit, size in _BYTES.items()}
+    if found is None or found[2].lower() not in units:
+        raise ValueError(f"must be an amount of memory such as 2GB or 500 MB; units are {', '.join(_BYTES)}")
+    size = int(float(found[1]) * units[found[2].lower()])
+    if size < 1:
+        raise ValueError("must be greater than 0")
+    return size
 
 
 def parse_duration(text: str) -> float:

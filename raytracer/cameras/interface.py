@@ -1,5 +1,6 @@
 """What every camera kind gives to packing and to kernels."""
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 
@@ -9,6 +10,7 @@ from pydantic import Field, model_validator
 from raytracer.jit import generic
 from raytracer.motion import Motion
 from raytracer.photography import AutoExposureField, Exposure
+from raytracer.plenoptic.layout import Layout
 from raytracer.sensors import SensorSpec
 from raytracer.shake import Shake
 from raytracer.shutter import Shutter, ShutterField, Timing, timing_of
@@ -145,6 +147,18 @@ class CameraSpec(Spec):
         """
         return self
 
+    def picture(self, width: int, height: int) -> tuple[int, int]:
+        """Width and height (px) of the whole picture, for a film of width x height pixels: a view each, if many."""
+        return width, height
+
+    def margin(self, width: int, height: int) -> float:
+        """How far from a pixel (px) the film may reach, for a film of width x height pixels."""
+        return math.inf
+
+    def layout(self, width: int, height: int) -> Layout | None:
+        """How the whole picture, for a film of width x height pixels, holds a light field; None where it holds none."""
+        return None
+
     def equivalent(self, width: int, height: int) -> dict[str, Any] | None:
         """The thin-lens camera in place of one with a lens of glass, as keys of a scene file; None for any other."""
         return None
@@ -162,9 +176,39 @@ class CameraSpec(Spec):
         """
         raise NotImplementedError
 
+    def trade_off(self, width: int, height: int) -> list[dict[str, float]]:
+        """What others in place of its microlenses would give, its own among them: numbers by name with unit."""
+        return []
+
     def describe(self, width: int, height: int) -> dict[str, float]:
         """Derived numbers, by name with unit."""
         raise NotImplementedError
+
+
+@generic
+def film_corner(camera, x, y):
+    """The film position of the top left corner of pixel (x, y) of the picture; (x, y) itself by default.
+
+    Where a picture is made of many views, their films lie so far apart that what a filter draws around a pixel is still
+    of its own view.
+    """
+    raise NotImplementedError
+
+
+@film_corner.register(tuple)
+def _(camera, x, y):
+    return x, y
+
+
+@generic
+def place_in_view(camera, x, y):
+    """A film position in pixels from the top left corner of its own view; itself by default."""
+    raise NotImplementedError
+
+
+@place_in_view.register(tuple)
+def _(camera, x, y):
+    return x, y
 
 
 @generic

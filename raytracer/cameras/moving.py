@@ -15,8 +15,10 @@ from raytracer.cameras.interface import (
     NO_ASSETS,
     Assets,
     camera_ray,
+    film_corner,
     lane_ray,
     moved,
+    place_in_view,
     project,
     rays_together,
     set_lane,
@@ -94,6 +96,16 @@ def _posed(spec: PlacedSpec, matrix: Matrix) -> PlacedSpec:
     moved = {name: matrix[:3, :3] @ getattr(spec, name) + matrix[:3, 3] for name in ("look_from", "look_at")}
     moved["up"] = matrix[:3, :3] @ spec.up
     return spec.model_copy(update={name: tuple(map(float, vector)) for name, vector in moved.items()})
+
+
+@film_corner.register(MovingCamera)
+def _(camera, x, y):
+    return film_corner(camera.camera, x, y)
+
+
+@place_in_view.register(MovingCamera)
+def _(camera, x, y):
+    return place_in_view(camera.camera, x, y)
 
 
 @rays_together.register(MovingCamera)

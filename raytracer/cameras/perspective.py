@@ -337,10 +337,15 @@ def _(camera: Any) -> Defocus:
     return Defocus(0.0, pixel, 0.0) if lens is None else Defocus(2.0 * float(lens.radius), pixel, lens.inverse_focus)
 
 
+@kernel
+def place_on_film(plane, right, up, depth):
+    """Film position (px) of a point (m) in the camera's frame, and its depth; NaN for what is not in front of it."""
+    if depth <= 0.0:
+        return math.nan, math.nan, depth
+    return (right / depth - plane.left) / plane.pixel, (plane.top - up / depth) / plane.pixel, depth
+
+
 @project.register(PerspectiveCamera)
 def _(camera, point, time):
     right, up, depth = in_frame(camera.frame, point)
-    if depth <= 0.0:
-        return math.nan, math.nan, depth
-    plane = camera.plane
-    return (right / depth - plane.left) / plane.pixel, (plane.top - up / depth) / plane.pixel, depth
+    return place_on_film(camera.plane, right, up, depth)

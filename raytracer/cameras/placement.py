@@ -1,6 +1,6 @@
 """Where a camera stands and how it is turned: what every kind of camera has."""
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,8 +8,19 @@ from pydantic import Field, model_validator
 
 from raytracer.cameras.interface import CameraSpec
 from raytracer.jit import kernel
-from raytracer.spec import MOST, Direction, Point
+from raytracer.spec import MOST, Direction, Point, Quantity
+from raytracer.spectra import FIRST, LAST
 from raytracer.vec import Vec3, dot, sub
+
+WavelengthField: TypeAlias = Annotated[
+    Annotated[float, Quantity("wavelength", low=FIRST, high=LAST)] | None,
+    Field(
+        description=f"the one wavelength (nm) that is seen, {FIRST:g} to {LAST:g}: pixels are its spectral radiance, "
+        "relative to the light of D65, so that what is white has 1 at every wavelength; without it they are red, green "
+        "and blue"
+    ),
+]
+"""The key of cameras that can see light of one wavelength alone."""
 
 
 class Frame(NamedTuple):

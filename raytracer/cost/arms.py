@@ -246,6 +246,7 @@ _KEPT: Mapping[str, str] = {
     "white_balance": _DEVELOPED,
     "tone_curve": _DEVELOPED,
     "projection": "another projection shows another picture",
+    "light_field": "a single view is another picture",
     "instances": "without them there would be other objects",
     "passage": "it is a part of the materials that light goes straight through",
 }

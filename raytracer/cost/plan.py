@@ -44,6 +44,7 @@ def _settings(spec: SceneSpec) -> list[PlanItem]:
         trade = _TRADES[key].format(value) if key in _TRADES else f"{value}: {field.description}"
         items.append(PlanItem("setting", key, trade))
     film = spec.film
-    size = f"{film.width} x {film.height} pixels: time grows with their number, noise by pixel does not depend on it"
+    width, height = spec.picture()
+    size = f"{width} x {height} pixels: time grows with their number, noise by pixel does not depend on it"
     of_filter = f"{film.filter.type}: a wider filter blurs, and what it weighs unevenly is noisier"
     return [*items, PlanItem("setting", "film", size), PlanItem("setting", "filter", of_filter)]

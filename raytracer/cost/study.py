@@ -202,7 +202,7 @@ def study(
 
 def _tiles_of(spec: SceneSpec) -> list[Window]:
     """All tiles of the picture."""
-    return tiles_of(Window(0, 0, spec.film.width, spec.film.height))
+    return tiles_of(Window(0, 0, *spec.picture()))
 
 
 def _check(asked: Asked, tiles: int) -> None:
@@ -267,8 +267,8 @@ def _scale(ready: Ready, sample: Tiles, best: Array) -> float:
 
 def _picture(ready: Ready, measured: Measured) -> Array:
     """The best of what was rendered, (height, width, 3), nan where nothing was."""
-    film = ready.subject.prepared.spec.film
-    picture = np.full((film.height, film.width, 3), math.nan)
+    width, height = ready.subject.prepared.spec.picture()
+    picture = np.full((height, width, 3), math.nan)
     if ready.pilot:
         ready.pilot.tiles.spread(ready.pilot.mean, picture)
     found = measured.replicates
@@ -387,9 +387,10 @@ def _report(
     asked: Asked,
 ) -> Study:
     """All that was found."""
-    found, film = measured.replicates, ready.subject.prepared.spec.film
+    found = measured.replicates
+    width, height = ready.subject.prepared.spec.picture()
     last = found.means[found.levels[-1]]
-    errors = np.full((film.height, film.width), math.nan)
+    errors = np.full((height, width), math.nan)
     found.tiles.spread(np.sqrt(np.mean(measured.weight * last.var(axis=0, ddof=1), axis=1)), errors)
     share = math.nan
     if last.shape[1] >= _FEWEST_FOR_SHARE:
@@ -410,8 +411,8 @@ def _report(
     )
     return Study(
         scene=name,
-        width=film.width,
-        height=film.height,
+        width=width,
+        height=height,
         plan=items,
         prediction=prediction,
         arms=contest.arms,

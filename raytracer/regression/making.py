@@ -70,9 +70,9 @@ def source(
         small = {"film.width": width, "film.height": max(1, round(width * size.height / size.width))}
         all_overrides |= small
         spec = overridden(spec, small)
-    if spec.film.width > WIDEST:
+    if spec.picture()[0] > WIDEST:
         raise InputError(
-            f"a picture {spec.film.width} pixels wide is too large to be kept with the sources: at most {WIDEST}"
+            f"a picture {spec.picture()[0]} pixels wide is too large to be kept with the sources: at most {WIDEST}"
         )
     return Source(spec, None if isinstance(scene, SceneSpec) else _relative(scene, folder), all_overrides)
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from raytracer.cameras.moving import MovingCamera
 from raytracer.cameras.perspective import PerspectiveCamera
+from raytracer.cameras.views import ViewsCamera
 from raytracer.hues import LensSpectrum, Spectrum
 from raytracer.integrator import Scene
 from raytracer.kinds import LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES, Family
@@ -40,11 +41,12 @@ def effects_of(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
     return {
         "defocus": Effect(lens is not None or glass is not None, _why_defocus(spec, lens, glass)),
         "real_lens": Effect(glass is not None, _why_real_lens(spec, glass)),
-        "dispersion": Effect(scene.spectrum is not None, _why_dispersion(spec, made_of, scene)),
+        "dispersion": _dispersion(made_of, scene, has_glass=glass is not None),
         "flare": Effect(getattr(camera, "flare", None) is not None, _why_flare(camera, glass)),
         **_photograph(spec),
         **_opening(spec, lens, glass),
-        "projection": _projection(spec, isinstance(camera, PerspectiveCamera), glass is not None),
+        "projection": _projection(spec, isinstance(camera, PerspectiveCamera | ViewsCamera), glass is not None),
+        "light_field": _light_field(spec),
         "motion_blur": Effect(_moves(spec, scene), _why_motion_blur(spec, scene)),
         **_shutter(spec, scene),
         "light_sampling": Effect(isinstance(scene.lights, Lights), _why_light_sampling(spec, scene, len(emitting))),
@@ -85,6 +87,16 @@ def _projection(spec: SceneSpec, in_perspective: bool, has_glass: bool) -> Effec
     return Effect(True, f"the {spec.camera.type} camera shows the scene otherwise than in perspective")
 
 
+def _light_field(spec: SceneSpec) -> Effect:
+    """Whether the picture holds more than one view."""
+    layout = spec.camera.layout(spec.film.width, spec.film.height)
+    if layout is None or layout.views.position.size == 2:
+        return Effect(False, f"the {spec.camera.type} camera sees from one place, or does not tell places apart")
+    views = layout.views
+    size = f"{views.width} x {views.height}"
+    return Effect(True, f"the picture holds {views.columns} x {views.rows} views of {size} pixels")
+
+
 def _why_defocus(spec: SceneSpec, lens: Any, glass: Any) -> str:
     if glass is not None:
         numbers = spec.camera.describe(spec.film.width, spec.film.height)
@@ -107,16 +119,20 @@ def _why_real_lens(spec: SceneSpec, glass: Any) -> str:
     return f"rays are traced through {_count(number, 'surface')} of a lens, with all its aberrations"
 
 
-def _why_dispersion(spec: SceneSpec, made_of: Sequence[MaterialSpec], scene: Scene) -> str:
-    if scene.spectrum is None:
-        return "no index of refraction depends on the wavelength, so light stays red, green and blue"
+def _dispersion(made_of: Sequence[MaterialSpec], scene: Scene, *, has_glass: bool) -> Effect:
+    """Whether anything bends light of each wavelength by another angle."""
     parting = sum(part.parting() != 0 for part in made_of)
     whose = [_count(parting, "material") + " in use"] if isinstance(scene.spectrum, Spectrum) else []
-    lens = isinstance(scene.spectrum, LensSpectrum) or scene.spectrum.camera is not None
-    whose += ["the camera's lens"] if lens else []
-    many = len(whose) > 1 or parting > 1
-    verb = "bend" if many else "bends"
-    return f"{' and '.join(whose)} {verb} light of each wavelength by another angle; wavelengths are drawn by chance"
+    drawn = isinstance(scene.spectrum, LensSpectrum) or getattr(scene.spectrum, "camera", None) is not None
+    whose += ["the camera's lens"] if drawn and has_glass else []
+    # A camera without glass draws from a single wavelength.
+    single = drawn and not has_glass
+    if not whose:
+        light = "is of the one wavelength that the camera sees" if single else "stays red, green and blue"
+        return Effect(False, f"no index of refraction depends on the wavelength, so light {light}")
+    verb = "bend" if len(whose) > 1 or parting > 1 else "bends"
+    light = "the camera sees one of them" if single else "wavelengths are drawn by chance"
+    return Effect(True, f"{' and '.join(whose)} {verb} light of each wavelength by another angle; {light}")
 
 
 def _why_flare(camera: Any, glass: Any) -> str:

@@ -25,4 +25,6 @@ def identify(spec: SceneSpec, packed: Packed) -> Identities:
         placed=packed.instance_objects + np.int32(1),
         materials=tuple(packed.materials.values()),
         material=by_reference,
+        spp=spec.render.spp,
+        frame=getattr(packed.scene.camera, "frame", None),
     )

@@ -80,9 +80,10 @@ def bound(scene: SceneSpec, read_file: Callable[[str, Path], Any] | None = None)
     SceneError: such a file cannot be read, or what it holds and the camera's keys do not go together.
     """
     camera, assets = scene.camera, {}
-    if not camera.binds:
+    bound = [key for key in camera.binds if getattr(camera, key) is not None]
+    if not bound:
         return scene
-    for key in camera.binds:
+    for key in bound:
         kind, path = camera.loads[key], scene.base / getattr(camera, key)
         try:
             assets[key] = LOADERS[kind](path) if read_file is None else read_file(kind, path)

@@ -13,7 +13,7 @@ SPP = 16
 
 
 def smaller(spec: "SceneSpec") -> "SceneSpec":
-    """The scene with a film of at most EDGE pixels a side, of the same shape."""
-    factor = min(1.0, EDGE / max(spec.film.width, spec.film.height))
+    """The scene with a picture of at most EDGE pixels a side, of the same shape."""
+    factor = min(1.0, EDGE / max(spec.picture()))
     size = {edge: max(1, round(factor * getattr(spec.film, edge))) for edge in ("width", "height")}
     return spec.model_copy(update={"film": spec.film.model_copy(update=size)})

@@ -213,6 +213,10 @@ class SceneSpec(_FromCode):
         """The file that the scene was loaded from, as it was named; None for one that was built in code."""
         return self._file
 
+    def picture(self) -> tuple[int, int]:
+        """Width and height of the whole picture (px): of a camera with many views, all of them side by side."""
+        return self.camera.picture(self.film.width, self.film.height)
+
     def __repr__(self) -> str:
         count = len(self.objects)
         seen = f"{self.camera.type}, {self.film.width} x {self.film.height} pixels"
@@ -346,6 +350,13 @@ class SceneSpec(_FromCode):
                 ("camera", "sensor", "noise"),
                 "noise needs to know how much light there is: give camera.iso, or camera.exposure: auto",
             )
+        return self
+
+    @model_validator(mode="after")
+    def _filters_within_views(self) -> "SceneSpec":
+        reach, margin = self.film.filter.reach(), self.camera.margin(self.film.width, self.film.height)
+        if reach > margin:
+            at(("film", "filter"), f"reaches {reach:g} pixels far, beyond views of so few: {margin:g} at most")
         return self
 
     @model_validator(mode="after")

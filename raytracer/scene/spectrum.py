@@ -31,14 +31,16 @@ def pack_spectrum(
     """
     # A camera that moves holds one that does not.
     still = getattr(camera, "camera", camera)
-    splits = getattr(still, "wavelengths", None) is not None
+    drawn = getattr(still, "wavelengths", None)
     if how is None:
-        return LensSpectrum(spectra(), _sharing(still, edge, shutter)) if splits else None
-    return Spectrum(spectra(), how, Split() if splits else None)
+        return None if drawn is None else LensSpectrum(drawn, _sharing(still, edge, shutter))
+    return Spectrum(spectra() if drawn is None else drawn, how, None if drawn is None else Split())
 
 
 def _sharing(camera: Any, edge: float | None, shutter: Shutter | None) -> Sharing | None:
-    """How wavelengths share a lens's rays; None if its places of the film differ in more than where they are."""
+    """How wavelengths share a lens's rays; None where they do not, as behind microlenses, or without glass."""
+    if getattr(camera, "pupils", None) is None:
+        return None
     if edge is None or camera.flare is not None or (shutter is not None and shutter.scan is not None):
         return None
     return Sharing(edge, turned(camera.surfaces))

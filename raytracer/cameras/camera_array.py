@@ -1,0 +1,127 @@
+"""An array of cameras in one plane, which all photograph the scene at once.
+
+In a scene, 17 x 17 pinholes 2 cm apart, and 9 x 9 square lenses without gaps, which together are one lens of 45 mm:
+
+    camera: {type: camera_array, rows: 17, columns: 17, spacing: 20 mm, look_from: [0, 1, 4], look_at: [0, 1, 0],
+             vfov: 40, focus_distance: 3}
+    camera: {type: camera_array, rows: 9, columns: 9, spacing: 5 mm, fill: true, look_from: [0, 1, 4],
+             look_at: [0, 1, 0], vfov: 40, focus_distance: 3}
+"""
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from raytracer.apertures.polygon import PolygonAperture
+from raytracer.cameras.ideal import IdealLensSpec
+from raytracer.cameras.interface import NO_ASSETS, Assets
+from raytracer.cameras.perspective import Optics
+from raytracer.cameras.views import MOST_VIEWS, Grid, ViewsCamera, described, many, margin, mosaic, spread
+from raytracer.plenoptic.mosaic import Mosaic
+from raytracer.spec import Count, Extent, PositiveLengthOrInf, at
+
+
+class CameraArray(IdealLensSpec):
+    """Rows and columns of equal cameras that look along parallel axes, their middle at `look_from`.
+
+    The film of each is shifted so that all of them see the plane at `convergence_distance` alike: a point of it is at
+    the same pixel of all views, as at the focal plane of one large lens of which each camera is a part.  The picture
+    holds the views side by side, the highest row at the top and the leftmost column at the left, each of the film's
+    width x height; `--crop` and `--pixel` count its pixels, the shutter's rows and columns are those of each view.
+
+    Views are pinholes, or thin lenses of their own with an opening, focused at `focus_distance`.  With `fill` the
+    opening of each is the rectangle around it that is `spacing` wide and high: together they are one lens without gaps,
+    and the mean of all views is its photograph, focused at `convergence_distance`.
+
+    References: Wilburn et al. 2005, "High Performance Imaging Using Large Camera Arrays"; Levoy and Hanrahan 1996,
+    "Light Field Rendering", sec. 3 (sheared frustums); Isaksen, McMillan and Gortler 2000.
+    """
+
+    type: Literal["camera_array"] = "camera_array"
+    rows: Annotated[int, Count(1, MOST_VIEWS)] = Field(description="rows of cameras")
+    columns: Annotated[int, Count(1, MOST_VIEWS)] = Field(description="cameras in a row")
+    spacing: Extent = Field(
+        description="from one camera to the next (m), such as 20 mm; or two, to the right and upwards: [20 mm, 30 mm]"
+    )
+    convergence_distance: PositiveLengthOrInf | None = Field(
+        default=None,
+        description="distance of the plane that is at the same place in all views (m), inf for views that are not "
+        "shifted; default: that of the plane of focus",
+    )
+    fill: bool = Field(
+        default=False,
+        description="gives each camera an opening as wide and high as `spacing`, so that together they are one lens",
+    )
+
+    @model_validator(mode="after")
+    def _one_opening(self) -> Any:
+        for key in ("defocus_angle", "aperture", "f_number", "aperture_shape"):
+            if self.fill and getattr(self, key) is not None:
+                at(key, f"{key} and fill both say what the openings are: give one of them")
+        return self
+
+    @model_validator(mode="after")
+    def _is_developed_view_by_view(self) -> Any:
+        sensor = self.simulated_sensor()
+        if sensor is not None and sensor.bayer is not None:
+            at(
+                ("sensor", "bayer"),
+                "colours are interpolated over the edges of views: an array's sensors have no Bayer pattern",
+            )
+        return self
+
+    def convergence(self) -> float:
+        """Distance (m) of the plane that all views see alike."""
+        return self.focal_distance() if self.convergence_distance is None else self.convergence_distance
+
+    def _pupil(self, optics: Optics) -> float:
+        # Of a disc as large as the rectangle.
+        return 2.0 * math.sqrt(self.spacing[0] * self.spacing[1] / math.pi) if self.fill else super()._pupil(optics)
+
+    def _lets_light_in(self) -> bool:
+        return self.fill or super()._lets_light_in()
+
+    def _openings(self) -> str:
+        return f"{super()._openings()}, or fill"
+
+    def _shape(self, assets: Assets) -> Any:
+        if not self.fill:
+            return super()._shape(assets)
+        right, up = self.spacing
+        return PolygonAperture(blades=4, rotation=45.0, anamorphic=up / right).pack({})
+
+    def picture(self, width: int, height: int) -> tuple[int, int]:
+        return self.columns * width, self.rows * height
+
+    def margin(self, width: int, height: int) -> float:
+        return margin(width, height)
+
+    def _grid(self, width: int, height: int) -> Grid:
+        return spread(self.rows, self.columns, self.spacing, width, height, 1.0 / self.convergence())
+
+    def layout(self, width: int, height: int) -> Mosaic:
+        """The light field: its views, and how the picture holds them."""
+        optics = self.optics(width, height)
+        camera = self.camera(width, height, None)
+        # What light a round opening gathers comes from a square of its area.
+        side = 0.5 * math.sqrt(math.pi) * self._pupil(optics)
+        cell = self.spacing if self.fill else (side, side)
+        return mosaic(
+            camera.frame,
+            camera.plane,
+            self._grid(width, height),
+            self.rows,
+            self.columns,
+            cell if side > 0.0 else None,
+            optics.focal_length,
+        )
+
+    def describe(self, width: int, height: int) -> dict[str, float]:
+        """Derived numbers, of one camera and of all."""
+        return super().describe(width, height) | described(self.layout(width, height).views)
+
+    def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> ViewsCamera:
+        """The cameras with their lenses, or without where the aperture is 0."""
+        camera = self.camera(width, height, self.packed_lens(width, height, assets))
+        return many(camera, self._grid(width, height))

@@ -1,0 +1,85 @@
+"""What the cameras with a lens share: what they are focused on, and the shape of their opening."""
+
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
+
+from pydantic import Field, model_validator
+
+from raytracer.apertures.interface import ApertureSpec
+from raytracer.cameras.exposed import ExposedSpec
+from raytracer.cameras.interface import Assets
+from raytracer.kinds import APERTURES
+from raytracer.spec import Fraction, Name, PositiveLengthOrInf, at
+
+if TYPE_CHECKING:
+    Aperture: TypeAlias = ApertureSpec
+else:
+    Aperture = APERTURES.union_or_name()
+
+_FOCUSES = ("focus_distance", "focus_on", "focus_at")
+
+
+class FocusedSpec(ExposedSpec):
+    """A camera with a lens, which is focused at a distance, on an object, or at a place in the frame."""
+
+    focus_distance: PositiveLengthOrInf | None = Field(
+        default=None,
+        description="distance of the plane of focus along the axis, from the lens, of one of glass from its entrance "
+        "pupil (m), inf allowed; default: |look_at - look_from|",
+    )
+    focus_on: Name | None = Field(
+        default=None,
+        description="name of the object whose middle is in focus, in place of `focus_distance`; for the surface that "
+        "is seen of it, see `focus_at`",
+    )
+    focus_at: tuple[Fraction, Fraction] | None = Field(
+        default=None,
+        description="place in the frame at which what is seen is in focus: fractions of its width and height, from the "
+        "top left, in place of `focus_distance`; infinity where nothing is seen; cutouts count as solid",
+    )
+    aperture_shape: Aperture | None = Field(
+        default=None,
+        description="shape of the opening, of the same area as the round one: a type, or a mapping; round by default",
+    )
+
+    @model_validator(mode="after")
+    def _one_focus(self) -> Any:
+        focuses = [key for key in _FOCUSES if getattr(self, key) is not None]
+        if len(focuses) > 1:
+            at(focuses[1], f"{focuses[0]} and {focuses[1]} both set the plane of focus: give one of them")
+        return self
+
+    def _check_focus(self) -> None:
+        """Refuse a plane of focus that the lens cannot have."""
+
+    def focal_distance(self) -> float:
+        """Distance of the plane of focus (m)."""
+        return self.distance() if self.focus_distance is None else self.focus_distance
+
+    def focuses_on_something(self) -> bool:
+        """Whether the distance of the plane of focus is that of something in the scene."""
+        return self.focus_on is not None or self.focus_at is not None
+
+    def focused(self, distance: float) -> Self:
+        """The camera focused at a distance along its axis (m) in place of on an object, or at a place in the frame.
+
+        Raises
+        ------
+        ValueError : the lens cannot be focused there.
+        """
+        focused = self.model_copy(update={"focus_distance": distance, "focus_on": None, "focus_at": None})
+        focused._check_focus()
+        return focused
+
+    def files(self) -> dict[tuple[str | int, ...], tuple[str, str]]:
+        shape = {} if self.aperture_shape is None else self.aperture_shape.files()
+        return super().files() | {("aperture_shape", *keys): file for keys, file in shape.items()}
+
+    def _shape(self, assets: Assets) -> Any:
+        """The packed shape of the opening; None if it is round."""
+        shape = self.aperture_shape
+        if shape is None:
+            return None
+        try:
+            return shape.pack({key: assets[f"aperture_shape.{key}"] for key in shape.loads})
+        except ValueError as error:
+            at(("aperture_shape", *shape.loads), str(error))
