@@ -35,6 +35,8 @@ class Identities:
     placed : int32 (instances,), number of the object that an instance is, in place of the owners of its primitives.
     materials : names of the materials from number 1 on.
     material : int32 (references,), the number of a material by the reference that primitives have.
+    spp : samples of each pixel, where all have as many.
+    frame : where the packed camera is, a placement.Frame, if it stays there; else None.
     """
 
     objects: tuple[str, ...]
@@ -44,19 +46,22 @@ class Identities:
     placed: NDArray[np.int32]
     materials: tuple[str, ...]
     material: NDArray[np.int32]
+    spp: int = 0
+    frame: Any = None
 
 
 class AovSpec(Spec):
     """Base of the AOVs.
 
     channels, what the components are called in a file; unit, of the values; empty, what a pixel holds that sees
-    nothing.
+    nothing; is_by_sample, whether it holds something of each sample, so that all pixels must have as many.
     """
 
     type: str
     channels: ClassVar[tuple[str, ...]]
     unit: ClassVar[str] = ""
     empty: ClassVar[float] = 0.0
+    is_by_sample: ClassVar[bool] = False
 
     def quantity(self, identities: Identities) -> Any:
         """What kernels measure: the first argument of `measure`."""
@@ -76,6 +81,10 @@ class AovSpec(Spec):
         values = np.full(sums.shape, self.empty)
         np.divide(sums, weight, out=values, where=weight != 0.0)
         return values[..., 0] if len(self.channels) == 1 else values
+
+    def components(self, layer: Any) -> tuple[str, ...]:
+        """What the components of the finished AOV are called in a file."""
+        return self.channels
 
     def names(self, identities: Identities) -> Mapping[int, str]:
         """What the numbers mean, where they are names."""
@@ -173,6 +182,17 @@ _MET, _SPLIT, FIRST = 0, 1, 2
 
 
 @generic
+def begin_layer(layer, work, sample, origin, direction):
+    """Note the camera ray of a sample; by default there is nothing to note of it."""
+    raise NotImplementedError
+
+
+@begin_layer.register(tuple)
+def _(layer, work, sample, origin, direction):
+    return
+
+
+@generic
 def _note(layer, scene, work, sample, seen):
     raise NotImplementedError
 
@@ -249,11 +269,12 @@ def _(layer, work, sample):
 
 
 @generic
-def _add(layer, spectrum, work, sample, x, y):
+def add_layer(layer, spectrum, work, sample, x, y):
+    """Add what was noted of a sample to the pixel (x, y) of a layer."""
     raise NotImplementedError
 
 
-@_add.register(Mean)
+@add_layer.register(Mean)
 def _(layer, spectrum, work, sample, x, y):
     if work.features[sample, _MET] == 0.0:
         return
@@ -269,7 +290,7 @@ def _(layer, spectrum, work, sample, x, y):
     layer.sums[y, x, layer.size] += weight
 
 
-@_add.register(Vote)
+@add_layer.register(Vote)
 def _(layer, spectrum, work, sample, x, y):
     # A ray that a lens stops sees nothing, which is not the same as seeing that there is nothing.
     if work.radiance[sample, 3] == 0.0:
@@ -282,14 +303,14 @@ def _(layer, spectrum, work, sample, x, y):
     layer.lead[y, x] += 1 if layer.winner[y, x] == number else -1
 
 
-@_add.register(Coverage)
+@add_layer.register(Coverage)
 def _(layer, spectrum, work, sample, x, y):
     weight = work.radiance[sample, 3]
     layer.sums[y, x, 0] += weight * work.features[sample, _MET]
     layer.sums[y, x, 1] += weight
 
 
-@_add.register(Light)
+@add_layer.register(Light)
 def _(layer, spectrum, work, sample, x, y):
     value = load3(work.radiance, sample, 0)
     direct = load3(work.features, sample, layer.column) if work.features[sample, _SPLIT] != 0.0 else value
@@ -298,20 +319,22 @@ def _(layer, spectrum, work, sample, x, y):
         layer.sums[y, x, channel] += work.radiance[sample, 3] * part[channel]
 
 
+_begin_each = each(begin_layer)
 _note_each = each(_note)
 _note_direct_each = each(_note_direct)
 _keep_direct_each = each(_keep_direct)
 _add_direct_each = each(_add_direct)
-_add_each = each(_add)
+_add_each = each(add_layer)
 
 
 # ---- What the integrator calls
 
 
 @observe_start.register(Aovs)
-def _(aovs, work, sample):
+def _(aovs, work, sample, origin, direction):
     work.features[sample, _MET] = 0.0
     work.features[sample, _SPLIT] = 0.0
+    _begin_each(aovs.layers, work, sample, origin, direction)
 
 
 @observe.register(Aovs)

@@ -26,6 +26,11 @@ def known_aovs(names: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
+def by_sample(names: Iterable[str]) -> tuple[str, ...]:
+    """Those AOVs that hold something of each sample, so that all pixels must have as many."""
+    return tuple(name for name in names if AOVS.specs()[name].is_by_sample)
+
+
 class Recording:
     """What the AOVs of these names gather on a film of height x width pixels.
 
@@ -52,7 +57,7 @@ class Recording:
 
     def channels(self, names: Iterable[str]) -> dict[str, tuple[str, ...]]:
         """What the channels of each AOV are called in a file."""
-        return {name: self._specs[name].channels for name in names}
+        return {name: self._specs[name].components(self._layers[name]) for name in names}
 
     def settings(self, names: Iterable[str]) -> dict[str, str]:
         """What the numbers in AOVs stand for, as JSON, for the headers of files."""

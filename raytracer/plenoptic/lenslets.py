@@ -131,6 +131,15 @@ class Lenslets:
         return self._views(count, 1.0, middle, float(count), width, height)
 
     @property
+    def holds_views(self) -> bool:
+        """Whether the picture is large enough for views."""
+        try:
+            _ = self.views
+        except ValueError:
+            return False
+        return True
+
+    @property
     def is_focused(self) -> bool:
         """Whether microlenses show the scene sharply on the sensor, and not the main lens."""
         return self.inverse_focus != self.inverse_distance

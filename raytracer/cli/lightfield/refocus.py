@@ -1,0 +1,282 @@
+"""`rt lightfield refocus`: photographs that are focused after the shot."""
+
+import json
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from raytracer.cli import options
+from raytracer.cli.lightfield._common import File, Quiet, check_outputs, opened, wrote
+from raytracer.errors import InputError
+from raytracer.units import parse_quantity
+
+if TYPE_CHECKING:
+    from raytracer.film.image import Image
+    from raytracer.plenoptic.field import LightField
+    from raytracer.plenoptic.views import Views
+
+EXAMPLE = """\b
+Examples:
+  rt lightfield refocus array.lf --distance 2.5 -o near.png
+  rt lightfield refocus array.lf --distance 1:4:20 -o stack.gif             20 planes from 1 to 4 m
+  rt lightfield refocus array.lf --distance 1:inf:20:inverse -o stack.webp  by equal steps of 1/distance
+  rt lightfield refocus lytro.lf --distance 80cm --f-number 18 -o deep.exr
+  rt lightfield refocus array.lf --distance 2 --aperture 40mm --aperture-shape "{type: polygon, blades: 6}" -o bokeh.png
+  rt lightfield refocus array.lf --distance 2 --tilt 60deg -o table.png
+  rt lightfield refocus rays.lf --distance 2 --method rays -o exact.exr
+
+\b
+Several distances, as a list or START:STOP:COUNT, make a focal stack: one .gif or .webp that runs through it, or a
+picture each, numbered.
+"""
+
+_ANIMATIONS: dict[str, Literal["gif", "webp"]] = {".gif": "gif", ".webp": "webp"}
+_MOST_PLANES = 10_000
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command("refocus", epilog=EXAMPLE)(refocus)
+
+
+def refocus(
+    file: File,
+    output: Annotated[
+        list[Path],
+        typer.Option("--output", "-o", metavar="OUT", help=".png .jpg .exr .hdr .npy, or .gif .webp.  May repeat."),
+    ],
+    distance: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--distance",
+            "-d",
+            metavar="LENGTH",
+            help="Plane of focus along the axis: 2.5, 80cm, inf; 1,2,4; or START:STOP:COUNT.  May repeat.  Default: "
+            "the plane in which all views see the same.",
+            show_default=False,
+        ),
+    ] = None,
+    alpha: Annotated[
+        float | None,
+        typer.Option(metavar="A", help="In place of a distance: how many times as far from the lens the film is."),
+    ] = None,
+    slope: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PX",
+            help="In place of a distance: pixels by which what is in focus moves from view to view; also a range.",
+        ),
+    ] = None,
+    f_number: Annotated[
+        float | None, typer.Option("--f-number", metavar="N", help="Aperture.  Default: all that there is.")
+    ] = None,
+    aperture: Annotated[
+        str | None, typer.Option(metavar="LENGTH", help="Its diameter, in place of an f-number: 40mm (plain: metres).")
+    ] = None,
+    aperture_shape: Annotated[
+        str | None, typer.Option(metavar="SHAPE", help="Its shape, as in a scene: {type: polygon, blades: 6}.")
+    ] = None,
+    center: Annotated[
+        str | None, typer.Option(metavar="X,Y", help="Its middle, right and up from that of the lens: 2mm,0.")
+    ] = None,
+    tilt: Annotated[
+        str, typer.Option(metavar="ANGLE", help="By how much the plane of focus leans away at its top.")
+    ] = "0",
+    swing: Annotated[str, typer.Option(metavar="ANGLE", help="By how much it leans away to the right.")] = "0",
+    method: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME", help="shift, fourier (sooner done for many planes), or rays, where they are kept."
+        ),
+    ] = "shift",
+    interpolation: Annotated[
+        str, typer.Option(metavar="NAME", help="Between pixels, of shift: lanczos, cubic or linear.")
+    ] = "lanczos",
+    scale: Annotated[
+        float, typer.Option(metavar="X", help="Of rays: pixels of the picture along one of the views'.")
+    ] = 1.0,
+    crop: options.Crop = None,
+    fps: Annotated[float, typer.Option(help="Pictures a second of an animation.", min=0.1, max=50.0)] = 8.0,
+    as_json: options.AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Focus a light field: the photograph that a lens would have taken, focused at a distance in metres."""
+    distances = _numbers("--distance", distance, "length")
+    slopes = _numbers("--slope", slope, "number")
+    if sum(map(bool, (distances, slopes, alpha is not None))) > 1:
+        raise InputError("--distance, --alpha and --slope set the plane of focus: give one of them")
+    suffixes = _suffixes()
+    check_outputs(output, (*suffixes, *_ANIMATIONS), "a photograph")
+    planes = max(len(distances), len(slopes))
+    for path in output:
+        if path.suffix.lower() in _ANIMATIONS and planes < 2:
+            raise InputError(f"{path}: an animation needs several distances: --distance 1:4:20")
+    asked: dict[str, Any] = {
+        "f_number": f_number,
+        "aperture": None if aperture is None else _quantity("--aperture", aperture, "length"),
+        "aperture_shape": aperture_shape,
+        "center": _center(center),
+        "tilt": _quantity("--tilt", tilt, "angle"),
+        "swing": _quantity("--swing", swing, "angle"),
+        "method": method,
+        "interpolation": interpolation,
+        "scale": scale,
+        "crop": options.crop(crop),
+    }
+
+    from raytracer.lightfield import refocusing
+
+    with opened(file) as field:
+        try:
+            if planes > 1:
+                images = refocusing.focal_stack(field, distances, slopes=slopes, **asked)
+            else:
+                plane = (*distances, None)[0], (*slopes, None)[0]
+                images = [refocusing.refocus(field, plane[0], alpha=alpha, slope=plane[1], **asked)]
+        except InputError as error:
+            raise InputError(f"{file}: {error}") from None
+        note = _beyond(field, images) or _sparse(images)
+    files = [written for path in output for written in _write(images, path, fps)]
+    for path in files:
+        wrote(path, quiet)
+    if note and not quiet:
+        print(f"note: {note}", file=sys.stderr)
+    if as_json:
+        print(json.dumps(_told(images, field.views, files), indent=2, allow_nan=False))
+
+
+# ---- What was asked for
+
+
+def _quantity(option: str, text: str, dimension: Literal["length", "angle", "number"]) -> float:
+    return options.number(option, text, lambda value: parse_quantity(value, dimension))
+
+
+def _numbers(option: str, texts: list[str] | None, dimension: Literal["length", "number"]) -> list[float]:
+    """The numbers of an option that may repeat, each a list of numbers and ranges."""
+    return [
+        number for text in texts or () for part in text.split(",") for number in _range(option, part.strip(), dimension)
+    ]
+
+
+def _range(option: str, text: str, dimension: Literal["length", "number"]) -> list[float]:
+    """The numbers of START:STOP:COUNT, or START:STOP:COUNT:inverse, or a number."""
+    parts = text.split(":")
+    if len(parts) == 1:
+        return [_quantity(option, text, dimension)]
+    is_inverse = len(parts) == 4 and parts[3].strip() == "inverse" and dimension == "length"
+    if not (len(parts) == 3 or is_inverse) or not parts[2].strip().isdecimal():
+        form = "START:STOP:COUNT, such as 1:4:20" + (", or 1:inf:20:inverse" if dimension == "length" else "")
+        raise InputError(f"{option} {text}: a range is {form}")
+    start, stop = (_quantity(option, part, dimension) for part in parts[:2])
+    count = int(parts[2])
+    if not 2 <= count <= _MOST_PLANES:
+        raise InputError(f"{option} {text}: a range has from 2 to {_MOST_PLANES} planes")
+    if is_inverse:
+        if min(start, stop) <= 0.0:
+            raise InputError(f"{option} {text}: distances must be greater than 0")
+        inverses = _steps(1.0 / start, 1.0 / stop, count)
+        return [1.0 / inverse if inverse > 0.0 else math.inf for inverse in inverses]
+    if not (math.isfinite(start) and math.isfinite(stop)):
+        more = f": to infinity by equal steps of 1/distance: {':'.join(parts)}:inverse" if dimension == "length" else ""
+        raise InputError(f"{option} {text}: has no equal steps{more}")
+    return _steps(start, stop, count)
+
+
+def _steps(start: float, stop: float, count: int) -> list[float]:
+    """Numbers at equal steps, both ends included, exactly."""
+    between = [start + (stop - start) * number / (count - 1) for number in range(1, count - 1)]
+    return [start, *between, stop]
+
+
+def _center(text: str | None) -> tuple[float, float]:
+    if text is None:
+        return 0.0, 0.0
+    parts = text.split(",")
+    if len(parts) != 2:
+        raise InputError(f"--center {text}: must be two lengths, right and up: 2mm,0")
+    right, up = (_quantity("--center", part, "length") for part in parts)
+    if not (math.isfinite(right) and math.isfinite(up)):
+        raise InputError(f"--center {text}: must be finite")
+    return right, up
+
+
+# ---- What comes of it
+
+
+def _suffixes() -> tuple[str, ...]:
+    """Of files that hold a picture."""
+    from raytracer.film.output import SUFFIXES
+    from raytracer.plenoptic.lf import SUFFIX
+
+    return tuple(suffix for suffix in SUFFIXES if suffix != SUFFIX)
+
+
+def _write(images: "list[Image]", path: Path, fps: float) -> list[Path]:
+    """Write a picture, or a focal stack; returns the files."""
+    from raytracer.film.output import write_bytes
+
+    if path.suffix.lower() in _ANIMATIONS:
+        from raytracer.film.animation import encode
+
+        frames = [image.display() for image in images]
+        write_bytes(path, encode(frames, _ANIMATIONS[path.suffix.lower()], fps=fps, boomerang=True))
+        return [path]
+    if len(images) == 1:
+        images[0].save(path)
+        return [path]
+    digits = len(str(len(images)))
+    files = [path.with_name(f"{path.stem}_{number:0{digits}}{path.suffix}") for number in range(1, len(images) + 1)]
+    for image, file in zip(images, files, strict=True):
+        image.save(file)
+    return files
+
+
+def _beyond(field: "LightField", images: "list[Image]") -> str | None:
+    """A sentence, if a plane of focus is beyond those that the views are close enough together for."""
+    from raytracer.plenoptic.focusing import refocusable
+
+    if images[0].settings["refocused_by"] == "rays" or field.settings.get("units") == "views":
+        return None
+    near, far = refocusable(field.views)
+    distances = [float(image.settings["refocused_m"]) for image in images]
+    outside = [distance for distance in distances if not near <= distance <= far]
+    if not outside:
+        return None
+    planes = f"{outside[0]:.4g} m is" if len(outside) == 1 else f"{len(outside)} planes are"
+    return (
+        f"{planes} beyond {near:.4g} to {far:.4g} m, within which views next to each other differ by a pixel at most: "
+        "edges out of focus come apart"
+    )
+
+
+def _sparse(images: "list[Image]") -> str | None:
+    """A sentence, if rays leave pixels black."""
+    from raytracer.lightfield.refocusing import EMPTY
+
+    share = max(
+        float(image.settings.get(EMPTY, 0)) / (image.radiance.shape[0] * image.radiance.shape[1]) for image in images
+    )
+    if share == 0.0:
+        return None
+    from raytracer.noise.wording import percent
+
+    black = f"no ray comes to {percent(share)} of the pixels, which are black"
+    return f"{black}: more spp, a wider aperture, or a smaller scale"
+
+
+def _told(images: "list[Image]", views: "Views", files: list[Path]) -> dict[str, Any]:
+    from raytracer.plenoptic.focusing import refocusable
+
+    def finite(number: float) -> float | None:
+        return number if math.isfinite(number) else None
+
+    near, far = refocusable(views)
+    return {
+        "distances_m": [finite(float(image.settings["refocused_m"])) for image in images],
+        "refocusable_m": [finite(near), finite(far)],
+        "files": [str(path) for path in files],
+    }

@@ -1,0 +1,86 @@
+"""The opening through which a light field is seen: chosen after the shot."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.errors import InputError
+from raytracer.lenses.diaphragm import covers
+from raytracer.plenoptic.focusing import spacing
+from raytracer.plenoptic.views import Views
+
+# Points along the edge of a cell, by which to measure what of it an opening covers: the area of a disc of 15 cells
+# comes out to 3e-5.
+_POINTS = 64
+
+# Of a shape that is asked point by point.
+_POINTS_OF_SHAPE = 24
+
+# What is left of rounding where an opening is as wide as the lens.
+_ROUNDING = 1e-9
+
+
+def transmitted(
+    right: NDArray[np.float64], up: NDArray[np.float64], diameter: float, shape: Any = None
+) -> NDArray[np.float64]:
+    """Which part of the light at places in the plane of the views (m) an opening lets through, 0 to 1.
+
+    Parameters
+    ----------
+    diameter : of the round opening that is as large (m).
+    shape : a packed aperture; None for a disc.
+    """
+    radius = 0.5 * diameter
+    x, y = right / radius, up / radius
+    if shape is None:
+        return np.asarray(np.hypot(x, y) <= 1.0, dtype=np.float64)
+    return np.asarray(np.vectorize(lambda a, b: covers(shape, a, b), otypes=[np.float64])(x, y))
+
+
+def cell_weights(
+    views: Views, diameter: float | None = None, shape: Any = None, center: tuple[float, float] = (0.0, 0.0)
+) -> NDArray[np.float64]:
+    """The part of each view's cell that an opening covers: float64 (rows, columns), 0 to 1.
+
+    The cell of a view without one of its own reaches half way to its neighbours.
+
+    Parameters
+    ----------
+    diameter : of the opening (m); by default the lens's, and where there is none all views count the same.
+    shape : a packed aperture (`ApertureSpec.pack`), of the same area as the disc of that diameter; a disc by default.
+    center : of the opening, right and up (m).
+
+    Raises
+    ------
+    InputError : the opening is wider than the lens, or than all views together, or covers no view.
+    """
+    if diameter is None:
+        diameter = views.aperture
+    if diameter is None:
+        return np.ones((views.rows, views.columns))
+    if views.aperture is not None and diameter > views.aperture * (1.0 + _ROUNDING):
+        raise InputError(
+            f"an opening of {1e3 * diameter:.4g} mm is wider than the lens was, {1e3 * views.aperture:.4g} mm"
+            + ("" if views.focal_length is None else f" (f/{1e-3 * views.focal_length / views.aperture:.3g})")
+        )
+    if views.rows * views.columns == 1:
+        return np.ones((1, 1))
+    step = spacing(views)
+    width, height = views.cell or (step.right or step.up, step.up or step.right)
+    across, down = np.ptp(views.position.reshape(-1, 2), axis=0)
+    reach = math.hypot(across + width, down + height)
+    if diameter > reach * (1.0 + _ROUNDING):
+        raise InputError(
+            f"an opening of {1e3 * diameter:.4g} mm is wider than all views together, {1e3 * reach:.4g} mm"
+        )
+    count = _POINTS if shape is None else _POINTS_OF_SHAPE
+    inside = (np.arange(count) + 0.5) / count - 0.5
+    right = views.position[..., 0, None, None] + width * inside - center[0]
+    up = views.position[..., 1, None, None] + height * inside[:, None] - center[1]
+    weights = transmitted(right, up, diameter, shape).mean(axis=(-2, -1))
+    if not weights.any():
+        away = math.dist(center, (0.0, 0.0))
+        raise InputError(f"no view lies within an opening of {1e3 * diameter:.4g} mm, {1e3 * away:.4g} mm off the axis")
+    return np.asarray(weights)
