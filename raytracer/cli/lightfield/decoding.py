@@ -1,0 +1,160 @@
+"""`rt lightfield decode`: raw pictures of cameras with microlenses."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from raytracer.cli import options
+from raytracer.cli.lightfield._common import Quiet, check_outputs, wrote
+from raytracer.errors import InputError
+from raytracer.units import Dimension, parse_quantity
+
+if TYPE_CHECKING:
+    from raytracer.lightfield.decoding.calibration import Grid
+
+EXAMPLE = """\b
+Examples:
+  rt lightfield decode raw.png --white white.png                    what the grid of microlenses is
+  rt lightfield decode raw.png --white white.png --dark dark.png -o shot.lf
+  rt lightfield decode raw.png --white white.png --bayer grbg -o shot.lf --views 13
+  rt lightfield decode raw.png --white white.png -o shot.lf --pixel-pitch 1.4um \\
+      --focal-length 9.5mm --f-number 2 --focus-distance 1.5m       distances in metres
+  rt lightfield decode raw.png --white white.png --json > grid.json
+  rt lightfield decode other.png --white white.png --grid grid.json -o other.lf
+
+\b
+Pictures are .png or .tif of 8 or 16 bits, .exr or .npy, in linear light, upright, all of one size.  The white picture
+is of something evenly bright, at the same zoom and focus; 1.0 in the light field is as bright as it was.
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command("decode", epilog=EXAMPLE)(decode)
+
+
+def decode(
+    raw: Annotated[str, typer.Argument(metavar="RAW", help="Picture of the sensor behind microlenses.")],
+    white: Annotated[
+        str | None,
+        typer.Option(metavar="WHITE", help="Picture of something evenly bright; default: the grid is sought in RAW."),
+    ] = None,
+    dark: Annotated[str | None, typer.Option(metavar="DARK", help="Picture without light, taken off both.")] = None,
+    grid: Annotated[
+        str | None, typer.Option(metavar="GRID.json", help="Grid of microlenses that --json printed, not to be sought.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE.lf", help="Light field to write.")
+    ] = None,
+    bayer: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ORDER",
+            help="Colour filters on the first two pixels of the first two rows: rggb, bggr, grbg, gbrg "
+            "(needs pip install 'raytracer[bayer]').",
+        ),
+    ] = None,
+    views: Annotated[
+        int | None,
+        typer.Option(
+            help="Views in a row and in a column; default: the largest odd number that fits under a microlens.",
+            show_default=False,
+        ),
+    ] = None,
+    srgb: Annotated[
+        bool, typer.Option("--srgb", help="Files of 8 and 16 bits hold display values, not light.")
+    ] = False,
+    pixel_pitch: Annotated[str | None, typer.Option(metavar="LENGTH", help="Of the sensor: 1.4um.")] = None,
+    focal_length: Annotated[str | None, typer.Option(metavar="LENGTH", help="Of the main lens: 50mm.")] = None,
+    f_number: Annotated[float | None, typer.Option(metavar="N", help="Of the main lens.")] = None,
+    microlens_distance: Annotated[
+        str | None,
+        typer.Option(metavar="LENGTH", help="From microlenses to sensor: 25um; default: what fits the f-number."),
+    ] = None,
+    focus_distance: Annotated[
+        str, typer.Option(metavar="LENGTH", help="Plane that is sharp on the microlenses, from the lens: 1.5m.")
+    ] = "inf",
+    as_json: options.AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Turn the raw picture of a camera with microlenses into a light field.
+
+    Pitch, rotation and offset of the grid of microlenses are found by themselves, whether it is square or hexagonal.
+    Metres need --pixel-pitch, --focal-length, and --f-number or --microlens-distance; without, distances are in pixels
+    from view to view.
+    """
+    if output is not None:
+        check_outputs([output], (".lf",), "a light field")
+    if f_number is not None and not 0.0 < f_number < 1e6:
+        raise InputError(f"--f-number {f_number:g}: must be greater than 0 and less than a million")
+    distance = _length("--focus-distance", focus_distance, "length")
+    pitch, focal, behind = (
+        None if text is None else _finite(option, text)
+        for option, text in (
+            ("--pixel-pitch", pixel_pitch),
+            ("--focal-length", focal_length),
+            ("--microlens-distance", microlens_distance),
+        )
+    )
+
+    import json
+
+    from raytracer.lightfield.decoding.calibration import read_grid
+    from raytracer.lightfield.decoding.decoder import decode as decoded
+    from raytracer.lightfield.decoding.optics import Optics
+    from raytracer.progress import Bar
+
+    known = None if grid is None else read_grid(grid)
+    um = 1e3
+    optics = Optics(
+        pixel_pitch=None if pitch is None else um * pitch,
+        focal_length=focal,
+        f_number=f_number,
+        microlens_distance=None if behind is None else um * behind,
+        focus_distance=distance,
+    )
+    found = decoded(raw, white, dark=dark, grid=known, bayer=bayer, views=views, srgb=srgb, optics=optics)
+    if not quiet:
+        for note in found.notes:
+            print(f"note: {note}", file=sys.stderr)
+    if output is not None:
+        with Bar(" views", quiet=quiet) as bar:
+            found.write(output, bar.update)
+        wrote(output, quiet)
+    if as_json:
+        print(json.dumps(found.grid.as_dict(), indent=2, allow_nan=False))
+    elif not quiet:
+        print(_summary(found.grid))
+        seen = found.views
+        print(f"views        {seen.columns} x {seen.rows}, of {seen.width} x {seen.height} pixels")
+
+
+def _summary(grid: "Grid") -> str:
+    lattice = grid.lattice
+    right, down = lattice.origin
+    lines = [
+        f"microlenses  {grid.layout}, {lattice.pitch:.4f} pixels apart, turned by {lattice.rotation:.4f} degrees",
+        f"offset       {right:.3f}, {down:.3f} (pixels right and down, of the one nearest to the middle)",
+        f"sub-images   {grid.diameter:.2f} pixels wide",
+    ]
+    used, blocks = grid.blocks
+    if blocks:
+        lines.append(f"residual     {grid.residual:.3f} pixels, over {used} of {blocks} blocks")
+    return "\n".join(lines)
+
+
+def _length(option: str, text: str, dimension: Dimension) -> float:
+    value = options.number(option, text, lambda given: parse_quantity(given, dimension))
+    if not value > 0.0:
+        raise InputError(f"{option} {text}: must be greater than 0")
+    return value
+
+
+def _finite(option: str, text: str) -> float:
+    """A length in millimetres."""
+    value = _length(option, text, "optic")
+    if value == float("inf"):
+        raise InputError(f"{option} {text}: must be finite")
+    return value
