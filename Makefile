@@ -31,7 +31,8 @@ INSTALLED_TEST := $(INSTALLED)-test
 INSTALLED_PEERS := $(PEER_VENV)/.installed-by-$(notdir $(PYTHON))
 MILLION := scenes/generated/million.ply
 FOREST := scenes/generated/forest_russet.npy
-GENERATED := $(MILLION) $(FOREST)
+DRAGON := scenes/generated/dragon.ply
+GENERATED := $(MILLION) $(FOREST) $(DRAGON)
 
 .PHONY: help render test test-slow check bench peers hard-cases references gallery docs scenes clean
 
@@ -83,6 +84,9 @@ clean:  ## Remove what make and the tools made
 
 $(MILLION): scenes/generate/million.py | $(INSTALLED)
 	$(VENV_PYTHON) scenes/generate/million.py
+
+$(DRAGON): scenes/generate/dragon.py | $(INSTALLED)
+	$(VENV_PYTHON) scenes/generate/dragon.py
 
 # Its last file stands for all that it writes.
 $(FOREST): scenes/generate/forest.py | $(INSTALLED)

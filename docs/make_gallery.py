@@ -3,12 +3,13 @@
     python docs/make_gallery.py [NAME ...]    those alone: cover, lecture_aperture, optics_coma, ...
 
 Of a scene of scenes/lecture or scenes/optics, a picture shows several settings side by side: those of `LECTURE` and
-`OPTICS`.  `sweep` is the contact sheet of the README's sweep.
+`OPTICS`.  `sweep` is the contact sheet of the README's sweep; `lightfield_letters` and the like, of `LIGHT_FIELDS`, are
+what is made of light fields.
 """
 
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from raytracer.cli.main import main as run_command
+from raytracer.film.output import light_field
+from raytracer.film.srgb import to_uint8
+from raytracer.lightfield.refocusing import refocus
+from raytracer.plenoptic.field import LightField
+from raytracer.plenoptic.lf import write
+from raytracer.probing import probe_sphere
 from raytracer.rendering import render
 from raytracer.scene.load import load
 from raytracer.scene.spec import SceneSpec
@@ -388,16 +396,109 @@ def sweep_picture() -> None:
     save_small(small, GALLERY / "sweep.jpg")
 
 
+# ---- Light fields
+
+
+def _rendered(name: str, keys: Mapping[str, Any], spp: int) -> LightField:
+    return light_field(render(load(SCENES / "lightfield" / f"{name}.yaml", dict(keys)), spp=spp).image)
+
+
+def _refocused(field: LightField, distance: float, **settings: Any) -> NDArray[np.uint8]:
+    return to_uint8(refocus(field, distance, **settings).radiance)
+
+
+def letters_picture() -> Image.Image:
+    """One view of the nine letters, and the same focused on three of them."""
+    field = _rendered("letters", {"camera.rows": 9, "camera.columns": 9, "camera.spacing": "15 mm"}, 8)
+    distances = {"focused on 1 m": 1.0, "on 1.6 m": 1.6, "on 2.5 m": 2.5}
+    pictures = [to_uint8(field.view(4, 4)), *(_refocused(field, distance) for distance in distances.values())]
+    return sheet(pictures, ["one view of 81", *distances], 2)
+
+
+def dragons_picture() -> Image.Image:
+    """Two dragons, focused on one, on the other, stopped down, and with a plane of focus that leans."""
+    field = _rendered("dragons", {}, 8)
+    pictures = {
+        "focused on 1.5 m": _refocused(field, 1.5),
+        "on 2.3 m": _refocused(field, 2.3),
+        "on 1.5 m, through 25 of the 90 mm": _refocused(field, 1.5, aperture=0.025),
+        # The camera looks down by 10.3 degrees, and is 0.36 m above this plane, which is level.
+        "a level plane of focus, through both": _refocused(field, 2.02, tilt=79.7),
+    }
+    return sheet(list(pictures.values()), list(pictures), 2)
+
+
+def depth_picture() -> Image.Image:
+    """How far away the two dragons are, both sharp, and one line of pixels from all views of a row."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "dragons.lf"
+        write(file, _rendered("dragons", {}, 8))
+        commands = {"depth": ["--near", "1.1", "--far", "4"], "all-in-focus": ["--near", "1.1", "--far", "4"]}
+        pictures = []
+        for name, words in {**commands, "epi": ["--line", "150"]}.items():
+            output = Path(folder) / f"{name}.png"
+            run_command(["lightfield", name, str(file), *words, "-o", str(output), "--quiet"])
+            with Image.open(output) as picture:
+                pictures.append(picture.convert("RGB"))
+    depth, sharp, epi = pictures
+    paper = Image.new("RGB", (2 * depth.width + GAP, depth.height + GAP + epi.height), PAPER)
+    paper.paste(depth, (0, 0))
+    paper.paste(sharp, (depth.width + GAP, 0))
+    paper.paste(epi, ((paper.width - epi.width) // 2, depth.height + GAP))
+    return paper
+
+
+def microlenses_picture() -> Image.Image:
+    """Small and large microlenses before one sensor: part of the raw picture, a view, and a picture refocused."""
+    pictures: dict[str, NDArray[np.uint8]] = {}
+    size = (400, 300)
+    for name in ("small", "large"):
+        image = render(load(SCENES / "lightfield" / f"{name}.yaml"), spp=16).image
+        field = light_field(image)
+        raw = to_uint8(image.radiance[650:800, 800:1000])
+        made = {
+            f"{name} microlenses: raw picture": raw,
+            f"{name}: one of {field.views.rows * field.views.columns} views": to_uint8(
+                field.view(*field.views.nearest())
+            ),
+            f"{name}: focused on 0.77 m": _refocused(field, 0.77),
+        }
+        pictures |= {
+            words: np.asarray(Image.fromarray(part).resize(size, Image.Resampling.NEAREST))
+            for words, part in made.items()
+        }
+    return sheet(list(pictures.values()), list(pictures), 3)
+
+
+def sphere_picture() -> Image.Image:
+    """All directions from a point among the spheres of the cover."""
+    seen = probe_sphere(SCENES / "cover.yaml", (4.0, 1.2, 2.0), toward=(0.0, 1.0, 0.0), width=LONGEST_EDGE, spp=64)
+    return Image.fromarray(seen.image.display())
+
+
+LIGHT_FIELDS: Mapping[str, Callable[[], Image.Image]] = {
+    "letters": letters_picture,
+    "dragons": dragons_picture,
+    "depth": depth_picture,
+    "microlenses": microlenses_picture,
+    "sphere": sphere_picture,
+}
+"""What makes the pictures of docs/lightfields.md."""
+
+
 def main() -> None:
     """Render the scenes that are named, or all."""
     GALLERY.mkdir(exist_ok=True)
     plain = {file.stem: file for file in sorted(SCENES.glob("*.yaml"))}
     in_folders = [f"{folder}_{name}" for folder, sheets in SHEETS.items() for name in sheets]
-    for name in sys.argv[1:] or [*plain, *in_folders, "sweep"]:
+    of_light_fields = [f"lightfield_{name}" for name in LIGHT_FIELDS]
+    for name in sys.argv[1:] or [*plain, *in_folders, *of_light_fields, "sweep"]:
         if name in plain:
             scene_picture(plain[name])
         elif name == "sweep":
             sweep_picture()
+        elif name in of_light_fields:
+            save_small(LIGHT_FIELDS[name.removeprefix("lightfield_")](), GALLERY / f"{name}.jpg")
         else:
             folder, _, scene = name.partition("_")
             settings_picture(folder, scene)

@@ -16,11 +16,13 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from raytracer import lightfield
     from raytracer.cluster import Cluster
     from raytracer.comparison import compare
     from raytracer.errors import InputError, OutputError, SceneWarning
     from raytracer.explanation import explain
     from raytracer.film.image import Image
+    from raytracer.probing import probe
     from raytracer.rendering import render_image as render
     from raytracer.scene.load import load
     from raytracer.scene.spec import SceneSpec as Scene
@@ -77,16 +79,18 @@ __all__ = [
     "explain",
     "filter",
     "light",
+    "lightfield",
     "load",
     "material",
     "medium",
     "object",
+    "probe",
     "render",
     "sweep",
     "texture",
 ]
 
-_HOMES = {
+_HOMES: dict[str, tuple[str, str | None]] = {
     "Cluster": ("raytracer.cluster", "Cluster"),
     "Image": ("raytracer.film.image", "Image"),
     "InputError": ("raytracer.errors", "InputError"),
@@ -96,11 +100,13 @@ _HOMES = {
     "Stock": ("raytracer.stock", "Stock"),
     "compare": ("raytracer.comparison", "compare"),
     "explain": ("raytracer.explanation", "explain"),
+    "lightfield": ("raytracer.lightfield", None),
     "load": ("raytracer.scene.load", "load"),
+    "probe": ("raytracer.probing", "probe"),
     "render": ("raytracer.rendering", "render_image"),
     "sweep": ("raytracer.sweeping.run", "sweep"),
 }
-"""Where the names are; the others are words of scene files, `raytracer.vocabulary`."""
+"""Where the names are, None for a module itself; the others are words of scene files, `raytracer.vocabulary`."""
 
 # Two threads that import parts of a package from two ends at once are told of a deadlock by Python's own locks.
 _importing = threading.RLock()
@@ -112,7 +118,8 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, member = _HOMES.get(name, ("raytracer.vocabulary", name))
     with _importing:
-        found = getattr(importlib.import_module(module), member)
+        home = importlib.import_module(module)
+        found = getattr(home, member) if member else home
     globals()[name] = found
     return found
 

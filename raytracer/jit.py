@@ -48,6 +48,7 @@ _WITHOUT_KERNELS = (
     "pages",
     "plenoptic",
     "preparation",
+    "probing",
     "pytest_plugin",
     "regression",
     "rendering",

@@ -26,6 +26,10 @@ FIRST, LAST, STEP = 380.0, 780.0, 5.0
 
 _CELLS = 512
 
+# How wide (nm) the band is that stands for one wavelength: a power of two, so that its inverse is exact, that is above
+# the spacing of numbers up to 1024 (2^-43) and within which no table changes by more than they do.
+_LINE = 2.0**-20
+
 TOGETHER, ALONE = 1, 2
 """How a surface that disperses takes the wavelengths of a path: they part where it refracts, or it takes one only."""
 
@@ -62,6 +66,14 @@ def spectra() -> Spectra:
     seen = rows[:, 1:4] * rows[:, 4:5]
     response = seen @ np.linalg.inv(overlap(seen, basis)).T
     return Spectra(np.ascontiguousarray(response), np.ascontiguousarray(basis), _quantiles(response))
+
+
+@functools.cache
+def line(wavelength: float) -> Spectra:
+    """Tables for what sees light of one wavelength (nm) alone, and records its radiance in all three channels."""
+    flat = np.full_like(spectra().response, 1.0 / _LINE)
+    low = min(max(FIRST, wavelength - 0.5 * _LINE), LAST - _LINE)
+    return Spectra(flat, spectra().basis, np.array([low, low + _LINE]))
 
 
 def overlap(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -15,12 +15,17 @@ from raytracer.apertures.image import ImageAperture as _ImageAperture
 from raytracer.apertures.polygon import PolygonAperture as _PolygonAperture
 from raytracer.apertures.round import Round as _Round
 from raytracer.apertures.vignetting import Vignetting as _Vignetting
+from raytracer.cameras.camera_array import CameraArray as _CameraArray
 from raytracer.cameras.equirectangular import Equirectangular as _Equirectangular
 from raytracer.cameras.fisheye import Fisheye as _Fisheye
 from raytracer.cameras.lens import RealLens as _RealLens
+from raytracer.cameras.light_field import LightField as _LightField
+from raytracer.cameras.light_slab import LightSlab as _LightSlab
+from raytracer.cameras.microlenses import Microlenses as _Microlenses
 from raytracer.cameras.none import BareSensor as _BareSensor
 from raytracer.cameras.orthographic import Orthographic as _Orthographic
 from raytracer.cameras.pinhole import Pinhole as _Pinhole
+from raytracer.cameras.ray import Ray as _Ray
 from raytracer.cameras.thin_lens import ThinLens as _ThinLens
 from raytracer.environments.constant import Constant as _Constant
 from raytracer.environments.gradient import Gradient as _Gradient
@@ -134,10 +139,112 @@ class _Apertures:
 
 class _Cameras:
     @staticmethod
+    def camera_array(
+        *,
+        rows: int,
+        columns: int,
+        spacing: _Numbers | float | str,
+        convergence_distance: float | str | None = ...,
+        fill: bool = ...,
+        defocus_angle: float | str | None = ...,
+        aperture: float | str | None = ...,
+        vignetting: _Vignetting | _Keys | None = ...,
+        pupil: Literal["aplanatic", "flat"] = ...,
+        focus_distance: float | str | None = ...,
+        focus_on: str | None = ...,
+        focus_at: _Numbers | None = ...,
+        aperture_shape: Literal["image", "polygon", "round"] | _ImageAperture | _Keys | _PolygonAperture | _Round | None = ...,
+        vfov: float | str | None = ...,
+        hfov: float | str | None = ...,
+        dfov: float | str | None = ...,
+        focal_length: float | str | None = ...,
+        equivalent_focal_length: float | str | None = ...,
+        f_number: float | str | None = ...,
+        sensor: Literal["medium_format", "full_frame", "aps_h", "aps_c", "four_thirds", "1-inch", "1/1.63-inch", "1/2.3-inch", "1/3.2-inch"] | _SensorSpec | _Keys | None = ...,
+        sensor_fit: Literal["crop", "horizontal", "vertical", "overscan"] | None = ...,
+        iso: float | str | None = ...,
+        look_from: _Numbers = ...,
+        look_at: _Numbers = ...,
+        up: _Numbers = ...,
+        medium: str | None = ...,
+        shutter: _ShutterSpec | _Keys | float | str | None = ...,
+        time: float | str | None = ...,
+        motion: _Motion | _Keys | None = ...,
+        shake: _Shake | _Keys | None = ...,
+        exposure: _AutoExposure | _Keys | None = ...,
+        exposure_compensation: float | str | None = ...,
+    ) -> _CameraArray:
+        """Rows and columns of equal cameras that look along parallel axes, their middle at `look_from`.
+
+        The film of each is shifted so that all of them see the plane at `convergence_distance` alike: a point of it is at
+        the same pixel of all views, as at the focal plane of one large lens of which each camera is a part.  The picture
+        holds the views side by side, the highest row at the top and the leftmost column at the left, each of the film's
+        width x height; `--crop` and `--pixel` count its pixels, the shutter's rows and columns are those of each view.
+
+        Views are pinholes, or thin lenses of their own with an opening, focused at `focus_distance`.  With `fill` the
+        opening of each is the rectangle around it that is `spacing` wide and high: together they are one lens without gaps,
+        and the mean of all views is its photograph, focused at `convergence_distance`.
+
+        References: Wilburn et al. 2005, "High Performance Imaging Using Large Camera Arrays"; Levoy and Hanrahan 1996,
+        "Light Field Rendering", sec. 3 (sheared frustums); Isaksen, McMillan and Gortler 2000.
+
+        Parameters
+        ----------
+        rows : rows of cameras
+        columns : cameras in a row
+        spacing : from one camera to the next (m), such as 20 mm; or two, to the right and upwards: [20 mm, 30 mm]
+            [metres, or with a unit]
+        convergence_distance : distance of the plane that is at the same place in all views (m), inf for views that are
+            not shifted; default: that of the plane of focus [metres, or with a unit]
+        fill : gives each camera an opening as wide and high as `spacing`, so that together they are one lens
+        defocus_angle : apex angle (deg) of the cone from a point in focus to the lens [degrees, or with a unit]
+        aperture : diameter of the lens (mm) [millimetres, or with a unit]
+        vignetting : a rim in front of the lens, {diameter: mm, distance: mm}, that cuts what comes in from the side;
+            without effect where the lens has no opening
+        pupil : how a wide lens exposes the film: `aplanatic`, as a corrected lens that loses no light; `flat`, as an
+            even disc of light in its place
+        focus_distance : distance of the plane of focus along the axis, from the lens, of one of glass from its entrance
+            pupil (m), inf allowed; default: |look_at - look_from| [metres, or with a unit]
+        focus_on : name of the object whose middle is in focus, in place of `focus_distance`; for the surface that is
+            seen of it, see `focus_at`
+        focus_at : place in the frame at which what is seen is in focus: fractions of its width and height, from the top
+            left, in place of `focus_distance`; infinity where nothing is seen; cutouts count as solid
+        aperture_shape : shape of the opening, of the same area as the round one: a type, or a mapping; round by default
+        vfov : vertical field of view (deg), between 0 and 180; 90 where nothing says how much is seen [degrees, or with
+            a unit]
+        hfov : horizontal field of view (deg), in place of `vfov` [degrees, or with a unit]
+        dfov : diagonal field of view (deg), in place of `vfov` [degrees, or with a unit]
+        focal_length : focal length (mm) [millimetres, or with a unit]
+        equivalent_focal_length : focal length (mm) that has the same diagonal field of view on 36 x 24 mm, in place of
+            `focal_length` [millimetres, or with a unit]
+        f_number : focal length over the diameter of the entrance pupil; inf for a pinhole
+        sensor : a name (medium_format, full_frame, aps_h, aps_c, four_thirds, 1-inch, 1/1.63-inch, 1/2.3-inch,
+            1/3.2-inch), or {width: 36 mm, height: 24 mm}; full_frame where only a focal length is given, or there is no
+            lens
+        sensor_fit : how a picture of another shape than the sensor's lies on it: `crop`, the default, the largest part
+            of the sensor; `horizontal`, its whole width; `vertical`, its whole height; `overscan`, all of it
+        iso : speed of the sensor: asks for photographic exposure, by aperture, shutter and speed, after which 1 is what
+            saturates the sensor
+        look_from : position of the camera (m) [metres, or with a unit]
+        look_at : point in the centre of the picture (m) [metres, or with a unit]
+        up : direction that is up in the picture
+        medium : name of the medium that the camera stands in; the scene's `medium` by default
+        shutter : when light is gathered: {open: 0, close: 1} in seconds of scene time, or for how long from `time` on,
+            such as 1/125 s, or {duration: 1/125 s, opening, ramp, readout, direction, curtain}; without it the picture
+            is of one moment [seconds, or with a unit]
+        time : time of the scene (s) at which a shutter given by its duration opens; default 0 [seconds, or with a unit]
+        motion : how the camera moves: velocity (m/s), spin {axis, rate, center} or keyframes
+        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}
+        exposure : auto, or {metering: spot, at: [x, y], size}: exposes the picture by what is metered in it; without it
+            and `iso`, pixels are plain radiance
+        exposure_compensation : stops (EV) by which the picture is made brighter than `iso` or `exposure` make it
+        """
+    @staticmethod
     def equirectangular(
         *,
         hfov: float | str = ...,
         vfov: float | str = ...,
+        wavelength: float | str | None = ...,
         look_from: _Numbers = ...,
         look_at: _Numbers = ...,
         up: _Numbers = ...,
@@ -160,6 +267,9 @@ class _Cameras:
         ----------
         hfov : longitudes (deg) from the left edge to the right, up to 360 [degrees, or with a unit]
         vfov : latitudes (deg) from the lower edge to the upper, up to 180 [degrees, or with a unit]
+        wavelength : the one wavelength (nm) that is seen, 380 to 780: pixels are its spectral radiance, relative to the
+            light of D65, so that what is white has 1 at every wavelength; without it they are red, green and blue
+            [nanometres, or with a unit]
         look_from : position of the camera (m) [metres, or with a unit]
         look_at : point in the centre of the picture (m) [metres, or with a unit]
         up : direction that is up in the picture
@@ -223,13 +333,13 @@ class _Cameras:
         *,
         lens: str | PathLike[str],
         f_number: float | str | None = ...,
+        focus: Literal["marginal", "rms"] = ...,
+        dispersion: bool = ...,
+        flare: bool = ...,
         focus_distance: float | str | None = ...,
         focus_on: str | None = ...,
         focus_at: _Numbers | None = ...,
-        focus: Literal["marginal", "rms"] = ...,
         aperture_shape: Literal["image", "polygon", "round"] | _ImageAperture | _Keys | _PolygonAperture | _Round | None = ...,
-        dispersion: bool = ...,
-        flare: bool = ...,
         sensor: Literal["medium_format", "full_frame", "aps_h", "aps_c", "four_thirds", "1-inch", "1/1.63-inch", "1/2.3-inch", "1/3.2-inch"] | _SensorSpec | _Keys | None = ...,
         sensor_fit: Literal["crop", "horizontal", "vertical", "overscan"] | None = ...,
         iso: float | str | None = ...,
@@ -261,18 +371,18 @@ class _Cameras:
         ----------
         lens : prescription of the lens (.yaml .dat .zmx), relative to the scene
         f_number : f-number to which the stop closes; by default it is as wide open as it goes
-        focus_distance : distance of the plane of focus along the axis, from the entrance pupil (m), inf allowed;
-            default: |look_at - look_from| [metres, or with a unit]
+        focus : what is sharp: where light through the zone of the pupil that halves its area meets on the axis, or
+            where the spot of a point of the axis has the least root mean square radius (`rms`)
+        dispersion : whether the lens's glasses have an index by wavelength, where its prescription says so; else each
+            has that of the d line for all colours
+        flare : whether the lens's surfaces reflect light too: what is lost, ghosts of two reflections, and flare
+        focus_distance : distance of the plane of focus along the axis, from the lens, of one of glass from its entrance
+            pupil (m), inf allowed; default: |look_at - look_from| [metres, or with a unit]
         focus_on : name of the object whose middle is in focus, in place of `focus_distance`; for the surface that is
             seen of it, see `focus_at`
         focus_at : place in the frame at which what is seen is in focus: fractions of its width and height, from the top
             left, in place of `focus_distance`; infinity where nothing is seen; cutouts count as solid
-        focus : what is sharp: where light through the zone of the pupil that halves its area meets on the axis, or
-            where the spot of a point of the axis has the least root mean square radius (`rms`)
-        aperture_shape : shape of the stop, of the same area as the round one: a type, or a mapping; round by default
-        dispersion : whether the lens's glasses have an index by wavelength, where its prescription says so; else each
-            has that of the d line for all colours
-        flare : whether the lens's surfaces reflect light too: what is lost, ghosts of two reflections, and flare
+        aperture_shape : shape of the opening, of the same area as the round one: a type, or a mapping; round by default
         sensor : a name (medium_format, full_frame, aps_h, aps_c, four_thirds, 1-inch, 1/1.63-inch, 1/2.3-inch,
             1/3.2-inch), or {width: 36 mm, height: 24 mm}; full_frame where only a focal length is given, or there is no
             lens
@@ -280,6 +390,159 @@ class _Cameras:
             of the sensor; `horizontal`, its whole width; `vertical`, its whole height; `overscan`, all of it
         iso : speed of the sensor: asks for photographic exposure, by aperture, shutter and speed, after which 1 is what
             saturates the sensor
+        look_from : position of the camera (m) [metres, or with a unit]
+        look_at : point in the centre of the picture (m) [metres, or with a unit]
+        up : direction that is up in the picture
+        medium : name of the medium that the camera stands in; the scene's `medium` by default
+        shutter : when light is gathered: {open: 0, close: 1} in seconds of scene time, or for how long from `time` on,
+            such as 1/125 s, or {duration: 1/125 s, opening, ramp, readout, direction, curtain}; without it the picture
+            is of one moment [seconds, or with a unit]
+        time : time of the scene (s) at which a shutter given by its duration opens; default 0 [seconds, or with a unit]
+        motion : how the camera moves: velocity (m/s), spin {axis, rate, center} or keyframes
+        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}
+        exposure : auto, or {metering: spot, at: [x, y], size}: exposes the picture by what is metered in it; without it
+            and `iso`, pixels are plain radiance
+        exposure_compensation : stops (EV) by which the picture is made brighter than `iso` or `exposure` make it
+        """
+    @staticmethod
+    def light_field(
+        *,
+        lens: str | PathLike[str] | None = ...,
+        dispersion: bool | None = ...,
+        microlenses: _Microlenses | _Keys = ...,
+        defocus_angle: float | str | None = ...,
+        aperture: float | str | None = ...,
+        vignetting: _Vignetting | _Keys | None = ...,
+        pupil: Literal["aplanatic", "flat"] = ...,
+        focus_distance: float | str | None = ...,
+        focus_on: str | None = ...,
+        focus_at: _Numbers | None = ...,
+        aperture_shape: Literal["image", "polygon", "round"] | _ImageAperture | _Keys | _PolygonAperture | _Round | None = ...,
+        vfov: float | str | None = ...,
+        hfov: float | str | None = ...,
+        dfov: float | str | None = ...,
+        focal_length: float | str | None = ...,
+        equivalent_focal_length: float | str | None = ...,
+        f_number: float | str | None = ...,
+        sensor: Literal["medium_format", "full_frame", "aps_h", "aps_c", "four_thirds", "1-inch", "1/1.63-inch", "1/2.3-inch", "1/3.2-inch"] | _SensorSpec | _Keys | None = ...,
+        sensor_fit: Literal["crop", "horizontal", "vertical", "overscan"] | None = ...,
+        iso: float | str | None = ...,
+        look_from: _Numbers = ...,
+        look_at: _Numbers = ...,
+        up: _Numbers = ...,
+        medium: str | None = ...,
+        shutter: _ShutterSpec | _Keys | float | str | None = ...,
+        time: float | str | None = ...,
+        motion: _Motion | _Keys | None = ...,
+        shake: _Shake | _Keys | None = ...,
+        exposure: _AutoExposure | _Keys | None = ...,
+        exposure_compensation: float | str | None = ...,
+    ) -> _LightField:
+        """A main lens, an array of microlenses near its image, and a sensor behind that.
+
+        The main lens is a thin one, with all keys of `thin_lens`, or one of glass, `lens: FILE`, with the aberrations and
+        the vignetting of the camera `lens`.
+
+        The picture is that of the sensor, upright, so turned by 180 degrees: a mosaic of sub-images, one behind each
+        microlens, in which every pixel sees one part of the main lens.  Each pixel sees through the microlens whose
+        sub-image it is part of, and no other: where sub-images would overlap, as behind a main lens that is wider than the
+        microlenses are made for, there is no crosstalk.
+
+        Plain pixels are the mean radiance of what comes through the part of the main lens that a pixel sees, where the lens
+        is not there 0: the mean over a sub-image, over what of it is lit, is the pixel of an ordinary photograph on sensors
+        of the microlenses' size.  Exposed by `iso` it is the irradiance on the sensor, on which the light of a microlens is
+        spread over all of its sub-image.
+
+        References: Ng, Levoy, Bredif, Duval, Horowitz, Hanrahan 2005, "Light Field Photography with a Hand-Held Plenoptic
+        Camera", Stanford CTSR 2005-02; Lumsdaine, Georgiev 2009, "The Focused Plenoptic Camera", ICCP.
+
+        Parameters
+        ----------
+        lens : prescription of a main lens of glass (.yaml .dat .zmx), relative to the scene, in place of a thin one
+        dispersion : whether glasses of `lens` have an index by wavelength, where its prescription says so; true by
+            default
+        microlenses : the array before the sensor: {pixels: 15} or {pitch: 125 um} or {count: 100}, layout, model,
+            focal_length, distance, arrangement, rotation, offset
+        defocus_angle : apex angle (deg) of the cone from a point in focus to the lens [degrees, or with a unit]
+        aperture : diameter of the lens (mm) [millimetres, or with a unit]
+        vignetting : a rim in front of the lens, {diameter: mm, distance: mm}, that cuts what comes in from the side;
+            without effect where the lens has no opening
+        pupil : how a wide lens exposes the film: `aplanatic`, as a corrected lens that loses no light; `flat`, as an
+            even disc of light in its place
+        focus_distance : distance of the plane of focus along the axis, from the lens, of one of glass from its entrance
+            pupil (m), inf allowed; default: |look_at - look_from| [metres, or with a unit]
+        focus_on : name of the object whose middle is in focus, in place of `focus_distance`; for the surface that is
+            seen of it, see `focus_at`
+        focus_at : place in the frame at which what is seen is in focus: fractions of its width and height, from the top
+            left, in place of `focus_distance`; infinity where nothing is seen; cutouts count as solid
+        aperture_shape : shape of the opening, of the same area as the round one: a type, or a mapping; round by default
+        vfov : vertical field of view (deg), between 0 and 180; 90 where nothing says how much is seen [degrees, or with
+            a unit]
+        hfov : horizontal field of view (deg), in place of `vfov` [degrees, or with a unit]
+        dfov : diagonal field of view (deg), in place of `vfov` [degrees, or with a unit]
+        focal_length : focal length (mm) [millimetres, or with a unit]
+        equivalent_focal_length : focal length (mm) that has the same diagonal field of view on 36 x 24 mm, in place of
+            `focal_length` [millimetres, or with a unit]
+        f_number : focal length over the diameter of the entrance pupil; inf for a pinhole
+        sensor : a name (medium_format, full_frame, aps_h, aps_c, four_thirds, 1-inch, 1/1.63-inch, 1/2.3-inch,
+            1/3.2-inch), or {width: 36 mm, height: 24 mm}; full_frame where only a focal length is given, or there is no
+            lens
+        sensor_fit : how a picture of another shape than the sensor's lies on it: `crop`, the default, the largest part
+            of the sensor; `horizontal`, its whole width; `vertical`, its whole height; `overscan`, all of it
+        iso : speed of the sensor: asks for photographic exposure, by aperture, shutter and speed, after which 1 is what
+            saturates the sensor
+        look_from : position of the camera (m) [metres, or with a unit]
+        look_at : point in the centre of the picture (m) [metres, or with a unit]
+        up : direction that is up in the picture
+        medium : name of the medium that the camera stands in; the scene's `medium` by default
+        shutter : when light is gathered: {open: 0, close: 1} in seconds of scene time, or for how long from `time` on,
+            such as 1/125 s, or {duration: 1/125 s, opening, ramp, readout, direction, curtain}; without it the picture
+            is of one moment [seconds, or with a unit]
+        time : time of the scene (s) at which a shutter given by its duration opens; default 0 [seconds, or with a unit]
+        motion : how the camera moves: velocity (m/s), spin {axis, rate, center} or keyframes
+        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}
+        exposure : auto, or {metering: spot, at: [x, y], size}: exposes the picture by what is metered in it; without it
+            and `iso`, pixels are plain radiance
+        exposure_compensation : stops (EV) by which the picture is made brighter than `iso` or `exposure` make it
+        """
+    @staticmethod
+    def light_slab(
+        *,
+        rows: int,
+        columns: int,
+        uv: _Numbers | float | str,
+        st: _Numbers | float | str,
+        separation: float | str | None = ...,
+        fill: bool = ...,
+        look_from: _Numbers = ...,
+        look_at: _Numbers = ...,
+        up: _Numbers = ...,
+        medium: str | None = ...,
+        shutter: _ShutterSpec | _Keys | float | str | None = ...,
+        time: float | str | None = ...,
+        motion: _Motion | _Keys | None = ...,
+        shake: _Shake | _Keys | None = ...,
+        exposure: _AutoExposure | _Keys | None = ...,
+        exposure_compensation: float | str | None = ...,
+    ) -> _LightSlab:
+        """The two-plane light field by itself: L(u, v, s, t), without cameras.
+
+        The plane of u and v stands at `look_from`, that of s and t before it at `separation`, both across the view.  The
+        first is cut into rows x columns cells, the second into the film's pixels.  The picture holds the cells side by
+        side, the highest row at the top, each of the film's width x height, which shows what passes from the cell's middle,
+        or with `fill` from all of the cell, through each pixel of the second plane.
+
+        References: Levoy and Hanrahan 1996, "Light Field Rendering", sec. 2; Gortler et al. 1996, "The Lumigraph".
+
+        Parameters
+        ----------
+        rows : rows of cells of the plane of u and v
+        columns : cells in a row
+        uv : width and height of the rectangle of the first plane (m), or one length for both [metres, or with a unit]
+        st : width and height of the rectangle of the second plane (m), or one length for both; of one that is not of
+            the film's shape, the largest part that is [metres, or with a unit]
+        separation : from the first plane to the second (m); default: |look_at - look_from| [metres, or with a unit]
+        fill : takes the rays of all of a cell, in place of those of its middle
         look_from : position of the camera (m) [metres, or with a unit]
         look_at : point in the centre of the picture (m) [metres, or with a unit]
         up : direction that is up in the picture
@@ -444,16 +707,57 @@ class _Cameras:
         exposure_compensation : stops (EV) by which the picture is made brighter than `iso` or `exposure` make it
         """
     @staticmethod
+    def ray(
+        *,
+        wavelength: float | str | None = ...,
+        look_from: _Numbers = ...,
+        look_at: _Numbers = ...,
+        up: _Numbers = ...,
+        medium: str | None = ...,
+        shutter: _ShutterSpec | _Keys | float | str | None = ...,
+        time: float | str | None = ...,
+        motion: _Motion | _Keys | None = ...,
+        shake: _Shake | _Keys | None = ...,
+        exposure: _AutoExposure | _Keys | None = ...,
+        exposure_compensation: float | str | None = ...,
+    ) -> _Ray:
+        """The radiance that comes to `look_from` out of the direction of `look_at`: the plenoptic function at one place.
+
+        Every sample of every pixel is of the same ray, with random numbers of its own, so pixels differ by noise alone and
+        their mean is the measurement: `rt probe` takes it.  `up` has no say.
+
+        References: Adelson & Bergen 1991, "The Plenoptic Function and the Elements of Early Vision".
+
+        Parameters
+        ----------
+        wavelength : the one wavelength (nm) that is seen, 380 to 780: pixels are its spectral radiance, relative to the
+            light of D65, so that what is white has 1 at every wavelength; without it they are red, green and blue
+            [nanometres, or with a unit]
+        look_from : position of the camera (m) [metres, or with a unit]
+        look_at : point in the centre of the picture (m) [metres, or with a unit]
+        up : direction that is up in the picture
+        medium : name of the medium that the camera stands in; the scene's `medium` by default
+        shutter : when light is gathered: {open: 0, close: 1} in seconds of scene time, or for how long from `time` on,
+            such as 1/125 s, or {duration: 1/125 s, opening, ramp, readout, direction, curtain}; without it the picture
+            is of one moment [seconds, or with a unit]
+        time : time of the scene (s) at which a shutter given by its duration opens; default 0 [seconds, or with a unit]
+        motion : how the camera moves: velocity (m/s), spin {axis, rate, center} or keyframes
+        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}
+        exposure : auto, or {metering: spot, at: [x, y], size}: exposes the picture by what is metered in it; without it
+            and `iso`, pixels are plain radiance
+        exposure_compensation : stops (EV) by which the picture is made brighter than `iso` or `exposure` make it
+        """
+    @staticmethod
     def thin_lens(
         *,
+        defocus_angle: float | str | None = ...,
+        aperture: float | str | None = ...,
+        vignetting: _Vignetting | _Keys | None = ...,
+        pupil: Literal["aplanatic", "flat"] = ...,
         focus_distance: float | str | None = ...,
         focus_on: str | None = ...,
         focus_at: _Numbers | None = ...,
-        defocus_angle: float | str | None = ...,
-        aperture: float | str | None = ...,
         aperture_shape: Literal["image", "polygon", "round"] | _ImageAperture | _Keys | _PolygonAperture | _Round | None = ...,
-        vignetting: _Vignetting | _Keys | None = ...,
-        pupil: Literal["aplanatic", "flat"] = ...,
         vfov: float | str | None = ...,
         hfov: float | str | None = ...,
         dfov: float | str | None = ...,
@@ -493,20 +797,19 @@ class _Cameras:
 
         Parameters
         ----------
-        focus_distance : distance of the plane of focus along the axis (m), inf allowed; default: |look_at - look_from|
-            [metres, or with a unit]
-        focus_on : name of the object whose middle is in focus, in place of `focus_distance`; for the surface that is
-            seen of it, see `focus_at`
-        focus_at : place in the frame at which what is seen is in focus: fractions of its width and height, from the top
-            left, in place of `focus_distance`; infinity where nothing is seen; cutouts count as solid
         defocus_angle : apex angle (deg) of the cone from a point in focus to the lens [degrees, or with a unit]
         aperture : diameter of the lens (mm) [millimetres, or with a unit]
-        aperture_shape : shape of the opening, of the same area as a disc of the lens's diameter: a type, or a mapping;
-            a disc by default
         vignetting : a rim in front of the lens, {diameter: mm, distance: mm}, that cuts what comes in from the side;
             without effect where the lens has no opening
         pupil : how a wide lens exposes the film: `aplanatic`, as a corrected lens that loses no light; `flat`, as an
             even disc of light in its place
+        focus_distance : distance of the plane of focus along the axis, from the lens, of one of glass from its entrance
+            pupil (m), inf allowed; default: |look_at - look_from| [metres, or with a unit]
+        focus_on : name of the object whose middle is in focus, in place of `focus_distance`; for the surface that is
+            seen of it, see `focus_at`
+        focus_at : place in the frame at which what is seen is in focus: fractions of its width and height, from the top
+            left, in place of `focus_distance`; infinity where nothing is seen; cutouts count as solid
+        aperture_shape : shape of the opening, of the same area as the round one: a type, or a mapping; round by default
         vfov : vertical field of view (deg), between 0 and 180; 90 where nothing says how much is seen [degrees, or with
             a unit]
         hfov : horizontal field of view (deg), in place of `vfov` [degrees, or with a unit]
@@ -1563,6 +1866,42 @@ def Keyframe(
     ----------
     time : time of the scene (s) [seconds, or with a unit]
     transform : the pose: what happens to the object after its own transform
+    """
+
+def Microlenses(
+    *,
+    pixels: int | None = ...,
+    pitch: float | str | None = ...,
+    count: int | None = ...,
+    layout: Literal["square", "hexagonal"] = ...,
+    model: Literal["lens", "pinhole"] = ...,
+    focal_length: float | str | None = ...,
+    distance: float | str | None = ...,
+    arrangement: Literal["plenoptic", "focused"] = ...,
+    rotation: float | str = ...,
+    offset: _Numbers = ...,
+) -> _Microlenses:
+    """An array of microlenses, and the sensor behind it.
+
+    Parameters
+    ----------
+    pixels : pixels of the sensor across each sub-image, whole ones: the pitch is chosen so that sub-images, which
+        are spaced wider than microlenses, fall on the pixels exactly; 15 by default
+    pitch : distance between the middles of neighbours (mm; 125 um), in place of `pixels`; it need fit no pixels
+        [millimetres, or with a unit]
+    count : microlenses across the width of the picture, in place of `pixels`
+    layout : how the microlenses are packed; in hexagonal rows every other one is half a step off
+    model : `lens`, thin ones without gaps between them; `pinhole`, holes in their middles, sharp at any distance,
+        which by convention let as much light through
+    focal_length : focal length of a microlens (mm); by default that which has the sensor in focus on the main lens,
+        with sub-images that just touch [millimetres, or with a unit]
+    distance : distance of the sensor behind the microlenses (mm); by default where sub-images just touch, or by
+        `focal_length` [millimetres, or with a unit]
+    arrangement : `plenoptic` (1.0), the microlenses lie in the image of the plane of focus and show the main lens;
+        `focused` (2.0), they lie before or behind that image, and show it sharply on the sensor
+    rotation : angle (deg) by which the array is turned to the left in the picture, about its middle [degrees, or
+        with a unit]
+    offset : by how much the array is off its place on the sensor (mm), right and up in the picture
     """
 
 def Motion(

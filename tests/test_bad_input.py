@@ -623,7 +623,7 @@ PROJECTIONS = [
     camera("fisheye that looks nowhere", "type: fisheye, look_at: [0, 0, 0]", f"{CAMERA}: ", "looks nowhere"),
     options("unknown AOV", "-o DIR/out.exr --aov depth,nomral", "--aov depth,nomral: ", "did you mean 'normal'?"),
     options("AOV without a name", "-o DIR/out.exr --aov depth,,normal", "unknown AOV ''; known AOVs: albedo"),
-    options("AOV without a file that holds it", "-o DIR/out.png --aov depth", "only .exr files hold layers"),
+    options("AOV without a file that holds it", "-o DIR/out.png --aov depth", "only .exr and .lf files hold layers"),
 ]
 
 # ---- Media

@@ -295,7 +295,7 @@ def test_the_default_sensor_is_full_frame() -> None:
 def test_the_plane_of_focus_moves_with_autofocus(distance: float) -> None:
     unfocused = camera(focal_length=50, f_number=2, focus_on="ball")
     focused = unfocused.focused(distance)
-    assert focused.focus() == distance
+    assert focused.focal_distance() == distance
     assert focused.optics(36, 24) == camera(focal_length=50, f_number=2, focus_distance=distance).optics(36, 24)
     assert unfocused.focus_on == "ball"
 

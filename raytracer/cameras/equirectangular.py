@@ -6,13 +6,14 @@ In a scene:
 """
 
 import math
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field
 
 from raytracer.cameras.interface import NO_ASSETS, Assets, camera_ray, project
-from raytracer.cameras.placement import Frame, PlacedSpec, in_frame
+from raytracer.cameras.placement import Frame, PlacedSpec, WavelengthField, in_frame
 from raytracer.spec import Quantity
+from raytracer.spectra import line
 from raytracer.vec import norm, to_world
 
 
@@ -32,15 +33,17 @@ class Equirectangular(PlacedSpec):
     vfov: Annotated[float, Quantity("angle", low=0.0, low_open=True, high=180.0)] = Field(
         default=180.0, description="latitudes (deg) from the lower edge to the upper, up to 180"
     )
+    wavelength: WavelengthField = None
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Derived numbers: the field, and the degrees of a pixel along the equator and along a meridian."""
-        return {
+        """Derived numbers: the field, the degrees of a pixel along the equator and along a meridian, the wavelength."""
+        found = {
             "hfov_deg": self.hfov,
             "vfov_deg": self.vfov,
             "pixel_longitude_deg": self.hfov / width,
             "pixel_latitude_deg": self.vfov / height,
         }
+        return found if self.wavelength is None else {**found, "wavelength_nm": self.wavelength}
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "EquirectangularCamera":
         """The camera for a film of width x height pixels."""
@@ -50,17 +53,22 @@ class Equirectangular(PlacedSpec):
             math.radians(self.vfov) / height,
             0.5 * width,
             0.5 * height,
+            None if self.wavelength is None else line(self.wavelength),
         )
 
 
 class EquirectangularCamera(NamedTuple):
-    """Packed: radians of a pixel in longitude and in latitude, and the middle of the film in pixels."""
+    """Packed: radians of a pixel in longitude and in latitude, and the middle of the film in pixels.
+
+    wavelengths, tables of spectra for one wavelength, or None for light in red, green and blue.
+    """
 
     frame: Frame
     longitude: float
     latitude: float
     x: float
     y: float
+    wavelengths: Any
 
 
 @camera_ray.register(EquirectangularCamera)

@@ -8,22 +8,21 @@ In a scene:
              f_number: 5.6, focus_distance: 3, shutter: 1/125 s, iso: 400}
 """
 
-import functools
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import Field, PrivateAttr
 
-from raytracer.apertures.interface import ApertureSpec
 from raytracer.cameras.exposed import ExposedSpec
+from raytracer.cameras.focused import FocusedSpec
+from raytracer.cameras.glass import draw_wavelength, in_world, stop_for_key
 from raytracer.cameras.interface import (
     GHOST,
     LENS,
     NO_ASSETS,
-    WAVELENGTH,
     Assets,
     Defocus,
     Together,
@@ -38,38 +37,25 @@ from raytracer.cameras.interface import (
 from raytracer.cameras.placement import Frame, in_frame
 from raytracer.glass import LINE_D
 from raytracer.jit import generic, kernel
-from raytracer.kinds import APERTURES
 from raytracer.lanes import WIDTH, load, root, select, store
 from raytracer.lenses import packets
-from raytracer.lenses.equivalent import ThinEquivalent, thin_equivalent
-from raytracer.lenses.first_order import cardinal_points
-from raytracer.lenses.focusing import film_place, focus_shift
+from raytracer.lenses.focusing import film_place
 from raytracer.lenses.ghosts import Flare, aim_ghost, choose, flare_of, trace_way
 from raytracer.lenses.lens import Lens
-from raytracer.lenses.pupils import SquarePupils, aim, aiming_plane, light_on_axis, middle, pupils_of, rear_reach
-from raytracer.lenses.stops import f_number_of, stop_radius_for
-from raytracer.lenses.surfaces import LensSurfaces, trace_rays
+from raytracer.lenses.pupils import aim, aiming_plane, light_on_axis, middle, pupils_of, rear_reach
+from raytracer.lenses.setting import Setting, set_lens
+from raytracer.lenses.sights import angles_of, seen_at, traced, view_of
+from raytracer.lenses.surfaces import LensSurfaces
 from raytracer.photography import airy_diameter_um, crop_factor, exposure_value
-from raytracer.sampling import sample_1d, sample_2d
+from raytracer.sampling import sample_2d
 from raytracer.sampling.warp import sample_disc
 from raytracer.sensors import SENSORS, Size
-from raytracer.spec import Fraction, Name, PositiveLengthOrInf, Quantity, at
-from raytracer.spectra import FIRST, LAST, Spectra, hero, spectra
+from raytracer.spec import Quantity, at
+from raytracer.spectra import FIRST, LAST, Spectra, spectra
 from raytracer.units import METRES_PER_MILLIMETRE
-from raytracer.vec import add, madd, scale
-
-if TYPE_CHECKING:
-    Aperture: TypeAlias = ApertureSpec
-else:
-    Aperture = APERTURES.union_or_name()
-
-_FOCUSES = ("focus_distance", "focus_on", "focus_at")
 
 # Wavelengths (nm) for which the pupil is looked for: what glass does is monotonous between them.
 _SEEN = (FIRST, 500.0, LAST)
-
-# Steps by which a place of the film is found that sees a direction.
-_ROUNDS = 16
 
 # Rows of a packet in which the way through the lens is: the surfaces that reflect.
 _WAY = packets.FREE
@@ -78,46 +64,7 @@ _SPARE_PIXELS = 8
 """By how many pixels the film for which the pupil is known is larger than the picture: filters reach out of it."""
 
 
-class _Setting(NamedTuple):
-    """A lens as a camera has set it (mm): wide open or stopped down, and focused.
-
-    stop_radius, None for wide open; shift, of the group that focuses; surfaces, packed for the d line; film, where it
-    is on the axis; thin, the thin lens in place of it; focal_length, f_number, of the lens as it is set.
-    """
-
-    stop_radius: float | None
-    shift: float
-    surfaces: LensSurfaces
-    film: float
-    thin: ThinEquivalent
-    focal_length: float
-    f_number: float
-
-
-@functools.lru_cache(maxsize=64)
-def _stop(lens: Lens, f_number: float) -> float | None:
-    """Radius of the stop for an f-number; None for wide open."""
-    try:
-        return stop_radius_for(lens, f_number)
-    except ValueError:
-        # What is engraved on a lens is rounded.
-        if lens.f_number is not None and f_number >= lens.f_number:
-            return None
-        raise
-
-
-@functools.lru_cache(maxsize=64)
-def _set(lens: Lens, stop_radius: float | None, distance: float, how: str) -> _Setting:
-    """A lens focused at a distance (mm) from its entrance pupil."""
-    shift, film = focus_shift(lens, distance, how, stop_radius=stop_radius)
-    surfaces = lens.packed(stop_radius=stop_radius, shift=shift)
-    thin = thin_equivalent(surfaces, film, distance)
-    return _Setting(
-        stop_radius, shift, surfaces, film, thin, abs(cardinal_points(surfaces).focal_length), f_number_of(surfaces)
-    )
-
-
-class RealLens(ExposedSpec):
+class RealLens(FocusedSpec):
     """A lens of glass, as its prescription has it, through which every ray goes, surface by surface.
 
     So the picture has the lens's own aberrations, distortion and vignetting, and its blur the shape of what of the
@@ -140,29 +87,10 @@ class RealLens(ExposedSpec):
     f_number: Annotated[float, Quantity(low=0.0, low_open=True)] | None = Field(
         default=None, description="f-number to which the stop closes; by default it is as wide open as it goes"
     )
-    focus_distance: PositiveLengthOrInf | None = Field(
-        default=None,
-        description="distance of the plane of focus along the axis, from the entrance pupil (m), inf allowed; default: "
-        "|look_at - look_from|",
-    )
-    focus_on: Name | None = Field(
-        default=None,
-        description="name of the object whose middle is in focus, in place of `focus_distance`; for the surface that "
-        "is seen of it, see `focus_at`",
-    )
-    focus_at: tuple[Fraction, Fraction] | None = Field(
-        default=None,
-        description="place in the frame at which what is seen is in focus: fractions of its width and height, from the "
-        "top left, in place of `focus_distance`; infinity where nothing is seen; cutouts count as solid",
-    )
     focus: Literal["marginal", "rms"] = Field(
         default="marginal",
         description="what is sharp: where light through the zone of the pupil that halves its area meets on the axis, "
         "or where the spot of a point of the axis has the least root mean square radius (`rms`)",
-    )
-    aperture_shape: Aperture | None = Field(
-        default=None,
-        description="shape of the stop, of the same area as the round one: a type, or a mapping; round by default",
     )
     dispersion: bool = Field(
         default=True,
@@ -175,24 +103,17 @@ class RealLens(ExposedSpec):
     )
     _bound: Lens | None = PrivateAttr(default=None)
 
-    @model_validator(mode="after")
-    def _one_focus(self) -> "RealLens":
-        focuses = [key for key in _FOCUSES if getattr(self, key) is not None]
-        if len(focuses) > 1:
-            at(focuses[1], f"{focuses[0]} and {focuses[1]} both set the plane of focus: give one of them")
-        return self
-
     # ---- What it is with its lens
 
     def bound(self, assets: Assets) -> "RealLens":
         bound = self.model_copy()
         bound._bound = assets["lens"]
-        radius = bound._stop_radius()
+        radius = stop_for_key(bound.glass(), bound.f_number)
         try:
             film_place(bound.glass(), self.focus, stop_radius=radius)
         except ValueError as error:
             at("lens", str(error))
-        if self.focus_on is None and self.focus_at is None:
+        if not self.focuses_on_something():
             bound._check_focus()
         return bound
 
@@ -202,14 +123,6 @@ class RealLens(ExposedSpec):
             raise TypeError("the camera has not been bound to the lens that its file holds")
         return self._bound
 
-    def _stop_radius(self) -> float | None:
-        if self.f_number is None:
-            return None
-        try:
-            return _stop(self.glass(), self.f_number)
-        except ValueError as error:
-            at("f_number", str(error))
-
     def _check_focus(self) -> None:
         """Refuse a plane of focus that the lens cannot have."""
         try:
@@ -217,29 +130,16 @@ class RealLens(ExposedSpec):
         except ValueError as error:
             at("lens" if self.focus_distance is None else "focus_distance", str(error))
 
-    def setting(self) -> _Setting:
+    def setting(self) -> Setting:
         """The lens as it is set.
 
         Raises
         ------
         ValueError : it cannot be focused so.
         """
-        return _set(self.glass(), self._stop_radius(), 1e3 * self.focal_distance(), self.focus)
-
-    def focal_distance(self) -> float:
-        """Distance of the plane of focus (m)."""
-        return self.distance() if self.focus_distance is None else self.focus_distance
-
-    def focused(self, distance: float) -> "RealLens":
-        """The camera focused at a distance along its axis (m) in place of on an object, or at a place in the frame.
-
-        Raises
-        ------
-        ValueError : the lens cannot be focused there.
-        """
-        focused = self.model_copy(update={"focus_distance": distance, "focus_on": None, "focus_at": None})
-        focused._check_focus()
-        return focused
+        return set_lens(
+            self.glass(), stop_for_key(self.glass(), self.f_number), 1e3 * self.focal_distance(), self.focus
+        )
 
     def sight(self, x: float, y: float, width: int, height: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The ray through the middle of the pupil: see `PerspectiveSpec.sight`."""
@@ -248,7 +148,7 @@ class RealLens(ExposedSpec):
         target = middle(setting.surfaces, setting.film, *place, LINE_D)
         if target is None:
             raise ValueError("no light arrives there: the lens's image circle does not reach so far")
-        points, ways = _traced(setting, np.array([place]), target[None])
+        points, ways = traced(setting, np.array([place]), target[None])
         return METRES_PER_MILLIMETRE * points[0], ways[0]
 
     def _film(self, width: int, height: int) -> Size:
@@ -303,7 +203,7 @@ class RealLens(ExposedSpec):
             numbers["ev100"] = exposure_value(setting.f_number, seconds, self.iso or 100.0)
         focus = self.focal_distance()
         return {
-            **_angles(setting, film),
+            **angles_of(setting, film),
             **numbers,
             "magnification": thin.image_distance / (1e3 * focus),
             "focus_distance_m": focus,
@@ -331,10 +231,6 @@ class RealLens(ExposedSpec):
         return [*found, ("lens" if self.sensor is None else "sensor", message)]
 
     # ---- Packed
-
-    def files(self) -> dict[tuple[str | int, ...], tuple[str, str]]:
-        shape = {} if self.aperture_shape is None else self.aperture_shape.files()
-        return super().files() | {("aperture_shape", *keys): file for keys, file in shape.items()}
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "LensCamera":
         """The camera for a film of width x height pixels, with its pupil as each place of the film sees it."""
@@ -374,169 +270,13 @@ class RealLens(ExposedSpec):
             gain=(1.0 if self.is_radiometric() else 1.0 / light) / (setting.film - plane) ** 2,
             wavelengths=spectra() if is_spectral else None,
             flare=flare,
-            seen=_view(setting, pupils),
+            seen=view_of(setting, pupils),
             thin=Defocus(
                 METRES_PER_MILLIMETRE * setting.thin.aperture,
                 pixel / setting.thin.image_distance,
                 1.0 / self.focal_distance(),
             ),
         )
-
-    def _shape(self, assets: Assets) -> Any:
-        """The packed shape of the stop; None if it is round."""
-        shape = self.aperture_shape
-        if shape is None:
-            return None
-        try:
-            return shape.pack({key: assets[f"aperture_shape.{key}"] for key in shape.loads})
-        except ValueError as error:
-            at(("aperture_shape", *shape.loads), str(error))
-
-
-# ---- What is seen where
-
-
-def _traced(
-    setting: _Setting, places: NDArray[np.float64], targets: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Rays from places of the film (n, 2) through points of the plane that is aimed at (n, 2), at the d line.
-
-    Returns
-    -------
-    Points (mm) from the middle of the entrance pupil, and directions, as right, up, forward: (n, 3); NaN where lost.
-    """
-    plane = aiming_plane(setting.surfaces, setting.film)
-    starts = np.column_stack([places, np.full(len(places), setting.film)])
-    ways = np.column_stack([targets, np.full(len(places), plane)]) - starts
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    weights, points, onward = trace_rays(setting.surfaces, starts, ways, False)
-    points[:, 2] -= setting.thin.pupil
-    for rows in (points, onward):
-        rows[:, 2] *= -1.0
-        rows[weights == 0.0] = np.nan
-    return points, onward
-
-
-def _sights(setting: _Setting, places: NDArray[np.float64], targets: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Directions (n, 3) from the middle of the entrance pupil in which such rays are at the distance of focus."""
-    points, ways = _traced(setting, places, targets)
-    distance = setting.thin.focus_distance
-    if math.isinf(distance):
-        return ways
-    along = (points * ways).sum(axis=1)
-    way = -along + np.sqrt(along**2 - (points**2).sum(axis=1) + distance**2)
-    return np.asarray(points + way[:, None] * ways)
-
-
-def _angles(setting: _Setting, film: Size) -> dict[str, float]:
-    """Fields of view (deg) between opposite edges and corners, by rays, as far as the lens reaches these."""
-    found = {}
-    for name, x, y in (("v", 0.0, 0.5), ("h", 0.5, 0.0), ("d", 0.5, 0.5)):
-        place = (x * film.width, y * film.height)
-        target = middle(setting.surfaces, setting.film, *place, LINE_D)
-        if target is not None:
-            ((right, up, forward),) = _sights(setting, np.array([place]), target[None])
-            found[f"{name}fov_deg"] = 2.0 * math.degrees(math.atan2(math.hypot(right, up), forward))
-    return found
-
-
-class RoundView(NamedTuple):
-    """Packed, of a lens that is alike all around its axis: how far from the axis an angle is seen.
-
-    radius (n,) float64, on the film (mm), of evenly spaced angles from 0 on; per_radian, how many a radian has.
-    """
-
-    radius: NDArray[np.float64]
-    per_radian: float
-
-
-class SquareView(NamedTuple):
-    """Packed, of any other: in which direction each place of a quadrant of the film sees.
-
-    slopes (n, m, 2) float64, by |y| and |x| on the film: how far to the side and up a metre ahead; step_x and step_y,
-    of the table (mm); image_x and image_y, how large a slope is on the film, near the axis (mm).
-    """
-
-    slopes: NDArray[np.float64]
-    step_x: float
-    step_y: float
-    image_x: float
-    image_y: float
-
-
-_ANGLES = 1025
-
-
-def _view(setting: _Setting, pupils: Any) -> RoundView | SquareView:
-    """What `project` needs, from where the pupil is."""
-    ellipses = pupils.ellipses
-    if isinstance(pupils, SquarePupils):
-        rows, columns = ellipses.shape[:2]
-        places = np.stack(np.meshgrid(np.arange(columns) / pupils.per_mm_x, np.arange(rows) / pupils.per_mm_y), axis=-1)
-        sights = _sights(setting, places.reshape(-1, 2), ellipses[..., :2].reshape(-1, 2)).reshape(rows, columns, 3)
-        slopes = -sights[..., :2] / sights[..., 2:]
-        step_x, step_y = 1.0 / pupils.per_mm_x, 1.0 / pupils.per_mm_y
-        image_x, image_y = step_x / float(slopes[0, 1, 0]), step_y / float(slopes[1, 0, 1])
-        return SquareView(np.ascontiguousarray(slopes), step_x, step_y, image_x, image_y)
-    from scipy.interpolate import PchipInterpolator
-
-    radii = np.arange(len(ellipses)) / pupils.per_mm
-    targets = np.column_stack([ellipses[:, 0], np.zeros(len(ellipses))])
-    sights = _sights(setting, np.column_stack([radii, np.zeros(len(radii))]), targets)
-    angles = np.arctan2(-sights[:, 0], sights[:, 2])
-    angles[0] = 0.0
-    # Up to where the lens shows nothing, or the same again.
-    odd = np.flatnonzero(~(np.diff(angles) > 0.0))
-    count = int(odd[0]) + 1 if len(odd) else len(angles)
-    if count < 2:
-        return RoundView(np.zeros(2), 1.0)
-    even = np.linspace(0.0, angles[count - 1], _ANGLES)
-    return RoundView(
-        np.ascontiguousarray(PchipInterpolator(angles[:count], radii[:count])(even)), (_ANGLES - 1) / float(even[-1])
-    )
-
-
-@generic
-def seen_at(view, right, up, forward):
-    """Where on the film (mm, upright) a direction is seen; NaN if nowhere."""
-    raise NotImplementedError
-
-
-@seen_at.register(RoundView)
-def _(view, right, up, forward):
-    across = math.hypot(right, up)
-    place = math.atan2(across, forward) * view.per_radian
-    if not place <= len(view.radius) - 1.0:
-        return math.nan, math.nan
-    if across == 0.0:
-        return 0.0, 0.0
-    row = min(int(place), len(view.radius) - 2)
-    part = place - row
-    radius = view.radius[row] + part * (view.radius[row + 1] - view.radius[row])
-    return radius * right / across, radius * up / across
-
-
-@seen_at.register(SquareView)
-def _(view, right, up, forward):
-    if forward <= 0.0:
-        return math.nan, math.nan
-    rows, columns = view.slopes.shape[0], view.slopes.shape[1]
-    wanted_x, wanted_y = abs(right / forward), abs(up / forward)
-    x, y = wanted_x * view.image_x, wanted_y * view.image_y
-    # Go by what the middle of the film would need, again and again: distortion is little beside that.
-    for _round in range(_ROUNDS):
-        across, above = x / view.step_x, y / view.step_y
-        column, row = max(0, min(int(across), columns - 2)), max(0, min(int(above), rows - 2))
-        u, v = across - column, above - row
-        a, b = view.slopes[row, column], view.slopes[row, column + 1]
-        c, d = view.slopes[row + 1, column], view.slopes[row + 1, column + 1]
-        slope_x = (1.0 - v) * ((1.0 - u) * a[0] + u * b[0]) + v * ((1.0 - u) * c[0] + u * d[0])
-        slope_y = (1.0 - v) * ((1.0 - u) * a[1] + u * b[1]) + v * ((1.0 - u) * c[1] + u * d[1])
-        x += view.image_x * (wanted_x - slope_x)
-        y += view.image_y * (wanted_y - slope_y)
-    if not (0.0 <= x <= (columns - 1) * view.step_x and 0.0 <= y <= (rows - 1) * view.step_y):
-        return math.nan, math.nan
-    return math.copysign(x, right), math.copysign(y, up)
 
 
 # ---- In kernels
@@ -580,24 +320,6 @@ class LensCamera(NamedTuple):
     flare: Any
     seen: Any
     thin: Defocus
-
-
-@generic
-def draw_wavelength(wavelengths, rows, lane, draws):
-    """Give a sample its wavelength (nm)."""
-    raise NotImplementedError
-
-
-@draw_wavelength.register(type(None))
-def _(wavelengths, rows, lane, draws):
-    return
-
-
-@draw_wavelength.register(Spectra)
-def _(wavelengths, rows, lane, draws):
-    drawn = sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + WAVELENGTH)
-    rows[packets.DRAWN, lane] = drawn
-    rows[packets.WAVELENGTH, lane], _ = hero(wavelengths, drawn)
 
 
 @generic
@@ -738,23 +460,11 @@ def _(camera, sharing, rows, others, x, y):
             others[packets.WEIGHT, lane] = 0.0
 
 
-@kernel
-def in_world(camera, origin, direction):
-    """A ray before the lens (mm), in the scene (m)."""
-    frame = camera.frame
-    ahead = METRES_PER_MILLIMETRE * (camera.pupil - origin[2])
-    side = scale(METRES_PER_MILLIMETRE * origin[0], frame.right)
-    side = madd(side, METRES_PER_MILLIMETRE * origin[1], frame.up)
-    start = add(frame.origin, madd(side, ahead, frame.forward))
-    way = add(scale(direction[0], frame.right), scale(direction[1], frame.up))
-    return start, madd(way, -direction[2], frame.forward)
-
-
 @lane_ray.register(LensCamera)
 def _(camera, rows, lane, x, y, time, draws):
     origin = rows[packets.ORIGIN, lane], rows[packets.ORIGIN + 1, lane], rows[packets.ORIGIN + 2, lane]
     way = rows[packets.DIRECTION, lane], rows[packets.DIRECTION + 1, lane], rows[packets.DIRECTION + 2, lane]
-    start, direction = in_world(camera, origin, way)
+    start, direction = in_world(camera.frame, camera.pupil, origin, way)
     return start, direction, rows[packets.WEIGHT, lane]
 
 

@@ -1,11 +1,16 @@
 """Options that several commands have, and what they mean."""
 
-from collections.abc import Callable, Sequence
-from typing import Annotated
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from raytracer.errors import InputError
+
+if TYPE_CHECKING:
+    from raytracer.cluster import Cluster
 
 Define = Annotated[
     list[str] | None,
@@ -63,10 +68,22 @@ def aovs(lists: Sequence[str], remedy: str | None) -> tuple[str, ...]:
     if not lists:
         return ()
     if remedy is not None:
-        raise InputError(f"--aov {lists[0]}: only .exr files hold layers: add {remedy}")
+        raise InputError(f"--aov {lists[0]}: only .exr and .lf files hold layers: add {remedy}")
     from raytracer.aovs.recording import known_aovs
 
     try:
         return known_aovs([name.strip() for text in lists for name in text.split(",")])
     except InputError as error:
         raise InputError(f"--aov {','.join(lists)}: {error}") from None
+
+
+@contextmanager
+def machines(address: str | None) -> "Iterator[Cluster | None]":
+    """The cluster at an address; None for this machine."""
+    if address is None:
+        yield None
+        return
+    from raytracer.cluster import Cluster
+
+    with Cluster(address, say=lambda sentence: print(f"rt: {sentence}", file=sys.stderr)) as cluster:
+        yield cluster

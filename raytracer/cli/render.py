@@ -6,7 +6,7 @@ import shlex
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -18,7 +18,6 @@ from raytracer.scene.preview import EDGE, SPP, smaller
 from raytracer.units import parse_duration, parse_share
 
 if TYPE_CHECKING:
-    from raytracer.cluster import Cluster
     from raytracer.film.image import Image
     from raytracer.rendering import Rendered
     from raytracer.scene.spec import SceneSpec
@@ -48,7 +47,7 @@ def render(
             "--output",
             "-o",
             metavar="FILE",
-            help="Image to write, .png .jpg for display, .exr .hdr .npy linear; may repeat.  "
+            help="Image to write, .png .jpg for display, .exr .hdr .npy linear; .lf holds a light field; may repeat.  "
             "Default: outputs/<scene>.png",
             show_default=False,
         ),
@@ -79,8 +78,8 @@ def render(
         list[str] | None,
         typer.Option(
             metavar="NAME,...",
-            help="What else to record, as layers of an .exr file: depth, distance, normal, geometric_normal, albedo, "
-            "position, motion, object_id, material_id, direct, indirect, coverage, samples, variance.  "
+            help="What else to record, as layers of an .exr or .lf file: depth, distance, normal, geometric_normal, "
+            "albedo, position, motion, object_id, material_id, direct, indirect, coverage, samples, variance, rays.  "
             "May repeat; see docs/aovs.md.",
         ),
     ] = None,
@@ -143,7 +142,7 @@ def render(
     limit = None if time_limit is None else options.number("--time-limit", time_limit, parse_duration)
     place = _parse_pixel(pixel)
     _check_debug(place, sample, is_on=debug, as_json=as_json)
-    has_layers = any(path.suffix.lower() == ".exr" for path in outputs)
+    has_layers = any(path.suffix.lower() in (".exr", ".lf") for path in outputs)
     layers = options.aovs(aov or [], None if has_layers else "-o NAME.exr")
 
     # Find out what cannot be written before the work, not after.
@@ -154,6 +153,8 @@ def render(
     if not debug:
         for path in outputs:
             check_writable(path)
+            if path.suffix.lower() == ".lf":
+                _check_views(path, spec, layers, is_whole=window is None)
         if stats is not None:
             check_file(stats)
     again = _Again(scene, define or [], preview, spp, seed, noise, time_limit)
@@ -168,7 +169,7 @@ def render(
     from raytracer.rendering import SampleBar
     from raytracer.rendering import render as render_scene
 
-    with SampleBar(quiet=quiet) as bar, _machines(cluster) as machines:
+    with SampleBar(quiet=quiet) as bar, options.machines(cluster) as machines:
         load_seconds = time.perf_counter() - context.obj
         rendered = render_scene(
             spec,
@@ -197,16 +198,14 @@ def render(
         raise Interrupted
 
 
-@contextlib.contextmanager
-def _machines(address: str | None) -> "Iterator[Cluster | None]":
-    """The cluster at an address; None for this machine."""
-    if address is None:
-        yield None
-        return
-    from raytracer.cluster import Cluster
+def _check_views(path: Path, spec: "SceneSpec", layers: Sequence[str], *, is_whole: bool) -> None:
+    """Make sure that the picture of a scene holds a light field."""
+    from raytracer.film.output import NO_LIGHT_FIELD
 
-    with Cluster(address, say=lambda sentence: print(f"rt: {sentence}", file=sys.stderr)) as cluster:
-        yield cluster
+    layout = spec.camera.layout(spec.film.width, spec.film.height)
+    has_views = layout is not None and (layout.views.rows * layout.views.columns > 1 or "rays" in layers)
+    if not (has_views and is_whole):
+        raise InputError(f"{path}: {NO_LIGHT_FIELD}")
 
 
 def _parse_pixel(text: str | None) -> tuple[int, int] | None:

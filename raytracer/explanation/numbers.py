@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from raytracer.cameras.interface import defocus_of, project
 from raytracer.cameras.moving import MovingCamera
 from raytracer.errors import InputError, shown
+from raytracer.film.film import Film
 from raytracer.motion import compose, row_at
 from raytracer.photography import circle_of_confusion, far_limit, focal_length_of, hyperfocal, near_limit
 from raytracer.scene.focus import middle_of
@@ -27,6 +28,8 @@ _PARTS = 64
 
 # More roundings than a coordinate meets on its way from the scene to the film.
 _ROUNDINGS = 64
+
+_GIGABYTE = 1e9
 
 
 class Circle(NamedTuple):
@@ -196,6 +199,22 @@ def depth_of_field(view: View, circle: Circle | None) -> dict[str, float]:
     return numbers | {
         "circle_mm": size / METRES_PER_MILLIMETRE,
         "hyperfocal_m": hyperfocal(focal_length, f_number, size),
+    }
+
+
+def of_views(spec: SceneSpec) -> dict[str, float]:
+    """The size of a picture that is made of many views, and the memory that its film takes."""
+    width, height = spec.picture()
+    if (width, height) == (spec.film.width, spec.film.height):
+        return {}
+    film = Film.empty(1, 1, is_clamped=spec.render.clamp is not None)
+    pixel = sum(array.nbytes for array in vars(film).values() if array is not None)
+    return {
+        "view_width_px": float(spec.film.width),
+        "view_height_px": float(spec.film.height),
+        "picture_width_px": float(width),
+        "picture_height_px": float(height),
+        "film_gigabytes": pixel * width * height / _GIGABYTE,
     }
 
 

@@ -3,13 +3,20 @@
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from raytracer.dump import plain_value
 from raytracer.explanation.cautions import cautions
-from raytracer.explanation.numbers import Circle, View, depth_of_field, exposure
-from raytracer.explanation.text import camera_text, effects_text, objects_text, thin_lens_text, warnings_text
+from raytracer.explanation.numbers import Circle, View, depth_of_field, exposure, of_views
+from raytracer.explanation.text import (
+    camera_text,
+    effects_text,
+    objects_text,
+    thin_lens_text,
+    trade_off_text,
+    warnings_text,
+)
 from raytracer.scene.concerns import concerns, told
 from raytracer.scene.effects import Effect, effects_of
 from raytracer.scene.load import load
@@ -28,7 +35,8 @@ class Explanation:
     kind, of the camera; camera, its numbers; objects, those of each object that has a name or moves; warnings, one
     sentence for each thing that the scene makes one doubt (docs/warnings.md), and for each in which the picture will
     differ from what the camera would take, or may not be as meant; thin_lens, keys of the ideal camera in place of one
-    with a lens of glass, None for any other.
+    with a lens of glass, None for any other; trade_off, what others in place of a light-field camera's microlenses
+    would give, its own among them.
     """
 
     effects: dict[str, Effect]
@@ -37,6 +45,7 @@ class Explanation:
     objects: dict[str, dict[str, float]]
     warnings: list[str]
     thin_lens: dict[str, Any] | None = None
+    trade_off: list[dict[str, float]] = field(default_factory=list)
 
     def json(self) -> dict[str, Any]:
         """For `--json`; infinity, which JSON lacks, becomes the text "inf"."""
@@ -45,7 +54,9 @@ class Explanation:
             "camera": _finite(self.camera),
             "objects": {name: _finite(numbers) for name, numbers in self.objects.items()},
             "warnings": self.warnings,
-        } | ({} if self.thin_lens is None else {"thin_lens": _finite(self.thin_lens)})
+            **({} if self.thin_lens is None else {"thin_lens": _finite(self.thin_lens)}),
+            **({"trade_off": [_finite(row) for row in self.trade_off]} if self.trade_off else {}),
+        }
 
     def __repr__(self) -> str:
         return self.text().rstrip()
@@ -55,6 +66,7 @@ class Explanation:
         parts = [
             effects_text(self.effects),
             camera_text(self.kind, self.camera),
+            trade_off_text(self.trade_off, self.camera),
             thin_lens_text(self.thin_lens),
             objects_text(self.objects),
             warnings_text(self.warnings),
@@ -91,11 +103,12 @@ def explain(scene: SceneSpec | str | os.PathLike[str], *, circle: Circle | None 
     spec = packed.spec
     view = View(spec, packed.scene.camera, packed.shift)
     where = Whereabouts(spec, assets)
-    numbers = view.numbers | depth_of_field(view, circle) | exposure(spec)
+    numbers = view.numbers | depth_of_field(view, circle) | of_views(spec) | exposure(spec)
     objects = {label(spec, number): view.object(where, number) for number in _explained(spec, where)}
     warnings = [*told(concerns(packed)), *cautions(view, numbers)]
     effects = effects_of(spec, packed.scene)
-    return Explanation(effects, spec.camera.type, numbers, objects, warnings, _thin_lens(spec))
+    trade_off = spec.camera.trade_off(spec.film.width, spec.film.height)
+    return Explanation(effects, spec.camera.type, numbers, objects, warnings, _thin_lens(spec), trade_off)
 
 
 def _explained(spec: SceneSpec, where: Whereabouts) -> list[int]:

@@ -38,6 +38,7 @@ _GROUPS = {
         _Line("dfov_deg", "diagonal", "deg"),
         _Line("fov_deg", "across the circle", "deg"),
         _Line("pixel_at_1m_mm", "a pixel at 1 m", "mm"),
+        _Line("wavelength_nm", "the one wavelength seen", "nm"),
     ),
     "Sensor": (
         _Line("sensor_width_mm", "width", "mm"),
@@ -72,6 +73,34 @@ _GROUPS = {
         _Line("thin_lens_focal_length_mm", "its focal length", "mm"),
         _Line("thin_lens_f_number", "its f-number"),
         _Line("thin_lens_vfov_deg", "its vertical field of view", "deg"),
+    ),
+    "Light field": (
+        _Line("views", "views"),
+        _Line("view_columns", "in a row"),
+        _Line("view_rows", "rows"),
+        _Line("view_width_px", "width of a view", "px"),
+        _Line("view_height_px", "height of a view", "px"),
+        _Line("picture_width_px", "width of all side by side", "px"),
+        _Line("picture_height_px", "height of all", "px"),
+        _Line("film_gigabytes", "film of all", "GB"),
+        _Line("view_spacing_mm", "from view to view", "mm"),
+        _Line("view_spacing_up_mm", "from row to row", "mm"),
+        _Line("baseline_mm", "from the first column to the last", "mm"),
+        _Line("baseline_up_mm", "from the first row to the last", "mm"),
+        _Line("convergence_distance_m", "all views alike at", "m"),
+        _Line("disparity_at_infinity_px", "from view to view at infinity", "px"),
+        _Line("refocus_near_m", "refocusable from", "m"),
+        _Line("refocus_far_m", "refocusable to", "m"),
+    ),
+    "Microlenses": (
+        _Line("microlens_pitch_um", "pitch", "um"),
+        _Line("sub_image_px", "from sub-image to sub-image", "px"),
+        _Line("seen_by_microlenses", "microlenses, across, that see a place"),
+        _Line("microlens_focal_length_mm", "focal length", "mm"),
+        _Line("microlens_f_number", "f-number"),
+        _Line("microlens_airy_disc_px", "Airy disc (550 nm)", "px"),
+        _Line("sensor_behind_microlenses_mm", "sensor behind them", "mm"),
+        _Line("raw_pixels", "pixels of the sensor"),
     ),
     "Exposure": (
         _Line("shutter_s", "shutter", "s"),
@@ -173,6 +202,34 @@ def camera_text(kind: str, camera: Mapping[str, float]) -> str:
         if lines
     ]
     return f"Camera: {kind}\n" + "".join(shown_groups)
+
+
+_TRADE_OFF = (
+    _Line("microlens_pitch_um", "pitch", "um"),
+    _Line("sub_image_px", "pixels each"),
+    _Line("view_columns", "views"),
+    _Line("view_width_px", "view", "px"),
+    _Line("refocus_near_m", "refocusable from", "m"),
+    _Line("refocus_far_m", "to", "m"),
+)
+
+
+def trade_off_text(rows: Sequence[Mapping[str, float]], own: Mapping[str, float]) -> str:
+    """A table of what other microlenses would give, a row each; nothing for cameras without any."""
+    if not rows:
+        return ""
+    cells = [[f"{line.words} ({line.unit})" if line.unit else line.words for line in _TRADE_OFF]]
+    for row in rows:
+        cells.append([rounded(row[line.key]) for line in _TRADE_OFF])
+        cells[-1][2] += f" x {rounded(row['view_rows'])}"
+        cells[-1][3] += f" x {rounded(row['view_height_px'])}"
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    marks = ["", *("  these" if row["microlens_pitch_um"] == own["microlens_pitch_um"] else "" for row in rows)]
+    lines = [
+        "  " + "  ".join(f"{cell:>{width}}" for cell, width in zip(row, widths, strict=True)) + mark
+        for row, mark in zip(cells, marks, strict=True)
+    ]
+    return "Microlenses of other sizes before the same sensor\n" + "\n".join(lines) + "\n"
 
 
 def thin_lens_text(keys: Mapping[str, Any] | None) -> str:

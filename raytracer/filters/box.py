@@ -22,6 +22,9 @@ class Box(FilterSpec):
     def pack(self) -> "BoxFilter":
         return BoxFilter(self.width)
 
+    def reach(self) -> float:
+        return 0.5 * self.width
+
     def edge(self) -> float:
         return self.width
 

@@ -31,6 +31,9 @@ class Gaussian(FilterSpec):
         ratio = self.radius / self.sigma
         return GaussianFilter(self.sigma, -math.expm1(-0.5 * ratio * ratio))
 
+    def reach(self) -> float:
+        return self.radius
+
 
 class GaussianFilter(NamedTuple):
     """Packed: sigma, and the fraction of the whole Gaussian that lies within the radius."""

@@ -15,6 +15,10 @@ class FilterSpec(Spec):
         """The packed filter."""
         raise NotImplementedError
 
+    def reach(self) -> float:
+        """How far from a pixel's centre it reaches, along either axis (pixels)."""
+        raise NotImplementedError
+
     def edge(self) -> float | None:
         """Edge of the square (pixels) whose places all count the same, and no others; None if it is not so."""
         return None

@@ -42,6 +42,9 @@ class Mitchell(FilterSpec):
         growth = np.concatenate([[0.0], np.cumsum(np.abs(values))])
         return MitchellFilter(cubics, np.interp(np.linspace(0.0, growth[-1], _CELLS + 1), growth, edges))
 
+    def reach(self) -> float:
+        return 2.0
+
 
 class MitchellFilter(NamedTuple):
     """Packed for one axis: f by distance, and where to draw positions.

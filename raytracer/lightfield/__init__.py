@@ -16,11 +16,17 @@ if TYPE_CHECKING:
     from raytracer.lightfield.decoding.calibration import Grid, find_grid, read_grid
     from raytracer.lightfield.decoding.decoder import Decoded, decode
     from raytracer.lightfield.decoding.optics import Optics
+    from raytracer.lightfield.depth import Depth, depth_map
     from raytracer.lightfield.foreign import export_array, export_views, import_views
     from raytracer.lightfield.fourier import FourierRefocuser
+    from raytracer.lightfield.fusion import all_in_focus
     from raytracer.lightfield.making import of
+    from raytracer.lightfield.moving import look_around, path_places
     from raytracer.lightfield.openings import cell_weights
+    from raytracer.lightfield.perspectives import montage, view_at
     from raytracer.lightfield.refocusing import focal_stack, refocus
+    from raytracer.lightfield.slices import epipolar_slice
+    from raytracer.lightfield.supersampling import supersampled
     from raytracer.lightfield.viewer import page, write_page
     from raytracer.plenoptic.field import LightField, Rays
     from raytracer.plenoptic.focusing import refocusable
@@ -29,6 +35,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Decoded": "raytracer.lightfield.decoding.decoder",
+    "Depth": "raytracer.lightfield.depth",
     "FourierRefocuser": "raytracer.lightfield.fourier",
     "Grid": "raytracer.lightfield.decoding.calibration",
     "LightField": "raytracer.plenoptic.field",
@@ -38,19 +45,27 @@ _HOMES = {
     "Rays": "raytracer.plenoptic.field",
     "Views": "raytracer.plenoptic.views",
     "Writer": "raytracer.plenoptic.lf",
+    "all_in_focus": "raytracer.lightfield.fusion",
     "cell_weights": "raytracer.lightfield.openings",
     "decode": "raytracer.lightfield.decoding.decoder",
+    "depth_map": "raytracer.lightfield.depth",
+    "epipolar_slice": "raytracer.lightfield.slices",
     "export_array": "raytracer.lightfield.foreign",
     "export_views": "raytracer.lightfield.foreign",
     "find_grid": "raytracer.lightfield.decoding.calibration",
     "focal_stack": "raytracer.lightfield.refocusing",
     "import_views": "raytracer.lightfield.foreign",
+    "look_around": "raytracer.lightfield.moving",
+    "montage": "raytracer.lightfield.perspectives",
     "of": "raytracer.lightfield.making",
     "open": "raytracer.plenoptic.lf",
-    "read_grid": "raytracer.lightfield.decoding.calibration",
     "page": "raytracer.lightfield.viewer",
+    "path_places": "raytracer.lightfield.moving",
+    "read_grid": "raytracer.lightfield.decoding.calibration",
     "refocus": "raytracer.lightfield.refocusing",
     "refocusable": "raytracer.plenoptic.focusing",
+    "supersampled": "raytracer.lightfield.supersampling",
+    "view_at": "raytracer.lightfield.perspectives",
     "write": "raytracer.plenoptic.lf",
     "write_page": "raytracer.lightfield.viewer",
 }
@@ -58,6 +73,7 @@ _HOMES = {
 
 __all__ = [
     "Decoded",
+    "Depth",
     "FourierRefocuser",
     "Grid",
     "LightField",
@@ -67,19 +83,27 @@ __all__ = [
     "Rays",
     "Views",
     "Writer",
+    "all_in_focus",
     "cell_weights",
     "decode",
+    "depth_map",
+    "epipolar_slice",
     "export_array",
     "export_views",
     "find_grid",
     "focal_stack",
     "import_views",
+    "look_around",
+    "montage",
     "of",
     "open",
     "page",
+    "path_places",
     "read_grid",
     "refocus",
     "refocusable",
+    "supersampled",
+    "view_at",
     "write",
     "write_page",
 ]

@@ -4,15 +4,15 @@ From frame to frame one value goes one step: where an axis is at its end, the ot
 backwards.  Zipped axes go step by step together.
 """
 
-import io
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from raytracer.errors import InputError
+from raytracer.film.animation import KINDS, Kind, check, encode
 from raytracer.film.output import write_bytes
 from raytracer.sweeping.points import Sweep
 from raytracer.sweeping.sheet import cut, fitted, font
@@ -21,8 +21,7 @@ from raytracer.sweeping.sliders import Images, Slider, sliders
 if TYPE_CHECKING:
     import PIL.Image
 
-Kind = Literal["gif", "webp", "png"]
-KINDS: tuple[Kind, ...] = ("gif", "webp", "png")
+__all__ = ["FPS", "KINDS", "STEM", "Kind", "animate", "check", "path_of_indices", "write_animation"]
 
 STEM = "sweep"
 FPS = 5.0
@@ -33,31 +32,7 @@ _LARGEST = (960, 720)
 # Of all frames together, since they are in memory at once.
 _MOST_PIXELS = 100e6
 
-# A GIF's frames last whole hundredths of a second, and browsers slow down those of fewer than two.
-_TICK_MS, _FEWEST_TICKS = 10, 2
-_MOST_FPS = 1000.0 / (_TICK_MS * _FEWEST_TICKS)
-_SLOWEST = 600_000
-
-_WEBP_QUALITY = 90
-_COLORS = 256
-
-# Pixels of all frames together from which a GIF's colours are chosen.
-_LOOKED_AT = 1_000_000
-
 _PAPER, _INK = (255, 255, 255), (27, 29, 33)
-
-
-def check(kind: str, fps: float) -> None:
-    """Make sure, before anything is rendered, that there is such an animation.
-
-    Raises
-    ------
-    InputError : `fps` is not in 0..50, or `kind` is none of those that there are.
-    """
-    if kind not in KINDS:
-        raise InputError(f"--animate {kind}: must be one of {', '.join(KINDS)}")
-    if not 0.0 < fps <= _MOST_FPS:
-        raise InputError(f"--fps {fps:g}: must be greater than 0 and at most {_MOST_FPS:g}")
 
 
 def animate(
@@ -87,24 +62,7 @@ def animate(
     frames = list(_frames(sweep, images))
     if not frames:
         raise InputError("an animation needs a picture, and no point has one")
-    if kind == "gif":
-        frames = _in_one_palette(frames)
-    if boomerang:
-        frames += frames[-2:0:-1]
-
-    duration = min(_SLOWEST, round(1000.0 / fps))
-    if kind == "gif":
-        duration = max(_FEWEST_TICKS, round(duration / _TICK_MS)) * _TICK_MS
-    settings: dict[str, Any] = {
-        "gif": {"optimize": False, "disposal": 1},
-        "webp": {"quality": _WEBP_QUALITY, "method": 4},
-        "png": {"disposal": 0, "blend": 0},
-    }[kind]
-    if kind == "gif":
-        settings["palette"] = bytes(frames[0].getpalette() or ())
-    buffer = io.BytesIO()
-    frames[0].save(buffer, kind, save_all=True, append_images=frames[1:], duration=duration, loop=0, **settings)
-    return buffer.getvalue()
+    return encode([np.asarray(frame) for frame in frames], kind, fps=fps, boomerang=boomerang)
 
 
 def write_animation(
@@ -187,15 +145,3 @@ def _captioned(picture: "PIL.Image.Image", size: tuple[int, int], caption: str, 
     place = size[0] / 2, size[1] + text
     PIL.ImageDraw.Draw(frame).text(place, caption, _INK, font(text), anchor="mm")
     return frame
-
-
-def _in_one_palette(frames: Sequence["PIL.Image.Image"]) -> list["PIL.Image.Image"]:
-    """The frames in 256 colours, which are those of all of them, so that none changes its look for the others'."""
-    import PIL.Image
-
-    # Every n-th pixel of all frames is a picture of its own, from which the colours are chosen.
-    step = max(1, math.isqrt(len(frames) * frames[0].width * frames[0].height // _LOOKED_AT))
-    seen = np.concatenate([np.asarray(frame)[::step, ::step].reshape(-1, 3) for frame in frames])
-    with PIL.Image.fromarray(seen[None]) as sample:
-        palette = sample.quantize(_COLORS, PIL.Image.Quantize.MEDIANCUT)
-    return [frame.quantize(palette=palette, dither=PIL.Image.Dither.FLOYDSTEINBERG) for frame in frames]

@@ -21,6 +21,39 @@ from tests.repository import SCENES
 _GLASS = str(SCENES / "lenses" / "double-gauss-50mm.yaml")
 
 EXAMPLES: dict[str, list[dict[str, Any]]] = {
+    "camera_array": [
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "rows": 2, "columns": 3, "spacing": "20 mm", "vfov": 35},
+        {
+            "look_from": [1, 2, 3],
+            "look_at": [0, 0, 0],
+            "rows": 3,
+            "columns": 2,
+            "spacing": [0.02, 0.03],
+            "fill": True,
+            "focal_length": 50,
+            "focus_distance": math.inf,
+            "convergence_distance": 3,
+            "shutter": "1/125 s",
+            "iso": 400,
+        },
+    ],
+    "light_field": [
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "focal_length": 50, "f_number": 4},
+        {
+            "look_from": [1, 2, 3],
+            "look_at": [0, 0, 0],
+            "sensor": "1-inch",
+            "focal_length": 30,
+            "f_number": 2.8,
+            "microlenses": {"pixels": 4, "layout": "hexagonal", "rotation": 3, "model": "pinhole"},
+            "shutter": "1/125 s",
+            "iso": 400,
+        },
+    ],
+    "light_slab": [
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "rows": 2, "columns": 3, "uv": 0.2, "st": [4, 3]},
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "rows": 1, "columns": 1, "uv": [0.2, 0.3], "st": [40, 30]},
+    ],
     "none": [
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0]},
         {
@@ -33,6 +66,7 @@ EXAMPLES: dict[str, list[dict[str, Any]]] = {
     "equirectangular": [
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0]},
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "hfov": 120, "vfov": 70},
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "wavelength": 550},
     ],
     "fisheye": [
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0]},
@@ -68,6 +102,10 @@ EXAMPLES: dict[str, list[dict[str, Any]]] = {
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "focal_length": 50, "f_number": 8, "shutter": 1, "iso": 100},
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "hfov": 70, "sensor": {"width": 24, "height": 36}},
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "equivalent_focal_length": 24, "sensor_fit": "overscan"},
+    ],
+    "ray": [
+        {"look_from": [1, 2, 3], "look_at": [0, 0, 0]},
+        {"look_from": [1, 2, 3], "look_at": [1, 5, 3], "wavelength": "550 nm"},
     ],
     "thin_lens": [
         {"look_from": [1, 2, 3], "look_at": [0, 0, 0], "vfov": 35, "defocus_angle": 2},
@@ -116,8 +154,10 @@ CASES = [
 ]
 
 
-# A bare sensor forms no image, a hole of a size no sharp one, and glass one with errors.
-IMAGING = [case for case in CASES if case.values[0]["type"] != "none"]
+# A bare sensor and a single ray form no image, a hole of a size no sharp one, and glass one with errors; of many views
+# each has its own.
+VIEWS = ("camera_array", "light_field", "light_slab")
+IMAGING = [case for case in CASES if case.values[0]["type"] not in (*VIEWS, "none", "ray")]
 SHARP = [case for case in IMAGING if "diameter" not in case.values[0] and case.values[0]["type"] != "lens"]
 
 
@@ -218,7 +258,7 @@ def test_cameras_describe_themselves_in_finite_numbers(keys: dict[str, Any]) -> 
         # Only what lies beyond all is infinite: the far limit, and focus at infinity with what follows from it.
         assert isinstance(value, float)
         assert value >= 0.0
-        assert math.isfinite(value) or name in ("far_limit_m", "focus_distance_m"), name
+        assert math.isfinite(value) or name in ("far_limit_m", "focus_distance_m", "refocus_far_m"), name
 
 
 @pytest.mark.parametrize("keys", SHARP)

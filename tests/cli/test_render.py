@@ -301,7 +301,7 @@ def test_aovs_are_layers_of_the_exr_file(scene: Path, capsys: pytest.CaptureFixt
     # Only .exr holds layers, whatever is written besides.
     for outputs in ([], ["-o", "a.png"], ["-o", "a.npy", "-o", "a.hdr"]):
         assert main(["render", "ball.yaml", *outputs, "--aov", "depth"]) == 2
-        assert capsys.readouterr().err == "rt: --aov depth: only .exr files hold layers: add -o NAME.exr\n"
+        assert capsys.readouterr().err == "rt: --aov depth: only .exr and .lf files hold layers: add -o NAME.exr\n"
 
 
 def test_denoising_says_what_it_lacks(

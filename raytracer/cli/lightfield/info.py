@@ -123,7 +123,7 @@ def _text(found: dict[str, Any]) -> str:
             "not known in metres: places are in steps of one view, and 1 / distance is in pixels per view"
         )
     if found["aperture"] is not None:
-        lines["aperture"] = _length(found["aperture"])
+        lines["aperture"] = _length(found["aperture"]) if is_metric else f"{found['aperture']:.4g} steps of one view"
     if found["focal_length_mm"] is not None:
         lines["focal length"] = f"{found['focal_length_mm']:.6g} mm"
     if found["layers"]:

@@ -124,6 +124,8 @@ def _said(spacing: object, focus_distance: object, optics: Optics) -> bool:
 
 def _check_picture(path: Path) -> None:
     """Tell first of a file that is not there, or no picture."""
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder")
     if path.suffix.lower() == ".lf":
         raise InputError(f"{path}: is an .lf file already")
     output.load(path)

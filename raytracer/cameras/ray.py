@@ -1,0 +1,67 @@
+"""A single ray: all of the film sees the same, what comes from one direction to one point.
+
+In a scene:
+
+    camera: {type: ray, look_from: [0, 1, 4], look_at: [0, 1, 0]}
+    camera: {type: ray, look_from: [0, 1, 4], look_at: [0, 1, 0], wavelength: 550 nm, time: 0.5}
+"""
+
+import math
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from raytracer.cameras.interface import NO_ASSETS, Assets, camera_ray, project
+from raytracer.cameras.placement import Frame, PlacedSpec, WavelengthField, in_frame
+from raytracer.spectra import line
+
+
+class Ray(PlacedSpec):
+    """The radiance that comes to `look_from` out of the direction of `look_at`: the plenoptic function at one place.
+
+    Every sample of every pixel is of the same ray, with random numbers of its own, so pixels differ by noise alone and
+    their mean is the measurement: `rt probe` takes it.  `up` has no say.
+
+    References: Adelson & Bergen 1991, "The Plenoptic Function and the Elements of Early Vision".
+    """
+
+    type: Literal["ray"] = "ray"
+    wavelength: WavelengthField = None
+
+    def frame(self) -> Frame:
+        """Where the ray begins and goes; the other directions are any.
+
+        Raises
+        ------
+        ValueError : look_from and look_at are the same point.
+        """
+        across = np.zeros(3)
+        across[np.abs(np.subtract(self.look_at, self.look_from)).argmin()] = 1.0
+        return super(Ray, self.model_copy(update={"up": tuple(across.tolist())})).frame()
+
+    def describe(self, width: int, height: int) -> dict[str, float]:
+        """Derived numbers: the field, which is a point, and the wavelength, if it is one."""
+        field = {"hfov_deg": 0.0, "vfov_deg": 0.0}
+        return field if self.wavelength is None else {**field, "wavelength_nm": self.wavelength}
+
+    def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "RayCamera":
+        """The camera for a film of any size."""
+        return RayCamera(self.frame(), None if self.wavelength is None else line(self.wavelength))
+
+
+class RayCamera(NamedTuple):
+    """Packed: where it is and looks, and tables of spectra for one wavelength, or None for red, green and blue."""
+
+    frame: Frame
+    wavelengths: Any
+
+
+@camera_ray.register(RayCamera)
+def _(camera, x, y, time, draws):
+    return camera.frame.origin, camera.frame.forward, 1.0
+
+
+@project.register(RayCamera)
+def _(camera, point, time):
+    # What is on the ray is seen everywhere, so it has no place in the picture.
+    return math.nan, math.nan, in_frame(camera.frame, point)[2]

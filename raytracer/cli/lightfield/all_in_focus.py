@@ -1,0 +1,66 @@
+"""`rt lightfield all-in-focus`: a picture that is sharp everywhere."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from raytracer.cli import options
+from raytracer.cli.lightfield import _pictures
+from raytracer.cli.lightfield._common import File, Quiet, check_outputs, opened, wrote
+from raytracer.errors import InputError
+
+EXAMPLE = """\b
+Examples:
+  rt lightfield all-in-focus array.lf -o sharp.png
+  rt lightfield all-in-focus array.lf --scale 2 -o large.exr     twice as many pixels along each side
+  rt lightfield all-in-focus lytro.lf --near 50cm --far 4 -o sharp.png
+"""
+
+
+def register(group: typer.Typer) -> None:
+    """Add the command to the group."""
+    group.command("all-in-focus", epilog=EXAMPLE)(all_in_focus)
+
+
+def all_in_focus(
+    file: File,
+    output: Annotated[list[Path], typer.Option("--output", "-o", metavar="OUT", help="Picture.  May repeat.")],
+    scale: Annotated[int, typer.Option(min=1, max=4, help="Pixels along one of a view.")] = 1,
+    view: Annotated[
+        str | None, typer.Option(metavar="ROW,COLUMN", help="As seen from there.  Default: the middle.")
+    ] = None,
+    near: _pictures.Near = None,
+    far: _pictures.Far = None,
+    threads: options.Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Make a picture that is sharp at all distances from the light of all views.
+
+    Each point is taken from where its depth puts it in every view that sees it: as sharp as through a pinhole, with
+    less noise.  With --scale finer than any view, since views see a point between each other's pixels.
+    """
+    check_outputs(output, _pictures.suffixes(), "a picture")
+    index = _pictures.pair("--view", view) or (None, None)
+    nearest, farthest = _pictures.distance("--near", near), _pictures.distance("--far", far)
+
+    from raytracer.lightfield import fusion
+    from raytracer.lightfield.depth import depth_map
+    from raytracer.lightfield.supersampling import supersampled
+    from raytracer.progress import Bar
+
+    with opened(file) as field, Bar(" steps", quiet=quiet) as bar:
+        try:
+            found = depth_map(
+                field, row=index[0], column=index[1], near=nearest, far=farthest, threads=threads, update=bar.update
+            )
+        except InputError as error:
+            raise InputError(f"{file}: {error}") from None
+        if scale == 1:
+            picture = fusion.all_in_focus(field, found, update=bar.update)
+        else:
+            picture = supersampled(field, scale, found, update=bar.update)
+        for path in output:
+            _pictures.save(picture, path, field)
+    for path in output:
+        wrote(path, quiet)

@@ -1,0 +1,75 @@
+"""`rt lightfield move`: a pinhole that moves within the aperture."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from raytracer.cli.lightfield import _pictures
+from raytracer.cli.lightfield._common import File, Quiet, check_outputs, opened, wrote
+from raytracer.errors import InputError
+
+EXAMPLE = """\b
+Examples:
+  rt lightfield move array.lf -o around.gif                  once round the aperture
+  rt lightfield move array.lf --path right --radius 4mm -o swing.webp
+  rt lightfield move array.lf --path eight --frames 48 --fps 24 -o eight.gif
+  rt lightfield move array.lf --distance 3 -o around.gif     what is 3 m away stands still between views
+"""
+
+_SUFFIXES = (".gif", ".webp")
+
+
+def register(group: typer.Typer) -> None:
+    """Add the command to the group."""
+    group.command("move", epilog=EXAMPLE)(move)
+
+
+def move(
+    file: File,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT", help=".gif or .webp, which runs for ever.")],
+    path: Annotated[str, typer.Option(help="circle, right (and back), up (and back), or eight.")] = "circle",
+    radius: Annotated[
+        str | None, typer.Option(metavar="LENGTH", help="Half the path's width.  Default: as far as there are views.")
+    ] = None,
+    frames: Annotated[int, typer.Option(min=2, max=1000, help="Of the animation.")] = 24,
+    fps: Annotated[float, typer.Option(help="Frames a second, at most 50.")] = 12.0,
+    depth: Annotated[
+        bool, typer.Option("--depth/--no-depth", help="Take each point from where its depth puts it, or blend views.")
+    ] = True,
+    distance: Annotated[
+        str | None, typer.Option(metavar="LENGTH", help="The plane that is sharp between views, with --no-depth.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Move a pinhole about in the plane of the views, and look: parallax as an animation.
+
+    Between views each frame is made of those around, by the depth that is found first.
+    """
+    check_outputs([output], _SUFFIXES, "an animation")
+    reach = None if radius is None else _pictures.length("--radius", radius)
+    plane = _pictures.distance("--distance", distance)
+
+    from raytracer.film import srgb
+    from raytracer.film.animation import check, encode
+    from raytracer.film.output import write_bytes
+    from raytracer.lightfield.depth import depth_map
+    from raytracer.lightfield.moving import PATHS, look_around, path_places
+    from raytracer.progress import Bar
+
+    check("gif", fps)
+    if path not in PATHS:
+        raise InputError(f"--path {path}: must be one of {', '.join(PATHS)}")
+    is_known = depth and plane is None
+    with opened(file) as field, Bar(" steps", quiet=quiet) as bar:
+        try:
+            places = path_places(field.views, path, frames=frames, radius=reach)
+            found = depth_map(field, update=bar.update) if is_known else None
+        except InputError as error:
+            raise InputError(f"{file}: {error}") from None
+        pictures = []
+        for number, view in enumerate(look_around(field, places, depth=found, distance=plane)):
+            pictures.append(srgb.to_uint8(view))
+            bar.update(number + 1, frames)
+        write_bytes(output, encode(pictures, "gif" if output.suffix.lower() == ".gif" else "webp", fps=fps))
+    wrote(output, quiet)

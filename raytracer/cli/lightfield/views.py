@@ -1,0 +1,114 @@
+"""`rt lightfield views`: one view, one between others, all of them, or a montage."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from raytracer.cli.lightfield import _pictures
+from raytracer.cli.lightfield._common import File, Quiet, check_folder, check_outputs, opened, wrote
+from raytracer.errors import InputError
+
+EXAMPLE = """\b
+Examples:
+  rt lightfield views array.lf -o montage.png                all views on one picture
+  rt lightfield views array.lf --view 8,8 -o middle.exr      the one of row 8, column 8, from 0 at the top left
+  rt lightfield views array.lf --at 3mm,-1mm -o between.png  what a pinhole there sees, from the views around
+  rt lightfield views array.lf --at 3mm,-1mm --depth -o between.png
+  rt lightfield views array.lf --view 8,8 --scale 2 -o fine.png
+  rt lightfield views array.lf --all -o views --suffix .exr  a file for each
+"""
+
+
+def register(group: typer.Typer) -> None:
+    """Add the command to the group."""
+    group.command("views", epilog=EXAMPLE)(views)
+
+
+def views(
+    file: File,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT", help="Picture; with --all, a folder.")],
+    view: Annotated[str | None, typer.Option(metavar="ROW,COLUMN", help="One view, counted from 0.")] = None,
+    at: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y", help="What is seen from a place: lengths to the right and up from the middle."),
+    ] = None,
+    depth: Annotated[
+        bool,
+        typer.Option("--depth", help="With --at: take each point from where its depth puts it in the views around."),
+    ] = False,
+    distance: Annotated[
+        str | None, typer.Option(metavar="LENGTH", help="With --at: the plane that is sharp, without --depth.")
+    ] = None,
+    scale: Annotated[
+        int, typer.Option(min=1, max=4, help="With --view: pixels along one, from what all views know of it.")
+    ] = 1,
+    every: Annotated[bool, typer.Option("--all", help="All views, each in a file: view_ROW_COLUMN.")] = False,
+    suffix: Annotated[str, typer.Option(help="Of these files: .png, .exr, .npy ...")] = ".png",
+    width: Annotated[
+        int | None, typer.Option(min=1, max=65500, help="Of the montage in pixels, at most.  Default: 4096.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Bring views of a light field: one, one between others, all, or all on one picture (default).
+
+    Places are in metres in the plane of the views (plain numbers too; 3mm, 1cm): rt lightfield info says how far it
+    goes.
+    """
+    wanted: Literal["view", "at", "all", "montage"] = "montage"
+    if sum((view is not None, at is not None, every)) > 1:
+        raise InputError("--view, --at and --all each ask for something else: give one of them")
+    if view is not None:
+        wanted = "view"
+    elif at is not None:
+        wanted = "at"
+    elif every:
+        wanted = "all"
+    if wanted != "at" and (depth or distance is not None):
+        raise InputError("--depth and --distance say how a view between others is made: give --at too")
+    if depth and distance is not None:
+        raise InputError("--depth and --distance: give one of them")
+    if scale > 1 and wanted != "view":
+        raise InputError("--scale makes one view larger: give --view too")
+    index, place = _pictures.pair("--view", view), None if at is None else _pictures.place("--at", at)
+    plane = _pictures.distance("--distance", distance)
+    if wanted == "all":
+        check_folder(output)
+        if suffix not in _pictures.suffixes():
+            raise InputError(f"--suffix {suffix}: must be one of {', '.join(_pictures.suffixes())}")
+    else:
+        check_outputs([output], _pictures.suffixes(), "a view")
+
+    from raytracer.lightfield import perspectives
+    from raytracer.lightfield.depth import depth_map, reference
+    from raytracer.lightfield.supersampling import supersampled
+    from raytracer.progress import Bar
+
+    with opened(file) as field, Bar(" views", quiet=quiet) as bar:
+        geometry = field.views
+        if wanted == "all":
+            digits = len(str(max(geometry.rows, geometry.columns) - 1))
+            for number in range(geometry.rows * geometry.columns):
+                row, column = divmod(number, geometry.columns)
+                _pictures.save(
+                    field.view(row, column), output / f"view_{row:0{digits}}_{column:0{digits}}{suffix}", field
+                )
+                bar.update(number + 1, geometry.rows * geometry.columns)
+            if not quiet:
+                print(f"wrote {geometry.rows * geometry.columns} views to {output}", file=sys.stderr)
+            return
+        if index is not None:
+            chosen = reference(geometry, *index)
+            if scale == 1:
+                picture = field.view(*chosen)
+            else:
+                found = depth_map(field, row=chosen[0], column=chosen[1], update=bar.update)
+                picture = supersampled(field, scale, found)
+        elif place is not None:
+            around = depth_map(field, update=bar.update) if depth else None
+            picture = perspectives.view_at(field, *place, depth=around, distance=plane)
+        else:
+            picture = perspectives.montage(field, width=4096 if width is None else width)
+        _pictures.save(picture, output, field)
+    wrote(output, quiet)

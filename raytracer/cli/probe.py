@@ -1,0 +1,191 @@
+"""`rt probe`: the radiance along one ray, or along all that come to a point."""
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from raytracer.cli import options
+from raytracer.errors import InputError, Interrupted
+from raytracer.units import Dimension, parse_quantity
+
+if TYPE_CHECKING:
+    from raytracer.probing import Probed
+    from raytracer.scene.spec import SceneSpec
+
+EXAMPLE = """\b
+Examples:
+  rt probe scenes/cornell.yaml --at 278,278,-800 --toward 278,278,0
+  rt probe scenes/cornell.yaml --at 278,10,278 --direction 0,1,0 --json
+  rt probe scenes/prism.yaml --at 0,0,1 --toward 0,0,0 --wavelength 550nm
+  rt probe scenes/bouncing.yaml --at 13,2,3 --toward 0,1,0 --time 0.5
+  rt probe scenes/cover.yaml --at 4,1,2 -o sphere.exr -o sphere.png
+
+\b
+The number is the radiance of the light that comes to `--at` from the side of `--toward`, in the scene's unit, with its
+standard error.  With -o it is a picture of all directions, equirectangular, with `--toward` (or -z) in its middle.
+"""
+
+
+def probe(
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file.")],
+    at: Annotated[str, typer.Option("--at", metavar="X,Y,Z", help="The point (m) that light comes to.")],
+    toward: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="A point (m) that it comes from, or past.")
+    ] = None,
+    direction: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="Or the direction in which one looks from `--at`.")
+    ] = None,
+    time: Annotated[
+        str | None, typer.Option(metavar="TIME", help="Time of the scene: 0.5, 20ms.  Default: when its shutter opens.")
+    ] = None,
+    wavelength: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NM",
+            help="Spectral radiance at this wavelength, 380 to 780 nm, relative to that of white light (D65).  "
+            "Default: red, green and blue.",
+        ),
+    ] = None,
+    output: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="A picture of all directions, .exr .hdr .npy .png .jpg; may repeat."
+        ),
+    ] = None,
+    width: Annotated[
+        int | None, typer.Option(help="With -o: pixels across, twice as many as down.  Default: 1024.", min=2)
+    ] = None,
+    define: options.Define = None,
+    spp: Annotated[
+        int | None,
+        typer.Option(
+            help="Samples: of the ray, 65536 by default; with -o of each pixel, the scene's number by default.",
+            min=1,
+            max=2**31 - 1,
+            show_default=False,
+        ),
+    ] = None,
+    seed: options.Seed = None,
+    threads: options.Threads = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Take warnings for errors.")] = False,
+    as_json: options.AsJson = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
+) -> None:
+    """Measure the plenoptic function: the radiance that comes to a point out of a direction, or out of all."""
+    outputs = output or []
+    _check(toward, direction, width, outputs, as_json=as_json)
+    start = _point("--at", at)
+    ahead = None if toward is None else _point("--toward", toward)
+    way = None if direction is None else _point("--direction", direction, "number")
+    moment = None if time is None else _number("--time", time, "time")
+    nm = None if wavelength is None else _number("--wavelength", wavelength, "wavelength")
+
+    from raytracer.film.output import check_writable
+    from raytracer.probing import SAMPLES
+    from raytracer.probing import probe as measure
+    from raytracer.rendering import SampleBar
+    from raytracer.scene.load import load, parse_overrides
+
+    spec = load(scene, parse_overrides(define or []))
+    for path in outputs:
+        check_writable(path)
+
+    def warn(sentence: str) -> None:
+        print(f"rt: warning: {sentence}", file=sys.stderr)
+
+    with SampleBar(quiet=quiet) as bar:
+        if outputs:
+            settings = {"spp": spp, "seed": seed, "threads": threads, "progress": bar.show}
+            _draw(spec, outputs, start, ahead, moment, nm, width, quiet, **settings, warn=warn, strict=strict)
+            return
+        found = measure(
+            spec,
+            start,
+            toward=ahead,
+            direction=way,
+            time=moment,
+            wavelength=nm,
+            spp=spp or SAMPLES,
+            seed=seed,
+            threads=threads,
+            progress=bar.show,
+            warn=warn,
+            strict=strict,
+        )
+    print(json.dumps(found.json(), indent=2, allow_nan=False) if as_json else _text(found))
+
+
+def _check(toward: str | None, direction: str | None, width: int | None, outputs: list[Path], *, as_json: bool) -> None:
+    """Refuse options that do not go together."""
+    if toward is not None and direction is not None:
+        raise InputError("--toward and --direction both say where to look: give one of them")
+    if outputs and direction is not None:
+        raise InputError("--direction is of one ray, and -o is a picture of all: --toward says what is in its middle")
+    if outputs and as_json:
+        raise InputError("--json prints the radiance of one ray, and -o is a picture of all: give one of them")
+    if not outputs and toward is None and direction is None:
+        raise InputError("give --toward X,Y,Z or --direction X,Y,Z for one ray, or -o FILE for a picture of all")
+    if width is not None and not outputs:
+        raise InputError("--width is of the picture that -o FILE writes")
+
+
+def _draw(
+    spec: "SceneSpec",
+    outputs: list[Path],
+    at: list[float],
+    toward: list[float] | None,
+    time: float | None,
+    wavelength: float | None,
+    width: int | None,
+    quiet: bool,
+    **settings: object,
+) -> None:
+    """Write the picture of all directions."""
+    from raytracer.probing import WIDTH, probe_sphere
+
+    rendered = probe_sphere(spec, at, toward=toward, time=time, wavelength=wavelength, width=width or WIDTH, **settings)
+    for path in outputs:
+        rendered.image.save(path)
+        if not quiet:
+            print(f"wrote {path}", file=sys.stderr)
+    if rendered.interrupted:
+        raise Interrupted
+
+
+def _text(found: "Probed") -> str:
+    """A measurement in words and numbers."""
+    light = "red, green, blue" if found.wavelength is None else f"at {found.wavelength:g} nm, relative to D65"
+    dropped = f", and {found.dropped} that were not finite" if found.dropped else ""
+    lines = [
+        f"at               {_numbers(found.at)} m",
+        f"towards          {_numbers(found.towards)}",
+        f"time             {found.time:g} s",
+        f"radiance         {_numbers(found.radiance)}  ({light})",
+        f"standard error   {_numbers(found.standard_error)}",
+        f"samples          {found.samples}{dropped}",
+    ]
+    return "\n".join(lines)
+
+
+def _numbers(values: tuple[float, ...]) -> str:
+    # No sign of zero.
+    return "  ".join(f"{value + 0.0:.6g}" for value in values)
+
+
+def _number(option: str, text: str, dimension: Dimension) -> float:
+    return options.number(option, text, lambda part: parse_quantity(part, dimension))
+
+
+def _point(option: str, text: str, dimension: Dimension = "length") -> list[float]:
+    parts = text.split(",")
+    if len(parts) != len("xyz"):
+        raise InputError(f"{option} {text}: must be three numbers, X,Y,Z")
+    return [_number(option, part, dimension) for part in parts]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command(epilog=EXAMPLE)(probe)

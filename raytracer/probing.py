@@ -1,0 +1,184 @@
+"""The plenoptic function of a scene: the radiance that comes to any point out of any direction, at any time.
+
+Reference: Adelson & Bergen 1991, "The Plenoptic Function and the Elements of Early Vision".
+"""
+
+import math
+import os
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import ValidationError
+
+from raytracer.errors import InputError
+from raytracer.kinds import CAMERAS
+from raytracer.rendering import Progress, Rendered, render
+from raytracer.scene.load import load
+from raytracer.scene.spec import Film, SceneSpec
+from raytracer.spec import sentence
+
+SAMPLES = 2**16
+"""Samples of one ray, unless another number is asked for."""
+
+EDGE = 64
+"""Edge (px) of the film on which they are taken: its tiles are for all threads, and its pixels tell the noise."""
+
+MAX_WIDTH = 2**14
+
+WIDTH = 1024
+"""Width (px) of a picture of all directions, which is half as high."""
+
+
+# What the keys of a camera and a film are called here.
+_SAID = {"look_from": "at", "look_at": "toward", "time": "time", "wavelength": "wavelength"}
+
+
+class Probed(NamedTuple):
+    """The radiance along a ray, as measured.
+
+    at, the point (m); towards, the unit vector from it to where the light comes from; time (s); wavelength (nm), or
+    None; radiance, red, green and blue, or at the one wavelength, all relative to the scene's unit; standard_error, of
+    each, as the ways in which independent parts of the samples differ tell it; samples; dropped, those besides that
+    were not finite.
+    """
+
+    at: tuple[float, ...]
+    towards: tuple[float, ...]
+    time: float
+    wavelength: float | None
+    radiance: tuple[float, ...]
+    standard_error: tuple[float, ...]
+    samples: int
+    dropped: int
+
+    def json(self) -> dict[str, Any]:
+        """As `rt probe --json` prints it."""
+        return self._asdict()
+
+
+def probe(
+    scene: SceneSpec | str | os.PathLike[str],
+    at: Sequence[float],
+    *,
+    toward: Sequence[float] | None = None,
+    direction: Sequence[float] | None = None,
+    time: float | None = None,
+    wavelength: float | None = None,
+    spp: int = SAMPLES,
+    seed: int | None = None,
+    threads: int | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    warn: Callable[[str], object] | None = None,
+    strict: bool = False,
+) -> Probed:
+    """Measure the radiance that comes to a point out of a direction.
+
+    Parameters
+    ----------
+    scene : or its file; of its camera, the medium and the time count.
+    at : the point (m).
+    toward, direction : a point (m) that the light comes from, or past, or the vector that points there: one of them.
+    time : of the scene (s); when its camera's shutter opens, if None.
+    wavelength : (nm), for the spectral radiance there, relative to D65; red, green and blue if None.
+    spp : samples at least; a few more where they do not go up in whole pixels.
+
+    Other parameters are those of `rendering.render`.
+
+    Raises
+    ------
+    InputError : neither or both of `toward` and `direction`, a direction without a length, or what `render` refuses.
+    """
+    if (toward is None) == (direction is None):
+        raise InputError("a ray needs either a point to look toward, or a direction")
+    if isinstance(spp, bool) or not isinstance(spp, int) or spp < 1:
+        raise InputError(f"spp must be a whole number from 1 on, got {spp!r}")
+    spec = load(scene) if isinstance(scene, str | os.PathLike) else scene
+    start = np.asarray(at, np.float64)
+    target = start + _unit(direction) if direction is not None else np.asarray(toward, np.float64)
+    rows = min(EDGE, math.ceil(spp / EDGE))
+    seen = _seen(spec, "ray", start, target, time, wavelength, EDGE, rows)
+    taken = math.ceil(spp / (EDGE * rows))
+    rendered = render(seen, spp=taken, seed=seed, threads=threads, progress=progress, warn=warn, strict=strict)
+    # Pixels have random numbers of their own each, so their means are independent, whatever the sampler is.
+    means = rendered.image.radiance.reshape(-1, 3)[:, : 3 if wavelength is None else 1]
+    error = means.std(axis=0, ddof=1) / math.sqrt(len(means))
+    return Probed(
+        at=tuple(start.tolist()),
+        towards=tuple(_unit(target - start).tolist()),
+        time=seen.camera.opening().open,
+        wavelength=wavelength,
+        radiance=tuple(means.mean(axis=0).tolist()),
+        standard_error=tuple(error.tolist()),
+        samples=taken * EDGE * rows - rendered.stats.nan_samples,
+        dropped=rendered.stats.nan_samples,
+    )
+
+
+def probe_sphere(
+    scene: SceneSpec | str | os.PathLike[str],
+    at: Sequence[float],
+    *,
+    toward: Sequence[float] | None = None,
+    time: float | None = None,
+    wavelength: float | None = None,
+    width: int = WIDTH,
+    **settings: Any,
+) -> Rendered:
+    """What comes to a point from all directions: an equirectangular picture, with `toward` in its middle.
+
+    Parameters are those of `probe`; width, of the picture (px), which is half as high; settings, those of
+    `rendering.render`.
+
+    Raises
+    ------
+    InputError : a width that is odd or too large, or what `render` refuses.
+    """
+    if not 2 <= width <= MAX_WIDTH or width % 2:
+        raise InputError(
+            "a picture of all directions is twice as wide as high: its width must be even, "
+            f"from 2 to {MAX_WIDTH}, got {width}"
+        )
+    spec = load(scene) if isinstance(scene, str | os.PathLike) else scene
+    start = np.asarray(at, np.float64)
+    ahead = start - np.array([0.0, 0.0, 1.0]) if toward is None else np.asarray(toward, np.float64)
+    return render(_seen(spec, "equirectangular", start, ahead, time, wavelength, width, width // 2), **settings)
+
+
+def _seen(
+    spec: SceneSpec,
+    camera: str,
+    at: Any,
+    toward: Any,
+    time: float | None,
+    wavelength: float | None,
+    width: int,
+    height: int,
+) -> SceneSpec:
+    """The scene with another camera, open for no time, that records radiance."""
+    if np.array_equal(at, toward):
+        raise InputError(f"the point to look toward is the point that light comes to, {at.tolist()}: it needs another")
+    # Any direction that is not the view's can be up.
+    up = (0.0, 1.0, 0.0) if at[0] != toward[0] or at[2] != toward[2] else (0.0, 0.0, 1.0)
+    keys = {
+        "up": up,
+        "look_from": at.tolist(),
+        "look_at": toward.tolist(),
+        "time": spec.camera.opening().open if time is None else time,
+        "medium": spec.camera.medium,
+        "wavelength": wavelength,
+    }
+    try:
+        seen = CAMERAS.specs()[camera].model_validate(keys)
+    except ValidationError as error:
+        found = error.errors(include_url=False)[0]
+        raise InputError(f"{_SAID[str(found['loc'][0])]}: {sentence(found)}") from None
+    return spec.model_copy(update={"camera": seen, "film": Film(width=width, height=height)})
+
+
+def _unit(vector: Any) -> Any:
+    found = np.asarray(vector, np.float64)
+    length = float(np.linalg.norm(found))
+    if not 0.0 < length < math.inf:
+        raise InputError(f"a direction must have a length, got {found.tolist()}")
+    return found / length

@@ -1,0 +1,113 @@
+"""Light fields of textured planes, computed by rays in NumPy: what a renderer should give, without noise."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.plenoptic.field import LightField
+from raytracer.plenoptic.views import Plane, Views
+
+Texture = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+
+
+def waves(seed: int, finest: float, count: int = 24) -> Texture:
+    """A smooth texture: sines of wavelengths from 8 times `finest` (m) to it, in all directions, around 0.5."""
+    random = np.random.default_rng(seed)
+    length = finest * 8.0 ** random.random(count)
+    angle = random.uniform(0.0, 2.0 * math.pi, count)
+    phase = random.uniform(0.0, 2.0 * math.pi, (count, 3))
+    tone = random.random((count, 3))
+    fx, fy = 2.0 * math.pi / length * np.cos(angle), 2.0 * math.pi / length * np.sin(angle)
+    scale = 1.2 / math.sqrt(count)
+
+    def texture(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+        value = np.full((*x.shape, 3), 0.5)
+        for wave in range(count):
+            value += scale * tone[wave] * np.sin((fx[wave] * x + fy[wave] * y)[..., None] + phase[wave])
+        return np.clip(value, 0.0, None)
+
+    return texture
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The plane z = distance + tilt . (X, Y), z along the axis (m); bounded (left, bottom, right, top) or not."""
+
+    distance: float
+    texture: Texture
+    tilt: tuple[float, float] = (0.0, 0.0)
+    bounds: tuple[float, float, float, float] | None = None
+
+
+def views(
+    rows: int = 9,
+    columns: int = 9,
+    *,
+    spacing: float = 0.01,
+    width: int = 96,
+    height: int = 72,
+    vfov: float = 30.0,
+    focus_distance: float = 2.0,
+) -> Views:
+    """A regular array of pinholes around the axis."""
+    right = spacing * (np.arange(columns) - 0.5 * (columns - 1))
+    up = spacing * (0.5 * (rows - 1) - np.arange(rows))
+    half = math.tan(math.radians(0.5 * vfov))
+    pixel = 2.0 * half / height
+    return Views(
+        position=np.stack(np.meshgrid(right, up), axis=-1),
+        plane=Plane(pixel=pixel, left=-0.5 * width * pixel, top=half),
+        width=width,
+        height=height,
+        inverse_focus=0.0 if math.isinf(focus_distance) else 1.0 / focus_distance,
+    )
+
+
+def seen(geometry: Views, surfaces: Sequence[Surface], at: tuple[float, float], supersampling: int = 3):
+    """What a pinhole at a place in the plane of the views sees: radiance (h, w, 3), and the depth in pixels' middles.
+
+    Each pixel is the mean over a grid of rays.
+    """
+
+    def traced(samples: int):
+        steps = (np.arange(samples) + 0.5) / samples
+        right = geometry.plane.left + geometry.plane.pixel * (np.arange(geometry.width)[:, None] + steps).ravel()
+        up = geometry.plane.top - geometry.plane.pixel * (np.arange(geometry.height)[:, None] + steps).ravel()
+        x, y = np.meshgrid(right, up)
+        slope_x, slope_y = x - geometry.inverse_focus * at[0], y - geometry.inverse_focus * at[1]
+        nearest = np.full(x.shape, np.inf)
+        value = np.zeros((*x.shape, 3))
+        for surface in surfaces:
+            a, b = surface.tilt
+            z = (surface.distance + a * at[0] + b * at[1]) / (1.0 - a * slope_x - b * slope_y)
+            place_x, place_y = at[0] + slope_x * z, at[1] + slope_y * z
+            hit = (z > 0.0) & (z < nearest)
+            if surface.bounds is not None:
+                left, bottom, far_right, top = surface.bounds
+                hit &= (place_x >= left) & (place_x <= far_right) & (place_y >= bottom) & (place_y <= top)
+            nearest = np.where(hit, z, nearest)
+            value = np.where(hit[..., None], surface.texture(place_x, place_y), value)
+        return value, nearest
+
+    value, _ = traced(supersampling)
+    value = value.reshape(geometry.height, supersampling, geometry.width, supersampling, 3).mean(axis=(1, 3))
+    return value, traced(1)[1]
+
+
+def light_field(
+    geometry: Views, surfaces: Sequence[Surface], *, noise: float = 0.0, supersampling: int = 3
+) -> LightField:
+    """What all views see, with the layer `depth`, exact; `noise`: standard deviation of what is added to each value."""
+    found = [
+        [seen(geometry, surfaces, tuple(place), supersampling) for place in row] for row in geometry.position.tolist()
+    ]
+    radiance = np.array([[value for value, _ in row] for row in found])
+    radiance += noise * np.random.default_rng(0).standard_normal(radiance.shape)
+    return LightField(
+        radiance=radiance,
+        views=geometry,
+        layers={"depth": np.array([[depth for _, depth in row] for row in found])},
+    )

@@ -1,0 +1,98 @@
+"""`rt lightfield views`, `epi`, `move`, `depth`, `all-in-focus`: what they write, and what they say."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import PIL.Image
+import pytest
+
+from raytracer.cli.main import main
+from raytracer.film import output, pfm
+from raytracer.plenoptic import lf
+from tests.lightfield.analytic import Surface, light_field, views, waves
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("field") / "wall.lf"
+    surfaces = [Surface(2.5, waves(0, 0.1), tilt=(0.4, 0.0))]
+    lf.write(path, light_field(views(3, 5, spacing=0.03, width=40, height=30), surfaces))
+    return path
+
+
+def run(*arguments: object) -> int:
+    return main(["lightfield", *map(str, arguments)])
+
+
+def test_views(file: Path, tmp_path: Path) -> None:
+    assert run("views", file, "-o", tmp_path / "m.png", "-q") == 0
+    with PIL.Image.open(tmp_path / "m.png") as montage:
+        assert montage.size == (5 * 42 - 2, 3 * 32 - 2)
+    assert run("views", file, "--view", "1,3", "-o", tmp_path / "v.npy", "-q") == 0
+    assert run("views", file, "--at", "3cm,0", "-o", tmp_path / "a.npy", "-q") == 0
+    assert np.array_equal(np.load(tmp_path / "v.npy"), np.load(tmp_path / "a.npy"))
+    assert run("views", file, "--all", "-o", tmp_path / "all", "-q") == 0
+    assert len(list((tmp_path / "all").glob("view_?_?.png"))) == 15
+    assert run("views", file, "--view", "1,2", "--scale", "2", "-o", tmp_path / "f.npy", "-q") == 0
+    assert np.load(tmp_path / "f.npy").shape == (60, 80, 3)
+
+
+def test_depth(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names = [tmp_path / f"d{suffix}" for suffix in (".png", ".exr", ".npy", ".pfm")]
+    outputs = [part for name in names for part in ("-o", name)]
+    assert run("depth", file, *outputs, "--confidence", tmp_path / "c.npy", "--json", "-q") == 0
+    told = json.loads(capsys.readouterr().out)
+    depth = np.load(names[2])
+    layers, _ = output.load_layers(names[1])
+    assert np.array_equal(layers["depth"], depth.astype(np.float32))
+    assert np.array_equal(pfm.decode(names[3].read_bytes()), depth.astype(np.float32))
+    assert told["view"] == [1, 2]
+    assert told["near_m"] < told["median_m"] < told["far_m"]
+    with lf.open(file) as field:
+        exact = np.asarray(field.layers["depth"][1, 2])
+    assert told["median_m"] == pytest.approx(np.median(exact), rel=0.02)
+
+
+def test_slices_paths_and_sharp_pictures(file: Path, tmp_path: Path) -> None:
+    assert run("epi", file, "-o", tmp_path / "e.png", "-q") == 0
+    assert run("epi", file, "--vertical", "--line", "7", "-o", tmp_path / "e.npy", "-q") == 0
+    assert np.load(tmp_path / "e.npy").shape == (3, 30, 3)
+    assert run("move", file, "--frames", "6", "-o", tmp_path / "m.gif", "-q") == 0
+    with PIL.Image.open(tmp_path / "m.gif") as animation:
+        assert animation.n_frames == 6
+    assert run("all-in-focus", file, "-o", tmp_path / "s.npy", "-q") == 0
+    with lf.open(file) as field:
+        assert np.load(tmp_path / "s.npy") == pytest.approx(field.view(1, 2), abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("views", "nothing.lf", "-o", "a.png"), "nothing.lf: no such file"),
+        (("views", "FILE", "-o", "a.txt"), "unknown suffix '.txt'"),
+        (("views", "FILE", "--view", "1,9", "-o", "a.png"), "no view 1,9"),
+        (("views", "FILE", "--view", "1", "-o", "a.png"), "--view 1: must be a row and a column"),
+        (("views", "FILE", "--at", "3", "-o", "a.png"), "--at 3: must be two lengths"),
+        (("views", "FILE", "--view", "0,0", "--all", "-o", "a.png"), "give one of them"),
+        (("views", "FILE", "--depth", "-o", "a.png"), "give --at too"),
+        (("epi", "FILE", "--line", "30", "-o", "a.png"), "no row 30 of pixels"),
+        (("epi", "FILE", "--vertical", "--views", "5", "-o", "a.png"), "no column 5 of views"),
+        (("move", "FILE", "--path", "spiral", "-o", "a.gif"), "--path spiral: must be one of circle"),
+        (("move", "FILE", "--radius", "1m", "-o", "a.gif"), "does not fit"),
+        (("move", "FILE", "-o", "a.png"), "unknown suffix '.png'"),
+        (("depth", "FILE", "--method", "guess"), "--method guess: must be one of focus"),
+        (("depth", "FILE", "--near", "-2"), "--near -2"),
+        (("depth", "FILE", "--near", "3", "--far", "2"), "near must be less than far"),
+        (("all-in-focus", "FILE", "--view", "x", "-o", "a.png"), "--view x"),
+    ],
+)
+def test_wrong_wishes_in_one_sentence(
+    arguments: tuple[str, ...], told: str, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(*(str(file) if argument == "FILE" else argument for argument in arguments)) == 2
+    message = capsys.readouterr().err
+    assert told in message
+    assert message.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
