@@ -88,18 +88,22 @@ def probe(
     Raises
     ------
     InputError : neither or both of `toward` and `direction`, a direction without a length, or what `render` refuses.
+    KeyboardInterrupt : Ctrl-C.
     """
     if (toward is None) == (direction is None):
         raise InputError("a ray needs either a point to look toward, or a direction")
     if isinstance(spp, bool) or not isinstance(spp, int) or spp < 1:
         raise InputError(f"spp must be a whole number from 1 on, got {spp!r}")
     spec = load(scene) if isinstance(scene, str | os.PathLike) else scene
-    start = np.asarray(at, np.float64)
-    target = start + _unit(direction) if direction is not None else np.asarray(toward, np.float64)
+    start = _three("at", at)
+    target = start + _unit(_three("direction", direction)) if direction is not None else _three("toward", toward)
     rows = min(EDGE, math.ceil(spp / EDGE))
     seen = _seen(spec, "ray", start, target, time, wavelength, EDGE, rows)
     taken = math.ceil(spp / (EDGE * rows))
     rendered = render(seen, spp=taken, seed=seed, threads=threads, progress=progress, warn=warn, strict=strict)
+    if rendered.interrupted:
+        # What was taken is no sample of what was asked for: some pixels may have none.
+        raise KeyboardInterrupt
     # Pixels have random numbers of their own each, so their means are independent, whatever the sampler is.
     means = rendered.image.radiance.reshape(-1, 3)[:, : 3 if wavelength is None else 1]
     error = means.std(axis=0, ddof=1) / math.sqrt(len(means))
@@ -140,8 +144,8 @@ def probe_sphere(
             f"from 2 to {MAX_WIDTH}, got {width}"
         )
     spec = load(scene) if isinstance(scene, str | os.PathLike) else scene
-    start = np.asarray(at, np.float64)
-    ahead = start - np.array([0.0, 0.0, 1.0]) if toward is None else np.asarray(toward, np.float64)
+    start = _three("at", at)
+    ahead = start - np.array([0.0, 0.0, 1.0]) if toward is None else _three("toward", toward)
     return render(_seen(spec, "equirectangular", start, ahead, time, wavelength, width, width // 2), **settings)
 
 
@@ -176,9 +180,18 @@ def _seen(
     return spec.model_copy(update={"camera": seen, "film": Film(width=width, height=height)})
 
 
+def _three(name: str, numbers: Any) -> Any:
+    try:
+        found = np.asarray(numbers, np.float64)
+    except (TypeError, ValueError):
+        found = np.empty(0)
+    if found.shape != (3,):
+        raise InputError(f"{name} must be three numbers, got {numbers!r}")
+    return found
+
+
 def _unit(vector: Any) -> Any:
-    found = np.asarray(vector, np.float64)
-    length = float(np.linalg.norm(found))
+    length = float(np.linalg.norm(vector))
     if not 0.0 < length < math.inf:
-        raise InputError(f"a direction must have a length, got {found.tolist()}")
-    return found / length
+        raise InputError(f"a direction must have a length, got {vector.tolist()}")
+    return vector / length

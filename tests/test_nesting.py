@@ -211,6 +211,10 @@ def test_a_camera_far_from_all_solids_does_not_look_around() -> None:
     # A lens of 17 m has rays that begin in it.
     wide = VIEW.replace("pinhole", "thin_lens").replace("look_at", "aperture: 17000, look_at")
     assert packed(wide + objects).interior.camera is not None
+    # An array reaches as far as its views stand from its middle: 8.2 m, and 7.8 m.
+    array = VIEW.replace("pinhole", "camera_array, rows: 1, columns: 2, spacing: 16.4")
+    assert packed(array + objects).interior.camera is not None
+    assert packed(array.replace("16.4", "15.6") + objects).interior.camera is None
     # One of 15 m does not, but for the corners of three blades of that area, 11.7 m away.
     narrower = wide.replace("17000", "15000")
     assert packed(narrower + objects).interior.camera is None

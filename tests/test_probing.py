@@ -184,6 +184,7 @@ def test_the_command_prints_what_python_finds(
         (["--at", "1,2,3", "-o", "a.exr", "--width", "7"], "its width must be even"),
         (["--at", "1,2,3", "-o", "a.exr", "--json"], "--json prints the radiance of one ray"),
         (["--at", "1,2,3", "-o", "a.foo"], "a.foo: unknown suffix"),
+        (["--at", "1,2,3", "-o", "a.lf"], "a.lf: a picture of all directions from one point is no light field"),
         (["--at", "1,2,3", "--toward", "0,0,0", "--wavelength", "900nm"], "wavelength: must be at most 780"),
         (["--at", "1,inf,3", "--toward", "0,0,0"], "at: must be finite"),
         (["--at", "1,2,3", "--toward", "0,0,0", "--time", "soon"], "--time soon: must be a time"),
@@ -212,3 +213,15 @@ def test_python_refuses_what_is_no_ray(spec: SceneSpec) -> None:
         probe(spec, (0.0, 0.0, 5.0))
     with pytest.raises(InputError, match="spp must be a whole number"):
         probe(spec, (0.0, 0.0, 5.0), direction=(0.0, 0.0, 1.0), spp=0)
+    with pytest.raises(InputError, match="at must be three numbers"):
+        probe(spec, (0.0, 0.0), direction=(0.0, 0.0, 1.0))
+    with pytest.raises(InputError, match="toward must be three numbers, got 'lamp'"):
+        probe(spec, (0.0, 0.0, 5.0), toward="lamp")  # type: ignore[arg-type]
+
+
+def test_an_interrupted_probe_tells_nothing(spec: SceneSpec) -> None:
+    def interrupt(progress: object) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        probe(spec, (0.0, 0.0, 5.0), direction=(0.0, 0.0, -1.0), spp=2**20, progress=interrupt)

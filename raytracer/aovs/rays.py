@@ -28,7 +28,8 @@ class Rays(AovSpec):
 
     For each sample: U and V, where it goes through the plane of the lens, to the right and up from its middle (m); S
     and T, by how much it goes to the right and up per metre along the axis; R, G and B, what it added to the picture,
-    before that was exposed or clamped; N, 1, or 0 where no sample was taken.  The picture is their mean.
+    before that was exposed or clamped; N, 1, or 0 where no sample was taken.  The picture is their mean.  Place and
+    slope of what looks back or to the side, as in pictures of all directions, are NaN: such rays meet no plane ahead.
     """
 
     type: Literal["rays"] = "rays"
@@ -77,7 +78,9 @@ def _(layer, work, sample, origin, direction):
     frame = layer.frame
     right, up, ahead = in_frame(frame, origin)
     along = dot(direction, frame.forward)
-    slope, rise = dot(direction, frame.right) / along, dot(direction, frame.up) / along
+    # No plane ahead is met by what does not go there.
+    inverse = 1.0 / along if along > 0.0 else math.nan
+    slope, rise = dot(direction, frame.right) * inverse, dot(direction, frame.up) * inverse
     work.features[sample, layer.column] = right - ahead * slope
     work.features[sample, layer.column + 1] = up - ahead * rise
     work.features[sample, layer.column + 2] = slope

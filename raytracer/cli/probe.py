@@ -76,6 +76,9 @@ def probe(
 ) -> None:
     """Measure the plenoptic function: the radiance that comes to a point out of a direction, or out of all."""
     outputs = output or []
+    for path in outputs:
+        if path.suffix.lower() == ".lf":
+            raise InputError(f"{path}: a picture of all directions from one point is no light field: write an .exr")
     _check(toward, direction, width, outputs, as_json=as_json)
     start = _point("--at", at)
     ahead = None if toward is None else _point("--toward", toward)
@@ -152,6 +155,8 @@ def _draw(
         if not quiet:
             print(f"wrote {path}", file=sys.stderr)
     if rendered.interrupted:
+        names = ", ".join(map(str, outputs))
+        print(f"rt: interrupted; {names} has fewer samples than were asked for", file=sys.stderr)
         raise Interrupted
 
 

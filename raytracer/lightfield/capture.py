@@ -139,7 +139,7 @@ def capture(
     """
     path = Path(path)
     check_writable(path)
-    _layout(spec, aovs)
+    _layout(spec, aovs, path)
     found = ready(
         spec,
         spp=spp,
@@ -154,7 +154,7 @@ def capture(
     )
     spec = found.packed.spec
     # Focused on an object, say, the geometry is known only now.
-    layout = _layout(spec, aovs)
+    layout = _layout(spec, aovs, path)
     each = bytes_per_pixel(found)
     width, height = spec.picture()
     start = now()
@@ -192,7 +192,7 @@ def capture(
     return Captured(views, stats, len(bands), each * most)
 
 
-def _layout(spec: SceneSpec, aovs: Sequence[str]) -> Layout:
+def _layout(spec: SceneSpec, aovs: Sequence[str], path: Path) -> Layout:
     """How the whole picture holds a light field.
 
     Raises
@@ -201,7 +201,7 @@ def _layout(spec: SceneSpec, aovs: Sequence[str]) -> Layout:
     """
     layout = layout_of(spec)
     if layout is None or (layout.views.rows * layout.views.columns == 1 and not by_sample(known_aovs(aovs))):
-        raise InputError(NO_LIGHT_FIELD)
+        raise InputError(f"{path}: {NO_LIGHT_FIELD}")
     return layout
 
 
@@ -219,13 +219,11 @@ def _bands(spec: SceneSpec, layout: Layout, each: int, memory: int, aovs: Sequen
         return [Band(0, views.rows, 0, views.columns)] if isinstance(layout, Mosaic) else None
     reason = _needs_all(spec, layout, aovs)
     if reason is not None:
-        raise InputError(
-            f"{reason}, for which {_gigabytes(whole)} of memory are needed, and {_gigabytes(memory)} given"
-        )
+        raise InputError(f"memory: {reason}, for which {_gigabytes(whole)} are needed, and {_gigabytes(memory)} given")
     if view > memory:
         size = f"{views.width} x {views.height}"
         raise InputError(
-            f"a view of {size} pixels takes {_gigabytes(view)} of memory, and {_gigabytes(memory)} is given"
+            f"memory: must be at least what a view of {size} pixels takes, {_gigabytes(view)}, got {_gigabytes(memory)}"
         )
     return bands_of(views, memory // view)
 

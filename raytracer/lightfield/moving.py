@@ -41,6 +41,8 @@ def path_places(
     if frames < _FEWEST:
         raise InputError(f"a path needs at least {_FEWEST} frames, got {frames}")
     places = views.position[lit(views)]
+    if len(places) == 1:
+        raise InputError("a path needs at least two views, and the light field has one")
     reach = np.minimum(places.max(axis=0), -places.min(axis=0))
     most = float(
         {"circle": reach.min(), "right": reach[0], "up": reach[1], "eight": min(reach[0], 2.0 * reach[1])}[path]

@@ -9,8 +9,8 @@ Photography with a Hand-held Plenoptic Camera", sec. 3; Ng 2005, "Fourier Slice 
 
 import math
 from collections import defaultdict
-from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from raytracer.apertures.interface import ApertureSpec
 from raytracer.errors import InputError
 from raytracer.film.image import Image
+from raytracer.lightfield.depth import Update
 from raytracer.lightfield.interpolation import INTERPOLATIONS, Interpolation, Shift, shift_by
 from raytracer.lightfield.openings import cell_weights, transmitted
 from raytracer.plenoptic.field import LightField, Rays
@@ -29,6 +30,8 @@ Array = NDArray[np.float64]
 Method: TypeAlias = Literal["shift", "fourier", "rays"]
 
 METHODS: tuple[Method, ...] = get_args(Method)
+
+_Item = TypeVar("_Item")
 
 EMPTY = "pixels_without_rays"
 """The setting of a picture by rays that tells of its black pixels."""
@@ -74,6 +77,7 @@ def refocus(
     interpolation: Interpolation = "lanczos",
     crop: tuple[int, int, int, int] | None = None,
     scale: float = 1.0,
+    update: Update | None = None,
 ) -> Image:
     """The photograph of a lens that was focused at a distance.
 
@@ -95,6 +99,7 @@ def refocus(
     interpolation : of "shift", between pixels; a tilted plane takes splines of the order of linear or else cubic.
     crop : (x0, y0, x1, y1), the pixels x0 <= x < x1, y0 <= y < y1 only.  By "shift" no more is read than it needs.
     scale : of "rays", pixels of the picture along one of the views'.
+    update : told of the progress: what is done, and of how much.
 
     Pixels that not all views see are the mean of those that do.
 
@@ -104,7 +109,7 @@ def refocus(
     """
     plane = _plane(_inverse(field, distance, alpha, slope), tilt, swing)
     opening = _opening(field.views, f_number, aperture, aperture_shape, center)
-    return _pictures(field, [plane], opening, method, interpolation, crop, scale)[0]
+    return _pictures(field, [plane], opening, method, interpolation, crop, scale, update)[0]
 
 
 def focal_stack(
@@ -122,6 +127,7 @@ def focal_stack(
     interpolation: Interpolation = "lanczos",
     crop: tuple[int, int, int, int] | None = None,
     scale: float = 1.0,
+    update: Update | None = None,
 ) -> list[Image]:
     """As `refocus`, at several distances (m) or slopes: each view is read once, or transformed once, for all.
 
@@ -135,7 +141,7 @@ def focal_stack(
     inverses += [_inverse(field, None, None, slope) for slope in slopes]
     planes = [_plane(inverse, tilt, swing) for inverse in inverses]
     opening = _opening(field.views, f_number, aperture, aperture_shape, center)
-    return _pictures(field, planes, opening, method, interpolation, crop, scale)
+    return _pictures(field, planes, opening, method, interpolation, crop, scale, update)
 
 
 # ---- What was asked for
@@ -148,7 +154,7 @@ def _inverse(field: LightField, distance: float | None, alpha: float | None, slo
     names = [name for name, value in given.items() if value is not None]
     if len(names) > 1:
         raise InputError(f"{names[0]} and {names[1]} both set the plane of focus: give one of them")
-    if names and names[0] != "slope" and field.settings.get("units") == "views":
+    if names and names[0] != "slope" and not field.is_metric:
         raise InputError(f"this light field does not know how large it is, so {names[0]} says nothing: give a slope")
     try:
         if alpha is not None:
@@ -227,7 +233,8 @@ def named_aperture(text: str) -> ApertureSpec:
     except (ValidationError, yaml.YAMLError) as error:
         reason = "" if isinstance(error, yaml.YAMLError) else str(error.errors()[0]["msg"])
         reason = reason.removeprefix("Value error, ")
-        raise InputError(f"{text}: no aperture" + (f": {reason}" if reason else "")) from None
+        wanted = reason or "must be a type of aperture, or a mapping such as {type: polygon, blades: 6}"
+        raise InputError(f"aperture_shape {text}: {wanted}") from None
     assert isinstance(found, ApertureSpec)
     return found
 
@@ -254,6 +261,7 @@ def _pictures(
     interpolation: Interpolation,
     crop: tuple[int, int, int, int] | None,
     scale: float,
+    update: Update | None,
 ) -> list[Image]:
     if method not in METHODS:
         raise InputError(f"method must be one of {', '.join(METHODS)}, got {method}")
@@ -267,7 +275,9 @@ def _pictures(
     if method == "rays":
         if field.rays is None:
             raise InputError("there are no rays in this light field: render it with --aov rays, or refocus by shift")
-        integrated = [re_integrated(field.rays, field.views, plane, opening, window, scale) for plane in planes]
+        integrated = [
+            re_integrated(field.rays, field.views, plane, opening, window, scale) for plane in _told(planes, update)
+        ]
         found = [picture for picture, _ in integrated]
         notes = [{EMPTY: int((count == 0.0).sum())} for _, count in integrated]
     elif field.views.rows * field.views.columns == 1:
@@ -283,15 +293,23 @@ def _pictures(
 
             inverses = [plane.middle for plane in planes]
             slices = FourierRefocuser(field, inverses, weights)
-            found = [_part(slices.picture(inverse), window) for inverse in inverses]
+            found = [_part(slices.picture(inverse), window) for inverse in _told(inverses, update)]
         elif is_tilted:
-            found = [_warp_and_sum(field, plane, weights, interpolation, window) for plane in planes]
+            found = [_warp_and_sum(field, plane, weights, interpolation, window) for plane in _told(planes, update)]
         else:
-            found = _shift_and_sum(field, [plane.middle for plane in planes], weights, interpolation, window)
+            found = _shift_and_sum(field, [plane.middle for plane in planes], weights, interpolation, window, update)
     return [
         Image(radiance=picture, settings={**field.settings, **_settings(plane, opening, method), **note})
         for picture, plane, note in zip(found, planes, notes, strict=True)
     ]
+
+
+def _told(items: Sequence[_Item], update: Update | None) -> Iterator[_Item]:
+    """One after the other, each told of when it is done."""
+    for number, item in enumerate(items, 1):
+        yield item
+        if update is not None:
+            update(number, len(items))
 
 
 def _part(picture: Array, window: Window) -> Array:
@@ -353,13 +371,19 @@ class _Sum:
 
 
 def _shift_and_sum(
-    field: LightField, inverses: list[float], weights: Array, interpolation: Interpolation, window: Window
+    field: LightField,
+    inverses: list[float],
+    weights: Array,
+    interpolation: Interpolation,
+    window: Window,
+    update: Update | None,
 ) -> list[Array]:
     """Pictures focused at one over each of `inverses`: float64 (height, width, 3) of the window."""
     views = field.views
     sums = [_Sum(views, inverse, interpolation, window) for inverse in inverses]
     levels: defaultdict[float, list[tuple[int, int]]] = defaultdict(list)
-    for row, column in np.argwhere(weights > 0.0):
+    wanted, done = np.argwhere(weights > 0.0), 0
+    for row, column in wanted:
         levels[float(views.position[row, column, 1])].append((int(row), int(column)))
     for places in levels.values():
         downs = [picture.down(*places[0]) for picture in sums]
@@ -373,6 +397,9 @@ def _shift_and_sum(
             block = np.asarray(field.radiance[row, column, first:last, start:stop], dtype=np.float64)
             for picture, aside in zip(sums, asides, strict=True):
                 picture.add(weights[row, column], aside, block, start)
+            done += 1
+            if update is not None:
+                update(done, len(wanted))
         for picture, down in zip(sums, downs, strict=True):
             picture.finish_level(down, first)
     return [picture.mean() for picture in sums]

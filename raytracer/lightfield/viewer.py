@@ -20,7 +20,7 @@ from raytracer import pages
 from raytracer.errors import InputError
 from raytracer.film import srgb
 from raytracer.film.output import write_bytes
-from raytracer.lightfield.depth import depth_map, is_metric
+from raytracer.lightfield.depth import Update, depth_map
 from raytracer.lightfield.gathering import gathered
 from raytracer.lightfield.openings import cell_weights
 from raytracer.plenoptic.field import LightField
@@ -117,7 +117,14 @@ class _Code(NamedTuple):
         return np.rint(255.0 * codes).astype(np.uint8)
 
 
-def page(field: LightField, *, title: str = "light field", size: int = SIZE, exposure: float | None = None) -> Page:
+def page(
+    field: LightField,
+    *,
+    title: str = "light field",
+    size: int = SIZE,
+    exposure: float | None = None,
+    update: Update | None = None,
+) -> Page:
     """One self-contained HTML file in which a light field is focused and looked around in.
 
     Views that do not fit into its size are held with the losses of a JPEG; then, of more than 12 in a row or column,
@@ -129,6 +136,7 @@ def page(field: LightField, *, title: str = "light field", size: int = SIZE, exp
     size : bytes that the page has at most; at least a million.
     exposure : EV with which the picture is first shown.  None: 0, or what brings the picture to the display's range
         where it is far from it.
+    update : told of the progress of the search for distances, where there is one.
 
     Raises
     ------
@@ -147,9 +155,9 @@ def page(field: LightField, *, title: str = "light field", size: int = SIZE, exp
     notes += _notes(field, plan, quality, size)
 
     shares = _shares(field)
-    metric = is_metric(field)
+    metric = field.is_metric
     spacing = _spacing(views.position[np.ix_(plan.rows, plan.columns)])
-    depth = _depth_map(field, metric=metric)
+    depth = _depth_map(field, metric=metric, update=update)
     farthest, nearest = _range(field, depth, spacing, metric=metric)
     start = min(nearest, max(farthest, views.inverse_focus))
     data = {
@@ -180,7 +188,13 @@ def page(field: LightField, *, title: str = "light field", size: int = SIZE, exp
 
 
 def write_page(
-    path: str | Path, field: LightField, *, title: str = "light field", size: int = SIZE, exposure: float | None = None
+    path: str | Path,
+    field: LightField,
+    *,
+    title: str = "light field",
+    size: int = SIZE,
+    exposure: float | None = None,
+    update: Update | None = None,
 ) -> tuple[str, ...]:
     """Write the page of a light field (`page`) to a file.
 
@@ -193,7 +207,7 @@ def write_page(
     ValueError : as `page`.
     OutputError : the file cannot be written.
     """
-    made = page(field, title=title, size=size, exposure=exposure)
+    made = page(field, title=title, size=size, exposure=exposure, update=update)
     write_bytes(path, made.html)
     return made.notes
 
@@ -382,14 +396,14 @@ class _Depth(NamedTuple):
         return float(low), float(high)
 
 
-def _depth_map(field: LightField, *, metric: bool) -> _Depth | None:
+def _depth_map(field: LightField, *, metric: bool, update: Update | None) -> _Depth | None:
     """How far away what the middle view sees is: the layer `depth`, or found from the views; None if neither is."""
     views = field.views
     middle = views.nearest()
     if metric and "depth" in field.layers:
         inverse = _inverse(np.asarray(field.layers["depth"][middle], dtype=np.float64))
     elif views.rows * views.columns > 1:
-        return _found(field)
+        return _found(field, update)
     else:
         return None
     step = max(1, -(-max(inverse.shape) // _MAP_SIZE))
@@ -398,7 +412,7 @@ def _depth_map(field: LightField, *, metric: bool) -> _Depth | None:
     return _Depth(inverse, (right, up)) if np.isfinite(inverse).any() else None
 
 
-def _found(field: LightField) -> _Depth | None:
+def _found(field: LightField, update: Update | None) -> _Depth | None:
     """The map from the views: smaller ones, of which many a pixel sees more light and takes less time."""
     views = field.views
     scale = min(1.0, _FOUND_SIZE / max(views.width, views.height))
@@ -409,7 +423,7 @@ def _found(field: LightField) -> _Depth | None:
     plane = views.plane._replace(pixel=views.plane.pixel * views.width / width)
     smaller = LightField(radiance, replace(views, plane=plane, width=width, height=height), settings=field.settings)
     try:
-        found = depth_map(smaller)
+        found = depth_map(smaller, update=update)
     except InputError:
         return None
     right, up = (float(place) for place in views.position[found.row, found.column])

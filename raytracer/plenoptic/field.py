@@ -23,7 +23,7 @@ class Rays(NamedTuple):
     weight: NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LightField:
     """What all views saw, in linear light.
 
@@ -56,6 +56,17 @@ class LightField:
         for name, layer in self.layers.items():
             if tuple(np.shape(layer))[:4] != size:
                 raise ValueError(f"layer {name} must be of the views' size, {size}, got {tuple(np.shape(layer))[:4]}")
+
+    def __repr__(self) -> str:
+        """In short: arrays are large."""
+        views = self.views
+        size = f"{views.columns} x {views.rows} views of {views.width} x {views.height}"
+        return f"<rt.lightfield.LightField: {size}>"
+
+    @property
+    def is_metric(self) -> bool:
+        """Whether lengths are metres, as all are but where the camera's geometry is not known: `settings["units"]`."""
+        return self.settings.get("units", "metres") == "metres"
 
     def view(self, row: int, column: int) -> NDArray[np.float64]:
         """What one view saw, float64 (height, width, 3)."""

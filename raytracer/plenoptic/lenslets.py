@@ -301,7 +301,6 @@ class _Patches:
 
     def __init__(self, lenslets: Lenslets) -> None:
         own = self._own = lenslets
-        self._middles, _ = own._pixels
         self._reach = (own.inverse_focus - own.inverse_distance) * own.stride
         count = max(2, round(own.overlap))
         diameter = own.stride * own.lattice.pitch if own.aperture is None else own.aperture
@@ -339,6 +338,7 @@ class _Patches:
     ) -> tuple[Floats, Floats]:
         """Sums of what microlenses see, that are within `width` steps of the lattice, and of what they count for."""
         own = self._own
+        middles, _ = own._pixels
         corner = np.floor(through)
         total, counted = np.zeros((*seen.shape[:-1], picture.shape[2])), np.zeros(seen.shape[:-1])
         for right in range(1 - width, 1 + width):
@@ -349,7 +349,7 @@ class _Patches:
                 away = (seen - own.slope * (middle - own.middle)) / self._reach
                 # What lies beyond the sub-image is another microlens's.
                 near *= np.hypot(away[..., 0], away[..., 1]) <= 0.5 * own.lattice.pitch
-                values, weights = _sampled(picture, weight, middle + away, (self._middles, middle))
+                values, weights = _sampled(picture, weight, middle + away, (middles, middle))
                 total += near[..., None] * values
                 counted += near * weights
         return total, counted

@@ -350,13 +350,21 @@ def _write_text(owner: Any, name: str, text: str) -> None:
     owner.attrs[name] = np.array(encoded, dtype=f"S{max(len(encoded), 1)}")
 
 
-def write(path: str | Path, field: LightField, *, dtype: str = "float32", compress: bool = False) -> None:
+def write(
+    path: str | Path,
+    field: LightField,
+    *,
+    dtype: str = "float32",
+    compress: bool = False,
+    update: Callable[[float, float], object] | None = None,
+) -> None:
     """Write a light field as an `.lf` file.
 
     Parameters
     ----------
     dtype : see `Writer`; geometry and rays are float64 always.
     compress : see `Writer`.
+    update : told of the progress: rows of views that are written, and all.
 
     Raises
     ------
@@ -366,6 +374,8 @@ def write(path: str | Path, field: LightField, *, dtype: str = "float32", compre
         for row in range(field.views.rows):
             part = slice(row, row + 1)
             writer.put(row, field.radiance[part], {name: layer[part] for name, layer in field.layers.items()})
+            if update is not None:
+                update(row + 1, field.views.rows)
         if field.rays is not None:
             writer.keep(field.rays)
 
@@ -373,7 +383,7 @@ def write(path: str | Path, field: LightField, *, dtype: str = "float32", compre
 # ---- Reading
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class OpenField(LightField):
     """A light field in a file, which is open until `close`, the end of a `with` block, or nothing holds it any more."""
 

@@ -6,9 +6,8 @@ from collections.abc import Iterable, Sequence
 from itertools import chain
 from typing import Any, NamedTuple
 
+from raytracer.cameras.interface import Defocus, defocus_of
 from raytracer.cameras.moving import MovingCamera
-from raytracer.cameras.perspective import PerspectiveCamera
-from raytracer.cameras.views import ViewsCamera
 from raytracer.hues import LensSpectrum, Spectrum
 from raytracer.integrator import Scene
 from raytracer.kinds import LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES, Family
@@ -34,18 +33,21 @@ def effects_of(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
     """Every effect that the program knows, by name; those of a packed scene are active."""
     camera = getattr(scene.camera, "camera", scene.camera)
     lens, glass = getattr(camera, "lens", None), getattr(camera, "surfaces", None)
+    thin = defocus_of(camera)
     of_objects = [material_of(spec, item) for _, item in spec.all_objects()]
     by_object = [tuple(parts([material])) for material in of_objects]
     made_of = list(dict.fromkeys(chain.from_iterable(by_object)))
     emitting = [material for material in of_objects if material.emits()]
     return {
-        "defocus": Effect(lens is not None or glass is not None, _why_defocus(spec, lens, glass)),
+        "defocus": Effect(
+            lens is not None or glass is not None, _why_defocus(spec, None if lens is None else thin, glass)
+        ),
         "real_lens": Effect(glass is not None, _why_real_lens(spec, glass)),
         "dispersion": _dispersion(made_of, scene, has_glass=glass is not None),
         "flare": Effect(getattr(camera, "flare", None) is not None, _why_flare(camera, glass)),
         **_photograph(spec),
         **_opening(spec, lens, glass),
-        "projection": _projection(spec, isinstance(camera, PerspectiveCamera | ViewsCamera), glass is not None),
+        "projection": _projection(spec, thin is not None and glass is None, glass is not None),
         "light_field": _light_field(spec),
         "motion_blur": Effect(_moves(spec, scene), _why_motion_blur(spec, scene)),
         **_shutter(spec, scene),
@@ -97,7 +99,7 @@ def _light_field(spec: SceneSpec) -> Effect:
     return Effect(True, f"the picture holds {views.columns} x {views.rows} views of {size} pixels")
 
 
-def _why_defocus(spec: SceneSpec, lens: Any, glass: Any) -> str:
+def _why_defocus(spec: SceneSpec, lens: Defocus | None, glass: Any) -> str:
     if glass is not None:
         numbers = spec.camera.describe(spec.film.width, spec.film.height)
         distance = numbers["focus_distance_m"]
@@ -105,7 +107,7 @@ def _why_defocus(spec: SceneSpec, lens: Any, glass: Any) -> str:
         return f"the stop is open to f/{numbers['f_number']:.4g}, and the lens focused at {focus}"
     if lens is None:
         return f"the {spec.camera.type} camera has no aperture, so everything is sharp"
-    width = f"{2e3 * lens.radius:.4g} mm wide"
+    width = f"{1e3 * lens.diameter:.4g} mm wide"
     if lens.inverse_focus < 0.0:
         return f"the hole is {width}, and bends no light"
     focus = f"{1.0 / lens.inverse_focus:.4g} m" if lens.inverse_focus > 0.0 else "infinity"

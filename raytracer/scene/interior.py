@@ -138,6 +138,7 @@ class Solids:
         if camera.lens is not None and camera.lens.shape is not None:
             # Blades and masks reach farther than the round opening of the same area.
             reach = math.inf
+        reach += self._spread(seen_by)
         for number in holding - {-1}:
             corners = where.corners(number, time)
             low, high = corners.min(axis=0), corners.max(axis=0)
@@ -145,6 +146,12 @@ class Solids:
             if np.any(low == high) or np.all((low - reach <= eye) & (eye <= high + reach)):
                 return True
         return False
+
+    def _spread(self, seen_by: PlacedSpec) -> float:
+        """How far the views of a camera are from where it stands (m)."""
+        film = self._spec.film
+        layout = seen_by.layout(film.width, film.height)
+        return 0.0 if layout is None else float(np.linalg.norm(layout.views.position, axis=-1).max())
 
 
 def _keys(item: Item) -> tuple[str | int, ...]:

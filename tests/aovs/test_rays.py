@@ -74,3 +74,21 @@ def test_what_it_cannot_record_is_said() -> None:
         _picture(noise=0.1)
     with pytest.raises(InputError, match="rays needs a camera that has an axis and does not move"):
         _picture(", shutter: 1, motion: {velocity: [1, 0, 0]}")
+
+
+def test_what_looks_backwards_has_no_place_in_planes_ahead() -> None:
+    spec = scene(
+        _SCENE.replace("{type: thin_lens,", "{type: equirectangular,").replace(
+            ", vfov: 40, aperture: 100, focus_distance: 2%s", ""
+        ),
+        width=8,
+        height=4,
+        spp=SPP,
+        max_depth=1,
+        filled=False,
+    )
+    samples = render(spec, threads=1, aovs=("rays",)).image.layers["rays"].reshape(4, 8, -1, 8)
+    ahead = np.zeros(8, bool)
+    ahead[2:6] = True
+    assert (np.isfinite(samples[..., :4]).all(axis=(0, 2, 3)) == ahead).all()
+    assert np.isfinite(samples[..., 4:]).all()

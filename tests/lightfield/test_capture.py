@@ -101,8 +101,8 @@ def test_the_plane_that_an_object_lies_in_is_that_of_the_file(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("camera", "film", "memory", "message"),
     [
-        ("", "", VIEW_BYTES // 2, "a view of 24 x 20 pixels takes "),
-        (", exposure: auto", "", 3 * VIEW_BYTES, "camera.exposure measures the whole picture, for which "),
+        ("", "", VIEW_BYTES // 2, "memory: must be at least what a view of 24 x 20 pixels takes, "),
+        (", exposure: auto", "", 3 * VIEW_BYTES, "memory: camera.exposure measures the whole picture, for which "),
         ("", ", white_balance: auto", 3 * VIEW_BYTES, "film.white_balance: auto measures the whole picture"),
     ],
 )
@@ -112,7 +112,7 @@ def test_what_does_not_fit_is_told_with_what_it_takes(
     with pytest.raises(InputError) as caught:
         capture(scene(camera, film), tmp_path / "x.lf", memory=memory)
     assert message in str(caught.value)
-    assert " GB " in str(caught.value)
+    assert " GB" in str(caught.value)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -231,6 +231,25 @@ def test_white_no_brighter_than_dark():
         decode(raw, raw, dark=raw)
 
 
+@pytest.mark.parametrize(
+    ("most", "dtype", "is_told"),
+    [
+        (4095, np.uint16, True),
+        (65520, np.uint16, True),
+        (255, np.uint8, True),
+        (3000, np.uint16, False),
+        (1, float, False),
+    ],
+    ids=["12 bits", "12 bits of 16", "8 bits", "flat", "linear light"],
+)
+def test_a_white_picture_is_clipped_where_a_sensors_numbers_end(most, dtype, is_told):
+    # A flat top alone is what even light without noise makes, as in a rendered picture.
+    white = _camera(False).picture()
+    cut = np.minimum(white / np.quantile(white, 0.7), 1.0)
+    notes = decode(cut, (most * cut).astype(dtype)).notes
+    assert any("clipped" in note for note in notes) == is_told
+
+
 # ---- resampling
 
 

@@ -42,7 +42,7 @@ def test_a_leaning_plane(leaning: LightField, method: str) -> None:
 def test_what_is_in_front(leaning: LightField) -> None:
     """A square before a wall: its own distance and the wall's, up to its edges."""
     surfaces = [Surface(3.0, waves(0, 0.06)), Surface(1.6, waves(2, 0.04), bounds=(-0.2, -0.15, 0.15, 0.2))]
-    field = light_field(views(7, 7, spacing=0.03, width=96, height=72), surfaces, noise=0.01)
+    field = light_field(views(7, 7, spacing=0.03, width=96, height=72), surfaces, noise=0.01, supersampling=2)
     found = depth_map(field, threads=2)
     exact = field.layers["depth"][3, 3]
     error, part = share(found, exact)

@@ -1,5 +1,7 @@
 """Folders and arrays of other programs: who is where, how far it is, and what is wrong with them."""
 
+import configparser
+import dataclasses
 import math
 import random
 
@@ -104,6 +106,31 @@ def test_one_picture_of_all_views(tmp_path, interleaved):
         vfov=math.degrees(2.0 * math.atan(0.03)),
     )
     same(found, field)
+
+
+@pytest.mark.parametrize("pose", [POSE, None])
+@pytest.mark.parametrize("cell", [None, (0.02, 0.02)])
+def test_the_benchmarks_own_readers_find_all_their_keys(tmp_path, pose, cell):
+    # Those that read_parameters of the benchmark's python-tools asks for; without any one of them it gives up.
+    numbers = {
+        "intrinsics": "image_resolution_x_px image_resolution_y_px focal_length_mm sensor_size_mm fstop",
+        "extrinsics": "num_cams_x num_cams_y baseline_mm focus_distance_m center_cam_x_m center_cam_y_m center_cam_z_m "
+        "center_cam_rx_rad center_cam_ry_rad center_cam_rz_rad",
+        "meta": "disp_min disp_max frustum_disp_min frustum_disp_max depth_map_scale",
+    }
+    field = light_field()
+    views = dataclasses.replace(field.views, pose=pose, cell=cell, focal_length=50.0)
+    export_views(dataclasses.replace(field, views=views), tmp_path, naming="hci")
+    parser = configparser.ConfigParser()
+    parser.read(tmp_path / "parameters.cfg")
+    found = {key: parser.getfloat(section, key) for section, keys in numbers.items() for key in keys.split()}
+    for key in ("scene", "category", "date", "version", "authors", "contact"):
+        parser.get("meta", key)
+    # A square of 20 mm is as large as a disc of 22.568 mm.
+    assert found["fstop"] == pytest.approx(100.0 if cell is None else 50.0 / 22.5676, rel=1e-5)
+    nearest, farthest = field.layers["depth"][1, 1].min(), field.layers["depth"][1, 1].max()
+    assert found["disp_max"] == pytest.approx(0.02 * (1.0 / nearest - 0.4) / 0.01, rel=1e-5)
+    assert found["disp_min"] == pytest.approx(0.02 * (1.0 / farthest - 0.4) / 0.01, rel=1e-5)
 
 
 # ---- what numbers in files mean
@@ -427,6 +454,10 @@ def test_what_names_cannot_tell_is_not_exported(tmp_path):
         export_views(field, tmp_path)
     with pytest.raises(InputError, match=r"unknown suffix '.tiff'"):
         export_views(field, tmp_path, suffix=".tiff")
+    with pytest.raises(InputError, match=r"unknown suffix '.lf' for views"):
+        export_views(field, tmp_path, suffix=".lf")
+    with pytest.raises(InputError, match="naming must be one of grid, stanford, hci, got 'lytro'"):
+        export_views(field, tmp_path, naming="lytro")
 
 
 def test_what_is_too_bright_is_counted(tmp_path):

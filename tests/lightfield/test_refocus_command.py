@@ -70,6 +70,13 @@ def test_equal_steps_of_distance_and_slopes(file: Path, tmp_path: Path) -> None:
     assert told["distances_m"] == pytest.approx([2.0, 1.0 / (0.5 + pixel / 0.01)])
 
 
+def test_without_metres_it_tells_slopes(field: LightField, tmp_path: Path) -> None:
+    lf.write(tmp_path / "a.lf", LightField(field.radiance, field.views, settings={"units": "views"}))
+    told = json.loads(_run(tmp_path / "a.lf", "--slope", "-0.5:1:3", "-o", tmp_path / "b.gif", "--json"))
+    assert set(told) == {"slopes_px", "files"}
+    np.testing.assert_allclose(told["slopes_px"], [-0.5, 0.25, 1.0], atol=1e-12)
+
+
 def test_rays_that_leave_pixels_black_are_told_of(field: LightField, tmp_path: Path) -> None:
     rays = Rays(np.zeros((1, 4)), np.ones((1, 3)), np.ones(1))
     single = LightField(np.zeros((1, 1, 18, 24, 3)), views(1, 1, width=24, height=18), rays=rays)

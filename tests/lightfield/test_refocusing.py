@@ -254,7 +254,7 @@ def test_slices_are_made_for_a_range(wall: LightField) -> None:
         ({"f_number": 2.0, "aperture": 0.1}, "give one of them"),
         ({"aperture": 0.0}, "greater than 0"),
         ({"aperture": 0.05, "center": (1.0, 0.0)}, "no view lies within"),
-        ({"aperture_shape": "hexagon", "aperture": 0.25}, "no aperture"),
+        ({"aperture_shape": "hexagon", "aperture": 0.25}, "aperture_shape hexagon: unknown"),
         ({"aperture_shape": "polygon"}, "give aperture"),
         ({"tilt": 90.0}, "between -90 and 90"),
         ({"tilt": 5.0, "method": "fourier"}, "refocus by shift"),

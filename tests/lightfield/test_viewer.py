@@ -515,7 +515,7 @@ def test_on_the_command_line(field: LightField, tmp_path: Path) -> None:
         (["-o", "cards.png"], "unknown suffix '.png' for a page"),
         (["--size", "lots"], "--size lots: must be a number of bytes"),
         (["--size", "10kB"], "at least 1MB"),
-        (["--exposure", "bright"], "--exposure bright"),
+        (["--exposure", "bright"], "--exposure bright: must be a number of stops"),
     ],
 )
 def test_what_is_wrong_is_said(tmp_path: Path, arguments: list[str], said: str) -> None:

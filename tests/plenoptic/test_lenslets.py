@@ -114,6 +114,13 @@ def test_a_ray_a_pixel_is_kept_of_a_focused_picture() -> None:
     np.testing.assert_allclose(rays.place[:, 2:], rays.value[:, :2], atol=1e-15)
 
 
+def test_the_geometry_of_a_focused_camera_needs_no_pixels() -> None:
+    """`rt explain` asks it for many microlenses before a sensor of any size."""
+    layout = lenslets("hexagonal", inverse_focus=1.4, inverse_distance=-0.6)
+    assert layout.views.columns > 1
+    assert "_pixels" not in vars(layout)
+
+
 def test_layers_are_sliced_as_the_picture_is() -> None:
     layout = lenslets("whole pixels")
     values = np.arange(120.0 * 110.0).reshape(110, 120)

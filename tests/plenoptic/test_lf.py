@@ -76,6 +76,16 @@ def test_what_is_written_is_read_again(tmp_path, dtype, compress):
         }
 
 
+def test_it_is_told_in_a_line(tmp_path):
+    field = light_field()
+    lf.write(tmp_path / "a.lf", field)
+    with lf.open(tmp_path / "a.lf") as opened:
+        for either in (field, opened):
+            views = field.views
+            assert f"{views.columns} x {views.rows} views of {views.width} x {views.height}" in repr(either)
+            assert len(repr(either)) < 100
+
+
 def test_what_is_not_known_stays_unknown(tmp_path):
     geometry = Views(np.zeros((1, 1, 2)), Plane(1.0, 0.0, 0.0), 2, 3)
     lf.write(tmp_path / "a.lf", LightField(np.ones((1, 1, 3, 2, 3)), geometry))

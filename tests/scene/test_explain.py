@@ -561,3 +561,13 @@ def test_effects_tell_of_the_photograph() -> None:
         assert not exposed[name].active
     shaped = explained(f"{lens}, aperture_shape: {{type: polygon, blades: 6}}").effects
     assert shaped["aperture_shape"] == (True, "the opening has the shape polygon")
+
+
+@pytest.mark.parametrize("focal_length", ["0.6 mm", "1.4 mm"])
+def test_a_light_field_camera_is_focused_where_its_key_says_and_not_where_microlenses_see(focal_length: str) -> None:
+    # Microlenses that show the image of that plane lie before or behind it, in the image of another.
+    array = f"{{pixels: 15, arrangement: focused, focal_length: {focal_length}}}"
+    optics = "sensor: {width: 6 mm, height: 6 mm}, focal_length: 40 mm, f_number: 4, focus_distance: 2"
+    effects = explained(f"type: light_field, {optics}, microlenses: {array}").effects
+    assert effects["defocus"] == (True, "the lens is 10 mm wide and focused at 2 m")
+    assert not effects["projection"].active

@@ -12,7 +12,6 @@ import typer
 lightfield = typer.Typer(
     rich_markup_mode=None,
     add_completion=False,
-    no_args_is_help=True,
     help="Look around in light fields, and focus them after the shot.",
 )
 

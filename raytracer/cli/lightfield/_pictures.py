@@ -92,6 +92,5 @@ def save(radiance: "NDArray[np.float64]", path: Path, field: "LightField", layer
 def suffixes() -> tuple[str, ...]:
     """Of files that hold a picture."""
     from raytracer.film.output import SUFFIXES
-    from raytracer.plenoptic.lf import SUFFIX
 
-    return tuple(suffix for suffix in SUFFIXES if suffix != SUFFIX)
+    return SUFFIXES

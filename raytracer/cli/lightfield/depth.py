@@ -116,9 +116,8 @@ def _encoded(found: "Depth", field: "LightField", suffix: str) -> bytes:
 
     from raytracer.film import pfm
     from raytracer.lightfield.colouring import coloured
-    from raytracer.lightfield.depth import is_metric
 
-    values = found.distance if is_metric(field) else found.inverse
+    values = found.distance if field.is_metric else found.inverse
     if suffix == ".pfm":
         return pfm.encode(values)
     if suffix == ".npy":
@@ -159,8 +158,6 @@ def _summary(found: "Depth", field: "LightField", method: str) -> dict[str, Any]
     """What was found, as data; infinity is None."""
     import numpy as np
 
-    from raytracer.lightfield.depth import is_metric
-
     is_sure = found.confidence >= _SURE
     told: dict[str, Any] = {
         "method": method,
@@ -168,8 +165,8 @@ def _summary(found: "Depth", field: "LightField", method: str) -> dict[str, Any]
         "sure_share": float(is_sure.mean()),
     }
     if is_sure.any():
-        values = (found.distance if is_metric(field) else found.inverse)[is_sure]
-        names = ("near_m", "median_m", "far_m") if is_metric(field) else ("least_px", "median_px", "most_px")
+        values = (found.distance if field.is_metric else found.inverse)[is_sure]
+        names = ("near_m", "median_m", "far_m") if field.is_metric else ("least_px", "median_px", "most_px")
         told |= {
             name: float(value) if math.isfinite(value) else None
             for name, value in zip(names, (values.min(), np.median(values), values.max()), strict=True)

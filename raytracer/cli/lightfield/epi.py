@@ -50,7 +50,6 @@ def epi(
     plane = _pictures.distance("--distance", distance)
 
     from raytracer.film.output import DISPLAY_SUFFIXES
-    from raytracer.lightfield.depth import is_metric
     from raytracer.lightfield.slices import epipolar_slice, picture
 
     with opened(file) as field:
@@ -69,7 +68,7 @@ def epi(
 
             from raytracer.wholefiles import whole
 
-            drawn = picture(found) if is_metric(field) else picture(found, unit="views", scale=1.0)
+            drawn = picture(found) if field.is_metric else picture(found, unit="views", scale=1.0)
             with whole(output) as aside:
                 PIL.Image.fromarray(drawn).save(aside, "PNG" if output.suffix.lower() == ".png" else "JPEG", quality=95)
         else:

@@ -55,14 +55,16 @@ def export(
     if named is None:
         raise InputError(f"--naming {naming}: must be {', '.join(NAMINGS)}")
 
-    with opened(file) as field:
+    from raytracer.progress import Bar
+
+    with opened(file) as field, Bar(" views", quiet=quiet) as bar:
         if is_array:
             for path in export_array(field, output):
                 wrote(path, quiet)
             return
         ending = f".{(suffix or 'png').lower().removeprefix('.')}"
         check_export(field, output, named, ending)
-        found = export_views(field, output, naming=named, suffix=ending)
+        found = export_views(field, output, naming=named, suffix=ending, update=bar.update)
     if not quiet:
         print(f"wrote {len(found.files)} files to {output}", file=sys.stderr)
         if found.clipped > 0.0:

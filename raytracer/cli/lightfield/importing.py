@@ -80,13 +80,15 @@ def import_file(
 
     from raytracer.lightfield.foreign import import_views
     from raytracer.plenoptic import lf
+    from raytracer.progress import Bar
 
     if dtype not in lf.TYPES:
         raise InputError(f"--dtype {dtype}: must be {', '.join(lf.TYPES)}")
     field = import_views(path, rows=rows, columns=columns, spacing=steps, flip=flip, interleaved=interleaved, **lengths)
-    lf.write(output, field, dtype=dtype, compress=compress)
+    with Bar(" rows of views", quiet=quiet) as bar:
+        lf.write(output, field, dtype=dtype, compress=compress, update=bar.update)
     wrote(output, quiet)
-    if not quiet and field.settings.get("units") == "views":
+    if not quiet and not field.is_metric:
         how = "--spacing, --focus-distance and --vfov say them"
         print(f"note: metres are not known ({how}): 1 / distance is in pixels per view", file=sys.stderr)
 

@@ -42,6 +42,8 @@ def info(
         print(json.dumps(found, indent=2, allow_nan=False))
     else:
         print(_text(found), end="")
+        if check:
+            print("all of it was read, and is whole")
 
 
 def _read_all(field: "LightField") -> None:
@@ -109,15 +111,20 @@ def _text(found: dict[str, Any]) -> str:
         "radiance": f"{found['dtype']}, {found['bytes'] / 1e6:.4g} MB, in a file of {found['file_bytes'] / 1e6:.4g} MB",
     }
     if is_metric:
+        is_one = found["rows"] * found["columns"] == 1
         across, down = found["spacing"]
         wide, high = found["extent"]
-        lines["spacing"] = (
-            f"{_length(across)} to the right, {_length(down)} down; {_length(wide)} x {_length(high)} in all"
-        )
+        if not is_one:
+            lines["spacing"] = (
+                f"{_length(across)} to the right, {_length(down)} down; {_length(wide)} x {_length(high)} in all"
+            )
         lines["field of view"] = "{:.4g} x {:.4g} deg".format(*found["field_of_view_deg"])
         lines["focus distance"] = _distance(found["focus_distance"])
         near, far = _distance(found["refocus_near"]), _distance(found["refocus_far"])
-        lines["refocusable"] = f"{near} to {far}, a pixel from view to view at most"
+        if is_one:
+            lines["refocusable"] = "by the rays, at any distance" if found["rays"] else "no: there is but one view"
+        else:
+            lines["refocusable"] = f"{near} to {far}, a pixel from view to view at most"
     else:
         lines["spacing"] = (
             "not known in metres: places are in steps of one view, and 1 / distance is in pixels per view"

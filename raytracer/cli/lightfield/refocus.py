@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from raytracer.cli import options
+from raytracer.cli.lightfield import _pictures
 from raytracer.cli.lightfield._common import File, Quiet, check_outputs, opened, wrote
 from raytracer.errors import InputError
 from raytracer.units import parse_quantity
@@ -16,7 +17,6 @@ from raytracer.units import parse_quantity
 if TYPE_CHECKING:
     from raytracer.film.image import Image
     from raytracer.plenoptic.field import LightField
-    from raytracer.plenoptic.views import Views
 
 EXAMPLE = """\b
 Examples:
@@ -108,8 +108,7 @@ def refocus(
     slopes = _numbers("--slope", slope, "number")
     if sum(map(bool, (distances, slopes, alpha is not None))) > 1:
         raise InputError("--distance, --alpha and --slope set the plane of focus: give one of them")
-    suffixes = _suffixes()
-    check_outputs(output, (*suffixes, *_ANIMATIONS), "a photograph")
+    check_outputs(output, (*_pictures.suffixes(), *_ANIMATIONS), "a photograph")
     planes = max(len(distances), len(slopes))
     for path in output:
         if path.suffix.lower() in _ANIMATIONS and planes < 2:
@@ -128,8 +127,10 @@ def refocus(
     }
 
     from raytracer.lightfield import refocusing
+    from raytracer.progress import Bar
 
-    with opened(file) as field:
+    with opened(file) as field, Bar(" steps", quiet=quiet) as bar:
+        asked["update"] = bar.update
         try:
             if planes > 1:
                 images = refocusing.focal_stack(field, distances, slopes=slopes, **asked)
@@ -145,7 +146,7 @@ def refocus(
     if note and not quiet:
         print(f"note: {note}", file=sys.stderr)
     if as_json:
-        print(json.dumps(_told(images, field.views, files), indent=2, allow_nan=False))
+        print(json.dumps(_told(field, images, files), indent=2, allow_nan=False))
 
 
 # ---- What was asked for
@@ -195,24 +196,13 @@ def _steps(start: float, stop: float, count: int) -> list[float]:
 def _center(text: str | None) -> tuple[float, float]:
     if text is None:
         return 0.0, 0.0
-    parts = text.split(",")
-    if len(parts) != 2:
-        raise InputError(f"--center {text}: must be two lengths, right and up: 2mm,0")
-    right, up = (_quantity("--center", part, "length") for part in parts)
+    right, up = _pictures.place("--center", text)
     if not (math.isfinite(right) and math.isfinite(up)):
         raise InputError(f"--center {text}: must be finite")
     return right, up
 
 
 # ---- What comes of it
-
-
-def _suffixes() -> tuple[str, ...]:
-    """Of files that hold a picture."""
-    from raytracer.film.output import SUFFIXES
-    from raytracer.plenoptic.lf import SUFFIX
-
-    return tuple(suffix for suffix in SUFFIXES if suffix != SUFFIX)
 
 
 def _write(images: "list[Image]", path: Path, fps: float) -> list[Path]:
@@ -239,7 +229,7 @@ def _beyond(field: "LightField", images: "list[Image]") -> str | None:
     """A sentence, if a plane of focus is beyond those that the views are close enough together for."""
     from raytracer.plenoptic.focusing import refocusable
 
-    if images[0].settings["refocused_by"] == "rays" or field.settings.get("units") == "views":
+    if images[0].settings["refocused_by"] == "rays" or not field.is_metric:
         return None
     near, far = refocusable(field.views)
     distances = [float(image.settings["refocused_m"]) for image in images]
@@ -268,15 +258,22 @@ def _sparse(images: "list[Image]") -> str | None:
     return f"{black}: more spp, a wider aperture, or a smaller scale"
 
 
-def _told(images: "list[Image]", views: "Views", files: list[Path]) -> dict[str, Any]:
-    from raytracer.plenoptic.focusing import refocusable
+def _told(field: "LightField", images: "list[Image]", files: list[Path]) -> dict[str, Any]:
+    """As `--json` prints it: distances in metres, or slopes in pixels from view to view where metres are not known."""
+    from raytracer.plenoptic.focusing import refocusable, spacing
 
     def finite(number: float) -> float | None:
         return number if math.isfinite(number) else None
 
-    near, far = refocusable(views)
+    distances = [float(image.settings["refocused_m"]) for image in images]
+    names = [str(path) for path in files]
+    if not field.is_metric:
+        step = max(spacing(field.views)) / field.views.plane.pixel
+        slopes = [step * (1.0 / distance - field.views.inverse_focus) for distance in distances]
+        return {"slopes_px": slopes, "files": names}
+    near, far = refocusable(field.views)
     return {
-        "distances_m": [finite(float(image.settings["refocused_m"])) for image in images],
+        "distances_m": [finite(distance) for distance in distances],
         "refocusable_m": [finite(near), finite(far)],
-        "files": [str(path) for path in files],
+        "files": names,
     }

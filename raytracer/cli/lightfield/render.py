@@ -66,7 +66,7 @@ def render(
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")] = False,
 ) -> None:
-    """Render all views of a camera array into a light field.
+    """Render all views of a camera array, or the picture behind microlenses, into a light field.
 
     The file is that of `rt render SCENE -o FILE.lf`, but the memory is bounded: views are rendered some rows at a time,
     and written as they come.  Ctrl-C leaves no file.

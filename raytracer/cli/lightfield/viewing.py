@@ -52,9 +52,10 @@ def view(
     ev = None if exposure is None else options.number("--exposure", exposure, _ev)
 
     from raytracer.lightfield.viewer import write_page
+    from raytracer.progress import Bar
 
-    with opened(file) as field:
-        notes = write_page(path, field, title=Path(file).stem, size=most, exposure=ev)
+    with opened(file) as field, Bar(" steps", quiet=quiet) as bar:
+        notes = write_page(path, field, title=Path(file).stem, size=most, exposure=ev, update=bar.update)
     if not quiet:
         for note in notes:
             print(note, file=sys.stderr)
@@ -76,7 +77,10 @@ def _bytes(text: str) -> int:
 
 
 def _ev(text: str) -> float:
-    value = float(text.lower().removesuffix("ev").strip())
+    try:
+        value = float(text.lower().removesuffix("ev").strip())
+    except ValueError:
+        raise ValueError("must be a number of stops, such as +2") from None
     if not abs(value) <= _MOST_EV:
-        raise ValueError(f"must be from {-_MOST_EV:g} to {_MOST_EV:g}")
+        raise ValueError(f"must be from {-_MOST_EV:g} to {_MOST_EV:g} stops")
     return value

@@ -2,13 +2,16 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from raytracer.cli.lightfield import _pictures
 from raytracer.cli.lightfield._common import File, Quiet, check_folder, check_outputs, opened, wrote
 from raytracer.errors import InputError
+
+if TYPE_CHECKING:
+    from raytracer.plenoptic.views import Views
 
 EXAMPLE = """\b
 Examples:
@@ -17,7 +20,7 @@ Examples:
   rt lightfield views array.lf --at 3mm,-1mm -o between.png  what a pinhole there sees, from the views around
   rt lightfield views array.lf --at 3mm,-1mm --depth -o between.png
   rt lightfield views array.lf --view 8,8 --scale 2 -o fine.png
-  rt lightfield views array.lf --all -o views --suffix .exr  a file for each
+  rt lightfield views array.lf --all -o views --format exr   a file for each
 """
 
 
@@ -45,7 +48,9 @@ def views(
         int, typer.Option(min=1, max=4, help="With --view: pixels along one, from what all views know of it.")
     ] = 1,
     every: Annotated[bool, typer.Option("--all", help="All views, each in a file: view_ROW_COLUMN.")] = False,
-    suffix: Annotated[str, typer.Option(help="Of these files: .png, .exr, .npy ...")] = ".png",
+    suffix: Annotated[
+        str, typer.Option("--format", metavar="SUFFIX", help="Of these files: png jpg exr hdr npy.")
+    ] = "png",
     width: Annotated[
         int | None, typer.Option(min=1, max=65500, help="Of the montage in pixels, at most.  Default: 4096.")
     ] = None,
@@ -75,8 +80,10 @@ def views(
     plane = _pictures.distance("--distance", distance)
     if wanted == "all":
         check_folder(output)
-        if suffix not in _pictures.suffixes():
-            raise InputError(f"--suffix {suffix}: must be one of {', '.join(_pictures.suffixes())}")
+        ending = f".{suffix.lower().removeprefix('.')}"
+        if ending not in _pictures.suffixes():
+            known = ", ".join(each.removeprefix(".") for each in _pictures.suffixes())
+            raise InputError(f"--format {suffix}: must be one of {known}")
     else:
         check_outputs([output], _pictures.suffixes(), "a view")
 
@@ -85,30 +92,57 @@ def views(
     from raytracer.lightfield.supersampling import supersampled
     from raytracer.progress import Bar
 
-    with opened(file) as field, Bar(" views", quiet=quiet) as bar:
+    with opened(file) as field, Bar(" steps", quiet=quiet) as bar:
         geometry = field.views
         if wanted == "all":
             digits = len(str(max(geometry.rows, geometry.columns) - 1))
             for number in range(geometry.rows * geometry.columns):
                 row, column = divmod(number, geometry.columns)
                 _pictures.save(
-                    field.view(row, column), output / f"view_{row:0{digits}}_{column:0{digits}}{suffix}", field
+                    field.view(row, column), output / f"view_{row:0{digits}}_{column:0{digits}}{ending}", field
                 )
                 bar.update(number + 1, geometry.rows * geometry.columns)
             if not quiet:
                 print(f"wrote {geometry.rows * geometry.columns} views to {output}", file=sys.stderr)
             return
-        if index is not None:
-            chosen = reference(geometry, *index)
-            if scale == 1:
-                picture = field.view(*chosen)
+        try:
+            if index is not None:
+                chosen = reference(geometry, *index)
+                if scale == 1:
+                    picture = field.view(*chosen)
+                else:
+                    found = depth_map(field, row=chosen[0], column=chosen[1], update=bar.update)
+                    picture = supersampled(field, scale, found, update=bar.update)
+            elif place is not None:
+                _check_within(geometry, at, place)
+                around = depth_map(field, update=bar.update) if depth else None
+                picture = perspectives.view_at(field, *place, depth=around, distance=plane)
             else:
-                found = depth_map(field, row=chosen[0], column=chosen[1], update=bar.update)
-                picture = supersampled(field, scale, found)
-        elif place is not None:
-            around = depth_map(field, update=bar.update) if depth else None
-            picture = perspectives.view_at(field, *place, depth=around, distance=plane)
-        else:
-            picture = perspectives.montage(field, width=4096 if width is None else width)
+                picture = perspectives.montage(field, width=4096 if width is None else width)
+        except InputError as error:
+            raise InputError(f"{file}: {error}") from None
         _pictures.save(picture, output, field)
     wrote(output, quiet)
+
+
+def _check_within(views: "Views", option: str | None, place: tuple[float, float]) -> None:
+    """Make sure that views are around a place: beyond them nothing is known.
+
+    Raises
+    ------
+    InputError : it is farther out than any view.
+    """
+    import numpy as np
+
+    from raytracer.lightfield.depth import lit
+
+    places = views.position[lit(views)]
+    low, high = places.min(axis=0), places.max(axis=0)
+    # What rounding adds to the places is no reason.
+    slack = float(np.finfo(np.float32).eps) * (high - low)
+    if np.any(place < low - slack) or np.any(place > high + slack):
+        (left, down), (right, up) = low, high
+        raise InputError(
+            f"--at {option}: is outside the views, which are from {left:g} to {right:g} m to the right and from "
+            f"{down:g} to {up:g} m up"
+        )

@@ -48,6 +48,19 @@ _RELATED = 0.2
 _PEAKS = 24
 """Peaks that are looked at: a grid has six of its first kind, and as many of the second and the third."""
 
+_AROUND = 63
+"""Frequencies a side of what is around a peak: many times a peak's own width, which is a few."""
+
+_ALIKE, _SQUARE, _HEXAGONAL = 1.2, 0.15, (0.35, 0.62)
+"""Of two frequencies that may span a grid: the ratio of their lengths at most, and the cosine between them, of 90 or of
+60 degrees; both are 1 and 0 or 0.5 but for the error of a first guess."""
+
+_AS_GOOD = 0.02
+"""Share of the peaks' heights by which one pair must explain more than another not to be as good."""
+
+_DARKEST_BLOCK = 0.05
+"""Of the blocks' median: darker ones are not made brighter than this would be."""
+
 _ROUNDS = 3
 """Of the fit: each starts from frequencies so much better that the third changes nothing that matters."""
 
@@ -265,7 +278,7 @@ def _frequencies(part: NDArray[Any], bottom: float, top: float, name: str) -> Fl
     usable = (radius > 1.0 / LARGEST_PITCH) & (radius < 2.0 / math.sqrt(3.0) / SMALLEST_PITCH)
     if not usable.any():
         raise _no_grid(name)
-    around = np.sqrt(uniform_filter(power * power, size=(min(height, 63), min(width, 63))))
+    around = np.sqrt(uniform_filter(power * power, size=(min(height, _AROUND), min(width, _AROUND))))
     peaks = (power == maximum_filter(power, size=5)) & usable & (fy[:, None] >= 0.0)
     rows, columns = np.nonzero(peaks)
     order = np.argsort(power[rows, columns])[::-1][:_PEAKS]
@@ -303,14 +316,16 @@ def _basis(peaks: Floats, heights: Floats, tolerance: float, name: str) -> Float
         pair = peaks[[i, j]]
         lengths = np.linalg.norm(pair, axis=1)
         cosine = abs(float(pair[0] @ pair[1]) / float(lengths.prod()))
-        if max(lengths) > 1.2 * min(lengths) or not (cosine < 0.15 or 0.35 < cosine < 0.62):
+        is_known = cosine < _SQUARE or _HEXAGONAL[0] < cosine < _HEXAGONAL[1]
+        if max(lengths) > _ALIKE * min(lengths) or not is_known:
             continue
         orders = peaks @ np.linalg.inv(pair)
         away = np.linalg.norm((orders - np.rint(orders)) @ pair, axis=1)
         explained = float(heights[away < tolerance].sum() / heights.sum())
         size = abs(float(np.linalg.det(pair)))
         # A finer grid of frequencies explains all that a coarser one does, and must explain more to be preferred.
-        if best is None or (explained, size) > (best[0] + 0.02, 0.0) or (explained > best[0] - 0.02 and size > best[1]):
+        more = math.inf if best is None else explained - best[0]
+        if best is None or more > _AS_GOOD or (more > -_AS_GOOD and size > best[1]):
             best = (explained, size, pair)
     if best is None:
         raise _no_grid(name)
@@ -367,7 +382,7 @@ def _block_phases(
         mean[i] = sliding_window_view(lines[-1], size)[::step] @ window
     middle = np.stack(np.meshgrid(lefts + 0.5 * size, tops + 0.5 * size), axis=-1)
     # Of the light that there is, so that a darker border counts as much as the middle.
-    floor = 0.05 * float(np.median(mean)) + np.finfo(float).tiny
+    floor = _DARKEST_BLOCK * float(np.median(mean)) + np.finfo(float).tiny
     phasors /= np.maximum(mean, floor)
     down, right = (
         np.gradient(mean, step, axis=axis) / np.maximum(mean, floor) if mean.shape[axis] > 1 else np.zeros(mean.shape)

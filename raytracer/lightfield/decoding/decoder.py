@@ -44,6 +44,9 @@ _MANY_CLIPPED = 0.001
 
 _LARGEST_NUMBER = 65535.0
 
+_LEAST_SCALE = 255
+"""At which the numbers of the coarsest sensor end."""
+
 _DARKEST = 1e-30
 """In place of the light of a picture that has none, lest it is divided by 0."""
 
@@ -169,7 +172,8 @@ def decode(
         notes.append("no white picture: sub-images keep their darker edges")
     else:
         bright = _fitting(_read(white, names["white"], srgb), picture, names, "white")
-        _tell_clipped(bright, names["white"], notes)
+        if _has_scale(white):
+            _tell_clipped(bright, names["white"], notes)
         bright = _without(bright, background)
         if not (bright > 0.0).any():
             than = f": nowhere brighter than {names['dark']}" if background is not None else ""
@@ -282,6 +286,13 @@ def _fitting(picture: Singles, raw: Singles, names: dict[str, str], kind: str) -
     return picture
 
 
+def _has_scale(source: Source) -> bool:
+    """Whether there is a largest value."""
+    if isinstance(source, str | Path):
+        return Path(source).suffix.lower() not in _UNBOUNDED
+    return np.asarray(source).dtype.kind == "u"
+
+
 def _without(picture: Singles, background: Singles | None) -> Singles:
     if background is None:
         return picture
@@ -326,8 +337,17 @@ def _tell_clipped(white: Singles, name: str, notes: list[str]) -> None:
     highest = float(white.max())
     share = np.count_nonzero(white == highest) / white.size
     # What is rendered without noise may be alike everywhere, and is not at the end of a scale.
-    if share > _MANY_CLIPPED and Path(name).suffix.lower() not in _UNBOUNDED:
+    if share > _MANY_CLIPPED and _ends_a_scale(highest):
         notes.append(f"{name}: {share:.1%} of it is clipped: the raw picture is too dark there once it is devignetted")
+
+
+def _ends_a_scale(value: float) -> bool:
+    """Whether a sensor's numbers can end at a value: in binary it is all ones, wherever they are in 16 bits."""
+    number = round(value * _LARGEST_NUMBER)
+    if number < 1:
+        return False
+    ones = number // (number & -number)
+    return ones >= _LEAST_SCALE and ones & (ones + 1) == 0
 
 
 def _weight(flat: Singles) -> Singles:

@@ -3,15 +3,13 @@
 import math
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from raytracer.lightfield.decoding.calibration import Grid
+from raytracer.lightfield.foreign.geometry import regular
 from raytracer.plenoptic.resampling import Resampler
 from raytracer.plenoptic.views import Plane, Views
+from raytracer.units import METRES_PER_MILLIMETRE
 
-_MM = 1e-3
-_UM = 1e-6
+_METRES_PER_MICROMETRE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -50,7 +48,7 @@ class Optics:
         ------
         ValueError : the plane that is sharp is within the focal length.
         """
-        steps = _steps(resampler)
+        steps = regular(resampler.count, resampler.count)
         if self.missing:
             plane = Plane(1.0, -0.5 * resampler.width, 0.5 * resampler.height)
             aperture = grid.diameter / resampler.step
@@ -58,7 +56,7 @@ class Optics:
 
         assert self.pixel_pitch is not None
         assert self.focal_length is not None
-        focal_length, pitch = self.focal_length * _MM, self.pixel_pitch * _UM
+        focal_length, pitch = self.focal_length * METRES_PER_MILLIMETRE, self.pixel_pitch * _METRES_PER_MICROMETRE
         inverse_focus = 0.0 if math.isinf(self.focus_distance) else 1.0 / self.focus_distance
         inverse_image = 1.0 / focal_length - inverse_focus
         if not inverse_image > 0.0:
@@ -67,7 +65,7 @@ class Optics:
 
         # A pixel sees through its microlens's middle: by similar triangles, its place on the main lens.
         if self.microlens_distance is not None:
-            behind = self.microlens_distance * _UM
+            behind = self.microlens_distance * _METRES_PER_MICROMETRE
             on_lens = pitch * image / behind
         else:
             assert self.f_number is not None
@@ -91,10 +89,3 @@ class Optics:
             aperture=aperture,
             focal_length=self.focal_length,
         )
-
-
-def _steps(resampler: Resampler) -> NDArray[np.float64]:
-    """Places of the views, right and up, in steps of one view (rows, columns, 2)."""
-    along = np.arange(resampler.count) - 0.5 * (resampler.count - 1)
-    right, down = np.meshgrid(along, along)
-    return np.stack([right, -down], axis=-1)

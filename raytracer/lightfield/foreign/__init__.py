@@ -12,7 +12,7 @@ What is said by whoever imports comes before what files say.
 
 import contextlib
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -26,6 +26,7 @@ from raytracer.lightfield.foreign import folders, geometry, hci
 from raytracer.lightfield.foreign.folders import Found
 from raytracer.lightfield.foreign.geometry import Known, Optics
 from raytracer.lightfield.foreign.pictures import Pictures, Stack, montage
+from raytracer.plenoptic import lf
 from raytracer.plenoptic.field import LightField
 from raytracer.plenoptic.views import Views
 from raytracer.units import METRES_PER_MILLIMETRE
@@ -234,10 +235,13 @@ def check_export(field: LightField, folder: str | Path, naming: Naming, suffix: 
     InputError : the naming cannot tell the geometry, the format is not known, or the folder holds other views.
     """
     folder = Path(folder)
-    if suffix not in output.SUFFIXES:
-        raise InputError(f"{folder}: unknown suffix {suffix!r} for views; known: {', '.join(output.SUFFIXES)}")
+    if naming not in NAMINGS:
+        raise InputError(f"{folder}: naming must be one of {', '.join(NAMINGS)}, got {naming!r}")
+    known = [each for each in output.SUFFIXES if each != lf.SUFFIX]
+    if suffix not in known:
+        raise InputError(f"{folder}: unknown suffix {suffix!r} for views; known: {', '.join(known)}")
     if naming == "hci":
-        if field.settings.get("units") == "views":
+        if not field.is_metric:
             raise InputError(f"{folder}: parameters.cfg needs metres, which this light field has not: export as grid")
         try:
             hci.spacing(field.views)
@@ -249,13 +253,21 @@ def check_export(field: LightField, folder: str | Path, naming: Naming, suffix: 
         raise InputError(f"{folder}: holds other pictures ({strange.name}), which would be mixed up with the views")
 
 
-def export_views(field: LightField, folder: str | Path, *, naming: Naming = "grid", suffix: str = ".png") -> Exported:
+def export_views(
+    field: LightField,
+    folder: str | Path,
+    *,
+    naming: Naming = "grid",
+    suffix: str = ".png",
+    update: Callable[[float, float], object] | None = None,
+) -> Exported:
     """Write views into a folder, a picture each, with what tells their geometry.
 
     Parameters
     ----------
     naming : see this module's table.
     suffix : of the pictures: .exr and .npy keep linear light, .png and .jpg what a display shows.
+    update : told of the progress: views that are written, and all.
 
     Raises
     ------
@@ -273,6 +285,8 @@ def export_views(field: LightField, folder: str | Path, *, naming: Naming = "gri
             output.save(Image(seen), folder / name)
             bright += int(np.count_nonzero(seen > 1.0))
             written.append(folder / name)
+            if update is not None:
+                update(len(written), views.rows * views.columns)
     if naming == "hci":
         written += _write_truth(field, folder)
     units = str(field.settings["units"]) if "units" in field.settings else None

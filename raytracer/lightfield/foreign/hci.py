@@ -32,6 +32,12 @@ have six digits."""
 _SENSOR_MM = 35.0
 """Written for views whose sensor is not known: that of the benchmark's scenes."""
 
+_PINHOLE = 100.0
+"""The f-number that the benchmark's scenes have, whose views are sharp throughout."""
+
+_NO_POSE = {f"center_cam_{name}": "0.0" for name in ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")}
+"""Written where nobody knows it, since the benchmark's readers want one."""
+
 
 class Parameters(NamedTuple):
     """What the file says: the number of views, their pixels, and how they were taken."""
@@ -141,7 +147,7 @@ def spacing(views: Views) -> float:
 
 
 def text(views: Views, name: str, disparity: NDArray[np.float64] | None) -> bytes:
-    """A `parameters.cfg`.
+    """A `parameters.cfg`, with all keys that the benchmark's own readers ask for.
 
     Parameters
     ----------
@@ -155,6 +161,7 @@ def text(views: Views, name: str, disparity: NDArray[np.float64] | None) -> byte
         "image_resolution_x_px": str(views.width),
         "image_resolution_y_px": str(views.height),
         "sensor_size_mm": repr(views.plane.pixel * longer * focal_length),
+        "fstop": repr(_f_number(views, focal_length)),
     }
     parser["extrinsics"] = {
         "num_cams_x": str(views.columns),
@@ -165,21 +172,38 @@ def text(views: Views, name: str, disparity: NDArray[np.float64] | None) -> byte
     }
     known = None if disparity is None else disparity[np.isfinite(disparity)]
     low, high = (0.0, 0.0) if known is None or known.size == 0 else (float(known.min()), float(known.max()))
-    parser["meta"] = {"scene": name, "disp_min": repr(low), "disp_max": repr(high), "depth_map_scale": "1.0"}
+    parser["meta"] = {
+        "scene": name,
+        "category": "additional",
+        **dict.fromkeys(("date", "version", "authors", "contact"), ""),
+        "disp_min": repr(low),
+        "disp_max": repr(high),
+        "frustum_disp_min": repr(low),
+        "frustum_disp_max": repr(high),
+        "depth_map_scale": "1.0",
+    }
     buffer = io.StringIO()
     parser.write(buffer)
     return buffer.getvalue().encode()
+
+
+def _f_number(views: Views, focal_length: float) -> float:
+    """Of one view: of the disc that is as large as what it gathers light over."""
+    if views.cell is None:
+        return _PINHOLE
+    diameter = 2.0 * math.sqrt(views.cell[0] * views.cell[1] / math.pi)
+    return focal_length * METRES_PER_MILLIMETRE / diameter if diameter > 0.0 else _PINHOLE
 
 
 def _placed(pose: Pose | None) -> dict[str, str]:
     from scipy.spatial.transform import Rotation
 
     if pose is None:
-        return {}
+        return _NO_POSE
     backward = -np.array(pose.forward)
     axes = np.stack([np.array(pose.right), np.array(pose.up), backward], axis=1)
     if np.linalg.det(axes) <= 0.0:
-        return {}
+        return _NO_POSE
     turned = Rotation.from_matrix(axes).as_euler("xyz")
     places = {f"center_cam_{axis}_m": repr(float(value)) for axis, value in zip("xyz", pose.origin, strict=True)}
     return places | {f"center_cam_r{axis}_rad": repr(float(a)) for axis, a in zip("xyz", turned, strict=True)}
