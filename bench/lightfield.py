@@ -22,7 +22,7 @@ from typing import Any
 
 from warm import MEGA, QUICK_ROUNDS, ROUNDS, SCENES, arguments_for, measured, publish, say, table, with_interval
 
-from raytracer.lightfield.capture import Band, capture
+from raytracer.lightfield.bands import Band, capture
 from raytracer.noise import ratio_interval
 from raytracer.plenoptic import lf
 from raytracer.rendering import Ready, ready, render

@@ -81,7 +81,11 @@ def test_the_package_has_all_words_and_nothing_that_is_not_there() -> None:
 
 def test_no_part_of_the_package_takes_the_place_of_a_name_when_it_is_imported() -> None:
     parts = {info.name for info in pkgutil.iter_modules(rt.__path__)}
-    assert not parts & set(rt.__all__)
+    # The one that is a name itself.
+    assert parts & set(rt.__all__) == {"lightfield"}
+    assert isinstance(rt.lightfield, ModuleType)
+    inner = {info.name for info in pkgutil.iter_modules(rt.lightfield.__path__)}
+    assert not inner & set(rt.lightfield.__all__)
 
 
 @pytest.mark.parametrize(

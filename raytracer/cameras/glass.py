@@ -2,6 +2,7 @@
 
 from raytracer.cameras.interface import WAVELENGTH
 from raytracer.jit import generic, kernel
+from raytracer.lanes import load, root, store
 from raytracer.lenses import packets
 from raytracer.lenses.lens import Lens
 from raytracer.lenses.setting import stop_for
@@ -54,3 +55,32 @@ def in_world(frame, pupil, origin, direction):
     start = add(frame.origin, madd(side, ahead, frame.forward))
     way = add(scale(direction[0], frame.right), scale(direction[1], frame.up))
     return start, madd(way, -direction[2], frame.forward)
+
+
+@kernel
+def set_out(rows, z, behind):
+    """Send a packet's rays out from the film at `z` to where they are aimed at, `behind` before it (mm).
+
+    rows : the packet, with the ways to the side and up in its rows `packets.DIRECTION` and the next (mm).
+
+    Returns
+    -------
+    The square of the cosines of their angles with the axis.
+    """
+    x, y = load(rows, packets.DIRECTION), load(rows, packets.DIRECTION + 1)
+    inverse = 1.0 / root(x * x + y * y + behind * behind)
+    cosine = behind * inverse
+    store(rows, packets.ORIGIN + 2, z)
+    store(rows, packets.DIRECTION, x * inverse)
+    store(rows, packets.DIRECTION + 1, y * inverse)
+    store(rows, packets.DIRECTION + 2, -cosine)
+    return cosine * cosine
+
+
+@kernel
+def traced_ray(camera, rows, lane):
+    """The ray (origin, unit direction, weight) in the scene of a lane that has gone through a camera's lens."""
+    origin = rows[packets.ORIGIN, lane], rows[packets.ORIGIN + 1, lane], rows[packets.ORIGIN + 2, lane]
+    way = rows[packets.DIRECTION, lane], rows[packets.DIRECTION + 1, lane], rows[packets.DIRECTION + 2, lane]
+    start, direction = in_world(camera.frame, camera.pupil, origin, way)
+    return start, direction, rows[packets.WEIGHT, lane]

@@ -18,7 +18,7 @@ from pydantic import Field, PrivateAttr
 
 from raytracer.cameras.exposed import ExposedSpec
 from raytracer.cameras.focused import FocusedSpec
-from raytracer.cameras.glass import draw_wavelength, in_world, stop_for_key
+from raytracer.cameras.glass import draw_wavelength, set_out, stop_for_key, traced_ray
 from raytracer.cameras.interface import (
     GHOST,
     LENS,
@@ -37,7 +37,7 @@ from raytracer.cameras.interface import (
 from raytracer.cameras.placement import Frame, in_frame
 from raytracer.glass import LINE_D
 from raytracer.jit import generic, kernel
-from raytracer.lanes import WIDTH, load, root, select, store
+from raytracer.lanes import WIDTH, load, select, store
 from raytracer.lenses import packets
 from raytracer.lenses.focusing import film_place
 from raytracer.lenses.ghosts import Flare, aim_ghost, choose, flare_of, trace_way
@@ -414,15 +414,7 @@ def _(camera, rows, lane, x, y, draws):
 
 @trace_lanes.register(LensCamera)
 def _(camera, rows):
-    x, y = load(rows, packets.DIRECTION), load(rows, packets.DIRECTION + 1)
-    behind = camera.film.z - camera.plane
-    inverse = 1.0 / root(x * x + y * y + behind * behind)
-    cosine = behind * inverse
-    square = cosine * cosine
-    store(rows, packets.ORIGIN + 2, camera.film.z)
-    store(rows, packets.DIRECTION, x * inverse)
-    store(rows, packets.DIRECTION + 1, y * inverse)
-    store(rows, packets.DIRECTION + 2, -cosine)
+    square = set_out(rows, camera.film.z, camera.film.z - camera.plane)
     extent = load(rows, packets.WEIGHT) * (square * square)
     store(rows, packets.EXTENT, extent)
     store(rows, packets.WEIGHT, camera.gain * extent)
@@ -462,10 +454,7 @@ def _(camera, sharing, rows, others, x, y):
 
 @lane_ray.register(LensCamera)
 def _(camera, rows, lane, x, y, time, draws):
-    origin = rows[packets.ORIGIN, lane], rows[packets.ORIGIN + 1, lane], rows[packets.ORIGIN + 2, lane]
-    way = rows[packets.DIRECTION, lane], rows[packets.DIRECTION + 1, lane], rows[packets.DIRECTION + 2, lane]
-    start, direction = in_world(camera.frame, camera.pupil, origin, way)
-    return start, direction, rows[packets.WEIGHT, lane]
+    return traced_ray(camera, rows, lane)
 
 
 @defocus_of.register(LensCamera)

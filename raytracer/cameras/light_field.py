@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from raytracer.apertures.interface import unvignetted
-from raytracer.cameras.glass import draw_wavelength, in_world, stop_for_key
+from raytracer.cameras.glass import draw_wavelength, set_out, stop_for_key, traced_ray
 from raytracer.cameras.ideal import IdealLensSpec
 from raytracer.cameras.interface import (
     LENS,
@@ -48,7 +48,7 @@ from raytracer.cameras.placement import Frame, in_frame
 from raytracer.cameras.views import described
 from raytracer.glass import LINE_D
 from raytracer.jit import generic, kernel
-from raytracer.lanes import load, root, store
+from raytracer.lanes import store
 from raytracer.lenses import packets
 from raytracer.lenses.diaphragm import covers
 from raytracer.lenses.first_order import exit_pupil
@@ -657,24 +657,14 @@ def _(camera, rows, lane, x, y, draws):
 
 @trace_lanes.register(GlassLightFieldCamera)
 def _(camera, rows):
-    x, y = load(rows, packets.DIRECTION), load(rows, packets.DIRECTION + 1)
-    inverse = 1.0 / root(x * x + y * y + camera.behind * camera.behind)
-    cosine = camera.behind * inverse
-    square = cosine * cosine
-    store(rows, packets.ORIGIN + 2, camera.z)
-    store(rows, packets.DIRECTION, x * inverse)
-    store(rows, packets.DIRECTION + 1, y * inverse)
-    store(rows, packets.DIRECTION + 2, -cosine)
+    square = set_out(rows, camera.z, camera.behind)
     store(rows, packets.WEIGHT, camera.gain * (square * square))
     packets.trace_packet(camera.surfaces, rows)
 
 
 @lane_ray.register(GlassLightFieldCamera)
 def _(camera, rows, lane, x, y, time, draws):
-    origin = rows[packets.ORIGIN, lane], rows[packets.ORIGIN + 1, lane], rows[packets.ORIGIN + 2, lane]
-    way = rows[packets.DIRECTION, lane], rows[packets.DIRECTION + 1, lane], rows[packets.DIRECTION + 2, lane]
-    start, direction = in_world(camera.frame, camera.pupil, origin, way)
-    return start, direction, rows[packets.WEIGHT, lane]
+    return traced_ray(camera, rows, lane)
 
 
 @defocus_of.register(LightFieldCamera)

@@ -13,6 +13,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from raytracer.lightfield.bands import Captured, capture
     from raytracer.lightfield.decoding.calibration import Grid, find_grid, read_grid
     from raytracer.lightfield.decoding.decoder import Decoded, decode
     from raytracer.lightfield.decoding.optics import Optics
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from raytracer.plenoptic.views import Plane, Pose, Views
 
 _HOMES = {
+    "Captured": "raytracer.lightfield.bands",
     "Decoded": "raytracer.lightfield.decoding.decoder",
     "Depth": "raytracer.lightfield.depth",
     "FourierRefocuser": "raytracer.lightfield.fourier",
@@ -46,6 +48,7 @@ _HOMES = {
     "Views": "raytracer.plenoptic.views",
     "Writer": "raytracer.plenoptic.lf",
     "all_in_focus": "raytracer.lightfield.fusion",
+    "capture": "raytracer.lightfield.bands",
     "cell_weights": "raytracer.lightfield.openings",
     "decode": "raytracer.lightfield.decoding.decoder",
     "depth_map": "raytracer.lightfield.depth",
@@ -72,6 +75,7 @@ _HOMES = {
 """Where the names are.  A module of this package has another name than what is in it: imported, it would hide that."""
 
 __all__ = [
+    "Captured",
     "Decoded",
     "Depth",
     "FourierRefocuser",
@@ -84,6 +88,7 @@ __all__ = [
     "Views",
     "Writer",
     "all_in_focus",
+    "capture",
     "cell_weights",
     "decode",
     "depth_map",

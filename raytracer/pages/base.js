@@ -29,3 +29,15 @@ function shortNumber(value, digits = 4) {
   const rounded = size >= 10 ** digits ? Math.round(value) : Number(value.toPrecision(digits));
   return rounded.toLocaleString("en-US", { maximumFractionDigits: 12, useGrouping: size >= 1e5 });
 }
+
+/* What keeps the page's address as a function says, so that it can be sent to others. */
+function addressWriter(addressOf) {
+  let written = null;
+  return () => {
+    clearTimeout(written);
+    // Browsers grow impatient with an address that changes all the time.
+    written = setTimeout(() => {
+      if (location.hash.slice(1) !== addressOf()) history.replaceState(null, "", `#${addressOf()}`);
+    }, 250);
+  };
+}

@@ -631,15 +631,7 @@ function addressOf() {
     ...(flat || alone ? [] : [`shape=${state.shape}`])].join("&");
 }
 
-let written = null;
-
-function writeAddress() {
-  clearTimeout(written);
-  // Browsers grow impatient with an address that changes all the time.
-  written = setTimeout(() => {
-    if (location.hash.slice(1) !== addressOf()) history.replaceState(null, "", `#${addressOf()}`);
-  }, 250);
-}
+const writeAddress = addressWriter(addressOf);
 
 /* Choose what the address says; what it does not know stays as it is. */
 function readAddress() {

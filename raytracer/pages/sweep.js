@@ -370,15 +370,7 @@ find("#all").addEventListener("toggle", () => {
 const addressOf = () => ["a", "b"].filter((which) => state[which] !== null).flatMap((which) => axes.map(
   ({ key, labels }, axis) => `${which === "b" ? "vs." : ""}${encodeURIComponent(key)}=${encodeURIComponent(labels[state[which][axis]])}`)).join("&");
 
-let written = null;
-
-function writeAddress() {
-  clearTimeout(written);
-  // Browsers grow impatient with an address that changes all the time.
-  written = setTimeout(() => {
-    if (location.hash.slice(1) !== addressOf()) history.replaceState(null, "", `#${addressOf()}`);
-  }, 250);
-}
+const writeAddress = addressWriter(addressOf);
 
 /* Choose what the address says; what it does not know stays as it is. */
 function readAddress() {

@@ -13,7 +13,7 @@ from raytracer.errors import InputError, Interrupted, OutputError
 from raytracer.units import parse_bytes
 
 if TYPE_CHECKING:
-    from raytracer.lightfield.capture import Captured
+    from raytracer.lightfield.bands import Captured
 
 EXAMPLE = """\b
 Examples:
@@ -85,7 +85,7 @@ def render(
     spec = load(scene, parse_overrides(define or []))
     for path in (output, *([stats] if stats is not None else [])):
         check_file(path)
-    from raytracer.lightfield.capture import capture
+    from raytracer.lightfield.bands import capture
     from raytracer.rendering import SampleBar
 
     try:

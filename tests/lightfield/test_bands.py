@@ -9,7 +9,7 @@ import pytest
 
 from raytracer.cli.main import main
 from raytracer.errors import InputError
-from raytracer.lightfield.capture import Band, bands_of, capture
+from raytracer.lightfield.bands import Band, bands_of, capture
 from raytracer.plenoptic import lf
 from raytracer.plenoptic.views import Plane, Views
 from raytracer.rendering import Progress, Rendered, render
