@@ -216,7 +216,7 @@ def _bands(spec: SceneSpec, layout: Layout, each: int, memory: int, aovs: Sequen
     width, height = spec.picture()
     whole, view = each * width * height, each * views.width * views.height
     if whole <= memory:
-        return [Band(0, views.rows, 0, views.columns)] if isinstance(layout, Mosaic) else None
+        return [Band(0, views.rows, 0, views.columns)] if layout.is_by_view else None
     reason = _needs_all(spec, layout, aovs)
     if reason is not None:
         raise InputError(f"memory: {reason}, for which {_gigabytes(whole)} are needed, and {_gigabytes(memory)} given")
@@ -230,7 +230,7 @@ def _bands(spec: SceneSpec, layout: Layout, each: int, memory: int, aovs: Sequen
 
 def _needs_all(spec: SceneSpec, layout: Layout, aovs: Sequence[str]) -> str | None:
     """Why a picture cannot be made in parts; None if it can."""
-    if not isinstance(layout, Mosaic):
+    if not layout.is_by_view:
         return f"the picture of a {spec.camera.type} camera holds all views in all of its parts"
     if spec.camera.exposure is not None:
         return "camera.exposure measures the whole picture"

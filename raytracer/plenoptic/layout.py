@@ -1,6 +1,6 @@
 """How a picture holds a light field."""
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from raytracer.plenoptic.field import LightField
 from raytracer.plenoptic.views import Views
@@ -11,6 +11,9 @@ if TYPE_CHECKING:
 
 class Layout(Protocol):
     """Where in a whole picture what the views of a light field saw is found."""
+
+    is_by_view: ClassVar[bool]
+    """Whether each view has a part of the picture to itself."""
 
     @property
     def views(self) -> Views:

@@ -12,7 +12,7 @@ References: Ng et al. 2005, "Light Field Photography with a Hand-Held Plenoptic 
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,6 +96,8 @@ class Lenslets:
     blur : by how much the place on the main lens moves back that a pixel sees, by where light goes through the
         microlens (m/pixel, the microlenses being as large as their sub-images).
     """
+
+    is_by_view: ClassVar[bool] = False
 
     lattice: Lattice
     width: int

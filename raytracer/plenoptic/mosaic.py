@@ -1,7 +1,7 @@
 """A picture that is made of all views of a light field, side by side."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Mosaic:
     """The view of row r and column c fills the pixels from (c width, r height) on."""
+
+    is_by_view: ClassVar[bool] = True
 
     views: Views
 
