@@ -14,7 +14,7 @@ away); Cochran 1977, "Sampling Techniques", 3rd ed., section 5.5 (the best share
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -98,6 +98,36 @@ class Shares(NamedTuple):
     errors: Array
 
 
+class Standing(NamedTuple):
+    """What rounds have settled so far, so that others may go on from there.
+
+    shares; goals int64 (tiles,), the samples that the round under way gives each tile, 0 without one; number of the
+    last pilot, its `pilot_spp`, and what all of them took, `pilot_samples` and `pilot_rays`.
+    """
+
+    shares: Shares
+    goals: NDArray[np.int64]
+    number: int = 0
+    pilot_spp: int = 0
+    pilot_samples: int = 0
+    pilot_rays: int = 0
+
+    @classmethod
+    def initial(cls, tiles: int) -> "Standing":
+        """That of a picture of so many tiles that has had no round."""
+        return cls(Shares(np.ones(tiles), np.ones(tiles)), np.zeros(tiles, dtype=np.int64))
+
+    def gathered(self) -> dict[str, NDArray[Any]]:
+        """The same as arrays by name: (tiles,), and `pilots` (4,), the numbers."""
+        return {**self.shares._asdict(), "goals": self.goals, "pilots": np.array(self[2:], dtype=np.int64)}
+
+    @classmethod
+    def of(cls, gathered: Mapping[str, NDArray[Any]]) -> "Standing":
+        """What such arrays say."""
+        shares = Shares(gathered["samples"], gathered["errors"])
+        return cls(shares, gathered["goals"], *gathered["pilots"].tolist())
+
+
 class Outcome(NamedTuple):
     """Whether the error asked for, if one was, was reached; the samples over all pixels, and rays, that pilots took."""
 
@@ -118,18 +148,17 @@ class Adaptive:
     end it.
     """
 
-    def __init__(self, canvas: Canvas, pilots: Pilots, aim: Aim) -> None:
+    def __init__(self, canvas: Canvas, pilots: Pilots, aim: Aim, standing: Standing | None = None) -> None:
+        """A render that has had no round, or goes on where one stands whose film it has."""
         self._canvas, self._pilots, self._aim = canvas, pilots, aim
         self._most = _MOST if aim.most is None else aim.most
         self._reached = aim.noise is None
-        even = np.ones(len(canvas.windows))
-        self._shares = Shares(even, even)
-        self._number = self._pilot_spp = self._pilot_samples = self._pilot_rays = 0
+        self.standing = standing or Standing.initial(len(canvas.windows))
 
     @property
     def outcome(self) -> Outcome:
         """What came of it so far."""
-        return Outcome(self._reached, self._pilot_samples, self._pilot_rays)
+        return Outcome(self._reached, self.standing.pilot_samples, self.standing.pilot_rays)
 
     def run(self, report: Callable[[float, Estimate | None], Any]) -> None:
         """Render.
@@ -141,6 +170,7 @@ class Adaptive:
         """
         canvas, aim = self._canvas, self._aim
         canvas.by_turns(min(_FEWEST, self._most), aim.deadline)
+        canvas.bring_to(self.standing.goals, aim.deadline)
         while not self._canvas.crew.stopped:
             estimate = None
             if aim.noise is not None:
@@ -156,8 +186,12 @@ class Adaptive:
                 return
             report(growth * canvas.done, estimate)
             self._look(growth)
+            if canvas.crew.stopped:
+                # Who goes on from here takes the pilot once more.
+                return
             before = canvas.done
-            canvas.bring_to(self._goals(estimate, in_time), aim.deadline)
+            self.standing = self.standing._replace(goals=self._goals(estimate, in_time))
+            canvas.bring_to(self.standing.goals, aim.deadline)
             if canvas.done == before:
                 return
 
@@ -181,16 +215,21 @@ class Adaptive:
         spp = 1 << max(0, math.floor(math.log2(_PART_OF_PILOT * expected)))
         if spp < _SMALLEST_PILOT <= _PART_OF_SMALLEST_PILOT * expected:
             spp = _SMALLEST_PILOT
-        if spp < max(_SMALLEST_PILOT, 4 * self._pilot_spp):
+        standing = self.standing
+        if spp < max(_SMALLEST_PILOT, 4 * standing.pilot_spp):
             return
-        self._number += 1
-        self._pilot_spp = spp
-        scene = self._pilots.scene(seed_of_pilot(self._pilots.seed, self._number), spp)
+        number = standing.number + 1
+        scene = self._pilots.scene(seed_of_pilot(self._pilots.seed, number), spp)
         errors, rays, taken = look(canvas, scene, self._pilots.scratch, spp, self._pilots.tally())
-        self._pilot_samples += int(canvas.pixels @ taken)
-        self._pilot_rays += int(rays.sum())
-        if not self._canvas.crew.stopped:
-            self._shares = shares(errors, rays / canvas.pixels, canvas.columns, canvas.pixels)
+        if canvas.crew.stopped:
+            return
+        self.standing = standing._replace(
+            shares=shares(errors, rays / canvas.pixels, canvas.columns, canvas.pixels),
+            number=number,
+            pilot_spp=spp,
+            pilot_samples=standing.pilot_samples + int(canvas.pixels @ taken),
+            pilot_rays=standing.pilot_rays + int(rays.sum()),
+        )
 
     def _goals(self, estimate: Estimate | None, in_time: float) -> NDArray[np.int64]:
         """Numbers of samples (tiles,) to have after the next round."""
@@ -198,14 +237,14 @@ class Adaptive:
         counts, pixels = canvas.counts, canvas.pixels
 
         def at(level: float) -> NDArray[np.int64]:
-            return goals_at(level, self._shares.samples, counts, self._most)
+            return goals_at(level, self.standing.shares.samples, counts, self._most)
 
         def is_within(factor: float) -> Callable[[float], bool]:
             return lambda level: bool(pixels @ at(level) <= factor * canvas.done)
 
         _, level = _boundary(is_within(_LONGEST_ROUND))
         if noise is not None and estimate is not None:
-            weight, slope = pixels * self._shares.errors, -estimate.exponent
+            weight, slope = pixels * self.standing.shares.errors, -estimate.exponent
             goal = (noise / estimate.error) ** 2 * float(weight @ counts**slope)
             _, enough = _boundary(lambda level: bool(weight @ at(level) ** slope > goal))
             level = max(min(level, enough), _boundary(is_within(_SHORTEST_ROUND))[1])

@@ -1,5 +1,6 @@
 """Rendering, as five calls on explicit state: load, pack, build, render, develop."""
 
+import contextlib
 import math
 import os
 import sys
@@ -11,11 +12,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer import __version__
+from raytracer import __version__, memory
 from raytracer.accumulation import FilmView
-from raytracer.adaptive import Adaptive, Aim, Outcome, Pilots
+from raytracer.adaptive import Adaptive, Aim, Outcome, Pilots, Standing
+from raytracer.checkpoints import Keeper, identity_of
 from raytracer.development import check_development, finish, recording_of
-from raytracer.embree import Accel
+from raytracer.embree import PACKET, Accel
 from raytracer.errors import InputError, OutputError, SceneWarning
 from raytracer.film.exposure import Setting
 from raytracer.film.film import Film
@@ -60,12 +62,14 @@ class Progress(NamedTuple):
     """How far a render is: samples done and wanted over all pixels, and seconds since its start.
 
     Where the samples are not given, `wanted` is a guess, and `error` the relative error as last estimated, or None.
+    Of those done, `resumed` were there before the start.
     """
 
     done: int
     wanted: int
     seconds: float
     error: float | None = None
+    resumed: int = 0
 
 
 @dataclass
@@ -73,10 +77,11 @@ class Stats:
     """What a render took.
 
     seconds, by phase; rays, camera, bounce and shadow rays; samples, over all pixels; spp, the fewest, mean and most of
-    them a pixel; pilot_samples, those besides that were thrown away; nan_samples, samples dropped because they were not
-    finite; first_nan, `pixel` (x, y) and `sample` of the first of them, row by row, or None; fireflies, `pixels` that
-    one sample has made far brighter than those around, `light`, by which part of the picture's light, `brightest` (x,
-    y), the `sample` that made it so, and `clamp`, a limit for radiance that would take them away, or None; empty
+    them a pixel; pilot_samples, those besides that were thrown away; resumed, the `samples` and `rays` of these that a
+    checkpoint had, and the `seconds` that they took; empty without one; nan_samples, samples dropped because they were
+    not finite; first_nan, `pixel` (x, y) and `sample` of the first of them, row by row, or None; fireflies, `pixels`
+    that one sample has made far brighter than those around, `light`, by which part of the picture's light, `brightest`
+    (x, y), the `sample` that made it so, and `clamp`, a limit for radiance that would take them away, or None; empty
     without any; clamp, its `limit`, and the parts of the `light` that it took and of the `samples` that it did so from;
     empty without one; error, `relative` (RMS, of the light that reached the film, before it was denoised), `low` and
     `high`, the ends of its 95 % interval, the local `exponent` of its square over samples, and `target`, if one was
@@ -90,6 +95,7 @@ class Stats:
     samples: int = 0
     spp: dict[str, float] = field(default_factory=dict)
     pilot_samples: int = 0
+    resumed: dict[str, float] = field(default_factory=dict)
     nan_samples: int = 0
     first_nan: dict[str, Any] | None = None
     fireflies: dict[str, Any] = field(default_factory=dict)
@@ -153,6 +159,8 @@ def render(
     strict: bool = False,
     stock: Stock | None = None,
     cluster: Workforce | None = None,
+    keeper: Keeper | None = None,
+    max_memory: int | None = None,
 ) -> Rendered:
     """Render a scene.  The same scene, seed and spp, or noise, give the same bits for any number of threads.
 
@@ -178,12 +186,15 @@ def render(
     strict : whether that counts as an error.
     stock : what renders of like scenes share; nothing is kept if None.
     cluster : who takes the samples; this machine if None.
+    keeper : keeps what is gathered in a file, and takes up what is there; nothing is kept if None.
+    max_memory : bytes that this process may take; what the machine has, as far as it is known, if None.
 
     Raises
     ------
     StrictError : there is such a doubt, and `strict`.
     InputError : a crop outside the film, a noise or limit out of range, a scene that cannot be packed, an unknown AOV,
-        no denoiser, what `check_process` refuses, or a cluster that cannot render this.
+        no denoiser, what `check_process` refuses, a cluster that cannot render this, more memory needed than there is
+        (`memory.check`), or a checkpoint of another picture.
     """
     prepared = ready(
         spec,
@@ -200,20 +211,25 @@ def render(
         strict=strict,
         stock=stock,
         cluster=cluster,
+        max_memory=max_memory,
+        keeps=keeper is not None,
     )
-    return prepared.render(progress=progress, rehearse=rehearse)
+    return prepared.render(progress=progress, rehearse=rehearse, keeper=keeper)
 
 
 class SampleBar(Bar):
-    """A bar in samples, with the error where one is aimed at."""
+    """A bar in samples, with the error where one is aimed at.
+
+    The end is told by the mean speed so far: that of the last moments is the speed of some tiles, sky or glass.
+    """
 
     def __init__(self, *, always: bool = False, quiet: bool = False) -> None:
-        super().__init__(" samples", always=always, quiet=quiet, unit_scale=True)
+        super().__init__(" samples", always=always, quiet=quiet, unit_scale=True, smoothing=0.0)
 
     def show(self, progress: Progress) -> None:
         """Show how far a render is."""
         note = "" if progress.error is None else f"error {percent(progress.error)}"
-        self.update(progress.done, progress.wanted, note)
+        self.update(progress.done, progress.wanted, note, progress.resumed)
 
 
 def render_image(
@@ -231,10 +247,13 @@ def render_image(
     progress: bool | Callable[[Progress], None] = False,
     stock: Stock | None = None,
     cluster: Workforce | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+    resume: bool = False,
 ) -> Image:
     """The image of a scene, or of a scene file: `image.radiance` is float64 (height, width, 3), row 0 at the top.
 
-    The arguments are those of `render`; `aovs` may also be one name.
+    The arguments are those of `render`; `aovs` may also be one name.  What is gathered is kept in the file
+    `checkpoint`, once a minute and at the end; with `resume` the render goes on from there.
 
     What the scene makes one doubt is a SceneWarning, or an error if `strict`.  `progress` shows a bar, also in a
     notebook; or it is a function that is called with a `Progress`.
@@ -259,10 +278,31 @@ def render_image(
             strict=strict,
             stock=stock,
             cluster=cluster,
+            keeper=_keeper(checkpoint, resume=resume),
         )
     if rendered.failure is not None:
         raise OutputError(rendered.failure)
     return rendered.image
+
+
+def _keeper(checkpoint: str | os.PathLike[str] | None, *, resume: bool) -> Keeper | None:
+    """Who keeps what `render_image` gathers.
+
+    Raises
+    ------
+    InputError : there is nothing to resume from.
+    """
+    if checkpoint is None:
+        if resume:
+            raise InputError("resume needs checkpoint, the file to go on from")
+        return None
+    return Keeper(checkpoint, resume=resume, always=True, say=_warn_of_files)
+
+
+def _warn_of_files(sentence: str) -> None:
+    """Warn of what happens to a checkpoint."""
+    with alone:
+        warnings.warn(sentence, RuntimeWarning, stacklevel=2)
 
 
 def _warn(sentence: str) -> None:
@@ -287,10 +327,18 @@ def ready(
     strict: bool = False,
     stock: Stock | None = None,
     cluster: Workforce | None = None,
+    max_memory: int | None = None,
+    most_pixels: int | None = None,
+    keeps: bool = False,
 ) -> "Ready":
     """Do all of a render but to take samples, so that the next scene is made ready while one is rendered.
 
-    Parameters and errors are those of `render`.
+    Parameters and errors are those of `render`, and besides:
+
+    Parameters
+    ----------
+    most_pixels : how many are rendered at once, where the picture is made in parts.
+    keeps : whether there will be checkpoints, which copy what was gathered.
     """
     if denoise:
         from raytracer.film.denoise import require_denoiser
@@ -311,8 +359,6 @@ def ready(
     check_development(packed.spec, window)
     effects = effects_of(packed.spec, packed.scene)
     clock.lap("pack")
-    accel = packed.build(stock)
-    clock.lap("build")
     is_adaptive = noise is not None or (time_limit is not None and spp is None)
     if is_adaptive and aovs:
         from raytracer.aovs.recording import by_sample
@@ -330,6 +376,12 @@ def ready(
         is_adaptive=is_adaptive,
         threads=threads or available_threads(),
     )
+    pixels = window.pixels if most_pixels is None else min(window.pixels, most_pixels)
+    picture = memory.picture_of(packed, pixels, asked.most, asked.aovs, denoises=denoise, keeps=keeps)
+    memory.check(memory.estimate(memory.structure_of(packed, stock), picture, asked.threads), max_memory)
+    clock.lap("pack")
+    accel = packed.build(stock)
+    clock.lap("build")
     names = tuple(name for name, effect in effects.items() if effect.active)
     found = Ready(packed, accel, packed.scene._replace(accel=accel.address), names, asked, elsewhere, seconds)
     if elsewhere is None:
@@ -395,12 +447,13 @@ class Ready:
         *,
         progress: Callable[[Progress], None] | None = None,
         rehearse: Callable[[Image], object] | None = None,
+        keeper: Keeper | None = None,
     ) -> Rendered:
         """Take the samples, and develop the picture; parameters are those of `rendering.render`.
 
         Raises
         ------
-        InputError : the picture has too many pixels to be held at once.
+        InputError : the picture has too many pixels to be held at once, or a checkpoint is of another one.
         """
         asked = self.asked
         _check_size(asked.window)
@@ -409,28 +462,40 @@ class Ready:
         clock = _Clock(stats.seconds)
         render = _Render(self)
 
-        # Render a first picture, by which to see how long the end will take.
+        # Go on from what is there.
         watch = _Watch(progress, asked.window.pixels * spec.render.spp)
         canvas = render.canvas(Crew(asked.threads, watch.tick))
-        watch.canvas = canvas
-        canvas.first_pass(FIRST_PASS if asked.most is None else asked.most)
-        clock.lap("render")
-        deadline = None
-        if asked.time_limit is not None and not canvas.crew.stopped:
-            with canvas.crew.heeding():
-                deadline = clock.began + asked.time_limit - render.seconds_to_finish(rehearse)
-            clock.lap("develop")
+        gathering = _Gathering(self, render, canvas, clock)
+        if keeper is not None:
+            keeper.resume(gathering)
+            clock.lap("resume")
+        stats.resumed = gathering.resumed
+        watch.begin(canvas)
 
-        # Render the rest.
-        outcome = Outcome(reached=False, pilot_samples=0, pilot_rays=0)
-        if asked.is_adaptive:
-            adaptive = Adaptive(canvas, render.pilots(), Aim(asked.noise, asked.most, deadline))
-            with canvas.crew.heeding():
+        deadline = None
+        with canvas.crew.heeding(), contextlib.nullcontext() if keeper is None else keeper.watching(gathering):
+            # Render a first picture, by which to see how long the end will take.
+            canvas.first_pass(FIRST_PASS if asked.most is None else asked.most)
+            clock.lap("render")
+            if asked.time_limit is not None and not canvas.crew.stopped:
+                deadline = clock.began + asked.time_limit - render.seconds_to_finish(rehearse)
+                clock.lap("develop")
+
+            # Render the rest.
+            if asked.is_adaptive:
+                adaptive = Adaptive(canvas, render.pilots(), Aim(asked.noise, asked.most, deadline), gathering.standing)
+                gathering.adaptive = adaptive
                 adaptive.run(watch.expect)
-            outcome = adaptive.outcome
-        else:
+            else:
+                canvas.by_turns(gathering.goal if keeper is not None else spec.render.spp, deadline)
+        clock.lap("render")
+        if keeper is not None:
+            with canvas.crew.heeding():
+                keeper.finish(gathering)
+            clock.lap("keep")
+        if not asked.is_adaptive:
             canvas.by_turns(spec.render.spp, deadline)
-            outcome = outcome._replace(reached=bool(canvas.counts.min() >= spec.render.spp))
+        outcome = gathering.outcome
         with canvas.crew.heeding():
             stats.error = _error(canvas.estimate(), asked.noise)
         clock.lap("render")
@@ -558,6 +623,104 @@ class _Render:
         return now() - begin
 
 
+class _Gathering:
+    """A render under way, as its checkpoints see it.
+
+    adaptive, what takes the samples where they are needed, once there is such a thing, and `standing`, from where it is
+    to go on; resumed, what `Stats` tells of what was taken up.
+    """
+
+    def __init__(self, ready: Ready, render: _Render, canvas: Canvas, clock: "_Clock") -> None:
+        self._ready, self._render, self._canvas, self._clock = ready, render, canvas, clock
+        self.adaptive: Adaptive | None = None
+        self.standing: Standing | None = None
+        self.resumed: dict[str, float] = {}
+
+    @property
+    def crew(self) -> Crew:
+        return self._canvas.crew
+
+    @property
+    def goal(self) -> int:
+        """Samples a pixel that a checkpoint can hold of those that are wanted: packets that are whole."""
+        spp = self._ready.packed.spec.render.spp
+        return spp - spp % PACKET
+
+    @property
+    def samples(self) -> int:
+        # A packet that is not whole is only ever added after the last checkpoint, but for those of fewer samples.
+        return 0 if not self._ready.asked.is_adaptive and self.goal == 0 else int(self._canvas.counts.min())
+
+    @property
+    def is_complete(self) -> bool:
+        if self._ready.asked.is_adaptive:
+            return self.outcome.reached and not self.crew.stopped
+        return self.samples >= self.goal
+
+    @property
+    def seconds(self) -> float:
+        return self._clock.seconds("render") + self.resumed.get("seconds", 0.0)
+
+    @property
+    def outcome(self) -> Outcome:
+        """What came of the samples so far."""
+        if self.adaptive is not None:
+            return self.adaptive.outcome
+        reached = bool(self._canvas.counts.min() >= self._ready.packed.spec.render.spp)
+        return Outcome(reached=reached, pilot_samples=0, pilot_rays=0)
+
+    def identity(self) -> Mapping[str, Any]:
+        asked, spec = self._ready.asked, self._ready.packed.spec
+        # Samplers that spread all samples of a pixel evenly depend on how many they are.
+        sampler = self._ready.scene.sampler._asdict()
+        rounds = {"noise": asked.noise, "spp": asked.most} if asked.is_adaptive else {}
+        return identity_of(
+            spec,
+            {
+                "pixels": list(asked.window),
+                "aovs": sorted(asked.aovs),
+                "denoise": asked.denoises,
+                "adaptive": asked.is_adaptive,
+                f"{spec.render.sampler} sampler": sampler,
+                **rounds,
+            },
+        )
+
+    def gathered(self) -> Mapping[str, NDArray[Any]]:
+        if not self._ready.asked.is_adaptive:
+            return self._canvas.gathered()
+        standing = self.standing if self.adaptive is None else self.adaptive.standing
+        rounds = (standing or Standing.initial(len(self._canvas.windows))).gathered()
+        return {**self._canvas.gathered(), **{f"rounds/{name}": array for name, array in rounds.items()}}
+
+    def told(self) -> Mapping[str, Any]:
+        return {"seconds": self.seconds}
+
+    def take_up(self, gathered: Mapping[str, NDArray[Any]], told: Mapping[str, Any]) -> None:
+        canvas, asked = self._canvas, self._ready.asked
+        most = int(canvas.counts.max())
+        if not asked.is_adaptive and most > self._ready.packed.spec.render.spp:
+            raise InputError(
+                f"has up to {most} samples per pixel already, more than the {self._ready.packed.spec.render.spp} wanted"
+            )
+        if asked.is_adaptive:
+            rounds = {name: gathered[f"rounds/{name}"] for name in Standing.initial(0).gathered()}
+            self.standing = Standing.of(rounds)
+        self.resumed = {
+            "samples": canvas.done,
+            "rays": int(canvas.rays.sum()),
+            "seconds": float(told["seconds"]),
+        }
+
+    def picture(self) -> Image:
+        stats = Stats()
+        _account(stats, self._canvas, self.outcome)
+        asked = self._ready.asked
+        header = _header(self._ready.packed.spec, asked.crop, stats, is_adaptive=True)
+        image, _ = self._render.finished(header, lambda phase: None)
+        return image
+
+
 class _Watch:
     """Tells the caller how far a render is."""
 
@@ -565,13 +728,19 @@ class _Watch:
         self._progress, self._wanted = progress, wanted
         self._error: float | None = None
         self._start = now()
-        self.canvas: Canvas | None = None
+        self._canvas: Canvas | None = None
+        self._resumed = 0
+
+    def begin(self, canvas: Canvas) -> None:
+        """Watch a canvas, and take what it has for the start."""
+        self._canvas, self._resumed, self._start = canvas, canvas.done, now()
 
     def tick(self) -> None:
         """Report to the caller."""
-        if self._progress is not None and self.canvas is not None:
-            done = self.canvas.done
-            self._progress(Progress(done, max(self._wanted, done), now() - self._start, self._error))
+        if self._progress is not None and self._canvas is not None:
+            done = self._canvas.done
+            passed = now() - self._start
+            self._progress(Progress(done, max(self._wanted, done), passed, self._error, self._resumed))
 
     def expect(self, samples: float, estimate: Estimate | None) -> None:
         """Note where an adaptive render is likely to end, and its error as it is."""
@@ -589,6 +758,10 @@ class _Clock:
         self._seconds = seconds
         self._start = now()
         self.began = self._start - sum(seconds.values())
+
+    def seconds(self, phase: str) -> float:
+        """What a phase has taken so far, if it is the one under way or has been."""
+        return self._seconds.get(phase, 0.0) + now() - self._start
 
     def lap(self, phase: str) -> None:
         """Count what has passed since the last lap as this phase's."""

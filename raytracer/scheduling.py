@@ -11,7 +11,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,8 +33,10 @@ TILE = 16
 FIRST_PASS = PACKET
 """Samples that every tile gets before any gets more."""
 
-# Samples that one call adds to each pixel of a tile: never so many that Ctrl-C or a time limit has to wait.
+# Samples that one call adds to each pixel of a tile, and seconds that it takes by the last one's pace: never so many
+# that Ctrl-C, a time limit or a checkpoint has to wait.
 _LONGEST_PASS = 32 * PACKET
+_LONGEST_PASS_SECONDS = 0.25
 
 _WAKE_UP_SECONDS = 0.1
 
@@ -107,6 +109,8 @@ class Crew:
         self.failure: str | None = None
         self._tick = tick
         self._stopped = threading.Event()
+        self._gate = threading.Condition()
+        self._passes, self._rests = 0, False
 
     @property
     def stopped(self) -> bool:
@@ -115,12 +119,45 @@ class Crew:
 
     @contextmanager
     def heeding(self) -> Iterator[None]:
-        """Take a KeyboardInterrupt in the `with` block as the end of all work, and go on after the block."""
+        """Take a KeyboardInterrupt in the `with` block as the end of all work, and go on after the block.
+
+        Raises
+        ------
+        KeyboardInterrupt : it is not the first.
+        """
         try:
             yield
         except KeyboardInterrupt:
-            self.interrupted = True
             self._stopped.set()
+            if self.interrupted:
+                raise
+            self.interrupted = True
+
+    @contextmanager
+    def working(self) -> Iterator[None]:
+        """Change the film in the `with` block, once nobody looks at it."""
+        with self._gate:
+            self._gate.wait_for(lambda: not self._rests)
+            self._passes += 1
+        try:
+            yield
+        finally:
+            with self._gate:
+                self._passes -= 1
+                self._gate.notify_all()
+
+    @contextmanager
+    def resting(self) -> Iterator[None]:
+        """Look at the film in the `with` block, while nobody changes it; by one thread that does not work itself."""
+        with self._gate:
+            self._rests = True
+            self._gate.wait_for(lambda: self._passes == 0)
+        try:
+            yield
+        finally:
+            with self._gate:
+                self._rests = False
+                self._gate.notify_all()
 
     def tick(self) -> None:
         """Call the function that is to be called about ten times a second."""
@@ -163,6 +200,8 @@ class Crew:
         ------
         BaseException : what `work` has raised.
         """
+        if self.stopped:
+            return
         queue = deque(items)
         failures: list[BaseException] = []
 
@@ -308,6 +347,15 @@ class Canvas:
         """Mean number of samples over pixels."""
         return self.done / int(self.pixels.sum())
 
+    def gathered(self) -> dict[str, NDArray[Any]]:
+        """All that was gathered, by name, from which another canvas of the same tiles goes on.
+
+        The film's arrays are (height, width, ...), those of tiles (tiles, ...).
+        """
+        film = {f"film/{number}": array for number, array in enumerate(arrays_of(self._target))}
+        tally = {f"tally/{name}": array for name, array in self._tally.gathered().items()}
+        return {**film, **tally, "counts": self.counts, "rays": self.rays, "pace": self.pace}
+
     def estimate(self) -> Estimate | None:
         """The error of the picture so far; None if that is not known.  Only while nobody works on it."""
         self._tally.settle(self.mean)
@@ -351,8 +399,14 @@ class Canvas:
 
     def _add_pass(self, room: Workspace, tile: int, goal: int, deadline: float | None) -> bool:
         """Add the next samples to a tile; False if there is no time for any."""
+        with self.crew.working():
+            return self._passed(room, tile, goal, deadline)
+
+    def _passed(self, room: Workspace, tile: int, goal: int, deadline: float | None) -> bool:
         begin, window = int(self.counts[tile]), self.windows[tile]
         end = pass_end(begin, goal)
+        if self.pace[tile] * (end - begin) > _LONGEST_PASS_SECONDS:
+            end = min(end, begin + _packets(_LONGEST_PASS_SECONDS / self.pace[tile]))
         start = now()
         if deadline is not None:
             left = deadline - start
@@ -431,7 +485,8 @@ class Canvas:
             return Errand(tuple(tiles), windows, tuple(begins), tuple(ends), marks, self._scene.sampler, so_far)
 
         def bring(errand: Errand, haul: Haul) -> None:
-            self._take_home(errand, haul)
+            with self.crew.working():
+                self._take_home(errand, haul)
             waiting.extend(tile for tile in errand.tiles if self.counts[tile] < goals[tile])
 
         self.crew.send(elsewhere, draw, bring, deadline)

@@ -14,28 +14,23 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from raytracer.aovs.recording import by_sample, known_aovs
+from raytracer.checkpoints import Keeper, checkpoint_of
 from raytracer.development import layout_of
-from raytracer.errands import arrays_of
 from raytracer.errors import InputError, OutputError
 from raytracer.film.output import NO_LIGHT_FIELD, check_writable
 from raytracer.film.white_balance import AUTO
+from raytracer.memory import TALLY_BYTES, picture_of
 from raytracer.plenoptic import lf
 from raytracer.plenoptic.layout import Layout
 from raytracer.plenoptic.mosaic import Mosaic
 from raytracer.plenoptic.views import Views
 from raytracer.rendering import Progress, Ready, Rendered, Stats, peak_rss_bytes, ready
 from raytracer.scene.spec import SceneSpec
-from raytracer.scheduling import TILE, Window, Workforce, now
+from raytracer.scheduling import Window, Workforce, now
+from raytracer.snapshots import previous_of
 
 MEMORY = 2 * 10**9
 """Bytes that a band may take, unless told otherwise."""
-
-# What is kept of each pixel to tell the error: `noise.Tally`.
-_TALLY_BYTES = 48
-
-# What photographs need for a pixel besides: exposed copies, and the numbers that a simulated sensor draws.  Measured on
-# pictures of 3 million pixels, by the process's peak: 239 with a sensor.
-_EXPOSED_BYTES, _SENSOR_BYTES = 150, 300
 
 _GIGABYTE = 1e9
 
@@ -89,16 +84,10 @@ def bytes_per_pixel(found: Ready) -> int:
     """Bytes that a pixel takes at most, from its first sample to the end of its development; a denoiser's not included.
 
     A picture and its layers are as large as the film that they are made of, if not smaller: measured by the process's
-    peak, 158 of 176 bytes for plain radiance, 265 of 336 with three AOVs, 397 of 476 with a simulated sensor.
+    peak, 158 of 176 bytes for plain radiance, 265 of 336 with three AOVs, 490 of 506 with a simulated sensor.
     """
-    film = sum(array.nbytes for array in arrays_of(found.film(TILE, TILE).view())) // TILE**2
-    spec = found.packed.spec
-    if spec.camera.simulated_sensor() is not None:
-        photograph = _SENSOR_BYTES
-    else:
-        is_plain = spec.film.white_balance is None and spec.camera.photograph(spec.film.width, spec.film.height) is None
-        photograph = 0 if is_plain else _EXPOSED_BYTES
-    return 2 * film + _TALLY_BYTES + photograph
+    picture = picture_of(found.packed, 1, None, found.asked.aovs, denoises=found.asked.denoises)
+    return 2 * picture.film + TALLY_BYTES + picture.photograph
 
 
 def capture(
@@ -118,6 +107,10 @@ def capture(
     warn: Callable[[str], object] | None = None,
     strict: bool = False,
     cluster: Workforce | None = None,
+    every: float | None = None,
+    resume: bool = False,
+    say: Callable[[str], object] = lambda sentence: None,
+    max_memory: int | None = None,
 ) -> Captured:
     """Render all views of a scene's camera into an `.lf` file, in no more memory than is given.
 
@@ -125,9 +118,14 @@ def capture(
 
     Parameters
     ----------
-    path : of the file, which appears when all views are there; a KeyboardInterrupt leaves nothing.
+    path : of the file, which appears when all views are there; a KeyboardInterrupt leaves checkpoints alone.
     memory : bytes that films and pictures may take, besides the scene and its ray caster.
     dtype, compress : see `plenoptic.lf.Writer`.
+    every : seconds between checkpoints, one file for each band, which go once all views are there; none if None.
+    resume : whether to go on from what such files hold.
+    say : told what becomes of them; see `checkpoints.Keeper`.
+    max_memory : bytes that this process may take, the scene included; for which a view must fit, or the picture where
+        it has no parts.
 
     The others are those of `rendering.render`.
 
@@ -139,7 +137,8 @@ def capture(
     """
     path = Path(path)
     check_writable(path)
-    _layout(spec, aovs, path)
+    layout = _layout(spec, aovs, path)
+    views = layout.views
     found = ready(
         spec,
         spp=spp,
@@ -151,6 +150,9 @@ def capture(
         warn=warn,
         strict=strict,
         cluster=cluster,
+        max_memory=max_memory,
+        most_pixels=views.width * views.height if layout.is_by_view else None,
+        keeps=every is not None,
     )
     spec = found.packed.spec
     # Focused on an object, say, the geometry is known only now.
@@ -159,11 +161,13 @@ def capture(
     width, height = spec.picture()
     start = now()
     bands = _bands(spec, layout, each, memory, aovs)
+    keepers = _Keepers(path, every, start, resume, say)
     if bands is None:
         window = Window(0, 0, width, height)
-        rendered = _rendered(found, window, 0, width * height, start, progress, path)
+        rendered = _rendered(found, window, 0, width * height, start, progress, path, keepers.next())
         begin = now()
         lf.write(path, layout.light_field(rendered.image), dtype=dtype, compress=compress)
+        keepers.forget()
         stats = _merged([_Part(rendered.stats, window.pixels, _mean(rendered))], found.seconds, now() - begin)
         return Captured(layout.views, stats, 1, each * window.pixels)
 
@@ -173,7 +177,7 @@ def capture(
     with lf.Writer(path, views, dtype=dtype, compress=compress) as writer:
         for band in bands:
             window, before = band.window(views), sum(part.pixels for part in done)
-            rendered = _rendered(found, window, before, width * height, start, progress, path)
+            rendered = _rendered(found, window, before, width * height, start, progress, path, keepers.next())
             begin = now()
             field = band.layout(views).light_field(rendered.image)
             for r, c in np.ndindex(field.views.rows, field.views.columns):
@@ -188,6 +192,7 @@ def capture(
             writing += now() - begin
         stats = _merged(done, found.seconds, writing)
         _settle_error(writer.settings, stats)
+    keepers.forget()
     most = max(band.window(views).pixels for band in bands)
     return Captured(views, stats, len(bands), each * most)
 
@@ -252,6 +257,7 @@ def _rendered(
     start: float,
     progress: Callable[[Progress], None] | None,
     path: Path,
+    keeper: Keeper | None,
 ) -> Rendered:
     """A part of the picture, of all of whose `pixels` there were so many `before`, since `start` (s).
 
@@ -266,12 +272,40 @@ def _rendered(
         if progress is not None:
             progress(seen._replace(done=seen.done + before * spp, wanted=pixels * spp, seconds=now() - start))
 
-    rendered = found.part(window).render(progress=told)
+    rendered = found.part(window).render(progress=told, keeper=keeper)
     if rendered.failure is not None:
         raise OutputError(f"{rendered.failure}; {path} is not written")
     if rendered.interrupted:
         raise KeyboardInterrupt
     return rendered
+
+
+class _Keepers:
+    """Who keeps what is gathered of each band, one after the other."""
+
+    def __init__(
+        self, path: Path, every: float | None, start: float, resume: bool, say: Callable[[str], object]
+    ) -> None:
+        self._path, self._every, self._start, self._resume, self._say = path, every, start, resume, say
+        self._keepers: list[Keeper] = []
+
+    def next(self) -> Keeper | None:
+        """That of the next band."""
+        if self._every is None:
+            return None
+        # What less than that has taken, bands before included, is soon rendered again.
+        always = now() - self._start >= self._every
+        file = checkpoint_of(self._path.with_name(f"{self._path.name}.{len(self._keepers) + 1}"))
+        # Bands that were not begun have none.
+        resume = self._resume and (file.exists() or previous_of(file).exists() or not self._keepers)
+        self._keepers.append(Keeper(file, every=self._every, resume=resume, always=always, say=self._say))
+        return self._keepers[-1]
+
+    def forget(self) -> None:
+        """Remove the files, once the light field is there."""
+        for keeper in self._keepers:
+            if keeper.held is not None or keeper.resumed:
+                keeper.forget()
 
 
 class _Part(NamedTuple):
@@ -308,6 +342,7 @@ def _merged(parts: Sequence[_Part], before: dict[str, float], writing: float) ->
         seconds=seconds,
         rays=sum(part.stats.rays for part in parts),
         samples=samples,
+        resumed=_resumed(parts),
         spp={
             "fewest": min(part.stats.spp["fewest"] for part in parts),
             "mean": samples / pixels,
@@ -320,6 +355,12 @@ def _merged(parts: Sequence[_Part], before: dict[str, float], writing: float) ->
         error=_error(parts, light / pixels),
         peak_rss_bytes=peak_rss_bytes(),
     )
+
+
+def _resumed(parts: Sequence[_Part]) -> dict[str, float]:
+    """What all bands have gone on from; empty where none has."""
+    taken = [part.stats.resumed for part in parts if part.stats.resumed]
+    return {name: sum(each[name] for each in taken) for name in taken[0]} if taken else {}
 
 
 def _fireflies(parts: Sequence[_Part], of_light: Sequence[float]) -> dict[str, Any]:

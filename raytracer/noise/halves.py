@@ -101,6 +101,10 @@ class Tally:
         self._sums = np.zeros((len(windows), self._means.shape[1] - 1))
         self._squares = np.zeros_like(self._sums)
 
+    def gathered(self) -> dict[str, NDArray[Any]]:
+        """All that was recorded, by name: (tiles, ...), from which another tally of the same tiles goes on."""
+        return {"means": self._means, "units": self._units, "last": self._last, "first": self._first}
+
     @property
     def scale(self) -> float:
         """The picture's mean, that errors are relative to; 0 before `settle`, or if the picture was black then."""

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import raytracer
 from raytracer.assets import companions, file_of
+from raytracer.document import path_text
 from raytracer.dump import plain, plain_value, yaml_text
 from raytracer.errors import InputError, shown
 from raytracer.film.output import write_bytes
@@ -173,6 +174,23 @@ def digest(spec: SceneSpec, **settings: Any) -> str:
         "settings": {key: plain_value(value) for key, value in settings.items() if value is not None},
     }
     return hashlib.sha256(json.dumps(state, sort_keys=True).encode()).hexdigest()
+
+
+def described(spec: SceneSpec) -> dict[str, Any]:
+    """A scene as plain values (`dump.plain`), but for how many samples its picture gets."""
+    scene = plain(spec)
+    return {**scene, "render": {key: value for key, value in plain_value(spec.render).items() if key != "spp"}}
+
+
+def contents(spec: SceneSpec) -> dict[str, str]:
+    """Hashes (64 hex digits) of what a scene's files hold, and those that they name, by where the scene names them.
+
+    Raises
+    ------
+    SceneError : a file cannot be read.
+    """
+    held = {named.keys: json.dumps(_held_by(spec, named)) for named in named_files(spec)}
+    return {path_text(keys): hashlib.sha256(text.encode()).hexdigest() for keys, text in held.items()}
 
 
 def _held_by(spec: SceneSpec, named: Named) -> list[Any]:

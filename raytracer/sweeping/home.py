@@ -1,8 +1,7 @@
 """Where a sweep's files go, and which they are."""
 
-import re
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,9 +18,6 @@ from raytracer.sweeping.sheet import SHEET, write_sheet
 
 DISPLAY_FORMATS = ("png", "jpg", "jpeg")
 """Suffixes of images that a page can show."""
-
-_ASIDE = re.compile(r"\.[0-9a-f]{16}\.tmp")
-"""Names of files that are being written (`film.output.write_bytes`)."""
 
 
 def formats_of(formats: Sequence[str]) -> tuple[str, ...]:
@@ -56,14 +52,6 @@ class Home(NamedTuple):
         """Names of the other files; of records, which are not known yet, any one."""
         return (JSON, CSV, PAGE, SHEET, *(f"{STEM}.{kind}" for kind in self.animate), f"{RECORDS}/{JSON}")
 
-    def clean(self) -> None:
-        """Take away what an earlier sweep was writing when it was killed."""
-        for folder in (self.folder, self.folder / RECORDS):
-            for path in folder.iterdir() if folder.is_dir() else ():
-                if _ASIDE.fullmatch(path.name):
-                    with suppress(OSError):
-                        path.unlink()
-
     def check(self) -> None:
         """Make sure, before anything is rendered, that all but the images can be written.
 
@@ -76,19 +64,18 @@ class Home(NamedTuple):
         for name in self.others:
             check_file(self.folder / name)
 
-    def publish(self, sweep: Sweep) -> None:
-        """Write what shows a sweep as a whole.
+    def holds(self, taken: Taken) -> bool:
+        """Whether all files of a point are there."""
+        return all((self.folder / name).exists() for name in taken.files)
 
-        Raises
-        ------
-        OutputError : a file cannot be written.
-        """
-        write_manifest(sweep, self.folder)
+    def publishing(self, sweep: Sweep) -> dict[str, Callable[[], object]]:
+        """What writes the files that show a sweep as a whole, by their names; each may raise an OutputError."""
+        tasks: dict[str, Callable[[], object]] = {JSON: partial(write_manifest, sweep, self.folder)}
         if any(taken.status == "done" for taken in sweep.taken):
-            write_sheet(sweep, self.shown)
-            write_page(sweep, self.shown)
+            tasks |= {SHEET: partial(write_sheet, sweep, self.shown), PAGE: partial(write_page, sweep, self.shown)}
             for kind in self.animate:
-                write_animation(sweep, self.shown, kind, fps=self.fps)
+                tasks[f"{STEM}.{kind}"] = partial(write_animation, sweep, self.shown, kind, fps=self.fps)
+        return tasks
 
     def shown(self, taken: Taken) -> NDArray[np.uint8] | None:
         """A point's picture, uint8 (height, width, 3), as its file for display holds it; None if that has gone."""

@@ -9,16 +9,19 @@ import os
 import threading
 import warnings
 from collections import deque
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack, closing, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
+from raytracer.checkpoints import Keeper, checkpoint_of
 from raytracer.errors import InputError, OutputError, SceneWarning, one_line
 from raytracer.explanation.numbers import View, depth_of_field, exposure
 from raytracer.film.image import Image
+from raytracer.interrupts import WATCH, wait
+from raytracer.reach import AllowFiles
 from raytracer.rendering import Progress, Ready, Rendered, ready
 from raytracer.scene.edit import overridden
 from raytracer.scene.inputs import digest
@@ -26,6 +29,7 @@ from raytracer.scene.pack import Packed
 from raytracer.scene.preview import SPP, smaller
 from raytracer.scene.spec import SceneSpec
 from raytracer.scheduling import Workforce, now
+from raytracer.snapshots import previous_of
 from raytracer.stock import Stock
 from raytracer.sweeping.animation import FPS, Kind
 from raytracer.sweeping.animation import check as check_animation
@@ -34,9 +38,13 @@ from raytracer.sweeping.home import Home, formats_of
 from raytracer.sweeping.manifest import RECORDS, find_record, write_manifest, write_record
 from raytracer.sweeping.plan import Plan, planned
 from raytracer.sweeping.points import MOST_POINTS, Point, Sweep, Taken, points_of
+from raytracer.wholefiles import persist
 
 # Settings that stand in place of a key of the scene.
 _IN_PLACE = {"spp": "render.spp", "seed": "render.seed"}
+
+# Digits of a point's digest in the name of its checkpoint.
+_DIGITS_KEPT = 16
 
 # Keys of a scene that say how many samples a picture takes.
 _SIZES = ("film.width", "film.height", "render.spp")
@@ -72,6 +80,7 @@ class Settings:
     denoise: bool = False
     strict: bool = False
     preview: bool = False
+    max_memory: int | None = None
 
 
 def sweep(
@@ -79,6 +88,7 @@ def sweep(
     values: Mapping[str, Any] | None = None,
     *,
     folder: str | os.PathLike[str] | None = None,
+    allow_files: AllowFiles = (),
     zipped: bool = False,
     spp: int | None = None,
     seed: int | None = None,
@@ -94,6 +104,7 @@ def sweep(
     animate: Sequence[str] = (),
     fps: float = FPS,
     max_points: int = MOST_POINTS,
+    max_memory: int | None = None,
     cluster: Workforce | None = None,
     stock: Stock | None = None,
     progress: Callable[[Done], object] | bool | None = None,
@@ -111,8 +122,10 @@ def sweep(
         `1.4..22`; a single value is the same for all points.
     folder : where images, manifest, contact sheet and page go; what is there already of the same sweep is kept.  With
         None the images stay in memory.
+    allow_files : folders in which a scene file, or a file of a sweep, may name files, besides its own.
     zipped : whether values are taken in pairs, in place of all combinations.
-    spp, seed, threads, crop, noise, time_limit, aovs, denoise, strict, cluster : for each point; see `render`.
+    spp, seed, threads, crop, noise, time_limit, aovs, denoise, strict, max_memory, cluster : for each point; see
+        `rendering.render`.
     preview : a quick look: a smaller film, and at most 16 samples a pixel.
     formats : suffixes of the images in the folder; where none of png and jpg is among them, png is.
     animate : formats, of "gif", "webp" and "png", of an animation of all points in the folder.
@@ -132,9 +145,9 @@ def sweep(
     StrictError : the same, by warnings, and `strict`.
     OutputError : the folder cannot be written, or a cluster was lost.
     """
-    plan = planned(scene, values or {}, zipped=zipped)
+    plan = planned(scene, values or {}, zipped=zipped, allow_files=allow_files)
     points = points_of(plan.axes, zipped=plan.zipped, most=max_points)
-    settings = Settings(spp, seed, crop, noise, time_limit, tuple(aovs), denoise, strict, preview)
+    settings = Settings(spp, seed, crop, noise, time_limit, tuple(aovs), denoise, strict, preview, max_memory)
     for name, key in _IN_PLACE.items():
         if getattr(settings, name) is not None and any(axis.key == key for axis in plan.axes):
             raise InputError(f"--{name} stands in place of {key}, which has several values here: leave one of them out")
@@ -188,6 +201,7 @@ class _Work:
         self._kept = 0
         self._specs: dict[int, SceneSpec] = {}
         self._told: set[str] = set()
+        self._is_stuck = False
         self._lock = threading.Lock()
         self._weights = [self._weight(point) for point in points]
 
@@ -203,23 +217,35 @@ class _Work:
                     for number, found in prepared:
                         for sentence in found.warnings:
                             self._doubt(sentence)
-                        outcome = self._render(number, found.made, todo, progress)
+                        keeper = self._keeper(number)
+                        outcome = self._render(number, found.made, todo, progress, keeper)
                         if isinstance(outcome, Exception):
                             reports.expect(saver.submit(self._fail, number, found, outcome))
                         elif outcome.interrupted or outcome.failure is not None:
                             interrupted, failure = outcome.interrupted, outcome.failure
                             break
                         else:
-                            reports.expect(saver.submit(self._save, number, found, outcome))
+                            reports.expect(saver.submit(self._save, number, found, outcome, keeper))
             except KeyboardInterrupt:
                 interrupted = True
-            reports.catch_up()
+            # What is done is not lost by an interrupt now.
+            with WATCH.on_first(wait):
+                reports.catch_up()
+                return self._concluded(reports, failure, interrupted=interrupted)
+
+    def _concluded(self, reports: "_Reports", failure: str | None, *, interrupted: bool) -> Sweep:
+        """Write all there is to say; `failure`, why others have ended the sweep."""
         if len(self._errors) == len(self._points):
             raise self._errors[0]
         reports.flush()
+        for number, taken in self._taken.items():
+            if taken.status == "done" and self._home is not None and not self._home.holds(taken):
+                self._taken[number] = replace(taken, status="failed", reason="its files have gone meanwhile", files=())
+                reports.tell(self._taken[number])
         result = self._result(interrupted=interrupted)
         if self._home is not None and any(taken.status != "missing" for taken in result.taken):
-            self._home.publish(result)
+            for error in persist(self._home.publishing(result), self._warn, self._is_over).values():
+                raise error
         if failure is not None:
             raise OutputError(failure)
         return result
@@ -231,7 +257,6 @@ class _Work:
         if self._home is None:
             return list(range(len(self._points)))
         self._home.check()
-        self._home.clean()
         if (self._home.folder / RECORDS).is_dir():
             for number, point in enumerate(self._points):
                 with suppress(Exception):
@@ -291,7 +316,7 @@ class _Work:
         once the scene is packed, took 40 to 100 ms of its neighbour's render, at any switch interval.
         """
         takes_long = self._cluster is not None
-        with ThreadPoolExecutor(1, "preparer") as preparer:
+        with _unawaited(ThreadPoolExecutor(1, "preparer")) as preparer:
             following: Future[_Prepared] | None = None
             for place, number in enumerate(todo):
                 # Here, where an interrupt ends what may take long.
@@ -325,6 +350,7 @@ class _Work:
                 strict=settings.strict,
                 stock=self._stock,
                 cluster=self._cluster,
+                max_memory=settings.max_memory,
             )
             camera = camera_numbers(made.packed)
             if self._digest(spec) != self._points[number].digest:
@@ -341,8 +367,23 @@ class _Work:
 
     # ---- Rendering
 
+    def _keeper(self, number: int) -> Keeper | None:
+        """Who keeps what is gathered of a point that takes long; the next sweep goes on from there."""
+        point = self._points[number]
+        if self._home is None or not point.digest:
+            return None
+        # Of a point that has changed since nothing is taken up.
+        path = checkpoint_of(self._home.folder / RECORDS / f"{point.name}.{point.digest[:_DIGITS_KEPT]}")
+        resume = path.exists() or previous_of(path).exists()
+        return Keeper(path, resume=resume, say=self._doubt)
+
     def _render(
-        self, number: int, made: Ready | Exception, todo: Sequence[int], progress: Callable[[Done], object] | None
+        self,
+        number: int,
+        made: Ready | Exception,
+        todo: Sequence[int],
+        progress: Callable[[Done], object] | None,
+        keeper: Keeper | None,
     ) -> Rendered | Exception:
         """The picture of a point, or what went wrong."""
         if isinstance(made, Exception):
@@ -358,13 +399,13 @@ class _Work:
                 progress(Done(share, len(self._taken), len(self._points), name))
 
         try:
-            return made.render(progress=tell)
+            return made.render(progress=tell, keeper=keeper)
         except Exception as error:  # noqa: BLE001
             return error
 
     # ---- Keeping
 
-    def _save(self, number: int, found: _Prepared, rendered: Rendered) -> Taken:
+    def _save(self, number: int, found: _Prepared, rendered: Rendered, keeper: Keeper | None) -> Taken:
         """Write a point's images, and what is known of it."""
         stats = rendered.stats
         taken = Taken(
@@ -385,13 +426,27 @@ class _Work:
             return self._settle(number, taken)
         folder = self._home.folder
         taken = replace(taken, files=self._home.files(found.point))
-        try:
+
+        def save() -> None:
             for name in taken.files:
                 rendered.image.save(folder / name)
             write_record(taken, folder)
+
+        try:
+            failures = persist({number: save}, self._warn, self._is_over)
         except Exception as error:  # noqa: BLE001
             return self._fail(number, found, error)
+        # The next one need not find out once more.
+        self._is_stuck = bool(failures)
+        if failures:
+            return self._fail(number, found, failures[number])
+        if keeper is not None and (keeper.resumed or keeper.held is not None):
+            keeper.forget()
         return self._settle(number, taken)
+
+    def _is_over(self) -> bool:
+        """Whether it is of no use to try again what cannot be written."""
+        return self._is_stuck or WATCH.asked is not None
 
     def _fail(self, number: int, found: _Prepared, error: Exception) -> Taken:
         """Note why there is no picture of a point."""
@@ -430,6 +485,15 @@ class _Work:
         )
 
 
+@contextmanager
+def _unawaited(pool: ThreadPoolExecutor) -> Iterator[ThreadPoolExecutor]:
+    """A pool whose work nobody waits for after an interrupt: it may be that of the compiler."""
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
 class _Reports:
     """Tells of points as they are settled; of failures only once there is a picture: if all fail, one error says so."""
 
@@ -455,9 +519,13 @@ class _Reports:
     def flush(self) -> None:
         """Tell of all that is known."""
         for taken in self._held:
-            if self._report is not None:
-                self._report(taken)
+            self.tell(taken)
         self._held.clear()
+
+    def tell(self, taken: Taken) -> None:
+        """Tell of a point at once."""
+        if self._report is not None:
+            self._report(taken)
 
 
 def camera_numbers(packed: Packed) -> dict[str, float]:

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from raytracer import scheduling
+from raytracer.checkpoints import Keeper
 from raytracer.cli.main import main
 from raytracer.cluster import Cluster, connection, engagement
 from raytracer.cluster.fitness import Fingerprint, fingerprint, obstacle
@@ -304,3 +306,22 @@ def test_every_effect_goes_along(cluster: Cluster, name: str, keys: dict[str, An
     assert here.stats.clamp == far.stats.clamp
     for layer in aovs:
         np.testing.assert_array_equal(far.image.layers[layer], here.image.layers[layer])
+
+
+@pytest.mark.parametrize("order", ["there, then here", "here, then there"])
+def test_a_render_goes_on_elsewhere(
+    spec: SceneSpec, cluster: Cluster, tmp_path: Path, order: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(scheduling, "_WAKE_UP_SECONDS", 1e-3)
+    first, second = (cluster, None) if order.startswith("there") else (None, cluster)
+    path, spp = tmp_path / "a.checkpoint", 700
+
+    def stop(progress: Progress) -> None:
+        if progress.done > 0.3 * progress.wanted:
+            raise KeyboardInterrupt
+
+    broken = render(spec, spp=spp, cluster=first, keeper=Keeper(path), progress=stop)
+    assert broken.interrupted
+    result = render(spec, spp=spp, cluster=second, keeper=Keeper(path, resume=True))
+    assert_same(result, render(spec, spp=spp))
+    assert result.stats.resumed["samples"] > 0

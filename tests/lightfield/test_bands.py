@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from raytracer import scheduling
 from raytracer.cli.main import main
 from raytracer.errors import InputError
 from raytracer.lightfield.bands import Band, bands_of, capture
@@ -204,3 +205,35 @@ def test_layers_and_sensors_are_those_of_the_whole_picture(tmp_path: Path, keys:
         assert set(field.layers) == set(aovs)
         for name in aovs:
             np.testing.assert_array_equal(np.asarray(field.layers[name]), expected.layers[name])
+
+
+def test_broken_off_in_a_band_it_goes_on_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scheduling, "_WAKE_UP_SECONDS", 1e-3)
+    path, spp = tmp_path / "x.lf", 512
+    whole = render(scene(), threads=2, spp=spp)
+    step, interrupts = whole.stats.samples // 4, 0
+
+    def stop(progress: Progress) -> None:
+        if progress.done >= (interrupts + 1) * step:
+            raise KeyboardInterrupt
+
+    while not path.exists():
+        try:
+            # Every band that is done is kept.
+            keys = {"every": 1e-6, "resume": interrupts > 0}
+            captured = capture(
+                scene(), path, memory=5 * VIEW_BYTES, dtype="float64", threads=1, spp=spp, progress=stop, **keys
+            )
+        except KeyboardInterrupt:
+            interrupts += 1
+            assert interrupts < 10
+            assert sorted(tmp_path.glob("x.lf.*.checkpoint"))
+    assert interrupts >= 2
+    assert whole.image.layout is not None
+    with lf.open(path) as field:
+        expected = whole.image.layout.light_field(whole.image)
+        np.testing.assert_array_equal(np.asarray(field.radiance), expected.radiance)
+    assert captured.stats.samples == whole.stats.samples
+    assert captured.stats.rays == whole.stats.rays
+    assert captured.stats.resumed["samples"] > 0
+    assert list(tmp_path.iterdir()) == [path]

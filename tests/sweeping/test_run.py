@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import raytracer as rt
+from raytracer import scheduling, wholefiles
 from raytracer.errors import InputError, OutputError, SceneWarning, StrictError
 from raytracer.film import output
 from raytracer.film.image import Image
@@ -46,7 +47,7 @@ class FakeReady:
         self.settings = settings
         self._behave = behave
 
-    def render(self, *, progress: Callable[[Progress], None]) -> Rendered:
+    def render(self, *, progress: Callable[[Progress], None], keeper: Any = None) -> Rendered:
         progress(Progress(1, 2, 0.0))
         camera = self.packed.spec.camera
         interrupted = False
@@ -291,6 +292,10 @@ def test_another_format_is_rendered_for(scene: Path, tmp_path: Path, bench: Benc
     assert sweep(scene, VALUES, folder=folder, formats=["png"]).kept == 6
 
 
+# A number that no process has: more than any system gives.
+_NOBODY = 999_999_999
+
+
 class _Killed(BaseException):
     """As if the process had been killed."""
 
@@ -314,6 +319,8 @@ def test_killed_at_any_write_it_ends_in_the_same_files(
 
         with monkeypatch.context() as patch:
             patch.setattr(output.os, "replace", dying)
+            # What it leaves aside is to be known for that of a process that is no more.
+            patch.setattr(wholefiles.os, "getpid", lambda: _NOBODY)
             patch.setattr(Path, "unlink", lambda path, missing_ok=False: None)
             try:
                 sweep(scene, values, folder=folder)
@@ -321,6 +328,7 @@ def test_killed_at_any_write_it_ends_in_the_same_files(
                 killed += 1
             else:
                 break
+        monkeypatch.setattr(wholefiles, "_swept", set())
         bench.rendered.clear()
         done = len(list((folder / "points").glob("*.json"))) if (folder / "points").is_dir() else 0
         sweep(scene, values, folder=folder)
@@ -406,6 +414,49 @@ def test_an_interrupt_keeps_what_is_done(scene: Path, tmp_path: Path, bench: Ben
     assert json.loads((folder / "manifest.json").read_text())["interrupted"] is False
 
 
+def test_a_point_that_was_broken_off_is_gone_on_with(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its samples so far lie beside the records, until it is done; of a point that has changed they are not taken."""
+    monkeypatch.setattr(scheduling, "_WAKE_UP_SECONDS", 1e-3)
+    values, folder, seen = {"camera.f_number": "2,4"}, tmp_path / "out", list[Stats]()
+    spp = 20_000
+    whole = sweep(scene, values, spp=spp).images
+
+    def interrupt(done: Done) -> None:
+        if done.share > 0.6:
+            raise KeyboardInterrupt
+
+    assert sweep(scene, values, folder=folder, spp=spp, formats=["npy"], progress=interrupt).interrupted
+    (kept,) = (folder / "points").glob("*.checkpoint")
+    assert kept.name.startswith("f_number=4")
+
+    ready = run.ready
+
+    def noted(*args: Any, **keys: Any) -> Any:
+        made = ready(*args, **keys)
+
+        class Noted:
+            packed = made.packed
+
+            def render(self, **keys: Any) -> Rendered:
+                result = made.render(**keys)
+                seen.append(result.stats)
+                return result
+
+        return Noted()
+
+    monkeypatch.setattr(run, "ready", noted)
+    result = sweep(scene, values, folder=folder, spp=spp, formats=["npy"])
+    assert not result.interrupted
+    (stats,) = seen
+    assert 0 < stats.resumed["samples"] < stats.samples
+    for number, taken in enumerate(result.taken):
+        (file,) = (name for name in taken.files if name.endswith(".npy"))
+        np.testing.assert_array_equal(np.load(folder / file), whole[number].radiance)
+    assert not kept.exists()
+
+
 def test_an_interrupt_before_there_is_anything_leaves_nothing(scene: Path, tmp_path: Path, bench: Bench) -> None:
     folder = tmp_path / "out"
 
@@ -424,7 +475,7 @@ def test_a_lost_cluster_ends_the_sweep(
 ) -> None:
     render = FakeReady.render
 
-    def lose(self: FakeReady, *, progress: Callable[[Progress], None]) -> Rendered:
+    def lose(self: FakeReady, *, progress: Callable[[Progress], None], keeper: Any) -> Rendered:
         rendered = render(self, progress=progress)
         lost = self.packed.spec.camera.f_number == 2.0
         return rendered._replace(failure="the scheduler has gone") if lost else rendered

@@ -1,0 +1,328 @@
+"""A render that was broken off, and goes on from its checkpoint, ends in the bits of one that was not."""
+
+import errno
+import os
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import raytracer as rt
+from raytracer import checkpoints, scheduling, snapshots
+from raytracer.checkpoints import Keeper, checkpoint_of
+from raytracer.errors import InputError, OutputError
+from raytracer.film.image import Image
+from raytracer.rendering import Progress, Rendered, render
+from raytracer.scene.load import load
+from raytracer.scene.spec import SceneSpec
+from raytracer.snapshots import previous_of
+from tests.repository import SCENES
+
+WIDTH, HEIGHT = 44, 36
+
+
+def scene(**keys: Any) -> SceneSpec:
+    """The cover, small, cut by tiles into unequal ones; keys with `__` for dots."""
+    overrides = {"film.width": WIDTH, "film.height": HEIGHT, "render.sampler": "independent"}
+    return load(SCENES / "cover.yaml", overrides | {key.replace("__", "."): value for key, value in keys.items()})
+
+
+def assert_same(a: Rendered, b: Rendered) -> None:
+    """All that a picture is, bit for bit, and what is told of it."""
+    np.testing.assert_array_equal(a.image.radiance, b.image.radiance)
+    np.testing.assert_array_equal(a.image.variance, b.image.variance)  # type: ignore[arg-type]
+    assert a.image.layers.keys() == b.image.layers.keys()
+    for name, layer in a.image.layers.items():
+        np.testing.assert_array_equal(layer, b.image.layers[name])
+    assert a.image.settings == b.image.settings
+    assert a.stats.rays == b.stats.rays
+    assert a.stats.samples == b.stats.samples
+    assert a.stats.pilot_samples == b.stats.pilot_samples
+    assert a.stats.error == b.stats.error
+
+
+@pytest.fixture
+def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where to keep samples; progress is told of a hundred times as often as else."""
+    monkeypatch.setattr(scheduling, "_WAKE_UP_SECONDS", 1e-3)
+    return checkpoint_of(tmp_path / "cover.png")
+
+
+def until(samples: int) -> Callable[[Progress], None]:
+    """Break a render off at so many samples more than it went on from."""
+
+    def tick(progress: Progress) -> None:
+        if progress.done - progress.resumed >= samples:
+            raise KeyboardInterrupt
+
+    return tick
+
+
+def in_parts(path: Path, spec: SceneSpec, parts: int, whole: Rendered, **keys: Any) -> Rendered:
+    """A scene rendered in about so many goes, each with other threads, from checkpoint to checkpoint."""
+    step = max(1, whole.stats.samples // parts)
+    for go in range(10 * parts):
+        keeper = Keeper(path, every=0.02, resume=go > 0, always=True)
+        result = render(spec, threads=(2, 1, 5)[go % 3], keeper=keeper, progress=until(step), **keys)
+        if not result.interrupted:
+            assert go > 1
+            return result
+        assert not result.complete
+    raise AssertionError("never done")
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        pytest.param({"spp": 600}, id="independent"),
+        pytest.param({"spp": 1003, "crop": (5, 3, 40, 30)}, id="part of a packet"),
+        pytest.param({"spp": 700, "sampler": "sobol"}, id="sobol"),
+        pytest.param({"spp": 700, "sampler": "stratified"}, id="stratified"),
+        pytest.param({"noise": 0.02}, id="noise"),
+        pytest.param({"noise": 0.01, "spp": 1500}, id="noise, and at most"),
+        pytest.param({"spp": 150, "aovs": ("depth", "object_id", "rays", "direct")}, id="AOVs"),
+    ],
+)
+def test_broken_off_and_resumed_it_is_the_same_picture(path: Path, keys: dict[str, Any]) -> None:
+    spec = scene(render__sampler=keys.pop("sampler", "independent"))
+    whole = render(spec, **keys)
+    result = in_parts(path, spec, 4, whole, **keys)
+    assert_same(result, whole)
+    assert result.complete == whole.complete
+    assert result.stats.resumed["samples"] > 0
+
+
+@pytest.mark.parametrize(("first", "then"), [(64, 256), (100, 101), (100, 333), (4, 30), (1024, 1024)])
+def test_more_samples_are_those_that_are_missing(path: Path, first: int, then: int) -> None:
+    spec = scene()
+    render(spec, spp=first, keeper=Keeper(path, always=True))
+    sentences: list[str] = []
+    keeper = Keeper(path, resume=True, say=sentences.append)
+    more, whole = render(spec, spp=then, keeper=keeper), render(spec, spp=then)
+    assert_same(more, whole)
+
+    # Whole packets of the first are not taken again.
+    assert keeper.resumed == first - first % 8
+    if first >= 8:
+        pixels = WIDTH * HEIGHT
+        assert more.stats.resumed["samples"] == pixels * keeper.resumed
+        assert more.stats.resumed["rays"] == render(spec, spp=keeper.resumed).stats.rays
+        assert sentences == []
+    else:
+        assert sentences == [f"there is no {path} to go on from: the render begins anew"]
+
+
+def test_rays_of_a_longer_render_have_room(path: Path) -> None:
+    spec = scene()
+    render(spec, spp=16, aovs=("rays",), keeper=Keeper(path, always=True))
+    more = render(spec, spp=40, aovs=("rays",), keeper=Keeper(path, resume=True))
+    assert_same(more, render(spec, spp=40, aovs=("rays",)))
+    assert more.stats.resumed["samples"] == WIDTH * HEIGHT * 16
+
+
+def test_a_stratified_picture_cannot_be_continued(path: Path) -> None:
+    spec = scene(render__sampler="stratified")
+    render(spec, spp=16, keeper=Keeper(path, always=True))
+    with pytest.raises(InputError, match=r"of other settings: stratified sampler\.spp was 16 and is 32"):
+        render(spec, spp=32, keeper=Keeper(path, resume=True))
+
+
+@pytest.fixture
+def kept(path: Path, tmp_path: Path) -> Path:
+    """A checkpoint of a small scene that names a file."""
+    _textured(tmp_path, 200)
+    render(load(tmp_path / "scene.yaml"), spp=16, keeper=Keeper(path, always=True))
+    return path
+
+
+def _textured(folder: Path, brightness: int) -> None:
+    import PIL.Image
+
+    PIL.Image.new("RGB", (2, 2), (brightness,) * 3).save(folder / "wall.png")
+    (folder / "scene.yaml").write_text("""
+camera: {type: pinhole, look_from: [0, 0, 3], look_at: [0, 0, 0], vfov: 40}
+film: {width: 20, height: 17}
+render: {spp: 16, max_depth: 3, sampler: independent}
+environment: {type: constant, radiance: 1}
+textures: {wall: {type: image, file: wall.png}}
+materials: {wall: {type: lambertian, albedo: wall}}
+objects: [{type: sphere, name: ball, center: [0, 0, 0], radius: 1, material: wall}]
+""")
+
+
+@pytest.mark.parametrize(
+    ("overrides", "keys", "said"),
+    [
+        ({"camera.vfov": 41}, {}, r"of another scene: camera\.vfov was 40 and is 41"),
+        ({"objects.ball.radius": 2}, {}, r"of another scene: objects\[0\]\.radius was 1 and is 2"),
+        ({"film.filter": "gaussian"}, {}, r"of another scene: film\.filter was not given"),
+        ({}, {"seed": 5}, r"of another scene: render\.seed was not given and is 5"),
+        ({"render.sampler": "sobol"}, {}, r"of another scene: render\.sampler was 'independent' and is 'sobol'"),
+        ({}, {"crop": (0, 0, 16, 16)}, r"of other settings: pixels\[2\] was 20 and is 16"),
+        ({}, {"aovs": ("depth",)}, r"of other settings: aovs was a list of 0 and is a list of 1"),
+        ({}, {"noise": 0.5}, r"of other settings: adaptive was false and is true"),
+        ({}, {"spp": 8}, r"has up to 16 samples per pixel already, more than the 8 wanted"),
+    ],
+)
+def test_another_picture_is_refused_by_name(
+    kept: Path, tmp_path: Path, overrides: dict[str, Any], keys: dict[str, Any], said: str
+) -> None:
+    before = kept.read_bytes()
+    with pytest.raises(InputError, match=said) as caught:
+        render(load(tmp_path / "scene.yaml", overrides), keeper=Keeper(kept, resume=True), **keys)
+    assert str(caught.value).startswith(f"{kept}: ")
+    assert kept.read_bytes() == before
+
+
+def test_another_program_is_refused_by_name(kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused() -> str:
+        with pytest.raises(InputError) as caught:
+            render(load(tmp_path / "scene.yaml"), keeper=Keeper(kept, resume=True))
+        return str(caught.value).removeprefix(f"{kept}: ")
+
+    anew = "; without --resume the render begins anew"
+    monkeypatch.setattr(checkpoints, "program", lambda: "0" * 64)
+    assert refused().startswith("is of another state of rt's sources: was '")
+    monkeypatch.setattr(checkpoints, "processor", lambda: "wood abacus +beads")
+    assert refused().endswith(f" and is 'wood'{anew}")
+    monkeypatch.setattr(checkpoints, "libraries", lambda: {"numba": "99.0"})
+    assert " and is '99.0'" in refused() or "is not given" in refused()
+    monkeypatch.setattr(checkpoints, "__version__", "9.9.9")
+    assert refused() == f"is of another version of rt: was '{rt.__version__}' and is '9.9.9'{anew}"
+
+
+def test_a_changed_file_is_refused_by_name(kept: Path, tmp_path: Path) -> None:
+    _textured(tmp_path, 201)
+    with pytest.raises(InputError, match=r"of other files: textures\.wall\.file was '.*' and is '.*'"):
+        render(load(tmp_path / "scene.yaml"), keeper=Keeper(kept, resume=True))
+
+
+def test_a_damaged_checkpoint_gives_way_to_the_one_before(path: Path) -> None:
+    spec, sentences = scene(), list[str]()
+    render(spec, spp=16, keeper=Keeper(path, always=True))
+    os.replace(path, previous_of(path))
+    render(spec, spp=32, keeper=Keeper(path, always=True, every=1e9))
+    assert not previous_of(path).exists()
+    render(spec, spp=16, keeper=Keeper(previous_of(path), always=True))
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    keeper = Keeper(path, resume=True, say=sentences.append)
+    result = render(spec, spp=48, keeper=keeper)
+    assert keeper.resumed == 16
+    assert_same(result, render(spec, spp=48))
+    (sentence,) = sentences
+    assert sentence.startswith(f"{path}: is damaged: ")
+    assert sentence.endswith(f"; {previous_of(path).name} is used in its place")
+
+    # What is written now is whole, and alone.
+    assert Keeper(path).held is None
+    assert not previous_of(path).exists()
+    assert render(spec, spp=48, keeper=Keeper(path, resume=True)).stats.resumed["samples"] == WIDTH * HEIGHT * 48
+
+
+def test_where_all_are_damaged_it_says_so(path: Path) -> None:
+    render(scene(), spp=8, keeper=Keeper(path, always=True))
+    path.write_bytes(path.read_bytes()[:-1])
+    previous_of(path).write_bytes(b"")
+    with pytest.raises(InputError, match=r"cover\.png\.checkpoint: is damaged: .*; there is no other to go on from"):
+        render(scene(), spp=8, keeper=Keeper(path, resume=True))
+
+
+def test_a_disk_that_is_full_is_told_of_once_and_tried_again(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    written, sentences, tries = snapshots.write, list[str](), [0]
+
+    def failing(*args: Any, **keys: Any) -> int:
+        tries[0] += 1
+        if tries[0] < 4:
+            raise OutputError(f"{path}: cannot be written: {os.strerror(errno.ENOSPC)}")
+        return written(*args, **keys)
+
+    monkeypatch.setattr(snapshots, "write", failing)
+    keeper = Keeper(path, every=0.01, always=True, say=sentences.append)
+
+    def tick(progress: Progress) -> None:
+        if keeper.held is not None:
+            raise KeyboardInterrupt
+
+    result = render(scene(), spp=100_000, keeper=keeper, progress=tick)
+    assert result.interrupted
+    first, second = sentences
+    assert first.startswith(f"{path}: cannot be written: No space left on device; the render goes on in memory, and ")
+    assert second == f"{path}: is written again"
+    assert keeper.held is not None
+    assert keeper.held.path == path
+    assert keeper.held.bytes == path.stat().st_size
+
+
+def test_short_renders_leave_nothing(path: Path) -> None:
+    keeper = Keeper(path)
+    render(scene(), spp=8, keeper=keeper)
+    assert keeper.held is None
+    assert list(path.parent.iterdir()) == []
+    render(scene(), spp=8, keeper=(keeper := Keeper(path, always=True)))
+    assert keeper.held is not None
+    assert keeper.held[1:] == (8, path.stat().st_size)
+    keeper.forget()
+    assert list(path.parent.iterdir()) == []
+
+
+def test_the_picture_so_far_can_be_had(path: Path) -> None:
+    shown: list[Image] = []
+    there = threading.Event()
+
+    def show(image: Image) -> None:
+        shown.append(image)
+        there.set()
+
+    keeper = Keeper(path, show=show)
+
+    def tick(progress: Progress) -> None:
+        if not shown and progress.done > 0:
+            keeper.ask()
+            there.wait(60)
+        elif shown:
+            raise KeyboardInterrupt
+
+    spec = scene()
+    result = render(spec, spp=100_000, keeper=keeper, progress=tick)
+    assert result.interrupted
+    early = shown[0]
+    assert early.radiance.shape == result.image.radiance.shape
+    assert 0 < early.samples < result.image.samples
+
+    # It was that picture's, at fewer samples: the difference is the noise of these.
+    assert early.variance is not None
+    deviation = np.sqrt(early.variance) + 1e-9
+    assert np.median(np.abs(early.radiance - result.image.radiance) / deviation) < 2.0
+
+
+def test_no_pass_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However slow a scene is, an interrupt and a checkpoint are at most a pass away."""
+    monkeypatch.setattr(scheduling, "_LONGEST_PASS_SECONDS", 1e-3)
+    ends: list[int] = []
+    called = scheduling.render_tile
+
+    def noted(*args: Any) -> int:
+        ends.append(args[-1] - args[-2])
+        return int(called(*args))
+
+    whole = render(scene(), spp=300)
+    monkeypatch.setattr(scheduling, "render_tile", noted)
+    assert_same(render(scene(), spp=300), whole)
+    assert max(ends) < 256
+    assert min(ends) >= 4
+
+
+def test_python_has_it_too(tmp_path: Path) -> None:
+    spec, file = scene(), tmp_path / "a.checkpoint"
+    rt.render(spec, spp=16, checkpoint=file)
+    more = rt.render(spec, spp=24, checkpoint=str(file), resume=True)
+    np.testing.assert_array_equal(more.radiance, rt.render(spec, spp=24).radiance)
+    with pytest.raises(InputError, match="resume needs checkpoint"):
+        rt.render(spec, resume=True)
+    with pytest.warns(RuntimeWarning, match="there is no .* to go on from"):
+        rt.render(spec, spp=8, checkpoint=tmp_path / "other", resume=True)

@@ -1,0 +1,195 @@
+"""Files of arrays: whole, the one before, or told apart from both."""
+
+import errno
+import os
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from raytracer import snapshots, wholefiles
+from raytracer.errors import OutputError
+from raytracer.snapshots import DamagedError, Snapshot, previous_of
+
+
+def arrays(seed: int = 0) -> dict[str, NDArray[Any]]:
+    rng = np.random.default_rng(seed)
+    return {
+        "film/0": rng.normal(size=(2, 3, 3)),
+        "film/1": rng.integers(0, 2**62, (2, 3)),
+        "tally/means": rng.normal(size=(2, 2)).astype(np.float32),
+        "counts": np.arange(4),
+    }
+
+
+def write(path: Path, seed: int = 0, *, keep: bool = True) -> int:
+    return snapshots.write(path, Snapshot({"seed": seed, "x": [1.5, None, "é"]}, arrays(seed)), keep=keep)
+
+
+def read(
+    path: Path, targets: dict[str, NDArray[Any]] | None = None
+) -> tuple[Mapping[str, Any], dict[str, NDArray[Any]]]:
+    filled = {name: np.full_like(array, 7) for name, array in arrays().items()} if targets is None else targets
+    return snapshots.read(path, lambda about: filled), filled
+
+
+def assert_holds(path: Path, seed: int) -> None:
+    about, found = read(path)
+    assert about == {"seed": seed, "x": [1.5, None, "é"]}
+    for name, array in arrays(seed).items():
+        np.testing.assert_array_equal(found[name], array)
+
+
+def test_what_is_written_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "a.checkpoint"
+    assert write(path, 1) == path.stat().st_size
+    assert_holds(path, 1)
+    assert not previous_of(path).exists()
+
+
+def test_the_one_before_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "a.checkpoint"
+    for seed in range(4):
+        write(path, seed)
+    assert_holds(path, 3)
+    assert_holds(previous_of(path), 2)
+    write(path, 4, keep=False)
+    assert_holds(path, 4)
+    assert_holds(previous_of(path), 2)
+    snapshots.forget(path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_every_flipped_bit_is_noticed_or_changes_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "a.checkpoint"
+    write(path)
+    whole = path.read_bytes()
+    expected = arrays()
+    noticed = 0
+    for place in range(len(whole)):
+        data = bytearray(whole)
+        # One bit at each place, another one at the next.
+        data[place] ^= 1 << (place % 8)
+        path.write_bytes(data)
+        try:
+            about, found = read(path)
+        except DamagedError:
+            noticed += 1
+            continue
+        assert about == {"seed": 0, "x": [1.5, None, "é"]}, place
+        assert all(np.array_equal(found[name], array) for name, array in expected.items()), place
+    # What nobody looks at are times of change and the like, but nothing of what is held.
+    path.write_bytes(whole)
+    with zipfile.ZipFile(path) as archive:
+        assert noticed >= sum(member.file_size for member in archive.infolist())
+
+
+def test_every_shorter_file_is_noticed(tmp_path: Path) -> None:
+    path = tmp_path / "a.checkpoint"
+    write(path)
+    whole = path.read_bytes()
+    for length in range(len(whole)):
+        path.write_bytes(whole[:length])
+        with pytest.raises(DamagedError):
+            read(path)
+
+
+@pytest.mark.parametrize("data", [b"", b"PK", b"not a zip file at all", bytes(1000)])
+def test_other_files_are_noticed(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "a.checkpoint"
+    path.write_bytes(data)
+    with pytest.raises(DamagedError):
+        read(path)
+
+
+@pytest.mark.parametrize("change", ["shape", "type", "missing", "more", "compressed", "order", "pickle", "header"])
+def test_files_that_claim_what_they_are_not(tmp_path: Path, change: str) -> None:
+    """What they ask for is compared with what there is room for, before any of it is made."""
+    path = tmp_path / "a.checkpoint"
+    content: dict[str, Any] = dict(arrays())
+    if change == "shape":
+        content["counts"] = np.arange(5)
+    elif change == "type":
+        content["counts"] = np.arange(4.0)
+    elif change == "missing":
+        del content["counts"]
+    elif change == "more":
+        content["further"] = np.arange(4)
+    elif change == "order":
+        content["tally/means"] = np.asfortranarray(content["tally/means"])
+    compression = zipfile.ZIP_DEFLATED if change == "compressed" else zipfile.ZIP_STORED
+    with zipfile.ZipFile(path, "w", compression) as archive:
+        archive.writestr("about.json", "{}")
+        for name, array in content.items():
+            with archive.open(f"{name}.npy", "w") as member:
+                if name == "counts" and change == "pickle":
+                    np.lib.format.write_array(member, np.array([print] * 4, dtype=object))
+                elif name == "counts" and change == "header":
+                    header = {"descr": "<i8", "fortran_order": False, "shape": (10**15,)}
+                    np.lib.format.write_array_header_1_0(member, header)
+                else:
+                    np.lib.format.write_array(member, array)
+    with pytest.raises(DamagedError):
+        read(path)
+
+
+def test_arrays_may_have_grown(tmp_path: Path) -> None:
+    path = tmp_path / "a.checkpoint"
+    snapshots.write(path, Snapshot({}, {"rays": np.ones((2, 3, 4, 5))}), keep=False)
+    grown = {"rays": np.full((2, 3, 6, 5), 7.0)}
+    read(path, grown)
+    assert (grown["rays"][:, :, :4] == 1.0).all()
+    assert (grown["rays"][:, :, 4:] == 0.0).all()
+    with pytest.raises(DamagedError):
+        read(path, {"rays": np.zeros((2, 3, 3, 5))})
+
+
+def test_a_failed_write_leaves_both(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.checkpoint"
+    write(path, 0)
+    write(path, 1)
+
+    def broken(*args: Any, **keys: Any) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(np.lib.format, "write_array", broken)
+    with pytest.raises(OutputError, match="cannot be written: Input/output error"):
+        write(path, 2)
+    assert_holds(path, 1)
+    assert_holds(previous_of(path), 0)
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_where_there_is_no_room_the_one_before_makes_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.checkpoint"
+    write(path, 0)
+    write(path, 1)
+    written = np.lib.format.write_array
+
+    def full(*args: Any, **keys: Any) -> None:
+        if previous_of(path).exists():
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        written(*args, **keys)
+
+    monkeypatch.setattr(np.lib.format, "write_array", full)
+    write(path, 2)
+    assert_holds(path, 2)
+    assert_holds(previous_of(path), 1)
+
+
+def test_what_a_killed_process_left_aside_goes(tmp_path: Path) -> None:
+    path = tmp_path / "a.checkpoint"
+    gone = tmp_path / ".999999999-0123456789abcdef.tmp"
+    at_work = tmp_path / f".{os.getppid()}-0123456789abcdef.tmp"
+    others = tmp_path / ".mine.tmp"
+    for file in (gone, at_work, others):
+        file.write_bytes(b"x")
+    wholefiles._swept.discard(tmp_path)
+    write(path)
+    assert not gone.exists()
+    assert at_work.exists()
+    assert others.exists()
