@@ -1,10 +1,6 @@
 """A scene made ready, and parts of its picture rendered by themselves: what measurements of a warm renderer need."""
 
-import signal
-import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from types import FrameType
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +10,7 @@ from raytracer.accumulation import FilmView
 from raytracer.embree import PACKET, Accel
 from raytracer.film.film import Film
 from raytracer.integrator import Scene, render_tile
+from raytracer.interrupts import unhindered
 from raytracer.jit import alone
 from raytracer.paths import Workspace, workspace
 from raytracer.sampling import SAMPLERS
@@ -80,46 +77,21 @@ def compile_for(scene: Scene, target: FilmView, room: Workspace | None = None) -
 
     Raises
     ------
-    KeyboardInterrupt : Ctrl-C was pressed; once, at the end, since the compiler takes it for a mistake of its own;
-        twice, at once if that can be.
+    KeyboardInterrupt : at once; what is being compiled gets done all the same.
     """
-    with _interrupts_held_back(), alone:
-        before = _versions()
-        render_tile(scene, target, room or workspace(), 0, 0, 0, 0, 0, 0)
-        return _versions() - before
+
+    def work() -> int:
+        with alone:
+            before = _versions()
+            render_tile(scene, target, room or workspace(), 0, 0, 0, 0, 0, 0)
+            return _versions() - before
+
+    return unhindered(work)
 
 
 def _versions() -> int:
     """How many versions of the path tracer there are; none where it is not compiled at all."""
     return len(getattr(render_tile, "signatures", ()))
-
-
-@contextmanager
-def _interrupts_held_back() -> Iterator[None]:
-    """Let what Ctrl-C sends wait for the end of the `with` block; only the main thread is sent it."""
-    before = signal.getsignal(signal.SIGINT)
-    # A handler that is none of Python's would be lost; one that ignores the signal has nothing to wait for.
-    if threading.current_thread() is not threading.main_thread() or not callable(before):
-        yield
-        return
-    pressed: list[tuple[int, FrameType | None]] = []
-
-    def wait(number: int, frame: FrameType | None) -> None:
-        pressed.append((number, frame))
-        if len(pressed) > 1:
-            raise KeyboardInterrupt
-
-    signal.signal(signal.SIGINT, wait)
-    try:
-        yield
-    except Exception:
-        # What the compiler has made of the interrupt.
-        if len(pressed) < 2:
-            raise
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if pressed:
-        before(*pressed[-1])
 
 
 def film_for(scene: Scene, width: int, height: int) -> Film:

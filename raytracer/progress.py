@@ -35,10 +35,13 @@ class Bar:
         self._options = {"unit": unit, "leave": False, "disable": disable, **options}
         self._bar: Any = None
 
-    def update(self, done: float, wanted: float, note: str = "") -> None:
-        """Show that so much is done of what is wanted, which may change, and a note beside it."""
+    def update(self, done: float, wanted: float, note: str = "", before: float = 0.0) -> None:
+        """Show that so much is done of what is wanted, which may change, and a note beside it.
+
+        before : how much was done before the start, which tells nothing of the speed.
+        """
         if self._bar is None:
-            self._bar = tqdm_class()(total=wanted, **self._options)
+            self._bar = tqdm_class()(total=wanted, initial=before, **self._options)
         self._bar.total = wanted
         if note:
             self._bar.set_postfix_str(note, refresh=False)

@@ -2,6 +2,7 @@
 
 import signal
 import threading
+import time
 from typing import Any
 
 import pytest
@@ -9,45 +10,55 @@ import pytest
 from raytracer import preparation
 from raytracer.preparation import compile_for
 
+_PATIENCE = 60.0
+
 
 def _compiling(monkeypatch: pytest.MonkeyPatch, work: Any) -> None:
     """Let compilation be `work`."""
     monkeypatch.setattr(preparation, "render_tile", lambda *arguments: work())
 
 
-def test_ctrl_c_waits_for_the_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
-    done = []
+def test_ctrl_c_does_not_wait_for_the_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    interrupted, compiled = threading.Event(), threading.Event()
 
     def work() -> None:
         signal.raise_signal(signal.SIGINT)
-        done.append("compiled")
+        # Were it waited for, this would take as long as there is patience, and fail.
+        assert interrupted.wait(_PATIENCE)
+        compiled.set()
 
     _compiling(monkeypatch, work)
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):
         compile_for(None, None)  # type: ignore[arg-type]
-    assert done == ["compiled"]
+    assert not compiled.is_set()
+    interrupted.set()
+    # What was under way gets done, for the next one who needs it.
+    assert compiled.wait(_PATIENCE)
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_ctrl_c_twice_is_not_told_as_a_mistake(monkeypatch: pytest.MonkeyPatch) -> None:
-    def work() -> None:
-        signal.raise_signal(signal.SIGINT)
-        try:
-            signal.raise_signal(signal.SIGINT)
-        except KeyboardInterrupt:
-            raise RuntimeError("as the compiler has it") from None
+def test_the_next_to_compile_waits_for_what_an_interrupt_has_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    interrupted = threading.Event()
+    order: list[str] = []
 
-    _compiling(monkeypatch, work)
-    before = signal.getsignal(signal.SIGINT)
+    def first() -> None:
+        signal.raise_signal(signal.SIGINT)
+        interrupted.wait(_PATIENCE)
+        time.sleep(0.2)
+        order.append("first")
+
+    _compiling(monkeypatch, first)
     with pytest.raises(KeyboardInterrupt):
         compile_for(None, None)  # type: ignore[arg-type]
-    assert signal.getsignal(signal.SIGINT) is before
+    _compiling(monkeypatch, lambda: order.append("second"))
+    interrupted.set()
+    compile_for(None, None)  # type: ignore[arg-type]
+    assert order == ["first", "second"]
 
 
 def test_mistakes_of_the_compiler_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     def work() -> None:
-        signal.raise_signal(signal.SIGINT)
         raise RuntimeError("a mistake")
 
     _compiling(monkeypatch, work)
@@ -55,16 +66,15 @@ def test_mistakes_of_the_compiler_are_told(monkeypatch: pytest.MonkeyPatch) -> N
         compile_for(None, None)  # type: ignore[arg-type]
 
 
-def test_other_threads_compile_as_ever(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = signal.getsignal(signal.SIGINT)
-    handlers = []
-    _compiling(monkeypatch, lambda: handlers.append(signal.getsignal(signal.SIGINT)))
+def test_other_threads_compile_by_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
+    workers = []
+    _compiling(monkeypatch, lambda: workers.append(threading.current_thread()))
     thread = threading.Thread(target=compile_for, args=(None, None))
     thread.start()
     thread.join()
     compile_for(None, None)  # type: ignore[arg-type]
-    assert handlers[0] is before
-    assert handlers[1] is not before
+    assert workers[0] is thread
+    assert workers[1] not in (thread, threading.main_thread())
 
 
 def test_an_ignored_signal_stays_ignored(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,7 @@ import typer
 
 from raytracer.cli import options
 from raytracer.errors import Interrupted
+from raytracer.interrupts import WATCH, stop
 
 if TYPE_CHECKING:
     from raytracer.regression.checking import Checked
@@ -57,6 +58,7 @@ def check(
             show_default=False,
         ),
     ] = None,
+    allow_files: options.AllowFiles = None,
     threads: options.Threads = None,
     as_json: options.AsJson = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; only failures are printed.")] = False,
@@ -76,7 +78,7 @@ def check(
     check_file(page)
 
     stock, results, is_interrupted = Stock(), list["Checked"](), False
-    with Bar(len(paths), quiet=quiet) as bar:
+    with Bar(len(paths), quiet=quiet) as bar, WATCH.on_first(stop):
         for number, path in enumerate(paths):
             try:
                 result = checking.check(
@@ -85,6 +87,7 @@ def check(
                     seed=seed,
                     alpha=alpha,
                     threads=threads,
+                    allow_files=allow_files or [],
                     stock=stock,
                     progress=bar.of(number, path.stem),
                 )

@@ -10,6 +10,7 @@ import typer
 
 from raytracer.cli import options
 from raytracer.errors import InputError, Interrupted
+from raytracer.interrupts import WATCH, stop
 from raytracer.progress import Bar
 from raytracer.units import parse_duration, parse_share
 
@@ -47,6 +48,7 @@ def cost(
         ),
     ] = None,
     define: options.Define = None,
+    allow_files: options.AllowFiles = None,
     arms: Annotated[
         str | None,
         typer.Option(
@@ -85,12 +87,12 @@ def cost(
         check_report(output)
     from raytracer.scene.load import load, parse_overrides
 
-    spec = load(scene, parse_overrides(define or []))
+    spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])
     load_seconds = time.perf_counter() - start
 
     from raytracer.cost.study import study
 
-    with contextlib.closing(_Bars(quiet)) as bar:
+    with contextlib.closing(_Bars(quiet)) as bar, WATCH.on_first(stop):
         try:
             found = study(
                 spec,

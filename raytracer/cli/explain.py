@@ -17,6 +17,7 @@ Example:
 def explain(
     scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file.")],
     define: options.Define = None,
+    allow_files: options.AllowFiles = None,
     circle: Annotated[
         str | None,
         typer.Option(
@@ -32,7 +33,7 @@ def explain(
     from raytracer.scene.load import load, parse_overrides
 
     limit = None if circle is None else parse_circle(circle)
-    explanation = explained(load(scene, parse_overrides(define or [])), circle=limit)
+    explanation = explained(load(scene, parse_overrides(define or []), allow_files=allow_files or []), circle=limit)
     if as_json:
         import json
 

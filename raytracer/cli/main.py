@@ -4,6 +4,7 @@ A command is a module of this package with `register(app)`, which adds it to the
 when it runs, so that `rt --help` answers at once.
 """
 
+import contextlib
 import gc
 import importlib
 import os
@@ -11,18 +12,23 @@ import pkgutil
 import sys
 import time
 import traceback
+import warnings
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Any, TextIO
 
 import typer
 from typer.exceptions import TyperException
 
 import raytracer.cli
+from raytracer.cli.options import Call
 from raytracer.errors import InputError, Interrupted, OutputError, StrictError, one_line
+from raytracer.interrupts import WATCH, wait
 
 FAILED = 1
 WRONG_INPUT = 2
-INTERRUPTED = 130
+
+# Typer's own answer to an interrupt.
+_TYPERS_INTERRUPTED = 130
 
 app = typer.Typer(
     name="rt",
@@ -58,15 +64,72 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Returns
     -------
-    Exit status: 0 done, 1 the thing checked for or the machine failed, 2 wrong usage or input, 130 interrupted.
+    Exit status: 0 done, 1 the thing checked for or the machine failed, 2 wrong usage or input; 130 interrupted by
+    Ctrl-C, 143 by SIGTERM.
     """
-    is_process = arguments is None
-    # When the command began: as a process, before what that has worked so far.
-    began = time.perf_counter() - (time.process_time() if is_process else 0.0)
+    if arguments is not None:
+        return _run(arguments, time.perf_counter())
+    WATCH.start()
+    warnings.showwarning = _show_warning
+    # The command began before what the process has worked so far.
+    began = time.perf_counter() - time.process_time()
+    sys.stderr = lasting = _Lasting(sys.stderr)
+    status = _run(None, began)
+    with WATCH.on_first(wait):
+        lasting.settle()
+        if status == WATCH.status:
+            # Not at the end of threads that compile for nobody.
+            with contextlib.suppress(OSError):
+                sys.stdout.flush()
+            WATCH.leave(status)
+        # Lest the interpreter look through all that the compiler has left, before it ends: 0.4 s.
+        gc.freeze()
+        return status
+
+
+def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
+    """Say what a library warns of as the commands do, without the line of its source."""
+    print(f"rt: warning: {one_line(str(message))}", file=sys.stderr)
+
+
+class _Lasting:
+    """A stream that takes what cannot be written for written: no render ends because nobody can read how far it is.
+
+    The terminal may be closed, the reader of a pipe gone, the disk of a log full.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        """Write, perhaps."""
+        with contextlib.suppress(OSError):
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Flush, perhaps."""
+        with contextlib.suppress(OSError):
+            self._stream.flush()
+
+    def settle(self) -> None:
+        """Let go of what could not be written, lest the interpreter fail over it at its end."""
+        try:
+            self._stream.flush()
+        except OSError:
+            null = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(null, self._stream.fileno())
+
+
+def _run(arguments: Sequence[str] | None, began: float) -> int:
+    """Run a command that has begun at a time of `time.perf_counter`."""
+    call = Call(began, tuple(sys.argv[1:] if arguments is None else arguments))
     try:
-        status = app(arguments, prog_name="rt", standalone_mode=False, obj=began)
-        if status == INTERRUPTED:
-            # Typer's own answer to an interrupt.
+        status = app(arguments, prog_name="rt", standalone_mode=False, obj=call)
+        if status == _TYPERS_INTERRUPTED:
             raise KeyboardInterrupt
         sys.stdout.flush()
     except TyperException as error:
@@ -80,9 +143,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OutputError as error:
         return _fail(FAILED, str(error))
     except Interrupted:
-        return INTERRUPTED
+        return WATCH.status
     except KeyboardInterrupt:
-        return _fail(INTERRUPTED, "interrupted")
+        return _fail(WATCH.status, "interrupted")
     except MemoryError:
         return _fail(FAILED, "out of memory", unexpected=True)
     except OSError as error:
@@ -91,11 +154,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(
             FAILED, f"internal error, {type(error).__name__}: {error} (RT_TRACEBACK=1 shows where)", unexpected=True
         )
-    finally:
-        if is_process:
-            # Lest the interpreter look through all that the compiler has left, before it ends: 0.4 s.
-            gc.freeze()
-    return int(status or 0)
+    # What is not worth an end at once, is worth one before what follows in a script.
+    return int(status or 0) if WATCH.asked is None else WATCH.status
 
 
 def _plain(message: str) -> str:

@@ -59,6 +59,7 @@ def probe(
         int | None, typer.Option(help="With -o: pixels across, twice as many as down.  Default: 1024.", min=2)
     ] = None,
     define: options.Define = None,
+    allow_files: options.AllowFiles = None,
     spp: Annotated[
         int | None,
         typer.Option(
@@ -92,7 +93,7 @@ def probe(
     from raytracer.rendering import SampleBar
     from raytracer.scene.load import load, parse_overrides
 
-    spec = load(scene, parse_overrides(define or []))
+    spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])
     for path in outputs:
         check_writable(path)
 

@@ -41,6 +41,7 @@ def reference(
         ),
     ] = None,
     define: options.Define = None,
+    allow_files: options.AllowFiles = None,
     name: Annotated[
         str | None,
         typer.Option(help="Name of the reference.  Default: that of the scene's file.", show_default=False),
@@ -85,13 +86,13 @@ def reference(
             _check_alone(scene, name=name, output=output, width=width, define=define)
             path, recipe = scene, load_reference(scene).recipe
             try:
-                found = making.source_of(recipe, scene.parent)
+                found = making.source_of(recipe, scene.parent, allow_files or [])
             except InputError as error:
                 raise InputError(f"{scene}: {error}") from error
             samples, number = spp or recipe.spp, recipe.seed if seed is None else seed
         else:
             path = folder / f"{name or scene.stem}{SUFFIX}"
-            found = making.source(scene, folder, overrides, width or making.WIDTH)
+            found = making.source(scene, folder, overrides, width or making.WIDTH, allow_files or [])
             samples, number = spp or making.SPP, making.SEED if seed is None else seed
         if path in work:
             raise InputError(f"{scene}: {path} is another scene's already; --name names a reference")

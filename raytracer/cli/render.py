@@ -6,7 +6,8 @@ import shlex
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -14,12 +15,14 @@ import typer
 
 from raytracer.cli import options
 from raytracer.errors import InputError, Interrupted, OutputError
+from raytracer.interrupts import WATCH, on_hangup, unfinished, wait
 from raytracer.scene.preview import EDGE, SPP, smaller
 from raytracer.units import parse_duration, parse_share
 
 if TYPE_CHECKING:
+    from raytracer.checkpoints import Held, Keeper
     from raytracer.film.image import Image
-    from raytracer.rendering import Rendered
+    from raytracer.rendering import Progress, Rendered, SampleBar
     from raytracer.scene.spec import SceneSpec
 
 EXAMPLE = """\b
@@ -32,7 +35,11 @@ Examples:
   rt render scenes/cornell.yaml -o cornell.exr --aov depth,normal,albedo --denoise
   rt render scenes/cornell.yaml --pixel 212,140 --sample 3 --debug
   rt render scenes/cover.yaml --spp 4096 --cluster tcp://head:8786
+  rt render scenes/cover.yaml --spp 4096 --checkpoint 5min
+  rt render scenes/cover.yaml --spp 4096 --resume
 """
+
+_MEGABYTE = 1e6
 
 # What the interpreter takes to end.
 _EXIT_SECONDS = 0.05
@@ -53,6 +60,7 @@ def render(
         ),
     ] = None,
     define: options.Define = None,
+    allow_files: options.AllowFiles = None,
     spp: options.Spp = None,
     seed: options.Seed = None,
     threads: options.Threads = None,
@@ -104,6 +112,25 @@ def render(
             "are alike; see docs/cluster.md.",
         ),
     ] = None,
+    checkpoint: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME|off",
+            help="How often to write all samples so far to a file beside the first output, FILE.checkpoint, from which "
+            "--resume goes on: 30s, 5min.  If given, it is kept after the render, too.  Default: 60s, and kept "
+            "after renders that take longer.",
+            show_default=False,
+        ),
+    ] = None,
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume",
+            help="Go on from the samples in FILE.checkpoint: after an interrupt, a crash, or with a larger --spp.  The "
+            "picture has the bits of one that was rendered at once.",
+        ),
+    ] = False,
+    max_memory: options.MaxMemory = None,
     stats: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write what the render took as JSON.")] = None,
     strict: Annotated[
         bool, typer.Option("--strict", help="Take warnings for errors, and fail if a sample is not finite.")
@@ -134,14 +161,21 @@ def render(
 ) -> None:
     """Render a scene.
 
-    Ctrl-C ends the render early and writes the picture so far.
+    Ctrl-C or SIGTERM ends the render early and writes the picture so far, and what --resume goes on from; a second one
+    ends it at once.  SIGHUP writes the picture so far, and the render goes on.
     """
     outputs = output or [Path("outputs") / f"{Path(scene).stem}.png"]
     window = options.crop(crop)
     target = None if noise is None else options.number("--noise", noise, parse_share)
     limit = None if time_limit is None else options.number("--time-limit", time_limit, parse_duration)
+    most = options.size("--max-memory", max_memory)
     place = _parse_pixel(pixel)
     _check_debug(place, sample, is_on=debug, as_json=as_json)
+    if debug and (resume or checkpoint is not None):
+        raise InputError(f"--{'resume' if resume else 'checkpoint'} is for pictures, and --debug makes none")
+    every = options.checkpoint(checkpoint)
+    if resume and every is None:
+        raise InputError("--resume goes on from a checkpoint, and with --checkpoint off there is none")
     has_layers = any(path.suffix.lower() in (".exr", ".lf") for path in outputs)
     layers = options.aovs(aov or [], None if has_layers else "-o NAME.exr")
 
@@ -149,7 +183,7 @@ def render(
     from raytracer.film.output import check_file, check_writable
     from raytracer.scene.load import load, parse_overrides
 
-    spec = load(scene, parse_overrides(define or []))
+    spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])
     if not debug:
         for path in outputs:
             check_writable(path)
@@ -166,36 +200,92 @@ def render(
         is_whole = spp is None and (target is not None or limit is not None)
         _show_path(spec, place, sample, spp, seed, is_whole=is_whole, as_json=as_json)
         return
-    from raytracer.rendering import SampleBar
-    from raytracer.rendering import render as render_scene
+    from raytracer.checkpoints import EVERY, Keeper
+    from raytracer.rendering import SampleBar, ready
 
-    with SampleBar(quiet=quiet) as bar, options.machines(cluster) as machines:
-        load_seconds = time.perf_counter() - context.obj
-        rendered = render_scene(
-            spec,
-            spp=spp,
-            seed=seed,
-            threads=threads,
-            crop=window,
-            noise=target,
-            time_limit=None if limit is None else max(limit - _EXIT_SECONDS, 0.5 * limit),
-            aovs=layers,
-            denoise=denoise,
-            progress=bar.show,
-            load_seconds=load_seconds,
-            rehearse=lambda image: _rehearse(image, outputs),
-            warn=lambda sentence: print(f"rt: warning: {sentence}", file=sys.stderr),
-            strict=strict,
-            cluster=machines,
+    with SampleBar(quiet=quiet) as bar:
+
+        def say(sentence: str) -> None:
+            bar.say(f"rt: {sentence}")
+
+        def warn(sentence: str) -> None:
+            say(f"warning: {sentence}")
+
+        beside = None if every is None else _checkpoint(outputs, is_needed=resume or checkpoint is not None, warn=warn)
+        keeper = Keeper(
+            beside,
+            every=every or EVERY,
+            resume=resume,
+            always=checkpoint is not None,
+            say=warn,
+            show=lambda image: _show(image, outputs, say),
         )
-    _write(rendered, outputs, stats)
-    wanted = spp or (None if target or limit else spec.render.spp)
-    _report(rendered, outputs, wanted, target, again, quiet, strict, is_crop=window is not None)
-    seconds = time.perf_counter() - context.obj
-    if limit is not None and not rendered.interrupted and seconds > 1.05 * limit:
+        if beside is not None and not (resume or quiet) and beside.exists():
+            say(f"{beside} has the samples of an earlier render, from which --resume would go on")
+        with on_hangup(keeper.ask), options.machines(cluster) as machines:
+            prepared = ready(
+                spec,
+                spp=spp,
+                seed=seed,
+                threads=threads,
+                crop=window,
+                noise=target,
+                time_limit=None if limit is None else max(limit - _EXIT_SECONDS, 0.5 * limit),
+                aovs=layers,
+                denoise=denoise,
+                load_seconds=time.perf_counter() - context.obj.began,
+                warn=warn,
+                strict=strict,
+                cluster=machines,
+                max_memory=most,
+                keeps=keeper.path is not None,
+            )
+            # From here on there is something to lose.
+            with WATCH.on_first(wait):
+                rendered = prepared.render(
+                    progress=lambda progress: _show_progress(progress, bar),
+                    rehearse=lambda image: _rehearse(image, outputs),
+                    keeper=keeper,
+                )
+                bar.close()
+                wanted = spp or (None if target or limit else spec.render.spp)
+                kept = _Kept(keeper, context.obj.words)
+                _write(rendered, outputs, stats, kept, warn)
+                _report(rendered, outputs, wanted, target, again, kept, quiet, strict, is_crop=window is not None)
+    seconds = time.perf_counter() - context.obj.began
+    is_interrupted = rendered.interrupted or WATCH.asked is not None
+    if limit is not None and not is_interrupted and seconds > 1.05 * limit:
         print(f"rt: {_delay(rendered, limit, seconds)}", file=sys.stderr)
-    if rendered.interrupted:
+    if is_interrupted:
         raise Interrupted
+
+
+def _show_progress(progress: "Progress", bar: "SampleBar") -> None:
+    """Show how far a render is, if it is to go on."""
+    WATCH.heed()
+    bar.show(progress)
+
+
+def _checkpoint(outputs: list[Path], *, is_needed: bool, warn: Callable[[str], object]) -> Path | None:
+    """Where the checkpoint lies: beside the first output that has a place among files; None where there is none."""
+    from raytracer.checkpoints import checkpoint_of
+    from raytracer.film.output import check_file
+    from raytracer.wholefiles import is_special
+
+    files = [path for path in outputs if not is_special(path)]
+    if not files:
+        if is_needed:
+            raise InputError(f"a checkpoint lies beside the picture, and {outputs[0]} is no file: add -o NAME.png")
+        return None
+    path = checkpoint_of(files[0])
+    try:
+        check_file(path)
+    except InputError as error:
+        if is_needed:
+            raise
+        warn(f"{error}; the render's samples are not kept")
+        return None
+    return path
 
 
 def _check_views(path: Path, spec: "SceneSpec", layers: Sequence[str], *, is_whole: bool) -> None:
@@ -244,6 +334,22 @@ def _show_path(
     print(json.dumps(found.json(), indent=2, allow_nan=False) if as_json else text(found), end="\n" if as_json else "")
 
 
+class _Kept(NamedTuple):
+    """What there is of a render besides its picture; and the command line, after `rt`, that it came from."""
+
+    keeper: "Keeper"
+    words: Sequence[str]
+
+    @property
+    def held(self) -> "Held | None":
+        """What is in the checkpoint, if there is one."""
+        return self.keeper.held
+
+    def resume(self) -> str:
+        """The command line that goes on from the checkpoint."""
+        return options.resuming(self.words)
+
+
 class _Again(NamedTuple):
     """What of a command line decides what a sample of the picture is."""
 
@@ -271,25 +377,55 @@ class _Again(NamedTuple):
 
 def _rehearse(image: "Image", outputs: list[Path]) -> None:
     """Write files as those asked for, and forget them; where there is no room for that, it is not practised."""
-    with contextlib.suppress(OSError, OutputError), tempfile.TemporaryDirectory() as folder:
+    with contextlib.suppress(OSError, OutputError), unfinished(Path(tempfile.mkdtemp())) as folder:
         for number, path in enumerate(outputs):
-            image.save(Path(folder) / f"{number}{path.suffix}")
+            image.save(folder / f"{number}{path.suffix}")
 
 
-def _write(rendered: "Rendered", outputs: list[Path], stats: Path | None) -> None:
-    """Write every file that can be written, then report the first that could not."""
+def _show(image: "Image", outputs: list[Path], say: Callable[[str], object]) -> None:
+    """Write the picture so far to all outputs that are files."""
+    from raytracer.wholefiles import is_special
+
+    files = [path for path in outputs if not is_special(path)]
+    for path in files:
+        image.save(path)
+    if files:
+        say(f"{_listed(files)} has the picture so far, of {image.samples} samples per pixel; the render goes on")
+
+
+def _write(
+    rendered: "Rendered", outputs: list[Path], stats: Path | None, kept: _Kept, warn: Callable[[str], object]
+) -> None:
+    """Write every file that can be written, then report those that could not."""
     from raytracer.film.output import write_bytes
+    from raytracer.wholefiles import persist
 
-    failures: list[OutputError] = []
-    for path in outputs:
-        try:
-            rendered.image.save(path)
-        except OutputError as error:
-            failures.append(error)
+    tasks: dict[Path, Callable[[], object]] = {path: partial(rendered.image.save, path) for path in outputs}
     if stats is not None:
-        write_bytes(stats, (json.dumps(rendered.stats.json(), indent=2) + "\n").encode())
-    if failures:
-        raise failures[0]
+        text = json.dumps(rendered.stats.json(), indent=2) + "\n"
+        tasks[stats] = partial(write_bytes, stats, text.encode())
+    failures = persist(tasks, warn, lambda: WATCH.asked is not None)
+    if not failures:
+        return
+    sentence = str(next(iter(failures.values())))
+    if len(failures) > 1:
+        sentence += f"; nor can {_listed(list(failures)[1:])}"
+    if kept.held is not None:
+        sentence += f"; {kept.held.path} has the samples, and this writes the rest: {kept.resume()}"
+    elif found := _rescued(rendered.image, [path for path in outputs if path in failures]):
+        sentence += f"; instead, there is {_listed(found)}"
+    raise OutputError(sentence)
+
+
+def _rescued(image: "Image", outputs: list[Path]) -> list[Path]:
+    """Where a picture lies now that cannot be where it should: in a new folder of the system's, if there is room."""
+    found: list[Path] = []
+    with contextlib.suppress(OSError, OutputError):
+        folder = Path(tempfile.mkdtemp(prefix="rt-"))
+        for path in outputs:
+            image.save(folder / path.name)
+            found.append(folder / path.name)
+    return found
 
 
 def _report(
@@ -298,6 +434,7 @@ def _report(
     wanted: int | None,
     target: float | None,
     again: _Again,
+    kept: _Kept,
     quiet: bool,
     strict: bool,
     *,
@@ -308,17 +445,22 @@ def _report(
     wanted : samples a pixel, or the most of them; None for no limit.
     target : the relative error that was asked for.
     again : how to take a sample of the picture once more.
+    kept : what there is to go on from.
     """
-    result = rendered.stats
-    names = ", ".join(map(str, outputs))
+    result, held = rendered.stats, kept.held
+    names = _listed(outputs)
     if rendered.interrupted:
-        print(f"rt: interrupted; {names} has {_samples(rendered, wanted)}", file=sys.stderr)
+        further = "" if held is None else f"; this goes on: {kept.resume()}"
+        print(f"rt: interrupted; {names} has {_samples(rendered, wanted)}{further}", file=sys.stderr)
     elif not rendered.complete and rendered.failure is None:
         print(f"rt: {_shortfall(rendered, names, wanted, target)}", file=sys.stderr)
     elif target is not None and not rendered.image.radiance.any():
         print(f"rt: {names} is black, so its relative error says nothing", file=sys.stderr)
     if not quiet:
         print(_summary(rendered, names), file=sys.stderr)
+    if not quiet and held is not None and not rendered.interrupted:
+        size = f"{held.bytes / _MEGABYTE:.3g} MB"
+        print(f"{held.path}: all samples ({size}), to which --resume --spp N adds", file=sys.stderr)
     if not quiet and rendered.setting is not None and rendered.setting.exposure.metering is not None:
         part = " in the crop" if is_crop else ""
         print(f"exposure: {rendered.setting.sentence()}{part}", file=sys.stderr)
@@ -369,8 +511,11 @@ def _summary(rendered: "Rendered", names: str) -> str:
     fewest, mean, most = (result.spp[key] for key in ("fewest", "mean", "most"))
     spp = f"{most} spp" if fewest == most else f"{mean:.1f} ({fewest} to {most}) spp"
     seconds = result.seconds["render"]
-    samples = result.samples + result.pilot_samples
-    rates = f"{samples / seconds / 1e6:.3g} M samples/s, {result.rays / seconds / 1e6:.3g} M rays/s"
+    before = result.resumed.get("samples", 0)
+    samples, rays = result.samples + result.pilot_samples - before, result.rays - result.resumed.get("rays", 0)
+    rates = f"{samples / seconds / 1e6:.3g} M samples/s, {rays / seconds / 1e6:.3g} M rays/s"
+    if before:
+        spp += f", {before / (height * width):.4g} of them before,"
     error = "relative error unknown"
     if rendered.fewest_samples < 16:
         error += " from fewer than 16 spp"
@@ -407,6 +552,10 @@ def _not_finite(samples: int) -> str:
     if samples == 0:
         return "all samples finite"
     return "1 sample was not finite" if samples == 1 else f"{samples} samples were not finite"
+
+
+def _listed(paths: Sequence[Path]) -> str:
+    return ", ".join(map(str, paths))
 
 
 def _samples(rendered: "Rendered", wanted: int | None) -> str:

@@ -11,6 +11,7 @@ import typer
 
 from raytracer.cli import options
 from raytracer.errors import InputError, Interrupted, OutputError
+from raytracer.interrupts import WATCH, stop
 from raytracer.scene.preview import EDGE, SPP
 from raytracer.units import parse_duration, parse_share
 
@@ -48,6 +49,7 @@ def sweep(
             "combinations are rendered.",
         ),
     ] = None,
+    allow_files: options.AllowFiles = None,
     zipped: Annotated[
         bool, typer.Option("--zip", help="Take the values of all keys in pairs, in place of all combinations.")
     ] = False,
@@ -95,6 +97,7 @@ def sweep(
         str | None,
         typer.Option(metavar="URL", help="Dask scheduler whose workers render: tcp://host:8786; see docs/cluster.md."),
     ] = None,
+    max_memory: options.MaxMemory = None,
     strict: Annotated[bool, typer.Option("--strict", help="Take warnings for errors: such a point fails.")] = False,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Print the points and their exact values, and render nothing.")
@@ -108,9 +111,10 @@ def sweep(
     ends it early, and the same command goes on where it was.
     """
     if dry_run:
-        _foretell(scene, define or [], zipped=zipped, max_points=max_points)
+        _foretell(scene, define or [], zipped=zipped, max_points=max_points, allow_files=allow_files or [])
         return
     window = options.crop(crop)
+    most = options.size("--max-memory", max_memory)
     target = None if noise is None else options.number("--noise", noise, parse_share)
     limit = None if time_limit is None else options.number("--time-limit", time_limit, parse_duration)
 
@@ -125,10 +129,12 @@ def sweep(
     folder = output or Path("outputs") / (stem if stem.endswith("sweep") else f"{stem}_sweep")
     with ExitStack() as stack:
         bar = stack.enter_context(SweepBar())
+        stack.enter_context(WATCH.on_first(stop))
         result = run(
             scene,
             parse_definitions(define or []),
             folder=folder,
+            allow_files=allow_files or [],
             zipped=zipped,
             spp=spp,
             seed=seed,
@@ -144,6 +150,7 @@ def sweep(
             animate=[suffix.strip() for text in animate or [] for suffix in text.split(",")],
             fps=fps,
             max_points=max_points,
+            max_memory=most,
             cluster=None if cluster is None else stack.enter_context(_cluster(cluster, bar.say)),
             progress=None if quiet else bar,
             report=lambda taken: _report(taken, bar.say),
@@ -156,13 +163,13 @@ def sweep(
     _conclude(result, folder, strangers(result), quiet=quiet)
 
 
-def _foretell(scene: str, define: list[str], *, zipped: bool, max_points: int) -> None:
+def _foretell(scene: str, define: list[str], *, zipped: bool, max_points: int, allow_files: list[str]) -> None:
     """Print a line for each point, and fail if one of them could not be rendered."""
     from raytracer.scene.load import as_yaml
     from raytracer.sweeping.plan import parse_definitions, planned
     from raytracer.sweeping.points import points_of
 
-    plan = planned(scene, parse_definitions(define), zipped=zipped)
+    plan = planned(scene, parse_definitions(define), zipped=zipped, allow_files=allow_files)
     points = points_of(plan.axes, zipped=plan.zipped, most=max_points)
     wrong = 0
     for point in points:

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from raytracer.cli import options
 from raytracer.errors import InputError
 
 EXAMPLE = """\b
@@ -16,6 +17,7 @@ Example:
 
 def validate(
     scenes: Annotated[list[str], typer.Argument(metavar="SCENE", help="Scene files.")],
+    allow_files: options.AllowFiles = None,
     strict: Annotated[bool, typer.Option("--strict", help="Take warnings for errors.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Do not name the files that are right.")] = False,
 ) -> None:
@@ -31,7 +33,7 @@ def validate(
     wrong = False
     for scene in scenes:
         try:
-            sentences = told(concerns(pack(load(scene))))
+            sentences = told(concerns(pack(load(scene, allow_files=allow_files or []))))
         except InputError as error:
             wrong = True
             print(f"rt: {error}", file=sys.stderr)

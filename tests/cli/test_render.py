@@ -95,7 +95,8 @@ def test_preview_is_small(scene: Path) -> None:
 def test_stats(scene: Path) -> None:
     assert main(["render", "ball.yaml", "-q", "--stats", "stats.json", "--threads", "2"]) == 0
     stats = json.loads(Path("stats.json").read_text())
-    assert set(stats["seconds"]) == {"load", "pack", "build", "compile", "render", "develop", "total"}
+    phases = ("load", "pack", "build", "compile", "resume", "render", "keep", "develop", "total")
+    assert set(stats["seconds"]) == set(phases)
     assert stats["samples"] == 24 * 16 * 16
     assert stats["rays"] >= stats["samples"]
     assert stats["nan_samples"] == 0
@@ -202,8 +203,10 @@ def test_ctrl_c_writes_what_is_there(
     err = capsys.readouterr().err
     assert re.search(r"interrupted; a\.npy has \d+( to \d+)? of 100000000 samples per pixel", err)
     assert err.count("interrupted") == 1
+    # What goes on is the same command line, with one word more.
+    assert "; this goes on: rt render ball.yaml -o a.npy --spp 100000000 --resume\n" in err
     assert np.load("a.npy").shape == (16, 24, 3)
-    assert sorted(path.name for path in scene.parent.iterdir()) == ["a.npy", "ball.yaml"]
+    assert sorted(path.name for path in scene.parent.iterdir()) == ["a.npy", "a.npy.checkpoint", "ball.yaml"]
 
 
 def test_fireflies_are_told_with_what_helps(

@@ -137,11 +137,9 @@ def _text(found: dict[str, Any]) -> str:
         lines["layers"] = ", ".join(found["layers"])
     if found["rays"]:
         lines["rays"] = f"{found['rays']}, kept as they were rendered"
-    lines |= {f"  {key}": str(value) for key, value in found["settings"].items()}
+    lines |= {f"  {one_line(key)}": str(value) for key, value in found["settings"].items()}
     width = max(map(len, lines))
-    return "".join(
-        f"{one_line(key) if key.strip() == key else key:<{width}}  {one_line(text)}\n" for key, text in lines.items()
-    )
+    return "".join(f"{key:<{width}}  {one_line(text)}\n" for key, text in lines.items())
 
 
 def _length(metres: float) -> str:

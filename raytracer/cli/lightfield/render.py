@@ -1,8 +1,10 @@
 """`rt lightfield render`: all views of a camera array, in no more memory than is given."""
 
+import glob
 import json
 import sys
 import time
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,16 +12,19 @@ import typer
 
 from raytracer.cli import options
 from raytracer.errors import InputError, Interrupted, OutputError
+from raytracer.interrupts import WATCH, stop, wait
 from raytracer.units import parse_bytes
 
 if TYPE_CHECKING:
     from raytracer.lightfield.bands import Captured
+    from raytracer.rendering import Progress
 
 EXAMPLE = """\b
 Examples:
   rt lightfield render scenes/lightfield/array.yaml -o array.lf
   rt lightfield render scenes/lightfield/array.yaml -o array.lf --spp 64 --memory 500MB --dtype float16
   rt lightfield render scenes/lightfield/array.yaml -o array.lf --aov depth --stats stats.json
+  rt lightfield render scenes/lightfield/array.yaml -o array.lf --spp 4096 --resume
 """
 
 
@@ -30,6 +35,7 @@ def render(
         Path, typer.Option("--output", "-o", metavar="FILE.lf", help="Light field to write.", show_default=False)
     ],
     define: options.Define = None,
+    allow_files: options.AllowFiles = None,
     memory: Annotated[
         str,
         typer.Option(
@@ -60,6 +66,19 @@ def render(
         str | None,
         typer.Option(metavar="URL", help="Have the samples taken by the workers of this Dask scheduler."),
     ] = None,
+    max_memory: options.MaxMemory = None,
+    checkpoint: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME|off",
+            help="How often to write all samples so far to files beside the output, FILE.lf.1.checkpoint for the first "
+            "part, until the light field is there: 5min.  Default: 60s.",
+            show_default=False,
+        ),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on from these files, after an interrupt or a crash.")
+    ] = False,
     stats: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write what the render took as JSON.")] = None,
     strict: Annotated[
         bool, typer.Option("--strict", help="Take warnings for errors, and fail if a sample is not finite.")
@@ -69,9 +88,12 @@ def render(
     """Render all views of a camera array, or the picture behind microlenses, into a light field.
 
     The file is that of `rt render SCENE -o FILE.lf`, but the memory is bounded: views are rendered some rows at a time,
-    and written as they come.  Ctrl-C leaves no file.
+    and written as they come.  Ctrl-C leaves no light field, but what --resume goes on from.
     """
-    size = int(options.number("--memory", memory, parse_bytes))
+    every = options.checkpoint(checkpoint)
+    if resume and every is None:
+        raise InputError("--resume goes on from checkpoints, and with --checkpoint off there are none")
+    size, most = int(options.number("--memory", memory, parse_bytes)), options.size("--max-memory", max_memory)
     from raytracer.film.output import check_file
     from raytracer.plenoptic.lf import SUFFIX, TYPES
 
@@ -82,14 +104,29 @@ def render(
     layers = options.aovs(aov or [], None)
     from raytracer.scene.load import load, parse_overrides
 
-    spec = load(scene, parse_overrides(define or []))
+    spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])
     for path in (output, *([stats] if stats is not None else [])):
         check_file(path)
+    from raytracer.checkpoints import SUFFIX as SUFFIX_OF_CHECKPOINTS
     from raytracer.lightfield.bands import capture
     from raytracer.rendering import SampleBar
 
-    try:
-        with SampleBar(quiet=quiet) as bar, options.machines(cluster) as machines:
+    with ExitStack() as stack:
+        stack.enter_context(WATCH.on_first(stop))
+        bar = stack.enter_context(SampleBar(quiet=quiet))
+        machines = stack.enter_context(options.machines(cluster))
+
+        def show(progress: "Progress") -> None:
+            # From the first sample on there is something to lose.
+            if WATCH.is_first(stop):
+                stack.enter_context(WATCH.on_first(wait))
+            WATCH.heed()
+            bar.show(progress)
+
+        def warn(sentence: str) -> None:
+            bar.say(f"rt: warning: {sentence}")
+
+        try:
             captured = capture(
                 spec,
                 output,
@@ -101,16 +138,23 @@ def render(
                 threads=threads,
                 aovs=layers,
                 denoise=denoise,
-                progress=bar.show,
-                load_seconds=time.perf_counter() - context.obj,
-                warn=lambda sentence: print(f"rt: warning: {sentence}", file=sys.stderr),
+                progress=show,
+                load_seconds=time.perf_counter() - context.obj.began,
+                warn=warn,
                 strict=strict,
                 cluster=machines,
+                max_memory=most,
+                every=every,
+                resume=resume,
+                say=warn,
             )
-    except KeyboardInterrupt:
-        print(f"rt: interrupted; {output} is not written", file=sys.stderr)
-        raise Interrupted from None
-    _report(captured, output, stats, quiet=quiet, strict=strict)
+        except KeyboardInterrupt:
+            kept = any(output.parent.glob(f"{glob.escape(output.name)}.*{SUFFIX_OF_CHECKPOINTS}"))
+            further = f"; this goes on: {options.resuming(context.obj.words)}" if kept else ""
+            bar.say(f"rt: interrupted; {output} is not written{further}")
+            raise Interrupted from None
+        bar.close()
+        _report(captured, output, stats, quiet=quiet, strict=strict)
 
 
 def _report(captured: "Captured", output: Path, stats: Path | None, *, quiet: bool, strict: bool) -> None:

@@ -1,0 +1,192 @@
+"""An hour of one process: is its memory flat?
+
+    python -m tests.reliability.hour --minutes 60
+    python -m tests.reliability.hour --minutes 10 --renders
+
+Sweeps a small scene over cameras, films, materials, geometry and AOVs, again and again in one process, with one stock
+for all; or calls `rt.render` in a loop.  Images are written and removed.  The resident memory is looked at each two
+seconds, and its slope after the first five minutes, a line by least squares, is to be below 1 MB a minute.
+"""
+
+import argparse
+import itertools
+import shutil
+import sys
+import tempfile
+import threading
+import time
+import tracemalloc
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import psutil
+
+import raytracer as rt
+from raytracer.scene.edit import overridden
+from raytracer.scene.spec import SceneSpec
+from raytracer.stock import Stock
+
+SETTLED_SECONDS = 300.0
+"""What comes before does not count: caches are filled, and the allocator finds its size."""
+
+MOST_SLOPE = 1e6
+"""Bytes a minute."""
+
+_EVERY_SECONDS = 2.0
+_MINUTE = 60.0
+_MEGABYTE = 1e6
+
+_SCENE = """
+film: {width: 48, height: 32}
+render: {spp: 8, max_depth: 4}
+camera: {type: thin_lens, look_from: [0, 1, 4], look_at: [0, 0.5, 0], focal_length: 35, f_number: 2, focus_distance: 4}
+environment: {type: gradient, horizon: [1, 1, 1], zenith: [0.5, 0.7, 1.0]}
+materials:
+  floor: {type: lambertian, albedo: {type: checker, scale: 0.3, even: 0.3, odd: 0.6}}
+  ball: {type: metal, albedo: 0.7, fuzz: 0.2}
+objects:
+  - {type: quad, corner: [-9, 0, -9], edges: [[0, 0, 18], [18, 0, 0]], material: floor}
+  - {type: sphere, center: [0, 0.5, 0], radius: 0.5, material: ball}
+  - {type: mesh, file: ball.obj, transform: [{translate: [1, 0.5, 0]}], material: ball}
+"""
+
+# Asked for in turn, so that neither files nor geometry nor kernels stay what they were.
+_SWEEPS = (
+    {"camera.f_number": "1:20:50", "camera.focus_distance": "1:10:4"},
+    {"film.width": "16:96:41", "film.height": [16, 33]},
+    {"objects.1.radius": "0.1:0.9:100"},
+    {"materials.ball.albedo": "0.1:0.9:100", "render.seed": [1, 2]},
+    {"render.spp": "1:100:100"},
+    {"camera.look_from": [[x, 1.0, 4.0] for x in np.linspace(-2.0, 2.0, 50).tolist()]},
+)
+
+
+def sweeps(spec: SceneSpec, folder: Path) -> Iterator[int]:
+    """Sweep for ever; the points of each are told once it is done and its pictures are gone."""
+    stock = Stock()
+    for number, values in enumerate(itertools.cycle(_SWEEPS)):
+        # Every second one keeps its pictures in memory.
+        target = folder / f"sweep-{number}" if number % 2 == 0 else None
+        formats = ("png", "exr") if number % 3 == 0 else ("png",)
+        aovs = ("depth", "normal") if number % 4 == 0 else ()
+        found = rt.sweep(spec, values, folder=target, formats=formats, aovs=aovs, stock=stock)
+        assert all(taken.status == "done" for taken in found.taken), [taken.reason for taken in found.taken]
+        points = len(found.taken)
+        del found
+        if target is not None:
+            shutil.rmtree(target)
+        yield points
+
+
+def renders(spec: SceneSpec, folder: Path) -> Iterator[int]:
+    """Render for ever, with a scene that is new each time, and write the picture."""
+    for number in itertools.count():
+        changed = overridden(spec, {"objects.1.radius": 0.1 + 0.8 * (number % 97) / 97.0, "render.seed": number})
+        noise, denoise = (0.2, False) if number % 5 == 0 else (None, number % 7 == 0)
+        image = rt.render(changed, noise=noise, denoise=denoise, aovs=("albedo",) if noise is None else ())
+        path = folder / f"{number}.exr"
+        image.save(path)
+        path.unlink()
+        yield 1
+
+
+class Watch:
+    """Looks at this process's resident memory every few seconds."""
+
+    def __init__(self) -> None:
+        self.seconds: list[float] = []
+        self.resident: list[int] = []
+        self._start, self._over, self._process = time.monotonic(), threading.Event(), psutil.Process()
+        self._thread = threading.Thread(target=self._look, daemon=True)
+        self._thread.start()
+
+    def _look(self) -> None:
+        while not self._over.wait(_EVERY_SECONDS):
+            self.seconds.append(self.passed())
+            self.resident.append(self._process.memory_info().rss)
+
+    def passed(self) -> float:
+        """Seconds since the start."""
+        return time.monotonic() - self._start
+
+    def stop(self) -> None:
+        """Look no more."""
+        self._over.set()
+        self._thread.join()
+
+
+def slope(seconds: list[float], resident: list[int], settled: float) -> tuple[float, float]:
+    """Bytes a minute after `settled` seconds, and the standard error of that, as if deviations were independent.
+
+    Raises
+    ------
+    ValueError : fewer than three values are left.
+    """
+    kept = np.array(seconds) >= settled
+    minutes, values = np.array(seconds)[kept] / _MINUTE, np.array(resident, dtype=float)[kept]
+    if len(values) < 3:
+        raise ValueError(f"nothing to fit after {settled:g} s")
+    fit, covariance = np.polyfit(minutes, values, 1, cov="unscaled")
+    deviations = values - np.polyval(fit, minutes)
+    variance = float(deviations @ deviations) / (len(values) - 2)
+    return float(fit[0]), float(np.sqrt(covariance[0, 0] * variance))
+
+
+def _ball(path: Path) -> None:
+    """A mesh of some hundred triangles."""
+    import trimesh
+
+    trimesh.creation.icosphere(subdivisions=2, radius=0.4).export(path)
+
+
+def main() -> int:
+    """Run for so many minutes, and say what the memory did."""
+    parser = argparse.ArgumentParser(prog="python -m tests.reliability.hour", description=__doc__.split("\n\n")[0])
+    parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--settled", type=float, default=SETTLED_SECONDS / _MINUTE, help="minutes that do not count")
+    parser.add_argument("--renders", action="store_true", help="a loop of rt.render in place of sweeps")
+    parser.add_argument("--series", type=Path, help="a CSV file of seconds, bytes and points done")
+    parser.add_argument("--trace", action="store_true", help="show which lines hold what was added (slow)")
+    given = parser.parse_args()
+
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made)
+        _ball(folder / "ball.obj")
+        (folder / "scene.yaml").write_text(_SCENE)
+        spec = rt.load(folder / "scene.yaml")
+        watch, done, counts = Watch(), 0, []
+        before, told = None, 0.0
+        for points in (renders if given.renders else sweeps)(spec, folder):
+            done += points
+            counts.append((watch.passed(), done))
+            if given.trace and before is None and watch.passed() > _MINUTE * given.settled:
+                tracemalloc.start(8)
+                before = tracemalloc.take_snapshot()
+            if watch.passed() > told + _MINUTE:
+                told = watch.passed()
+                print(
+                    f"{told / _MINUTE:5.1f} min {done:7,} points {watch.resident[-1] / _MEGABYTE:8.1f} MB", flush=True
+                )
+            if watch.passed() > _MINUTE * given.minutes:
+                break
+        watch.stop()
+    if before is not None:
+        for line in tracemalloc.take_snapshot().compare_to(before, "traceback")[:12]:
+            print(line, *line.traceback.format()[-8:], sep="\n")
+
+    if given.series is not None:
+        finished = np.interp(watch.seconds, *zip(*counts, strict=True))
+        rows = zip(watch.seconds, watch.resident, finished, strict=True)
+        given.series.write_text("".join(f"{s:.1f},{b},{n:.0f}\n" for s, b, n in rows))
+    found, error = slope(watch.seconds, watch.resident, _MINUTE * given.settled)
+    print(
+        f"{done:,} points in {watch.seconds[-1] / _MINUTE:.1f} min; from minute {given.settled:g} on resident memory "
+        f"grew by {found / _MEGABYTE:.3f} +- {error / _MEGABYTE:.3f} MB a minute, "
+        f"to {watch.resident[-1] / _MEGABYTE:.0f} MB"
+    )
+    return 0 if found < MOST_SLOPE else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

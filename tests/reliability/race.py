@@ -1,0 +1,155 @@
+"""Many processes that start together on an empty kernel cache.
+
+    python -m tests.reliability.race --processes 32
+    python -m tests.reliability.race --processes 8 --killed 3
+    python -m tests.reliability.race --processes 8 --damaged
+
+All are to succeed with equal pictures, and one of them alone to compile.  With `--killed` so many others are killed by
+SIGKILL while they compile, before; with `--damaged` the file of each kernel is there, with a flipped bit.
+"""
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+_SCENE = """
+film: {width: 32, height: 32}
+render: {spp: 8, max_depth: 3}
+camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
+environment: {type: constant, radiance: 1}
+objects:
+  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 0.5}}
+"""
+
+# Renders once all are ready to, and tells what it did: whether it took the kernel from the cache, and the picture.
+_RACER = """
+import hashlib, sys, time
+from pathlib import Path
+import raytracer as rt
+from raytracer.integrator import render_tile
+scene = rt.load(sys.argv[1])
+Path(sys.argv[2]).touch()
+while not Path(sys.argv[3]).exists():
+    time.sleep(0.01)
+began = time.perf_counter()
+image = rt.render(scene, threads=1)
+digest = hashlib.sha256(image.radiance.tobytes()).hexdigest()
+print(sum(render_tile.stats.cache_misses.values()), digest, time.perf_counter() - began)
+"""
+
+
+class Race(NamedTuple):
+    """What became of a race: exit statuses, digests of pictures, how many compiled, and seconds of the slowest."""
+
+    statuses: list[int]
+    pictures: set[str]
+    compiled: int
+    seconds: float
+    left: list[str]
+    told: str
+
+    @property
+    def is_won(self) -> bool:
+        """Whether all have the same picture, one alone compiled, and nothing but kernels and locks is left."""
+        return not any(self.statuses) and len(self.pictures) == 1 and self.compiled == 1 and not self.left
+
+
+def race(folder: Path, processes: int) -> Race:
+    """Let processes start together, with the kernel cache `folder/cache` as it is."""
+    scene, start = folder / "scene.yaml", folder / f"start-{time.monotonic_ns()}"
+    scene.write_text(_SCENE)
+    ready = [folder / f"{start.name}-{number}" for number in range(processes)]
+    racers = [_racer(folder, scene, path, start) for path in ready]
+    while not all(path.exists() for path in ready):
+        time.sleep(0.05)
+        if all(racer.poll() is not None for racer in racers):
+            break
+    start.touch()
+    told = [racer.communicate() for racer in racers]
+    lines = [out.split() for out, _ in told if out]
+    return Race(
+        [racer.returncode for racer in racers],
+        {digest for _, digest, _ in lines},
+        sum(int(misses) for misses, _, _ in lines),
+        max((float(seconds) for _, _, seconds in lines), default=0.0),
+        [
+            path.name
+            for path in (folder / "cache").rglob("*")
+            if path.is_file() and path.suffix not in (".nbc", ".lock")
+        ],
+        "".join(error for _, error in told),
+    )
+
+
+def _racer(folder: Path, scene: Path, ready: Path, start: Path) -> "subprocess.Popen[str]":
+    given = [sys.executable, "-W", "error", "-c", _RACER, str(scene), str(ready), str(start)]
+    environment = {**os.environ, "RAYTRACER_CACHE_DIR": str(folder / "cache")}
+    return subprocess.Popen(given, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def kill_compilers(folder: Path, count: int) -> int:
+    """Kill processes while they hold the lock and compile; how many of them were."""
+    scene = folder / "scene.yaml"
+    scene.write_text(_SCENE)
+    killed = 0
+    for number in range(count):
+        start = folder / f"at-once-{number}"
+        start.touch()
+        racer = _racer(folder, scene, folder / f"victim-{number}", start)
+        while racer.poll() is None and not list((folder / "cache").rglob("*.lock")):
+            time.sleep(0.02)
+        time.sleep(0.3 + 0.5 * number)
+        racer.send_signal(signal.SIGKILL if hasattr(signal, "SIGKILL") else signal.SIGTERM)
+        racer.communicate()
+        killed += not list((folder / "cache").rglob("*.nbc"))
+    return killed
+
+
+def damage(folder: Path, seed: int) -> int:
+    """Flip a bit of every kernel that is there; how many there are."""
+    places = np.random.default_rng(seed)
+    found = sorted((folder / "cache").rglob("*.nbc"))
+    for path in found:
+        content = bytearray(path.read_bytes())
+        content[places.integers(len(content))] ^= 1 << int(places.integers(8))
+        path.write_bytes(content)
+    return len(found)
+
+
+def main() -> int:
+    """Race, and say what became of it."""
+    parser = argparse.ArgumentParser(prog="python -m tests.reliability.race", description=__doc__.split("\n\n")[0])
+    parser.add_argument("--processes", type=int, default=32)
+    parser.add_argument("--killed", type=int, default=0, help="processes that are killed while they compile, before")
+    parser.add_argument("--damaged", action="store_true", help="race once more, with damaged files")
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made)
+        if given.killed:
+            print(f"{kill_compilers(folder, given.killed)} of {given.killed} killed while they compiled")
+        done = [race(folder, given.processes)]
+        if given.damaged:
+            print(f"{damage(folder, 1)} kernels damaged")
+            done.append(race(folder, given.processes))
+        for found in done:
+            print(
+                f"{len(found.statuses)} processes: {found.statuses.count(0)} succeeded, {len(found.pictures)} "
+                f"different pictures, {found.compiled} compiled, {found.seconds:.1f} s for the slowest; "
+                f"left over: {found.left}"
+            )
+            if found.told:
+                print(found.told[:2000])
+        same = len(set().union(*(found.pictures for found in done))) == 1
+    return 0 if same and all(found.is_won for found in done) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

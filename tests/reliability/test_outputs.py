@@ -1,0 +1,208 @@
+"""Files that cannot be written at the end of a render, or not at once: they are tried again, and nothing is lost."""
+
+import errno
+import os
+import re
+import shutil
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import raytracer.rendering
+from raytracer import wholefiles
+from raytracer.cli.main import main
+from raytracer.film import load
+from tests.reliability.processes import BALL, Process, asides, run
+
+_RENDER = ["render", "ball.yaml", "--spp", "8", "-q"]
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(wholefiles, "_PAUSES", (0.01, 0.02))
+    (tmp_path / "ball.yaml").write_text(BALL)
+    return tmp_path
+
+
+@pytest.fixture
+def refuse(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, int], list[Path]]:
+    """Let files of a name be refused for want of room, so often; what was tried is in the list that is given back."""
+    replace = os.replace
+
+    def refusing(name: str, times: int) -> list[Path]:
+        tried: list[Path] = []
+
+        def replaced(source: Path, target: Path) -> None:
+            if Path(target).name == name:
+                tried.append(Path(target))
+                if len(tried) <= times:
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            replace(source, target)
+
+        monkeypatch.setattr(wholefiles.os, "replace", replaced)
+        return tried
+
+    return refusing
+
+
+Refuse = Callable[[str, int], list[Path]]
+
+
+def test_what_cannot_be_written_is_tried_again(home: Path, refuse: Refuse, capsys: pytest.CaptureFixture[str]) -> None:
+    tried = refuse("b.npy", 2)
+    assert main([*_RENDER, "-o", "a.npy", "-o", "b.npy", "-o", "c.npy"]) == 0
+    assert len(tried) == 3
+    # It is said once.
+    assert capsys.readouterr().err == (
+        "rt: warning: b.npy: cannot be written: No space left on device; it is tried again for 0.03 s\n"
+    )
+    assert np.array_equal(np.load("a.npy"), np.load("b.npy"))
+    assert np.array_equal(np.load("a.npy"), np.load("c.npy"))
+
+
+def test_what_stays_impossible_keeps_no_other_from_being_written(
+    home: Path, refuse: Refuse, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("b.npy").write_bytes(b"what was there before")
+    refuse("b.npy", 100)
+    words = [*_RENDER, "-o", "a.npy", "-o", "b.npy", "--stats", "stats.json", "--checkpoint", "1min"]
+    assert main(words) == 1
+    *warnings, sentence = capsys.readouterr().err.splitlines()
+    assert len(warnings) == 1
+    again = " ".join(["rt", *words, "--resume"])
+    assert sentence == (
+        "rt: b.npy: cannot be written: No space left on device; a.npy.checkpoint has the samples, "
+        f"and this writes the rest: {again}"
+    )
+    assert Path("b.npy").read_bytes() == b"what was there before"
+    assert Path("stats.json").exists()
+    assert not asides(home)
+
+
+def test_the_picture_comes_from_the_checkpoint_alone(
+    home: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = [*_RENDER, "-o", "a.npy", "--checkpoint", "1min"]
+    with monkeypatch.context() as patch:
+        patch.setattr(wholefiles, "_PAUSES", ())
+        tried = refuse("a.npy", 1)
+        assert main(words) == 1
+        assert len(tried) == 1
+    assert not Path("a.npy").exists()
+    assert main([*words, "--resume", "--stats", "stats.json"]) == 0
+    assert main([*_RENDER, "-o", "b.npy"]) == 0
+    assert np.array_equal(np.load("a.npy"), np.load("b.npy"))
+    # Nothing was rendered for it.
+    stats = Path("stats.json").read_text()
+    assert re.search(r'"resumed": \{[^}]*"samples": 24576', stats)
+
+
+def test_without_a_checkpoint_the_picture_goes_elsewhere(
+    home: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    elsewhere = home / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(elsewhere))
+    refuse("a.npy", 3)
+    assert main([*_RENDER, "-o", "a.npy"]) == 1
+    sentence = capsys.readouterr().err.splitlines()[-1]
+    found = Path(sentence.partition("; instead, there is ")[2])
+    assert found.parent.parent == elsewhere
+    assert np.isfinite(load(found)).all()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows removes no folder that is looked into")
+def test_a_folder_that_is_removed_is_made_again(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    Path("out").mkdir()
+    show = raytracer.rendering.SampleBar.show
+
+    def remove(bar: object, progress: object) -> None:
+        shutil.rmtree("out", ignore_errors=True)
+        show(bar, progress)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("raytracer.rendering.SampleBar.show", remove)
+    assert main(["render", "ball.yaml", "--spp", "3000", "-q", "-o", "out/a.npy"]) == 0
+    assert np.isfinite(load("out/a.npy")).all()
+
+
+@pytest.mark.skipif(sys.platform == "win32" or os.geteuid() == 0, reason="nothing is read-only to the administrator")
+def test_a_read_only_folder_is_told_before_the_work(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("out").mkdir(mode=0o500)
+    assert main([*_RENDER, "-o", "out/a.npy"]) == 2
+    assert "no permission to write in the folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--resume", "--checkpoint", "off"], "--resume goes on from a checkpoint, and with --checkpoint off there is"),
+        (["--checkpoint", "soon"], "--checkpoint soon: must be a time"),
+        (["--checkpoint", "0s"], "--checkpoint 0s: must be a time greater than 0"),
+        (["--resume", "--debug", "--pixel", "1,1"], "--resume is for pictures, and --debug makes none"),
+        (["--checkpoint", "9s", "--debug", "--pixel", "1,1"], "--checkpoint is for pictures, and --debug makes none"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(
+    home: Path, words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*_RENDER, "-o", "a.npy", *words]) == 2
+    assert capsys.readouterr().err.startswith(f"rt: {sentence}")
+    assert sorted(path.name for path in home.iterdir()) == ["ball.yaml"]
+
+
+@pytest.mark.skipif(not Path("/dev/null").exists(), reason="needs a device")
+def test_a_checkpoint_lies_beside_the_first_file(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for word in (["--resume"], ["--checkpoint", "9s"]):
+        assert main([*_RENDER, "-o", "/dev/null", *word]) == 2
+        assert capsys.readouterr().err.startswith("rt: a checkpoint lies beside the picture, and /dev/null is no file")
+    assert main([*_RENDER, "-o", "/dev/null"]) == 0
+    assert main([*_RENDER, "-o", "/dev/null", "-o", "a.npy", "-o", "b.npy", "--checkpoint", "9s"]) == 0
+    assert sorted(path.name for path in home.iterdir()) == ["a.npy", "a.npy.checkpoint", "b.npy", "ball.yaml"]
+
+
+def test_the_summary_says_what_is_kept(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["render", "ball.yaml", "-o", "a.npy", "--checkpoint", "9s"]
+    assert main([*words, "--spp", "16"]) == 0
+    assert re.search(
+        r"\na\.npy\.checkpoint: all samples \([\d.]+ MB\), to which --resume --spp N adds\n$", capsys.readouterr().err
+    )
+    assert main([*words, "--spp", "64", "--resume"]) == 0
+    assert "64 spp, 16 of them before, in " in capsys.readouterr().err
+    # Who forgets to resume is told that it is possible.
+    assert main([*words, "--spp", "64"]) == 0
+    assert capsys.readouterr().err.startswith("rt: a.npy.checkpoint has the samples of an earlier render, from which ")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_log_on_a_full_disk_ends_no_render(home: Path) -> None:
+    with open("/dev/full", "w") as full:
+        assert run(["render", "ball.yaml", "-o", "a.npy", "--spp", "8"], home, stderr=full).status == 0
+        assert np.isfinite(load("a.npy")).all()
+        # The exit status is all that is left to say.
+        assert run(["render", "missing.yaml"], home, stderr=full).status == 2
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows limits no files")
+def test_a_limit_for_the_size_of_files_is_told_and_leaves_none_half_written(home: Path) -> None:
+    import resource
+
+    def limit() -> None:
+        # A .png of the ball takes 1 kB, an .npy file 74 kB, a checkpoint more.
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+    words = [*_RENDER, "-o", "a.png", "-o", "a.npy", "--checkpoint", "0.1s"]
+    process = Process(words, home, preexec_fn=limit)
+    assert process.until((home / "a.png").exists)
+    # Ctrl-C ends the trying; what came of it is told all the same.
+    process.send(signal.SIGINT)
+    ended = process.end()
+    assert ended.status == 1
+    assert ended.sentences == ["rt: a.npy: cannot be written: File too large"]
+    assert np.isfinite(load("a.png")).all()
+    assert not asides(home)
+    assert sorted(path.name for path in home.iterdir()) == ["a.png", "ball.yaml"]

@@ -1,0 +1,256 @@
+"""What Ctrl-C, SIGTERM and SIGHUP do to processes: how they end, what they say, and what is on the disk then.
+
+No time is asserted: `python -m tests.reliability.signalling` measures it.
+"""
+
+import os
+import shlex
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from raytracer.film import load
+from tests.reliability.processes import BALL, FOREVER, Ended, Process, asides, run
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no such signals")
+
+STATUS = {signal.SIGINT: 130, signal.SIGTERM: 143}
+
+_PROMPT_SECONDS = 0.05
+
+# A picture that takes a while to be written.
+LARGE = ("-D", "film.width=800", "-D", "film.height=600")
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    (tmp_path / "ball.yaml").write_text(BALL)
+    return tmp_path
+
+
+def _rendering(home: Path, *words: str, **settings: Any) -> tuple[Process, list[str]]:
+    """A render without an end that has written a checkpoint."""
+    command = ["render", "ball.yaml", "-o", "out.npy", *FOREVER, "--checkpoint", "0.1s", *words]
+    process = Process(command, home, **settings)
+    assert process.until((home / "out.npy.checkpoint").exists), process.end()
+    return process, command
+
+
+def _inode(path: Path) -> int | None:
+    """The number of a file: of one that takes its place, another."""
+    try:
+        return path.stat().st_ino
+    except FileNotFoundError:
+        return None
+
+
+def _assert_one_line(ended: Ended) -> None:
+    assert ended.out == ""
+    assert ended.err == "rt: interrupted\n"
+
+
+@pytest.mark.parametrize("number", STATUS)
+def test_a_render_writes_what_is_there_and_says_how_to_go_on(home: Path, number: signal.Signals) -> None:
+    process, command = _rendering(home, "-q")
+    process.send(number)
+    ended = process.end()
+    assert ended.status == STATUS[number]
+    again = shlex.join(["rt", *command, "--resume"])
+    assert ended.err.startswith("rt: interrupted; out.npy has ")
+    assert ended.err.endswith(f" of {FOREVER[1]} samples per pixel; this goes on: {again}\n")
+    assert ended.err.count("\n") == 1
+    assert np.isfinite(load(home / "out.npy")).all()
+    assert not asides(home)
+
+    # It goes on by that command, and the picture's samples become more.
+    fewest = int(ended.err.split(" has ")[1].split()[0])
+    before = (home / "out.npy.checkpoint").stat().st_ino
+    process = Process(shlex.split(again)[1:], home)
+    assert process.until(lambda: _inode(home / "out.npy.checkpoint") not in (None, before)), process.end()
+    process.send(number)
+    ended = process.end()
+    assert ended.status == STATUS[number]
+    assert int(ended.err.split(" has ")[1].split()[0]) > fewest
+
+
+def test_a_second_signal_ends_it_at_once_without_a_broken_file(home: Path) -> None:
+    (home / "out.exr").write_bytes(b"what was there before")
+    process, _ = _rendering(home, "-o", "out.exr", *LARGE)
+    assert process.until(lambda: not asides(home))
+    process.send(signal.SIGINT)
+    # The checkpoint is written first, and then the picture.
+    assert process.until(lambda: bool(asides(home)))
+    while process.is_running:
+        # Of two that come at once the system makes one.
+        process.send(signal.SIGINT)
+        time.sleep(_PROMPT_SECONDS)
+    ended = process.end()
+    assert ended.status == 130
+    _assert_one_line(ended)
+    assert not asides(home)
+    assert (home / "out.exr").read_bytes() == b"what was there before"
+    # What was kept before is there still, and is gone on from.
+    ended = run(["render", "ball.yaml", "-o", "out.npy", "--spp", "8", *LARGE, "--resume"], home)
+    assert "samples" in ended.err
+    assert "begins anew" not in ended.err
+
+
+def test_sighup_writes_the_picture_so_far_and_the_render_goes_on(home: Path) -> None:
+    process, _ = _rendering(home, "-o", "out.png")
+    assert not (home / "out.png").exists()
+    process.send(signal.SIGHUP)
+    assert process.until((home / "out.png").exists)
+    so_far = load(home / "out.npy")
+    assert np.isfinite(so_far).all()
+    assert process.is_running
+    (home / "out.png").unlink()
+    process.send(signal.SIGHUP)
+    assert process.until((home / "out.png").exists)
+    assert not np.array_equal(load(home / "out.npy"), so_far)
+    process.send(signal.SIGTERM)
+    ended = process.end()
+    assert ended.status == 143
+    said = [line for line in ended.err.splitlines() if "so far" in line]
+    assert len(said) == 2
+    assert all(line.startswith("rt: out.npy, out.png has the picture so far, of ") for line in said)
+    assert all(line.endswith(" samples per pixel; the render goes on") for line in said)
+
+
+def test_sighup_works_without_checkpoints_and_under_nohup(home: Path) -> None:
+    command = ["render", "ball.yaml", "-o", "out.png", *FOREVER, "--checkpoint", "off"]
+    process = Process(command, home, preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))
+    while process.is_running and not (home / "out.png").exists():
+        process.send(signal.SIGHUP)
+        time.sleep(_PROMPT_SECONDS)
+    process.send(signal.SIGINT)
+    ended = process.end()
+    assert ended.status == 130
+    assert "so far" in ended.err
+    assert "--resume" not in ended.err
+    assert sorted(path.name for path in home.iterdir()) == ["ball.yaml", "out.png"]
+
+
+def test_a_terminal_that_is_closed_ends_no_render(home: Path) -> None:
+    import fcntl
+    import termios
+
+    leader, follower = os.openpty()
+
+    def take_terminal() -> None:
+        fcntl.ioctl(follower, termios.TIOCSCTTY, 0)
+
+    settings = {"start_new_session": True, "preexec_fn": take_terminal, "stderr": follower, "stdout": follower}
+    process, _ = _rendering(home, **settings)
+    os.close(follower)
+    os.close(leader)
+    # The system sends SIGHUP then, and refuses whatever is written there.
+    assert process.until((home / "out.npy").exists)
+    assert process.is_running
+    process.send(signal.SIGTERM)
+    assert process.popen.wait(60) == 143
+    assert np.isfinite(load(home / "out.npy")).all()
+
+
+@pytest.mark.parametrize("number", STATUS)
+def test_before_the_first_sample_there_is_nothing_to_wait_for(home: Path, number: signal.Signals) -> None:
+    """Not even for the compiler, which is at work here, since its cache is empty."""
+    cache = home / "cache"
+    process = Process(["render", "ball.yaml"], home, env={**os.environ, "RAYTRACER_CACHE_DIR": str(cache)})
+    assert process.until(lambda: any(cache.rglob("*.lock")))
+    process.send(number)
+    ended = process.end()
+    assert ended.status == STATUS[number]
+    _assert_one_line(ended)
+    # Nothing of what was compiled is there, be it half or whole.
+    assert not [path for path in cache.rglob("*") if path.suffix in (".nbc", ".tmp")]
+    assert not (home / "outputs").exists()
+
+
+@pytest.mark.slow
+def test_what_an_interrupt_leaves_of_the_cache_is_of_use(home: Path) -> None:
+    settings = {"env": {**os.environ, "RAYTRACER_CACHE_DIR": str(home / "cache")}}
+    for _ in range(3):
+        process = Process(["render", "ball.yaml"], home, **settings)
+        process.until(lambda: any((home / "cache").rglob("*.lock")))
+        process.send(signal.SIGINT)
+        assert process.end().status == 130
+    assert run(["render", "ball.yaml"], home, **settings).status == 0
+
+
+def test_a_signal_that_was_to_be_ignored_is(home: Path) -> None:
+    """Shells start what they run in the background with Ctrl-C ignored."""
+    process, _ = _rendering(home, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN))
+    process.send(signal.SIGINT)
+    (home / "out.npy.checkpoint").unlink()
+    assert process.until((home / "out.npy.checkpoint").exists)
+    assert process.is_running
+    process.send(signal.SIGTERM)
+    assert process.end().status == 143
+
+
+def test_a_sweep_keeps_what_is_done_and_goes_on_by_the_same_command(home: Path) -> None:
+    command = ["sweep", "ball.yaml", "-D", "camera.vfov=20:60:10", "-o", "out", "--spp", "2000", "-q"]
+    process = Process(command, home)
+    records = home / "out" / "points"
+    assert process.until(lambda: records.is_dir() and len(list(records.glob("*.json"))) >= 2)
+    process.send(signal.SIGTERM)
+    ended = process.end()
+    assert ended.status == 143
+    assert ended.err.startswith("rt: interrupted; ")
+    assert ended.err.endswith(" of 10 points done; the same command goes on\n")
+    done = int(ended.err.split("; ")[1].split()[0])
+    assert 2 <= done < 10
+    assert not asides(home / "out")
+    assert len(list(records.glob("*.json"))) == done
+    assert run(command, home).status == 0
+    assert len(list(records.glob("*.json"))) == 10
+
+
+def test_a_light_field_keeps_what_is_done_and_goes_on(home: Path) -> None:
+    array = "{type: camera_array, rows: 2, columns: 2, spacing: 10 cm, look_from: [0, 0, 4], look_at: [0, 0, 0]}"
+    words = [f"camera={array}", "camera.vfov=40", "camera.focus_distance=4"]
+    command = ["lightfield", "render", "ball.yaml", *(word for text in words for word in ("-D", text))]
+    command += ["-o", "out.lf", "--memory", "1.5MB", *FOREVER, "--checkpoint", "0.1s", "-q"]
+    kept = home / "out.lf.1.checkpoint"
+    process = Process(command, home)
+    assert process.until(kept.exists), process.end()
+    process.send(signal.SIGTERM)
+    ended = process.end()
+    assert ended.status == 143
+    again = shlex.join(["rt", *command, "--resume"])
+    assert ended.err == f"rt: interrupted; out.lf is not written; this goes on: {again}\n"
+    assert not (home / "out.lf").exists()
+    assert not asides(home)
+    before = kept.stat().st_ino
+    process = Process(shlex.split(again)[1:], home)
+    assert process.until(lambda: _inode(kept) not in (None, before)), process.end()
+    process.send(signal.SIGINT)
+    ended = process.end()
+    assert ended.status == 130
+    assert ended.err.endswith(f"{again}\n")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["cost", "ball.yaml", "--budget", "10min", "-q"],
+        ["probe", "ball.yaml", "--at", "0,0,4", "--toward", "0,0,0", "--spp", "1000000000", "-q"],
+        ["reference", "ball.yaml", "--spp", "100000000", "-q"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_other_commands_say_one_word(home: Path, words: list[str]) -> None:
+    process = Process(words, home)
+    # As soon as it reads the kernel, or later: nothing that it does then may turn it into something else.
+    process.until(lambda: process.seconds > 2.0)
+    process.send(signal.SIGINT)
+    ended = process.end()
+    assert ended.status == 130
+    assert ended.sentences[-1] == "rt: interrupted"
+    assert "Traceback" not in ended.err
+    assert sorted(path.name for path in home.iterdir()) == ["ball.yaml"]
