@@ -37,6 +37,8 @@ _ERRORS = {
     6: "cancelled",
 }
 
+_NO_MEMORY = 4
+
 _TYPES = {Primitive.TRIANGLE: 0, Primitive.SPHERE: 50, Primitive.DISC: 52}
 _INSTANCE_ARRAY = 122
 _FORMATS = {("u", 1): 0x5001, ("u", 3): 0x5003, ("f", 3): 0x9003, ("f", 4): 0x9004}
@@ -144,10 +146,13 @@ class Device:
         Raises
         ------
         EmbreeError : with Embree's own words.
+        MemoryError : there was not enough for it.
         """
         if self._errors:
             first = self._errors[0]
             self._errors.clear()
+            if first.startswith(_ERRORS[_NO_MEMORY]):
+                raise MemoryError(f"Embree: {first}")
             raise EmbreeError(f"Embree: {first}")
 
 

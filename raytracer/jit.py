@@ -5,11 +5,15 @@ function, chosen when a scene is compiled by the NamedTuple class of its first a
 thing therefore holds no code for it.
 """
 
+import contextlib
 import functools
+import getpass
 import hashlib
 import os
 import shutil
 import sys
+import tempfile
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,6 +21,7 @@ from typing import Any, TypeVar
 import llvmlite.ir
 import numba
 from numba import types
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.cgutils import alloca_once_value, gep_inbounds
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
@@ -28,35 +33,43 @@ from numba.core.typed_passes import NativeLowering
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, overload, register_model
 
-from raytracer.kernel_files import KernelFiles, source_hash
+from raytracer.interrupts import unhindered
+from raytracer.kernel_files import KernelFiles, make_folder, source_hash
 
 _PACKAGE = Path(__file__).parent
 
 # What lies above the kernels, and has none of its own: an edit of these leaves all that is compiled as it is.
 _WITHOUT_KERNELS = (
     "adaptive",
+    "checkpoints",
     "cli",
     "cluster",
+    "command",
     "comparison",
     "cost",
     "debugging",
     "development",
     "errands",
     "explanation",
+    "interrupts",
     "lens_report",
     "lightfield",
+    "memory",
     "pages",
     "plenoptic",
     "preparation",
     "probing",
     "pytest_plugin",
+    "reach",
     "regression",
     "rendering",
     "replay",
     "scene",
     "scheduling",
+    "snapshots",
     "stock",
     "sweeping",
+    "untrusted",
     "vocabulary",
 )
 
@@ -118,6 +131,15 @@ Who else changes what the whole process shares, such as the filters of warnings,
 the filters that it has found, and of two threads that do so at once one puts back the other's.
 """
 
+
+def _forget_who_compiles() -> None:
+    # In a process that was forked while a thread compiled, that thread is not there to let go.
+    alone._lock = threading.RLock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget_who_compiles)
+
 _PART: Any = {**_OPTIONS, "no_cfunc_wrapper": True, "pipeline_class": _PartCompiler}
 
 _ROUTINE: Any = {**_PART, "forceinline": False}
@@ -134,27 +156,30 @@ def _cache_root() -> Path:
     """The user's cache folder, by each system's custom; `RAYTRACER_CACHE_DIR` overrides it."""
     if given := os.environ.get("RAYTRACER_CACHE_DIR"):
         return Path(given)
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")) / "raytracer"
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "raytracer"
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "raytracer"
+    try:
+        if sys.platform == "win32":
+            return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "raytracer"
+        if sys.platform == "darwin":
+            return Path.home() / "Library" / "Caches" / "raytracer"
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "raytracer"
+    except RuntimeError:
+        # A user without a home, as containers have them.
+        return (
+            Path(tempfile.gettempdir()) / f"raytracer-{getpass.getuser() if sys.platform == 'win32' else os.getuid()}"
+        )
 
 
 def _use_cache_of_these_sources() -> Path:
-    """Point Numba at a folder that only these sources use, and drop the oldest folders of others."""
+    """A folder that only these sources use, made if it can be; and drop the oldest folders of others."""
     root = _cache_root()
     folder = root / f"kernels-{_source_hash()}"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
+    # Where it cannot be written, kernels are compiled in memory.
+    with contextlib.suppress(OSError):
+        make_folder(folder)
         os.utime(folder)
         old = sorted(root.glob("kernels-*"), key=lambda path: path.stat().st_mtime)[:-_CACHES_KEPT]
         for path in old:
             shutil.rmtree(path, ignore_errors=True)
-    except OSError:
-        # A read-only home: Numba falls back to compiling in memory.
-        return folder
-    numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
     return folder
 
 
@@ -168,25 +193,66 @@ def processor() -> str:
     return " ".join(cpu_target.target_context.codegen().magic_tuple())
 
 
+class _Place:
+    """Where Numba is to keep what it compiled; its own ways to find a place end the program where there is none."""
+
+    def __init__(self, py_file: str) -> None:
+        self._py_file = py_file
+
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], py_file: str) -> "_Place":
+        return cls(py_file)
+
+    def get_cache_path(self) -> str:
+        return str(CACHE_FOLDER)
+
+    def ensure_cache_path(self) -> None:
+        """Nothing: what saves a file makes the folder."""
+
+    def get_source_stamp(self) -> str:
+        # The folder is that of the package's sources; other modules, as those of tests, are told apart by their own.
+        return hashlib.sha256(Path(self._py_file).read_bytes()).hexdigest()[:16]
+
+    get_disambiguator = get_source_stamp
+
+
+class _CacheContent(CompileResultCacheImpl):
+    """What Numba keeps of a function, in our place."""
+
+    _locator_classes: Any = (_Place,)
+
+
+class _Cache(FunctionCache):
+    """What was compiled of a function, in our files."""
+
+    _impl_class = _CacheContent
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self.files = KernelFiles(CACHE_FOLDER, self._impl.filename_base, dumps)
+        self._cache_file: Any = self.files
+
+
 def entry(function: Callable[..., Any]) -> Any:
     """Compile what Python calls to start work: without the interpreter lock, and cached on disk.
 
     Of several processes that need it for the same types one compiles it, and the others wait.
     """
-    compiled = numba.njit(nogil=True, cache=True, **_OPTIONS)(function)
+    compiled = numba.njit(nogil=True, **_OPTIONS)(function)
     if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         return compiled
-    cache, at_once = compiled._cache, compiled.compile
-    # The folder is that of the package's sources; other modules, as those of tests, are told apart by their own.
-    source = hashlib.sha256(Path(function.__code__.co_filename).read_bytes()).hexdigest()[:16]
-    files = KernelFiles(Path(cache.cache_path), f"{cache._impl.filename_base}.{source}", dumps)
-    cache._cache_file = files
+    cache, at_once = _Cache(function), compiled.compile
+    compiled._cache = cache
 
     def in_turn(signature: tuple[types.Type, ...]) -> Any:
-        with alone, files.alone(cache._index_key(signature, compiled.targetctx.codegen())):
+        with alone, cache.files.alone(cache._index_key(signature, compiled.targetctx.codegen())):
             return at_once(signature)
 
-    compiled.compile = in_turn
+    def compiled_for(signature: tuple[types.Type, ...]) -> Any:
+        # Another thread would wait for the one that compiles already, and waits for it.
+        return in_turn(signature) if alone.is_locked() else unhindered(lambda: in_turn(signature))
+
+    compiled.compile = compiled_for
     return compiled
 
 

@@ -4,8 +4,11 @@ import contextlib
 import hashlib
 import os
 import pickle
+import stat
 import sys
+import time
 import uuid
+import warnings
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +16,26 @@ from typing import Any
 _LONGEST_WAIT = 300.0
 """Seconds after which a kernel is compiled all the same: ten times what the largest takes.  Windows says of a folder
 that may not be written what it says of a lock that is held."""
+
+_STALE = 12 * _LONGEST_WAIT
+"""Seconds after which a lock, or a file that is being written, is left over from a process that was killed."""
+
+_LEFT_OVER = ("*.lock", "*.tmp")
+
+# What a file begins with: what it is, and the SHA-256 of all that follows.
+_MAGIC = b"rt kernel 1\n"
+_HEAD = len(_MAGIC) + hashlib.sha256().digest_size
+
+# Only its owner writes to a file; everyone may read it, as where one user has filled the folder for others.
+_FOLDER_MODE, _FILE_MODE = 0o755, 0o644
+
+_BINARY: int = getattr(os, "O_BINARY", 0)
+
+_told: set[str] = set()
+
+
+class CacheWarning(RuntimeWarning):
+    """A folder of compiled kernels that is not used, since what is in it may be anybody's."""
 
 
 def source_hash(package: Path, *versions: str, without: Collection[str] = ()) -> str:
@@ -52,29 +75,25 @@ class KernelFiles:
         return self._folder / f"{self._name}.{hashlib.sha256(repr(key).encode()).hexdigest()[:24]}.nbc"
 
     def load(self, key: Any) -> Any:
-        """What was compiled for a key; None if that is not there, or damaged."""
-        # A file cut short or overwritten can raise nearly anything.
-        with contextlib.suppress(Exception):
-            held, data = pickle.loads(self.path(key).read_bytes())
-            if pickle.loads(held) == key:
-                return pickle.loads(data)
+        """What was compiled for a key; None if that is not there, damaged, or may have been written by another user."""
+        content = self._content(key)
+        if content is not None:
+            # What another version has written may raise nearly anything.
+            with contextlib.suppress(Exception):
+                held, data = pickle.loads(content)
+                if pickle.loads(held) == key:
+                    return pickle.loads(data)
         return None
+
+    def _content(self, key: Any) -> bytes | None:
+        return kept(self.path(key))
 
     def save(self, key: Any, data: Any) -> None:
         """Keep what was compiled for a key, so that any process sees all of it or nothing.
 
         Where there is no room, or no right to write, it is compiled anew each time.
         """
-        path = self.path(key)
-        aside = path.with_suffix(f".{uuid.uuid4().hex[:16]}.tmp")
-        content = pickle.dumps((self._dumps(key), self._dumps(data)), protocol=-1)
-        with contextlib.suppress(OSError):
-            self._folder.mkdir(parents=True, exist_ok=True)
-            try:
-                aside.write_bytes(content)
-                os.replace(aside, path)
-            finally:
-                aside.unlink(missing_ok=True)
+        keep(self.path(key), pickle.dumps((self._dumps(key), self._dumps(data)), protocol=-1))
 
     def flush(self) -> None:
         """Forget all versions."""
@@ -85,17 +104,116 @@ class KernelFiles:
     def alone(self, key: Any) -> Iterator[None]:
         """Wait for another process that compiles for this key: what it then has saved need not be compiled again."""
         with contextlib.ExitStack() as stack:
-            if not self.path(key).exists():
+            if self._content(key) is None:
                 # Without a lock, as where a folder cannot be written, both compile.
                 with contextlib.suppress(OSError, NotImplementedError):
                     stack.enter_context(self._lock(key))
-            # All who waited may load at once.
-            if self.path(key).exists():
-                stack.close()
+                # All who waited may load at once.
+                if self._content(key) is not None:
+                    stack.close()
             yield
 
     def _lock(self, key: Any) -> contextlib.AbstractContextManager[Any]:
         from filelock import FileLock
 
-        self._folder.mkdir(parents=True, exist_ok=True)
+        make_folder(self._folder)
+        if not _is_trusted(self._folder):
+            return contextlib.nullcontext()
         return FileLock(self.path(key).with_suffix(".lock"), timeout=_LONGEST_WAIT)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder that its owner alone may write to, if it is not there.
+
+    Raises
+    ------
+    OSError : it cannot be made.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(mode=_FOLDER_MODE, exist_ok=True)
+
+
+def kept(path: Path) -> bytes | None:
+    """What `keep` has put into a file; None if that is not there, damaged, or may have been written by another user."""
+    with contextlib.suppress(OSError):
+        if _is_trusted(path.parent):
+            content = _read(path)
+            if content is not None and content[:_HEAD] == _head(content[_HEAD:]):
+                return content[_HEAD:]
+    return None
+
+
+def keep(path: Path, content: bytes) -> None:
+    """Put something into a file of the cache, with a checksum, so that any process sees all of it or nothing.
+
+    Where that cannot be done, nothing is.  What processes have left in the folder that were killed is removed.
+    """
+    aside = path.with_suffix(f".{uuid.uuid4().hex[:16]}.tmp")
+    with contextlib.suppress(OSError):
+        make_folder(path.parent)
+        if not _is_trusted(path.parent):
+            return
+        try:
+            with os.fdopen(os.open(aside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _BINARY, _FILE_MODE), "wb") as file:
+                file.write(_head(content))
+                file.write(content)
+            os.replace(aside, path)
+        finally:
+            aside.unlink(missing_ok=True)
+        _clean(path.parent)
+
+
+def _clean(folder: Path) -> None:
+    for pattern in _LEFT_OVER:
+        for path in folder.glob(pattern):
+            with contextlib.suppress(OSError):
+                if time.time() - path.stat().st_mtime > _STALE:
+                    path.unlink()
+
+
+def _is_trusted(folder: Path) -> bool:
+    """Whether nobody but this user, or the system's, may have put something in a folder; said once if not."""
+    status = folder.lstat()
+    reason = _doubt(status, folder)
+    if reason is not None and reason not in _told:
+        _told.add(reason)
+        warnings.warn(
+            f"{reason}, so compiled kernels are neither taken from there nor kept: each run compiles anew; "
+            "RAYTRACER_CACHE_DIR names another folder",
+            CacheWarning,
+            stacklevel=2,
+        )
+    return reason is None and stat.S_ISDIR(status.st_mode)
+
+
+def _head(content: bytes) -> bytes:
+    return _MAGIC + hashlib.sha256(content).digest()
+
+
+def _read(path: Path) -> bytes | None:
+    """What is in a regular file that only this user, or the system's, may have written; None for all else.
+
+    Raises
+    ------
+    OSError : it is not there, or cannot be read.
+    """
+    # A pipe in its place would have to be waited for.
+    with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | _BINARY), "rb") as file:
+        status = os.fstat(file.fileno())
+        return None if not stat.S_ISREG(status.st_mode) or _doubt(status, path) else file.read()
+
+
+def _doubt(status: os.stat_result, path: Path) -> str | None:
+    """Why what is in a file or folder may be another user's, who would have it executed here; None if it cannot.
+
+    On Windows folders of users are their own by default, and modes say nothing.
+    """
+    if sys.platform == "win32":
+        return None
+    if stat.S_ISLNK(status.st_mode):
+        return f"{path} is a link"
+    if status.st_uid not in (os.geteuid(), 0):
+        return f"{path} belongs to another user"
+    if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        return f"{path} can be written by other users"
+    return None

@@ -97,8 +97,7 @@ class Stock:
         robust: bool,
     ) -> Accel:
         """The ray caster's structure of these; see `Accel`."""
-        numbered = tuple({number: tuple(held) for number, held in group.items()} for group in (geometries, *groups))
-        key = (numbered, tuple(tuple(placed) for placed in placements), first_instance, robust)
+        key = _key(geometries, groups, placements, first_instance, robust)
 
         def build() -> Accel:
             return Accel(geometries, groups, placements, first_instance=first_instance, robust=robust)
@@ -106,11 +105,36 @@ class Stock:
         with self._lock:
             return self._structures.get(key, build, lambda _: _weight(key))
 
+    def has_structure(
+        self,
+        geometries: Mapping[int, Geometry],
+        groups: Sequence[Mapping[int, Geometry]],
+        placements: Sequence[Placements],
+        *,
+        first_instance: int,
+        robust: bool,
+    ) -> bool:
+        """Whether the structure of these is there already."""
+        with self._lock:
+            return self._structures.has(_key(geometries, groups, placements, first_instance, robust))
+
     def kept(self, key: tuple[Any, ...], make: Callable[[], T], fresh: Callable[[T], bool]) -> T:
         """What was made for the same key, if that is still `fresh`; or what `make` makes now."""
         with self._lock:
             found: T = self._worlds.get(key, make, _weight, fresh)
             return found
+
+
+def _key(
+    geometries: Mapping[int, Geometry],
+    groups: Sequence[Mapping[int, Geometry]],
+    placements: Sequence[Placements],
+    first_instance: int,
+    robust: bool,
+) -> tuple[Any, ...]:
+    """All that a structure depends on."""
+    numbered = tuple({number: tuple(held) for number, held in group.items()} for group in (geometries, *groups))
+    return numbered, tuple(tuple(placed) for placed in placements), first_instance, robust
 
 
 class _File(NamedTuple):
@@ -145,7 +169,7 @@ class _Shelf(Generic[T]):
         fresh: Callable[[T], bool] = lambda value: True,
     ) -> T:
         """The value for the same key; made now if there is none, or it is not `fresh`."""
-        place = next((place for place, entry in enumerate(self._entries) if same(entry.key, key)), None)
+        place = self._place(key)
         if place is not None:
             entry = self._entries.pop(place)
             if fresh(entry.value):
@@ -157,6 +181,13 @@ class _Shelf(Generic[T]):
         while len(self._entries) > 1 and sum(entry.weight for entry in self._entries) > self._most:
             del self._entries[0]
         return value
+
+    def has(self, key: tuple[Any, ...]) -> bool:
+        """Whether there is a value for the same key."""
+        return self._place(key) is not None
+
+    def _place(self, key: tuple[Any, ...]) -> int | None:
+        return next((place for place, entry in enumerate(self._entries) if same(entry.key, key)), None)
 
 
 def same(one: Any, other: Any) -> bool:

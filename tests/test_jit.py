@@ -2,6 +2,8 @@
 
 import os
 import re
+import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -173,12 +175,7 @@ def test_other_numba_versions_have_another_cache(tmp_path: Path, monkeypatch: py
     assert jit._source_hash() != before
 
 
-def _restored_cache_dir(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("numba.config.CACHE_DIR", jit.numba.config.CACHE_DIR)
-
-
 def test_old_caches_are_dropped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    _restored_cache_dir(monkeypatch)
     monkeypatch.setenv("RAYTRACER_CACHE_DIR", str(tmp_path))
     for age in range(8):
         folder = tmp_path / f"kernels-{age}"
@@ -188,27 +185,50 @@ def test_old_caches_are_dropped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     (tmp_path / "something else").mkdir()
     current = jit._use_cache_of_these_sources()
     assert current.parent == tmp_path
-    assert str(current) == jit.numba.config.CACHE_DIR
     kept = sorted(path.name for path in tmp_path.iterdir())
     assert kept == sorted([current.name, "kernels-0", "kernels-1", "kernels-2", "something else"])
 
 
-@pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="root may write anywhere")
-def test_a_folder_that_cannot_be_written_is_no_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    _restored_cache_dir(monkeypatch)
-    tmp_path.chmod(0o500)
-    monkeypatch.setenv("RAYTRACER_CACHE_DIR", str(tmp_path / "cache"))
-    jit._use_cache_of_these_sources()
+def _locked(folder: Path) -> Path:
+    folder.chmod(0o500)
+    return folder / "cache"
+
+
+def _taken(folder: Path) -> Path:
+    (folder / "file").touch()
+    return folder / "file"
+
+
+def _dangling(folder: Path) -> Path:
+    (folder / "link").symlink_to(folder / "nowhere" / "at all")
+    return folder / "link"
+
+
+@pytest.mark.parametrize("place", [_locked, _taken, _dangling, lambda folder: folder / "a" / "b" / "c"])
+def test_wherever_the_cache_is_to_be_kernels_run(
+    place: Callable[[Path], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RAYTRACER_CACHE_DIR", str(place(tmp_path)))
+    monkeypatch.setattr(jit, "CACHE_FOLDER", jit._use_cache_of_these_sources())
+
+    @entry
+    def double(x: float) -> float:
+        return 2.0 * x
+
+    assert double(1.5) == 3.0
     tmp_path.chmod(0o700)
 
 
-def test_a_cache_in_the_way_of_a_file_is_no_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    _restored_cache_dir(monkeypatch)
-    (tmp_path / "file").touch()
-    monkeypatch.setenv("RAYTRACER_CACHE_DIR", str(tmp_path / "file"))
-    before = jit.numba.config.CACHE_DIR
-    jit._use_cache_of_these_sources()
-    assert before == jit.numba.config.CACHE_DIR
+@pytest.mark.skipif(sys.platform == "win32", reason="homes are found in another way there")
+def test_a_user_without_a_home_has_a_cache_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_home() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("RAYTRACER_CACHE_DIR", raising=False)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(Path, "home", no_home)
+    monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path))
+    assert jit._cache_root() == tmp_path / f"raytracer-{os.getuid()}"
 
 
 def test_cache_lies_where_each_system_keeps_caches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

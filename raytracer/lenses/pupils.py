@@ -11,14 +11,12 @@ References: Kolb, Mitchell, Hanrahan 1995, "A Realistic Camera Model for Compute
 Jakob, Humphreys 2023, "Physically Based Rendering", 4th ed., sec. 5.4.4 (bounds by radius, as boxes).
 """
 
-import contextlib
 import functools
 import hashlib
 import io
 import itertools
 import math
 import os
-import uuid
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -27,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.jit import CACHE_FOLDER, entry, generic
+from raytracer.kernel_files import keep, kept
 from raytracer.lanes import WIDTH
 from raytracer.lenses.diaphragm import reach
 from raytracer.lenses.first_order import cardinal_points, exit_pupil
@@ -580,23 +579,19 @@ def _digest(*parts: Any) -> str:
 
 
 def _read(name: str) -> Any:
-    # What is damaged is as good as not there.
-    with contextlib.suppress(Exception), np.load(io.BytesIO((CACHE_FOLDER / name).read_bytes())) as held:
+    content = kept(CACHE_FOLDER / name)
+    if content is None:
+        return None
+    with np.load(io.BytesIO(content)) as held:
         return {key: held[key] for key in ("ellipses", "first", "second")}
-    return None
 
 
 def _write(name: str, made: RoundPupils | SquarePupils) -> None:
-    """Keep a table so that any process sees all of it or nothing; where that cannot be, it is made anew each time."""
+    """Keep a table; where that cannot be, it is made anew each time."""
     ellipses, first, second = made
-    aside = CACHE_FOLDER / f"{name}.{uuid.uuid4().hex[:16]}.tmp.npz"
-    with contextlib.suppress(OSError):
-        CACHE_FOLDER.mkdir(parents=True, exist_ok=True)
-        try:
-            np.savez(aside, ellipses=ellipses, first=first, second=second)
-            os.replace(aside, CACHE_FOLDER / name)
-        finally:
-            aside.unlink(missing_ok=True)
+    buffer = io.BytesIO()
+    np.savez(buffer, ellipses=ellipses, first=first, second=second)
+    keep(CACHE_FOLDER / name, buffer.getvalue())
 
 
 # ---- Light

@@ -1,0 +1,289 @@
+"""What a render takes in memory, and what there is."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from raytracer import memory
+from raytracer.cli.main import main
+from raytracer.embree import Accel
+from raytracer.errors import InputError
+from raytracer.geometry import Geometry, Primitive
+from raytracer.memory import Estimate, Limit, Picture, Room, Structure, check, control_group_bytes, structure_bytes
+from raytracer.rendering import ready, render
+from raytracer.stock import Stock
+from tests.rendering import scene
+from tests.repository import SCENES, need_files_of
+
+_SPHERE = """
+camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
+environment: {type: constant, radiance: 1}
+objects:
+  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 0.5}}
+"""
+
+_NEEDED = Estimate(100_000_000, {"the ray caster's structure": 300_000_000, "the picture": 2_000_000_000})
+
+
+def test_too_little_is_refused_with_both_numbers_and_what_helps() -> None:
+    with pytest.raises(InputError) as error:
+        check(_NEEDED, 2_000_000_000)
+    assert str(error.value) == (
+        "this would take about 2.4 GB of memory, and there are 2 GB allowed by --max-memory; 2 GB of it are the "
+        "picture: a smaller film, --crop, fewer AOVs or no --denoise take less, as do the views of an array by "
+        "rt lightfield render --memory"
+    )
+    check(_NEEDED, 2_400_000_000)
+
+
+def test_what_the_machine_may_have_is_not_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    # 2.3 GB would be added, of which estimates are right to a quarter.
+    for free, fits in ((1_700_000_000, False), (1_900_000_000, True), (2_400_000_000, True)):
+        monkeypatch.setattr(memory, "limits", lambda free=free: iter([Limit(10**12, "there"), Limit(free, "here")]))
+        if fits:
+            check(_NEEDED)
+        else:
+            with pytest.raises(InputError, match=r"there are 1\.8 GB here"):
+                check(_NEEDED)
+
+
+def test_a_render_is_refused_before_it_is_built(monkeypatch: pytest.MonkeyPatch) -> None:
+    spec = scene(_SPHERE)
+    monkeypatch.setattr("raytracer.scene.pack.Packed.build", lambda *given: pytest.fail("built"))
+    with pytest.raises(InputError, match="there are 10 MB allowed"):
+        render(spec, max_memory=10**7)
+
+
+def test_parts_of_a_picture_count_as_large_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("raytracer.rendering.compile_for", lambda *given: 0)
+    # 150 MB take some 26 GB by 176 bytes a pixel; a part of a hundredth does not.
+    spec = scene(_SPHERE, width=15_000, height=10_000)
+    most = memory.resident_bytes() + 2 * 10**9
+    with pytest.raises(InputError, match="this would take about"):
+        ready(spec, max_memory=most)
+    with pytest.raises(InputError, match="this would take about"):
+        ready(spec, max_memory=most, crop=(0, 0, 15_000, 5_000))
+    ready(spec, max_memory=most, most_pixels=1_500_000)
+    ready(spec, max_memory=most, crop=(0, 0, 1500, 1000))
+
+
+def test_the_command_says_so_with_the_status_of_wrong_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = tmp_path / "a.png"
+    given = ["render", str(SCENES / "cornell.yaml"), "-o", str(output), "--max-memory"]
+    assert main([*given, "50 MB"]) == 2
+    told = capsys.readouterr().err
+    assert "50 MB allowed by --max-memory" in told
+    assert told.count("\n") == 1
+    assert main([*given, "much"]) == 2
+    assert "--max-memory much: must be an amount of memory" in capsys.readouterr().err
+    assert not output.exists()
+
+
+def test_what_a_picture_takes_adds_up() -> None:
+    plain = Picture(pixels=1, film=64, spp=64)
+    # Film and tally, and as much again where a checkpoint copies them.
+    assert plain.bytes() >= 64 + 48
+    assert plain._replace(keeps=True).bytes() == 2 * (64 + 48)
+    assert Picture(pixels=10**6, film=64, spp=64).bytes() == 10**6 * plain.bytes()
+    for more in ({"film": 144}, {"photograph": memory.EXPOSED_BYTES}, {"denoises": True}):
+        assert plain._replace(**more).bytes() > plain.bytes()
+    # The denoiser bounds its own scratch memory.
+    large = Picture(pixels=10**8, film=64, denoises=True).bytes() - Picture(pixels=10**8, film=64).bytes()
+    assert large < 7 * 10**9
+
+
+def test_a_structure_that_is_there_takes_nothing_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("raytracer.rendering.compile_for", lambda *given: 0)
+    spec, stock = scene(_SPHERE), Stock()
+    first = ready(spec, stock=stock).packed
+    assert memory.structure_of(first).held > 0
+    assert memory.structure_of(first, Stock()).held > 0
+    assert memory.structure_of(first, stock) == Structure(0, 0)
+
+
+def _triangles(count: int) -> dict[int, Geometry]:
+    side = int((count / 2) ** 0.5)
+    x, y = np.meshgrid(np.arange(side + 1), np.arange(side + 1))
+    heights = np.random.default_rng(1).random((side + 1) ** 2)
+    vertices = np.stack([x.ravel(), y.ravel(), heights], 1).astype(np.float32)
+    corner = np.arange(side * (side + 1)).reshape(side, side + 1)[:, :-1].ravel()
+    halves = ([corner, corner + 1, corner + side + 1], [corner + 1, corner + side + 2, corner + side + 1])
+    indices = np.concatenate([np.stack(half, 1) for half in halves]).astype(np.uint32)
+    return {0: Geometry(Primitive.TRIANGLE, (vertices,), indices)}
+
+
+def _spheres(count: int) -> dict[int, Geometry]:
+    rows = np.random.default_rng(1).random((count, 4), dtype=np.float32) * np.array([100, 100, 100, 0.5], np.float32)
+    return {0: Geometry(Primitive.SPHERE, (rows,))}
+
+
+@pytest.mark.parametrize("made", [_triangles, _spheres])
+def test_a_structure_is_held_in_what_is_told(made: Any) -> None:
+    # By the process's own memory; of which other tests may have left some to be used again.
+    geometries = made(300_000)
+    before = memory.resident_bytes()
+    kept = Accel(geometries)
+    grown = memory.resident_bytes() - before
+    told = structure_bytes(geometries, (), ())
+    assert kept.address
+    assert grown < 1.25 * told.building
+    assert told.held <= told.building
+
+
+def test_what_moves_takes_more_by_pose() -> None:
+    rest = Geometry(Primitive.TRIANGLE, (np.zeros((3, 3), np.float32),), np.zeros((1000, 3), np.uint32))
+    found = [structure_bytes({0: rest._replace(vertices=rest.vertices * poses)}, (), ()) for poses in (1, 2, 3, 9)]
+    assert [one.building for one in found] == sorted(one.building for one in found)
+    assert found[3].building - found[2].building == 6 * (found[2].building - found[1].building)
+    assert structure_bytes({}, ({0: rest}, {0: rest}), ()).held == 2 * found[0].held
+
+
+def test_rooms_hold_less_than_building_takes() -> None:
+    for room in (*memory._ROOMS.values(), memory._PLACED):
+        assert isinstance(room, Room)
+        assert room.held <= room.building
+        assert room.moving_held <= room.moving_building
+
+
+# ---- What there is
+
+
+def test_control_groups_leave_the_least_of_what_each_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Linux's cgroup-v2.rst: memory.max holds for a group and all in it; cached files are given back.
+    monkeypatch.setattr("psutil.swap_memory", lambda: type("Swap", (), {"free": 0}))
+    groups, inner = tmp_path / "cgroup", tmp_path / "mount" / "job" / "step"
+    groups.write_text("0::/job/step\n")
+    inner.mkdir(parents=True)
+    assert control_group_bytes(tmp_path / "mount", groups) is None
+    (inner / "memory.max").write_text("max\n")
+    (inner / "memory.current").write_text("500\n")
+    assert control_group_bytes(tmp_path / "mount", groups) is None
+    (inner.parent / "memory.max").write_text("1000\n")
+    (inner.parent / "memory.current").write_text("700\n")
+    assert control_group_bytes(tmp_path / "mount", groups) == 300
+    (inner.parent / "memory.stat").write_text("anon 600\nfile 100\n")
+    assert control_group_bytes(tmp_path / "mount", groups) == 400
+    (inner / "memory.max").write_text("600\n")
+    assert control_group_bytes(tmp_path / "mount", groups) == 100
+    (inner / "memory.max").write_text("400\n")
+    assert control_group_bytes(tmp_path / "mount", groups) == 0
+
+
+def test_control_groups_leave_their_swap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("psutil.swap_memory", lambda: type("Swap", (), {"free": 5000}))
+    (tmp_path / "cgroup").write_text("0::/\n")
+    for name, text in (("memory.max", "1000"), ("memory.current", "700"), ("memory.swap.max", "max")):
+        (tmp_path / name).write_text(text)
+    assert control_group_bytes(tmp_path, tmp_path / "cgroup") == 5300
+    (tmp_path / "memory.swap.max").write_text("50")
+    (tmp_path / "memory.swap.current").write_text("20")
+    assert control_group_bytes(tmp_path, tmp_path / "cgroup") == 330
+
+
+def test_control_groups_of_the_first_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # cgroup-v1/memory.rst.  A container that does not see its own place sees its limits at the root.
+    monkeypatch.setattr("psutil.swap_memory", lambda: type("Swap", (), {"free": 0}))
+    (tmp_path / "cgroup").write_text("9:cpu:/docker/1a\n4:memory:/docker/1a\n0::/\nnonsense\n")
+    root = tmp_path / "memory"
+    root.mkdir()
+    (root / "memory.limit_in_bytes").write_text("1000")
+    (root / "memory.usage_in_bytes").write_text("900")
+    (root / "memory.stat").write_text("total_cache 150\nbroken\n")
+    assert control_group_bytes(tmp_path, tmp_path / "cgroup") == 100
+    (root / "memory.stat").write_text("cache 0\ntotal_cache 150\n")
+    assert control_group_bytes(tmp_path, tmp_path / "cgroup") == 250
+    assert control_group_bytes(tmp_path, tmp_path / "nowhere") is None
+
+
+def test_this_machine_has_limits_above_nothing() -> None:
+    found = list(memory.limits())
+    assert found[0].whose == "free on this machine"
+    assert all(limit.bytes > 0 for limit in found)
+
+
+_LIMITED = """
+import resource, sys
+from raytracer import memory
+before = {limit.whose: limit.bytes for limit in memory.limits()}
+import psutil
+_, hard = resource.getrlimit(resource.RLIMIT_AS)
+resource.setrlimit(resource.RLIMIT_AS, (psutil.Process().memory_info().vms + 3 * 10**9, hard))
+after = {limit.whose: limit.bytes for limit in memory.limits()}
+(new,) = after.keys() - before.keys()
+print(new, after[new])
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a limit on the address space is Linux's to keep")
+def test_a_limit_on_the_address_space_counts() -> None:
+    done = subprocess.run([sys.executable, "-c", _LIMITED], capture_output=True, text=True, check=True, timeout=120)
+    assert done.stdout.startswith("left of the limit on this process's address space (ulimit -v) ")
+    assert int(done.stdout.split()[-1]) == pytest.approx(3e9, rel=0.05)
+
+
+# ---- Estimates against what was taken
+
+_MEASURED = """
+import sys
+from raytracer import memory
+from raytracer.checkpoints import Keeper
+from raytracer.rendering import peak_rss_bytes, render
+from raytracer.scene.load import load
+
+estimates, check = [], memory.check
+def noted(needed, most=None):
+    estimates.append(needed.total)
+    check(needed, most)
+memory.check = noted
+scene, width, height, aovs, denoise, keeps = sys.argv[1:]
+size = {"film.width": int(width), "film.height": int(height)} if int(width) else {}
+keeper = Keeper(keeps, every=1.0) if keeps else None
+done = render(load(scene, size), spp=8, aovs=aovs.split(",") if aovs else (), denoise=bool(denoise), keeper=keeper)
+print(estimates[0], peak_rss_bytes())
+"""
+
+_PHOTOGRAPH = """
+film: {width: 1600, height: 1200}
+render: {max_depth: 4}
+camera: {type: thin_lens, look_from: [0, 1, 4], look_at: [0, 0.5, 0], focal_length: 35, f_number: 2, focus_distance: 4,
+         iso: 100, shutter: 1/100 s, sensor: {format: full_frame, noise: true}}
+environment: {type: gradient, horizon: [1000, 1000, 1000], zenith: [500, 700, 1000]}
+objects:
+  - {type: sphere, center: [0, 0.5, 0], radius: 0.5, material: {type: lambertian, albedo: 0.5}}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="nothing tells a process's peak there")
+@pytest.mark.parametrize(
+    ("name", "width", "height", "aovs", "denoise", "keeps"),
+    [
+        ("cover", 1200, 675, "", "", ""),
+        ("cornell", 4000, 3000, "", "", ""),
+        ("million", 0, 0, "", "", ""),
+        ("cornell", 2000, 1500, "depth,normal,albedo", "", ""),
+        ("cornell", 2000, 1500, "", "", "checkpoint"),
+        ("cornell", 1000, 750, "", "denoise", ""),
+        ("photograph", 0, 0, "", "", ""),
+    ],
+)
+def test_estimates_are_within_a_quarter_of_what_is_taken(
+    name: str, width: int, height: int, aovs: str, denoise: str, keeps: str, tmp_path: Path
+) -> None:
+    need_files_of(name)
+    if denoise:
+        pytest.importorskip("pyoidn")
+    (tmp_path / "photograph.yaml").write_text(_PHOTOGRAPH)
+    path = tmp_path / "photograph.yaml" if name == "photograph" else SCENES / f"{name}.yaml"
+    kept = os.fspath(tmp_path / keeps) if keeps else ""
+    given = [os.fspath(path), str(width), str(height), aovs, denoise, kept]
+    done = subprocess.run(
+        [sys.executable, "-c", _MEASURED, *given], capture_output=True, text=True, check=True, timeout=900
+    )
+    told, peak = map(int, done.stdout.split())
+    assert told == pytest.approx(peak, rel=0.25)
