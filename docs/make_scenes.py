@@ -74,7 +74,14 @@ JSON Schema with which an editor completes keys and marks mistakes.
   several documents in a file, are refused.
 - **Mistakes** are named by file, line and key: unknown keys (with the nearest known one), keys given twice, values of a
   wrong type, unit or range, names of materials that there are not, files that there are not.
-- **Files** named in a scene are relative to the scene's folder.
+- **Files** named in a scene are relative to the scene's folder, and lie in it: a name that leads out of it, by `..`,
+  by a link or as an absolute one, is refused, be the file there or not. So is what is no regular file. A folder at or
+  above the scene's that holds a file `.rt-root` takes its place; it may be empty, and counts if it belongs to whom
+  the scene's folder does. More is allowed by `--allow-files FOLDER`, which may repeat, by the variable
+  `RT_ALLOW_FILES`, a list as PATH is, or by `rt.load(path, allow_files=[...])`. What glTF files name has the same
+  bounds. Overrides, and scenes built in Python, name what they like.
+- **Limits.** A file has 64 MB, a million values and 64 levels at most, one material is made of 10,000 others at most,
+  and a text with a unit has 200 characters. What has more belongs into files: meshes, grids, placements of instances.
 - **Overrides.** `-D camera.vfov=30` puts a value in place of the file's, in YAML; `-D objects.ball.radius=2` finds an
   object by its name, `-D objects[0].radius=2` by its number, and `-D camera.iso=null` takes the file's value away.
 - **Nothing for nothing.** What a scene does not ask for is not in the compiled program: an aperture of 0 is a pinhole,

@@ -6,6 +6,7 @@ YAML 1.2's core schema with what scenes and lenses need made safe: `1e-3` is a n
 References: YAML Ain't Markup Language 1.2.2, section 10.3 (core schema); https://yaml.org/type/merge.html
 """
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,11 +25,12 @@ from yaml.events import (
     StreamEndEvent,
 )
 
-from raytracer.errors import SceneError, shown, suggestion
+from raytracer.errors import SceneError, shortened, shown, suggestion
 from raytracer.spec import sentence
 
 MAX_BYTES = 64 * 2**20
 MAX_DEPTH = 64
+MAX_VALUES = 1_000_000
 MAX_EXPANDED = 1_000_000
 
 Path: TypeAlias = tuple[str | int, ...]
@@ -54,6 +56,10 @@ _WORDS: dict[str, bool | float | None] = {
     ".NAN": float("nan"),
 }
 _DIGITS_KEPT = 400
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
+
+_ERRORS_LOOKED_AT = 200
+"""Which of the errors of a file stands first takes the square of their number."""
 
 # What pydantic appends to the path of a dict's key that is itself wrong.
 _KEY = "[key]"
@@ -64,10 +70,14 @@ _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a node was written: a line of the file (from 1), or an option of the command line."""
+    """Where a node was written: a line of the file (from 1), or an option of the command line.
+
+    asked : whether it was whoever runs the program that asked for it, and not a file.
+    """
 
     line: int
     option: str | None = None
+    asked: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +130,7 @@ def scalar(text: str) -> Any:
     if _FLOAT.fullmatch(text):
         return float(text)
     if _PREFIXED.fullmatch(text):
-        return int(text, 0)
+        return int(text, 0) if len(text) < _DIGITS_KEPT else math.inf
     if match := _INFINITE.fullmatch(text):
         return float(match[1] + "inf")
     return text
@@ -141,11 +151,16 @@ class _Composer:
     """Builds the tree from the parser's events."""
 
     def __init__(self, text: str, file: str, option: str | None) -> None:
-        self._parser = _LOADER(text)
         self._file = file
         self._option = option
+        try:
+            self._parser = _LOADER(text)
+        except UnicodeEncodeError:
+            # An option holds what the terminal sent, which may be no text.
+            raise SceneError("is no text in Unicode", file=file or None, source=option) from None
         self._anchors: dict[str, Node | None] = {}
         self._literal = 0
+        self._last = Place(0)
 
     def compose(self) -> Node | None:
         """The one document's root; None for an empty text."""
@@ -171,10 +186,17 @@ class _Composer:
             line = error.problem_mark.line + 1 if error.problem_mark else 1
             raise SceneError(_syntax(error, line), file=self._file, line=line, source=self._option) from None
         except yaml.reader.ReaderError as error:
-            raise SceneError(f"holds the control character {error.character!r}", file=self._file) from None
+            given = error.character
+            character = chr(given) if isinstance(given, int) else given
+            message = f"holds the control character {character!r}"
+            raise SceneError(message, file=self._file or None, source=self._option) from None
 
     def _place(self, event: Any) -> Place:
-        return Place(event.start_mark.line + 1, self._option)
+        # What stands on one line shares its place, which saves half of all objects.
+        line = event.start_mark.line + 1
+        if line != self._last.line:
+            self._last = Place(line, self._option)
+        return self._last
 
     def _node(self, event: Any, depth: int) -> Node:
         if depth > MAX_DEPTH:
@@ -188,8 +210,11 @@ class _Composer:
         if event.anchor is not None:
             self._anchors[event.anchor] = None
         self._literal += 1
+        if self._literal > MAX_VALUES:
+            what = "a mesh, or the placements of an instance, are files that hold more"
+            raise self.error(event, f"this is one of more than {MAX_VALUES:,} values; {what}")
         if isinstance(event, ScalarEvent):
-            node = Node(self._place(event), scalar(event.value) if event.implicit[0] else event.value)
+            node = Node(self._place(event), scalar(self._text(event)) if event.implicit[0] else self._text(event))
         elif isinstance(event, SequenceStartEvent):
             node = self._list(event, depth)
         else:
@@ -197,8 +222,15 @@ class _Composer:
         if event.anchor is not None:
             self._anchors[event.anchor] = node
         if node.size > MAX_EXPANDED + self._literal:
-            raise self.error(event, f"aliases expand to more than {MAX_EXPANDED} values")
+            raise self.error(event, f"aliases expand to more than {MAX_EXPANDED:,} values")
         return node
+
+    def _text(self, event: Any) -> str:
+        """What a scalar holds: nothing that a terminal would act upon, for names are printed."""
+        text: str = event.value
+        if not event.implicit[0] and (found := _CONTROL.search(text)):
+            raise self.error(event, f"holds the control character {found[0]!r}")
+        return text
 
     def _alias(self, event: Any, depth: int) -> Node:
         if event.anchor not in self._anchors:
@@ -223,13 +255,16 @@ class _Composer:
         while not isinstance(event := self._next(), MappingEndEvent):
             if not isinstance(event, ScalarEvent) or event.tag is not None:
                 raise self.error(event, "a key must be a plain text")
-            key, place = event.value, self._place(event)
+            key, place = self._text(event), self._place(event)
             node = self._node(self._next(), depth + 1)
             if key == "<<" and event.implicit[0]:
+                # Each merges all keys of what it names, and a line of a file that names it is short.
+                if merged:
+                    raise self.error(event, "<< is given twice; it takes a list of mappings")
                 merged.extend(self._merged(event, node))
             elif key in entries:
                 first = f" on line {entries[key][0].line}" if self._option is None else ""
-                raise self.error(event, f"the key {key!r} is given twice, first{first or ' before'}")
+                raise self.error(event, f"the key {shown(key)} is given twice, first{first or ' before'}")
             else:
                 entries[key] = (place, node)
 
@@ -304,7 +339,7 @@ def read(file: str, noun: str = "scene") -> str:
 # ---- Paths
 
 
-_STEP = re.compile(r"\[(\d+)\]|\.?([^.\[\]]+)")
+_STEP = re.compile(r"\[([0-9]+)\]|\.?([^.\[\]]+)")
 
 
 def parse_path(text: str) -> tuple[str, ...]:
@@ -315,6 +350,8 @@ def parse_path(text: str) -> tuple[str, ...]:
     ValueError: not such a path.
     """
     steps = tuple(match[1] or match[2] for match in _STEP.finditer(text))
+    if len(steps) > MAX_DEPTH:
+        raise ValueError(f"is a path of more than {MAX_DEPTH} steps")
     if not steps or "".join(match[0] for match in _STEP.finditer(text)) != text or text.startswith("."):
         raise ValueError(f"{shown(text)} is not a path such as camera.vfov or objects[3].radius")
     return steps
@@ -330,15 +367,15 @@ def path_text(path: Path) -> str:
 
 def _index(items: Sequence[Node], step: str) -> int:
     """Index in a list that a path's step names: a number, or an item's `name`."""
-    if step.isdecimal():
-        if int(step) < len(items):
+    if _INTEGER.fullmatch(step) and step.isdecimal():
+        if len(step) < _DIGITS_KEPT and int(step) < len(items):
             return int(step)
-        raise ValueError(f"there is no item {step}; the list has {len(items)}")
+        raise ValueError(f"there is no item {shortened(step)}; the list has {len(items)}")
     names = {
         str(item.entries["name"][1].value): i for i, item in enumerate(items) if item.entries and "name" in item.entries
     }
     if step not in names:
-        raise ValueError(f"there is no item of the name {step!r}; {suggestion(step, names, 'names')}")
+        raise ValueError(f"there is no item of the name {shown(step)}; {suggestion(step, names, 'names')}")
     return names[step]
 
 
@@ -357,7 +394,7 @@ def override(root: Node, path: Sequence[str], new: Node) -> Node:
         items = (*root.items[:i], override(root.items[i], rest, new), *root.items[i + 1 :])
         return collection(root.place, items=items)
     if root.entries is None and root.value is not None:
-        raise ValueError(f"{step!r} is not below {shown(root.value)}, which is neither a list nor a mapping")
+        raise ValueError(f"{shown(step)} is not below {shown(root.value)}, which is neither a list nor a mapping")
     entries = dict(root.entries or {})
     place, below = entries.get(step, (new.place, Node(new.place)))
     below = override(below, rest, new)
@@ -417,8 +454,8 @@ def error_at(message: str, keys: Path, root: Node | None, file: str | None, *, t
 
 
 def first_error(error: ValidationError, root: Node | None, file: str | None) -> SceneError:
-    """The error that stands first in the document."""
-    items = error.errors(include_url=False)
+    """The error that stands first in the document, of the first `_ERRORS_LOOKED_AT` that were found."""
+    items = error.errors(include_url=False)[:_ERRORS_LOOKED_AT]
     # Of a list pydantic counts the items that are right, so that one with a wrong item may seem too short as well.
     wrong = [
         item

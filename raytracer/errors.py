@@ -1,11 +1,18 @@
 """What goes wrong by a user's doing, each in one sentence that can be printed as it is."""
 
 import difflib
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 _NAMES_LISTED = 16
 _TEXT_SHOWN = 40
+
+_SENTENCE_SHOWN, _END_SHOWN = 2000, 500
+"""Characters of a sentence that are printed, and how many of them are its last: a name may have millions."""
+
+_LONGEST_NAME, _NAMES_COMPARED = 100, 2000
+"""What is compared to find the nearest name takes the product of both lengths, and as often as there are names."""
 
 
 class InputError(Exception):
@@ -61,14 +68,19 @@ class OutputError(Exception):
 
 
 def one_line(text: str) -> str:
-    """`text` on one line, with what a terminal would act upon written out."""
+    """`text` on one line, with what a terminal would act upon written out, and without the middle if it is long."""
+    if len(text) > _SENTENCE_SHOWN:
+        text = f"{text[: _SENTENCE_SHOWN - _END_SHOWN]} ... {text[-_END_SHOWN:]}"
     printable = (c if c.isprintable() else ascii(c)[1:-1] for c in " ".join(text.split()))
     return "".join(printable)
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
     """The known name that is spelt most like `name`, or None where none comes near."""
-    by_lower = {candidate.lower(): candidate for candidate in known}
+    if len(name) > _LONGEST_NAME:
+        return None
+    compared = itertools.islice((item for item in known if len(item) <= _LONGEST_NAME), _NAMES_COMPARED)
+    by_lower = {candidate.lower(): candidate for candidate in compared}
     found = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.6)
     return by_lower[found[0]] if found else None
 
@@ -80,7 +92,7 @@ def suggestion(name: str, known: Iterable[str], noun: str) -> str:
         return f"did you mean {close!r}?"
     if not names:
         return f"there are no {noun}"
-    listed = ", ".join(names[:_NAMES_LISTED]) + (", ..." if len(names) > _NAMES_LISTED else "")
+    listed = ", ".join(map(shortened, names[:_NAMES_LISTED])) + (", ..." if len(names) > _NAMES_LISTED else "")
     return f"known {noun}: {listed}"
 
 

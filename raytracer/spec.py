@@ -12,6 +12,7 @@ Checks across keys are `@model_validator(mode="after")` that raise ValueError wi
 raises one that points at a key of the mapping.
 """
 
+import itertools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -102,9 +103,8 @@ class Spec(BaseModel):
         # Tell the unknown keys with the other errors; a key that is missing is probably the one that is misspelt.
         noun = class_noun(cls)
         errors = [
-            _error((key,), f"unknown key {key!r} of {noun}; {suggestion(str(key), cls.own_keys_first(), 'keys')}")
-            for key in data
-            if key not in known
+            _error((key,), f"unknown key {shown(key)} of {noun}; {suggestion(str(key), cls.own_keys_first(), 'keys')}")
+            for key in itertools.islice((key for key in data if key not in known), _UNKNOWN_TOLD)
         ]
         try:
             handler(known)
@@ -118,6 +118,9 @@ class Spec(BaseModel):
 
 
 # ---- Sentences
+
+_UNKNOWN_TOLD = 16
+"""Unknown keys of a mapping that are looked for among the known ones: one of the first is what the user is told."""
 
 
 def sentence(error: ErrorDetails) -> str:

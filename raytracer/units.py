@@ -93,7 +93,11 @@ _DIMENSIONS: dict[str, _Dimension] = {
     "number": _Dimension("number", "", "2, 0.5 or 1/3", {}),
 }
 
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+
+_LONGEST = 200
+"""Characters of a number with its unit; to find that many more are none may take as long as the square of them."""
+
 _QUANTITY = re.compile(rf"\s*({_NUMBER}|[-+]?\.?inf)\s*(?:/\s*({_NUMBER})\s*)?((?:[^\W\d_]+|°)(?:/[^\W\d_]+)?)?\s*")
 
 
@@ -161,14 +165,16 @@ def parse_bytes(text: str) -> int:
     ------
     ValueError: it is none, or not above 0; the message is a predicate that continues "key: ".
     """
-    found = re.fullmatch(rf"\s*({_NUMBER})\s*([A-Za-z]+)\s*", text)
+    found = re.fullmatch(rf"\s*({_NUMBER})\s*([A-Za-z]+)\s*", text[:_LONGEST])
     units = {unit.lower(): size for unit, size in _BYTES.items()}
     if found is None or found[2].lower() not in units:
         raise ValueError(f"must be an amount of memory such as 2GB or 500 MB; units are {', '.join(_BYTES)}")
-    size = int(float(found[1]) * units[found[2].lower()])
-    if size < 1:
+    size = float(found[1]) * units[found[2].lower()]
+    if math.isinf(size):
+        raise ValueError("must be a finite amount of memory")
+    if size < 1.0:
         raise ValueError("must be greater than 0")
-    return size
+    return int(size)
 
 
 def parse_duration(text: str) -> float:
@@ -199,7 +205,7 @@ def _to_float(value: float) -> float:
 
 
 def _parse_text(text: str, dimension: Dimension) -> float:
-    match = _QUANTITY.fullmatch(text)
+    match = _QUANTITY.fullmatch(text) if len(text) <= _LONGEST else None
     if not match:
         raise ValueError(f"must be {_wanted(dimension)}, got {shown(text)}")
     numerator, denominator, unit = match.groups()

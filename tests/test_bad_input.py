@@ -100,7 +100,7 @@ SYNTAX = [
     changed("duplicate key", "vfov: 40", "vfov: 40, vfov: 41", "scene.yaml:1: the key 'vfov' is given twice"),
     changed("duplicate section", "render:", "film:", "scene.yaml:3: the key 'film' is given twice, first on line 2"),
     changed("duplicate material", "lamp:", "grey:", "scene.yaml:7: the key 'grey' is given twice, first on line 6"),
-    Row("alias bomb", ("aliases expand to more than 1000000 values",), scene=BOMB + SCENE),
+    Row("alias bomb", ("aliases expand to more than 1,000,000 values",), scene=BOMB + SCENE),
     Row("alias to itself", ("scene.yaml:1: the alias *a stands inside",), scene="a: &a [*a]\n"),
     changed("unknown alias", "material: grey", "material: *gray", "scene.yaml:9: the alias *gray has no anchor"),
     Row("deep nesting", ("nested more than 64 levels",), scene="camera: " + "[" * 10_000),
@@ -1025,7 +1025,7 @@ TEXTURES = [
     pictured("NPY of one axis", ".npy", array_file([0.5], (4,)), "must be of shape (height, width)", "is of (4,)"),
     pictured("NPY of five channels", ".npy", array_file([0.5], (2, 2, 5)), "is of (2, 2, 5)"),
     pictured("NPY without pixels", ".npy", array_file([0.5], (0, 4)), "has no pixels"),
-    pictured("NPY cut off", ".npy", array_file([0.5])[:-4], ".file: a.npy: broken, or no .npy image"),
+    pictured("NPY cut off", ".npy", array_file([0.5])[:-4], ".file: a.npy: is a broken NumPy file, or cut off"),
     pictured(
         "NPY of texts",
         ".npy",
@@ -1102,7 +1102,7 @@ APERTURES = [
         for name, data, words in (
             ("black mask", array_file([0.0]), "a.npy is black all over, so it lets no light through"),
             ("negative mask", array_file([1.0, -1.0]), "a.npy holds a negative transmission"),
-            ("broken mask", "nonsense", "a.npy: broken, or no .npy image"),
+            ("broken mask", "nonsense", "a.npy: is no NumPy file"),
         )
     ),
     opening("rim without a place", "vignetting: {diameter: 9}", ".vignetting.distance: is missing"),

@@ -14,6 +14,7 @@ from raytracer.comparison import Verdict, z_test
 from raytracer.errors import InputError, suggestion
 from raytracer.film.image import Image
 from raytracer.noise.wording import percent
+from raytracer.reach import AllowFiles
 from raytracer.regression.inputs import changed, digests
 from raytracer.regression.making import FEWEST_SPP, Source, gain_ratio, known_variance, measured_gains, source_of
 from raytracer.regression.references import SUFFIX, Reference, load_reference
@@ -151,6 +152,7 @@ def check(
     threads: int | None = None,
     stock: "Stock | None" = None,
     progress: Callable[[Progress], None] | None = None,
+    allow_files: AllowFiles = (),
 ) -> Checked:
     """Render the scene of a reference again, with another seed, and judge the two.
 
@@ -165,6 +167,7 @@ def check(
     seed : of all random numbers; the one after the reference's if None.
     alpha : how often a scene that has not changed may fail.
     threads, stock, progress : see `rendering.render`.
+    allow_files : see `making.source_of`.
 
     Raises
     ------
@@ -181,7 +184,7 @@ def check(
         result = replace(result, reference=reference, scene=reference.recipe.scene)
         if found is None and reference.recipe.scene is None:
             return replace(result, passed=True, skipped=True, reason="its scene is built by a test, which checks it")
-        found = source_of(reference.recipe, path.parent) if found is None else found
+        found = source_of(reference.recipe, path.parent, allow_files) if found is None else found
         result = replace(result, changes=changed(reference.recipe.inputs, digests(found.spec)))
     except InputError as error:
         return replace(result, error=True, reason=str(error))

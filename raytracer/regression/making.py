@@ -12,11 +12,12 @@ from raytracer import __version__
 from raytracer.errors import InputError
 from raytracer.film.image import Image
 from raytracer.film.white_balance import AUTO
+from raytracer.reach import AllowFiles, reach_of, unreadable
 from raytracer.regression.inputs import digests
 from raytracer.regression.references import WIDEST, Recipe, Reference
 from raytracer.rendering import Progress, render
 from raytracer.scene.edit import overridden
-from raytracer.scene.load import load
+from raytracer.scene.load import check_values, load
 from raytracer.scene.spec import SceneSpec
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ def source(
     folder: Path,
     overrides: Mapping[str, Any] | None = None,
     width: int | None = WIDTH,
+    allow_files: AllowFiles = (),
 ) -> Source:
     """A scene, made small and sampled independently.
 
@@ -58,13 +60,17 @@ def source(
     folder : where the reference is to be.
     overrides : values by dotted path that stand in place of the scene's.
     width : of the picture (px), if the scene's own is larger; None for the scene's own.
+    allow_files : folders in which a scene file may name files, besides its own.
 
     Raises
     ------
     InputError : the scene or an override is wrong, or the picture is too large to be kept.
     """
     all_overrides = {**_INDEPENDENT, **(overrides or {})}
-    spec = _with(scene, all_overrides)
+    if isinstance(scene, SceneSpec):
+        name, spec = None, overridden(scene, all_overrides)
+    else:
+        name, spec = _relative(scene, folder), load(scene, all_overrides, allow_files=allow_files)
     size = spec.film
     if width is not None and width < size.width:
         small = {"film.width": width, "film.height": max(1, round(width * size.height / size.width))}
@@ -74,11 +80,13 @@ def source(
         raise InputError(
             f"a picture {spec.picture()[0]} pixels wide is too large to be kept with the sources: at most {WIDEST}"
         )
-    return Source(spec, None if isinstance(scene, SceneSpec) else _relative(scene, folder), all_overrides)
+    return Source(spec, name, all_overrides)
 
 
-def source_of(recipe: Recipe, folder: Path) -> Source:
+def source_of(recipe: Recipe, folder: Path, allow_files: AllowFiles = ()) -> Source:
     """The scene of a reference in `folder`, as it is now.
+
+    allow_files : folders in which the scene and the reference's overrides may name files, besides the scene's own.
 
     Raises
     ------
@@ -89,11 +97,13 @@ def source_of(recipe: Recipe, folder: Path) -> Source:
     path = folder / recipe.scene
     # As short as a user would write it.
     shortest = Path(os.path.normpath(path))
-    return Source(load(shortest, recipe.overrides), recipe.scene, recipe.overrides)
-
-
-def _with(scene: str | os.PathLike[str] | SceneSpec, overrides: Mapping[str, Any]) -> SceneSpec:
-    return overridden(scene, overrides) if isinstance(scene, SceneSpec) else load(scene, overrides)
+    if reason := unreadable(shortest):
+        raise InputError(f"its scene {shortest} {reason}")
+    try:
+        check_values(recipe.overrides, reach_of(shortest.parent, allow_files))
+    except ValueError as error:
+        raise InputError(f"an override of it: {error}") from None
+    return Source(load(shortest, recipe.overrides, allow_files=allow_files), recipe.scene, recipe.overrides)
 
 
 def _relative(scene: str | os.PathLike[str], folder: Path) -> str:

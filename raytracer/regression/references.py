@@ -6,6 +6,7 @@ text.  No part of it is pickled, so that reading one that somebody else has made
 
 import io
 import json
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,11 +16,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from raytracer.errors import InputError
 from raytracer.film.output import write_bytes
+from raytracer.untrusted import array, contents
 
 SUFFIX = ".npz"
 
 WIDEST = 128
 """The most pixels that a reference may be wide: it is kept with the sources."""
+
+_LARGEST_FILE = 1 << 26
+"""Bytes of a reference, and of each of its arrays: far more than pictures of that width have."""
 
 _ABSENT = "no such file"
 
@@ -84,20 +89,45 @@ def load_reference(path: str | Path) -> Reference:
     InputError : the file is missing or broken.
     """
     try:
-        with np.load(io.BytesIO(Path(path).read_bytes()), allow_pickle=False) as file:
-            mean, variance = (np.asarray(file[name], dtype=np.float64) for name in ("mean", "variance"))
-            recipe = _recipe(json.loads(str(file["settings"])))
+        with zipfile.ZipFile(io.BytesIO(contents(Path(path), _LARGEST_FILE))) as file:
+            # A signalling nan becomes a quiet one, of which is told below.
+            with np.errstate(invalid="ignore"):
+                mean, variance = (array(_member(file, name)).astype(np.float64) for name in ("mean", "variance"))
+            recipe = _recipe(json.loads(_text(_member(file, "settings"))))
         if mean.ndim != 3 or mean.shape[2] != 3 or mean.shape != variance.shape or mean.size == 0:
             raise ValueError("not an image and its variance")
         if not np.all(np.isfinite(variance) & (variance >= 0.0)):
             raise ValueError("a variance that is none")
     except FileNotFoundError as error:
         raise InputError(f"{path}: {_ABSENT}") from error
-    except MemoryError:
-        raise
     except Exception as error:
+        # What has been changed in any way can raise nearly anything.
         raise InputError(f"{path}: broken, or not a reference image of `rt reference`") from error
     return Reference(mean, variance, recipe)
+
+
+def _member(file: zipfile.ZipFile, name: str) -> bytes:
+    """A file of the archive, of which no more is unpacked than a reference has.
+
+    Raises
+    ------
+    ValueError : it has more.
+    """
+    with file.open(f"{name}.npy") as member:
+        data = member.read(_LARGEST_FILE + 1)
+    if len(data) > _LARGEST_FILE:
+        raise ValueError(f"{name} has more than {_LARGEST_FILE} bytes")
+    return data
+
+
+def _text(data: bytes) -> str:
+    """The text in the bytes of a .npy file."""
+    file = io.BytesIO(data)
+    np.lib.format.read_magic(file)
+    shape, _, dtype = np.lib.format.read_array_header_1_0(file)
+    if shape != () or dtype.kind != "U":
+        raise ValueError("settings that are no text")
+    return str(np.frombuffer(data, dtype, 1, file.tell())[0])
 
 
 def _recipe(found: Mapping[str, Any]) -> Recipe:

@@ -7,11 +7,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from raytracer.assets import LOADERS, file_of
+from raytracer.assets import LOADERS, file_of, names_within
 from raytracer.document import Node, Place, first_error, node_of, override, parse, parse_path, read
 from raytracer.dump import plain_value
 from raytracer.errors import InputError, SceneError, shortened, shown
-from raytracer.scene.files import named_files
+from raytracer.reach import AllowFiles, Reach, reach_of, unreadable
+from raytracer.scene.files import Named, named_files
 from raytracer.scene.spec import SceneSpec, check_material
 from raytracer.spec import INLINE_MATERIAL, sentence
 
@@ -19,7 +20,9 @@ CONTEXT = {INLINE_MATERIAL: check_material}
 """Context of the check of a scene, and of its parts by themselves."""
 
 
-def load(path: str | os.PathLike[str], overrides: Mapping[str, Any] | None = None) -> SceneSpec:
+def load(
+    path: str | os.PathLike[str], overrides: Mapping[str, Any] | None = None, *, allow_files: AllowFiles = ()
+) -> SceneSpec:
     """The checked scene of a YAML file.
 
     Parameters
@@ -27,23 +30,33 @@ def load(path: str | os.PathLike[str], overrides: Mapping[str, Any] | None = Non
     path: The scene file; names of files in it are relative to its folder.
     overrides: Values by dotted path (`camera.f_number`, `objects[3].radius`, `objects.ball.radius`) that stand in
         place of the file's.
+    allow_files: Folders in which the scene may name files, besides its own (docs/scenes.md, Rules); overrides may
+        name any.
 
     Raises
     ------
-    SceneError: the file cannot be read, or what it or an override says is wrong.
+    SceneError: the file cannot be read, or what it or an override says is wrong, or it names a file where it may not.
     """
     file = os.fspath(path)
-    return build(read(file), file, overrides, base=Path(file).parent)
+    return build(read(file), file, overrides, base=Path(file).parent, allow_files=allow_files)
 
 
-def build(text: str, file: str, overrides: Mapping[str, Any] | None = None, base: Path | None = None) -> SceneSpec:
+def build(
+    text: str,
+    file: str,
+    overrides: Mapping[str, Any] | None = None,
+    base: Path | None = None,
+    *,
+    allow_files: AllowFiles = (),
+) -> SceneSpec:
     """The checked scene of a YAML text; `file` is what errors call it. See `load`."""
     root = parse(text, file)
     if root is None or (root.entries is None and root.value is None and root.items is None):
         raise SceneError("is empty; a scene needs at least camera and film", file=file)
     for key, value in (overrides or {}).items():
         root = set_value(root, key, value)
-    return _built(root.plain(), root, file, base or Path())
+    folder = base or Path()
+    return _built(root.plain(), root, file, folder, reach_of(folder, allow_files))
 
 
 def build_plain(values: Mapping[str, Any], base: Path | None = None) -> SceneSpec:
@@ -58,14 +71,17 @@ def build_plain(values: Mapping[str, Any], base: Path | None = None) -> SceneSpe
     ------
     SceneError: what it says is wrong; it names the key.
     """
-    return _built(pythonic(values), None, None, base or Path.cwd())
+    return _built(pythonic(values), None, None, base or Path.cwd(), None)
 
 
-def _built(values: Mapping[str, Any], root: Node | None, file: str | None, base: Path) -> SceneSpec:
+def _built(
+    values: Mapping[str, Any], root: Node | None, file: str | None, base: Path, reach: Reach | None
+) -> SceneSpec:
     scene = validated(values, root, file)
     scene._base = base
     scene._file = file
     scene._root = root
+    scene._reach = reach
     check_files(scene, type(scene).model_fields)
     return bound(scene)
 
@@ -121,21 +137,58 @@ def pythonic(value: Any) -> Any:
 
 
 def check_files(scene: SceneSpec, keys: Iterable[str]) -> None:
-    """Refuse a scene that names, under these keys, a file which is not there: better now than after reading others.
+    """Refuse a scene that names, under these keys, a file which it may not name, or which is not there.
+
+    Better now than after reading others; and what is not in reach is refused whether it is there or not.
 
     Raises
     ------
-    SceneError: there is no such file, or it is a folder.
+    SceneError: a file is out of reach, is not there, or is a folder, a pipe or a device; or names such a one.
     """
     for key in keys:
         for named in named_files(getattr(scene, key), (key,)):
-            path = file_of(scene.base / named.name)
-            if path.is_dir():
-                raise scene.error(f"{shown(named.name)} is a folder, not a file", *named.keys)
-            if not path.exists():
-                folder = "the scene's folder" if scene.file is not None else "which names of files are relative to"
-                where = "" if Path(named.name).is_absolute() else f" in {scene.base.resolve()}, {folder}"
-                raise scene.error(f"there is no file {shown(named.name)}{where}", *named.keys)
+            _check_file(scene, named)
+
+
+def _check_file(scene: SceneSpec, named: Named) -> None:
+    path = file_of(scene.base / named.name)
+    reach = scene.reach_at(*named.keys)
+    if reach is not None and not reach.holds(file_of(Path(named.name))):
+        raise scene.error(reach.refusal(named.name), *named.keys)
+    if reason := unreadable(path):
+        raise scene.error(f"{shown(named.name)} {reason}", *named.keys)
+    if not os.path.exists(path):
+        folder = "the scene's folder" if scene.file is not None else "which names of files are relative to"
+        where = "" if Path(named.name).is_absolute() else f" in {scene.base.resolve()}, {folder}"
+        raise scene.error(f"there is no file {shown(named.name)}{where}", *named.keys)
+
+    # Who asks for a file does not thereby ask for whatever it names.
+    within = reach_of(path.parent) if reach is None else reach
+    for below in names_within(named.kind, path):
+        if not within.holds(Path.cwd() / below):
+            name = os.path.relpath(below, path.parent)
+            raise scene.error(f"{shown(named.name)} names a file that it may not: {within.refusal(name)}", *named.keys)
+        if reason := unreadable(below):
+            raise scene.error(f"{shown(named.name)} names {shown(below.name)}, which {reason}", *named.keys)
+
+
+def check_values(value: Any, reach: Reach) -> None:
+    """Refuse values that a file gives for keys of a scene, if one of them is the name of a file that is out of reach.
+
+    Nothing that a scene holds looks like one, but names of files.
+
+    Raises
+    ------
+    ValueError: there is such a name.
+    """
+    if isinstance(value, Mapping):
+        for item in value.values():
+            check_values(item, reach)
+    elif isinstance(value, list | tuple):
+        for item in value:
+            check_values(item, reach)
+    elif isinstance(value, str) and not reach.holds(file_of(Path(value))):
+        raise ValueError(reach.refusal(value))
 
 
 def parse_overrides(definitions: Iterable[str]) -> dict[str, Any]:
@@ -190,7 +243,7 @@ def set_value(root: Node, key: str, value: Any) -> Node:
     """
     option = _option(key, value)
     try:
-        return override(root, path_of(key, value), node_of(value, Place(0, option)))
+        return override(root, path_of(key, value), node_of(value, Place(0, option, asked=True)))
     except ValueError as error:
         raise SceneError(str(error), source=option) from None
 

@@ -7,19 +7,21 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from pydantic import (
     BeforeValidator,
+    FailFast,
     Field,
     PrivateAttr,
     TypeAdapter,
     model_validator,
 )
 
-from raytracer.document import Node, error_at, path_text
+from raytracer.document import Node, error_at, locate, path_text
 from raytracer.dump import plain, yaml_text
-from raytracer.errors import InputError, SceneError, suggestion
+from raytracer.errors import InputError, SceneError, shown, suggestion
 from raytracer.film.output import check_file, write_bytes
 from raytracer.film.tone import ToneCurveField, ToneCurveSpec
 from raytracer.film.white_balance import WhiteBalanceField
 from raytracer.kinds import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES
+from raytracer.reach import Reach
 from raytracer.scene.files import named_files, with_names
 from raytracer.spec import INLINE_MATERIAL, Count, Name, PositiveNumber, Spec, at
 from raytracer.textures.interface import is_name, textures_of
@@ -131,6 +133,11 @@ class Render(Spec):
     )
 
 
+_DEEPEST_MATERIAL = 64
+_MOST_PARTS = 10_000
+"""Materials that one may be made of: a few names, each of two of the one before, would soon make it billions."""
+
+
 if TYPE_CHECKING:
     _FromCode: TypeAlias = Spec
 else:
@@ -174,12 +181,13 @@ class SceneSpec(_FromCode):
     medium: Name | None = Field(
         default=None, description="Name of the medium that fills the whole scene, outside of objects; none by default"
     )
-    groups: dict[Name, Annotated[tuple[Shape, ...], BeforeValidator(_tuple)]] = Field(
+    groups: dict[Name, Annotated[tuple[Shape, ...], FailFast(), BeforeValidator(_tuple)]] = Field(
         default_factory=dict,
         description="Objects that are only where an `instance` or a `scatter` places them, by the names of groups",
     )
-    objects: tuple[Shape, ...] = Field(default=(), description="The objects")
-    lights: tuple[Light, ...] = Field(default=(), description="Lights besides emitting objects")
+    # Of a million wrong objects, each with its error, the first is told.
+    objects: Annotated[tuple[Shape, ...], FailFast()] = Field(default=(), description="The objects")
+    lights: Annotated[tuple[Light, ...], FailFast()] = Field(default=(), description="Lights besides emitting objects")
 
     if TYPE_CHECKING:
 
@@ -202,6 +210,7 @@ class SceneSpec(_FromCode):
     _base: Path = PrivateAttr(default=Path())
     _file: str | None = PrivateAttr(default=None)
     _root: Node | None = PrivateAttr(default=None)
+    _reach: Reach | None = PrivateAttr(default=None)
 
     @property
     def base(self) -> Path:
@@ -212,6 +221,11 @@ class SceneSpec(_FromCode):
     def file(self) -> str | None:
         """The file that the scene was loaded from, as it was named; None for one that was built in code."""
         return self._file
+
+    def reach_at(self, *keys: str | int) -> Reach | None:
+        """Where the files lie that the scene may name at a path; None for anywhere, if no file gave the name."""
+        asked = self._root is not None and locate(self._root, keys, typed=False)[0].asked
+        return None if asked else self._reach
 
     def picture(self) -> tuple[int, int]:
         """Width and height of the whole picture (px): of a camera with many views, all of them side by side."""
@@ -305,19 +319,19 @@ class SceneSpec(_FromCode):
             sentence = f"{name!r} is {what}, which may be in many places: name an object that places it"
             at(("camera", "focus_on"), sentence)
         close = suggestion(name, known, "named objects")
-        at(("camera", "focus_on"), f"unknown object {name!r}; {close}")
+        at(("camera", "focus_on"), f"unknown object {shown(name)}; {close}")
 
     def _check_medium(self, name: str | None, *keys: str | int) -> None:
         """Refuse the name of a medium that there is not."""
         if name is not None and name not in self.media:
-            at(keys, f"unknown medium {name!r}; {suggestion(name, self.media, 'media')}")
+            at(keys, f"unknown medium {shown(name)}; {suggestion(name, self.media, 'media')}")
 
     def _check_textures(self, spec: Spec, *keys: str | int) -> None:
         """Refuse names of textures that there are not."""
         for use in textures_of(spec):
             if isinstance(use.value, str) and use.value not in self.textures:
                 close = suggestion(use.value, self.textures, "textures")
-                at((*keys, use.key), f"unknown texture {use.value!r}; {close}")
+                at((*keys, use.key), f"unknown texture {shown(use.value)}; {close}")
 
     def _check_parts(self, material: Any, *keys: str | int) -> None:
         """Refuse a material with a part that there is not, or whose textures there are not."""
@@ -327,20 +341,37 @@ class SceneSpec(_FromCode):
                 self._check_parts(child, *keys, *key)
             elif child not in self.materials:
                 close = suggestion(child, self.materials, "materials")
-                at((*keys, *key), f"unknown material {child!r}; {close}")
+                at((*keys, *key), f"unknown material {shown(child)}; {close}")
 
-    def _check_loops(self, name: str) -> None:
-        """Refuse a material that is a part of itself."""
-        for keys, child in _named_parts(self.materials[name]):
-            if loop := self._loop((name, child)):
-                at(("materials", name, *keys), f"makes the material {loop[0]!r} a part of itself: {' -> '.join(loop)}")
+    def _check_loops(self) -> None:
+        """Refuse a material that is a part of itself, or is made of too many when all names are followed."""
+        parts = {name: tuple(_named_parts(material)) for name, material in self.materials.items()}
+        sizes: dict[str, int] = {}
 
-    def _loop(self, chain: tuple[str, ...]) -> tuple[str, ...]:
-        """The names of materials, each a part of the one before, from one to itself; none if there is no such loop."""
-        if chain[-1] in chain[:-1]:
-            return chain[chain.index(chain[-1]) :]
-        found = (self._loop((*chain, child)) for _, child in _named_parts(self.materials[chain[-1]]))
-        return next(filter(None, found), ())
+        def follow(chain: tuple[str, ...]) -> int:
+            """How many materials the last of a chain of names is made of, itself included."""
+            name = chain[-1]
+            if name not in sizes:
+                size = 1
+                for keys, child in parts[name]:
+                    place = ("materials", name, *keys)
+                    if child in chain:
+                        loop = (*chain[chain.index(child) :], child)
+                        first = next(keys for keys, below in parts[child] if below == loop[1])
+                        at(
+                            ("materials", child, *first),
+                            f"makes the material {loop[0]!r} a part of itself: {' -> '.join(loop)}",
+                        )
+                    if len(chain) >= _DEEPEST_MATERIAL:
+                        at(place, f"makes materials of materials more than {_DEEPEST_MATERIAL} levels deep")
+                    size += follow((*chain, child))
+                    if size > _MOST_PARTS:
+                        at(place, f"makes one material of more than {_MOST_PARTS:,}, each counted where it is named")
+                sizes[name] = size
+            return sizes[name]
+
+        for name in self.materials:
+            follow((name,))
 
     @model_validator(mode="after")
     def _noise_has_an_exposure(self) -> "SceneSpec":
@@ -366,8 +397,7 @@ class SceneSpec(_FromCode):
                 at(("textures", name), "a texture's name must not begin as a number does, or would be taken for one")
         for name, material in self.materials.items():
             self._check_parts(material, "materials", name)
-        for name in self.materials:
-            self._check_loops(name)
+        self._check_loops()
         self._check_medium(self.medium, "medium")
         self._check_medium(self.camera.medium, "camera", "medium")
         for name, items in self.groups.items():
@@ -380,7 +410,7 @@ class SceneSpec(_FromCode):
             if isinstance(material, str) and material not in self.materials:
                 at(
                     (*keys, "material"),
-                    f"unknown material {material!r}; {suggestion(material, self.materials, 'materials')}",
+                    f"unknown material {shown(material)}; {suggestion(material, self.materials, 'materials')}",
                 )
 
             self._check_medium(item.medium, *keys, "medium")
@@ -408,7 +438,7 @@ class SceneSpec(_FromCode):
         for keys, item in self.all_objects():
             if (placed := _placed_by(item)) and placed not in places:
                 hint = suggestion(placed, places, "groups and named objects")
-                at((*keys, "of"), f"unknown group or object {placed!r}; {hint}")
+                at((*keys, "of"), f"unknown group or object {shown(placed)}; {hint}")
 
         # Walk down from each name; what was found to end is not walked again.
         ends: set[str] = set()

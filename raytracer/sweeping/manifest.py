@@ -12,21 +12,29 @@ import hashlib
 import io
 import json
 import math
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
+
+from pydantic import TypeAdapter
 
 from raytracer import __version__
 from raytracer.errors import OutputError
 from raytracer.film.output import write_bytes
 from raytracer.sweeping.points import Point, Sweep, Taken
+from raytracer.untrusted import contents, opened
 
 RECORDS = "points"
 """Folder, within that of a sweep, of the records."""
 
 JSON = "manifest.json"
 CSV = "manifest.csv"
+
+_LARGEST_RECORD = 1 << 24
+"""Bytes of a record, which has two thousand of them and a sentence for each warning."""
 
 _INFINITE = {"inf": math.inf, "-inf": -math.inf}
 
@@ -146,15 +154,22 @@ def write_record(taken: Taken, folder: Path) -> None:
 def find_record(point: Point, files: Sequence[str], folder: Path) -> Taken | None:
     """What became of a point in an earlier sweep, if that had the same input and its files are still what they were."""
     try:
-        record = json.loads((folder / RECORDS / f"{point.name}.json").read_bytes())
+        record = json.loads(contents(folder / RECORDS / f"{point.name}.json", _LARGEST_RECORD))
         is_same = record["digest"] == point.digest and record["status"] == "done"
         if not is_same or any(_hash(folder / name) != record["sha256"][name] for name in files):
             return None
-        known = {f.name: _read(record[f.name]) for f in fields(Taken) if f.name != "point"}
-        return Taken(point=point, **{**known, "files": tuple(files), "warnings": tuple(known["warnings"])})
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        known = {name: kind.validate_python(_read(record[name])) for name, kind in _kinds().items()}
+        return Taken(point=point, **{**known, "files": tuple(files)})
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         # None there, or broken: the point is rendered once more.
         return None
+
+
+@cache
+def _kinds() -> Mapping[str, TypeAdapter[Any]]:
+    """What can be told of a point, by name, and of what type each is."""
+    hints = get_type_hints(Taken)
+    return {f.name: TypeAdapter(hints[f.name]) for f in fields(Taken) if f.name != "point"}
 
 
 def _read(value: Any) -> Any:
@@ -165,7 +180,7 @@ def _read(value: Any) -> Any:
 
 def _hash(path: Path) -> str | None:
     try:
-        with path.open("rb") as file:
+        with opened(path, sys.maxsize) as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError:
         return None

@@ -21,8 +21,9 @@ from pydantic import Field, ValidationError
 
 from raytracer.document import Node, error_at, parse, parse_path, read
 from raytracer.errors import InputError, SceneError, shown
+from raytracer.reach import AllowFiles, reach_of, unreadable
 from raytracer.scene.edit import overridden
-from raytracer.scene.load import load
+from raytracer.scene.load import check_values, load
 from raytracer.scene.spec import SceneSpec
 from raytracer.spec import Spec, sentence
 from raytracer.sweeping.points import Axis
@@ -51,13 +52,20 @@ class SweepSpec(Spec):
     zip: bool = Field(default=False, description="Whether values are taken in pairs, in place of all combinations")
 
 
-def planned(scene: SceneSpec | str | os.PathLike[str], values: Mapping[str, Any], *, zipped: bool = False) -> Plan:
+def planned(
+    scene: SceneSpec | str | os.PathLike[str],
+    values: Mapping[str, Any],
+    *,
+    zipped: bool = False,
+    allow_files: AllowFiles = (),
+) -> Plan:
     """The plan for a scene, a scene file, or a file of a sweep.
 
     Parameters
     ----------
     values : by dotted path, texts as on the command line, or lists of values; what is neither is the same for all
         points.  Those of a file of a sweep stand before these, and give way to them.
+    allow_files : folders in which a scene file, or a file of a sweep, may name files, besides its own.
 
     Raises
     ------
@@ -76,10 +84,10 @@ def planned(scene: SceneSpec | str | os.PathLike[str], values: Mapping[str, Any]
         return _plan(name, given, zipped, partial(overridden, scene))
     root = _sweep_root(Path(scene))
     if root is not None:
-        asked, own = _read_file(root, os.fspath(scene))
+        asked, own = _read_file(root, os.fspath(scene), allow_files)
         given, zipped = {**own, **given}, zipped or asked.zip
         scene = Path(scene).parent / asked.scene
-    return _plan(os.fspath(scene), given, zipped, partial(load, scene))
+    return _plan(os.fspath(scene), given, zipped, partial(load, scene, allow_files=allow_files))
 
 
 def parse_definitions(definitions: Iterable[str]) -> dict[str, str]:
@@ -129,7 +137,7 @@ def _sweep_root(path: Path) -> Node | None:
     return root if root is not None and root.entries is not None and "sweep" in root.entries else None
 
 
-def _read_file(root: Node, file: str) -> tuple[SweepSpec, dict[str, Given]]:
+def _read_file(root: Node, file: str, allow_files: AllowFiles) -> tuple[SweepSpec, dict[str, Given]]:
     """What a file of a sweep says, and the values in it.
 
     Raises
@@ -141,10 +149,15 @@ def _read_file(root: Node, file: str) -> tuple[SweepSpec, dict[str, Given]]:
     except ValidationError as error:
         found = [error_at(sentence(item), item["loc"], root, file) for item in error.errors(include_url=False)]
         raise min(found, key=lambda item: item.line or 0) from None
-    if not (Path(file).parent / asked.scene).exists():
-        raise error_at(
-            f"there is no file {shown(asked.scene)} in {Path(file).resolve().parent}", ("scene",), root, file
-        )
+    reach = reach_of(Path(file).parent, allow_files)
+    path = Path(file).parent / asked.scene
+    if not reach.holds(asked.scene):
+        raise error_at(reach.refusal(asked.scene), ("scene",), root, file)
+    if reason := unreadable(path):
+        raise error_at(f"{shown(asked.scene)} {reason}", ("scene",), root, file)
+    if not os.path.exists(path):
+        raise error_at(f"there is no file {shown(asked.scene)} in {reach.folder}", ("scene",), root, file)
+    within = reach_of(path.parent, allow_files)
     given = {
         key: _at(root, file, "define", key, lambda key, value, source: Given(one_value(key, value), fixed=True))
         for key in asked.define
@@ -153,6 +166,12 @@ def _read_file(root: Node, file: str) -> tuple[SweepSpec, dict[str, Given]]:
         if key in asked.define:
             raise error_at(f"{key!r} is under define too", ("sweep", key), root, file)
         given[key] = _at(root, file, "sweep", key, read_value)
+    for section, keys in (("define", asked.define), ("sweep", asked.sweep)):
+        for key in keys:
+            try:
+                check_values(given[key].axis.values, within)
+            except ValueError as error:
+                raise error_at(str(error), (section, key), root, file) from None
     return asked, given
 
 

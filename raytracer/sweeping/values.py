@@ -17,6 +17,7 @@ and in `1/1000..1/30` that of 1/1000 s is 1/1024 s.  In a list, which is no rang
 import difflib
 import math
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
@@ -34,16 +35,19 @@ _SLIP = 0.85
 # Values of one key: far more than anybody looks at, and few enough for any machine.
 _MOST_VALUES = 100_000
 
+# Characters of a range: to find that one with millions of digits is none would take their square.
+_LONGEST_RANGE = 200
+
 # Decimals that logarithmic steps are rounded to, so that 10 is 10 and not 9.999999999999998.
 _LOG_DIGITS = 15
 
 # Digits at which a label stops being short, and that the shortest label of a rounded number has.
 _LABEL_WIDTH, _LABEL_DIGITS = 7, 4
 
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _END = re.compile(rf"({_NUMBER})(?:\s*/\s*({_NUMBER}))?\s*([^\W\d_/:.]+(?:/[^\W\d_]+)?|°(?:/s)?)?")
-_STARTS_AS_NUMBER = re.compile(r"\s*[-+]?(?:\.?\d|\.?inf\b)")
-_PART = re.compile(r"(.*?)\s*/\s*(\d+)\s*")
+_STARTS_AS_NUMBER = re.compile(r"\s*[-+]?(?:\.?[0-9]|\.?inf\b)")
+_PART = re.compile(r"(.*?)\s*/\s*([0-9]+)\s*")
 
 _DIMENSIONS: Mapping[Dimension, str] = {
     "length": "m",
@@ -112,6 +116,8 @@ def read_value(key: str, given: Any, source: str) -> Given:
     if isinstance(given, Sequence | range):
         if len(given) == 0:
             raise ValueError("has no values")
+        if len(given) > _MOST_VALUES:
+            raise ValueError(f"has more than {_MOST_VALUES} values")
         return Given(_axis(key, [_Value(value, _own_label(value)) for value in given]), fixed=False)
     return Given(one_value(key, given), fixed=True)
 
@@ -123,11 +129,11 @@ def one_value(key: str, value: Any) -> Axis:
 
 def _split(text: str) -> list[str]:
     """`text` at those of its commas that are not within brackets or quotes."""
-    items, depth, quote, begin = [], 0, "", 0
+    items, depth, quote, begin, is_blank = [], 0, "", 0, True
     for i, character in enumerate(text):
         if quote:
             quote = "" if character == quote else quote
-        elif character in "\"'" and not text[begin:i].strip():
+        elif character in "\"'" and is_blank:
             quote = character
         elif character in "[{":
             depth += 1
@@ -135,7 +141,9 @@ def _split(text: str) -> list[str]:
             depth -= 1
         elif character == "," and depth <= 0:
             items.append(text[begin:i])
-            begin = i + 1
+            begin, is_blank = i + 1, True
+            continue
+        is_blank = is_blank and character.isspace()
     return [*items, text[begin:]]
 
 
@@ -169,8 +177,9 @@ def _axis(key: str, values: Sequence[_Value]) -> Axis:
     own = [value for value, label in values if not label]
     numbers = iter(_labels(own))
     labels = [shortened(label) if label else next(numbers) for _, label in values]
-    if len(set(labels)) < len(labels):
-        labels = [label if labels.count(label) == 1 else f"{label} #{i + 1}" for i, label in enumerate(labels)]
+    times = Counter(labels)
+    if len(times) < len(labels):
+        labels = [label if times[label] == 1 else f"{label} #{i + 1}" for i, label in enumerate(labels)]
     return Axis(key, tuple(value for value, _ in values), tuple(labels))
 
 
@@ -209,13 +218,15 @@ class _End(NamedTuple):
 
 def _range(key: str, item: str) -> list[_Value] | None:
     """The values of a range; None if the item is none."""
-    if not _STARTS_AS_NUMBER.match(item):
+    if not _STARTS_AS_NUMBER.match(item) or (".." not in item and ":" not in item):
         return None
+    if len(item) > _LONGEST_RANGE:
+        raise ValueError(f"is a range of {len(item)} characters; none needs more than {_LONGEST_RANGE}")
     try:
         if ".." in item:
             start, _, stop = item.partition("..")
             return _stops(key, start, stop)
-        return _steps(item.split(":")) if ":" in item else None
+        return _steps(item.split(":"))
     except OverflowError:
         raise ValueError("is a range whose ends are too large, or too far apart") from None
 
@@ -263,7 +274,7 @@ def _steps(parts: Sequence[str]) -> list[_Value]:
     if len(parts) > 3 and not is_log:
         raise ValueError(f"ends in {shown(':'.join(parts[3:]))}; only 'log' may follow the count, as in 1:100:5:log")
     start, stop = _alike(_end(parts[0]), _end(parts[1]))
-    if not re.fullmatch(r"\s*\+?\d+\s*", parts[2]):
+    if not re.fullmatch(r"\s*\+?[0-9]+\s*", parts[2]):
         raise ValueError(f"has the count {shown(parts[2].strip())}; it must be a whole number")
     count = int(parts[2])
     if count < 1:
@@ -291,6 +302,8 @@ def _linear(start: Fraction, stop: Fraction, count: int) -> Iterator[float]:
 def _geometric(start: Fraction, stop: Fraction, count: int) -> Iterator[float]:
     """Equal steps of ratio."""
     first, ratio = float(start), float(stop / start)
+    if ratio == 0.0:
+        raise OverflowError
     for i in range(count):
         yield float(f"{first * ratio ** (i / max(count - 1, 1)):.{_LOG_DIGITS}g}")
 

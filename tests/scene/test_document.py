@@ -129,7 +129,7 @@ BOMB = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (BOMB, "f.yaml:6: aliases expand to more than 1000000 values"),
+        (BOMB, "f.yaml:6: aliases expand to more than 1,000,000 values"),
         ("a: &a [*a]", "f.yaml:1: the alias *a stands inside what it names"),
         ("a: 1\nb: *c", "f.yaml:2: the alias *c has no anchor"),
         ("a: " + "[" * 64 + "]" * 64, "nested more than 64 levels"),

@@ -198,12 +198,12 @@ def edges(focused: str) -> dict[str, float]:
     for number, (name, distance) in enumerate(DISTANCES.items()):
         left, width, height = (number - 1) * third * distance, third * distance / 2.0, 0.6 * distance
         lamps.append(
-            f"{{type: quad, name: {name}, corner: [{left!r}, {-height / 2!r}, {-distance}], "
-            f"edges: [[{width!r}, 0, 0], [0, {height!r}, 0]], material: {{type: emitter, radiance: 1}}}}"
+            f"  - {{type: quad, name: {name}, corner: [{left!r}, {-height / 2!r}, {-distance}], "
+            f"edges: [[{width!r}, 0, 0], [0, {height!r}, 0]], material: {{type: emitter, radiance: 1}}}}\n"
         )
     camera = f"{LENS}, vfov: 40, aperture: 200 mm, {focused}"
-    text = f"camera: {{{camera}}}\nobjects: [{', '.join(lamps)}]"
-    row = image(text, width=144, height=96, spp=256, max_depth=1, filled=False).radiance[40:56, :, 0].mean(axis=0)
+    text = f"camera: {{{camera}}}\nobjects:\n{''.join(lamps)}"
+    row = image(text, width=144, height=96, spp=256, max_depth=1).radiance[40:56, :, 0].mean(axis=0)
     # The edge lies in the middle of each third; 1 over the steepest step is the width of a linear edge.
     return {name: 1.0 / np.diff(row[48 * i + 4 : 48 * i + 44]).max() for i, name in enumerate(DISTANCES)}
 

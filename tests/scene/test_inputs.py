@@ -13,6 +13,7 @@ import pytest
 
 from raytracer.assets import companions, read_mesh
 from raytracer.errors import InputError
+from raytracer.reach import MARKER
 from raytracer.scene import inputs
 from raytracer.scene.inputs import Bundle, bundle, digest, files_of, unbundle
 from raytracer.scene.load import build, load
@@ -99,6 +100,7 @@ def gltf(path: Path, buffer: str = "bins/a%20b.bin", image: str = "../shared/ski
 def folder(tmp_path: Path) -> Path:
     """A scene's folder with all that `FILES` names."""
     home = tmp_path / "home"
+    (tmp_path / MARKER).touch()
     for name in ("data/mask.png", "other.png"):
         picture(home / name)
     picture(tmp_path / "shared" / "skin.png")

@@ -1,5 +1,6 @@
 """Lenses that other programs have written: read as ours, and written as files of ours."""
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -12,6 +13,8 @@ from raytracer.lenses.importing.zemax import checked_glasses
 from raytracer.lenses.prescription import LensSpec
 
 MAX_BYTES = 16 * 2**20
+
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
 
 _READERS: Mapping[str, Callable[[str, str, Glasses], Draft]] = {".dat": pbrt.draft, ".zmx": zemax.draft}
 
@@ -33,7 +36,8 @@ def imported(path: Path, glasses: Glasses = MappingProxyType({})) -> LensSpec:
         raise SceneError(
             f"is no lens of another program: files that end in {' or '.join(SUFFIXES)} are", file=str(path)
         )
-    return reader(_text(path), str(path), glasses).spec()
+    # What a terminal would act upon has no meaning in a lens, whose name is printed.
+    return reader(_CONTROL.sub(" ", _text(path)), str(path), glasses).spec()
 
 
 def as_yaml(spec: LensSpec) -> str:

@@ -1,0 +1,230 @@
+"""Texts made to take all time or memory, or to be printed raw: each would hang its test, or swamp a sentence."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from raytracer import document
+from raytracer.assets import read_lens
+from raytracer.cli.main import main
+from raytracer.errors import InputError, nearest, one_line
+from raytracer.glass import glass_of
+from raytracer.scene.load import build, load, parse_overrides
+from raytracer.sweeping.values import read_text, read_value
+from raytracer.units import parse_bytes, parse_duration, parse_quantity, parse_share
+
+HEAD = "camera: {type: pinhole, look_from: [0, 0, 4], vfov: 40}\nfilm: {width: 8, height: 6}\n"
+BALL = "objects: [{type: sphere, name: ball, center: [0, 0, 0], radius: 1}]\n"
+MANY = 100_000
+
+
+def complaint(work: Callable[[], object]) -> str:
+    with pytest.raises((InputError, ValueError)) as refused:
+        work()
+    return str(refused.value)
+
+
+def told(text: str) -> str:
+    sentence = complaint(lambda: build(text, "f.yaml"))
+    assert sentence.startswith("f.yaml:")
+    assert len(sentence) < 2500
+    assert sentence.isprintable()
+    return sentence
+
+
+# ---- Sizes
+
+_MATERIALS = "materials:\n  m0: {type: metal}\n"
+_HUGE = "".join(chr(0x4E00 + i % 5000) for i in range(MANY))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        # Each of two of the one before: 2^60 in the end.
+        (
+            _MATERIALS + "".join(f"  m{i}: {{type: mixture, materials: [m{i - 1}, m{i - 1}]}}\n" for i in range(1, 60)),
+            "makes one material of more than 10,000",
+        ),
+        (
+            "materials:\n"
+            + "".join(f"  m{i}: {{type: cutout, material: m{i + 1}}}\n" for i in range(2000))
+            + "  m2000: {type: metal}\n",
+            "more than 64 levels deep",
+        ),
+        ("a: &a {" + ",".join(f"k{i}: 1" for i in range(1000)) + "}\nb:\n" + "  <<: *a\n" * MANY, "<< is given twice"),
+        ("".join(f"key{i}: 1\n" for i in range(20_000)), "f.yaml:4: key0: unknown key 'key0'"),
+        ("lights:\n" + "  - {type: pont}\n" * 20_000, "f.yaml:5: lights[0].type: unknown type of light 'pont'"),
+        ("materials:\n" + "".join(f"  m{i}: {{type: mtal}}\n" for i in range(5000)), "materials.m0.type: unknown type"),
+        # To compare the letters of two long names takes the product of their lengths.
+        (f"medium: {_HUGE}\nmedia:\n  ? {_HUGE[1:]}\n  : {{type: homogeneous, absorption: 1}}\n", "unknown medium"),
+        (f"? {_HUGE}\n: 1\n", "unknown key"),
+        ("render: {clamp: 0x" + "f" * MANY + "}\n", "render.clamp: must be finite"),
+        ("render: {spp: " + "9" * MANY + "}\n", "render.spp: must be a whole number"),
+        ('render: {clamp: "' + "1" * MANY + 'x"}\n', "render.clamp: must be a number"),
+        ('render: {clamp: "' + " " * MANY + 'x"}\n', "render.clamp: must be a number"),
+        ("x: " + "[" * MANY, "nested more than 64 levels deep"),
+        ("x: " + "{a: " * MANY, "nested more than 64 levels deep"),
+        ("render: {clamp: ١٢}\n", "render.clamp: must be a number"),
+        ("render: {clamp: 1e400}\n", "render.clamp: must be finite"),
+        ("render: {clamp: .nan}\n", "render.clamp: must be a number, got nan"),
+    ],
+)
+def test_what_would_take_all_time_is_refused(text: str, words: str) -> None:
+    assert words in told(HEAD + BALL + text)
+
+
+def test_a_file_of_more_values_than_anybody_waits_for_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(document, "MAX_VALUES", 1000)
+    build(HEAD + BALL, "f.yaml")
+    assert "f.yaml:3: this is one of more than 1,000 values" in told(HEAD + "objects: [" + "1, " * 1000 + "]")
+
+
+@pytest.mark.parametrize(
+    "definition",
+    [
+        "a." * MANY + "a=1",
+        f"objects[{'9' * 5000}].radius=1",
+        "objects[١].radius=1",
+        "camera.vfov=" + "[" * MANY,
+        "camera.vfov=1e400",
+        "camera.vfov=\x1b[2J",
+        "camera.vfov=\udcff",
+        "a\0b=1",
+        "=1",
+        "camera.vfov=.nan",
+    ],
+)
+def test_options_are_no_safer_than_files(tmp_path: Path, capsys: pytest.CaptureFixture[str], definition: str) -> None:
+    (tmp_path / "f.yaml").write_text(HEAD + BALL)
+
+    assert main(["explain", str(tmp_path / "f.yaml"), "-D", definition]) == 2
+
+    sentence = capsys.readouterr().err
+    assert sentence.startswith("rt: -D ")
+    assert sentence.removesuffix("\n").isprintable()
+    assert len(sentence) < 2500
+
+
+def test_an_option_leads_to_an_item_that_is_there() -> None:
+    for path in ("objects[0].radius", "objects.ball.radius", "objects.0.radius"):
+        (found,) = build(HEAD + BALL, "f.yaml", parse_overrides([f"{path}=2"])).objects
+        assert found.radius == 2.0  # type: ignore[attr-defined]
+
+
+# ---- Numbers
+
+
+@pytest.mark.parametrize(
+    ("parse", "text"),
+    [
+        (parse_duration, "1e400 s"),
+        (parse_duration, "-0"),
+        (parse_duration, "nan"),
+        (parse_duration, "1/" + "9" * MANY),
+        (parse_share, "1e-400"),
+        (parse_share, "9" * MANY + "%"),
+        (parse_share, "٥%"),
+        (parse_bytes, "1e400 GB"),
+        (parse_bytes, "9" * MANY),
+        (parse_bytes, "nan GB"),
+        (lambda text: parse_quantity(text, "length"), "٣ mm"),
+        (lambda text: parse_quantity(text, "length"), "1" * MANY + " mm x"),
+        (glass_of, "N-BK" + "7" * MANY),
+        (glass_of, "1e-300/1e300"),
+    ],
+)
+def test_numbers_that_are_none_are_refused_shortly(parse: Callable[[str], object], text: str) -> None:
+    assert len(complaint(lambda: parse(text))) < 500
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("1:1e9:1e-9", "must be a whole number"),
+        ("0:1:1000000000", "more than 100000 values"),
+        ("0:1:99999999999999999999", "more than 100000 values"),
+        ("1e308:1e-308:3:log", "too far apart"),
+        ("1e-300..1e300", "too far apart"),
+        ("1:" + "9" * MANY + "x:3", "none needs more than"),
+        ("1.." + " " * MANY + "x", "none needs more than"),
+        ('"' + "'" * MANY, ""),
+        (",".join(["1"] * 3), "twice"),
+        ("0:1:٣", "must be a whole number"),
+    ],
+)
+def test_ranges_are_counted_before_they_are_made(text: str, words: str) -> None:
+    assert words in complaint(lambda: read_text("camera.intensity", text, "-D"))
+
+
+def test_many_values_with_one_label_are_told_apart_in_no_time() -> None:
+    given = read_value("objects.ball.material", ["x" * 50 + str(number) for number in range(50_000)], "-D")
+    assert len(set(given.axis.labels)) == 50_000
+
+
+def test_logarithmic_steps_end_where_they_say() -> None:
+    values = read_text("x", "1e-150:1e150:3:log", "-D").axis.values
+    assert [math.log10(value) for value in values] == pytest.approx([-150, 0, 150])
+
+
+# ---- Texts
+
+
+@pytest.mark.parametrize(
+    "text", ["\ufeff" + HEAD + BALL, (HEAD + BALL).replace("\n", "\r\n"), (HEAD + BALL).replace("\n", "\r")]
+)
+def test_marks_and_ends_of_lines_of_other_systems_are_read(tmp_path: Path, text: str) -> None:
+    (tmp_path / "f.yaml").write_bytes(text.encode())
+    assert load(tmp_path / "f.yaml") == build(HEAD + BALL, "f.yaml")
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-be", "utf-32"])
+def test_other_encodings_are_told(tmp_path: Path, encoding: str) -> None:
+    (tmp_path / "f.yaml").write_bytes((HEAD + BALL).encode(encoding))
+    assert "f.yaml" in complaint(lambda: load(tmp_path / "f.yaml"))
+
+
+def test_latin_1_is_told_by_its_line(tmp_path: Path) -> None:
+    (tmp_path / "f.yaml").write_bytes(HEAD.encode() + "# Zwölf\n".encode("latin-1"))
+    assert "f.yaml:3: is not UTF-8 text (byte 0xf6)" in complaint(lambda: load(tmp_path / "f.yaml"))
+
+
+@pytest.mark.parametrize("text", ['"\\e[31m": 1\n', 'medium: "\\e]0;title\\a"\n', '"a\\u202eb": 1\n', '"a\\nb": 1\n'])
+def test_what_a_terminal_would_act_upon_is_written_out(text: str) -> None:
+    assert "\\" in told(HEAD + BALL + text)
+
+
+@pytest.mark.parametrize("where", ["objects[1].name", "materials", "camera.vfov"])
+def test_names_hold_nothing_that_a_terminal_would_act_upon(where: str) -> None:
+    text = {
+        "objects[1].name": HEAD + BALL[:-2] + ', {type: sphere, name: "\\e[31mred", center: [3, 0, 0], radius: 1}]\n',
+        "materials": HEAD + BALL + 'materials: {"\\x9b31mred": {type: metal}}\n',
+        "camera.vfov": HEAD.replace("40}", '"\\x07"}') + BALL,
+    }[where]
+    assert "holds the control character '\\x" in told(text)
+    assert "holds the control character" not in told(
+        text.replace("\\e", "e").replace("\\x9b", "").replace("\\x07", "seven") + "x: 1"
+    )
+
+
+@pytest.mark.parametrize("suffix", [".zmx", ".dat"])
+def test_names_of_imported_lenses_neither(tmp_path: Path, suffix: str) -> None:
+    zmx = "NAME a\x1b[31mb\nSURF 0\n  DISZ INFINITY\nSURF 1\n  CURV 0.02\n  DISZ 5\n  GLAS N-BK7\n  DIAM 5\nSURF 2\n"
+    zmx += "  CURV -0.02\n  DISZ 90\n  DIAM 5\nSURF 3\n  DISZ 0\n"
+    dat = "# a\x1b[31mb\n50 5 1.5 10\n-50 90 1 10\n"
+    (tmp_path / f"lens{suffix}").write_text(zmx if suffix == ".zmx" else dat)
+    assert read_lens(tmp_path / f"lens{suffix}").name == "a [31mb"
+
+
+def test_a_long_sentence_keeps_its_beginning_and_its_end() -> None:
+    sentence = one_line("begin " + "x" * MANY + " end")
+    assert sentence.startswith("begin xxx")
+    assert sentence.endswith("xxx end")
+    assert len(sentence) < 2100
+
+
+def test_the_nearest_of_names_is_found_among_long_ones() -> None:
+    assert nearest("gold", ["x" * MANY, "old", "cold fish"]) == "old"
+    assert nearest("x" * MANY, ["x" * MANY + "y"]) is None
