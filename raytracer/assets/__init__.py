@@ -30,12 +30,19 @@ def companions(kind: str, path: Path) -> tuple[Path, ...]:
     return gltf.companions(path) if kind in ("mesh", "image") and path.suffix.lower() in (".gltf", ".glb") else ()
 
 
+def names_within(kind: str, path: Path) -> tuple[Path, ...]:
+    """The files that reading a file of this kind may open besides, be they there or not."""
+    path = file_of(path)
+    return gltf.named(path) if kind in ("mesh", "image") and path.suffix.lower() in (".gltf", ".glb") else ()
+
+
 __all__ = [
     "LOADERS",
     "Image",
     "Mesh",
     "companions",
     "file_of",
+    "names_within",
     "read_grid",
     "read_image",
     "read_lens",

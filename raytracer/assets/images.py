@@ -8,11 +8,8 @@
 | .npy | floats of shape (height, width) or (height, width, 1..4), linear; or uint8 and uint16, as in .png |
 """
 
-import contextlib
-import io
 import re
-import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,12 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.assets.gltf import read_image_bytes
-from raytracer.errors import InputError
-from raytracer.film import rgbe, srgb
-from raytracer.film.output import silenced
-
-MAX_TEXELS = 2**28
-"""More is refused before it is decoded: 16384 x 16384 texels of three bytes are 0.8 GB."""
+from raytracer.errors import InputError, shortened
+from raytracer.film import decoding, rgbe, srgb
+from raytracer.film.decoding import BrokenImageError
+from raytracer.untrusted import BrokenArrayError, array, contents
 
 _MOST_UINT16 = 65535.0
 
@@ -58,39 +53,8 @@ class Image(NamedTuple):
         return np.concatenate([srgb.decode(values[..., :colors]), values[..., colors:]], axis=2, dtype=np.float32)
 
 
-class _BrokenImageError(ValueError):
-    """An image that cannot be used; its text completes the sentence "FILE: ..."."""
-
-
-def _check_size(width: int, height: int) -> None:
-    if width * height > MAX_TEXELS:
-        raise _BrokenImageError(f"is {width} x {height} pixels, and at most {MAX_TEXELS:,} are read")
-    if width * height == 0:
-        raise _BrokenImageError("has no pixels")
-
-
-@contextlib.contextmanager
-def _any_size() -> Iterator[None]:
-    """Keep Pillow from judging sizes, which are checked here before pixels are decoded."""
-    import PIL.Image
-
-    kept = PIL.Image.MAX_IMAGE_PIXELS
-    PIL.Image.MAX_IMAGE_PIXELS = None
-    try:
-        yield
-    finally:
-        PIL.Image.MAX_IMAGE_PIXELS = kept
-
-
 def _decode_pillow(data: bytes) -> Image:
-    import PIL.Image
-
-    from raytracer.jit import alone
-
-    with alone, _any_size(), warnings.catch_warnings(), PIL.Image.open(io.BytesIO(data)) as file:
-        # What Pillow warns of is either of no matter here or raises when it decodes.
-        warnings.simplefilter("ignore")
-        _check_size(*file.size)
+    with decoding.pillow(data) as file:
         if file.mode == "F":
             return Image(np.array(file, np.float32)[..., None], False)
         if file.mode.startswith("I"):
@@ -103,17 +67,10 @@ def _decode_pillow(data: bytes) -> Image:
 
 
 def _decode_exr(data: bytes) -> Image:
-    import OpenEXR
-
-    with silenced():
-        with OpenEXR.File(io.BytesIO(data), separate_channels=True, header_only=True) as file:
-            low, high = (np.asarray(corner, np.int64) for corner in file.header()["dataWindow"])
-        _check_size(*(int(size) for size in high - low + 1))
-        with OpenEXR.File(io.BytesIO(data), separate_channels=True) as file:
-            channels = {name: np.asarray(channel.pixels) for name, channel in file.channels().items()}
+    _, channels = decoding.exr(data)
     names = next((names for names in ("RGBA", "RGB", "YA", "Y") if all(name in channels for name in names)), None)
-    if names is None and len(channels) > 1:
-        raise _BrokenImageError(f"has neither channels R, G, B nor Y, but {', '.join(channels)}")
+    if names is None and len(channels) != 1:
+        raise BrokenImageError(f"has neither channels R, G, B nor Y, but {shortened(', '.join(channels)) or 'none'}")
     planes = [channels[name] for name in names or channels]
     return Image(np.stack([_single(plane) for plane in planes], axis=-1), False)
 
@@ -123,20 +80,17 @@ def _decode_hdr(data: bytes) -> Image:
 
 
 def _decode_npy(data: bytes) -> Image:
-    file = io.BytesIO(data)
-    version = np.lib.format.read_magic(file)
-    read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    shape, _, dtype = read_header(file)
+    stored = array(data)
+    shape, dtype = stored.shape, stored.dtype
     if len(shape) not in (2, 3) or (len(shape) == 3 and not 1 <= shape[2] <= 4):
-        raise _BrokenImageError(f"must be of shape (height, width) or (height, width, 1 to 4), and is of {shape}")
+        raise BrokenImageError(f"must be of shape (height, width) or (height, width, 1 to 4), and is of {shape}")
     if dtype.kind != "f" and dtype not in (np.uint8, np.uint16):
-        raise _BrokenImageError(f"must hold floats, uint8 or uint16, and holds {dtype}")
-    _check_size(shape[1], shape[0])
-    file.seek(0)
-    array = np.load(file, allow_pickle=False).reshape(shape[0], shape[1], -1)
+        raise BrokenImageError(f"must hold floats, uint8 or uint16, and holds {dtype}")
+    decoding.check_size(shape[1], shape[0], len(data))
+    texels = stored.reshape(shape[0], shape[1], -1)
     if dtype == np.uint8:
-        return Image(array, True)
-    return Image(_single(array / _MOST_UINT16), True) if dtype == np.uint16 else Image(_single(array), False)
+        return Image(texels, True)
+    return Image(_single(texels / _MOST_UINT16), True) if dtype == np.uint16 else Image(_single(texels), False)
 
 
 def _single(array: NDArray[Any]) -> NDArray[np.float32]:
@@ -164,21 +118,25 @@ def decode_image(data: bytes, suffix: str) -> Image:
     decode = _DECODERS.get(suffix.lower())
     if decode is None:
         found = f"unknown suffix {suffix!r}" if suffix else "no suffix"
-        raise _BrokenImageError(f"{found} for an image; known: {', '.join(_DECODERS)}")
+        raise BrokenImageError(f"{found} for an image; known: {', '.join(_DECODERS)}")
     try:
         image = decode(data)
-    except _BrokenImageError:
+    except BrokenImageError:
         raise
+    except BrokenArrayError as error:
+        raise BrokenImageError(str(error)) from error
     except MemoryError:
-        raise _BrokenImageError("does not fit into memory") from None
+        raise BrokenImageError("does not fit into memory") from None
     except Exception as error:
         # A broken file raises anything, from SyntaxError to struct.error.
-        raise _BrokenImageError(f"broken, or no {suffix} image") from error
-    if image.texels.dtype != np.uint8 and not np.isfinite(image.texels.sum(dtype=np.float64)):
+        raise BrokenImageError(f"broken, or no {suffix} image") from error
+    with np.errstate(invalid="ignore"):
+        total = 0.0 if image.texels.dtype == np.uint8 else image.texels.sum(dtype=np.float64)
+    if not np.isfinite(total):
         finite = np.isfinite(image.texels)
         row, column, channel = (int(index) for index in np.argwhere(~finite)[0])
         value = image.texels[row, column, channel]
-        raise _BrokenImageError(f"has a pixel that is not finite ({value} in row {row}, column {column})")
+        raise BrokenImageError(f"has a pixel that is not finite ({value} in row {row}, column {column})")
     return image
 
 
@@ -200,9 +158,9 @@ def read_image(path: str | Path) -> Image:
     try:
         if inside is not None:
             return decode_image(*read_image_bytes(path.with_name(inside[1]), int(inside[2])))
-        data = path.read_bytes() if path.suffix.lower() in _DECODERS else b""
+        data = contents(path) if path.suffix.lower() in _DECODERS else b""
         return decode_image(data, path.suffix)
-    except _BrokenImageError as error:
+    except BrokenImageError as error:
         raise InputError(f"{path}: {error}") from error
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error

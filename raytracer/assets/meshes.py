@@ -12,6 +12,12 @@ from raytracer.errors import InputError
 
 _MOST_FACES = 2**31
 
+# Embree takes coordinates as float32.
+_LARGEST = float(np.finfo(np.float32).max)
+
+# Texels are numbered by 64-bit integers; a float32 has no fraction from 2^24 on.
+_FARTHEST_UV = 2.0**31
+
 # Triangles worked on at once: what is computed for each stays in the cache, and takes little memory.
 _BLOCK = 1 << 14
 
@@ -23,7 +29,7 @@ class Mesh(NamedTuple):
 
     Attributes
     ----------
-    vertices : float64 (n, 3), finite.
+    vertices : float64 (n, 3), finite, as float32 too.
     faces : uint32 (m, 3), indices of vertices, counter-clockwise seen from outside; m >= 1, none of zero area.
     normals : float64 (n, 3), unit normals of the vertices, zero for a vertex in no face; None if the file has none.
     degenerate : how many triangles of zero area the file had besides.
@@ -119,6 +125,14 @@ def smooth_normals(vertices: Vectors, faces: Integers) -> Vectors:
     return normals
 
 
+def _check_finite(rows: Vectors, sentence: str, largest: float = _LARGEST) -> None:
+    """Raise BrokenMeshError for the first of `rows` (n, k) that has a value beyond `largest`, or none."""
+    with np.errstate(invalid="ignore"):
+        usable = (np.abs(rows) <= largest).all(axis=1)
+    if not usable.all():
+        raise BrokenMeshError(sentence.format(int(np.argmin(usable))))
+
+
 def _checked(parts: Parts) -> Mesh:
     """The mesh of `parts`, without its degenerate triangles.
 
@@ -131,10 +145,7 @@ def _checked(parts: Parts) -> Mesh:
     if len(parts.faces) == 0:
         raise BrokenMeshError("has no faces")
     vertices = parts.vertices
-    finite = np.isfinite(vertices).all(axis=1)
-    if not finite.all():
-        bad = int(np.argmin(finite))
-        raise BrokenMeshError(f"has a vertex that is not finite (number {bad}, counted from 0)")
+    _check_finite(vertices, "has a vertex that is not finite (number {}, counted from 0)")
 
     # Indices are compared before they are converted, which would wrap a negative one around.
     lowest, highest = parts.faces.min(), parts.faces.max()
@@ -155,9 +166,10 @@ def _checked(parts: Parts) -> Mesh:
         normals, usable = _normalized(parts.normals)
         if not usable.all():
             normals[~usable] = smooth_normals(vertices, faces)[~usable]
-    if parts.uv is not None and not np.isfinite(parts.uv).all():
-        bad = int(np.argmin(np.isfinite(parts.uv).all(axis=1)))
-        raise BrokenMeshError(f"has a texture coordinate that is not finite (of vertex {bad}, counted from 0)")
+    if parts.uv is not None:
+        _check_finite(
+            parts.uv, "has a texture coordinate that is not finite (of vertex {}, counted from 0)", _FARTHEST_UV
+        )
     kinds = None if parts.kinds is None else parts.kinds[kept]
     first = int(np.argmin(kept)) if degenerate else -1
     return Mesh(vertices, faces, normals, degenerate, parts.uv, kinds, first)

@@ -1,12 +1,14 @@
 """Placements of instances, read from files."""
 
 import csv
+import io
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.errors import InputError, suggestion
+from raytracer.errors import InputError, one_line, shortened, shown, suggestion
+from raytracer.untrusted import array, contents
 
 _PLACE = ("x", "y", "z")
 _SCALE = ("scale_x", "scale_y", "scale_z")
@@ -17,7 +19,7 @@ Rows = NDArray[np.float64]
 
 
 def read_placements(path: str | Path) -> Rows:
-    """Read the transforms of a .npy or .csv file: float64 (n, 4, 4), n >= 1, each invertible.
+    """Read the transforms of a .npy or .csv file: float64 (n, 4, 4), n >= 1, each invertible and finite as float32.
 
     A .npy file holds matrices for column vectors, (n, 4, 4) or (n, 3, 4).  A .csv file names its columns in its first
     line: x, y, z (m); scale, or scale_x, scale_y, scale_z; angle (deg) about the axis axis_x, axis_y, axis_z.  What it
@@ -32,18 +34,23 @@ def read_placements(path: str | Path) -> Rows:
     if path.suffix.lower() not in readers:
         raise InputError(f"{path}: unknown suffix {path.suffix!r} for placements; known: {', '.join(readers)}")
     try:
-        poses = readers[path.suffix.lower()](path)
+        with np.errstate(all="ignore"):
+            poses = readers[path.suffix.lower()](path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (ValueError, EOFError, csv.Error) as error:
-        raise InputError(f"{path}: {error}") from error
+    except (ValueError, csv.Error) as error:
+        raise InputError(one_line(f"{path}: {error}")) from error
+    except MemoryError as error:
+        raise InputError(f"{path}: does not fit into memory") from error
     if not len(poses):
         raise InputError(f"{path}: holds no placements")
-    usable = np.isfinite(poses).all(axis=(1, 2))
+    with np.errstate(invalid="ignore"):
+        usable = (np.abs(poses) <= np.finfo(np.float32).max).all(axis=(1, 2))
     # Columns of one size, so that it is their directions that decide and not how much they scale.
     linear = np.where(usable[:, None, None], poses[:, :3, :3], 1.0)
     size = np.abs(linear).max(axis=1, keepdims=True)
-    usable &= np.linalg.matrix_rank(linear / np.where(size > 0.0, size, 1.0)) == 3
+    with np.errstate(all="ignore"):
+        usable &= np.linalg.matrix_rank(linear / np.where(size > 0.0, size, 1.0)) == 3
     if not usable.all():
         bad = int(np.argmin(usable))
         raise InputError(f"{path}: placement {bad} (counted from 0) is not finite, or flattens what it places")
@@ -51,8 +58,8 @@ def read_placements(path: str | Path) -> Rows:
 
 
 def _read_npy(path: Path) -> Rows:
-    found = np.load(path, allow_pickle=False)
-    if not isinstance(found, np.ndarray) or found.dtype.kind not in "fiu":
+    found = array(contents(path))
+    if found.dtype.kind not in "fiu":
         raise ValueError("holds no array of numbers")
     if found.ndim != 3 or found.shape[1:] not in ((4, 4), (3, 4)):
         raise ValueError(f"must hold an array of shape (n, 4, 4) or (n, 3, 4), got {found.shape}")
@@ -67,12 +74,11 @@ def _read_npy(path: Path) -> Rows:
 def _read_csv(path: Path) -> Rows:
     from scipy.spatial.transform import Rotation
 
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        lines = list(csv.reader(file))
+    lines = list(csv.reader(io.StringIO(contents(path).decode("utf-8-sig"), newline="")))
     names = [name.strip() for name in lines[0]] if lines else []
     for name in names:
         if name not in _COLUMNS:
-            raise ValueError(f"unknown column {name!r}; {suggestion(name, _COLUMNS, 'columns')}")
+            raise ValueError(f"unknown column {shown(name)}; {suggestion(shortened(name), _COLUMNS, 'columns')}")
         if names.count(name) > 1:
             raise ValueError(f"has the column {name!r} twice")
     if missing := [name for name in _PLACE if name not in names]:
@@ -87,7 +93,7 @@ def _read_csv(path: Path) -> Rows:
             try:
                 values[number, column] = float(text)
             except ValueError:
-                raise ValueError(f"line {number + 2}: {names[column]} must be a number, got {text!r}") from None
+                raise ValueError(f"line {number + 2}: {names[column]} must be a number, got {shown(text)}") from None
     table = dict(zip(names, values.T, strict=True))
 
     def columns(wanted: tuple[str, ...], defaults: tuple[float, float, float]) -> Rows:

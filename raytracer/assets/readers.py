@@ -1,8 +1,8 @@
 """Meshes as libraries read them, and what has to be done about what the libraries get wrong.
 
-trimesh reads all formats, and meshio those PLY files that trimesh refuses: binary ones whose faces are not all of one
-size, as Blender writes them.  They say little about files that are broken, or ask for more than they read, so each
-function here checks what its format can get wrong without a word.
+trimesh reads PLY, OBJ and STL files, and meshio those PLY files that trimesh refuses: binary ones whose faces are not
+all of one size, as Blender writes them.  They say little about files that are broken, or ask for more than they read,
+so each function here checks what its format can get wrong without a word.
 
 References: Wavefront Technologies, "Object Files (.obj)", Advanced Visualizer Manual, appendix B1; G. Turk, "The PLY
     Polygon File Format", 1994; Khronos Group, "glTF 2.0 Specification".
@@ -16,13 +16,15 @@ import warnings
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple, TextIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.assets.gltf import BrokenGltfError, parse, with_numbered_materials
-from raytracer.errors import one_line
+from raytracer.assets.gltf import BrokenGltfError, parse
+from raytracer.assets.gltf_geometry import read_triangles
+from raytracer.errors import one_line, shown
+from raytracer.untrusted import opened
 
 Integers = NDArray[np.integer[Any]]
 Floats = NDArray[np.floating[Any]]
@@ -43,8 +45,22 @@ _PLAIN_FACES = re.compile(
 
 # trimesh takes what comes second for the format, and bytes of an unknown one for little-endian.
 _PLY_HEADER = re.compile(
-    rb"ply\r?\nformat (ascii|binary_little_endian|binary_big_endian) 1\.0\s*\n.*?\nend_header\r?\n", re.DOTALL
+    rb"ply\r?\nformat (ascii|binary_little_endian|binary_big_endian) 1\.0[ \t\r]*\n.*?\nend_header\r?\n", re.DOTALL
 )
+
+# The first and the last line of an STL solid, with its name, which may be any word of the format.
+_SOLID = re.compile(r"^[ \t]*(?:end)?solid\b.*$", re.MULTILINE)
+
+# No face that a program writes has as many corners as fit in a line of this length.
+_LONGEST_LINE = 1 << 20
+
+# An index of an OBJ face, and what its corners may be with a 1 for each.
+_INDEX = re.compile(r"-?\b\d{1,18}\b", re.ASCII)
+_FORMS = {"1", "1/", "1//", "1/1", "1/1/", "1//1", "1/1/1"}
+
+# What of a line of each keyword is read: weights, colours and depths of textures are left out.
+_NUMBERS = {"v": 3, "vt": 2, "vn": 3}
+_ROWS = {"v": "vertex", "vn": "normal"}
 
 # Corners of an OBJ face with an index that counts back, or is 0.
 _RELATIVE = re.compile(r"-|\b0+\b")
@@ -102,47 +118,33 @@ def _triangles(polygons: Integers | list[Integers]) -> Integers:
     return triangles
 
 
-def _read_scene(file: BinaryIO | TextIO, format_name: str, folder: Path | None = None) -> Parts:
-    """The triangles of all nodes of a scene, each where its node puts it; missing normals are (0, 0, 0).
-
-    folder : where further files are; given where the names of materials are numbers that are to be kept.
-    """
+def _read_scene(text: str, format_name: str) -> Parts:
+    """The triangles of all parts of a text without further files; missing normals are (0, 0, 0)."""
     import trimesh
 
-    resolver = None if folder is None else trimesh.resolvers.FilePathResolver(str(folder / "scene"))
-    scene = trimesh.load_scene(
-        file, file_type=format_name, process=False, skip_materials=folder is None, resolver=resolver
-    )
+    scene = trimesh.load_scene(io.StringIO(text), file_type=format_name, process=False, skip_materials=True)
     vertices: list[Floats] = []
     faces: list[Integers] = []
     normals: list[Floats] = []
     coordinates: list[Floats] = []
-    kinds: list[NDArray[np.int32]] = []
     has_normals = has_uv = False
     offset = 0
-    for node in scene.graph.nodes_geometry:
-        matrix, name = scene.graph[node]
-        mesh = scene.geometry[name]
+    for mesh in scene.geometry.values():
         if not isinstance(mesh, trimesh.Trimesh):
             continue
         if mesh.vertices.shape[1:] != (3,):
             raise BrokenMeshError("has vertices without 3 coordinates")
-        linear = matrix[:3, :3]
         own = len(mesh.vertices)
-        vertices.append(mesh.vertices @ linear.T + matrix[:3, 3])
-
-        # A mirroring node turns triangles inside out; normals go by the cofactors, which need no inverse.
-        faces.append((mesh.faces if np.linalg.det(linear) >= 0 else mesh.faces[:, ::-1]) + offset)
+        if len(mesh.faces) and not 0 <= mesh.faces.min() <= mesh.faces.max() < own:
+            raise BrokenMeshError("has a face with a vertex that is not there")
+        vertices.append(mesh.vertices)
+        faces.append(mesh.faces + offset)
         offset += own
-        if folder is not None:
-            material: Any = getattr(mesh.visual, "material", None)
-            kinds.append(np.full(len(mesh.faces), int(material.name), np.int32))
 
         # Normals that were not in the file are not there yet; asking the mesh for them would make them.
         if "vertex_normals" in mesh._cache.cache:
             has_normals = True
-            cofactors = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
-            normals.append(mesh.vertex_normals @ cofactors.T * np.sign(np.linalg.det(linear)))
+            normals.append(mesh.vertex_normals)
         else:
             normals.append(np.zeros((own, 3)))
 
@@ -157,16 +159,14 @@ def _read_scene(file: BinaryIO | TextIO, format_name: str, folder: Path | None =
         np.concatenate(faces),
         np.concatenate(normals) if has_normals else None,
         np.concatenate(coordinates) if has_uv else None,
-    )._replace(kinds=np.concatenate(kinds) if kinds else None)
+    )
 
 
 def _read_gltf(file: BinaryIO) -> Parts:
     """The triangles of a .gltf or .glb file, with its materials' numbers if it has materials."""
     gltf = parse(file.read())
-    parts = _read_scene(
-        io.BytesIO(with_numbered_materials(gltf)), "gltf" if gltf.binary is None else "glb", Path(file.name).parent
-    )
-    return parts if gltf.header.get("materials") else parts._replace(kinds=None)
+    vertices, faces, normals, uv, kinds = read_triangles(gltf, Path(file.name).parent)
+    return _parts(vertices, faces, normals, uv)._replace(kinds=kinds if gltf.header.get("materials") else None)
 
 
 def _read_stl(file: BinaryIO) -> Parts:
@@ -178,16 +178,25 @@ def _read_stl(file: BinaryIO) -> Parts:
         corners, faces = mesh.get("vertices", np.empty((0, 3))), mesh.get("faces", np.empty((0, 3), dtype=np.int64))
     except HeaderError:
         file.seek(0)
-        text = file.read().decode("latin-1").lower()
-        if "endsolid" not in text:
+        if b"endsolid" not in file.read(_LONGEST_HEADER).lower() and not _ends_as_text(file):
             raise BrokenMeshError("ends early, or is neither text nor as long as its binary header says") from None
-        corners, faces, *_ = _read_scene(io.StringIO(text), "stl")
+        file.seek(0)
+        facets, solids = _SOLID.subn("", file.read().decode("latin-1").lower())
+        if solids % 2:
+            raise BrokenMeshError("ends early") from None
 
-        # Of several solids trimesh reads those that are whole.
-        if len(faces) != text.count("endfacet"):
+        # Of several solids trimesh makes a mesh each, and leaves out those that are not whole.
+        corners, faces, *_ = _read_scene(f"solid\n{facets}\nendsolid\n", "stl")
+        if len(faces) != facets.count("endfacet"):
             raise BrokenMeshError("ends early, or has facets that are not triangles") from None
     first, vertex = weld(corners)
     return _parts(corners[first], vertex[faces], None)
+
+
+def _ends_as_text(file: BinaryIO) -> bool:
+    """Whether the end of a solid is near the end of the file, which tells text from bytes without reading all."""
+    file.seek(max(0, file.seek(0, io.SEEK_END) - _LONGEST_HEADER))
+    return b"endsolid" in file.read().lower()
 
 
 def _absolute(index: str, count: int) -> str:
@@ -212,20 +221,31 @@ def _plain_obj(text: str) -> str:
     before = {"v": 0, "vt": 0, "vn": 0}
     data: list[str] = []
     by_form: defaultdict[str, list[str]] = defaultdict(list)
-    for line in re.sub(r"\\\n|#.*", " ", text).split("\n"):
+    for line in re.sub(r"\\\r?\n|#.*", " ", text).split("\n"):
+        if len(line) > _LONGEST_LINE:
+            raise BrokenMeshError(f"has a line of {len(line):,} characters, and at most {_LONGEST_LINE:,} are read")
         words = line.split()
         keyword = words[0] if words else ""
         if keyword == "f":
             corners = words[1:]
             if len(corners) < 3:
                 raise BrokenMeshError("has a face with fewer than 3 corners")
+            forms = set(_INDEX.sub("1", " ".join(corners)).split())
+            if len(forms) > 1 or not forms <= _FORMS:
+                raise BrokenMeshError(f"has a face whose corners are no indices of one kind: {shown(line.strip())}")
             if _RELATIVE.search(line):
                 pairs = (zip(corner.split("/"), before.values(), strict=False) for corner in corners)
                 corners = ["/".join(_absolute(*pair) for pair in corner) for corner in pairs]
-            by_form[re.sub(r"\d+", "1", corners[0])].append("f " + " ".join(corners))
+            by_form[forms.pop()].append("f " + " ".join(corners))
         elif keyword in before:
             before[keyword] += 1
-            data.append(" ".join(words))
+            numbers = words[1 : 1 + _NUMBERS[keyword]]
+            # A texture coordinate without a v has 0 there.
+            if keyword == "vt":
+                numbers += ["0"] * (2 - len(numbers))
+            if len(numbers) < _NUMBERS[keyword]:
+                raise BrokenMeshError(f"has a {_ROWS[keyword]} without 3 coordinates")
+            data.append(" ".join([keyword, *numbers]))
     for form, faces in by_form.items():
         data += [f"usemtl {form}", *faces]
     return "\n".join(data)
@@ -233,7 +253,7 @@ def _plain_obj(text: str) -> str:
 
 def _read_obj(file: BinaryIO) -> Parts:
     with io.TextIOWrapper(file, encoding="latin-1") as text:
-        return _read_scene(io.StringIO(_plain_obj(text.read())), "obj")
+        return _read_scene(_plain_obj(text.read()), "obj")
 
 
 def _check_ply_size(file: BinaryIO, head: re.Match[bytes]) -> None:
@@ -355,7 +375,7 @@ def read(path: Path) -> Parts:
     from raytracer.jit import alone
 
     name, reader = _READERS[path.suffix.lower()]
-    with alone, path.open("rb") as file, warnings.catch_warnings(), np.errstate(all="ignore"):
+    with alone, opened(path) as file, warnings.catch_warnings(), np.errstate(all="ignore"):
         if not file.peek(1):
             raise BrokenMeshError("is empty")
 

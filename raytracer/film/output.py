@@ -16,7 +16,6 @@ import contextlib
 import dataclasses
 import io
 import os
-import threading
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,8 +23,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer import untrusted
 from raytracer.errors import InputError, OutputError
-from raytracer.film import rgbe, srgb
+from raytracer.film import decoding, rgbe, srgb
 from raytracer.wholefiles import is_special, told, whole
 
 if TYPE_CHECKING:
@@ -40,10 +40,11 @@ DISPLAY_SUFFIXES = (".png", ".jpg", ".jpeg")
 _JPEG_QUALITY = 95
 _EXR_PREFIX = "rt."
 
+# Bytes that are taken from a pipe at a time.
+_PIECE = 1 << 20
+
 # Red, green, blue and white of Rec. 709, as x and y each.
 _CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
-
-_SILENCE = threading.Lock()
 
 
 # ---- encoding ----
@@ -268,9 +269,7 @@ def _save_light_field(image: "Image", path: Path) -> None:
 
 def _decode_pillow(data: bytes, *, is_linear: bool = True) -> NDArray[np.float64]:
     """Values of an image file in sRGB, decoded to linear ones or as they are, in 0..1."""
-    import PIL.Image
-
-    with PIL.Image.open(io.BytesIO(data)) as file:
+    with decoding.pillow(data, ("PNG", "JPEG")) as file:
         is_deep = file.mode.startswith("I")
         stored = np.asarray(file if is_deep else file.convert("RGB"))
 
@@ -281,36 +280,14 @@ def _decode_pillow(data: bytes, *, is_linear: bool = True) -> NDArray[np.float64
     return np.repeat(values[..., None], 3, axis=2) if is_deep else values
 
 
-@contextlib.contextmanager
-def silenced() -> Iterator[None]:
-    """Keep from the terminal what the OpenEXR library prints about a broken file before it raises.
-
-    By one thread at a time: of two, one would put back what the other has put in the terminal's place.
-    """
-    with _SILENCE, contextlib.ExitStack() as stack:
-        stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
-        with contextlib.suppress(OSError):
-            kept = os.dup(2)
-            stack.callback(os.close, kept)
-            stack.callback(os.dup2, kept, 2)
-            null = os.open(os.devnull, os.O_WRONLY)
-            stack.callback(os.close, null)
-            os.dup2(null, 2)
-        yield
-
-
 def _decode_exr(
     data: bytes, wanted: Collection[str] | None = None
 ) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
-    import OpenEXR
+    def is_wanted(name: str) -> bool:
+        return wanted is None or (name.rpartition(".")[0] or "radiance") in wanted or name in wanted
 
-    with silenced(), OpenEXR.File(io.BytesIO(data), separate_channels=True) as file:
-        header = dict(file.header())
-        channels = {
-            name: np.asarray(c.pixels, dtype=np.float64)
-            for name, c in file.channels().items()
-            if wanted is None or (name.rpartition(".")[0] or "radiance") in wanted or name in wanted
-        }
+    header, planes = decoding.exr(data, is_wanted)
+    channels = {name: np.asarray(plane, dtype=np.float64) for name, plane in planes.items()}
     prefix = _EXR_PREFIX
     settings = {key[len(prefix) :]: str(value) for key, value in header.items() if key.startswith(prefix)}
 
@@ -332,13 +309,16 @@ def _decode_exr(
 
 def _decode_exr_radiance(data: bytes) -> NDArray[np.float64]:
     layers, _ = _decode_exr(data, {"radiance"})
+    if "radiance" not in layers and "Y" not in layers:
+        raise decoding.BrokenImageError("has neither channels R, G and B nor Y")
     return layers["radiance"] if "radiance" in layers else np.repeat(layers["Y"][..., None], 3, axis=2)
 
 
 def _decode_npy(data: bytes) -> NDArray[np.float64]:
-    array = np.load(io.BytesIO(data), allow_pickle=False)
+    array = untrusted.array(data)
     if array.ndim != 3 or array.shape[2] != 3 or array.dtype.kind not in "fiu":
-        raise ValueError("not an array of shape (height, width, 3)")
+        raise decoding.BrokenImageError("is no array of numbers of the shape (height, width, 3)")
+    decoding.check_size(array.shape[1], array.shape[0], len(data))
     return np.asarray(array, dtype=np.float64)
 
 
@@ -357,8 +337,12 @@ def _reading(path: Path) -> Iterator[None]:
     """Turn whatever reading `path` raises into one sentence: broken files raise anything from SyntaxError on."""
     try:
         yield
-    except (InputError, MemoryError):
+    except InputError:
         raise
+    except (decoding.BrokenImageError, untrusted.BrokenArrayError) as error:
+        raise InputError(f"{path}: {error}") from error
+    except MemoryError as error:
+        raise InputError(f"{path}: does not fit into memory") from error
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
     except OSError as error:
@@ -367,6 +351,19 @@ def _reading(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: {reason}") from error
     except Exception as error:
         raise InputError(f"{path}: broken, or no {path.suffix} image") from error
+
+
+def _contents(path: Path) -> bytes:
+    """The bytes of a file, or what comes through a pipe that was named as such, without a suffix."""
+    if path.suffix or not is_special(path):
+        return untrusted.contents(path)
+    data = bytearray()
+    with path.open("rb") as pipe:
+        while piece := pipe.read(_PIECE):
+            data += piece
+            if len(data) > untrusted.MAX_BYTES:
+                raise decoding.BrokenImageError(f"has more than the {untrusted.MAX_BYTES:,} bytes that are read")
+    return bytes(data)
 
 
 def load(path: str | Path) -> NDArray[np.float64]:
@@ -381,7 +378,7 @@ def load(path: str | Path) -> NDArray[np.float64]:
     path = Path(path)
     decode = _DECODERS[_suffix(path, SUFFIXES)]
     with _reading(path):
-        return decode(path.read_bytes())
+        return decode(_contents(path))
 
 
 def load_encoded(path: str | Path) -> NDArray[np.float64]:
@@ -395,7 +392,7 @@ def load_encoded(path: str | Path) -> NDArray[np.float64]:
     if path.suffix.lower() not in DISPLAY_SUFFIXES:
         raise InputError(f"{path}: only {', '.join(DISPLAY_SUFFIXES)} files hold display values")
     with _reading(path):
-        return _decode_pillow(path.read_bytes(), is_linear=False)
+        return _decode_pillow(untrusted.contents(path), is_linear=False)
 
 
 def load_layers(
@@ -416,4 +413,4 @@ def load_layers(
     if path.suffix.lower() != ".exr":
         raise InputError(f"{path}: only .exr files have layers")
     with _reading(path):
-        return _decode_exr(path.read_bytes(), wanted)
+        return _decode_exr(untrusted.contents(path), wanted)

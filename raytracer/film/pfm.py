@@ -41,6 +41,8 @@ def decode(data: bytes) -> NDArray[np.float64]:
     count = width * height * channels
     if len(data) - header.end() < 4 * count:
         raise ValueError(f"is truncated: a .pfm file of {width} x {height} has {4 * count} bytes of numbers")
-    numbers = np.frombuffer(data, "<f4" if scale < 0.0 else ">f4", count, header.end()).astype(np.float64)
+    numbers = np.frombuffer(data, "<f4" if scale < 0.0 else ">f4", count, header.end())
     shape = (height, width) if channels == 1 else (height, width, channels)
-    return numbers.reshape(shape)[::-1]
+    # A signalling nan becomes a quiet one.
+    with np.errstate(invalid="ignore"):
+        return numbers.astype(np.float64).reshape(shape)[::-1]

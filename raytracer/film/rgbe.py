@@ -8,11 +8,14 @@ References: Ward 1991, "Real Pixels", Graphics Gems II, pp. 80-83; G. Ward, "Rad
     File Format (.hdr)".
 """
 
+import math
 import re
 from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
+
+from raytracer.film.decoding import check_size
 
 # The widths for which the run-length encoding is defined; other scanlines are written flat.
 _NARROWEST, _WIDEST = 8, 0x7FFF
@@ -24,7 +27,7 @@ _LONGEST_RUN, _LONGEST_LITERAL = 127, 128
 # Two bytes make a run of 127 at most and a pixel needs four, so no file holds more pixels a byte.
 _MOST_PIXELS_A_BYTE = 16
 
-# Bytes encoded at once: bounds the memory taken by the indices.
+# Bytes encoded or decoded at once: bounds the memory taken by the indices.
 _BLOCK = 1 << 20
 
 _LARGEST = 255 * 2.0 ** (127 - 8)
@@ -130,6 +133,16 @@ def _decode_row(data: bytes, at: int, row: bytearray) -> int:
     return at
 
 
+def _exposed(pixels: NDArray[np.uint8], exposure: float) -> NDArray[np.float64]:
+    """Linear values of all rows (height, width, 4), a few at a time, without a second array of that size."""
+    values = np.empty((*pixels.shape[:2], 3))
+    step = max(1, _BLOCK // (4 * pixels.shape[1]))
+    with np.errstate(over="ignore"):
+        for y in range(0, len(pixels), step):
+            np.divide(from_rgbe(pixels[y : y + step]), exposure, out=values[y : y + step])
+    return values
+
+
 def decode(data: bytes) -> NDArray[np.float64]:
     """Linear values (height, width, 3) of a file; its EXPOSURE lines are divided out.
 
@@ -141,7 +154,10 @@ def decode(data: bytes) -> NDArray[np.float64]:
     if head is None or b"\nFORMAT=32-bit_rle_rgbe" not in head[0]:
         raise ValueError("not a Radiance RGBE picture with its first row at the top")
     height, width = int(head[1]), int(head[2])
-    exposure = float(np.prod([float(value) for value in re.findall(rb"\nEXPOSURE=\s*(\S+)", head[0])]))
+    check_size(width, height, len(data))
+    exposure = math.prod(float(value) for value in re.findall(rb"\nEXPOSURE=\s*(\S+)", head[0]))
+    if not 0.0 < exposure < math.inf:
+        raise ValueError("the exposure is no factor")
     at = head.end()
     if height * width > _MOST_PIXELS_A_BYTE * (len(data) - at):
         raise ValueError("the picture ends early")
@@ -150,7 +166,7 @@ def decode(data: bytes) -> NDArray[np.float64]:
     mark = bytes((2, 2, width >> 8, width & 255)) if _NARROWEST <= width <= _WIDEST else None
     if mark is None or data[at : at + 4] != mark:
         pixels = np.frombuffer(data, dtype=np.uint8, count=4 * height * width, offset=at)
-        return from_rgbe(pixels.reshape(height, width, 4)) / exposure
+        return _exposed(pixels.reshape(height, width, 4), exposure)
 
     planes = np.empty((height, 4, width), dtype=np.uint8)
     row = bytearray(4 * width)
@@ -159,4 +175,4 @@ def decode(data: bytes) -> NDArray[np.float64]:
             raise ValueError("a scanline does not begin as the others do")
         at = _decode_row(data, at + 4, row)
         planes[y] = np.frombuffer(row, dtype=np.uint8).reshape(4, width)
-    return from_rgbe(planes.transpose(0, 2, 1)) / exposure
+    return _exposed(planes.transpose(0, 2, 1), exposure)

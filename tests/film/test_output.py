@@ -293,7 +293,7 @@ def test_a_file_that_ends_early_is_one_sentence_and_prints_nothing(suffix, part,
     image.save(path)
     data = path.read_bytes()
     path.write_bytes(data[: int(part * len(data))])
-    with pytest.raises(InputError, match=r"^[^\n]*a\.[a-z]+: broken, or no \.[a-z]+ image$"):
+    with pytest.raises(InputError, match=r"^[^\n]*a\.[a-z]+: (broken, or no \.[a-z]+ image|is [a-zA-Z ,]+)$"):
         load(path)
     assert capfd.readouterr() == ("", "")
 
@@ -323,7 +323,7 @@ def test_a_missing_file_and_a_folder(suffix, tmp_path):
 @pytest.mark.parametrize("array", [np.zeros((3, 4)), np.zeros((3, 4, 4)), np.zeros((3, 4, 3), complex), np.array("x")])
 def test_an_npy_file_that_is_no_image(array, tmp_path):
     np.save(tmp_path / "a.npy", array)
-    with pytest.raises(InputError, match=r"broken, or no \.npy image"):
+    with pytest.raises(InputError, match=r"is no array of numbers of the shape|must hold real numbers"):
         load(tmp_path / "a.npy")
 
 

@@ -104,6 +104,9 @@ def test_a_packet_without_bytes_or_beyond_the_scanline_is_refused(packet):
         rgbe.decode(data[: data.index(b"\x02\x02") + 4] + bytes(packet * 20))
 
 
-def test_a_size_that_the_file_cannot_hold_takes_no_memory():
-    with pytest.raises(ValueError, match="early"):
-        rgbe.decode(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1000000000 +X 1000000000\n" + bytes(100))
+@pytest.mark.parametrize(
+    ("side", "reason"), [(10**9, "at most 268,435,456 are read"), (16_000, "which no picture is"), (900, "ends early")]
+)
+def test_a_size_that_the_file_cannot_hold_takes_no_memory(side, reason):
+    with pytest.raises(ValueError, match=reason):
+        rgbe.decode(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y %d +X %d\n" % (side, side) + bytes(100))

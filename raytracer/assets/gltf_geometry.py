@@ -1,0 +1,311 @@
+"""The triangles of glTF files, each where its node puts it.
+
+Every number that one part of a file says of another is held against it before anything is read: a file of a few bytes
+can name the same data, or the same node, any number of times, and promise what it does not have.
+
+Reference: Khronos Group, "glTF 2.0 Specification", sec. 3.5 (scenes and nodes), 3.6 (buffers, views, accessors), 3.7
+(meshes); KHR_mesh_quantization.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.assets.gltf import (
+    BrokenGltfError,
+    Gltf,
+    Json,
+    buffer_view,
+    is_number,
+    item,
+    listed,
+    mapping,
+    whole_number,
+)
+from raytracer.errors import shown
+
+MAX_REPEATED = 2**24
+"""Vertices and triangles, each, of a file whose nodes or primitives share data; others have as many as they hold."""
+
+MAX_PIECES = 2**16
+"""Primitives, each counted as often as nodes place it."""
+
+_COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+
+_COMPRESSIONS = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
+
+Array = NDArray[Any]
+
+
+class Triangles(NamedTuple):
+    """All triangles of a file.
+
+    vertices (n, 3), faces (m, 3); normals (n, 3), 0 where a part of the file has none, or None; uv (n, 2), v upwards,
+    likewise; kinds (m,), the number of each face's material, or that behind the last.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    normals: NDArray[np.float64] | None
+    uv: NDArray[np.float64] | None
+    kinds: NDArray[np.int32]
+
+
+def read_triangles(gltf: Gltf, folder: Path) -> Triangles:
+    """The triangles of a file's scene, in `folder`.
+
+    Skins and morphs are left as they are at rest; points and lines are left out.
+
+    Raises
+    ------
+    BrokenGltfError : the file breaks the specification, holds compressed meshes, or no triangles, or too many.
+    """
+    for name in listed(gltf.header, "extensionsRequired"):
+        if name in _COMPRESSIONS:
+            raise BrokenGltfError(f"needs the extension {name}, which is not supported")
+    reader = _Reader(gltf, folder)
+    placed: list[tuple[_Piece, Array]] = []
+    vertices = faces = 0
+    for mesh, pose in _placed(gltf.header):
+        for piece in reader.mesh(mesh):
+            vertices, faces = vertices + len(piece.vertices), faces + len(piece.faces)
+            most = max(MAX_REPEATED, reader.size)
+            if len(placed) >= MAX_PIECES or max(vertices, faces) > most:
+                raise BrokenGltfError(
+                    f"repeats its meshes to more than {MAX_PIECES:,} parts or {most:,} vertices or triangles"
+                )
+            placed.append((piece, pose))
+    if not faces:
+        raise BrokenGltfError("has no faces")
+    pieces = [_moved(piece, pose) for piece, pose in placed]
+    offsets = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
+    return Triangles(
+        np.concatenate([piece.vertices for piece in pieces]),
+        np.concatenate([piece.faces + offset for piece, offset in zip(pieces, offsets, strict=False)]),
+        _filled([piece.normals for piece in pieces], pieces, 3),
+        _filled([piece.uv for piece in pieces], pieces, 2),
+        np.concatenate([np.full(len(piece.faces), piece.kind, np.int32) for piece in pieces]),
+    )
+
+
+class _Piece(NamedTuple):
+    """A primitive: as `Triangles`, of one kind."""
+
+    vertices: Array
+    faces: Array
+    normals: Array | None
+    uv: Array | None
+    kind: int
+
+
+def _filled(columns: list[Array | None], pieces: list[_Piece], width: int) -> Array | None:
+    """All rows of one attribute, zeros where a piece has none; None where no piece has it."""
+    if all(rows is None for rows in columns):
+        return None
+    sizes = (len(piece.vertices) for piece in pieces)
+    return np.concatenate(
+        [np.zeros((size, width)) if rows is None else rows for rows, size in zip(columns, sizes, strict=True)]
+    )
+
+
+def _moved(piece: _Piece, pose: Array) -> _Piece:
+    linear = pose[:3, :3]
+    orientation = np.linalg.det(linear)
+
+    # A mirroring node turns triangles inside out; normals go by the cofactors, which need no inverse.
+    faces = piece.faces if orientation >= 0 else piece.faces[:, ::-1]
+    normals = piece.normals
+    if normals is not None:
+        normals = normals @ np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]]).T * np.sign(orientation)
+    return piece._replace(vertices=piece.vertices @ linear.T + pose[:3, 3], faces=faces, normals=normals)
+
+
+# ---- Nodes
+
+
+def _placed(header: Json) -> Iterator[tuple[int, Array]]:
+    """The meshes of the file's scene, by number, and the matrix (4, 4) of each node that has one.
+
+    Raises
+    ------
+    BrokenGltfError : a node is nowhere, or below two others or itself.
+    """
+    scene = item(header, "scenes", header.get("scene", 0)) if "scenes" in header else {"nodes": _roots(header)}
+    waiting = [(number, np.eye(4)) for number in reversed(listed(scene, "nodes"))]
+    seen: set[int] = set()
+    while waiting:
+        number, above = waiting.pop()
+        node = item(header, "nodes", number)
+        if number in seen:
+            raise BrokenGltfError(f"has node {number} in more than one place of its tree")
+        seen.add(number)
+        pose = _pose(node, above, number)
+        waiting += [(child, pose) for child in reversed(listed(node, "children"))]
+        if "mesh" in node:
+            yield node["mesh"], pose
+
+
+def _roots(header: Json) -> list[int]:
+    """Of a file without scenes, the nodes that are no other's child."""
+    nodes = [mapping(node, "a node") for node in listed(header, "nodes")]
+    below = {child for node in nodes for child in listed(node, "children") if isinstance(child, int)}
+    return [number for number in range(len(nodes)) if number not in below]
+
+
+def _pose(node: Json, above: Array, number: int) -> Array:
+    if "matrix" in node:
+        return np.asarray(above @ _numbers(node, "matrix", 16, number).reshape(4, 4).T)
+    if not any(key in node for key in ("translation", "rotation", "scale")):
+        return above
+    pose = np.eye(4)
+    if "rotation" in node:
+        x, y, z, w = _numbers(node, "rotation", 4, number)
+        length = x * x + y * y + z * z + w * w
+        if not length > 0.0:
+            raise BrokenGltfError(f"has node {number} with a rotation that is none")
+        pose[:3, :3] -= (2.0 / length) * np.array(
+            [
+                [y * y + z * z, z * w - x * y, -x * z - y * w],
+                [-x * y - z * w, x * x + z * z, x * w - y * z],
+                [y * w - x * z, -y * z - x * w, x * x + y * y],
+            ]
+        )
+    if "scale" in node:
+        pose[:3, :3] *= _numbers(node, "scale", 3, number)
+    if "translation" in node:
+        pose[:3, 3] = _numbers(node, "translation", 3, number)
+    return np.asarray(above @ pose)
+
+
+def _numbers(node: Json, key: str, count: int, number: int) -> Array:
+    found = listed(node, key)
+    if len(found) != count or not all(map(is_number, found)):
+        raise BrokenGltfError(f"has node {number} with a {key} that is not {count} finite numbers")
+    return np.array([float(value) for value in found])
+
+
+# ---- Meshes
+
+
+class _Reader:
+    """Reads the meshes of one file, each once."""
+
+    def __init__(self, gltf: Gltf, folder: Path) -> None:
+        self._gltf = gltf
+        self._folder = folder
+        self._buffers: dict[str | None, bytes] = {}
+        self._meshes: dict[int, list[_Piece]] = {}
+        self._accessors: dict[tuple[int, str], Array] = {}
+        self._numbers = 0
+
+    @property
+    def size(self) -> int:
+        """Bytes of the buffers that were read."""
+        return sum(map(len, self._buffers.values()))
+
+    def mesh(self, number: Any) -> list[_Piece]:
+        """The primitives of a mesh that are made of triangles."""
+        mesh = item(self._gltf.header, "meshes", number)
+        if number not in self._meshes:
+            found = (self._piece(mapping(each, "a primitive"), number) for each in listed(mesh, "primitives"))
+            self._meshes[number] = [piece for piece in found if piece is not None]
+        return self._meshes[number]
+
+    def _piece(self, primitive: Json, mesh: int) -> _Piece | None:
+        mode = primitive.get("mode", _TRIANGLES)
+        if mode not in (_TRIANGLES, _STRIP, _FAN):
+            return None
+        attributes = mapping(primitive.get("attributes", {}), "attributes")
+        vertices = self._accessor(attributes.get("POSITION"), "VEC3")
+        normals, uv = (
+            self._accessor(attributes[name], kind) if name in attributes else None
+            for name, kind in (("NORMAL", "VEC3"), ("TEXCOORD_0", "VEC2"))
+        )
+        if any(rows is not None and len(rows) != len(vertices) for rows in (normals, uv)):
+            raise BrokenGltfError(f"has mesh {mesh} with more, or fewer, normals or coordinates than vertices")
+        if "indices" in primitive:
+            corners = self._accessor(primitive["indices"], "SCALAR")[:, 0]
+            if corners.dtype.kind != "i" or corners.min() < 0 or corners.max() >= len(vertices):
+                raise BrokenGltfError(f"has mesh {mesh} with faces of vertices that are not there")
+        else:
+            corners = np.arange(len(vertices))
+        materials = len(listed(self._gltf.header, "materials"))
+        material = whole_number(primitive, "material", materials)
+        if material > materials:
+            raise BrokenGltfError(f"has mesh {mesh} of material {shown(material)}, which is not there")
+        # In glTF v runs down.
+        turned = None if uv is None else uv * (1.0, -1.0) + (0.0, 1.0)
+        return _Piece(vertices, _faces(corners, mode, mesh), normals, turned, material)
+
+    def _accessor(self, number: Any, kind: str) -> Array:
+        """Rows (count, width) of an accessor of a type: float64, or int64 where they are whole numbers."""
+        accessor = item(self._gltf.header, "accessors", number)
+        if (number, kind) not in self._accessors:
+            self._accessors[number, kind] = self._read(accessor, number, kind)
+        return self._accessors[number, kind]
+
+    def _read(self, accessor: Json, number: int, kind: str) -> Array:
+        dtype = _dtype(accessor)
+        if accessor.get("type") != kind or dtype is None:
+            raise BrokenGltfError(f"has accessor {number}, which is not the {kind} that it is used as")
+        if "bufferView" not in accessor:
+            raise BrokenGltfError(f"has accessor {number} without data")
+        count = whole_number(accessor, "count")
+        if count == 0:
+            raise BrokenGltfError(f"has accessor {number} without elements")
+        rows = self._rows(accessor, number, count, _WIDTHS[kind], dtype)
+        self._numbers += rows.size
+        if self._numbers > max(MAX_REPEATED, self.size):
+            raise BrokenGltfError("has too many accessors of the same data")
+        values = rows.astype(np.float64 if dtype.kind == "f" or kind != "SCALAR" else np.int64)
+        if "sparse" in accessor:
+            sparse = mapping(accessor["sparse"], "a sparse accessor")
+            changed = whole_number(sparse, "count")
+            where, what = (mapping(sparse.get(key), f"sparse {key}") for key in ("indices", "values"))
+            index_type = _dtype(where)
+            if index_type is None or index_type.kind != "u" or not 0 < changed <= count:
+                raise BrokenGltfError(f"has accessor {number} with sparse indices that are none")
+            places = self._rows(where, number, changed, 1, index_type)[:, 0].astype(np.int64)
+            if places.max() >= count:
+                raise BrokenGltfError(f"has accessor {number} with a sparse index beyond its end")
+            values[places] = self._rows(what, number, changed, _WIDTHS[kind], dtype)
+        if accessor.get("normalized") is True and dtype.kind != "f":
+            values = np.maximum(values / np.iinfo(dtype).max, -1.0)
+        return values
+
+    def _rows(self, place: Json, number: int, count: int, width: int, dtype: np.dtype[Any]) -> Array:
+        """Rows (count, width) as they are in a view, not copied."""
+        view, data = buffer_view(self._gltf, self._folder, place.get("bufferView"), self._buffers)
+        size = width * dtype.itemsize
+        start, stride = whole_number(place, "byteOffset", 0), whole_number(view, "byteStride", size)
+        if stride < size:
+            raise BrokenGltfError(f"has accessor {number} with a byteStride of {stride} for elements of {size} bytes")
+        if start + (count - 1) * stride + size > len(data):
+            raise BrokenGltfError(f"has accessor {number}, which goes beyond its data")
+        return np.ndarray((count, width), dtype, data, start, (stride, dtype.itemsize))
+
+
+def _dtype(place: Json) -> np.dtype[Any] | None:
+    code = place.get("componentType")
+    return np.dtype(_COMPONENTS[code]) if isinstance(code, int) and code in _COMPONENTS else None
+
+
+def _faces(corners: Array, mode: int, mesh: int) -> Array:
+    """Triangles (m, 3) of vertices (n,) in the order of triangles, a strip or a fan."""
+    if mode == _TRIANGLES:
+        if len(corners) % 3:
+            raise BrokenGltfError(f"has mesh {mesh} with {len(corners)} corners, which are no triangles")
+        return corners.reshape(-1, 3)
+    if len(corners) < 3:
+        raise BrokenGltfError(f"has mesh {mesh} with {len(corners)} corners, which are no triangles")
+    if mode == _FAN:
+        return np.stack([corners[1:-1], corners[2:], np.broadcast_to(corners[0], len(corners) - 2)], axis=1)
+    strip = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1)
+    strip[1::2] = strip[1::2, [1, 0, 2]]
+    return strip

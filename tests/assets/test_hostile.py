@@ -1,0 +1,395 @@
+"""Files that claim what they do not have, name what they may not, or would run code: one sentence, and little memory.
+
+Python and NumPy tell how much they have asked for; the libraries written in C are asked only for what has been judged.
+"""
+
+import base64
+import io
+import itertools
+import json
+import os
+import pickle
+import re
+import struct
+import subprocess
+import sys
+import tracemalloc
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenEXR
+import PIL.Image
+import pytest
+import trimesh.exchange.load  # noqa: F401  Its import is no part of what is measured.
+
+from raytracer.assets import read_grid, read_image, read_mesh, read_placements
+from raytracer.assets.gltf import companions, named, read_materials
+from raytracer.errors import InputError
+from raytracer.film import load, load_layers
+from raytracer.untrusted import BrokenArrayError, array
+from tests.fuzz import harness
+
+POSIX_ONLY = pytest.mark.skipif(sys.platform == "win32", reason="pipes and devices of POSIX")
+
+FEW_BYTES = 2**24
+"""What refusing a file of some kilobytes takes at most."""
+
+
+def refused(path: Path, read: Any) -> str:
+    """What `read` says of a file that it refuses, in one line that names it, and with little memory."""
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError) as caught:
+            read(path)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    text = str(caught.value)
+    assert path.name in text
+    assert "\n" not in text
+    assert peak < FEW_BYTES
+    return text
+
+
+def readers(suffix: str) -> list[Any]:
+    return {
+        ".npy": [read_image, read_grid, read_placements, load],
+        ".csv": [read_placements],
+        ".exr": [read_image, load, load_layers],
+        ".png": [read_image, load],
+        ".jpg": [read_image, load],
+        ".hdr": [read_image, load],
+        ".webp": [read_image],
+        ".tif": [read_image],
+    }.get(suffix, [read_mesh])
+
+
+# ---- Claims
+
+
+def npy(header: str, numbers: bytes = b"") -> bytes:
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header.encode() + numbers
+
+
+def png(width: int, height: int, data: bytes) -> bytes:
+    chunks = (
+        (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)),
+        (b"IDAT", zlib.compress(data)),
+        (b"IEND", b""),
+    )
+    parts = (struct.pack(">I", len(c)) + k + c + struct.pack(">I", zlib.crc32(k + c)) for k, c in chunks)
+    return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
+
+
+def exr(right: int, bottom: int) -> bytes:
+    file = io.BytesIO()
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, {"Y": np.ones((64, 64), np.float32)}).write(file)
+    data = bytearray(file.getvalue())
+    struct.pack_into("<4i", data, data.index(b"dataWindow\x00box2i\x00") + 21, 0, 0, right, bottom)
+    return bytes(data)
+
+
+def tiled(side: int) -> bytes:
+    """A file of 6 x 4 pixels in one tile that is said to have `side` x `side`."""
+    file = io.BytesIO()
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.tiledimage, "tiles": OpenEXR.TileDescription()}
+    OpenEXR.File(header, {"Y": np.ones((4, 6), np.float32)}).write(file)
+    data = bytearray(file.getvalue())
+    struct.pack_into("<2I", data, data.index(b"tiledesc\x00") + 13, side, side)
+    return bytes(data)
+
+
+def webp(side: int) -> bytes:
+    file = io.BytesIO()
+    PIL.Image.new("RGB", (side, side)).save(file, "WEBP", lossless=True)
+    return file.getvalue()
+
+
+PLACES = "property float x\nproperty float y\nproperty float z\n"
+
+
+def ply(kind: str, vertices: int, faces: int, body: bytes) -> bytes:
+    head = f"ply\nformat {kind} 1.0\nelement vertex {vertices}\n{PLACES}element face {faces}\n"
+    return f"{head}property list uint int vertex_indices\nend_header\n".encode() + body
+
+
+CLAIMS: dict[str, tuple[bytes, str]] = {
+    "60000.png": (png(60_000, 60_000, bytes(1000)), "is 60000 x 60000 pixels, and at most 268,435,456 are read"),
+    "16000.png": (png(16_000, 16_000, bytes(1000)), "is 16000 x 16000 pixels in 74 bytes"),
+    "plain.webp": (webp(4096)[:40] + bytes(20), "is 4096 x 4096 pixels in 60 bytes"),
+    "window.exr": (exr(15_999, 15_999), "is 16000 x 16000 pixels in"),
+    "tile.exr": (tiled(16_384), "has tiles of 16384 x 16384 for 6 x 4 pixels"),
+    "wide.exr": (exr(2**31 - 2, 0), "broken"),
+    "large.hdr": (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 30000 +X 30000\n" + bytes(100), "at most 268,435,456"),
+    "trillion.npy": (npy("{'descr': '<f4', 'fortran_order': False, 'shape': (1000000, 1000000, 3), }"), "cut off"),
+    "overflow.npy": (
+        npy("{'descr': '<f4', 'fortran_order': False, 'shape': (4611686018427387904, 4, 4), }"),
+        "cut off",
+    ),
+    "negative.npy": (
+        npy("{'descr': '<f4', 'fortran_order': False, 'shape': (-4, -4, 3), }", bytes(96)),
+        "none|cut off",
+    ),
+    "header.npy": (b"\x93NUMPY\x02\x00" + struct.pack("<I", 4 * 10**9) + b"{" * 100, "cut off"),
+    "brackets.npy": (npy("(" * 900), "broken"),
+    "minuses.npy": (npy("-" * 9000 + "1"), "broken"),
+    "types.npy": (npy(f"{{'descr': '{','.join(['f4'] * 2000)}', 'fortran_order': False, 'shape': (1,), }}"), "numbers"),
+    "trillion.ply": (ply("ascii", 999_999_999_999, 1, b"0 0 0\n"), "ends early"),
+    "list.ply": (
+        ply("binary_little_endian", 3, 2, bytes(36) + struct.pack("<I3iI3i", 3, 0, 1, 2, 2**32 - 16, 0, 1, 2)),
+        "cannot be read|ends early",
+    ),
+    "newlines.ply": (b"ply\nformat ascii 1.0" + b"\n" * 60_000, "does not begin as a PLY file"),
+    "count.stl": (bytes(80) + struct.pack("<I", 2**32 - 1) + bytes(500), "ends early"),
+    "corners.obj": (
+        b"v 0 0 0\n" * 3 + b"f " + b"1 2 3 " * 200_000,
+        "a line of 1,200,002 characters, and at most 1,048,576",
+    ),
+    "forms.obj": (b"v 0 0 0\n" * 3 + b"".join(b"f 1%s 2 3\n" % (b"/" * n) for n in range(900)), "indices of one kind"),
+    "brackets.gltf": (b"[" * 100_000, "nested too deeply"),
+    "digits.gltf": (b'{"a":' + b"9" * 10_000 + b"}", "no JSON that can be read"),
+    "column.csv": (b"x" * 100_000 + b",y,z\n1,2,3\n", "unknown column 'xxx"),
+    "field.csv": (b"x,y,z\n" + b"1" * 200_000 + b",2,3\n", "field limit"),
+    "zero.csv": (b"x,y,z\n1,\x002,3\n", "must be a number"),
+    "angle.csv": (b"x,y,z,angle,axis_x\n1,2,3,1e308,1e308\n", "is not finite"),
+}
+
+
+@pytest.mark.parametrize("name", CLAIMS)
+def test_a_claim_is_refused_before_room_is_made_for_it(name: str, tmp_path: Path) -> None:
+    data, reason = CLAIMS[name]
+    path = tmp_path / name
+    path.write_bytes(data)
+    for read in readers(path.suffix):
+        assert re.search(reason, refused(path, read))
+
+
+@pytest.mark.parametrize("read", readers(".npy"))
+def test_pickled_objects_are_not_read(read: Any, tmp_path: Path) -> None:
+    class Runs:
+        def __reduce__(self) -> Any:
+            return Path.touch, (tmp_path / "run",)
+
+    assert pickle.loads(pickle.dumps(Runs())) is None
+    (tmp_path / "run").unlink()
+    path = tmp_path / "a.npy"
+    np.save(path, np.array([Runs()], object), allow_pickle=True)
+    assert "holds pickled objects, which are not read" in refused(path, read)
+    assert not (tmp_path / "run").exists()
+
+
+def test_arrays_are_what_numpy_reads() -> None:
+    values = np.arange(24.0).reshape(2, 3, 4)
+    for stored in (values, np.asfortranarray(values), values.astype(">f2"), values[:0], np.array(3), values > 2):
+        file = io.BytesIO()
+        np.save(file, stored)
+        found = array(file.getvalue())
+        assert found.dtype == stored.dtype
+        np.testing.assert_array_equal(found, stored)
+        if stored.size:
+            with pytest.raises(BrokenArrayError, match="cut off"):
+                array(file.getvalue()[:-1])
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tif", "a.jpg"])
+def test_only_the_formats_of_the_table_are_read_whatever_a_file_is_called(name: str, tmp_path: Path) -> None:
+    # Pillow hands PostScript to another program.
+    path = tmp_path / name
+    path.write_bytes(b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 10 10\n%%EndComments\nshowpage\n")
+    for read in readers(path.suffix):
+        assert "broken, or no" in refused(path, read)
+
+
+# ---- What is no file
+
+
+SUFFIXES = (".png", ".exr", ".hdr", ".npy", ".obj", ".ply", ".stl", ".gltf", ".glb", ".csv")
+
+
+@POSIX_ONLY
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_pipes_and_devices_are_refused_without_waiting(suffix: str, tmp_path: Path) -> None:
+    pipe, device, loop = (tmp_path / f"{name}{suffix}" for name in ("pipe", "device", "loop"))
+    os.mkfifo(pipe)
+    device.symlink_to("/dev/zero")
+    loop.symlink_to(loop)
+    for read in readers(suffix):
+        assert "is no regular file" in refused(pipe, read)
+        assert "is no regular file" in refused(device, read)
+        assert "cannot be read" in refused(loop, read)
+
+
+def test_a_file_too_large_to_be_read_whole_is_refused_by_its_length(tmp_path: Path) -> None:
+    path = tmp_path / "a.png"
+    with path.open("wb") as file:
+        file.truncate(2**32 + 1)
+    assert "has 4,294,967,297 bytes, and at most 4,294,967,296 are read" in refused(path, read_image)
+
+
+# ---- glTF
+
+
+def address(data: bytes) -> str:
+    return f"data:;base64,{base64.b64encode(data).decode()}"
+
+
+CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
+
+
+def gltf(folder: Path, **more: Any) -> Path:
+    """A file of one triangle, but for what is given."""
+    document = {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "buffers": [{"byteLength": 36, "uri": address(CORNERS.tobytes())}],
+        **more,
+    }
+    path = folder / "a.gltf"
+    path.write_text(json.dumps(document))
+    return path
+
+
+def accessor(**more: Any) -> list[dict[str, Any]]:
+    return [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", **more}]
+
+
+DAG = [*({"children": [number + 1, number + 1]} for number in range(40)), {"mesh": 0}]
+
+BROKEN: dict[str, tuple[dict[str, Any], str]] = {
+    "a cycle of nodes": ({"nodes": [{"children": [1]}, {"children": [0], "mesh": 0}]}, "node 0 in more than one place"),
+    "a node below itself": ({"nodes": [{"children": [0], "mesh": 0}]}, "node 0 in more than one place"),
+    "2^40 ways to a node": ({"nodes": DAG}, "in more than one place of its tree"),
+    "a thousand million elements": ({"accessors": accessor(count=10**9)}, "goes beyond its data"),
+    "elements without data": ({"accessors": [{"componentType": 5126, "count": 10**9, "type": "VEC3"}]}, "without data"),
+    "a negative offset": ({"accessors": accessor(byteOffset=-4)}, "byteOffset that is no whole number: -4"),
+    "an offset beyond 64 bits": ({"accessors": accessor(byteOffset=2**70)}, "goes beyond its data"),
+    "a stride of one byte": ({"bufferViews": [{"buffer": 0, "byteLength": 36, "byteStride": 1}]}, "a byteStride of 1"),
+    "a view beyond its buffer": ({"bufferViews": [{"buffer": 0, "byteLength": 37}]}, "ends early"),
+    "a matrix that is not finite": (
+        {"nodes": [{"mesh": 0, "matrix": [1e999] * 16}]},
+        "matrix that is not 16 finite numbers",
+    ),
+    "a huge matrix": ({"nodes": [{"mesh": 0, "scale": [1e300] * 3}]}, "vertex that is not finite"),
+    "a number of 400 digits": ({"nodes": [{"mesh": 0, "scale": [10**400] * 3}]}, "scale that is not 3 finite numbers"),
+    "a rotation of zeros": ({"nodes": [{"mesh": 0, "rotation": [0, 0, 0, 0]}]}, "rotation that is none"),
+    "compressed meshes": ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "needs the extension KHR_draco"),
+    "an address on the net": ({"buffers": [{"uri": "http://example.org/a.bin"}]}, "and only files are read"),
+    "an address of a file": ({"buffers": [{"uri": "file:///etc/passwd"}]}, "and only files are read"),
+    "an address that is none": ({"buffers": [{"uri": ["a"]}]}, "and only files are read"),
+    "an address with a zero": ({"buffers": [{"uri": "a%00b"}]}, "cannot be read"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_gltf_file_that_breaks_the_specification_is_refused(name: str, tmp_path: Path) -> None:
+    more, reason = BROKEN[name]
+    assert reason in refused(gltf(tmp_path, **more), read_mesh)
+
+
+def test_repeated_data_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("raytracer.assets.gltf_geometry.MAX_REPEATED", 60)
+    nodes = [{"children": list(range(1, 21))}, *({"mesh": 0} for _ in range(20))]
+    assert len(read_mesh(gltf(tmp_path, nodes=nodes)).vertices) == 60
+    nodes = [{"children": list(range(1, 22))}, *({"mesh": 0} for _ in range(21))]
+    assert "60 vertices or triangles" in refused(gltf(tmp_path, nodes=nodes), read_mesh)
+
+    monkeypatch.setattr("raytracer.assets.gltf_geometry.MAX_PIECES", 8)
+    meshes = [{"primitives": [{"attributes": {"POSITION": 0}}] * 3}]
+    nodes = [{"children": [1, 2, 3]}, {"mesh": 0}, {"mesh": 0}, {"mesh": 0}]
+    assert "repeats its meshes to more than 8 parts" in refused(gltf(tmp_path, nodes=nodes, meshes=meshes), read_mesh)
+
+    meshes = [{"primitives": [{"attributes": {"POSITION": number}} for number in range(9)]}]
+    path = gltf(tmp_path, meshes=meshes, accessors=accessor() * 9)
+    assert "too many accessors of the same data" in refused(path, read_mesh)
+
+
+@POSIX_ONLY
+def test_buffers_are_regular_files(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for name in ("pipe", "/dev/zero"):
+        path = gltf(tmp_path, buffers=[{"byteLength": 36, "uri": name}])
+        assert "cannot be read" in refused(path, read_mesh)
+
+
+def test_all_files_that_may_be_opened_are_named(tmp_path: Path) -> None:
+    uris = ["b%20c.bin", "../d.bin", "http://example.org/e.bin", "data:,", 3]
+    path = gltf(tmp_path, buffers=[{"uri": uri} for uri in uris], images=[{"uri": "f.png"}, "g.png"])
+    (tmp_path / "f.png").touch()
+    assert named(path) == (tmp_path / "b c.bin", tmp_path / "../d.bin", tmp_path / "f.png")
+    assert companions(path) == (tmp_path / "f.png",)
+
+
+def test_a_texture_names_no_other_file(tmp_path: Path) -> None:
+    material = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
+    path = gltf(tmp_path, materials=[material], textures=[{"source": "../../secret.png"}])
+    with pytest.raises(InputError, match=r"names item '\.\./\.\./secret\.png' of its images"):
+        read_materials(path, "a.gltf")
+
+
+def test_sparse_strips_fans_and_quantised_coordinates_are_read(tmp_path: Path) -> None:
+    square = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], "<f4")
+    changed = struct.pack("<H2x3f", 3, 2, 2, 5)
+    coordinates = np.array([[0, 0], [255, 0], [0, 255], [255, 255]], "u1")
+    data = square.tobytes() + changed + coordinates.tobytes()
+    ends = [0, 48, 52, 64, 72]
+    attributes = {"POSITION": 0, "TEXCOORD_0": 1}
+    path = gltf(
+        tmp_path,
+        buffers=[{"byteLength": len(data), "uri": address(data)}],
+        bufferViews=[{"buffer": 0, "byteOffset": a, "byteLength": b - a} for a, b in itertools.pairwise(ends)],
+        accessors=[
+            *accessor(
+                count=4,
+                sparse={"count": 1, "indices": {"bufferView": 1, "componentType": 5123}, "values": {"bufferView": 2}},
+            ),
+            {"bufferView": 3, "componentType": 5121, "count": 4, "type": "VEC2", "normalized": True},
+        ],
+        meshes=[{"primitives": [{"attributes": attributes, "mode": mode} for mode in (5, 6)]}],
+    )
+    mesh = read_mesh(path)
+    np.testing.assert_array_equal(mesh.vertices[:4], [*square[:3], [2, 2, 5]])
+    # The specification's orders: of a strip (0 1 2)(1 3 2), of a fan (1 2 0)(2 3 0); each by its least corner first.
+    turned = [tuple(np.roll(face, -int(np.argmin(face)))) for face in mesh.faces]
+    assert turned == [(0, 1, 2), (1, 3, 2), (4, 5, 6), (4, 6, 7)]
+    assert mesh.uv is not None
+    np.testing.assert_array_equal(mesh.uv[:4], [[0, 1], [1, 1], [0, 0], [1, 0]])
+
+
+# ---- Noise
+
+
+def test_nothing_reaches_the_terminal_but_the_sentence(tmp_path: Path) -> None:
+    for name in CLAIMS:
+        (tmp_path / name).write_bytes(CLAIMS[name][0])
+    program = (
+        "import sys\nfrom pathlib import Path\n"
+        "from raytracer.assets import *\nfrom raytracer.errors import InputError\n"
+        "for path in sorted(Path(sys.argv[1]).iterdir()):\n"
+        "    for read in (read_mesh, read_image, read_grid, read_placements):\n"
+        "        try:\n            read(path)\n        except InputError:\n            pass\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program, str(tmp_path)], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+# ---- What is cut off
+
+
+@pytest.mark.parametrize(
+    "name", ["mesh_obj", "mesh_ply", "mesh_stl", "mesh_gltf", "image", "picture", "grid", "placements"]
+)
+def test_a_file_cut_off_anywhere_is_refused_or_loads(name: str, tmp_path: Path) -> None:
+    target = harness.load_target(name)
+    by_kind = {seed[:12]: seed for seed in target.seeds() if len(seed) < 600}
+    assert by_kind
+    with harness.strict():
+        for seed in by_kind.values():
+            for end in range(1, len(seed)):
+                harness.execute(target, seed[:end], tmp_path)
