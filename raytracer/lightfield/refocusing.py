@@ -223,16 +223,16 @@ def named_aperture(text: str) -> ApertureSpec:
     ------
     InputError : it is none.
     """
-    import yaml
     from pydantic import TypeAdapter, ValidationError
 
+    from raytracer.document import parse
     from raytracer.kinds import APERTURES
 
+    root = parse(text, "", option=f"aperture_shape {text}")
     try:
-        found = TypeAdapter(APERTURES.union_or_name()).validate_python(yaml.safe_load(text))
-    except (ValidationError, yaml.YAMLError) as error:
-        reason = "" if isinstance(error, yaml.YAMLError) else str(error.errors()[0]["msg"])
-        reason = reason.removeprefix("Value error, ")
+        found = TypeAdapter(APERTURES.union_or_name()).validate_python(None if root is None else root.plain())
+    except ValidationError as error:
+        reason = str(error.errors()[0]["msg"]).removeprefix("Value error, ")
         wanted = reason or "must be a type of aperture, or a mapping such as {type: polygon, blades: 6}"
         raise InputError(f"aperture_shape {text}: {wanted}") from None
     assert isinstance(found, ApertureSpec)

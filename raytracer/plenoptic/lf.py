@@ -7,8 +7,10 @@ References: The HDF Group, "HDF5 File Format Specification", version 3.0; "HDF5 
 """
 
 import contextlib
+import itertools
 import math
 import stat
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,8 +43,16 @@ _CACHE_BYTES = 16 << 20
 _LARGEST_RATIO = 1_100
 """What deflate compresses, at most, is 1032 to 1 (zlib's own documentation); and a little for checksums."""
 
-# Deflate, shuffle, Fletcher's checksum, and LZF, by their registered numbers: for others HDF5 looks for plug-ins.
-_FILTERS = {1, 2, 3, 32000}
+_SHUFFLE, _DEFLATE, _FLETCHER = 2, 1, 3
+_FILTERS = [_SHUFFLE, _DEFLATE, _FLETCHER]
+"""Registered numbers of the filters that tiles may go through, once each and in this order: for others HDF5 looks for
+plug-ins, LZF's tiles are not checked while they are unpacked, and deflated twice, a kilobyte is a gigabyte."""
+
+_SUM_BYTES = 4
+"""Of the checksum behind a tile."""
+
+_LEAST_GAIN = 64
+"""Deflated, a tile grows by less than this part of it, or by less than as many bytes."""
 
 _RADIANCE = "radiance"
 _AXES = ("v", "u", "t", "s", "channel")
@@ -66,6 +76,8 @@ class Stored(Lazy):
         self._dataset = dataset
         self._path = path
         self._name = name
+        self._is_packed = _DEFLATE in _filters(dataset)
+        self._seen = set[tuple[int, ...]]()
 
     def __repr__(self) -> str:
         return f"<{self._name} of {self._path}: {self.shape}, {self.dtype}>"
@@ -74,9 +86,28 @@ class Stored(Lazy):
         if not self._dataset:
             raise InputError(f"{self._path}: has been closed")
         try:
+            if self._is_packed:
+                self._check_tiles(ahead)
             return np.asarray(self._dataset[ahead], dtype=self.dtype)
-        except (OSError, RuntimeError) as error:
+        except (OSError, RuntimeError, ValueError, zlib.error) as error:
             raise InputError(f"{self._path}: {self._name} is damaged") from error
+
+    def _check_tiles(self, ahead: tuple[slice, ...]) -> None:
+        """Make sure that tiles unpack to what they should, before HDF5 does it.
+
+        It makes room for whatever they unpack to, and where that is too little takes the rest from its own memory.
+        """
+        tile = self._dataset.chunks
+        size = math.prod(tile) * self._dataset.dtype.itemsize
+        spans = (range(s.start // k * k, s.stop, k) for s, k in zip(ahead, tile, strict=True))
+        for place in itertools.product(*spans):
+            if place in self._seen:
+                continue
+            _, data = self._dataset.id.read_direct_chunk(place)
+            unpacking = zlib.decompressobj()
+            if len(unpacking.decompress(data, size + 1)) != size or not unpacking.eof:
+                raise ValueError("a tile unpacks to another size")
+            self._seen.add(place)
 
 
 # ---- Writing
@@ -514,7 +545,7 @@ def _settings(file: Any, path: Path) -> dict[str, str | float | int]:
     for name in group.attrs:
         value = _attribute(group, name, path)
         if isinstance(value, str | int | float):
-            found[str(name)] = value
+            found[_name(name, "settings", path)] = value
     return found
 
 
@@ -550,7 +581,14 @@ def _members(file: Any, name: str, path: Path) -> list[str]:
         return []
     if not isinstance(group, h5py.Group):
         raise InputError(f"{path}: {name} must be a group")
-    return list(group)
+    return [_name(member, name, path) for member in group]
+
+
+def _name(found: str | bytes, kind: str, path: Path) -> str:
+    """A name of somebody's choice, if it can be told and written; h5py has bytes for one that is no UTF-8."""
+    if isinstance(found, str) and found.isprintable():
+        return found
+    raise InputError(f"{path}: a name in {kind} is of letters that cannot be printed: {shortened(ascii(found))}")
 
 
 def _array(file: Any, name: str, path: Path, *, axes: int | None, kinds: str = "f") -> Stored:
@@ -567,8 +605,11 @@ def _array(file: Any, name: str, path: Path, *, axes: int | None, kinds: str = "
     is_ray = name.startswith("rays/")
     if shape is None or len(shape) not in ((axes,) if axes else (4, 5)) or (0 in shape and not is_ray):
         raise InputError(f"{path}: {name} must have {axes or '4 or 5'} axes, none of them empty; its shape is {shape}")
-    if dataset.is_virtual or dataset.external or _filters(dataset) - _FILTERS:
-        raise InputError(f"{path}: {name} must be in the file itself, plain or compressed by gzip or lzf")
+    filters = _filters(dataset)
+    if dataset.is_virtual or dataset.external or filters != [known for known in _FILTERS if known in filters]:
+        raise InputError(f"{path}: {name} must be in the file itself, plain or compressed by deflate")
+    if not _is_plain(dataset.id.get_type(), dataset.dtype):
+        raise InputError(f"{path}: {name} is of numbers that no processor has")
 
     # Values that were never written read as zeros, as many as a file cares to claim.
     claimed = math.prod(shape) * dataset.dtype.itemsize
@@ -578,18 +619,54 @@ def _array(file: Any, name: str, path: Path, *, axes: int | None, kinds: str = "
             f"{path}: {name} claims to be of shape {shape}, {claimed} bytes; the file holds {held} of them"
         )
     if dataset.chunks is not None:
-        tiles = math.prod(-(-n // k) for n, k in zip(shape, dataset.chunks, strict=True))
-        if dataset.id.get_num_chunks() != tiles:
-            raise InputError(f"{path}: {name} has {dataset.id.get_num_chunks()} of {tiles} tiles, and must have all")
-        if math.prod(dataset.chunks) > math.prod(shape) + _RAYS_A_TILE:
-            raise InputError(f"{path}: {name} is in tiles of {dataset.chunks}, more than there is of it")
+        _check_tiles(dataset, path, name)
     return Stored(dataset, path, name)
 
 
-def _filters(dataset: Any) -> set[int]:
+def _check_tiles(dataset: Any, path: Path, name: str) -> None:
+    """Make sure that a dataset is in tiles of a sensible size, that all are there, and that none is too much to unpack.
+
+    HDF5 writes beyond its arrays where the index of the tiles has been made for another size than they have.
+    """
+    shape, tile = dataset.shape, dataset.chunks
+    if math.prod(tile) > math.prod(shape) + _RAYS_A_TILE:
+        raise InputError(f"{path}: {name} is in tiles of {tile}, more than there is of it")
+    if dataset.maxshape != shape:
+        raise InputError(f"{path}: {name} must be of a fixed size")
+    tiles = math.prod(-(-n // k) for n, k in zip(shape, tile, strict=True))
+    if dataset.id.get_num_chunks() != tiles:
+        raise InputError(f"{path}: {name} has {dataset.id.get_num_chunks()} of {tiles} tiles, and must have all")
+
+    filters = _filters(dataset)
+    size, behind = math.prod(tile) * dataset.dtype.itemsize, _SUM_BYTES if _FLETCHER in filters else 0
+    places, wrong = set[tuple[int, ...]](), list[int]()
+
+    def see(found: Any) -> None:
+        if all(at % k == 0 and at < n for at, n, k in zip(found.chunk_offset, shape, tile, strict=True)):
+            places.add(found.chunk_offset)
+        most = size + size // _LEAST_GAIN + _LEAST_GAIN
+        packed = found.size - behind
+        if found.filter_mask != 0 or not (0 < packed <= most if _DEFLATE in filters else packed == size):
+            wrong.append(found.size)
+
+    dataset.id.chunk_iter(see)
+    if len(places) != tiles:
+        raise InputError(f"{path}: {name} has {len(places)} of {tiles} tiles, and must have all")
+    if wrong:
+        raise InputError(f"{path}: {name} has a tile of {wrong[0]} bytes, which is not what {size} bytes take")
+
+
+def _filters(dataset: Any) -> list[int]:
     """Numbers of the filters through which a dataset is read."""
     properties = dataset.id.get_create_plist()
-    return {properties.get_filter(i)[0] for i in range(properties.get_nfilters())}
+    return [properties.get_filter(i)[0] for i in range(properties.get_nfilters())]
+
+
+def _is_plain(stored: Any, dtype: np.dtype[Any]) -> bool:
+    """Whether numbers are stored as `dtype` has them: HDF5's own types may have any number of bits anywhere."""
+    import h5py
+
+    return bool(stored == h5py.h5t.py_create(dtype, logical=True))
 
 
 def _attribute(owner: Any, name: str, path: Path) -> Any:
@@ -604,11 +681,15 @@ def _attribute(owner: Any, name: str, path: Path) -> Any:
     # HDF5 does not come back from some damaged heaps, in which values of variable length are.
     if h5py.check_vlen_dtype(attribute.dtype) is not None or h5py.check_ref_dtype(attribute.dtype) is not None:
         raise InputError(f"{path}: its attribute {name} must be of fixed length")
+    stored, dtype = attribute.get_type(), attribute.dtype
+    if not (isinstance(stored, h5py.h5t.TypeStringID) or (dtype.kind in "fiub" and _is_plain(stored, dtype))):
+        return None
     value = owner.attrs[name]
-    if isinstance(value, bytes):
-        value = value.decode("utf-8", "replace")
     if isinstance(value, str):
-        return value
+        # Bytes that are no UTF-8 are kept by h5py as surrogates, which nothing can write.
+        value = value.encode("utf-8", "surrogateescape")
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace")
     if isinstance(value, np.integer) and value.ndim == 0:
         return int(value)
     if isinstance(value, np.floating) and value.ndim == 0:

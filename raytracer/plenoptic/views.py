@@ -74,6 +74,7 @@ class Views:
         if self.width < 1 or self.height < 1:
             raise ValueError(f"views must have pixels, got {self.width} x {self.height}")
         numbers = [*self.plane, self.inverse_focus, *(self.cell or ()), self.aperture or 0.0, self.focal_length or 0.0]
+        numbers += [number for triple in self.pose or () for number in triple]
         if not (np.isfinite(self.position).all() and all(map(math.isfinite, numbers)) and self.plane.pixel > 0.0):
             raise ValueError("numbers of a light field's geometry must be finite, and its pixels have a size")
 

@@ -3,6 +3,7 @@
 import configparser
 import dataclasses
 import math
+import os
 import random
 
 import numpy as np
@@ -309,7 +310,7 @@ WRONG = {
         "--spacing is one length",
     ),
     "all at one place": (["out_0_0_5_5_.npy", "out_0_1_5_5_.npy"], None, {}, "all views are at the same place"),
-    "a broken view": (["v_0_0.npy"], text("v_0_1.npy", "hello"), {}, "v_0_1.npy: broken, or no .npy image"),
+    "a broken view": (["v_0_0.npy"], text("v_0_1.npy", "hello"), {}, "v_0_1.npy: is no NumPy file"),
     "a broken geometry": (["v_0_0.npy"], text("geometry.json", "{"), {}, "is no geometry of a light field"),
     "an empty geometry": (["v_0_0.npy"], text("geometry.json", "{}"), {}, "has no 'position'"),
     "a list for a geometry": (["v_0_0.npy"], text("geometry.json", "[1]"), {}, "is no geometry"),
@@ -465,3 +466,19 @@ def test_what_is_too_bright_is_counted(tmp_path):
     bright = LightField(1.5 * field.radiance, field.views)
     assert export_views(bright, tmp_path / "a").clipped == field.radiance.mean()
     assert export_views(bright, tmp_path / "b", suffix=".exr").clipped == 0.0
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with names are POSIX's")
+@pytest.mark.parametrize("name", ["geometry.json", "parameters.cfg"])
+def test_a_pipe_is_not_waited_for(tmp_path, name):
+    make(tmp_path, *(f"input_Cam{number:03d}.npy" for number in range(4)))
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(InputError, match=f"{name}: .*no regular file"):
+        import_views(tmp_path)
+
+
+def test_an_archive_of_arrays_is_no_array(tmp_path):
+    np.savez(tmp_path / "a.npz", np.zeros((1, 1, 2, 2, 3)))
+    (tmp_path / "a.npz").rename(tmp_path / "a.npy")
+    with pytest.raises(InputError, match=r"is truncated, or no \.npy file"):
+        import_views(tmp_path / "a.npy")

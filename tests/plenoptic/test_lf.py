@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import textwrap
+import zlib
 from pathlib import Path
 
 import h5py
@@ -379,6 +380,47 @@ def test_some_views_that_were_never_written(tmp_path):
         file.attrs.update({"version": 1, "pixel": 0.5, "left": -1.0, "top": 0.75, "inverse_focus": 0.0})
     with pytest.raises(InputError, match="radiance has 2 of 4 tiles"):
         lf.open(tmp_path / "a.lf")
+
+
+def packed(path, tile, *, fletcher32=False, compression="gzip"):
+    """A light field of one view, whose radiance is this one tile."""
+    with h5py.File(path, "w") as file:
+        made = file.create_dataset(
+            "radiance", (1, 1, 8, 8, 3), "f4", chunks=(1, 1, 8, 8, 3), compression=compression, fletcher32=fletcher32
+        )
+        made.id.write_direct_chunk((0, 0, 0, 0, 0), tile)
+        file["position"] = np.zeros((1, 1, 2))
+        file.attrs["format"] = np.bytes_("rt light field")
+        file.attrs.update({"version": 1, "pixel": 0.5, "left": -1.0, "top": 0.75, "inverse_focus": 0.0})
+
+
+# 8 x 8 pixels of 3 numbers of 4 bytes.  HDF5 gives back whatever follows in memory where a tile unpacks to less, and
+# makes room for all of it where it unpacks to more.
+@pytest.mark.parametrize("size", [0, 767, 769, 10_000_000])
+def test_a_tile_that_unpacks_to_another_size_is_told(tmp_path, size):
+    packed(tmp_path / "a.lf", zlib.compress(bytes(size), 9)[: None if size < 10_000 else 800])
+    with pytest.raises(InputError, match=r"a\.lf: radiance is damaged"), lf.open(tmp_path / "a.lf") as field:
+        field.radiance[0, 0]
+    packed(tmp_path / "b.lf", zlib.compress(bytes(768)))
+    with lf.open(tmp_path / "b.lf") as field:
+        assert not field.radiance[0, 0].any()
+
+
+def test_a_bomb_is_told_by_the_room_that_it_takes_or_by_what_it_unpacks_to(tmp_path):
+    bomb = zlib.compress(bytes(10_000_000), 9)
+    assert len(bomb) > 768 + 64 + 12
+    packed(tmp_path / "a.lf", bomb)
+    with pytest.raises(InputError, match=r"radiance has a tile of 97.. bytes, which is not what 768 bytes take"):
+        lf.open(tmp_path / "a.lf")
+
+
+def test_tiles_that_cannot_be_checked_are_refused(tmp_path):
+    packed(tmp_path / "a.lf", b"x", fletcher32=True)
+    with pytest.raises(InputError, match="a tile of 1 bytes, which is not what 768 bytes take"):
+        lf.open(tmp_path / "a.lf")
+    packed(tmp_path / "b.lf", bytes(500), compression="lzf")
+    with pytest.raises(InputError, match="plain or compressed by deflate"):
+        lf.open(tmp_path / "b.lf")
 
 
 def read_all(path):

@@ -2,6 +2,7 @@
 
 import io
 import json
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -103,3 +104,20 @@ def test_what_is_pickled_is_not_run(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="broken, or not a reference image"):
         load_reference(tmp_path / "a.npz")
     assert not marker.exists()
+
+
+def test_a_reference_is_not_unpacked_beyond_what_one_has(mean: np.ndarray, tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    save_reference(path, mean, mean, RECIPE)
+    with np.load(path) as held:
+        settings = held["settings"]
+    # 600 KB that unpack to 600 MB.
+    huge = np.zeros((390_000, 128, 3), np.float32)
+    np.savez_compressed(path, mean=huge, variance=huge, settings=settings)
+    assert path.stat().st_size < 2_000_000
+    tracemalloc.start()
+    with pytest.raises(InputError, match="broken, or not a reference image"):
+        load_reference(path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 300_000_000

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from raytracer.errors import InputError
 from raytracer.plenoptic.resampling import Lattice
+from raytracer.untrusted import contents
 
 Floats = NDArray[np.float64]
 
@@ -87,6 +88,9 @@ _LEAST_SHARE = 0.25
 
 _TEMPLATE = 12.0
 """Microlenses a side of the part in the picture's middle over which sub-images are averaged."""
+
+_LARGEST_FILE, _LARGEST_NUMBER = 1 << 20, 1e9
+"""Bytes of a file with a grid, and pixels of its lengths: far above all that there are."""
 
 _CLIPPED_SHARE = 0.98
 """Of a picture's pixels at one and the same largest value: nothing is left to see."""
@@ -152,8 +156,8 @@ def grid_of(values: Mapping[str, Any], name: str) -> Grid:
         return number(key, found[0]), number(key, found[1])
 
     def number(key: str, found: Any) -> float:
-        if isinstance(found, bool) or not isinstance(found, int | float) or not math.isfinite(found):
-            raise InputError(f"{name}: {key}: must be a number")
+        if isinstance(found, bool) or not isinstance(found, int | float) or not abs(found) <= _LARGEST_NUMBER:
+            raise InputError(f"{name}: {key}: must be a number, of at most {_LARGEST_NUMBER:g} pixels")
         return float(found)
 
     if not isinstance(values, Mapping):
@@ -181,7 +185,7 @@ def read_grid(path: str | Path) -> Grid:
     """
     path = Path(path)
     try:
-        values = json.loads(path.read_text(encoding="utf-8"))
+        values = json.loads(contents(path, _LARGEST_FILE).decode("utf-8"))
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
     except OSError as error:

@@ -25,11 +25,12 @@ from raytracer.film.image import Image
 from raytracer.lightfield.foreign import folders, geometry, hci
 from raytracer.lightfield.foreign.folders import Found
 from raytracer.lightfield.foreign.geometry import Known, Optics
-from raytracer.lightfield.foreign.pictures import Pictures, Stack, montage
+from raytracer.lightfield.foreign.pictures import Maps, Pictures, Stack, montage
 from raytracer.plenoptic import lf
 from raytracer.plenoptic.field import LightField
 from raytracer.plenoptic.views import Views
 from raytracer.units import METRES_PER_MILLIMETRE
+from raytracer.untrusted import contents
 from raytracer.wholefiles import told, whole
 
 Naming = Literal["grid", "stanford", "hci"]
@@ -80,7 +81,7 @@ def import_views(
     path = Path(path)
     optics = Optics(vfov, focal_length, sensor)
     said = _said(spacing, focus_distance, optics)
-    layers: dict[str, NDArray[np.float64]] = {}
+    layers: dict[str, Maps] = {}
     parameters: hci.Parameters | None = None
     radiance: Any
     if path.is_dir():
@@ -106,14 +107,14 @@ def import_views(
     settings = {"naming": found.naming}
     if said:
         known = _known(path, spacing, focus_distance, optics.pixel(width, height), found)
-        views, units = geometry.views(found.steps, width, height, known)
+        views, units = _placed(path, found.steps, width, height, known)
     elif beside.exists():
         views, units = geometry.read(beside)
         _same(beside, views, radiance.shape)
     elif parameters is not None:
         views, units = _by_parameters(path / hci.FILE, parameters, radiance.shape), {}
     else:
-        views, units = geometry.views(found.steps, width, height, Known())
+        views, units = _placed(path, found.steps, width, height, Known())
     if found.naming == "hci" and not units:
         layers = _truth(path, views)
     return LightField(radiance, views, layers, settings={**settings, **units})
@@ -174,20 +175,28 @@ def _by_parameters(path: Path, said: hci.Parameters, shape: Sequence[int]) -> Vi
     if (said.height, said.width) != tuple(shape[2:4]):
         height, width = shape[2:4]
         raise InputError(f"{path}: says {said.width} x {said.height} pixels a view; they have {width} x {height}")
-    views, _ = geometry.views(geometry.regular(said.rows, said.columns), said.width, said.height, said.known)
+    views, _ = _placed(path, geometry.regular(said.rows, said.columns), said.width, said.height, said.known)
     return dataclasses.replace(views, pose=said.pose)
 
 
-def _truth(folder: Path, views: Views) -> dict[str, NDArray[np.float64]]:
+def _placed(
+    path: Path, steps: NDArray[np.float64], width: int, height: int, known: Known
+) -> tuple[Views, dict[str, str]]:
+    try:
+        return geometry.views(steps, width, height, known)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _truth(folder: Path, views: Views) -> dict[str, Maps]:
     """The depths of all views, nan where they are not known, if there are any."""
     step: float | None = None
     # Between views that are on no grid disparities say nothing.
     with contextlib.suppress(ValueError):
         step = hci.spacing(views)
     kinds = (_DEPTH,) if step is None else (_DEPTH, _DISPARITY)
-    found = np.full((views.rows, views.columns, views.height, views.width), np.nan)
+    known: dict[tuple[int, int], NDArray[np.float64]] = {}
     middle = views.rows * views.columns // 2
-    is_there = False
     for number in range(views.rows * views.columns):
         ends = [f"_Cam{number:03d}.pfm"] + ([".pfm"] if number == middle else [])
         for name in (f"gt_{kind}_lowres{end}" for end in ends for kind in kinds):
@@ -195,17 +204,16 @@ def _truth(folder: Path, views: Views) -> dict[str, NDArray[np.float64]]:
             if not path.exists():
                 continue
             values = _map(path, views)
-            found[divmod(number, views.columns)] = (
+            known[divmod(number, views.columns)] = (
                 values if step is None or _DEPTH in name else hci.depth(values, views, step)
             )
-            is_there = True
             break
-    return {_DEPTH: found} if is_there else {}
+    return {_DEPTH: Maps(known, (views.rows, views.columns, views.height, views.width))} if known else {}
 
 
 def _map(path: Path, views: Views) -> NDArray[np.float64]:
     try:
-        values = np.asarray(pfm.decode(path.read_bytes()), dtype=np.float64)
+        values = np.asarray(pfm.decode(contents(path)), dtype=np.float64)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     except ValueError as error:

@@ -10,10 +10,14 @@ from numpy.typing import NDArray
 
 from raytracer.errors import InputError
 from raytracer.plenoptic.views import Plane, Pose, Views
+from raytracer.untrusted import contents
 
 FILE = "geometry.json"
 """In a folder of views: their geometry, as this program writes it beside them."""
 
+
+_LARGEST = 1 << 26
+"""Bytes of a file: a million views' places, and more than folders have."""
 
 _NUMBERS = ("inverse_focus", "aperture", "focal_length")
 
@@ -58,12 +62,18 @@ def views(steps: NDArray[np.float64], width: int, height: int, known: Known) -> 
     """The geometry of views at `steps` (steps of one view, right and up), and the settings that say its units.
 
     Without metres a distance `1 / w` is where what is seen moves by `w` pixels from view to view.
+
+    Raises
+    ------
+    ValueError : the lengths are so large or small that numbers do not hold the places of the views.
     """
     if known.spacing is None or known.focus_distance is None or known.pixel is None:
         return Views(steps, Plane(1.0, -0.5 * width, 0.5 * height), width, height), {"units": "views"}
     plane = Plane(known.pixel, -0.5 * width * known.pixel, 0.5 * height * known.pixel)
     inverse = 0.0 if math.isinf(known.focus_distance) else 1.0 / known.focus_distance
-    return Views(steps * np.array(known.spacing), plane, width, height, inverse), {}
+    with np.errstate(over="ignore"):
+        position = steps * np.array(known.spacing)
+    return Views(position, plane, width, height, inverse), {}
 
 
 def text(views: Views, units: str | None) -> bytes:
@@ -84,7 +94,7 @@ def read(path: Path) -> tuple[Views, dict[str, str]]:
     InputError : the file cannot be read, or is no geometry.
     """
     try:
-        found = json.loads(path.read_bytes())
+        found = json.loads(contents(path, _LARGEST))
         pose = found.get("pose")
         cell = found.get("cell")
         views = Views(
@@ -102,7 +112,7 @@ def read(path: Path) -> tuple[Views, dict[str, str]]:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     except KeyError as error:
         raise InputError(f"{path}: is no geometry of a light field: it has no {error}") from error
-    except (ValueError, TypeError, IndexError, AttributeError, RecursionError) as error:
+    except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError) as error:
         raise InputError(f"{path}: is no geometry of a light field, or a broken one") from error
     return views, {"units": "views"} if found.get("units") == "views" else {}
 

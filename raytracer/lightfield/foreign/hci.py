@@ -21,9 +21,13 @@ from raytracer.errors import InputError
 from raytracer.lightfield.foreign.geometry import Known, regular
 from raytracer.plenoptic.views import Pose, Views
 from raytracer.units import METRES_PER_MILLIMETRE
+from raytracer.untrusted import contents
 
 FILE = "parameters.cfg"
 
+
+_LARGEST = 1 << 20
+"""Bytes of the file: those of the benchmark have one or two thousand."""
 
 _GRID_TOLERANCE = 1e-6
 """How far, in steps of one view, a view may be from its place on a grid to be called regular: numbers in millimetres
@@ -60,7 +64,7 @@ def read(path: Path) -> Parameters:
     """
     parser = configparser.ConfigParser(interpolation=None)
     try:
-        parser.read_string(path.read_text("utf-8"))
+        parser.read_string(contents(path, _LARGEST).decode("utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     except (configparser.Error, UnicodeError) as error:
@@ -92,8 +96,8 @@ def read(path: Path) -> Parameters:
     pixel = positive("intrinsics", "sensor_size_mm") / focal_length / max(width, height)
     spacing = positive("extrinsics", "baseline_mm") * METRES_PER_MILLIMETRE
     distance = positive("extrinsics", "focus_distance_m")
-    if not math.isfinite(pixel + spacing):
-        raise InputError(f"{path}: its lengths must be finite")
+    if not math.isfinite(pixel + spacing + 1.0 / distance) or pixel == 0.0:
+        raise InputError(f"{path}: its lengths must be finite, and none so small that nothing is left of it")
     names = [*(f"center_cam_{axis}_m" for axis in "xyz"), *(f"center_cam_r{axis}_rad" for axis in "xyz")]
     pose = None
     if all(parser.has_option("extrinsics", name) for name in names):
@@ -217,5 +221,6 @@ def disparity(depth: NDArray[np.float64], views: Views, step: float) -> NDArray[
 
 def depth(disparity: NDArray[np.float64], views: Views, step: float) -> NDArray[np.float64]:
     """The depth (m) at which what is seen moves by a disparity."""
-    with np.errstate(divide="ignore"):
+    # Whatever numbers somebody has put there.
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         return np.asarray(1.0 / (disparity * views.plane.pixel / step + views.inverse_focus))

@@ -1,7 +1,9 @@
 """Views that are pictures of their own, or parts of one, read as they are asked for."""
 
+import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +11,7 @@ from numpy.typing import NDArray
 from raytracer.errors import InputError
 from raytracer.film import output, srgb
 from raytracer.plenoptic.lazy import Lazy
+from raytracer.untrusted import BrokenArrayError, opened, stated_array
 
 _CHANNELS = 3
 
@@ -57,19 +60,21 @@ class Stack(Lazy):
 
     def __init__(self, path: Path) -> None:
         try:
-            self._array = np.load(path, mmap_mode="r", allow_pickle=False)
+            with opened(path, sys.maxsize) as file:
+                stated = stated_array(file)
         except FileNotFoundError as error:
             raise InputError(f"{path}: no such file") from error
-        except (OSError, ValueError, EOFError, SyntaxError, MemoryError) as error:
-            reason = (
-                error.strerror if isinstance(error, OSError) and error.strerror else "is truncated, or no .npy file"
-            )
-            raise InputError(f"{path}: {reason}") from error
-        shape, kind = self._array.shape, self._array.dtype
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror}") from error
+        except BrokenArrayError as error:
+            raise InputError(f"{path}: is truncated, or no .npy file of numbers") from error
+        shape, kind = stated.shape, stated.dtype
         is_known = kind.kind == "f" or (kind.kind == "u" and kind.itemsize <= 2)
         if len(shape) not in (4, 5) or 0 in shape or shape[4:] not in ((), (1,), (_CHANNELS,)) or not is_known:
             wanted = "(rows, columns, height, width, 3) of floating-point numbers, or uint8 or uint16"
             raise InputError(f"{path}: must be {wanted}; it is {shape} of {kind}")
+        order: Literal["F", "C"] = "F" if stated.is_fortran else "C"
+        self._array = np.memmap(path, kind, "r", stated.start, shape, order)
         super().__init__((*shape[:4], _CHANNELS), np.dtype(np.float64))
 
     def _read(self, ahead: tuple[slice, ...]) -> NDArray[Any]:
@@ -80,6 +85,22 @@ class Stack(Lazy):
             found = srgb.decode(found / np.iinfo(found.dtype).max)
         colours = np.broadcast_to(found.astype(np.float64), (*found.shape[:4], _CHANNELS))
         return np.asarray(colours[..., ahead[4]])
+
+
+class Maps(Lazy):
+    """A layer that is known of some views, by row and column, (rows, columns, height, width); nan in all others."""
+
+    def __init__(self, known: Mapping[tuple[int, int], NDArray[np.float64]], shape: tuple[int, int, int, int]) -> None:
+        self._known = known
+        super().__init__(shape, np.dtype(np.float64))
+
+    def _read(self, ahead: tuple[slice, ...]) -> NDArray[Any]:
+        rows, columns, *within = (range(size)[part] for part, size in zip(ahead, self.shape, strict=True))
+        found = np.full([len(rows), len(columns), *map(len, within)], np.nan)
+        for (row, column), values in self._known.items():
+            if row in rows and column in columns:
+                found[rows.index(row), columns.index(column)] = values[ahead[2:]]
+        return found
 
 
 def montage(path: Path, rows: int, columns: int, *, interleaved: bool) -> NDArray[np.float64]:
