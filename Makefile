@@ -3,12 +3,14 @@
 #   VENV=folder         where it is (.venv)
 #   BENCH_ARGS=--quick  a short `make bench`
 #   HARD_CASES_ARGS="3 11"      those cases alone
+#   FUZZ_ARGS="lf --seconds 600"      one target, ten minutes
 PYTHON ?= python3
 VENV ?= .venv
 PEER_VENV ?= .venv-peers
 PYTEST_ARGS ?= --numprocesses auto --dist worksteal
 BENCH_ARGS ?=
 HARD_CASES_ARGS ?=
+FUZZ_ARGS ?= --jobs 4
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
@@ -34,7 +36,7 @@ FOREST := scenes/generated/forest_russet.npy
 DRAGON := scenes/generated/dragon.ply
 GENERATED := $(MILLION) $(FOREST) $(DRAGON)
 
-.PHONY: help render test test-slow check bench peers hard-cases references gallery docs scenes clean
+.PHONY: help render test test-slow check bench fuzz peers hard-cases references gallery docs scenes clean
 
 help:  ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | while IFS='|' read -r name text; do \
@@ -43,8 +45,9 @@ help:  ## List the targets
 render: $(INSTALLED)  ## Render the cover scene to outputs/cover.png
 	$(RT) render scenes/cover.yaml -o outputs/cover.png
 
-test: check $(GENERATED)  ## Check the sources, then run the quick tests
+test: check $(GENERATED)  ## Check the sources, run the quick tests, and fuzz for a minute
 	$(VENV_PYTHON) -m pytest -m "not slow and not peer" $(PYTEST_ARGS)
+	$(VENV_PYTHON) -m tests.fuzz --seconds 60 --jobs 4
 
 test-slow: $(INSTALLED_TEST) $(GENERATED)  ## Run the tests that take minutes
 	$(VENV_PYTHON) -m pytest -m "slow and not peer" $(PYTEST_ARGS)
@@ -54,6 +57,9 @@ check: $(INSTALLED_TEST)  ## Style, types and layers of the sources
 	$(VENV)/bin/ruff format --check
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports --no-logo
+
+fuzz: $(INSTALLED_TEST)  ## Feed the loaders broken files, led by their coverage, for a minute
+	$(VENV_PYTHON) -m tests.fuzz $(FUZZ_ARGS)
 
 bench: $(INSTALLED) $(GENERATED)  ## Measure the speed, against Mitsuba 3 too once `make peers` has installed it
 	$(VENV_PYTHON) bench/bench.py $(if $(wildcard $(PEER_PYTHON)),--peer $(PEER_PYTHON)) $(BENCH_ARGS)

@@ -1,0 +1,28 @@
+"""parameters.cfg of the 4D Light Field Benchmark."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+from raytracer.lightfield.foreign import geometry, hci
+from raytracer.plenoptic.views import Plane, Pose, Views
+
+PARSERS = ("configparser",)
+DICTIONARY = (b"[intrinsics]", b"[extrinsics]", b"[DEFAULT]", b"num_cams_x = ", b"baseline_mm = ", b"1e308", b"1e-320")
+
+
+def seeds() -> Iterator[bytes]:
+    turned = Pose((0.0, 1.0, 2.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0))
+    for pose in (None, turned):
+        yield hci.text(Views(0.1 * geometry.regular(2, 2), Plane(0.1, -0.2, 0.2), 4, 4, 0.5, pose=pose), "seed", None)
+
+
+def run(data: bytes, folder: Path) -> None:
+    path = folder / hci.FILE
+    path.write_bytes(data)
+    said = hci.read(path)
+    assert min(said.rows, said.columns, said.width, said.height) >= 1
+    assert said.known.pixel is not None
+    assert 0.0 < said.known.pixel < math.inf
+    if said.pose is not None:
+        assert all(math.isfinite(number) for triple in said.pose for number in triple)

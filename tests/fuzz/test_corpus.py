@@ -1,0 +1,57 @@
+"""What fuzzing has found stays found: each input is refused, or loads, within the time that any may take."""
+
+import faulthandler
+
+import pytest
+
+from raytracer.errors import InputError, OutputError
+from tests.fuzz.harness import CORPUS, SECONDS_LIMIT, execute, load_target, strict, target_names
+
+INPUTS = sorted(CORPUS.glob("*/*"))
+
+_REFUSED = 0.5
+"""Share of a target's seeds that may be refused."""
+
+LARGEST = 4096
+"""Bytes of an input that is kept, if a file of its kind can be so small."""
+
+
+@pytest.fixture
+def limited():
+    """End the process with its stack if a loader hangs: one that is in native code cannot be ended otherwise."""
+    faulthandler.dump_traceback_later(2 * SECONDS_LIMIT, exit=True)
+    yield
+    faulthandler.cancel_dump_traceback_later()
+
+
+@pytest.mark.parametrize("path", INPUTS, ids=lambda path: f"{path.parent.name}/{path.name}")
+def test_what_was_found_is_refused_or_loads(path, tmp_path, monkeypatch, limited):
+    monkeypatch.chdir(tmp_path)
+    target = load_target(path.parent.name)
+    data = path.read_bytes()
+    assert len(data) <= max(LARGEST, target.max_length)
+    with strict():
+        execute(target, data, tmp_path)
+
+
+# A few seeds may be files that are refused, late and for a reason that nobody finds by chance.
+@pytest.mark.parametrize("name", target_names())
+def test_seeds_are_files_that_load(name, tmp_path, monkeypatch, limited):
+    monkeypatch.chdir(tmp_path)
+    target = load_target(name)
+    seeds = list(target.seeds())
+    assert seeds
+    refused = 0
+    for number, seed in enumerate(seeds):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        with strict():
+            try:
+                target.run(seed, folder)
+            except (InputError, OutputError):
+                refused += 1
+    assert refused <= _REFUSED * len(seeds)
+
+
+def test_every_folder_of_the_corpus_is_of_a_target():
+    assert {path.parent.name for path in INPUTS} <= set(target_names())
