@@ -79,10 +79,12 @@ objects:
 
 @pytest.mark.parametrize("ior", [1.0, 1.33, 1.5, 2.4, 1.0 / 1.5])
 def test_glass_sphere_in_a_uniform_environment_is_invisible(ior: float) -> None:
-    # Hard case 22: each path picks reflection or refraction with weight 1 and ends in radiance 1.
+    # Hard case 22: each path picks reflection or refraction with weight 1 and ends in radiance 1.  The environment is
+    # of the kind of the next test's, so that both compile one kernel.
     picture = image(
         f"""
-{LOOK}{CONSTANT}
+{LOOK}
+environment: {{type: gradient, horizon: 1, zenith: 1}}
 objects:
   - {{type: sphere, center: [0, 0, 0], radius: 1, material: {{type: dielectric, ior: {ior}}}}}
 """,

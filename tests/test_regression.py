@@ -109,8 +109,8 @@ def rendered_otherwise(name: str, key: str, value: str) -> Checked:
     ("name", "sampler"),
     [
         ("cornell", "stratified"),
-        ("lens", "sobol"),
-        pytest.param("cornell", "sobol", marks=pytest.mark.slow),
+        ("cornell", "sobol"),
+        pytest.param("lens", "sobol", marks=pytest.mark.slow),
         pytest.param("lens", "stratified", marks=pytest.mark.slow),
     ],
 )

@@ -165,7 +165,7 @@ def test_no_glass_is_compiled_for_scenes_without_a_real_lens(kernels: Kernels) -
     lens = f"camera: {{type: lens, lens: '{ROOT}/scenes/lenses/double-gauss-50mm.yaml'}}\n"
     found = classes_in(numba.typeof(pack(scene(lens + MATTE, filled=False)).scene))
     assert all(any(module.startswith(name) for module in found) for name in glass if name != "raytracer.lanes")
-    for name in ("plain", "lens"):
+    for name in ("plain", "many"):
         assert not [module for module in kernels[name]["modules"] if module.startswith(glass)]
 
 

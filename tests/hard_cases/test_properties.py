@@ -1,7 +1,7 @@
 """What holds of every scene: it renders, it creates no energy, no ray meets what it leaves, and it does not matter
 where the scene is, how it is turned, how large it is, or what is in it by which name.
 
-The scenes are random, by hypothesis: 50 of them in `make test`, with all properties at once, and 500 for each property
+The scenes are random, by hypothesis: 20 of them in `make test`, with all properties at once, and 500 for each property
 in `make test-slow`.
 """
 
@@ -41,7 +41,7 @@ from tests.hard_cases.random_scenes import (
 )
 from tests.instances.kernels import Scenery, Stage, cast
 
-QUICK, THOROUGH = 50, 500
+QUICK, THOROUGH = 20, 500
 FALSE_ALARMS = 1e-3
 """How often all scenes of a property together may fail by chance."""
 

@@ -145,7 +145,8 @@ def moving(tables: tuple[Any, ...], trajectories: Sequence[Array]) -> Scenery:
 
 
 def _rows(vectors: Any, count: int) -> Array:
-    return np.ascontiguousarray(np.broadcast_to(np.asarray(vectors, np.float64), (count, 3)))
+    # A copy: whether an array may be written is part of its type, and each type would be compiled.
+    return np.array(np.broadcast_to(vectors, (count, 3)), np.float64, order="C")
 
 
 def cast(scenery: Scenery, origins: Any, directions: Any, onwards: Any = (0.0, 0.0, 0.0), times: Any = 0.0) -> Hits:
