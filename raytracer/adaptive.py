@@ -299,10 +299,13 @@ def _look_here(
         for array in (film.mean, film.m2, film.count, film.bad):
             array.fill(0)
         mean = film.mean[: window.bottom - window.top, : window.right - window.left]
-        for begin, end in ((0, spp // 2), (spp // 2, spp)):
+        begin = 0
+        while begin < spp and not canvas.crew.stopped:
+            end = canvas.soon(tile, begin, spp // 2 if begin < spp // 2 else spp)
             rays[tile] += render_tile(scene, film, room, *window, begin, end)
-            tally.record(tile, mean, end)
-            taken[tile] = end
+            if end in (spp // 2, spp):
+                tally.record(tile, mean, end)
+            taken[tile] = begin = end
         films.append(film)
 
     canvas.crew.run(range(len(canvas.windows)), work)

@@ -34,6 +34,8 @@ EVERY = 60.0
 
 _FORMAT = 1
 
+_NO_MEMORY = "out of memory"
+
 # What a checkpoint says of what decides on the bits of a picture, in the order in which differences are looked for.
 _DIFFERENCES = {
     "version": "another version of rt",
@@ -49,6 +51,14 @@ _DIFFERENCES = {
 def checkpoint_of(output: Path) -> Path:
     """Where the checkpoint of a picture lies: beside its file."""
     return output.with_name(output.name + SUFFIX)
+
+
+class RefusedError(InputError):
+    """A checkpoint that a render does not go on from: `sentence` says which, and why."""
+
+    def __init__(self, sentence: str) -> None:
+        self.sentence = sentence
+        super().__init__(f"{sentence}; without --resume the render begins anew")
 
 
 class Held(NamedTuple):
@@ -71,8 +81,12 @@ class Gathering(Protocol):
         """The fewest that a pixel has by now."""
 
     @property
+    def is_empty(self) -> bool:
+        """Whether there are no samples yet that a checkpoint of it can hold."""
+
+    @property
     def is_complete(self) -> bool:
-        """Whether all samples are there that a checkpoint of it can hold."""
+        """Whether it came to its own end, or has all samples that a checkpoint of it can hold."""
 
     @property
     def seconds(self) -> float:
@@ -140,11 +154,17 @@ class Keeper:
         # Reentrant, as a signal's handler needs it.
         self._wishes: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._identity: Mapping[str, Any] | None = None
-        self._begun = self._failing = False
+        self._begun = self._failing = self._is_good = False
 
     def ask(self) -> None:
         """Have the picture so far shown, soon."""
         self._wishes.put("show")
+
+    def anew(self) -> "Keeper":
+        """The same keeper, with nothing to go on from: what there was is removed."""
+        self.forget()
+        self._resume = False
+        return self
 
     def forget(self) -> None:
         """Remove the checkpoint."""
@@ -159,10 +179,12 @@ class Keeper:
 
         Raises
         ------
-        InputError : it is of another picture, is damaged, as is the one before it, or cannot be read.
+        InputError : it is of another picture (`RefusedError`), is damaged, as is the one before it (the same), or
+            cannot be read.
         """
         self._identity = None
-        self.held, self.resumed, self._begun = None, 0, False
+        self.held, self.resumed = None, 0
+        self._begun = self._failing = self._is_good = False
         if not self._resume or self.path is None:
             return
         damage: list[str] = []
@@ -178,11 +200,13 @@ class Keeper:
                 raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
             for sentence in damage:
                 self._say(f"{sentence}; {path.name} is used in its place")
-            self._begun, self.resumed = True, render.samples
+            # Only what can be gone on from may take the place of the one before.
+            self._begun, self._is_good = True, path == self.path
+            self.resumed = render.samples
             self.held = Held(path, render.samples, path.stat().st_size)
             return
         if damage:
-            raise InputError(f"{damage[0]}; there is no other to go on from")
+            raise RefusedError(f"{damage[0]}; there is no other to go on from")
         self._say(f"there is no {self.path} to go on from: the render begins anew")
 
     def _take_up(self, path: Path, render: Gathering) -> None:
@@ -190,7 +214,7 @@ class Keeper:
 
         def accept(about: Mapping[str, Any]) -> Mapping[str, NDArray[Any]]:
             if about.get("format") != _FORMAT:
-                raise InputError(f"{path}: is of another version of rt; without --resume the render begins anew")
+                raise RefusedError(f"{path}: is of another version of rt")
             told, identity = about.get("told"), about.get("identity")
             if not isinstance(told, dict) or not isinstance(identity, dict) or not _is_number(told.get("seconds")):
                 raise DamagedError("does not say what it is of")
@@ -201,20 +225,20 @@ class Keeper:
         try:
             render.take_up(arrays, about["told"])
         except InputError as error:
-            raise InputError(f"{path}: {error}") from None
+            raise RefusedError(f"{path}: {error}") from None
 
     def _check(self, path: Path, then: Mapping[str, Any], render: Gathering) -> None:
         """Make sure that the picture of a checkpoint is the one of a render.
 
         Raises
         ------
-        InputError : it is another.
+        RefusedError : it is another.
         """
         current = json.loads(json.dumps(self._identity_of(render)))
         for section, name in _DIFFERENCES.items():
             what = _difference(then.get(section), current[section], "")
             if what is not None:
-                raise InputError(f"{path}: is of {name}: {what}; without --resume the render begins anew")
+                raise RefusedError(f"{path}: is of {name}: {what}")
 
     def _identity_of(self, render: Gathering) -> Mapping[str, Any]:
         if self._identity is None:
@@ -225,27 +249,25 @@ class Keeper:
 
     @contextmanager
     def watching(self, render: Gathering) -> Iterator[None]:
-        """Write checkpoints while the `with` block renders."""
-        failures: list[BaseException] = []
+        """Write checkpoints while the `with` block renders.
 
-        def watch() -> None:
-            try:
-                self._watch(render)
-            except BaseException as error:  # noqa: BLE001
-                # Raised where the thread is waited for.
-                failures.append(error)
-
-        watcher = threading.Thread(target=watch, name="keeper", daemon=True)
-        watcher.start()
+        Raises
+        ------
+        Exception : what `say` or `show` have raised, at the end: checkpoints are written all the same.
+        """
+        failures: list[Exception] = []
+        watcher = threading.Thread(target=self._watch, args=(render, failures), name="keeper", daemon=True)
         try:
+            watcher.start()
             yield
         finally:
             self._wishes.put("end")
-            watcher.join()
+            if watcher.ident is not None:
+                watcher.join()
         if failures:
             raise failures[0]
 
-    def _watch(self, render: Gathering) -> None:
+    def _watch(self, render: Gathering, failures: list[Exception]) -> None:
         due = now() + self._every
         while True:
             try:
@@ -254,21 +276,28 @@ class Keeper:
                 wish = "keep"
             if wish == "end":
                 return
-            if wish == "show":
-                self._show_picture(render)
-            else:
-                self._write(render, by_copy=True)
-                due = now() + self._every
+            start = now()
+            try:
+                if wish == "show":
+                    self._show_picture(render)
+                else:
+                    self._write(render, by_copy=True)
+            except Exception as error:  # noqa: BLE001
+                # Raised where this thread is waited for: the samples of hours do not depend on it.
+                failures.append(error)
+            if wish == "keep":
+                # However often they are asked for, the render has as much time as its checkpoints.
+                due = now() + max(self._every, now() - start)
 
     def _show_picture(self, render: Gathering) -> None:
         if self._show is None:
             return
-        with render.crew.resting():
-            image = render.picture()
         try:
+            with render.crew.resting():
+                image = render.picture()
             self._show(image)
-        except OutputError as error:
-            self._say(f"{error}; the render goes on")
+        except (OutputError, MemoryError) as error:
+            self._say(f"{str(error) or _NO_MEMORY}; the render goes on")
 
     # ---- At the end
 
@@ -288,26 +317,27 @@ class Keeper:
             return False
         try:
             with render.crew.resting():
+                if render.is_empty:
+                    return False
                 samples, told = render.samples, dict(render.told())
                 arrays = render.gathered()
                 if by_copy:
                     arrays = {name: array.copy() for name, array in arrays.items()}
-            if samples == 0:
-                return False
             about = {"format": _FORMAT, "identity": self._identity_of(render), "told": told}
-            size = snapshots.write(self.path, Snapshot(about, arrays), keep=self._begun)
+            size = snapshots.write(self.path, Snapshot(about, arrays), keep=self._is_good)
         except (OutputError, InputError, MemoryError) as error:
             if not self._failing:
-                reason = str(error) or "out of memory"
+                self._failing = True
+                reason = str(error) or _NO_MEMORY
                 self._say(f"{reason}; the render goes on in memory, and tries to keep its samples again")
-            self._failing = True
             return False
         if not self._begun:
             snapshots.forget_previous(self.path)
-        if self._failing:
-            self._say(f"{self.path}: is written again")
-        self._begun, self._failing = True, False
+        was_failing = self._failing
+        self._begun, self._is_good, self._failing = True, True, False
         self.held = Held(self.path, samples, size)
+        if was_failing:
+            self._say(f"{self.path}: is written again")
         return True
 
 

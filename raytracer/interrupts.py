@@ -112,7 +112,8 @@ class Watch:
         self.asked: int | None = None
         self._first: Callable[[], None] | None = None
         self._is_heeded = False
-        self._leaving = threading.Lock()
+        # Reentrant, as a signal's handler may come here within another's.
+        self._leaving = threading.RLock()
 
     @property
     def status(self) -> int:

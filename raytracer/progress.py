@@ -35,7 +35,7 @@ class Bar:
         self._options = {"unit": unit, "leave": False, "disable": disable, **options}
         self._bar: Any = None
 
-    def update(self, done: float, wanted: float, note: str = "", before: float = 0.0) -> None:
+    def update(self, done: float, wanted: float, note: str = "", before: float = 0) -> None:
         """Show that so much is done of what is wanted, which may change, and a note beside it.
 
         before : how much was done before the start, which tells nothing of the speed.

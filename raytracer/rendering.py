@@ -7,6 +7,7 @@ import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -34,6 +35,7 @@ from raytracer.replay import brightest_of, first_dropped, samples
 from raytracer.sampling import SAMPLERS
 from raytracer.scene.concerns import heed
 from raytracer.scene.effects import effects_of
+from raytracer.scene.inputs import Stamp, stamps
 from raytracer.scene.load import load
 from raytracer.scene.pack import Packed, pack
 from raytracer.scene.spec import MAX_PIXELS, SceneSpec
@@ -354,6 +356,7 @@ def ready(
     if cluster is not None:
         elsewhere = cluster.engage(spec, aovs=aovs, denoise=denoise, warn=warn, strict=strict)
 
+    before = stamps(spec) if keeps else {}
     packed = pack(spec, supplies=stock)
     heed(packed, warn, strict=strict)
     check_development(packed.spec, window)
@@ -383,7 +386,8 @@ def ready(
     accel = packed.build(stock)
     clock.lap("build")
     names = tuple(name for name, effect in effects.items() if effect.active)
-    found = Ready(packed, accel, packed.scene._replace(accel=accel.address), names, asked, elsewhere, seconds)
+    scene = packed.scene._replace(accel=accel.address)
+    found = Ready(packed, accel, scene, names, asked, elsewhere, seconds, before)
     if elsewhere is None:
         kernels = compile_for(found.scene, found.film(TILE, TILE).view())
         if stock is not None:
@@ -422,6 +426,7 @@ class Ready:
     asked : what the picture is to be.
     elsewhere : who takes the samples; the threads of this process if None.
     seconds : what was done so far took, by phase: load, pack, build and compile.
+    stamps : of the files of the scene, before they were read (`inputs.stamps`); none where no checkpoints are kept.
     """
 
     packed: Packed
@@ -431,6 +436,7 @@ class Ready:
     asked: _Asked
     elsewhere: Elsewhere | None
     seconds: dict[str, float]
+    stamps: Mapping[Path, Stamp]
 
     def part(self, window: Window) -> "Ready":
         """The same for a part of the picture; its pixels are those of the whole."""
@@ -468,7 +474,8 @@ class Ready:
         gathering = _Gathering(self, render, canvas, clock)
         if keeper is not None:
             keeper.resume(gathering)
-            clock.lap("resume")
+            if gathering.resumed:
+                clock.lap("resume")
         stats.resumed = gathering.resumed
         watch.begin(canvas)
 
@@ -492,7 +499,8 @@ class Ready:
         if keeper is not None:
             with canvas.crew.heeding():
                 keeper.finish(gathering)
-            clock.lap("keep")
+            if keeper.held is not None:
+                clock.lap("keep")
         if not asked.is_adaptive:
             canvas.by_turns(spec.render.spp, deadline)
         outcome = gathering.outcome
@@ -648,14 +656,17 @@ class _Gathering:
 
     @property
     def samples(self) -> int:
+        return int(self._canvas.counts.min())
+
+    @property
+    def is_empty(self) -> bool:
         # A packet that is not whole is only ever added after the last checkpoint, but for those of fewer samples.
-        return 0 if not self._ready.asked.is_adaptive and self.goal == 0 else int(self._canvas.counts.min())
+        return (not self._ready.asked.is_adaptive and self.goal == 0) or self._canvas.done == 0
 
     @property
     def is_complete(self) -> bool:
-        if self._ready.asked.is_adaptive:
-            return self.outcome.reached and not self.crew.stopped
-        return self.samples >= self.goal
+        # Out of time, it has all that was asked for.
+        return not self.crew.stopped or (not self._ready.asked.is_adaptive and self.samples >= self.goal)
 
     @property
     def seconds(self) -> float:
@@ -674,17 +685,21 @@ class _Gathering:
         # Samplers that spread all samples of a pixel evenly depend on how many they are.
         sampler = self._ready.scene.sampler._asdict()
         rounds = {"noise": asked.noise, "spp": asked.most} if asked.is_adaptive else {}
-        return identity_of(
+        found = identity_of(
             spec,
             {
                 "pixels": list(asked.window),
-                "aovs": sorted(asked.aovs),
+                "aovs": dict.fromkeys(sorted(asked.aovs), True),
                 "denoise": asked.denoises,
                 "adaptive": asked.is_adaptive,
                 f"{spec.render.sampler} sampler": sampler,
                 **rounds,
             },
         )
+        changed = [path for path, stamp in stamps(spec).items() if self._ready.stamps.get(path) != stamp]
+        if changed:
+            raise InputError(f"{changed[0]}: has changed since it was read")
+        return found
 
     def gathered(self) -> Mapping[str, NDArray[Any]]:
         if not self._ready.asked.is_adaptive:

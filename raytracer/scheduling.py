@@ -375,7 +375,12 @@ class Canvas:
             return
 
         def work(room: Workspace, tile: int) -> int | None:
-            return tile if self._add_pass(room, tile, spp, deadline) and self.counts[tile] < spp else None
+            # A slow tile takes its turn in several passes.
+            end = pass_end(int(self.counts[tile]), spp)
+            while self.counts[tile] < end and not self.crew.stopped:
+                if not self._add_pass(room, tile, end, deadline):
+                    return None
+            return tile if self.counts[tile] < spp else None
 
         self.crew.run([tile for tile in range(len(self.windows)) if self.counts[tile] < spp], work)
 
@@ -397,6 +402,12 @@ class Canvas:
         order = np.argsort(-lacking * self.pace, kind="stable")
         self.crew.run([int(tile) for tile in order if lacking[tile] > 0], work)
 
+    def soon(self, tile: int, begin: int, end: int) -> int:
+        """Where a pass from sample `begin` to `end` is to end, lest it take long."""
+        if self.pace[tile] * (end - begin) <= _LONGEST_PASS_SECONDS:
+            return end
+        return min(end, begin + _packets(_LONGEST_PASS_SECONDS / self.pace[tile]))
+
     def _add_pass(self, room: Workspace, tile: int, goal: int, deadline: float | None) -> bool:
         """Add the next samples to a tile; False if there is no time for any."""
         with self.crew.working():
@@ -404,9 +415,7 @@ class Canvas:
 
     def _passed(self, room: Workspace, tile: int, goal: int, deadline: float | None) -> bool:
         begin, window = int(self.counts[tile]), self.windows[tile]
-        end = pass_end(begin, goal)
-        if self.pace[tile] * (end - begin) > _LONGEST_PASS_SECONDS:
-            end = min(end, begin + _packets(_LONGEST_PASS_SECONDS / self.pace[tile]))
+        end = self.soon(tile, begin, pass_end(begin, goal))
         start = now()
         if deadline is not None:
             left = deadline - start

@@ -11,6 +11,7 @@ import errno
 import json
 import math
 import os
+import sys
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -21,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.errors import OutputError
+from raytracer.untrusted import opened
 from raytracer.wholefiles import told, whole
 
 PREVIOUS = ".previous"
@@ -56,7 +58,8 @@ def previous_of(path: Path) -> Path:
 def write(path: Path, snapshot: Snapshot, *, keep: bool) -> int:
     """Write a file in place of the one that is there; the bytes that it has.
 
-    keep : whether the one that is there is kept as the one before; it goes all the same where there is no room.
+    keep : whether the one that is there is kept as the one before, in place of an older one, which goes first where
+        there is no room for all.
 
     Raises
     ------
@@ -65,9 +68,11 @@ def write(path: Path, snapshot: Snapshot, *, keep: bool) -> int:
     try:
         return _written(path, snapshot, keep=keep)
     except OutputError as error:
-        if getattr(error.__cause__, "errno", None) not in _FULL or not (path.exists() and previous_of(path).exists()):
+        if not keep or getattr(error.__cause__, "errno", None) not in _FULL:
             raise
         with told(path):
+            if not (path.exists() and previous_of(path).exists()):
+                raise
             previous_of(path).unlink()
         return _written(path, snapshot, keep=keep)
 
@@ -112,12 +117,11 @@ def read(path: Path, accept: Callable[[Mapping[str, Any]], Mapping[str, NDArray[
     Raises
     ------
     DamagedError : the file is none of ours, cut short or changed; what was filled is of no use then.
-    OSError : it cannot be read.
+    OSError : it cannot be read, or is no regular file.
     """
-    with _damage_told():
-        archive = zipfile.ZipFile(path)
-    with archive:
+    with opened(path, sys.maxsize) as file:
         with _damage_told():
+            archive = zipfile.ZipFile(file)
             members = {member.filename: member for member in archive.infolist()}
             if any(member.compress_type != zipfile.ZIP_STORED for member in members.values()):
                 raise DamagedError("is compressed")

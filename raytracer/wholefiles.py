@@ -9,6 +9,7 @@ import stat
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import TypeVar
 
@@ -95,6 +96,7 @@ def persist(
     tasks: Mapping[Key, Callable[[], object]],
     say: Callable[[str], object],
     is_over: Callable[[], bool],
+    pool: Executor | None = None,
 ) -> dict[Key, OutputError]:
     """Do what writes files; what the system does not allow again, for some seconds, once all the rest is done.
 
@@ -104,12 +106,13 @@ def persist(
     ----------
     say : told, once, what cannot be written, and that it is tried again.
     is_over : whether to try no more.
+    pool : who does all side by side; the caller, one after the other, if None.
 
     Returns
     -------
     Why tasks could not be done; empty if all are.
     """
-    failures = _failures(tasks)
+    failures = _failures(tasks, pool)
     for turn, pause in enumerate(_PAUSES):
         if is_over() or not any(isinstance(error.__cause__, OSError) for error in failures.values()):
             break
@@ -118,16 +121,17 @@ def persist(
         end = time.monotonic() + pause
         while time.monotonic() < end and not is_over():
             time.sleep(_WAKE_UP_SECONDS)
-        failures = _failures({key: tasks[key] for key in failures})
+        failures = _failures({key: tasks[key] for key in failures}, pool)
     return failures
 
 
-def _failures(tasks: Mapping[Key, Callable[[], object]]) -> dict[Key, OutputError]:
+def _failures(tasks: Mapping[Key, Callable[[], object]], pool: Executor | None) -> dict[Key, OutputError]:
     """Why tasks could not be done, of those that could not."""
     found: dict[Key, OutputError] = {}
-    for key, task in tasks.items():
+    begun = [task if pool is None else pool.submit(task).result for task in tasks.values()]
+    for key, settle in zip(tasks, begun, strict=True):
         try:
-            task()
+            settle()
         except OutputError as error:
             found[key] = error
     return found

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import queue
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 import raytracer as rt
-from raytracer import checkpoints, scheduling, snapshots
+from raytracer import adaptive, checkpoints, scheduling, snapshots
 from raytracer.checkpoints import Keeper, checkpoint_of
 from raytracer.errors import InputError, OutputError
 from raytracer.film.image import Image
@@ -162,7 +163,7 @@ objects: [{type: sphere, name: ball, center: [0, 0, 0], radius: 1, material: wal
         ({}, {"seed": 5}, r"of another scene: render\.seed was not given and is 5"),
         ({"render.sampler": "sobol"}, {}, r"of another scene: render\.sampler was 'independent' and is 'sobol'"),
         ({}, {"crop": (0, 0, 16, 16)}, r"of other settings: pixels\[2\] was 20 and is 16"),
-        ({}, {"aovs": ("depth",)}, r"of other settings: aovs was a list of 0 and is a list of 1"),
+        ({}, {"aovs": ("depth",)}, r"of other settings: aovs\.depth was not given and is true"),
         ({}, {"noise": 0.5}, r"of other settings: adaptive was false and is true"),
         ({}, {"spp": 8}, r"has up to 16 samples per pixel already, more than the 8 wanted"),
     ],
@@ -200,7 +201,40 @@ def test_a_changed_file_is_refused_by_name(kept: Path, tmp_path: Path) -> None:
         render(load(tmp_path / "scene.yaml"), keeper=Keeper(kept, resume=True))
 
 
-def test_a_damaged_checkpoint_gives_way_to_the_one_before(path: Path) -> None:
+def test_a_file_that_changes_meanwhile_is_not_taken_for_what_it_was(path: Path, tmp_path: Path) -> None:
+    """The samples are of what the file held when it was read, and its hash would be of what it holds now."""
+    _textured(tmp_path, 200)
+    sentences: list[str] = []
+
+    def change(progress: Progress) -> None:
+        _textured(tmp_path, 90)
+        raise KeyboardInterrupt
+
+    keeper = Keeper(path, say=sentences.append)
+    render(load(tmp_path / "scene.yaml"), spp=100_000, keeper=keeper, progress=change)
+    assert keeper.held is None
+    assert not path.exists()
+    (sentence,) = sentences
+    assert sentence.startswith(f"{tmp_path / 'wall.png'}: has changed since it was read; the render goes on in memory")
+
+
+def test_the_first_samples_are_kept_before_all_pixels_have_some(path: Path) -> None:
+    """Those of a slow scene take longer than the time between two checkpoints."""
+    spec = scene()
+    first = render(spec, spp=24, threads=1, keeper=Keeper(path), progress=until(1))
+    assert (first.stats.spp["fewest"], first.stats.spp["most"]) == (0, 8)
+    more, whole = render(spec, spp=24, keeper=Keeper(path, resume=True)), render(spec, spp=24)
+    assert_same(more, whole)
+    assert more.stats.resumed["samples"] == first.stats.samples
+
+
+def test_what_is_out_of_time_soon_leaves_nothing(path: Path) -> None:
+    result = render(scene(), spp=10**9, time_limit=0.3, keeper=Keeper(path))
+    assert not result.complete
+    assert not path.exists()
+
+
+def test_a_damaged_checkpoint_gives_way_to_the_one_before(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     spec, sentences = scene(), list[str]()
     render(spec, spp=16, keeper=Keeper(path, always=True))
     os.replace(path, previous_of(path))
@@ -210,6 +244,14 @@ def test_a_damaged_checkpoint_gives_way_to_the_one_before(path: Path) -> None:
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 1
     path.write_bytes(data)
+    kept: list[bool] = []
+    written = snapshots.write
+
+    def noted(*args: Any, keep: bool) -> int:
+        kept.append(keep)
+        return written(*args, keep=keep)
+
+    monkeypatch.setattr(snapshots, "write", noted)
     keeper = Keeper(path, resume=True, say=sentences.append)
     result = render(spec, spp=48, keeper=keeper)
     assert keeper.resumed == 16
@@ -217,6 +259,9 @@ def test_a_damaged_checkpoint_gives_way_to_the_one_before(path: Path) -> None:
     (sentence,) = sentences
     assert sentence.startswith(f"{path}: is damaged: ")
     assert sentence.endswith(f"; {previous_of(path).name} is used in its place")
+
+    # What is damaged never takes the place of what is not.
+    assert kept == [False]
 
     # What is written now is whole, and alone.
     assert Keeper(path).held is None
@@ -256,6 +301,29 @@ def test_a_disk_that_is_full_is_told_of_once_and_tried_again(path: Path, monkeyp
     assert keeper.held is not None
     assert keeper.held.path == path
     assert keeper.held.bytes == path.stat().st_size
+
+
+def test_checkpoints_take_half_of_the_time_at_most(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However often they are asked for, and however slow the disk is, the render goes on."""
+    clock, waits = [0.0], list[float]()
+
+    class Wishes:
+        def get(self, timeout: float) -> str:
+            waits.append(timeout)
+            if len(waits) > 3:
+                return "end"
+            clock[0] += timeout
+            raise queue.Empty
+
+    def write(*args: Any, **keys: Any) -> None:
+        clock[0] += 5.0
+
+    keeper = Keeper(path, every=1e-9)
+    monkeypatch.setattr(checkpoints, "now", lambda: clock[0])
+    monkeypatch.setattr(keeper, "_write", write)
+    monkeypatch.setattr(keeper, "_wishes", Wishes())
+    keeper._watch(None, [])  # type: ignore[arg-type]
+    assert waits == pytest.approx([1e-9, 5.0, 5.0, 5.0])
 
 
 def test_short_renders_leave_nothing(path: Path) -> None:
@@ -300,6 +368,32 @@ def test_the_picture_so_far_can_be_had(path: Path) -> None:
     assert np.median(np.abs(early.radiance - result.image.radiance) / deviation) < 2.0
 
 
+@pytest.mark.parametrize("error", [OutputError("the disk is full"), MemoryError(), ValueError("of the caller")])
+def test_a_picture_so_far_that_fails_costs_no_samples(path: Path, error: Exception) -> None:
+    sentences: list[str] = []
+    failed: list[float] = []
+
+    def show(image: Image) -> None:
+        failed.append(scheduling.now())
+        raise error
+
+    keeper = Keeper(path, every=0.02, show=show, say=sentences.append)
+    keeper.ask()
+
+    def tick(progress: Progress) -> None:
+        if failed and keeper.held is not None and progress.done > 16 * WIDTH * HEIGHT:
+            raise KeyboardInterrupt
+
+    if isinstance(error, ValueError):
+        with pytest.raises(ValueError, match="of the caller"):
+            render(scene(), spp=100_000, keeper=keeper, progress=tick)
+    else:
+        assert render(scene(), spp=100_000, keeper=keeper, progress=tick).interrupted
+        assert sentences == [f"{str(error) or 'out of memory'}; the render goes on"]
+    assert keeper.held is not None
+    assert path.exists()
+
+
 def test_no_pass_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
     """However slow a scene is, an interrupt and a checkpoint are at most a pass away."""
     monkeypatch.setattr(scheduling, "_LONGEST_PASS_SECONDS", 1e-3)
@@ -315,6 +409,25 @@ def test_no_pass_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
     assert_same(render(scene(), spp=300), whole)
     assert max(ends) < 256
     assert min(ends) >= 4
+
+
+def test_no_pilot_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As of the picture's own samples; pilots have thousands of them where a picture has many."""
+    for name, value in {"_PART_OF_PILOT": 8.0, "_SMALLEST_PILOT": 256}.items():
+        monkeypatch.setattr(adaptive, name, value)
+    whole = render(scene(), noise=0.05)
+    assert whole.stats.pilot_samples >= 256 * WIDTH * HEIGHT
+    ends: list[int] = []
+    called = adaptive.render_tile
+
+    def noted(*args: Any) -> int:
+        ends.append(args[-1] - args[-2])
+        return int(called(*args))
+
+    monkeypatch.setattr(adaptive, "render_tile", noted)
+    monkeypatch.setattr(scheduling, "_LONGEST_PASS_SECONDS", 1e-9)
+    assert_same(render(scene(), noise=0.05), whole)
+    assert set(ends) == {8}
 
 
 def test_python_has_it_too(tmp_path: Path) -> None:

@@ -106,6 +106,14 @@ def test_other_files_are_noticed(tmp_path: Path, data: bytes) -> None:
         read(path)
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes with a name")
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    path = tmp_path / "a.checkpoint"
+    os.mkfifo(path)
+    with pytest.raises(OSError, match="is no regular file"):
+        read(path)
+
+
 @pytest.mark.parametrize("change", ["shape", "type", "missing", "more", "compressed", "order", "pickle", "header"])
 def test_files_that_claim_what_they_are_not(tmp_path: Path, change: str) -> None:
     """What they ask for is compared with what there is room for, before any of it is made."""

@@ -221,7 +221,10 @@ def render(
             show=lambda image: _show(image, outputs, say),
         )
         if beside is not None and not (resume or quiet) and beside.exists():
-            say(f"{beside} has the samples of an earlier render, from which --resume would go on")
+            say(
+                f"{beside} has the samples of an earlier render, from which --resume would go on; "
+                "without it they may be replaced"
+            )
         with on_hangup(keeper.ask), options.machines(cluster) as machines:
             prepared = ready(
                 spec,
@@ -342,8 +345,9 @@ class _Kept(NamedTuple):
 
     @property
     def held(self) -> "Held | None":
-        """What is in the checkpoint, if there is one."""
-        return self.keeper.held
+        """What is in the checkpoint, if there is one, and it has not gone with its folder."""
+        held = self.keeper.held
+        return held if held is not None and held.path.is_file() else None
 
     def resume(self) -> str:
         """The command line that goes on from the checkpoint."""
@@ -397,6 +401,9 @@ def _write(
     rendered: "Rendered", outputs: list[Path], stats: Path | None, kept: _Kept, warn: Callable[[str], object]
 ) -> None:
     """Write every file that can be written, then report those that could not."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    from raytracer.embree import PACKET
     from raytracer.film.output import write_bytes
     from raytracer.wholefiles import persist
 
@@ -404,15 +411,20 @@ def _write(
     if stats is not None:
         text = json.dumps(rendered.stats.json(), indent=2) + "\n"
         tasks[stats] = partial(write_bytes, stats, text.encode())
-    failures = persist(tasks, warn, lambda: WATCH.asked is not None)
+    # What encodes a picture mostly leaves the interpreter to others.
+    with ThreadPoolExecutor(len(tasks), "writer") as pool:
+        failures = persist(tasks, warn, lambda: WATCH.asked is not None, pool)
     if not failures:
         return
     sentence = str(next(iter(failures.values())))
     if len(failures) > 1:
         sentence += f"; nor can {_listed(list(failures)[1:])}"
-    if kept.held is not None:
-        sentence += f"; {kept.held.path} has the samples, and this writes the rest: {kept.resume()}"
-    elif found := _rescued(rendered.image, [path for path in outputs if path in failures]):
+    held = kept.held
+    is_whole = held is not None and held.samples > rendered.fewest_samples - PACKET
+    if held is not None:
+        has = "the samples" if is_whole else f"{held.samples} samples per pixel"
+        sentence += f"; {held.path} has {has}, and this writes the rest: {kept.resume()}"
+    if not is_whole and (found := _rescued(rendered.image, [path for path in outputs if path in failures])):
         sentence += f"; instead, there is {_listed(found)}"
     raise OutputError(sentence)
 
@@ -423,8 +435,10 @@ def _rescued(image: "Image", outputs: list[Path]) -> list[Path]:
     with contextlib.suppress(OSError, OutputError):
         folder = Path(tempfile.mkdtemp(prefix="rt-"))
         for path in outputs:
-            image.save(folder / path.name)
-            found.append(folder / path.name)
+            # A device may have no suffix, and gets a .png file's bytes.
+            file = folder / (path.name if path.suffix else f"{path.name}.png")
+            image.save(file)
+            found.append(file)
     return found
 
 

@@ -10,6 +10,7 @@ import os
 import threading
 from collections import OrderedDict
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
@@ -58,6 +59,20 @@ def files_of(spec: SceneSpec) -> tuple[InputFile, ...]:
             for companion in companions(named.kind, path)
         ]
     return tuple(result)
+
+
+Stamp = tuple[int, int]
+"""Size of a file in bytes, and when it was last written in ns: where they are alike, so is what it holds."""
+
+
+def stamps(spec: SceneSpec) -> dict[Path, Stamp]:
+    """Those of the files that rendering a scene reads, as far as they are there."""
+    found: dict[Path, Stamp] = {}
+    for file in files_of(spec):
+        with suppress(OSError):
+            status = file.path.stat()
+            found[file.path] = status.st_size, status.st_mtime_ns
+    return found
 
 
 # ---- Digest

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
-from raytracer.checkpoints import Keeper, checkpoint_of
+from raytracer.checkpoints import Keeper, RefusedError, checkpoint_of
 from raytracer.errors import InputError, OutputError, SceneWarning, one_line
 from raytracer.explanation.numbers import View, depth_of_field, exposure
 from raytracer.film.image import Image
@@ -351,6 +351,7 @@ class _Work:
                 stock=self._stock,
                 cluster=self._cluster,
                 max_memory=settings.max_memory,
+                keeps=self._home is not None,
             )
             camera = camera_numbers(made.packed)
             if self._digest(spec) != self._points[number].digest:
@@ -399,7 +400,12 @@ class _Work:
                 progress(Done(share, len(self._taken), len(self._points), name))
 
         try:
-            return made.render(progress=tell, keeper=keeper)
+            try:
+                return made.render(progress=tell, keeper=keeper)
+            except RefusedError as error:
+                # As where the folder was brought from another machine.
+                self._doubt(f"{error.sentence}; {name} begins anew")
+                return made.render(progress=tell, keeper=None if keeper is None else keeper.anew())
         except Exception as error:  # noqa: BLE001
             return error
 

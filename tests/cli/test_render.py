@@ -95,7 +95,7 @@ def test_preview_is_small(scene: Path) -> None:
 def test_stats(scene: Path) -> None:
     assert main(["render", "ball.yaml", "-q", "--stats", "stats.json", "--threads", "2"]) == 0
     stats = json.loads(Path("stats.json").read_text())
-    phases = ("load", "pack", "build", "compile", "resume", "render", "keep", "develop", "total")
+    phases = ("load", "pack", "build", "compile", "render", "develop", "total")
     assert set(stats["seconds"]) == set(phases)
     assert stats["samples"] == 24 * 16 * 16
     assert stats["rays"] >= stats["samples"]

@@ -16,9 +16,9 @@ def _assert_equal(figures: Figures, renders: int) -> None:
 
 def test_killed_and_resumed_a_picture_is_the_same(tmp_path: Path) -> None:
     # Of these some are killed before the first checkpoint, some after, some while they write one.
-    figures = kill(6, 2, 11, tmp_path, kinds=["plain"])
-    _assert_equal(figures, 6)
-    assert sum(figures.kills.values()) >= 4
+    figures = kill(4, 2, 11, tmp_path, kinds=["plain"])
+    _assert_equal(figures, 4)
+    assert sum(figures.kills.values()) >= 2
     assert figures.resumed >= 1
 
 

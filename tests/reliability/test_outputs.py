@@ -6,6 +6,7 @@ import re
 import shutil
 import signal
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,8 +15,10 @@ import pytest
 
 import raytracer.rendering
 from raytracer import wholefiles
+from raytracer.checkpoints import Gathering, Keeper
 from raytracer.cli.main import main
 from raytracer.film import load
+from raytracer.film.image import Image
 from tests.reliability.processes import BALL, Process, asides, run
 
 _RENDER = ["render", "ball.yaml", "--spp", "8", "-q"]
@@ -51,6 +54,19 @@ def refuse(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, int], list[Path]]:
 
 
 Refuse = Callable[[str, int], list[Path]]
+
+
+def test_outputs_are_written_side_by_side(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither of the two is written before the other one is begun."""
+    both, save = threading.Barrier(2), Image.save
+
+    def saved(image: Image, path: Path) -> None:
+        both.wait(60)
+        save(image, path)
+
+    monkeypatch.setattr(Image, "save", saved)
+    assert main([*_RENDER, "-o", "a.npy", "-o", "b.npy"]) == 0
+    assert (home / "a.npy").read_bytes() == (home / "b.npy").read_bytes()
 
 
 def test_what_cannot_be_written_is_tried_again(home: Path, refuse: Refuse, capsys: pytest.CaptureFixture[str]) -> None:
@@ -114,6 +130,51 @@ def test_without_a_checkpoint_the_picture_goes_elsewhere(
     found = Path(sentence.partition("; instead, there is ")[2])
     assert found.parent.parent == elsewhere
     assert np.isfinite(load(found)).all()
+
+
+@pytest.mark.parametrize("is_gone", [True, False])
+def test_what_a_checkpoint_lacks_goes_elsewhere(
+    home: Path,
+    refuse: Refuse,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    is_gone: bool,
+) -> None:
+    """The last one could not be written, or has gone with its folder."""
+    elsewhere = home / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(elsewhere))
+    finish = Keeper.finish
+
+    def finished(keeper: Keeper, render: Gathering) -> None:
+        finish(keeper, render)
+        assert keeper.held is not None
+        if is_gone:
+            keeper.held.path.unlink()
+        else:
+            keeper.held = keeper.held._replace(samples=keeper.held.samples - 8)
+
+    monkeypatch.setattr(Keeper, "finish", finished)
+    refuse("a.npy", 3)
+    words = ["render", "ball.yaml", "--spp", "20", "-q", "-o", "a.npy", "--checkpoint", "1min"]
+    assert main(words) == 1
+    sentence = capsys.readouterr().err.splitlines()[-1]
+    assert ("a.npy.checkpoint has 8 samples per pixel, and this writes the rest: " in sentence) == (not is_gone)
+    assert ("--resume" in sentence) == (not is_gone)
+    assert np.isfinite(load(Path(sentence.partition("; instead, there is ")[2]))).all()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_what_a_device_does_not_take_goes_elsewhere(
+    home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    elsewhere = home / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(elsewhere))
+    assert main([*_RENDER, "-o", "/dev/full"]) == 1
+    found = Path(capsys.readouterr().err.splitlines()[-1].partition("; instead, there is ")[2])
+    assert found.name == "full.png"
+    assert load(found).any()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows removes no folder that is looked into")

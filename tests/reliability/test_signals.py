@@ -6,6 +6,7 @@ No time is asserted: `python -m tests.reliability.signalling` measures it.
 import os
 import shlex
 import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -100,6 +101,28 @@ def test_a_second_signal_ends_it_at_once_without_a_broken_file(home: Path) -> No
     assert "begins anew" not in ended.err
 
 
+def test_a_signal_that_comes_while_another_ends_it_holds_nobody_up() -> None:
+    """Python calls a handler within another one, by the same thread."""
+    text = """
+import os, pathlib, signal, time
+from raytracer import interrupts
+
+def removing(path):
+    interrupts._remove = removed
+    os.kill(os.getpid(), signal.SIGTERM)
+    removed(path)
+
+removed, interrupts._remove = interrupts._remove, removing
+interrupts.WATCH.start()
+with interrupts.unfinished(pathlib.Path("none")):
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(60)
+"""
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode in STATUS.values()
+    assert done.stderr == "rt: interrupted\n"
+
+
 def test_sighup_writes_the_picture_so_far_and_the_render_goes_on(home: Path) -> None:
     process, _ = _rendering(home, "-o", "out.png")
     assert not (home / "out.png").exists()
@@ -175,6 +198,8 @@ def test_before_the_first_sample_there_is_nothing_to_wait_for(home: Path, number
 def test_what_an_interrupt_leaves_of_the_cache_is_of_use(home: Path) -> None:
     settings = {"env": {**os.environ, "RAYTRACER_CACHE_DIR": str(home / "cache")}}
     for _ in range(3):
+        for left in (home / "cache").rglob("*.lock"):
+            left.unlink()
         process = Process(["render", "ball.yaml"], home, **settings)
         process.until(lambda: any((home / "cache").rglob("*.lock")))
         process.send(signal.SIGINT)

@@ -91,6 +91,15 @@ def test_errors_name_file_and_line(scene: Path, text: str, says: str) -> None:
         planned(_sweep(scene, text), {})
 
 
+@pytest.mark.parametrize("section", ["sweep", "define"])
+def test_a_file_of_thousands_of_keys_is_refused_at_once(scene: Path, section: str) -> None:
+    keys = ", ".join(f"camera.k{i}: 1" for i in range(20_000))
+    other = "define" if section == "sweep" else "sweep"
+    path = _sweep(scene, f"scene: scene.yaml\n{section}: {{{keys}}}\n{other}: {{camera.f_number: [2, 4]}}\n")
+    with pytest.raises(SceneError, match=rf"sweep\.yaml:2: {section}: must hold at most 1000 values"):
+        planned(path, {})
+
+
 def test_a_scene_that_needs_a_key_may_get_it_from_an_axis(scene: Path) -> None:
     scene.write_text(SCENE.replace("width: 8, ", ""))
     with pytest.raises(SceneError, match=r"film\.width: is missing"):

@@ -457,6 +457,29 @@ def test_a_point_that_was_broken_off_is_gone_on_with(
     assert not kept.exists()
 
 
+def test_a_point_whose_checkpoint_is_of_no_use_begins_anew(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody has asked to go on from there: it may be damaged, or from another machine."""
+    monkeypatch.setattr(scheduling, "_WAKE_UP_SECONDS", 1e-3)
+    values, folder, sentences = {"camera.f_number": "2,4"}, tmp_path / "out", list[str]()
+    spp = 5000
+
+    def interrupt(done: Done) -> None:
+        if done.share > 0.1:
+            raise KeyboardInterrupt
+
+    assert sweep(scene, values, folder=folder, spp=spp, progress=interrupt).interrupted
+    (kept,) = (folder / "points").glob("*.checkpoint")
+    kept.write_bytes(kept.read_bytes()[:-1])
+    result = sweep(scene, values, folder=folder, spp=spp, warn=sentences.append)
+    assert [taken.status for taken in result.taken] == ["done", "done"]
+    (sentence,) = (text for text in sentences if "checkpoint" in text)
+    assert sentence.startswith(f"{kept}: is damaged: ")
+    assert sentence.endswith("; there is no other to go on from; f_number=2 begins anew")
+    assert not kept.exists()
+
+
 def test_an_interrupt_before_there_is_anything_leaves_nothing(scene: Path, tmp_path: Path, bench: Bench) -> None:
     folder = tmp_path / "out"
 
