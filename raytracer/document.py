@@ -8,8 +8,10 @@ References: YAML Ain't Markup Language 1.2.2, section 10.3 (core schema); https:
 
 import math
 import re
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path as FilePath
 from typing import Any, TypeAlias
 
 import yaml
@@ -27,6 +29,7 @@ from yaml.events import (
 
 from raytracer.errors import SceneError, shortened, shown, suggestion
 from raytracer.spec import sentence
+from raytracer.untrusted import opened
 
 MAX_BYTES = 64 * 2**20
 MAX_DEPTH = 64
@@ -316,7 +319,9 @@ def read(file: str, noun: str = "scene") -> str:
     SceneError: the file does not exist, cannot be read, is too large, or is not UTF-8.
     """
     try:
-        with open(file, "rb") as stream:
+        # What is named as a file is not waited for; a pipe of a shell (/dev/fd/63) has no suffix.
+        named = FilePath(file)
+        with opened(named, sys.maxsize) if named.suffix else named.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
     except FileNotFoundError:
         raise SceneError("no such file", file=file) from None

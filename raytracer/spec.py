@@ -137,7 +137,9 @@ def sentence(error: ErrorDetails) -> str:
     if kind in ("too_short", "too_long"):
         bound = "at least" if kind == "too_short" else "at most"
         length = context["min_length"] if kind == "too_short" else context["max_length"]
-        return f"must hold {bound} {length} values, got {context['actual_length']}"
+        # Of mappings that are too long nobody has counted all.
+        got = "more" if context["actual_length"] is None else context["actual_length"]
+        return f"must hold {bound} {length} values, got {got}"
     if kind == "string_too_short":
         return "must not be empty"
     wanted = {

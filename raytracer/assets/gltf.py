@@ -281,7 +281,7 @@ def _header_of(path: Path) -> dict[str, Any]:
         if len(start) == 20 and struct.unpack_from("<I", start)[0] == _MAGIC:
             length, kind = struct.unpack_from("<II", start, 12)
             if kind == _JSON_CHUNK:
-                return _header(file.read(length))
+                return _header(file.read(min(length, os.fstat(file.fileno()).st_size)))
         return parse(start + file.read()).header
 
 

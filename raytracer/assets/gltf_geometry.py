@@ -31,7 +31,7 @@ MAX_REPEATED = 2**24
 """Vertices and triangles, each, of a file whose nodes or primitives share data; others have as many as they hold."""
 
 MAX_PIECES = 2**16
-"""Primitives, each counted as often as nodes place it."""
+"""Primitives, each counted as often as nodes place it; or as many as the file has nodes and accessors."""
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -70,15 +70,16 @@ def read_triangles(gltf: Gltf, folder: Path) -> Triangles:
         if name in _COMPRESSIONS:
             raise BrokenGltfError(f"needs the extension {name}, which is not supported")
     reader = _Reader(gltf, folder)
+    most_pieces = max(MAX_PIECES, len(listed(gltf.header, "nodes")) + len(listed(gltf.header, "accessors")))
     placed: list[tuple[_Piece, Array]] = []
     vertices = faces = 0
     for mesh, pose in _placed(gltf.header):
         for piece in reader.mesh(mesh):
             vertices, faces = vertices + len(piece.vertices), faces + len(piece.faces)
             most = max(MAX_REPEATED, reader.size)
-            if len(placed) >= MAX_PIECES or max(vertices, faces) > most:
+            if len(placed) >= most_pieces or max(vertices, faces) > most:
                 raise BrokenGltfError(
-                    f"repeats its meshes to more than {MAX_PIECES:,} parts or {most:,} vertices or triangles"
+                    f"repeats its meshes to more than {most_pieces:,} parts or {most:,} vertices or triangles"
                 )
             placed.append((piece, pose))
     if not faces:
@@ -210,7 +211,7 @@ class _Reader:
         return sum(map(len, self._buffers.values()))
 
     def mesh(self, number: Any) -> list[_Piece]:
-        """The primitives of a mesh that are made of triangles."""
+        """The primitives of a mesh that are made of triangles, and have any."""
         mesh = item(self._gltf.header, "meshes", number)
         if number not in self._meshes:
             found = (self._piece(mapping(each, "a primitive"), number) for each in listed(mesh, "primitives"))
@@ -219,10 +220,10 @@ class _Reader:
 
     def _piece(self, primitive: Json, mesh: int) -> _Piece | None:
         mode = primitive.get("mode", _TRIANGLES)
-        if mode not in (_TRIANGLES, _STRIP, _FAN):
-            return None
         attributes = mapping(primitive.get("attributes", {}), "attributes")
-        vertices = self._accessor(attributes.get("POSITION"), "VEC3")
+        if mode not in (_TRIANGLES, _STRIP, _FAN) or "POSITION" not in attributes:
+            return None
+        vertices = self._accessor(attributes["POSITION"], "VEC3")
         normals, uv = (
             self._accessor(attributes[name], kind) if name in attributes else None
             for name, kind in (("NORMAL", "VEC3"), ("TEXCOORD_0", "VEC2"))
@@ -231,10 +232,12 @@ class _Reader:
             raise BrokenGltfError(f"has mesh {mesh} with more, or fewer, normals or coordinates than vertices")
         if "indices" in primitive:
             corners = self._accessor(primitive["indices"], "SCALAR")[:, 0]
-            if corners.dtype.kind != "i" or corners.min() < 0 or corners.max() >= len(vertices):
+            if corners.dtype.kind != "i" or (corners.size and not 0 <= corners.min() <= corners.max() < len(vertices)):
                 raise BrokenGltfError(f"has mesh {mesh} with faces of vertices that are not there")
         else:
             corners = np.arange(len(vertices))
+        if not corners.size:
+            return None
         materials = len(listed(self._gltf.header, "materials"))
         material = whole_number(primitive, "material", materials)
         if material > materials:
@@ -254,12 +257,14 @@ class _Reader:
         dtype = _dtype(accessor)
         if accessor.get("type") != kind or dtype is None:
             raise BrokenGltfError(f"has accessor {number}, which is not the {kind} that it is used as")
-        if "bufferView" not in accessor:
+        count, width = whole_number(accessor, "count"), _WIDTHS[kind]
+        if "bufferView" in accessor:
+            rows = self._rows(accessor, number, count, width, dtype)
+        elif "sparse" in accessor:
+            # Zeros, where nothing takes their place.
+            rows = np.broadcast_to(np.zeros((), dtype), (count, width))
+        else:
             raise BrokenGltfError(f"has accessor {number} without data")
-        count = whole_number(accessor, "count")
-        if count == 0:
-            raise BrokenGltfError(f"has accessor {number} without elements")
-        rows = self._rows(accessor, number, count, _WIDTHS[kind], dtype)
         self._numbers += rows.size
         if self._numbers > max(MAX_REPEATED, self.size):
             raise BrokenGltfError("has too many accessors of the same data")
@@ -274,7 +279,7 @@ class _Reader:
             places = self._rows(where, number, changed, 1, index_type)[:, 0].astype(np.int64)
             if places.max() >= count:
                 raise BrokenGltfError(f"has accessor {number} with a sparse index beyond its end")
-            values[places] = self._rows(what, number, changed, _WIDTHS[kind], dtype)
+            values[places] = self._rows(what, number, changed, width, dtype)
         if accessor.get("normalized") is True and dtype.kind != "f":
             values = np.maximum(values / np.iinfo(dtype).max, -1.0)
         return values
@@ -286,9 +291,9 @@ class _Reader:
         start, stride = whole_number(place, "byteOffset", 0), whole_number(view, "byteStride", size)
         if stride < size:
             raise BrokenGltfError(f"has accessor {number} with a byteStride of {stride} for elements of {size} bytes")
-        if start + (count - 1) * stride + size > len(data):
+        if count and start + (count - 1) * stride + size > len(data):
             raise BrokenGltfError(f"has accessor {number}, which goes beyond its data")
-        return np.ndarray((count, width), dtype, data, start, (stride, dtype.itemsize))
+        return np.ndarray((count, width), dtype, data, start if count else 0, (stride, dtype.itemsize))
 
 
 def _dtype(place: Json) -> np.dtype[Any] | None:

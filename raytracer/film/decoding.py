@@ -28,6 +28,9 @@ MAX_DECODED_BYTES = 2**32
 # OpenEXR, have no such bound, but no picture comes near.
 _MOST_PIXELS_A_BYTE = 2**14
 
+# 4096 x 4096: of one colour, as maps of normals without relief have, a few hundred bytes of WebP hold them.
+_PIXELS_OF_ANY_FILE = 2**24
+
 # 1024 x 1024, for a picture that is smaller; programs write 16 to 512 a side.
 _MOST_TILE_PIXELS = 2**20
 
@@ -52,7 +55,7 @@ def check_size(width: int, height: int, length: int) -> None:
         raise BrokenImageError("has no pixels")
     if width * height > MAX_PIXELS:
         raise BrokenImageError(f"is {width} x {height} pixels, and at most {MAX_PIXELS:,} are read")
-    if width * height > _MOST_PIXELS_A_BYTE * length:
+    if width * height > max(_PIXELS_OF_ANY_FILE, _MOST_PIXELS_A_BYTE * length):
         raise BrokenImageError(f"is {width} x {height} pixels in {length} bytes, which no picture is")
 
 

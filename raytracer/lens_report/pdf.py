@@ -52,7 +52,15 @@ def _defaults() -> Iterator[None]:
 
     with mpl.rc_context():
         mpl.rcdefaults()
-        mpl.rcParams.update({"font.size": 8.0, "font.family": ["DejaVu Sans"], "pdf.fonttype": 42})
+        mpl.rcParams.update(
+            {
+                "font.size": 8.0,
+                "font.family": ["DejaVu Sans"],
+                "pdf.fonttype": 42,
+                # A dollar in a lens's name begins no formula.
+                "text.parse_math": False,
+            }
+        )
         yield
 
 

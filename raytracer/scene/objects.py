@@ -6,6 +6,7 @@ cannot take its transform (an ellipsoid), if another object is an instance of it
 file, so that what is stored is stored once.  Groups in groups are flattened: what is placed are primitives.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -42,6 +43,9 @@ Reference: TypeAlias = int | NDArray[np.int64]
 Matrices: TypeAlias = NDArray[np.float64]
 
 _MOST_INSTANCES = 2**24
+
+# Each takes some microseconds and a kilobyte, however many copies it is of.
+_MOST_PLACINGS = 2**20
 
 _STILL = np.empty((0, 4, 4))
 
@@ -191,11 +195,11 @@ class _Builder:
         self._numbers: dict[Keys, int] = {}
         self._named: dict[str, list[Placing]] = {}
         self._alike: dict[tuple[ShapeSpec, bool], int] = {}
-        self._count = 0
+        self._count = self._placings = 0
         every = [item for name in (None, *spec.groups) for _, item, _ in self.entries_of(name)]
         self._again = {item.of for item in every if isinstance(item, PlacingSpec)}
         filed = [_bare(item) for item in every if item.files() and not isinstance(item, PlacingSpec)]
-        self._shared = {item for item in filed if filed.count(item) > 1} if len(filed) > 1 else set()
+        self._shared = {item for item, times in Counter(filed).items() if times > 1}
 
     def entries_of(self, group: str | None) -> _Entries:
         """The objects of the scene, or of one of its groups, with their paths and numbers."""
@@ -295,7 +299,14 @@ class _Builder:
         return self._named[name]
 
     def _count_more(self, count: int, keys: Keys) -> None:
+        """Count instances, which are `count` copies of one group."""
         self._count += count
+        self._placings += 1
+        if self._placings > _MOST_PLACINGS:
+            raise self._spec.error(
+                f"places groups in groups more than {_MOST_PLACINGS:,} times by instances that are written one by one",
+                *keys,
+            )
         if self._count > _MOST_INSTANCES:
             raise self._spec.error(
                 f"places groups in groups {self._count:,} times in all, and at most {_MOST_INSTANCES:,} are possible",

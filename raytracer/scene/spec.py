@@ -137,6 +137,9 @@ _DEEPEST_MATERIAL = 64
 _MOST_PARTS = 10_000
 """Materials that one may be made of: a few names, each of two of the one before, would soon make it billions."""
 
+# Groups in groups, which are walked down by calls; scenes have a handful.
+_DEEPEST_GROUP = 64
+
 
 if TYPE_CHECKING:
     _FromCode: TypeAlias = Spec
@@ -441,14 +444,16 @@ class SceneSpec(_FromCode):
                 at((*keys, "of"), f"unknown group or object {shown(placed)}; {hint}")
 
         # Walk down from each name; what was found to end is not walked again.
-        ends: set[str] = set()
+        depths: dict[str, int] = {}
         for name in places:
-            if chain := _ring(name, places, ends):
+            if chain := _ring(name, places, depths):
                 keys = next(
                     keys
                     for keys, item in self.all_objects()
                     if getattr(item, "of", None) == chain[1] and chain[0] in (keys[1], item.name)
                 )
+                if chain[0] != chain[-1]:
+                    at((*keys, "of"), f"places groups in groups more than {_DEEPEST_GROUP} levels deep")
                 at((*keys, "of"), f"places {chain[0]!r} in itself: {' -> '.join(chain)}")
 
 
@@ -457,17 +462,24 @@ def _placed_by(item: Spec) -> str:
     return str(item.__dict__.get("of", ""))
 
 
-def _ring(name: str, places: Mapping[str, Sequence[str]], ends: set[str]) -> list[str]:
-    """A chain of names, each of which places the next, from one to itself; empty if there is none from `name` on."""
+def _ring(name: str, places: Mapping[str, Sequence[str]], depths: dict[str, int]) -> list[str]:
+    """A chain of names, each of which places the next, from one to itself, or too deep; empty if `name` has none.
+
+    depths : levels below and with the names that were walked before, to which this one's are added.
+    """
     path: list[tuple[str, Iterator[str]]] = [(name, iter(places[name]))]
     while path:
         following = next(path[-1][1], None)
         if following is None:
-            ends.add(path.pop()[0])
-        elif following not in ends:
-            names = [passed for passed, _ in path]
-            if following in names:
-                return [*names[names.index(following) :], following]
+            ended, _ = path.pop()
+            depths[ended] = 1 + max((depths[below] for below in places[ended]), default=0)
+            continue
+        names = [passed for passed, _ in path]
+        if following in names:
+            return [*names[names.index(following) :], following]
+        if len(path) + depths.get(following, 1) > _DEEPEST_GROUP:
+            return [*names, following]
+        if following not in depths:
             path.append((following, iter(places[following])))
     return []
 

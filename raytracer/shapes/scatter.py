@@ -39,6 +39,9 @@ on each square of the spacing, a few more at its rim.  Of more, and more than a 
 References: Feder 1980, "Random sequential adsorption", Journal of Theoretical Biology 87(2).
 """
 
+_CERTAINLY = 1.0 - 2.0**-20
+"""Of a spacing: what is nearer than this part of it is too near however distances are rounded."""
+
 Turn: TypeAlias = Annotated[float, Quantity("angle", low=0.0, high=360.0)]
 Tilt: TypeAlias = Annotated[float, Quantity("angle", low=0.0, high=90.0)]
 Rows: TypeAlias = NDArray[np.float64]
@@ -128,7 +131,7 @@ class Scatter(PlacingSpec):
         square = self.spacing**2
         around = [(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)]
         for _ in range(_TRIES):
-            for point in corner + random.random((self.count, 2)) @ edges:
+            for point in _free(corner + random.random((self.count, 2)) @ edges, found, self.spacing):
                 x, y, z = (int(cell) for cell in np.floor((point - corner) / self.spacing))
                 near = (other for i, j, k in around for other in cells.get((x + i, y + j, z + k), ()))
                 if all(float(np.dot(point - other, point - other)) >= square for other in near):
@@ -139,3 +142,13 @@ class Scatter(PlacingSpec):
         raise ValueError(
             f"there is no room: at a spacing of {self.spacing:g} m, {len(found)} copies of {self.count} found a place"
         )
+
+
+def _free(points: Rows, found: list[Rows], spacing: float) -> Rows:
+    """Those of `points` (n, 3) that are not certainly too near to one of `found`: few, where it is nearly full."""
+    if not found:
+        return points
+    from scipy.spatial import KDTree
+
+    distance, _ = KDTree(np.array(found)).query(points, distance_upper_bound=spacing)
+    return np.asarray(points[distance >= _CERTAINLY * spacing])

@@ -43,12 +43,20 @@ class Plan(NamedTuple):
     zipped: bool
 
 
+_MOST_KEYS = 1000
+"""Of a file of a sweep, under each of its sections: each key rewrites what it is a part of."""
+
+
 class SweepSpec(Spec):
     """A file of a sweep."""
 
     scene: str = Field(description="Scene file, from the folder of this file")
-    sweep: dict[str, Any] = Field(description="Values by key of the scene: a text as after -D, or a list")
-    define: dict[str, Any] = Field(default={}, description="Values that are the same for all points, by key")
+    sweep: dict[str, Any] = Field(
+        max_length=_MOST_KEYS, description="Values by key of the scene: a text as after -D, or a list"
+    )
+    define: dict[str, Any] = Field(
+        default={}, max_length=_MOST_KEYS, description="Values that are the same for all points, by key"
+    )
     zip: bool = Field(default=False, description="Whether values are taken in pairs, in place of all combinations")
 
 

@@ -191,9 +191,9 @@ def _short_keys(axes: Sequence[Axis]) -> list[str]:
 def _parts_of_names(axis: Axis, key: str) -> list[str]:
     """What files are called after each value: `f_number=2.8`; different ones also where case does not count."""
     texts = [_safe(label) for label in axis.labels]
-    folded = [text.casefold() for text in texts]
+    times = Counter(text.casefold() for text in texts)
     return [
-        f"{key}={text}" if text and folded.count(text.casefold()) == 1 else f"{key}={text}.{i + 1}"
+        f"{key}={text}" if text and times[text.casefold()] == 1 else f"{key}={text}.{i + 1}"
         for i, text in enumerate(texts)
     ]
 

@@ -108,6 +108,13 @@ def webp(side: int) -> bytes:
     return file.getvalue()
 
 
+def claiming(side: int) -> bytes:
+    """60 bytes of a WebP file without losses that is said to have `side` x `side` pixels."""
+    data = bytearray(webp(64)[:60].ljust(60, b"\0"))
+    data[21:25] = (int.from_bytes(data[21:25], "little") >> 28 << 28 | side - 1 << 14 | side - 1).to_bytes(4, "little")
+    return bytes(data)
+
+
 PLACES = "property float x\nproperty float y\nproperty float z\n"
 
 
@@ -119,7 +126,7 @@ def ply(kind: str, vertices: int, faces: int, body: bytes) -> bytes:
 CLAIMS: dict[str, tuple[bytes, str]] = {
     "60000.png": (png(60_000, 60_000, bytes(1000)), "is 60000 x 60000 pixels, and at most 268,435,456 are read"),
     "16000.png": (png(16_000, 16_000, bytes(1000)), "is 16000 x 16000 pixels in 74 bytes"),
-    "plain.webp": (webp(4096)[:40] + bytes(20), "is 4096 x 4096 pixels in 60 bytes"),
+    "plain.webp": (claiming(8192), "is 8192 x 8192 pixels in 60 bytes"),
     "window.exr": (exr(15_999, 15_999), "is 16000 x 16000 pixels in"),
     "tile.exr": (tiled(16_384), "has tiles of 16384 x 16384 for 6 x 4 pixels"),
     "wide.exr": (exr(2**31 - 2, 0), "broken"),
@@ -165,6 +172,12 @@ def test_a_claim_is_refused_before_room_is_made_for_it(name: str, tmp_path: Path
     path.write_bytes(data)
     for read in readers(path.suffix):
         assert re.search(reason, refused(path, read))
+
+
+def test_a_large_texture_of_one_colour_is_read_however_short_its_file(tmp_path: Path) -> None:
+    (tmp_path / "flat.webp").write_bytes(webp(4096))
+    assert (tmp_path / "flat.webp").stat().st_size < 1000
+    assert read_image(tmp_path / "flat.webp").texels.shape == (4096, 4096, 3)
 
 
 @pytest.mark.parametrize("read", readers(".npy"))
@@ -326,6 +339,17 @@ def test_all_files_that_may_be_opened_are_named(tmp_path: Path) -> None:
     assert companions(path) == (tmp_path / "f.png",)
 
 
+def test_what_a_file_names_is_told_with_little_memory(tmp_path: Path) -> None:
+    path = tmp_path / "a.glb"
+    path.write_bytes(struct.pack("<IIIII", 0x46546C67, 2, 100, 2**32 - 16, 0x4E4F534A) + b"{}  ")
+    tracemalloc.start()
+    try:
+        assert named(path) == ()
+        assert tracemalloc.get_traced_memory()[1] < FEW_BYTES
+    finally:
+        tracemalloc.stop()
+
+
 def test_a_texture_names_no_other_file(tmp_path: Path) -> None:
     material = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
     path = gltf(tmp_path, materials=[material], textures=[{"source": "../../secret.png"}])
@@ -360,6 +384,36 @@ def test_sparse_strips_fans_and_quantised_coordinates_are_read(tmp_path: Path) -
     assert turned == [(0, 1, 2), (1, 3, 2), (4, 5, 6), (4, 6, 7)]
     assert mesh.uv is not None
     np.testing.assert_array_equal(mesh.uv[:4], [[0, 1], [1, 1], [0, 0], [1, 0]])
+
+
+def test_sparse_elements_without_data_are_zeros_but_where_they_are_replaced(tmp_path: Path) -> None:
+    data = struct.pack("<2H6f", 1, 2, 1, 0, 0, 0, 1, 0)
+    sparse = {"count": 2, "indices": {"bufferView": 0, "componentType": 5123}, "values": {"bufferView": 1}}
+    mesh = gltf(
+        tmp_path,
+        buffers=[{"byteLength": 28, "uri": address(data)}],
+        bufferViews=[{"buffer": 0, "byteLength": 4}, {"buffer": 0, "byteOffset": 4, "byteLength": 24}],
+        accessors=[{"componentType": 5126, "count": 3, "type": "VEC3", "sparse": sparse}],
+    )
+    np.testing.assert_array_equal(read_mesh(mesh).vertices, [[0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    huge = [{"componentType": 5126, "count": 10**9, "type": "VEC3", "sparse": sparse}]
+    assert "too many accessors" in refused(gltf(tmp_path, accessors=huge), read_mesh)
+
+
+def test_parts_without_triangles_are_left_out(tmp_path: Path) -> None:
+    indices = {"bufferView": 0, "componentType": 5123, "count": 0, "type": "SCALAR"}
+    attributes = [{"attributes": {"POSITION": 0}}, {}, {"attributes": {"POSITION": 1}}]
+    primitives = [*attributes, {"attributes": {"POSITION": 0}, "indices": 2}]
+    accessors = [*accessor(), *accessor(count=0), indices]
+    mesh = read_mesh(gltf(tmp_path, accessors=accessors, meshes=[{"primitives": primitives}]))
+    np.testing.assert_array_equal(mesh.vertices, CORNERS.reshape(3, 3))
+    assert mesh.faces.tolist() == [[0, 1, 2]]
+
+
+def test_a_file_of_many_parts_is_read_if_it_has_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("raytracer.assets.gltf_geometry.MAX_PIECES", 8)
+    nodes = [{"children": list(range(1, 31))}, *({"mesh": 0} for _ in range(30))]
+    assert len(read_mesh(gltf(tmp_path, nodes=nodes)).faces) == 30
 
 
 # ---- Noise

@@ -134,6 +134,12 @@ def test_a_drawing_in_pixels(gauss: tuple[Lens, Study]) -> None:
     assert (np.abs(values - (226, 202, 168)).max(axis=2) < 25).mean() > 0.02
 
 
+def test_a_name_is_no_formula(gauss: tuple[Lens, Study]) -> None:
+    # Matplotlib would read what is between two dollars as TeX, and raise.
+    lens, found = gauss
+    assert pdf.png(lens, found._replace(name=r"$\frac{$")).startswith(b"\x89PNG")
+
+
 def test_without_matplotlib_it_is_said_which_extra_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pdf, "find_spec", lambda name: None if name == "matplotlib" else util.find_spec(name))
     with pytest.raises(InputError, match=r"\.pdf files need Matplotlib.*raytracer\[report\]"):

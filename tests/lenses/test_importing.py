@@ -1,5 +1,6 @@
 """Lenses of other programs: tables of pbrt and prescriptions of Zemax, whole, damaged, and of what is not supported."""
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -276,6 +277,19 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "folder.dat").mkdir()
     assert "is a folder, not a lens file" in complaint(tmp_path / "folder.dat")
     assert "files that end in .dat or .zmx are" in complaint(written(tmp_path, "lens.seq", COOKE))
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with names are POSIX's")
+@pytest.mark.parametrize("name", ["pipe.zmx", "pipe.dat"])
+def test_a_pipe_is_not_waited_for(tmp_path: Path, name: str) -> None:
+    os.mkfifo(tmp_path / name)
+    assert "is no regular file" in complaint(tmp_path / name)
+
+
+def test_any_number_of_lines_of_fields_is_read_in_its_time(tmp_path: Path) -> None:
+    # Each line once copied all fields before it: these took an hour.
+    text = COOKE.replace("YFLN", "XFLN 1\n" * 200_000 + "YFLN")
+    assert imported(written(tmp_path, "fields.zmx", text)) == imported(written(tmp_path, "cooke.zmx", COOKE))
 
 
 @pytest.mark.parametrize(("name", "text"), [("dgauss.dat", TABLE), ("cooke.zmx", COOKE)])

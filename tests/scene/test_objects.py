@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from raytracer.errors import SceneError
 from raytracer.motion import pose_at
 from raytracer.scene.pack import Packed, pack
+from raytracer.shapes.scatter import Scatter
 from raytracer.spec import matrix_of
 from tests.rendering import assert_mean, image, scene
 
@@ -184,6 +185,21 @@ def test_scattered_copies_stand_apart_on_their_ground() -> None:
     assert not np.array_equal(poses(packed(text.replace("SEED", "2"))), found)
 
 
+def test_scattered_places_are_the_first_that_are_free() -> None:
+    # Most of the places that are tried where an area is nearly full are left out before they are looked at by turns.
+    scatter = Scatter(of="ball", count=300, seed=5, corner=(1, 0, 2), edges=((1, 0, 0), (0, 0, 1)), spacing=0.0455)
+    random = np.random.Generator(np.random.PCG64(5))
+    places: list[NDArray[np.float64]] = []
+    rounds = 0
+    while len(places) < 300:
+        rounds += 1
+        for point in np.array([1.0, 0.0, 2.0]) + random.random((300, 2)) @ np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]):
+            if len(places) < 300 and all(math.dist(point, other) >= 0.0455 for other in places):
+                places.append(point)
+    assert rounds > 5
+    np.testing.assert_array_equal(scatter.poses({})[:, :3, 3], places)
+
+
 def test_placements_of_files(tmp_path: Path) -> None:
     matrices = np.stack([np.diag([1.0 + i, 1.0, -2.0, 1.0]) for i in range(5)])
     matrices[:, :3, 3] = np.random.default_rng(1).normal(size=(5, 3))
@@ -352,6 +368,27 @@ def test_too_many_instances_are_refused() -> None:
     )
     with pytest.raises(SceneError, match="16,777,216 are possible"):
         packed(text)
+
+
+def nested(levels: int, copies: int = 1) -> str:
+    """Groups, each with so many instances of the next, and an instance of the first."""
+    inner = ["{type: sphere, center: [0, 0, 0], radius: 1}", *(f"{{type: instance, of: g{i}}}" for i in range(levels))]
+    groups = [f"  g{i}: [{', '.join([item] * (copies if i else 1))}]\n" for i, item in enumerate(inner)]
+    return f"groups:\n{''.join(groups)}objects: [{{type: instance, of: g{levels}}}]\n"
+
+
+def test_groups_are_in_groups_to_a_depth() -> None:
+    assert len(poses(packed(nested(63)))) == 1
+    for levels in (64, 5000):
+        with pytest.raises(SceneError, match=r"groups\.g64\[0\]\.of: places groups in groups more than 64 levels deep"):
+            packed(nested(levels))
+
+
+def test_groups_that_double_are_refused_before_they_are_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("raytracer.scene.objects._MOST_PLACINGS", 1000)
+    assert len(poses(packed(nested(8, copies=2)))) == 256
+    with pytest.raises(SceneError, match="places groups in groups more than 1,000 times"):
+        packed(nested(40, copies=2))
 
 
 def test_an_area_without_room_is_refused() -> None:

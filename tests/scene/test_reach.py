@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from raytracer.cli.main import main
-from raytracer.errors import InputError
+from raytracer.errors import InputError, SceneError
 from raytracer.reach import MARKER, VARIABLE, reach_of
 from raytracer.scene.load import build_plain, load
 from raytracer.sweeping.plan import planned
@@ -252,6 +252,19 @@ def test_a_file_of_a_sweep_has_the_reach_of_its_folder(home: Path, text: str, ke
 def test_values_of_a_sweep_that_are_asked_for_may_name_any_file(home: Path) -> None:
     plan = planned(scene(home, "tri.obj"), {"objects.thing.file": f"tri.obj,{OUT}"})
     assert plan.spec.replace({"objects.thing.file": OUT}).objects[0].file == OUT  # type: ignore[attr-defined]
+
+
+@posix
+def test_a_scene_that_is_a_pipe_is_not_waited_for_unless_it_is_named_as_one(home: Path) -> None:
+    os.mkfifo(home / "pipe.yaml")
+    with pytest.raises(SceneError, match=r"pipe\.yaml: cannot be read: is no regular file"):
+        load(home / "pipe.yaml")
+    reading, writing = os.pipe()
+    os.write(writing, b"camera: 1\n")
+    os.close(writing)
+    with pytest.raises(SceneError, match="camera: must be a mapping"):
+        load(f"/dev/fd/{reading}")
+    os.close(reading)
 
 
 @posix

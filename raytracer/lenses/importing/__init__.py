@@ -1,6 +1,7 @@
 """Lenses that other programs have written: read as ours, and written as files of ours."""
 
 import re
+import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -11,6 +12,7 @@ from raytracer.lenses.importing import pbrt, zemax
 from raytracer.lenses.importing.draft import Draft, Glasses
 from raytracer.lenses.importing.zemax import checked_glasses
 from raytracer.lenses.prescription import LensSpec
+from raytracer.untrusted import opened
 
 MAX_BYTES = 16 * 2**20
 
@@ -48,7 +50,7 @@ def as_yaml(spec: LensSpec) -> str:
 def _text(path: Path) -> str:
     """A file's text: UTF-16 if it begins as that does, or has zeros, UTF-8, or else Latin-1."""
     try:
-        with path.open("rb") as stream:
+        with opened(path, sys.maxsize) as stream:
             data = stream.read(MAX_BYTES + 1)
     except FileNotFoundError:
         raise SceneError("no such file", file=str(path)) from None

@@ -75,7 +75,7 @@ class _System:
     f_number: float = 0.0
     pupil: float = 0.0
     field_type: int = 0
-    fields: tuple[float, ...] = ()
+    fields: list[float] = field(default_factory=list)
     surfaces: list[_Surface] = field(default_factory=list)
 
 
@@ -148,8 +148,7 @@ def _read_system(result: Draft, system: _System, line: int, keyword: str, words:
     elif keyword == "FTYP":
         system.field_type = int(_finite(result, line, words))
     elif keyword in ("XFLN", "YFLN"):
-        numbers = (_finite(result, line, words, place) for place in range(1, len(words)))
-        system.fields = (*system.fields, *numbers)
+        system.fields += (_finite(result, line, words, place) for place in range(1, len(words)))
 
 
 def _read_surface(result: Draft, surface: _Surface, line: int, keyword: str, words: list[str]) -> None:
