@@ -58,8 +58,8 @@ def scene_text(
 
 
 def scene(text: str, *, base: Path | None = None, **settings: Any) -> SceneSpec:
-    """The checked scene of `scene_text(text, **settings)`; `base` is the folder of the files that it names."""
-    return build(scene_text(text, **settings), "test.yaml", base=base)
+    """The checked scene of `scene_text(text, **settings)`; `base` is what names of files in it are relative to."""
+    return build(scene_text(text, **settings), "test.yaml", base=base, allow_files="/")
 
 
 def rendered(text: str, *, seed: int = 1, threads: int = 2, **settings: Any) -> Rendered:

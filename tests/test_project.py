@@ -245,7 +245,7 @@ def test_versions_agree() -> None:
 
 def test_the_command_is_installed() -> None:
     (command,) = entry_points(group="console_scripts", name="rt")
-    assert command.value == "raytracer.cli.main:main"
+    assert command.value == "raytracer.command:main"
 
 
 def test_the_installed_command_helps_without_loading_what_is_slow() -> None:

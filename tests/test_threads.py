@@ -15,7 +15,7 @@ import pytest
 
 import raytracer as rt
 from raytracer.assets import read_image
-from raytracer.film.output import silenced
+from raytracer.film.decoding import silenced
 from raytracer.jit import alone
 from raytracer.rendering import render
 from raytracer.scene.edit import overridden

@@ -32,7 +32,7 @@ FAR = 1e4
 def film_behind(camera: str) -> float:
     """How far the film is behind the last vertex (mm)."""
     text = f"camera: {{{LOOK}, {camera}}}\nfilm: {{width: {PIXELS}, height: {PIXELS}}}\n{spot(0, 0, 5, 1)}"
-    packed = pack(build(text, "test.yaml")).scene.camera
+    packed = pack(build(text, "test.yaml", allow_files="/")).scene.camera
     return float(packed.film.z - packed.surfaces.vertex[-1])
 
 

@@ -35,7 +35,7 @@ objects:
 
 def scene(lens: Path | str = DOUBLE_GAUSS, **keys: Any) -> Any:
     text = "".join(f", {key}: {value}" for key, value in keys.items())
-    return build(SCENE.format(lens=lens, keys=text), "test.yaml")
+    return build(SCENE.format(lens=lens, keys=text), "test.yaml", allow_files="/")
 
 
 def camera(lens: Path | str = DOUBLE_GAUSS, **keys: Any) -> Any:
