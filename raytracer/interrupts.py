@@ -6,10 +6,12 @@ nothing but wait for it (`signal.set_wakeup_fd`), and which can end the process 
 """
 
 import contextlib
+import io
 import os
 import shutil
 import signal
 import socket
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -168,6 +170,8 @@ class Watch:
         """
         # Not given back: of all threads that come here, one ends them all.
         self._leaving.acquire()
+        # What others say of files that are taken from them now is of no use to anybody.
+        sys.stderr = io.StringIO()
         for path in tuple(_unfinished):
             _remove(path)
         with contextlib.suppress(OSError):
