@@ -30,8 +30,8 @@ def test_planted_mistakes_are_found(tmp_path):
 def test_what_hangs_is_found(tmp_path):
     status, result = fuzz("planted_hang", "--executions", "5000", "--timeout", "1", "--findings", str(tmp_path))
     assert status == 1
-    (name,) = result["findings"]
-    assert name.startswith("hang-targets.planted_hang-")
+    # On a busy machine anything may take a second.
+    name = next(name for name in result["findings"] if name.startswith("hang-targets.planted_hang-"))
     assert (tmp_path / "planted_hang" / f"{name}.input").read_bytes().startswith(b"ha")
     assert "planted_hang.py" in (tmp_path / "planted_hang" / f"{name}.txt").read_text()
 
