@@ -80,14 +80,16 @@ def _parts(count: int, most: int) -> list[tuple[int, int]]:
     return list(pairwise(count * part // parts for part in range(parts + 1)))
 
 
-def bytes_per_pixel(found: Ready) -> int:
+def bytes_per_pixel(found: Ready, *, keeps: bool = False) -> int:
     """Bytes that a pixel takes at most, from its first sample to the end of its development; a denoiser's not included.
+
+    keeps : whether checkpoints are written, for which the film and what tells its error are copied.
 
     A picture and its layers are as large as the film that they are made of, if not smaller: measured by the process's
     peak, 158 of 176 bytes for plain radiance, 265 of 336 with three AOVs, 490 of 506 with a simulated sensor.
     """
     picture = picture_of(found.packed, 1, None, found.asked.aovs, denoises=found.asked.denoises)
-    return 2 * picture.film + TALLY_BYTES + picture.photograph
+    return 2 * picture.film + (1 + keeps) * TALLY_BYTES + picture.photograph
 
 
 def capture(
@@ -157,7 +159,7 @@ def capture(
     spec = found.packed.spec
     # Focused on an object, say, the geometry is known only now.
     layout = _layout(spec, aovs, path)
-    each = bytes_per_pixel(found)
+    each = bytes_per_pixel(found, keeps=every is not None)
     width, height = spec.picture()
     start = now()
     bands = _bands(spec, layout, each, memory, aovs)
