@@ -66,6 +66,7 @@ _WITHOUT_KERNELS = (
     "replay",
     "scene",
     "scheduling",
+    "signing_key",
     "snapshots",
     "stock",
     "sweeping",
@@ -158,7 +159,8 @@ def _cache_root() -> Path:
         return Path(given)
     try:
         if sys.platform == "win32":
-            return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "raytracer"
+            # Not the whole folder of the program: the key that signs what is kept lies there.
+            return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "raytracer" / "Cache"
         if sys.platform == "darwin":
             return Path.home() / "Library" / "Caches" / "raytracer"
         return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "raytracer"

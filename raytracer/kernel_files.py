@@ -1,7 +1,13 @@
-"""Compiled kernels on disk: one file for each, which many processes may look for, make and read at once."""
+"""Compiled kernels on disk: one file for each, which many processes may look for, make and read at once.
+
+What is read is executed: Python's pickles run code, and machine code is code.  A folder that came with an archive or a
+repository belongs to whoever unpacked it, so that owners and modes do not tell whose files are in it.  Each file is
+therefore signed by a key of the user's own, which lies elsewhere, and the signature checked before all else.
+"""
 
 import contextlib
 import hashlib
+import hmac
 import os
 import pickle
 import stat
@@ -13,6 +19,8 @@ from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any
 
+from raytracer.signing_key import NoKeyError, key_folder, signing_key
+
 _LONGEST_WAIT = 300.0
 """Seconds after which a kernel is compiled all the same: ten times what the largest takes.  Windows says of a folder
 that may not be written what it says of a lock that is held."""
@@ -22,12 +30,12 @@ _STALE = 12 * _LONGEST_WAIT
 
 _LEFT_OVER = ("*.lock", "*.tmp")
 
-# What a file begins with: what it is, and the SHA-256 of all that follows.
-_MAGIC = b"rt kernel 1\n"
+# What a file begins with: what it is, and the HMAC-SHA-256 (RFC 2104) of its name and of all that follows.
+_MAGIC = b"rt kernel 2\n"
 _HEAD = len(_MAGIC) + hashlib.sha256().digest_size
 
-# Only its owner writes to a file; everyone may read it, as where one user has filled the folder for others.
-_FOLDER_MODE, _FILE_MODE = 0o755, 0o644
+# To other users, who have other keys, the files are of no use.
+_FOLDER_MODE, _FILE_MODE = 0o700, 0o600
 
 _BINARY: int = getattr(os, "O_BINARY", 0)
 
@@ -35,7 +43,7 @@ _told: set[str] = set()
 
 
 class CacheWarning(RuntimeWarning):
-    """A folder of compiled kernels that is not used, since what is in it may be anybody's."""
+    """Compiled kernels are neither taken nor kept, since what is there may be anybody's."""
 
 
 def source_hash(package: Path, *versions: str, without: Collection[str] = ()) -> str:
@@ -71,11 +79,11 @@ class KernelFiles:
         self._folder, self._name, self._dumps = folder, name, dumps
 
     def path(self, key: Any) -> Path:
-        """The file for a key: types of arguments, processor, and hashes of the function."""
+        """Name the file for a key (types of arguments, processor, and hashes of the function), for `keep` and `kept`."""
         return self._folder / f"{self._name}.{hashlib.sha256(repr(key).encode()).hexdigest()[:24]}.nbc"
 
     def load(self, key: Any) -> Any:
-        """What was compiled for a key; None if that is not there, damaged, or may have been written by another user."""
+        """Read what was compiled for a key; None if that is not there, damaged, or not signed by the user's key."""
         content = self._content(key)
         if content is not None:
             # What another version has written may raise nearly anything.
@@ -117,9 +125,8 @@ class KernelFiles:
         from filelock import FileLock
 
         make_folder(self._folder)
-        if not _is_trusted(self._folder):
-            return contextlib.nullcontext()
-        return FileLock(self.path(key).with_suffix(".lock"), timeout=_LONGEST_WAIT)
+        found = _signed_by_user(self.path(key))
+        return contextlib.nullcontext() if found is None else FileLock(found[0].with_suffix(".lock"), _LONGEST_WAIT)
 
 
 def make_folder(folder: Path) -> None:
@@ -134,33 +141,79 @@ def make_folder(folder: Path) -> None:
 
 
 def kept(path: Path) -> bytes | None:
-    """What `keep` has put into a file; None if that is not there, damaged, or may have been written by another user."""
+    """Read what `keep` has put into a file; None if that is not there, damaged, or not signed by the user's key.
+
+    Parameters
+    ----------
+    path : in a folder of the cache's folder.
+    """
     with contextlib.suppress(OSError):
-        if _is_trusted(path.parent):
-            content = _read(path)
-            if content is not None and content[:_HEAD] == _head(content[_HEAD:]):
+        if found := _signed_by_user(path):
+            own, secret = found
+            content = _read(own)
+            if content is not None and hmac.compare_digest(content[:_HEAD], _head(own, content[_HEAD:], secret)):
                 return content[_HEAD:]
     return None
 
 
 def keep(path: Path, content: bytes) -> None:
-    """Put something into a file of the cache, with a checksum, so that any process sees all of it or nothing.
+    """Put something into a file of the cache, signed by the user's key, so that any process sees all of it or nothing.
 
     Where that cannot be done, nothing is.  What processes have left in the folder that were killed is removed.
+
+    Parameters
+    ----------
+    path : in a folder of the cache's folder.
     """
-    aside = path.with_suffix(f".{uuid.uuid4().hex[:16]}.tmp")
     with contextlib.suppress(OSError):
         make_folder(path.parent)
-        if not _is_trusted(path.parent):
+        found = _signed_by_user(path)
+        if found is None:
             return
+        own, secret = found
+        aside = own.with_suffix(f".{uuid.uuid4().hex[:16]}.tmp")
         try:
             with os.fdopen(os.open(aside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _BINARY, _FILE_MODE), "wb") as file:
-                file.write(_head(content))
+                file.write(_head(own, content, secret))
                 file.write(content)
-            os.replace(aside, path)
+            os.replace(aside, own)
         finally:
             aside.unlink(missing_ok=True)
         _clean(path.parent)
+
+
+def _signed_by_user(path: Path) -> tuple[Path, bytes] | None:
+    """Name the file that the user's key signs in place of `path`, and give the key.
+
+    Files of different keys lie side by side, so that none is written over in turn.  None, which is said once, where
+    there is no key, or others may write to the folder.
+
+    Raises
+    ------
+    OSError : there is no folder.
+    """
+    if not _is_trusted(path.parent):
+        return None
+    cache = path.parent.parent
+    try:
+        folder = key_folder()
+        if Path(os.path.realpath(folder)).is_relative_to(os.path.realpath(cache)):
+            raise NoKeyError(
+                f"the folder of the signing key, {folder}, lies in that of the cache, {cache}, so that a key may have "
+                "come with somebody else's cache"
+            )
+        secret = signing_key(folder)
+    except NoKeyError as error:
+        _warn(str(error), "RAYTRACER_KEY_DIR names another folder for the key")
+        return None
+    return path.with_suffix(f".{hmac.digest(secret, b'name', 'sha256').hex()[:8]}{path.suffix}"), secret
+
+
+def _head(path: Path, content: bytes, secret: bytes) -> bytes:
+    """Sign a file's content, and its name and its folder's: it is not taken for another one."""
+    signature = hmac.new(secret, _MAGIC + os.fsencode(f"{path.parent.name}/{path.name}") + b"\0", hashlib.sha256)
+    signature.update(content)
+    return _MAGIC + signature.digest()
 
 
 def _clean(folder: Path) -> None:
@@ -175,19 +228,19 @@ def _is_trusted(folder: Path) -> bool:
     """Whether nobody but this user, or the system's, may have put something in a folder; said once if not."""
     status = folder.lstat()
     reason = _doubt(status, folder)
-    if reason is not None and reason not in _told:
-        _told.add(reason)
-        warnings.warn(
-            f"{reason}, so compiled kernels are neither taken from there nor kept: each run compiles anew; "
-            "RAYTRACER_CACHE_DIR names another folder",
-            CacheWarning,
-            stacklevel=2,
-        )
+    if reason is not None:
+        _warn(reason, "RAYTRACER_CACHE_DIR names another folder")
     return reason is None and stat.S_ISDIR(status.st_mode)
 
 
-def _head(content: bytes) -> bytes:
-    return _MAGIC + hashlib.sha256(content).digest()
+def _warn(reason: str, remedy: str) -> None:
+    if reason not in _told:
+        _told.add(reason)
+        warnings.warn(
+            f"{reason}, so compiled kernels are neither taken from the cache nor kept: each run compiles anew; {remedy}",
+            CacheWarning,
+            stacklevel=2,
+        )
 
 
 def _read(path: Path) -> bytes | None:

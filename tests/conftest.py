@@ -1,14 +1,17 @@
 """Settings for all tests.
 
-Compiled kernels go to the user's cache as in any other run, so only the first run after a change compiles.
+Compiled kernels go to the user's cache as in any other run, so only the first run after a change compiles.  They are
+signed by a key of the tests' own, so that none can harm the user's.
 """
 
+import contextlib
 import gc
 import os
 import signal
 
 from hypothesis import settings
 
+from raytracer.signing_key import NoKeyError, key_folder
 from tests.browser import chromium, open_page
 
 __all__ = ["chromium", "open_page"]
@@ -17,6 +20,9 @@ __all__ = ["chromium", "open_page"]
 # work by spinning: of the smallest matrices' too, and each process of a test run has them.  A quadrature rule of 400
 # points took 4.8 s of processor time so, and takes 0.015 s.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+with contextlib.suppress(NoKeyError):
+    os.environ.setdefault("RAYTRACER_KEY_DIR", str(key_folder().with_name("raytracer-tests")))
 
 # Compiling makes millions of objects that stay, and by its own measure Python looks for garbage among them every 700:
 # an eighth of the processor time of these tests.

@@ -239,7 +239,7 @@ def test_cache_lies_where_each_system_keeps_caches(tmp_path: Path, monkeypatch: 
     for platform, place in (
         ("linux", tmp_path / ".cache"),
         ("darwin", tmp_path / "Library" / "Caches"),
-        ("win32", tmp_path / "AppData" / "Local"),
+        ("win32", tmp_path / "AppData" / "Local" / "raytracer"),
     ):
         monkeypatch.setattr("sys.platform", platform)
-        assert jit._cache_root() == place / "raytracer"
+        assert jit._cache_root() == place / ("Cache" if platform == "win32" else "raytracer")

@@ -1,24 +1,44 @@
 """Files of compiled kernels, which processes share."""
 
+import hashlib
 import os
 import pickle
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 import numba
 import numpy as np
 import pytest
 
+from raytracer import kernel_files
 from raytracer.jit import entry
 from raytracer.kernel_files import CacheWarning, KernelFiles
+from raytracer.signing_key import FILE_NAME
 
 KEY = ("float64", ("x86", "+avx2"), ("code", ""))
 
 
 def files(folder: Path) -> KernelFiles:
     return KernelFiles(folder / "kernels", "integrator.render_tile-1", pickle.dumps)
+
+
+def file_of(store: KernelFiles, key: object = KEY) -> Path:
+    """The file that was saved for a key; its name tells the signing key's too."""
+    path = store.path(key)
+    (found,) = path.parent.glob(f"{path.stem}.*.nbc")
+    return found
+
+
+@pytest.fixture(autouse=True)
+def keys(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder for the signing key, where there is none yet; nothing has been warned of."""
+    folder = tmp_path_factory.mktemp("keys")
+    monkeypatch.setenv("RAYTRACER_KEY_DIR", str(folder))
+    monkeypatch.setattr(kernel_files, "_told", set())
+    return folder
 
 
 def test_what_was_saved_is_loaded_by_any_process(tmp_path: Path) -> None:
@@ -47,19 +67,34 @@ def test_processes_that_save_at_the_same_time_keep_both(tmp_path: Path) -> None:
     assert [files(tmp_path).load(key) for key in keys] == [key[0] for key in keys]
 
 
-def test_a_file_of_other_types_is_not_taken(tmp_path: Path) -> None:
+def test_a_file_of_other_types_is_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # Two types may be called alike.
-    store, other = files(tmp_path), ("others", *KEY[1:])
+    store, other, path = files(tmp_path), ("others", *KEY[1:]), files(tmp_path).path(KEY)
+    monkeypatch.setattr(KernelFiles, "path", lambda *_: path)
     store.save(other, "those")
-    store.path(other).rename(store.path(KEY))
+    assert store.load(other) == "those"
     assert store.load(KEY) is None
+
+
+def test_a_signed_file_is_not_taken_in_the_place_of_another(tmp_path: Path) -> None:
+    # Nor in a folder of other sources, whose machine code expects other arguments.
+    store, other = files(tmp_path), ("int64", *KEY[1:])
+    store.save(KEY, _Trap(tmp_path / "sprung"))
+    store.save(other, "those")
+    file_of(store).replace(file_of(store, other))
+    assert store.load(other) is None
+    store.save(KEY, _Trap(tmp_path / "sprung"))
+    (tmp_path / "kernels").rename(tmp_path / "later")
+    later = KernelFiles(tmp_path / "later", "integrator.render_tile-1", pickle.dumps)
+    assert later.load(KEY) is None
+    assert not (tmp_path / "sprung").exists()
 
 
 @pytest.mark.parametrize("left", [0, 1, 20, -1])
 def test_a_damaged_file_is_as_none_and_is_replaced(left: int, tmp_path: Path) -> None:
     store = files(tmp_path)
     store.save(KEY, "good")
-    store.path(KEY).write_bytes(store.path(KEY).read_bytes()[:left])
+    file_of(store).write_bytes(file_of(store).read_bytes()[:left])
     assert store.load(KEY) is None
     store.save(KEY, "good")
     assert store.load(KEY) == "good"
@@ -68,15 +103,16 @@ def test_a_damaged_file_is_as_none_and_is_replaced(left: int, tmp_path: Path) ->
 def test_no_flipped_bit_gets_into_what_is_executed(tmp_path: Path) -> None:
     store = files(tmp_path)
     store.save(KEY, "machine code " * 100)
-    good = store.path(KEY).read_bytes()
+    path = file_of(store)
+    good = path.read_bytes()
     for place in np.random.default_rng(1).integers(8 * len(good), size=200).tolist():
         damaged = bytearray(good)
         damaged[place // 8] ^= 1 << place % 8
-        store.path(KEY).write_bytes(damaged)
+        path.write_bytes(damaged)
         assert store.load(KEY) is None, place
-    store.path(KEY).write_bytes(good + b"more")
+    path.write_bytes(good + b"more")
     assert store.load(KEY) is None
-    store.path(KEY).write_bytes(good)
+    path.write_bytes(good)
     assert store.load(KEY) == "machine code " * 100
 
 
@@ -106,12 +142,115 @@ def test_what_is_trusted_is_executed(tmp_path: Path) -> None:
     assert (tmp_path / "sprung").exists()
 
 
+def _unsigned(path: Path, content: bytes) -> bytes:
+    """A file as it was before files were signed: a checksum stands before it, which anybody can make."""
+    return b"rt kernel 1\n" + hashlib.sha256(content).digest() + content
+
+
+def _with_a_checksum(path: Path, content: bytes) -> bytes:
+    """As a signed file, but for the key that made the signature: there is none."""
+    return b"rt kernel 2\n" + hashlib.sha256(content).digest() + content
+
+
+def _by_another_key(path: Path, content: bytes) -> bytes:
+    """A file that is right in all but whose key has signed it."""
+    return kernel_files._head(path, content, bytes(32)) + content
+
+
+@pytest.mark.parametrize("forged", [_unsigned, _with_a_checksum, _by_another_key])
+def test_a_cache_that_came_with_an_archive_runs_nothing(
+    forged: Callable[[Path, bytes], bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It belongs to the user who has unpacked it, and nobody else can write to it: modes do not tell."""
+    folder = tmp_path / "unpacked" / "kernels"
+    monkeypatch.setattr("raytracer.jit.CACHE_FOLDER", folder)
+
+    def halve(x: float) -> float:
+        return x / 2.0
+
+    def found() -> tuple[float, int]:
+        compiled = entry(halve)
+        return compiled(3.0), sum(compiled.stats.cache_hits.values())
+
+    assert [found(), found()] == [(1.5, 0), (1.5, 1)]
+    (path,) = folder.glob("*.nbc")
+    sprung = tmp_path / "sprung"
+    attack = forged(path, pickle.dumps(_Trap(sprung)))
+    # By the name without a key, too, by which it was looked for once.
+    unkeyed = path.with_name(f"{path.name.rsplit('.', 2)[0]}.nbc")
+    path.write_bytes(attack)
+    unkeyed.write_bytes(attack)
+    assert found() == (1.5, 0)
+    assert not sprung.exists()
+    # What was compiled anew has taken its place.
+    assert path.read_bytes() != attack
+    assert found() == (1.5, 1)
+
+
+def test_keys_that_share_a_folder_do_not_undo_each_others_work(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch, keys: Path
+) -> None:
+    files(tmp_path).save(KEY, "mine")
+    monkeypatch.setenv("RAYTRACER_KEY_DIR", str(tmp_path_factory.mktemp("others")))
+    assert files(tmp_path).load(KEY) is None
+    files(tmp_path).save(KEY, "another's")
+    assert files(tmp_path).load(KEY) == "another's"
+    monkeypatch.setenv("RAYTRACER_KEY_DIR", str(keys))
+    assert files(tmp_path).load(KEY) == "mine"
+
+
+def _in_the_cache(cache: Path) -> str:
+    (cache / "key").mkdir()
+    return str(cache / "key")
+
+
+def _in_the_cache_by_a_link(cache: Path) -> str:
+    (cache.parent / "link").symlink_to(cache)
+    return str(cache.parent / "link")
+
+
+def _under_a_file(cache: Path) -> str:
+    (cache.parent / "file").touch()
+    return str(cache.parent / "file" / "key")
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        (_in_the_cache, "lies in that of the cache"),
+        (_in_the_cache_by_a_link, "lies in that of the cache"),
+        (lambda _: "key", "'key', is not an absolute path"),
+        (_under_a_file, "no signing key can be kept in .*file.key: "),
+    ],
+)
+def test_without_a_key_to_trust_nothing_is_taken_or_kept(
+    place: Callable[[Path], str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cache = tmp_path / "cache"
+    store = _trapped(cache)
+    before = sorted(cache.rglob("*"))
+    monkeypatch.setenv("RAYTRACER_KEY_DIR", place(cache))
+    with pytest.warns(CacheWarning, match=f"{words}.*compiles anew; RAYTRACER_KEY_DIR names another") as caught:
+        with store.alone(KEY):
+            assert store.load(KEY) is None
+        store.save(KEY, "machine code")
+    assert len(caught) == 1
+    assert {*cache.rglob("*")} - {cache / "key"} == {*before}
+    assert not (cache / "sprung").exists()
+
+
+def test_with_a_lost_key_all_is_compiled_anew(tmp_path: Path, keys: Path) -> None:
+    store = files(tmp_path)
+    store.save(KEY, "machine code")
+    (keys / FILE_NAME).unlink()
+    assert store.load(KEY) is None
+    store.save(KEY, "machine code")
+    assert store.load(KEY) == "machine code"
+
+
 @_POSIX
 @pytest.mark.parametrize("mode", [0o775, 0o757, 0o777, 0o1777])
-def test_a_folder_that_others_may_write_to_is_not_trusted(
-    mode: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("raytracer.kernel_files._told", set())
+def test_a_folder_that_others_may_write_to_is_not_trusted(mode: int, tmp_path: Path) -> None:
     store = _trapped(tmp_path)
     store.path(KEY).parent.chmod(mode)
     before = sorted((tmp_path / "kernels").iterdir())
@@ -125,8 +264,7 @@ def test_a_folder_that_others_may_write_to_is_not_trusted(
 
 
 @_POSIX
-def test_a_link_in_place_of_the_folder_is_not_trusted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytracer.kernel_files._told", set())
+def test_a_link_in_place_of_the_folder_is_not_trusted(tmp_path: Path) -> None:
     _trapped(tmp_path)
     (tmp_path / "kernels").rename(tmp_path / "elsewhere")
     (tmp_path / "kernels").symlink_to(tmp_path / "elsewhere")
@@ -137,7 +275,6 @@ def test_a_link_in_place_of_the_folder_is_not_trusted(tmp_path: Path, monkeypatc
 
 @_POSIX
 def test_a_folder_of_another_user_is_not_trusted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytracer.kernel_files._told", set())
     store = _trapped(tmp_path)
     if os.geteuid() == 0:
         os.chown(tmp_path / "kernels", 12345, -1)
@@ -152,7 +289,7 @@ def test_a_folder_of_another_user_is_not_trusted(tmp_path: Path, monkeypatch: py
 @pytest.mark.parametrize("mode", [0o664, 0o646])
 def test_a_file_that_others_may_write_to_is_as_none_and_is_replaced(mode: int, tmp_path: Path) -> None:
     store = _trapped(tmp_path)
-    store.path(KEY).chmod(mode)
+    file_of(store).chmod(mode)
     assert store.load(KEY) is None
     assert not (tmp_path / "sprung").exists()
     store.save(KEY, "machine code")
@@ -167,15 +304,16 @@ def test_files_are_for_their_owner_to_write_whatever_the_mask_is(tmp_path: Path)
     finally:
         os.umask(before)
     assert files(tmp_path).load(KEY) == "machine code"
-    assert {path.stat().st_mode & 0o777 for path in (tmp_path / "kernels").rglob("*")} == {0o644}
+    assert {path.stat().st_mode & 0o777 for path in (tmp_path / "kernels").rglob("*")} == {0o600}
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes in folders there")
 def test_a_pipe_in_place_of_a_file_is_not_waited_for(tmp_path: Path) -> None:
     store = files(tmp_path)
     store.save(KEY, "machine code")
-    store.path(KEY).unlink()
-    os.mkfifo(store.path(KEY))
+    path = file_of(store)
+    path.unlink()
+    os.mkfifo(path)
     assert store.load(KEY) is None
     store.save(KEY, "machine code")
     assert store.load(KEY) == "machine code"
@@ -184,7 +322,7 @@ def test_a_pipe_in_place_of_a_file_is_not_waited_for(tmp_path: Path) -> None:
 def test_a_damaged_file_is_compiled_by_one_alone(tmp_path: Path) -> None:
     store = files(tmp_path)
     store.save(KEY, "machine code")
-    store.path(KEY).write_bytes(store.path(KEY).read_bytes()[:-1])
+    file_of(store).write_bytes(file_of(store).read_bytes()[:-1])
     compiled: list[int] = []
     together = threading.Barrier(4)
 
@@ -234,12 +372,12 @@ def test_who_is_killed_while_compiling_holds_nobody_up(tmp_path: Path, monkeypat
     assert holder.stdout is not None
     assert holder.stdout.readline() == "held\n"
     # It is waited for as long as it lives...
-    monkeypatch.setattr("raytracer.kernel_files._LONGEST_WAIT", 0.1)
-    lock = files(tmp_path)._lock(KEY)
+    with monkeypatch.context() as patch:
+        patch.setattr(kernel_files, "_LONGEST_WAIT", 0.1)
+        lock = files(tmp_path)._lock(KEY)
     with pytest.raises(TimeoutError), lock:
         pass
     # ... and no longer.
-    monkeypatch.undo()
     holder.kill()
     holder.wait()
     holder.stdout.close()
@@ -283,7 +421,10 @@ def test_a_folder_that_cannot_be_made_is_no_error(tmp_path: Path) -> None:
         assert store.load(KEY) is None
 
 
-def test_an_edited_module_outside_of_the_package_is_compiled_anew(tmp_path: Path) -> None:
+def test_an_edited_module_outside_of_the_package_is_compiled_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("raytracer.jit.CACHE_FOLDER", tmp_path / "cache" / "kernels")
     # Another constant is neither in the types nor in the bytecode, by which a kernel is called.
     path = tmp_path / "probe.py"
     found = []

@@ -44,7 +44,8 @@ def many(folder: Path, renders: int) -> Many:
     """Render a scene so many times, by `rt render`, from and to a folder."""
     (folder / "scene.yaml").write_text(_SCENE)
     (folder / "tmp").mkdir()
-    environment = {**os.environ, "RAYTRACER_CACHE_DIR": str(folder / "cache"), "TMPDIR": str(folder / "tmp")}
+    own = {"RAYTRACER_CACHE_DIR": "cache", "RAYTRACER_KEY_DIR": "key", "TMPDIR": "tmp"}
+    environment = {**os.environ, **{name: str(folder / place) for name, place in own.items()}}
     statuses, pictures, before = [], set(), None
     for _ in range(renders):
         output = folder / "out" / "picture.exr"

@@ -1,4 +1,4 @@
-"""Many processes that start together on an empty kernel cache.
+"""Many processes that start together on an empty kernel cache, and without a key to sign what goes there.
 
     python -m tests.reliability.race --processes 32
     python -m tests.reliability.race --processes 8 --killed 3
@@ -19,6 +19,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+
+from raytracer.signing_key import FILE_NAME
 
 _SCENE = """
 film: {width: 32, height: 32}
@@ -58,7 +60,7 @@ class Race(NamedTuple):
 
     @property
     def is_won(self) -> bool:
-        """Whether all have the same picture, one alone compiled, and nothing but kernels and locks is left."""
+        """Whether all have the same picture, one alone compiled, and nothing but kernels, locks and a key is left."""
         return not any(self.statuses) and len(self.pictures) == 1 and self.compiled == 1 and not self.left
 
 
@@ -82,8 +84,8 @@ def race(folder: Path, processes: int) -> Race:
         max((float(seconds) for _, _, seconds in lines), default=0.0),
         [
             path.name
-            for path in (folder / "cache").rglob("*")
-            if path.is_file() and path.suffix not in (".nbc", ".lock")
+            for path in (*(folder / "cache").rglob("*"), *(folder / "key").iterdir())
+            if path.is_file() and path.suffix not in (".nbc", ".lock") and path.name != FILE_NAME
         ],
         "".join(error for _, error in told),
     )
@@ -91,8 +93,8 @@ def race(folder: Path, processes: int) -> Race:
 
 def _racer(folder: Path, scene: Path, ready: Path, start: Path) -> "subprocess.Popen[str]":
     given = [sys.executable, "-W", "error", "-c", _RACER, str(scene), str(ready), str(start)]
-    environment = {**os.environ, "RAYTRACER_CACHE_DIR": str(folder / "cache")}
-    return subprocess.Popen(given, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    own = {f"RAYTRACER_{name.upper()}_DIR": str(folder / name) for name in ("cache", "key")}
+    return subprocess.Popen(given, env={**os.environ, **own}, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 def kill_compilers(folder: Path, count: int) -> int:

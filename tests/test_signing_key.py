@@ -1,0 +1,164 @@
+"""The user's own key, which signs what is kept for later runs."""
+
+import os
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from raytracer.signing_key import FILE_NAME, KEY_BYTES, NoKeyError, key_folder, signing_key
+
+_POSIX = pytest.mark.skipif(sys.platform == "win32", reason="modes say nothing there")
+
+
+def test_a_key_is_made_once_and_is_its_owners_alone(tmp_path: Path) -> None:
+    folder = tmp_path / "state" / "raytracer"
+    before = os.umask(0)
+    try:
+        made = signing_key(folder)
+    finally:
+        os.umask(before)
+    assert len(made) == KEY_BYTES
+    assert signing_key(folder) == made
+    assert signing_key(tmp_path / "another") != made
+    assert [path.name for path in folder.iterdir()] == [FILE_NAME]
+    if sys.platform != "win32":
+        assert (folder / FILE_NAME).stat().st_mode & 0o777 == 0o600
+        assert folder.stat().st_mode & 0o777 == 0o700
+
+
+def test_all_who_make_it_at_once_have_the_same(tmp_path: Path) -> None:
+    found: set[bytes] = set()
+    together = threading.Barrier(16)
+
+    def make(folder: Path) -> None:
+        together.wait()
+        found.add(signing_key(folder))
+
+    for turn in range(8):
+        found.clear()
+        threads = [threading.Thread(target=make, args=(tmp_path / f"{turn}",)) for _ in range(together.parties)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert found == {(tmp_path / f"{turn}" / FILE_NAME).read_bytes()}
+        assert len(list((tmp_path / f"{turn}").iterdir())) == 1
+
+
+def _open_to_others(path: Path) -> None:
+    path.chmod(0o640)
+
+
+def _of_another(path: Path) -> None:
+    os.chown(path, 12345, -1)
+
+
+def _link(path: Path) -> None:
+    path.rename(path.with_name("elsewhere"))
+    path.symlink_to(path.with_name("elsewhere"))
+
+
+def _dangling(path: Path) -> None:
+    path.unlink()
+    path.symlink_to("nowhere")
+
+
+def _short(path: Path) -> None:
+    path.write_bytes(bytes(KEY_BYTES - 1))
+
+
+def _long(path: Path) -> None:
+    path.write_bytes(bytes(KEY_BYTES + 1))
+
+
+def _folder(path: Path) -> None:
+    path.unlink()
+    path.mkdir(mode=0o700)
+
+
+def _pipe(path: Path) -> None:
+    path.unlink()
+    os.mkfifo(path, 0o600)
+
+
+@_POSIX
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (_open_to_others, "is open to other users"),
+        pytest.param(
+            _of_another,
+            "belongs to another user",
+            marks=pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root gives away"),
+        ),
+        (_link, "is a link"),
+        (_dangling, "is a link"),
+        (_short, "does not hold 32 bytes"),
+        (_long, "does not hold 32 bytes"),
+        (_folder, "is not a regular file"),
+        (_pipe, "is not a regular file"),
+    ],
+)
+def test_a_key_that_others_may_know_or_have_put_there_is_none(
+    spoil: Callable[[Path], None], words: str, tmp_path: Path
+) -> None:
+    signing_key(tmp_path)
+    path = tmp_path / FILE_NAME
+    spoil(path)
+    before = path.lstat()
+    with pytest.raises(NoKeyError, match=f"{FILE_NAME} {words}"):
+        signing_key(tmp_path)
+    # It is the user's to remove.
+    assert path.lstat().st_ino == before.st_ino
+
+
+def test_where_none_can_be_kept_there_is_none(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(NoKeyError, match="no signing key can be kept in .*file: "):
+        signing_key(tmp_path / "file")
+
+
+def test_where_files_cannot_be_linked_there_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr("os.link", refuse)
+    with pytest.raises(NoKeyError, match="Operation not permitted"):
+        signing_key(tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_key_lies_where_each_system_keeps_what_programs_know(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("RAYTRACER_KEY_DIR", "XDG_STATE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(Path, "home", lambda: tmp_path)
+    for platform, place in (
+        ("linux", tmp_path / ".local" / "state"),
+        ("darwin", tmp_path / "Library" / "Application Support"),
+        ("win32", tmp_path / "AppData" / "Local"),
+    ):
+        monkeypatch.setattr("sys.platform", platform)
+        assert key_folder() == place / "raytracer"
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.setenv("XDG_STATE_HOME", "relative")
+    assert key_folder() == tmp_path / ".local" / "state" / "raytracer"
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    assert key_folder() == tmp_path / "state" / "raytracer"
+    monkeypatch.setenv("RAYTRACER_KEY_DIR", str(tmp_path / "given"))
+    assert key_folder() == tmp_path / "given"
+
+
+def test_a_user_without_a_home_has_no_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_home() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    for name in ("RAYTRACER_KEY_DIR", "XDG_STATE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(Path, "home", no_home)
+    with pytest.raises(NoKeyError, match="the user has no home folder"):
+        key_folder()
