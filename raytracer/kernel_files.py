@@ -79,7 +79,7 @@ class KernelFiles:
         self._folder, self._name, self._dumps = folder, name, dumps
 
     def path(self, key: Any) -> Path:
-        """Name the file for a key (types of arguments, processor, and hashes of the function), for `keep` and `kept`."""
+        """Name the file for a key: types of arguments, processor, and hashes of the function."""
         return self._folder / f"{self._name}.{hashlib.sha256(repr(key).encode()).hexdigest()[:24]}.nbc"
 
     def load(self, key: Any) -> Any:
@@ -237,7 +237,7 @@ def _warn(reason: str, remedy: str) -> None:
     if reason not in _told:
         _told.add(reason)
         warnings.warn(
-            f"{reason}, so compiled kernels are neither taken from the cache nor kept: each run compiles anew; {remedy}",
+            f"{reason}, so compiled kernels are neither taken nor kept: each run compiles anew; {remedy}",
             CacheWarning,
             stacklevel=2,
         )

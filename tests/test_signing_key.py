@@ -117,7 +117,7 @@ def test_a_key_that_others_may_know_or_have_put_there_is_none(
 
 def test_where_none_can_be_kept_there_is_none(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(NoKeyError, match="no signing key can be kept in .*file: "):
+    with pytest.raises(NoKeyError, match=r"no signing key can be kept in .*file: "):
         signing_key(tmp_path / "file")
 
 
