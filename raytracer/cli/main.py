@@ -30,6 +30,10 @@ WRONG_INPUT = 2
 # Typer's own answer to an interrupt.
 _TYPERS_INTERRUPTED = 130
 
+# What Numba takes from the folder that a program runs in, by all versions so far: files to write (`chrome_trace`) and
+# modules to import (`cache_locator_classes`) among others, which may have come with the scene.
+_SETTINGS_OF_THE_FOLDER = ".numba_config.yaml"
+
 app = typer.Typer(
     name="rt",
     add_completion=False,
@@ -52,6 +56,11 @@ def options(
     ] = False,
 ) -> None:
     """Path tracer for scenes in YAML."""
+    if os.path.lexists(_SETTINGS_OF_THE_FOLDER):
+        raise InputError(
+            f"{_SETTINGS_OF_THE_FOLDER}: Numba would obey this file of the current folder, down to files that it has "
+            "written; run rt from another folder, or remove it and set its keys as variables NUMBA_..."
+        )
 
 
 for _module in pkgutil.iter_modules(raytracer.cli.__path__):

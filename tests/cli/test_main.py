@@ -117,6 +117,17 @@ def test_every_failure_is_one_sentence(
     assert ("Traceback" in capsys.readouterr().err) is (status == 1 and not isinstance(error, OutputError))
 
 
+def test_nothing_of_the_current_folder_tells_the_compiler_what_to_do(good: str, tmp_path: Path) -> None:
+    """Else who renders among files that somebody sent has files of their own overwritten."""
+    (tmp_path / "precious").write_text("precious")
+    (tmp_path / ".numba_config.yaml").write_text(f"chrome_trace: {tmp_path / 'precious'}\n")
+    program = f"import sys; from raytracer.cli.main import main; sys.exit(main(['validate', {good!r}]))"
+    done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (tmp_path / "precious").read_text() == "precious"
+    assert done.returncode == 2
+    assert done.stderr.startswith("rt: .numba_config.yaml: Numba would obey this file of the current folder")
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
 @pytest.mark.parametrize("argument", ["schema", "--version"])
 def test_a_full_disk_under_stdout_is_a_failure_in_one_sentence(argument: str) -> None:
