@@ -406,16 +406,17 @@ class _Places:
     def excess(self, x: float, y: float, ellipse: Points) -> float:
         """By which factor an ellipse (middle x, y, half axes) must grow to hold the pupil."""
 
-        def passes(factors: Points, directions: int) -> NDArray[np.bool_]:
-            rings = factors[:, None, None] * ellipse[2:] * _circle(directions) + ellipse[:2]
-            flat = np.ascontiguousarray(rings.reshape(-1, 2))
-            met = np.any([search.passes(x, y, flat) for search in self._searches], axis=0)
-            return np.asarray(met.reshape(len(factors), directions).any(axis=1))
+        def passes(factor: float, directions: int) -> bool:
+            ring = np.ascontiguousarray(factor * ellipse[2:] * _circle(directions) + ellipse[:2])
+            return any(search.passes(x, y, ring).any() for search in self._searches)
 
-        # What reaches out of an ellipse crosses a ring just round it.
-        if not passes(_RINGS[:1], _AROUND).any():
+        # What reaches out of an ellipse crosses a ring just round it, and each ring that it reaches beyond.
+        if not passes(float(_RINGS[0]), _AROUND):
             return 1.0
-        return float(_RINGS[np.flatnonzero(passes(_RINGS, _AROUND // 2)).max(initial=0)] * _RINGS[1])
+        last = 0
+        while last + 1 < len(_RINGS) and passes(float(_RINGS[last + 1]), _AROUND // 2):
+            last += 1
+        return float(_RINGS[last] * _RINGS[1])
 
 
 class _Place(NamedTuple):
