@@ -20,7 +20,7 @@ def read_prescription(path: Path) -> LensSpec:
     """
     file = str(path)
     if path.suffix.lower() in SUFFIXES:
-        return imported(path)
+        return imported(path).spec
     root = parse(read(file, "lens"), file)
     if root is None or (root.entries is None and root.value is None and root.items is None):
         raise SceneError("is empty; a lens needs at least name and surfaces", file=file)
@@ -37,4 +37,4 @@ def read_lens(path: Path) -> Lens:
     ------
     SceneError : it cannot be read, or what it says is wrong; it names file, line and key.
     """
-    return read_prescription(path).lens()
+    return imported(path).lens() if path.suffix.lower() in SUFFIXES else read_prescription(path).lens()

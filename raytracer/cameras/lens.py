@@ -39,6 +39,7 @@ from raytracer.glass import LINE_D
 from raytracer.jit import generic, kernel
 from raytracer.lanes import WIDTH, load, select, store
 from raytracer.lenses import packets
+from raytracer.lenses.doubts import doubts as lens_doubts
 from raytracer.lenses.focusing import film_place
 from raytracer.lenses.ghosts import Flare, aim_ghost, choose, flare_of, trace_way
 from raytracer.lenses.lens import Lens
@@ -215,10 +216,7 @@ class RealLens(FocusedSpec):
         }
 
     def doubts(self, width: int, height: int) -> list[tuple[str, str]]:
-        found = [
-            ("lens", f"surfaces {first} and {second} of the lens go through each other within their apertures")
-            for first, second in self.glass().crossings()
-        ]
+        found = [("lens", message) for message in lens_doubts(self.glass().focused(self.setting().shift))]
         circle, film = self.glass().image_circle, self._film(width, height)
         corner = math.hypot(*film)
         # Sizes of sensors are rounded to a tenth of a millimetre, and so are image circles.
@@ -250,8 +248,9 @@ class RealLens(FocusedSpec):
         seen = _SEEN if surfaces.indices is not None else (LINE_D,)
         bare = surfaces._replace(coatings=None)
         try:
-            pupils = pupils_of(bare, setting.film, half, seen, is_round=lens.is_round())
+            # First what tells quickly that no light comes through.
             light = light_on_axis(bare, setting.film, LINE_D, is_round=lens.is_round())
+            pupils = pupils_of(bare, setting.film, half, seen, is_round=lens.is_round())
         except ValueError as error:
             at("lens", str(error))
         plane, rear = aiming_plane(bare, setting.film), float(surfaces.vertex[-1])

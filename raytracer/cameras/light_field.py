@@ -51,6 +51,7 @@ from raytracer.jit import generic, kernel
 from raytracer.lanes import store
 from raytracer.lenses import packets
 from raytracer.lenses.diaphragm import covers
+from raytracer.lenses.doubts import doubts as lens_doubts
 from raytracer.lenses.first_order import exit_pupil
 from raytracer.lenses.focusing import film_place
 from raytracer.lenses.lens import Lens
@@ -324,10 +325,7 @@ class LightField(IdealLensSpec):
         found = [("microlenses", message) for message in self._mismatches(width, height)]
         if self.lens is None:
             return found
-        return found + [
-            ("lens", f"surfaces {first} and {second} of the lens go through each other within their apertures")
-            for first, second in self.glass().crossings()
-        ]
+        return found + [("lens", message) for message in lens_doubts(self.glass().focused(self.setting().shift))]
 
     def _mismatches(self, width: int, height: int) -> list[str]:
         """In what the microlenses do not suit the main lens."""

@@ -35,6 +35,7 @@ Other commands on lenses:
 EXAMPLE_IMPORT = """\b
 Example:
   rt lens import wide.22mm.dat -o wide.yaml
+  rt lens import table.dat --thickness before -o table.yaml
   rt lens import achromat.zmx
 """
 
@@ -130,6 +131,7 @@ def report(
     from raytracer.lens_report.analysis.study import study
 
     found = read_lens(Path(file))
+    _tell(file, found, quiet=quiet)
     with _told(file):
         studied = study(found, _fitting(settings, sensor, found))
     # What cannot be drawn is known before anything is written.
@@ -157,7 +159,16 @@ def import_file(
             help="What a glass is that is not in the catalogue: SK16=1.62041/60.3.  May repeat.",
         ),
     ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing.")] = False,
+    thickness: Annotated[
+        Literal["after", "before"] | None,
+        typer.Option(
+            metavar="PLACE",
+            help="Where thickness stands in a .dat table: in the row of the surface before the way (after it), or of "
+            "that behind it (before it).  Default: told by the numbers.",
+            show_default=False,
+        ),
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but warnings.")] = False,
 ) -> None:
     """Take over another program's lens: write it as a lens file.
 
@@ -165,17 +176,21 @@ def import_file(
     number; what is none of these is an error that says so.
     """
     from raytracer.film.output import check_file, write_bytes
-    from raytracer.lenses.importing import as_yaml, checked_glasses, imported
+    from raytracer.lenses.importing import Choices, as_yaml, checked_glasses, imported
 
     if output is not None:
         if output.suffix.lower() not in (".yaml", ".yml"):
             raise InputError(f"{output}: a lens file is written as .yaml")
         check_file(output)
+    if thickness is not None and not file.lower().endswith(".dat"):
+        raise InputError(f"--thickness {thickness}: goes with tables, .dat; {file} says itself where it stands")
     try:
         glasses = checked_glasses(glass or [])
     except ValueError as error:
         raise InputError(f"--glass: {error}") from None
-    written = as_yaml(imported(Path(file), glasses))
+    found = imported(Path(file), Choices(glasses, thickness))
+    _tell(file, found.lens(), quiet=quiet)
+    written = as_yaml(found.spec)
     if output is None:
         print(written, end="")
         return
@@ -233,6 +248,7 @@ def distortion(
     from raytracer.lens_report.analysis.bench import bench_of
 
     seen = read_lens(Path(file))
+    _tell(file, seen, quiet=quiet)
     with _told(file):
         found = maps.distortion(bench_of(seen, _fitting(settings, sensor, seen)), width, ideal=ideal)
     as_text = json.dumps(maps.as_dict(found), indent=2, allow_nan=False) + "\n"
@@ -321,6 +337,16 @@ def _wavelengths(text: str) -> tuple[float, ...]:
             raise InputError(f"--wavelengths {text}: has {part.strip()} twice")
         found.append(nm)
     return tuple(found)
+
+
+def _tell(file: str, lens: "Lens", *, quiet: bool) -> None:
+    """Say how a file was read that leaves open what it means, and warn of what is probably not meant in the lens."""
+    from raytracer.lenses.doubts import doubts
+
+    if lens.reading is not None and not lens.reading.is_guess and not quiet:
+        print(f"{file}: {lens.reading.text}", file=sys.stderr)
+    for doubt in doubts(lens):
+        print(f"rt: warning: {file}: {doubt}", file=sys.stderr)
 
 
 @contextlib.contextmanager

@@ -41,6 +41,10 @@ _PARTS, _ROUNDS, _MOST_ROUNDS = 32, 8, 16
 _PLACES, _STRIDE = 33, 8
 _MOST_MAGNIFIED = 1.25
 
+# How many changes of sign are looked into, and by how many images each: a lens that focuses has a root, and a pole or
+# two.  With 33 places that is 441 images at most, of which a lens that focuses takes about 45.
+_MOST_CHANGES, _MOST_ITERATIONS = 4, 100
+
 
 class Focused(NamedTuple):
     """How a lens is focused: how far its group is moved towards the scene, and where the film is on the axis (mm).
@@ -237,15 +241,30 @@ def _off(packed: LensSurfaces, away: float, film: float, how: str) -> float:
 
 
 def _first_root(off: Callable[[float], float], places: NDArray[np.float64]) -> float | None:
-    """Where `off` is first 0 on the way through places; None if it does not change its sign between two of them."""
+    """Find where `off` is first 0 on the way through places; None if it does not change its sign between two of them.
+
+    Raises
+    ------
+    ValueError : it changes its sign at more than `_MOST_CHANGES` places before it is 0.
+    """
     from scipy.optimize import brentq
 
     values = np.array([off(float(place)) for place in places])
-    for change in map(int, np.flatnonzero(values[:-1] * values[1:] <= 0.0)):
-        root = float(brentq(off, float(places[change]), float(places[change + 1])))
+    changes = np.flatnonzero(values[:-1] * values[1:] <= 0.0)
+    for change in map(int, changes[:_MOST_CHANGES]):
+        try:
+            root = float(brentq(off, float(places[change]), float(places[change + 1]), maxiter=_MOST_ITERATIONS))
+        except (ValueError, RuntimeError):
+            # No light gets through for a place on the way, or what is there is too rough to be halved.
+            continue
         # At a pole, where the image is in the last vertex, the sign changes too.
         if abs(off(root)) <= np.abs(values[change : change + 2]).max():
             return root
+    if len(changes) > _MOST_CHANGES:
+        raise ValueError(
+            f"the lens has no steady focus: its image jumps past the film at {len(changes)} places, and "
+            f"{_MOST_CHANGES} are looked into"
+        )
     return None
 
 

@@ -90,12 +90,24 @@ class Focus:
     last: int = 1
 
 
+class Reading(NamedTuple):
+    """How a file was read that leaves open what it means.
+
+    text : a sentence that says so, and why.
+    is_guess : whether the file's own numbers do not settle it.
+    """
+
+    text: str
+    is_guess: bool
+
+
 @dataclasses.dataclass(frozen=True)
 class Lens:
     """A lens: what it is called, its surfaces from the front to the film, and what has been published of it.
 
     focal_length (mm), f_number : as published; None where they are not.
     image_circle : diameter of the picture that it was designed for (mm); None if that is not known.
+    reading : how its file was read, where that leaves open what it means; no part of what it is.
 
     Raises
     ------
@@ -109,6 +121,7 @@ class Lens:
     f_number: float | None = None
     image_circle: float | None = None
     focus: Focus = Focus()
+    reading: Reading | None = dataclasses.field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if not self.elements:

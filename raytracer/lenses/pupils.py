@@ -17,6 +17,7 @@ import io
 import itertools
 import math
 import os
+import threading
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -60,6 +61,10 @@ _SPARE = 1.003
 
 # Points along an edge of the grid by which the light of a pupil of any shape is added up.
 _FINE = 512
+
+# Surfaces that rays may cross in all while the pupil is looked for.  Of the shipped lenses the anamorphic one takes the
+# most, 1.7e8, in 3 s; this is three times as many.
+_MOST_CROSSINGS = 2**29
 
 
 class RoundPupils(NamedTuple):
@@ -205,11 +210,34 @@ def transmitted(
     return weights[:count]
 
 
+class _Work:
+    """Counts the surfaces that rays cross while a pupil is looked for; threads may share it."""
+
+    def __init__(self) -> None:
+        self.crossings = 0
+        self._lock = threading.Lock()
+
+    def add(self, rays: int, surfaces: int) -> None:
+        """Count rays before they are traced.
+
+        Raises
+        ------
+        ValueError : they would cross more surfaces than `_MOST_CROSSINGS`, with all before them.
+        """
+        with self._lock:
+            self.crossings += rays * surfaces
+            if self.crossings > _MOST_CROSSINGS:
+                raise ValueError(
+                    "where light passes the lens is not found by rays that cross surfaces "
+                    f"{_MOST_CROSSINGS:,} times, the limit: its pupil is too irregular, or its surfaces too many"
+                )
+
+
 class _Search:
     """Looks for the pupil of a lens as seen from places of the film, at one wavelength."""
 
-    def __init__(self, lens: LensSurfaces, film_z: float, wavelength: float) -> None:
-        self._lens, self._film_z, self._wavelength = lens, film_z, wavelength
+    def __init__(self, lens: LensSurfaces, film_z: float, wavelength: float, work: _Work) -> None:
+        self._lens, self._film_z, self._wavelength, self._work = lens, film_z, wavelength, work
         self._plane = aiming_plane(lens, film_z)
         self._chief_rays = [self._chief(across) for across in "xy"]
         self._last: tuple[Points, Points] | None = None
@@ -232,6 +260,7 @@ class _Search:
 
     def passes(self, x: float, y: float, points: Points) -> NDArray[np.bool_]:
         """Which points (n, 2) lie in the pupil."""
+        self._work.add(-(-len(points) // WIDTH) * WIDTH, len(self._lens.vertex))
         return transmitted(self._lens, (x, y, self._film_z), points, self._wavelength, self._plane) > 0.0
 
     def _before(self, x: float, y: float) -> tuple[Points, Points]:
@@ -309,8 +338,7 @@ class _Search:
 
     def _passing(self, film: tuple[float, float, float], points: Points) -> NDArray[np.bool_]:
         flat = np.ascontiguousarray(points.reshape(-1, 2))
-        weights = transmitted(self._lens, film, flat, self._wavelength, self._plane)
-        return (weights > 0.0).reshape(points.shape[:-1])
+        return self.passes(*film[:2], flat).reshape(points.shape[:-1])
 
     def _refined(self, film: tuple[float, float, float], points: Points, inside: NDArray[np.bool_]) -> Points:
         """Where lines of a grid cross the edge, found by halving what lies between a point inside and one outside."""
@@ -385,14 +413,13 @@ def _outline(points: Points) -> Points:
 class _Places:
     """The pupil as seen from places of the film, at all wavelengths that are asked for."""
 
-    def __init__(self, lens: LensSurfaces, film_z: float, wavelengths: Sequence[float], *, is_round: bool) -> None:
+    def __init__(self, lens: LensSurfaces, film_z: float, wavelengths: Sequence[float], work: _Work) -> None:
         if lens.diaphragm is not None:
             # A round opening that holds the one that is not round.
             radius = lens.radius.copy()
             radius[lens.stop] *= reach(lens.diaphragm)
             lens = lens._replace(radius=radius, diaphragm=None)
-        self._searches = [_Search(lens, film_z, wavelength) for wavelength in wavelengths]
-        self._is_round = is_round
+        self._searches = [_Search(lens, film_z, wavelength, work) for wavelength in wavelengths]
 
     def is_lit(self, radius: float) -> bool:
         """Whether light arrives at a distance from the axis (mm)."""
@@ -406,16 +433,17 @@ class _Places:
     def excess(self, x: float, y: float, ellipse: Points) -> float:
         """By which factor an ellipse (middle x, y, half axes) must grow to hold the pupil."""
 
-        def passes(factors: Points, directions: int) -> NDArray[np.bool_]:
-            rings = factors[:, None, None] * ellipse[2:] * _circle(directions) + ellipse[:2]
-            flat = np.ascontiguousarray(rings.reshape(-1, 2))
-            met = np.any([search.passes(x, y, flat) for search in self._searches], axis=0)
-            return np.asarray(met.reshape(len(factors), directions).any(axis=1))
+        def passes(factor: float, directions: int) -> bool:
+            ring = np.ascontiguousarray(factor * ellipse[2:] * _circle(directions) + ellipse[:2])
+            return any(search.passes(x, y, ring).any() for search in self._searches)
 
-        # What reaches out of an ellipse crosses a ring just round it.
-        if not passes(_RINGS[:1], _AROUND).any():
+        # What reaches out of an ellipse crosses a ring just round it, and each ring that it reaches beyond.
+        if not passes(float(_RINGS[0]), _AROUND):
             return 1.0
-        return float(_RINGS[np.flatnonzero(passes(_RINGS, _AROUND // 2)).max(initial=0)] * _RINGS[1])
+        last = 0
+        while last + 1 < len(_RINGS) and passes(float(_RINGS[last + 1]), _AROUND // 2):
+            last += 1
+        return float(_RINGS[last] * _RINGS[1])
 
 
 class _Place(NamedTuple):
@@ -428,7 +456,12 @@ class _Place(NamedTuple):
 
 
 def _hold(ellipses: Points, places: Sequence[_Place], pupil: _Places) -> None:
-    """Let ellipses (n, 4) hold the pupil at all of these places."""
+    """Let ellipses (n, 4) hold the pupil at all of these places.
+
+    Raises
+    ------
+    ValueError : they still do not after `_MOST_ROUNDS`.
+    """
 
     def excess(place: _Place) -> float:
         return pupil.excess(place.x, place.y, np.asarray(place.weights) @ ellipses[list(place.rows)])
@@ -444,6 +477,11 @@ def _hold(ellipses: Points, places: Sequence[_Place], pupil: _Places) -> None:
                 growth[row] = max(growth[row], factor if weight > 0.0 else 1.0)
         ellipses[:, 2:] *= growth[:, None]
         places = [place for place, factor in zip(places, factors, strict=True) if factor > 1.0]
+    if places:
+        raise ValueError(
+            f"where light passes the lens is not found in {_MOST_ROUNDS} rounds, the limit: its pupil is too irregular "
+            f"at {len(places)} places of the film"
+        )
 
 
 def _in_parallel(work: Any, pieces: Sequence[Any]) -> list[Any]:
@@ -453,14 +491,15 @@ def _in_parallel(work: Any, pieces: Sequence[Any]) -> list[Any]:
 
 def _round_pupils(lens: LensSurfaces, film_z: float, radius: float, wavelengths: Sequence[float]) -> RoundPupils:
     """The table for places up to a distance from the axis (mm)."""
-    edge, reached = math.inf, _reached(lens, film_z, radius, wavelengths)
+    work = _Work()
+    edge, reached = math.inf, _reached(_Places(lens, film_z, wavelengths, work), radius)
     if reached < radius:
         radius, edge = reached, reached
     if radius == 0.0:
         return RoundPupils(np.zeros((2, 3)), 1.0, 0.0)
 
     def seen(part: Points) -> list[Points]:
-        pupil = _Places(lens, film_z, wavelengths, is_round=True)
+        pupil = _Places(lens, film_z, wavelengths, work)
         return [pupil.at(float(place) * radius / _RADII, 0.0) for place in part]
 
     found = list(itertools.chain(*_in_parallel(seen, np.array_split(np.arange(_RADII + 1), _PIECES))))
@@ -475,14 +514,13 @@ def _round_pupils(lens: LensSurfaces, film_z: float, radius: float, wavelengths:
         row = min(int(place), _RADII - 1)
         part = place - row
         places.append(_Place(place * radius / _RADII, 0.0, (row, row + 1), (1.0 - part, part)))
-    _hold(ellipses, places, _Places(lens, film_z, wavelengths, is_round=True))
+    _hold(ellipses, places, _Places(lens, film_z, wavelengths, work))
     ellipses[:, 2:] *= _SPARE
     return RoundPupils(np.ascontiguousarray(ellipses[:, [0, 2, 3]]), _RADII / radius, edge)
 
 
-def _reached(lens: LensSurfaces, film_z: float, radius: float, wavelengths: Sequence[float]) -> float:
+def _reached(places: _Places, radius: float) -> float:
     """Up to which distance from the axis (mm) light arrives: `radius`, or 0, or a place where it does, just."""
-    places = _Places(lens, film_z, wavelengths, is_round=True)
     if places.is_lit(radius):
         return radius
     lit, dark = 0.0, radius
@@ -498,10 +536,10 @@ def _square_pupils(
     lens: LensSurfaces, film_z: float, half: tuple[float, float], wavelengths: Sequence[float]
 ) -> SquarePupils:
     """The table for places of a quadrant with these sides (mm)."""
-    count = _SIDES + 1
+    count, work = _SIDES + 1, _Work()
 
     def seen(row: int) -> list[Points]:
-        pupil = _Places(lens, film_z, wavelengths, is_round=False)
+        pupil = _Places(lens, film_z, wavelengths, work)
         return [pupil.at(half[0] * column / _SIDES, half[1] * row / _SIDES) for column in range(count)]
 
     found = list(itertools.chain(*_in_parallel(seen, range(count))))
@@ -524,7 +562,7 @@ def _square_pupils(
         rows = tuple(count * (row + i) + column + j for i, j in itertools.product((0, 1), repeat=2))
         weights = tuple(a * b for a, b in itertools.product((below, 1.0 - below), (left, 1.0 - left)))
         places.append(_Place(half[0] * across / _SIDES, half[1] * up / _SIDES, rows, weights))
-    _hold(ellipses, places, _Places(lens, film_z, wavelengths, is_round=False))
+    _hold(ellipses, places, _Places(lens, film_z, wavelengths, work))
     ellipses[:, 2:] *= _SPARE
     return SquarePupils(ellipses.reshape(count, count, 4), _SIDES / half[0], _SIDES / half[1])
 
@@ -544,6 +582,10 @@ def pupils_of(
     half : half the film's width and height (mm).
     wavelengths : those (nm) between which all are that will be seen; without effect for a lens without indices.
     is_round : whether the lens is alike all around its axis.
+
+    Raises
+    ------
+    ValueError : that takes more than `_MOST_CROSSINGS`, or the pupil is too irregular for ellipses.
     """
     name = f"pupils-{_digest(lens, film_z, half, wavelengths, is_round)}.npz"
     held = _read(name)
@@ -608,7 +650,7 @@ def light_on_axis(lens: LensSurfaces, film_z: float, wavelength: float, *, is_ro
     """
     plane = aiming_plane(lens, film_z)
     behind = film_z - plane
-    places = _Places(lens, film_z, [wavelength], is_round=is_round)
+    places = _Places(lens, film_z, [wavelength], _Work())
     edge = places.at(0.0, 0.0)
     if not len(edge):
         raise ValueError("no light gets through the lens to the middle of the film")
@@ -625,7 +667,7 @@ def light_on_axis(lens: LensSurfaces, film_z: float, wavelength: float, *, is_ro
 
 def middle(lens: LensSurfaces, film_z: float, x: float, y: float, wavelength: float) -> Points | None:
     """The middle (2,) of the pupil as seen from a place of the film, on the `aiming_plane`; None if it is dark."""
-    edge = _Places(lens, film_z, [wavelength], is_round=False).at(x, y)
+    edge = _Places(lens, film_z, [wavelength], _Work()).at(x, y)
     return np.asarray(0.5 * (edge.min(axis=0) + edge.max(axis=0))) if len(edge) else None
 
 

@@ -80,6 +80,20 @@ def stop_radius_for(lens: Lens, f_number: float) -> float:
     if not opens_to <= f_number < math.inf:
         raise ValueError(f"the lens opens to f/{opens_to:.4g}, and cannot be set to f/{f_number:g}")
     # Of the widest f-number itself rounding could leave a height beyond the rim.
-    start = _start(packed, np.array([min(length / (2.0 * f_number), widest)]))
-    _, points, _ = trace_rays(part(packed, 0, packed.stop + 1), start, (0.0, 0.0, 1.0))
-    return min(float(abs(points[0, 1])), float(packed.radius[packed.stop]))
+    return _height_at_stop(packed, min(length / (2.0 * f_number), widest))
+
+
+def _height_at_stop(lens: LensSurfaces, height: float) -> float:
+    """How far from the axis (mm) a ray that comes in parallel to it at a height meets the stop; its rim at most."""
+    _, points, _ = trace_rays(part(lens, 0, lens.stop + 1), _start(lens, np.array([height])), (0.0, 0.0, 1.0))
+    return min(float(abs(points[0, 1])), float(lens.radius[lens.stop]))
+
+
+def filled_stop(lens: LensSurfaces) -> float:
+    """Which part of the stop's diameter is filled with light that comes in parallel to the axis: 1 unless rims cut it.
+
+    Raises
+    ------
+    ValueError : no light gets through.
+    """
+    return _height_at_stop(lens, _grazing(lens)) / float(lens.radius[lens.stop])

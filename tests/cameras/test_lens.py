@@ -12,6 +12,7 @@ from raytracer.cameras.interface import moved
 from raytracer.cameras.moving import MovingCamera, pack_camera
 from raytracer.errors import SceneError
 from raytracer.explanation.numbers import View
+from raytracer.lenses import pupils
 from raytracer.lenses.equivalent import thin_equivalent
 from raytracer.lenses.first_order import cardinal_points
 from raytracer.scene.load import build, build_plain, load
@@ -258,6 +259,26 @@ def test_a_sensor_beyond_the_image_circle_is_warned_of() -> None:
     large = scene(sensor="medium_format", focus_distance=math.inf)
     assert any("image circle" in sentence for sentence in rt.explain(large).warnings)
     assert not any("image circle" in sentence for sentence in rt.explain(scene(sensor="aps_c")).warnings)
+
+
+def test_a_lens_that_nobody_could_grind_is_warned_of(tmp_path: Path) -> None:
+    biconvex = """\
+  - {type: spherical, radius: 50, thickness: 1, material: 1.5, aperture: 25}
+  - {type: spherical, radius: -50, thickness: 5, aperture: 25}
+  - {type: stop, aperture: 2}
+"""
+    warnings = rt.explain(scene(written(tmp_path, biconvex, more="f_number: 2\n"), focus_distance=5)).warnings
+    told = [sentence.partition("camera.lens: ")[2] for sentence in warnings if "camera.lens: " in sentence]
+    assert told == [
+        "surfaces 1 and 2 go through each other within their apertures",
+        "its stop, surface 3, blocks light: it opens to f/22.4, and f/2 is published",
+    ]
+
+
+def test_a_pupil_that_takes_too_long_is_an_error_of_the_lens(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pupils, "_MOST_CROSSINGS", 1000)
+    with pytest.raises(SceneError, match=r"^test.yaml:2: camera.lens: where light passes the lens is not found"):
+        camera(f_number=3.1)
 
 
 def test_a_lens_file_is_part_of_what_a_picture_depends_on(tmp_path: Path) -> None:

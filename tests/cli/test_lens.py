@@ -111,6 +111,8 @@ def test_the_f_number_that_is_engraved_is_wide_open(capsys: pytest.CaptureFixtur
         (["import", "singlet.yaml"], "singlet.yaml: is no lens of another program"),
         (["import", "none.dat"], "none.dat: no such file"),
         (["import", "gauss.dat", "-o", "a.txt"], "a.txt: a lens file is written as .yaml"),
+        (["import", "a.zmx", "--thickness", "after"], "--thickness after: goes with tables, .dat; a.zmx says itself"),
+        (["import", "gauss.dat", "--thickness", "both"], "Invalid value for '--thickness': 'both' is not"),
         (["import", "gauss.dat", "--glass", "SK16"], "--glass: must be NAME=INDEX/ABBE"),
         (["distortion", "singlet.yaml", "-o", "map.png"], "map.png: unknown suffix '.png' for a map of distortion"),
         (["distortion", "singlet.yaml", "--ideal", "round"], "Invalid value for '--ideal': 'round' is not"),
@@ -171,7 +173,9 @@ def test_the_list_of_commands_has_it(capsys: pytest.CaptureFixture[str]) -> None
 def test_an_imported_lens_is_the_same_lens(singlet: str, capsys: pytest.CaptureFixture[str]) -> None:
     Path("gauss.dat").write_text(DAT)
     assert main(["lens", "import", "gauss.dat", "-o", "gauss.yaml"]) == 0
-    assert capsys.readouterr() == ("", "wrote gauss.yaml\n")
+    out, err = capsys.readouterr()
+    reading = "thickness is read as that after each surface, since the last is 0; it has a focal length of 65.6289 mm"
+    assert (out, err) == ("", f"gauss.dat: {reading}\nwrote gauss.yaml\n")
     ours, theirs = read_lens(Path("gauss.yaml")), read_lens(Path("gauss.dat"))
     assert ours.elements == theirs.elements
     assert main(["lens", "import", "gauss.dat"]) == 0
@@ -192,3 +196,19 @@ def test_distortion_as_text_files_and_json(singlet: str, capsys: pytest.CaptureF
     assert Path("opencv.yaml").read_text().startswith("%YAML:1.0\n---\n")
     assert main(["lens", "distortion", GAUSS, "--width", "150", "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == json.loads(Path("numbers.json").read_text())
+
+
+@pytest.mark.parametrize("command", [["lens"], ["lens", "import"], ["lens", "distortion", "--width", "90"]])
+def test_a_table_that_is_read_the_wrong_way_is_warned_of(
+    singlet: str, command: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("gauss.dat").write_text(DAT)
+    assert main(["lens", "import", "gauss.dat", "--thickness", "before", "-o", "wrong.yaml"]) == 0
+    warning = "surfaces 1 and 2 go through each other within their apertures"
+    assert f"rt: warning: gauss.dat: {warning}" in capsys.readouterr().err
+    # As nobody says where it stands, a number in the last row leaves it to the surfaces.
+    Path("filmed.dat").write_text(DAT.replace("-39.73\t0", "-39.73\t36"))
+    for file, said in (("filmed.dat", "thickness is read as that after each surface, for"), ("wrong.yaml", warning)):
+        if file.endswith(".dat") or command[-1] != "import":
+            assert main([*command, file, "--quiet"]) == 0
+            assert f"rt: warning: {file}: {said}" in capsys.readouterr().err

@@ -12,8 +12,7 @@ from raytracer.assets.lenses import read_lens, read_prescription
 from raytracer.errors import SceneError
 from raytracer.glass import AIR, CATALOGUE, constant
 from raytracer.lenses.first_order import cardinal_points
-from raytracer.lenses.importing import as_yaml, checked_glasses, imported
-from raytracer.lenses.prescription import LensSpec
+from raytracer.lenses.importing import Choices, Imported, as_yaml, checked_glasses, imported
 
 TABLE = """\
 # Double Gauss f/2
@@ -104,7 +103,7 @@ def complaint(path: Path) -> str:
     return told.removeprefix(str(path))
 
 
-def outcome(path: Path) -> LensSpec | str:
+def outcome(path: Path) -> Imported | str:
     try:
         return imported(path)
     except SceneError as error:
@@ -115,7 +114,7 @@ def outcome(path: Path) -> LensSpec | str:
 
 
 def test_a_table_of_pbrt(tmp_path: Path) -> None:
-    spec = imported(written(tmp_path, "dgauss.dat", TABLE))
+    spec = imported(written(tmp_path, "dgauss.dat", TABLE)).spec
     assert (spec.name, spec.source) == ("Double Gauss f/2", "US patent 2,673,491")
     lens = spec.lens()
     assert [element.kind for element in lens.elements].index("stop") == 5
@@ -165,7 +164,7 @@ def test_what_is_no_table(tmp_path: Path, text: str, expected: str) -> None:
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1"])
 def test_a_prescription_of_zemax(tmp_path: Path, encoding: str) -> None:
     text = COOKE.replace("A simple", "A naïve") if encoding == "latin-1" else COOKE
-    spec = imported(written(tmp_path, "cooke.zmx", text.replace("\n", "\r\n"), encoding))
+    spec = imported(written(tmp_path, "cooke.zmx", text.replace("\n", "\r\n"), encoding)).spec
     assert spec.name == ("A naïve triplet" if encoding == "latin-1" else "A simple triplet")
     lens = spec.lens()
     assert len(lens.elements) == 6
@@ -195,7 +194,7 @@ def test_a_model_glass_and_one_that_an_option_names(tmp_path: Path) -> None:
     assert imported(path).lens().elements[2].glass.told == (1.62, 36.4)
     path = changed(tmp_path, "GLAS F2", "GLAS E-F2")
     given_glasses = checked_glasses(["E-F2=1.62/36.3", "SK16=N-SK5", "OTHER=1.7"])
-    lens = imported(path, given_glasses).lens()
+    lens = imported(path, Choices(given_glasses)).lens()
     assert lens.elements[2].glass.told == (1.62, 36.3)
     assert lens.elements[0].glass is CATALOGUE["N-SK5"]
     assert given_glasses["OTHER"] == "1.7"
@@ -295,7 +294,7 @@ def test_any_number_of_lines_of_fields_is_read_in_its_time(tmp_path: Path) -> No
 @pytest.mark.parametrize(("name", "text"), [("dgauss.dat", TABLE), ("cooke.zmx", COOKE)])
 def test_what_is_imported_is_written_and_read_as_the_same_lens(tmp_path: Path, name: str, text: str) -> None:
     path = written(tmp_path, name, text)
-    spec = imported(path)
+    spec = imported(path).spec
     again = written(tmp_path, "again.yaml", as_yaml(spec))
     assert read_prescription(again) == spec == read_prescription(path)
     assert read_lens(again) == read_lens(path) == spec.lens()

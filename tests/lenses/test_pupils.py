@@ -189,6 +189,55 @@ def test_tables_are_kept_and_a_damaged_one_is_made_again(monkeypatch: pytest.Mon
     assert len(made) == 2
 
 
+def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many rays each search traces from here on; without tables on the disk."""
+    rays, trace = [], module._through
+
+    def through(lens: Any, film: Any, plane: Any, wavelength: Any, targets: Array, *rest: Any) -> None:
+        rays.append(len(targets))
+        trace(lens, film, plane, wavelength, targets, *rest)
+
+    monkeypatch.setattr(module, "_through", through)
+    monkeypatch.setattr(module, "_read", lambda name: None)
+    monkeypatch.setattr(module, "_write", lambda name, made: None)
+    return rays
+
+
+def test_how_far_a_pupil_reaches_is_found_by_few_rays(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Wide open, the ellipses of most places must grow by a hundredth or two: 260,000 rays, and 1.8 million when each
+    # was looked at to 1.6 times its size.
+    _, surfaces, film = set_up("double-gauss-50mm", None, math.inf)
+    rays = counted(monkeypatch)
+    pupils_of(surfaces._replace(indices=None), film, (18.0, 12.0), (LINE_D,), is_round=True)
+    assert 10_000 < sum(rays) < 500_000
+
+
+@pytest.mark.slow
+def test_the_pupil_of_a_lens_with_cylinders_is_within_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, surfaces, film = set_up("anamorphic-75mm", None, 2000.0)
+    rays = counted(monkeypatch)
+    pupils_of(surfaces, film, (12.45, 9.35), SEEN, is_round=False)
+    assert sum(rays) * len(surfaces.vertex) < 0.5 * module._MOST_CROSSINGS
+
+
+@pytest.mark.parametrize("name", ["double-gauss-50mm", "anamorphic-75mm"])
+def test_the_search_for_a_pupil_ends_at_its_limit(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    lens, surfaces, film = set_up(name, None, 2000.0)
+    rays = counted(monkeypatch)
+    monkeypatch.setattr(module, "_MOST_CROSSINGS", 1_000_000)
+    with pytest.raises(ValueError, match=r"not found by rays that cross surfaces 1,000,000 times, the limit: its pup"):
+        pupils_of(surfaces, film, (12.0, 9.0), SEEN, is_round=lens.is_round())
+    assert 500_000 < sum(rays) * len(surfaces.vertex) <= 1_000_000
+
+
+def test_a_pupil_that_ellipses_never_hold_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    lens, surfaces, film = set_up("plano-convex-100mm", None, math.inf)
+    counted(monkeypatch)
+    monkeypatch.setattr(module._Places, "excess", lambda *given: 1.01)
+    with pytest.raises(ValueError, match="not found in 12 rounds, the limit: its pupil is too irregular at 257 places"):
+        pupils_of(surfaces, film, (2.0, 1.0), (LINE_D,), is_round=lens.is_round())
+
+
 def test_the_plane_is_before_the_film_wherever_the_exit_pupil_is() -> None:
     for name in SHIPPED:
         _, surfaces, film = set_up(name, None, math.inf)

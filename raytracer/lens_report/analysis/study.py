@@ -35,6 +35,7 @@ from raytracer.lens_report.analysis.seidel import seidel
 from raytracer.lens_report.analysis.spherical import spherical
 from raytracer.lens_report.analysis.spots import spots
 from raytracer.lens_report.analysis.tolerances import tolerances
+from raytracer.lenses.doubts import doubts
 from raytracer.lenses.lens import Lens
 
 
@@ -110,6 +111,8 @@ def study(lens: Lens, settings: Settings | None = None) -> Study:
 
 def _notes(lens: Lens, bench: Bench, found: Study) -> Iterator[Note]:
     """Why something is missing, and what must be known to read the rest."""
+    for doubt in doubts(lens):
+        yield Note("first_order", doubt)
     yield Note("mtf", "geometric: diffraction is not simulated; `diffraction_limit` is a perfect lens's, for reference")
     if math.isinf(bench.distance):
         yield Note("settings", "focus_distance_mm is null: focused at infinity")

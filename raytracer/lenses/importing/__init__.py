@@ -1,16 +1,18 @@
 """Lenses that other programs have written: read as ours, and written as files of ours."""
 
+import dataclasses
 import re
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import MappingProxyType
+from typing import NamedTuple
 
 from raytracer.dump import plain, yaml_text
 from raytracer.errors import SceneError
 from raytracer.lenses.importing import pbrt, zemax
-from raytracer.lenses.importing.draft import Draft, Glasses
+from raytracer.lenses.importing.draft import AS_IT_IS, Choices, Draft
 from raytracer.lenses.importing.zemax import checked_glasses
+from raytracer.lenses.lens import Lens, Reading
 from raytracer.lenses.prescription import LensSpec
 from raytracer.untrusted import opened
 
@@ -18,20 +20,31 @@ MAX_BYTES = 16 * 2**20
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
 
-_READERS: Mapping[str, Callable[[str, str, Glasses], Draft]] = {".dat": pbrt.draft, ".zmx": zemax.draft}
+_READERS: Mapping[str, Callable[[str, str, Choices], Draft]] = {".dat": pbrt.draft, ".zmx": zemax.draft}
 
 SUFFIXES = tuple(_READERS)
 """Suffixes of the files that `imported` reads, in lower case."""
 
 
-def imported(path: Path, glasses: Glasses = MappingProxyType({})) -> LensSpec:
+class Imported(NamedTuple):
+    """The lens of another program's file, and how that was read, where it leaves open what it means."""
+
+    spec: LensSpec
+    reading: Reading | None
+
+    def lens(self) -> Lens:
+        """The lens, which knows how it was read."""
+        return dataclasses.replace(self.spec.lens(), reading=self.reading)
+
+
+def imported(path: Path, choices: Choices = AS_IT_IS) -> Imported:
     """The lens of a file of pbrt (`.dat`) or Zemax (`.zmx`).
 
-    glasses : what names of glasses mean that are not in the catalogue, or not what it says.
+    choices : what the user says of it.
 
     Raises
     ------
-    SceneError : it cannot be read, or holds what is not supported; it names file and line.
+    SceneError : it cannot be read, may mean two lenses, or holds what is not supported; it names file and line.
     """
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
@@ -39,7 +52,8 @@ def imported(path: Path, glasses: Glasses = MappingProxyType({})) -> LensSpec:
             f"is no lens of another program: files that end in {' or '.join(SUFFIXES)} are", file=str(path)
         )
     # What a terminal would act upon has no meaning in a lens, whose name is printed.
-    return reader(_CONTROL.sub(" ", _text(path)), str(path), glasses).spec()
+    draft = reader(_CONTROL.sub(" ", _text(path)), str(path), choices)
+    return Imported(draft.spec(), draft.reading)
 
 
 def as_yaml(spec: LensSpec) -> str:
@@ -71,4 +85,4 @@ def _text(path: Path) -> str:
         return data.decode("latin-1")
 
 
-__all__ = ["SUFFIXES", "as_yaml", "checked_glasses", "imported"]
+__all__ = ["SUFFIXES", "Choices", "Imported", "as_yaml", "checked_glasses", "imported"]

@@ -2,13 +2,33 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NoReturn
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple, NoReturn
 
 from pydantic import ValidationError
 
 from raytracer.errors import SceneError
+from raytracer.lenses.lens import Reading
 from raytracer.lenses.prescription import LensSpec
 from raytracer.spec import sentence
+
+Glasses = Mapping[str, Any]
+"""What names of glasses mean, each a value such as `material` has it, where the catalogue does not know them."""
+
+
+class Choices(NamedTuple):
+    """What the user says of a file.
+
+    glasses : what names of glasses mean.
+    thickness : where it stands in a table, "after" or "before" each surface; None to tell it by the numbers.
+    """
+
+    glasses: Glasses = MappingProxyType({})
+    thickness: Literal["after", "before"] | None = None
+
+
+AS_IT_IS = Choices()
+"""Nothing is said of a file."""
 
 
 @dataclass
@@ -17,11 +37,13 @@ class Draft:
 
     values : its keys but `surfaces`, as in a lens file.
     surfaces : the keys of each surface, and the line that it stands on.
+    reading : how it was read, where it leaves that open.
     """
 
     file: str
     values: dict[str, Any] = field(default_factory=dict)
     surfaces: list[tuple[int, dict[str, Any]]] = field(default_factory=list)
+    reading: Reading | None = None
 
     def refuse(self, message: str, line: int | None = None) -> NoReturn:
         """Raise what is wrong with the file, on a line of it."""
@@ -66,7 +88,3 @@ def shape(curvature: float, conic: float = 0.0, coefficients: Sequence[float] = 
     if not radius:
         return {"type": "flat"}
     return {"type": "conic", **radius, "conic": conic} if conic != 0.0 else {"type": "spherical", **radius}
-
-
-Glasses = Mapping[str, Any]
-"""What names of glasses mean, each a value such as `material` has it, where the catalogue does not know them."""

@@ -27,7 +27,7 @@ from pydantic import ValidationError
 from raytracer.errors import shown
 from raytracer.glass import CATALOGUE, glass_of, nearest_name
 from raytracer.lenses.first_order import cardinal_points
-from raytracer.lenses.importing.draft import Draft, Glasses, rounded, shape
+from raytracer.lenses.importing.draft import Choices, Draft, Glasses, rounded, shape
 from raytracer.spec import sentence
 
 _UNITS = {"MM": 1.0, "CM": 10.0, "METER": 1000.0, "M": 1000.0, "IN": 25.4}
@@ -79,7 +79,7 @@ class _System:
     surfaces: list[_Surface] = field(default_factory=list)
 
 
-def draft(text: str, file: str, glasses: Glasses) -> Draft:
+def draft(text: str, file: str, choices: Choices) -> Draft:
     """The lens of a file.
 
     Raises
@@ -94,7 +94,7 @@ def draft(text: str, file: str, glasses: Glasses) -> Draft:
             _read(result, system, line, words, written)
     if len(system.surfaces) < 3:
         result.refuse(f"holds {len(system.surfaces)} surfaces: a lens needs one between the object and the image")
-    _convert(result, system, glasses)
+    _convert(result, system, choices.glasses)
     _add_numbers(result, system)
     return result
 

@@ -1,0 +1,52 @@
+"""What of a lens is probably not meant: stops that are hidden or block light, and focal lengths that are not."""
+
+import dataclasses
+import math
+import re
+
+import pytest
+
+from raytracer.assets.lenses import read_lens
+from raytracer.glass import AIR, constant
+from raytracer.lenses.doubts import doubts
+from raytracer.lenses.lens import Element, Lens
+from tests.lenses.test_shipped import SHIPPED
+
+
+def singlet(stop: float) -> Lens:
+    """Flat glass of index 1.5 and a radius of 50 mm, so that f = 100 mm, of diameter 25; 10 mm behind it a stop."""
+    glass = (Element(0.0, 5.0, constant(1.5), 12.5, "flat"), Element(-0.02, 10.0, AIR, 12.5))
+    return Lens("singlet", (*glass, Element(0.0, 0.0, AIR, 0.5 * stop, "stop", is_stop=True)), f_number=4.0)
+
+
+def test_shipped_lenses_have_none() -> None:
+    assert {name: found for name, path in SHIPPED.items() if (found := doubts(read_lens(path)))} == {}
+
+
+def test_a_stop_that_a_rim_hides_is_told() -> None:
+    # By Snell's law, light 12.5 mm from the axis is this wide 10 mm behind the vertex that it leaves by.
+    bent = math.asin(1.5 * 0.25) - math.asin(0.25)
+    width = 25.0 - 2.0 * (10.0 + 50.0 - math.sqrt(50.0**2 - 12.5**2)) * math.tan(bent)
+    (doubt,) = doubts(singlet(50.0))
+    assert doubt.startswith("its stop, surface 3, is hidden: the rim of surface 1 leaves light of the axis ")
+    share, f_number = map(float, re.findall(r"(\d+) %.* f/([\d.]+)$", doubt)[0])
+    assert share == pytest.approx(100.0 * width / 50.0, abs=0.5)
+    assert f_number == 4.0
+    # A third of a stop is a factor of 1.12 of the diameter.
+    assert doubts(singlet(1.12 * width)) == []
+    assert len(doubts(singlet(1.13 * width))) == 1
+
+
+def test_a_stop_that_blocks_light_is_told() -> None:
+    assert doubts(singlet(21.0)) == []
+    (doubt,) = doubts(singlet(2.25))
+    assert doubt == "its stop, surface 3, blocks light: it opens to f/40, and f/4 is published"
+    assert doubts(dataclasses.replace(singlet(2.25), f_number=None)) == []
+
+
+def test_a_focal_length_that_is_not_the_published_one_is_told() -> None:
+    lens = dataclasses.replace(singlet(21.0), focal_length=110.0)
+    assert doubts(lens) == []
+    assert doubts(dataclasses.replace(lens, focal_length=200.0)) == [
+        "its focal length is 100 mm, and 200 mm are published"
+    ]
