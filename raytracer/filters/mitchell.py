@@ -45,6 +45,11 @@ class Mitchell(FilterSpec):
     def reach(self) -> float:
         return 2.0
 
+    def has_negative_lobes(self) -> bool:
+        # At the distance 2 - t, f is t^2 (t (B + 6 C) - 6 C) / 6, below zero near t = 0 for any C above 0; for C = 0 it
+        # is so nowhere.
+        return self.c > 0.0
+
 
 class MitchellFilter(NamedTuple):
     """Packed for one axis: f by distance, and where to draw positions.
