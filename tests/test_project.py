@@ -18,6 +18,8 @@ import yaml
 import raytracer
 from raytracer.cli.main import app
 from raytracer.dump import plain, yaml_text
+from raytracer.errors import SceneError
+from raytracer.explanation import explain
 from raytracer.kinds import (
     APERTURES,
     CAMERAS,
@@ -145,6 +147,21 @@ def test_scenes_of_the_repository_are_valid(path: Path) -> None:
     load(path)
 
 
+def test_a_generated_file_that_is_missing_is_said_to_be_made_by_make_scenes(tmp_path: Path) -> None:
+    text = 'camera: {type: pinhole}\nfilm: {width: 8, height: 6}\nobjects: [{type: mesh, file: FOLDER/rock.ply}]\n'
+    for folder in ("generate", "lightfield"):
+        (tmp_path / folder).mkdir()
+    for name in ("generated", "../generated"):
+        path = tmp_path / ("lightfield" if name.startswith("..") else "") / "scene.yaml"
+        path.write_text(text.replace("FOLDER", name))
+        with pytest.raises(SceneError, match=rf"there is no file '{name}/rock.ply' in .*: `make scenes` makes it$"):
+            load(path, allow_files=[tmp_path])
+    # Of others nothing is known.
+    path.write_text(text.replace("FOLDER/", ""))
+    with pytest.raises(SceneError, match="the scene's folder$"):
+        load(path)
+
+
 # ---- Documents
 
 
@@ -208,6 +225,20 @@ def test_make_targets_that_documents_name_exist(document: Path) -> None:
     assert named or document != ROOT / "README.md"
     targets = set(re.findall(r"^([a-z-]+):", MAKEFILE, re.MULTILINE))
     assert {first or second for first, second in named} <= targets
+
+
+def test_the_readmes_far_ball_is_as_blurred_as_it_says(tmp_path: Path) -> None:
+    (text,) = (text for text in _fenced(README, "yaml") if "name: far" in text)
+    (told,) = re.findall(r"`far` is blurred by (\d+) px", README)
+    path = tmp_path / "ball.yaml"
+    path.write_text(text)
+    blurs = {}
+    for f_number in (16, 2):
+        objects = explain(load(path, {"camera.f_number": f_number})).objects
+        blurs[f_number] = objects["far"]["circle_of_confusion_px"]
+        assert objects["ball"]["circle_of_confusion_px"] == pytest.approx(0.0, abs=1e-9)
+    assert blurs[16] < 1.0
+    assert round(blurs[2]) == int(told) > 5
 
 
 def test_names_that_the_readme_uses_from_python_exist() -> None:
