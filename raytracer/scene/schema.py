@@ -1,8 +1,9 @@
 """The JSON Schema of scene files and lens files, for editors (draft 2020-12)."""
 
 import functools
-from collections.abc import Iterator
-from typing import Any
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
 
 from raytracer.lenses.prescription import LensSpec
 from raytracer.scene.spec import SceneSpec
@@ -68,3 +69,82 @@ def _mappings(node: Any) -> Iterator[dict[str, Any]]:
 def _unit(node: dict[str, Any]) -> str | None:
     """The unit of a property's plain numbers."""
     return node.get("x-unit") or next((unit for choice in node.get("anyOf", ()) if (unit := _unit(choice))), None)
+
+
+# ---- Mappings within others
+
+
+class Nested(NamedTuple):
+    """What may stand where a key takes mappings that are of no family of kinds.
+
+    key : the key that is met first.
+    places : all such keys, each behind what it is a key of: `camera.shake`, `motion.keyframes[]`.
+    forms : the schemas of the mappings, each with `properties`.
+    names : their names among the definitions; None for those that stand in no definition.
+    """
+
+    key: str
+    places: list[str]
+    forms: list[Mapping[str, Any]]
+    names: list[str | None]
+
+
+def nested_mappings(whole: Mapping[str, Any]) -> list[Nested]:
+    """List the mappings at any depth of a schema that are of no family of kinds, in the order of their keys."""
+    found: dict[str, Nested] = {}
+    met: set[str] = set()
+
+    def look(owner: str, node: Mapping[str, Any]) -> None:
+        for key, below in node["properties"].items():
+            forms = list(_forms(whole, below, key))
+            plain = [form for form in forms if not _is_kind(form.node)]
+            # Forms of one place belong together, such as steps of a transform and its matrix.
+            marks = [form.name or json.dumps(form.node, sort_keys=True) for form in plain]
+            known = next((found[mark] for mark in marks if mark in found), None)
+            if plain and known is None:
+                known = Nested(key, [], [], [])
+            for mark, form in zip(marks, plain, strict=True):
+                assert known is not None
+                place = f"{owner}.{form.path}"
+                known.places.extend([] if place in known.places else [place])
+                if mark not in found:
+                    found[mark] = known
+                    known.forms.append(form.node)
+                    known.names.append(form.name)
+                    look(known.key, form.node)
+            for form in forms:
+                if _is_kind(form.node) and form.name is not None and form.name not in met:
+                    met.add(form.name)
+                    look(form.path, form.node)
+
+    look("scene", whole)
+    return list({id(each): each for each in found.values()}.values())
+
+
+class _Form(NamedTuple):
+    """A mapping that a value may be or hold: the path to it from its key on, its schema, and the definition's name."""
+
+    path: str
+    node: Mapping[str, Any]
+    name: str | None
+
+
+def _is_kind(node: Mapping[str, Any]) -> bool:
+    """Tell whether a mapping is a kind of a family, which its `type` names."""
+    return "const" in node["properties"].get("type", {})
+
+
+def _forms(whole: Mapping[str, Any], node: Mapping[str, Any], path: str, name: str | None = None) -> Iterator[_Form]:
+    """Go through the mappings that a value may be, or be a list or a mapping of."""
+    if "properties" in node:
+        yield _Form(path, node, name)
+    elif "$ref" in node:
+        below = node["$ref"].rpartition("/")[2]
+        yield from _forms(whole, whole["$defs"][below], path, below)
+    for choice in (*node.get("anyOf", ()), *node.get("oneOf", ())):
+        yield from _forms(whole, choice, path)
+    for key, mark in (("items", "[]"), ("additionalProperties", ".NAME")):
+        if isinstance(node.get(key), Mapping) and "properties" not in node:
+            yield from _forms(whole, node[key], path + mark)
+    for item in node.get("prefixItems", ()):
+        yield from _forms(whole, item, f"{path}[]")
