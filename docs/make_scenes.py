@@ -27,7 +27,7 @@ from raytracer.kinds import (
 )
 from raytracer.materials.interface import MaterialSpec
 from raytracer.photography import crop_factor
-from raytracer.scene.schema import Nested, nested_mappings, schema
+from raytracer.scene.schema import Nested, meaning, name_of, nested_mappings, schema
 from raytracer.scene.spec import Film, Render, SceneSpec
 from raytracer.sensors import SENSORS
 from raytracer.shapes.interface import ShapeSpec
@@ -54,8 +54,9 @@ objects:
   - {type: sphere, name: ball, center: [0, 1, 0], radius: 1, material: clay}
 ```
 
-`rt validate SCENE` checks a file, `rt explain SCENE` says what it will make the program do, and `rt schema` prints the
-JSON Schema with which an editor completes keys and marks mistakes.
+`rt validate SCENE` checks a file, `rt explain SCENE` says what it will make the program do, and with `--all` also what
+every key is set to and means, at any depth; `rt schema` prints the JSON Schema with which an editor completes keys and
+marks mistakes.
 
 ## Rules
 
@@ -311,15 +312,6 @@ def cell(text: str) -> str:
     return re.sub(r"(?<!\\)\|", r"\\|", " ".join(text.split()))
 
 
-def meaning(node: Mapping[str, Any]) -> str:
-    """A property's description, with its unit in it once."""
-    description = str(node.get("description", ""))
-    text, bracket, unit = description.partition(" [")
-    if bracket and unit.endswith(", or with a unit]"):
-        return text if re.search(r"\((m|mm|nm|deg|s|Hz|m/s|deg/s)[;)]", text) else f"{text} ({unit.split(',')[0]})"
-    return description
-
-
 def default(key: str, node: Mapping[str, Any], spec: type[Spec]) -> str:
     """What stands where the key is not given."""
     if spec.model_fields[key].is_required():
@@ -378,12 +370,6 @@ def kind(name: str, spec: type[Spec], base: frozenset[str]) -> Iterator[str]:
     yield words(spec.__doc__) + "\n"
     yield f"```yaml\n{snippet(sys.modules[spec.__module__].__doc__)}\n```\n"
     yield from table(spec, definition(spec), base | {"type"})
-
-
-def name_of(spec: type[Spec]) -> str:
-    """What a spec is called in the schema."""
-    is_alone = spec.__name__ in schema()["$defs"]
-    return spec.__name__ if is_alone else f"{spec.__module__}.{spec.__name__}".replace(".", "__")
 
 
 def definition(spec: type[Spec]) -> Mapping[str, Any]:

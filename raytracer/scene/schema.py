@@ -2,11 +2,15 @@
 
 import functools
 import json
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from raytracer.lenses.prescription import LensSpec
 from raytracer.scene.spec import SceneSpec
+from raytracer.spec import Spec
+
+_HAS_UNIT = re.compile(r"\((m|mm|nm|deg|s|Hz|m/s|deg/s)[;)]")
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -39,6 +43,28 @@ def schema() -> dict[str, Any]:
 def lens_schema() -> dict[str, Any]:
     """The JSON Schema of a lens file, likewise."""
     return _finished(LensSpec.model_json_schema(mode="validation"), "rt lens")
+
+
+def name_of(spec: type[Spec]) -> str:
+    """Return what the schema calls a class of mappings among its definitions."""
+    is_alone = spec.__name__ in schema()["$defs"]
+    return spec.__name__ if is_alone else f"{spec.__module__}.{spec.__name__}".replace(".", "__")
+
+
+def properties_of(spec: type[Spec]) -> Mapping[str, Any]:
+    """Return the schemas of the keys of a class of mappings of a scene, with units in their descriptions."""
+    whole = schema()
+    found: Mapping[str, Any] = (whole if spec is SceneSpec else whole["$defs"][name_of(spec)])["properties"]
+    return found
+
+
+def meaning(node: Mapping[str, Any]) -> str:
+    """Return the description of a property, with its unit in it once."""
+    description = str(node.get("description", ""))
+    text, bracket, unit = description.partition(" [")
+    if bracket and unit.endswith(", or with a unit]"):
+        return text if _HAS_UNIT.search(text) else f"{text} ({unit.split(',')[0]})"
+    return description
 
 
 def _finished(schema: dict[str, Any], title: str) -> dict[str, Any]:
@@ -96,8 +122,8 @@ def nested_mappings(whole: Mapping[str, Any]) -> list[Nested]:
 
     def look(owner: str, node: Mapping[str, Any]) -> None:
         for key, below in node["properties"].items():
-            forms = list(_forms(whole, below, key))
-            plain = [form for form in forms if not _is_kind(form.node)]
+            forms = list(forms_of(whole, below, key))
+            plain = [form for form in forms if not form.is_kind]
             # Forms of one place belong together, such as steps of a transform and its matrix.
             marks = [form.name or json.dumps(form.node, sort_keys=True) for form in plain]
             known = next((found[mark] for mark in marks if mark in found), None)
@@ -113,7 +139,7 @@ def nested_mappings(whole: Mapping[str, Any]) -> list[Nested]:
                     known.names.append(form.name)
                     look(known.key, form.node)
             for form in forms:
-                if _is_kind(form.node) and form.name is not None and form.name not in met:
+                if form.is_kind and form.name is not None and form.name not in met:
                     met.add(form.name)
                     look(form.path, form.node)
 
@@ -121,30 +147,30 @@ def nested_mappings(whole: Mapping[str, Any]) -> list[Nested]:
     return list({id(each): each for each in found.values()}.values())
 
 
-class _Form(NamedTuple):
+class Form(NamedTuple):
     """A mapping that a value may be or hold: the path to it from its key on, its schema, and the definition's name."""
 
     path: str
     node: Mapping[str, Any]
     name: str | None
 
+    @property
+    def is_kind(self) -> bool:
+        """Tell whether it is a kind of a family, which its `type` names."""
+        return "const" in self.node["properties"].get("type", {})
 
-def _is_kind(node: Mapping[str, Any]) -> bool:
-    """Tell whether a mapping is a kind of a family, which its `type` names."""
-    return "const" in node["properties"].get("type", {})
 
-
-def _forms(whole: Mapping[str, Any], node: Mapping[str, Any], path: str, name: str | None = None) -> Iterator[_Form]:
+def forms_of(whole: Mapping[str, Any], node: Mapping[str, Any], path: str, name: str | None = None) -> Iterator[Form]:
     """Go through the mappings that a value may be, or be a list or a mapping of."""
     if "properties" in node:
-        yield _Form(path, node, name)
+        yield Form(path, node, name)
     elif "$ref" in node:
         below = node["$ref"].rpartition("/")[2]
-        yield from _forms(whole, whole["$defs"][below], path, below)
+        yield from forms_of(whole, whole["$defs"][below], path, below)
     for choice in (*node.get("anyOf", ()), *node.get("oneOf", ())):
-        yield from _forms(whole, choice, path)
+        yield from forms_of(whole, choice, path)
     for key, mark in (("items", "[]"), ("additionalProperties", ".NAME")):
         if isinstance(node.get(key), Mapping) and "properties" not in node:
-            yield from _forms(whole, node[key], path + mark)
+            yield from forms_of(whole, node[key], path + mark)
     for item in node.get("prefixItems", ()):
-        yield from _forms(whole, item, f"{path}[]")
+        yield from forms_of(whole, item, f"{path}[]")
