@@ -243,8 +243,16 @@ WITHIN_INTRODUCTION = """\
 Mappings without a `type` that names their kind, each under the key that takes it: what `camera.shake` may hold is under
 `shake`. The tables above lead here."""
 
-DETAILS = {"motion": MOTION, "exposure": EXPOSURE}
+GLASSES = """\
+An index, the name of a glass of the catalogue ([lenses.md](lenses.md#glass) lists it), or one of these, by the
+wavelength l:
+"""
+
+DETAILS = {"motion": MOTION, "exposure": EXPOSURE, "ior": GLASSES}
 """What is to be said of some of them besides."""
+
+_MOST_NAMES = 12
+"""Names of a catalogue are not listed by every key that takes one."""
 
 FAMILIES: tuple[tuple[str, str, Family], ...] = (
     ("Cameras", "The value of `camera`.", CAMERAS),
@@ -265,6 +273,8 @@ FAMILIES: tuple[tuple[str, str, Family], ...] = (
 
 def values(node: Mapping[str, Any]) -> str:
     """What a property of the schema may be, in a few words; mappings lead to the table of their keys."""
+    if len(node.get("enum", ())) > _MOST_NAMES:
+        return "name"
     if "enum" in node:
         return " \\| ".join(f"`{value}`" for value in node["enum"])
     if "const" in node:

@@ -6,6 +6,9 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from pydantic.json_schema import GenerateJsonSchema
+
+from raytracer.dump import plain_value
 from raytracer.lenses.prescription import LensSpec
 from raytracer.scene.spec import SceneSpec
 from raytracer.spec import Spec
@@ -15,10 +18,17 @@ _HAS_UNIT = re.compile(r"\((m|mm|nm|deg|s|Hz|m/s|deg/s)[;)]")
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
+class _Generator(GenerateJsonSchema):
+    """Writes defaults as a file would, glasses by name or index too."""
+
+    def encode_default(self, dft: Any) -> Any:
+        return super().encode_default(plain_value(dft))
+
+
 @functools.cache
 def schema() -> dict[str, Any]:
     """The JSON Schema of a scene file, with every key's description, unit, default and range; not to be changed."""
-    result = SceneSpec.model_json_schema(mode="validation")
+    result = SceneSpec.model_json_schema(mode="validation", schema_generator=_Generator)
     definitions = result["$defs"]
 
     # An object takes a material in place of a material's name.
@@ -42,7 +52,7 @@ def schema() -> dict[str, Any]:
 @functools.cache
 def lens_schema() -> dict[str, Any]:
     """The JSON Schema of a lens file, likewise."""
-    return _finished(LensSpec.model_json_schema(mode="validation"), "rt lens")
+    return _finished(LensSpec.model_json_schema(mode="validation", schema_generator=_Generator), "rt lens")
 
 
 def name_of(spec: type[Spec]) -> str:
