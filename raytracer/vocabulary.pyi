@@ -967,6 +967,8 @@ class _Filters:
     ) -> _Mitchell:
         """A cubic, separable filter of radius 2 with negative lobes, drawn by its magnitude and weighted by its sign.
 
+        Pixels beside bright edges may thereby be below zero, of which renders tell the number.
+
         References: Mitchell, Netravali 1988, "Reconstruction Filters in Computer Graphics", eq. 8.
 
         Parameters
