@@ -4,6 +4,7 @@ What it says of a key is the key's own description in the code, so the reference
 the two.
 """
 
+import functools
 import json
 import re
 import sys
@@ -12,8 +13,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from raytracer.apertures.vignetting import Vignetting
-from raytracer.film.tone import ToneCurveSpec
 from raytracer.kinds import (
     APERTURES,
     CAMERAS,
@@ -27,15 +26,12 @@ from raytracer.kinds import (
     Family,
 )
 from raytracer.materials.interface import MaterialSpec
-from raytracer.motion import Keyframe, Motion, Spin
-from raytracer.photography import AutoExposure, crop_factor
-from raytracer.scene.schema import schema
+from raytracer.photography import crop_factor
+from raytracer.scene.schema import Nested, meaning, name_of, nested_mappings, schema
 from raytracer.scene.spec import Film, Render, SceneSpec
-from raytracer.sensors import SENSORS, SensorSpec
+from raytracer.sensors import SENSORS
 from raytracer.shapes.interface import ShapeSpec
-from raytracer.shapes.mesh import Frame
-from raytracer.shutter import ShutterSpec
-from raytracer.spec import Rotate, Spec, Step
+from raytracer.spec import Spec
 
 OUTPUT = Path(__file__).with_name("scenes.md")
 
@@ -58,8 +54,9 @@ objects:
   - {type: sphere, name: ball, center: [0, 1, 0], radius: 1, material: clay}
 ```
 
-`rt validate SCENE` checks a file, `rt explain SCENE` says what it will make the program do, and `rt schema` prints the
-JSON Schema with which an editor completes keys and marks mistakes.
+`rt validate SCENE` checks a file, `rt explain SCENE` says what it will make the program do, and with `--all` also what
+every key is set to and means, at any depth; `rt schema` prints the JSON Schema with which an editor completes keys and
+marks mistakes.
 
 ## Rules
 
@@ -242,6 +239,21 @@ time of ISO 100 is as bright and, but for read noise, sqrt(32) times as noisy. V
 bits allow. Light is gathered with a noise of its own, as always, so take enough samples to tell the two apart.
 """
 
+WITHIN_INTRODUCTION = """\
+Mappings without a `type` that names their kind, each under the key that takes it: what `camera.shake` may hold is under
+`shake`. The tables above lead here."""
+
+GLASSES = """\
+An index, the name of a glass of the catalogue ([lenses.md](lenses.md#glass) lists it), or one of these, by the
+wavelength l:
+"""
+
+DETAILS = {"motion": MOTION, "exposure": EXPOSURE, "ior": GLASSES}
+"""What is to be said of some of them besides."""
+
+_MOST_NAMES = 12
+"""Names of a catalogue are not listed by every key that takes one."""
+
 FAMILIES: tuple[tuple[str, str, Family], ...] = (
     ("Cameras", "The value of `camera`.", CAMERAS),
     ("Apertures", APERTURES_INTRODUCTION, APERTURES),
@@ -260,37 +272,54 @@ FAMILIES: tuple[tuple[str, str, Family], ...] = (
 
 
 def values(node: Mapping[str, Any]) -> str:
-    """What a property of the schema may be, in a few words."""
+    """What a property of the schema may be, in a few words; mappings lead to the table of their keys."""
+    if len(node.get("enum", ())) > _MOST_NAMES:
+        return "name"
     if "enum" in node:
         return " \\| ".join(f"`{value}`" for value in node["enum"])
     if "const" in node:
         return f"`{node['const']}`"
-    if "$ref" in node or "oneOf" in node:
-        return "mapping"
+    if "$ref" in node or "oneOf" in node or "properties" in node:
+        return f"[mapping](#{anchor(node)})"
     if "prefixItems" in node:
         return f"list of {len(node['prefixItems'])}"
     if node.get("type") == "array":
-        count = node.get("maxItems")
+        count, items = node.get("maxItems"), node.get("items", {})
+        if "[mapping]" in (item := values(items)):
+            return f"list of {item}"
+        if count != node.get("minItems"):
+            return "list" if count is None else f"list of up to {count}"
         return {3: "vector", None: "list"}.get(count, f"list of {count}")
     if "anyOf" in node:
         found = [values(choice) for choice in node["anyOf"] if "pattern" not in choice and choice.get("type") != "null"]
         return " or ".join(dict.fromkeys(found))
+    if isinstance(node.get("additionalProperties"), Mapping):
+        return f"names, each with {values(node['additionalProperties'])}"
     names = {"boolean": "true or false", "integer": "whole number", "string": "text", "object": "mapping"}
     return names.get(node.get("type", ""), node.get("type", "any"))
+
+
+@functools.cache
+def anchors() -> Mapping[str, str]:
+    """Where the keys of each mapping are: by the names of definitions, or by the whole schema of what is in none."""
+    found = {"Material": "materials", "Texture": "textures"}
+    for title, _, family in FAMILIES:
+        found |= dict.fromkeys(map(name_of, family.specs().values()), title.lower())
+    for nested in nested_mappings(schema()):
+        for form, name in zip(nested.forms, nested.names, strict=True):
+            found[name or json.dumps(form)] = nested.key
+    return found
+
+
+def anchor(node: Mapping[str, Any]) -> str:
+    """The heading under which the keys of a mapping are; of several kinds, that of their family."""
+    first = node["oneOf"][0] if "oneOf" in node else node
+    return anchors()[first["$ref"].rpartition("/")[2] if "$ref" in first else json.dumps(first)]
 
 
 def cell(text: str) -> str:
     """Text on one line, with nothing that would end a table's cell."""
     return re.sub(r"(?<!\\)\|", r"\\|", " ".join(text.split()))
-
-
-def meaning(node: Mapping[str, Any]) -> str:
-    """A property's description, with its unit in it once."""
-    description = str(node.get("description", ""))
-    text, bracket, unit = description.partition(" [")
-    if bracket and unit.endswith(", or with a unit]"):
-        return text if re.search(r"\((m|mm|deg|s|m/s|deg/s)\)", text) else f"{text} ({unit.split(',')[0]})"
-    return description
 
 
 def default(key: str, node: Mapping[str, Any], spec: type[Spec]) -> str:
@@ -312,15 +341,16 @@ def formats() -> Iterator[str]:
     yield ""
 
 
-def table(spec: type[Spec], node: Mapping[str, Any], leave_out: frozenset[str] = frozenset()) -> Iterator[str]:
-    """The keys of a mapping."""
+def table(spec: type[Spec] | None, node: Mapping[str, Any], leave_out: frozenset[str] = frozenset()) -> Iterator[str]:
+    """The keys of a mapping; `spec` is its class, None if it has none."""
     properties = {key: below for key, below in node["properties"].items() if key not in leave_out}
     if not properties:
         yield "It has no keys of its own.\n"
         return
     yield "| key | value | default | meaning |\n|---|---|---|---|"
     for key, below in properties.items():
-        yield f"| `{key}` | {values(below)} | {default(key, below, spec)} | {cell(meaning(below))} |"
+        usual = "needed" if spec is None else default(key, below, spec)
+        yield f"| `{key}` | {values(below)} | {usual} | {cell(meaning(below))} |"
     yield ""
 
 
@@ -354,10 +384,46 @@ def kind(name: str, spec: type[Spec], base: frozenset[str]) -> Iterator[str]:
 
 def definition(spec: type[Spec]) -> Mapping[str, Any]:
     """The spec's part of the whole schema, with units in its descriptions."""
-    definitions = schema()["$defs"]
-    name = spec.__name__ if spec.__name__ in definitions else f"{spec.__module__}.{spec.__name__}".replace(".", "__")
-    found: Mapping[str, Any] = definitions[name]
+    found: Mapping[str, Any] = schema()["$defs"][name_of(spec)]
     return found
+
+
+def specs_by_name() -> dict[str, type[Spec]]:
+    """All classes of mappings of a scene, by what the schema calls them."""
+    found, left = {}, [Spec]
+    while left:
+        left += (spec := left.pop()).__subclasses__()
+        found[name_of(spec)] = spec
+    return found
+
+
+def within(nested: Nested, shown: set[str]) -> Iterator[str]:
+    """The section of a mapping within others.
+
+    shown : the modules whose example is in the reference already, to which this one's is added.
+    """
+    yield f"### {nested.key}\n"
+    # Groups hold what the list of objects does.
+    places = dict.fromkeys(place.replace("groups.NAME[]", "objects[]").rstrip("[]") for place in nested.places)
+    yield f"Of {', '.join(f'`{place}`' for place in places)}.\n"
+    known = specs_by_name()
+    specs = [None if name is None else known[name] for name in nested.names]
+    for spec in specs:
+        if spec is not None and spec.__doc__:
+            yield words(spec.__doc__) + "\n"
+            text = sys.modules[spec.__module__].__doc__ or ""
+            if "In a scene:" in text and spec.__module__ not in shown and nested.key not in DETAILS:
+                shown.add(spec.__module__)
+                yield f"```yaml\n{snippet(text)}\n```\n"
+    if nested.key in DETAILS:
+        yield DETAILS[nested.key]
+    if nested.key == "sensor":
+        yield "The formats, any of which may stand in place of the mapping:\n"
+        yield from formats()
+    for number, (spec, form) in enumerate(zip(specs, nested.forms, strict=True)):
+        if number:
+            yield "or:\n"
+        yield from table(spec, form)
 
 
 def reference() -> str:
@@ -372,22 +438,7 @@ def reference() -> str:
     shape = next(iter(SHAPES.specs().values()))
     parts += ["### objects\n", "Every object may have these keys; those of its shape are [below](#shapes).\n"]
     parts += table(shape, definition(shape), frozenset(shape.model_fields) - common)
-    parts += ["A step of a transform is one of:\n", *table(Step, definition(Step))]
-    parts += ["and `rotate` holds:\n", *table(Rotate, definition(Rotate))]
     parts += ["### groups\n", GROUPS]
-    parts += ["### motion\n", MOTION, *table(Motion, definition(Motion))]
-    parts += ["`spin` holds:\n", *table(Spin, definition(Spin))]
-    parts += ["and a keyframe:\n", *table(Keyframe, definition(Keyframe))]
-    parts += ["A camera's `shutter` is a duration, or:\n", *table(ShutterSpec, definition(ShutterSpec))]
-    parts += ["A frame of a mesh holds:\n", *table(Frame, definition(Frame))]
-    parts += ["### exposure\n", EXPOSURE, *table(AutoExposure, definition(AutoExposure))]
-    parts += [
-        "A camera's `sensor` is the name of a format:\n",
-        *formats(),
-        "or a mapping:\n",
-        *table(SensorSpec, definition(SensorSpec)),
-    ]
-    parts += ["`film.tone_curve` is a type, or:\n", *table(ToneCurveSpec, definition(ToneCurveSpec))]
 
     relief = frozenset(MaterialSpec.model_fields) - {"type"}
     material = next(iter(MATERIALS.specs().values()))
@@ -399,13 +450,12 @@ def reference() -> str:
             parts += [f"## {title}\n", introduction + "\n"]
             for name, spec in specs.items():
                 parts += kind(name, spec, hidden.get(family, frozenset()))
-        if family is APERTURES:
-            parts += [
-                "### vignetting\n",
-                "The value of a thin lens's `vignetting`.\n",
-                words(Vignetting.__doc__) + "\n",
-            ]
-            parts += table(Vignetting, definition(Vignetting))
+
+    shown = {spec.__module__ for _, _, family in FAMILIES for spec in family.specs().values()}
+    parts += ["## Mappings within others\n", WITHIN_INTRODUCTION + "\n"]
+    for nested in nested_mappings(schema()):
+        if not {Film.__name__, Render.__name__} & set(nested.names):
+            parts += within(nested, shown)
     return "\n".join(parts).rstrip() + "\n"
 
 

@@ -9,7 +9,9 @@ from raytracer.cameras.moving import camera_at
 from raytracer.film.exposure import Frame, Setting
 from raytracer.film.film import Film, develop
 from raytracer.film.image import Image
+from raytracer.film.negative import causes_of
 from raytracer.film.photograph import RADIANCE, Process, check_process, photograph
+from raytracer.integrator import Scene
 from raytracer.kinds import AOVS
 from raytracer.plenoptic.layout import Layout
 from raytracer.scene.focus import middle_of
@@ -43,6 +45,17 @@ def check_development(spec: SceneSpec, window: Window) -> None:
     """
     frame = _frame(spec, window)
     check_process(process_of(spec), frame, window.bottom - window.top, window.right - window.left)
+
+
+def negative_causes(spec: SceneSpec, scene: Scene) -> tuple[str, ...]:
+    """List what of a packed scene may bring pixels of its picture below zero."""
+    process = process_of(spec)
+    spectrum = scene.spectrum
+    return causes_of(
+        has_negative_lobes=spec.film.filter.has_negative_lobes(),
+        is_spectral=spectrum is not None and bool((spectrum.spectra.response < 0.0).any()),
+        has_read_noise=process.sensor is not None and process.exposure is not None,
+    )
 
 
 def recording_of(

@@ -328,12 +328,16 @@ class Index(Check):
             "maxItems": _MOST_TERMS,
         }
         text = {"type": "string", "pattern": quantity_pattern("number")}
-        terms = _closed({"b": numbers, "c": numbers})
-        mappings = [
-            _closed({"index": number, "abbe": abbe}),
-            _closed({"cauchy": numbers}),
-            _closed({"sellmeier": terms}),
-        ]
+        strengths = {**numbers, "description": "strengths b of the terms b l^2 / (l^2 - c)"}
+        poles = {**numbers, "description": "constants c of the terms (um^2), as many"}
+        terms = _closed({"b": strengths, "c": poles})
+        by_abbe = {
+            "index": {**number, "description": "index at the d line, 587.6 nm"},
+            "abbe": {**abbe, "description": "Abbe number V_d; n = A + B / l^2 then goes through both"},
+        }
+        cauchy = {**numbers, "description": "A, B, C ... of n = A + B / l^2 + C / l^4 + ..., l in um"}
+        sellmeier = {**terms, "description": "n^2 = 1 + the sum of b l^2 / (l^2 - c), l in um"}
+        mappings = [_closed(by_abbe), _closed({"cauchy": cauchy}), _closed({"sellmeier": sellmeier})]
         return {"anyOf": [number, {"enum": list(CATALOGUE)}, text, *mappings]}
 
 

@@ -17,12 +17,13 @@ from raytracer import __version__, memory
 from raytracer.accumulation import FilmView
 from raytracer.adaptive import Adaptive, Aim, Outcome, Pilots, Standing
 from raytracer.checkpoints import Keeper, identity_of
-from raytracer.development import check_development, finish, recording_of
+from raytracer.development import check_development, finish, negative_causes, recording_of
 from raytracer.embree import PACKET, Accel
 from raytracer.errors import InputError, OutputError, SceneWarning
 from raytracer.film.exposure import Setting
 from raytracer.film.film import Film
 from raytracer.film.image import Image
+from raytracer.film.negative import find_negatives
 from raytracer.integrator import Scene
 from raytracer.jit import alone
 from raytracer.noise import Estimate, Tally, steepest_of
@@ -84,12 +85,14 @@ class Stats:
     not finite; first_nan, `pixel` (x, y) and `sample` of the first of them, row by row, or None; fireflies, `pixels`
     that one sample has made far brighter than those around, `light`, by which part of the picture's light, `brightest`
     (x, y), the `sample` that made it so, and `clamp`, a limit for radiance that would take them away, or None; empty
-    without any; clamp, its `limit`, and the parts of the `light` that it took and of the `samples` that it did so from;
-    empty without one; error, `relative` (RMS, of the light that reached the film, before it was denoised), `low` and
-    `high`, the ends of its 95 % interval, the local `exponent` of its square over samples, and `target`, if one was
-    given; empty below 16 samples a pixel; threads, those of a cluster's workers included, whose
-    names are `workers`, none without a cluster; effects, the names of those simulated; exposure, its numbers by
-    name, none for a picture of plain radiance; peak_rss_bytes, of the process.
+    without any; negative_pixels, those of the finished picture with a channel below zero; negative, the `lowest` value
+    of any, its `pixel` (x, y), and the `causes` that the scene has for them (film/negative.py); empty without any;
+    clamp, its `limit`, and the parts of the `light` that it took and of the `samples` that it did so from; empty
+    without one; error, `relative` (RMS, of the light that reached the film, before it was denoised), `low` and `high`,
+    the ends of its 95 % interval, the local `exponent` of its square over samples, and `target`, if one was given;
+    empty below 16 samples a pixel; threads, those of a cluster's workers included, whose names are `workers`, none
+    without a cluster; effects, the names of those simulated; exposure, its numbers by name, none for a picture of plain
+    radiance; peak_rss_bytes, of the process.
     """
 
     seconds: dict[str, float] = field(default_factory=dict)
@@ -101,6 +104,8 @@ class Stats:
     nan_samples: int = 0
     first_nan: dict[str, Any] | None = None
     fireflies: dict[str, Any] = field(default_factory=dict)
+    negative_pixels: int = 0
+    negative: dict[str, Any] = field(default_factory=dict)
     clamp: dict[str, float] = field(default_factory=dict)
     error: dict[str, float] = field(default_factory=dict)
     threads: int = 0
@@ -515,6 +520,7 @@ class Ready:
         header = _header(spec, asked.crop, stats, is_adaptive=asked.is_adaptive)
         image, setting = render.finished(header, clock.lap, is_final=True)
         stats.exposure = {} if setting is None else setting.numbers()
+        render.diagnose_picture(image, stats)
         stats.seconds["total"] = sum(stats.seconds.values())
         stats.peak_rss_bytes = peak_rss_bytes()
         interrupted = canvas.crew.interrupted
@@ -579,6 +585,12 @@ class _Render:
         found = find_fireflies(film.mean, film.m2, film.count)
         if found is not None:
             stats.fireflies = self._of_fireflies(found)
+
+    def diagnose_picture(self, image: Image, stats: Stats) -> None:
+        """Note what is wrong with the finished picture."""
+        causes = negative_causes(self._spec, self._scene)
+        found = find_negatives(image.radiance, causes, self._sheet.left, self._sheet.top)
+        stats.negative_pixels, stats.negative = found
 
     def _taken(self, row: int, column: int) -> int:
         """Samples that a pixel of the film was given."""

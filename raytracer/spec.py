@@ -482,7 +482,9 @@ class Transform:
         rows = {"type": "array", "items": row, "minItems": 4, "maxItems": 4}
         matrix = {
             "type": "object",
-            "properties": {"matrix": rows},
+            "properties": {
+                "matrix": {**rows, "description": "Four rows of four numbers, for column vectors; the last 0, 0, 0, 1"}
+            },
             "required": ["matrix"],
             "additionalProperties": False,
         }

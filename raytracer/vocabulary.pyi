@@ -234,7 +234,8 @@ class _Cameras:
             is of one moment [seconds, or with a unit]
         time : time of the scene (s) at which a shutter given by its duration opens; default 0 [seconds, or with a unit]
         motion : how the camera moves: velocity (m/s), spin {axis, rate, center} or keyframes
-        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}
+        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}; the
+            amplitude is the root mean square of the angle about each of three axes
         exposure : auto, or {metering: spot, at: [x, y], size}: exposes the picture by what is metered in it; without it
             and `iso`, pixels are plain radiance
         exposure_compensation : stops (EV) by which the picture is made brighter than `iso` or `exposure` make it
@@ -279,7 +280,8 @@ class _Cameras:
             is of one moment [seconds, or with a unit]
         time : time of the scene (s) at which a shutter given by its duration opens; default 0 [seconds, or with a unit]
         motion : how the camera moves: velocity (m/s), spin {axis, rate, center} or keyframes
-        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}
+        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}; the
+            amplitude is the root mean square of the angle about each of three axes
         exposure : auto, or {metering: spot, at: [x, y], size}: exposes the picture by what is metered in it; without it
             and `iso`, pixels are plain radiance
         exposure_compensation : stops (EV) by which the picture is made brighter than `iso` or `exposure` make it
@@ -323,7 +325,8 @@ class _Cameras:
             is of one moment [seconds, or with a unit]
         time : time of the scene (s) at which a shutter given by its duration opens; default 0 [seconds, or with a unit]
         motion : how the camera moves: velocity (m/s), spin {axis, rate, center} or keyframes
-        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}
+        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}; the
+            amplitude is the root mean square of the angle about each of three axes
         exposure : auto, or {metering: spot, at: [x, y], size}: exposes the picture by what is metered in it; without it
             and `iso`, pixels are plain radiance
         exposure_compensation : stops (EV) by which the picture is made brighter than `iso` or `exposure` make it
@@ -399,7 +402,8 @@ class _Cameras:
             is of one moment [seconds, or with a unit]
         time : time of the scene (s) at which a shutter given by its duration opens; default 0 [seconds, or with a unit]
         motion : how the camera moves: velocity (m/s), spin {axis, rate, center} or keyframes
-        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}
+        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}; the
+            amplitude is the root mean square of the angle about each of three axes
         exposure : auto, or {metering: spot, at: [x, y], size}: exposes the picture by what is metered in it; without it
             and `iso`, pixels are plain radiance
         exposure_compensation : stops (EV) by which the picture is made brighter than `iso` or `exposure` make it
@@ -500,7 +504,8 @@ class _Cameras:
             is of one moment [seconds, or with a unit]
         time : time of the scene (s) at which a shutter given by its duration opens; default 0 [seconds, or with a unit]
         motion : how the camera moves: velocity (m/s), spin {axis, rate, center} or keyframes
-        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}
+        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}; the
+            amplitude is the root mean square of the angle about each of three axes
         exposure : auto, or {metering: spot, at: [x, y], size}: exposes the picture by what is metered in it; without it
             and `iso`, pixels are plain radiance
         exposure_compensation : stops (EV) by which the picture is made brighter than `iso` or `exposure` make it
@@ -552,7 +557,8 @@ class _Cameras:
             is of one moment [seconds, or with a unit]
         time : time of the scene (s) at which a shutter given by its duration opens; default 0 [seconds, or with a unit]
         motion : how the camera moves: velocity (m/s), spin {axis, rate, center} or keyframes
-        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}
+        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}; the
+            amplitude is the root mean square of the angle about each of three axes
         exposure : auto, or {metering: spot, at: [x, y], size}: exposes the picture by what is metered in it; without it
             and `iso`, pixels are plain radiance
         exposure_compensation : stops (EV) by which the picture is made brighter than `iso` or `exposure` make it
@@ -597,7 +603,8 @@ class _Cameras:
             is of one moment [seconds, or with a unit]
         time : time of the scene (s) at which a shutter given by its duration opens; default 0 [seconds, or with a unit]
         motion : how the camera moves: velocity (m/s), spin {axis, rate, center} or keyframes
-        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}
+        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}; the
+            amplitude is the root mean square of the angle about each of three axes
         exposure : auto, or {metering: spot, at: [x, y], size}: exposes the picture by what is metered in it; without it
             and `iso`, pixels are plain radiance
         exposure_compensation : stops (EV) by which the picture is made brighter than `iso` or `exposure` make it
@@ -637,7 +644,8 @@ class _Cameras:
             is of one moment [seconds, or with a unit]
         time : time of the scene (s) at which a shutter given by its duration opens; default 0 [seconds, or with a unit]
         motion : how the camera moves: velocity (m/s), spin {axis, rate, center} or keyframes
-        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}
+        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}; the
+            amplitude is the root mean square of the angle about each of three axes
         exposure : auto, or {metering: spot, at: [x, y], size}: exposes the picture by what is metered in it; without it
             and `iso`, pixels are plain radiance
         exposure_compensation : stops (EV) by which the picture is made brighter than `iso` or `exposure` make it
@@ -701,7 +709,8 @@ class _Cameras:
             is of one moment [seconds, or with a unit]
         time : time of the scene (s) at which a shutter given by its duration opens; default 0 [seconds, or with a unit]
         motion : how the camera moves: velocity (m/s), spin {axis, rate, center} or keyframes
-        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}
+        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}; the
+            amplitude is the root mean square of the angle about each of three axes
         exposure : auto, or {metering: spot, at: [x, y], size}: exposes the picture by what is metered in it; without it
             and `iso`, pixels are plain radiance
         exposure_compensation : stops (EV) by which the picture is made brighter than `iso` or `exposure` make it
@@ -742,7 +751,8 @@ class _Cameras:
             is of one moment [seconds, or with a unit]
         time : time of the scene (s) at which a shutter given by its duration opens; default 0 [seconds, or with a unit]
         motion : how the camera moves: velocity (m/s), spin {axis, rate, center} or keyframes
-        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}
+        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}; the
+            amplitude is the root mean square of the angle about each of three axes
         exposure : auto, or {metering: spot, at: [x, y], size}: exposes the picture by what is metered in it; without it
             and `iso`, pixels are plain radiance
         exposure_compensation : stops (EV) by which the picture is made brighter than `iso` or `exposure` make it
@@ -834,7 +844,8 @@ class _Cameras:
             is of one moment [seconds, or with a unit]
         time : time of the scene (s) at which a shutter given by its duration opens; default 0 [seconds, or with a unit]
         motion : how the camera moves: velocity (m/s), spin {axis, rate, center} or keyframes
-        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}
+        shake : how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}; the
+            amplitude is the root mean square of the angle about each of three axes
         exposure : auto, or {metering: spot, at: [x, y], size}: exposes the picture by what is metered in it; without it
             and `iso`, pixels are plain radiance
         exposure_compensation : stops (EV) by which the picture is made brighter than `iso` or `exposure` make it
@@ -955,6 +966,8 @@ class _Filters:
         c: float | str = ...,
     ) -> _Mitchell:
         """A cubic, separable filter of radius 2 with negative lobes, drawn by its magnitude and weighted by its sign.
+
+        Pixels beside bright edges may thereby be below zero, of which renders tell the number.
 
         References: Mitchell, Netravali 1988, "Reconstruction Filters in Computer Graphics", eq. 8.
 
@@ -1141,7 +1154,8 @@ class _Materials:
         outside_ior : index on the outside, likewise: of the glass that this one is embedded in
         priority : where objects overlap that have a priority, the one with the highest is there; takes the place of
             `outside_ior`
-        absorption : absorption coefficient of the inside by channel (1/m); none by default
+        absorption : absorption coefficient of the inside by channel (1/m); none by default; of a `rough_dielectric` it
+            needs a `priority`
         attenuation_color : in place of `absorption`: the colour of white light after `attenuation_distance`
         attenuation_distance : the distance within which light takes on `attenuation_color` (m) [metres, or with a unit]
         bump : texture of heights, whose slopes the surface is shaded with: a name or a texture
@@ -1339,6 +1353,9 @@ class _Materials:
         boundary is smooth.  Radiance is basic radiance, and objects may overlap by `priority`, as for `dielectric`.  Glass
         whose index depends on the wavelength is met at one wavelength at a time.
 
+        Glass that absorbs needs a `priority`, by which light knows what it is in on all its ways, those to lights too:
+        without one, `absorption` and `attenuation_color` are errors.
+
         References: Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces"; Kulla, Conty 2017,
         "Revisiting Physically Based Shading at Imageworks"; Burley 2012, "Physically-Based Shading at Disney" (roughness).
 
@@ -1351,7 +1368,8 @@ class _Materials:
         outside_ior : index on the outside, likewise: of the glass that this one is embedded in
         priority : where objects overlap that have a priority, the one with the highest is there; takes the place of
             `outside_ior`
-        absorption : absorption coefficient of the inside by channel (1/m); none by default
+        absorption : absorption coefficient of the inside by channel (1/m); none by default; of a `rough_dielectric` it
+            needs a `priority`
         attenuation_color : in place of `absorption`: the colour of white light after `attenuation_distance`
         attenuation_distance : the distance within which light takes on `attenuation_color` (m) [metres, or with a unit]
         bump : texture of heights, whose slopes the surface is shaded with: a name or a texture

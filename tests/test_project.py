@@ -7,9 +7,11 @@ import subprocess
 import sys
 import sysconfig
 import tomllib
+from collections.abc import Iterator
 from importlib.metadata import entry_points, version
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 import typer
@@ -18,6 +20,8 @@ import yaml
 import raytracer
 from raytracer.cli.main import app
 from raytracer.dump import plain, yaml_text
+from raytracer.errors import SceneError
+from raytracer.explanation import explain
 from raytracer.kinds import (
     APERTURES,
     CAMERAS,
@@ -30,7 +34,10 @@ from raytracer.kinds import (
     TEXTURES,
     Family,
 )
+from raytracer.materials.interface import MaterialSpec
 from raytracer.scene.load import build, load
+from raytracer.scene.schema import lens_schema, schema
+from raytracer.shapes.interface import ShapeSpec
 from raytracer.spec import Spec
 
 ROOT = Path(__file__).parents[1]
@@ -138,11 +145,80 @@ def test_every_key_of_a_kind_is_described(family: Family, name: str, spec: type[
     assert silent == []
 
 
+def _mappings_of_a_schema(node: Any, name: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+    """The mappings at any depth, and the definitions or keys that they are, or are in."""
+    if isinstance(node, dict):
+        if "properties" in node:
+            yield name, node["properties"]
+        for key, below in node.items():
+            yield from _mappings_of_a_schema(below, name if key in _WORDS else key)
+    elif isinstance(node, list):
+        for below in node:
+            yield from _mappings_of_a_schema(below, name)
+
+
+_WORDS = {"properties", "items", "anyOf", "oneOf", "prefixItems", "additionalProperties", "$defs"}
+"""The words of JSON Schema that have schemas below them."""
+
+
+@pytest.mark.parametrize(
+    ("described", "document"), [(schema(), "scenes.md"), (lens_schema(), "lenses.md")], ids=["scene", "lens"]
+)
+def test_every_key_at_any_depth_is_described_and_in_the_reference(described: dict[str, Any], document: str) -> None:
+    text = (ROOT / "docs" / document).read_text(encoding="utf-8")
+    silent, missing = [], []
+    for name, properties in _mappings_of_a_schema(described):
+        tables = {tuple(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) for table in text.split("\n\n")}
+        for key, below in properties.items():
+            if "const" in below or (document == "lenses.md" and key == "type"):
+                continue
+            if not below.get("description"):
+                silent.append(f"{name}.{key}")
+            in_table = any(key in table for table in tables)
+            if not (in_table if document == "scenes.md" else re.search(rf"[`{{ ]{key}[`:]", text)):
+                missing.append(f"{name}.{key}")
+    assert (silent, missing) == ([], [])
+
+
+def test_each_mapping_of_a_scene_has_a_table_of_its_keys() -> None:
+    text = (ROOT / "docs" / "scenes.md").read_text(encoding="utf-8")
+    tables = [set(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) for table in text.split("\n\n")]
+    # What every object and every material has besides its own keys has tables of its own.
+    shared = {*ShapeSpec.model_fields, *MaterialSpec.model_fields, "type"}
+    for name, properties in _mappings_of_a_schema(schema()):
+        own = set(properties) - shared
+        assert any(own <= table for table in tables), name
+
+
+def test_links_of_the_reference_lead_to_tables_of_what_they_stand_for() -> None:
+    text = (ROOT / "docs" / "scenes.md").read_text(encoding="utf-8")
+    sections = dict(re.findall(r"^### (\w+)\n(.*?)(?=^##|\Z)", text, re.DOTALL | re.MULTILINE))
+    row = re.search(r"^\| `shake` \| \[mapping\]\(#(\w+)\)", text, re.MULTILINE)
+    assert row is not None
+    assert "| `amplitude` | number | needed | root mean square (deg) of the angle about each axis" in sections[row[1]]
+    assert sections["sellmeier"].count("| `b` |") == 1
+
+
 @pytest.mark.parametrize("path", sorted((ROOT / "scenes").glob("*.yaml")), ids=lambda path: path.stem)
 def test_scenes_of_the_repository_are_valid(path: Path) -> None:
     if "generated/" in path.read_text() and not (ROOT / "scenes" / "generated").exists():
         pytest.skip("`make scenes` has not made its mesh")
     load(path)
+
+
+def test_a_generated_file_that_is_missing_is_said_to_be_made_by_make_scenes(tmp_path: Path) -> None:
+    text = "camera: {type: pinhole}\nfilm: {width: 8, height: 6}\nobjects: [{type: mesh, file: FOLDER/rock.ply}]\n"
+    for folder in ("generate", "lightfield"):
+        (tmp_path / folder).mkdir()
+    for name in ("generated", "../generated"):
+        path = tmp_path / ("lightfield" if name.startswith("..") else "") / "scene.yaml"
+        path.write_text(text.replace("FOLDER", name))
+        with pytest.raises(SceneError, match=rf"there is no file '{name}/rock.ply' in .*: `make scenes` makes it$"):
+            load(path, allow_files=[tmp_path])
+    # Of others nothing is known.
+    path.write_text(text.replace("FOLDER/", ""))
+    with pytest.raises(SceneError, match=r"the scene's folder$"):
+        load(path)
 
 
 # ---- Documents
@@ -208,6 +284,20 @@ def test_make_targets_that_documents_name_exist(document: Path) -> None:
     assert named or document != ROOT / "README.md"
     targets = set(re.findall(r"^([a-z-]+):", MAKEFILE, re.MULTILINE))
     assert {first or second for first, second in named} <= targets
+
+
+def test_the_readmes_far_ball_is_as_blurred_as_it_says(tmp_path: Path) -> None:
+    (text,) = (text for text in _fenced(README, "yaml") if "name: far" in text)
+    (told,) = re.findall(r"`far` is blurred by (\d+) px", README)
+    path = tmp_path / "ball.yaml"
+    path.write_text(text)
+    blurs = {}
+    for f_number in (16, 2):
+        objects = explain(load(path, {"camera.f_number": f_number})).objects
+        blurs[f_number] = objects["far"]["circle_of_confusion_px"]
+        assert objects["ball"]["circle_of_confusion_px"] == pytest.approx(0.0, abs=1e-9)
+    assert blurs[16] < 1.0
+    assert round(blurs[2]) == int(told) > 5
 
 
 def test_names_that_the_readme_uses_from_python_exist() -> None:

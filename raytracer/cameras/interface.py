@@ -50,7 +50,8 @@ class CameraSpec(Spec):
     )
     shake: Shake | None = Field(
         default=None,
-        description="how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}",
+        description="how the hand that holds the camera turns it: {amplitude: 0.1 deg, bandwidth: 10 Hz, seed: 0}; "
+        "the amplitude is the root mean square of the angle about each of three axes",
     )
 
     exposure: AutoExposureField | None = Field(

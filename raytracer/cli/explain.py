@@ -11,6 +11,7 @@ Example:
   rt explain scenes/cover.yaml
   rt explain scenes/cover.yaml -D camera.defocus_angle=0 --json
   rt explain portrait.yaml --circle 0.03mm
+  rt explain scenes/cornell.yaml --all
 """
 
 
@@ -25,6 +26,10 @@ def explain(
             help="Blur at which the depth of field ends: 0.03mm, 2px; default: 1/1500 of the sensor's diagonal.",
         ),
     ] = None,
+    every: Annotated[
+        bool,
+        typer.Option("--all", help="List every key of the scene too, at any depth: its value, and what it means."),
+    ] = False,
     as_json: options.AsJson = False,
 ) -> None:
     """Say which effects a scene calls for and which not, and what its camera does, in numbers."""
@@ -33,7 +38,8 @@ def explain(
     from raytracer.scene.load import load, parse_overrides
 
     limit = None if circle is None else parse_circle(circle)
-    explanation = explained(load(scene, parse_overrides(define or []), allow_files=allow_files or []), circle=limit)
+    spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])
+    explanation = explained(spec, circle=limit, every_key=every)
     if as_json:
         import json
 

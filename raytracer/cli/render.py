@@ -22,7 +22,7 @@ from raytracer.units import parse_duration, parse_share
 if TYPE_CHECKING:
     from raytracer.checkpoints import Held, Keeper
     from raytracer.film.image import Image
-    from raytracer.rendering import Progress, Rendered, SampleBar
+    from raytracer.rendering import Progress, Rendered, SampleBar, Stats
     from raytracer.scene.spec import SceneSpec
 
 EXAMPLE = """\b
@@ -133,7 +133,12 @@ def render(
     max_memory: options.MaxMemory = None,
     stats: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write what the render took as JSON.")] = None,
     strict: Annotated[
-        bool, typer.Option("--strict", help="Take warnings for errors, and fail if a sample is not finite.")
+        bool,
+        typer.Option(
+            "--strict",
+            help="Take warnings for errors, and fail if a sample is not finite, or a pixel below zero without a "
+            "reason.",
+        ),
     ] = False,
     pixel: Annotated[
         str | None, typer.Option(metavar="X,Y", help="With --debug: the pixel, from 0,0 in the top left corner.")
@@ -478,6 +483,20 @@ def _report(
     if not quiet and rendered.setting is not None and rendered.setting.exposure.metering is not None:
         part = " in the crop" if is_crop else ""
         print(f"exposure: {rendered.setting.sentence()}{part}", file=sys.stderr)
+    _report_faults(result, again, strict=strict)
+    if rendered.failure is not None:
+        raise OutputError(f"{rendered.failure}; {names} has {_samples(rendered, wanted)}")
+
+
+def _report_faults(result: "Stats", again: _Again, *, strict: bool) -> None:
+    """Say on stderr what of the picture looks wrong.
+
+    Raises
+    ------
+    OutputError : samples were not finite, or pixels are below zero without a reason, and `strict`.
+    """
+    from raytracer.film.negative import describe_negatives
+
     if result.fireflies:
         print(f"rt: {_fireflies(result.fireflies, again)}", file=sys.stderr)
     if result.nan_samples:
@@ -488,8 +507,12 @@ def _report(
         if strict:
             raise OutputError(sentence)
         print(f"rt: {sentence}", file=sys.stderr)
-    if rendered.failure is not None:
-        raise OutputError(f"{rendered.failure}; {names} has {_samples(rendered, wanted)}")
+    if result.negative_pixels and not result.negative["causes"]:
+        sentence = f"{describe_negatives(result.negative_pixels, result.negative)}; this shows a sample of the lowest: "
+        sentence += again.command(result.negative["pixel"])
+        if strict:
+            raise OutputError(sentence)
+        print(f"rt: {sentence}", file=sys.stderr)
 
 
 def _shortfall(rendered: "Rendered", names: str, wanted: int | None, target: float | None) -> str:
@@ -517,6 +540,7 @@ def _delay(rendered: "Rendered", limit: float, seconds: float) -> str:
 
 def _summary(rendered: "Rendered", names: str) -> str:
     """What every render tells: samples, seconds, rates, error, and what was not finite."""
+    from raytracer.film.negative import describe_negatives
     from raytracer.noise import Interval
     from raytracer.noise.wording import percent, percent_interval
 
@@ -544,6 +568,8 @@ def _summary(rendered: "Rendered", names: str) -> str:
     if result.clamp:
         light, clamped = (percent(result.clamp[key]) for key in ("light", "samples"))
         parts.append(f"clamp took {light} of the light, in {clamped} of the samples")
+    if result.negative_pixels and result.negative["causes"]:
+        parts.append(describe_negatives(result.negative_pixels, result.negative))
     return ", ".join(parts)
 
 

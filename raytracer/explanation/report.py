@@ -8,10 +8,12 @@ from typing import Any
 
 from raytracer.dump import plain_value
 from raytracer.explanation.cautions import cautions
+from raytracer.explanation.keys import Key, keys_of
 from raytracer.explanation.numbers import Circle, View, depth_of_field, exposure, of_views
 from raytracer.explanation.text import (
     camera_text,
     effects_text,
+    keys_text,
     objects_text,
     thin_lens_text,
     trade_off_text,
@@ -36,7 +38,7 @@ class Explanation:
     sentence for each thing that the scene makes one doubt (docs/warnings.md), and for each in which the picture will
     differ from what the camera would take, or may not be as meant; thin_lens, keys of the ideal camera in place of one
     with a lens of glass, None for any other; trade_off, what others in place of a light-field camera's microlenses
-    would give, its own among them.
+    would give, its own among them; keys, every key of the scene at any depth, where that was asked for.
     """
 
     effects: dict[str, Effect]
@@ -46,6 +48,7 @@ class Explanation:
     warnings: list[str]
     thin_lens: dict[str, Any] | None = None
     trade_off: list[dict[str, float]] = field(default_factory=list)
+    keys: list[Key] = field(default_factory=list)
 
     def json(self) -> dict[str, Any]:
         """For `--json`; infinity, which JSON lacks, becomes the text "inf"."""
@@ -56,6 +59,7 @@ class Explanation:
             "warnings": self.warnings,
             **({} if self.thin_lens is None else {"thin_lens": _finite(self.thin_lens)}),
             **({"trade_off": [_finite(row) for row in self.trade_off]} if self.trade_off else {}),
+            **({"keys": [_finite(key._asdict()) for key in self.keys]} if self.keys else {}),
         }
 
     def __repr__(self) -> str:
@@ -70,6 +74,7 @@ class Explanation:
             thin_lens_text(self.thin_lens),
             objects_text(self.objects),
             warnings_text(self.warnings),
+            keys_text(self.keys),
         ]
         return "\n".join(part for part in parts if part)
 
@@ -84,13 +89,16 @@ def _thin_lens(spec: SceneSpec) -> dict[str, Any] | None:
     return None if keys is None else {key: plain_value(value) for key, value in keys.items()}
 
 
-def explain(scene: SceneSpec | str | os.PathLike[str], *, circle: Circle | None = None) -> Explanation:
+def explain(
+    scene: SceneSpec | str | os.PathLike[str], *, circle: Circle | None = None, every_key: bool = False
+) -> Explanation:
     """Explain a checked scene, or a scene file.
 
     Parameters
     ----------
     circle : the blur at which the depth of field ends; 1/1500 of the diagonal of the sensor, or without one of the
         picture, if None.
+    every_key : whether to list all keys of the scene, with their values and meanings.
 
     Raises
     ------
@@ -98,6 +106,7 @@ def explain(scene: SceneSpec | str | os.PathLike[str], *, circle: Circle | None 
     InputError : a circle in mm for a camera whose film has no size.
     """
     spec = load(scene) if isinstance(scene, str | os.PathLike) else scene
+    keys = keys_of(spec) if every_key else []
     assets = Assets(spec)
     packed = pack(spec, assets=assets)
     spec = packed.spec
@@ -108,7 +117,7 @@ def explain(scene: SceneSpec | str | os.PathLike[str], *, circle: Circle | None 
     warnings = [*told(concerns(packed)), *cautions(view, numbers)]
     effects = effects_of(spec, packed.scene)
     trade_off = spec.camera.trade_off(spec.film.width, spec.film.height)
-    return Explanation(effects, spec.camera.type, numbers, objects, warnings, _thin_lens(spec), trade_off)
+    return Explanation(effects, spec.camera.type, numbers, objects, warnings, _thin_lens(spec), trade_off, keys)
 
 
 def _explained(spec: SceneSpec, where: Whereabouts) -> list[int]:

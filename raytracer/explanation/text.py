@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from raytracer.explanation.keys import Key
 from raytracer.scene.effects import Effect
 
 # Moving objects without a name that the text lists; `--json` has them all.
@@ -177,6 +178,32 @@ def warnings_text(warnings: Sequence[str]) -> str:
         textwrap.fill(sentence, _COLUMNS_OF_TEXT, initial_indent="  ", subsequent_indent="    ") + "\n"
         for sentence in warnings
     )
+
+
+def keys_text(keys: Sequence[Key]) -> str:
+    """Write the keys of a scene, each with its value, and below it what it means."""
+    if not keys:
+        return ""
+    lines = ["Keys of the scene, as -D takes them"]
+    for key in keys:
+        value = "" if key.value is None else f" = {written(key.value)}"
+        note = "" if key.is_given else "  (default)" if value else "  (not given)"
+        lines.append(f"  {key.path}{value}{note}")
+        if key.meaning:
+            indent = " " * 6
+            lines.append(textwrap.fill(key.meaning, _COLUMNS_OF_TEXT, initial_indent=indent, subsequent_indent=indent))
+    return "\n".join(lines) + "\n"
+
+
+def written(value: Any) -> str:
+    """Write a plain value as YAML on one line."""
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{key}: {written(item)}' for key, item in value.items())}}}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(written, value))}]"
+    if isinstance(value, float):
+        return repr(value).removesuffix(".0")
+    return "null" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def camera_text(kind: str, camera: Mapping[str, float]) -> str:

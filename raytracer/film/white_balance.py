@@ -108,5 +108,6 @@ def gains(balance: WhiteBalance, values: Floats) -> Floats:
     """
     if isinstance(balance, tuple):
         return np.array(balance)
-    white = values.mean(axis=(0, 1)) if isinstance(balance, str) else light(balance)
+    # A mean below zero, of colours outside of Rec. 709, has nothing either.
+    white = np.maximum(values.mean(axis=(0, 1)), 0.0) if isinstance(balance, str) else light(balance)
     return np.divide(luminance(white), white, out=np.ones(3), where=white > 0.0)

@@ -23,6 +23,10 @@ class FilterSpec(Spec):
         """Edge of the square (pixels) whose places all count the same, and no others; None if it is not so."""
         return None
 
+    def has_negative_lobes(self) -> bool:
+        """Tell whether weights may be negative, and pixels beside bright edges so below zero."""
+        return False
+
 
 @generic
 def sample_filter(pixel_filter, u1, u2):

@@ -22,6 +22,8 @@ _STEPS_A_CELL = 64
 class Mitchell(FilterSpec):
     """A cubic, separable filter of radius 2 with negative lobes, drawn by its magnitude and weighted by its sign.
 
+    Pixels beside bright edges may thereby be below zero, of which renders tell the number.
+
     References: Mitchell, Netravali 1988, "Reconstruction Filters in Computer Graphics", eq. 8.
     """
 
@@ -44,6 +46,11 @@ class Mitchell(FilterSpec):
 
     def reach(self) -> float:
         return 2.0
+
+    def has_negative_lobes(self) -> bool:
+        # At the distance 2 - t, f is t^2 (t (B + 6 C) - 6 C) / 6, below zero near t = 0 for any C above 0; for C = 0 it
+        # is so nowhere.
+        return self.c > 0.0
 
 
 class MitchellFilter(NamedTuple):

@@ -116,8 +116,8 @@ def groups(study: Study) -> tuple[Group, ...]:
         Group(
             "mtf",
             "Geometric MTF",
-            "The contrast of fine lines, by the spots' rays. Diffraction is not simulated: the grey line is the limit "
-            "that it sets to a perfect lens of this f-number, and no real lens is above it.",
+            "The contrast of fine lines, by the spots' rays. Diffraction is not simulated: the dotted line is the "
+            "limit that it sets to a perfect lens of this f-number, and no real lens is above it.",
             tuple(_mtf(study)),
         ),
     )

@@ -353,6 +353,8 @@ def _merged(parts: Sequence[_Part], before: dict[str, float], writing: float) ->
         nan_samples=sum(part.stats.nan_samples for part in parts),
         first_nan=dropped[0] if dropped else None,
         fireflies=_fireflies(parts, of_light),
+        negative_pixels=sum(part.stats.negative_pixels for part in parts),
+        negative=min((part.stats.negative for part in parts), key=lambda found: found.get("lowest", 0.0)),
         clamp=_clamp(parts, of_light),
         error=_error(parts, light / pixels),
         peak_rss_bytes=peak_rss_bytes(),

@@ -198,7 +198,9 @@ class ClearSpec(MaterialSpec):
         "`outside_ior`",
     )
     absorption: Color | None = Field(
-        default=None, description="absorption coefficient of the inside by channel (1/m); none by default"
+        default=None,
+        description="absorption coefficient of the inside by channel (1/m); none by default; of a "
+        "`rough_dielectric` it needs a `priority`",
     )
     attenuation_color: _Attenuation | None = Field(
         default=None,

@@ -4,6 +4,7 @@ In a scene:
 
     frosted glass: {type: rough_dielectric, ior: 1.5, roughness: 0.4}
     frosted flint: {type: rough_dielectric, ior: N-SF11, roughness: 0.2}
+    sea glass: {type: rough_dielectric, ior: 1.5, roughness: 0.5, priority: 1, absorption: [8, 1, 4]}
 """
 
 import math
@@ -68,6 +69,9 @@ class RoughDielectric(ClearSpec):
     leaves to both sides, and light in glass of any roughness is as much as came in.  Below a roughness of 0.032 the
     boundary is smooth.  Radiance is basic radiance, and objects may overlap by `priority`, as for `dielectric`.  Glass
     whose index depends on the wavelength is met at one wavelength at a time.
+
+    Glass that absorbs needs a `priority`, by which light knows what it is in on all its ways, those to lights too:
+    without one, `absorption` and `attenuation_color` are errors.
 
     References: Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces"; Kulla, Conty 2017,
     "Revisiting Physically Based Shading at Imageworks"; Burley 2012, "Physically-Based Shading at Disney" (roughness).

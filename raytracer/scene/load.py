@@ -160,7 +160,7 @@ def _check_file(scene: SceneSpec, named: Named) -> None:
     if not os.path.exists(path):
         folder = "the scene's folder" if scene.file is not None else "which names of files are relative to"
         where = "" if Path(named.name).is_absolute() else f" in {scene.base.resolve()}, {folder}"
-        raise scene.error(f"there is no file {shown(named.name)}{where}", *named.keys)
+        raise scene.error(f"there is no file {shown(named.name)}{where}{_remedy(path)}", *named.keys)
 
     # Who asks for a file does not thereby ask for whatever it names.
     within = reach_of(path.parent) if reach is None else reach
@@ -170,6 +170,13 @@ def _check_file(scene: SceneSpec, named: Named) -> None:
             raise scene.error(f"{shown(named.name)} names a file that it may not: {within.refusal(name)}", *named.keys)
         if reason := unreadable(below):
             raise scene.error(f"{shown(named.name)} names {shown(below.name)}, which {reason}", *named.keys)
+
+
+def _remedy(path: Path) -> str:
+    """Say how a file that is not there can be made, if it is one that the repository's scenes have made for them."""
+    folder = path.parent
+    is_made = folder.name == "generated" and (folder.parent / "generate").is_dir()
+    return ": `make scenes` makes it" if is_made else ""
 
 
 def check_values(value: Any, reach: Reach) -> None:

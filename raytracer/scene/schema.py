@@ -1,19 +1,34 @@
 """The JSON Schema of scene files and lens files, for editors (draft 2020-12)."""
 
 import functools
-from collections.abc import Iterator
-from typing import Any
+import json
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
 
+from pydantic.json_schema import GenerateJsonSchema
+
+from raytracer.dump import plain_value
 from raytracer.lenses.prescription import LensSpec
 from raytracer.scene.spec import SceneSpec
+from raytracer.spec import Spec
+
+_HAS_UNIT = re.compile(r"\((m|mm|nm|deg|s|Hz|m/s|deg/s)[;)]")
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+class _Generator(GenerateJsonSchema):
+    """Writes defaults as a file would, glasses by name or index too."""
+
+    def encode_default(self, dft: Any) -> Any:
+        return super().encode_default(plain_value(dft))
 
 
 @functools.cache
 def schema() -> dict[str, Any]:
     """The JSON Schema of a scene file, with every key's description, unit, default and range; not to be changed."""
-    result = SceneSpec.model_json_schema(mode="validation")
+    result = SceneSpec.model_json_schema(mode="validation", schema_generator=_Generator)
     definitions = result["$defs"]
 
     # An object takes a material in place of a material's name.
@@ -37,7 +52,29 @@ def schema() -> dict[str, Any]:
 @functools.cache
 def lens_schema() -> dict[str, Any]:
     """The JSON Schema of a lens file, likewise."""
-    return _finished(LensSpec.model_json_schema(mode="validation"), "rt lens")
+    return _finished(LensSpec.model_json_schema(mode="validation", schema_generator=_Generator), "rt lens")
+
+
+def name_of(spec: type[Spec]) -> str:
+    """Return what the schema calls a class of mappings among its definitions."""
+    is_alone = spec.__name__ in schema()["$defs"]
+    return spec.__name__ if is_alone else f"{spec.__module__}.{spec.__name__}".replace(".", "__")
+
+
+def properties_of(spec: type[Spec]) -> Mapping[str, Any]:
+    """Return the schemas of the keys of a class of mappings of a scene, with units in their descriptions."""
+    whole = schema()
+    found: Mapping[str, Any] = (whole if spec is SceneSpec else whole["$defs"][name_of(spec)])["properties"]
+    return found
+
+
+def meaning(node: Mapping[str, Any]) -> str:
+    """Return the description of a property, with its unit in it once."""
+    description = str(node.get("description", ""))
+    text, bracket, unit = description.partition(" [")
+    if bracket and unit.endswith(", or with a unit]"):
+        return text if _HAS_UNIT.search(text) else f"{text} ({unit.split(',')[0]})"
+    return description
 
 
 def _finished(schema: dict[str, Any], title: str) -> dict[str, Any]:
@@ -68,3 +105,82 @@ def _mappings(node: Any) -> Iterator[dict[str, Any]]:
 def _unit(node: dict[str, Any]) -> str | None:
     """The unit of a property's plain numbers."""
     return node.get("x-unit") or next((unit for choice in node.get("anyOf", ()) if (unit := _unit(choice))), None)
+
+
+# ---- Mappings within others
+
+
+class Nested(NamedTuple):
+    """What may stand where a key takes mappings that are of no family of kinds.
+
+    key : the key that is met first.
+    places : all such keys, each behind what it is a key of: `camera.shake`, `motion.keyframes[]`.
+    forms : the schemas of the mappings, each with `properties`.
+    names : their names among the definitions; None for those that stand in no definition.
+    """
+
+    key: str
+    places: list[str]
+    forms: list[Mapping[str, Any]]
+    names: list[str | None]
+
+
+def nested_mappings(whole: Mapping[str, Any]) -> list[Nested]:
+    """List the mappings at any depth of a schema that are of no family of kinds, in the order of their keys."""
+    found: dict[str, Nested] = {}
+    met: set[str] = set()
+
+    def look(owner: str, node: Mapping[str, Any]) -> None:
+        for key, below in node["properties"].items():
+            forms = list(forms_of(whole, below, key))
+            plain = [form for form in forms if not form.is_kind]
+            # Forms of one place belong together, such as steps of a transform and its matrix.
+            marks = [form.name or json.dumps(form.node, sort_keys=True) for form in plain]
+            known = next((found[mark] for mark in marks if mark in found), None)
+            if plain and known is None:
+                known = Nested(key, [], [], [])
+            for mark, form in zip(marks, plain, strict=True):
+                assert known is not None
+                place = f"{owner}.{form.path}"
+                known.places.extend([] if place in known.places else [place])
+                if mark not in found:
+                    found[mark] = known
+                    known.forms.append(form.node)
+                    known.names.append(form.name)
+                    look(known.key, form.node)
+            for form in forms:
+                if form.is_kind and form.name is not None and form.name not in met:
+                    met.add(form.name)
+                    look(form.path, form.node)
+
+    look("scene", whole)
+    return list({id(each): each for each in found.values()}.values())
+
+
+class Form(NamedTuple):
+    """A mapping that a value may be or hold: the path to it from its key on, its schema, and the definition's name."""
+
+    path: str
+    node: Mapping[str, Any]
+    name: str | None
+
+    @property
+    def is_kind(self) -> bool:
+        """Tell whether it is a kind of a family, which its `type` names."""
+        return "const" in self.node["properties"].get("type", {})
+
+
+def forms_of(whole: Mapping[str, Any], node: Mapping[str, Any], path: str, name: str | None = None) -> Iterator[Form]:
+    """Go through the mappings that a value may be, or be a list or a mapping of."""
+    if "properties" in node:
+        yield Form(path, node, name)
+    elif "$ref" in node:
+        below = node["$ref"].rpartition("/")[2]
+        yield from forms_of(whole, whole["$defs"][below], path, below)
+    for choice in (*node.get("anyOf", ()), *node.get("oneOf", ())):
+        yield from forms_of(whole, choice, path)
+    for key, mark in (("items", "[]"), ("additionalProperties", ".NAME")):
+        if isinstance(node.get(key), Mapping) and "properties" not in node:
+            yield from forms_of(whole, node[key], path + mark)
+    for item in node.get("prefixItems", ()):
+        yield from forms_of(whole, item, f"{path}[]")

@@ -31,6 +31,30 @@ DAT = """\
 """
 
 
+PAGE = (Path(__file__).parents[2] / "docs" / "lenses.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("command", "lens"),
+    [("lens LENS", "double-gauss-50mm"), ("lens distortion LENS --width 1920 -o wide.json", "wide-22mm")],
+)
+def test_the_page_on_lenses_shows_what_is_printed(
+    command: str, lens: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(command.replace("LENS", LENSES[lens]).split()) == 0
+    printed = _lines(capsys.readouterr().out)
+    blocks = [text for language, text in re.findall(r"^```(\w*)\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)]
+    (shown,) = (lines for lines in map(_lines, blocks) if lines[0] == printed[0])
+    assert [line for line in shown if line not in {*printed, "..."}] == []
+    assert command.replace("LENS", f"scenes/lenses/{lens}.yaml").partition(" -o ")[0] in PAGE
+
+
+def _lines(text: str) -> list[str]:
+    """Lines without the widths of columns, and without differences that rounding alone makes."""
+    return [" ".join(re.sub(r"\S+e−1\d", "", line).split()) for line in text.splitlines()]
+
+
 @pytest.fixture
 def singlet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     monkeypatch.chdir(tmp_path)

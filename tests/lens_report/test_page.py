@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import re
 from collections.abc import Callable
 from importlib import util
 from pathlib import Path
@@ -179,6 +180,16 @@ def test_every_chart_of_every_shipped_kind_can_be_drawn() -> None:
             assert len(set(keys)) == len(keys)
             for chart in group.charts:
                 json.dumps(charts.picture(chart), allow_nan=False)
+
+
+def test_texts_name_lines_as_they_are_drawn() -> None:
+    named = 0
+    for group in plots.groups(study(plano_convex(), QUICK)):
+        for look in re.findall(r"the (dotted|dashed|solid|grey|black) line", group.text):
+            named += 1
+            wanted = {"dotted": charts.DOTTED, "dashed": charts.DASHED}[look]
+            assert any(series.dashes == wanted for chart in group.charts for series in chart.series)
+    assert named
 
 
 def test_what_comes_from_outside_is_escaped_in_files() -> None:

@@ -240,3 +240,17 @@ def test_broken_off_in_a_band_it_goes_on_there(tmp_path: Path, monkeypatch: pyte
     assert captured.stats.rays == whole.stats.rays
     assert captured.stats.resumed["samples"] > 0
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_pixels_below_zero_are_counted_over_all_bands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    places: list[list[int]] = []
+
+    def find(values: Any, causes: Any, left: int, top: int) -> tuple[int, dict[str, Any]]:
+        places.append([left, top])
+        return 2, {"lowest": -float(len(places)), "pixel": [left, top], "causes": ["filter"]}
+
+    monkeypatch.setattr("raytracer.rendering.find_negatives", find)
+    captured = capture(scene(), tmp_path / "x.lf", memory=5 * VIEW_BYTES, threads=2, spp=1)
+    assert captured.bands == len(places) > 1
+    assert captured.stats.negative_pixels == 2 * len(places)
+    assert captured.stats.negative == {"lowest": -float(len(places)), "pixel": places[-1], "causes": ["filter"]}

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from raytracer.cameras.pinhole import Pinhole
 from raytracer.cli.main import main
 from raytracer.errors import InputError
 from raytracer.explanation import Circle, Explanation, explain, parse_circle
@@ -14,9 +15,11 @@ from raytracer.integrator import render_tile
 from raytracer.motion import row_at
 from raytracer.scene.load import load
 from raytracer.scene.pack import pack
+from raytracer.scene.schema import nested_mappings, properties_of, schema
 from tests.rendering import scene
 
 ROOT = Path(__file__).parents[2]
+SCENES = ROOT / "scenes"
 
 FULL_FRAME = "sensor: {width: 36 mm, height: 24 mm}"
 HERE = "look_from: [0, 0, 0], look_at: [0, 0, -1]"
@@ -571,3 +574,45 @@ def test_a_light_field_camera_is_focused_where_its_key_says_and_not_where_microl
     effects = explained(f"type: light_field, {optics}, microlenses: {array}").effects
     assert effects["defocus"] == (True, "the lens is 10 mm wide and focused at 2 m")
     assert not effects["projection"].active
+
+
+# ---- Keys
+
+
+def test_all_keys_of_a_scene_are_listed_and_read_back_as_they_are() -> None:
+    path = SCENES / "lecture" / "iso_noise.yaml"
+    spec = load(path)
+    keys = explain(spec, every_key=True).keys
+    # A path is what -D takes.  Keys that go with others cannot be changed alone, so all are given at once.
+    given = {key.path: key.value for key in keys if key.is_given and ".type" not in key.path}
+    assert "camera.sensor.noise" in given
+    assert load(path, given) == spec
+
+
+def test_keys_have_their_meaning_at_any_depth_whether_given_or_not() -> None:
+    keys = {key.path: key for key in explain(SCENES / "cornell.yaml", every_key=True).keys}
+    assert (keys["camera.vfov"].value, keys["camera.vfov"].is_given) == (40.0, True)
+    assert (keys["render.seed"].value, keys["render.seed"].is_given) == (0, False)
+    assert keys["camera.shake.amplitude"].meaning.startswith("root mean square (deg) of the angle about each axis")
+    # All that stands within others in the schema is there, where this camera, its film or an object may have it.
+    for nested in nested_mappings(schema()):
+        wanted = [place for place in nested.places if place.startswith("camera.") and place.split(".")[1] in PINHOLE]
+        for place, form in ((place, form) for place in wanted for form in nested.forms):
+            assert {f"{place}.{key}" for key in form["properties"]} <= set(keys)
+    assert "camera.motion.keyframes[].transform[].rotate.axis" in keys
+    assert all(key.meaning for path, key in keys.items() if not key.is_given)
+
+
+PINHOLE = set(properties_of(Pinhole))
+
+
+def test_keys_are_told_on_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", str(SCENES / "cornell.yaml"), "--all", "--json", "-D", "camera.vfov=30"]) == 0
+    keys = json.loads(capsys.readouterr().out)["keys"]
+    assert {"path": "camera.vfov", "value": 30.0, "is_given": True}.items() <= keys[2].items()
+    assert main(["explain", str(SCENES / "cornell.yaml"), "--all"]) == 0
+    out = capsys.readouterr().out
+    assert "\n  render.seed = 0  (default)\n      Seed: the same scene, seed and spp give the same image\n" in out
+    assert "\n  camera.shake.seed  (not given)\n" in out
+    assert main(["explain", str(SCENES / "cornell.yaml")]) == 0
+    assert "render.seed" not in capsys.readouterr().out

@@ -93,4 +93,18 @@ def test_descriptions_tell_units_and_defaults() -> None:
     assert "degrees" in definitions["Pinhole"]["properties"]["vfov"]["description"]
     assert "metres" in definitions["Sphere"]["properties"]["center"]["description"]
     assert definitions["Render"]["properties"]["spp"]["default"] == 64
+    # A default is what a file could have in its place.
+    assert definitions["Dielectric"]["properties"]["ior"]["default"] == 1.5
+    assert definitions["Dielectric"]["properties"]["outside_ior"]["default"] == 1.0
     assert definitions["Render"]["properties"]["sampler"]["enum"] == ["sobol", "independent", "stratified"]
+
+
+def test_defaults_are_values_that_the_schema_takes(validator: Any) -> None:
+    found = 0
+    for definition in schema()["$defs"].values():
+        for key, node in definition.get("properties", {}).items():
+            if "default" in node:
+                found += 1
+                part = validator.evolve(schema={**node, "$defs": schema()["$defs"]})
+                assert part.is_valid(node["default"]), key
+    assert found > 100

@@ -81,7 +81,12 @@ def render(
     ] = False,
     stats: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write what the render took as JSON.")] = None,
     strict: Annotated[
-        bool, typer.Option("--strict", help="Take warnings for errors, and fail if a sample is not finite.")
+        bool,
+        typer.Option(
+            "--strict",
+            help="Take warnings for errors, and fail if a sample is not finite, or a pixel below zero without a "
+            "reason.",
+        ),
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")] = False,
 ) -> None:
@@ -159,6 +164,7 @@ def render(
 
 def _report(captured: "Captured", output: Path, stats: Path | None, *, quiet: bool, strict: bool) -> None:
     """Say on stderr what was made; what is wrong with it also when quiet."""
+    from raytracer.film.negative import describe_negatives
     from raytracer.film.output import write_bytes
     from raytracer.noise import Interval
     from raytracer.noise.wording import percent_interval
@@ -176,12 +182,19 @@ def _report(captured: "Captured", output: Path, stats: Path | None, *, quiet: bo
             parts.append(f"relative error {percent_interval(interval)}")
         times = "at once" if captured.bands == 1 else f"in {captured.bands} parts"
         parts.append(f"{times}, in at most {captured.band_bytes / 1e9:.2g} GB besides the scene")
+        if found.negative_pixels and found.negative["causes"]:
+            parts.append(describe_negatives(found.negative_pixels, found.negative))
         print(", ".join(parts), file=sys.stderr)
     if found.nan_samples:
         count = "1 sample was" if found.nan_samples == 1 else f"{found.nan_samples} samples were"
         sentence = f"{count} not finite, and dropped"
         if found.first_nan is not None:
             sentence += f"; the first one is sample {found.first_nan['sample']} of pixel {found.first_nan['pixel']}"
+        if strict:
+            raise OutputError(sentence)
+        print(f"rt: {sentence}", file=sys.stderr)
+    if found.negative_pixels and not found.negative["causes"]:
+        sentence = f"{describe_negatives(found.negative_pixels, found.negative)}; pixel {found.negative['pixel']}"
         if strict:
             raise OutputError(sentence)
         print(f"rt: {sentence}", file=sys.stderr)
