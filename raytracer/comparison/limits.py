@@ -1,6 +1,7 @@
 """What a comparison of two noisy images would have found, had it been there."""
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -37,16 +38,21 @@ class Limits(NamedTuple):
 
     def sentence(self) -> str:
         """Say what would have been found; "" if nothing is known."""
-        parts = []
-        if math.isfinite(self.brightness):
-            parts.append(f"brightness over {_percent(self.brightness)} in the whole")
+        whole = [f"brightness over {_percent(self.brightness)} in the whole"] if math.isfinite(self.brightness) else []
+        parts = ", ".join([*whole, *self._details()])
+        return f"would have found, {10.0 * POWER:.0f} times of 10: {parts}" if parts else ""
+
+    def details(self) -> str:
+        """Say it of all but the brightness of the whole."""
+        return ", ".join(self._details())
+
+    def _details(self) -> Iterator[str]:
         if math.isfinite(self.tile_brightness):
-            parts.append(f"{_percent(self.tile_brightness)} in a tile of {self.tile} px (half of the tiles)")
+            yield f"{_percent(self.tile_brightness)} in a tile of {self.tile} px (half of the tiles)"
         if math.isfinite(self.shift):
-            parts.append(f"a shift over {self.shift:.2g} px")
+            yield f"a shift over {self.shift:.2g} px"
         if math.isfinite(self.blur):
-            parts.append(f"a blur over {self.blur:.2g} px")
-        return f"would have found, {10.0 * POWER:.0f} times of 10: {', '.join(parts)}" if parts else ""
+            yield f"a blur over {self.blur:.2g} px"
 
 
 def _percent(fraction: float) -> str:

@@ -35,7 +35,7 @@ class NoisyPair(NamedTuple):
         return NoisyPair(self.a / cells, self.var_a / cells**2, self.b / cells, self.var_b / cells**2)
 
     def ratio(self) -> float:
-        """Estimate how many times that of b the variance of a is, in the median part; 0 if one of them is without noise.
+        """Estimate how many times that of b the variance of a is, in the median part; 0 if one is without noise.
 
         Not that of the totals, which one bright rare sample is enough to decide.
         """
@@ -62,7 +62,7 @@ class NoisyPair(NamedTuple):
         return np.copysign(np.maximum(np.abs(difference) - ROUNDING * scale, 0.0), difference)
 
     def z(self, variance: Array) -> Array:
-        """Express the difference in standard deviations: 0 if it is no more than rounding, inf if it is not a number."""
+        """Express the difference in standard deviations: 0 if it is but rounding, inf if it is not a number."""
         difference = self.difference()
         beyond = np.abs(difference)
         z = np.divide(beyond, np.sqrt(variance), out=np.where(beyond > 0.0, np.inf, 0.0), where=variance > 0.0)

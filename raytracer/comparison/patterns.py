@@ -8,11 +8,11 @@ stratified and Sobol' samples too, of which the variance within a pixel tells to
 samples of the same sampler this holds exactly (a randomisation test by signs), and the tail of the normal distribution
 times 3.18 bounds that of the sum divided by its standard deviation, however few terms decide it.
 
-Independent of d are therefore the weights and the filters of a pixel: weights come from the variances of its neighbours,
-filters from pixels around it, or from m, which is pooled such that it is uncorrelated with d.
+Weights and filters of a pixel must not depend on d: weights come from the variances of its neighbours, filters from
+pixels around it, or from m, which is pooled such that it is uncorrelated with d.
 
-The same signs make products of neighbouring differences independent and symmetric, along a row or a column: their sum is
-the squared difference of the picture, less all that noise adds to it (`neighbour_z`).
+The same signs make products of neighbouring differences independent and symmetric, along a row or a column: their sum
+is the squared difference of the picture, less all that noise adds to it (`neighbour_z`).
 
 References: Fisher 1935, "The Design of Experiments", section 21 (randomisation); Efron 1969, "Student's t-Test under
 Symmetry Conditions", Journal of the American Statistical Association 64(328); Bentkus and Dzindzalieta 2015, "A tight
@@ -152,8 +152,8 @@ def structure(pair: NoisyPair, ratio: float, *, alike: bool, tile: int) -> Struc
     Parameters
     ----------
     ratio : variance of a over that of b, of the same scene; 0 if not known.
-    alike : whether both are of as many samples of the same sampler, so that differences are symmetric.  If they are not,
-        variances are taken no smaller than those of the pixels tell.
+    alike : whether both are of as many samples of the same sampler, so that differences are symmetric.  If they are
+        not, variances are taken no smaller than those of the pixels tell.
     tile : edge of the tiles (px), even.
     """
     height = len(pair.a)
@@ -283,9 +283,7 @@ def _centre_of_gaussian(width: float) -> float:
 # ---- sums
 
 
-def _sums(
-    pair: NoisyPair, ratio: float, typical: Array, place: tuple[int, int], *, alike: bool, tile: int
-) -> _Sums:
+def _sums(pair: NoisyPair, ratio: float, typical: Array, place: tuple[int, int], *, alike: bool, tile: int) -> _Sums:
     """Sum the projections, products and squares of a band of rows (top, bottom)."""
     top, bottom = place
     band = _band(pair, ratio, typical, top, bottom)
@@ -326,12 +324,7 @@ def _sums(
         fields,
         tile_sums(whitened[:count], SCALES[1]),
         tile_sums(expected[:count], SCALES[1]),
-        np.stack(
-            [
-                _products(whitened[:-1], whitened[1:], expected[:-1], expected[1:], alike=alike),
-                _products(whitened[:count, :-1], whitened[:count, 1:], expected[:count, :-1], expected[:count, 1:], alike=alike),
-            ]
-        ),
+        np.stack([_down(whitened, expected, alike=alike), _across(whitened[:count], expected[:count], alike=alike)]),
         np.array([values.sum() for values in squares]),
     )
 
@@ -345,14 +338,20 @@ def _products(a: Array, b: Array, var_a: Array, var_b: Array, *, alike: bool) ->
     return np.array([products.sum(), variance])
 
 
+def _down(differences: Array, variances: Array, *, alike: bool) -> Array:
+    return _products(differences[:-1], differences[1:], variances[:-1], variances[1:], alike=alike)
+
+
+def _across(differences: Array, variances: Array, *, alike: bool) -> Array:
+    return _products(differences[:, :-1], differences[:, 1:], variances[:, :-1], variances[:, 1:], alike=alike)
+
+
 def _neighbour_z(bands: list[_Sums], *, alike: bool) -> Array:
     """Scores of products of neighbours: (4, 2), by `SCALES`, down and across."""
     scores = [np.sum([band.products for band in bands], axis=0)]
     differences = np.concatenate([band.differences for band in bands])
     variances = np.concatenate([band.variances for band in bands])
     for _ in SCALES[1:]:
-        down = _products(differences[:-1], differences[1:], variances[:-1], variances[1:], alike=alike)
-        across = _products(differences[:, :-1], differences[:, 1:], variances[:, :-1], variances[:, 1:], alike=alike)
-        scores.append(np.stack([down, across]))
+        scores.append(np.stack([step(differences, variances, alike=alike) for step in (_down, _across)]))
         differences, variances = tile_sums(differences, 2), tile_sums(variances, 2)
     return np.array([[_score(float(total), float(variance)) for total, variance in pair] for pair in scores])

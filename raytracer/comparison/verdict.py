@@ -19,7 +19,19 @@ from raytracer.comparison.patterns import PATTERNS, SCALES, Structure, structure
 
 Array = NDArray[np.float64]
 
-TESTS = 8
+TEST_LABELS = {
+    "mean": "means of the channels",
+    "tile": "means of tiles",
+    "pixel": "single pixels",
+    "exceeding": "pixels beyond 2 standard deviations",
+    "pattern": "brightness, shift and blur of the whole",
+    "pattern_tile": "brightness, shift and blur of tiles",
+    "neighbour": "products of neighbouring differences",
+    "squares": "squared differences against the noise",
+}
+"""What each test is of, by the name of its p."""
+
+TESTS = len(TEST_LABELS)
 """How many tests share the significance level, each with the same part of it."""
 
 # Standard deviations beyond which pixels are counted; normal noise puts 4.55 % there.
@@ -91,17 +103,8 @@ class Verdict:
     limits: Limits
 
     def p_values(self) -> dict[str, float]:
-        """Name the p of each test."""
-        return {
-            "mean": self.mean_p,
-            "tile": self.tile_p,
-            "pixel": self.pixel_p,
-            "exceeding": self.exceeding_p,
-            "pattern": self.pattern_p,
-            "pattern_tile": self.pattern_tile_p,
-            "neighbour": self.neighbour_p,
-            "squares": self.squares_p,
-        }
+        """Name the p of each test, as `TEST_LABELS` does."""
+        return {name: float(getattr(self, f"{name}_p")) for name in TEST_LABELS}
 
 
 def _any_of(p: float, tests: int) -> float:

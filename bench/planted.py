@@ -1,0 +1,206 @@
+"""Measure which planted differences `rt compare` finds, and how often it fails honest pairs.
+
+    python bench/planted.py [--renders outputs/planted] [--pairs 12] [--repeats 4]
+
+*Honest pairs* are renders of one scene with other seeds, none of them in two pairs: four scenes, three samplers, three
+numbers of samples. *Planted differences* are between renders of the cover scene with other seeds: brightness, tiles and
+channels are changed in the finished picture, with its variances; camera and objects before it is rendered. "Four
+tests" are those of means, tiles, pixels and of how many pixels are far off, which were all that there was before patterns,
+neighbours and squares were tested. Prints Markdown. Renders are kept in a folder, so that a run that was stopped goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import raytracer as rt
+from raytracer.comparison import Verdict, z_test
+
+Array = NDArray[np.float64]
+
+SCENES = Path(__file__).parents[1] / "scenes"
+SIZES = {"cover": (96, 54), "metals": (96, 54), "cornell": (48, 48), "glass": (64, 36)}
+SAMPLERS, LEVELS = ("independent", "stratified", "sobol"), (16, 64, 256)
+LARGE, LARGE_SPP = (240, 135), 64
+ALPHA = 1e-3
+
+# A ball of the cover scene, 2.7 px wide in a picture of 96, that nothing hides; it is taken below the ground.
+SMALL = "objects.15.center"
+
+# Tile that is made brighter: of the checkered ground's pixels, from this row and column on.
+TILE = (slice(32, 48), slice(32, 48))
+
+
+class Picture(NamedTuple):
+    """A render: mean and variance of its pixels, (height, width, 3)."""
+
+    mean: Array
+    variance: Array
+
+
+class Renders:
+    """Renders scenes with rising seeds, and keeps them in a folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def pictures(
+        self, name: str, scene: str, overrides: Mapping[str, Any], sampler: str, spp: int, count: int, seed: int
+    ) -> list[Picture]:
+        """Render `count` pictures with the seeds from `seed` on, or read them."""
+        path = self._folder / f"{name}_{sampler}_{spp}.npz"
+        if path.exists():
+            with np.load(path) as kept:
+                means, variances = kept["mean"], kept["variance"]
+            if len(means) >= count:
+                return [Picture(*both) for both in zip(means[:count], variances[:count], strict=True)]
+        loaded = rt.load(SCENES / f"{scene}.yaml", {**overrides, "render.sampler": sampler})
+        images = [rt.render(loaded, spp=spp, seed=seed + number) for number in range(count)]
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.savez(path, mean=[image.radiance for image in images], variance=[image.variance for image in images])
+        return [Picture(image.radiance, image.variance) for image in images]
+
+
+def size(width: int, height: int) -> dict[str, int]:
+    """Overrides that set a picture's size."""
+    return {"film.width": width, "film.height": height}
+
+
+def brighter(picture: Picture) -> Picture:
+    """Multiply all light by 1.005."""
+    return Picture(1.005 * picture.mean, 1.005**2 * picture.variance)
+
+
+def brighter_tile(picture: Picture) -> Picture:
+    """Multiply the light in one tile of 16 x 16 pixels by 1.1."""
+    gain = np.ones((*picture.mean.shape[:2], 1))
+    gain[TILE] = 1.1
+    return Picture(gain * picture.mean, gain**2 * picture.variance)
+
+
+def swapped(picture: Picture) -> Picture:
+    """Exchange red and blue."""
+    return Picture(picture.mean[..., ::-1], picture.variance[..., ::-1])
+
+
+def turned() -> dict[str, Any]:
+    """Turn the camera of the cover scene by a quarter of a pixel of a picture 54 pixels high."""
+    look_from, look_at, up = np.array([13.0, 2.0, 3.0]), np.zeros(3), np.array([0.0, 1.0, 0.0])
+    right = np.cross(look_at - look_from, up)
+    pixel = 2.0 * np.tan(np.radians(10.0)) / SIZES["cover"][1]
+    moved = look_at + 0.25 * pixel * np.linalg.norm(look_at - look_from) * right / np.linalg.norm(right)
+    return {"camera.look_at": moved.tolist()}
+
+
+# Of the finished picture, and of the scene.
+CHANGES: dict[str, Callable[[Picture], Picture]] = {
+    "brightness by 0.5 %": brighter,
+    "a tile of 16 px by 10 %": brighter_tile,
+    "channels swapped": swapped,
+}
+OVERRIDES: dict[str, dict[str, Any]] = {
+    "shift of 0.25 px": turned(),
+    "defocus halved": {"camera.defocus_angle": 0.3},
+    "a ball of 2.7 px missing": {SMALL: [0, -500, 0]},
+}
+
+
+def four_tests_pass(verdict: Verdict) -> bool:
+    """Judge by the tests of single values alone, which then share the significance level."""
+    return min(verdict.mean_p, verdict.tile_p, verdict.pixel_p, verdict.exceeding_p) >= ALPHA / 4.0
+
+
+def judged(first: Picture, second: Picture) -> Verdict:
+    """Compare two renders of as many samples of the same sampler."""
+    return z_test(*first, *second, alpha=ALPHA, alike=True)
+
+
+def honest(renders: Renders, pairs: int) -> None:
+    """Print how many honest pairs fail."""
+    print("\n| scene | " + " | ".join(f"{sampler} {spp}" for sampler in SAMPLERS for spp in LEVELS) + " |")
+    print("|---" * (1 + len(SAMPLERS) * len(LEVELS)) + "|")
+    failed = [0, 0]
+    for scene, extent in SIZES.items():
+        cells = []
+        for sampler in SAMPLERS:
+            for spp in LEVELS:
+                pictures = renders.pictures(scene, scene, size(*extent), sampler, spp, 2 * pairs, 1000 * spp)
+                verdicts = [judged(*both) for both in zip(pictures[::2], pictures[1::2], strict=True)]
+                counts = sum(not four_tests_pass(v) for v in verdicts), sum(not v.passed for v in verdicts)
+                failed = [total + count for total, count in zip(failed, counts, strict=True)]
+                cells.append(f"{counts[0]}, {counts[1]}")
+        print(f"| {scene} | {' | '.join(cells)} |", flush=True)
+    total = pairs * len(SIZES) * len(SAMPLERS) * len(LEVELS)
+    print(f"\nOf {total} honest pairs fail: {failed[0]} by four tests, {failed[1]} by all.")
+
+
+def planted(renders: Renders, repeats: int) -> None:
+    """Print how many of the planted differences are found."""
+    samplers = ("independent", "sobol")
+    columns = [(sampler, spp) for sampler in samplers for spp in LEVELS]
+    print("\n| planted | " + " | ".join(f"{sampler} {spp}" for sampler, spp in columns) + " |")
+    print("|---" * (1 + len(columns)) + "|")
+    for what in (*CHANGES, *OVERRIDES):
+        cells = []
+        for sampler, spp in columns:
+            cover = renders.pictures("cover", "cover", size(*SIZES["cover"]), sampler, spp, 2 * repeats, 1000 * spp)
+            if what in CHANGES:
+                other = [CHANGES[what](picture) for picture in cover[repeats:]]
+            else:
+                overrides = {**size(*SIZES["cover"]), **OVERRIDES[what]}
+                name = f"cover_{what.replace(' ', '_')}"
+                other = renders.pictures(name, "cover", overrides, sampler, spp, repeats, 7000 * spp)
+            verdicts = [judged(a, b) for a, b in zip(other, cover[:repeats], strict=True)]
+            cells.append(_found(verdicts))
+        print(f"| {what} | {' | '.join(cells)} |", flush=True)
+    large = [
+        renders.pictures(
+            f"large_{angle}", "cover", {**size(*LARGE), "camera.defocus_angle": angle}, "sobol", 64, 2, seed
+        )
+        for angle, seed in ((0.6, 1), (0.3, 101))
+    ]
+    verdicts = [judged(a, b) for a, b in zip(*large, strict=True)]
+    print(
+        f"\nDefocus halved at {LARGE[0]} x {LARGE[1]}, {LARGE_SPP} spp (sobol): {_found(verdicts)}; {verdicts[0].reason}"
+    )
+
+
+def limits(renders: Renders) -> None:
+    """Print what would have been found in the cover scene."""
+    print("\n| cover | would have found |\n|---|---|")
+    for sampler in SAMPLERS:
+        for spp in LEVELS:
+            first, second = renders.pictures("cover", "cover", size(*SIZES["cover"]), sampler, spp, 2, 1000 * spp)
+            verdict = judged(first, second)
+            ratio = f"noise {verdict.squares_ratio:.2f} of its variance"
+            print(f"| {sampler} {spp} | {verdict.limits.sentence()}; {ratio} |")
+
+
+def _found(verdicts: list[Verdict]) -> str:
+    """Say how many of them are found by four tests, and by all."""
+    return f"{sum(not four_tests_pass(v) for v in verdicts)}, {sum(not v.passed for v in verdicts)} of {len(verdicts)}"
+
+
+def main() -> None:
+    """Measure, and print tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--renders", type=Path, default=Path("outputs/planted"))
+    parser.add_argument(
+        "--pairs", type=int, default=12, help="honest pairs of each scene, sampler and number of samples"
+    )
+    parser.add_argument("--repeats", type=int, default=4, help="pairs of each planted difference")
+    options = parser.parse_args()
+    renders = Renders(options.renders)
+    planted(renders, options.repeats)
+    limits(renders)
+    honest(renders, options.pairs)
+
+
+if __name__ == "__main__":
+    main()
