@@ -8,8 +8,8 @@ stratified and Sobol' samples too, of which the variance within a pixel tells to
 samples of the same sampler this holds exactly (a randomisation test by signs), and the tail of the normal distribution
 times 3.18 bounds that of the sum divided by its standard deviation, however few terms decide it.
 
-Weights and filters of a pixel must not depend on d: weights come from the variances of its neighbours, filters from
-pixels around it, or from m, which is pooled such that it is uncorrelated with d.
+Weights and filters of a pixel must not depend on its d: weights come from the variances of its neighbours, filters from
+the means around it.  In like images they may have its own mean, which does not depend on the sign of d.
 
 The same signs make products of neighbouring differences independent and symmetric, along a row or a column: their sum
 is the squared difference of the picture, less all that noise adds to it (`neighbour_z`).
@@ -77,7 +77,9 @@ class Projections(NamedTuple):
     def z(self) -> Array:
         """Divide the sums by their standard deviations; 0 where there is no noise and no difference beyond rounding."""
         deviation = np.sqrt(self.variances)
-        return np.divide(self.sums, deviation, out=np.zeros_like(self.sums), where=deviation > 0.0)
+        # What float64 cannot hold fails as single pixels.
+        known = (deviation > 0.0) & np.isfinite(self.sums) & np.isfinite(deviation)
+        return np.divide(self.sums, deviation, out=np.zeros_like(self.sums), where=known)
 
     def amounts(self) -> Array:
         """Estimate of each pattern, in its unit; nan where there is none to be seen."""
@@ -89,9 +91,10 @@ class Projections(NamedTuple):
 
         A difference adds to the variance that is estimated from it: k^2 (V + x^2 Q) = x^2 R^2.
         """
-        left = self.responses**2 - z**2 * self.squares
-        seen = (self.responses > 0.0) & (left > 0.0)
-        needed = np.sqrt(np.divide(z**2 * self.variances, left, out=np.zeros_like(left), where=seen))
+        with np.errstate(invalid="ignore", over="ignore"):
+            left = self.responses**2 - z**2 * self.squares
+            seen = (self.responses > 0.0) & (left > 0.0) & np.isfinite(left)
+            needed = np.sqrt(np.divide(z**2 * self.variances, left, out=np.zeros_like(left), where=seen))
         return np.where(seen, needed, math.inf)
 
 
@@ -131,21 +134,22 @@ class _Sums(NamedTuple):
 class _Band(NamedTuple):
     """Rows of a pair with a halo, in units of the typical noise of each channel: (rows, columns, 3).
 
-    difference, variance : of a - b.
-    mean : of both, pooled so that it is uncorrelated with the difference.
+    difference, variance : of a - b; the variance pooled, so that it is no smaller than either image says.
+    summed : the variances of a and b added, as they are: right in the mean over pixels.
+    mean : of both, weighted by their samples.
     mean_variance : of the mean.
-    covariance : of mean and difference, as far as the variances of the pixels tell; 0 in expectation.
     nearby : mean variance of the eight pixels around.
     """
 
     difference: Array
     variance: Array
+    summed: Array
     mean: Array
     mean_variance: Array
-    covariance: Array
     nearby: Array
 
 
+@np.errstate(invalid="ignore", over="ignore")
 def structure(pair: NoisyPair, ratio: float, *, alike: bool, tile: int) -> Structure:
     """Look for patterns in the difference of two images.
 
@@ -170,12 +174,12 @@ def structure(pair: NoisyPair, ratio: float, *, alike: bool, tile: int) -> Struc
         Projections(*fields),
         _neighbour_z(bands, alike=alike),
         _score(float(squares[0]), float(squares[1])),
-        float(squares[2] / squares[3]) if squares[3] > 0.0 else math.nan,
+        float(squares[2] / squares[3]) if 0.0 < squares[3] < math.inf else math.nan,
     )
 
 
 def _score(total: float, variance: float) -> float:
-    return total / math.sqrt(variance) if variance > 0.0 else 0.0
+    return total / math.sqrt(variance) if variance > 0.0 and math.isfinite(total) and math.isfinite(variance) else 0.0
 
 
 # ---- bands and their filters
@@ -192,7 +196,7 @@ def _with_halo(pair: NoisyPair, top: int, bottom: int) -> NoisyPair:
     height, width, _ = pair.a.shape
     rows, columns = _mirrored(top - _HALO, bottom + _HALO, height), _mirrored(-_HALO, width + _HALO, width)
     a, var_a, b, var_b = (np.ascontiguousarray(values[rows[:, None], columns]) for values in pair)
-    finite = np.isfinite(a) & np.isfinite(b)
+    finite = np.isfinite(a - b)
     if not finite.all():
         # They fail as single pixels; nothing around them is to be lost.
         a, b = np.where(finite, a, 0.0), np.where(finite, b, 0.0)
@@ -219,6 +223,7 @@ def _filtered(values: Array, down: tuple[float, ...], across: tuple[float, ...])
     return np.asarray(correlate1d(correlate1d(values, down, axis=0, mode="nearest"), across, axis=1, mode="nearest"))
 
 
+@np.errstate(invalid="ignore", over="ignore")
 def _deviation_sums(pair: NoisyPair, ratio: float, top: int, bottom: int) -> Array:
     """Sum of the standard deviations of the differences in a band (3,), each told by its neighbours."""
     padded = _with_halo(pair, top, bottom)
@@ -237,20 +242,19 @@ def _band(pair: NoisyPair, ratio: float, typical: Array, top: int, bottom: int) 
     return _Band(
         difference=padded.difference() * unit,
         variance=variance,
+        summed=var_a + var_b,
         mean=a + share * (b - a),
         mean_variance=(1.0 - share) ** 2 * var_a + share**2 * var_b,
-        covariance=(1.0 - share) * var_a - share * var_b,
         nearby=_nearby(variance),
     )
 
 
-def _patterns(band: _Band) -> Iterator[tuple[Array, Array, Array, float]]:
-    """Each pattern but brightness, for a band with its halo.
+def _patterns(band: _Band, *, alike: bool) -> Iterator[tuple[Array, Array, Array]]:
+    """Make the filter of each pattern but brightness, for a band with its halo.
 
     Yields
     ------
-    filter ; what one unit of it makes of the mean ; the mean product of both by noise ; the filter's weight of the
-    pixel itself.
+    filter ; what one unit of the pattern makes of the mean ; the mean product of both by noise.
     """
     from scipy.ndimage import gaussian_filter
 
@@ -258,20 +262,30 @@ def _patterns(band: _Band) -> Iterator[tuple[Array, Array, Array, float]]:
     one = (0.0, 1.0, 0.0)
     beside = (0.125, 0.0, 0.125)
     # To the right and downwards: what moves that way is darker by its slope.
-    yield -_filtered(mean, _SMOOTH, _SLOPE), -_filtered(mean, one, _SLOPE), _filtered(noise, one, beside), 0.0
-    yield -_filtered(mean, _SLOPE, _SMOOTH), -_filtered(mean, _SLOPE, one), _filtered(noise, beside, one), 0.0
+    yield -_filtered(mean, _SMOOTH, _SLOPE), -_filtered(mean, one, _SLOPE), _filtered(noise, one, beside)
+    yield -_filtered(mean, _SLOPE, _SMOOTH), -_filtered(mean, _SLOPE, one), _filtered(noise, beside, one)
 
-    # Of the binomial less the pixel itself, the products with themselves: 9/16 in the middle.
-    smooth = _filtered(mean, _SMOOTH, _SMOOTH)
+    # Of unlike images the noisier one would seem the sharper: a pixel's own mean, which would tell, is replaced by what
+    # a parabola through its neighbours along both axes has there.
+    own = mean if alike else (4.0 * _adjacent(mean, 1) - _adjacent(mean, 2)) / 3.0
+    smooth, centre = _filtered(mean, _SMOOTH, _SMOOTH), _SMOOTH[1] ** 2
     squared = tuple(x * x for x in _SMOOTH)
-    of_noise = _filtered(noise, squared, squared) + ((_SMOOTH[1] ** 2 - 1.0) ** 2 - _SMOOTH[1] ** 4) * noise
-    yield smooth - mean, (smooth - mean) / _BINOMIAL_VARIANCE, of_noise / _BINOMIAL_VARIANCE, _SMOOTH[1] ** 2 - 1.0
-    centre, none = _SMOOTH[1] ** 2, np.zeros_like(mean)
+    of_noise = _filtered(noise, squared, squared) - centre**2 * noise
+    of_noise += (1.0 - centre) ** 2 * noise if alike else (centre - 1.0) / 6.0 * _adjacent(noise, 1)
+    finest = smooth - mean + (centre - 1.0) * (own - mean)
+    yield finest, (smooth - mean) / _BINOMIAL_VARIANCE, of_noise / _BINOMIAL_VARIANCE
+    none = np.zeros_like(mean)
     for width in _WIDER:
         wider = np.asarray(gaussian_filter(mean, width, mode="nearest", truncate=_TRUNCATE, axes=(0, 1)))
-        own = _centre_of_gaussian(width)
-        yield wider - smooth, none, none, own - centre
-        smooth, centre = wider, own
+        next_centre = _centre_of_gaussian(width)
+        yield wider - smooth + (next_centre - centre) * (own - mean), none, none
+        smooth, centre = wider, next_centre
+
+
+def _adjacent(values: Array, distance: int) -> Array:
+    """Average the four pixels at a distance along the axes."""
+    apart = (0.25, *(0.0,) * (2 * distance - 1), 0.25)
+    return _filtered(values, apart, (1.0,)) + _filtered(values, (1.0,), apart)
 
 
 def _centre_of_gaussian(width: float) -> float:
@@ -283,6 +297,7 @@ def _centre_of_gaussian(width: float) -> float:
 # ---- sums
 
 
+@np.errstate(invalid="ignore", over="ignore")
 def _sums(pair: NoisyPair, ratio: float, typical: Array, place: tuple[int, int], *, alike: bool, tile: int) -> _Sums:
     """Sum the projections, products and squares of a band of rows (top, bottom)."""
     top, bottom = place
@@ -297,20 +312,18 @@ def _sums(pair: NoisyPair, ratio: float, typical: Array, place: tuple[int, int],
     near = weight * _inside(_nearby(band.mean))
     projected[..., :3], known[..., :3] = near * inner.difference, np.abs(near) * deviation
     response[..., :3] = near * inner.mean
-    for place_of, (pattern, made, of_noise, own) in enumerate(_patterns(band), start=3):
+    for which, (pattern, made, of_noise) in enumerate(_patterns(band, alike=alike), start=3):
         matched = _inside(pattern)
-        # What the pixel itself contributes to its filter has an expectation if the noise of one image is larger.
-        products = matched * inner.difference - own * inner.covariance
-        projected[..., place_of] = np.sum(weight * products, axis=2)
-        known[..., place_of] = np.sum(weight * np.abs(matched) * deviation, axis=2)
-        response[..., place_of] = np.sum(weight * (matched * _inside(made) - _inside(of_noise)), axis=2)
+        projected[..., which] = np.sum(weight * matched * inner.difference, axis=2)
+        known[..., which] = np.sum(weight * np.abs(matched) * deviation, axis=2)
+        response[..., which] = np.sum(weight * (matched * _inside(made) - _inside(of_noise)), axis=2)
     variances = tile_sums(projected**2, tile)
     if not alike:
         variances = np.maximum(variances, tile_sums(known**2, tile))
     fields = (tile_sums(projected, tile), variances, tile_sums(response, tile), tile_sums(response**2, tile))
 
-    excess = np.sum(weight * (inner.difference**2 - inner.variance), axis=2)
-    squares = [excess, excess**2, weight * inner.difference**2, weight * inner.variance]
+    excess = np.sum(weight * (inner.difference**2 - inner.summed), axis=2)
+    squares = [excess, excess**2, weight * inner.difference**2, weight * inner.summed]
     is_last = bottom == len(pair.a)
     # One row more, for what is below the last.
     rows = slice(_HALO, -_HALO if is_last else 1 - _HALO)
@@ -346,6 +359,7 @@ def _across(differences: Array, variances: Array, *, alike: bool) -> Array:
     return _products(differences[:, :-1], differences[:, 1:], variances[:, :-1], variances[:, 1:], alike=alike)
 
 
+@np.errstate(invalid="ignore", over="ignore")
 def _neighbour_z(bands: list[_Sums], *, alike: bool) -> Array:
     """Scores of products of neighbours: (4, 2), by `SCALES`, down and across."""
     scores = [np.sum([band.products for band in bands], axis=0)]
