@@ -3,10 +3,10 @@
     python bench/planted.py [--renders outputs/planted] [--pairs 12] [--repeats 4]
 
 *Honest pairs* are renders of one scene with other seeds, none of them in two pairs: four scenes, three samplers, three
-numbers of samples. *Planted differences* are between renders of the cover scene with other seeds: brightness, tiles and
-channels are changed in the finished picture, with its variances; camera and objects before it is rendered. "Four
-tests" are those of means, tiles, pixels and of how many pixels are far off, which were all that there was before patterns,
-neighbours and squares were tested. Prints Markdown. Renders are kept in a folder, so that a run that was stopped goes on.
+numbers of samples. *Planted differences* are between renders with other seeds: brightness, tiles, channels and single
+pixels are changed in the finished picture, with its variances; camera and objects before it is rendered. "Four tests"
+are those of means, tiles, pixels and of how many pixels are far off, which judged alone before patterns, neighbours and
+squares were tested. Prints Markdown. Renders are kept in a folder, so that a run that was stopped goes on.
 """
 
 from __future__ import annotations
@@ -29,6 +29,9 @@ SIZES = {"cover": (96, 54), "metals": (96, 54), "cornell": (48, 48), "glass": (6
 SAMPLERS, LEVELS = ("independent", "stratified", "sobol"), (16, 64, 256)
 LARGE, LARGE_SPP = (240, 135), 64
 ALPHA = 1e-3
+
+# Relative standard deviation of a pixel below which it counts as free of noise, as skies and lamps are.
+NOISE_FREE = 1e-3
 
 # A ball of the cover scene, 2.7 px wide in a picture of 96, that nothing hides; it is taken below the ground.
 SMALL = "objects.15.center"
@@ -72,16 +75,27 @@ def size(width: int, height: int) -> dict[str, int]:
     return {"film.width": width, "film.height": height}
 
 
-def brighter(picture: Picture) -> Picture:
-    """Multiply all light by 1.005."""
-    return Picture(1.005 * picture.mean, 1.005**2 * picture.variance)
+def scaled(picture: Picture, gain: float | Array) -> Picture:
+    """Multiply all light by a number, or each pixel by its own (height, width, 1)."""
+    return Picture(gain * picture.mean, gain**2 * picture.variance)
+
+
+def noisy_scaled(picture: Picture, change: float | Array) -> Picture:
+    """Change the light of the pixels with noise by a fraction: in the others anything is seen by comparing them."""
+    relative = np.sqrt(picture.variance.sum(axis=2, keepdims=True)) / picture.mean.sum(axis=2, keepdims=True)
+    return scaled(picture, 1.0 + change * (relative > NOISE_FREE))
+
+
+def pixels_changed(picture: Picture) -> Picture:
+    """Make each pixel with noise 5 % brighter or darker, at random: always the same ones."""
+    return noisy_scaled(picture, 0.05 * np.random.default_rng(0).choice((-1.0, 1.0), (*picture.mean.shape[:2], 1)))
 
 
 def brighter_tile(picture: Picture) -> Picture:
     """Multiply the light in one tile of 16 x 16 pixels by 1.1."""
     gain = np.ones((*picture.mean.shape[:2], 1))
     gain[TILE] = 1.1
-    return Picture(gain * picture.mean, gain**2 * picture.variance)
+    return scaled(picture, gain)
 
 
 def swapped(picture: Picture) -> Picture:
@@ -100,9 +114,12 @@ def turned() -> dict[str, Any]:
 
 # Of the finished picture, and of the scene.
 CHANGES: dict[str, Callable[[Picture], Picture]] = {
-    "brightness by 0.5 %": brighter,
+    "brightness by 0.5 %": lambda picture: scaled(picture, 1.005),
+    "brightness by 0.5 % of what is noisy": lambda picture: noisy_scaled(picture, 0.005),
+    "brightness by 2 % of what is noisy": lambda picture: noisy_scaled(picture, 0.02),
     "a tile of 16 px by 10 %": brighter_tile,
     "channels swapped": swapped,
+    "each noisy pixel by 5 %, up or down": pixels_changed,
 }
 OVERRIDES: dict[str, dict[str, Any]] = {
     "shift of 0.25 px": turned(),
@@ -142,33 +159,30 @@ def honest(renders: Renders, pairs: int) -> None:
 
 def planted(renders: Renders, repeats: int) -> None:
     """Print how many of the planted differences are found."""
-    samplers = ("independent", "sobol")
-    columns = [(sampler, spp) for sampler in samplers for spp in LEVELS]
+    columns = [(sampler, spp) for sampler in ("independent", "sobol") for spp in LEVELS]
     print("\n| planted | " + " | ".join(f"{sampler} {spp}" for sampler, spp in columns) + " |")
     print("|---" * (1 + len(columns)) + "|")
-    for what in (*CHANGES, *OVERRIDES):
+    for scene, what in [*(("cover", what) for what in (*CHANGES, *OVERRIDES)), *(("metals", what) for what in CHANGES)]:
         cells = []
         for sampler, spp in columns:
-            cover = renders.pictures("cover", "cover", size(*SIZES["cover"]), sampler, spp, 2 * repeats, 1000 * spp)
+            kept = renders.pictures(scene, scene, size(*SIZES[scene]), sampler, spp, 2 * repeats, 1000 * spp)
             if what in CHANGES:
-                other = [CHANGES[what](picture) for picture in cover[repeats:]]
+                other = [CHANGES[what](picture) for picture in kept[repeats:]]
             else:
-                overrides = {**size(*SIZES["cover"]), **OVERRIDES[what]}
-                name = f"cover_{what.replace(' ', '_')}"
-                other = renders.pictures(name, "cover", overrides, sampler, spp, repeats, 7000 * spp)
-            verdicts = [judged(a, b) for a, b in zip(other, cover[:repeats], strict=True)]
-            cells.append(_found(verdicts))
-        print(f"| {what} | {' | '.join(cells)} |", flush=True)
+                overrides = {**size(*SIZES[scene]), **OVERRIDES[what]}
+                name = f"{scene}_{what.replace(' ', '_')}"
+                other = renders.pictures(name, scene, overrides, sampler, spp, repeats, 7000 * spp)
+            cells.append(_found([judged(a, b) for a, b in zip(other, kept[:repeats], strict=True)]))
+        print(f"| {scene}: {what} | {' | '.join(cells)} |", flush=True)
     large = [
         renders.pictures(
-            f"large_{angle}", "cover", {**size(*LARGE), "camera.defocus_angle": angle}, "sobol", 64, 2, seed
+            f"large_{angle}", "cover", {**size(*LARGE), "camera.defocus_angle": angle}, "sobol", LARGE_SPP, 2, seed
         )
         for angle, seed in ((0.6, 1), (0.3, 101))
     ]
     verdicts = [judged(a, b) for a, b in zip(*large, strict=True)]
-    print(
-        f"\nDefocus halved at {LARGE[0]} x {LARGE[1]}, {LARGE_SPP} spp (sobol): {_found(verdicts)}; {verdicts[0].reason}"
-    )
+    what = f"Defocus halved at {LARGE[0]} x {LARGE[1]}, {LARGE_SPP} spp (sobol)"
+    print(f"\n{what}: {_found(verdicts)}; {verdicts[0].reason}")
 
 
 def limits(renders: Renders) -> None:

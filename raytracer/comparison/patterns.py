@@ -137,7 +137,7 @@ class _Band(NamedTuple):
     difference, variance : of a - b; the variance pooled, so that it is no smaller than either image says.
     summed : the variances of a and b added, as they are: right in the mean over pixels.
     mean : of both, weighted by their samples.
-    mean_variance : of the mean.
+    noise_part : variance of the mean over that of the difference.
     nearby : mean variance of the eight pixels around.
     """
 
@@ -145,7 +145,7 @@ class _Band(NamedTuple):
     variance: Array
     summed: Array
     mean: Array
-    mean_variance: Array
+    noise_part: float
     nearby: Array
 
 
@@ -244,42 +244,62 @@ def _band(pair: NoisyPair, ratio: float, typical: Array, top: int, bottom: int) 
         variance=variance,
         summed=var_a + var_b,
         mean=a + share * (b - a),
-        mean_variance=(1.0 - share) ** 2 * var_a + share**2 * var_b,
+        noise_part=share * (1.0 - share),
         nearby=_nearby(variance),
     )
 
 
-def _patterns(band: _Band, *, alike: bool) -> Iterator[tuple[Array, Array, Array]]:
-    """Make the filter of each pattern but brightness, for a band with its halo.
+def _filters(band: _Band, *, alike: bool) -> Iterator[tuple[Array, Array]]:
+    """Make the filter of each pattern but brightness.
 
     Yields
     ------
-    filter ; what one unit of the pattern makes of the mean ; the mean product of both by noise.
+    matched filter ; its product with what one unit of the pattern makes of the mean, without what noise adds to that.
     """
+    of_mean, of_noise = (_fine_filters(values, alike=alike) for values in (band.mean, band.difference))
+    for (pattern, made), (noise, noise_made) in zip(of_mean, of_noise, strict=True):
+        # Unbiased whatever the noise is, as products of the one image with the other are: these are independent.
+        yield pattern, pattern * made - band.noise_part * noise * noise_made
+    for pattern in _wide_filters(band.mean, alike=alike):
+        yield pattern, np.zeros_like(pattern)
+
+
+def _fine_filters(values: Array, *, alike: bool) -> Iterator[tuple[Array, Array]]:
+    """Filter an image by what shifts to the right and downwards match, and the finest blur.
+
+    Yields
+    ------
+    matched filter ; what one unit of the pattern makes of the image.
+    """
+    one = (1.0,)
+    # What moves to the right is darker by its slope to the right.
+    yield -_filtered(values, _SMOOTH, _SLOPE), -_filtered(values, one, _SLOPE)
+    yield -_filtered(values, _SLOPE, _SMOOTH), -_filtered(values, _SLOPE, one)
+    smooth = _filtered(values, _SMOOTH, _SMOOTH)
+    blur = smooth - values + (_SMOOTH[1] ** 2 - 1.0) * _own(values, alike=alike)
+    yield blur, (smooth - values) / _BINOMIAL_VARIANCE
+
+
+def _wide_filters(values: Array, *, alike: bool) -> Iterator[Array]:
+    """Filter an image by what wider blurs match: bands between Gaussians."""
     from scipy.ndimage import gaussian_filter
 
-    mean, noise = band.mean, band.mean_variance
-    one = (0.0, 1.0, 0.0)
-    beside = (0.125, 0.0, 0.125)
-    # To the right and downwards: what moves that way is darker by its slope.
-    yield -_filtered(mean, _SMOOTH, _SLOPE), -_filtered(mean, one, _SLOPE), _filtered(noise, one, beside)
-    yield -_filtered(mean, _SLOPE, _SMOOTH), -_filtered(mean, _SLOPE, one), _filtered(noise, beside, one)
-
-    # Of unlike images the noisier one would seem the sharper: a pixel's own mean, which would tell, is replaced by what
-    # a parabola through its neighbours along both axes has there.
-    own = mean if alike else (4.0 * _adjacent(mean, 1) - _adjacent(mean, 2)) / 3.0
-    smooth, centre = _filtered(mean, _SMOOTH, _SMOOTH), _SMOOTH[1] ** 2
-    squared = tuple(x * x for x in _SMOOTH)
-    of_noise = _filtered(noise, squared, squared) - centre**2 * noise
-    of_noise += (1.0 - centre) ** 2 * noise if alike else (centre - 1.0) / 6.0 * _adjacent(noise, 1)
-    finest = smooth - mean + (centre - 1.0) * (own - mean)
-    yield finest, (smooth - mean) / _BINOMIAL_VARIANCE, of_noise / _BINOMIAL_VARIANCE
-    none = np.zeros_like(mean)
+    smooth, centre = _filtered(values, _SMOOTH, _SMOOTH), _SMOOTH[1] ** 2
+    own = _own(values, alike=alike)
     for width in _WIDER:
-        wider = np.asarray(gaussian_filter(mean, width, mode="nearest", truncate=_TRUNCATE, axes=(0, 1)))
+        wider = np.asarray(gaussian_filter(values, width, mode="nearest", truncate=_TRUNCATE, axes=(0, 1)))
         next_centre = _centre_of_gaussian(width)
-        yield wider - smooth + (next_centre - centre) * (own - mean), none, none
+        yield wider - smooth + (next_centre - centre) * own
         smooth, centre = wider, next_centre
+
+
+def _own(values: Array, *, alike: bool) -> Array | float:
+    """What is to be put in place of a pixel's own value in a filter, less that value.
+
+    Of unlike images the noisier one would seem the sharper: a pixel's own mean, which would tell, is replaced by what a
+    parabola through its neighbours along both axes has there.
+    """
+    return 0.0 if alike else (4.0 * _adjacent(values, 1) - _adjacent(values, 2)) / 3.0 - values
 
 
 def _adjacent(values: Array, distance: int) -> Array:
@@ -302,31 +322,12 @@ def _sums(pair: NoisyPair, ratio: float, typical: Array, place: tuple[int, int],
     """Sum the projections, products and squares of a band of rows (top, bottom)."""
     top, bottom = place
     band = _band(pair, ratio, typical, top, bottom)
-    # Noise below the typical one counts as that: else a sky without noise would drown all the rest.
-    weight = _inside(1.0 / (1.0 + band.nearby))
-    inner = _Band(*(_inside(values) for values in band))
-    deviation = np.sqrt(inner.variance)
-    size = (*inner.difference.shape[:2], len(PATTERNS))
-    projected, known, response = (np.zeros(size) for _ in range(3))
+    weight, difference, summed = (_inside(v) for v in (1.0 / (1.0 + band.nearby), band.difference, band.summed))
+    excess = np.sum(weight * (difference**2 - summed), axis=2)
+    squares = [excess, excess**2, weight * difference**2, weight * summed]
 
-    near = weight * _inside(_nearby(band.mean))
-    projected[..., :3], known[..., :3] = near * inner.difference, np.abs(near) * deviation
-    response[..., :3] = near * inner.mean
-    for which, (pattern, made, of_noise) in enumerate(_patterns(band, alike=alike), start=3):
-        matched = _inside(pattern)
-        projected[..., which] = np.sum(weight * matched * inner.difference, axis=2)
-        known[..., which] = np.sum(weight * np.abs(matched) * deviation, axis=2)
-        response[..., which] = np.sum(weight * (matched * _inside(made) - _inside(of_noise)), axis=2)
-    variances = tile_sums(projected**2, tile)
-    if not alike:
-        variances = np.maximum(variances, tile_sums(known**2, tile))
-    fields = (tile_sums(projected, tile), variances, tile_sums(response, tile), tile_sums(response**2, tile))
-
-    excess = np.sum(weight * (inner.difference**2 - inner.summed), axis=2)
-    squares = [excess, excess**2, weight * inner.difference**2, weight * inner.summed]
-    is_last = bottom == len(pair.a)
     # One row more, for what is below the last.
-    rows = slice(_HALO, -_HALO if is_last else 1 - _HALO)
+    rows = slice(_HALO, -_HALO if bottom == len(pair.a) else 1 - _HALO)
     nearby, variance = (values[rows, _HALO:-_HALO] for values in (band.nearby, band.variance))
     # Of alike images the pixel's own variance is as good, and keeps a bright rare sample from deciding all.
     weights = 1.0 / (1.0 + (np.maximum(nearby, variance) if alike else nearby))
@@ -334,12 +335,30 @@ def _sums(pair: NoisyPair, ratio: float, typical: Array, place: tuple[int, int],
     expected = variance * weights
     count = bottom - top
     return _Sums(
-        fields,
+        _projected(band, weight, alike=alike, tile=tile),
         tile_sums(whitened[:count], SCALES[1]),
         tile_sums(expected[:count], SCALES[1]),
         np.stack([_down(whitened, expected, alike=alike), _across(whitened[:count], expected[:count], alike=alike)]),
         np.array([values.sum() for values in squares]),
     )
+
+
+def _projected(band: _Band, weight: Array, *, alike: bool, tile: int) -> tuple[Array, Array, Array, Array]:
+    """Project the difference on each pattern: sums over tiles as in `Projections`."""
+    difference, deviation = _inside(band.difference), np.sqrt(_inside(band.variance))
+    projected, known, response = (np.zeros((*weight.shape[:2], len(PATTERNS))) for _ in range(3))
+    near = weight * _inside(_nearby(band.mean))
+    projected[..., :3], known[..., :3] = near * difference, np.abs(near) * deviation
+    response[..., :3] = near * _inside(band.mean)
+    for which, (pattern, product) in enumerate(_filters(band, alike=alike), start=3):
+        matched = weight * _inside(pattern)
+        projected[..., which] = np.sum(matched * difference, axis=2)
+        known[..., which] = np.sum(np.abs(matched) * deviation, axis=2)
+        response[..., which] = np.sum(weight * _inside(product), axis=2)
+    variances = tile_sums(projected**2, tile)
+    if not alike:
+        variances = np.maximum(variances, tile_sums(known**2, tile))
+    return tile_sums(projected, tile), variances, tile_sums(response, tile), tile_sums(response**2, tile)
 
 
 def _products(a: Array, b: Array, var_a: Array, var_b: Array, *, alike: bool) -> Array:
