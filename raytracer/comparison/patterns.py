@@ -27,7 +27,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.comparison.bands import ROWS, over_bands
+from raytracer.comparison.bands import over_bands
+from raytracer.comparison.matched_filters import HALO, fine_filters, nearby, wide_filters
 from raytracer.comparison.noisy_pair import NoisyPair, tile_sums
 
 Array = NDArray[np.float64]
@@ -47,16 +48,8 @@ PATTERNS = (
 SCALES = (1, 2, 4, 8)
 """Edges of the squares whose sums are multiplied with those of their neighbours (px)."""
 
-# Pixels around a band that its filters reach: three standard deviations of the widest, and one for the neighbours.
-_TRUNCATE = 3.0
-_HALO = 13
-
-# Binomial, derivative of one pixel, and central difference, along an axis.
-_SMOOTH, _SLOPE = (0.25, 0.5, 0.25), (-0.5, 0.0, 0.5)
-
-# Standard deviations of the Gaussians that bound the bands of blur (px); the first is the binomial, of 0.5 px^2.
-_WIDER = (2.0, 4.0)
-_BINOMIAL_VARIANCE = 0.5
+# Rows of a band: its halo of 26 is a fifth of them, and it stays in the processor's caches.
+ROWS = 128
 
 
 class Projections(NamedTuple):
@@ -194,7 +187,7 @@ def _mirrored(start: int, stop: int, size: int) -> NDArray[np.int64]:
 
 def _with_halo(pair: NoisyPair, top: int, bottom: int) -> NoisyPair:
     height, width, _ = pair.a.shape
-    rows, columns = _mirrored(top - _HALO, bottom + _HALO, height), _mirrored(-_HALO, width + _HALO, width)
+    rows, columns = _mirrored(top - HALO, bottom + HALO, height), _mirrored(-HALO, width + HALO, width)
     a, var_a, b, var_b = (np.ascontiguousarray(values[rows[:, None], columns]) for values in pair)
     finite = np.isfinite(a - b)
     if not finite.all():
@@ -204,30 +197,14 @@ def _with_halo(pair: NoisyPair, top: int, bottom: int) -> NoisyPair:
 
 
 def _inside(values: Array) -> Array:
-    return values[_HALO:-_HALO, _HALO:-_HALO]
-
-
-def _nearby(values: Array) -> Array:
-    """Average the eight pixels around each, all but the outermost of which are right."""
-    result = np.zeros_like(values)
-    columns = values[:-2] + values[1:-1] + values[2:]
-    beside = values[:-2, 1:-1] + values[2:, 1:-1]
-    # Without the pixel itself from the start: taken away later, one that is bright would leave its rounding.
-    result[1:-1, 1:-1] = (columns[:, :-2] + columns[:, 2:] + beside) / 8.0
-    return result
-
-
-def _filtered(values: Array, down: tuple[float, ...], across: tuple[float, ...]) -> Array:
-    from scipy.ndimage import correlate1d
-
-    return np.asarray(correlate1d(correlate1d(values, down, axis=0, mode="nearest"), across, axis=1, mode="nearest"))
+    return values[HALO:-HALO, HALO:-HALO]
 
 
 @np.errstate(invalid="ignore", over="ignore")
 def _deviation_sums(pair: NoisyPair, ratio: float, top: int, bottom: int) -> Array:
     """Sum of the standard deviations of the differences in a band (3,), each told by its neighbours."""
     padded = _with_halo(pair, top, bottom)
-    return np.asarray(np.sqrt(_inside(_nearby(padded.variance_of_difference(ratio)))).sum(axis=(0, 1)))
+    return np.asarray(np.sqrt(_inside(nearby(padded.variance_of_difference(ratio)))).sum(axis=(0, 1)))
 
 
 def _band(pair: NoisyPair, ratio: float, typical: Array, top: int, bottom: int) -> _Band:
@@ -245,7 +222,7 @@ def _band(pair: NoisyPair, ratio: float, typical: Array, top: int, bottom: int) 
         summed=var_a + var_b,
         mean=a + share * (b - a),
         noise_part=share * (1.0 - share),
-        nearby=_nearby(variance),
+        nearby=nearby(variance),
     )
 
 
@@ -256,62 +233,12 @@ def _filters(band: _Band, *, alike: bool) -> Iterator[tuple[Array, Array]]:
     ------
     matched filter ; its product with what one unit of the pattern makes of the mean, without what noise adds to that.
     """
-    of_mean, of_noise = (_fine_filters(values, alike=alike) for values in (band.mean, band.difference))
+    of_mean, of_noise = (fine_filters(values, alike=alike) for values in (band.mean, band.difference))
     for (pattern, made), (noise, noise_made) in zip(of_mean, of_noise, strict=True):
         # Unbiased whatever the noise is, as products of the one image with the other are: these are independent.
         yield pattern, pattern * made - band.noise_part * noise * noise_made
-    for pattern in _wide_filters(band.mean, alike=alike):
+    for pattern in wide_filters(band.mean, alike=alike):
         yield pattern, np.zeros_like(pattern)
-
-
-def _fine_filters(values: Array, *, alike: bool) -> Iterator[tuple[Array, Array]]:
-    """Filter an image by what shifts to the right and downwards match, and the finest blur.
-
-    Yields
-    ------
-    matched filter ; what one unit of the pattern makes of the image.
-    """
-    one = (1.0,)
-    # What moves to the right is darker by its slope to the right.
-    yield -_filtered(values, _SMOOTH, _SLOPE), -_filtered(values, one, _SLOPE)
-    yield -_filtered(values, _SLOPE, _SMOOTH), -_filtered(values, _SLOPE, one)
-    smooth = _filtered(values, _SMOOTH, _SMOOTH)
-    blur = smooth - values + (_SMOOTH[1] ** 2 - 1.0) * _own(values, alike=alike)
-    yield blur, (smooth - values) / _BINOMIAL_VARIANCE
-
-
-def _wide_filters(values: Array, *, alike: bool) -> Iterator[Array]:
-    """Filter an image by what wider blurs match: bands between Gaussians."""
-    from scipy.ndimage import gaussian_filter
-
-    smooth, centre = _filtered(values, _SMOOTH, _SMOOTH), _SMOOTH[1] ** 2
-    own = _own(values, alike=alike)
-    for width in _WIDER:
-        wider = np.asarray(gaussian_filter(values, width, mode="nearest", truncate=_TRUNCATE, axes=(0, 1)))
-        next_centre = _centre_of_gaussian(width)
-        yield wider - smooth + (next_centre - centre) * own
-        smooth, centre = wider, next_centre
-
-
-def _own(values: Array, *, alike: bool) -> Array | float:
-    """What is to be put in place of a pixel's own value in a filter, less that value.
-
-    Of unlike images the noisier one would seem the sharper: a pixel's own mean, which would tell, is replaced by what a
-    parabola through its neighbours along both axes has there.
-    """
-    return 0.0 if alike else (4.0 * _adjacent(values, 1) - _adjacent(values, 2)) / 3.0 - values
-
-
-def _adjacent(values: Array, distance: int) -> Array:
-    """Average the four pixels at a distance along the axes."""
-    apart = (0.25, *(0.0,) * (2 * distance - 1), 0.25)
-    return _filtered(values, apart, (1.0,)) + _filtered(values, (1.0,), apart)
-
-
-def _centre_of_gaussian(width: float) -> float:
-    """The weight that a pixel has in its own mean, of the filter that `gaussian_filter` makes."""
-    radius = int(_TRUNCATE * width + 0.5)
-    return float(1.0 / np.exp(-0.5 * (np.arange(-radius, radius + 1) / width) ** 2).sum() ** 2)
 
 
 # ---- sums
@@ -327,11 +254,11 @@ def _sums(pair: NoisyPair, ratio: float, typical: Array, place: tuple[int, int],
     squares = [excess, excess**2, weight * difference**2, weight * summed]
 
     # One row more, for what is below the last.
-    rows = slice(_HALO, -_HALO if bottom == len(pair.a) else 1 - _HALO)
-    nearby, variance = (values[rows, _HALO:-_HALO] for values in (band.nearby, band.variance))
+    rows = slice(HALO, -HALO if bottom == len(pair.a) else 1 - HALO)
+    around, variance = (values[rows, HALO:-HALO] for values in (band.nearby, band.variance))
     # Of alike images the pixel's own variance is as good, and keeps a bright rare sample from deciding all.
-    weights = 1.0 / (1.0 + (np.maximum(nearby, variance) if alike else nearby))
-    whitened = band.difference[rows, _HALO:-_HALO] * np.sqrt(weights)
+    weights = 1.0 / (1.0 + (np.maximum(around, variance) if alike else around))
+    whitened = band.difference[rows, HALO:-HALO] * np.sqrt(weights)
     expected = variance * weights
     count = bottom - top
     return _Sums(
@@ -347,7 +274,7 @@ def _projected(band: _Band, weight: Array, *, alike: bool, tile: int) -> tuple[A
     """Project the difference on each pattern: sums over tiles as in `Projections`."""
     difference, deviation = _inside(band.difference), np.sqrt(_inside(band.variance))
     projected, known, response = (np.zeros((*weight.shape[:2], len(PATTERNS))) for _ in range(3))
-    near = weight * _inside(_nearby(band.mean))
+    near = weight * _inside(nearby(band.mean))
     projected[..., :3], known[..., :3] = near * difference, np.abs(near) * deviation
     response[..., :3] = near * _inside(band.mean)
     for which, (pattern, product) in enumerate(_filters(band, alike=alike), start=3):
