@@ -6,7 +6,8 @@
 numbers of samples. *Planted differences* are between renders with other seeds: brightness, tiles, channels and single
 pixels are changed in the finished picture, with its variances; camera and objects before it is rendered. "Four tests"
 are those of means, tiles, pixels and of how many pixels are far off, which judged alone before patterns, neighbours and
-squares were tested. Prints Markdown. Renders are kept in a folder, so that a run that was stopped goes on.
+squares were tested: what they find stands in brackets. Prints Markdown. Renders are kept in a folder, so that a run
+that was stopped goes on.
 """
 
 from __future__ import annotations
@@ -151,7 +152,7 @@ def honest(renders: Renders, pairs: int) -> None:
                 verdicts = [judged(*both) for both in zip(pictures[::2], pictures[1::2], strict=True)]
                 counts = sum(not four_tests_pass(v) for v in verdicts), sum(not v.passed for v in verdicts)
                 failed = [total + count for total, count in zip(failed, counts, strict=True)]
-                cells.append(f"{counts[0]}, {counts[1]}")
+                cells.append(f"{counts[1]} ({counts[0]})")
         print(f"| {scene} | {' | '.join(cells)} |", flush=True)
     total = pairs * len(SIZES) * len(SAMPLERS) * len(LEVELS)
     print(f"\nOf {total} honest pairs fail: {failed[0]} by four tests, {failed[1]} by all.")
@@ -182,7 +183,7 @@ def planted(renders: Renders, repeats: int) -> None:
     ]
     verdicts = [judged(a, b) for a, b in zip(*large, strict=True)]
     what = f"Defocus halved at {LARGE[0]} x {LARGE[1]}, {LARGE_SPP} spp (sobol)"
-    print(f"\n{what}: {_found(verdicts)}; {verdicts[0].reason}")
+    print(f"\n{what}: {_found(verdicts)} of {len(verdicts)}; {verdicts[0].reason}")
 
 
 def limits(renders: Renders) -> None:
@@ -197,8 +198,8 @@ def limits(renders: Renders) -> None:
 
 
 def _found(verdicts: list[Verdict]) -> str:
-    """Say how many of them are found by four tests, and by all."""
-    return f"{sum(not four_tests_pass(v) for v in verdicts)}, {sum(not v.passed for v in verdicts)} of {len(verdicts)}"
+    """Say how many of them fail, and in brackets how many do by four tests."""
+    return f"{sum(not v.passed for v in verdicts)} ({sum(not four_tests_pass(v) for v in verdicts)})"
 
 
 def main() -> None:
