@@ -6,18 +6,22 @@ they differ by more than that; the metrics say by how much, noise included; `com
 
 from raytracer.comparison.difference import KINDS, Shown, check_kind, encode, show, with_legend
 from raytracer.comparison.folders import Folders, Pair, compare_folders
+from raytracer.comparison.limits import Limits
 from raytracer.comparison.metrics import METRICS, flip, flip_map, mae, mrse, mse, psnr, relmse, rmse, ssim
-from raytracer.comparison.pairs import ALPHA, Checks, Comparison, checked, compare, judge, known_metrics
+from raytracer.comparison.pairs import ALPHA, Checks, checked, compare, judge, known_metrics
 from raytracer.comparison.reading import Picture, read
-from raytracer.comparison.verdict import Verdict, z_test
+from raytracer.comparison.result import Comparison
+from raytracer.comparison.verdict import TESTS, Verdict, z_test
 
 __all__ = [
     "ALPHA",
     "KINDS",
     "METRICS",
+    "TESTS",
     "Checks",
     "Comparison",
     "Folders",
+    "Limits",
     "Pair",
     "Picture",
     "Shown",

@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from raytracer.comparison.metrics import flip_map
-from raytracer.comparison.pairs import Comparison
 from raytracer.comparison.pictures import Pixels, false_colour, false_colours, signed, signed_colours
 from raytracer.comparison.reading import Array, Picture
+from raytracer.comparison.result import Comparison
 from raytracer.errors import InputError, nearest
 from raytracer.noise.metric import weights
 

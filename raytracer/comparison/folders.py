@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from raytracer.comparison.metrics import METRICS
-from raytracer.comparison.pairs import Checks, Comparison, checked, judge
+from raytracer.comparison.pairs import Checks, checked, judge
 from raytracer.comparison.reading import read
+from raytracer.comparison.result import Comparison
 from raytracer.errors import InputError
 from raytracer.film.output import SUFFIXES
 

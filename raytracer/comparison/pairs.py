@@ -1,9 +1,8 @@
 """Two images compared: metrics, the z-test of their noise, and whether that is good enough."""
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from raytracer.comparison.metrics import (
     sums,
 )
 from raytracer.comparison.reading import Array, Picture, Source, read
+from raytracer.comparison.result import Comparison, NotFinite, verdict_sentence
 from raytracer.comparison.sizes import check_sizes
 from raytracer.comparison.verdict import Verdict, z_test
 from raytracer.errors import InputError, suggestion
@@ -29,16 +29,11 @@ from raytracer.film import srgb
 ALPHA = 1e-3
 """How often two renders that differ by their noise only may fail."""
 
+# Part of their variances below which the noise of samples is said to be less; independent ones scatter by 0.05.
+_NOTABLE = 0.9
+
 # Pixels, times exposures, for which FLIP is measured unasked: some seconds on four cores.
 _FLIP_UNASKED = 2**22
-
-
-class NotFinite(NamedTuple):
-    """How many pixels are not finite in each image, and the first of them (x, y), if any."""
-
-    a: int = 0
-    b: int = 0
-    first: tuple[int, int] | None = None
 
 
 class Checks(NamedTuple):
@@ -53,138 +48,6 @@ class Checks(NamedTuple):
     below: Mapping[str, float] = {}
     test: bool | None = None
     alpha: float = ALPHA
-
-
-@dataclass(frozen=True, repr=False)
-class Comparison:
-    """What `compare` found.
-
-    Attributes
-    ----------
-    a, b : names of the images; `b` is the reference.
-    width, height : pixels.
-    metrics : values by name: mae, mse, rmse, relmse, mrse, psnr (dB), ssim, flip.
-    domains : what each is of: `linear` light, or `display` values, sRGB-encoded in 0..1.
-    unmeasured : reasons by name of metrics that are missing.
-    noise_mse : mean squared error that the noise of both alone makes, or None if not known.
-    verdict : of the z-test, or None for the reason that `untested` gives.
-    notes : sentences that belong to the verdict.
-    not_finite : pixels that are not finite; metrics are of the others.
-    failures : what was asked for and is not so, in sentences.
-    passed : whether there are no failures; None if nothing was asked for.
-    is_display : whether display values are compared, or linear light.
-    flip : what FLIP tells of each pixel, (height, width), or None where it was not measured or was let go of.
-    pictures : the two images, or None where they were let go of.
-    """
-
-    a: str
-    b: str
-    width: int
-    height: int
-    metrics: dict[str, float]
-    domains: dict[str, Domain]
-    unmeasured: dict[str, str]
-    noise_mse: float | None
-    verdict: Verdict | None
-    untested: str
-    notes: tuple[str, ...]
-    not_finite: NotFinite
-    failures: tuple[str, ...]
-    passed: bool | None
-    is_display: bool
-    flip: NDArray[np.float32] | None
-    pictures: tuple[Picture, Picture] | None
-
-    def without_pixels(self) -> "Comparison":
-        """The same, without what takes memory."""
-        verdict = self.verdict and replace(self.verdict, pixel_z=np.empty((0, 0, 3)))
-        return replace(self, flip=None, pictures=None, verdict=verdict)
-
-    def json(self) -> dict[str, Any]:
-        """Everything but pixels, as JSON can hold it."""
-        verdict = self.verdict
-        return {
-            "a": self.a,
-            "b": self.b,
-            "width": self.width,
-            "height": self.height,
-            "metrics": {
-                name: {"value": _number(value), "domain": self.domains[name]} for name, value in self.metrics.items()
-            },
-            "unmeasured": self.unmeasured,
-            "noise_mse": self.noise_mse,
-            "z_test": None
-            if verdict is None
-            else {
-                "passed": verdict.passed,
-                "reason": verdict.reason,
-                "mean_z": [_number(z) for z in verdict.mean_z],
-                "p": {
-                    "mean": _number(verdict.mean_p),
-                    "tile": _number(verdict.tile_p),
-                    "pixel": _number(verdict.pixel_p),
-                    "exceeding": _number(verdict.exceeding_p),
-                },
-            },
-            "untested": self.untested or None,
-            "notes": list(self.notes),
-            "not_finite": self.not_finite._asdict(),
-            "passed": self.passed,
-            "failures": list(self.failures),
-        }
-
-    def text(self) -> str:
-        """A report in lines."""
-        domain = "display values" if self.is_display else "linear light"
-        lines = [f"{self.a} against {self.b}: {self.width} x {self.height} pixels, {domain}"]
-        for name, value in self.metrics.items():
-            unit = " dB" if name == "psnr" else ""
-            remark = "  of display values" if self.domains[name] == "display" and domain != "display values" else ""
-            if name == "mse" and self.noise_mse is not None:
-                remark = f"  (noise alone makes {self.noise_mse:.4g})"
-            lines.append(f"  {METRICS[name].label:<7}{value:.6g}{unit}{remark}")
-        lines += [f"  {METRICS[name].label:<7}-  {reason}" for name, reason in self.unmeasured.items()]
-        if self.not_finite.first is not None:
-            lines.append(f"not finite: {_not_finite(self.not_finite)}")
-        if told := self.told():
-            lines.append(told)
-        lines += [f"  {note}" for note in self.notes]
-        if self.passed is not None:
-            lines.append("PASS" if self.passed else f"FAIL: {'; '.join(self.failures)}")
-        return "\n".join(lines) + "\n"
-
-    @property
-    def labels(self) -> tuple[str, str]:
-        """What to write beside the images: which of the two, and its name."""
-        return _label("A", self.a), _label("B", self.b)
-
-    def told(self) -> str:
-        """What the z-test said, or why there was none, unless it is among the failures."""
-        if self.verdict is None:
-            return f"no z-test: {self.untested}" if self.untested else ""
-        told = _told(self.verdict)
-        return "" if told in self.failures else told
-
-    def __repr__(self) -> str:
-        return self.text().rstrip()
-
-
-def _label(side: str, name: str) -> str:
-    return side if name == side else f"{side}  {name}"
-
-
-def _told(verdict: Verdict) -> str:
-    return f"z-test {'passed' if verdict.passed else 'failed'}: {verdict.reason}"
-
-
-def _number(value: float) -> float | str:
-    return float(value) if math.isfinite(value) else str(float(value))
-
-
-def _not_finite(found: NotFinite) -> str:
-    counts = [f"{n:,} pixel{'' if n == 1 else 's'} of {which}" for n, which in ((found.a, "A"), (found.b, "B")) if n]
-    x, y = found.first or (0, 0)
-    return f"{' and '.join(counts)}, the first at x = {x}, y = {y}"
 
 
 def compare(
@@ -294,9 +157,9 @@ def judge(a: Picture, b: Picture, wanted: tuple[str, ...] | None, checks: Checks
     is_tested = checks.test or (checks.test is None and not has_bounds and verdict is not None)
     is_asked = has_bounds or bool(is_tested)
     if is_asked and not_finite.first is not None:
-        failures.append(f"not finite: {_not_finite(not_finite)}")
+        failures.append(f"not finite: {not_finite.sentence()}")
     elif is_tested and verdict is not None and not verdict.passed:
-        failures.append(_told(verdict))
+        failures.append(verdict_sentence(verdict))
     return Comparison(
         a.name,
         b.name,
@@ -307,6 +170,7 @@ def judge(a: Picture, b: Picture, wanted: tuple[str, ...] | None, checks: Checks
         unmeasured,
         noise,
         verdict,
+        checks.alpha,
         untested,
         notes,
         not_finite,
@@ -426,11 +290,31 @@ def _test(a: Picture, b: Picture, checks: Checks) -> tuple[Verdict | None, str, 
                 raise InputError(f"the z-test takes the variances of both images: {why}")
             # Nobody expects a variance of what is meant for a display.
             return None, "" if picture.is_display else why, ()
+    alike = _are_alike(a, b)
+    verdict = z_test(a.values, a.variance, b.values, b.variance, alpha=checks.alpha, alike=alike)
+    return verdict, "", tuple(_notes(a, b, verdict, alike=alike))
+
+
+def _are_alike(a: Picture, b: Picture) -> bool:
+    """Whether two pictures have the same number of samples from the same sampler, so that their noise is alike."""
+    return bool(a.sampler) and a.spp is not None and (a.sampler, a.spp) == (b.sampler, b.spp)
+
+
+def _notes(a: Picture, b: Picture, verdict: Verdict, *, alike: bool) -> Iterator[str]:
+    """Say what would have been found, and what is judged by variances that are larger than the noise."""
+    if not verdict.passed:
+        return
+    if limits := verdict.limits.sentence():
+        yield limits
     samplers = sorted({picture.sampler for picture in (a, b)} - {"", "independent"})
-    notes = []
-    if samplers:
-        notes.append(
-            f"the noise of {' and '.join(samplers)} samples is less than their variance tells, so that small "
-            "differences pass; with `render.sampler: independent` they do not",
+    if not samplers or not verdict.squares_ratio < _NOTABLE:
+        return
+    known = f"the noise is {verdict.squares_ratio:.2f} of what the variances of {' and '.join(samplers)} samples tell"
+    if alike:
+        yield (
+            f"{known}: changes that pixels of no order share are hidden by that, and found with "
+            "`render.sampler: independent`; brightness, shifts, blur and what neighbours share are judged by the "
+            "noise itself"
         )
-    return z_test(a.values, a.variance, b.values, b.variance, alpha=checks.alpha), "", tuple(notes)
+    else:
+        yield f"{known}; with the same sampler and `--spp` in both, less is found by the noise itself"

@@ -3,8 +3,9 @@
 A picture is either linear light or display values, which are what .png and .jpg files hold: sRGB-encoded, in 0..1.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,7 +26,7 @@ class Picture(NamedTuple):
 
     name, for sentences; values, float64 (height, width, 3), linear or, if `is_display`, encoded in 0..1; image, where
     it comes from, if from memory; variance, of `values`, or None for the reason that `unknown` gives; sampler, that its
-    noise comes from, or "" if not known.
+    noise comes from, or "" if not known; spp, samples a pixel, the mean if they differ, or None if not known.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Picture(NamedTuple):
     variance: Array | None = None
     unknown: str = "holds no variance"
     sampler: str = ""
+    spp: float | None = None
 
     def in_bytes(self) -> NDArray[np.uint8]:
         """What a display shows of it, as it would be written to a .png file."""
@@ -63,11 +65,11 @@ def read(source: Source, name: str) -> Picture:
 
 
 def _of_image(image: Image, name: str) -> Picture:
-    sampler = str(image.settings.get("sampler", ""))
+    picture = Picture(name, image.radiance, False, image, **_sampling(image.settings))
     if image.variance is None:
-        why = "was denoised" if "denoised" in image.settings else "has no variance"
-        return Picture(name, image.radiance, False, image, None, why, sampler)
-    return Picture(name, image.radiance, False, image, *_usable(image.variance), sampler)
+        return picture._replace(unknown="was denoised" if "denoised" in image.settings else "has no variance")
+    variance, unknown = _usable(image.variance)
+    return picture._replace(variance=variance, unknown=unknown)
 
 
 def _of_file(path: Path) -> Picture:
@@ -79,13 +81,23 @@ def _of_file(path: Path) -> Picture:
     if "radiance" not in layers and "Y" not in layers:
         raise InputError(f"{path}: has neither channels R, G and B nor Y")
     values = layers["radiance"] if "radiance" in layers else np.repeat(layers["Y"][..., None], 3, axis=2)
-    sampler = settings.get("sampler", "")
-    variance = layers.get("variance")
-    if variance is None or variance.shape != values.shape:
-        return Picture(str(path), values, False, sampler=sampler)
+    picture = Picture(str(path), values, False, **_sampling(settings))
+    given = layers.get("variance")
+    if given is None or given.shape != values.shape:
+        return picture
     if "denoised" in settings:
-        return Picture(str(path), values, False, None, None, "was denoised", sampler)
-    return Picture(str(path), values, False, None, *_usable(variance), sampler)
+        return picture._replace(unknown="was denoised")
+    variance, unknown = _usable(given)
+    return picture._replace(variance=variance, unknown=unknown)
+
+
+def _sampling(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Sampler and samples a pixel of an image's settings, which a file holds as strings."""
+    try:
+        spp = float(settings["spp"])
+    except (KeyError, ValueError):
+        spp = None
+    return {"sampler": str(settings.get("sampler", "")), "spp": spp}
 
 
 def _usable(variance: Array) -> tuple[Array | None, str]:

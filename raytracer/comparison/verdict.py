@@ -5,36 +5,58 @@ they differ by more than that.
 """
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytracer.comparison.bands import ROWS, over_bands
-from raytracer.comparison.sizes import check_sizes
-from raytracer.errors import InputError
+from raytracer.comparison.limits import Limits, limits_of, symmetric_tail
+from raytracer.comparison.noisy_pair import NoisyPair, noisy_pair, tile_sums
+from raytracer.comparison.patterns import PATTERNS, SCALES, Structure, structure
 
 Array = NDArray[np.float64]
 
-# What rounding may differ by, relative to the values: hits found in float32 (2^-24), added up over a path.
-_ROUNDING = 1e-6
+TEST_LABELS = {
+    "mean": "means of the channels",
+    "tile": "means of tiles",
+    "pixel": "single pixels",
+    "exceeding": "pixels beyond 2 standard deviations",
+    "pattern": "brightness, shift and blur of the whole",
+    "pattern_tile": "brightness, shift and blur of tiles",
+    "neighbour": "products of neighbouring differences",
+    "squares": "squared differences against the noise",
+}
+"""What each test is of, by the name of its p."""
+
+TESTS = len(TEST_LABELS)
+"""How many tests share the significance level, each with the same part of it."""
 
 # Standard deviations beyond which pixels are counted; normal noise puts 4.55 % there.
 _COUNTED_BEYOND = 2.0
 
 _CHANNELS = ("red", "green", "blue")
 
+# What the first image is, if the score of a pattern is above 0, and if it is below.
+_WORDS = {
+    **{f"brightness_{channel}": (f"brighter in {channel}", f"darker in {channel}") for channel in _CHANNELS},
+    "shift_x": ("shifted to the right", "shifted to the left"),
+    "shift_y": ("shifted down", "shifted up"),
+    **{f"blur_{size}px": (f"softer in details of {size} px", f"sharper in details of {size} px") for size in (1, 2, 4)},
+}
+
 
 @dataclass(frozen=True)
 class Verdict:
-    """What `z_test` found.  Every z is of the first image less the second, in standard deviations of the difference.
+    """Result of `z_test`.  Every z is of the first image less the second, in standard deviations of the difference.
 
     Every p is the probability that noise alone makes the largest of the values it belongs to as large as it is.
 
     Attributes
     ----------
-    passed : whether every p is at least a quarter of the significance level.
+    passed : whether every p is at least the significance level over `TESTS`.
     reason : one sentence: the first test that failed, or how near the images are.
     mean_z : (3,), means of the channels.
     mean_p : for `mean_z`.
@@ -44,6 +66,18 @@ class Verdict:
     pixel_p : for `pixel_z`.
     exceeding : (3,), fraction of the pixels with a |z| above 2, which is 0.0455 for normal noise.
     exceeding_p : for `exceeding`.
+    pattern_z : (8,), projections of the whole difference on `patterns.PATTERNS`: brightness of the channels, shift to
+        the right and downwards, blur of three widths.
+    pattern_p : for `pattern_z`.
+    pattern_tile_z : (rows, columns, 8), the same of tiles with twice the edge of those of `tile_z`.
+    pattern_tile_p : for `pattern_tile_z`.
+    neighbour_z : (4, 2), products of differences 1, 2, 4 and 8 pixels apart, down and across.
+    neighbour_p : for `neighbour_z`.
+    squares_z : sum of the squared differences less what their variances say, in its own standard deviations.
+    squares_p : for `squares_z`, of which only large values count.
+    squares_ratio : squared differences over what the variances say; below 1, noise is less than they tell.
+    findings : sentences, one for each test that failed.
+    limits : what would have been found.
     """
 
     passed: bool
@@ -56,6 +90,21 @@ class Verdict:
     pixel_p: float
     exceeding: Array
     exceeding_p: float
+    pattern_z: Array
+    pattern_p: float
+    pattern_tile_z: Array = field(repr=False)
+    pattern_tile_p: float
+    neighbour_z: Array
+    neighbour_p: float
+    squares_z: float
+    squares_p: float
+    squares_ratio: float
+    findings: tuple[str, ...]
+    limits: Limits
+
+    def p_values(self) -> dict[str, float]:
+        """Name the p of each test, as `TEST_LABELS` does."""
+        return {name: float(getattr(self, f"{name}_p")) for name in TEST_LABELS}
 
 
 def _any_of(p: float, tests: int) -> float:
@@ -68,6 +117,11 @@ def _p_of_largest(z: Array) -> float:
     return _any_of(math.erfc(float(np.abs(z).max()) / math.sqrt(2.0)), z.size)
 
 
+def _p_of_largest_sum(z: Array) -> float:
+    """The same of sums of symmetric terms over the root of their squares' sum, a bound on it; 1 without any."""
+    return _any_of(symmetric_tail(float(np.abs(z).max())), z.size) if z.size else 1.0
+
+
 def _p_of_exceeding(exceeding: Array, pixels: int) -> float:
     """Probability that one channel or more has as many pixels beyond `_COUNTED_BEYOND` as the one with the most."""
     from scipy.special import bdtrc
@@ -78,71 +132,131 @@ def _p_of_exceeding(exceeding: Array, pixels: int) -> float:
     return _any_of(p, exceeding.size)
 
 
-def _tile_sums(values: Array, tile: int) -> Array:
-    """Sums of `values` (height, width, ...) over squares of `tile` pixels; those at the edges may be smaller."""
-    # Here, since threads do not take over what their caller ignores.
+class _Means(NamedTuple):
+    """Means of everything, and of tiles, with the scores of their differences; and the ratio of the variances."""
+
+    whole: NoisyPair
+    tiles: NoisyPair
+    whole_z: Array
+    tile_z: Array
+    ratio: float
+
+
+def _compare_means(pair: NoisyPair, cells: Array, tile: int, rows: int, ratio: float | None) -> _Means:
+    """Compare means of the channels and of tiles of so many `cells` (rows, columns, 1)."""
+    height, width, _ = pair.a.shape
     with np.errstate(invalid="ignore", over="ignore"):
-        rows = np.add.reduceat(values, np.arange(0, values.shape[0], tile), axis=0)
-        return np.add.reduceat(rows, np.arange(0, values.shape[1], tile), axis=1)
+        sums = over_bands(lambda top, bottom: [tile_sums(v, tile) for v in pair.rows(top, bottom)], height, rows)
+        of_tiles = NoisyPair(*(np.concatenate(parts) for parts in zip(*sums, strict=True)))
+        whole = NoisyPair(*(values.sum(axis=(0, 1)) for values in of_tiles)).means(height * width)
+        tiles = of_tiles.means(cells)
+        shares = of_tiles.ratio() if ratio is None else ratio
+        whole_z = whole.z(whole.variance_of_difference(shares))
+        tile_z = tiles.z(tiles.variance_of_difference(shares))
+    return _Means(whole, tiles, whole_z, tile_z, shares)
 
 
-class _Pair(NamedTuple):
-    """Two images, or means over equal parts of them, with the variances of both."""
+def _compare_pixels(pair: NoisyPair, cells: Array, tile: int, rows: int, ratio: float) -> tuple[Array, Array]:
+    """Scores of single pixels (height, width, 3), and the fractions (3,) of those beyond the limit."""
+    height, width, _ = pair.a.shape
+    pixel_z = np.empty_like(pair.a)
 
-    a: Array
-    var_a: Array
-    b: Array
-    var_b: Array
+    def fill(top: int, bottom: int) -> NDArray[np.int64]:
+        """Fill in a band of `pixel_z`, and count what is beyond the limit in each channel."""
+        band = pair.rows(top, bottom)
+        variance = band.variance_of_difference(ratio)
+        # A pixel's own variance, from few samples, may be far too small, which that of its neighbours tells.
+        of_tile = tile_sums(variance, tile) / cells[top // tile : -(-bottom // tile)]
+        of_tile = np.repeat(np.repeat(of_tile, tile, axis=0), tile, axis=1)[: bottom - top, :width]
+        with np.errstate(invalid="ignore", over="ignore"):
+            z = band.z(np.where(variance > 0.0, np.maximum(variance, of_tile), 0.0))
+        pixel_z[top:bottom] = z
+        counts: NDArray[np.int64] = np.count_nonzero(np.abs(z) > _COUNTED_BEYOND, axis=(0, 1))
+        return counts
 
-    def rows(self, top: int, bottom: int) -> "_Pair":
-        return _Pair(*(values[top:bottom] for values in self))
-
-    def means(self, cells: Array | int) -> "_Pair":
-        """Means of parts, whose sums these are, of as many values as `cells` says."""
-        return _Pair(self.a / cells, self.var_a / cells**2, self.b / cells, self.var_b / cells**2)
-
-    def ratio(self) -> float:
-        """How many times that of b the variance of a is, in the median part; 0 if one of them is without noise.
-
-        Not that of the totals, which one bright rare sample is enough to decide.
-        """
-        known = (self.var_a > 0.0) & (self.var_b > 0.0)
-        return float(np.median(self.var_a[known] / self.var_b[known])) if known.any() else 0.0
-
-    def variance_of_difference(self, ratio: float) -> Array:
-        """Variance of a - b, under the hypothesis that both are of one scene.
-
-        It is var_a + var_b, but a pixel in which rare bright samples have not turned up yet takes itself to be
-        free of noise.  If b has r times as many samples, its variance tells what that of a should be, and the other
-        way round: the pooled estimate of Student's two-sample test is var_a / r + r var_b.  The larger one is
-        taken, with r = `ratio`.
-        """
-        summed = self.var_a + self.var_b
-        if ratio == 0.0:
-            return summed
-        return np.maximum(summed, self.var_a / ratio + self.var_b * ratio)
-
-    def z(self, variance: Array) -> Array:
-        """The difference in standard deviations: 0 if it is no more than rounding, inf if it is not a number."""
-        difference = self.a - self.b
-        scale = np.maximum(np.abs(self.a), np.abs(self.b))
-        beyond = np.maximum(np.abs(difference) - _ROUNDING * scale, 0.0)
-        z = np.divide(beyond, np.sqrt(variance), out=np.where(beyond > 0.0, np.inf, 0.0), where=variance > 0.0)
-        return np.copysign(np.where(np.isfinite(difference), z, np.inf), difference)
+    return pixel_z, np.sum(over_bands(fill, height, rows), axis=0) / (height * width)
 
 
-def _checked(a: ArrayLike, var_a: ArrayLike | None, b: ArrayLike, var_b: ArrayLike | None) -> _Pair:
-    first, second = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
-    check_sizes(first, second)
-    variances = []
-    for image, given in ((first, var_a), (second, var_b)):
-        variance = np.zeros_like(image) if given is None else np.asarray(given, dtype=np.float64)
-        if variance.shape != image.shape:
-            raise InputError(f"a variance of the shape {variance.shape} for an image of the shape {image.shape}")
-        if not np.all(np.isfinite(variance) & (variance >= 0.0)):
-            raise InputError("a variance is not known everywhere: it takes two samples in every pixel")
-        variances.append(variance)
-    return _Pair(first, variances[0], second, variances[1])
+def z_test(
+    a: ArrayLike,
+    var_a: ArrayLike | None,
+    b: ArrayLike,
+    var_b: ArrayLike | None,
+    tile: int = 8,
+    alpha: float = 1e-3,
+    ratio: float | None = None,
+    *,
+    alike: bool = False,
+) -> Verdict:
+    """Test the hypothesis that two images differ by their noise only.
+
+    Eight tests share the significance level evenly, each with a correction for how often it is made: the mean of a
+    channel, the means of tiles, single pixels, and the number of pixels beyond two standard deviations; projections of
+    the difference on more light, a shift and a blur (`patterns`), in the whole and in tiles; products of neighbouring
+    differences; and the sum of squared differences against what the variances say.
+    Means and projections are the sharp ones, since the noise of a pixel is far from normal and its variance itself is
+    noisy; the others find what leaves these alone.  Values that agree to 1e-6 of their size agree, so that pixels
+    without noise must be equal to that.  That takes some 16 samples a pixel: of 4, all may agree by chance on the edge
+    of a thing.
+
+    Parameters
+    ----------
+    a, b : images (height, width, 3), float64.
+    var_a, var_b : variances of the pixels' means, of the same shape; None for an image without noise.
+        An image without noise should be one indeed: where the other has not met a rare sample yet, nothing
+        tells that it should have.
+    tile : width and height of a tile in pixels; those of projections have twice of it.
+    alpha : how often two honest images may fail.
+    ratio : how many times that of b the variance of a is, of the same scene: the samples of b over those of a, where
+        they are known.  By default the median of what the tiles say.
+    alike : whether both images have the same number of samples from the same sampler.  Projections and products then
+        take their noise from the difference itself, which is sharper where the sampler makes less noise than the
+        variance within its pixels tells (stratified, sobol).
+
+    Raises
+    ------
+    InputError : the shapes differ, or a variance is negative or not finite.
+    """
+    pair = noisy_pair(a, var_a, b, var_b)
+    height, width, _ = pair.a.shape
+    cells = tile_sums(np.ones((height, width, 1)), tile)
+    # Bands of whole tiles.
+    rows = max(ROWS // tile, 1) * tile
+    means = _compare_means(pair, cells, tile, rows, 1.0 if alike and ratio is None else ratio)
+    pixel_z, exceeding = _compare_pixels(pair, cells, tile, rows, means.ratio)
+    found = structure(pair, means.ratio, alike=alike, tile=2 * tile)
+    pattern_z, pattern_tile_z = found.whole.z(), found.tiles.z()
+    verdict = Verdict(
+        passed=False,
+        reason="",
+        mean_z=means.whole_z,
+        mean_p=_p_of_largest(means.whole_z),
+        tile_z=means.tile_z,
+        tile_p=_p_of_largest(means.tile_z),
+        pixel_z=pixel_z,
+        pixel_p=_p_of_largest(pixel_z),
+        exceeding=exceeding,
+        exceeding_p=_p_of_exceeding(exceeding, height * width),
+        pattern_z=pattern_z,
+        pattern_p=_p_of_largest_sum(pattern_z),
+        pattern_tile_z=pattern_tile_z,
+        pattern_tile_p=_p_of_largest_sum(pattern_tile_z),
+        neighbour_z=found.neighbour_z,
+        neighbour_p=_p_of_largest_sum(found.neighbour_z),
+        squares_z=found.squares_z,
+        squares_p=0.5 * math.erfc(found.squares_z / math.sqrt(2.0)),
+        squares_ratio=found.squares_ratio,
+        findings=(),
+        limits=limits_of(found, alpha / TESTS, 2 * tile),
+    )
+    findings = tuple(_findings(verdict, pair, means, found, tile, alpha))
+    if findings:
+        return replace(verdict, reason=findings[0], findings=findings)
+    z = ", ".join(f"{z:.1f}" for z in means.whole_z)
+    return replace(verdict, passed=True, reason=f"no difference beyond the noise: z of the means {z}")
+
+
+# ---- sentences
 
 
 def _percent(a: float, b: float) -> str:
@@ -154,98 +268,66 @@ def _largest(z: Array) -> tuple[int, ...]:
     return tuple(int(i) for i in np.unravel_index(np.argmax(np.abs(z)), z.shape))
 
 
-def z_test(
-    a: ArrayLike,
-    var_a: ArrayLike | None,
-    b: ArrayLike,
-    var_b: ArrayLike | None,
-    tile: int = 8,
-    alpha: float = 1e-3,
-    ratio: float | None = None,
-) -> Verdict:
-    """Test the hypothesis that two images differ by their noise only.
-
-    Four tests share the significance level evenly, each with a correction for how often it is made: the mean of a
-    channel, the means of tiles, single pixels, and the number of pixels beyond two standard deviations.
-    Means are the sharp ones, since the noise of a pixel is far from normal and its variance itself is noisy; the
-    others find what leaves means alone.  Values that agree to 1e-6 of their size agree, so that pixels without
-    noise must be equal to that.  That takes some 16 samples a pixel: of 4, all may agree by chance on the edge of a
-    thing.
-
-    Parameters
-    ----------
-    a, b : images (height, width, 3), float64.
-    var_a, var_b : variances of the pixels' means, of the same shape; None for an image without noise.
-        An image without noise should be one indeed: where the other has not met a rare sample yet, nothing
-        tells that it should have.
-    tile : width and height of a tile in pixels.
-    alpha : how often two honest images may fail.
-    ratio : how many times that of b the variance of a is, of the same scene: the samples of b over those of a, where
-        they are known.  By default the median of what the tiles say.
-
-    Raises
-    ------
-    InputError : the shapes differ, or a variance is negative or not finite.
-    """
-    pair = _checked(a, var_a, b, var_b)
-    height, width, _ = pair.a.shape
-    cells = _tile_sums(np.ones((height, width, 1)), tile)
-    # Bands of whole tiles.
-    rows = max(ROWS // tile, 1) * tile
-    pixel_z = np.empty_like(pair.a)
-
-    with np.errstate(invalid="ignore", over="ignore"):
-        # Compare means of everything, then of tiles.
-        sums = over_bands(lambda top, bottom: [_tile_sums(v, tile) for v in pair.rows(top, bottom)], height, rows)
-        of_tiles = _Pair(*(np.concatenate(parts) for parts in zip(*sums, strict=True)))
-        whole = _Pair(*(values.sum(axis=(0, 1)) for values in of_tiles)).means(height * width)
-        tiles = of_tiles.means(cells)
-        shares = of_tiles.ratio() if ratio is None else ratio
-        mean_z = whole.z(whole.variance_of_difference(shares))
-        tile_z = tiles.z(tiles.variance_of_difference(shares))
-
-    def compare_pixels(top: int, bottom: int) -> NDArray[np.int64]:
-        """Fill in a band of `pixel_z`, and count what is beyond the limit in each channel."""
-        band = pair.rows(top, bottom)
-        variance = band.variance_of_difference(shares)
-        # A pixel's own variance, from few samples, may be far too small, which that of its neighbours tells.
-        of_tile = _tile_sums(variance, tile) / cells[top // tile : -(-bottom // tile)]
-        of_tile = np.repeat(np.repeat(of_tile, tile, axis=0), tile, axis=1)[: bottom - top, :width]
-        with np.errstate(invalid="ignore", over="ignore"):
-            z = band.z(np.where(variance > 0.0, np.maximum(variance, of_tile), 0.0))
-        pixel_z[top:bottom] = z
-        counts: NDArray[np.int64] = np.count_nonzero(np.abs(z) > _COUNTED_BEYOND, axis=(0, 1))
-        return counts
-
-    exceeding = np.sum(over_bands(compare_pixels, height, rows), axis=0) / (height * width)
-
-    # Name the first test that failed.
-    mean_p, tile_p, pixel_p = _p_of_largest(mean_z), _p_of_largest(tile_z), _p_of_largest(pixel_z)
-    exceeding_p = _p_of_exceeding(exceeding, height * width)
-    passed = min(mean_p, tile_p, pixel_p, exceeding_p) >= alpha / 4.0
+def _findings(
+    verdict: Verdict, pair: NoisyPair, means: _Means, found: Structure, tile: int, alpha: float
+) -> Iterator[str]:
+    """Say what each test that failed has found, those first that name a place or an amount."""
+    failed = {name for name, p in verdict.p_values().items() if not p >= alpha / TESTS}
     if not (np.isfinite(pair.a).all() and np.isfinite(pair.b).all()):
-        reason = "an image holds values that are not finite"
-    elif mean_p < alpha / 4.0:
-        (c,) = _largest(mean_z)
-        reason = f"the mean of {_CHANNELS[c]} differs: {_percent(whole.a[c], whole.b[c])}, z = {mean_z[c]:.1f}"
-    elif tile_p < alpha / 4.0:
-        y, x, c = at = _largest(tile_z)
-        reason = (
+        yield "an image holds values that are not finite"
+    if "mean" in failed:
+        (c,) = _largest(means.whole_z)
+        yield (
+            f"the mean of {_CHANNELS[c]} differs: {_percent(means.whole.a[c], means.whole.b[c])}, "
+            f"z = {means.whole_z[c]:.1f}"
+        )
+    if "tile" in failed:
+        y, x, c = at = _largest(means.tile_z)
+        yield (
             f"the mean of {_CHANNELS[c]} differs in the tile at x = {x * tile}, y = {y * tile}: "
-            f"{_percent(tiles.a[at], tiles.b[at])}, z = {tile_z[at]:.1f}"
+            f"{_percent(means.tiles.a[at], means.tiles.b[at])}, z = {means.tile_z[at]:.1f}"
         )
-    elif pixel_p < alpha / 4.0:
-        y, x, c = at = _largest(pixel_z)
-        reason = (
+    if "pixel" in failed:
+        y, x, c = at = _largest(verdict.pixel_z)
+        yield (
             f"{_CHANNELS[c]} differs in the pixel at x = {x}, y = {y}: "
-            f"{_percent(pair.a[at], pair.b[at])}, z = {pixel_z[at]:.1f}"
+            f"{_percent(pair.a[at], pair.b[at])}, z = {verdict.pixel_z[at]:.1f}"
         )
-    elif exceeding_p < alpha / 4.0:
-        c = int(np.argmax(exceeding))
+    if "pattern" in failed:
+        (which,) = _largest(verdict.pattern_z)
+        amount = float(found.whole.amounts()[which])
+        yield f"the whole {pattern_words(which, amount, verdict.pattern_z[which])}"
+    if "pattern_tile" in failed:
+        y, x, which = at = _largest(verdict.pattern_tile_z)
+        amount = float(found.tiles.amounts()[at])
+        place = f"the tile of {2 * tile} px at x = {2 * x * tile}, y = {2 * y * tile}"
+        yield f"{place} {pattern_words(which, amount, verdict.pattern_tile_z[at])}"
+    if "neighbour" in failed:
+        which, axis = at = _largest(verdict.neighbour_z)
+        z = verdict.neighbour_z[at]
+        yield (
+            f"differences {'across' if axis else 'down'} {SCALES[which]} px are "
+            f"{'alike' if z > 0.0 else 'opposite'}, and not independent as noise is, z = {z:.1f}"
+        )
+    if "squares" in failed:
+        yield (
+            f"squared differences are {verdict.squares_ratio:.3g} times what noise makes, z = {verdict.squares_z:.1f}"
+        )
+    if "exceeding" in failed:
+        c = int(np.argmax(verdict.exceeding))
         expected = math.erfc(_COUNTED_BEYOND / math.sqrt(2.0))
-        reason = (
-            f"{exceeding[c]:.1%} of the pixels differ by over 2 standard deviations, where noise has {expected:.1%}"
+        yield (
+            f"{verdict.exceeding[c]:.1%} of the pixels differ by over 2 standard deviations, "
+            f"where noise has {expected:.1%}"
         )
-    else:
-        reason = f"no difference beyond the noise: z of the means {', '.join(f'{z:.1f}' for z in mean_z)}"
-    return Verdict(passed, reason, mean_z, mean_p, tile_z, tile_p, pixel_z, pixel_p, exceeding, exceeding_p)
+
+
+def pattern_words(which: int, amount: float, z: float) -> str:
+    """Say what the largest of the projections is: `which` of `PATTERNS`, its estimated amount, and its score."""
+    name = PATTERNS[which]
+    what = f"is {_WORDS[name][0 if z > 0.0 else 1]}"
+    if math.isfinite(amount) and name.startswith("brightness"):
+        what += f" by {abs(amount):.2%}"
+    elif math.isfinite(amount) and name.startswith("shift"):
+        what += f" by {abs(amount):.2g} px"
+    return f"{what}, z = {z:.1f}"

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from raytracer import pages
 from raytracer.comparison.difference import check_kind, show
 from raytracer.comparison.metrics import METRICS
-from raytracer.comparison.pairs import Comparison
 from raytracer.comparison.pictures import false_colours, signed_colours
 from raytracer.comparison.reading import Array, Picture
+from raytracer.comparison.result import Comparison
+from raytracer.comparison.verdict import TEST_LABELS, TESTS
 from raytracer.errors import InputError
 
 _MANTISSA_DROPPED = 3
@@ -79,6 +80,8 @@ class Views:
                     {"label": METRICS[key].label, "reason": reason} for key, reason in comparison.unmeasured.items()
                 ],
                 "test": comparison.told(),
+                "notes": [*comparison.also(), *comparison.notes],
+                "tests": tests_of(comparison),
                 "passed": comparison.passed,
                 "failures": comparison.failures,
             }
@@ -92,6 +95,15 @@ class Views:
             "colours": {"signed": signed_colours().ravel(), "size": false_colours().ravel()},
         }
         return pages.page("compare", title, data, parts=("wipe",))
+
+
+def tests_of(comparison: Comparison) -> list[dict[str, Any]]:
+    """List the parts of the z-test for the page: what each is of, its p, and whether it failed."""
+    verdict = comparison.verdict
+    if verdict is None:
+        return []
+    limit = comparison.alpha / TESTS
+    return [{"label": TEST_LABELS[name], "p": p, "failed": not p >= limit} for name, p in verdict.p_values().items()]
 
 
 def _sent(picture: Picture, is_linear: bool) -> str:

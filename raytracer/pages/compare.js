@@ -197,6 +197,17 @@ function tell(pair) {
     verdict.append(make("p", { class: pair.passed ? "good" : "bad" }, pair.passed ? "Passed" : `Failed: ${pair.failures.join("; ")}`));
   }
   if (pair.test) verdict.append(make("p", {}, pair.test));
+  verdict.append(...pair.notes.map((note) => make("p", { class: "faint" }, note)));
+  find("#tests").replaceChildren(...pair.tests.length ? [
+    make("thead", {}, make("tr", {}, make("th", {}, "Test of the noise"), make("th", { class: "number" }, "p"), make("th", {}))),
+    make("tbody", {}, ...pair.tests.map((test) => make(
+      "tr",
+      {},
+      make("td", {}, test.label),
+      make("td", { class: "number" }, shortNumber(test.p, 2)),
+      make("td", { class: test.failed ? "bad" : "faint" }, test.failed ? "failed" : "passed"),
+    ))),
+  ] : []);
   find("#metrics").replaceChildren(
     make("thead", {}, make("tr", {}, make("th", {}, "Metric"), make("th", { class: "number" }, "A against B"), make("th", {}, "of"))),
     make(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.comparison import Verdict, z_test
+from raytracer.comparison import TESTS, Verdict, z_test
 from raytracer.errors import InputError, suggestion
 from raytracer.film.image import Image
 from raytracer.noise.wording import percent
@@ -37,8 +37,8 @@ TILE = 8
 
 _POWER = 0.99
 
-# `comparison.z_test` shares alpha among four tests, and the one of the means looks at three channels.
-_TESTS, _CHANNELS = 4, 3
+# The test of the means looks at three channels.
+_CHANNELS = 3
 
 
 _SAID = {"passed": "passed", "failed": "FAILED", "error": "cannot be checked", "skipped": "left out"}
@@ -94,7 +94,9 @@ class Checked:
             has = "has" if len(self.changes) == 1 else "have"
             text += f"; {', '.join(self.changes)} {has} changed since the reference was rendered"
         if self.outcome == "passed":
-            text += f" ({self.spp} spp, which find {percent(self.finds)} more or less light)"
+            text += f" ({self.spp} spp, which find {percent(self.finds)} more or less light"
+            more = "" if self.verdict is None else self.verdict.limits.details()
+            text += f", and {more})" if more else ")"
         return text
 
     def json(self) -> dict[str, Any]:
@@ -119,6 +121,16 @@ class Checked:
                 "tiles": verdict.tile_p,
                 "pixels": verdict.pixel_p,
                 "exceeding": verdict.exceeding_p,
+                "patterns": verdict.pattern_p,
+                "pattern_tiles": verdict.pattern_tile_p,
+                "neighbours": verdict.neighbour_p,
+                "squares": verdict.squares_p,
+            },
+            "findings": [] if verdict is None else list(verdict.findings),
+            "would_have_found": None
+            if verdict is None
+            else {
+                name: float(value) if math.isfinite(value) else None for name, value in verdict.limits._asdict().items()
             },
         }
 
@@ -234,7 +246,7 @@ def _deviations(alpha: float) -> float:
     """How many standard deviations the mean of a channel has to be off to be found 99 times of 100."""
     from scipy.special import ndtri
 
-    least = -math.expm1(math.log1p(-alpha / _TESTS) / _CHANNELS)
+    least = -math.expm1(math.log1p(-alpha / TESTS) / _CHANNELS)
     return float(-ndtri(0.5 * least) + ndtri(_POWER))
 
 

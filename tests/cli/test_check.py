@@ -63,7 +63,7 @@ def test_planted_faults_are_found(
     assert main(["reference", "ball.yaml", "--threads", "2", "--spp", "2048"]) == 0
     assert main(["check", "references", "--threads", "2"]) == 0
     assert re.match(
-        r"ball: passed: no difference beyond the noise: .* \(256 spp, which find 0\.\d+ % more or less light\)",
+        r"ball: passed: no difference beyond .* \(256 spp, which find 0\.\d+ % more or less light, and .* px\)",
         capsys.readouterr().out,
     )
     assert not (project / "outputs").exists()

@@ -80,11 +80,24 @@ def test_of_two_hundred_other_seeds_hardly_one_fails(renders: MadeUp, tmp_path: 
 def test_what_a_check_finds_is_what_its_normal_law_says() -> None:
     # 96 pixels of variance 4e-4 / 4096 each in the reference, and 16 times that in the check: the deviation of the
     # difference of the means is sqrt(17 * 4e-4 / 4096 / 96).  As many of it as the test of the means needs, which noise
-    # exceeds in one of three channels with a probability of 1e-3 / 4, and another 2.3263 that leave 1 % undetected.
+    # exceeds in one of three channels with a probability of 1e-3 / 8, and another 2.3263 that leave 1 % undetected.
     kept = flat(0.5, 4e-4 / 4096)
     deviation = math.sqrt(17 * 4e-4 / 4096 / 96)
     needed = finds(kept, 256, 1e-3) * 0.5 / deviation - 2.3263
-    assert 1.0 - (1.0 - math.erfc(needed / math.sqrt(2.0))) ** 3 == pytest.approx(1e-3 / 4, rel=1e-3)
+    assert 1.0 - (1.0 - math.erfc(needed / math.sqrt(2.0))) ** 3 == pytest.approx(1e-3 / 8, rel=1e-3)
+
+
+def test_a_shift_that_means_do_not_show_is_found_and_what_would_be_is_said(renders: MadeUp, tmp_path: Path) -> None:
+    path = reference(tmp_path)
+    passed = check(path)
+    assert "more or less light, and " in passed.sentence()
+    assert re.search(r"in a tile of 16 px \(half of the tiles\), a shift over 0\.0\d+ px", passed.sentence())
+    found = passed.json()["would_have_found"]
+    assert found["shift"] < 0.1
+    renders.change = lambda picture: 0.9 * picture + 0.1 * np.roll(picture, 1, axis=1)
+    moved = check(path)
+    assert not moved.passed
+    assert any("the whole is shifted to the right by 0." in finding for finding in moved.json()["findings"])
 
 
 def test_samples_are_as_many_as_the_change_takes() -> None:

@@ -1,0 +1,162 @@
+"""Result of a comparison of two images: metrics, the verdict on their noise, and whether that is good enough."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.comparison.metrics import METRICS, Domain
+from raytracer.comparison.patterns import PATTERNS
+from raytracer.comparison.reading import Picture
+from raytracer.comparison.verdict import Verdict
+
+
+class NotFinite(NamedTuple):
+    """How many pixels are not finite in each image, and the first of them (x, y), if any."""
+
+    a: int = 0
+    b: int = 0
+    first: tuple[int, int] | None = None
+
+    def sentence(self) -> str:
+        """Say how many there are, and where the first is."""
+        sides = ((self.a, "A"), (self.b, "B"))
+        counts = [f"{n:,} pixel{'' if n == 1 else 's'} of {which}" for n, which in sides if n]
+        x, y = self.first or (0, 0)
+        return f"{' and '.join(counts)}, the first at x = {x}, y = {y}"
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison:
+    """What `compare` found.
+
+    Attributes
+    ----------
+    a, b : names of the images; `b` is the reference.
+    width, height : pixels.
+    metrics : values by name: mae, mse, rmse, relmse, mrse, psnr (dB), ssim, flip.
+    domains : what each is of: `linear` light, or `display` values, sRGB-encoded in 0..1.
+    unmeasured : reasons by name of metrics that are missing.
+    noise_mse : mean squared error that the noise of both alone makes, or None if not known.
+    verdict : of the z-test, or None for the reason that `untested` gives.
+    alpha : significance level of the z-test.
+    notes : sentences that belong to the verdict.
+    not_finite : pixels that are not finite; metrics are of the others.
+    failures : what was asked for and is not so, in sentences.
+    passed : whether there are no failures; None if nothing was asked for.
+    is_display : whether display values are compared, or linear light.
+    flip : what FLIP tells of each pixel, (height, width), or None where it was not measured or was let go of.
+    pictures : the two images, or None where they were let go of.
+    """
+
+    a: str
+    b: str
+    width: int
+    height: int
+    metrics: dict[str, float]
+    domains: dict[str, Domain]
+    unmeasured: dict[str, str]
+    noise_mse: float | None
+    verdict: Verdict | None
+    alpha: float
+    untested: str
+    notes: tuple[str, ...]
+    not_finite: NotFinite
+    failures: tuple[str, ...]
+    passed: bool | None
+    is_display: bool
+    flip: NDArray[np.float32] | None
+    pictures: tuple[Picture, Picture] | None
+
+    def without_pixels(self) -> "Comparison":
+        """The same, without what takes memory."""
+        verdict = self.verdict and replace(self.verdict, pixel_z=np.empty((0, 0, 3)))
+        return replace(self, flip=None, pictures=None, verdict=verdict)
+
+    def json(self) -> dict[str, Any]:
+        """Everything but pixels, as JSON can hold it."""
+        verdict = self.verdict
+        return {
+            "a": self.a,
+            "b": self.b,
+            "width": self.width,
+            "height": self.height,
+            "metrics": {
+                name: {"value": _number(value), "domain": self.domains[name]} for name, value in self.metrics.items()
+            },
+            "unmeasured": self.unmeasured,
+            "noise_mse": self.noise_mse,
+            "z_test": None
+            if verdict is None
+            else {
+                "passed": verdict.passed,
+                "reason": verdict.reason,
+                "mean_z": [_number(z) for z in verdict.mean_z],
+                "pattern_z": dict(zip(PATTERNS, map(_number, verdict.pattern_z), strict=True)),
+                "squares_z": _number(verdict.squares_z),
+                "squares_ratio": _number(verdict.squares_ratio),
+                "p": {name: _number(p) for name, p in verdict.p_values().items()},
+                "findings": list(verdict.findings),
+                "would_have_found": {name: _number(value) for name, value in verdict.limits._asdict().items()},
+            },
+            "untested": self.untested or None,
+            "notes": list(self.notes),
+            "not_finite": self.not_finite._asdict(),
+            "passed": self.passed,
+            "failures": list(self.failures),
+        }
+
+    def text(self) -> str:
+        """A report in lines."""
+        domain = "display values" if self.is_display else "linear light"
+        lines = [f"{self.a} against {self.b}: {self.width} x {self.height} pixels, {domain}"]
+        for name, value in self.metrics.items():
+            unit = " dB" if name == "psnr" else ""
+            remark = "  of display values" if self.domains[name] == "display" and domain != "display values" else ""
+            if name == "mse" and self.noise_mse is not None:
+                remark = f"  (noise alone makes {self.noise_mse:.4g})"
+            lines.append(f"  {METRICS[name].label:<7}{value:.6g}{unit}{remark}")
+        lines += [f"  {METRICS[name].label:<7}-  {reason}" for name, reason in self.unmeasured.items()]
+        if self.not_finite.first is not None:
+            lines.append(f"not finite: {self.not_finite.sentence()}")
+        if told := self.told():
+            lines.append(told)
+        lines += [f"  also: {finding}" for finding in self.also()]
+        lines += [f"  {note}" for note in self.notes]
+        if self.passed is not None:
+            lines.append("PASS" if self.passed else f"FAIL: {'; '.join(self.failures)}")
+        return "\n".join(lines) + "\n"
+
+    @property
+    def labels(self) -> tuple[str, str]:
+        """What to write beside the images: which of the two, and its name."""
+        return _label("A", self.a), _label("B", self.b)
+
+    def told(self) -> str:
+        """What the z-test said, or why there was none, unless it is among the failures."""
+        if self.verdict is None:
+            return f"no z-test: {self.untested}" if self.untested else ""
+        told = verdict_sentence(self.verdict)
+        return "" if told in self.failures else told
+
+    def also(self) -> tuple[str, ...]:
+        """What other parts of the z-test have found than the first that failed."""
+        return () if self.verdict is None else self.verdict.findings[1:]
+
+    def __repr__(self) -> str:
+        return self.text().rstrip()
+
+
+def _label(side: str, name: str) -> str:
+    return side if name == side else f"{side}  {name}"
+
+
+def verdict_sentence(verdict: Verdict) -> str:
+    """Say whether the z-test passed, and why not."""
+    return f"z-test {'passed' if verdict.passed else 'failed'}: {verdict.reason}"
+
+
+def _number(value: float) -> float | str:
+    return float(value) if math.isfinite(value) else str(float(value))
