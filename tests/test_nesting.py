@@ -13,7 +13,7 @@ import pytest
 from raytracer.errors import InputError
 from raytracer.film.image import Image
 from raytracer.materials.interface import PASS
-from raytracer.paths import MOST_SOLIDS
+from raytracer.scene.interior import MOST_SOLIDS
 from raytracer.scene.effects import effects_of
 from raytracer.scene.pack import pack
 from tests.nested import picture
