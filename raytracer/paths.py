@@ -103,7 +103,7 @@ def workspace(log: Any = None, *, solids: int = 0) -> Workspace:
 
 
 MOST_PASSED = 1024
-"""How many surfaces a path may go straight through; one that meets more is taken to be lost."""
+"""How many surfaces a path may go straight through; a sample that meets more is dropped, and counted."""
 
 PASS_STRIDE = 2**22
 """Between the random dimensions of a shadow ray's surfaces: more than the segments of a path take."""
@@ -378,6 +378,26 @@ def _(passage, work, sample, reference):
     straight = reference == PASS
     work.passed[sample] += straight
     return straight
+
+
+@generic
+def drop_lost(passage, work, samples, count):
+    """Drop the samples of the first `count` of these rays, which went straight through more surfaces than are followed.
+
+    Their weight becomes NaN, so the film counts them among those that are not finite.
+    """
+    raise NotImplementedError
+
+
+@drop_lost.register(type(None))
+def drop_lost_nowhere(passage, work, samples, count):
+    return
+
+
+@drop_lost.register(Passage)
+def drop_lost_on_passage(passage, work, samples, count):
+    for lane in range(count):
+        work.radiance[samples[lane], 3] = math.nan
 
 
 # ---- Media
