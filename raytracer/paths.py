@@ -391,11 +391,13 @@ def drop_lost(passage, work, samples, count):
 
 @drop_lost.register(type(None))
 def drop_lost_nowhere(passage, work, samples, count):
+    """No ray is lost where none goes straight through."""
     return
 
 
 @drop_lost.register(Passage)
 def drop_lost_on_passage(passage, work, samples, count):
+    """Drop them by their weights."""
     for lane in range(count):
         work.radiance[samples[lane], 3] = math.nan
 

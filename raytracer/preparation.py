@@ -10,9 +10,9 @@ from raytracer.accumulation import FilmView
 from raytracer.embree import PACKET, Accel
 from raytracer.film.film import Film
 from raytracer.integrator import Scene, render_tile
+from raytracer.interior import ranks_of
 from raytracer.interrupts import unhindered
 from raytracer.jit import alone
-from raytracer.interior import ranks_of
 from raytracer.paths import Workspace, workspace
 from raytracer.sampling import SAMPLERS
 from raytracer.scene.pack import Packed, pack

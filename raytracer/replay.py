@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from raytracer.accumulation import FilmView
 from raytracer.embree import PACKET
 from raytracer.integrator import Scene, render_tile
-from raytracer.pathlog import path_log
 from raytracer.interior import ranks_of
+from raytracer.pathlog import path_log
 from raytracer.paths import Workspace, workspace
 
 # Room for the events of a path, at first.

@@ -13,8 +13,8 @@ from raytracer.accumulation import FilmView
 from raytracer.aovs.interface import Aovs, Coverage, Mean, Vote
 from raytracer.errands import Errand, Haul, arrays_of, brought, collected, take
 from raytracer.errors import OutputError
-from raytracer.noise import Tally
 from raytracer.interior import ranks_of
+from raytracer.noise import Tally
 from raytracer.paths import workspace
 from raytracer.preparation import film_for, prepare, view
 from raytracer.rendering import render

@@ -13,8 +13,8 @@ import pytest
 from raytracer.errors import InputError
 from raytracer.film.image import Image
 from raytracer.materials.interface import PASS
-from raytracer.scene.interior import MOST_SOLIDS
 from raytracer.scene.effects import effects_of
+from raytracer.scene.interior import MOST_SOLIDS
 from raytracer.scene.pack import pack
 from tests.nested import picture
 from tests.rendering import mean, scene

@@ -116,8 +116,8 @@ class Solids:
         own, left = boundaries[: len(self._boundaries)], iter(boundaries[len(self._boundaries) :])
         against = np.full((max((*references, *own)) + 1, len(self._ranked) + 1), PASS, np.int32)
         for reference, (_, variants, _) in zip(own, self._boundaries, strict=True):
-            number = {variant: next(left) for variant in dict.fromkeys(variants) if variant is not None}
-            against[reference, : len(variants)] = [number.get(variant, PASS) for variant in variants]
+            met = {variant: next(left) for variant in dict.fromkeys(variants) if variant is not None}
+            against[reference, : len(variants)] = [PASS if variant is None else met[variant] for variant in variants]
         absorption = np.array([solid.filling.absorption for solid in self._ranked], np.float64)
         return Interior(
             rank,

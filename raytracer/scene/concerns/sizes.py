@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from raytracer.geometry import OFFSET_ULPS
 from raytracer.primitives.spheres import Spheres
+from raytracer.scene.concerns.aiming import Aiming
 from raytracer.scene.concerns.interface import Concern, concern
 from raytracer.scene.concerns.outlines import Points, normals, outline, reaches, resting
+from raytracer.scene.concerns.slivers import slivers
 from raytracer.scene.concerns.survey import Survey
 
 MOST_RADII = 1e5
@@ -36,11 +38,14 @@ _MOST_GROUNDS = 256
 def sizes(survey: Survey) -> Iterator[Concern]:
     """Concerns about sizes: degenerate triangles, far and tiny objects, and such as others swallow."""
     yield from _degenerate(survey)
-    yield from _far(survey)
+    aiming = Aiming(survey)
+    seen = _seen(survey)
+    yield from _far(survey, seen, aiming)
+    yield from slivers(survey, seen.scale(survey), aiming)
     drowned = list(_drowned(survey))
     yield from drowned
     if not drowned:
-        yield from _extents(survey)
+        yield from _extents(survey, seen.extent, aiming)
 
 
 def _degenerate(survey: Survey) -> Iterator[Concern]:
@@ -80,6 +85,10 @@ class _Seen(NamedTuple):
     distance: Points
     extent: Points
 
+    def scale(self, survey: Survey) -> Points:
+        """The largest numbers (n,) at play where rays meet each piece, in its own space (m)."""
+        return np.asarray(np.maximum(self.reach, self.distance) * survey.pieces.half)
+
 
 def _seen(survey: Survey) -> _Seen:
     pieces, camera = survey.pieces, survey.camera
@@ -105,10 +114,11 @@ def _seen(survey: Survey) -> _Seen:
     return result
 
 
-def _far(survey: Survey) -> Iterator[Concern]:
+def _far(survey: Survey, seen: _Seen, aiming: Aiming) -> Iterator[Concern]:
     """Objects that are too far away for their size, from the origin or from the camera."""
-    seen = _seen(survey)
     for piece in np.flatnonzero((seen.reach > MOST_RADII) | (seen.distance > MOST_RADII)).tolist():
+        if aiming.is_all(piece):
+            continue
         radius = float(seen.extent[piece])
         if seen.distance[piece] > MOST_RADII:
             where, times = "the camera", float(seen.distance[piece])
@@ -199,11 +209,14 @@ def _reach_below(survey: Survey, ground: int, middle: Points, radius: Points) ->
 # ---- All of the scene
 
 
-def _extents(survey: Survey) -> Iterator[Concern]:
+def _extents(survey: Survey, extent: Points, aiming: Aiming) -> Iterator[Concern]:
     """A scene whose largest object is too much larger than its smallest; what is cut is nowhere too large for it."""
-    extent = _seen(survey).extent
     whole = np.array([0.0 if survey.is_cut(piece) else size for piece, size in enumerate(extent.tolist())])
     small, large = int(np.argmin(extent)), int(np.argmax(whole))
+    if whole[large] > MOST_EXTENTS * extent[small]:
+        # Lamps are asked about only where there is a doubt.
+        aimed = np.array([aiming.is_all(piece) for piece in range(len(extent))])
+        small, large = int(np.argmin(np.where(aimed, np.inf, extent))), int(np.argmax(np.where(aimed, 0.0, whole)))
     ratio = float(whole[large] / max(extent[small], np.finfo(float).tiny))
     if ratio > MOST_EXTENTS:
         yield survey.concern(
