@@ -11,6 +11,7 @@ from raytracer import pathlog
 from raytracer.embree import MISS
 from raytracer.errors import InputError
 from raytracer.instances import find
+from raytracer.interior import ranks_of
 from raytracer.materials.interface import PASS, SLOTS
 from raytracer.media.interface import NONE
 from raytracer.paths import workspace
@@ -144,7 +145,7 @@ def trace(
     if sample is None:
         compile_for(scene, scratch)
         sample = _suspect(list(samples(scene, scratch, x, y, taken)))
-    compile_for(scene, scratch, workspace(pathlog.path_log(0, 1)))
+    compile_for(scene, scratch, workspace(pathlog.path_log(0, 1), solids=ranks_of(scene.interior)))
     rows = log_path(scene, scratch, x, y, sample, None if whole else taken)
     names = _Names(packed)
     events = [names.event(row) for row in rows]

@@ -89,6 +89,7 @@ from raytracer.pathlog import (
     note_surface,
 )
 from raytracer.paths import (
+    drop_lost,
     fill_space,
     found_in,
     gather,
@@ -651,6 +652,7 @@ def trace_paths(scene, aovs, work, key, first, live):
             survivors += 1
         rays += resolve_shadows(scene.lights, scene, work, shadows, key, first, segment)
         live = survivors
+    drop_lost(scene.passage, work, work.sample, live)
     return rays
 
 

@@ -40,6 +40,11 @@ class Interior(NamedTuple):
     camera: Any
 
 
+def ranks_of(interior: Interior | None) -> int:
+    """How many ranks there are, for each of which a path counts the objects that it is in."""
+    return 0 if interior is None else len(interior.surface)
+
+
 class Submerged(NamedTuple):
     """The camera may be in something: from where a ray begins, a look along `up`, a unit vector, tells in what."""
 

@@ -34,8 +34,8 @@ class Workspace(NamedTuple):
 
     By sample, and used where the scene calls for it: time (PACKET,) float64; medium (PACKET,) int64, in which the path
     is; vertex (PACKET, 3) float64, where it last scattered; passed (PACKET,) int64, how many surfaces it went straight
-    through; features (PACKET, 48) float64, what the camera ray met; within (PACKET, MOST_SOLIDS) int32, how many
-    objects of each rank it is in.  By shadow ray: shadow_space (PACKET, 2) int64, the medium in which it is, and how
+    through; features (PACKET, 48) float64, what the camera ray met; within (PACKET, solids) int32, how many objects
+    of each rank it is in.  By shadow ray: shadow_space (PACKET, 2) int64, the medium in which it is, and how
     many random numbers it took there; shadow_within, as within.
 
     hues (PACKET, 37) float64: the wavelengths that the path is of, as `hues` has them.
@@ -67,12 +67,11 @@ class Workspace(NamedTuple):
     log: Any = None
 
 
-MOST_SOLIDS = 32
-"""Of how many ranks the solids of a scene may be that have priorities."""
+def workspace(log: Any = None, *, solids: int = 0) -> Workspace:
+    """A new workspace, for one thread.
 
-
-def workspace(log: Any = None) -> Workspace:
-    """A new workspace, for one thread."""
+    solids : how many ranks the solids of the scene have that is to be traced (`interior.ranks_of`).
+    """
 
     def floats(*columns: int) -> NDArray[np.float64]:
         return np.zeros((PACKET, *columns))
@@ -95,8 +94,8 @@ def workspace(log: Any = None) -> Workspace:
         passed=integers(),
         features=floats(48),
         shadow_space=np.zeros((PACKET, 2), np.int64),
-        within=np.zeros((PACKET, MOST_SOLIDS), np.int32),
-        shadow_within=np.zeros((PACKET, MOST_SOLIDS), np.int32),
+        within=np.zeros((PACKET, solids), np.int32),
+        shadow_within=np.zeros((PACKET, solids), np.int32),
         hues=floats(hues.COLUMNS),
         lens=np.zeros((hues.LENS_ROWS, PACKET)),
         log=log,
@@ -104,7 +103,7 @@ def workspace(log: Any = None) -> Workspace:
 
 
 MOST_PASSED = 1024
-"""How many surfaces a path may go straight through; one that meets more is taken to be lost."""
+"""How many surfaces a path may go straight through; a sample that meets more is dropped, and counted."""
 
 PASS_STRIDE = 2**22
 """Between the random dimensions of a shadow ray's surfaces: more than the segments of a path take."""
@@ -379,6 +378,28 @@ def _(passage, work, sample, reference):
     straight = reference == PASS
     work.passed[sample] += straight
     return straight
+
+
+@generic
+def drop_lost(passage, work, samples, count):
+    """Drop the samples of the first `count` of these rays, which went straight through more surfaces than are followed.
+
+    Their weight becomes NaN, so the film counts them among those that are not finite.
+    """
+    raise NotImplementedError
+
+
+@drop_lost.register(type(None))
+def drop_lost_nowhere(passage, work, samples, count):
+    """No ray is lost where none goes straight through."""
+    return
+
+
+@drop_lost.register(Passage)
+def drop_lost_on_passage(passage, work, samples, count):
+    """Drop them by their weights."""
+    for lane in range(count):
+        work.radiance[samples[lane], 3] = math.nan
 
 
 # ---- Media

@@ -10,6 +10,7 @@ from raytracer.accumulation import FilmView
 from raytracer.embree import PACKET, Accel
 from raytracer.film.film import Film
 from raytracer.integrator import Scene, render_tile
+from raytracer.interior import ranks_of
 from raytracer.interrupts import unhindered
 from raytracer.jit import alone
 from raytracer.paths import Workspace, workspace
@@ -83,7 +84,7 @@ def compile_for(scene: Scene, target: FilmView, room: Workspace | None = None) -
     def work() -> int:
         with alone:
             before = _versions()
-            render_tile(scene, target, room or workspace(), 0, 0, 0, 0, 0, 0)
+            render_tile(scene, target, room or workspace(solids=ranks_of(scene.interior)), 0, 0, 0, 0, 0, 0)
             return _versions() - before
 
     return unhindered(work)
@@ -148,7 +149,7 @@ def render_tiles(
                 levels[end][tile] = mean[tile]
             begin = end
 
-    crew = Crew(threads)
+    crew = Crew(threads, solids=ranks_of(scene.interior))
     start = now()
     crew.run(range(len(windows)), work)
     if crew.interrupted:

@@ -25,6 +25,7 @@ from raytracer.film.film import Film
 from raytracer.film.image import Image
 from raytracer.film.negative import find_negatives
 from raytracer.integrator import Scene
+from raytracer.interior import ranks_of
 from raytracer.jit import alone
 from raytracer.noise import Estimate, Tally, steepest_of
 from raytracer.noise.fireflies import Fireflies, find_fireflies
@@ -475,7 +476,7 @@ class Ready:
 
         # Go on from what is there.
         watch = _Watch(progress, asked.window.pixels * spec.render.spp)
-        canvas = render.canvas(Crew(asked.threads, watch.tick))
+        canvas = render.canvas(Crew(asked.threads, watch.tick, solids=ranks_of(self.scene.interior)))
         gathering = _Gathering(self, render, canvas, clock)
         if keeper is not None:
             keeper.resume(gathering)

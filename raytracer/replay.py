@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from raytracer.accumulation import FilmView
 from raytracer.embree import PACKET
 from raytracer.integrator import Scene, render_tile
+from raytracer.interior import ranks_of
 from raytracer.pathlog import path_log
 from raytracer.paths import Workspace, workspace
 
@@ -50,7 +51,7 @@ def samples(scene: Scene, scratch: FilmView, x: int, y: int, taken: int) -> Iter
     scratch : a film to write on, of any size.
     taken : how many there are.
     """
-    room = workspace()
+    room = workspace(solids=ranks_of(scene.interior))
     for first in range(0, taken, PACKET):
         end = min(first + PACKET, taken)
         _trace(scene, scratch, room, x, y, first, end)
@@ -83,7 +84,7 @@ def log_path(
     events = _EVENTS
     while True:
         log = path_log(sample - first, events)
-        _trace(scene, scratch, workspace(log), x, y, first, end)
+        _trace(scene, scratch, workspace(log, solids=ranks_of(scene.interior)), x, y, first, end)
         written = int(log.state[0])
         if written <= events:
             return log.rows[:written]

@@ -102,12 +102,12 @@ class Crew:
     failure : why work that was sent elsewhere has ended before its time; None if it has not.
     """
 
-    def __init__(self, threads: int, tick: Callable[[], None] | None = None) -> None:
-        """A crew that calls `tick` about ten times a second while it works."""
+    def __init__(self, threads: int, tick: Callable[[], None] | None = None, *, solids: int = 0) -> None:
+        """A crew that calls `tick` about ten times a second while it works, with workspaces for so many `solids`."""
         self.threads = threads
         self.interrupted = False
         self.failure: str | None = None
-        self._tick = tick
+        self._tick, self._solids = tick, solids
         self._stopped = threading.Event()
         self._gate = threading.Condition()
         self._passes, self._rests = 0, False
@@ -206,7 +206,7 @@ class Crew:
         failures: list[BaseException] = []
 
         def labour() -> None:
-            room = workspace()
+            room = workspace(solids=self._solids)
             while not self.stopped:
                 try:
                     item = queue.popleft()

@@ -19,6 +19,7 @@ from raytracer.paths import (
     MOST_PASSED,
     PASS_STRIDE,
     Passage,
+    drop_lost,
     found_in,
     gather,
     keep_goal,
@@ -163,4 +164,5 @@ def _(passage, scene, work, count, key, first, segment):
             store3(work.unshadowed, going, 0, arriving)
             going += 1
         count = going
+    drop_lost(passage, work, work.shadow_sample, count)
     return rays

@@ -10,7 +10,7 @@ from raytracer.geometry import spawn_point
 from raytracer.instances import meet
 from raytracer.interior import Interior, Submerged, look_past, settle_within
 from raytracer.jit import generic
-from raytracer.paths import MOST_PASSED, found_in, load3, load_ray, set_time, time_of
+from raytracer.paths import MOST_PASSED, drop_lost, found_in, load3, load_ray, set_time, time_of
 from raytracer.vec import dot
 
 
@@ -71,6 +71,7 @@ def _(camera, scene, work, live):
             work.shadow_sample[going] = sample
             going += 1
         count = going
+    drop_lost(scene.passage, work, work.shadow_sample, count)
     for slot in range(live):
         settle_within(scene.interior, scene.media, work, work.sample[slot])
     return rays

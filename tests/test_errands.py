@@ -13,6 +13,7 @@ from raytracer.accumulation import FilmView
 from raytracer.aovs.interface import Aovs, Coverage, Mean, Vote
 from raytracer.errands import Errand, Haul, arrays_of, brought, collected, take
 from raytracer.errors import OutputError
+from raytracer.interior import ranks_of
 from raytracer.noise import Tally
 from raytracer.paths import workspace
 from raytracer.preparation import film_for, prepare, view
@@ -64,7 +65,7 @@ class Others:
     def take(self, errand: Errand) -> Haul:
         size = scheduling.TILE
         target = view(film_for(self.prepared.scene, size, size))
-        return take(self.prepared.scene, target, workspace(), errand)
+        return take(self.prepared.scene, target, workspace(solids=ranks_of(self.prepared.scene.interior)), errand)
 
 
 def halves(**settings: Any) -> SceneSpec:

@@ -5,6 +5,7 @@ References: Schmidt, Budge 2002, "Simple Nested Dielectrics in Ray Traced Images
 
 import itertools
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,11 @@ import pytest
 from raytracer.errors import InputError
 from raytracer.film.image import Image
 from raytracer.materials.interface import PASS
-from raytracer.paths import MOST_SOLIDS
+from raytracer.rendering import render
 from raytracer.scene.effects import effects_of
+from raytracer.scene.interior import MOST_SOLIDS
 from raytracer.scene.pack import pack
-from tests.nested import picture
+from tests.nested import SPECKS, picture
 from tests.rendering import mean, scene
 
 SKY = "environment: {type: constant, radiance: 1}\n"
@@ -182,6 +184,45 @@ def test_a_glass_of_water_is_what_outside_ior_makes_of_it(kind: str, tint: str) 
         view + ground + back + balls((1.0, f"{{type: {kind}, ior: 1.5}}"), (0.7, inner)), **settings, seed=2
     )
     assert_alike(nested, explicit)
+
+
+def shells(count: int, material: Callable[[int], str]) -> str:
+    """Balls of clear things in one another, before a camera that sees them and an even sky."""
+    balls = (
+        f"  - {{type: sphere, center: [0, 0, 0], radius: {1.0 - 0.01 * k}, material: {material(k)}}}\n"
+        for k in range(count)
+    )
+    return camera(4.0, 29.0) + SKY + "objects:\n" + "".join(balls)
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        # Each of them a boundary to air: light inside is nearer to the normal by 1.5^60 than outside.
+        shells(60, lambda k: clear(1.5)),
+        # More ranks than there are bits in a word.
+        shells(40, lambda k: clear(1.3 + 0.1 * (k % 2), k)),
+    ],
+    ids=["without priorities", "with priorities"],
+)
+def test_what_is_nested_deep_loses_no_light(scene: str) -> None:
+    np.testing.assert_allclose(picture(scene, spp=16, max_depth=4000).radiance, 1.0, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("eye", "part"), [(30.0, 1.0), (5.0, 0.25), (15.005, 1.0)], ids=["path", "shadow", "camera"])
+def test_what_meets_too_many_surfaces_is_dropped_and_counted(eye: float, part: float) -> None:
+    # Of 1200 surfaces that are nothing, over a floor and under a lamp: light from one to the other is no more black
+    # without a word.  A camera among more than it looks past does not know what it is in.
+    edge, count = (50.0, 1200) if 9.0 < eye < 20.0 else (1.2, 600)
+    films = "".join(
+        f"  - {{type: box, min: [{-edge}, {-edge}, {z}], max: [{edge}, {edge}, {z + 0.005}], material: {clear(1.0)}}}\n"
+        for z in (9.0 + 0.01 * np.arange(count)).tolist()
+    )
+    lamp = LAMP.replace("[-50, -50, -20]", "[-1, 1, 25]").replace("[100, 0, 0], [0, 100, 0]", "[2, 0, 0], [0, -2, 0]")
+    text = camera(eye) + NIGHT + "objects:\n" + slab(-1.0, 0.0, "{type: lambertian}") + films + lamp * (eye < 25.0)
+    settings = {"width": 8, "height": 8, "spp": 8, "max_depth": 2}
+    result = render(scene(text.rstrip() + SPECKS, filled=False, **settings), seed=1, threads=1)
+    assert result.stats.nan_samples >= part * 8 * 8 * 8
 
 
 # ---- What is packed

@@ -118,6 +118,7 @@ def fetch(key: str, errand: bytes) -> "tuple[str, Haul | None]":
     from distributed import get_worker
 
     from raytracer.errands import take
+    from raytracer.interior import ranks_of
     from raytracer.paths import workspace
 
     with _lock:
@@ -125,7 +126,10 @@ def fetch(key: str, errand: bytes) -> "tuple[str, Haul | None]":
         if ready is not None:
             _scenes.move_to_end(key)
     name = str(get_worker().address)
-    return name, None if ready is None else take(ready.scene, ready.scratch(), workspace(), pickle.loads(errand))
+    if ready is None:
+        return name, None
+    room = workspace(solids=ranks_of(ready.scene.interior))
+    return name, take(ready.scene, ready.scratch(), room, pickle.loads(errand))
 
 
 def hold(content: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -69,7 +69,8 @@ class Dielectric(ClearSpec):
     stands in it, and loses what that absorbs on all its ways. Make things that touch overlap by a little, as water and
     its glass: of two faces in the same place a ray meets but one. Glass without a priority has no part in this: within
     water that has one, its surface is one to `outside_ior`, and the water goes on absorbing in it. Where nothing has a
-    priority, a face between two glasses is one surface, with `ior` and `outside_ior`.
+    priority, a face between two glasses is one surface, with `ior` and `outside_ior`. Up to 256 materials of a scene
+    may have a priority; how many objects have them, and overlap, is not limited.
 
     References: Pharr et al. 2023, "Physically Based Rendering", 4th ed., sec. 9.5; basic radiance: Nicodemus 1963;
     priorities: Schmidt, Budge 2002, "Simple Nested Dielectrics in Ray Traced Images", JGT 7(2); absorption: Beer 1852;

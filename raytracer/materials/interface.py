@@ -76,6 +76,10 @@ class MaterialSpec(Spec):
         """Whether light that arrives from a chosen direction can leave in another (not so for mirrors and glass)."""
         return False
 
+    def mirrors(self) -> bool:
+        """Whether some light leaves it in a direction without choice, in which it shows lights that are found so."""
+        return not (self.is_lit() or self.emits() or self.lets_all_through())
+
     def exitance(self, book: Book) -> float:
         """What a square metre radiates, in any unit that is the same for all materials: how often to aim at it."""
         return 0.0
@@ -162,6 +166,9 @@ class SelectorSpec(MaterialSpec):
 
     def is_lit(self) -> bool:
         return any(child.is_lit() for child in self.children().values())
+
+    def mirrors(self) -> bool:
+        return any(child.mirrors() for child in self.children().values())
 
     def emits(self) -> bool:
         return any(child.emits() for child in self.children().values())

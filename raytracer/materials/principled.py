@@ -107,6 +107,9 @@ class Principled(MaterialSpec):
     def transmits(self) -> bool:
         return not is_zero(self.transmission)
 
+    def mirrors(self) -> bool:
+        return not isinstance(self.roughness, float) or self.roughness**2 < SMOOTH_ALPHA
+
     def is_lit(self) -> bool:
         body = not is_zero(self.base_color) and self.metallic != 1.0 and self.transmission != 1.0
         smooth = isinstance(self.roughness, float) and self.roughness**2 < SMOOTH_ALPHA

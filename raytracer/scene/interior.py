@@ -11,13 +11,18 @@ from raytracer.cameras.placement import PlacedSpec
 from raytracer.glass import AIR
 from raytracer.interior import Interior, Submerged
 from raytracer.materials.interface import PASS, Filling, MaterialSpec, SelectorSpec
-from raytracer.paths import MOST_SOLIDS
 from raytracer.scene.materials import parts
 from raytracer.scene.objects import Item
 from raytracer.scene.spec import SceneSpec
 from raytracer.scene.whereabouts import Whereabouts
 from raytracer.shapes.interface import PlacingSpec
 from raytracer.vec import Vec3
+
+MOST_SOLIDS = 256
+"""Materials of a scene that may have a priority: of so many indices, all boundaries between them pack in 5 s.
+
+Their number grows by its square, and what a ray takes to know where it is by itself.
+"""
 
 _UP: Vec3 = (3.0 / 13.0, 12.0 / 13.0, 4.0 / 13.0)
 """Where a camera looks for what it stands in: steeply up, so that it leaves water by its surface, but along no axis."""
@@ -66,7 +71,7 @@ class Solids:
         if len(self._ranked) > MOST_SOLIDS:
             last = items[owners[max(solid.place for solid in self._ranked)]]
             raise spec.error(
-                f"is one of {len(self._ranked)} materials with a priority, and there may be {MOST_SOLIDS}: "
+                f"is one of {len(self._ranked):,} materials with a priority, and there may be {MOST_SOLIDS:,}: "
                 "take the priority from those that overlap nothing",
                 *_keys(last),
             )
@@ -81,16 +86,14 @@ class Solids:
             outsides = [AIR, *(other.filling.ior for other in self._ranked[:rank])]
             for part in parts([solid.material]):
                 if not isinstance(part, SelectorSpec):
-                    self._boundaries.append((part, [part.against(ior) for ior in outsides], solid.space))
+                    against = {ior: part.against(ior) for ior in dict.fromkeys(outsides)}
+                    self._boundaries.append((part, [against[ior] for ior in outsides], solid.space))
 
     def materials(self) -> tuple[list[MaterialSpec], list[Hashable]]:
         """What is to be packed besides the materials in use: boundaries, and the media around each."""
-        rows = [
-            (material, space)
-            for part, against, space in self._boundaries
-            for material in (part, *against)
-            if material is not None
-        ]
+        rows = [(part, space) for part, _, space in self._boundaries]
+        for _, against, space in self._boundaries:
+            rows += [(material, space) for material in dict.fromkeys(against) if material is not None]
         return [material for material, _ in rows], [space for _, space in rows]
 
     def pack(
@@ -109,12 +112,12 @@ class Solids:
         rank = np.full(max(references) + 1, -1, np.int32)
         for number, solid in enumerate(self._ranked):
             rank[references[solid.place]] = number
-        against = np.full((max((*references, *boundaries)) + 1, len(self._ranked) + 1), PASS, np.int32)
-        left = iter(boundaries)
-        for _, variants, _ in self._boundaries:
-            own = next(left)
-            for column, variant in enumerate(variants):
-                against[own, column] = PASS if variant is None else next(left)
+        # Surfaces have the materials of objects, which come before those that are only met where objects overlap.
+        own, left = boundaries[: len(self._boundaries)], iter(boundaries[len(self._boundaries) :])
+        against = np.full((max((*references, *own)) + 1, len(self._ranked) + 1), PASS, np.int32)
+        for reference, (_, variants, _) in zip(own, self._boundaries, strict=True):
+            met = {variant: next(left) for variant in dict.fromkeys(variants) if variant is not None}
+            against[reference, : len(variants)] = [PASS if variant is None else met[variant] for variant in variants]
         absorption = np.array([solid.filling.absorption for solid in self._ranked], np.float64)
         return Interior(
             rank,

@@ -41,6 +41,9 @@ CRATE = "type: box, name: crate, min: [0, 0, 0], max: [1, 1, 1], material: red"
 TUBE = "type: quad, name: tube, corner: [0, 3, 0], edges: [[1, 0, 0], [0, 0, 1]], material: lamp"
 POOL = "type: box, name: pool, min: [-1, 0, -1], max: [1, 1, 1], material: water"
 BEAD = "type: sphere, name: bead, center: [0, 0.5, 0], radius: 0.2, material: glass"
+NEEDLE = "type: box, name: needle, min: [0, 1, 0], max: [1, 1.0000003, 3.0e-7]"
+STAR = "type: sphere, name: star, center: [0, 5000, 5000], radius: 0.001, material: lamp"
+PANE = "type: box, name: pane, min: [-50, 1, -50], max: [50, 1.0001, 50], material: glass"
 TURNED = "transform: [{rotate: {axis: [1, 2, 3], angle: 33}}]"
 
 
@@ -92,6 +95,17 @@ CLEAN: dict[str, tuple[str, ...]] = {
     ),
     "an opaque ball in water": (POOL, BEAD.replace("glass", "red")),
     "glass in glass, none of which has a priority": (POOL.replace("water", "glass"), BEAD),
+    "a blade a tenth of a millimetre wide": (FLOOR, "type: triangle, vertices: [[0, 1, 0], [1, 1, 0], [0, 1.0001, 0]]"),
+    "a plate that is thin": (FLOOR, NEEDLE.replace("3.0e-7]", "1]")),
+    "a far lamp that is only aimed at": (FLOOR, BALL, STAR),
+    "a sun that is only aimed at": (FLOOR, BALL, STAR.replace("5000", "1.0e11").replace("0.001", "5.0e8")),
+    "a window pane": (PANE.replace("1.0001", "1.003"),),
+    "an opaque sheet": (PANE.replace("glass", "grey"),),
+    "a lentil": (FLOOR, BALL.replace("grey", "grey, transform: [{scale: [1, 1, 1.0e-3]}]")),
+    "glass in glass made for it, 24 deep": tuple(
+        f"type: sphere, center: [0, 2, 0], radius: {1.0 - 0.005 * k}, material: {{type: dielectric, outside_ior: 1.5}}"
+        for k in range(24)
+    ),
     "a lamp inside of a room": (
         "type: sphere, name: room, center: [0, 0, 0], radius: -20, material: grey",
         "type: sphere, center: [0, 3, 0], radius: 0.3, material: lamp",
@@ -209,6 +223,42 @@ WARNED: dict[str, tuple[tuple[str, ...], str, str]] = {
         (POOL, BEAD.replace("glass", "{type: cutout, opacity: 0.5, material: glass}")),
         's.yaml:14: objects[1] "bead": ',
         'lies within objects[0] "pool"',
+    ),
+    "a sliver": (
+        (FLOOR, "type: triangle, name: sliver, vertices: [[0, 1, 0], [1, 1, 0], [0, 1.0000005, 0]]"),
+        's.yaml:14: objects[1] "sliver": ',
+        "is as narrow as 4.8e-07 m, and below 2.6e-06 m",
+    ),
+    "a needle": ((FLOOR, NEEDLE), 's.yaml:14: objects[1] "needle": ', "6 of its 6 faces are as narrow as 2"),
+    "a far lamp before the camera": (
+        (FLOOR, STAR.replace("5000, 5000", "1, -5000")),
+        's.yaml:14: objects[1] "star": ',
+        "is 5e+06 of its radii (0.001 m) away from the camera",
+    ),
+    "a far lamp and glass": (
+        (FLOOR, STAR, BEAD.replace("0.5", "2")),
+        's.yaml:14: objects[1] "star": ',
+        "of its radii (0.001 m) away from the camera",
+    ),
+    "a pane as thin as its offset": (
+        (PANE,),
+        's.yaml:13: objects[0] "pane": ',
+        "is 0.0001 m thick, light goes into it, and rays leave its faces 0.00012 m off them",
+    ),
+    "a ball that is flattened": (
+        (FLOOR, BALL.replace("grey", "grey, transform: [{scale: [1, 1, 1.0e-6]}]")),
+        's.yaml:14: objects[1] "ball": ',
+        "of its radii (1 m) away from the camera, as seen where its transform has not made it 1e+06 times thinner",
+    ),
+    "glass in glass, 30 deep": (
+        tuple(BEAD.replace("bead", f"bead{k}").replace("0.2", str(1.0 - 0.01 * k)) for k in range(30)),
+        's.yaml:42: objects[29] "bead29": ',
+        "lies within 29 clear objects, so light goes straight through 60 surfaces, and paths end after 50 segments",
+    ),
+    "glass in glass, 80 deep": (
+        tuple(BEAD.replace("bead", f"bead{k}").replace("0.2", str(1.0 - 0.01 * k)) for k in range(80)),
+        's.yaml:92: objects[79] "bead79": ',
+        "lies within 79 clear objects whose materials have no `priority`",
     ),
     "an emitter that gives nothing": (
         (FLOOR, "type: quad, corner: [0, 3, 0], edges: [[1, 0, 0], [0, 0, 1]], material: {type: emitter, radiance: 0}"),
@@ -379,6 +429,31 @@ def test_triangles_without_an_area_are_counted(tmp_path: Path) -> None:
     obj(tmp_path / "fine.obj", heights, [[k, k + 1, k + 2] for k in range(10)])
     (concern,) = found("type: mesh, file: fine.obj", base=tmp_path)
     assert "5 of its 10 faces have no area once its coordinates are rounded to float32" in concern.text
+
+
+def test_pixels_too_small_for_float32() -> None:
+    for vfov, kinds in (("0.001", []), ("0.0001", ["pixels too small for float32"])):
+        text = HEAD.replace("EYE", "[0, 1.5, 6]").replace("vfov: 40", f"vfov: {vfov}") + f"objects: [{{{FLOOR}}}]\n"
+        assert [item.kind for item in concerns(pack(build(text, "s.yaml")))] == kinds
+
+
+def test_slivers_with_neighbours_are_no_concern(tmp_path: Path) -> None:
+    # A wire of 1000 sides, each 1.9e-6 m wide: float32 displaces an edge for both of its faces alike.
+    count = 1000
+    angle = 2.0 * np.pi * np.arange(count) / count
+    circle = 3e-4 * np.column_stack([np.zeros(count), np.cos(angle), np.sin(angle)]) + [0.0, 1.0, 0.0]
+    ends = [[0.0, 1.0, 0.0], [1.0, 1.0, 0.0]]
+    here, there = np.arange(count), np.roll(np.arange(count), -1)
+    sides = [(here, there, there + count), (here, there + count, here + count)]
+    caps = [(there, here, np.full(count, 2 * count)), (here + count, there + count, np.full(count, 2 * count + 1))]
+    faces = np.concatenate([np.column_stack(part) for part in (*sides, *caps)])
+    vertices = np.concatenate([circle, circle + np.eye(3)[0], ends])
+    obj(tmp_path / "wire.obj", vertices, faces)
+    assert found("type: mesh, file: wire.obj", base=tmp_path) == []
+    # Every second side left out, the others are ribbons.
+    obj(tmp_path / "ribbons.obj", vertices, [face for face in faces.tolist() if min(face) % 2])
+    (concern,) = found("type: mesh, file: ribbons.obj", base=tmp_path)
+    assert "faces are as narrow as 1.8e-06 m" in concern.text
 
 
 def test_of_many_alike_ten_are_told() -> None:

@@ -93,6 +93,11 @@ def edges(points: Points) -> tuple[Points, Points, Points]:
     return b - a, c - a, c - b
 
 
+def squared(vectors: Points) -> Points:
+    """The squares (n,) of the lengths of vectors (n, 3)."""
+    return np.asarray(np.einsum("ij,ij->i", vectors, vectors))
+
+
 def resting(table: Any) -> Any:
     """The table without a motion that moves all of it."""
     return table.base if isinstance(table, Translated) else table

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from raytracer.geometry import OFFSET_ULPS
 from raytracer.primitives.spheres import Spheres
+from raytracer.scene.concerns.aiming import Aiming
 from raytracer.scene.concerns.interface import Concern, concern
-from raytracer.scene.concerns.outlines import Points, normals, outline, reaches, resting
+from raytracer.scene.concerns.outlines import Points, is_flat, normals, outline, reaches, resting
+from raytracer.scene.concerns.slivers import slivers
 from raytracer.scene.concerns.survey import Survey
 
 MOST_RADII = 1e5
@@ -26,6 +28,12 @@ MOST_EXTENTS = 1e6
 _HULL = math.sqrt(3.0)
 """How much farther than an object reaches along an axis its box does."""
 
+# From where on a sentence says that an object was flattened.
+_FLAT = 10.0
+
+# How many times the largest coordinate the offset of a quad may count: its corner once, either edge twice.
+_MOST_REACH = 5.0
+
 # Primitives of an object against each of which others are held; of one with more, its box is.
 _MOST_FACES = 4096
 
@@ -36,11 +44,15 @@ _MOST_GROUNDS = 256
 def sizes(survey: Survey) -> Iterator[Concern]:
     """Concerns about sizes: degenerate triangles, far and tiny objects, and such as others swallow."""
     yield from _degenerate(survey)
-    yield from _far(survey)
+    aiming = Aiming(survey)
+    seen = _seen(survey)
+    yield from _far(survey, seen, aiming)
+    yield from slivers(survey, seen.scale(survey), aiming)
+    yield from _thin(survey)
     drowned = list(_drowned(survey))
     yield from drowned
     if not drowned:
-        yield from _extents(survey)
+        yield from _extents(survey, seen.extent, aiming)
 
 
 def _degenerate(survey: Survey) -> Iterator[Concern]:
@@ -74,18 +86,24 @@ class _Seen(NamedTuple):
     """Of each piece, or of its instance that is worst off, in radii: how far its coordinates reach, and the camera is.
 
     extent : its own radius (m), in the scene.
+    flat : how many times thinner in one direction than in another its instance makes it.
     """
 
     reach: Points
     distance: Points
     extent: Points
+    flat: Points
+
+    def scale(self, survey: Survey) -> Points:
+        """The largest numbers (n,) at play where rays meet each piece, in its own space (m)."""
+        return np.asarray(np.maximum(self.reach, self.distance) * survey.pieces.half)
 
 
 def _seen(survey: Survey) -> _Seen:
     pieces, camera = survey.pieces, survey.camera
     half = np.maximum(pieces.half, np.finfo(float).tiny)
     away = np.maximum(0.0, np.linalg.norm(pieces.middle - camera, axis=1) - half)
-    result = _Seen(pieces.reach / half, away / half, pieces.half.copy())
+    result = _Seen(pieces.reach / half, away / half, pieces.half.copy(), np.ones(len(half)))
     instances = survey.packed.scene.instances
     for group in np.unique(pieces.group[pieces.group >= 0]).tolist():
         assert instances is not None
@@ -96,22 +114,29 @@ def _seen(survey: Survey) -> _Seen:
         low, high = pieces.low[of].min(axis=0), pieces.high[of].max(axis=0)
         middle = pose[:, :3, :3] @ (low + 0.5 * (high - low)) + pose[:, :3, 3]
         radius = scale * 0.5 * float(np.linalg.norm(high - low))
-        away = np.maximum(0.0, np.linalg.norm(middle - camera, axis=1) - radius)
+        # As rays are cast in the group's space: what is flattened there is as far away as it was made thin.
+        own = np.linalg.solve(pose[:, :3, :3], (camera - middle)[:, :, None])[:, :, 0]
+        away = np.maximum(0.0, np.linalg.norm(own, axis=1) - radius / scale)
         # The nearest copy is the one that is seen; that which is farthest out is held the worst.
-        result.distance[of] = (away / scale).min() / half[of]
+        nearest = int(np.argmin(away))
+        result.distance[of] = away[nearest] / half[of]
+        result.flat[of] = np.linalg.cond(pose[nearest, :3, :3])
         out = (np.abs(middle).max(axis=1) / scale).max() / half[of]
         result.reach[of] = np.maximum(result.reach[of], out)
         result.extent[of] = pieces.half[of] * scale.max()
     return result
 
 
-def _far(survey: Survey) -> Iterator[Concern]:
+def _far(survey: Survey, seen: _Seen, aiming: Aiming) -> Iterator[Concern]:
     """Objects that are too far away for their size, from the origin or from the camera."""
-    seen = _seen(survey)
     for piece in np.flatnonzero((seen.reach > MOST_RADII) | (seen.distance > MOST_RADII)).tolist():
+        if aiming.is_all(piece):
+            continue
         radius = float(seen.extent[piece])
         if seen.distance[piece] > MOST_RADII:
             where, times = "the camera", float(seen.distance[piece])
+            if seen.flat[piece] > _FLAT:
+                where += f", as seen where its transform has not made it {seen.flat[piece]:.2g} times thinner"
         else:
             where, times = survey.origin_text(), float(seen.reach[piece])
         yield survey.concern(
@@ -120,6 +145,31 @@ def _far(survey: Survey) -> Iterator[Concern]:
             f"is {times:.2g} of its radii ({radius:.3g} m) away from {where}, and beyond {MOST_RADII:.0e} float32 is "
             "too coarse to hit it well: make it larger, bring it nearer, or leave it out",
         )
+
+
+def _thin(survey: Survey) -> Iterator[Concern]:
+    """Boxes that light goes into and that are thinner than the offset of rays: such a ray begins behind them."""
+    pieces = survey.pieces
+    # The sides of what is thin are narrow.
+    for piece in np.flatnonzero(pieces.width < 4.0 * OFFSET_ULPS * _MOST_REACH * pieces.reach).tolist():
+        look, start, stop = survey.look_of(piece), int(pieces.start[piece]), int(pieces.stop[piece])
+        table = survey.tables[pieces.table[piece]]
+        if look is None or not (look.transmits() or look.passes()) or stop - start > _MOST_FACES:
+            continue
+        # What has one face has no inside; round things are as thick as they are wide.
+        if not survey.is_solid(piece) or survey.spec_of(piece).faces is None or not is_flat(table):
+            continue
+        faces = outline(table, start, stop)
+        thickness = float(np.ptp(faces.reshape(-1, 3) @ normals(faces).T, axis=0).min())
+        offset = OFFSET_ULPS * float(reaches(table, start, stop).max())
+        if thickness < 2.0 * offset:
+            yield survey.concern(
+                "clear things thinner than the offset of rays",
+                piece,
+                f"is {thickness:.2g} m thick, light goes into it, and rays leave its faces {offset:.2g} m off them "
+                "because its coordinates reach so far: they begin behind it, and so do not know what they are in; make "
+                "it thicker or smaller, or use a quad of a `thin_dielectric`",
+            )
 
 
 # ---- On a ground that swallows them
@@ -199,11 +249,14 @@ def _reach_below(survey: Survey, ground: int, middle: Points, radius: Points) ->
 # ---- All of the scene
 
 
-def _extents(survey: Survey) -> Iterator[Concern]:
+def _extents(survey: Survey, extent: Points, aiming: Aiming) -> Iterator[Concern]:
     """A scene whose largest object is too much larger than its smallest; what is cut is nowhere too large for it."""
-    extent = _seen(survey).extent
     whole = np.array([0.0 if survey.is_cut(piece) else size for piece, size in enumerate(extent.tolist())])
     small, large = int(np.argmin(extent)), int(np.argmax(whole))
+    if whole[large] > MOST_EXTENTS * extent[small]:
+        # Lamps are asked about only where there is a doubt.
+        aimed = np.array([aiming.is_all(piece) for piece in range(len(extent))])
+        small, large = int(np.argmin(np.where(aimed, np.inf, extent))), int(np.argmax(np.where(aimed, 0.0, whole)))
     ratio = float(whole[large] / max(extent[small], np.finfo(float).tiny))
     if ratio > MOST_EXTENTS:
         yield survey.concern(

@@ -11,7 +11,7 @@ from raytracer.materials.interface import MaterialSpec
 from raytracer.motion import compose
 from raytracer.primitives.spheres import Spheres
 from raytracer.scene.concerns.interface import Concern, Keys, concern, named
-from raytracer.scene.concerns.outlines import Points, has_edges, normals, outline, resting
+from raytracer.scene.concerns.outlines import Points, has_edges, normals, outline, resting, squared
 from raytracer.scene.pack import Packed
 from raytracer.shapes.interface import ShapeSpec
 
@@ -26,6 +26,7 @@ class Pieces(NamedTuple):
     item : of `Packed.items`; group : -1 for what is in none.
     low, high : the box (n, 3) round it, in the space of its group or of the packed scene (m).
     empty : how many of its rows have no area as float32 holds them, and first, the first of them (-1).
+    width : that of the narrowest of its other faces, as float32 holds it (n,) (m); infinite of what is round.
     """
 
     table: NDArray[np.int64]
@@ -37,6 +38,7 @@ class Pieces(NamedTuple):
     high: Points
     empty: NDArray[np.int64]
     first: NDArray[np.int64]
+    width: Points
 
     @property
     def half(self) -> Points:
@@ -223,19 +225,24 @@ def _pieces(packed: Packed) -> Pieces:
 
 
 class _Measures(NamedTuple):
-    """Of ranges of rows: boxes, rows without an area, and the first of these."""
+    """Of ranges of rows: boxes, rows without an area, the first of these, and the least width of others."""
 
     low: Points
     high: Points
     empty: NDArray[np.int64]
     first: NDArray[np.int64]
+    width: Points
 
 
 def _measured(table: object, start: NDArray[np.int64], stop: NDArray[np.int64]) -> _Measures:
     """What there is in ranges of a table's rows, which follow each other."""
     count = len(start)
     found = _Measures(
-        np.full((count, 3), np.inf), np.full((count, 3), -np.inf), np.zeros(count, np.int64), -np.ones(count, np.int64)
+        np.full((count, 3), np.inf),
+        np.full((count, 3), -np.inf),
+        np.zeros(count, np.int64),
+        -np.ones(count, np.int64),
+        np.full(count, np.inf),
     )
     for begin in range(0, int(stop[-1]) if count else 0, _BLOCK):
         end = min(begin + _BLOCK, int(stop[-1]))
@@ -248,7 +255,10 @@ def _measured(table: object, start: NDArray[np.int64], stop: NDArray[np.int64]) 
         found.low[first:last] = np.minimum(found.low[first:last], np.minimum.reduceat(low, within))
         found.high[first:last] = np.maximum(found.high[first:last], np.maximum.reduceat(high, within))
 
-        rows = np.flatnonzero(_is_empty(table, points))
+        width = _widths(table, points)
+        rows = np.flatnonzero(width == 0.0)
+        width[rows] = np.inf
+        found.width[first:last] = np.minimum(found.width[first:last], np.minimum.reduceat(width, within))
         piece, earliest, number = np.unique(
             np.searchsorted(within, rows, side="right") - 1 + first, return_index=True, return_counts=True
         )
@@ -258,9 +268,13 @@ def _measured(table: object, start: NDArray[np.int64], stop: NDArray[np.int64]) 
     return found
 
 
-def _is_empty(table: object, points: Points) -> NDArray[np.bool_]:
-    """Which primitives have no area as float32 holds them, so that no ray can hit them (n,)."""
+def _widths(table: object, points: Points) -> Points:
+    """The least heights of faces (n,) as float32 holds them (m); 0 of those without an area, which no ray can hit."""
     if not has_edges(table):
-        return np.zeros(len(points), bool)
+        return np.full(len(points), np.inf)
     a, b, c = (points[:, k].astype(np.float32).astype(np.float64) for k in (0, 1, points.shape[1] - 1))
-    return np.asarray(~np.any(np.cross(b - a, c - a), axis=1))
+    u, v = b - a, c - a
+    area, longest = squared(np.cross(u, v)), np.maximum(squared(u), squared(v))
+    if points.shape[1] == 3:
+        longest = np.maximum(longest, squared(c - b))
+    return np.sqrt(np.divide(area, longest, out=np.zeros(len(points)), where=longest > 0.0))

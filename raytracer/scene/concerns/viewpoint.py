@@ -5,6 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.cameras.interface import defocus_of
+from raytracer.cameras.moving import MovingCamera
 from raytracer.geometry import OFFSET_ULPS
 from raytracer.primitives.spheres import Spheres
 from raytracer.scene.concerns.interface import Concern, concern
@@ -22,6 +24,7 @@ _MOST_REACH = 5.0
 
 def viewpoint(survey: Survey) -> Iterator[Concern]:
     """Concerns about where the camera is."""
+    yield from _pixels(survey)
     pieces = survey.pieces
     for piece in np.flatnonzero(
         (pieces.group < 0) & (pieces.stop - pieces.start <= _MOST_FACES) & _near(survey)
@@ -44,6 +47,20 @@ def viewpoint(survey: Survey) -> Iterator[Concern]:
                 ("camera", "look_from"),
                 f"is inside {survey.name_of(piece)}, which is opaque and holds no light, so the picture will be black",
             )
+
+
+def _pixels(survey: Survey) -> Iterator[Concern]:
+    """A camera whose pixels are smaller than float32 tells directions, so that edges are seen beside their place."""
+    camera = survey.packed.scene.camera
+    defocus = defocus_of(camera.camera if isinstance(camera, MovingCamera) else camera)
+    if defocus is not None and defocus.pixel < OFFSET_ULPS:
+        yield concern(
+            survey.spec,
+            "pixels too small for float32",
+            ("camera",),
+            f"a pixel is {defocus.pixel:.2g} wide at a distance of 1, and edges are only met to {OFFSET_ULPS:.1e} of "
+            "how far away they are: bring the camera nearer and let it see more",
+        )
 
 
 def _near(survey: Survey) -> NDArray[np.bool_]:

@@ -1,0 +1,71 @@
+"""Faces that are narrower than float32 tells from where rays come: Embree takes its vertices less the ray's origin.
+
+An edge then lies wrong by half an ulp of the distance, 3e-8 of it.  As measured with Embree 4.4, of the rays to a
+triangle of width w from a distance of 1, those that meet it are 7 % too many at w = 1e-7, 30 % at 3e-8, twice as many
+at 1e-8 and 14 to 19 times at 1e-9; 1 % or less from 3e-7 on.  What has a neighbour across its edges loses nothing:
+that edge lies wrong by the same for both.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.geometry import OFFSET_ULPS
+from raytracer.scene.concerns.aiming import Aiming
+from raytracer.scene.concerns.interface import Concern
+from raytracer.scene.concerns.outlines import Points, edges, outline, resting, squared
+from raytracer.scene.concerns.survey import Survey
+
+_MOST_SHARE = 0.01
+"""Part of an object's area that may be too narrow."""
+
+
+def slivers(survey: Survey, scale: Points, aiming: Aiming) -> Iterator[Concern]:
+    """Concerns about narrow faces, one for each object of which they are more than a hundredth.
+
+    scale (n,), of each piece, the largest numbers at play where rays meet it (m): its coordinates, or the distance to
+    the camera, in its own space.
+    """
+    least = OFFSET_ULPS * scale
+    # Rounding to float32 takes less than half of such a width.
+    for piece in np.flatnonzero(survey.pieces.width < 2.0 * least).tolist():
+        # Huge quads are cut into parts, which have neighbours.
+        if survey.is_cut(piece) or aiming.is_all(piece):
+            continue
+        count, share, width = _narrow(survey, piece, float(least[piece]))
+        if share <= _MOST_SHARE:
+            continue
+        total = int(survey.pieces.stop[piece] - survey.pieces.start[piece])
+        what = f"{count:,} of its {total:,} faces are" if total > 1 else "is"
+        yield survey.concern(
+            "slivers that float32 cannot tell",
+            piece,
+            f"{what} as narrow as {width:.2g} m, and below {least[piece]:.2g} m, {OFFSET_ULPS:.1e} of how far away the "
+            "camera is, or of how far coordinates reach, float32 is too coarse for that: rays meet it too often, ten "
+            "times so at a hundredth of that width; make it wider, bring it nearer, or leave it out",
+        )
+
+
+def _narrow(survey: Survey, piece: int, least: float) -> tuple[int, float, float]:
+    """How many faces are narrower than `least` (m), with no neighbour; their part of the area; the least width (m)."""
+    table = resting(survey.tables[survey.pieces.table[piece]])
+    start, stop = int(survey.pieces.start[piece]), int(survey.pieces.stop[piece])
+    u, v, w = edges(outline(table, start, stop))
+    area = np.sqrt(squared(np.cross(u, v)))
+    longest = np.sqrt(np.maximum(np.maximum(squared(u), squared(v)), squared(w)))
+    rows = np.flatnonzero((area < least * longest) & (area > 0.0))
+    if len(rows) and hasattr(table, "faces"):
+        rows = rows[_has_border(np.asarray(table.faces[start:stop], np.int64), rows)]
+    share = float(area[rows].sum() / area.sum()) if len(rows) else 0.0
+    return len(rows), share, float((area[rows] / longest[rows]).min(initial=np.inf))
+
+
+def _has_border(faces: NDArray[np.int64], chosen: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which of the chosen triangles have an edge that no other triangle of `faces` (n, 3) has (m,)."""
+    sides = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1), axis=-1)
+    keys = sides[..., 0] * (int(faces.max()) + 1) + sides[..., 1]
+    own = keys[chosen]
+    near = keys[np.isin(faces, faces[chosen]).sum(axis=1) >= 2]
+    edge, count = np.unique(near, return_counts=True)
+    return np.asarray((count[np.searchsorted(edge, own)] == 1).any(axis=1))
