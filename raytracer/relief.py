@@ -1,46 +1,28 @@
-"""Relief: bump and normal maps, which turn the normal that a surface is shaded with, and what keeps the energy then.
+"""Relief: bump and normal maps, and how surfaces scatter whose shading normal is not the geometric one.
 
-Let g be the true normal and n the shading normal, both turned to the side that light arrives from, and let the
-material, shaded with n, send light toward w with the value V(w) = f |cos| and draw w with the density p(w).  It
-reflects where n . w > 0 and transmits where n . w < 0; but where g . w has the other sign, reflected light would go
-into the surface and transmitted light would stay out.  Such directions are mirrored at the true surface:
-
-    m(w) = w - 2 (g . w) g,    w' = w if the signs of n . w and g . w are equal, else m(w).
-
-So what is reflected stays on the side it came from, and what is transmitted goes through.  Since m is its own inverse
-and keeps solid angles, w' has the density, and the value,
-
-    p'(w') = [w'] p(w') + [m(w')] p(m(w')),    V'(w') = [w'] V(w') + [m(w')] V(m(w')),
-
-where [x] is 1 if n . x has the sign of g . w', the side aimed at, and else 0: for a direction w that keeps its place
-n . w has the sign of g . w = g . w', and for one that is mirrored to w' the other one, that of g . m(w) = g . w'.
-Both integrals over w' are those over w, so no energy is lost or made, and no direction leaves on the wrong side.  A
-sample's weight stays V(w) / p(w): given w', its mean over the two directions that may have led there, in proportion to
-their densities, is V'(w') / p'(w').  Where n = g nothing is mirrored, and all is as without relief.
+A scene has a `Relief` where a material has such a map, or a mesh normals of its vertices.  What keeps the energy then
+is derived in `shading_normals`.
 
 References: Blinn 1978, "Simulation of Wrinkled Surfaces", SIGGRAPH 78; Mikkelsen 2010, "Bump Mapping Unparametrized
-Surfaces on the GPU", Journal of Graphics Tools 15(1), eq. 2 to 4 (surface gradients); Veach 1997, thesis, sec. 5.3
-(shading normals).
+Surfaces on the GPU", Journal of Graphics Tools 15(1), eq. 2 to 4 (surface gradients).
 """
 
 import math
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.geometry import leaks
 from raytracer.instances import Instances, pose_of
 from raytracer.integrator import evaluate_from, scatter_from, shading_normal
 from raytracer.jit import generic, kernel
 from raytracer.materials.interface import BLACK, MaterialSpec, Scatter, absorbed, evaluate_at, scatter_at
 from raytracer.motion import apply_vector, invert
+from raytracer.primitives.interface import has_vertex_normals
+from raytracer.shading_normals import into_wedge, out_of_wedge, tilt_of, turned_to
 from raytracer.textures.interface import Book, slope_at, texture_at
 from raytracer.vec import Vec3, add, cross, dot, is_black, madd, neg, norm, normalize, reflect, scale
-
-# The least cosine between a shading normal and the viewer: its square is what float64 can tell from 0 beside 1.
-_GRAZING = 2.0**-26
 
 
 class NormalMaps(NamedTuple):
@@ -58,14 +40,19 @@ class Bumps(NamedTuple):
 
 
 class Relief(NamedTuple):
-    """normal_maps and bumps, of which one may be None."""
+    """normal_maps and bumps, each of which may be None: both, where only vertices have normals of their own."""
 
     normal_maps: NormalMaps | None
     bumps: Bumps | None
 
 
-def pack_relief(materials: Iterable[tuple[MaterialSpec, int]], book: Book) -> Relief | None:
-    """The relief of materials, each with its reference; None where none has any."""
+def pack_relief(materials: Iterable[tuple[MaterialSpec, int]], book: Book, primitives: Iterable[Any]) -> Relief | None:
+    """Pack the relief of materials, each with its reference; None where no shading normal differs from the true one.
+
+    Parameters
+    ----------
+    primitives : the tables of the scene, which may have normals of vertices.
+    """
     rows = list(materials)
     size = 1 + max((reference for _, reference in rows), default=0)
     maps = NormalMaps(np.full(size, -1, np.int32), np.ones(size))
@@ -78,32 +65,17 @@ def pack_relief(materials: Iterable[tuple[MaterialSpec, int]], book: Book) -> Re
             bumps.texture[reference] = book.reference(material.bump)
             bumps.height[reference] = material.bump_height
     mapped, bumped = (bool(np.any(table.texture >= 0)) for table in (maps, bumps))
-    return Relief(maps if mapped else None, bumps if bumped else None) if mapped or bumped else None
+    if mapped or bumped:
+        return Relief(maps if mapped else None, bumps if bumped else None)
+    return relief_of_vertices(primitives)
+
+
+def relief_of_vertices(primitives: Iterable[Any]) -> Relief | None:
+    """Make the relief of a scene without maps; None where no table has normals of vertices either."""
+    return Relief(None, None) if any(has_vertex_normals(table) for table in primitives) else None
 
 
 # ---- The shading normal
-
-
-@generic
-def _texture_of(table, reference):
-    """The texture of a material, -1 for none."""
-    raise NotImplementedError
-
-
-@_texture_of.register(type(None))
-def _(table, reference):
-    return -1
-
-
-@_texture_of.register(NormalMaps)
-@_texture_of.register(Bumps)
-def _(table, reference):
-    return table.texture[reference]
-
-
-@kernel
-def _has_relief(relief, reference):
-    return _texture_of(relief.normal_maps, reference) >= 0 or _texture_of(relief.bumps, reference) >= 0
 
 
 @generic
@@ -198,23 +170,10 @@ def _(bumps, scene, hit, instance, reference, site, time, normal):
     return raised(normal, hit.tangent, hit.bitangent, height * along_u, height * along_v)
 
 
-@kernel
-def turned_to(normal: Vec3, viewer: Vec3, geometric: Vec3) -> Vec3:
-    """The nearest normal to `normal` that does not face away from the unit vector `viewer`."""
-    if dot(normal, viewer) >= _GRAZING:
-        return normal
-    along = madd(normal, -dot(normal, viewer), viewer)
-    size = norm(along)
-    # A normal that looks straight away has no nearest one.
-    return normalize(madd(scale(1.0 / size, along), _GRAZING, viewer)) if size > 0.0 else geometric
-
-
 @shading_normal.register(Relief)
-def _(relief, scene, hit, instance, reference, site, direction, front, time):
-    normal = hit.shading_normal
-    if not _has_relief(relief, reference):
-        return normal if front else neg(normal)
-    normal = _mapped(relief.normal_maps, scene, hit, reference, site, normal)
+def shading_normal_with_relief(relief, scene, hit, instance, reference, site, direction, front, time):
+    """Shade with the normal after maps, turned to the side that light arrives from and not away from there."""
+    normal = _mapped(relief.normal_maps, scene, hit, reference, site, hit.shading_normal)
     normal = _bumped(relief.bumps, scene, hit, instance, reference, site, time, normal)
     sign = 1.0 if front else -1.0
     return turned_to(scale(sign, normal), neg(direction), scale(sign, hit.normal))
@@ -223,43 +182,42 @@ def _(relief, scene, hit, instance, reference, site, direction, front, time):
 # ---- What is scattered
 
 
-@kernel
-def other_preimage(outgoing: Vec3, normal: Vec3, shading: Vec3, transmitted: bool) -> tuple[Vec3, bool]:
-    """The mirror image of a direction, and whether the material may have drawn it for the same side."""
-    image = reflect(outgoing, normal)
-    return image, (dot(shading, image) < 0.0) == transmitted
-
-
 @scatter_from.register(Relief)
-def _(relief, scene, hit, reference, site, direction, normal, front, draws):
+def scatter_from_tilted(relief, scene, hit, reference, site, direction, normal, front, draws):
+    """Scatter by the shading normal, to the side of the true surface that the material meant."""
     out = scatter_at(scene, reference, site, direction, normal, front, draws)
-    if not _has_relief(relief, reference):
-        return absorbed(direction) if leaks(hit, out.direction) else out
     if is_black(out.weight):
         return out
     transmitted = dot(normal, out.direction) < 0.0
-    image, was_possible = other_preimage(out.direction, hit.normal, normal, transmitted)
-    through = (dot(hit.normal, out.direction) < 0.0) == front
-    kept = out.direction if transmitted == through else image
-    if not was_possible or math.isinf(out.pdf):
-        return Scatter(kept, out.weight, out.pdf)
-    _, pdf = evaluate_at(scene, reference, site, direction, normal, front, image)
-    return Scatter(kept, out.weight, out.pdf + pdf)
+    tilt = tilt_of(hit.normal if front else neg(hit.normal), normal, direction, transmitted)
+    rise = dot(tilt.up, out.direction)
+    if rise == 0.0:
+        return absorbed(direction)
+    if rise > 0.0:
+        if math.isinf(out.pdf):
+            return out
+        other, spread = into_wedge(tilt, out.direction)
+        if spread == 0.0:
+            return out
+        _, pdf = evaluate_at(scene, reference, site, direction, normal, front, other)
+        return Scatter(out.direction, out.weight, out.pdf + spread * pdf)
+    if tilt.spread == 0.0:
+        return Scatter(reflect(out.direction, tilt.up), out.weight, out.pdf)
+    turned = out_of_wedge(tilt, out.direction)
+    _, pdf = evaluate_at(scene, reference, site, direction, normal, front, turned)
+    return Scatter(turned, out.weight, tilt.spread * out.pdf + pdf)
 
 
 @evaluate_from.register(Relief)
-def _(relief, scene, hit, reference, site, direction, normal, front, outgoing):
-    if not _has_relief(relief, reference):
-        if leaks(hit, outgoing):
-            return BLACK, 0.0
-        return evaluate_at(scene, reference, site, direction, normal, front, outgoing)
-    through = (dot(hit.normal, outgoing) < 0.0) == front
-    value, density = BLACK, 0.0
-    preimage = outgoing
-    for _ in range(2):
-        if (dot(normal, preimage) < 0.0) == through:
-            part, pdf = evaluate_at(scene, reference, site, direction, normal, front, preimage)
-            value = add(value, part)
-            density += pdf
-        preimage = reflect(outgoing, hit.normal)
-    return value, density
+def evaluate_from_tilted(relief, scene, hit, reference, site, direction, normal, front, outgoing):
+    """Evaluate by the shading normal what `scatter_from_tilted` sends to `outgoing`."""
+    transmitted = (dot(hit.normal, outgoing) < 0.0) == front
+    if (dot(normal, outgoing) < 0.0) != transmitted:
+        return BLACK, 0.0
+    value, pdf = evaluate_at(scene, reference, site, direction, normal, front, outgoing)
+    tilt = tilt_of(hit.normal if front else neg(hit.normal), normal, direction, transmitted)
+    drawn, spread = into_wedge(tilt, outgoing)
+    if spread == 0.0:
+        return value, pdf
+    more, drawn_pdf = evaluate_at(scene, reference, site, direction, normal, front, drawn)
+    return madd(value, spread, more), pdf + spread * drawn_pdf

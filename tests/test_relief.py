@@ -1,4 +1,4 @@
-"""Bump and normal maps: the normals that they make, and that what is scattered keeps its energy and its side."""
+"""Bump and normal maps: the normals that they make; and that what is scattered keeps its energy and its side."""
 
 from typing import Any, NamedTuple
 
@@ -11,9 +11,10 @@ from raytracer.integrator import evaluate_from, scatter_from
 from raytracer.jit import entry
 from raytracer.kinds import MATERIALS
 from raytracer.materials.interface import Draws
-from raytracer.relief import Bumps, Relief, from_tangent_space, raised, turned_to
+from raytracer.relief import Relief, from_tangent_space, raised
 from raytracer.sampling import SAMPLERS, pixel_key
 from raytracer.scene.pack import pack
+from raytracer.shading_normals import into_wedge, out_of_wedge, tilt_of, turned_to
 from raytracer.textures.interface import Book
 from tests.rendering import assert_mean, image, scene
 from tests.statistics import chi2_counts
@@ -41,8 +42,8 @@ def stage_of(kind: str, **parameters: Any) -> Stage:
     return Stage((type(spec).pack([spec], Book()),), None, None)
 
 
-RELIEF = Relief(None, Bumps(np.zeros(1, np.int32), np.ones(1)))
-"""Says of material 0 that it has relief; the shading normal is then given by hand."""
+RELIEF = Relief(None, None)
+"""Says that shading normals differ from the true ones; they are then given by hand."""
 
 
 @entry
@@ -195,6 +196,31 @@ def test_a_mirror_that_leans_too_far_reflects_at_the_mirror_image() -> None:
     outgoing, _, _ = scattered(stage_of("metal"), direction, bent, 1)
     # At a normal across the ray the mirror leaves the ray as it is, and the true surface turns it up.
     np.testing.assert_allclose(outgoing[0], np.array(direction) * (1.0, 1.0, -1.0), atol=1e-7)
+
+
+@pytest.mark.parametrize("transmitted", [False, True])
+@pytest.mark.parametrize(("direction", "normal"), TILTS[1:])
+def test_the_wedge_goes_to_the_right_side_and_back(direction: Vector, normal: Vector, transmitted: bool) -> None:
+    geometric, sign = np.array([0.0, 0.0, 1.0]), -1.0 if transmitted else 1.0
+    tilt = tilt_of(tuple(geometric), normal, direction, transmitted)
+    rng = np.random.default_rng(4)
+    directions = rng.normal(size=(20_000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    right = (sign * directions @ normal > 0.0) & (sign * directions @ geometric > 0.0)
+    wedge = (sign * directions @ normal > 0.0) & (sign * directions @ geometric < 0.0)
+    back = []
+    for away in directions[wedge]:
+        turned = out_of_wedge(tilt, tuple(away))
+        assert sign * np.dot(turned, geometric) > 0.0
+        assert sign * np.dot(turned, normal) > 0.0
+        np.testing.assert_allclose(np.linalg.norm(turned), 1.0, atol=1e-14)
+        inner, spread = into_wedge(tilt, turned)
+        np.testing.assert_allclose(inner, away, atol=1e-12)
+        back.append(spread)
+    assert back == [tilt.spread] * len(back)
+    # As much solid angle is turned to as a density that is `spread` times as high makes the same light.
+    reached = sum(into_wedge(tilt, tuple(up))[1] > 0.0 for up in directions[right])
+    assert reached * tilt.spread == pytest.approx(wedge.sum(), rel=5.0 / np.sqrt(min(reached, wedge.sum())))
 
 
 def test_normals_are_bent_no_more_than_to_the_horizon() -> None:

@@ -28,6 +28,7 @@ from raytracer.lights.emitters import Emitters
 from raytracer.lights.interface import Lights
 from raytracer.materials.interface import SelectorSpec
 from raytracer.materials.lambertian import Lambertian
+from raytracer.relief import relief_of_vertices
 from raytracer.sampling import SAMPLERS
 from raytracer.scene.effects import Effect, effects_of
 from raytracer.scene.lights import lights_of
@@ -196,7 +197,10 @@ _PACKED: Mapping[str, _Part] = {
     "aperture_shape": _Part("the opening is a round one of the same area", _at("camera", "lens", "shape")),
     "vignetting": _Part("no rim before the lens keeps light out", _at("camera", "lens", "rim")),
     "media": _Part("all of space is clear", _at("media")),
-    "relief": _Part("surfaces are shaded as smooth as they are", _at("relief")),
+    "relief": _Part(
+        "surfaces are shaded as smooth as they are",
+        lambda scene: scene._replace(relief=relief_of_vertices(scene.primitives)),
+    ),
     "clamp": _Part("samples are as bright as they are", _at("clamp")),
     "nested_dielectrics": _Part("of what overlaps every surface is seen, each as a boundary to air", _at("interior")),
     "environment_sampling": _Part(
@@ -248,6 +252,7 @@ _KEPT: Mapping[str, str] = {
     "projection": "another projection shows another picture",
     "light_field": "a single view is another picture",
     "instances": "without them there would be other objects",
+    "smooth_shading": "the normals of its vertices are a part of a mesh's form",
     "passage": "it is a part of the materials that light goes straight through",
 }
 

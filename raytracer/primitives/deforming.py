@@ -30,13 +30,14 @@ from raytracer.primitives.interface import (
     expect,
     geometry,
     group_key,
+    has_vertex_normals,
     hit,
     pdf_point,
     sample_point,
     section,
     unmapped,
 )
-from raytracer.primitives.triangles import Coordinates, bent_normal, extent, parameters, solve
+from raytracer.primitives.triangles import Coordinates, extent, interpolated_normal, parameters, solve
 from raytracer.sampling.warp import sample_triangle
 from raytracer.vec import add, cross, madd, max_abs, norm, normalize, scale, sub
 
@@ -103,6 +104,12 @@ def _(table: Any, start: int, stop: int) -> Any:
 @geometry.register(DeformingSmoothTriangles)
 def _(table: Any) -> Geometry:
     return Geometry(Primitive.TRIANGLE, tuple(table.vertices), table.faces)
+
+
+@has_vertex_normals.register(DeformingSmoothTriangles)
+def has_vertex_normals_deforming_smooth_triangles(table: DeformingSmoothTriangles) -> bool:
+    """Tell that shading differs from the faces."""
+    return True
 
 
 @areas.register(DeformingTriangles)
@@ -179,7 +186,7 @@ def _(table, primitive, origin, direction, near, time, accuracy):
     n0, _ = _at(table.normals, step, table.faces[primitive, 0], fraction)
     n1, _ = _at(table.normals, step, table.faces[primitive, 1], fraction)
     n2, _ = _at(table.normals, step, table.faces[primitive, 2], fraction)
-    shading = bent_normal(n0, n1, n2, u, v, normal, direction)
+    shading = interpolated_normal(n0, n1, n2, u, v, normal)
     u, v, tangent, bitangent = parameters(table.uv, table.faces, primitive, u, v, edge1, edge2)
     return Hit(point, normal, shading, u, v, offset, table.material[primitive], tangent, bitangent, local)
 

@@ -94,6 +94,18 @@ def bounds(table: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 @generic
+def has_vertex_normals(table: Any) -> bool:
+    """Tell whether surfaces are shaded with other normals than their own, by default not."""
+    raise NotImplementedError(type(table))
+
+
+@has_vertex_normals.register(tuple)
+def has_vertex_normals_default(table: Any) -> bool:
+    """Tell that shading follows the surface."""
+    return False
+
+
+@generic
 def group_key(table: Any) -> tuple[Any, ...]:
     """Tables with equal keys can be concatenated; keys can be sorted.  The class and what it lacks, by default."""
     return (type(table).__name__, *(name for name, field in table._asdict().items() if field is None))

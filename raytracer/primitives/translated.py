@@ -18,6 +18,7 @@ from raytracer.primitives.interface import (
     expect,
     geometry,
     group_key,
+    has_vertex_normals,
     hit,
     pdf_point,
     row_of,
@@ -81,6 +82,12 @@ def _moved(vertices: NDArray[np.float32], shift: NDArray[np.float64]) -> NDArray
 @areas.register(Translated)
 def _(table: Translated) -> NDArray[np.float64]:
     return np.asarray(areas(table.base))
+
+
+@has_vertex_normals.register(Translated)
+def has_vertex_normals_translated(table: Translated) -> bool:
+    """Ask the table that moves."""
+    return bool(has_vertex_normals(table.base))
 
 
 @group_key.register(Translated)

@@ -30,6 +30,7 @@ from raytracer.primitives.interface import (
     concatenate,
     expect,
     geometry,
+    has_vertex_normals,
     hit,
     pdf_point,
     sample_point,
@@ -101,6 +102,12 @@ def _(table: Triangles | SmoothTriangles) -> Geometry:
     return Geometry(Primitive.TRIANGLE, (table.vertices,), table.faces)
 
 
+@has_vertex_normals.register(SmoothTriangles)
+def has_vertex_normals_smooth_triangles(table: SmoothTriangles) -> bool:
+    """Tell that shading differs from the faces."""
+    return True
+
+
 @areas.register(Triangles)
 @areas.register(SmoothTriangles)
 def _(table: Triangles | SmoothTriangles) -> NDArray[np.float64]:
@@ -150,13 +157,13 @@ def solve(accuracy, a, edge1, edge2, origin, direction, near):
 
 
 @kernel
-def bent_normal(n0, n1, n2, u, v, normal, direction):
-    """The vertex normals between the corners; the face's normal where theirs is not on the side the ray came from.
+def interpolated_normal(n0, n1, n2, u, v, normal):
+    """Interpolate the normals of the corners; the face's normal where that is not on its outside.
 
     So too where they cancel: what is no number is on neither side.
     """
     shading = normalize(add(scale(1.0 - u - v, n0), add(scale(u, n1), scale(v, n2))))
-    return shading if dot(shading, direction) * dot(normal, direction) > 0.0 else normal
+    return shading if dot(shading, normal) > 0.0 else normal
 
 
 @generic
@@ -198,7 +205,7 @@ def _(table, primitive, origin, direction, near, time, accuracy):
     n0 = row3(table.normals, table.faces[primitive, 0])
     n1 = row3(table.normals, table.faces[primitive, 1])
     n2 = row3(table.normals, table.faces[primitive, 2])
-    shading = bent_normal(n0, n1, n2, u, v, normal, direction)
+    shading = interpolated_normal(n0, n1, n2, u, v, normal)
     u, v, tangent, bitangent = parameters(table.uv, table.faces, primitive, u, v, edge1, edge2)
     return Hit(point, normal, shading, u, v, offset, table.material[primitive], tangent, bitangent, point)
 

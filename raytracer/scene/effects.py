@@ -15,6 +15,7 @@ from raytracer.lights.background import Background
 from raytracer.lights.emitters import Emitters
 from raytracer.lights.interface import AimedOnly, Lights
 from raytracer.materials.interface import MaterialSpec
+from raytracer.primitives.interface import has_vertex_normals
 from raytracer.scene.lights import lights_of
 from raytracer.scene.materials import parts
 from raytracer.scene.pack import material_of
@@ -69,7 +70,8 @@ def effects_of(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
             if spec.render.clamp is None
             else f"samples brighter than {spec.render.clamp:g} are made as dark as that, which takes light away",
         ),
-        "relief": Effect(scene.relief is not None, _why_relief(made_of, scene)),
+        "relief": _relief(made_of, scene),
+        "smooth_shading": _smooth_shading(scene),
         "passage": Effect(scene.passage is not None, _why_passage(of_objects, scene)),
         "nested_dielectrics": Effect(scene.interior is not None, _why_nested(scene)),
         **_materials(by_object, scene),
@@ -381,11 +383,21 @@ def _textures(spec: SceneSpec, made_of: Sequence[MaterialSpec], scene: Scene) ->
     return effects
 
 
-def _why_relief(made_of: Sequence[MaterialSpec], scene: Scene) -> str:
-    if scene.relief is None:
-        return "no material in use has a bump or a normal map, so surfaces are shaded as smooth as they are"
+def _relief(made_of: Sequence[MaterialSpec], scene: Scene) -> Effect:
+    """Tell whether materials have bump or normal maps."""
+    if scene.relief is None or (scene.relief.normal_maps is None and scene.relief.bumps is None):
+        return Effect(
+            False, "no material in use has a bump or a normal map, so surfaces are shaded as smooth as they are"
+        )
     number = sum(part.bump is not None or part.normal_map is not None for part in made_of)
-    return f"{_count(number, 'material')} in use have a bump or a normal map"
+    return Effect(True, f"{_count(number, 'material')} in use have a bump or a normal map")
+
+
+def _smooth_shading(scene: Scene) -> Effect:
+    """Tell whether meshes are shaded with the normals of their vertices."""
+    if any(has_vertex_normals(table) for table in scene.primitives):
+        return Effect(True, "meshes are shaded with normals that run smoothly from vertex to vertex")
+    return Effect(False, "no mesh is smooth, so faces are shaded as flat as they are")
 
 
 def _lights(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:

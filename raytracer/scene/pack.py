@@ -222,7 +222,7 @@ def _pack_world(spec: SceneSpec, assets: Assets, recast: Recast | None) -> _Worl
         book=book,
         tables=tables,
         selectors=selectors,
-        relief=pack_relief(real, book),
+        relief=pack_relief(real, book, objects.primitives),
         names=names,
         looks=dict(zip(references, used, strict=True)),
         parting=parting_of(real),

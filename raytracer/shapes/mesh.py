@@ -37,6 +37,9 @@ class Frame(Spec):
 class Mesh(ShapeSpec):
     """Triangles from a file, with flat faces or with shading normals that run smoothly over them.
 
+    Smooth meshes lose no light, however coarse: what a shading normal sends to the wrong side of a face is turned to
+    the right one. Outlines stay those of the faces, and so does where light from a lamp ends.
+
     An object without a `material` takes those of a glTF file, face by face: `principled` ones with their textures, cut
     out by the base colour's alpha where the file's alphaMode says so. Both sides of a face are seen, whatever
     `doubleSided` says, which is about what the face emits. Vertex colours, occlusion, clear coats and other extensions

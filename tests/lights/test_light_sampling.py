@@ -294,6 +294,19 @@ SCENES = {
     transform: [{scale: [0.4, 0.2, 0.3]}, {rotate: {axis: [1, 2, 0.5], angle: 40}}, {translate: [-0.8, 0.6, -0.6]}]
   - {type: sphere, center: [0, 0.35, 0.3], radius: 0.35, material: {type: metal, albedo: 0.8, fuzz: 0.4}}
 """,
+    "smooth meshes, whose normals are far from those of their faces": CAMERA
+    + "environment: {type: image, file: map.npy}\nobjects:\n"
+    + FLOOR
+    + LAMP
+    + "".join(
+        f"  - {{type: mesh, file: octahedron.obj, smooth: true, material: {{type: {material}}}, "
+        f"transform: [{{scale: 0.5}}, {{rotate: {{axis: [1, 2, 3], angle: 40}}}}, {{translate: [{x}, 0.6, 0]}}]}}\n"
+        for x, material in (
+            (-1.2, "lambertian"),
+            (0, "rough_conductor, albedo: 0.9, roughness: 0.3"),
+            (1.2, "rough_dielectric, roughness: 0.4"),
+        )
+    ),
     "a hollow lamp with holes": CAMERA
     + "objects:\n"
     + FLOOR

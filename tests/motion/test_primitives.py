@@ -178,7 +178,8 @@ def test_a_deforming_triangle_is_the_triangle_between_its_frames(bent: bool) -> 
         if bent:
             between = unit(weights @ at(NORMALS, time))
             agree = np.linalg.norm(hits.shading_normal - between, axis=1)[met] < 1e-5
-            # Where it would face away from the ray, the face's own normal is used.
+            # Where it would be on the face's inside, the face's own normal is used.
+            np.testing.assert_array_equal(agree, (between @ normal > 0.0)[met])
             np.testing.assert_allclose(
                 hits.shading_normal[met][~agree], np.tile(normal, ((~agree).sum(), 1)), atol=1e-12
             )
