@@ -60,6 +60,13 @@ HARD_NORMALS = [
     (0.0, -1.0, 0.0),
     (1e-17, 1e-17, -1.0),
     (1.0, 0.0, -0.0),
+    # The same at the pole of our frame, and where squares underflow.
+    (0.00038527316, -0.99999988079, 0.00038460016),
+    (1e-17, -1.0, -1e-17),
+    (1e-150, -1.0, 1e-151),
+    (-1e-154, -1.0, 1e-154),
+    (1e-160, -1.0, 0.0),
+    (0.0, 1.0, 1e-160),
 ]
 
 
@@ -73,11 +80,26 @@ def test_basis_is_a_right_handed_frame(a: Vec3) -> None:
     _check_basis(vec.normalize(a))
 
 
+@pytest.mark.parametrize("plane", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.6, 0.0, -0.8)])
+def test_basis_is_continuous(plane: Vec3) -> None:
+    # Normals on both sides of a plane: a frame that is turned the shortest way from y changes by |dn| / cos(angle / 2).
+    rng = np.random.default_rng(3)
+    across = 1e-7 * np.array(plane)
+    for normal in rng.normal(size=(200, 3)):
+        within = normal - (normal @ plane) * np.array(plane)
+        n, m = (vec.normalize(tuple((within + side * across).tolist())) for side in (1.0, -1.0))
+        # cos^2 (angle / 2) = (1 + y) / 2.
+        bound = np.linalg.norm(np.subtract(n, m)) * math.sqrt(2.0 / (1.0 + min(n[1], m[1])))
+        for one, other in zip(vec.basis(n), vec.basis(m), strict=True):
+            assert np.linalg.norm(np.subtract(one, other)) <= 1.001 * bound + 3e-15
+
+
 def _check_basis(n: Vec3) -> None:
     s, t = vec.basis(n)
     frame = np.array([s, t, n])
-    np.testing.assert_allclose(frame @ frame.T, np.eye(3), rtol=0.0, atol=1e-15)
-    np.testing.assert_allclose(np.cross(s, t), n, rtol=0.0, atol=1e-15)
+    # Three products of two numbers each, which are wrong by up to four roundings.
+    np.testing.assert_allclose(frame @ frame.T, np.eye(3), rtol=0.0, atol=3e-15)
+    np.testing.assert_allclose(np.cross(s, t), n, rtol=0.0, atol=3e-15)
     # Coordinates in the frame come out in the world, the third along the normal.
     local = (0.2, -0.5, 0.7)
     np.testing.assert_allclose(vec.to_world(local, s, t, n), np.array(local) @ frame, rtol=0.0, atol=1e-15)

@@ -20,7 +20,7 @@ from raytracer.geometry import (
 from raytracer.jit import kernel
 from raytracer.primitives.interface import areas, bounds, geometry, hit, pdf_point, sample_point
 from raytracer.sampling.warp import sample_disc
-from raytracer.vec import Vec3, basis, cross, dot, madd, max_abs, norm, scale, sub
+from raytracer.vec import Vec3, cross, dot, madd, max_abs, norm, scale, sub
 
 
 class Discs(NamedTuple):
@@ -51,9 +51,24 @@ def _(table: Discs) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 @kernel
+def _axes(normal: Vec3) -> tuple[Vec3, Vec3]:
+    """Make two unit tangents of a right-handed frame (s, t, normal): u of a disc's parameters begins opposite s.
+
+    A disc has one normal, so this frame need not be continuous as `vec.basis`; it says how pictures lie on discs.
+
+    References: Duff et al. 2017, "Building an Orthonormal Basis, Revisited", JCGT 6(1), listing 3.
+    """
+    sign = math.copysign(1.0, normal[2])
+    a = -1.0 / (sign + normal[2])
+    b = normal[0] * normal[1] * a
+    s = (1.0 + sign * normal[0] * normal[0] * a, sign * b, -sign * normal[0])
+    return s, (b, sign + normal[1] * normal[1] * a, -normal[1])
+
+
+@kernel
 def _parameters(out: Vec3, normal: Vec3, radius: float) -> tuple[float, float]:
     """u, once around the centre, and v, from the centre to the rim, of a point at `out` from the centre."""
-    s, t = basis(normal)
+    s, t = _axes(normal)
     return 0.5 + math.atan2(dot(out, t), dot(out, s)) / (2.0 * math.pi), norm(out) / radius
 
 
@@ -83,7 +98,7 @@ def _(table, primitive, origin, direction, near, time, accuracy):
 def _(table, primitive, reference, u1, u2, time):
     center, normal = row3(table.center, primitive), row3(table.normal, primitive)
     radius = table.radius[primitive]
-    s, t = basis(normal)
+    s, t = _axes(normal)
     x, y = sample_disc(u1, u2)
     point = madd(madd(center, radius * x, s), radius * y, t)
     u, v = _parameters(sub(point, center), normal, radius)

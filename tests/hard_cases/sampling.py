@@ -94,7 +94,9 @@ def orthonormal_basis(trials: int) -> list[Measured]:
     poles = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [1.0, 0.0, -0.0], [-0.0, -1.0, 0.0]])
     normals = np.concatenate([known, poles, steep, rng.normal(size=(trials, 3))])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    ours = np.array([[*basis((x, y, z)), (x, y, z)] for x, y, z in normals.tolist()])
+    # Our frame's own pole is -y.
+    both = np.concatenate([normals, normals[:, [1, 2, 0]]])
+    ours = np.array([[*basis((x, y, z)), (x, y, z)] for x, y, z in both.tolist()])
     tolerance = 3.0 * (2.0 * 4.0 + 1.0) * ROUNDING
     return [
         Measured("largest entry of the frame's Gram matrix less 1", _off(_frisvad32(normals)), _off(ours), tolerance)
