@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from raytracer.errors import InputError
-from raytracer.lightfield.depth import METHODS, Depth, depth_map, lit
+from raytracer.lightfield.coverage import within_lens
+from raytracer.lightfield.depth import METHODS, Depth, depth_map
 from raytracer.lightfield.fusion import all_in_focus
 from raytracer.lightfield.supersampling import enlarged, supersampled
 from raytracer.plenoptic.field import LightField
@@ -90,8 +91,8 @@ def test_sharp_everywhere_and_finer_than_any_view() -> None:
 
 def test_views_outside_the_lens_are_left_out() -> None:
     geometry = dataclasses.replace(views(5, 5, spacing=0.01), aperture=0.04)
-    assert lit(geometry).sum() == 13
-    assert not lit(geometry)[0, 0]
+    assert within_lens(geometry).sum() == 13
+    assert not within_lens(geometry)[0, 0]
 
 
 @pytest.mark.parametrize(
