@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from raytracer.errors import InputError
 from raytracer.lightfield.decoding.calibration import Grid, find_grid
 from raytracer.lightfield.decoding.optics import Optics
+from raytracer.lightfield.openings import cell_weights
 from raytracer.plenoptic.field import LIT, LightField, Samples
 from raytracer.plenoptic.resampling import Resampler, Seen
 from raytracer.plenoptic.views import Views
@@ -123,6 +125,11 @@ class Decoded:
                 if progress is not None:
                     progress(number, self.views.rows * self.views.columns)
 
+    @cached_property
+    def _outside(self) -> NDArray[np.bool_]:
+        """Which views lie outside the sub-images: bool (rows, columns)."""
+        return np.asarray(cell_weights(self.views) == 0.0)
+
     @property
     def _tells_lit(self) -> bool:
         """Whether it is known which pixels got light: by the white picture."""
@@ -137,6 +144,9 @@ class Decoded:
         """One view, in three colours."""
         seen = self.resampler.weighted(self.light, row, column, self.weight, _LEAST_LIGHT)
         values, samples = self.scale * seen.values, self.scale * seen.samples
+        if self._outside[row, column]:
+            # There it is another microlens that looks, through the other side of the lens.
+            seen, samples = seen._replace(seen=np.zeros_like(seen.seen)), np.full_like(samples, np.nan)
         if values.ndim == 2:
             values, samples = np.repeat(values[..., None], 3, axis=2), np.repeat(samples[..., None], 3, axis=1)
         return Seen(values, seen.seen, samples)
