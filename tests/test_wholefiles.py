@@ -118,7 +118,7 @@ def test_what_a_killed_process_wrote_for_a_pipe_goes_too(tmp_path: Path, monkeyp
 
 
 def test_a_file_that_is_swept_before_it_is_held_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    taken = []
+    taken: list[Path] = []
 
     def swept(file: object, lock: object = wholefiles._lock) -> object:
         if not taken:
