@@ -6,10 +6,12 @@ import re
 import secrets
 import shutil
 import stat
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
+from io import FileIO
 from pathlib import Path
 from typing import TypeVar
 
@@ -22,7 +24,7 @@ Key = TypeVar("Key")
 _OPEN_FILES = (Path("/dev"), Path("/dev/fd"), Path("/proc/self/fd"))
 
 ASIDE = re.compile(r"\.(\d{1,18})-[0-9a-f]{16}\.tmp")
-"""Names of files that are being written, or were when their process, whose number this holds, was killed."""
+"""Names of files that are being written, or were when their process was killed; the number is that process's."""
 
 # Seconds to wait before what could not be written is tried again.
 _PAUSES = (0.5, 1.0, 2.0, 4.0)
@@ -31,6 +33,12 @@ _WAKE_UP_SECONDS = 0.1
 
 # Folders in which none of those is left.
 _swept: set[Path] = set()
+
+# Links are not followed, pipes not waited for: both flags are missing where there is neither.
+_TO_LOCK: int = os.O_RDWR | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+
+# As `open` makes files; and what nobody else is to read on its way through a folder that all share.
+_MODE, _MODE_IN_TRANSIT = 0o666, 0o600
 
 
 def is_special(path: Path) -> bool:
@@ -70,14 +78,10 @@ def whole(path: str | Path) -> Iterator[Path]:
         with told(path):
             direct = is_special(path)
             target = path if direct else path.resolve()
-            if direct:
-                folder = stack.enter_context(unfinished(Path(tempfile.mkdtemp())))
-            else:
-                folder = target.parent
-                folder.mkdir(parents=True, exist_ok=True)
-        aside = folder / f".{os.getpid()}-{secrets.token_hex(8)}.tmp"
-        stack.enter_context(unfinished(aside))
-        _sweep(folder)
+            folder = Path(tempfile.gettempdir()).resolve() if direct else target.parent
+            folder.mkdir(parents=True, exist_ok=True)
+            _sweep(folder)
+            aside, held = stack.enter_context(_held(folder, _MODE_IN_TRANSIT if direct else _MODE))
         yield aside
         with told(path):
             if direct:
@@ -89,6 +93,9 @@ def whole(path: str | Path) -> Iterator[Path]:
                 os.fsync(file.fileno())
             if target.exists():
                 shutil.copymode(target, aside)
+            if sys.platform == "win32":
+                # What is open cannot be renamed there.
+                held.close()
             os.replace(aside, target)
 
 
@@ -137,23 +144,76 @@ def _failures(tasks: Mapping[Key, Callable[[], object]], pool: Executor | None) 
     return found
 
 
+@contextlib.contextmanager
+def _held(folder: Path, mode: int) -> Iterator[tuple[Path, FileIO]]:
+    """Make a new file in a folder, and hold it until the end of the `with` block, when it is removed if still there.
+
+    The system lets go of what a process holds when that ends, however it does: so what nobody holds is left over.
+
+    Raises
+    ------
+    OSError : the folder cannot be written to.
+    """
+    with contextlib.ExitStack() as stack:
+        while True:
+            aside = folder / f".{os.getpid()}-{secrets.token_hex(8)}.tmp"
+            stack.enter_context(unfinished(aside))
+            held = stack.enter_context(FileIO(os.open(aside, _TO_LOCK | os.O_CREAT | os.O_EXCL, mode), "r+"))
+            # A sweep may have come between, and have taken it for a leftover.
+            if _lock(held) is not False and os.path.lexists(aside):
+                break
+        yield aside, held
+
+
+def _lock(file: FileIO) -> bool | None:
+    """Hold a file for as long as it is open: False if another process does, None where the file system has no locks.
+
+    On Windows a file that is open anywhere cannot be removed: opening it holds it.
+    """
+    if sys.platform == "win32":
+        return True
+    import fcntl
+
+    try:
+        fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return None
+    return True
+
+
 def _sweep(folder: Path) -> None:
     """Remove what processes that were killed have left aside in a folder, once.
 
-    A process of another machine may be taken for one that is gone: its file then cannot take its place.
+    Only what no process holds (`_held`), this machine's or another's; on a file system without locks nothing is.
     """
     if folder in _swept:
         return
     _swept.add(folder)
-    import psutil
-
     with contextlib.suppress(OSError):
         for left in folder.glob(".*.tmp"):
             found = ASIDE.fullmatch(left.name)
-            if found is not None and not psutil.pid_exists(int(found[1])):
-                _removed(left)
+            if found is not None:
+                _remove_if_left(left, int(found[1]))
 
 
-def _removed(path: Path) -> None:
+def _remove_if_left(path: Path, process: int) -> None:
+    """Remove a file aside unless a process holds it.
+
+    process : that made it, by its number there; another may have that by now, so that it says little.
+    """
+    if sys.platform == "win32":
+        import psutil
+
+        # Between closing and renaming its file a process does not hold it.
+        if psutil.pid_exists(process):
+            return
     with contextlib.suppress(OSError):
+        with FileIO(os.open(path, _TO_LOCK), "r+") as file:
+            if _lock(file) is not True:
+                return
+            # While it is held, lest its process holds it only now.
+            if sys.platform != "win32":
+                path.unlink(missing_ok=True)
         path.unlink(missing_ok=True)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer import snapshots, wholefiles
+from raytracer import snapshots
 from raytracer.errors import OutputError
 from raytracer.snapshots import DamagedError, Snapshot, previous_of
 
@@ -187,17 +187,3 @@ def test_where_there_is_no_room_the_one_before_makes_it(tmp_path: Path, monkeypa
     write(path, 2)
     assert_holds(path, 2)
     assert_holds(previous_of(path), 1)
-
-
-def test_what_a_killed_process_left_aside_goes(tmp_path: Path) -> None:
-    path = tmp_path / "a.checkpoint"
-    gone = tmp_path / ".999999999-0123456789abcdef.tmp"
-    at_work = tmp_path / f".{os.getppid()}-0123456789abcdef.tmp"
-    others = tmp_path / ".mine.tmp"
-    for file in (gone, at_work, others):
-        file.write_bytes(b"x")
-    wholefiles._swept.discard(tmp_path)
-    write(path)
-    assert not gone.exists()
-    assert at_work.exists()
-    assert others.exists()

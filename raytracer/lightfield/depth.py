@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.errors import InputError
+from raytracer.lightfield.coverage import at_nearest, continued, lit_view, require_lit, within_lens
 from raytracer.lightfield.warping import Spline, tone
 from raytracer.plenoptic.field import LightField
 from raytracer.plenoptic.views import Views
@@ -82,6 +83,9 @@ _SMOOTHED = 1.0
 _TENSOR = 1.5
 """Standard deviation of the Gaussian over which the structure tensor is averaged, pixels and views."""
 
+_NEAR = 2.0 * _TENSOR
+"""Views from a view whose part in the average at it is more than an eighth of the view's own."""
+
 _SHEAR, _STEEPEST = 0.5, 0.375
 """Pixels a view: from shear to shear, and the greatest slope taken from one, half of that with something to spare.
 Differences between views are derivatives where slopes are small."""
@@ -98,6 +102,9 @@ _WITNESS, _DOUBT = 0.5, 0.5
 
 _FEWEST_IN_LINE = 3
 
+_WITNESSES = 2
+"""Other views that must have light at a pixel for its depth to be known: one agrees somewhere by chance."""
+
 
 @dataclass(frozen=True, eq=False)
 class Depth:
@@ -109,18 +116,27 @@ class Depth:
         view to view.
     confidence : float64 (height, width) in 0..1; 0 where all distances explain the views as well, as without texture.
     row, column : of the view.
+    lit : which pixels of the view got light, bool (height, width), None for all; `inverse` is continued over others.
     """
 
     inverse: _Picture
     confidence: _Picture
     row: int
     column: int
+    lit: NDArray[np.bool_] | None = None
 
     @property
     def distance(self) -> _Picture:
-        """Distance along the axis from the plane of the views (m), float64 (height, width); inf for infinity."""
+        """Distance along the axis from the plane of the views (m), float64 (height, width); inf for infinity.
+
+        It is nan where there is no light.
+        """
         with np.errstate(divide="ignore"):
-            return np.where(self.inverse > 0.0, 1.0 / np.maximum(self.inverse, 0.0), np.inf)
+            return self.known(np.where(self.inverse > 0.0, 1.0 / np.maximum(self.inverse, 0.0), np.inf))
+
+    def known(self, values: _Picture) -> _Picture:
+        """Values (height, width), nan where there is no light."""
+        return values if self.lit is None else np.where(self.lit, values, np.nan)
 
 
 class _Estimate(NamedTuple):
@@ -159,7 +175,8 @@ def depth_map(
     if method not in METHODS:
         raise InputError(f"no method {method}; there are {', '.join(METHODS)}")
     middle = reference(field.views, row, column)
-    grid = lit(field.views)
+    require_lit(field, *middle)
+    grid = within_lens(field.views)
     others = [index for index in zip(*np.nonzero(grid), strict=True) if index != middle]
     if not others:
         raise InputError("depth needs at least two views, and the light field has one")
@@ -176,14 +193,21 @@ def depth_map(
         if method in {"slopes", "both"}:
             found.append(_from_slopes(field, middle, bounds, pool, counter))
     estimate = found[0] if len(found) == 1 else _together(*found, agreeing=step)
-    return Depth(estimate.inverse, np.clip(estimate.confidence, 0.0, 1.0), *middle)
+    confidence = np.clip(estimate.confidence, 0.0, 1.0)
+    lit = field.lit(*middle)
+    if lit is None:
+        return Depth(estimate.inverse, confidence, *middle)
+    confidence = np.where(lit & _is_witnessed(field, others), confidence, 0.0)
+    return Depth(continued(estimate.inverse, lit), confidence, *middle, lit)
 
 
-def lit(views: Views) -> NDArray[np.bool_]:
-    """Which views see through the lens behind which they are: bool (rows, columns); all of an array of cameras."""
-    if views.aperture is None:
-        return np.ones((views.rows, views.columns), dtype=bool)
-    return np.asarray(np.hypot(views.position[..., 0], views.position[..., 1]) <= 0.5 * views.aperture)
+def _is_witnessed(field: LightField, others: Sequence[tuple[int, int]]) -> NDArray[np.bool_]:
+    """Where enough of some views have light to tell a depth by: bool (height, width)."""
+    seen = np.zeros((field.views.height, field.views.width), dtype=np.int64)
+    for other in others:
+        lit = field.lit(*other)
+        seen += 1 if lit is None else lit
+    return seen >= _WITNESSES
 
 
 class _Counter:
@@ -227,7 +251,7 @@ def _spacing(views: Views) -> float:
     """Middle distance of a view to its nearest neighbour (m)."""
     from scipy import spatial
 
-    places = views.position[lit(views)]
+    places = views.position[within_lens(views)]
     away, _ = spatial.KDTree(places).query(places, k=2)
     return float(np.median(away[:, 1]))
 
@@ -239,7 +263,7 @@ def _thinned(views: Views, reference: tuple[int, int]) -> list[tuple[int, int]]:
     columns = min(views.columns, max(side, _MOST_VIEWS // views.rows))
     chosen_rows = {round(place) for place in np.linspace(0, views.rows - 1, rows)}
     chosen_columns = {round(place) for place in np.linspace(0, views.columns - 1, columns)}
-    grid = lit(views)
+    grid = within_lens(views)
     return [
         (row, column)
         for row in sorted(chosen_rows)
@@ -286,7 +310,9 @@ def _bounds(
     count = max(3, math.ceil((high - low) / (_COARSE_STEP * scale)) + 1)
     planes = np.linspace(low, high, count)
     coarse = _from_focus(field, reference, neighbours, planes, pool, counter)
-    sure = coarse.inverse[coarse.confidence >= np.median(coarse.confidence)]
+    lit = field.lit(*reference)
+    known = np.ones(coarse.confidence.shape, dtype=bool) if lit is None else lit
+    sure = coarse.inverse[known & (coarse.confidence >= np.median(coarse.confidence[known]))]
     step = planes[1] - planes[0]
     least, most = np.quantile(sure, [_TAILS, 1.0 - _TAILS])
     return max(low, least - step), min(high, most + step)
@@ -335,7 +361,7 @@ def _from_focus(
     counter: _Counter,
 ) -> _Estimate:
     """The plane at which views agree best, pixel by pixel, and between planes by a parabola."""
-    middle = tone(field.view(*reference))
+    middle = tone(lit_view(field, *reference)[0])
     height, width = middle.shape[:2]
     guided = _Guided(middle.mean(axis=-1))
     tolerance = max(_INLIER * float(middle.var(axis=(0, 1)).mean()), np.finfo(np.float64).tiny)
@@ -390,7 +416,8 @@ def _compare(
         for half, is_in in enumerate((offset[0] <= exact, offset[0] >= -exact, offset[1] <= exact, offset[1] >= -exact))
         if is_in
     ]
-    spline = Spline(tone(field.view(*other)))
+    view, lit = lit_view(field, *other)
+    spline = Spline(tone(view))
 
     def one(number: int) -> None:
         right, down = offset * ((views.inverse_focus - planes[number]) / views.plane.pixel) * (1.0, -1.0)
@@ -398,9 +425,14 @@ def _compare(
         difference = ((moved[part] - middle[part]) ** 2).mean(axis=-1)
         # Geman and McClure's: from squares for small differences to 1 for large ones.
         difference /= difference + tolerance
+        counted: int | NDArray[np.bool_] = 1
+        if lit is not None:
+            rows, columns = (np.arange(along.start, along.stop) for along in part)
+            counted = at_nearest(lit, (rows + down)[:, None], (columns + right)[None, :])
+            difference *= counted
         for half in halves:
             cost[number, half][part] += difference
-            seen[number, half][part] += 1
+            seen[number, half][part] += counted
 
     list(pool.map(one, range(len(planes))))
 
@@ -469,7 +501,7 @@ def _from_slopes(
 
 def _lines(views: Views, reference: tuple[int, int]) -> Iterator[list[tuple[int, int]]]:
     """The lit views of the row and of the column of one of them, from left to right and from top to bottom."""
-    grid = lit(views)
+    grid = within_lens(views)
     row, column = reference
     in_row = [(row, other) for other in range(views.columns) if grid[row, other]]
     in_column = [(other, column) for other in range(views.rows) if grid[other, column]]
@@ -501,7 +533,7 @@ def _along_line(
     count = max(1, math.ceil((bounds[1] - bounds[0]) / (_SHEAR * scale)))
     shears = bounds[0] + (np.arange(count) + 0.5) * ((bounds[1] - bounds[0]) / count)
     counter.expect(count)
-    splines = list(pool.map(lambda index: Spline(tone(field.view(*index)).mean(axis=-1)), line))
+    splines = list(pool.map(lambda index: Spline(tone(lit_view(field, *index)[0]).mean(axis=-1)), line))
     at = int(np.abs(places).argmin())
 
     def one(shear: float) -> tuple[_Picture, _Picture, _Picture]:
@@ -523,7 +555,20 @@ def _along_line(
         is_better = found[1] > best[1]
         best = tuple(np.where(is_better, new, old) for new, old in zip(found, best, strict=True))  # type: ignore[assignment]
     assert best is not None
-    return best
+    near = np.abs(places / spacing) <= _NEAR
+    lit = _lit_in_line(field, [index for index, is_near in zip(line, near, strict=True) if is_near])
+    return best if lit is None else (best[0], np.where(lit, best[1], 0.0), best[2])
+
+
+def _lit_in_line(field: LightField, line: Sequence[tuple[int, int]]) -> _Picture | None:
+    """Where all of some views have light, and so has what the tensor is averaged over; None for everywhere."""
+    from scipy import ndimage
+
+    masks = [lit for index in line if (lit := field.lit(*index)) is not None]
+    if not masks:
+        return None
+    reach = 2 * math.ceil(_TENSOR) + 1
+    return np.asarray(ndimage.minimum_filter(np.logical_and.reduce(masks), reach, mode="nearest"))
 
 
 def _tensor(

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.errors import InputError
+from raytracer.lightfield.coverage import lit_view
 from raytracer.lightfield.openings import cell_weights
 from raytracer.plenoptic.field import LightField
 from raytracer.plenoptic.focusing import refocusable
@@ -88,7 +89,7 @@ class FourierRefocuser:
         parts = self._size[1] // 2 + 1
         spectra = np.zeros((3, views.rows, views.columns, self._size[0], parts), np.complex64)
         for row, column in np.argwhere(weights > 0.0):
-            view = np.asarray(field.radiance[row, column], dtype=np.float32)
+            view = lit_view(field, int(row), int(column))[0].astype(np.float32)
             pad = [(pad, size - pad - old) for pad, size, old in zip(self._pad, self._size, view.shape, strict=False)]
             padded = np.pad(np.moveaxis(view, 2, 0), [(0, 0), *pad], mode="symmetric")
             share = weights[row, column] * self._axes[0].before[row] * self._axes[1].before[column]

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.errors import InputError
-from raytracer.lightfield.depth import Depth, lit
+from raytracer.lightfield.coverage import within_lens
+from raytracer.lightfield.depth import Depth
 from raytracer.lightfield.perspectives import view_at
 from raytracer.plenoptic.field import LightField
 from raytracer.plenoptic.views import Views
@@ -40,7 +41,7 @@ def path_places(
         raise InputError(f"no path {path}; there are {', '.join(PATHS)}")
     if frames < _FEWEST:
         raise InputError(f"a path needs at least {_FEWEST} frames, got {frames}")
-    places = views.position[lit(views)]
+    places = views.position[within_lens(views)]
     if len(places) == 1:
         raise InputError("a path needs at least two views, and the light field has one")
     reach = np.minimum(places.max(axis=0), -places.min(axis=0))

@@ -56,6 +56,7 @@ def cell_weights(
     ------
     InputError : the opening is wider than the lens, or than all views together, or covers no view.
     """
+    is_lens = diameter is None
     if diameter is None:
         diameter = views.aperture
     if diameter is None:
@@ -71,7 +72,8 @@ def cell_weights(
     width, height = views.cell or (step.right or step.up, step.up or step.right)
     across, down = np.ptp(views.position.reshape(-1, 2), axis=0)
     reach = math.hypot(across + width, down + height)
-    if diameter > reach * (1.0 + _ROUNDING):
+    # Of a lens there may be views of its middle alone, and nobody has asked for the rest.
+    if diameter > reach * (1.0 + _ROUNDING) and not is_lens:
         raise InputError(
             f"an opening of {1e3 * diameter:.4g} mm is wider than all views together, {1e3 * reach:.4g} mm"
         )

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.errors import InputError
-from raytracer.lightfield.depth import Depth, lit
+from raytracer.lightfield.coverage import at_nearest, lit_view, lit_views, within_lens
+from raytracer.lightfield.depth import Depth
 from raytracer.lightfield.warping import Spline
 from raytracer.plenoptic.field import LightField
 from raytracer.plenoptic.views import Views
@@ -20,6 +21,9 @@ _Picture = NDArray[np.float64]
 
 _SAME = 1e-9
 """Share of a view in one between others below which it is left out: what it adds is less than a picture holds."""
+
+_UNLIT = 0.2159
+"""Of white: the grey 128 of sRGB, which stands for what is not known."""
 
 _NEARER = 0.5
 """Pixels between two neighbouring views' places of a point, by which something must be nearer to hide another."""
@@ -39,7 +43,7 @@ def shares(views: Views, right: float, up: float) -> list[Share]:
     Four views where they stand in rows and columns, else three.
     """
     place = np.array([right, up])
-    grid = lit(views)
+    grid = within_lens(views)
     columns, rows = views.position[0, :, 0], views.position[:, 0, 1]
     is_regular = (
         bool(grid.all())
@@ -124,7 +128,7 @@ def view_at(
     if depth is None:
         return sum(
             share.weight
-            * Spline(field.view(share.row, share.column)).moved(
+            * Spline(lit_view(field, share.row, share.column)[0]).moved(
                 *_shift(views, views.position[share.row, share.column] - place, inverse)
             )[0]
             for share in around
@@ -168,7 +172,10 @@ def taken(
     field: LightField, row: int, column: int, right: _Picture, down: _Picture
 ) -> tuple[_Picture, NDArray[np.bool_]]:
     """Each pixel from a place of its own in a view, so far right and down of it: values, and whether they are in it."""
-    return Spline(field.view(row, column)).at(*_places(right, down))
+    view, lit = lit_view(field, row, column)
+    rows, columns = _places(right, down)
+    values, is_in = Spline(view).at(rows, columns)
+    return values, is_in if lit is None else is_in & at_nearest(lit, rows, columns)
 
 
 def carried(depth: Depth, views: Views, place: NDArray[np.float64]) -> _Picture:
@@ -201,7 +208,7 @@ def carried(depth: Depth, views: Views, place: NDArray[np.float64]) -> _Picture:
 def montage(field: LightField, *, width: int | None = None, gap: int = 2) -> _Picture:
     """All views on one picture, as they stand, the highest row first: float64 (height, width, 3), gaps white.
 
-    Views are read one at a time, and made smaller by averaging whole pixels.
+    Views that no light came to are grey.  Views are read one at a time, and made smaller by averaging whole pixels.
 
     Parameters
     ----------
@@ -222,10 +229,12 @@ def montage(field: LightField, *, width: int | None = None, gap: int = 2) -> _Pi
     whole = np.ones(
         (views.rows * (small[0] + gap) - gap, views.columns * (small[1] + gap) - gap, 3),
     )
+    lit = lit_views(field)
     for row in range(views.rows):
         for column in range(views.columns):
             view = field.view(row, column)[: small[0] * factor, : small[1] * factor]
             view = view.reshape(small[0], factor, small[1], factor, 3).mean(axis=(1, 3))
+            view = view if lit[row, column] else np.full_like(view, _UNLIT)
             top, left = row * (small[0] + gap), column * (small[1] + gap)
             whole[top : top + small[0], left : left + small[1]] = view
     return whole

@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from raytracer.apertures.interface import ApertureSpec
 from raytracer.errors import InputError
 from raytracer.film.image import Image
+from raytracer.lightfield.coverage import at_nearest, continued, lit_view
 from raytracer.lightfield.depth import Update
 from raytracer.lightfield.interpolation import INTERPOLATIONS, Interpolation, Shift, shift_by
 from raytracer.lightfield.openings import cell_weights, transmitted
-from raytracer.plenoptic.field import LightField, Rays
+from raytracer.plenoptic.field import LIT, LightField, Rays
 from raytracer.plenoptic.focusing import FocusPlane, diameter_of, inverse_of_alpha, inverse_of_slope
 from raytracer.plenoptic.views import Views
 
@@ -101,7 +102,8 @@ def refocus(
     scale : of "rays", pixels of the picture along one of the views'.
     update : told of the progress: what is done, and of how much.
 
-    Pixels that not all views see are the mean of those that do.
+    Pixels that not all views see, or that not all have light at, are the mean of those that do; by "fourier", what got
+    no light in a view is as what is next to it.
 
     Raises
     ------
@@ -358,11 +360,18 @@ class _Sum:
             self._rows += (weight * aside.seen)[:, None] * aside.of(block, start, 1)
             self._count += weight * aside.seen
 
-    def finish_level(self, down: Shift, first: int) -> None:
-        """Move what was added, of which rows of pixels from `first` on are there."""
+    def finish_level(self, down: Shift, first: int, lit: NDArray[np.bool_] | None = None) -> None:
+        """Move what was added, of which rows of pixels from `first` on are there; keep what is `lit` of the window."""
         if down.seen.any():
-            self._sum += down.seen[:, None, None] * down.of(self._rows, first, 0)
-            self._seen += np.outer(down.seen, self._count)
+            moved, seen = down.seen[:, None, None] * down.of(self._rows, first, 0), np.outer(down.seen, self._count)
+            self._sum += moved if lit is None else np.where(lit[..., None], moved, 0.0)
+            self._seen += seen if lit is None else np.where(lit, seen, 0.0)
+
+    def lit(self, row: int, column: int, lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Which pixels of the window a view shows that are lit: `lit` is of the view."""
+        right, down = self._shift[row, column]
+        rows = np.arange(self._window.top, self._window.bottom) + down
+        return at_nearest(lit, rows[:, None], (np.arange(self._window.left, self._window.right) + right)[None, :])
 
     def mean(self) -> Array:
         """The picture."""
@@ -381,10 +390,12 @@ def _shift_and_sum(
     """Pictures focused at one over each of `inverses`: float64 (height, width, 3) of the window."""
     views = field.views
     sums = [_Sum(views, inverse, interpolation, window) for inverse in inverses]
-    levels: defaultdict[float, list[tuple[int, int]]] = defaultdict(list)
+    levels: defaultdict[tuple[float, ...], list[tuple[int, int]]] = defaultdict(list)
     wanted, done = np.argwhere(weights > 0.0), 0
     for row, column in wanted:
-        levels[float(views.position[row, column, 1])].append((int(row), int(column)))
+        # What is lit differs from view to view, so that each is moved up or down by itself.
+        alone = (row, column) if LIT in field.layers else ()
+        levels[(float(views.position[row, column, 1]), *alone)].append((int(row), int(column)))
     for places in levels.values():
         downs = [picture.down(*places[0]) for picture in sums]
         first, last = _span(downs, views.height)
@@ -395,13 +406,16 @@ def _shift_and_sum(
             asides = [picture.aside(row, column) for picture in sums]
             start, stop = _span(asides, views.width)
             block = np.asarray(field.radiance[row, column, first:last, start:stop], dtype=np.float64)
+            lit = field.lit(row, column)
+            if lit is not None:
+                block = continued(block, lit[first:last, start:stop])
             for picture, aside in zip(sums, asides, strict=True):
                 picture.add(weights[row, column], aside, block, start)
             done += 1
             if update is not None:
                 update(done, len(wanted))
         for picture, down in zip(sums, downs, strict=True):
-            picture.finish_level(down, first)
+            picture.finish_level(down, first, None if lit is None else picture.lit(*places[0], lit))
     return [picture.mean() for picture in sums]
 
 
@@ -431,7 +445,9 @@ def _warp_and_sum(
         )
         if not within.any():
             continue
-        view = field.view(row, column)
+        view, lit = lit_view(field, row, column)
+        if lit is not None:
+            within &= at_nearest(lit, place_y, place_x)
         for channel in range(3):
             found = map_coordinates(view[..., channel], [place_y, place_x], order=order, mode="nearest")
             total[..., channel] += weights[row, column] * within * found

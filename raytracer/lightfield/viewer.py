@@ -20,6 +20,7 @@ from raytracer import pages
 from raytracer.errors import InputError
 from raytracer.film import srgb
 from raytracer.film.output import write_bytes
+from raytracer.lightfield.coverage import lit_view
 from raytracer.lightfield.depth import Update, depth_map
 from raytracer.lightfield.gathering import gathered
 from raytracer.lightfield.openings import cell_weights
@@ -252,7 +253,7 @@ def _scaled(plan: _Plan, scale: float) -> _Plan:
 
 def _seen(field: LightField, plan: _Plan) -> Iterator[NDArray[np.float64]]:
     for row, column in plan.places:
-        yield _resized(field.view(row, column), plan.width, plan.height)
+        yield _resized(lit_view(field, row, column)[0], plan.width, plan.height)
 
 
 def _resized(view: NDArray[np.float64], width: int, height: int) -> NDArray[np.float64]:
@@ -419,7 +420,7 @@ def _found(field: LightField, update: Update | None) -> _Depth | None:
     width, height = max(1, round(scale * views.width)), max(1, round(scale * views.height))
     radiance = np.empty((views.rows, views.columns, height, width, 3), dtype=np.float32)
     for place in np.ndindex(views.rows, views.columns):
-        radiance[place] = _resized(field.view(*place), width, height)
+        radiance[place] = _resized(lit_view(field, *place)[0], width, height)
     plane = views.plane._replace(pixel=views.plane.pixel * views.width / width)
     smaller = LightField(radiance, replace(views, plane=plane, width=width, height=height), settings=field.settings)
     try:

@@ -9,6 +9,21 @@ from numpy.typing import NDArray
 
 from raytracer.plenoptic.views import Views
 
+LIT = "lit"
+"""The layer of which pixels any light came to: 1; and 0 where nothing is known, whatever their radiance is."""
+
+
+class Samples(NamedTuple):
+    """What the microlenses recorded that the pixels of the views were interpolated from.
+
+    place (n, 2) float64: of the microlenses, right and down in pixels of a view, from the middle of its first pixel;
+    value (rows, columns, n, 3) float: what each view saw there, nan where no light came; an array, or what reads one
+    from a file by slices.
+    """
+
+    place: NDArray[np.float64]
+    value: Any
+
 
 class Rays(NamedTuple):
     """Rays that were rendered, each with where it went and what it brought.
@@ -33,9 +48,10 @@ class LightField:
         slices.
     views : its geometry.
     layers : further arrays by name, (rows, columns, height, width) or with a last axis of channels: `depth` (m, along
-        the axis of the views), and other AOVs.
+        the axis of the views), `lit`, and other AOVs.
     rays : the rays themselves, where they were kept.
     settings : what it was made with.
+    samples : what pixels were interpolated from, where they were.
 
     Raises
     ------
@@ -47,6 +63,7 @@ class LightField:
     layers: Mapping[str, Any] = field(default_factory=dict)
     rays: Rays | None = None
     settings: Mapping[str, str | float | int] = field(default_factory=dict)
+    samples: Samples | None = None
 
     def __post_init__(self) -> None:
         views = self.views
@@ -56,6 +73,12 @@ class LightField:
         for name, layer in self.layers.items():
             if tuple(np.shape(layer))[:4] != size:
                 raise ValueError(f"layer {name} must be of the views' size, {size}, got {tuple(np.shape(layer))[:4]}")
+        if LIT in self.layers and len(np.shape(self.layers[LIT])) != len(size):
+            raise ValueError(f"layer {LIT} must have one number a pixel")
+        if self.samples is not None:
+            place, value = np.shape(self.samples.place), tuple(np.shape(self.samples.value))
+            if place[1:] != (2,) or value != (*size[:2], place[0], 3):
+                raise ValueError(f"samples must be of shapes (n, 2) and {(*size[:2], 'n', 3)}, got {place} and {value}")
 
     def __repr__(self) -> str:
         """In short: arrays are large."""
@@ -71,3 +94,8 @@ class LightField:
     def view(self, row: int, column: int) -> NDArray[np.float64]:
         """What one view saw, float64 (height, width, 3)."""
         return np.asarray(self.radiance[row, column], dtype=np.float64)
+
+    def lit(self, row: int, column: int) -> NDArray[np.bool_] | None:
+        """Which pixels of a view any light came to, bool (height, width); None where it did to all, or nobody says."""
+        layer = self.layers.get(LIT)
+        return None if layer is None else np.asarray(np.asarray(layer[row, column]) > 0)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.plenoptic.field import LightField, Rays
+from raytracer.plenoptic.field import LIT, LightField, Rays, Samples
 from raytracer.plenoptic.rays import LAYER, rays_of
 from raytracer.plenoptic.resampling import Lattice, Resampler
 from raytracer.plenoptic.views import Plane, Pose, Views
@@ -33,6 +33,9 @@ _SLACK = 1e-9
 _LEAST_SHARE = 1e-6
 """Of a cell: what an aperture covers less of is dark, and not made as bright as the others."""
 
+
+_HALF = 0.5
+"""Between what is lit, 1, and what is not, 0."""
 
 _SAME = 0.5
 """Of a pixel: middles of sub-images that are nearer to each other are one."""
@@ -161,12 +164,18 @@ class Lenslets:
         layers = {name: np.asarray(layer) for name, layer in image.layers.items()}
         kept = layers.pop(LAYER, None)
         rays = self._rays(image.radiance, lit) if self.is_focused else None
+        radiance, seen, samples = self._light_apart(image.radiance, lit)
+        parts = {name: self._apart(layer, None) for name, layer in layers.items()}
+        # A view that is lit all over or nowhere has its place within the lens, or outside it.
+        if (seen != seen[:, :, :1, :1]).any():
+            parts[LIT] = seen.astype(np.uint8)
         return LightField(
-            radiance=self._apart(image.radiance, lit),
+            radiance=radiance,
             views=views,
-            layers={name: self._apart(layer, None) for name, layer in layers.items()},
+            layers=parts,
             rays=rays if kept is None else rays_of(kept, views),
             settings=image.settings,
+            samples=samples,
         )
 
     @cached_property
@@ -274,12 +283,27 @@ class Lenslets:
             pose=self.pose,
         )
 
+    def _light_apart(
+        self, picture: NDArray[Any], lit: Floats
+    ) -> tuple[NDArray[Any], NDArray[np.bool_], Samples | None]:
+        """Radiance by views as if all of it were lit, which pixels are, and what they are interpolated from, if so."""
+        is_lit = lit > _LEAST_SHARE
+        gain = np.where(is_lit, 1.0 / np.where(is_lit, lit, 1.0), 0.0)
+        picture = picture * gain.reshape(*gain.shape, *(1,) * (picture.ndim - 2))
+        if self.is_focused:
+            # The mean of ones by what counts is 1, or 0 where nothing does.
+            return self._apart(picture, lit), self._patches.apart(np.ones(lit.shape), lit) > _HALF, None
+        if self._whole is not None:
+            return self._apart(picture, lit), self._apart(is_lit, None), None
+        grid = self._grid
+        views = [[grid.weighted(picture, r, c, lit) for c in range(grid.count)] for r in range(grid.count)]
+        radiance, seen, samples = (
+            np.array([[getattr(view, name) for view in row] for row in views]) for name in ("values", "seen", "samples")
+        )
+        return radiance, seen, None if grid.is_direct else Samples(grid.places, samples)
+
     def _apart(self, picture: NDArray[Any], lit: Floats | None) -> NDArray[Any]:
-        """A picture (height, width, ...) by views (rows, columns, height, width, ...), as if all of it were lit."""
-        if lit is not None:
-            seen = lit > _LEAST_SHARE
-            gain = np.where(seen, 1.0 / np.where(seen, lit, 1.0), 0.0)
-            picture = picture * gain.reshape(*gain.shape, *(1,) * (picture.ndim - 2))
+        """A picture (height, width, ...) by views (rows, columns, height, width, ...), each pixel counting as `lit`."""
         if self.is_focused:
             return self._patches.apart(picture, lit)
         whole = self._whole

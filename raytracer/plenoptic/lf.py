@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.errors import InputError, one_line, shortened
-from raytracer.plenoptic.field import LightField, Rays
+from raytracer.plenoptic.field import LightField, Rays, Samples
 from raytracer.plenoptic.lazy import Lazy
 from raytracer.plenoptic.views import Plane, Pose, Views
 from raytracer.wholefiles import told, whole
@@ -55,6 +55,7 @@ _LEAST_GAIN = 64
 """Deflated, a tile grows by less than this part of it, or by less than as many bytes."""
 
 _RADIANCE = "radiance"
+_MICROLENSES = "microlenses"
 _AXES = ("v", "u", "t", "s", "channel")
 _NUMBERS = ("pixel", "left", "top", "inverse_focus")
 _OPTIONAL = ("aperture", "focal_length")
@@ -126,6 +127,8 @@ class Writer:
     dtype : of the radiance in the file, one of `TYPES`; layers have float32 at least, or whole numbers as they are.
     compress : by deflate; rendered noise shrinks by a fifth, and takes fifteen times as long to write, five to read.
     settings : what it was made with; may be added to until the end (`writer.settings`).
+    microlenses : places (n, 2) of those that pixels are interpolated between (`field.Samples`), of which each view then
+        brings what it saw there.
 
     Raises
     ------
@@ -141,6 +144,7 @@ class Writer:
         dtype: str = "float32",
         compress: bool = False,
         settings: Mapping[str, str | float | int] | None = None,
+        microlenses: NDArray[np.float64] | None = None,
     ) -> None:
         if dtype not in TYPES:
             raise ValueError(f"numbers of a light field's file must be {', '.join(TYPES)}, not {dtype}")
@@ -151,6 +155,8 @@ class Writer:
         self._compress = compress
         self._missing = set(np.ndindex(views.rows, views.columns))
         self._layers: dict[str, Any] | None = None
+        self._microlenses = microlenses
+        self._samples: Any = None
         self._context = self._open()
         self._file: Any = None
         self._radiance: Any = None
@@ -181,9 +187,19 @@ class Writer:
                 found = {name: layer[i, column] for name, layer in layers.items()}
                 self.put_view(row + i, column, radiance[i, column], found)
 
-    def put_view(self, row: int, column: int, radiance: Any, layers: Mapping[str, Any] | None = None) -> None:
-        """Write one view: radiance (height, width, 3), and layers by name, the same names for every view."""
+    def put_view(
+        self, row: int, column: int, radiance: Any, layers: Mapping[str, Any] | None = None, samples: Any = None
+    ) -> None:
+        """Write one view: radiance (height, width, 3), and layers by name, the same names for every view.
+
+        samples : (n, 3), what it saw by each of the microlenses, where there are any.
+        """
         layers = layers or {}
+        microlenses = None if self._microlenses is None else (len(self._microlenses), 3)
+        if (None if samples is None else np.shape(samples)) != microlenses:
+            raise ValueError(
+                f"samples must be of shape {microlenses}, got {None if samples is None else np.shape(samples)}"
+            )
         size = (self.views.height, self.views.width)
         for name, array in {"radiance": radiance, **layers}.items():
             channels = np.shape(array)[2:]
@@ -200,6 +216,9 @@ class Writer:
             # What float16 cannot hold becomes inf, as it should.
             with np.errstate(over="ignore"):
                 made[row, column] = np.asarray(array).astype(made.dtype)
+        if samples is not None:
+            with np.errstate(over="ignore"):
+                self._samples[row, column] = np.asarray(samples).astype(self._samples.dtype)
         self._check()
         self._missing.discard((row, column))
 
@@ -271,6 +290,19 @@ class Writer:
             _write_text(file[axis], "unit", "tangent")
         self._radiance = self._made(_RADIANCE, np.empty((0, 0, 3)))
         _write_text(self._radiance, "primaries", "Rec. 709")
+        if self._microlenses is not None:
+            self._describe_microlenses(self._microlenses)
+
+    def _describe_microlenses(self, places: NDArray[np.float64]) -> None:
+        """Write where the microlenses are, and make room for what views saw by them."""
+        count, views = len(places), self.views
+        made = self._dataset(f"{_MICROLENSES}/place", (count, 2), np.dtype("<f8"), (_RAYS_A_TILE, 2))
+        made[...] = places
+        _label(made, ("microlens", "axis"))
+        _write_text(made, "unit", "pixel of a view")
+        size = (views.rows, views.columns, count, 3)
+        self._samples = self._dataset(f"{_MICROLENSES}/value", size, self._dtype, (1, 1, _RAYS_A_TILE, 3))
+        _label(self._samples, ("v", "u", "microlens", "channel"))
 
     def _made(self, name: str, like: Any) -> Any:
         """A dataset for all views, of the type and the channels of one."""
@@ -401,10 +433,16 @@ def write(
     ------
     OutputError : the file cannot be written (full disk, quota, permission); what stood there before still does.
     """
-    with Writer(path, field.views, dtype=dtype, compress=compress, settings=field.settings) as writer:
+    samples = field.samples
+    places = None if samples is None else samples.place
+    with Writer(
+        path, field.views, dtype=dtype, compress=compress, settings=field.settings, microlenses=places
+    ) as writer:
         for row in range(field.views.rows):
-            part = slice(row, row + 1)
-            writer.put(row, field.radiance[part], {name: layer[part] for name, layer in field.layers.items()})
+            for column in range(field.views.columns):
+                layers = {name: layer[row, column] for name, layer in field.layers.items()}
+                seen = None if samples is None else samples.value[row, column]
+                writer.put_view(row, column, field.radiance[row, column], layers, seen)
             if update is not None:
                 update(row + 1, field.views.rows)
         if field.rays is not None:
@@ -520,7 +558,21 @@ def _field(file: Any, path: Path) -> OpenField:
         if layer.shape[:4] != size or layer.ndim > len(_AXES):
             raise InputError(f"{path}: layer {name} must be of shape {size} as radiance is, not {layer.shape}")
         layers[name] = layer
-    return OpenField(radiance, views, layers, _rays(file, path), _settings(file, path), file)
+    samples = _samples(file, path, (rows, columns))
+    return OpenField(radiance, views, layers, _rays(file, path), _settings(file, path), samples, file)
+
+
+def _samples(file: Any, path: Path, size: tuple[int, int]) -> Samples | None:
+    if not _members(file, _MICROLENSES, path):
+        return None
+    place, value = (_array(file, f"{_MICROLENSES}/{name}", path, axes=n) for name, n in (("place", 2), ("value", 4)))
+    if place.shape[1] != 2 or value.shape != (*size, place.shape[0], 3):
+        wanted = f"(n, 2) and {(*size, 'n', 3)}"
+        raise InputError(f"{path}: {_MICROLENSES} must be of shapes {wanted}, not {place.shape} and {value.shape}")
+    places = np.asarray(place, dtype=np.float64)
+    if not np.isfinite(places).all():
+        raise InputError(f"{path}: places of {_MICROLENSES} must be finite")
+    return Samples(places, value)
 
 
 _RAYS = {"place": 2, "value": 2, "weight": 1}

@@ -27,6 +27,9 @@ _SLACK = 1e-6
 _LEAST_WEIGHT = 1e-9
 """Below it, relative to the largest, a sum of weights is rounding and not light."""
 
+_HALF = 0.5
+"""Of a pixel, by its interpolation's weights: where less is lit, it is a guess."""
+
 _HEXAGONAL_COSINE = 0.25
 """Between those of 60 degrees (0.5) and 90 degrees (0)."""
 
@@ -99,10 +102,15 @@ class Lattice:
 
 
 class Seen(NamedTuple):
-    """One view: values (height, width) or (height, width, channels), and which pixels anything was seen by."""
+    """One view: values (height, width) or (height, width, channels), which pixels were seen, and what by.
+
+    A pixel is seen if at least half of what a linear interpolation takes is of microlenses that were lit; others are
+    continued from what little there is, or 0.  samples (n,) or (n, channels): under the microlenses, nan where unlit.
+    """
 
     values: Floats
     seen: NDArray[np.bool_]
+    samples: Floats
 
 
 @dataclass(frozen=True)
@@ -217,17 +225,28 @@ class Resampler:
         shape = (self.height, self.width, *samples.shape[1:])
         sharp, soft = self._interpolations
         if good.all():
-            return Seen((sharp @ flat).reshape(shape), np.ones(shape[:2], bool))
+            return Seen((sharp @ flat).reshape(shape), np.ones(shape[:2], bool), samples)
 
         # Where a sample is missing, those that are there share its weight, which takes weights that are not negative.
         flat = np.where(good[:, None], flat, 0.0)
         values = sharp @ flat
         hole = self._touches @ (~good).astype(np.float64) > 0.0
         share = soft @ good.astype(np.float64)
-        seen = share > _LEAST_WEIGHT
-        patched = (soft @ flat) / np.where(seen, share, 1.0)[:, None]
-        values = np.where(hole[:, None], np.where(seen[:, None], patched, 0.0), values)
-        return Seen(values.reshape(shape), seen.reshape(shape[:2]))
+        any_seen = share > _LEAST_WEIGHT
+        patched = (soft @ flat) / np.where(any_seen, share, 1.0)[:, None]
+        values = np.where(hole[:, None], np.where(any_seen[:, None], patched, 0.0), values)
+        samples = np.where(good.reshape(-1, *(1,) * (samples.ndim - 1)), samples, np.nan)
+        return Seen(values.reshape(shape), (share >= _HALF).reshape(shape[:2]), samples)
+
+    @property
+    def is_direct(self) -> bool:
+        """Whether each pixel of a view is a microlens, so that nothing is interpolated between them."""
+        return bool(self._touches.nnz == self.width * self.height)
+
+    @property
+    def places(self) -> Floats:
+        """Of the microlenses that views are made of (n, 2): right and down in pixels of a view, from its first."""
+        return np.asarray((self._rows.middles - np.asarray(self.first)) / self.pixel)
 
     def prepare(self) -> None:
         """Make what all views need, which is otherwise made with the first."""

@@ -1,13 +1,12 @@
 """Depth from focus and from slopes, against distances that are known."""
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
 
 from raytracer.errors import InputError
-from raytracer.lightfield.depth import METHODS, Depth, depth_map, lit
+from raytracer.lightfield.depth import METHODS, Depth, depth_map
 from raytracer.lightfield.fusion import all_in_focus
 from raytracer.lightfield.supersampling import enlarged, supersampled
 from raytracer.plenoptic.field import LightField
@@ -86,12 +85,6 @@ def test_sharp_everywhere_and_finer_than_any_view() -> None:
     fine_views = views(7, 7, spacing=0.023, width=144, height=120)
     fine = seen(fine_views, surfaces, (0.0, 0.0))[0]
     assert away(supersampled(field, 2, found), fine) < 0.8 * away(enlarged(field.view(row, column), 2), fine)
-
-
-def test_views_outside_the_lens_are_left_out() -> None:
-    geometry = dataclasses.replace(views(5, 5, spacing=0.01), aperture=0.04)
-    assert lit(geometry).sum() == 13
-    assert not lit(geometry)[0, 0]
 
 
 @pytest.mark.parametrize(

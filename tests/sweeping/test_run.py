@@ -292,10 +292,6 @@ def test_another_format_is_rendered_for(scene: Path, tmp_path: Path, bench: Benc
     assert sweep(scene, VALUES, folder=folder, formats=["png"]).kept == 6
 
 
-# A number that no process has: more than any system gives.
-_NOBODY = 999_999_999
-
-
 class _Killed(BaseException):
     """As if the process had been killed."""
 
@@ -319,8 +315,6 @@ def test_killed_at_any_write_it_ends_in_the_same_files(
 
         with monkeypatch.context() as patch:
             patch.setattr(output.os, "replace", dying)
-            # What it leaves aside is to be known for that of a process that is no more.
-            patch.setattr(wholefiles.os, "getpid", lambda: _NOBODY)
             patch.setattr(Path, "unlink", lambda path, missing_ok=False: None)
             try:
                 sweep(scene, values, folder=folder)

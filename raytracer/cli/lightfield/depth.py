@@ -28,7 +28,7 @@ Examples:
 \b
 .png      colours, near bright, far dark, by equal steps of 1 / distance
 .exr      the view, with the layers depth (m) and confidence
-.npy .pfm metres alone; inf is infinity
+.npy .pfm metres alone; inf is infinity, nan where no light came (grey in .png)
 """
 
 _SUFFIXES = (".png", ".exr", ".npy", ".pfm")
@@ -117,13 +117,15 @@ def _encoded(found: "Depth", field: "LightField", suffix: str) -> bytes:
     from raytracer.film import pfm
     from raytracer.lightfield.colouring import coloured
 
-    values = found.distance if field.is_metric else found.inverse
+    inverse = found.known(found.inverse)
+    values = found.distance if field.is_metric else inverse
     if suffix == ".pfm":
         return pfm.encode(values)
     if suffix == ".npy":
         return _npy(values)
-    sure = found.inverse[found.confidence >= np.median(found.confidence)]
-    return _png(coloured(found.inverse, float(sure.min()), float(sure.max())))
+    is_known = np.isfinite(inverse)
+    sure = inverse[is_known & (found.confidence >= np.median(found.confidence[is_known]))]
+    return _png(coloured(inverse, float(sure.min()), float(sure.max())))
 
 
 def _confidence(found: "Depth", suffix: str) -> bytes:

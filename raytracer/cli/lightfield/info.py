@@ -47,10 +47,15 @@ def info(
 
 
 def _read_all(field: "LightField") -> None:
+    import numpy as np
+
     for array in (field.radiance, *field.layers.values()):
         for row in range(field.views.rows):
             for column in range(field.views.columns):
                 array[row, column]
+    if field.samples is not None:
+        for place in np.ndindex(field.views.rows, field.views.columns):
+            field.samples.value[place]
     for part in field.rays or ():
         part[:]
 
@@ -59,6 +64,7 @@ def _numbers(field: "LightField") -> dict[str, Any]:
     """Numbers as JSON holds them: None for what is not known, "inf" for infinity."""
     import numpy as np
 
+    from raytracer.lightfield.coverage import lit_views
     from raytracer.plenoptic.focusing import refocusable, spacing
 
     views = field.views
@@ -70,6 +76,7 @@ def _numbers(field: "LightField") -> dict[str, Any]:
     return {
         "rows": views.rows,
         "columns": views.columns,
+        "lit_views": int(lit_views(field).sum()),
         "width": views.width,
         "height": views.height,
         "units": str(field.settings.get("units", "metres")),
@@ -89,6 +96,7 @@ def _numbers(field: "LightField") -> dict[str, Any]:
         "layers": {
             name: {"shape": list(layer.shape), "dtype": str(layer.dtype)} for name, layer in field.layers.items()
         },
+        "microlenses": 0 if field.samples is None else len(field.samples.place),
         "rays": 0 if field.rays is None else len(field.rays.weight),
         "settings": {key: value if isinstance(value, int) else _plain(value) for key, value in field.settings.items()},
     }
@@ -106,8 +114,10 @@ def _text(found: dict[str, Any]) -> str:
     from raytracer.errors import one_line
 
     is_metric = found["units"] == "metres"
+    unlit = found["rows"] * found["columns"] - found["lit_views"]
     lines = {
-        "views": f"{found['columns']} x {found['rows']}, each {found['width']} x {found['height']} pixels",
+        "views": f"{found['columns']} x {found['rows']}, each {found['width']} x {found['height']} pixels"
+        + (f"; {found['lit_views']} of them got light" if unlit else ""),
         "radiance": f"{found['dtype']}, {found['bytes'] / 1e6:.4g} MB, in a file of {found['file_bytes'] / 1e6:.4g} MB",
     }
     if is_metric:
@@ -135,6 +145,8 @@ def _text(found: dict[str, Any]) -> str:
         lines["focal length"] = f"{found['focal_length_mm']:.6g} mm"
     if found["layers"]:
         lines["layers"] = ", ".join(found["layers"])
+    if found["microlenses"]:
+        lines["microlenses"] = f"{found['microlenses']}, between which the views' pixels were interpolated"
     if found["rays"]:
         lines["rays"] = f"{found['rays']}, kept as they were rendered"
     lines |= {f"  {one_line(key)}": str(value) for key, value in found["settings"].items()}

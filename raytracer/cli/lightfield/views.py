@@ -1,6 +1,7 @@
 """`rt lightfield views`: one view, one between others, all of them, or a montage."""
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -11,6 +12,7 @@ from raytracer.cli.lightfield._common import File, Quiet, check_folder, check_ou
 from raytracer.errors import InputError
 
 if TYPE_CHECKING:
+    from raytracer.plenoptic.field import LightField
     from raytracer.plenoptic.views import Views
 
 EXAMPLE = """\b
@@ -47,7 +49,9 @@ def views(
     scale: Annotated[
         int, typer.Option(min=1, max=4, help="With --view: pixels along one, from what all views know of it.")
     ] = 1,
-    every: Annotated[bool, typer.Option("--all", help="All views, each in a file: view_ROW_COLUMN.")] = False,
+    every: Annotated[
+        bool, typer.Option("--all", help="All views that got light, each in a file: view_ROW_COLUMN.")
+    ] = False,
     suffix: Annotated[
         str, typer.Option("--format", metavar="SUFFIX", help="Of these files: png jpg exr hdr npy.")
     ] = "png",
@@ -88,6 +92,7 @@ def views(
         check_outputs([output], _pictures.suffixes(), "a view")
 
     from raytracer.lightfield import perspectives
+    from raytracer.lightfield.coverage import require_lit
     from raytracer.lightfield.depth import depth_map, reference
     from raytracer.lightfield.supersampling import supersampled
     from raytracer.progress import Bar
@@ -95,19 +100,12 @@ def views(
     with opened(file) as field, Bar(" steps", quiet=quiet) as bar:
         geometry = field.views
         if wanted == "all":
-            digits = len(str(max(geometry.rows, geometry.columns) - 1))
-            for number in range(geometry.rows * geometry.columns):
-                row, column = divmod(number, geometry.columns)
-                _pictures.save(
-                    field.view(row, column), output / f"view_{row:0{digits}}_{column:0{digits}}{ending}", field
-                )
-                bar.update(number + 1, geometry.rows * geometry.columns)
-            if not quiet:
-                print(f"wrote {geometry.rows * geometry.columns} views to {output}", file=sys.stderr)
+            _save_all(field, output, ending, bar.update, quiet)
             return
         try:
             if index is not None:
                 chosen = reference(geometry, *index)
+                require_lit(field, *chosen)
                 if scale == 1:
                     picture = field.view(*chosen)
                 else:
@@ -125,6 +123,25 @@ def views(
     wrote(output, quiet)
 
 
+def _save_all(
+    field: "LightField", folder: Path, ending: str, update: Callable[[float, float], object], quiet: bool
+) -> None:
+    """Write all views that any light came to, each in a file with its row and column; tell how many did not get any."""
+    from raytracer.lightfield.coverage import lit_views
+
+    lit = lit_views(field)
+    digits = len(str(max(lit.shape) - 1))
+    wanted = [divmod(number, lit.shape[1]) for number in lit.ravel().nonzero()[0].tolist()]
+    for number, (row, column) in enumerate(wanted, 1):
+        name = f"view_{row:0{digits}}_{column:0{digits}}{ending}"
+        _pictures.save(field.view(row, column), folder / name, field)
+        update(number, len(wanted))
+    if not quiet:
+        left_out = lit.size - len(wanted)
+        told = f"; {left_out} others got no light" if left_out else ""
+        print(f"wrote {len(wanted)} views to {folder}{told}", file=sys.stderr)
+
+
 def _check_within(views: "Views", option: str | None, place: tuple[float, float]) -> None:
     """Make sure that views are around a place: beyond them nothing is known.
 
@@ -134,9 +151,9 @@ def _check_within(views: "Views", option: str | None, place: tuple[float, float]
     """
     import numpy as np
 
-    from raytracer.lightfield.depth import lit
+    from raytracer.lightfield.coverage import within_lens
 
-    places = views.position[lit(views)]
+    places = views.position[within_lens(views)]
     low, high = places.min(axis=0), places.max(axis=0)
     # What rounding adds to the places is no reason.
     slack = float(np.finfo(np.float32).eps) * (high - low)

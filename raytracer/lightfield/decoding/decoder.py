@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,9 @@ from numpy.typing import NDArray
 from raytracer.errors import InputError
 from raytracer.lightfield.decoding.calibration import Grid, find_grid
 from raytracer.lightfield.decoding.optics import Optics
-from raytracer.plenoptic.field import LightField
-from raytracer.plenoptic.resampling import Resampler
+from raytracer.lightfield.openings import cell_weights
+from raytracer.plenoptic.field import LIT, LightField, Samples
+from raytracer.plenoptic.resampling import Resampler, Seen
 from raytracer.plenoptic.views import Views
 
 Singles = NDArray[np.float32]
@@ -86,17 +88,21 @@ class Decoded:
 
     def view(self, row: int, column: int) -> NDArray[np.float64]:
         """What one view saw, float64 (height, width, 3); 0 where no light came to it."""
-        seen = self.resampler.weighted(self.light, row, column, self.weight, _LEAST_LIGHT)
-        values = self.scale * seen.values
-        return values if values.ndim == 3 else np.repeat(values[..., None], 3, axis=2)
+        return self._seen(row, column).values
 
     def light_field(self) -> LightField:
         """All views, in memory."""
         views = self.views
         radiance = np.empty((views.rows, views.columns, views.height, views.width, 3), dtype=np.float32)
-        for row, column, values in self._all():
-            radiance[row, column] = values
-        return LightField(radiance, views, settings=self.settings)
+        lit = np.empty(radiance.shape[:4], dtype=np.uint8)
+        places = self._places
+        values = None if places is None else np.empty((views.rows, views.columns, len(places), 3), dtype=np.float32)
+        for row, column, seen in self._all():
+            radiance[row, column], lit[row, column] = seen.values, seen.seen
+            if values is not None:
+                values[row, column] = seen.samples
+        samples = None if places is None or values is None else Samples(places, values)
+        return LightField(radiance, views, {LIT: lit} if self._tells_lit else {}, None, self.settings, samples)
 
     def write(self, path: str | Path, progress: Callable[[int, int], None] | None = None) -> None:
         """Write all views to an `.lf` file, each as it is made.
@@ -111,22 +117,50 @@ class Decoded:
         """
         from raytracer.plenoptic.lf import Writer
 
-        with Writer(path, self.views, settings=self.settings) as writer:
-            for number, (row, column, values) in enumerate(self._all(), 1):
-                writer.put_view(row, column, values)
+        places = self._places
+        with Writer(path, self.views, settings=self.settings, microlenses=places) as writer:
+            for number, (row, column, seen) in enumerate(self._all(), 1):
+                layers = {LIT: seen.seen.astype(np.uint8)} if self._tells_lit else {}
+                writer.put_view(row, column, seen.values, layers, None if places is None else seen.samples)
                 if progress is not None:
                     progress(number, self.views.rows * self.views.columns)
 
-    def _all(self) -> Iterator[tuple[int, int, NDArray[np.float64]]]:
-        """Row, column and values of all views, a few at a time."""
+    @cached_property
+    def _outside(self) -> NDArray[np.bool_]:
+        """Which views lie outside the sub-images: bool (rows, columns)."""
+        return np.asarray(cell_weights(self.views) == 0.0)
+
+    @property
+    def _tells_lit(self) -> bool:
+        """Whether it is known which pixels got light: by the white picture."""
+        return self.weight is not None
+
+    @property
+    def _places(self) -> NDArray[np.float64] | None:
+        """Of the microlenses, where pixels of views are interpolated between them."""
+        return None if self.resampler.is_direct else self.resampler.places
+
+    def _seen(self, row: int, column: int) -> Seen:
+        """One view, in three colours."""
+        seen = self.resampler.weighted(self.light, row, column, self.weight, _LEAST_LIGHT)
+        values, samples = self.scale * seen.values, self.scale * seen.samples
+        if self._outside[row, column]:
+            # There it is another microlens that looks, through the other side of the lens.
+            seen, samples = seen._replace(seen=np.zeros_like(seen.seen)), np.full_like(samples, np.nan)
+        if values.ndim == 2:
+            values, samples = np.repeat(values[..., None], 3, axis=2), np.repeat(samples[..., None], 3, axis=1)
+        return Seen(values, seen.seen, samples)
+
+    def _all(self) -> Iterator[tuple[int, int, Seen]]:
+        """Row, column and what was seen of all views, a few at a time."""
         places = list(np.ndindex(self.views.rows, self.views.columns))
         # What all need is made once, before they start.
         self.resampler.prepare()
         with ThreadPoolExecutor(_THREADS) as pool:
             for start in range(0, len(places), _THREADS):
                 some = places[start : start + _THREADS]
-                for (row, column), values in zip(some, pool.map(lambda place: self.view(*place), some), strict=True):
-                    yield row, column, values
+                for (row, column), seen in zip(some, pool.map(lambda place: self._seen(*place), some), strict=True):
+                    yield row, column, seen
 
 
 def decode(

@@ -1,0 +1,73 @@
+"""Which views, and which of their pixels, any light came to.
+
+Behind a round lens the views in the corners see its mount; where a lens vignettes, or dust lies on the sensor, the
+others lack some pixels.  A file's layer `lit` says which (`plenoptic.field.LIT`); without it all pixels are lit of the
+views that lie within the lens.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.errors import InputError
+from raytracer.lightfield.openings import cell_weights
+from raytracer.plenoptic.field import LIT, LightField
+from raytracer.plenoptic.views import Views
+
+Mask = NDArray[np.bool_]
+
+
+def within_lens(views: Views) -> Mask:
+    """Which views look through the lens behind which they are: bool (rows, columns); all of an array of cameras."""
+    if views.aperture is None:
+        return np.ones((views.rows, views.columns), dtype=bool)
+    return np.asarray(np.hypot(views.position[..., 0], views.position[..., 1]) <= 0.5 * views.aperture)
+
+
+def lit_views(field: LightField) -> Mask:
+    """Which views have a pixel that any light came to, by the lens, and by the layer `lit`: bool (rows, columns)."""
+    found = cell_weights(field.views) > 0.0
+    if LIT in field.layers:
+        for row, column in np.argwhere(found):
+            found[row, column] = np.any(field.layers[LIT][int(row), int(column)])
+    return found
+
+
+def require_lit(field: LightField, row: int, column: int) -> None:
+    """Make sure that a view got any light.
+
+    Raises
+    ------
+    InputError : it did not.
+    """
+    lit = field.lit(row, column)
+    if cell_weights(field.views)[row, column] == 0.0 or (lit is not None and not lit.any()):
+        raise InputError(f"no light came to view {row},{column}: it lies outside the lens")
+
+
+def lit_view(field: LightField, row: int, column: int) -> tuple[NDArray[np.float64], Mask | None]:
+    """What a view saw (height, width, 3), with what is not lit as what is next to it; and which pixels are lit.
+
+    The mask is None where all are.  Of a view without any light all is 0.
+    """
+    view, lit = field.view(row, column), field.lit(row, column)
+    if lit is None or lit.all():
+        return view, None
+    return continued(view, lit), lit
+
+
+def continued(values: NDArray[np.float64], lit: Mask) -> NDArray[np.float64]:
+    """Values (height, width, ...), where they are not lit those of the nearest pixel that is; 0 if none is."""
+    from scipy import ndimage
+
+    if not lit.any():
+        return np.zeros_like(values)
+    rows, columns = ndimage.distance_transform_edt(~lit, return_distances=False, return_indices=True)
+    return np.asarray(values[rows, columns])
+
+
+def at_nearest(lit: Mask, rows: NDArray[np.float64], columns: NDArray[np.float64]) -> Mask:
+    """Whether the pixels nearest to places are lit: places of any shape, within the view or at its edge."""
+    height, width = lit.shape
+    row = np.clip(np.rint(rows), 0, height - 1).astype(np.int64)
+    column = np.clip(np.rint(columns), 0, width - 1).astype(np.int64)
+    return np.asarray(lit[row, column])
