@@ -290,14 +290,38 @@ def _test(a: Picture, b: Picture, checks: Checks) -> tuple[Verdict | None, str, 
                 raise InputError(f"the z-test takes the variances of both images: {why}")
             # Nobody expects a variance of what is meant for a display.
             return None, "" if picture.is_display else why, ()
-    alike = _are_alike(a, b)
-    verdict = z_test(a.values, a.variance, b.values, b.variance, alpha=checks.alpha, alike=alike)
-    return verdict, "", tuple(_notes(a, b, verdict, alike=alike))
+    alike, gain = _are_alike(a, b), _gain_between(a, b)
+    values, variance = a.values, a.variance
+    if gain is not None and variance is not None:
+        values, variance = gain * values, gain**2 * variance
+    verdict = z_test(values, variance, b.values, b.variance, alpha=checks.alpha, alike=alike)
+    return verdict, "", (*_gain_note(gain), *_notes(a, b, verdict, alike=alike))
 
 
 def _are_alike(a: Picture, b: Picture) -> bool:
-    """Whether two pictures have the same number of samples from the same sampler, so that their noise is alike."""
+    """Tell if two pictures have the same number of samples from the same sampler, so that their noise is alike."""
     return bool(a.sampler) and a.spp is not None and (a.sampler, a.spp) == (b.sampler, b.spp)
+
+
+def _gain_between(a: Picture, b: Picture) -> Array | None:
+    """Find what brings a to the gains of b (3,), where both were measured on the pictures; None if nothing was.
+
+    The noise of what is measured is one of all pixels together, which no pixel's variance tells.
+    """
+    gain = np.ones(3)
+    for kind, own in a.measured_gains.items():
+        gain = gain * b.measured_gains.get(kind, own) / own
+    return None if (gain == 1.0).all() else gain
+
+
+def _gain_note(gain: Array | None) -> Iterator[str]:
+    """Say at which gains the pictures are judged."""
+    if gain is not None:
+        factors = dict.fromkeys(f"{factor:.6g}" for factor in gain.tolist())
+        yield (
+            "A is judged at the gains that `auto` exposure or white balance measured on B: its light times "
+            f"{', '.join(factors)}"
+        )
 
 
 def _notes(a: Picture, b: Picture, verdict: Verdict, *, alike: bool) -> Iterator[str]:

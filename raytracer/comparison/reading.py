@@ -3,8 +3,10 @@
 A picture is either linear light or display values, which are what .png and .jpg files hold: sRGB-encoded, in 0..1.
 """
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +16,7 @@ from raytracer.errors import InputError
 from raytracer.film import srgb
 from raytracer.film.image import Image
 from raytracer.film.output import DISPLAY_SUFFIXES, load, load_encoded, load_layers
+from raytracer.film.white_balance import AUTO
 
 Array = NDArray[np.float64]
 
@@ -26,7 +29,8 @@ class Picture(NamedTuple):
 
     name, for sentences; values, float64 (height, width, 3), linear or, if `is_display`, encoded in 0..1; image, where
     it comes from, if from memory; variance, of `values`, or None for the reason that `unknown` gives; sampler, that its
-    noise comes from, or "" if not known; spp, samples a pixel, the mean if they differ, or None if not known.
+    noise comes from, or "" if not known; spp, samples a pixel, the mean if they differ, or None if not known;
+    measured_gains, what its light was multiplied by, (3,), by each of `auto` exposure and white balance.
     """
 
     name: str
@@ -37,6 +41,7 @@ class Picture(NamedTuple):
     unknown: str = "holds no variance"
     sampler: str = ""
     spp: float | None = None
+    measured_gains: Mapping[str, Array] = MappingProxyType({})
 
     def in_bytes(self) -> NDArray[np.uint8]:
         """What a display shows of it, as it would be written to a .png file."""
@@ -65,7 +70,7 @@ def read(source: Source, name: str) -> Picture:
 
 
 def _of_image(image: Image, name: str) -> Picture:
-    picture = Picture(name, image.radiance, False, image, **_sampling(image.settings))
+    picture = Picture(name, image.radiance, False, image, **_recorded(image.settings))
     if image.variance is None:
         return picture._replace(unknown="was denoised" if "denoised" in image.settings else "has no variance")
     variance, unknown = _usable(image.variance)
@@ -81,7 +86,7 @@ def _of_file(path: Path) -> Picture:
     if "radiance" not in layers and "Y" not in layers:
         raise InputError(f"{path}: has neither channels R, G and B nor Y")
     values = layers["radiance"] if "radiance" in layers else np.repeat(layers["Y"][..., None], 3, axis=2)
-    picture = Picture(str(path), values, False, **_sampling(settings))
+    picture = Picture(str(path), values, False, **_recorded(settings))
     given = layers.get("variance")
     if given is None or given.shape != values.shape:
         return picture
@@ -91,13 +96,31 @@ def _of_file(path: Path) -> Picture:
     return picture._replace(variance=variance, unknown=unknown)
 
 
-def _sampling(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Sampler and samples a pixel of an image's settings, which a file holds as strings."""
+def _recorded(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Read sampler, samples a pixel and measured gains from an image's settings, which a file holds as strings."""
     try:
         spp = float(settings["spp"])
     except (KeyError, ValueError):
         spp = None
-    return {"sampler": str(settings.get("sampler", "")), "spp": spp}
+    return {"sampler": str(settings.get("sampler", "")), "spp": spp, "measured_gains": _measured_gains(settings)}
+
+
+def _measured_gains(settings: Mapping[str, Any]) -> dict[str, Array]:
+    """Read what light was multiplied by as measured on the picture itself: (3,) of exposure, and of white balance.
+
+    The compensation of an exposure was not measured, and is left out.
+    """
+    found: dict[str, Array] = {}
+    try:
+        if "metering" in settings:
+            compensation = float(settings.get("exposure_compensation", 0.0))
+            found["exposure"] = np.full(3, float(settings["exposure_gain"]) / math.exp2(compensation))
+        if settings.get("white_balance") == AUTO:
+            found["white_balance"] = np.array([float(gain) for gain in str(settings["white_balance_gains"]).split(",")])
+    except (KeyError, ValueError, ArithmeticError):
+        return {}
+    is_known = all(gains.shape == (3,) and np.all(np.isfinite(gains) & (gains > 0.0)) for gains in found.values())
+    return found if is_known else {}
 
 
 def _usable(variance: Array) -> tuple[Array | None, str]:

@@ -14,7 +14,7 @@ from raytracer.film.exposure import Frame, Setting, metering_weights, settle
 from raytracer.film.image import Image
 from raytracer.film.sensor import record, require_demosaic, require_size, response
 from raytracer.film.tone import ToneCurveSpec
-from raytracer.film.white_balance import WhiteBalance, gains
+from raytracer.film.white_balance import AUTO, WhiteBalance, gains
 from raytracer.photography import Exposure
 from raytracer.sensors import SensorSpec
 
@@ -112,6 +112,8 @@ def _header(
     if setting is not None and setting.exposure.metering is not None:
         header["metering"] = setting.exposure.metering.mode
     if process.white_balance is not None:
+        if process.white_balance == AUTO:
+            header["white_balance"] = AUTO
         header["white_balance_gains"] = ",".join(f"{float(gain)!r}" for gain in balance)
     if process.sensor is not None and setting is not None:
         sensor = process.sensor

@@ -17,7 +17,7 @@ SHAPE = (24, 32, 3)
 QUICK = ("mae", "mse", "psnr")
 
 
-def render(seed: int, gain: float = 1.0, spp: int = 64, **settings: str) -> Image:
+def render(seed: int, gain: float = 1.0, spp: int = 64, **settings: str | float) -> Image:
     """An image with normal noise that knows its variance."""
     rng = np.random.default_rng(seed)
     scene = gain * np.linspace(0.2, 0.9, 32)[:, None] * np.array([1.0, 0.7, 0.4]) * np.ones(SHAPE)
@@ -106,6 +106,49 @@ def test_a_bound_holds_for_the_value_itself():
     assert compare(a, b, metrics=["mae"], fail_above={"mae": 0.25}).passed is True
     assert compare(a, b, metrics=["mae"], fail_above={"mae": 0.2499}).passed is False
     assert compare(a, a, metrics=["psnr"], fail_below={"psnr": math.inf}).passed is True
+
+
+METERED = {"metering": "average", "exposure_gain": 2.0}
+BALANCED = {"white_balance": "auto", "white_balance_gains": "0.5,1.0,2.0"}
+
+
+@pytest.mark.parametrize(
+    ("own", "others"),
+    [
+        (METERED | {"exposure_gain": 2.1}, METERED),
+        (BALANCED | {"white_balance_gains": "0.525,1.05,2.1"}, BALANCED),
+        (METERED | BALANCED | {"exposure_gain": 2.1}, METERED | BALANCED),
+    ],
+)
+def test_gains_that_are_measured_do_not_fail_by_their_own_noise(own, others, tmp_path):
+    # All is brighter by 5 %, since the gain is.
+    images = {"a": render(1, gain=1.05, **own), "b": render(2, **others)}
+    for name, image in images.items():
+        save(image, tmp_path / f"{name}.exr")
+    for pair in (images.values(), [tmp_path / f"{name}.exr" for name in images]):
+        found = compare(*pair, metrics=["mae"])
+        assert found.passed is True
+        assert "judged at the gains that `auto`" in found.text()
+        assert "its light times 0.952381\n" in found.text()
+    # It is not the gain.
+    assert compare(render(1, gain=1.05, **others), images["b"], metrics=["mae"]).passed is False
+
+
+@pytest.mark.parametrize(
+    "own",
+    [
+        {"exposure_gain": 2.1},
+        {"white_balance_gains": "0.525,1.05,2.1"},
+        # A compensation is asked for.
+        METERED | {"exposure_gain": 2.1, "exposure_compensation": math.log2(1.05)},
+        METERED | {"exposure_gain": "much"},
+        BALANCED | {"white_balance_gains": "0.525,1.05"},
+    ],
+)
+def test_gains_that_were_asked_for_or_are_not_known_are_not_undone(own):
+    found = compare(render(1, gain=1.05, **own), render(2, **METERED, **BALANCED), metrics=["mae"])
+    assert found.passed is False
+    assert not any("gains" in note for note in found.notes)
 
 
 def test_no_test_asks_for_nothing():
