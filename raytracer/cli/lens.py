@@ -3,9 +3,9 @@
 import contextlib
 import math
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 import typer.core
@@ -16,7 +16,6 @@ from raytracer.units import parse_quantity
 
 if TYPE_CHECKING:
     from raytracer.lens_report.analysis.results import Settings
-    from raytracer.lens_report.analysis.study import Study
     from raytracer.lenses.lens import Lens
 
 EXAMPLE = """\b
@@ -118,8 +117,10 @@ def report(
 
     Numbers come by ray transfer matrices and by rays that are traced through its surfaces.
     """
+    from raytracer.lens_report.formats import writer_of
+
     outputs = output or []
-    writers = [_writer(path) for path in outputs]
+    writers = [writer_of(path) for path in outputs]
     settings = _settings(f_number, focus_distance, sensor, wavelengths)
     _check_files(outputs)
 
@@ -131,7 +132,7 @@ def report(
     from raytracer.lens_report.analysis.study import study
 
     found = read_lens(Path(file))
-    _tell(file, found, quiet=quiet)
+    warned = _tell(file, found, quiet=quiet)
     with _told(file):
         studied = study(found, _fitting(settings, sensor, found))
     # What cannot be drawn is known before anything is written.
@@ -143,7 +144,9 @@ def report(
     if as_json:
         print(json.dumps(studied.as_dict(), indent=2, allow_nan=False, ensure_ascii=False))
     elif not quiet:
-        print(text.summary(studied), end="")
+        # What stderr has told is not told again.
+        notes = tuple(note for note in studied.notes if note.reason not in warned)
+        print(text.summary(studied._replace(notes=notes)), end="")
 
 
 @lens.command("import", epilog=EXAMPLE_IMPORT)
@@ -233,10 +236,12 @@ def distortion(
 
     The residual of each model is said: how far it is from the traced rays, in pixels.
     """
+    from raytracer.lens_report.formats import suffix_words
+
     outputs = output or []
     for path in outputs:
         if path.suffix.lower() not in (".npz", ".yaml", ".yml", ".json"):
-            raise InputError(f"{path}: {_suffix(path)} for a map of distortion; known: .npz, .yaml, .json")
+            raise InputError(f"{path}: {suffix_words(path)} for a map of distortion; known: .npz, .yaml, .json")
     settings = _settings(f_number, focus_distance, sensor, wavelengths)
     _check_files(outputs)
 
@@ -339,14 +344,21 @@ def _wavelengths(text: str) -> tuple[float, ...]:
     return tuple(found)
 
 
-def _tell(file: str, lens: "Lens", *, quiet: bool) -> None:
-    """Say how a file was read that leaves open what it means, and warn of what is probably not meant in the lens."""
+def _tell(file: str, lens: "Lens", *, quiet: bool) -> list[str]:
+    """Say how a file was read that leaves open what it means, and warn of what is probably not meant in the lens.
+
+    Returns
+    -------
+    The warnings.
+    """
     from raytracer.lenses.doubts import doubts
 
     if lens.reading is not None and not lens.reading.is_guess and not quiet:
         print(f"{file}: {lens.reading.text}", file=sys.stderr)
-    for doubt in doubts(lens):
+    found = doubts(lens)
+    for doubt in found:
         print(f"rt: warning: {file}: {doubt}", file=sys.stderr)
+    return found
 
 
 @contextlib.contextmanager
@@ -364,57 +376,6 @@ def _check_files(paths: Sequence[Path]) -> None:
 
     for path in paths:
         check_file(path)
-
-
-def _suffix(path: Path) -> str:
-    return f"unknown suffix {path.suffix!r}" if path.suffix else "no suffix"
-
-
-def _writer(path: Path) -> "Writer":
-    """What makes a file of the kind that its suffix names."""
-    kind = path.suffix.lower()
-    if kind not in _WRITERS:
-        raise InputError(f"{path}: {_suffix(path)} for a report on a lens; known: {', '.join(_WRITERS)}")
-    if kind in (".pdf", ".png"):
-        from raytracer.lens_report.pdf import require_matplotlib
-
-        require_matplotlib(kind)
-    return _WRITERS[kind]
-
-
-def _html(found: "Lens", studied: "Study") -> bytes:
-    from raytracer.lens_report.page import page
-
-    return page(found, studied)
-
-
-def _pdf(found: "Lens", studied: "Study") -> bytes:
-    from raytracer.lens_report.pdf import pdf
-
-    return pdf(found, studied)
-
-
-def _svg(found: "Lens", studied: "Study") -> bytes:
-    from raytracer.lens_report import drawing
-
-    return drawing.document(drawing.sections(found, studied))
-
-
-def _png(found: "Lens", studied: "Study") -> bytes:
-    from raytracer.lens_report.pdf import png
-
-    return png(found, studied)
-
-
-def _json(found: "Lens", studied: "Study") -> bytes:
-    import json
-
-    return (json.dumps(studied.as_dict(points=True), indent=2, allow_nan=False, ensure_ascii=False) + "\n").encode()
-
-
-Writer: TypeAlias = "Callable[[Lens, Study], bytes]"
-
-_WRITERS: dict[str, Writer] = {".html": _html, ".pdf": _pdf, ".svg": _svg, ".png": _png, ".json": _json}
 
 
 def register(app: typer.Typer) -> None:

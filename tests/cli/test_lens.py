@@ -236,3 +236,19 @@ def test_a_table_that_is_read_the_wrong_way_is_warned_of(
         if file.endswith(".dat") or command[-1] != "import":
             assert main([*command, file, "--quiet"]) == 0
             assert f"rt: warning: {file}: {said}" in capsys.readouterr().err
+
+
+def test_a_warning_is_told_once_on_a_terminal_and_is_in_each_report(
+    singlet: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("gauss.dat").write_text(DAT)
+    assert main(["lens", "import", "gauss.dat", "--thickness", "before", "-o", "wrong.yaml", "-q"]) == 0
+    capsys.readouterr()
+    warning = "surfaces 1 and 2 go through each other"
+    assert main(["lens", "wrong.yaml", "-o", "wrong.json"]) == 0
+    out, err = capsys.readouterr()
+    assert (err.count(warning), " ".join(out.split()).count(warning)) == (1, 0)
+    assert Path("wrong.json").read_text().count(warning) == 1
+    assert main(["lens", "wrong.yaml", "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert (err.count(warning), out.count(warning)) == (1, 1)
