@@ -1,6 +1,5 @@
 """The user's own secret key, which signs what is kept for later runs, so that nobody else's files are taken for it."""
 
-import contextlib
 import os
 import secrets
 import stat
@@ -84,8 +83,13 @@ def _make(path: Path) -> None:
             file.flush()
             os.fsync(file.fileno())
         # Unlike a renaming, a link never takes the place of the key that another process has made meanwhile.
-        with contextlib.suppress(FileExistsError):
+        try:
             os.link(aside, path)
+        except FileExistsError:
+            return
+        except OSError:
+            # The file system has no links.  Of processes that are here at once all but the last compile once more.
+            os.replace(aside, path)
     finally:
         aside.unlink(missing_ok=True)
 
