@@ -14,6 +14,7 @@ import yaml
 from numpy.typing import NDArray
 
 from raytracer.integrator import render_tile
+from raytracer.interior import ranks_of
 from raytracer.paths import workspace
 from raytracer.preparation import film_for, prepare, view
 from raytracer.sampling import SAMPLERS
@@ -145,6 +146,7 @@ def pictured(packed: Packed, *, spp: int, seed: int) -> Picture:
     ready = prepare(packed.spec, packed)
     film = film_for(ready.scene, width, height)
     scene = ready.scene._replace(sampler=SAMPLERS["independent"](seed, spp))
-    render_tile(scene, view(film), workspace(), 0, 0, width, height, 0, spp)
+    room = workspace(solids=ranks_of(scene.interior))
+    render_tile(scene, view(film), room, 0, 0, width, height, 0, spp)
     assert not film.nan_count.any()
     return Picture(film.mean, film.m2 / (spp * (spp - 1.0)))
