@@ -216,7 +216,7 @@ class RealLens(FocusedSpec):
         }
 
     def doubts(self, width: int, height: int) -> list[tuple[str, str]]:
-        found = [("lens", message) for message in lens_doubts(self.glass().focused(self.setting().shift))]
+        found = [("lens", message) for message in lens_doubts(self.glass(), self.setting().shift)]
         circle, film = self.glass().image_circle, self._film(width, height)
         corner = math.hypot(*film)
         # Sizes of sensors are rounded to a tenth of a millimetre, and so are image circles.

@@ -325,7 +325,7 @@ class LightField(IdealLensSpec):
         found = [("microlenses", message) for message in self._mismatches(width, height)]
         if self.lens is None:
             return found
-        return found + [("lens", message) for message in lens_doubts(self.glass().focused(self.setting().shift))]
+        return found + [("lens", message) for message in lens_doubts(self.glass(), self.setting().shift)]
 
     def _mismatches(self, width: int, height: int) -> list[str]:
         """In what the microlenses do not suit the main lens."""

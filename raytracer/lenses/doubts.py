@@ -1,4 +1,4 @@
-"""What of a lens is probably not meant: surfaces that go through each other, and stops that are none, or too small."""
+"""Signs that a lens is not what was meant: surfaces that go through each other, stops that are hidden or too small."""
 
 import math
 from collections.abc import Iterator
@@ -13,12 +13,22 @@ _THIRD_OF_A_STOP = 2.0 ** (1.0 / 6.0)
 """The finest step of a diaphragm's ring, as a factor of the f-number: numbers of lenses are rounded by less."""
 
 
-def doubts(lens: Lens) -> list[str]:
-    """What is probably not meant in a lens, wide open, a clause each."""
+def doubts(lens: Lens, shift: float = 0.0) -> list[str]:
+    """List what is probably not meant in a lens, wide open, a clause each.
+
+    Parameters
+    ----------
+    lens : focused at infinity, as what is published is of; a group that focuses changes the focal length as it moves.
+    shift : how far that group is moved when surfaces are held against each other (mm).
+
+    Raises
+    ------
+    ValueError : see `Lens.focused`.
+    """
     found = [lens.reading.text] if lens.reading is not None and lens.reading.is_guess else []
     found += [
         f"surfaces {first} and {second} go through each other within their apertures"
-        for first, second in lens.crossings()
+        for first, second in lens.focused(shift).crossings()
     ]
     try:
         return [*found, *_of_the_stop(lens)]
