@@ -272,7 +272,7 @@ FAMILIES: tuple[tuple[str, str, Family], ...] = (
 
 
 def values(node: Mapping[str, Any]) -> str:
-    """What a property of the schema may be, in a few words; mappings lead to the table of their keys."""
+    """Say what a property of the schema may be, in a few words; mappings lead to the table of their keys."""
     if len(node.get("enum", ())) > _MOST_NAMES:
         return "name"
     if "enum" in node:
@@ -301,7 +301,7 @@ def values(node: Mapping[str, Any]) -> str:
 
 @functools.cache
 def anchors() -> Mapping[str, str]:
-    """Where the keys of each mapping are: by the names of definitions, or by the whole schema of what is in none."""
+    """Find where the keys of each mapping are, by the names of definitions, or by the schema of what is in none."""
     found = {"Material": "materials", "Texture": "textures"}
     for title, _, family in FAMILIES:
         found |= dict.fromkeys(map(name_of, family.specs().values()), title.lower())
@@ -312,7 +312,7 @@ def anchors() -> Mapping[str, str]:
 
 
 def anchor(node: Mapping[str, Any]) -> str:
-    """The heading under which the keys of a mapping are; of several kinds, that of their family."""
+    """Find the heading under which the keys of a mapping are; of several kinds, that of their family."""
     first = node["oneOf"][0] if "oneOf" in node else node
     return anchors()[first["$ref"].rpartition("/")[2] if "$ref" in first else json.dumps(first)]
 
@@ -342,7 +342,7 @@ def formats() -> Iterator[str]:
 
 
 def table(spec: type[Spec] | None, node: Mapping[str, Any], leave_out: frozenset[str] = frozenset()) -> Iterator[str]:
-    """The keys of a mapping; `spec` is its class, None if it has none."""
+    """Write the table of the keys of a mapping; `spec` is its class, None if it has none."""
     properties = {key: below for key, below in node["properties"].items() if key not in leave_out}
     if not properties:
         yield "It has no keys of its own.\n"
@@ -389,7 +389,7 @@ def definition(spec: type[Spec]) -> Mapping[str, Any]:
 
 
 def specs_by_name() -> dict[str, type[Spec]]:
-    """All classes of mappings of a scene, by what the schema calls them."""
+    """Find all classes of mappings of a scene, by what the schema calls them."""
     found, left = {}, [Spec]
     while left:
         left += (spec := left.pop()).__subclasses__()
@@ -398,7 +398,7 @@ def specs_by_name() -> dict[str, type[Spec]]:
 
 
 def within(nested: Nested, shown: set[str]) -> Iterator[str]:
-    """The section of a mapping within others.
+    """Write the section of a mapping within others.
 
     shown : the modules whose example is in the reference already, to which this one's is added.
     """

@@ -41,7 +41,7 @@ class Interior(NamedTuple):
 
 
 def ranks_of(interior: Interior | None) -> int:
-    """How many ranks there are, for each of which a path counts the objects that it is in."""
+    """Count the ranks, for each of which a path counts the objects that it is in."""
     return 0 if interior is None else len(interior.surface)
 
 

@@ -68,7 +68,7 @@ class Workspace(NamedTuple):
 
 
 def workspace(log: Any = None, *, solids: int = 0) -> Workspace:
-    """A new workspace, for one thread.
+    """Make a workspace for one thread.
 
     solids : how many ranks the solids of the scene have that is to be traced (`interior.ranks_of`).
     """

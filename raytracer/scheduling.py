@@ -103,7 +103,7 @@ class Crew:
     """
 
     def __init__(self, threads: int, tick: Callable[[], None] | None = None, *, solids: int = 0) -> None:
-        """A crew that calls `tick` about ten times a second while it works, with workspaces for so many `solids`."""
+        """Make a crew that calls `tick` ten times a second while it works; its workspaces have so many `solids`."""
         self.threads = threads
         self.interrupted = False
         self.failure: str | None = None

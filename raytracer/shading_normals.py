@@ -51,7 +51,7 @@ _GRAZING = 2.0**-26
 
 
 class Tilt(NamedTuple):
-    """How a shading normal leans over a surface.
+    """Tilt of a shading normal over a surface.
 
     up, the true unit normal on the side where light is to go; toward, the unit vector across it that the shading normal
     on that side leans to; spread, s above, and 0 where the two normals are the same; limit, Z (rad).
@@ -76,7 +76,7 @@ def turned_to(normal: Vec3, viewer: Vec3, geometric: Vec3) -> Vec3:
 
 @kernel
 def _height(direction: Vec3, up: Vec3, toward: Vec3) -> float:
-    """h above (rad)."""
+    """Measure the height h of a direction, as above (rad)."""
     return math.atan2(dot(direction, up), dot(direction, toward))
 
 

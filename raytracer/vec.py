@@ -63,7 +63,7 @@ def normalize(a: Vec3) -> Vec3:
 
 @kernel
 def renormalize(a: Vec3) -> Vec3:
-    """A vector of a length near 1, brought to it by a step of Newton's for 1 / |a|: an error e becomes 1.5 e^2."""
+    """Bring a vector of a length near 1 to it by a step of Newton's for 1 / |a|: an error e becomes 1.5 e^2."""
     return scale(1.5 - 0.5 * dot(a, a), a)
 
 

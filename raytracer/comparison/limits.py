@@ -1,4 +1,4 @@
-"""What a comparison of two noisy images would have found, had it been there."""
+"""Limits of a comparison of two noisy images: the least differences that it would have found."""
 
 import math
 from collections.abc import Iterator

@@ -71,7 +71,7 @@ def wide_filters(values: Array, *, alike: bool) -> Iterator[Array]:
 
 
 def _own(values: Array, *, alike: bool) -> Array | float:
-    """What is to be put in place of a pixel's own value in a filter, less that value.
+    """Estimate a pixel's own value for its filter from its neighbours, less that value; 0 for like images.
 
     Of unlike images the noisier one would seem the sharper: a pixel's own mean, which would tell, is replaced by what a
     parabola through its neighbours along both axes has there.
@@ -92,6 +92,6 @@ def _adjacent(values: Array, distance: int) -> Array:
 
 
 def _centre_of_gaussian(width: float) -> float:
-    """The weight that a pixel has in its own mean, of the filter that `gaussian_filter` makes."""
+    """Compute the weight that a pixel has in its own mean, of the filter that `gaussian_filter` makes."""
     radius = int(_TRUNCATE * width + 0.5)
     return float(1.0 / np.exp(-0.5 * (np.arange(-radius, radius + 1) / width) ** 2).sum() ** 2)

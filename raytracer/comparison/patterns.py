@@ -1,4 +1,4 @@
-"""Matched filters: whether a picture is brighter, shifted or blurred, by far less than its single pixels tell.
+"""Matched filters, which find that a picture is brighter, shifted or blurred by less than its single pixels tell.
 
 The difference d of two images is projected on what it would be if one were a little brighter (their mean m itself),
 shifted (its derivatives) or blurred (its Laplacian, in three bands), in the whole and in tiles.  Under the hypothesis
@@ -75,7 +75,7 @@ class Projections(NamedTuple):
         return np.divide(self.sums, deviation, out=np.zeros_like(self.sums), where=known)
 
     def amounts(self) -> Array:
-        """Estimate of each pattern, in its unit; nan where there is none to be seen."""
+        """Estimate the amount of each pattern, in its unit; nan where there is none to be seen."""
         unknown = np.full_like(self.sums, math.nan)
         return np.divide(self.sums, self.responses, out=unknown, where=self.responses > 0.0)
 
@@ -92,7 +92,7 @@ class Projections(NamedTuple):
 
 
 class Structure(NamedTuple):
-    """What is not noise in a difference.
+    """Structure of a difference, which noise does not have.
 
     whole : `Projections` of the whole picture, (8,).
     tiles : of its tiles, (rows, columns, 8).
@@ -109,7 +109,7 @@ class Structure(NamedTuple):
 
 
 class _Sums(NamedTuple):
-    """What a band adds up.
+    """Sums over a band of rows.
 
     fields : (rows, columns, 8) by tiles, in the order of `Projections`.
     differences, variances : weighted, summed over squares of 2 px.
@@ -202,7 +202,7 @@ def _inside(values: Array) -> Array:
 
 @np.errstate(invalid="ignore", over="ignore")
 def _deviation_sums(pair: NoisyPair, ratio: float, top: int, bottom: int) -> Array:
-    """Sum of the standard deviations of the differences in a band (3,), each told by its neighbours."""
+    """Sum the standard deviations of the differences in a band (3,), each told by its neighbours."""
     padded = _with_halo(pair, top, bottom)
     return np.asarray(np.sqrt(_inside(nearby(padded.variance_of_difference(ratio)))).sum(axis=(0, 1)))
 
@@ -289,7 +289,7 @@ def _projected(band: _Band, weight: Array, *, alike: bool, tile: int) -> tuple[A
 
 
 def _products(a: Array, b: Array, var_a: Array, var_b: Array, *, alike: bool) -> Array:
-    """Sum of products of neighbours, and its variance: (2,)."""
+    """Sum the products of neighbours, and estimate the variance of that: (2,)."""
     products = np.sum(a * b, axis=2)
     variance = float(np.sum(products**2))
     if not alike:
@@ -307,7 +307,7 @@ def _across(differences: Array, variances: Array, *, alike: bool) -> Array:
 
 @np.errstate(invalid="ignore", over="ignore")
 def _neighbour_z(bands: list[_Sums], *, alike: bool) -> Array:
-    """Scores of products of neighbours: (4, 2), by `SCALES`, down and across."""
+    """Score the products of neighbours: (4, 2), by `SCALES`, down and across."""
     scores = [np.sum([band.products for band in bands], axis=0)]
     differences = np.concatenate([band.differences for band in bands])
     variances = np.concatenate([band.variances for band in bands])

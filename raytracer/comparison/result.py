@@ -14,7 +14,7 @@ from raytracer.comparison.verdict import Verdict
 
 
 class NotFinite(NamedTuple):
-    """How many pixels are not finite in each image, and the first of them (x, y), if any."""
+    """Numbers of pixels of each image that are not finite, and the first of them (x, y), if any."""
 
     a: int = 0
     b: int = 0
@@ -30,7 +30,7 @@ class NotFinite(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """What `compare` found.
+    """Result of `compare`.
 
     Attributes
     ----------
@@ -71,12 +71,12 @@ class Comparison:
     pictures: tuple[Picture, Picture] | None
 
     def without_pixels(self) -> "Comparison":
-        """The same, without what takes memory."""
+        """Copy it without what takes memory."""
         verdict = self.verdict and replace(self.verdict, pixel_z=np.empty((0, 0, 3)))
         return replace(self, flip=None, pictures=None, verdict=verdict)
 
     def json(self) -> dict[str, Any]:
-        """Everything but pixels, as JSON can hold it."""
+        """Return everything but pixels, as JSON can hold it."""
         verdict = self.verdict
         return {
             "a": self.a,
@@ -109,7 +109,7 @@ class Comparison:
         }
 
     def text(self) -> str:
-        """A report in lines."""
+        """Write a report in lines."""
         domain = "display values" if self.is_display else "linear light"
         lines = [f"{self.a} against {self.b}: {self.width} x {self.height} pixels, {domain}"]
         for name, value in self.metrics.items():
@@ -131,18 +131,18 @@ class Comparison:
 
     @property
     def labels(self) -> tuple[str, str]:
-        """What to write beside the images: which of the two, and its name."""
+        """Labels of the images: which of the two it is, and its name."""
         return _label("A", self.a), _label("B", self.b)
 
     def told(self) -> str:
-        """What the z-test said, or why there was none, unless it is among the failures."""
+        """Say what the z-test found, or why there was none, unless it is among the failures."""
         if self.verdict is None:
             return f"no z-test: {self.untested}" if self.untested else ""
         told = verdict_sentence(self.verdict)
         return "" if told in self.failures else told
 
     def also(self) -> tuple[str, ...]:
-        """What other parts of the z-test have found than the first that failed."""
+        """List what the parts of the z-test have found besides the first that failed."""
         return () if self.verdict is None else self.verdict.findings[1:]
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""Whether two noisy images are of the same scene.
+"""Test of two noisy images for being of the same scene.
 
 Two renders of one scene differ by their noise, which each knows: the variance of its pixels.  `z_test` asks whether
 they differ by more than that.
@@ -118,7 +118,7 @@ def _p_of_largest(z: Array) -> float:
 
 
 def _p_of_largest_sum(z: Array) -> float:
-    """The same of sums of symmetric terms over the root of their squares' sum, a bound on it; 1 without any."""
+    """Bound the same for sums of symmetric terms over the root of their squares' sum; 1 without any."""
     return _any_of(symmetric_tail(float(np.abs(z).max())), z.size) if z.size else 1.0
 
 
@@ -157,7 +157,7 @@ def _compare_means(pair: NoisyPair, cells: Array, tile: int, rows: int, ratio: f
 
 
 def _compare_pixels(pair: NoisyPair, cells: Array, tile: int, rows: int, ratio: float) -> tuple[Array, Array]:
-    """Scores of single pixels (height, width, 3), and the fractions (3,) of those beyond the limit."""
+    """Score single pixels (height, width, 3), and find the fractions (3,) of those beyond the limit."""
     height, width, _ = pair.a.shape
     pixel_z = np.empty_like(pair.a)
 

@@ -91,7 +91,7 @@ class Focus:
 
 
 class Reading(NamedTuple):
-    """How a file was read that leaves open what it means.
+    """Reading of a file that leaves open what it means.
 
     text : a sentence that says so, and why.
     is_guess : whether the file's own numbers do not settle it.

@@ -84,13 +84,13 @@ def stop_radius_for(lens: Lens, f_number: float) -> float:
 
 
 def _height_at_stop(lens: LensSurfaces, height: float) -> float:
-    """How far from the axis (mm) a ray that comes in parallel to it at a height meets the stop; its rim at most."""
+    """Trace a ray that comes in parallel to the axis, at a height, to the stop: its height there (mm), rim at most."""
     _, points, _ = trace_rays(part(lens, 0, lens.stop + 1), _start(lens, np.array([height])), (0.0, 0.0, 1.0))
     return min(float(abs(points[0, 1])), float(lens.radius[lens.stop]))
 
 
 def filled_stop(lens: LensSurfaces) -> float:
-    """Which part of the stop's diameter is filled with light that comes in parallel to the axis: 1 unless rims cut it.
+    """Measure the part of the stop's diameter that light parallel to the axis fills: 1 unless rims cut it.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Which views, and which of their pixels, any light came to.
+"""Coverage of a light field: the views, and the pixels of these, that any light came to.
 
 Behind a round lens the views in the corners see its mount; where a lens vignettes, or dust lies on the sensor, the
 others lack some pixels.  A file's layer `lit` says which (`plenoptic.field.LIT`); without it all pixels are lit of the
@@ -17,14 +17,14 @@ Mask = NDArray[np.bool_]
 
 
 def within_lens(views: Views) -> Mask:
-    """Which views look through the lens behind which they are: bool (rows, columns); all of an array of cameras."""
+    """Find the views that look through the lens they are behind: bool (rows, columns); all of an array of cameras."""
     if views.aperture is None:
         return np.ones((views.rows, views.columns), dtype=bool)
     return np.asarray(np.hypot(views.position[..., 0], views.position[..., 1]) <= 0.5 * views.aperture)
 
 
 def lit_views(field: LightField) -> Mask:
-    """Which views have a pixel that any light came to, by the lens, and by the layer `lit`: bool (rows, columns)."""
+    """Find the views with a pixel that any light came to, by the lens, and by the layer `lit`: bool (rows, columns)."""
     found = cell_weights(field.views) > 0.0
     if LIT in field.layers:
         for row, column in np.argwhere(found):
@@ -45,7 +45,7 @@ def require_lit(field: LightField, row: int, column: int) -> None:
 
 
 def lit_view(field: LightField, row: int, column: int) -> tuple[NDArray[np.float64], Mask | None]:
-    """What a view saw (height, width, 3), with what is not lit as what is next to it; and which pixels are lit.
+    """Read a view (height, width, 3), with what is not lit as what is next to it; and the mask of what is lit.
 
     The mask is None where all are.  Of a view without any light all is 0.
     """
@@ -56,7 +56,7 @@ def lit_view(field: LightField, row: int, column: int) -> tuple[NDArray[np.float
 
 
 def continued(values: NDArray[np.float64], lit: Mask) -> NDArray[np.float64]:
-    """Values (height, width, ...), where they are not lit those of the nearest pixel that is; 0 if none is."""
+    """Replace values (height, width, ...) that are not lit by those of the nearest pixel that is; by 0 if none is."""
     from scipy import ndimage
 
     if not lit.any():
@@ -66,7 +66,7 @@ def continued(values: NDArray[np.float64], lit: Mask) -> NDArray[np.float64]:
 
 
 def at_nearest(lit: Mask, rows: NDArray[np.float64], columns: NDArray[np.float64]) -> Mask:
-    """Whether the pixels nearest to places are lit: places of any shape, within the view or at its edge."""
+    """Look up if the pixels nearest to places are lit: places of any shape, within the view or at its edge."""
     height, width = lit.shape
     row = np.clip(np.rint(rows), 0, height - 1).astype(np.int64)
     column = np.clip(np.rint(columns), 0, width - 1).astype(np.int64)

@@ -135,7 +135,7 @@ class Depth:
             return self.known(np.where(self.inverse > 0.0, 1.0 / np.maximum(self.inverse, 0.0), np.inf))
 
     def known(self, values: _Picture) -> _Picture:
-        """Values (height, width), nan where there is no light."""
+        """Mask values (height, width): nan where there is no light."""
         return values if self.lit is None else np.where(self.lit, values, np.nan)
 
 
@@ -202,7 +202,7 @@ def depth_map(
 
 
 def _is_witnessed(field: LightField, others: Sequence[tuple[int, int]]) -> NDArray[np.bool_]:
-    """Where enough of some views have light to tell a depth by: bool (height, width)."""
+    """Find the pixels at which enough of some views have light to tell a depth by: bool (height, width)."""
     seen = np.zeros((field.views.height, field.views.width), dtype=np.int64)
     for other in others:
         lit = field.lit(*other)
@@ -561,7 +561,7 @@ def _along_line(
 
 
 def _lit_in_line(field: LightField, line: Sequence[tuple[int, int]]) -> _Picture | None:
-    """Where all of some views have light, and so has what the tensor is averaged over; None for everywhere."""
+    """Find the pixels at which all of some views have light, as has all that the tensor averages; None for all."""
     from scipy import ndimage
 
     masks = [lit for index in line if (lit := field.lit(*index)) is not None]

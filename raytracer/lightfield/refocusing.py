@@ -368,7 +368,7 @@ class _Sum:
             self._seen += seen if lit is None else np.where(lit, seen, 0.0)
 
     def lit(self, row: int, column: int, lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Which pixels of the window a view shows that are lit: `lit` is of the view."""
+        """Find the pixels of the window that a view shows and that are lit: `lit` is of the view."""
         right, down = self._shift[row, column]
         rows = np.arange(self._window.top, self._window.bottom) + down
         return at_nearest(lit, rows[:, None], (np.arange(self._window.left, self._window.right) + right)[None, :])

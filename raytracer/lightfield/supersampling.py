@@ -108,7 +108,7 @@ def supersampled(
 
 
 class _Seen(NamedTuple):
-    """What a view saw: values (n, 3), their places in its pixels, rows (n,) and columns (n,), and is_lit (n,)."""
+    """Samples of a view: values (n, 3), their places in its pixels, rows (n,) and columns (n,), and is_lit (n,)."""
 
     values: _Picture
     rows: _Picture
@@ -117,7 +117,7 @@ class _Seen(NamedTuple):
 
 
 def _seen(field: LightField, row: int, column: int) -> _Seen:
-    """What a view saw, by its microlenses where those are known, and else by its pixels."""
+    """Read the samples of a view: of its microlenses where those are known, and else its pixels."""
     if field.samples is not None:
         values = np.asarray(field.samples.value[row, column], dtype=np.float64)
         columns, rows = field.samples.place.T
@@ -138,7 +138,7 @@ def enlarged(view: _Picture, factor: int) -> _Picture:
 def _home(
     depth: Depth, views: Views, offset: NDArray[np.float64], rows: _Picture, columns: _Picture
 ) -> tuple[_Picture, _Picture]:
-    """Where in the depth's own view it is what a view `offset` (m) away sees at places: rows and columns."""
+    """Find in the depth's own view what a view `offset` (m) away sees at places: rows and columns."""
     from scipy import ndimage
 
     at_row, at_column = rows, columns
@@ -168,7 +168,7 @@ class _Bounds:
         self._lit = lit
 
     def hold(self, values: _Picture, rows: _Picture, columns: _Picture) -> NDArray[np.bool_]:
-        """Whether linear values (n, 3) are within, all channels, for the pixels at these places (n,): bool (n,)."""
+        """Tell which linear values (n, 3) are within, all channels, for the pixels at these places (n,): bool (n,)."""
         row, column = (
             np.clip(np.rint(places), 0, size - 1).astype(np.int64)
             for places, size in zip((rows, columns), self._low.shape[:2], strict=True)
@@ -192,7 +192,7 @@ def _noise(values: _Picture) -> float:
 
 
 def _best_prior(half: "_Equations", other: "_Equations", start: _Picture) -> float:
-    """What the interpolated view counts for so that two halves of the views agree best on the picture.
+    """Choose the weight of the interpolated view with which two halves of the views agree best on the picture.
 
     The noise of the halves is independent, so that the distance of one half's picture from the least smoothed one of
     the other is that from the truth, and by how much the latter is off, which is the same for all.  How well the
@@ -245,7 +245,7 @@ class _Equations:
                     self._products[offset] += np.bincount(index, weight * weight_other, count)
 
     def plus(self, other: "_Equations") -> "_Equations":
-        """The equations of both."""
+        """Add the equations of both."""
         both = _Equations(*self._size, self._factor)
         both._products = {offset: own + other._products[offset] for offset, own in self._products.items()}
         both._sums = self._sums + other._sums
@@ -253,21 +253,21 @@ class _Equations:
 
     @property
     def weight(self) -> float:
-        """Pixels of views on one of the picture, in the mean."""
+        """Mean number of views' pixels on one of the picture."""
         return float(self._products[0, 0].mean())
 
     def known(self) -> NDArray[np.bool_]:
-        """Which pixels of the picture any view's pixel lies on."""
+        """Find the pixels of the picture that any view's pixel lies on."""
         return self._spread(self._products[0, 0].reshape(self._shape)) > 0.0
 
     def grey(self) -> "_Equations":
-        """The equations of the mean of the channels, in each of them."""
+        """Put the equations of the mean of the channels in the place of each."""
         grey = _Equations(*self._size, self._factor)
         grey._products, grey._sums = self._products, np.broadcast_to(self._sums.mean(axis=0), self._sums.shape)
         return grey
 
     def solved(self, start: _Picture, prior: float) -> _Picture:
-        """The picture (height, width, channels) that explains the pixels best, of the first channels.
+        """Solve for the picture (height, width, channels) that explains the pixels best, of the first channels.
 
         Parameters
         ----------

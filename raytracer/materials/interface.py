@@ -77,7 +77,7 @@ class MaterialSpec(Spec):
         return False
 
     def mirrors(self) -> bool:
-        """Whether some light leaves it in a direction without choice, in which it shows lights that are found so."""
+        """Tell if some light leaves in a direction without choice, in which it shows lights that are found so."""
         return not (self.is_lit() or self.emits() or self.lets_all_through())
 
     def exitance(self, book: Book) -> float:

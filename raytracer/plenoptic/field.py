@@ -14,7 +14,7 @@ LIT = "lit"
 
 
 class Samples(NamedTuple):
-    """What the microlenses recorded that the pixels of the views were interpolated from.
+    """Samples of the microlenses, which the pixels of the views were interpolated from.
 
     place (n, 2) float64: of the microlenses, right and down in pixels of a view, from the middle of its first pixel;
     value (rows, columns, n, 3) float: what each view saw there, nan where no light came; an array, or what reads one
@@ -96,6 +96,6 @@ class LightField:
         return np.asarray(self.radiance[row, column], dtype=np.float64)
 
     def lit(self, row: int, column: int) -> NDArray[np.bool_] | None:
-        """Which pixels of a view any light came to, bool (height, width); None where it did to all, or nobody says."""
+        """Read which pixels of a view any light came to, bool (height, width); None for all, or where nobody says."""
         layer = self.layers.get(LIT)
         return None if layer is None else np.asarray(np.asarray(layer[row, column]) > 0)

@@ -303,7 +303,7 @@ class Lenslets:
         return radiance, seen, None if grid.is_direct else Samples(grid.places, samples)
 
     def _apart(self, picture: NDArray[Any], lit: Floats | None) -> NDArray[Any]:
-        """A picture (height, width, ...) by views (rows, columns, height, width, ...), each pixel counting as `lit`."""
+        """Sort a picture (height, width, ...) by views (rows, columns, height, width, ...); pixels count as `lit`."""
         if self.is_focused:
             return self._patches.apart(picture, lit)
         whole = self._whole

@@ -240,12 +240,12 @@ class Resampler:
 
     @property
     def is_direct(self) -> bool:
-        """Whether each pixel of a view is a microlens, so that nothing is interpolated between them."""
+        """Tell if each pixel of a view is a microlens, so that nothing is interpolated between them."""
         return bool(self._touches.nnz == self.width * self.height)
 
     @property
     def places(self) -> Floats:
-        """Of the microlenses that views are made of (n, 2): right and down in pixels of a view, from its first."""
+        """Places of the microlenses that views are made of (n, 2): right and down, in pixels, from a view's first."""
         return np.asarray((self._rows.middles - np.asarray(self.first)) / self.pixel)
 
     def prepare(self) -> None:

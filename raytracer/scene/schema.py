@@ -111,7 +111,7 @@ def _unit(node: dict[str, Any]) -> str | None:
 
 
 class Nested(NamedTuple):
-    """What may stand where a key takes mappings that are of no family of kinds.
+    """Mappings of no family of kinds that a key takes.
 
     key : the key that is met first.
     places : all such keys, each behind what it is a key of: `camera.shake`, `motion.keyframes[]`.

@@ -1,4 +1,4 @@
-"""What of a lens is probably not meant: stops that are hidden or block light, and focal lengths that are not."""
+"""Signs that a lens is not what was meant: stops that are hidden or block light, and focal lengths that are not."""
 
 import dataclasses
 import math

@@ -190,7 +190,7 @@ def test_tables_are_kept_and_a_damaged_one_is_made_again(monkeypatch: pytest.Mon
 
 
 def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """How many rays each search traces from here on; without tables on the disk."""
+    """Count the rays that each search traces from here on, without tables on the disk."""
     rays, trace = [], module._through
 
     def through(lens: Any, film: Any, plane: Any, wavelength: Any, targets: Array, *rest: Any) -> None:

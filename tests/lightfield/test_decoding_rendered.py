@@ -111,7 +111,7 @@ FINER = 3
 
 
 def _truth(folder, views, factor):
-    """What a pinhole in the middle of the lens sees, in `factor` times as many pixels as a view."""
+    """Render what a pinhole in the middle of the lens sees, in `factor` times as many pixels as a view."""
     fine = views.plane.pixel / (factor * FINER)
     edges = np.array([-views.plane.left, views.plane.top])
     size = np.array([views.width, views.height])

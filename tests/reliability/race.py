@@ -62,7 +62,7 @@ class Race(NamedTuple):
 
     @property
     def is_won(self) -> bool:
-        """Whether all have the same picture, one alone compiled, and nothing but kernels, locks and a key is left."""
+        """Tell if all have the same picture, one alone compiled, and nothing but kernels, locks and a key is left."""
         return not any(self.statuses) and len(self.pictures) == 1 and self.compiled == 1 and not self.left
 
 

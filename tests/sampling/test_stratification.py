@@ -43,7 +43,7 @@ def _matte_ball_under_sky(along: float, across: float, draws: Draws) -> float:
 
 
 def _fog_under_sky(along: float, across: float, draws: Draws) -> float:
-    """What fog scatters of the same sky, over what it is: 1 + g y, of the mean cosine g."""
+    """Light that fog scatters of the same sky, over what it is: 1 + g y, of the mean cosine g."""
     direction = _axis(along, across)
     outgoing, _ = sample_henyey_greenstein(direction, 0.5, *sample_2d(draws.sampler, draws.key, draws.index, 1))
     return float((1.0 + outgoing[1]) / (1.0 + 0.5 * direction[1]))

@@ -33,7 +33,7 @@ class Imported(NamedTuple):
     reading: Reading | None
 
     def lens(self) -> Lens:
-        """The lens, which knows how it was read."""
+        """Make the lens, which knows how it was read."""
         return dataclasses.replace(self.spec.lens(), reading=self.reading)
 
 

@@ -17,7 +17,7 @@ Glasses = Mapping[str, Any]
 
 
 class Choices(NamedTuple):
-    """What the user says of a file.
+    """Settings of an import that the user gives.
 
     glasses : what names of glasses mean.
     thickness : where it stands in a table, "after" or "before" each surface; None to tell it by the numbers.

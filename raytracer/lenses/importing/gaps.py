@@ -50,7 +50,7 @@ class _Candidate(NamedTuple):
     crossings: Sequence[tuple[int, int]]
 
     def told(self) -> str:
-        """What it is, in words."""
+        """Describe it in words."""
         length = "no focal length" if self.focal_length is None else f"a focal length of {self.focal_length:.6g} mm"
         if not self.crossings:
             return length
@@ -127,7 +127,7 @@ def _candidate(place: str, draft: Draft) -> _Candidate:
 
 
 def _named(draft: Draft, comments: Sequence[str]) -> float | None:
-    """The focal length (mm) that a table has in a line of its own, in the name of its file, or in a comment."""
+    """Find the focal length (mm) that a table has in a line of its own, in the name of its file, or in a comment."""
     written = draft.values.get("focal_length")
     if written is not None:
         return float(written)

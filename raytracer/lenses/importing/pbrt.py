@@ -51,7 +51,7 @@ def draft(text: str, file: str, choices: Choices) -> Draft:
 
 
 def _surfaces(rows: list[Row], thicknesses: list[float]) -> list[tuple[int, dict[str, object]]]:
-    """The surfaces of a table, with the thickness behind each (mm)."""
+    """List the surfaces of a table, with the thickness behind each (mm)."""
     surfaces: list[tuple[int, dict[str, object]]] = []
     before = 1.0
     for (line, radius, _, ior, aperture), thickness in zip(rows, thicknesses, strict=True):

@@ -127,17 +127,17 @@ class Decoded:
 
     @cached_property
     def _outside(self) -> NDArray[np.bool_]:
-        """Which views lie outside the sub-images: bool (rows, columns)."""
+        """Mask of the views that lie outside the sub-images: bool (rows, columns)."""
         return np.asarray(cell_weights(self.views) == 0.0)
 
     @property
     def _tells_lit(self) -> bool:
-        """Whether it is known which pixels got light: by the white picture."""
+        """Tell if it is known which pixels got light: by the white picture."""
         return self.weight is not None
 
     @property
     def _places(self) -> NDArray[np.float64] | None:
-        """Of the microlenses, where pixels of views are interpolated between them."""
+        """Places of the microlenses; None where pixels of views are not interpolated between them."""
         return None if self.resampler.is_direct else self.resampler.places
 
     def _seen(self, row: int, column: int) -> Seen:
@@ -152,7 +152,7 @@ class Decoded:
         return Seen(values, seen.seen, samples)
 
     def _all(self) -> Iterator[tuple[int, int, Seen]]:
-        """Row, column and what was seen of all views, a few at a time."""
+        """Go through all views, a few at a time: row, column and what was seen."""
         places = list(np.ndindex(self.views.rows, self.views.columns))
         # What all need is made once, before they start.
         self.resampler.prepare()

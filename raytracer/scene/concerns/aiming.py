@@ -17,7 +17,7 @@ _TIMES = (0.0, 0.5, 1.0)
 
 
 class Aiming:
-    """Which lamps of a scene no ray shows that was not aimed at them: neither the camera's, nor one from a mirror.
+    """Finds the lamps of a scene that are only aimed at: neither the camera's rays show them, nor those from a mirror.
 
     What else meets them by chance counts for next to nothing: a lamp that is small in the sky is aimed at with a far
     higher density than any rough surface scatters with.
@@ -30,8 +30,8 @@ class Aiming:
         lights = survey.packed.scene.lights
         self._is_all = isinstance(lights, Lights) and not any(look.mirrors() for look in survey.packed.looks.values())
 
-    def is_all(self, piece: int) -> bool:
-        """Whether a piece is a lamp that is aimed at, and seen in no other way."""
+    def is_only_aimed_at(self, piece: int) -> bool:
+        """Tell if a piece is a lamp that is aimed at, and seen in no other way."""
         survey = self._survey
         if not self._is_all:
             return False
@@ -42,7 +42,7 @@ class Aiming:
         return len(places) <= _MOST_COPIES and not any(self._is_seen(place) for place in places)
 
     def _is_seen(self, place: Points) -> bool:
-        """Whether the camera may see what is at a place (3,): it stands before it, and not far beside the picture."""
+        """Tell if the camera may see what is at a place (3,): it stands before it, and not far beside the picture."""
         film = self._survey.spec.film
         for time in _TIMES:
             x, y, depth = project(self._survey.packed.scene.camera, tuple(map(float, place)), time)
@@ -56,7 +56,7 @@ class Aiming:
 
 
 def _places(survey: Survey, piece: int) -> Points:
-    """The middles (n, 3) of a piece in the packed scene."""
+    """List the middles (n, 3) of a piece in the packed scene."""
     middle = survey.pieces.middle[piece]
     if survey.pieces.group[piece] < 0:
         return np.asarray(middle[None])

@@ -125,7 +125,7 @@ def _sorted(survey: Survey) -> tuple[list[int], list[int], list[int]]:
 
 
 def _deep(survey: Survey, bare: list[int], copies: Callable[[int], list[_Copy]]) -> Iterator[Concern]:
-    """A concern about the innermost of clear objects without a priority, if light hardly comes out of it again."""
+    """Find a concern about the innermost of clear objects without a priority, if light hardly comes out of it again."""
     if len(bare) < _FEWEST_NESTED:
         return
     bare = np.array(bare)[np.argsort(-survey.pieces.half[bare], kind="stable")[:_MOST_NESTED]].tolist()
@@ -160,7 +160,7 @@ def _deep(survey: Survey, bare: list[int], copies: Callable[[int], list[_Copy]])
 
 
 def _enclosing(ends: Points) -> NDArray[np.bool_]:
-    """Of boxes with the ends (n, 6), those above negated, which holds which: (n, n), by the one that is held."""
+    """Find which box holds which, of boxes with the ends (n, 6), those above negated: (n, n), by the one held."""
     result = np.ones((len(ends), len(ends)), bool)
     for column in ends.T:
         result &= column[None, :] <= column[:, None]
@@ -172,7 +172,7 @@ def _holds(survey: Survey, holders: list[_Copy], own: _Copy) -> bool:
 
 
 def _relative_index(survey: Survey, piece: int) -> float:
-    """How much larger the index is within a piece than around it, of what its material selects from the largest."""
+    """Divide the index within a piece by that around it; the largest of what its material selects from."""
     look = survey.look_of(piece)
     assert look is not None
     ratio = max(part.eta() for part in _boundaries(look))

@@ -94,7 +94,7 @@ def edges(points: Points) -> tuple[Points, Points, Points]:
 
 
 def squared(vectors: Points) -> Points:
-    """The squares (n,) of the lengths of vectors (n, 3)."""
+    """Square the lengths of vectors (n, 3): (n,)."""
     return np.asarray(np.einsum("ij,ij->i", vectors, vectors))
 
 

@@ -95,7 +95,7 @@ class _Seen(NamedTuple):
     flat: Points
 
     def scale(self, survey: Survey) -> Points:
-        """The largest numbers (n,) at play where rays meet each piece, in its own space (m)."""
+        """Find the largest numbers (n,) at play where rays meet each piece, in its own space (m)."""
         return np.asarray(np.maximum(self.reach, self.distance) * survey.pieces.half)
 
 
@@ -130,7 +130,7 @@ def _seen(survey: Survey) -> _Seen:
 def _far(survey: Survey, seen: _Seen, aiming: Aiming) -> Iterator[Concern]:
     """Objects that are too far away for their size, from the origin or from the camera."""
     for piece in np.flatnonzero((seen.reach > MOST_RADII) | (seen.distance > MOST_RADII)).tolist():
-        if aiming.is_all(piece):
+        if aiming.is_only_aimed_at(piece):
             continue
         radius = float(seen.extent[piece])
         if seen.distance[piece] > MOST_RADII:
@@ -255,7 +255,7 @@ def _extents(survey: Survey, extent: Points, aiming: Aiming) -> Iterator[Concern
     small, large = int(np.argmin(extent)), int(np.argmax(whole))
     if whole[large] > MOST_EXTENTS * extent[small]:
         # Lamps are asked about only where there is a doubt.
-        aimed = np.array([aiming.is_all(piece) for piece in range(len(extent))])
+        aimed = np.array([aiming.is_only_aimed_at(piece) for piece in range(len(extent))])
         small, large = int(np.argmin(np.where(aimed, np.inf, extent))), int(np.argmax(np.where(aimed, 0.0, whole)))
     ratio = float(whole[large] / max(extent[small], np.finfo(float).tiny))
     if ratio > MOST_EXTENTS:

@@ -31,7 +31,7 @@ def slivers(survey: Survey, scale: Points, aiming: Aiming) -> Iterator[Concern]:
     # Rounding to float32 takes less than half of such a width.
     for piece in np.flatnonzero(survey.pieces.width < 2.0 * least).tolist():
         # Huge quads are cut into parts, which have neighbours.
-        if survey.is_cut(piece) or aiming.is_all(piece):
+        if survey.is_cut(piece) or aiming.is_only_aimed_at(piece):
             continue
         count, share, width = _narrow(survey, piece, float(least[piece]))
         if share <= _MOST_SHARE:
@@ -48,7 +48,7 @@ def slivers(survey: Survey, scale: Points, aiming: Aiming) -> Iterator[Concern]:
 
 
 def _narrow(survey: Survey, piece: int, least: float) -> tuple[int, float, float]:
-    """How many faces are narrower than `least` (m), with no neighbour; their part of the area; the least width (m)."""
+    """Count faces without neighbours narrower than `least` (m): number, part of the area, and the least width (m)."""
     table = resting(survey.tables[survey.pieces.table[piece]])
     start, stop = int(survey.pieces.start[piece]), int(survey.pieces.stop[piece])
     u, v, w = edges(outline(table, start, stop))
@@ -62,7 +62,7 @@ def _narrow(survey: Survey, piece: int, least: float) -> tuple[int, float, float
 
 
 def _has_border(faces: NDArray[np.int64], chosen: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which of the chosen triangles have an edge that no other triangle of `faces` (n, 3) has (m,)."""
+    """Find the chosen triangles with an edge that no other triangle of `faces` (n, 3) has (m,)."""
     sides = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1), axis=-1)
     keys = sides[..., 0] * (int(faces.max()) + 1) + sides[..., 1]
     own = keys[chosen]

@@ -225,7 +225,7 @@ def _pieces(packed: Packed) -> Pieces:
 
 
 class _Measures(NamedTuple):
-    """Of ranges of rows: boxes, rows without an area, the first of these, and the least width of others."""
+    """Measures of ranges of rows: boxes, rows without an area, the first of these, and the least width of others."""
 
     low: Points
     high: Points
@@ -269,7 +269,7 @@ def _measured(table: object, start: NDArray[np.int64], stop: NDArray[np.int64]) 
 
 
 def _widths(table: object, points: Points) -> Points:
-    """The least heights of faces (n,) as float32 holds them (m); 0 of those without an area, which no ray can hit."""
+    """Measure the least heights of faces (n,) as float32 holds them (m); 0 of those without an area, never hit."""
     if not has_edges(table):
         return np.full(len(points), np.inf)
     a, b, c = (points[:, k].astype(np.float32).astype(np.float64) for k in (0, 1, points.shape[1] - 1))

@@ -50,7 +50,7 @@ def viewpoint(survey: Survey) -> Iterator[Concern]:
 
 
 def _pixels(survey: Survey) -> Iterator[Concern]:
-    """A camera whose pixels are smaller than float32 tells directions, so that edges are seen beside their place."""
+    """Find a camera whose pixels are smaller than float32 tells directions: edges are seen beside their place."""
     camera = survey.packed.scene.camera
     defocus = defocus_of(camera.camera if isinstance(camera, MovingCamera) else camera)
     if defocus is not None and defocus.pixel < OFFSET_ULPS:
