@@ -213,6 +213,16 @@ def test_a_process_of_nothing_hands_the_picture_on() -> None:
     assert setting is None
 
 
+def test_a_balance_that_was_measured_is_told_from_one_that_was_asked_for() -> None:
+    measured, given = (
+        photograph(light(), process(white_balance=balance), WHOLE, 0, {})[0].settings
+        for balance in ("auto", (1.0, 1.0, 1.0))
+    )
+    assert measured["white_balance_gains"] == given["white_balance_gains"] == "1.0,1.0,1.0"
+    assert measured["white_balance"] == "auto"
+    assert "white_balance" not in given
+
+
 def test_layers_of_light_are_exposed_as_the_picture_is() -> None:
     image = light()
     units = {"direct": "W/(m2 sr)", "depth": "m"}
