@@ -1,4 +1,4 @@
-"""Bump and normal maps: the normals that they make; and that what is scattered keeps its energy and its side."""
+"""Bump and normal maps: the normals that they make, and that what is scattered keeps its energy and its side."""
 
 from typing import Any, NamedTuple
 
