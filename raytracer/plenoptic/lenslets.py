@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.plenoptic.disc_coverage import disc_share
 from raytracer.plenoptic.field import LIT, LightField, Rays, Samples
 from raytracer.plenoptic.rays import LAYER, rays_of
 from raytracer.plenoptic.resampling import Lattice, Resampler
@@ -33,7 +34,6 @@ _SLACK = 1e-9
 _LEAST_SHARE = 1e-6
 """Of a cell: what an aperture covers less of is dark, and not made as bright as the others."""
 
-
 _HALF = 0.5
 """Between what is lit, 1, and what is not, 0."""
 
@@ -42,31 +42,6 @@ _SAME = 0.5
 
 _STEPS, _INSIDE = 2, 12
 """Of a table of what is lit: places a pixel; and of a microlens: places a side over which light is averaged."""
-
-
-def disc_share(left: Any, bottom: Any, width: float, height: float, radius: float) -> Floats:
-    """Which part of rectangles is within a disc about 0: their left and bottom edges, any shape of arrays."""
-    left, bottom = np.broadcast_arrays(np.asarray(left, float), np.asarray(bottom, float))
-    x = np.stack([left, left + width]) / radius
-    y = np.stack([bottom, bottom + height]) / radius
-    area = _disc_below(x[1], y[1]) - _disc_below(x[0], y[1]) - _disc_below(x[1], y[0]) + _disc_below(x[0], y[0])
-    return np.asarray(np.clip(area * (radius / width) * (radius / height), 0.0, 1.0))
-
-
-def _disc_below(x: Floats, y: Floats) -> Floats:
-    """Area of the part of the unit disc to the left of x and below y: the integral of what of its chords is below y."""
-    # Between the places where the chord's ends are at the height y, it is cut; beyond them it is whole, or not there.
-    x, y = np.clip(x, -1.0, 1.0), np.clip(y, -1.0, 1.0)
-    turn = np.sqrt(1.0 - y * y)
-
-    def half(t: Floats) -> Floats:
-        """Integral of sqrt(1 - t^2) from -1 on."""
-        return np.asarray(0.5 * (t * np.sqrt(1.0 - t * t) + np.arcsin(t)) + 0.25 * math.pi)
-
-    inner_end = np.clip(x, -turn, turn)
-    cut = half(inner_end) - half(-turn) + y * (inner_end + turn)
-    outer = 2.0 * (half(np.minimum(x, -turn)) + np.where(x > turn, half(x) - half(turn), 0.0))
-    return np.asarray(cut + np.where(y > 0.0, outer, 0.0))
 
 
 class _Whole(NamedTuple):

@@ -8,7 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 from raytracer.film.image import Image
-from raytracer.plenoptic.lenslets import Lenslets, disc_share
+from raytracer.plenoptic.disc_coverage import disc_share
+from raytracer.plenoptic.lenslets import Lenslets
 from raytracer.plenoptic.resampling import Lattice
 from raytracer.plenoptic.views import Views
 
