@@ -150,3 +150,12 @@ def test_a_0_that_surfaces_gainsay_is_no_proof(tmp_path: Path) -> None:
         read_lens(table(tmp_path, "stop.dat", rows))
     lens = imported(table(tmp_path, "stop.dat", rows), Choices(thickness="before")).lens()
     assert [element.thickness for element in lens.elements] == [8.0, 0.0, 0.0]
+
+
+def test_ways_that_are_all_alike_are_one_lens_either_way(tmp_path: Path) -> None:
+    # The thick lens of n = 1.5 and R = 50 mm, 4 mm thick: 1/f = (n - 1) (2/R - (n - 1) d / (n R^2)).
+    rows: Rows = [(50, 4, 1.5, 10), (-50, 4, 1, 10)]
+    lens = read_lens(table(tmp_path, "single.dat", rows))
+    assert cardinal_points(lens.packed()).focal_length == pytest.approx(1 / (0.5 * (2 / 50 - 0.5 * 4 / (1.5 * 2500))))
+    assert not doubts(lens)
+    assert lens.name == "single"

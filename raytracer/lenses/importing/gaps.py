@@ -83,10 +83,12 @@ def read_gaps(
     thickness = {"after": gaps, "before": [*gaps[1:], 0.0]}
     if place is not None:
         return _read(drafted(thickness[place]), place, "as was asked for", is_guess=False)
+    if gaps[:-1] == gaps[1:]:  # ways that are all alike stand after a surface as they stand before it
+        return drafted(gaps)
     at_ends = [name for name, gap in (("before", gaps[0]), ("after", gaps[-1])) if gap == 0.0]
     chosen = {name: _candidate(name, drafted(thickness[name])) for name in ("after", "before")}
     after, before = chosen.values()
-    if after.draft.surfaces == before.draft.surfaces or after.focal_length is before.focal_length is None:
+    if after.focal_length is before.focal_length is None:
         return after.draft
     clean = [name for name, one in chosen.items() if not one.crossings and one.focal_length is not None]
     if len(at_ends) == 1 and not (clean and chosen[at_ends[0]].crossings):

@@ -12,6 +12,7 @@ References: Pharr, Jakob, Humphreys 2023, "Physically Based Rendering", 4th ed.,
 
 import math
 import re
+from pathlib import Path
 
 from raytracer.lenses.importing.draft import Choices, Draft, shape
 from raytracer.lenses.importing.gaps import Row, read_gaps
@@ -22,7 +23,7 @@ _AMBIGUOUS = re.compile(r"\baxpos\b", re.IGNORECASE)
 
 
 def draft(text: str, file: str, choices: Choices) -> Draft:
-    """The lens of a table; its comments are its name and source.
+    """The lens of a table; its comments are its name and source, and without any the file's name is its.
 
     Raises
     ------
@@ -31,7 +32,9 @@ def draft(text: str, file: str, choices: Choices) -> Draft:
     result = Draft(file)
     comments = [line.lstrip("# \t").rstrip() for line in text.splitlines() if line.lstrip().startswith("#")]
     said = [comment for comment in comments if comment and not _HEADING.search(comment)]
-    result.values = {"name": said[0] if said else "unnamed lens", "source": "; ".join(said[1:])}
+    result.values = {"name": said[0] if said else Path(file).stem}
+    if said[1:]:
+        result.values["source"] = "; ".join(said[1:])
 
     rows: list[Row] = []
     for line, written in enumerate(text.splitlines(), start=1):

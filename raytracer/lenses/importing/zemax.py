@@ -20,6 +20,7 @@ References: Zemax OpticStudio user's manual, "The Surface Type" and "The System 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
@@ -255,7 +256,7 @@ def _shape(result: Draft, surface: _Surface, unit: float) -> dict[str, Any]:
 
 def _add_numbers(result: Draft, system: _System) -> None:
     """What the file says of the lens as a whole, and what follows from that."""
-    result.values = {"name": system.name or "unnamed lens"}
+    result.values = {"name": system.name or Path(result.file).stem}
     try:
         focal_length = abs(cardinal_points(result.spec().lens().packed()).focal_length)
     except ValueError:
