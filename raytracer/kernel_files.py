@@ -199,8 +199,8 @@ def _signed_by_user(path: Path) -> tuple[Path, bytes] | None:
         folder = key_folder()
         if Path(os.path.realpath(folder)).is_relative_to(os.path.realpath(cache)):
             raise NoKeyError(
-                f"the folder of the signing key, {folder}, lies in that of the cache, {cache}, so that a key may have "
-                "come with somebody else's cache"
+                f"the folder of the signing key, {folder}, lies in that of the cache, {cache}, with which the key may "
+                "have come from somebody else"
             )
         secret = signing_key(folder)
     except NoKeyError as error:

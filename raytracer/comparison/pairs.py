@@ -336,7 +336,7 @@ def _notes(a: Picture, b: Picture, verdict: Verdict, *, alike: bool) -> Iterator
     known = f"the noise is {verdict.squares_ratio:.2f} of what the variances of {' and '.join(samplers)} samples tell"
     if alike:
         yield (
-            f"{known}: changes that pixels of no order share are hidden by that, and found with "
+            f"{known}: changes of scattered single pixels may hide in that, and are found with "
             "`render.sampler: independent`; brightness, shifts, blur and what neighbours share are judged by the "
             "noise itself"
         )

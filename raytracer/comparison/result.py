@@ -123,10 +123,10 @@ class Comparison:
             lines.append(f"not finite: {self.not_finite.sentence()}")
         if told := self.told():
             lines.append(told)
-        lines += [f"  also: {finding}" for finding in self.also()]
         lines += [f"  {note}" for note in self.notes]
         if self.passed is not None:
             lines.append("PASS" if self.passed else f"FAIL: {'; '.join(self.failures)}")
+        lines += [f"  also: {finding}" for finding in self.also()]
         return "\n".join(lines) + "\n"
 
     @property

@@ -9,6 +9,7 @@ import pytest
 
 from raytracer.cli.main import main
 from raytracer.film import output, pfm
+from raytracer.lightfield.depth import Depth
 from raytracer.plenoptic import lf
 from raytracer.plenoptic.field import LightField, Rays
 from tests.lightfield.analytic import Surface, light_field, views, waves
@@ -43,7 +44,7 @@ def test_no_command_is_told_in_one_line(capsys: pytest.CaptureFixture[str]) -> N
     assert capsys.readouterr().err == "rt: Missing command (see 'rt lightfield --help')\n"
 
 
-def test_views(file: Path, tmp_path: Path) -> None:
+def test_views(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("views", file, "-o", tmp_path / "m.png", "-q") == 0
     with PIL.Image.open(tmp_path / "m.png") as montage:
         assert montage.size == (5 * 42 - 2, 3 * 32 - 2)
@@ -52,6 +53,8 @@ def test_views(file: Path, tmp_path: Path) -> None:
     assert np.array_equal(np.load(tmp_path / "v.npy"), np.load(tmp_path / "a.npy"))
     assert run("views", file, "--all", "-o", tmp_path / "all", "-q") == 0
     assert len(list((tmp_path / "all").glob("view_?_?.png"))) == 15
+    assert run("views", file, "--all", "-o", tmp_path / "all.png", "-q") == 2
+    assert "all.png: --all writes a file for each view, and -o names their folder" in capsys.readouterr().err
     assert run("views", file, "--all", "--format", "exr", "-o", tmp_path / "all", "-q") == 0
     assert len(list((tmp_path / "all").glob("view_?_?.exr"))) == 15
     assert run("views", file, "--view", "1,2", "--scale", "2", "-o", tmp_path / "f.npy", "-q") == 0
@@ -72,6 +75,21 @@ def test_depth(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     with lf.open(file) as field:
         exact = np.asarray(field.layers["depth"][1, 2])
     assert told["median_m"] == pytest.approx(np.median(exact), rel=0.02)
+
+
+def test_a_pixel_that_is_sure_and_wrong_does_not_stretch_what_is_told(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    inverse = np.linspace(0.5, 1.0, 1200).reshape(30, 40)
+    inverse[15, 20] = 100.0
+    monkeypatch.setattr(
+        "raytracer.lightfield.depth.depth_map", lambda *_, **__: Depth(inverse, np.ones((30, 40)), 1, 2)
+    )
+    assert run("depth", file, "-o", tmp_path / "d.png", "--json", "-q") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [told["near_m"], told["far_m"]] == pytest.approx([1.0, 2.0], rel=0.02)
+    with PIL.Image.open(tmp_path / "d.png") as picture:
+        assert len(picture.getcolors(4096)) > 200
 
 
 def test_slices_paths_and_sharp_pictures(file: Path, tmp_path: Path) -> None:

@@ -37,6 +37,14 @@ _CONFIDENCE_SUFFIXES = (".png", ".npy", ".pfm")
 _SURE = 0.5
 """Confidence from which on the summary counts a pixel."""
 
+_TAILS = 0.01
+"""Share of sure pixels at each end that the summary's distances and the picture's colours do not stretch to.
+
+Some are sure and wrong, as where a pattern repeats: one alone would take most of the colours.
+"""
+
+_ALMOST_ALL = f"{100.0 * (1.0 - 2.0 * _TAILS):g} %"
+
 
 def register(group: typer.Typer) -> None:
     """Add the command to the group."""
@@ -125,7 +133,8 @@ def _encoded(found: "Depth", field: "LightField", suffix: str) -> bytes:
         return _npy(values)
     is_known = np.isfinite(inverse)
     sure = inverse[is_known & (found.confidence >= np.median(found.confidence[is_known]))]
-    return _png(coloured(inverse, float(sure.min()), float(sure.max())))
+    low, high = np.quantile(sure, [_TAILS, 1.0 - _TAILS])
+    return _png(coloured(inverse, float(low), float(high)))
 
 
 def _confidence(found: "Depth", suffix: str) -> bytes:
@@ -168,10 +177,12 @@ def _summary(found: "Depth", field: "LightField", method: str) -> dict[str, Any]
     }
     if is_sure.any():
         values = (found.distance if field.is_metric else found.inverse)[is_sure]
+        # Not by interpolation, which has no answer between a number and infinity.
+        shares = (_TAILS, 0.5, 1.0 - _TAILS)
         names = ("near_m", "median_m", "far_m") if field.is_metric else ("least_px", "median_px", "most_px")
         told |= {
             name: float(value) if math.isfinite(value) else None
-            for name, value in zip(names, (values.min(), np.median(values), values.max()), strict=True)
+            for name, value in zip(names, np.quantile(values, shares, method="inverted_cdf"), strict=True)
         }
     return told
 
@@ -182,10 +193,10 @@ def _print(told: dict[str, Any]) -> None:
         near, median, far = (
             "infinity" if v is None else f"{v:.4g} m" for v in (told[n] for n in ("near_m", "median_m", "far_m"))
         )
-        print(f"they are {near} to {far} away, {median} in the middle")
+        print(f"{_ALMOST_ALL} of these are {near} to {far} away, half of them at most {median}")
     elif "least_px" in told:
         print(
-            f"they move by {told['least_px']:.3g} to {told['most_px']:.3g} pixels from view to view; metres need the "
-            "geometry, which is not known"
+            f"{_ALMOST_ALL} of these move by {told['least_px']:.3g} to {told['most_px']:.3g} pixels from view to view; "
+            "metres need the geometry, which is not known"
         )
     sys.stdout.flush()

@@ -83,6 +83,8 @@ def views(
     index, place = _pictures.pair("--view", view), None if at is None else _pictures.place("--at", at)
     plane = _pictures.distance("--distance", distance)
     if wanted == "all":
+        if output.suffix.lower() in _pictures.suffixes() and not output.is_dir():
+            raise InputError(f"-o {output}: --all writes a file for each view, and -o names their folder")
         check_folder(output)
         ending = f".{suffix.lower().removeprefix('.')}"
         if ending not in _pictures.suffixes():
