@@ -352,10 +352,11 @@ def test_the_picture_so_far_can_be_had(path: Path) -> None:
         if not shown and progress.done > 0:
             keeper.ask()
             there.wait(60)
-        elif shown:
+        elif shown and progress.done > 2 * shown[0].samples * pixels:
             raise KeyboardInterrupt
 
     spec = scene()
+    pixels = spec.film.width * spec.film.height
     result = render(spec, spp=100_000, keeper=keeper, progress=tick)
     assert result.interrupted
     early = shown[0]
