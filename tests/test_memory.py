@@ -124,8 +124,8 @@ def _spheres(count: int) -> dict[int, Geometry]:
 
 @pytest.mark.parametrize("made", [_triangles, _spheres])
 def test_a_structure_is_held_in_what_is_told(made: Any) -> None:
-    # By the process's own memory; of which other tests may have left some to be used again.
-    geometries = made(300_000)
+    # By the process's own memory, which grows by some MB at a time, and of which other tests may have left some.
+    geometries = made(1_000_000)
     before = memory.resident_bytes()
     kept = Accel(geometries)
     grown = memory.resident_bytes() - before
