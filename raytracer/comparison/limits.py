@@ -10,7 +10,7 @@ from raytracer.comparison.noisy_pair import ROUNDING
 from raytracer.comparison.patterns import PATTERNS, Projections, Structure
 
 POWER = 0.9
-"""How often what is told as the limit is found."""
+"""Power of the tests at the limits that are told: the part of such differences that is found."""
 
 # 1 / (4 P(N > sqrt 2)), of a normal N: the least factor for all sums (Bentkus and Dzindzalieta 2015).
 _SYMMETRIC = 1.0 / (2.0 * math.erfc(1.0))

@@ -11,7 +11,7 @@ from raytracer.errors import InputError
 Array = NDArray[np.float64]
 
 ROUNDING = 1e-6
-"""What rounding may differ by, relative to the values: hits found in float32 (2^-24), added up over a path."""
+"""Largest relative difference that is put down to rounding: hits found in float32 (2^-24), added up over a path."""
 
 
 class NoisyPair(NamedTuple):

@@ -43,7 +43,7 @@ PATTERNS = (
     "blur_2px",
     "blur_4px",
 )
-"""What a difference is projected on, in the order of `Projections.sums`."""
+"""Patterns that a difference is projected on, in the order of `Projections.sums`."""
 
 SCALES = (1, 2, 4, 8)
 """Edges of the squares whose sums are multiplied with those of their neighbours (px)."""

@@ -29,10 +29,10 @@ TEST_LABELS = {
     "neighbour": "products of neighbouring differences",
     "squares": "squared differences against the noise",
 }
-"""What each test is of, by the name of its p."""
+"""Subject of each test, by the name of its p."""
 
 TESTS = len(TEST_LABELS)
-"""How many tests share the significance level, each with the same part of it."""
+"""Number of tests that share the significance level, each with the same part of it."""
 
 # Standard deviations beyond which pixels are counted; normal noise puts 4.55 % there.
 _COUNTED_BEYOND = 2.0
