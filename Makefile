@@ -16,7 +16,7 @@ FUZZ_ARGS ?= --jobs 4
 .DELETE_ON_ERROR:
 
 # `make -f elsewhere/Makefile` works as `make -C elsewhere` does.
-ifeq ($(wildcard raytracer/jit.py),)
+ifeq ($(wildcard raytracer/core/compiler/dispatch.py),)
 ELSEWHERE = @$(MAKE) --no-print-directory -C "$(dir $(firstword $(MAKEFILE_LIST)))" $@
 .PHONY: help
 help:
@@ -65,7 +65,7 @@ bench: $(INSTALLED) $(GENERATED)  ## Measure the speed, against Mitsuba 3 too on
 	$(VENV_PYTHON) bench/bench.py $(if $(wildcard $(PEER_PYTHON)),--peer $(PEER_PYTHON)) $(BENCH_ARGS)
 
 peers: $(INSTALLED) $(INSTALLED_PEERS) $(MILLION)  ## Compare with Mitsuba 3, which this installs
-	$(VENV_PYTHON) peers/compare.py --peer $(PEER_PYTHON)
+	$(VENV_PYTHON) bench/peers/compare.py --peer $(PEER_PYTHON)
 
 hard-cases: $(INSTALLED_TEST) $(GENERATED)  ## Measure what the naive way gets wrong and we do, into docs/hard-cases.md
 	$(VENV_PYTHON) -m tests.hard_cases $(HARD_CASES_ARGS)
@@ -77,9 +77,10 @@ gallery: $(INSTALLED) $(GENERATED)  ## Render the pictures in docs/gallery
 	$(VENV_PYTHON) docs/make_gallery.py
 	$(VENV_PYTHON) -m tests.hard_cases.pictures
 
-docs: $(INSTALLED)  ## Write docs/scenes.md and raytracer/vocabulary.pyi from the scene schema
+docs: $(INSTALLED)  ## Write docs/scenes.md, the Python stub and the tree in docs/architecture.md
 	$(VENV_PYTHON) docs/make_scenes.py
-	$(VENV_PYTHON) docs/make_vocabulary.py
+	$(VENV_PYTHON) docs/make_python_api.py
+	$(VENV_PYTHON) docs/make_tree.py
 
 scenes: $(GENERATED)  ## Make the scene files that are not in the repository
 

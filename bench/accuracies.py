@@ -5,8 +5,8 @@
 Each scene is rendered as it is but for its size, by warm renderers that take turns (warm.py): one for each accuracy,
 and a second one of `exact`, whose ratio to the first shows what the machine's noise alone makes of two equal renders.
 All have the same seed in a round, and so the same camera rays. What is printed is the median of the ratios to `exact`
-within a round, with a bootstrap interval, and the same of the A/A arm; and by how much the pictures differ without
-their noise (relative, root mean square over the pixels).
+within a round, with a bootstrap interval, and that of the repeat of the same; and by how much the pictures differ
+without their noise (relative, root mean square over the pixels).
 Prints Markdown, and writes every figure to outputs/accuracies.json.
 """
 
@@ -37,7 +37,14 @@ from warm import (
     with_interval,
 )
 
-from raytracer.noise import Interval, ratio_interval, ratio_of_sums, root, squared_bias_by_tile, weights
+from raytracer.core.error_estimate import (
+    Interval,
+    error_weights,
+    ratio_interval,
+    ratio_of_sums,
+    sqrt_interval,
+    squared_bias_by_tile,
+)
 
 EXACT, AGAIN = "exact", "exact again"
 ARMS = {EXACT: "exact", "robust": "robust", "fast": "fast", AGAIN: "exact"}
@@ -66,10 +73,10 @@ def measure_scene(path: Path, rounds: int, threads: int, pixels: int, seconds: f
         spp = max(1, round(FIRST_SPP * seconds / warm[EXACT][0]["render"]))
         answers = renderers.take_turns(rounds, 2, dict.fromkeys(renderers, spp), pictures=True)
     pictures = {name: pictures_of(answers[name]) for name in renderers}
-    w = weights(pictures[EXACT].mean(axis=0))
+    w = error_weights(pictures[EXACT].mean(axis=0))
 
     def bias(name: str) -> Interval:
-        """Squared, and without noise."""
+        """Compute the squared bias, without noise."""
         squares = squared_bias_by_tile(pictures[name], pictures[EXACT], w, tiles_of(width, height))
         return ratio_of_sums(squares.sums, squares.pixels)
 
@@ -92,7 +99,7 @@ def measure_scene(path: Path, rounds: int, threads: int, pixels: int, seconds: f
 
 
 def measure(rounds: int, threads: int, quick: bool, scenes: Sequence[str] = ()) -> dict[str, Any]:
-    """All scenes of scenes/, or those named."""
+    """Measure all scenes of scenes/, or those named."""
     pixels, seconds = (QUICK_PIXELS, QUICK_SECONDS) if quick else (PIXELS, SECONDS)
     items = []
     for path in scene_files(scenes):
@@ -105,21 +112,21 @@ def measure(rounds: int, threads: int, quick: bool, scenes: Sequence[str] = ()) 
 
 
 def difference(squared_bias: Interval) -> str:
-    """A bias as text."""
-    value, low, high = (f"{100.0 * x:.2g}" for x in root(Interval(*squared_bias)))
+    """Format a bias."""
+    value, low, high = (f"{100.0 * x:.2g}" for x in sqrt_interval(Interval(*squared_bias)))
     return f"{value} % ({low} .. {high})" if squared_bias[1] > 0.0 else f"none seen (< {high} %)"
 
 
 def report(items: Sequence[dict[str, Any]]) -> str:
-    """The figures as Markdown."""
+    """Write the figures as Markdown."""
     compared = ("robust", "fast", AGAIN)
     rows = []
     for item in items:
         if "failed" in item:
             rows.append([item["scene"], f"not measured: {item['failed']}", "", "", *[""] * (len(compared) + 2)])
             continue
-        arms = item["arms"]
-        exact = arms[EXACT]
+        variants = item["arms"]
+        exact = variants[EXACT]
         seconds = statistics.median(exact["seconds"])
         rows.append(
             [
@@ -127,8 +134,8 @@ def report(items: Sequence[dict[str, Any]]) -> str:
                 f"{item['width']} x {item['height']}, {item['spp']} spp",
                 f"{seconds:.2f}",
                 f"{statistics.median(exact['rays']) / seconds / MEGA:.1f}",
-                *(with_interval(arms[name]["time_ratio"]) for name in compared),
-                *(difference(arms[name]["squared_bias"]) for name in compared[:2]),
+                *(with_interval(variants[name]["time_ratio"]) for name in compared),
+                *(difference(variants[name]["squared_bias"]) for name in compared[:2]),
             ]
         )
     head = (
@@ -138,7 +145,7 @@ def report(items: Sequence[dict[str, Any]]) -> str:
         "exact: M rays/s",
         "robust / exact",
         "fast / exact",
-        "A/A: exact / exact",
+        "repeat of the same: exact / exact",
         "robust differs by",
         "fast differs by",
     )

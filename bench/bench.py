@@ -56,9 +56,9 @@ from warm import (
     with_interval,
 )
 
-from raytracer.noise import median_interval
+from raytracer.core.error_estimate import median_interval
 
-RT = "import sys; from raytracer.cli.main import main; sys.exit(main())"
+RT = "import sys; from raytracer.cli.base.app import main; sys.exit(main())"
 TINY = ("--spp", "1", "--crop", "0,0,8,8")
 STUDIES = {"equal_time": equal_time, "accuracies": accuracies, "samplers": samplers, "sweeps": sweeps, "lenses": lenses}
 PARTS = ("speed", "start", *STUDIES)
@@ -101,7 +101,7 @@ TARGETS = {
 
 
 def commands(task: Task, threads: int, peer: str | None) -> dict[str, list[str]]:
-    """How each renderer is started for a task."""
+    """Return the command that starts each renderer for a task."""
     size = (task.path, task.width, task.height, task.spp, threads)
     players = {
         OURS: our_command(*size),
@@ -129,7 +129,7 @@ def interleave(task: Task, threads: int, rounds: int, peer: str | None) -> dict[
 
 
 def digest(task: Task, about: dict[str, Any], runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Figures of one renderer's runs."""
+    """Summarize the runs of one renderer."""
     seconds = [run["render"] for run in runs]
     median = statistics.median(seconds)
     out = {
@@ -147,7 +147,7 @@ def digest(task: Task, about: dict[str, Any], runs: Sequence[dict[str, Any]]) ->
 
 
 def timed(command: Sequence[str], cache: str | None = None) -> float:
-    """Wall seconds of a fresh process.
+    """Run a command in a fresh process, and return its wall time (s).
 
     Raises
     ------
@@ -175,12 +175,12 @@ def rt_render(scene: Path, *options: str, cache: str | None = None) -> dict[str,
 
 
 def median_of(dictionaries: Sequence[dict[str, float]]) -> dict[str, float]:
-    """Medians by key."""
+    """Compute medians by key."""
     return {key: statistics.median(item[key] for item in dictionaries) for key in dictionaries[0]}
 
 
 def start_up(rounds: int) -> dict[str, Any]:
-    """Fresh processes with a warm cache."""
+    """Time fresh processes with a warm cache."""
     say("start-up")
     helps = [timed([sys.executable, "-c", RT, "--help"]) for _ in range(rounds)]
     tiny = {}
@@ -191,7 +191,7 @@ def start_up(rounds: int) -> dict[str, Any]:
 
 
 def cold_compiles() -> dict[str, Any]:
-    """Every scene in scenes/, each with a cache folder of its own."""
+    """Compile every scene in scenes/, each with a cache folder of its own."""
     out: dict[str, Any] = {}
     for path in sorted(SCENES.glob("*.yaml")):
         say(f"cold compile of {path.stem}")
@@ -208,7 +208,7 @@ def cold_compiles() -> dict[str, Any]:
 
 
 def speed_table(renders: Sequence[dict[str, Any]]) -> str:
-    """The warm renders."""
+    """Write the table of warm renders."""
     rows = []
     for item in renders:
         for name, it in item["renderers"].items():
@@ -234,7 +234,7 @@ def speed_table(renders: Sequence[dict[str, Any]]) -> str:
 
 
 def start_table(start: dict[str, Any]) -> str:
-    """The split of a fresh process."""
+    """Write the table of a fresh process's phases."""
     phases = list(next(iter(start["tiny"].values())))
     rows = [
         [scene, *(f"{taken[phase]:.0f}" if phase == "memory" else f"{taken[phase]:.3f}" for phase in phases)]
@@ -244,7 +244,7 @@ def start_table(start: dict[str, Any]) -> str:
 
 
 def compile_table(cold: dict[str, Any]) -> str:
-    """Compiling without a cache."""
+    """Write the table of compile times without a cache."""
     rows = [
         [scene, f"{it['compile']:.2f}", f"{it['wall']:.2f}"] if "compile" in it else [scene, it["failed"], ""]
         for scene, it in cold.items()
@@ -253,7 +253,7 @@ def compile_table(cold: dict[str, Any]) -> str:
 
 
 def achieved(report: dict[str, Any]) -> dict[str, float]:
-    """The figure for each target that was measured."""
+    """Return the figure for each target that was measured."""
     by_scene: dict[str, dict[int, dict[str, Any]]] = {}
     for item in report["renders"]:
         by_scene.setdefault(item["scene"], {})[item["threads"]] = item["renderers"]
@@ -285,14 +285,14 @@ def achieved(report: dict[str, Any]) -> dict[str, float]:
             out["cover, time to equal error by Sobol / independent"] = sobol["time_to_equal_error"][0]
     if "sweeps" in report:
         out["cover by 7 x 5 apertures and distances, sweep / its renders alone"] = report["sweeps"]["to_alone"][0]
-    arms = report.get("lenses", {}).get("arms", {})
-    if lenses.DISPERSING in arms:
-        out["cover through the double Gauss / through a thin lens"] = arms[lenses.DISPERSING]["time_ratio"][0]
+    variants = report.get("lenses", {}).get("arms", {})
+    if lenses.DISPERSING in variants:
+        out["cover through the double Gauss / through a thin lens"] = variants[lenses.DISPERSING]["time_ratio"][0]
     return out
 
 
 def target_table(figures: dict[str, float]) -> str:
-    """Targets beside what was measured."""
+    """Write the table of targets beside measured figures."""
     rows = []
     for name, target in TARGETS.items():
         if name in figures:
@@ -302,7 +302,7 @@ def target_table(figures: dict[str, float]) -> str:
 
 
 def versions(renders: Sequence[dict[str, Any]]) -> str:
-    """What the renderers run on."""
+    """Return the versions and the hardware of the renderers."""
     known = ("rt", "python", "numba", "llvmlite", "numpy", "embreex", "target", "mitsuba", "variant")
     renderers = renders[0]["renderers"] if renders else {}
     return "".join(
@@ -313,7 +313,7 @@ def versions(renders: Sequence[dict[str, Any]]) -> str:
 
 
 def report(result: dict[str, Any]) -> str:
-    """All figures as Markdown."""
+    """Write all figures as Markdown."""
     parts = [versions(result["renders"]), speed_table(result["renders"])]
     if "start" in result:
         parts.append(
@@ -340,7 +340,7 @@ def parse_arguments() -> argparse.Namespace:
 
 
 def measure(arguments: argparse.Namespace) -> dict[str, Any]:
-    """All parts that are wanted."""
+    """Measure all parts that are wanted."""
     rounds = arguments.rounds or (QUICK_ROUNDS if arguments.quick else ROUNDS)
     threads, peer, quick = arguments.threads, arguments.peer, arguments.quick
     result: dict[str, Any] = {"renders": []}

@@ -16,11 +16,12 @@ from typing import Any
 import distributed
 import numpy as np
 
-from raytracer.cluster import Cluster
-from raytracer.rendering import Rendered, render
+from raytracer.rendering.cluster import Cluster
+from raytracer.rendering.render import render
+from raytracer.rendering.session import Rendered
+from raytracer.rendering.worker_pool import available_threads
 from raytracer.scene.load import load
 from raytracer.scene.spec import SceneSpec
-from raytracer.scheduling import available_threads
 
 SCENE = Path(__file__).parents[1] / "scenes" / "cover.yaml"
 
@@ -29,18 +30,18 @@ _TRIAL_SPP = 64
 
 
 def timed(spec: SceneSpec, spp: int, cluster: Cluster | None = None) -> tuple[float, Rendered]:
-    """Seconds of a whole render, from the checked scene to the image; and the render."""
+    """Time a whole render, from the checked scene to the image (s); return that and the render."""
     begin = time.perf_counter()
     rendered = render(spec, spp=spp, cluster=cluster)
     return time.perf_counter() - begin, rendered
 
 
 def measure(spec: SceneSpec, spp: int, workers: int, threads: int, rounds: int) -> str:
-    """A line of the table, for so many workers of so many threads each."""
+    """Measure a line of the table, for so many workers of so many threads each."""
     here: list[float] = []
     there: list[float] = []
     local_cluster: Any = distributed.LocalCluster
-    settings = {"host": "127.0.0.1", "dashboard_address": None, "preload": "raytracer.cluster.worker"}
+    settings = {"host": "127.0.0.1", "dashboard_address": None, "preload": "raytracer.rendering.cluster.worker"}
     with (
         local_cluster(n_workers=workers, threads_per_worker=threads, **settings) as dask,
         Cluster(dask) as cluster,

@@ -1,4 +1,4 @@
-"""How long `rt compare` takes for two images of 3840 x 2160 pixels, part by part.
+"""Time `rt compare` for two images of 3840 x 2160 pixels, part by part.
 
     python bench/compare.py [--rounds 3] [--width 3840] [--height 2160]
 
@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from raytracer.comparison import compare, encode, flip, mse, ssim, z_test
+from raytracer.analysis.compare import compare, encode, flip, mse, ssim, z_test
 from raytracer.film.image import Image
-from raytracer.film.output import load_encoded, load_layers
+from raytracer.film.image_file import load_encoded, load_layers
 
 
 def main() -> None:

@@ -31,7 +31,7 @@ from warm import (
     with_interval,
 )
 
-from raytracer.noise import ratio_interval
+from raytracer.core.error_estimate import ratio_interval
 
 WIDTH, HEIGHT, SPP = 400, 225, 64
 PLAIN, AGAIN = "the cover", "the same again"
@@ -40,7 +40,7 @@ MAP_EDGE = 256
 
 
 def write_sky(path: Path) -> None:
-    """The cover's gradient as an equirectangular image, top row up."""
+    """Write the cover's gradient as an equirectangular image, top row up."""
     height = np.cos(np.pi * (np.arange(HALF_SKY) + 0.5) / HALF_SKY)
     blend = (0.5 * (height + 1.0))[:, None, None]
     rows = (1.0 - blend) * np.array([1.0, 1.0, 1.0]) + blend * np.array([0.5, 0.7, 1.0])
@@ -48,21 +48,21 @@ def write_sky(path: Path) -> None:
 
 
 def write_image(path: Path) -> None:
-    """Smooth stripes around the cover's ground colour, in linear light."""
+    """Write smooth stripes around the cover's ground colour, in linear light."""
     wave = 0.5 + 0.1 * np.sin(2.0 * np.pi * np.arange(MAP_EDGE) / MAP_EDGE)
     np.save(path, np.broadcast_to(wave[:, None, None], (MAP_EDGE, MAP_EDGE, 3)).astype(np.float32))
 
 
 def write_normals(path: Path) -> None:
-    """Gentle waves, as a normal map of the OpenGL kind."""
+    """Write gentle waves as a normal map of the OpenGL kind."""
     slope = 0.2 * np.sin(2.0 * np.pi * np.arange(MAP_EDGE) / MAP_EDGE)
     normals = np.stack(np.broadcast_arrays(slope[:, None], slope[None, :], 1.0), axis=-1)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     np.save(path, (0.5 * normals + 0.5).astype(np.float32))
 
 
-def arms(folder: Path) -> dict[str, tuple[Path, list[str]]]:
-    """Scene file and overrides of every arm, by its name."""
+def variants(folder: Path) -> dict[str, tuple[Path, list[str]]]:
+    """List the scene file and overrides of every variant, by its name."""
     cover = SCENES / "cover.yaml"
     sky, image, normals = (folder / f"{name}.npy" for name in ("sky", "image", "normals"))
     write_sky(sky)
@@ -99,9 +99,9 @@ def arms(folder: Path) -> dict[str, tuple[Path, list[str]]]:
 
 
 def measure(rounds: int, threads: int) -> dict[str, Any]:
-    """Warm renders of all arms in turn, and their ratios to the plain cover."""
+    """Warm renders of all variants in turn, and their ratios to the plain cover."""
     with tempfile.TemporaryDirectory() as folder, Renderers() as renderers:
-        for name, (path, defines) in arms(Path(folder)).items():
+        for name, (path, defines) in variants(Path(folder)).items():
             options = [word for define in defines for word in ("--define", define)]
             renderers.start(name, [*our_command(path, WIDTH, HEIGHT, SPP, threads), *options])
         answers = renderers.take_turns(rounds, 1, dict.fromkeys(renderers, SPP))
@@ -120,17 +120,17 @@ def measure(rounds: int, threads: int) -> dict[str, Any]:
 
 
 def report(result: dict[str, Any]) -> str:
-    """The figures as Markdown."""
+    """Write the figures as Markdown."""
     rows = [
         [
             name,
-            f"{statistics.median(arm['seconds']):.3f}",
-            with_interval(arm["time_ratio"]),
-            f"{arm['rays_ratio']:.2f}",
-            f"{arm['time_ratio'][0] / arm['rays_ratio']:.2f}",
-            f"{arm['noise_ratio']:.2f}",
+            f"{statistics.median(variant['seconds']):.3f}",
+            with_interval(variant["time_ratio"]),
+            f"{variant['rays_ratio']:.2f}",
+            f"{variant['time_ratio'][0] / variant['rays_ratio']:.2f}",
+            f"{variant['noise_ratio']:.2f}",
         ]
-        for name, arm in result["arms"].items()
+        for name, variant in result["arms"].items()
     ]
     rows += [[name, f"not measured: {reason}", "", "", "", ""] for name, reason in result["failed"].items()]
     return table(("scene", "seconds", "time", "rays", "time per ray", "relMSE"), rows)

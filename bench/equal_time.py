@@ -1,4 +1,4 @@
-"""Compare the error of our pictures with that of Mitsuba 3's at equal time, on the scenes of peers/compare.py.
+"""Compare the error of our pictures with that of Mitsuba 3's at equal time, on the scenes of bench/peers/compare.py.
 
     python bench/equal_time.py --peer .venv-peers/bin/python
 
@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import math
 import statistics
-import sys
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -28,7 +27,6 @@ import numpy as np
 from warm import (
     PEER_PYTHON,
     QUICK_ROUNDS,
-    ROOT,
     ROUNDS,
     Array,
     Failed,
@@ -45,7 +43,7 @@ from warm import (
     with_interval,
 )
 
-from raytracer.noise import bootstrap_intervals, ratio_interval, weights
+from raytracer.core.error_estimate import bootstrap_intervals, error_weights, ratio_interval
 
 OURS, INDEPENDENT = "rt", "Mitsuba, independent"
 BETTER = ("Mitsuba, stratified", "Mitsuba, multijitter", "Mitsuba, ldsampler")
@@ -69,15 +67,14 @@ class Reference(NamedTuple):
 
 
 def cases() -> Sequence[Any]:
-    """The scenes that peers/compare.py compares, each with `scene`, `width` and `height`."""
-    sys.path.append(str(ROOT / "peers"))
-    from compare import CASES
+    """List the scenes that bench/peers/compare.py compares, each with `scene`, `width` and `height`."""
+    from peers.compare import CASES
 
     return tuple(CASES)
 
 
 def reference(renderers: Renderers, name: str, spp: int, renders: int) -> Reference:
-    """The mean of renders of other seeds than those that are timed."""
+    """Average renders of other seeds than those that are timed."""
     say(f"  reference of {renders} x {spp} spp")
     answers = renderers.take_turns(renders, FIRST_OF_REFERENCE, {name: spp}, pictures=True)
     pictures = pictures_of(answers[name])
@@ -85,7 +82,7 @@ def reference(renderers: Renderers, name: str, spp: int, renders: int) -> Refere
 
 
 def trial(renderers: Renderers, spp: int) -> tuple[str, dict[str, int]]:
-    """The best one of Mitsuba's other samplers, and our spp that fit in the time of it and of the default."""
+    """Find the best of Mitsuba's other samplers, and our spp that fit in the time of it and of the default."""
     answers = renderers.take_turns(TRIALS, FIRST_OF_TRIAL, dict.fromkeys(renderers, spp))
     best = min(BETTER, key=lambda name: float(np.median(figures(answers[name], "noise") * figures(answers[name]))))
     times = {name: np.median(figures(answers[name]) / figures(answers[OURS])) for name in (INDEPENDENT, best)}
@@ -93,15 +90,18 @@ def trial(renderers: Renderers, spp: int) -> tuple[str, dict[str, int]]:
 
 
 def error_ratio(sums: Array) -> Array:
-    """Of errors at equal time, from sums over rounds (n, 4): our errors, theirs, logarithms of ratios of times, 1."""
+    """Compute the ratio of errors at equal time, from sums over rounds.
+
+    sums (n, 4) : our errors, theirs, logarithms of ratios of times, and 1.
+    """
     return np.asarray(sums[:, 0] / sums[:, 1] * np.exp(sums[:, 2] / sums[:, 3]))
 
 
 def play(renderers: Renderers, spp: dict[str, int], rounds: int, references: dict[str, Reference]) -> dict[str, Any]:
-    """Renders by us and a rival in turn, in about the same time: seconds, errors, and their ratios."""
+    """Render by us and a rival in turn, in about the same time: seconds, errors, and their ratios."""
     (rival,) = set(spp) - {OURS}
     answers = renderers.take_turns(rounds, FIRST_SEED, spp, pictures=True)
-    w = weights((references[OURS].mean + references[rival].mean) / 2.0)
+    w = error_weights((references[OURS].mean + references[rival].mean) / 2.0)
     relmse, seconds = {}, {}
     for name in spp:
         mean, variance = references[name]
@@ -120,7 +120,7 @@ def play(renderers: Renderers, spp: dict[str, int], rounds: int, references: dic
 
 
 def measure_case(case: Any, peer: str, rounds: int, threads: int, spp: int, renders: int) -> dict[str, Any]:
-    """A scene in both programs.
+    """Measure a scene in both programs.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def measure_case(case: Any, peer: str, rounds: int, threads: int, spp: int, rend
         ours = reference(renderers, OURS, fitting[best], renders)
         references = {OURS: ours, INDEPENDENT: theirs, best: theirs}
         matches = [play(renderers, {OURS: mine, rival: spp}, rounds, references) for rival, mine in fitting.items()]
-        w = weights((ours.mean + theirs.mean) / 2.0)
+        w = error_weights((ours.mean + theirs.mean) / 2.0)
         return {
             "about": {name: worker.about for name, worker in renderers.items()},
             "matches": matches,
@@ -149,7 +149,7 @@ def measure_case(case: Any, peer: str, rounds: int, threads: int, spp: int, rend
 
 
 def measure(peer: str, rounds: int, threads: int, quick: bool, scenes: Sequence[str] = ()) -> dict[str, Any]:
-    """All scenes that both programs can show, or those named."""
+    """Measure all scenes that both programs can show, or those named."""
     spp, renders = (QUICK_SPP, QUICK_REFERENCE) if quick else (SPP, REFERENCE)
     items = []
     for case in cases():
@@ -166,7 +166,7 @@ def measure(peer: str, rounds: int, threads: int, quick: bool, scenes: Sequence[
 
 
 def report(items: Sequence[dict[str, Any]]) -> str:
-    """The figures as Markdown."""
+    """Write the figures as Markdown."""
     rows = []
     for item in items:
         scene = f"{item['scene']}, {item['width']} x {item['height']}"

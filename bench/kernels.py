@@ -29,30 +29,36 @@ DEFAULT_SCENES = ("cover", "cornell", "glass", "textures", "studio")
 _LABEL = re.compile(r'^"?([_A-Za-z][^:"]*)"?:')
 _INSTRUCTION = re.compile(r"^\s+([a-z]\w*)(?:\s|$)")
 
-# How the compiler calls the kernel itself.
-_KERNEL = "_ZN9raytracer10integrator"
+# The compiler's name of the kernel, `render_tile`, in whatever module of the package it is.
+_KERNEL = re.compile(r"_ZN9raytracer(?:\d+[a-z_]+?)+11render_tile")
 
 
 def instructions(scene: Path) -> Counter[str]:
-    """How often the kernel of a scene does what, by the sources that this process imports."""
-    from raytracer.integrator import render_tile
-    from raytracer.preparation import prepare
+    """Count the instructions of a scene's kernel, as the sources that this process imports compile it."""
     from raytracer.scene.load import load
 
-    prepare(load(scene))
+    try:
+        from raytracer.kernel.path_tracer import render_tile
+        from raytracer.rendering.compilation import compile_scene
+    except ImportError:
+        # Older revisions have these under other names.
+        from raytracer.kernel.path_tracer import render_tile
+        from raytracer.rendering.cluster.worker import prepare as compile_scene
+
+    compile_scene(load(scene))
     (code,) = render_tile.inspect_asm().values()
     counts: Counter[str] = Counter()
     inside = False
     for line in code.splitlines():
         if label := _LABEL.match(line):
-            inside = label[1].startswith(_KERNEL)
-        elif inside and (found := _INSTRUCTION.match(line)):
-            counts[found[1]] += 1
+            inside = _KERNEL.match(label[1]) is not None
+        elif inside and (instruction := _INSTRUCTION.match(line)):
+            counts[instruction[1]] += 1
     return counts
 
 
 def counted(tree: Path, scene: Path) -> Counter[str]:
-    """The same by the sources of a tree, in a process of its own.
+    """Count them as the sources of a tree compile them, in a process of its own.
 
     Raises
     ------
@@ -74,7 +80,7 @@ def counted(tree: Path, scene: Path) -> Counter[str]:
 
 
 def exported(revision: str, folder: Path) -> Path:
-    """The tree of a revision, with the files that make has made of this one."""
+    """Export the tree of a revision into a folder, with the generated files of this one."""
     archive = subprocess.run(["git", "-C", str(ROOT), "archive", revision], capture_output=True, check=True)
     subprocess.run(["tar", "-x", "-C", str(folder)], input=archive.stdout, check=True)
     generated = folder / "scenes" / "generated"
@@ -84,7 +90,7 @@ def exported(revision: str, folder: Path) -> Path:
 
 
 def compare(scene: str, before: Path) -> list[str]:
-    """The row of a scene: its instructions by the sources of `before`, by ours, and what differs."""
+    """Make the row of a scene: its instructions by the sources of `before`, by ours, and how many differ."""
     say(scene)
     old = counted(before, before / "scenes" / f"{scene}.yaml")
     new = counted(ROOT, SCENES / f"{scene}.yaml")

@@ -32,7 +32,7 @@ from warm import (
     with_interval,
 )
 
-from raytracer.noise import ratio_interval
+from raytracer.core.error_estimate import ratio_interval
 
 WIDTH, HEIGHT, SPP, QUICK_SPP = 400, 225, 64, 16
 
@@ -63,7 +63,7 @@ def measure(rounds: int, threads: int, quick: bool) -> dict[str, Any]:
             size = (SCENES / "cover.yaml", WIDTH, HEIGHT, spp, threads)
             renderers.start(name, [*our_command(*size), "--define", f"camera={camera}"])
         answers = renderers.take_turns(rounds, 1, dict.fromkeys(renderers, spp))
-    arms = {
+    variants = {
         name: {
             "seconds": figures(answers[name]).tolist(),
             "rays": statistics.median(figures(answers[name], "rays")),
@@ -73,20 +73,20 @@ def measure(rounds: int, threads: int, quick: bool) -> dict[str, Any]:
         for name in renderers
     }
     about = {"width": WIDTH, "height": HEIGHT, "spp": spp, "threads": threads, "rounds": rounds}
-    return {"lenses": {**about, "arms": arms, "failed": renderers.failed}}
+    return {"lenses": {**about, "arms": variants, "failed": renderers.failed}}
 
 
 def report(found: Mapping[str, Any]) -> str:
-    """The figures as Markdown."""
+    """Write the figures as Markdown."""
     rows = [
         [
             name,
-            f"{statistics.median(arm['seconds']):.3f}",
-            f"{arm['rays'] / MEGA:.1f}",
-            with_interval(arm["time_ratio"]),
-            f"{arm['noise_ratio']:.2f}",
+            f"{statistics.median(variant['seconds']):.3f}",
+            f"{variant['rays'] / MEGA:.1f}",
+            with_interval(variant["time_ratio"]),
+            f"{variant['noise_ratio']:.2f}",
         ]
-        for name, arm in found["arms"].items()
+        for name, variant in found["arms"].items()
     ]
     rows += [[name, f"not measured: {reason}", "", "", ""] for name, reason in found["failed"].items()]
     head = ("camera", "seconds", "M rays", "time / the thin lens's", "relMSE / the thin lens's")

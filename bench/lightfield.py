@@ -22,10 +22,13 @@ from typing import Any
 
 from warm import MEGA, QUICK_ROUNDS, ROUNDS, SCENES, arguments_for, measured, publish, say, table, with_interval
 
-from raytracer.lightfield.bands import Band, capture
-from raytracer.noise import ratio_interval
-from raytracer.plenoptic import lf
-from raytracer.rendering import Ready, ready, render
+from raytracer.core.error_estimate import ratio_interval
+from raytracer.film.light_field import lf
+from raytracer.lightfield.capturing.bands import ViewBand
+from raytracer.lightfield.capturing.capture import capture
+from raytracer.rendering.options import RenderOptions
+from raytracer.rendering.prepared_scene import PreparedScene
+from raytracer.rendering.render import prepare_scene, render, render_prepared
 from raytracer.scene.load import load
 from raytracer.scene.spec import SceneSpec
 
@@ -39,7 +42,7 @@ QUICK = {"film.width": 128, "film.height": 96}
 
 
 def one_lens(spec: SceneSpec, overrides: dict[str, Any]) -> SceneSpec:
-    """The scene before the one square lens that all lenses of the array make up."""
+    """Build the scene before the one square lens that all lenses of the array make up."""
     camera: Any = spec.camera
     side = 1e3 * camera.spacing[0] * camera.columns
     keys = {
@@ -54,26 +57,26 @@ def one_lens(spec: SceneSpec, overrides: dict[str, Any]) -> SceneSpec:
     return load(SCENE, {**overrides, "camera": keys})
 
 
-def seconds_of_row(views: Ready, row: int, path: Path) -> float:
-    """Seconds for rendering a row of views, and writing them."""
+def seconds_of_row(views: PreparedScene, row: int, path: Path) -> float:
+    """Time rendering and writing a row of views (s)."""
     layout: Any = views.packed.spec.camera.layout(views.packed.spec.film.width, views.packed.spec.film.height)
-    band = Band(row, row + 1, 0, layout.views.columns)
+    band = ViewBand(row, row + 1, 0, layout.views.columns)
     part = band.layout(layout.views)
     begin = time.perf_counter()
-    image = views.part(band.window(layout.views)).render().image
+    image = render_prepared(views.for_window(band.window(layout.views))).image
     lf.write(path, part.light_field(image))
     return time.perf_counter() - begin
 
 
-def seconds_of_picture(picture: Ready) -> float:
-    """Seconds for rendering the one picture."""
+def seconds_of_picture(picture: PreparedScene) -> float:
+    """Time rendering the one picture (s)."""
     begin = time.perf_counter()
-    picture.render()
+    render_prepared(picture)
     return time.perf_counter() - begin
 
 
 def measure(rounds: int, threads: int, overrides: dict[str, Any], *, whole: bool) -> dict[str, Any]:
-    """Rounds of a row of views and of one picture in turns."""
+    """Measure rounds of a row of views and of one picture in turns."""
     spec = load(SCENE, overrides)
     camera: Any = spec.camera
     single = one_lens(spec, overrides)
@@ -81,10 +84,10 @@ def measure(rounds: int, threads: int, overrides: dict[str, Any], *, whole: bool
     width, height = spec.film.width, spec.film.height
     edge = math.sqrt(camera.columns)
     large = {**overrides, "film.width": round(edge * width), "film.height": round(edge * height)}
-    views = ready(spec, threads=threads)
+    views = prepare_scene(spec, RenderOptions(threads=threads))
     pictures = {
-        AS_MANY_PIXELS: ready(one_lens(spec, large), spp=spp, threads=threads),
-        ONE_VIEW: ready(single, spp=spp * camera.columns, threads=threads),
+        AS_MANY_PIXELS: prepare_scene(one_lens(spec, large), RenderOptions(spp=spp, threads=threads)),
+        ONE_VIEW: prepare_scene(single, RenderOptions(spp=spp * camera.columns, threads=threads)),
     }
     seconds: dict[str, list[float]] = {name: [] for name in (VIEWS, *pictures)}
     found: dict[str, Any] = {
@@ -121,7 +124,7 @@ def measure(rounds: int, threads: int, overrides: dict[str, Any], *, whole: bool
 
 
 def text_of(result: dict[str, Any]) -> str:
-    """The figures as Markdown."""
+    """Write the figures as Markdown."""
     columns, rows, width, height = result["views"]
     rows_of_table = []
     for name, seconds in result["seconds"].items():

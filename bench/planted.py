@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import raytracer as rt
-from raytracer.comparison import Verdict, z_test
+from raytracer.analysis.compare import Verdict, z_test
 
 Array = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ class Renders:
 
 
 def size(width: int, height: int) -> dict[str, int]:
-    """Overrides that set a picture's size."""
+    """Return the overrides that set a picture's size."""
     return {"film.width": width, "film.height": height}
 
 

@@ -27,10 +27,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from warm import QUICK_ROUNDS, ROUNDS, SCENES, Array, arguments_for, measured, publish, say, table, tiles_of
 
-from raytracer.cost.results import Arm, Prediction
-from raytracer.cost.study import study
-from raytracer.noise import Interval, mse_by_tile, ratio_interval, weights
-from raytracer.rendering import Rendered, render
+from raytracer.analysis.cost.results import Prediction, VariantResult
+from raytracer.analysis.cost.study import study
+from raytracer.analysis.cost.study_options import StudyOptions
+from raytracer.core.error_estimate import Interval, error_weights, mse_by_tile, ratio_interval
+from raytracer.rendering.render import render
+from raytracer.rendering.session import Rendered
 from raytracer.scene.load import build, load
 from raytracer.scene.spec import SceneSpec
 
@@ -84,7 +86,7 @@ LIMITS, QUICK_LIMITS = (10.0, 30.0), (5.0,)
 
 
 def reference(spec: SceneSpec, name: str, folder: Path) -> Array:
-    """The picture of 65,536 samples per pixel, from the folder or rendered into it."""
+    """Return the picture of 65,536 samples per pixel, from the folder or rendered into it."""
     path = folder / f"{name.replace('/', '_')}_{spec.film.width}x{spec.film.height}.npy"
     if not path.exists():
         say(f"  reference of {name}")
@@ -95,28 +97,28 @@ def reference(spec: SceneSpec, name: str, folder: Path) -> Array:
 
 
 def squared_error(pictures: list[Array], spp: int, truth: Array | None) -> float:
-    """Mean relative squared error of renders with `spp` samples and different seeds.
+    """Average the relative squared error of renders with `spp` samples and different seeds.
 
     Against a reference, the part of the difference that is its own error is left out, as much as falls as 1 / N.
     """
     stack = np.stack(pictures)
     if truth is None:
-        return float(np.mean(weights(stack.mean(axis=0)) * stack.var(axis=0, ddof=1)))
+        return float(np.mean(error_weights(stack.mean(axis=0)) * stack.var(axis=0, ddof=1)))
     share = REFERENCE_SPP / (REFERENCE_SPP + spp)
-    return share * float(np.mean(weights(truth) * (stack - truth) ** 2))
+    return share * float(np.mean(error_weights(truth) * (stack - truth) ** 2))
 
 
 def seconds_of(run: Rendered) -> float:
-    """Seconds of a render besides compiling, which is done once for many."""
+    """Return the seconds of a render without compiling, which is done once for many."""
     return float(run.stats.seconds["total"] - run.stats.seconds["compile"])
 
 
 def predict(case: Case, size: tuple[int, int], target: float, threads: int, folder: Path | None) -> dict[str, Any]:
-    """A prediction, and what the target really takes."""
+    """Predict the samples and seconds to a target, and measure them."""
     say(f"{case.name} {size[0]} x {size[1]}")
     spec = load(SCENES / f"{case.name}.yaml", {"film.width": size[0], "film.height": size[1]})
     truth = None if folder is None else reference(spec, case.name, folder)
-    foretold: Prediction = study(spec, target=target, arms=[], threads=threads, seed=1).prediction
+    foretold: Prediction = study(spec, StudyOptions(target, variants=[], threads=threads, seed=1)).prediction
     spp = max(8, round(foretold.target_spp.value))
     runs = [render(spec, spp=spp, seed=seed, threads=threads) for seed in (2, 3)]
     error = math.sqrt(squared_error([run.image.radiance for run in runs], spp, truth))
@@ -140,7 +142,7 @@ def predict(case: Case, size: tuple[int, int], target: float, threads: int, fold
 
 
 def report_predictions(found: dict[str, dict[str, Any]]) -> str:
-    """What was foretold beside what was needed."""
+    """Write predicted beside measured samples and seconds."""
     rows = []
     good = 0
     for name, one in found.items():
@@ -168,26 +170,31 @@ def report_predictions(found: dict[str, dict[str, Any]]) -> str:
 
 
 def never_entered(rounds: int, threads: int, quick: bool) -> dict[str, Any]:
-    """Arms of the cover with a medium far below the ground."""
+    """Measure the variants of the cover with a medium far below the ground."""
     say("a medium that is never entered")
     size = {"film.width": 160, "film.height": 90} if quick else {"film.width": 480, "film.height": 270}
     text = (SCENES / "cover.yaml").read_text(encoding="utf-8").rstrip() + NEVER_ENTERED
-    arms = study(build(text, "cover with mist", size), arms=["media"], rounds=rounds, threads=threads, seed=1).arms
-    return {"A/A" if arm.group == "control" else "without it": _row(arm) for arm in arms if arm.group != "scene"}
-
-
-def _row(arm: Arm) -> dict[str, Any]:
+    options = StudyOptions(variants=["media"], rounds=rounds, threads=threads, seed=1)
+    variants = study(build(text, "cover with mist", size), options).variants
     return {
-        "time": list(arm.time),
-        "time_differs": arm.time_differs,
-        "noise_differs": arm.noise_differs,
-        "bias": None if arm.bias is None else list(arm.bias),
-        "bias_resolved": arm.bias_resolved,
+        "A/A" if variant.group == "control" else "without it": _row(variant)
+        for variant in variants
+        if variant.group != "scene"
+    }
+
+
+def _row(variant: VariantResult) -> dict[str, Any]:
+    return {
+        "time": list(variant.time),
+        "time_differs": variant.time_differs,
+        "noise_differs": variant.noise_differs,
+        "bias": None if variant.bias is None else list(variant.bias),
+        "bias_resolved": variant.bias_resolved,
     }
 
 
 def report_never_entered(found: dict[str, dict[str, Any]]) -> str:
-    """The arms of the cover with a medium."""
+    """Report the variants of the cover with a medium."""
     rows = [
         [
             name,
@@ -198,14 +205,14 @@ def report_never_entered(found: dict[str, dict[str, Any]]) -> str:
         ]
         for name, one in found.items()
     ]
-    return table(["arm", "time against the scene", "time differs", "noise differs", "bias resolved"], rows)
+    return table(["variant", "time against the scene", "time differs", "noise differs", "bias resolved"], rows)
 
 
 # ---- Noise
 
 
 def to_equal_error(rounds: int, threads: int, target: float) -> dict[str, Any]:
-    """Renders to a noise target, and with as many samples in every pixel, in turns."""
+    """Render to a noise target, and with as many samples in every pixel, in turns."""
     say(f"half a picture is a plain wall, to {target:.2%}")
     spec = build(HALF_WALL, "halves")
     # Compile, and see how many samples it takes.
@@ -219,7 +226,7 @@ def to_equal_error(rounds: int, threads: int, target: float) -> dict[str, Any]:
             else:
                 even.append(render(spec, spp=spp, seed=1000 + turn, threads=threads))
     pictures = [np.stack([run.image.radiance.reshape(-1, 3) for run in runs]) for runs in (adaptive, even)]
-    weight = weights(np.concatenate(pictures).mean(axis=0))
+    weight = error_weights(np.concatenate(pictures).mean(axis=0))
     owner = tiles_of(spec.film.width, spec.film.height)
     own, other = (mse_by_tile(stack, weight, owner).mean for stack in pictures)
     seconds = [np.array([run.stats.seconds["render"] for run in runs]) for runs in (adaptive, even)]
@@ -236,7 +243,7 @@ def to_equal_error(rounds: int, threads: int, target: float) -> dict[str, Any]:
 
 
 def report_equal_error(found: dict[str, Any]) -> str:
-    """What adaptive samples save."""
+    """Write the time that adaptive sampling saves."""
     value, low, high = found["time_to_equal_error"]
     fewest, mean, most = found["spp"]
     return (
@@ -250,9 +257,14 @@ def report_equal_error(found: dict[str, Any]) -> str:
 
 
 def limit(seconds: float, threads: int) -> dict[str, float]:
-    """Seconds of a whole `rt render --time-limit`, compiled before."""
+    """Time a whole `rt render --time-limit` (s), compiled before."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-c", "import sys; from raytracer.cli.main import main; sys.exit(main())", "render"]
+        command = [
+            sys.executable,
+            "-c",
+            "import sys; from raytracer.cli.base.app import main; sys.exit(main())",
+            "render",
+        ]
         command += [str(SCENES / "cover.yaml"), "--quiet", "--threads", str(threads), "-o", f"{folder}/cover.png"]
         subprocess.run([*command, "--spp", "1"], check=True)
         start = time.perf_counter()
@@ -263,7 +275,7 @@ def limit(seconds: float, threads: int) -> dict[str, float]:
 
 
 def report_limits(found: list[dict[str, float]]) -> str:
-    """How near to their limits commands end."""
+    """Compare the times of commands with their limits."""
     rows = [[f"{x['limit']:g} s", f"{x['took']:.2f} s", f"{x['took'] / x['limit'] - 1.0:+.1%}"] for x in found]
     return table(["time limit", "whole command", "off"], rows)
 
@@ -272,7 +284,7 @@ def report_limits(found: list[dict[str, float]]) -> str:
 
 
 def measure(rounds: int, threads: int, quick: bool, folder: Path | None) -> dict[str, Any]:
-    """Every figure."""
+    """Measure every figure."""
     predictions = {}
     for case in CASES:
         size = case.small if folder is not None else case.quick if quick else case.usual
@@ -287,7 +299,7 @@ def measure(rounds: int, threads: int, quick: bool, folder: Path | None) -> dict
 
 
 def report(found: dict[str, Any]) -> str:
-    """Markdown."""
+    """Write the figures as Markdown."""
     parts = [
         report_predictions(found["predictions"]),
         report_never_entered(found["never_entered"]),

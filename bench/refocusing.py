@@ -1,4 +1,4 @@
-"""How long it takes to focus a light field, by shift-and-sum and by slices of its spectrum.
+"""Time the refocusing of a light field, by shift-and-sum and by slices of its spectrum.
 
     python bench/refocusing.py [--views 9] [--width 512] [--height 384] [--planes 1,5,20,50]
 
@@ -12,10 +12,10 @@ import time
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from raytracer.lightfield.refocusing import focal_stack
-from raytracer.plenoptic.field import LightField
-from raytracer.plenoptic.focusing import refocusable
-from raytracer.plenoptic.views import Plane, Views
+from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.focusing import refocusable
+from raytracer.film.light_field.views import Plane, Views
+from raytracer.lightfield.refocusing.refocus import focal_stack
 
 _SPACING, _FOCUS = 0.004, 0.6
 

@@ -39,7 +39,7 @@ from warm import (
     with_interval,
 )
 
-from raytracer.noise import mse_by_tile, ratio_interval, ratio_of_sums, weights
+from raytracer.core.error_estimate import error_weights, mse_by_tile, ratio_interval, ratio_of_sums
 
 INDEPENDENT, OTHERS = "independent", ("sobol", "stratified")
 LEVELS, QUICK_LEVELS = (16, 64, 256), (4, 16)
@@ -47,7 +47,7 @@ PIXELS, QUICK_PIXELS = 12_000, 3_000
 
 
 def slope(levels: Sequence[int], squared_errors: Sequence[float]) -> float:
-    """The exponent with which error falls as samples grow, by a line through the logarithms: 1/2 if independent."""
+    """Fit the exponent with which error falls as samples grow: 1/2 if independent."""
     return float(-0.5 * np.polyfit(np.log(levels), np.log(squared_errors), 1)[0])
 
 
@@ -70,7 +70,7 @@ def measure_scene(path: Path, rounds: int, threads: int, levels: Sequence[int], 
             pictures.append({name: pictures_of(answers[name]) for name in renderers})
 
     # The most samples tell the brightness of pixels best.
-    w = weights(np.mean([stack.mean(axis=0) for stack in pictures[-1].values()], axis=0))
+    w = error_weights(np.mean([stack.mean(axis=0) for stack in pictures[-1].values()], axis=0))
     tiles = tiles_of(width, height)
     samplers = {}
     for name in (INDEPENDENT, *OTHERS):
@@ -89,7 +89,7 @@ def measure_scene(path: Path, rounds: int, threads: int, levels: Sequence[int], 
 
 
 def measure(rounds: int, threads: int, quick: bool, scenes: Sequence[str] = ()) -> dict[str, Any]:
-    """All scenes of scenes/, or those named."""
+    """Measure all scenes of scenes/, or those named."""
     levels, pixels = (QUICK_LEVELS, QUICK_PIXELS) if quick else (LEVELS, PIXELS)
     items = []
     for path in scene_files(scenes):
@@ -102,7 +102,7 @@ def measure(rounds: int, threads: int, quick: bool, scenes: Sequence[str] = ()) 
 
 
 def report(items: Sequence[dict[str, Any]]) -> str:
-    """The figures as Markdown."""
+    """Write the figures as Markdown."""
     rows = []
     for item in items:
         if "failed" in item:

@@ -26,11 +26,11 @@ from typing import Any
 import numpy as np
 from warm import QUICK_ROUNDS, ROUNDS, SCENES, arguments_for, measured, publish, say, table, with_interval
 
-from raytracer.noise import ratio_interval
-from raytracer.rendering import render
+from raytracer.analysis.sweep.run import sweep
+from raytracer.core.error_estimate import ratio_interval
+from raytracer.rendering.render import render
+from raytracer.scene.cache import RenderCache
 from raytracer.scene.load import load
-from raytracer.stock import Stock
-from raytracer.sweeping.run import sweep
 
 SCENE = SCENES / "cover.yaml"
 APERTURE, FOCUS = "camera.defocus_angle", "camera.focus_distance"
@@ -42,24 +42,24 @@ WIDTH, HEIGHT, SPP, QUICK_SPP = 320, 180, 64, 8
 
 
 def size(spp: int) -> dict[str, Any]:
-    """What all points have in common."""
+    """Return the overrides that all points have in common."""
     return {"film.width": WIDTH, "film.height": HEIGHT, "render.spp": spp}
 
 
-def swept(spp: int, threads: int) -> tuple[float, Stock]:
-    """Seconds of a sweep, and what it has shared."""
-    stock = Stock()
+def swept(spp: int, threads: int) -> tuple[float, RenderCache]:
+    """Time a sweep (s); return that and the cache that its points share."""
+    cache = RenderCache()
     with tempfile.TemporaryDirectory() as folder:
         begin = time.perf_counter()
         values = {APERTURE: list(APERTURES), FOCUS: list(DISTANCES), **size(spp)}
-        done = sweep(SCENE, values, folder=Path(folder) / "sweep", threads=threads, stock=stock)
+        done = sweep(SCENE, values, folder=Path(folder) / "sweep", threads=threads, cache=cache)
         seconds = time.perf_counter() - begin
-    assert all(taken.status == "done" for taken in done.taken)
-    return seconds, stock
+    assert all(taken.status == "done" for taken in done.results)
+    return seconds, cache
 
 
 def apart(spp: int, threads: int) -> tuple[float, float]:
-    """Seconds of all points one by one, and those in which samples were taken."""
+    """Time all points one by one (s), and the part in which samples were taken."""
     samples = 0.0
     with tempfile.TemporaryDirectory() as folder:
         begin = time.perf_counter()
@@ -72,7 +72,7 @@ def apart(spp: int, threads: int) -> tuple[float, float]:
 
 
 def measure(rounds: int, threads: int, quick: bool) -> dict[str, Any]:
-    """Sweeps and single renders in turns."""
+    """Measure sweeps and single renders in turns."""
     say("sweeps")
     spp = QUICK_SPP if quick else SPP
     render(load(SCENE, size(1)), threads=threads)
@@ -82,7 +82,7 @@ def measure(rounds: int, threads: int, quick: bool) -> dict[str, Any]:
     for turn in range(rounds):
         for way in ("sweep", "apart")[:: 1 if turn % 2 else -1]:
             if way == "sweep":
-                seconds, stock = swept(spp, threads)
+                seconds, cache = swept(spp, threads)
                 sweeps.append(seconds)
             else:
                 whole, alone = apart(spp, threads)
@@ -102,13 +102,13 @@ def measure(rounds: int, threads: int, quick: bool) -> dict[str, Any]:
             "alone": samples,
             "to_alone": ratio_interval(np.array(sweeps), np.array(samples)),
             "to_apart": ratio_interval(np.array(sweeps), np.array(wholes)),
-            "counts": stock.counts._asdict(),
+            "counts": cache.counts._asdict(),
         }
     }
 
 
 def report(item: dict[str, Any]) -> str:
-    """The figures as Markdown."""
+    """Write the figures as Markdown."""
     seconds = (f"{statistics.median(item[key]):.2f}" for key in ("sweep", "alone", "apart"))
     counts = item["counts"]
     row = [

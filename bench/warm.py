@@ -21,15 +21,16 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.cost.machine import load_average, processor
+from raytracer.analysis.cost.machine import load_average, processor
+from raytracer.rendering.tile_scheduler import TILE_SIZE
+from raytracer.rendering.worker_pool import available_threads
 from raytracer.scene.load import load
-from raytracer.scheduling import TILE, available_threads
 
 ROOT = Path(__file__).parents[1]
 SCENES = ROOT / "scenes"
 OUTPUTS = ROOT / "outputs"
 WORKER_PROGRAM = ROOT / "bench" / "worker.py"
-PEER_PROGRAM = ROOT / "peers" / "render_mitsuba.py"
+PEER_PROGRAM = ROOT / "bench" / "peers" / "render_mitsuba.py"
 PEER_PYTHON = ROOT / ".venv-peers" / "bin" / "python"
 
 ROUNDS, QUICK_ROUNDS = 9, 3
@@ -132,7 +133,7 @@ class Renderers(dict[str, Worker]):
     def take_turns(
         self, rounds: int, first_seed: int, spp: Mapping[str, int], *, pictures: bool = False
     ) -> dict[str, list[Answer]]:
-        """Answers of the named renderers in each round, by samples per pixel; with their "picture"s if asked for.
+        """Ask the named renderers in each round, by samples per pixel; with their "picture"s if asked for.
 
         Raises
         ------
@@ -151,7 +152,7 @@ class Renderers(dict[str, Worker]):
 
 
 def picture(path: Path) -> Array:
-    """A picture (height, width, 3) that a renderer wrote.
+    """Read a picture (height, width, 3) that a renderer wrote.
 
     Raises
     ------
@@ -164,35 +165,35 @@ def picture(path: Path) -> Array:
 
 
 def figures(answers: Sequence[Answer], of: str = "render") -> Array:
-    """What a renderer answered in each round, seconds unless another figure is named."""
+    """List a renderer's answers of all rounds: seconds, unless another figure is named."""
     return np.array([answer[of] for answer in answers], dtype=np.float64)
 
 
 def pictures_of(answers: Sequence[Answer]) -> Array:
-    """Pictures of all rounds, (rounds, pixels, 3)."""
+    """Stack the pictures of all rounds, (rounds, pixels, 3)."""
     return np.stack([answer["picture"].reshape(-1, 3) for answer in answers])
 
 
 def tiles_of(width: int, height: int) -> NDArray[np.int64]:
-    """For each pixel, row by row, the number of its tile; intervals of a picture's error are a bootstrap over these."""
-    x, y = np.arange(width) // TILE, np.arange(height) // TILE
+    """Number the tile of each pixel, row by row; intervals of a picture's error are a bootstrap over these."""
+    x, y = np.arange(width) // TILE_SIZE, np.arange(height) // TILE_SIZE
     return np.asarray((y[:, None] * (x[-1] + 1) + x[None, :]).ravel(), dtype=np.int64)
 
 
 def our_command(scene: Path, width: int, height: int, spp: int, threads: int, **options: str) -> list[str]:
-    """How our warm renderer is started; options are those of worker.py."""
+    """Return the command that starts our warm renderer; options are those of worker.py."""
     more = [word for name, value in options.items() for word in (f"--{name}", value)]
     return [sys.executable, str(WORKER_PROGRAM), *_size(scene, width, height, spp, threads), *more]
 
 
 def peer_command(peer: str, scene: Path, width: int, height: int, spp: int, threads: int, **options: str) -> list[str]:
-    """How Mitsuba's warm renderer is started by the Python of its environment; options as of render_mitsuba.py."""
+    """Return the command that starts Mitsuba's warm renderer; options are those of render_mitsuba.py."""
     more = [word for name, value in options.items() for word in (f"--{name}", value)]
     return [peer, str(PEER_PROGRAM), *_size(scene, width, height, spp, threads), *more, "--serve"]
 
 
 def reduced(scene: Path, pixels: int) -> tuple[int, int]:
-    """Width and height of a scene's picture, made smaller to about that many pixels."""
+    """Reduce the width and height of a scene's picture to about that many pixels."""
     film = load(scene).film
     scale = min(1.0, math.sqrt(pixels / (film.width * film.height)))
     return round(film.width * scale), round(film.height * scale)
@@ -207,7 +208,7 @@ def _size(scene: Path, width: int, height: int, spp: int, threads: int) -> list[
 
 
 def revision() -> str:
-    """The commit that is measured, with a plus if the tree has changed since."""
+    """Return the commit that is measured, with a plus if the tree has changed since."""
     words = ("git", "-C", str(ROOT))
     try:
         commit, status = (
@@ -220,7 +221,7 @@ def revision() -> str:
 
 
 def measured(work: Callable[[], Mapping[str, Any]]) -> dict[str, Any]:
-    """What `work` returns, and under "machine" what it was measured on."""
+    """Return the result of `work`, and under "machine" what it was measured on."""
     about = {
         "processor": processor(),
         "cores": available_threads(),
@@ -242,18 +243,18 @@ def say(text: str) -> None:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table."""
+    """Format a Markdown table."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
 
 def with_interval(ratio: Sequence[float]) -> str:
-    """A ratio and its interval as text."""
+    """Format a ratio and its interval."""
     return "{:.2f} ({:.2f} .. {:.2f})".format(*ratio)
 
 
 def introduction(about: Mapping[str, Any]) -> str:
-    """The lines that begin a report: on what it was measured."""
+    """Write the lines that begin a report: on what it was measured."""
     before, after = ("unknown" if load is None else f"{load:.2f}" for load in about["load"])
     return (
         f"{about['processor']}, {about['cores']} cores, {about['system']}; rt at {about['revision']};\n"
@@ -270,7 +271,7 @@ def publish(result: Mapping[str, Any], text: str, path: Path) -> None:
 
 
 def arguments_for(doc: str | None, name: str) -> argparse.ArgumentParser:
-    """What every benchmark takes on its command line."""
+    """Make the parser of what every benchmark takes on its command line."""
     parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="a look: few rounds and samples")
     parser.add_argument("--rounds", type=int, help=f"default: {ROUNDS}, or {QUICK_ROUNDS} if quick")
@@ -280,5 +281,5 @@ def arguments_for(doc: str | None, name: str) -> argparse.ArgumentParser:
 
 
 def scene_files(names: Sequence[str]) -> list[Path]:
-    """The scenes of scenes/ so named, or all."""
+    """List the scenes of scenes/ so named, or all."""
     return [path for path in sorted(SCENES.glob("*.yaml")) if not names or path.stem in names]

@@ -21,9 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import raytracer
-from raytracer.rendering import render
-from raytracer.scene.load import load, parse_overrides
-from raytracer.scheduling import available_threads
+from raytracer.rendering.render import render
+from raytracer.rendering.worker_pool import available_threads
+from raytracer.scene.load import load
+from raytracer.scene.overrides import parse_overrides
 
 INSTRUCTION_SETS = ("avx512f", "avx2", "avx", "sse4.2", "neon")
 PACKAGES = ("numba", "llvmlite", "numpy", "embreex")
@@ -44,7 +45,7 @@ def parse_arguments() -> argparse.Namespace:
 
 
 def relative_noise(a: NDArray[Any], b: NDArray[Any]) -> float:
-    """Expected relMSE of either of two renders that differ by their seeds: half the squared difference.
+    """Estimate the relMSE of either of two renders that differ by their seeds: half the squared difference.
 
     Parameters
     ----------
@@ -54,7 +55,7 @@ def relative_noise(a: NDArray[Any], b: NDArray[Any]) -> float:
 
 
 def versions() -> dict[str, str]:
-    """What the renderer runs on."""
+    """Return the versions and the hardware of the renderer."""
     features = llvmlite.binding.get_host_cpu_features()
     widest = next((name for name in INSTRUCTION_SETS if features.get(name)), "baseline")
     packages = {name: importlib.metadata.version(name) for name in PACKAGES}

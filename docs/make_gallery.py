@@ -17,18 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from raytracer.cli.main import main as run_command
-from raytracer.film.output import light_field
+from raytracer.analysis.probe import probe_sphere
+from raytracer.analysis.sweep.contact_sheet import SHEET
+from raytracer.analysis.sweep.run import sweep
+from raytracer.cli.base.app import main as run_command
+from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.layout import extract_light_field
+from raytracer.film.light_field.lf import write
 from raytracer.film.srgb import to_uint8
-from raytracer.lightfield.refocusing import refocus
-from raytracer.plenoptic.field import LightField
-from raytracer.plenoptic.lf import write
-from raytracer.probing import probe_sphere
-from raytracer.rendering import render
+from raytracer.lightfield.refocusing.refocus import refocus
+from raytracer.rendering.render import render
 from raytracer.scene.load import load
 from raytracer.scene.spec import SceneSpec
-from raytracer.sweeping.run import sweep
-from raytracer.sweeping.sheet import SHEET
 
 ROOT = Path(__file__).parents[1]
 SCENES = ROOT / "scenes"
@@ -303,7 +303,7 @@ OPTICS = {
         800,
         512,
         [
-            Variant("anamorphic, drawn out twice as wide", {}, 2.0),
+            Variant("anamorphic, desqueezed 2x", {}, 2.0),
             Variant(
                 "double Gauss",
                 {
@@ -400,7 +400,7 @@ def sweep_picture() -> None:
 
 
 def _rendered(name: str, keys: Mapping[str, Any], spp: int) -> LightField:
-    return light_field(render(load(SCENES / "lightfield" / f"{name}.yaml", dict(keys)), spp=spp).image)
+    return extract_light_field(render(load(SCENES / "lightfield" / f"{name}.yaml", dict(keys)), spp=spp).image)
 
 
 def _refocused(field: LightField, distance: float, **settings: Any) -> NDArray[np.uint8]:
@@ -429,7 +429,7 @@ def dragons_picture() -> Image.Image:
 
 
 def depth_picture() -> Image.Image:
-    """How far away the two dragons are, both sharp, and one line of pixels from all views of a row."""
+    """Draw how far away the two dragons are, both sharp, and one line of pixels from all views of a row."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "dragons.lf"
         write(file, _rendered("dragons", {}, 8))
@@ -454,7 +454,7 @@ def microlenses_picture() -> Image.Image:
     size = (400, 300)
     for name in ("small", "large"):
         image = render(load(SCENES / "lightfield" / f"{name}.yaml"), spp=16).image
-        field = light_field(image)
+        field = extract_light_field(image)
         raw = to_uint8(image.radiance[650:800, 800:1000])
         made = {
             f"{name} microlenses: raw picture": raw,

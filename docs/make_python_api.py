@@ -1,4 +1,4 @@
-"""Write raytracer/vocabulary.pyi, by which editors and type checkers know the words of scene files: `make docs`.
+"""Write raytracer/scene/python_api.pyi, by which editors and type checkers know the words of scene files: `make docs`.
 
 It is made of the schema of scene files, as docs/scenes.md is; a test compares the two.
 """
@@ -9,12 +9,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from raytracer.kinds import type_name
-from raytracer.scene.schema import schema
-from raytracer.spec import Spec
-from raytracer.vocabulary import FAMILIES, PARTS
+from raytracer.scene.json_schema import scene_schema
+from raytracer.scene.python_api import FAMILIES, PARTS
+from raytracer.schema.registry import type_name
+from raytracer.schema.spec import Spec
 
-OUTPUT = Path(__file__).parent.parent / "raytracer" / "vocabulary.pyi"
+OUTPUT = Path(__file__).parent.parent / "raytracer" / "scene" / "python_api.pyi"
 
 _WIDTH = 120
 
@@ -29,9 +29,9 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.kinds import Family
-from raytracer.materials.interface import MaterialSpec
-from raytracer.textures.interface import TextureSpec
+from raytracer.schema.registry import Family
+from raytracer.plugins.materials.base.interface import MaterialSpec
+from raytracer.plugins.textures.base.interface import TextureSpec
 """
 
 _ALIASES = """\
@@ -67,7 +67,7 @@ class _Types:
             self._names[full if full in definitions else spec.__name__] = name
 
     def of(self, node: Mapping[str, Any], *others: str) -> str:
-        """What may be given for a value of this schema, or others."""
+        """Write the Python type of the values that this schema, or others, takes."""
         return " | ".join(_simplified([*self._choices(node), *others]))
 
     def _choices(self, node: Mapping[str, Any]) -> Iterable[str]:
@@ -133,7 +133,7 @@ def _function(name: str, result: str, spec: type[Spec], definition: Mapping[str,
 
 def stub() -> str:
     """The text of the stub."""
-    definitions: Mapping[str, Any] = schema()["$defs"]
+    definitions: Mapping[str, Any] = scene_schema()["$defs"]
     classes = _classes()
     names = {spec: name for name, spec in classes.items()}
     types = _Types(classes, definitions)

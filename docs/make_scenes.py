@@ -13,7 +13,14 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from raytracer.kinds import (
+from raytracer.optics.sensor_formats import SENSORS
+from raytracer.optics.thin_lens import crop_factor
+from raytracer.plugins.materials.base.interface import MaterialSpec
+from raytracer.plugins.shapes.base.interface import ShapeSpec
+from raytracer.scene.json_schema import Nested, definition_name, description_with_unit, nested_mappings, scene_schema
+from raytracer.scene.render_settings import Film, Render
+from raytracer.scene.spec import SceneSpec
+from raytracer.schema.registry import (
     APERTURES,
     CAMERAS,
     ENVIRONMENTS,
@@ -25,13 +32,7 @@ from raytracer.kinds import (
     TEXTURES,
     Family,
 )
-from raytracer.materials.interface import MaterialSpec
-from raytracer.photography import crop_factor
-from raytracer.scene.schema import Nested, meaning, name_of, nested_mappings, schema
-from raytracer.scene.spec import Film, Render, SceneSpec
-from raytracer.sensors import SENSORS
-from raytracer.shapes.interface import ShapeSpec
-from raytracer.spec import Spec
+from raytracer.schema.spec import Spec
 
 OUTPUT = Path(__file__).with_name("scenes.md")
 
@@ -67,7 +68,7 @@ marks mistakes.
 - **Axes.** Right-handed, column vectors. The rows of a picture run downwards from the top left pixel.
 - **Sides.** A surface has an outside, to which its normal points: outwards from spheres and boxes, to the side of u x v
   from a quad, to the side from which the vertices run anticlockwise from triangles and meshes.
-- **YAML 1.2**, with anchors, aliases and `<<`. `yes`, `no`, `on` and `off` are texts; `1e-3` is a number. Tags, and
+- **YAML 1.2**, with anchors, aliases and `<<`. `yes`, `no`, `on` and `off` are strings; `1e-3` is a number. Tags, and
   several documents in a file, are refused.
 - **Mistakes** are named by file, line and key: unknown keys (with the nearest known one), keys given twice, values of a
   wrong type, unit or range, names of materials that there are not, files that there are not.
@@ -78,7 +79,7 @@ marks mistakes.
   `RT_ALLOW_FILES`, a list as PATH is, or by `rt.load(path, allow_files=[...])`. What glTF files name has the same
   bounds. Overrides, and scenes built in Python, name what they like.
 - **Limits.** A file has 64 MB, a million values and 64 levels at most, one material is made of 10,000 others at most,
-  and a text with a unit has 200 characters. What has more belongs into files: meshes, grids, placements of instances.
+  and a string with a unit has 200 characters. What has more belongs into files: meshes, grids, placements of instances.
 - **Overrides.** `-D camera.vfov=30` puts a value in place of the file's, in YAML; `-D objects.ball.radius=2` finds an
   object by its name, `-D objects[0].radius=2` by its number, and `-D camera.iso=null` takes the file's value away.
 - **Nothing for nothing.** What a scene does not ask for is not in the compiled program: an aperture of 0 is a pinhole,
@@ -146,9 +147,9 @@ instance takes the place of all materials in it. Meshes that name the same file 
 themselves.
 """
 
-RELIEF = """\
-Every material may be given a relief: a texture of heights, or a map of normals, or both, the heights then being on top
-of the map. The surface stays as flat as it is, and is shaded as if it had the slopes. What would thereby be reflected
+NORMAL_MAPPING = """\
+Every material may have a bump map, a texture of heights, or a normal map, or both, the heights then being on top of the
+normal map. The surface stays as flat as it is, and is shaded as if it had the slopes. What would thereby be reflected
 into the surface is mirrored at it, so no light is lost and none leaks through.
 
 ```yaml
@@ -158,8 +159,8 @@ materials:
 """
 
 MATERIALS_INTRODUCTION = """\
-Values of `materials`, by name; or the value of an object's `material`. Each may have the keys of [relief](#relief)
-besides its own."""
+Values of `materials`, by name; or the value of an object's `material`. Each may have the keys of
+[normal mapping](#normal-mapping) besides its own."""
 
 TEXTURES_INTRODUCTION = """\
 Values of `textures`, by name. A parameter of a material whose value may be a texture takes the name of one, or a
@@ -295,7 +296,7 @@ def values(node: Mapping[str, Any]) -> str:
         return " or ".join(dict.fromkeys(found))
     if isinstance(node.get("additionalProperties"), Mapping):
         return f"names, each with {values(node['additionalProperties'])}"
-    names = {"boolean": "true or false", "integer": "whole number", "string": "text", "object": "mapping"}
+    names = {"boolean": "true or false", "object": "mapping"}
     return names.get(node.get("type", ""), node.get("type", "any"))
 
 
@@ -304,8 +305,8 @@ def anchors() -> Mapping[str, str]:
     """Find where the keys of each mapping are, by the names of definitions, or by the schema of what is in none."""
     found = {"Material": "materials", "Texture": "textures"}
     for title, _, family in FAMILIES:
-        found |= dict.fromkeys(map(name_of, family.specs().values()), title.lower())
-    for nested in nested_mappings(schema()):
+        found |= dict.fromkeys(map(definition_name, family.specs().values()), title.lower())
+    for nested in nested_mappings(scene_schema()):
         for form, name in zip(nested.forms, nested.names, strict=True):
             found[name or json.dumps(form)] = nested.key
     return found
@@ -323,7 +324,7 @@ def cell(text: str) -> str:
 
 
 def default(key: str, node: Mapping[str, Any], spec: type[Spec]) -> str:
-    """What stands where the key is not given."""
+    """Format the value that a key has if it is not given."""
     if spec.model_fields[key].is_required():
         return "needed"
     value = node.get("default")
@@ -350,7 +351,7 @@ def table(spec: type[Spec] | None, node: Mapping[str, Any], leave_out: frozenset
     yield "| key | value | default | meaning |\n|---|---|---|---|"
     for key, below in properties.items():
         usual = "needed" if spec is None else default(key, below, spec)
-        yield f"| `{key}` | {values(below)} | {usual} | {cell(meaning(below))} |"
+        yield f"| `{key}` | {values(below)} | {usual} | {cell(description_with_unit(below))} |"
     yield ""
 
 
@@ -384,7 +385,7 @@ def kind(name: str, spec: type[Spec], base: frozenset[str]) -> Iterator[str]:
 
 def definition(spec: type[Spec]) -> Mapping[str, Any]:
     """The spec's part of the whole schema, with units in its descriptions."""
-    found: Mapping[str, Any] = schema()["$defs"][name_of(spec)]
+    found: Mapping[str, Any] = scene_schema()["$defs"][definition_name(spec)]
     return found
 
 
@@ -393,7 +394,7 @@ def specs_by_name() -> dict[str, type[Spec]]:
     found, left = {}, [Spec]
     while left:
         left += (spec := left.pop()).__subclasses__()
-        found[name_of(spec)] = spec
+        found[definition_name(spec)] = spec
     return found
 
 
@@ -429,7 +430,7 @@ def within(nested: Nested, shown: set[str]) -> Iterator[str]:
 def reference() -> str:
     """The text of docs/scenes.md."""
     parts = [INTRODUCTION, "## The file\n"]
-    parts += table(SceneSpec, schema())
+    parts += table(SceneSpec, scene_schema())
     for title, spec in (("film", Film), ("render", Render)):
         parts += [f"### {title}\n", words(spec.__doc__) + "\n", *table(spec, definition(spec))]
 
@@ -440,11 +441,12 @@ def reference() -> str:
     parts += table(shape, definition(shape), frozenset(shape.model_fields) - common)
     parts += ["### groups\n", GROUPS]
 
-    relief = frozenset(MaterialSpec.model_fields) - {"type"}
+    normal_mapping = frozenset(MaterialSpec.model_fields) - {"type"}
     material = next(iter(MATERIALS.specs().values()))
-    parts += ["### relief\n", RELIEF, *table(material, definition(material), frozenset(material.model_fields) - relief)]
+    own = frozenset(material.model_fields) - normal_mapping
+    parts += ["### normal mapping\n", NORMAL_MAPPING, *table(material, definition(material), own)]
 
-    hidden = {SHAPES: common, MATERIALS: relief}
+    hidden = {SHAPES: common, MATERIALS: normal_mapping}
     for title, introduction, family in FAMILIES:
         if specs := family.specs():
             parts += [f"## {title}\n", introduction + "\n"]
@@ -453,7 +455,7 @@ def reference() -> str:
 
     shown = {spec.__module__ for _, _, family in FAMILIES for spec in family.specs().values()}
     parts += ["## Mappings within others\n", WITHIN_INTRODUCTION + "\n"]
-    for nested in nested_mappings(schema()):
+    for nested in nested_mappings(scene_schema()):
         if not {Film.__name__, Render.__name__} & set(nested.names):
             parts += within(nested, shown)
     return "\n".join(parts).rstrip() + "\n"

@@ -17,18 +17,17 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from raytracer import lightfield
-    from raytracer.cluster import Cluster
-    from raytracer.comparison import compare
-    from raytracer.errors import InputError, OutputError, SceneWarning
-    from raytracer.explanation import explain
+    from raytracer.analysis.compare import compare
+    from raytracer.analysis.explain import explain
+    from raytracer.analysis.probe import probe
+    from raytracer.analysis.sweep.run import sweep
     from raytracer.film.image import Image
-    from raytracer.probing import probe
-    from raytracer.rendering import render_image as render
+    from raytracer.rendering.cluster import Cluster
+    from raytracer.rendering.render import render_image as render
+    from raytracer.scene.cache import RenderCache as Cache
+    from raytracer.scene.cache import RenderCache as Stock
     from raytracer.scene.load import load
-    from raytracer.scene.spec import SceneSpec as Scene
-    from raytracer.stock import Stock
-    from raytracer.sweeping.run import sweep
-    from raytracer.vocabulary import (
+    from raytracer.scene.python_api import (
         AutoExposure,
         Film,
         Frame,
@@ -52,9 +51,12 @@ if TYPE_CHECKING:
         object,  # noqa: A004
         texture,
     )
+    from raytracer.scene.spec import SceneSpec as Scene
+    from raytracer.util.errors import InputError, OutputError, SceneWarning
 
 __all__ = [
     "AutoExposure",
+    "Cache",
     "Cluster",
     "Film",
     "Frame",
@@ -93,32 +95,34 @@ __all__ = [
 ]
 
 _HOMES: dict[str, tuple[str, str | None]] = {
-    "Cluster": ("raytracer.cluster", "Cluster"),
+    "Cache": ("raytracer.scene.cache", "RenderCache"),
+    "Cluster": ("raytracer.rendering.cluster", "Cluster"),
     "Image": ("raytracer.film.image", "Image"),
-    "InputError": ("raytracer.errors", "InputError"),
-    "OutputError": ("raytracer.errors", "OutputError"),
+    "InputError": ("raytracer.util.errors", "InputError"),
+    "OutputError": ("raytracer.util.errors", "OutputError"),
     "Scene": ("raytracer.scene.spec", "SceneSpec"),
-    "SceneWarning": ("raytracer.errors", "SceneWarning"),
-    "Stock": ("raytracer.stock", "Stock"),
-    "compare": ("raytracer.comparison", "compare"),
-    "explain": ("raytracer.explanation", "explain"),
+    "SceneWarning": ("raytracer.util.errors", "SceneWarning"),
+    # The old name of Cache, for scripts that have it.
+    "Stock": ("raytracer.scene.cache", "RenderCache"),
+    "compare": ("raytracer.analysis.compare", "compare"),
+    "explain": ("raytracer.analysis.explain", "explain"),
     "lightfield": ("raytracer.lightfield", None),
     "load": ("raytracer.scene.load", "load"),
-    "probe": ("raytracer.probing", "probe"),
-    "render": ("raytracer.rendering", "render_image"),
-    "sweep": ("raytracer.sweeping.run", "sweep"),
+    "probe": ("raytracer.analysis.probe", "probe"),
+    "render": ("raytracer.rendering.render", "render_image"),
+    "sweep": ("raytracer.analysis.sweep.run", "sweep"),
 }
-"""Where the names are, None for a module itself; the others are words of scene files, `raytracer.vocabulary`."""
+"""Modules of the names, None for a module itself; the others are words of scene files, `raytracer.scene.python_api`."""
 
-# Two threads that import parts of a package from two ends at once are told of a deadlock by Python's own locks.
+# Without this lock, two threads that import parts of a package from two ends at once get a deadlock error from Python.
 _importing = threading.RLock()
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for only then: the compiler takes a third of a second."""
+    """Import a name when it is first used: the compiler takes a third of a second."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module, member = _HOMES.get(name, ("raytracer.vocabulary", name))
+    module, member = _HOMES.get(name, ("raytracer.scene.python_api", name))
     with _importing:
         home = importlib.import_module(module)
         found = getattr(home, member) if member else home

@@ -11,7 +11,7 @@ import signal
 
 from hypothesis import settings
 
-from raytracer.signing_key import NoKeyError, key_folder
+from raytracer.core.compiler.signing_key import NoKeyError, key_folder
 from tests.browser import chromium, open_page
 
 __all__ = ["chromium", "open_page"]

@@ -13,13 +13,13 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from raytracer.integrator import render_tile
-from raytracer.interior import ranks_of
-from raytracer.paths import workspace
-from raytracer.preparation import film_for, prepare, view
-from raytracer.sampling import SAMPLERS
+from raytracer.core.sampling import SAMPLERS
+from raytracer.kernel.path_state import workspace
+from raytracer.kernel.path_tracer import render_tile
+from raytracer.rendering.compilation import compile_scene
+from raytracer.rendering.film_region import empty_film, film_view
 from raytracer.scene.load import build
-from raytracer.scene.pack import Packed
+from raytracer.scene.pack.scene import PackedScene
 from raytracer.scene.spec import SceneSpec
 
 _POINTS = ("center", "corner", "min", "max", "position", "look_from", "look_at")
@@ -140,13 +140,13 @@ class Picture(NamedTuple):
     variance: NDArray[np.float64]
 
 
-def pictured(packed: Packed, *, spp: int, seed: int) -> Picture:
-    """What a packed scene looks like, by one thread and with independent samples."""
+def pictured(packed: PackedScene, *, spp: int, seed: int) -> Picture:
+    """Render a packed scene, by one thread and with independent samples."""
     width, height = packed.spec.film.width, packed.spec.film.height
-    ready = prepare(packed.spec, packed)
-    film = film_for(ready.scene, width, height)
+    ready = compile_scene(packed.spec, packed)
+    film = empty_film(ready.scene, width, height)
     scene = ready.scene._replace(sampler=SAMPLERS["independent"](seed, spp))
-    room = workspace(solids=ranks_of(scene.interior))
-    render_tile(scene, view(film), room, 0, 0, width, height, 0, spp)
+    room = workspace(scene)
+    render_tile(scene, film_view(film), room, 0, 0, width, height, 0, spp)
     assert not film.nan_count.any()
     return Picture(film.mean, film.m2 / (spp * (spp - 1.0)))

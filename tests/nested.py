@@ -3,7 +3,7 @@
 from typing import Any
 
 from raytracer.film.image import Image
-from tests.rendering import image
+from tests.small_scenes import image
 
 # Far below, a speck of each kind that any of these scenes has, so that all share one kernel.  Of what is flat it is not
 # known what lies below it, so that all cameras look around.

@@ -14,13 +14,15 @@ import numba
 import numpy as np
 from numba.core import event
 
-from raytracer.accumulation import FilmView
-from raytracer.aovs.recording import Recording
-from raytracer.integrator import render_tile
-from raytracer.paths import workspace
-from raytracer.scene.identities import identify
-from raytracer.scene.pack import pack
-from tests.rendering import scene
+from raytracer.core.compiler import parts
+from raytracer.core.compiler.passes import lower_part
+from raytracer.kernel.aovs.base.recording import AovRecorder
+from raytracer.kernel.path_state import workspace
+from raytracer.kernel.path_tracer import render_tile
+from raytracer.kernel.pixel_accumulator import FilmView
+from raytracer.scene.pack.object_ids import scene_ids
+from raytracer.scene.pack.scene import pack
+from tests.small_scenes import scene
 
 PINHOLE = "camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0]}\n"
 EXPOSED = "camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], shutter: 1}\n"
@@ -87,6 +89,10 @@ class _Compiled(event.Listener):
     def on_end(self, event: Any) -> None:
         pass
 
+    def lower_part(self, function: Any, *arguments: Any, **options: Any) -> Any:
+        self.modules[function.__module__] += 1
+        return lower_part(function, *arguments, **options)
+
 
 def compiled(name: str) -> dict[str, Any]:
     """Compile the kernel of a scene without a pixel to render, and look into it; "plain+depth" records an AOV."""
@@ -95,13 +101,15 @@ def compiled(name: str) -> dict[str, Any]:
     found = pack(spec)
     packed = found.scene
     size = (1, 1)
-    aovs = Recording([aov] if aov else [], 1, 1, identify(spec, found)).view
+    aovs = AovRecorder([aov] if aov else [], 1, 1, scene_ids(spec, found)).view
     film = FilmView(
         np.zeros((*size, 3)), np.zeros((*size, 3)), np.zeros(size, np.int64), np.zeros(size, np.int64), 0, 0, aovs
     )
     listener = _Compiled()
+    # Parts that are loaded would hide what they call.
+    vars(parts).update(load_part=lambda *_: None, lower_part=listener.lower_part)
     with event.install_listener("numba:compile", listener):
-        render_tile(packed, film, workspace(), 0, 0, 0, 0, 0, 0)
+        render_tile(packed, film, workspace(packed), 0, 0, 0, 0, 0, 0)
     signature = next(s for s in render_tile.signatures if s[:2] == (numba.typeof(packed), numba.typeof(film)))
     cached = sum(render_tile.stats.cache_hits.values())
     code = "" if cached else render_tile.inspect_llvm(signature)

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.image import Image
-from raytracer.rendering import Rendered, render
+from raytracer.rendering.render import render
+from raytracer.rendering.session import Rendered
 from raytracer.scene.load import build
 from raytracer.scene.spec import SceneSpec
 

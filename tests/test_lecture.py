@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 import typer
 
-from raytracer.cli.main import app
-from raytracer.explanation import explain
-from raytracer.rendering import render
-from raytracer.scene.load import load, parse_overrides
+from raytracer.analysis.explain import explain
+from raytracer.cli.base.app import app
+from raytracer.rendering.render import render
+from raytracer.scene.load import load
+from raytracer.scene.overrides import parse_overrides
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "scenes" / "lecture"

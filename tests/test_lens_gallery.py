@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.assets.lenses import read_lens
-from raytracer.cameras.lens import RealLens
-from raytracer.lenses.first_order import cardinal_points
-from raytracer.lenses.stops import stop_radius_for
-from raytracer.lenses.surfaces import trace_rays
-from raytracer.rendering import render
+from raytracer.optics.lens_system.first_order import cardinal_points
+from raytracer.optics.lens_system.ray_tracing import trace_rays
+from raytracer.optics.lens_system.stops import stop_radius_for
+from raytracer.plugins.cameras.lens import RealLens
+from raytracer.rendering.render import render
+from raytracer.scene.assets.lenses import read_lens
 from raytracer.scene.load import load
 from tests.test_lecture import _script, make_gallery
 
@@ -58,7 +58,7 @@ def test_the_street_is_what_its_script_makes() -> None:
 
 
 def spot(name: str, f_number: float, point: tuple[float, float], film: float | None = None) -> Any:
-    """Where the light of a point (height, distance, mm) falls on a film (n, 2); by default that of the first order."""
+    """Trace light of a point (height, distance, mm) to a film (n, 2); by default that of the first order."""
     lens = read_lens(ROOT / "scenes" / "lenses" / f"{name}.yaml")
     surfaces = lens.packed(stop_radius=stop_radius_for(lens, f_number))
     height, distance = point
@@ -100,7 +100,7 @@ def test_the_fisheye_draws_angles_and_the_wide_angle_lens_their_tangents() -> No
     def angle(keys: dict[str, Any], x: float) -> float:
         camera = load(FOLDER / "fisheye.yaml", keys).camera
         assert isinstance(camera, RealLens)
-        _, way = camera.sight(x, 0.5, 480, 320)
+        _, way = camera.film_to_ray(x, 0.5, 480, 320)
         return math.atan2(way[0], way[2])
 
     wide = make_gallery.OPTICS["fisheye"].variants[1].keys

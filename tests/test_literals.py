@@ -59,7 +59,7 @@ def _sums(node: ast.AST) -> Iterator[ast.BinOp]:
 
 
 def _told(body: list[ast.stmt], place: int, lines: list[str]) -> bool:
-    """Whether a statement has a docstring after it, or a comment before it."""
+    """Tell if a statement has a docstring after it, or a comment before it."""
     after = body[place + 1] if place + 1 < len(body) else None
     if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) and isinstance(after.value.value, str):
         return True

@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -18,11 +19,14 @@ import typer
 import yaml
 
 import raytracer
-from raytracer.cli.main import app
-from raytracer.dump import plain, yaml_text
-from raytracer.errors import SceneError
-from raytracer.explanation import explain
-from raytracer.kinds import (
+from raytracer.analysis.explain import explain
+from raytracer.cli.base.app import app
+from raytracer.optics.to_yaml import spec_to_plain, to_yaml
+from raytracer.plugins.materials.base.interface import MaterialSpec
+from raytracer.plugins.shapes.base.interface import ShapeSpec
+from raytracer.scene.json_schema import lens_schema, scene_schema
+from raytracer.scene.load import build, load
+from raytracer.schema.registry import (
     APERTURES,
     CAMERAS,
     ENVIRONMENTS,
@@ -34,16 +38,13 @@ from raytracer.kinds import (
     TEXTURES,
     Family,
 )
-from raytracer.materials.interface import MaterialSpec
-from raytracer.scene.load import build, load
-from raytracer.scene.schema import lens_schema, schema
-from raytracer.shapes.interface import ShapeSpec
-from raytracer.spec import Spec
+from raytracer.schema.spec import Spec
+from raytracer.util.errors import SceneError
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
-DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+DOCUMENTS = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
 FAMILIES = (APERTURES, CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES)
 
 COMMANDS = set(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
@@ -134,7 +135,7 @@ def test_a_kinds_docstring_holds_a_scene_that_is_valid(
     }[family]
     assert found
     assert {type(item) for item in found} == {spec}
-    assert build(yaml_text(plain(scene)), "again.yaml", base=tmp_path) == scene
+    assert build(to_yaml(spec_to_plain(scene)), "again.yaml", base=tmp_path) == scene
 
 
 @pytest.mark.parametrize(
@@ -162,7 +163,7 @@ _WORDS = {"properties", "items", "anyOf", "oneOf", "prefixItems", "additionalPro
 
 
 @pytest.mark.parametrize(
-    ("described", "document"), [(schema(), "scenes.md"), (lens_schema(), "lenses.md")], ids=["scene", "lens"]
+    ("described", "document"), [(scene_schema(), "scenes.md"), (lens_schema(), "lenses.md")], ids=["scene", "lens"]
 )
 def test_every_key_at_any_depth_is_described_and_in_the_reference(described: dict[str, Any], document: str) -> None:
     text = (ROOT / "docs" / document).read_text(encoding="utf-8")
@@ -185,7 +186,7 @@ def test_each_mapping_of_a_scene_has_a_table_of_its_keys() -> None:
     tables = [set(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) for table in text.split("\n\n")]
     # What every object and every material has besides its own keys has tables of its own.
     shared = {*ShapeSpec.model_fields, *MaterialSpec.model_fields, "type"}
-    for name, properties in _mappings_of_a_schema(schema()):
+    for name, properties in _mappings_of_a_schema(scene_schema()):
         own = set(properties) - shared
         assert any(own <= table for table in tables), name
 
@@ -254,7 +255,7 @@ def test_links_lead_somewhere(document: Path) -> None:
 def test_source_files_that_documents_name_exist(document: Path) -> None:
     named = set(re.findall(r"`((?:[\w.-]+/)+[\w-]+\.(?:py|yaml|md))`", document.read_text(encoding="utf-8")))
     # Files of kinds that a reader is told how to add.
-    named -= {"raytracer/shapes/ring.py", "raytracer/primitives/cylinders.py"}
+    named -= {"raytracer/plugins/shapes/ring.py", "raytracer/core/primitives/cylinders.py"}
     assert (
         sorted(name for name in named if not any((base / name).exists() for base in (ROOT, ROOT / "raytracer"))) == []
     )
@@ -307,15 +308,31 @@ def test_names_that_the_readme_uses_from_python_exist() -> None:
     assert sorted(name for name in names if not hasattr(raytracer, name)) == []
 
 
-def test_every_module_has_a_place_in_the_table_of_layers() -> None:
-    table = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").partition("| modules |")[2]
-    placed = re.findall(
-        r"`(\w+)/?`", " ".join(line.split("|")[1] for line in table.splitlines() if line.startswith("| `"))
-    )
-    modules = [
-        path.stem for path in (ROOT / "raytracer").iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()
-    ]
-    assert set(modules) - {"__init__"} <= set(placed)
+def test_the_architecture_shows_the_packages_as_they_are() -> None:
+    make_tree = runpy.run_path(str(ROOT / "docs" / "make_tree.py"))
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    assert make_tree["with_tree"](text) == text
+    packages = {path.parent.name for path in (ROOT / "raytracer").glob("*/__init__.py")}
+    assert sorted(make_tree["layers"]()) == sorted(packages)
+
+
+def test_the_architecture_is_read_in_fifteen_minutes() -> None:
+    # Technical prose is read at some 220 words a minute.
+    assert len((ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").split()) <= 15 * 220
+
+
+def test_every_decision_is_in_the_index() -> None:
+    folder = ROOT / "docs" / "decisions"
+    listed = set(re.findall(r"\]\(([\w-]+\.md)\)", (folder / "README.md").read_text(encoding="utf-8")))
+    assert listed == {path.name for path in folder.glob("*.md")} - {"README.md"}
+
+
+def test_only_one_module_loads_embree() -> None:
+    # Its library is opened by ctypes and never imported, so the contracts on imports do not see it.
+    loads = re.compile(r"find_spec\(.embreex|import embreex|from embreex")
+    sources = (ROOT / "raytracer").rglob("*.py")
+    found = [path.name for path in sources if loads.search(path.read_text(encoding="utf-8"))]
+    assert found == ["embree.py"]
 
 
 def test_every_dependency_is_explained() -> None:
@@ -335,7 +352,7 @@ def test_versions_agree() -> None:
 
 def test_the_command_is_installed() -> None:
     (command,) = entry_points(group="console_scripts", name="rt")
-    assert command.value == "raytracer.command:main"
+    assert command.value == "raytracer.cli.main:main"
 
 
 def test_the_installed_command_helps_without_loading_what_is_slow() -> None:

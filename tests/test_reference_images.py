@@ -9,17 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.comparison import z_test
-from raytracer.pytest_plugin import Regression
-from raytracer.regression.checking import Checked, check
-from raytracer.regression.making import source
-from raytracer.regression.references import load_reference
-from raytracer.stock import Stock
+from raytracer.analysis.compare import z_test
+from raytracer.analysis.regression.check import CheckOptions, CheckResult, check_reference
+from raytracer.analysis.regression.pytest_plugin import Regression
+from raytracer.analysis.regression.reference_file import load_reference
+from raytracer.analysis.regression.render_reference import prepare_reference_scene
+from raytracer.scene.cache import RenderCache
 from tests.repository import GENERATED, REFERENCES, SCENES, need_files_of
 
 NAMES = sorted(path.stem for path in REFERENCES.glob("*.npz"))
 
-# What these compile for long, the quick tests know by other scenes, by tests/materials and by tests/test_nesting.py.
+# What these compile for long, the quick tests know by other scenes, by tests/plugins/materials and by
+# tests/kernel/test_nested_dielectrics.py.
 LARGE = GENERATED.keys() | {"diamond", "metals", "nested", "next_week", "prism", "studio"}
 PICTURES = [pytest.param(name, marks=[pytest.mark.slow] if name in LARGE else []) for name in NAMES]
 
@@ -34,7 +35,7 @@ KEEN = [
 ]
 
 
-def checked(rt_regression: Regression, name: str, **settings: Any) -> Checked:
+def checked(rt_regression: Regression, name: str, **settings: Any) -> CheckResult:
     need_files_of(name)
     own = REFERENCES / f"{name}.yaml"
     return rt_regression(own if own.exists() else SCENES / f"{name}.yaml", **settings)
@@ -65,7 +66,7 @@ def test_picture_is_that_of_the_reference(name: str, rt_regression: Regression) 
 def test_one_per_cent_more_light_is_noticed(name: str, rt_regression: Regression) -> None:
     # As an error would make that leaves the noise alone: a wrong pdf, say, or a lamp counted by 1.01.
     found = checked(rt_regression, name)
-    assert found.finds < 0.0101
+    assert found.detectable_change < 0.0101
     image, kept = found.image, found.reference
     assert image is not None
     assert image.variance is not None
@@ -86,23 +87,23 @@ def test_two_seeds_differ_by_their_noise_only(rt_regression: Regression) -> None
 
 @pytest.mark.slow
 def test_of_two_hundred_other_seeds_hardly_one_fails() -> None:
-    stock, failed = Stock(), []
+    cache, failed = RenderCache(), []
     for name in ("cornell", "cover", "lens", "zoo"):
         for seed in range(50):
-            found = check(REFERENCES / f"{name}.npz", spp=256, seed=seed, stock=stock)
+            found = check_reference(REFERENCES / f"{name}.npz", CheckOptions(spp=256, seed=seed), cache=cache)
             failed += [] if found.passed else [found.sentence()]
     # 0.2 are expected, and three with a probability of 0.001.
     assert len(failed) <= 2, failed
 
 
-def rendered_otherwise(name: str, key: str, value: str) -> Checked:
+def rendered_otherwise(name: str, key: str, value: str) -> CheckResult:
     """A scene checked against its reference, rendered in another way that is to lead to the same picture."""
     path = REFERENCES / f"{name}.npz"
     kept = load_reference(path)
     assert kept.recipe.scene is not None
     overrides = {**kept.recipe.overrides, key: value}
-    found = source(REFERENCES / kept.recipe.scene, REFERENCES, overrides, kept.mean.shape[1])
-    return check(path, found=found, spp=256, seed=7)
+    found = prepare_reference_scene(REFERENCES / kept.recipe.scene, REFERENCES, overrides, kept.mean.shape[1])
+    return check_reference(path, CheckOptions(spp=256, seed=7), scene=found)
 
 
 @pytest.mark.parametrize(

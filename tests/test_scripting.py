@@ -21,12 +21,13 @@ import yaml
 
 import raytracer as rt
 from docs.make_scenes import snippet
-from raytracer import vocabulary
 from raytracer.film.image import Image
-from raytracer.progress import Bar
-from raytracer.scene.load import CONTEXT, build, build_plain
+from raytracer.scene import python_api
+from raytracer.scene.kind_unions import VALIDATION_CONTEXT
+from raytracer.scene.load import build, build_plain
 from raytracer.scene.spec import SceneSpec
-from raytracer.spec import Spec
+from raytracer.schema.spec import Spec
+from raytracer.util.progress import Bar
 from tests.repository import ROOT
 
 CAMERA = rt.camera.pinhole(look_from=[0, 0, 4], vfov=40)
@@ -37,7 +38,7 @@ BALL = rt.object.sphere(center=[0, 0, 0], radius=1)
 
 
 def kinds() -> list[tuple[str, str, type[Spec]]]:
-    return [(word, name, spec) for word, family in vocabulary.FAMILIES.items() for name, spec in family.specs().items()]
+    return [(word, name, spec) for word, family in python_api.FAMILIES.items() for name, spec in family.specs().items()]
 
 
 def mappings(value: Any, name: str) -> Iterator[dict[str, Any]]:
@@ -63,7 +64,7 @@ def test_every_kind_is_a_function_that_takes_what_its_mapping_holds(word: str, n
         values = {key: value for key, value in mapping.items() if key != "type"}
         made = make(**values)
         assert type(made) is spec
-        assert made == spec.model_validate(mapping, context=CONTEXT)
+        assert made == spec.model_validate(mapping, context=VALIDATION_CONTEXT)
         assert made.model_fields_set >= values.keys()
     assert set(inspect.signature(make).parameters) == set(spec.model_fields) - {"type"}
     assert inspect.getdoc(spec) in (inspect.getdoc(make) or "")
@@ -71,7 +72,7 @@ def test_every_kind_is_a_function_that_takes_what_its_mapping_holds(word: str, n
 
 
 def test_the_package_has_all_words_and_nothing_that_is_not_there() -> None:
-    words = {*vocabulary.FAMILIES, *vocabulary.PARTS}
+    words = {*python_api.FAMILIES, *python_api.PARTS}
     assert words < set(rt.__all__)
     for name in rt.__all__:
         assert getattr(rt, name) is not None
@@ -184,7 +185,7 @@ def test_a_scene_file_stands_for_its_scene(tmp_path: Path, monkeypatch: pytest.M
 
     scene = rt.Scene(camera=CAMERA, film=FILM, objects=[BALL], environment=rt.environment.gradient())
     scene.save(tmp_path / "scene.yaml")
-    monkeypatch.setattr("raytracer.rendering.render", render)
+    monkeypatch.setattr("raytracer.rendering.render.render", render)
     for given in (tmp_path / "scene.yaml", str(tmp_path / "scene.yaml"), scene):
         assert rt.render(given, aovs="depth") == "the image"
         assert asked["scene"] == scene
@@ -197,11 +198,11 @@ def test_a_scene_file_stands_for_its_scene(tmp_path: Path, monkeypatch: pytest.M
 @pytest.mark.parametrize(
     ("settings", "says"),
     [
-        ({"spp": 0}, "spp must be a whole number from 1 to 2147483647, got 0"),
-        ({"spp": 1.5}, "spp must be a whole number from 1 to 2147483647, got 1.5"),
-        ({"spp": True}, "spp must be a whole number from 1 to 2147483647, got True"),
-        ({"seed": -1}, "seed must be a whole number from 0 to 4294967295, got -1"),
-        ({"threads": 0}, "threads must be a whole number from 1 to 1024, got 0"),
+        ({"spp": 0}, "spp must be an integer from 1 to 2147483647, got 0"),
+        ({"spp": 1.5}, "spp must be an integer from 1 to 2147483647, got 1.5"),
+        ({"spp": True}, "spp must be an integer from 1 to 2147483647, got True"),
+        ({"seed": -1}, "seed must be an integer from 0 to 4294967295, got -1"),
+        ({"threads": 0}, "threads must be an integer from 1 to 1024, got 0"),
     ],
 )
 def test_settings_that_cannot_be_are_told(settings: dict[str, Any], says: str) -> None:
@@ -218,6 +219,18 @@ def test_names_of_files_stay_where_the_scene_was_made(tmp_path: Path, monkeypatc
     assert scene.replace({"film.width": 2}).base == tmp_path
 
 
+def test_old_names_are_accepted() -> None:
+    assert rt.Stock is rt.Cache
+    lit = rt.environment.constant(radiance=1)
+    cache, scene = rt.Cache(), rt.Scene(camera=CAMERA, film=FILM, objects=[BALL], environment=lit)
+    first, second = rt.render(scene, spp=1, cache=cache), rt.render(scene, spp=1, stock=cache)
+    assert np.array_equal(first.radiance, second.radiance)
+    assert cache.counts.worlds_packed == 1
+    sweep = rt.sweep(scene, {"render.seed": [1, 2]}, spp=1, stock=cache)
+    assert (sweep.taken, sweep.kept) == (sweep.results, sweep.reused) == (sweep.results, 0)
+    assert cache.counts.worlds_packed == 1
+
+
 # ---- The stub
 
 
@@ -231,12 +244,12 @@ def _script(name: str) -> ModuleType:
 
 
 def test_the_stub_of_the_words_is_up_to_date() -> None:
-    made = _script("make_vocabulary")
+    made = _script("make_python_api")
     assert made.OUTPUT.read_text(encoding="utf-8") == made.stub(), "run `make docs`"
 
 
 def test_the_stub_knows_every_kind_and_every_key() -> None:
-    tree = ast.parse((ROOT / "raytracer" / "vocabulary.pyi").read_text(encoding="utf-8"))
+    tree = ast.parse((ROOT / "raytracer" / "scene" / "python_api.pyi").read_text(encoding="utf-8"))
     types = {
         node.target.id: ast.unparse(node.annotation)
         for node in tree.body

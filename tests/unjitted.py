@@ -9,34 +9,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.apertures.image import mask
-from raytracer.apertures.polygon import PolygonAperture
-from raytracer.apertures.vignetting import Rim
-from raytracer.cameras.pinhole import Pinhole
-from raytracer.cameras.thin_lens import ThinLens
-from raytracer.environments.gradient import Gradient
-from raytracer.geometry import Exact, spawn_point
-from raytracer.jit import entry
-from raytracer.lenses.lens import Lens
-from raytracer.lights.interface import power_heuristic
-from raytracer.materials.interface import SelectorSpec
-from raytracer.optics import fresnel_dielectric, refract
-from raytracer.primitives.discs import Discs
-from raytracer.primitives.interface import hit_any
-from raytracer.primitives.parallelograms import Parallelograms
-from raytracer.primitives.spheres import Spheres
-from raytracer.primitives.triangles import SmoothTriangles, Triangles
-from raytracer.vec import basis, reflect, to_world
-from tests.apertures.kernels import passed, sampled
-from tests.cameras.kernels import camera_rays
-from tests.environments.test_environments import seen
-from tests.lenses.kernels import DOUBLE_GAUSS, lens_of, traced
-from tests.lenses.test_aspheres import ASPHERES
-from tests.materials.kernels import evaluate_many, incoming, scatter_many
-from tests.materials.test_contract import EXAMPLES, FACETS, spec_of
-from tests.shapes.kernels import pdf_of, sample
-from tests.textures.kernels import looked_up, picture, slopes, table_of
-from tests.textures.kernels import spec_of as texture_of
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.fresnel import fresnel_dielectric, refract
+from raytracer.core.geometry import Exact, spawn_point
+from raytracer.core.primitives.base.interface import hit_any
+from raytracer.core.primitives.discs import Discs
+from raytracer.core.primitives.parallelograms import Parallelograms
+from raytracer.core.primitives.spheres import Spheres
+from raytracer.core.primitives.triangles import SmoothTriangles, Triangles
+from raytracer.core.vec import basis, reflect, to_world
+from raytracer.optics.lens_system.lens import Lens
+from raytracer.plugins.apertures.base.vignetting import Rim
+from raytracer.plugins.apertures.image import pack_mask
+from raytracer.plugins.apertures.polygon import PolygonAperture
+from raytracer.plugins.cameras.pinhole import Pinhole
+from raytracer.plugins.cameras.thin_lens import ThinLens
+from raytracer.plugins.environments.gradient import Gradient
+from raytracer.plugins.lights.base.interface import power_heuristic
+from raytracer.plugins.materials.base.interface import SelectorSpec
+from tests.optics.lens_system.kernels import DOUBLE_GAUSS, lens_of, traced
+from tests.optics.lens_system.test_aspheres import ASPHERES
+from tests.plugins.apertures.kernels import passed, sampled
+from tests.plugins.cameras.kernels import camera_rays
+from tests.plugins.environments.test_environments import seen
+from tests.plugins.materials.kernels import evaluate_many, incoming, scatter_many
+from tests.plugins.materials.test_contract import EXAMPLES, FACETS, spec_of
+from tests.plugins.shapes.kernels import pdf_of, sample
+from tests.plugins.textures.kernels import looked_up, picture, slopes, table_of
+from tests.plugins.textures.kernels import spec_of as texture_of
 
 _MATERIAL = np.zeros(1, np.int32)
 _CORNERS = np.array([[0, 0, 0], [1, 0.2, 0], [0.1, 1, 0.3]])
@@ -114,7 +114,7 @@ def numbers() -> dict[str, NDArray[np.float64]]:
         out[f"{camera.type} origins"], out[f"{camera.type} directions"] = camera_rays(packed, u[:, 0] * 40.0, 7.5)
     for curvature in (0.0, 0.5):
         out[f"polygon {curvature}"] = sampled(PolygonAperture(curvature=curvature, anamorphic=2.0).pack({}), u)
-    out["mask"] = sampled(mask(np.array([[0.0, 1.0, 0.5], [2.0, 0.0, 0.25]])), u)
+    out["mask"] = sampled(pack_mask(np.array([[0.0, 1.0, 0.5], [2.0, 0.0, 0.25]])), u)
     out["rim"] = passed(Rim(1.0, 2.0), out["mask"], 0.3, -0.1)
     starts = np.concatenate([8.0 * u - 4.0, np.full((20, 1), -9.0)], axis=1)
     out["lens weights"], out["lens points"], out["lens directions"] = traced(lens_of(DOUBLE_GAUSS), starts, (0, 0, 1))

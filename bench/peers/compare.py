@@ -1,9 +1,9 @@
 """Compare our pictures with those of Mitsuba 3: do they differ by more than their noise?
 
-    python peers/compare.py --peer .venv-peers/bin/python
+    python bench/peers/compare.py --peer .venv-peers/bin/python
 
 Each scene is rendered by both programs in batches of other seeds, with independent samples. The spread of the batches
-gives the variance of each pixel, without asking either program for it. `raytracer.comparison.z_test` is the judge.
+gives the variance of each pixel, without asking either program for it. The judge is `rt compare`'s z-test.
 Prints a table, writes ours | theirs | difference to outputs/peers/ (equal is grey), and exits with 1 if a
 picture disagrees, with 2 if a scene could not be compared at all.
 """
@@ -20,13 +20,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.comparison import Verdict, z_test
+from raytracer.analysis.compare import Verdict, z_test
 from raytracer.film.image import Image
-from raytracer.rendering import render
+from raytracer.rendering.render import render
 from raytracer.scene.load import load
 
-ROOT = Path(__file__).parents[1]
-PEER_PROGRAM = ROOT / "peers" / "render_mitsuba.py"
+FOLDER = Path(__file__).parent
+ROOT = FOLDER.parents[1]
+PEER_PROGRAM = FOLDER / "render_mitsuba.py"
 NO_LLVM = 3
 """Exit status of the peer's program where its fast variant cannot run."""
 
@@ -48,11 +49,11 @@ CASES = (
     Case(ROOT / "scenes" / "cover.yaml", 200, 112),
     Case(ROOT / "scenes" / "cornell.yaml", 152, 152),
     Case(ROOT / "scenes" / "glass.yaml", 192, 108),
-    Case(ROOT / "peers" / "kinds.yaml", 192, 108),
-    Case(ROOT / "peers" / "surfaces.yaml", 192, 108),
-    Case(ROOT / "peers" / "placements.yaml", 192, 108),
-    Case(ROOT / "peers" / "fog.yaml", 192, 108),
-    Case(ROOT / "peers" / "lights.yaml", 192, 108),
+    Case(FOLDER / "kinds.yaml", 192, 108),
+    Case(FOLDER / "surfaces.yaml", 192, 108),
+    Case(FOLDER / "placements.yaml", 192, 108),
+    Case(FOLDER / "fog.yaml", 192, 108),
+    Case(FOLDER / "lights.yaml", 192, 108),
     Case(ROOT / "scenes" / "million.yaml", 128, 128),
 )
 
@@ -65,11 +66,11 @@ class Estimate(NamedTuple):
 
 
 class NotCompared(Exception):  # noqa: N818
-    """Why a scene has no verdict."""
+    """A scene has no verdict; the text says why."""
 
 
 def ours(case: Case, spp: int, batches: int, depth: int | None) -> Estimate:
-    """Our picture, with independent samples."""
+    """Render our picture, with independent samples."""
     overrides = {"film.width": case.width, "film.height": case.height, "render.sampler": "independent"}
     spec = load(case.scene, overrides if depth is None else {**overrides, "render.max_depth": depth})
     images = [render(spec, spp=spp // batches, seed=OUR_FIRST_SEED + batch).image.radiance for batch in range(batches)]
@@ -79,7 +80,7 @@ def ours(case: Case, spp: int, batches: int, depth: int | None) -> Estimate:
 def theirs(
     peer: str, case: Case, spp: int, batches: int, depth: int | None, folder: Path, variant: str = "llvm_ad_rgb"
 ) -> Estimate:
-    """Mitsuba's picture, by its compiled variant, or where that cannot run by the plain one.
+    """Render Mitsuba's picture, by its compiled variant, or by the plain one where that cannot run.
 
     Raises
     ------
@@ -118,7 +119,7 @@ def save_picture(path: Path, a: Estimate, b: Estimate) -> None:
 
 
 def summary(case: Case, a: Estimate, b: Estimate, verdict: Verdict) -> dict[str, object]:
-    """What the table and the JSON file say of a scene."""
+    """Summarize a scene for the table and the JSON file."""
     sizes = a.mean.mean(axis=(0, 1)), b.mean.mean(axis=(0, 1))
     return {
         "scene": case.scene.stem,

@@ -21,19 +21,19 @@ PATTERNS = (
 
 
 def version(path: Path) -> int:
-    """The major version in a library's name or folder, such as libLLVM.so.19.1 or llvm-19/lib/libLLVM.so; else 0."""
+    """Parse the major version of a library's name or folder, libLLVM.so.19.1 or llvm-19/lib/libLLVM.so; else 0."""
     found = re.search(r"libLLVM-(\d+)|libLLVM\.so\.(\d+)|llvm[-@](\d+)/", str(path))
     return int(next(filter(None, found.groups()))) if found else 0
 
 
 def find_llvm() -> Path | None:
-    """The newest library of version 16 or later in the systems' usual places."""
+    """Find the newest library of version 16 or later in the systems' usual places."""
     paths = (path for pattern in PATTERNS for path in Path("/").glob(pattern.removeprefix("/")))
     return max((path for path in paths if version(path) >= OLDEST), key=version, default=None)
 
 
 def use_llvm() -> bool:
-    """Point Dr.Jit at LLVM, unless the variable is set already; whether there is one."""
+    """Point Dr.Jit at LLVM, unless the variable is set already; return True if there is one."""
     if os.environ.get(VARIABLE):
         return True
     path = find_llvm()

@@ -1,4 +1,4 @@
-"""Make the pictures and the mesh that scenes in this folder use: `python peers/make_files.py`."""
+"""Make the pictures and the mesh that scenes in this folder use: `python bench/peers/make_files.py`."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ FOLDER = Path(__file__).parent
 
 
 def tiles() -> None:
-    """An upright F on coloured tiles, 8 bits, so that a turned or mirrored texture shows."""
+    """Paint an upright F on coloured tiles, 8 bits, so that a turned or mirrored texture shows."""
     picture = np.zeros((32, 48, 3), np.uint8)
     picture[..., 0] = 60 + 3 * np.arange(48)
     picture[..., 1] = 80 + 4 * np.arange(32)[:, None]
@@ -21,7 +21,7 @@ def tiles() -> None:
 
 
 def sky() -> None:
-    """A smooth sky with a small bright sun and a dark ground, equirectangular, top row up."""
+    """Paint a smooth sky with a small bright sun and a dark ground, equirectangular, top row up."""
     rows, columns = 64, 128
     polar = np.pi * (np.arange(rows) + 0.5) / rows
     around = 2.0 * np.pi * (np.arange(columns) + 0.5) / columns
@@ -35,7 +35,7 @@ def sky() -> None:
 
 
 def wave(cells: int = 8) -> None:
-    """A wavy sheet over [-1, 1]^2 with normals and texture coordinates."""
+    """Make a wavy sheet over [-1, 1]^2 with normals and texture coordinates."""
     u, v = (axis.ravel() for axis in np.meshgrid(*[np.arange(cells + 1) / cells] * 2))
     x, y = 2 * u - 1, 2 * v - 1
     slope = 0.6 * np.cos(3 * x)

@@ -1,6 +1,6 @@
 """Render one of our scene files with Mitsuba 3 and print what it took, as JSON.
 
-    python peers/render_mitsuba.py scenes/cover.yaml --width 400 --height 225 --spp 64 -o cover.npy
+    python bench/peers/render_mitsuba.py scenes/cover.yaml --width 400 --height 225 --spp 64 -o cover.npy
 
 Needs mitsuba, numpy and pyyaml, in an environment of their own. The `llvm_*` variants also need LLVM's shared library,
 16 or later: Debian's package libllvm19, or any at DRJIT_LIBLLVM_PATH. Dr.Jit keeps compiled kernels in ~/.drjit:
@@ -69,7 +69,7 @@ def synchronised_render(scene: Any, spp: int, seed: int) -> Any:
 
 
 def most_samples(scene: Any) -> int:
-    """Samples per pixel that one render may take."""
+    """Return the samples per pixel that one render may take."""
     width, height = scene.sensors()[0].film().size()
     return max(WAVEFRONT // int(width * height), 1)
 
@@ -90,13 +90,13 @@ def mean_and_variance(images: list[NDArray[Any]], weights: list[int]) -> tuple[N
 
 
 def peak_rss_bytes() -> int:
-    """The largest resident memory that this process has had."""
+    """Return the largest resident memory that this process has had."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else 1024 * peak
 
 
 def relative_noise(a: NDArray[Any], b: NDArray[Any]) -> float:
-    """Expected relMSE of either of two renders that differ by their seeds: half the squared difference."""
+    """Estimate the relMSE of either of two renders that differ by their seeds: half the squared difference."""
     return float(np.mean(0.5 * (a - b) ** 2 / ((0.5 * (a + b)) ** 2 + 0.01)))
 
 

@@ -1,4 +1,4 @@
-"""The plenoptic function of a scene: the radiance that comes to any point out of any direction, at any time.
+"""Probes of a scene's plenoptic function: the radiance at any point from any direction, at any time.
 
 Reference: Adelson & Bergen 1991, "The Plenoptic Function and the Elements of Early Vision".
 """
@@ -11,36 +11,43 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import ValidationError
 
-from raytracer.errors import InputError
-from raytracer.kinds import CAMERAS
-from raytracer.rendering import Progress, Rendered, render
+from raytracer.rendering.progress import Progress
+from raytracer.rendering.render import render
+from raytracer.rendering.session import Rendered
 from raytracer.scene.load import load
-from raytracer.scene.spec import Film, SceneSpec
-from raytracer.spec import sentence
+from raytracer.scene.render_settings import Film
+from raytracer.scene.spec import SceneSpec
+from raytracer.schema.registry import CAMERAS
+from raytracer.schema.validation_errors import error_sentence
+from raytracer.util.errors import InputError
 
 SAMPLES = 2**16
-"""Samples of one ray, unless another number is asked for."""
+"""Default number of samples of one ray."""
 
 EDGE = 64
-"""Edge (px) of the film on which they are taken: its tiles are for all threads, and its pixels tell the noise."""
+"""Edge of the film on which they are taken (px): its tiles occupy all threads, and its pixels tell the noise."""
 
 MAX_WIDTH = 2**14
 
 WIDTH = 1024
-"""Width (px) of a picture of all directions, which is half as high."""
+"""Default width of a picture of all directions (px), which is half as high."""
 
 
-# What the keys of a camera and a film are called here.
-_SAID = {"look_from": "at", "look_at": "toward", "time": "time", "wavelength": "wavelength"}
+# Names of arguments by keys of a camera.
+_ARGUMENT_NAMES = {"look_from": "at", "look_at": "toward", "time": "time", "wavelength": "wavelength"}
 
 
-class Probed(NamedTuple):
-    """The radiance along a ray, as measured.
+class ProbeResult(NamedTuple):
+    """Measured radiance along a ray.
 
-    at, the point (m); towards, the unit vector from it to where the light comes from; time (s); wavelength (nm), or
-    None; radiance, red, green and blue, or at the one wavelength, all relative to the scene's unit; standard_error, of
-    each, as the ways in which independent parts of the samples differ tell it; samples; dropped, those besides that
-    were not finite.
+    at : the point (m).
+    towards : unit vector from it to where the light comes from.
+    time : of the scene (s).
+    wavelength : (nm), or None.
+    radiance : red, green and blue, or at the one wavelength, relative to the scene's unit.
+    standard_error : of each, from the differences of independent parts of the samples.
+    samples : number of samples.
+    dropped : number of further samples, which were not finite.
     """
 
     at: tuple[float, ...]
@@ -53,7 +60,7 @@ class Probed(NamedTuple):
     dropped: int
 
     def json(self) -> dict[str, Any]:
-        """As `rt probe --json` prints it."""
+        """Return the values that `rt probe --json` prints."""
         return self._asdict()
 
 
@@ -71,12 +78,12 @@ def probe(
     progress: Callable[[Progress], None] | None = None,
     warn: Callable[[str], object] | None = None,
     strict: bool = False,
-) -> Probed:
-    """Measure the radiance that comes to a point out of a direction.
+) -> ProbeResult:
+    """Measure the radiance that comes to a point from a direction.
 
     Parameters
     ----------
-    scene : or its file; of its camera, the medium and the time count.
+    scene : a scene, or its file; medium and time are those of its camera.
     at : the point (m).
     toward, direction : a point (m) that the light comes from, or past, or the vector that points there: one of them.
     time : of the scene (s); when its camera's shutter opens, if None.
@@ -93,28 +100,28 @@ def probe(
     if (toward is None) == (direction is None):
         raise InputError("a ray needs either a point to look toward, or a direction")
     if isinstance(spp, bool) or not isinstance(spp, int) or spp < 1:
-        raise InputError(f"spp must be a whole number from 1 on, got {spp!r}")
+        raise InputError(f"spp must be an integer from 1 on, got {spp!r}")
     spec = load(scene) if isinstance(scene, str | os.PathLike) else scene
     start = _three("at", at)
     target = start + _unit(_three("direction", direction)) if direction is not None else _three("toward", toward)
     rows = min(EDGE, math.ceil(spp / EDGE))
-    seen = _seen(spec, "ray", start, target, time, wavelength, EDGE, rows)
-    taken = math.ceil(spp / (EDGE * rows))
-    rendered = render(seen, spp=taken, seed=seed, threads=threads, progress=progress, warn=warn, strict=strict)
+    seen = _probe_scene(spec, "ray", start, target, time, wavelength, EDGE, rows)
+    samples = math.ceil(spp / (EDGE * rows))
+    rendered = render(seen, spp=samples, seed=seed, threads=threads, progress=progress, warn=warn, strict=strict)
     if rendered.interrupted:
-        # What was taken is no sample of what was asked for: some pixels may have none.
+        # Some pixels may have no sample yet, so the mean would be wrong.
         raise KeyboardInterrupt
-    # Pixels have random numbers of their own each, so their means are independent, whatever the sampler is.
+    # Each pixel has its own random numbers, so their means are independent, whatever the sampler is.
     means = rendered.image.radiance.reshape(-1, 3)[:, : 3 if wavelength is None else 1]
     error = means.std(axis=0, ddof=1) / math.sqrt(len(means))
-    return Probed(
+    return ProbeResult(
         at=tuple(start.tolist()),
         towards=tuple(_unit(target - start).tolist()),
-        time=seen.camera.opening().open,
+        time=seen.camera.shutter_interval().open,
         wavelength=wavelength,
         radiance=tuple(means.mean(axis=0).tolist()),
         standard_error=tuple(error.tolist()),
-        samples=taken * EDGE * rows - rendered.stats.nan_samples,
+        samples=samples * EDGE * rows - rendered.stats.nan_samples,
         dropped=rendered.stats.nan_samples,
     )
 
@@ -129,7 +136,7 @@ def probe_sphere(
     width: int = WIDTH,
     **settings: Any,
 ) -> Rendered:
-    """What comes to a point from all directions: an equirectangular picture, with `toward` in its middle.
+    """Render the light at a point from all directions: an equirectangular picture, with `toward` in its middle.
 
     Parameters are those of `probe`; width, of the picture (px), which is half as high; settings, those of
     `rendering.render`.
@@ -146,10 +153,10 @@ def probe_sphere(
     spec = load(scene) if isinstance(scene, str | os.PathLike) else scene
     start = _three("at", at)
     ahead = start - np.array([0.0, 0.0, 1.0]) if toward is None else _three("toward", toward)
-    return render(_seen(spec, "equirectangular", start, ahead, time, wavelength, width, width // 2), **settings)
+    return render(_probe_scene(spec, "equirectangular", start, ahead, time, wavelength, width, width // 2), **settings)
 
 
-def _seen(
+def _probe_scene(
     spec: SceneSpec,
     camera: str,
     at: Any,
@@ -159,7 +166,7 @@ def _seen(
     width: int,
     height: int,
 ) -> SceneSpec:
-    """The scene with another camera, open for no time, that records radiance."""
+    """Replace the camera of a scene by one that is open for no time and records radiance."""
     if np.array_equal(at, toward):
         raise InputError(f"the point to look toward is the point that light comes to, {at.tolist()}: it needs another")
     # Any direction that is not the view's can be up.
@@ -168,26 +175,26 @@ def _seen(
         "up": up,
         "look_from": at.tolist(),
         "look_at": toward.tolist(),
-        "time": spec.camera.opening().open if time is None else time,
+        "time": spec.camera.shutter_interval().open if time is None else time,
         "medium": spec.camera.medium,
         "wavelength": wavelength,
     }
     try:
         seen = CAMERAS.specs()[camera].model_validate(keys)
     except ValidationError as error:
-        found = error.errors(include_url=False)[0]
-        raise InputError(f"{_SAID[str(found['loc'][0])]}: {sentence(found)}") from None
+        first = error.errors(include_url=False)[0]
+        raise InputError(f"{_ARGUMENT_NAMES[str(first['loc'][0])]}: {error_sentence(first)}") from None
     return spec.model_copy(update={"camera": seen, "film": Film(width=width, height=height)})
 
 
 def _three(name: str, numbers: Any) -> Any:
     try:
-        found = np.asarray(numbers, np.float64)
+        vector = np.asarray(numbers, np.float64)
     except (TypeError, ValueError):
-        found = np.empty(0)
-    if found.shape != (3,):
+        vector = np.empty(0)
+    if vector.shape != (3,):
         raise InputError(f"{name} must be three numbers, got {numbers!r}")
-    return found
+    return vector
 
 
 def _unit(vector: Any) -> Any:

@@ -1,1 +1,1 @@
-"""The command line: one module a command."""
+"""Define the commands of `rt`, one file a command; what several share is in `base/`."""

@@ -1,4 +1,4 @@
-"""`rt check`: do scenes still look like their references?"""
+"""`rt check`: tests whether scenes still look like their references."""
 
 import json
 import sys
@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from raytracer.cli import options
-from raytracer.errors import Interrupted
-from raytracer.interrupts import WATCH, stop
+from raytracer.cli.base import options
+from raytracer.util.errors import Interrupted
+from raytracer.util.signals import WATCH, raise_interrupt
 
 if TYPE_CHECKING:
-    from raytracer.regression.checking import Checked
+    from raytracer.analysis.regression.check import CheckResult
 
 EXAMPLE = """\b
 Examples:
@@ -68,27 +68,25 @@ def check(
     Prints a line a scene.  The exit status is 1 if one has changed, and 2 if one could not be rendered or its reference
     could not be read.
     """
-    from raytracer.film.output import check_file, write_bytes
-    from raytracer.regression import checking
-    from raytracer.regression.bar import Bar
-    from raytracer.stock import Stock
+    from raytracer.analysis.regression.check import CheckOptions, check_reference, find_references
+    from raytracer.analysis.regression.progress_bar import RendersBar
+    from raytracer.scene.cache import RenderCache
+    from raytracer.util.atomic_write import check_file, write_bytes
 
-    paths = checking.references_in(folder, names or [])
+    paths = find_references(folder, names or [])
     page = report or _REPORT
     check_file(page)
 
-    stock, results, is_interrupted = Stock(), list["Checked"](), False
-    with Bar(len(paths), quiet=quiet) as bar, WATCH.on_first(stop):
+    cache, results, is_interrupted = RenderCache(), list["CheckResult"](), False
+    with RendersBar(len(paths), quiet=quiet) as bar, WATCH.on_first_signal(raise_interrupt):
         for number, path in enumerate(paths):
             try:
-                result = checking.check(
+                result = check_reference(
                     path,
-                    spp=spp,
-                    seed=seed,
-                    alpha=alpha,
+                    CheckOptions(spp, seed, alpha),
                     threads=threads,
                     allow_files=allow_files or [],
-                    stock=stock,
+                    cache=cache,
                     progress=bar.of(number, path.stem),
                 )
             except KeyboardInterrupt:
@@ -102,7 +100,7 @@ def check(
     if as_json:
         print(json.dumps([result.json() for result in results], indent=2, allow_nan=False))
     if results and (report is not None or has_failed):
-        from raytracer.regression.report import report as page_of
+        from raytracer.analysis.regression.report import check_page as page_of
 
         write_bytes(page, page_of(results))
         print(f"rt: {page} shows {'what has failed' if has_failed else 'the pictures'}", file=sys.stderr)

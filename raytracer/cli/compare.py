@@ -1,4 +1,4 @@
-"""`rt compare`: how far apart images are, and whether by more than their noise."""
+"""`rt compare`: measures how far apart images are, and tests whether by more than their noise."""
 
 import math
 import sys
@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from raytracer.cli import options
-from raytracer.errors import InputError
+from raytracer.cli.base import options
+from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
-    from raytracer.comparison import Checks, Comparison, Folders, Pair
+    from raytracer.analysis.compare import Comparison, FolderComparison, FolderPair, PassCriteria
 
 EXAMPLE = """\b
 Examples:
@@ -76,20 +76,20 @@ def compare(
     of what a display shows.  Exit status 1 if something that was asked for is not so, or an image of a folder has
     none to be compared with.
     """
-    above, below = _bounds("--fail-above", fail_above), _bounds("--fail-below", fail_below)
+    above, below = _parse_bounds("--fail-above", fail_above), _parse_bounds("--fail-below", fail_below)
     are_folders = Path(a).is_dir() and Path(b).is_dir()
     for one, other in ((a, b), (b, a)):
         if Path(one).is_dir() and not are_folders:
             if not Path(other).exists():
                 raise InputError(f"{other}: no such folder")
             raise InputError(f"{one} is a folder, and {other} is not: compare two images or two folders")
-    pictures = [_picture(text, are_folders) for text in difference or []]
+    pictures = [_parse_difference(text, are_folders) for text in difference or []]
 
-    from raytracer.comparison import ALPHA, Checks, checked, known_metrics
-    from raytracer.film.output import check_file
+    from raytracer.analysis.compare import ALPHA, PassCriteria, normalize_criteria, normalize_metric_names
+    from raytracer.util.atomic_write import check_file
 
-    names = None if metric is None else known_metrics(name for text in metric for name in text.split(","))
-    checks = checked(Checks(above, below, test, ALPHA if alpha is None else alpha))
+    names = None if metric is None else normalize_metric_names(name for text in metric for name in text.split(","))
+    checks = normalize_criteria(PassCriteria(above, below, test, ALPHA if alpha is None else alpha))
     if not are_folders:
         for picture in pictures:
             check_file(picture.path)
@@ -97,16 +97,16 @@ def compare(
     return _compare_folders(a, b, names, checks, pictures, as_json, quiet)
 
 
-class _Picture(NamedTuple):
-    """A picture to write."""
+class _DifferenceOutput(NamedTuple):
+    """A picture of differences to write."""
 
     kind: str
     path: Path
 
 
-def _bounds(option: str, texts: list[str] | None) -> dict[str, float]:
-    """The bounds that an option's texts give."""
-    found: dict[str, float] = {}
+def _parse_bounds(option: str, texts: list[str] | None) -> dict[str, float]:
+    """Parse the bounds on metrics that an option gives."""
+    bounds: dict[str, float] = {}
     for text in texts or []:
         name, equals, value = text.partition("=")
         try:
@@ -115,13 +115,13 @@ def _bounds(option: str, texts: list[str] | None) -> dict[str, float]:
             number = math.nan
         if not equals or math.isnan(number):
             raise InputError(f"{option} {text}: must be METRIC=NUMBER, as in relmse=0.01")
-        found[name.strip().lower()] = number
-    return found
+        bounds[name.strip().lower()] = number
+    return bounds
 
 
-def _picture(text: str, are_folders: bool) -> _Picture:
-    """The kind and file that `--difference` names."""
-    from raytracer.comparison import KINDS, check_kind
+def _parse_difference(text: str, are_folders: bool) -> _DifferenceOutput:
+    """Parse the kind and file that `--difference` names."""
+    from raytracer.analysis.compare import KINDS, check_kind
 
     kind, equals, name = text.partition("=")
     if not equals or "/" in kind or "." in kind:
@@ -140,50 +140,50 @@ def _picture(text: str, are_folders: bool) -> _Picture:
         raise InputError(f"--difference {text}: pictures of differences are written as .png, or .html to wipe")
     if are_folders and kind != "wipe" and path.is_file():
         raise InputError(f"--difference {text}: is a file, and the pictures of a folder are written to a folder")
-    return _Picture(kind, path)
+    return _DifferenceOutput(kind, path)
 
 
 def _compare_files(
     a: str,
     b: str,
     names: tuple[str, ...] | None,
-    checks: "Checks",
-    pictures: list[_Picture],
+    checks: "PassCriteria",
+    pictures: list[_DifferenceOutput],
     as_json: bool,
     quiet: bool,
 ) -> int:
-    from raytracer.comparison import encode, judge, read
-    from raytracer.film.output import write_bytes
+    from raytracer.analysis.compare import compare_images, encode, read
+    from raytracer.util.atomic_write import write_bytes
 
-    found = judge(read(a, "A"), read(b, "B"), names, checks)
+    comparison = compare_images(read(a, "A"), read(b, "B"), names, checks)
     # What cannot be shown is known before anything is written.
-    files = [(picture.path, encode(found, picture.kind)) for picture in pictures]
+    files = [(picture.path, encode(comparison, picture.kind)) for picture in pictures]
     for path, data in files:
         write_bytes(path, data)
         if not quiet:
             print(f"wrote {path}", file=sys.stderr)
-    _show(found, as_json)
-    return _status(found.passed)
+    _show(comparison, as_json)
+    return _status(comparison.passed)
 
 
 def _compare_folders(
     a: str,
     b: str,
     names: tuple[str, ...] | None,
-    checks: "Checks",
-    pictures: list[_Picture],
+    checks: "PassCriteria",
+    pictures: list[_DifferenceOutput],
     as_json: bool,
     quiet: bool,
 ) -> int:
-    from raytracer.comparison import compare_folders, encode
-    from raytracer.comparison.wipe import Views
-    from raytracer.film.output import write_bytes
-    from raytracer.progress import Bar
+    from raytracer.analysis.compare import compare_folders, encode
+    from raytracer.analysis.compare.wipe_page import WipePage
+    from raytracer.util.atomic_write import write_bytes
+    from raytracer.util.progress import Bar
 
-    wipes = {picture.path: Views() for picture in pictures if picture.kind == "wipe"}
+    wipes = {picture.path: WipePage() for picture in pictures if picture.kind == "wipe"}
     with Bar(" pairs", quiet=quiet, desc="compare") as bar:
 
-        def done(pair: "Pair", number: int, count: int) -> None:
+        def done(pair: "FolderPair", number: int, count: int) -> None:
             for picture in pictures:
                 if pair.comparison is None:
                     continue
@@ -193,24 +193,24 @@ def _compare_folders(
                     write_bytes(picture.path / f"{pair.name}.png", encode(pair.comparison, picture.kind))
             bar.update(number, count)
 
-        found = compare_folders(a, b, metrics=names, checks=checks, done=done)
+        comparisons = compare_folders(a, b, metrics=names, checks=checks, done=done)
     for path, views in wipes.items():
         write_bytes(path, views.page(f"{a} against {b}"))
     if not quiet:
         for picture in pictures:
             print(f"wrote {picture.path}", file=sys.stderr)
-    _show(found, as_json)
-    return _status(found.passed)
+    _show(comparisons, as_json)
+    return _status(comparisons.passed)
 
 
-def _show(found: "Comparison | Folders", as_json: bool) -> None:
-    """Print what was found."""
+def _show(comparison: "Comparison | FolderComparison", as_json: bool) -> None:
+    """Print the comparison."""
     if as_json:
         import json
 
-        print(json.dumps(found.json(), indent=2, allow_nan=False))
+        print(json.dumps(comparison.json(), indent=2, allow_nan=False))
     else:
-        print(found.text(), end="")
+        print(comparison.text(), end="")
 
 
 def _status(passed: bool | None) -> int:

@@ -1,4 +1,4 @@
-"""`rt cost`: what accuracy costs in time."""
+"""`rt cost`: measures what accuracy costs in time, and what each effect adds to it."""
 
 import contextlib
 import sys
@@ -8,22 +8,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from raytracer.cli import options
-from raytracer.errors import InputError, Interrupted
-from raytracer.interrupts import WATCH, stop
-from raytracer.progress import Bar
-from raytracer.units import parse_duration, parse_share
+from raytracer.cli.base import options
+from raytracer.schema.units import parse_duration, parse_percentage
+from raytracer.util.errors import InputError, Interrupted
+from raytracer.util.progress import Bar
+from raytracer.util.signals import WATCH, raise_interrupt
 
 if TYPE_CHECKING:
-    from raytracer.cost.results import Study
-    from raytracer.cost.study import Progress
+    from raytracer.analysis.cost.phase_timer import Progress
+    from raytracer.analysis.cost.results import Study
 
 EXAMPLE = """\b
 Examples:
   rt cost scenes/cover.yaml
   rt cost scenes/cornell.yaml --target 0.5% --budget 60s -o outputs/cost
-  rt cost scenes/cover.yaml --arms defocus,accuracy=fast -D film.width=600 -D film.height=338
-  rt cost scenes/cover.yaml --no-arms --json
+  rt cost scenes/cover.yaml --variants defocus,accuracy=fast -D film.width=600 -D film.height=338
+  rt cost scenes/cover.yaml --no-variants --json
 """
 
 # Columns of a table that goes into a file.
@@ -49,13 +49,18 @@ def cost(
     ] = None,
     define: options.Define = None,
     allow_files: options.AllowFiles = None,
-    arms: Annotated[
+    variants: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME,...", help="Which variants to compare, such as defocus,accuracy=fast.  Default: all."
+            "--variants",
+            "--arms",
+            metavar="NAME,...",
+            help="Which variants to compare, such as defocus,accuracy=fast.  Default: all.",
         ),
     ] = None,
-    no_arms: Annotated[bool, typer.Option("--no-arms", help="Only predict, compare nothing.")] = False,
+    no_variants: Annotated[
+        bool, typer.Option("--no-variants", "--no-arms", help="Only predict, compare nothing.")
+    ] = False,
     rounds: Annotated[int, typer.Option(help="How often each variant is rendered, at least 9 times.")] = 9,
     tiles: Annotated[
         int | None,
@@ -68,41 +73,45 @@ def cost(
     as_json: options.AsJson = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; what was found is printed.")] = False,
 ) -> None:
-    """Say what a scene's accuracy costs in time, and what each of its effects and settings does to both.
+    """Measure what a scene's accuracy costs in time, and what each of its effects and settings does to both.
 
     Some tiles of the picture are rendered, several times over.  Ctrl-C ends the comparison and reports what there is;
     before the prediction is there, nothing is known.
     """
     start = time.perf_counter()
-    error = options.number("--target", target, parse_share)
-    seconds = None if budget is None else options.number("--budget", budget, parse_duration)
-    if no_arms and arms is not None:
-        raise InputError("--arms and --no-arms exclude each other")
-    names = [] if no_arms else _parse_names(arms)
+    error = options.parse_number("--target", target, parse_percentage)
+    seconds = None if budget is None else options.parse_number("--budget", budget, parse_duration)
+    if no_variants and variants is not None:
+        raise InputError("--variants and --no-variants exclude each other")
+    names = [] if no_variants else _parse_names(variants)
 
     # Find out what cannot be written before the work, not after.
     if output is not None:
-        from raytracer.cost.page import check_report
+        from raytracer.analysis.cost.page import check_report
 
         check_report(output)
-    from raytracer.scene.load import load, parse_overrides
+    from raytracer.scene.load import load
+    from raytracer.scene.overrides import parse_overrides
 
     spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])
     load_seconds = time.perf_counter() - start
 
-    from raytracer.cost.study import study
+    from raytracer.analysis.cost.study import study
+    from raytracer.analysis.cost.study_options import StudyOptions
 
-    with contextlib.closing(_Bars(quiet)) as bar, WATCH.on_first(stop):
+    with contextlib.closing(_Bars(quiet)) as bar, WATCH.on_first_signal(raise_interrupt):
         try:
-            found = study(
+            result = study(
                 spec,
-                target=error,
-                budget=seconds,
-                rounds=rounds,
-                arms=names,
-                tiles=tiles,
-                threads=threads,
-                seed=seed,
+                StudyOptions(
+                    target=error,
+                    budget=seconds,
+                    rounds=rounds,
+                    variants=names,
+                    tiles=tiles,
+                    threads=threads,
+                    seed=seed,
+                ),
                 progress=bar.update,
                 name=scene,
                 load_seconds=load_seconds,
@@ -112,14 +121,14 @@ def cost(
             bar.close()
             print("nothing is known before the prediction is there", file=sys.stderr)
             raise
-    _show(found, as_json)
+    _show(result, as_json)
     if output is not None:
-        from raytracer.cost.page import write_report
+        from raytracer.analysis.cost.page import write_report
 
-        paths = write_report(found, output)
+        paths = write_report(result, output)
         if not quiet:
             print(f"wrote {', '.join(map(str, paths))}", file=sys.stderr)
-    if found.interrupted:
+    if result.interrupted:
         raise Interrupted
 
 
@@ -128,31 +137,31 @@ def _parse_names(text: str | None) -> list[str] | None:
         return None
     names = [name.strip() for name in text.split(",")]
     if not all(names):
-        raise InputError(f"--arms {text}: a name is empty; --no-arms compares nothing")
+        raise InputError(f"--variants {text}: a name is empty; --no-variants compares nothing")
     return names
 
 
-def _show(found: "Study", as_json: bool) -> None:
-    """Print what was found."""
+def _show(result: "Study", as_json: bool) -> None:
+    """Print the study."""
     if as_json:
         import json
 
-        from raytracer.cost.export import to_json
+        from raytracer.analysis.cost.export import to_json
 
-        print(json.dumps(to_json(found), indent=2, allow_nan=False))
+        print(json.dumps(to_json(result), indent=2, allow_nan=False))
     else:
         import os
         import shutil
 
-        from raytracer.cost.table import text
+        from raytracer.analysis.cost.text import study_text
 
         on_terminal = sys.stdout.isatty()
         width = shutil.get_terminal_size((_WIDTH, 24)).columns if on_terminal else _WIDTH
-        print(text(found, width=width, colour=on_terminal and "NO_COLOR" not in os.environ), end="")
+        print(study_text(result, width=width, colour=on_terminal and "NO_COLOR" not in os.environ), end="")
 
 
 class _Bars:
-    """A bar for each phase that takes its time."""
+    """A progress bar for each phase of the study."""
 
     def __init__(self, quiet: bool) -> None:
         self._quiet = quiet
@@ -168,7 +177,7 @@ class _Bars:
         self._bar.update(progress.fraction, 1.0)
 
     def close(self) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         if self._bar is not None:
             self._bar.close()
 

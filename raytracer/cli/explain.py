@@ -1,10 +1,10 @@
-"""`rt explain`: what will be simulated, and why."""
+"""`rt explain`: tells what will be simulated, and why."""
 
 from typing import Annotated
 
 import typer
 
-from raytracer.cli import options
+from raytracer.cli.base import options
 
 EXAMPLE = """\b
 Example:
@@ -33,9 +33,10 @@ def explain(
     as_json: options.AsJson = False,
 ) -> None:
     """Say which effects a scene calls for and which not, and what its camera does, in numbers."""
-    from raytracer.explanation import explain as explained
-    from raytracer.explanation import parse_circle
-    from raytracer.scene.load import load, parse_overrides
+    from raytracer.analysis.explain import explain as explained
+    from raytracer.analysis.explain import parse_circle
+    from raytracer.scene.load import load
+    from raytracer.scene.overrides import parse_overrides
 
     limit = None if circle is None else parse_circle(circle)
     spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 import typer.core
 
-from raytracer.cli import options
-from raytracer.errors import InputError
-from raytracer.units import parse_quantity
+from raytracer.cli.base import options
+from raytracer.schema.units import parse_quantity
+from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
-    from raytracer.lens_report.analysis.results import Settings
-    from raytracer.lenses.lens import Lens
+    from raytracer.analysis.lens_design.performance.results import Settings
+    from raytracer.optics.lens_system.lens import Lens
 
 EXAMPLE = """\b
 Examples:
@@ -71,13 +71,14 @@ Wavelengths = Annotated[
     typer.Option(
         "--wavelengths",
         metavar="NM,...",
-        help="Wavelengths (nm), or the lines d, F, C; the first is focused on, colour errors are between the others.",
+        help="Wavelengths (nm), or the lines d, F, C; the first is focused on, chromatic "
+        "aberration is between the others.",
     ),
 ]
 
 
 class _WithDefault(typer.core.TyperGroup):
-    """A command that is also a group: what is no name of a subcommand goes to the first."""
+    """A group whose first command runs when the first word names no other command."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         if not args or args[0] not in self.commands:
@@ -85,15 +86,15 @@ class _WithDefault(typer.core.TyperGroup):
         return super().parse_args(ctx, args)
 
 
-lens = typer.Typer(
+group = typer.Typer(
     cls=_WithDefault,
     rich_markup_mode=None,
     add_completion=False,
-    help="Show a lens by itself: its numbers, aberrations and section.",
+    help="Show a lens by itself: its numbers, aberrations and cross-section.",
 )
 
 
-@lens.command(_DEFAULT, epilog=EXAMPLE)
+@group.command(_DEFAULT, epilog=EXAMPLE)
 def report(
     file: File,
     output: Annotated[
@@ -102,7 +103,7 @@ def report(
             "--output",
             "-o",
             metavar="OUT",
-            help="A report, .html or .pdf; the section, .svg or .png; or all numbers, .json.  May repeat.  "
+            help="A report, .html or .pdf; the cross-section, .svg or .png; or all numbers, .json.  May repeat.  "
             ".pdf and .png need pip install 'raytracer[report]'.",
         ),
     ] = None,
@@ -117,26 +118,26 @@ def report(
 
     Numbers come by ray transfer matrices and by rays that are traced through its surfaces.
     """
-    from raytracer.lens_report.formats import writer_of
+    from raytracer.analysis.lens_design.report_files import find_writer
 
     outputs = output or []
-    writers = [writer_of(path) for path in outputs]
+    writers = [find_writer(path) for path in outputs]
     settings = _settings(f_number, focus_distance, sensor, wavelengths)
     _check_files(outputs)
 
     import json
 
-    from raytracer.assets.lenses import read_lens
-    from raytracer.film.output import write_bytes
-    from raytracer.lens_report import text
-    from raytracer.lens_report.analysis.study import study
+    from raytracer.analysis.lens_design import text
+    from raytracer.analysis.lens_design.performance.lens_study import study_lens
+    from raytracer.scene.assets.lenses import read_lens
+    from raytracer.util.atomic_write import write_bytes
 
-    found = read_lens(Path(file))
-    warned = _tell(file, found, quiet=quiet)
-    with _told(file):
-        studied = study(found, _fitting(settings, sensor, found))
+    lens = read_lens(Path(file))
+    warnings = _report_import(file, lens, quiet=quiet)
+    with _name_file_in_errors(file):
+        studied = study_lens(lens, _fit_settings(settings, sensor, lens))
     # What cannot be drawn is known before anything is written.
-    contents = [make(found, studied) for make in writers]
+    contents = [make(lens, studied) for make in writers]
     for path, content in zip(outputs, contents, strict=True):
         write_bytes(path, content)
         if not quiet:
@@ -144,12 +145,12 @@ def report(
     if as_json:
         print(json.dumps(studied.as_dict(), indent=2, allow_nan=False, ensure_ascii=False))
     elif not quiet:
-        # What stderr has told is not told again.
-        notes = tuple(note for note in studied.notes if note.reason not in warned)
+        # Warnings that stderr has already.
+        notes = tuple(note for note in studied.notes if note.reason not in warnings)
         print(text.summary(studied._replace(notes=notes)), end="")
 
 
-@lens.command("import", epilog=EXAMPLE_IMPORT)
+@group.command("import", epilog=EXAMPLE_IMPORT)
 def import_file(
     file: Annotated[str, typer.Argument(metavar="FILE", help="Table of another program: .dat (pbrt) or .zmx (Zemax).")],
     output: Annotated[
@@ -167,7 +168,7 @@ def import_file(
         typer.Option(
             metavar="PLACE",
             help="Where thickness stands in a .dat table: in the row of the surface before the way (after it), or of "
-            "that behind it (before it).  Default: told by the numbers.",
+            "that behind it (before it).  Default: decided by the numbers.",
             show_default=False,
         ),
     ] = None,
@@ -178,8 +179,8 @@ def import_file(
     Of .zmx files the sequential surfaces that are round, in air, with glasses of the catalogue or by index and Abbe
     number; what is none of these is an error that says so.
     """
-    from raytracer.film.output import check_file, write_bytes
-    from raytracer.lenses.importing import Choices, as_yaml, checked_glasses, imported
+    from raytracer.optics.lens_system.importers import Choices, as_yaml, import_lens, parse_glasses
+    from raytracer.util.atomic_write import check_file, write_bytes
 
     if output is not None:
         if output.suffix.lower() not in (".yaml", ".yml"):
@@ -188,21 +189,21 @@ def import_file(
     if thickness is not None and not file.lower().endswith(".dat"):
         raise InputError(f"--thickness {thickness}: goes with tables, .dat; {file} says itself where it stands")
     try:
-        glasses = checked_glasses(glass or [])
+        glasses = parse_glasses(glass or [])
     except ValueError as error:
         raise InputError(f"--glass: {error}") from None
-    found = imported(Path(file), Choices(glasses, thickness))
-    _tell(file, found.lens(), quiet=quiet)
-    written = as_yaml(found.spec)
+    imported_file = import_lens(Path(file), Choices(glasses, thickness))
+    _report_import(file, imported_file.lens(), quiet=quiet)
+    text = as_yaml(imported_file.spec)
     if output is None:
-        print(written, end="")
+        print(text, end="")
         return
-    write_bytes(output, written.encode())
+    write_bytes(output, text.encode())
     if not quiet:
         print(f"wrote {output}", file=sys.stderr)
 
 
-@lens.command("distortion", epilog=EXAMPLE_DISTORTION)
+@group.command("distortion", epilog=EXAMPLE_DISTORTION)
 def distortion(
     file: File,
     output: Annotated[
@@ -236,50 +237,55 @@ def distortion(
 
     The residual of each model is said: how far it is from the traced rays, in pixels.
     """
-    from raytracer.lens_report.formats import suffix_words
+    from raytracer.analysis.lens_design.report_files import unknown_suffix_message
 
     outputs = output or []
     for path in outputs:
         if path.suffix.lower() not in (".npz", ".yaml", ".yml", ".json"):
-            raise InputError(f"{path}: {suffix_words(path)} for a map of distortion; known: .npz, .yaml, .json")
+            raise InputError(
+                f"{path}: {unknown_suffix_message(path)} for a map of distortion; known: .npz, .yaml, .json"
+            )
     settings = _settings(f_number, focus_distance, sensor, wavelengths)
     _check_files(outputs)
 
     import json
 
-    from raytracer.assets.lenses import read_lens
-    from raytracer.film.output import write_bytes
-    from raytracer.lens_report import maps
-    from raytracer.lens_report.analysis.bench import bench_of
+    from raytracer.analysis.lens_design.distortion_maps import files
+    from raytracer.analysis.lens_design.distortion_maps.distortion_map import trace_distortion_map
+    from raytracer.analysis.lens_design.performance.optical_bench import set_up_bench
+    from raytracer.scene.assets.lenses import read_lens
+    from raytracer.util.atomic_write import write_bytes
 
-    seen = read_lens(Path(file))
-    _tell(file, seen, quiet=quiet)
-    with _told(file):
-        found = maps.distortion(bench_of(seen, _fitting(settings, sensor, seen)), width, ideal=ideal)
-    as_text = json.dumps(maps.as_dict(found), indent=2, allow_nan=False) + "\n"
+    lens = read_lens(Path(file))
+    _report_import(file, lens, quiet=quiet)
+    with _name_file_in_errors(file):
+        result = trace_distortion_map(set_up_bench(lens, _fit_settings(settings, sensor, lens)), width, ideal=ideal)
+    as_text = json.dumps(files.as_dict(result), indent=2, allow_nan=False) + "\n"
     for path in outputs:
         kind = path.suffix.lower()
         if kind == ".json":
             write_bytes(path, as_text.encode())
         else:
-            write_bytes(path, maps.npz(found) if kind == ".npz" else maps.opencv_yaml(found))
+            write_bytes(path, files.to_npz(result) if kind == ".npz" else files.to_opencv_yaml(result))
         if not quiet:
             print(f"wrote {path}", file=sys.stderr)
     if as_json:
         print(as_text, end="")
     elif not quiet:
-        print(maps.text(found), end="")
+        print(files.to_text(result), end="")
 
 
 # ---- What commands share
 
 
 def _settings(f_number: float | None, focus_distance: str, sensor: str | None, wavelengths: str) -> "Settings":
-    from raytracer.lens_report.analysis.results import Settings
+    from raytracer.analysis.lens_design.performance.results import Settings
 
     if f_number is not None and not 0.0 < f_number < 1e6:
         raise InputError(f"--f-number {f_number:g}: must be greater than 0 and less than a million")
-    distance = 1000.0 * options.number("--focus-distance", focus_distance, lambda text: parse_quantity(text, "length"))
+    distance = 1000.0 * options.parse_number(
+        "--focus-distance", focus_distance, lambda text: parse_quantity(text, "length")
+    )
     if distance <= 0.0:
         raise InputError(f"--focus-distance {focus_distance}: must be greater than 0")
     size = _sensor(sensor or "full_frame")
@@ -288,29 +294,31 @@ def _settings(f_number: float | None, focus_distance: str, sensor: str | None, w
     )
 
 
-def _fitting(settings: "Settings", sensor: str | None, seen: "Lens") -> "Settings":
-    """Settings for a lens: where no sensor is asked for, one that its image circle covers."""
-    from raytracer.lenses.stops import widest_f_number
+def _fit_settings(settings: "Settings", sensor: str | None, lens: "Lens") -> "Settings":
+    """Fit settings to a lens: without --sensor, choose one that its image circle covers."""
+    from raytracer.optics.lens_system.stops import widest_f_number
 
     # What is engraved on a lens is rounded, and stands for wide open.
-    engraved, wanted = seen.f_number, settings.f_number
-    if wanted is not None and engraved is not None and engraved <= wanted < widest_f_number(seen):
+    engraved, wanted = lens.f_number, settings.f_number
+    if wanted is not None and engraved is not None and engraved <= wanted < widest_f_number(lens):
         settings = settings._replace(f_number=None)
     diagonal = math.hypot(*settings.sensor_mm)
-    if sensor is not None or seen.image_circle is None or seen.image_circle >= diagonal:
+    if sensor is not None or lens.image_circle is None or lens.image_circle >= diagonal:
         return settings
     width, height = settings.sensor_mm
-    share = seen.image_circle / diagonal
+    share = lens.image_circle / diagonal
     return settings._replace(sensor_mm=(share * width, share * height))
 
 
 def _sensor(text: str) -> tuple[float, float]:
-    """Width and height (mm)."""
-    from raytracer.sensors import SENSORS, SensorSpec
+    """Parse a sensor's name or size to its width and height (mm)."""
+    from raytracer.optics.sensor_formats import SENSORS, SensorSpec
 
     parts = text.lower().split("x")
     if len(parts) == 2 and text not in SENSORS:
-        width, height = (options.number("--sensor", part, lambda part: parse_quantity(part, "optic")) for part in parts)
+        width, height = (
+            options.parse_number("--sensor", part, lambda part: parse_quantity(part, "optic")) for part in parts
+        )
         if not (0.0 < width < 1e4 and 0.0 < height < 1e4):
             raise InputError(f"--sensor {text}: must be larger than 0 and smaller than 10 m")
         return width, height
@@ -326,10 +334,10 @@ def _sensor(text: str) -> tuple[float, float]:
 
 
 def _wavelengths(text: str) -> tuple[float, ...]:
-    from raytracer.glass import LINE_C, LINE_D, LINE_F
+    from raytracer.optics.glass import LINE_C, LINE_D, LINE_F
 
     lines = {"d": LINE_D, "f": LINE_F, "c": LINE_C}
-    found = []
+    wavelengths = []
     for part in text.split(","):
         name = part.strip().lower().removesuffix("nm").strip()
         try:
@@ -338,32 +346,32 @@ def _wavelengths(text: str) -> tuple[float, ...]:
             raise InputError(f"--wavelengths {text}: must be wavelengths in nm, or the lines d, F, C") from None
         if not 300.0 <= nm <= 2500.0:
             raise InputError(f"--wavelengths {text}: must be from 300 to 2500 nm")
-        if nm in found:
+        if nm in wavelengths:
             raise InputError(f"--wavelengths {text}: has {part.strip()} twice")
-        found.append(nm)
-    return tuple(found)
+        wavelengths.append(nm)
+    return tuple(wavelengths)
 
 
-def _tell(file: str, lens: "Lens", *, quiet: bool) -> list[str]:
-    """Say how a file was read that leaves open what it means, and warn of what is probably not meant in the lens.
+def _report_import(file: str, lens: "Lens", *, quiet: bool) -> list[str]:
+    """Say how an ambiguous file was read, and warn of what is probably a mistake in the lens.
 
     Returns
     -------
     The warnings.
     """
-    from raytracer.lenses.doubts import doubts
+    from raytracer.optics.lens_system.plausibility import lens_warnings
 
     if lens.reading is not None and not lens.reading.is_guess and not quiet:
         print(f"{file}: {lens.reading.text}", file=sys.stderr)
-    found = doubts(lens)
-    for doubt in found:
-        print(f"rt: warning: {file}: {doubt}", file=sys.stderr)
-    return found
+    warnings = lens_warnings(lens)
+    for warning in warnings:
+        print(f"rt: warning: {file}: {warning}", file=sys.stderr)
+    return warnings
 
 
 @contextlib.contextmanager
-def _told(file: str) -> Iterator[None]:
-    """What a lens cannot do is the user's to know, with the file that it is of."""
+def _name_file_in_errors(file: str) -> Iterator[None]:
+    """Turn errors about what a lens cannot do into one sentence that names its file."""
     try:
         yield
     except ValueError as error:
@@ -371,8 +379,8 @@ def _told(file: str) -> Iterator[None]:
 
 
 def _check_files(paths: Sequence[Path]) -> None:
-    """Find out what cannot be written before the work, not after."""
-    from raytracer.film.output import check_file
+    """Check that all files can be written before the work, not after."""
+    from raytracer.util.atomic_write import check_file
 
     for path in paths:
         check_file(path)
@@ -380,4 +388,4 @@ def _check_files(paths: Sequence[Path]) -> None:
 
 def register(app: typer.Typer) -> None:
     """Add the command, and those below it, to `app`."""
-    app.add_typer(lens, name="lens")
+    app.add_typer(group, name="lens")

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from raytracer.cli import options
-from raytracer.errors import InputError, Interrupted
-from raytracer.units import Dimension, parse_quantity
+from raytracer.cli.base import options
+from raytracer.schema.units import Dimension, parse_quantity
+from raytracer.util.errors import InputError, Interrupted
 
 if TYPE_CHECKING:
-    from raytracer.probing import Probed
+    from raytracer.analysis.probe import ProbeResult
     from raytracer.scene.spec import SceneSpec
 
 EXAMPLE = """\b
@@ -83,15 +83,16 @@ def probe(
     _check(toward, direction, width, outputs, as_json=as_json)
     start = _point("--at", at)
     ahead = None if toward is None else _point("--toward", toward)
-    way = None if direction is None else _point("--direction", direction, "number")
-    moment = None if time is None else _number("--time", time, "time")
+    look = None if direction is None else _point("--direction", direction, "number")
+    scene_time = None if time is None else _number("--time", time, "time")
     nm = None if wavelength is None else _number("--wavelength", wavelength, "wavelength")
 
-    from raytracer.film.output import check_writable
-    from raytracer.probing import SAMPLES
-    from raytracer.probing import probe as measure
-    from raytracer.rendering import SampleBar
-    from raytracer.scene.load import load, parse_overrides
+    from raytracer.analysis.probe import SAMPLES
+    from raytracer.analysis.probe import probe as measure
+    from raytracer.film.image_file import check_writable
+    from raytracer.rendering.progress import SampleBar
+    from raytracer.scene.load import load
+    from raytracer.scene.overrides import parse_overrides
 
     spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])
     for path in outputs:
@@ -103,14 +104,14 @@ def probe(
     with SampleBar(quiet=quiet) as bar:
         if outputs:
             settings = {"spp": spp, "seed": seed, "threads": threads, "progress": bar.show}
-            _draw(spec, outputs, start, ahead, moment, nm, width, quiet, **settings, warn=warn, strict=strict)
+            _draw(spec, outputs, start, ahead, scene_time, nm, width, quiet, **settings, warn=warn, strict=strict)
             return
-        found = measure(
+        measurement = measure(
             spec,
             start,
             toward=ahead,
-            direction=way,
-            time=moment,
+            direction=look,
+            time=scene_time,
             wavelength=nm,
             spp=spp or SAMPLES,
             seed=seed,
@@ -119,7 +120,7 @@ def probe(
             warn=warn,
             strict=strict,
         )
-    print(json.dumps(found.json(), indent=2, allow_nan=False) if as_json else _text(found))
+    print(json.dumps(measurement.json(), indent=2, allow_nan=False) if as_json else _format(measurement))
 
 
 def _check(toward: str | None, direction: str | None, width: int | None, outputs: list[Path], *, as_json: bool) -> None:
@@ -148,7 +149,7 @@ def _draw(
     **settings: object,
 ) -> None:
     """Write the picture of all directions."""
-    from raytracer.probing import WIDTH, probe_sphere
+    from raytracer.analysis.probe import WIDTH, probe_sphere
 
     rendered = probe_sphere(spec, at, toward=toward, time=time, wavelength=wavelength, width=width or WIDTH, **settings)
     for path in outputs:
@@ -161,17 +162,19 @@ def _draw(
         raise Interrupted
 
 
-def _text(found: "Probed") -> str:
-    """A measurement in words and numbers."""
-    light = "red, green, blue" if found.wavelength is None else f"at {found.wavelength:g} nm, relative to D65"
-    dropped = f", and {found.dropped} that were not finite" if found.dropped else ""
+def _format(measurement: "ProbeResult") -> str:
+    """Format a measurement as lines of text."""
+    light = (
+        "red, green, blue" if measurement.wavelength is None else f"at {measurement.wavelength:g} nm, relative to D65"
+    )
+    dropped = f", and {measurement.dropped} that were not finite" if measurement.dropped else ""
     lines = [
-        f"at               {_numbers(found.at)} m",
-        f"towards          {_numbers(found.towards)}",
-        f"time             {found.time:g} s",
-        f"radiance         {_numbers(found.radiance)}  ({light})",
-        f"standard error   {_numbers(found.standard_error)}",
-        f"samples          {found.samples}{dropped}",
+        f"at               {_numbers(measurement.at)} m",
+        f"towards          {_numbers(measurement.towards)}",
+        f"time             {measurement.time:g} s",
+        f"radiance         {_numbers(measurement.radiance)}  ({light})",
+        f"standard error   {_numbers(measurement.standard_error)}",
+        f"samples          {measurement.samples}{dropped}",
     ]
     return "\n".join(lines)
 
@@ -182,7 +185,7 @@ def _numbers(values: tuple[float, ...]) -> str:
 
 
 def _number(option: str, text: str, dimension: Dimension) -> float:
-    return options.number(option, text, lambda part: parse_quantity(part, dimension))
+    return options.parse_number(option, text, lambda part: parse_quantity(part, dimension))
 
 
 def _point(option: str, text: str, dimension: Dimension = "length") -> list[float]:

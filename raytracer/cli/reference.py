@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from raytracer.cli import options
-from raytracer.errors import InputError
+from raytracer.cli.base import options
+from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
-    from raytracer.regression.making import Source
-    from raytracer.regression.references import Reference
+    from raytracer.analysis.regression.reference_file import Reference
+    from raytracer.analysis.regression.render_reference import ReferenceScene
 
 EXAMPLE = """\b
 Examples:
@@ -58,7 +58,7 @@ def reference(
         typer.Option(help="Seed of all random numbers.  Default: 12345.", min=0, max=2**32 - 1, show_default=False),
     ] = None,
     threads: options.Threads = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")] = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Render references: small pictures that know their noise, for `rt check` to judge later ones by.
 
@@ -71,48 +71,55 @@ def reference(
         raise InputError(f"--name {name}: is a name, not a path; -o names the folder")
 
     # Find out what is wrong before the work, not after.
-    from raytracer.film.output import check_file
-    from raytracer.regression import making
-    from raytracer.regression.bar import Bar
-    from raytracer.regression.references import SUFFIX, load_reference, save_reference
-    from raytracer.scene.load import parse_overrides
-    from raytracer.stock import Stock
+    from raytracer.analysis.regression.progress_bar import RendersBar
+    from raytracer.analysis.regression.reference_file import SUFFIX, load_reference, save_reference
+    from raytracer.analysis.regression.render_reference import (
+        SEED,
+        SPP,
+        WIDTH,
+        load_recipe_scene,
+        prepare_reference_scene,
+        render_reference,
+    )
+    from raytracer.scene.cache import RenderCache
+    from raytracer.scene.overrides import parse_overrides
+    from raytracer.util.atomic_write import check_file
 
     overrides = parse_overrides(define or [])
     folder = output or Path("references")
-    work: dict[Path, tuple[Source, int, int]] = {}
+    work: dict[Path, tuple[ReferenceScene, int, int]] = {}
     for scene in scenes:
         if scene.suffix.lower() == SUFFIX:
             _check_alone(scene, name=name, output=output, width=width, define=define)
             path, recipe = scene, load_reference(scene).recipe
             try:
-                found = making.source_of(recipe, scene.parent, allow_files or [])
+                reference_scene = load_recipe_scene(recipe, scene.parent, allow_files or [])
             except InputError as error:
                 raise InputError(f"{scene}: {error}") from error
             samples, number = spp or recipe.spp, recipe.seed if seed is None else seed
         else:
             path = folder / f"{name or scene.stem}{SUFFIX}"
-            found = making.source(scene, folder, overrides, width or making.WIDTH, allow_files or [])
-            samples, number = spp or making.SPP, making.SEED if seed is None else seed
+            reference_scene = prepare_reference_scene(scene, folder, overrides, width or WIDTH, allow_files or [])
+            samples, number = spp or SPP, SEED if seed is None else seed
         if path in work:
             raise InputError(f"{scene}: {path} is another scene's already; --name names a reference")
         check_file(path)
-        work[path] = found, samples, number
+        work[path] = reference_scene, samples, number
 
-    stock = Stock()
-    with Bar(len(work), quiet=quiet) as bar:
-        for count, (path, (found, samples, number)) in enumerate(work.items()):
-            made = making.make(
-                found,
+    cache = RenderCache()
+    with RendersBar(len(work), quiet=quiet) as bar:
+        for count, (path, (reference_scene, samples, number)) in enumerate(work.items()):
+            rendered = render_reference(
+                reference_scene,
                 spp=samples,
                 seed=number,
                 threads=threads,
-                stock=stock,
+                cache=cache,
                 progress=bar.of(count, path.stem),
                 warn=lambda sentence: bar.say(f"rt: warning: {sentence}", sys.stderr),
             )
-            sentence = _sentence(path, made)
-            save_reference(path, *made)
+            sentence = _describe(path, rendered)
+            save_reference(path, *rendered)
             if not quiet:
                 bar.say(sentence, sys.stderr)
 
@@ -120,33 +127,34 @@ def reference(
 def _check_alone(
     path: Path, *, name: str | None, output: Path | None, width: int | None, define: list[str] | None
 ) -> None:
-    """Refuse what would make another reference of one that is to be rendered as it was."""
+    """Refuse options that change a reference, if it is to be rendered as it was."""
     for option, given in (("--name", name), ("-o", output), ("--width", width), ("-D", define)):
         if given:
             raise InputError(f"{option}: {path} is a reference, which is rendered anew as it was; give its scene")
 
 
-def _sentence(path: Path, made: "Reference") -> str:
-    """What was made, and how it differs from what stood there before."""
-    from raytracer.comparison import z_test
-    from raytracer.noise.wording import percent
-    from raytracer.regression.checking import finds
-    from raytracer.regression.making import gain_ratio
-    from raytracer.regression.references import load_reference
+def _describe(path: Path, reference: "Reference") -> str:
+    """Describe a new reference, and how it differs from the one that it replaces."""
+    from raytracer.analysis.compare import z_test
+    from raytracer.analysis.regression.check import detectable_change
+    from raytracer.analysis.regression.reference_file import load_reference
+    from raytracer.analysis.regression.render_reference import gain_ratio
+    from raytracer.core.error_estimate.wording import format_percent
 
-    height, width, _ = made.mean.shape
-    found = f"{path}: {width} x {height}, {made.recipe.spp} spp"
-    found += f"; a check by as many finds {percent(finds(made, made.recipe.spp))} more or less light"
-    if made.recipe.dropped:
-        found += f"; {made.recipe.dropped} samples were not finite and were dropped"
+    height, width, _ = reference.mean.shape
+    sentence = f"{path}: {width} x {height}, {reference.recipe.spp} spp"
+    change = format_percent(detectable_change(reference, reference.recipe.spp))
+    sentence += f"; a check by as many finds {change} more or less light"
+    if reference.recipe.dropped:
+        sentence += f"; {reference.recipe.dropped} samples were not finite and were dropped"
     with contextlib.suppress(InputError):
         before = load_reference(path)
         # With the seed that it has as well, the two are not independent, and differ all the less.
-        ratio = gain_ratio(before.recipe.gains, made.recipe.gains)
-        spp = before.recipe.spp / made.recipe.spp
-        verdict = z_test(ratio * made.mean, ratio**2 * made.variance, before.mean, before.variance, ratio=spp)
-        found += f"; what it replaces: {verdict.reason}"
-    return found
+        ratio = gain_ratio(before.recipe.gains, reference.recipe.gains)
+        spp = before.recipe.spp / reference.recipe.spp
+        verdict = z_test(ratio * reference.mean, ratio**2 * reference.variance, before.mean, before.variance, ratio=spp)
+        sentence += f"; what it replaces: {verdict.reason}"
+    return sentence
 
 
 def register(app: typer.Typer) -> None:

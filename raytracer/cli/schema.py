@@ -23,8 +23,7 @@ def schema(
     """
     import json
 
-    from raytracer.scene.schema import lens_schema
-    from raytracer.scene.schema import schema as scene_schema
+    from raytracer.scene.json_schema import lens_schema, scene_schema
 
     print(json.dumps(lens_schema() if lens else scene_schema(), indent=2, ensure_ascii=False, allow_nan=False))
 

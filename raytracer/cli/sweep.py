@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from raytracer.cli import options
-from raytracer.errors import InputError, Interrupted, OutputError
-from raytracer.interrupts import WATCH, stop
-from raytracer.scene.preview import EDGE, SPP
-from raytracer.units import parse_duration, parse_share
+from raytracer.cli.base import options
+from raytracer.cli.base.cluster import connect_cluster
+from raytracer.schema.units import parse_duration, parse_percentage
+from raytracer.util.errors import InputError, Interrupted, OutputError
+from raytracer.util.signals import WATCH, raise_interrupt
 
 if TYPE_CHECKING:
-    from raytracer.cluster import Cluster
-    from raytracer.sweeping.points import Sweep, Taken
+    from raytracer.analysis.sweep.results import PointResult, Sweep
 
 EXAMPLE = """\b
 Examples:
@@ -89,9 +88,7 @@ def sweep(
     denoise: Annotated[
         bool, typer.Option("--denoise", help="Take out the noise with Intel Open Image Denoise.")
     ] = False,
-    preview: Annotated[
-        bool, typer.Option("--preview", help=f"A quick look: at most {EDGE} pixels wide or high, {SPP} spp.")
-    ] = False,
+    preview: options.Preview = False,
     max_points: Annotated[int, typer.Option(help="Points that a sweep may have.", min=1)] = 1000,
     cluster: Annotated[
         str | None,
@@ -103,7 +100,7 @@ def sweep(
         bool, typer.Option("--dry-run", help="Print the points and their exact values, and render nothing.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the manifest as JSON.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")] = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Render a scene with every combination of some values.
 
@@ -111,25 +108,24 @@ def sweep(
     ends it early, and the same command goes on where it was.
     """
     if dry_run:
-        _foretell(scene, define or [], zipped=zipped, max_points=max_points, allow_files=allow_files or [])
+        _print_dry_run(scene, define or [], zipped=zipped, max_points=max_points, allow_files=allow_files or [])
         return
-    window = options.crop(crop)
-    most = options.size("--max-memory", max_memory)
-    target = None if noise is None else options.number("--noise", noise, parse_share)
-    limit = None if time_limit is None else options.number("--time-limit", time_limit, parse_duration)
+    memory_limit = options.parse_memory_size("--max-memory", max_memory)
+    target = None if noise is None else options.parse_number("--noise", noise, parse_percentage)
+    limit = None if time_limit is None else options.parse_number("--time-limit", time_limit, parse_duration)
 
-    from raytracer.sweeping.bar import SweepBar
-    from raytracer.sweeping.home import formats_of, strangers
-    from raytracer.sweeping.plan import parse_definitions
-    from raytracer.sweeping.run import sweep as run
+    from raytracer.analysis.sweep.output_layout import normalize_formats, stale_images
+    from raytracer.analysis.sweep.plan import parse_definitions
+    from raytracer.analysis.sweep.progress_bar import SweepBar
+    from raytracer.analysis.sweep.run import sweep as run
 
-    suffixes = formats_of(formats.split(","))
-    layers = options.aovs(aov or [], None if "exr" in suffixes else "--format exr")
+    suffixes = normalize_formats(formats.split(","))
+    layers = options.parse_aovs(aov or [], None if "exr" in suffixes else "--format exr")
     stem = Path(scene).stem
     folder = output or Path("outputs") / (stem if stem.endswith("sweep") else f"{stem}_sweep")
     with ExitStack() as stack:
         bar = stack.enter_context(SweepBar())
-        stack.enter_context(WATCH.on_first(stop))
+        stack.enter_context(WATCH.on_first_signal(raise_interrupt))
         result = run(
             scene,
             parse_definitions(define or []),
@@ -139,7 +135,7 @@ def sweep(
             spp=spp,
             seed=seed,
             threads=threads,
-            crop=window,
+            crop=options.parse_crop(crop),
             noise=target,
             time_limit=limit,
             aovs=layers,
@@ -150,27 +146,27 @@ def sweep(
             animate=[suffix.strip() for text in animate or [] for suffix in text.split(",")],
             fps=fps,
             max_points=max_points,
-            max_memory=most,
-            cluster=None if cluster is None else stack.enter_context(_cluster(cluster, bar.say)),
+            max_memory=memory_limit,
+            cluster=stack.enter_context(connect_cluster(cluster, bar.say)),
             progress=None if quiet else bar,
-            report=lambda taken: _report(taken, bar.say),
+            report=lambda point: _report(point, bar.say),
             warn=lambda sentence: bar.say(f"rt: warning: {sentence}"),
         )
     if as_json:
-        from raytracer.sweeping.manifest import to_json
+        from raytracer.analysis.sweep.manifest import to_json
 
         print(json.dumps(to_json(result), indent=2, allow_nan=False, ensure_ascii=False))
-    _conclude(result, folder, strangers(result), quiet=quiet)
+    _conclude(result, folder, stale_images(result), quiet=quiet)
 
 
-def _foretell(scene: str, define: list[str], *, zipped: bool, max_points: int, allow_files: list[str]) -> None:
+def _print_dry_run(scene: str, define: list[str], *, zipped: bool, max_points: int, allow_files: list[str]) -> None:
     """Print a line for each point, and fail if one of them could not be rendered."""
-    from raytracer.scene.load import as_yaml
-    from raytracer.sweeping.plan import parse_definitions, planned
-    from raytracer.sweeping.points import points_of
+    from raytracer.analysis.sweep.plan import make_plan, parse_definitions
+    from raytracer.analysis.sweep.points import enumerate_points
+    from raytracer.scene.overrides import as_yaml
 
-    plan = planned(scene, parse_definitions(define), zipped=zipped, allow_files=allow_files)
-    points = points_of(plan.axes, zipped=plan.zipped, most=max_points)
+    plan = make_plan(scene, parse_definitions(define), zipped=zipped, allow_files=allow_files)
+    points = enumerate_points(plan.axes, zipped=plan.zipped, most=max_points)
     wrong = 0
     for point in points:
         print("  ".join([point.name, *(f"{key}={as_yaml(value)}" for key, value in point.values.items())]))
@@ -183,42 +179,39 @@ def _foretell(scene: str, define: list[str], *, zipped: bool, max_points: int, a
         raise OutputError(f"{wrong} of {_count(len(points), 'point')} would fail")
 
 
-def _cluster(url: str, say: Callable[[str], object]) -> "Cluster":
-    from raytracer.cluster import Cluster
-
-    return Cluster(url, say=lambda sentence: say(f"rt: {sentence}"))
-
-
-def _report(taken: "Taken", say: Callable[[str], object]) -> None:
-    """Say what is wrong with a point."""
-    if taken.status == "failed":
-        say(f"rt: {taken.point.name} failed: {taken.reason}")
-    elif not taken.complete:
-        say(f"rt: {taken.point.name} has {taken.samples:.4g} samples per pixel, fewer than were asked for")
-    if taken.nan_samples:
-        say(f"rt: {taken.point.name}: {taken.nan_samples} samples were not finite and were dropped")
+def _report(result: "PointResult", say: Callable[[str], object]) -> None:
+    """Warn of what is wrong with a point."""
+    name = result.point.name
+    if result.status == "failed":
+        say(f"rt: {name} failed: {result.reason}")
+    elif not result.complete:
+        say(f"rt: {name} has {result.samples:.4g} samples per pixel, fewer than were asked for")
+    if result.nan_samples:
+        say(f"rt: {name}: {result.nan_samples} samples were not finite and were dropped")
 
 
 def _conclude(result: "Sweep", folder: Path, others: list[str], *, quiet: bool) -> None:
-    """Say on stderr what there is now, and fail if some of it is not."""
-    counts = {status: sum(taken.status == status for taken in result.taken) for status in ("done", "failed", "missing")}
+    """Summarize the sweep on stderr, and fail if a point has failed."""
+    counts = {
+        status: sum(point.status == status for point in result.results) for status in ("done", "failed", "missing")
+    }
     if result.interrupted:
         print(f"rt: interrupted; {counts['done']} of {_points(result)} done; the same command goes on", file=sys.stderr)
         raise Interrupted
     if not quiet:
-        kept = f", {result.kept} of them before" if result.kept else ""
+        reused = f", {result.reused} of them before" if result.reused else ""
         names = (", " if result.zipped else " x ").join(f"{len(axis.values)} {axis.key}" for axis in result.axes)
-        print(f"{folder / 'index.html'}: {_count(counts['done'], 'picture')} ({names}){kept}", file=sys.stderr)
+        print(f"{folder / 'index.html'}: {_count(counts['done'], 'picture')} ({names}){reused}", file=sys.stderr)
     if others and not quiet:
         number = _count(len(others), "image")
-        told = f"{folder} also holds {number} that this sweep did not make, such as {others[0]}"
-        print(f"rt: {told}; -o names another folder", file=sys.stderr)
+        note = f"{folder} also holds {number} that this sweep did not make, such as {others[0]}"
+        print(f"rt: {note}; -o names another folder", file=sys.stderr)
     if counts["failed"]:
         raise OutputError(f"{counts['failed']} of {_points(result)} failed; {folder / 'manifest.csv'} says why")
 
 
 def _points(result: "Sweep") -> str:
-    return _count(len(result.taken), "point")
+    return _count(len(result.results), "point")
 
 
 def _count(number: int, noun: str) -> str:

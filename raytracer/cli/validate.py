@@ -1,12 +1,12 @@
-"""`rt validate`: is a scene file right?"""
+"""`rt validate`: checks scene files."""
 
 import sys
 from typing import Annotated
 
 import typer
 
-from raytracer.cli import options
-from raytracer.errors import InputError
+from raytracer.cli.base import options
+from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
 Example:
@@ -26,14 +26,14 @@ def validate(
     What is wrong is named by file, line and key, one line a file; the exit status is then 2.  What one may doubt is a
     warning (docs/warnings.md).
     """
-    from raytracer.scene.concerns import concerns, told
     from raytracer.scene.load import load
-    from raytracer.scene.pack import pack
+    from raytracer.scene.pack.scene import pack
+    from raytracer.scene.warnings import find_warnings, warning_messages
 
     wrong = False
     for scene in scenes:
         try:
-            sentences = told(concerns(pack(load(scene, allow_files=allow_files or []))))
+            sentences = warning_messages(find_warnings(pack(load(scene, allow_files=allow_files or []))))
         except InputError as error:
             wrong = True
             print(f"rt: {error}", file=sys.stderr)

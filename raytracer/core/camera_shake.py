@@ -1,4 +1,4 @@
-"""Hand shake: small rotations of a camera about its own place, as seeded noise.
+"""Hand shake: small rotations of a camera about its own position, as seeded noise.
 
 In a scene:
 
@@ -12,18 +12,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from raytracer.motion import Rows, rotations_about
-from raytracer.shutter import Shutter
-from raytracer.spec import Count, Matrix, Quantity, Spec, Vector
+from raytracer.core.motion.decomposition import Rows
+from raytracer.core.motion.trajectory import rotation_trajectory
+from raytracer.core.shutter.table import Shutter
+from raytracer.schema.fields import Count, Quantity, Vector
+from raytracer.schema.spec import Spec
+from raytracer.schema.transform import Matrix
 
 # Sinusoids of a shake about an axis, and segments of its trajectory in a period of the fastest, of which 0.5 % is lost.
 _SINUSOIDS = 128
 _SEGMENTS_PER_PERIOD = 32
-_MOST_SEGMENTS = 2**17
+_MAX_SEGMENTS = 2**17
 
 
 class Shake(Spec):
-    """How a hand holds a camera: it turns about its own place, a little, unevenly.
+    """Small irregular rotations of a hand-held camera about its own position.
 
     Each of the angles about the camera's axes is noise with an even spectrum up to a frequency: a sum of sinusoids
     whose frequencies and phases are random, which is Gaussian in the limit of many.
@@ -41,23 +44,23 @@ class Shake(Spec):
     seed: Annotated[int, Count(0, 2**32 - 1)] = Field(default=0, description="seed: another one shakes otherwise")
 
     def segments(self, shutter: Shutter) -> int:
-        """How many straight segments come close to the shake while the shutter is open.
+        """Count the straight segments that approximate the shake while the shutter is open.
 
         Raises
         ------
         ValueError : more than there can be.
         """
         periods = self.bandwidth * (shutter.close - shutter.open)
-        if periods * _SEGMENTS_PER_PERIOD > _MOST_SEGMENTS:
+        if periods * _SEGMENTS_PER_PERIOD > _MAX_SEGMENTS:
             raise ValueError(
                 f"shakes {periods:.4g} times while the shutter is open, and at most "
-                f"{_MOST_SEGMENTS // _SEGMENTS_PER_PERIOD} times can be followed: lower the bandwidth, or "
+                f"{_MAX_SEGMENTS // _SEGMENTS_PER_PERIOD} times can be followed: lower the bandwidth, or "
                 "shorten the shutter"
             )
         return max(1, math.ceil(_SEGMENTS_PER_PERIOD * periods))
 
     def angles(self, times: ArrayLike) -> NDArray[np.float64]:
-        """Pitch, yaw and roll (rad) at times of the scene (s) (n,): float64 (n, 3).
+        """Compute pitch, yaw and roll (rad) at times of the scene (s) (n,): float64 (n, 3).
 
         Over long times each has a mean square of exactly the amplitude's.
         """
@@ -73,8 +76,8 @@ class Shake(Spec):
         return math.radians(self.amplitude) * math.sqrt(2.0 / _SINUSOIDS) * result
 
 
-def shaken(shake: Shake, center: Vector, axes: Matrix, shutter: Shutter, segments: int = 1) -> Rows:
-    """The trajectory (steps, 16) of a camera that a hand holds: rotations about its place `center` (m).
+def shake_trajectory(shake: Shake, center: Vector, axes: Matrix, shutter: Shutter, segments: int = 1) -> Rows:
+    """Make the trajectory (steps, 16) of a hand-held camera: rotations about its position `center` (m).
 
     Parameters
     ----------
@@ -91,4 +94,4 @@ def shaken(shake: Shake, center: Vector, axes: Matrix, shutter: Shutter, segment
     # sin(a / 2) / a, which is 1/2 where there is no angle.
     share = 0.5 * np.sinc(angle / (2.0 * np.pi))
     quaternions = np.concatenate([np.cos(0.5 * angle), share * vectors], axis=1)
-    return rotations_about(center, quaternions)
+    return rotation_trajectory(center, quaternions)

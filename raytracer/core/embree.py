@@ -1,4 +1,4 @@
-"""Embree's ray casting: finds the library, builds scenes from shape geometry, gives kernels `intersect` and `occluded`.
+"""Ray casting by Embree: the library, scenes built from geometry, and `intersect` and `occluded` for kernels.
 
 The only module that knows ctypes and `embreex`.  The `embreex` wheel ships the whole Embree 4 library; its own
 classes take triangles only and give no pointer, so the C interface is called directly: through ctypes to build,
@@ -20,8 +20,8 @@ import numpy as np
 from numba import types
 from numpy.typing import ArrayLike, NDArray
 
-from raytracer.geometry import Geometry, Primitive
-from raytracer.jit import kernel
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.geometry import Geometry, Primitive
 
 PACKET = 8
 """Rays that one call traces together (lanes of a packet): on AVX2, the cover took 3.4 s by 16, 3.1 s by 8."""
@@ -53,7 +53,7 @@ class EmbreeError(RuntimeError):
 
 
 def find_library(site_packages: Path | None = None) -> Path:
-    """The Embree 4 shared library inside the installed `embreex` wheel, of Linux, macOS or Windows.
+    """Find the Embree 4 shared library inside the installed `embreex` wheel, of Linux, macOS or Windows.
 
     Parameters
     ----------
@@ -69,13 +69,13 @@ def find_library(site_packages: Path | None = None) -> Path:
             raise EmbreeError("the package embreex, which ships Embree, is not installed")
         site_packages = Path(spec.origin).parent.parent
     for layout in _LAYOUTS:
-        if found := sorted(site_packages.glob(layout)):
-            return found[0]
+        if libraries := sorted(site_packages.glob(layout)):
+            return libraries[0]
     raise EmbreeError(f"the embreex package in {site_packages} holds no Embree 4 library")
 
 
 def _load_dependencies(library: Path) -> None:
-    """On Windows, let Embree find the TBB library that lies beside it."""
+    """Load the TBB library beside Embree's, which Windows would not find by itself."""
     import os
 
     if hasattr(os, "add_dll_directory"):
@@ -156,20 +156,22 @@ class Device:
             raise EmbreeError(f"Embree: {first}")
 
 
-class Placements(NamedTuple):
-    """Groups that are placed in the scene, many at once.
+class InstanceArray(NamedTuple):
+    """Placements of groups in the scene, many at once.
 
-    group (n,) uint32, which group each placement shows; poses, one array a time step, float32 and all of one kind:
-    (n, 12), rows of a 3x4 matrix from the group's space to the world's; or (n, 16), the fields of an
-    RTCQuaternionDecomposition, between which Embree turns at a constant rate.
+    Attributes
+    ----------
+    group : uint32 (n,), the group of each placement.
+    poses : float32, one array a time step, all of one kind: (n, 12), rows of a 3x4 matrix from the group's space to the
+        world's; or (n, 16), the fields of an RTCQuaternionDecomposition, between which Embree turns at a constant rate.
     """
 
     group: NDArray[np.uint32]
     poses: tuple[NDArray[np.float32], ...]
 
 
-class Found(NamedTuple):
-    """What one ray met: its distance, and the numbers that Embree has for it, -1 for no instance."""
+class RayHit(NamedTuple):
+    """The hit of one ray: its distance (m) and Embree's numbers, -1 for no instance."""
 
     distance: float
     geometry: int
@@ -179,13 +181,13 @@ class Found(NamedTuple):
 
 
 class Accel:
-    """A built scene; `address` is what kernels take.  It is freed with this object.
+    """A built Embree scene, which kernels take by its `address`.  It is freed with this object.
 
     Parameters
     ----------
-    geometries : by the number with which each answers hits.
-    groups : the geometries of each group, likewise; a group is in the scene where it is placed, and only there.
-    placements : those of entry k answer hits with the instance number `first_instance` + k, and their place in it.
+    geometries : by the geometry number that their hits have.
+    groups : the geometries of each group, likewise; a group is in the scene only where it is placed.
+    placements : hits of entry k have the instance number `first_instance` + k, and the placement's index in it.
     first_instance : greater than the number of any geometry.
 
     Raises
@@ -197,17 +199,17 @@ class Accel:
         self,
         geometries: Mapping[int, Geometry] | Sequence[Geometry],
         groups: Sequence[Mapping[int, Geometry]] = (),
-        placements: Sequence[Placements] = (),
+        placements: Sequence[InstanceArray] = (),
         *,
         first_instance: int = 0,
         robust: bool = True,
         device: Device | None = None,
     ) -> None:
         self.device = device or Device()
-        # Buffers are shared, so they live as long as the scene; the device too.
-        self._kept: list[Any] = [self.device]
+        # Buffers are shared with Embree, so they live as long as the scene; the device too.
+        self._buffers: list[Any] = [self.device]
         self._handles: list[int] = []
-        self._finalizer = weakref.finalize(self, _release, self._handles, self._kept)
+        self._finalizer = weakref.finalize(self, _release, self._handles, self._buffers)
         self._flags = _ROBUST if robust else 0
         scenes = [self._build(group, {}, []) for group in groups]
         numbered = geometries if isinstance(geometries, Mapping) else dict(enumerate(geometries))
@@ -220,14 +222,14 @@ class Accel:
         *,
         beyond: float = 0.0,
         time: float = 0.0,
-    ) -> Found | None:
-        """What a single ray meets first, None if nothing; for what is asked once, kernels trace packets.
+    ) -> RayHit | None:
+        """Find the nearest hit of a single ray, None for a miss; kernels trace packets instead.
 
         Parameters
         ----------
         origin, direction : (3,); the direction a unit vector, so that distances are in metres.
-        beyond : distance (m) from which on the ray is followed.
-        time : fraction of the shutter's opening, 0 to 1.
+        beyond : distance (m) at which the ray starts.
+        time : fraction of the exposure, 0 to 1.
         """
         floats = _aligned(np.float32, _ROWS)
         ints = floats.view(np.uint32)
@@ -239,12 +241,12 @@ class Accel:
             return None
         placed = ints[INSTANCE] != MISS
         instance, placement = (int(ints[INSTANCE]), int(ints[PLACEMENT])) if placed else (-1, -1)
-        return Found(float(floats[TFAR]), int(ints[GEOMETRY]), int(ints[PRIMITIVE]), instance, placement)
+        return RayHit(float(floats[TFAR]), int(ints[GEOMETRY]), int(ints[PRIMITIVE]), instance, placement)
 
     def _build(
-        self, geometries: Mapping[int, Geometry], placements: Mapping[int, Placements], scenes: Sequence[int]
+        self, geometries: Mapping[int, Geometry], placements: Mapping[int, InstanceArray], scenes: Sequence[int]
     ) -> int:
-        """A committed scene of geometries, and of placements of the scenes that are built already."""
+        """Build and commit a scene of geometries, and of placements of scenes that are built already."""
         handle = _new_scene(self.device.handle)
         self.device.check()
         self._handles.append(handle)
@@ -278,7 +280,7 @@ class Accel:
         finally:
             _release_geometry(item)
 
-    def _place(self, scene: int, number: int, placed: Placements, scenes: Sequence[int]) -> None:
+    def _place(self, scene: int, number: int, placed: InstanceArray, scenes: Sequence[int]) -> None:
         """Add an instance array to the scene: for 10,000 placements it takes 0.9 MB, where instances take 3.3 MB."""
         item = _new_geometry(self.device.handle, _INSTANCE_ARRAY)
         self.device.check()
@@ -301,24 +303,24 @@ class Accel:
     def _share(
         self, item: int, kind: int, slot: int, rows: NDArray[Any], formats: Mapping[Any, int] | None = None
     ) -> None:
-        """Lend an array of shape (n, width), float32 or uint32, to Embree."""
+        """Share an array of shape (n, width), float32 or uint32, with Embree."""
         if rows.dtype.itemsize != 4 or not rows.flags.c_contiguous:
             raise EmbreeError("geometry buffers must be contiguous arrays of 32-bit numbers")
         width = rows.shape[1]
         form = formats[width] if formats else _FORMATS[rows.dtype.kind, width]
-        self._kept.append(rows)
+        self._buffers.append(rows)
         _share(item, kind, slot, form, rows.ctypes.data, 0, 4 * width, rows.shape[0])
 
 
-def _release(handles: list[int], kept: list[Any]) -> None:
-    # The scene that shows the others was built last.
+def _release(handles: list[int], buffers: list[Any]) -> None:
+    # The scene that instances the others was built last.
     for handle in reversed(handles):
         _release_scene(handle)
-    kept.clear()
+    buffers.clear()
 
 
 class Packet(NamedTuple):
-    """Room for one packet of rays and hits, in the layout of RTCRayHit8; rows are fields, columns lanes.
+    """A packet of rays and hits, in the layout of RTCRayHit8; rows are fields, columns lanes.
 
     `floats` and `ints` are two views of the same memory.
     """
@@ -340,14 +342,14 @@ MISS = np.uint32(0xFFFFFFFF)
 
 
 def _aligned(dtype: type[np.float32 | np.int32], size: int) -> NDArray[Any]:
-    """Zeros (size,) of 32-bit numbers, from a multiple of 64 bytes on."""
-    room = np.zeros(size + _ALIGNMENT, dtype)
-    skip = (-room.ctypes.data // 4) % _ALIGNMENT
-    return room[skip : skip + size]
+    """Allocate zeros (size,) of 32-bit numbers, at a multiple of 64 bytes."""
+    memory = np.zeros(size + _ALIGNMENT, dtype)
+    skip = (-memory.ctypes.data // 4) % _ALIGNMENT
+    return memory[skip : skip + size]
 
 
 def packet() -> Packet:
-    """A packet aligned to 64 bytes, as the widest instruction set asks, with all fields that never change set."""
+    """Make a packet, aligned to 64 bytes as the widest instruction set requires, with all constant fields set."""
     floats = _aligned(np.float32, _ROWS * PACKET).reshape(_ROWS, PACKET)
     ints = floats.view(np.uint32)
     ints[MASK] = MISS
@@ -361,7 +363,7 @@ _rtc_occluded8: Any = types.ExternalFunction("rtcOccluded8", _signature)
 
 @kernel
 def intersect(accel, packet, count):
-    """Nearest hits of the first `count` rays; a miss leaves MISS in the GEOMETRY row.
+    """Find the nearest hits of the first `count` rays; a miss leaves MISS in the GEOMETRY row.
 
     A hit of a geometry that is not in a group leaves MISS in the INSTANCE row; else this names the Placements, and
     the PLACEMENT row which of them.
@@ -375,7 +377,7 @@ def intersect(accel, packet, count):
 
 @kernel
 def occluded(accel, packet, count):
-    """Whether anything lies on the first `count` rays: TFAR becomes -inf where it does."""
+    """Find out which of the first `count` rays are occluded: TFAR becomes -inf for these."""
     for lane in range(PACKET):
         packet.valid[lane] = -1 if lane < count else 0
     _rtc_occluded8(packet.valid.ctypes.data, accel, packet.floats.ctypes.data, 0)

@@ -1,9 +1,9 @@
-"""What light does at a smooth boundary: Snell's law and Fresnel's equations; and how bright it looks."""
+"""Refraction and reflectance of smooth boundaries: Snell's law and Fresnel's equations; and luminance."""
 
 import math
 
-from raytracer.jit import kernel
-from raytracer.vec import Vec3, madd, renormalize, scale
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.vec import Vec3, madd, renormalize, scale
 
 REC709_LUMINANCE = (0.2126, 0.7152, 0.0722)
 """Luminance of the primaries of linear Rec. 709: ITU-R BT.709-6, item 3.2."""
@@ -11,7 +11,7 @@ REC709_LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 @kernel
 def fresnel_dielectric(cos_i: float, eta: float) -> tuple[float, float]:
-    """Unpolarised reflectance of a boundary and the cosine of refraction, for light that arrives at |cos_i| <= 1.
+    """Compute the unpolarised reflectance of a boundary, and the cosine of refraction, at |cos_i| <= 1.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def fresnel_dielectric(cos_i: float, eta: float) -> tuple[float, float]:
 
 @kernel
 def refract(direction: Vec3, normal: Vec3, cos_i: float, cos_t: float, eta: float) -> Vec3:
-    """Direction of travel behind a boundary, for a unit `normal` against `direction`.
+    """Refract a direction of travel at a boundary, for a unit `normal` against `direction`.
 
     References: Pharr et al. 2023, eq. 9.4.
     """
@@ -67,7 +67,7 @@ def _fresnel_metal(cos_i: float, eta: float, k: float) -> float:
 
 @kernel
 def fresnel_conductor(cos_i: float, eta: Vec3, k: Vec3) -> Vec3:
-    """Unpolarised reflectance of a metal in air with indices n - ik by channel, at a cosine of incidence in [0, 1].
+    """Compute the unpolarised reflectance of a metal in air with indices n - ik by channel, at a cosine in [0, 1].
 
     References: Born, Wolf 1999, "Principles of Optics", 7th ed., sec. 14.2.
     """
@@ -84,7 +84,7 @@ SCHLICK_MEAN = 1.0 / 21.0
 
 @kernel
 def schlick_weight(cos_i: float) -> float:
-    """(1 - cos)^5: how far, in Schlick's fit, reflectance has risen from that at normal incidence to 1.
+    """Compute (1 - cos)^5: the rise of reflectance, in Schlick's fit, from normal incidence (0) to grazing (1).
 
     A cosine of vectors that rounding has left above 1 counts as 1.
     """
@@ -94,14 +94,14 @@ def schlick_weight(cos_i: float) -> float:
 
 @kernel
 def fresnel_schlick_mean(normal_reflectance: Vec3) -> Vec3:
-    """The cosine-weighted mean over a hemisphere of `fresnel_schlick`, by channel."""
+    """Compute the cosine-weighted mean over a hemisphere of `fresnel_schlick`, by channel."""
     r, g, b = normal_reflectance
     return (r + (1.0 - r) * SCHLICK_MEAN, g + (1.0 - g) * SCHLICK_MEAN, b + (1.0 - b) * SCHLICK_MEAN)
 
 
 @kernel
 def fresnel_schlick(cos_i: float, normal_reflectance: Vec3) -> Vec3:
-    """A fit to the unpolarised reflectance of what reflects this much, by channel, at normal incidence.
+    """Approximate the unpolarised reflectance at an angle, by channel, from that at normal incidence.
 
     References: Schlick 1994, "An Inexpensive BRDF Model for Physically-based Rendering", CGF 13(3), eq. 15.
     """

@@ -1,4 +1,4 @@
-"""Rays against primitives in float64, and the offsets that keep a spawned ray off the surface it leaves.
+"""Ray intersections in float64, and the offsets that keep a spawned ray off the surface that it leaves.
 
 Embree finds the primitive in float32; these solve the accepted hit again in float64.
 """
@@ -10,12 +10,12 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.jit import generic, kernel
-from raytracer.vec import Vec3, cross, dot, madd, norm, sub
+from raytracer.core.compiler.dispatch import kernel, optional
+from raytracer.core.vec import Vec3, cross, dot, madd, norm, sub
 
 
 class Primitive(enum.Enum):
-    """What a geometry's buffers describe."""
+    """The kinds of primitives that a geometry's buffers may hold."""
 
     TRIANGLE = "triangle"
     SPHERE = "sphere"
@@ -42,8 +42,8 @@ _Scalar = TypeVar("_Scalar", bound=np.generic)
 _PADDING = 16
 
 
-def padded(rows: NDArray[Any], dtype: type[_Scalar]) -> NDArray[_Scalar]:
-    """A copy of `rows` of the given 32-bit dtype, with the readable bytes behind it that Embree asks for."""
+def pad_buffer(rows: NDArray[Any], dtype: type[_Scalar]) -> NDArray[_Scalar]:
+    """Copy `rows` as the given 32-bit dtype, with the readable bytes behind them that Embree requires."""
     buffer = np.zeros(rows.size + _PADDING // 4, dtype)
     out = buffer[: rows.size].reshape(rows.shape)
     out[...] = rows
@@ -51,13 +51,17 @@ def padded(rows: NDArray[Any], dtype: type[_Scalar]) -> NDArray[_Scalar]:
 
 
 class Hit(NamedTuple):
-    """Where a ray met a surface.
+    """The intersection of a ray with a surface.
 
-    point, on the surface; normal and shading normal, unit vectors to its outside; u and v, its parameters;
-    offset, the distance along the normal at which float32 can no longer mistake the point's side (metres);
-    material, the reference that the material table understands; tangent and bitangent, dp/du and dp/dv in world space
-    (m), zero where they are not defined; local, where solid textures are looked up: the point as it was before motion
-    and instancing moved it.
+    Attributes
+    ----------
+    point : on the surface (m).
+    normal, shading_normal : unit vectors to the outside.
+    u, v : the surface's parameters.
+    offset : distance (m) along the normal at which float32 can no longer mistake the point's side.
+    material : the reference that the material table understands.
+    tangent, bitangent : dp/du and dp/dv in world space (m), zero where they are not defined.
+    local : the point (m) before motion and instancing, at which solid textures are looked up.
     """
 
     point: Vec3
@@ -73,25 +77,100 @@ class Hit(NamedTuple):
 
 
 class Site(NamedTuple):
-    """Where on a surface textures are looked up.
+    """The point of a surface at which textures and materials are evaluated.
 
-    point, for solid textures (m); u and v, the surface's parameters; distance, that light has come to or goes from
-    here through what lies before the surface (m); hue, the spectra.Hue of the light, or None where no material asks
-    for it.
+    Attributes
+    ----------
+    point : for solid textures (m).
+    u, v : the surface's parameters.
+    distance : length (m) of the path's segment that ends at the surface.
+    wavelengths : spectra.PathWavelengths of the path, or None where no material needs them.
     """
 
     point: Vec3
     u: float
     v: float
     distance: float
-    hue: Any = None
+    wavelengths: Any = None
+
+
+class Interaction(NamedTuple):
+    """The meeting of a path with a surface, and what is seen of the surface there.
+
+    Attributes
+    ----------
+    instance, table, primitive : numbers of the surface; an instance of -1 is none.
+    hit : the Hit.
+    site : the Site at which textures and materials are evaluated.
+    material : reference of the material, after all selectors.
+    front : True if the path comes from the outside.
+    normal : the shading normal, on the side that the path comes from.
+    previous (m) : the path's vertex before this one, where it scattered last or left the camera.
+    direction : of the path, a unit vector.
+    distance (m) : from where its ray started, as Embree found it.
+    time : fraction of the exposure, or None where nothing moves.
+
+    References: Pharr et al. 2023, "Physically Based Rendering", 4th ed., sec. 3.11 (interactions).
+    """
+
+    instance: int
+    table: int
+    primitive: int
+    hit: Hit
+    site: Site
+    material: int
+    front: bool
+    normal: Vec3
+    previous: Vec3
+    direction: Vec3
+    distance: float
+    time: Any
+
+
+@kernel
+def at_wavelengths(surface: Interaction, wavelengths: Any) -> Interaction:
+    """Return an Interaction whose materials are evaluated at these wavelengths, a spectra.PathWavelengths."""
+    site = surface.site
+    return Interaction(
+        surface.instance,
+        surface.table,
+        surface.primitive,
+        surface.hit,
+        Site(site.point, site.u, site.v, site.distance, wavelengths),
+        surface.material,
+        surface.front,
+        surface.normal,
+        surface.previous,
+        surface.direction,
+        surface.distance,
+        surface.time,
+    )
+
+
+@kernel
+def with_normal(surface: Interaction, normal: Vec3) -> Interaction:
+    """Return an Interaction with another shading normal."""
+    return Interaction(
+        surface.instance,
+        surface.table,
+        surface.primitive,
+        surface.hit,
+        surface.site,
+        surface.material,
+        surface.front,
+        normal,
+        surface.previous,
+        surface.direction,
+        surface.distance,
+        surface.time,
+    )
 
 
 class LightPoint(NamedTuple):
     """A point drawn on an emitter: point, normal to its outside, pdf in solid angle (1/sr) at the shaded point.
 
-    gap, how far before the point (metres) a shadow ray must end, lest float32 finds the emitter itself in its way.
-    u, v and local, as of a Hit.
+    gap : distance (m) before the point at which a shadow ray ends, lest float32 finds the emitter itself in its way.
+    u, v, local : as of a Hit.
     """
 
     point: Vec3
@@ -104,7 +183,7 @@ class LightPoint(NamedTuple):
 
 
 class Exact(NamedTuple):
-    """The accuracy `exact`: hits that Embree found are solved again in float64.  None takes them as they are."""
+    """The accuracy `exact`: Embree's hits are solved again in float64.  None in its place takes them as they are."""
 
 
 OFFSET_ULPS = 4.0 * 2.0**-23
@@ -112,8 +191,8 @@ OFFSET_ULPS = 4.0 * 2.0**-23
 
 
 @kernel
-def offset_of(extent: float) -> float:
-    """The spawn distance for a primitive whose coordinates reach `extent` (max |centre| + radius, or max |vertex|).
+def spawn_offset(extent: float) -> float:
+    """Compute the spawn distance for a primitive of this `extent` (max |centre| + radius, or max |vertex|).
 
     The error follows the primitive's own coordinates, not the hit point's: a ground sphere of radius 1000 is wrong
     by 1e-4 near the origin, where offsets scaled by the point fail for 63 % of rays.
@@ -123,32 +202,32 @@ def offset_of(extent: float) -> float:
 
 @kernel
 def plane_gap(extent: float, distance: float, cosine: float) -> float:
-    """How far from a plane, along a ray of this length that meets it at this cosine, float32 may find it.
+    """Bound the distance from a plane at which float32 may find it, along a ray of this length and cosine.
 
     Off the plane the error is that of the coordinates at play, which reach `extent`, and of the ray's length; along
     the ray it is larger by 1 / cosine.
     """
-    error = offset_of(extent + distance)
+    error = spawn_offset(extent + distance)
     return error + error / cosine
 
 
 @kernel
 def sphere_gap(extent: float, distance: float, cosine: float, radius: float) -> float:
-    """As `plane_gap`, for a sphere: near its limb, half the chord h = r cosine is only known as sqrt(h^2 +- 2 r e)."""
-    error = offset_of(extent + distance)
+    """Bound it for a sphere: near its limb, half the chord h = r cosine is only known as sqrt(h^2 +- 2 r e)."""
+    error = spawn_offset(extent + distance)
     half = radius * cosine
     return error + math.sqrt(half * half + 2.0 * radius * error) - half
 
 
-@generic
+@optional
 def sphere_distance(accuracy, origin, direction, center, radius, near):
-    """Distance to a sphere along a unit direction, which float32 found to be `near`."""
-    raise NotImplementedError
+    """Return the distance to a sphere along a unit direction, which float32 found to be `near`."""
+    return near
 
 
 @sphere_distance.register(Exact)
-def _(accuracy, origin, direction, center, radius, near):
-    """The root of |o + t d - c| = r that is closest to `near`.
+def sphere_distance_exact(accuracy, origin, direction, center, radius, near):
+    """Solve |o + t d - c| = r for the root that is closest to `near`.
 
     The discriminant is taken from the closest approach, which cancels nothing for a far or a large sphere.
 
@@ -161,14 +240,14 @@ def _(accuracy, origin, direction, center, radius, near):
     return b - half if abs(b - half - near) <= abs(b + half - near) else b + half
 
 
-@generic
+@optional
 def plane_distance(accuracy, origin, direction, point, normal, near):
-    """Distance along a ray to the plane of `point` and `normal`, which float32 found to be `near`."""
-    raise NotImplementedError
+    """Compute the distance along a ray to the plane of `point` and `normal`, which float32 found to be `near`."""
+    return near
 
 
 @plane_distance.register(Exact)
-def _(accuracy, origin, direction, point, normal, near):
+def plane_distance_exact(accuracy, origin, direction, point, normal, near):
     slope = dot(direction, normal)
     # A ray in the plane has no distance of its own.
     if slope == 0.0:
@@ -176,36 +255,21 @@ def _(accuracy, origin, direction, point, normal, near):
     return dot(sub(point, origin), normal) / slope
 
 
-@generic
+@optional
 def hit_offset(accuracy, extent, near):
-    """The spawn distance for a hit at distance `near` on a primitive whose coordinates reach `extent`."""
-    raise NotImplementedError
+    """Compute the spawn distance for a hit at distance `near` on a primitive whose coordinates reach `extent`."""
+    # The hit point itself is wrong by an ulp of the distance.
+    return spawn_offset(extent + near)
 
 
 @hit_offset.register(Exact)
-def _(accuracy, extent, near):
-    return offset_of(extent)
-
-
-@sphere_distance.register(type(None))
-def _(accuracy, origin, direction, center, radius, near):
-    return near
-
-
-@plane_distance.register(type(None))
-def _(accuracy, origin, direction, point, normal, near):
-    return near
-
-
-@hit_offset.register(type(None))
-def _(accuracy, extent, near):
-    # The hit point itself is wrong by an ulp of the distance.
-    return offset_of(extent + near)
+def hit_offset_exact(accuracy, extent, near):
+    return spawn_offset(extent)
 
 
 @kernel
 def area_pdf(reference: Vec3, point: Vec3, normal: Vec3, area: float) -> float:
-    """Density in solid angle, at `reference`, of a point drawn uniformly from `area`; 0 when seen edge on.
+    """Compute the density in solid angle, at `reference`, of a point drawn uniformly from `area`; 0 when seen edge on.
 
     References: Veach 1997, thesis, eq. 8.2 (dw = dA |cos| / d^2).
     """
@@ -219,11 +283,11 @@ def area_pdf(reference: Vec3, point: Vec3, normal: Vec3, area: float) -> float:
 def area_light_point(
     reference: Vec3, point: Vec3, normal: Vec3, area: float, extent: float, u: float, v: float
 ) -> LightPoint:
-    """The LightPoint of a point drawn uniformly from a flat emitter of this area, whose coordinates reach `extent`."""
+    """Make the LightPoint of a point drawn uniformly from a flat emitter, whose coordinates reach `extent`."""
     to = sub(point, reference)
     cosine = abs(dot(to, normal))
     distance = norm(to)
-    # Edge on; or a triangle that has no area, nor a normal, at the time.
+    # Seen edge on, or a triangle without area at this time.
     if not cosine > 0.0:
         return LightPoint(point, normal, 0.0, distance, u, v, point)
     pdf = distance * distance * distance / (cosine * area)
@@ -232,7 +296,7 @@ def area_light_point(
 
 @kernel
 def barycentric(point: Vec3, a: Vec3, edge1: Vec3, edge2: Vec3) -> tuple[float, float]:
-    """Coordinates (u, v) of a point in the plane a + u edge1 + v edge2.
+    """Compute coordinates (u, v) of a point in the plane a + u edge1 + v edge2.
 
     References: Ericson 2005, "Real-Time Collision Detection", sec. 3.4.
     """
@@ -243,8 +307,8 @@ def barycentric(point: Vec3, a: Vec3, edge1: Vec3, edge2: Vec3) -> tuple[float, 
 
 
 @kernel
-def within_quad(a: float, b: float, margin_a: float, margin_b: float) -> tuple[float, float]:
-    """Coordinates of a point of a parallelogram, kept `margin` from its edges.
+def clamp_to_quad(a: float, b: float, margin_a: float, margin_b: float) -> tuple[float, float]:
+    """Clamp coordinates of a point of a parallelogram to a `margin` from its edges.
 
     A hit within float32 rounding of an edge would else be solved to a point beyond the neighbour that shares it.
     """
@@ -253,8 +317,8 @@ def within_quad(a: float, b: float, margin_a: float, margin_b: float) -> tuple[f
 
 
 @kernel
-def within_triangle(u: float, v: float, margin: float) -> tuple[float, float]:
-    """As `within_quad`, for barycentric coordinates of a triangle: pulled to the middle until all three suffice."""
+def clamp_to_triangle(u: float, v: float, margin: float) -> tuple[float, float]:
+    """Clamp barycentric coordinates to a margin from a triangle's edges: pull them to the middle as far as needed."""
     least = min(u, min(v, 1.0 - u - v))
     margin = min(margin, 1.0 / 3.0)
     if least >= margin:
@@ -265,17 +329,17 @@ def within_triangle(u: float, v: float, margin: float) -> tuple[float, float]:
 
 @kernel
 def spawn_point(hit, direction):
-    """Where a ray leaves a surface along `direction`: off it by the float32 error bound, to the direction's side."""
+    """Offset the origin of a ray that leaves a surface along `direction`, to its side by the float32 error bound."""
     return madd(hit.point, hit.offset if dot(direction, hit.normal) > 0.0 else -hit.offset, hit.normal)
 
 
 @kernel
-def leaks(hit, outgoing):
-    """Whether a direction is on different sides of the true and of the shading surface, so that light would leak."""
+def is_below_surface(hit, outgoing):
+    """Return True if a direction is on different sides of the true and the shading surface: light would leak."""
     return dot(outgoing, hit.normal) * dot(outgoing, hit.shading_normal) <= 0.0
 
 
 @kernel
 def row3(table, index):
-    """Row `index` of an array of shape (n, 3), float32 or float64, as a float64 vector."""
+    """Read row `index` of an array of shape (n, 3), float32 or float64, as a float64 vector."""
     return (np.float64(table[index, 0]), np.float64(table[index, 1]), np.float64(table[index, 2]))

@@ -1,4 +1,4 @@
-"""Instances: groups of primitives that are placed many times, or move, and where a ray meets them.
+"""Instances: groups of primitives that are placed many times, or move, and their intersection with rays.
 
 All primitives of all groups lie in the scene's tables, each group as a range of rows, in a space of its own.  Embree
 finds the instance and the primitive in float32; here the ray is taken into the group's space in float64, the hit is
@@ -12,39 +12,49 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.geometry import Hit, LightPoint
-from raytracer.jit import generic, kernel
-from raytracer.motion import Trajectories, apply_normal, apply_point, apply_vector, invert, pose_at
-from raytracer.primitives.interface import hit_any, pdf_point_any, sample_point_any
-from raytracer.vec import dot, norm, scale, sub
+from raytracer.core.compiler.dispatch import kernel, optional
+from raytracer.core.geometry import Hit, LightPoint
+from raytracer.core.motion.affine import apply_normal, apply_point, apply_vector, invert
+from raytracer.core.motion.interpolation import Trajectories, pose_at
+from raytracer.core.primitives.base.interface import hit_any, pdf_point_any, sample_point_any
+from raytracer.core.vec import dot, norm, scale, sub
 
 
-class Glow(NamedTuple):
-    """How instances that emit are chosen.
+class EmissiveInstances(NamedTuple):
+    """Sampling tables of instances that emit.
 
-    What shines is chosen by variant, one for each group and material that is put in place of its own, and then among
-    the variant's instances by size.  Variant 0 is what is in no instance.
+    An emitter is chosen by variant, one for each group and each material that replaces its own, and then among the
+    variant's instances by size.  Variant 0 is all that is in no instance.
 
-    variant (n,) int32, that of each instance, -1 if it does not emit; chance (n,) float64, of the instance among those
-    of its variant; first (variants + 1,) int32, where those of a variant start in member (m,) int32, instances, and
-    cumulative (m,) float64, the chance of all up to this one.
+    Attributes
+    ----------
+    variant : int32 (n,), the variant of each instance, -1 if it does not emit.
+    probability : float64 (n,), of the instance among those of its variant.
+    first : int32 (variants + 1,), the first entry of each variant in the two that follow.
+    member : int32 (m,), instances.
+    cumulative : float64 (m,), the sum of probabilities of a variant's instances up to this one.
     """
 
     variant: NDArray[np.int32]
-    chance: NDArray[np.float64]
+    probability: NDArray[np.float64]
     first: NDArray[np.int32]
     member: NDArray[np.int32]
     cumulative: NDArray[np.float64]
 
 
 class Instances(NamedTuple):
-    """Instances, first those that stand still, then those that move.
+    """Table of instances, first those at rest, then those that move.
 
-    group (n,) int32, what each shows; pose (m, 3, 4) float64, from the group's space to the world's, of those that
-    stand still; trajectories, those of the others, or None; material (n,) int32, the reference that takes the place of
-    the primitives' own, -1 for none, or None if no instance has one; rows (groups, tables) int32, where a group's
-    primitives start in each table; arrays (k,) int32, the first instance of each of Embree's instance arrays; base, the
-    number that Embree has for the first of these; glow, if any of them emits, or None.
+    Attributes
+    ----------
+    group : int32 (n,), the group that each places.
+    pose : float64 (m, 3, 4), from the group's space to the world's, of those at rest.
+    trajectories : of those that move, or None.
+    material : int32 (n,), the reference that replaces the primitives' own, -1 for none; None if no instance has one.
+    rows : int32 (groups, tables), the first row of a group's primitives in each table.
+    arrays : int32 (k,), the first instance of each of Embree's instance arrays.
+    base : Embree's number of the first of these arrays.
+    emissive : EmissiveInstances if any of them emits, or None.
     """
 
     group: NDArray[np.int32]
@@ -54,25 +64,20 @@ class Instances(NamedTuple):
     rows: NDArray[np.int32]
     arrays: NDArray[np.int32]
     base: int
-    glow: Glow | None
+    emissive: EmissiveInstances | None
 
 
-# ---- Which instance
+# ---- Look-up
 
 
-@generic
-def find(instances, table, primitive, array, placement):
-    """The instance, -1 for none, and the row in its table of what Embree calls by these numbers."""
-    raise NotImplementedError
-
-
-@find.register(type(None))
-def _(instances, table, primitive, array, placement):
+@optional
+def resolve_instance(instances, table, primitive, array, placement):
+    """Translate Embree's numbers of a hit: the instance, -1 for none, and the primitive's row in its table."""
     return -1, primitive
 
 
-@find.register(Instances)
-def _(instances, table, primitive, array, placement):
+@resolve_instance.register(Instances)
+def resolve_instance_instances(instances, table, primitive, array, placement):
     row = np.int64(primitive)
     # Embree's number for no instance is -1, unsigned.
     if np.int32(array) < 0:
@@ -81,19 +86,19 @@ def _(instances, table, primitive, array, placement):
     return instance, row + instances.rows[instances.group[instance], table]
 
 
-# ---- Between the spaces
+# ---- Group space and world space
 
 _POSE_ULPS = 2.0 * 2.0**-23
-"""What Embree's float32 poses are good to: one ulp held for 490,000 rays, over six decades of scale and of distance."""
+"""Error of Embree's float32 poses: one ulp held for 490,000 rays, over six decades of scale and of distance."""
 
-TURN = 32.0 * 2.0**-23
-"""What its angles are good to between two poses (rad): up to 1.6e-6 was seen."""
+ROTATION_ERROR = 32.0 * 2.0**-23
+"""Error (rad) of its angles between two poses: up to 1.6e-6 was measured."""
 
 _IDENTITY = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
 
 
 @kernel
-def _still(pose, index):
+def _static_pose(pose, index):
     return (
         (pose[index, 0, 0], pose[index, 0, 1], pose[index, 0, 2], pose[index, 0, 3]),
         (pose[index, 1, 0], pose[index, 1, 1], pose[index, 1, 2], pose[index, 1, 3]),
@@ -102,23 +107,23 @@ def _still(pose, index):
 
 
 @kernel
-def _pose_in(trajectories, pose, instance, time):
+def _pose_at_time(trajectories, pose, instance, time):
     if trajectories is None:
-        return _still(pose, instance)
+        return _static_pose(pose, instance)
     if instance < len(pose):
-        return _still(pose, instance)
+        return _static_pose(pose, instance)
     return pose_at(trajectories, instance - len(pose), time)
 
 
 @kernel
 def pose_of(instances, instance, time):
-    """From the group's space to the world's, at a time: three rows (linear | translation)."""
-    return _pose_in(instances.trajectories, instances.pose, instance, time)
+    """Return the map from the group's space to the world's, at a time: three rows (linear | translation)."""
+    return _pose_at_time(instances.trajectories, instances.pose, instance, time)
 
 
 @kernel
 def _magnitudes(affine, v):
-    """The sizes of the products that `apply_vector` adds up, summed."""
+    """Sum the magnitudes of the products that `apply_vector` adds up."""
     a, b, c = affine
     x, y, z = abs(v[0]), abs(v[1]), abs(v[2])
     return (
@@ -129,8 +134,8 @@ def _magnitudes(affine, v):
 
 
 @kernel
-def _misplaced(pose, inverse, point, normal):
-    """How far along a normal of the group's space (m there) Embree may misplace `point`, of world space.
+def _embree_position_error(pose, inverse, point, normal):
+    """Bound Embree's error of `point`, of world space, along a normal of the group's space (m there).
 
     Embree inverts the pose in float32 for each ray: W + dW in place of W = A^-1.  It then takes a point q to
     W q - W b, whose rounding is within a few ulp of |W| (|q| + |b|); and dW, which the inversion by cofactors leaves
@@ -147,27 +152,27 @@ def _misplaced(pose, inverse, point, normal):
 
 
 @kernel
-def _swing(trajectories, still, instance, pose, point):
-    """How far Embree may misplace a point of the world by its angle, if the instance moves: times the arm (m)."""
+def _rotation_error(trajectories, still, instance, pose, point):
+    """Bound Embree's error (m) of a world point by its float32 angle, if the instance moves: angle times radius."""
     if trajectories is None:
         return 0.0
     if instance < still:
         return 0.0
     row = trajectories.first[instance - still]
     shift = (trajectories.rows[row, 6], trajectories.rows[row, 7], trajectories.rows[row, 8])
-    return TURN * (norm(shift) + norm(sub(point, (pose[0][3], pose[1][3], pose[2][3]))))
+    return ROTATION_ERROR * (norm(shift) + norm(sub(point, (pose[0][3], pose[1][3], pose[2][3]))))
 
 
 @kernel
-def _off(instances, instance, pose, inverse, point, normal):
-    """How far off its surface (m) Embree may see a point of the world, along what is `normal` in the group's space."""
-    swing = _swing(instances.trajectories, len(instances.pose), instance, pose, point)
-    return _misplaced(pose, inverse, point, normal) / _slope(inverse, normal) + swing
+def _surface_error(instances, instance, pose, inverse, point, normal):
+    """Bound Embree's error (m) of a world point off its surface, along `normal` of the group's space."""
+    swing = _rotation_error(instances.trajectories, len(instances.pose), instance, pose, point)
+    return _embree_position_error(pose, inverse, point, normal) / _slope(inverse, normal) + swing
 
 
 @kernel
 def _slope(inverse, normal):
-    """What one metre along a normal of world space is, in the group's, along the normal that it comes from."""
+    """Return the length in the group's space of one metre along a world normal, along the normal that it comes from."""
     a, b, c = inverse
     return norm(
         (
@@ -186,7 +191,7 @@ def _determinant(affine):
 
 @kernel
 def _density_in_world(pose, direction, pdf):
-    """A density over directions of the group's space, at unit `direction`, as one over directions of the world.
+    """Convert a density over directions of the group's space, at unit `direction`, to directions of the world.
 
     The directions w' = A w / |A w| have dw' = |det A| / |A w|^3 dw: the volume that a cone of unit length fills is
     scaled by |det A|, and its length by |A w|.
@@ -206,20 +211,15 @@ def _material(override, instance, own):
 # ---- Hits
 
 
-@generic
-def meet(instances, scene, instance, table, primitive, origin, direction, near, time):
-    """The geometry.Hit, in world space, of what Embree found at distance `near`; `instance` is -1 for none."""
-    raise NotImplementedError
-
-
-@meet.register(type(None))
-def _(instances, scene, instance, table, primitive, origin, direction, near, time):
+@optional
+def intersect_instance(instances, scene, instance, table, primitive, origin, direction, near, time):
+    """Solve the hit that Embree found at distance `near`: a geometry.Hit in world space; `instance` is -1 for none."""
     return hit_any(scene.primitives, table, primitive, origin, direction, near, time, scene.accuracy)
 
 
-@meet.register(Instances)
-def _(instances, scene, instance, table, primitive, origin, direction, near, time):
-    # What is in no instance goes through with its bits.
+@intersect_instance.register(Instances)
+def intersect_instance_instances(instances, scene, instance, table, primitive, origin, direction, near, time):
+    # A primitive in no instance keeps its bits.
     start, way, length = origin, direction, 1.0
     pose, inverse = _IDENTITY, _IDENTITY
     if instance >= 0:
@@ -239,7 +239,8 @@ def _(instances, scene, instance, table, primitive, origin, direction, near, tim
         apply_normal(inverse, hit.shading_normal),
         hit.u,
         hit.v,
-        hit.offset / _slope(inverse, hit.normal) + _off(instances, instance, pose, inverse, point, hit.normal),
+        hit.offset / _slope(inverse, hit.normal)
+        + _surface_error(instances, instance, pose, inverse, point, hit.normal),
         _material(instances.material, instance, hit.material),
         apply_vector(pose, hit.tangent),
         apply_vector(pose, hit.bitangent),
@@ -250,19 +251,14 @@ def _(instances, scene, instance, table, primitive, origin, direction, near, tim
 # ---- Emitters
 
 
-@generic
-def sample_placed(instances, scene, instance, table, primitive, reference, u1, u2, time):
-    """A geometry.LightPoint, in world space, on an emitting primitive; `instance` is -1 for none."""
-    raise NotImplementedError
-
-
-@sample_placed.register(type(None))
-def _(instances, scene, instance, table, primitive, reference, u1, u2, time):
+@optional
+def sample_instance_point(instances, scene, instance, table, primitive, reference, u1, u2, time):
+    """Sample a point on an emitting primitive: a geometry.LightPoint in world space; `instance` is -1 for none."""
     return sample_point_any(scene.primitives, table, primitive, reference, u1, u2, time)
 
 
-@sample_placed.register(Instances)
-def _(instances, scene, instance, table, primitive, reference, u1, u2, time):
+@sample_instance_point.register(Instances)
+def sample_instance_point_instances(instances, scene, instance, table, primitive, reference, u1, u2, time):
     seen_from = reference
     pose, inverse = _IDENTITY, _IDENTITY
     if instance >= 0:
@@ -282,33 +278,28 @@ def _(instances, scene, instance, table, primitive, reference, u1, u2, time):
     local_distance = norm(local_way)
     pdf = _density_in_world(pose, scale(1.0 / local_distance, local_way), on.pdf)
 
-    # The shadow ray's own start is misplaced too; along the ray, what is off the surface grows by 1 / cosine.
-    off = _off(instances, instance, pose, inverse, point, on.normal)
-    off += _off(instances, instance, pose, inverse, reference, on.normal)
+    # The shadow ray's origin is misplaced too; along the ray, an error off the surface grows by 1 / cosine.
+    off = _surface_error(instances, instance, pose, inverse, point, on.normal)
+    off += _surface_error(instances, instance, pose, inverse, reference, on.normal)
     gap = on.gap * distance / local_distance + off / cosine
     return LightPoint(point, normal, pdf, gap, on.u, on.v, on.local)
 
 
-@generic
-def pdf_placed(instances, scene, instance, table, primitive, reference, point, normal, time):
-    """Density of `sample_placed` in solid angle (1/sr) at a point in world space."""
-    raise NotImplementedError
-
-
-@pdf_placed.register(type(None))
-def _(instances, scene, instance, table, primitive, reference, point, normal, time):
+@optional
+def pdf_instance_point(instances, scene, instance, table, primitive, reference, point, normal, time):
+    """Compute the density of `sample_instance_point` in solid angle (1/sr) at a point in world space."""
     return pdf_point_any(scene.primitives, table, primitive, reference, point, normal, time)
 
 
-@pdf_placed.register(Instances)
-def _(instances, scene, instance, table, primitive, reference, point, normal, time):
+@pdf_instance_point.register(Instances)
+def pdf_instance_point_instances(instances, scene, instance, table, primitive, reference, point, normal, time):
     seen_from, on, outside = reference, point, normal
     pose = _IDENTITY
     if instance >= 0:
         pose = pose_of(instances, instance, time)
         inverse = invert(pose)
         seen_from, on = apply_point(inverse, reference), apply_point(inverse, point)
-        # Normals come back by the transpose of what they went by.
+        # Normals transform back by the transpose of the pose.
         outside = apply_normal(pose, normal)
     pdf = pdf_point_any(scene.primitives, table, primitive, seen_from, on, outside, time)
     if instance < 0:
@@ -318,7 +309,7 @@ def _(instances, scene, instance, table, primitive, reference, point, normal, ti
 
 
 @kernel
-def _chosen(glow, variant, u):
+def _choose_member(glow, variant, u):
     if glow is None:
         return -1, 1.0
     if variant == 0:
@@ -331,23 +322,18 @@ def _chosen(glow, variant, u):
         else:
             low = middle + 1
     instance = np.int64(glow.member[low])
-    return instance, glow.chance[instance]
+    return instance, glow.probability[instance]
 
 
-@generic
+@optional
 def choose_instance(instances, variant, u):
-    """One of the instances of a variant, by a number in [0, 1), and its chance; -1 and 1 for what is in none."""
-    raise NotImplementedError
-
-
-@choose_instance.register(type(None))
-def _(instances, variant, u):
+    """Choose an instance of a variant by a number in [0, 1); returns it and its probability, -1 and 1 for none."""
     return -1, 1.0
 
 
 @choose_instance.register(Instances)
-def _(instances, variant, u):
-    return _chosen(instances.glow, variant, u)
+def choose_instance_instances(instances, variant, u):
+    return _choose_member(instances.emissive, variant, u)
 
 
 @kernel
@@ -356,25 +342,20 @@ def _variant_in(glow, instance):
         return 0 if instance < 0 else -1, 1.0
     if instance < 0:
         return 0, 1.0
-    return np.int64(glow.variant[instance]), glow.chance[instance]
+    return np.int64(glow.variant[instance]), glow.probability[instance]
 
 
-@generic
+@optional
 def variant_of(instances, instance):
-    """The variant of an instance, -1 if it does not emit, and the chance that `choose_instance` has of it."""
-    raise NotImplementedError
-
-
-@variant_of.register(type(None))
-def _(instances, instance):
+    """Return the variant of an instance, -1 if it does not emit, and its probability in `choose_instance`."""
     return 0, 1.0
 
 
 @variant_of.register(Instances)
-def _(instances, instance):
-    return _variant_in(instances.glow, instance)
+def variant_of_instances(instances, instance):
+    return _variant_in(instances.emissive, instance)
 
 
 def pose_rows(matrix: Any) -> NDArray[np.float64]:
-    """The upper three rows of matrices (..., 4, 4)."""
+    """Return the upper three rows of matrices (..., 4, 4)."""
     return np.ascontiguousarray(np.asarray(matrix, np.float64)[..., :3, :])

@@ -1,4 +1,4 @@
-"""Rough boundaries as many small facets: GGX, Smith's shadowing, and the light that scatters between the facets.
+"""Microfacet models of rough boundaries: GGX, Smith's shadowing, and multiple scattering between facets.
 
 Directions are unit vectors in the frame of the surface, whose normal is +z; both point away from it.  alpha, the
 square of a material's `roughness`, is the slope at which facets grow rare.
@@ -15,17 +15,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.jit import entry, kernel, routine
-from raytracer.optics import fresnel_dielectric, refract
-from raytracer.vec import Vec3, add, dot, neg, norm, normalize, scale, sub, to_local
+from raytracer.core.compiler.dispatch import entry, kernel, routine
+from raytracer.core.fresnel import fresnel_dielectric, refract
+from raytracer.core.vec import Vec3, add, dot, neg, norm, normalize, scale, sub, to_local
 
 SMOOTH_ALPHA = 1e-3
-"""Below this alpha a boundary counts as smooth: its lobe is narrower than the sun, as seen from the earth, by far."""
+"""Below this alpha a boundary counts as smooth: its lobe is far narrower than the sun seen from the earth."""
 
 
 @kernel
 def ggx(alpha: float, half: Vec3) -> float:
-    """Density of facets with the unit normal `half` per area of the surface and solid angle (1/sr).
+    """Compute the density of facets with the unit normal `half` per area of the surface and solid angle (1/sr).
 
     From the sine as well as from the cosine of the facet's slope, since 1 - cos^2 of a narrow lobe has few digits.
 
@@ -37,7 +37,7 @@ def ggx(alpha: float, half: Vec3) -> float:
 
 @kernel
 def stretched(alpha: float, z: float) -> float:
-    """Length of a unit vector of height z whose tangential part is scaled by alpha: 1 + 2 Lambda is this over |z|.
+    """Compute the length of a unit vector of height z whose tangential part is scaled by alpha: (1 + 2 Lambda) |z|.
 
     References: Heitz 2014, eq. 72 and 86.
     """
@@ -46,13 +46,13 @@ def stretched(alpha: float, z: float) -> float:
 
 @kernel
 def masking(alpha: float, z: float) -> float:
-    """Smith's G1: which part of the facets turned to a direction of height z > 0 is seen from there."""
+    """Compute Smith's G1: the fraction of the facets turned to a direction of height z > 0 that is seen from there."""
     return 2.0 * z / (z + stretched(alpha, z))
 
 
 @kernel
 def shadowing(alpha: float, z_from: float, z_to: float) -> float:
-    """G2 / G1: which part of light from visible facets leaves the surface on the side that it came from.
+    """Compute G2 / G1: the fraction of light from visible facets that leaves on the side that it came from.
 
     Heights above 0; both directions' heights of the same facet are taken into account.  It is 1 for light that came
     along the surface.
@@ -64,8 +64,8 @@ def shadowing(alpha: float, z_from: float, z_to: float) -> float:
 
 
 @kernel
-def reflected(alpha: float, z_from: float, z_to: float, half: Vec3) -> float:
-    """Density (1/sr) of light that mirrors with this `half` vector send from one direction to the other, once.
+def reflection_density(alpha: float, z_from: float, z_to: float, half: Vec3) -> float:
+    """Compute the density (1/sr) of light that mirrors of this `half` vector send to the other direction, once.
 
     D G2 / (4 cos): f cos of a surface of perfect mirrors.
 
@@ -77,7 +77,7 @@ def reflected(alpha: float, z_from: float, z_to: float, half: Vec3) -> float:
 
 @kernel
 def sample_visible_normal(alpha: float, toward: Vec3, u1: float, u2: float) -> Vec3:
-    """A facet's normal, as often as facets are seen from `toward` (which is not below the surface).
+    """Sample a facet's normal, as often as facets are seen from `toward` (which is not below the surface).
 
     A cap of the unit sphere, at which mirrored light arrives in parallel, takes the place of the stretched facets.
 
@@ -94,7 +94,7 @@ def sample_visible_normal(alpha: float, toward: Vec3, u1: float, u2: float) -> V
 
 @kernel
 def pdf_visible_normal(alpha: float, toward: Vec3, half: Vec3) -> float:
-    """Density (1/sr) of `sample_visible_normal`: the facets' area as seen from `toward`, over the surface's.
+    """Compute the density (1/sr) of `sample_visible_normal`: the facets' area seen from `toward`, over the surface's.
 
     References: Heitz 2018, "Sampling the GGX Distribution of Visible Normals", JCGT 7(4), eq. 1.
     """
@@ -102,8 +102,8 @@ def pdf_visible_normal(alpha: float, toward: Vec3, half: Vec3) -> float:
 
 
 @kernel
-def seen_from(direction: Vec3, s: Vec3, t: Vec3, normal: Vec3) -> Vec3:
-    """Where light goes to that is followed along `direction`, in the surface's frame (s, t, normal).
+def view_direction(direction: Vec3, s: Vec3, t: Vec3, normal: Vec3) -> Vec3:
+    """Return the view direction of a ray along `direction`, in the surface's frame (s, t, normal).
 
     A shading normal may be turned away from it: such a direction is taken to be as far above the surface.
     """
@@ -113,13 +113,13 @@ def seen_from(direction: Vec3, s: Vec3, t: Vec3, normal: Vec3) -> Vec3:
 
 @kernel
 def reflect_about(toward: Vec3, half: Vec3) -> Vec3:
-    """Where a facet with normal `half` mirrors light to that leaves, or comes from, `toward`."""
+    """Reflect the direction `toward` about a facet with normal `half`."""
     return sub(scale(2.0 * dot(toward, half), half), toward)
 
 
 @kernel
 def half_vector(a: Vec3, b: Vec3) -> Vec3:
-    """The normal of the facets that mirror light from one direction to the other, neither of them below the surface.
+    """Compute the normal of the facets that mirror light from one direction to the other, neither below the surface.
 
     It is the surface's own where they are opposite along the surface, so that their sum has no direction left.
     """
@@ -128,7 +128,7 @@ def half_vector(a: Vec3, b: Vec3) -> Vec3:
     return scale(1.0 / size, both) if size > 0.0 else (0.0, 0.0, 1.0)
 
 
-# ---- What is scattered more than once
+# ---- Multiple scattering between facets
 #
 # Smith's model follows light to its first facet and drops what does not leave from there.  The part that is dropped of
 # light which came from a height z is the deficit m(z); it is put back by a lobe that is a product of the deficits at
@@ -143,10 +143,10 @@ They leave 6e-4 and 1.5e-3 of error at worst, where edges of lobes cross the squ
 """
 
 _NODES = 128
-"""Heights at which a deficit is known: linear between them it is wrong by 6e-4 at worst, at 89.9 degrees."""
+"""The number of heights in a deficit table: interpolation is wrong by 6e-4 at worst, at 89.9 degrees."""
 
 _GRID = 32
-"""How many values of alpha stand for all, where a texture sets it."""
+"""The number of values of alpha in a table, where a texture sets it."""
 
 
 @entry
@@ -181,7 +181,7 @@ def _fill(alpha: float, eta: float, points: int, turns: int, cells: NDArray[np.f
 
 @functools.lru_cache(maxsize=4096)
 def _deficit(alpha: float, eta: float, points: int, turns: int) -> NDArray[np.float64]:
-    """One row of `Deficits.cells`.
+    """Compute one row of `Deficits.cells`.
 
     Heights are dense where the deficit bends: near grazing, and, for narrow lobes, evenly in the angle of the stretched
     direction.
@@ -204,10 +204,13 @@ def _deficit(alpha: float, eta: float, points: int, turns: int) -> NDArray[np.fl
 class Deficits(NamedTuple):
     """The deficits of the materials of a table.
 
-    cells (m, k, 4) float64, a row an alpha: squared heights from 0 to 1; the deficit there, linear between them; its
-    integral over the squared height from 0 on; of mirrors, what one reflection keeps whose Fresnel term is (1 - cos)^5.
-    first and count (n,) int32: the rows of each material, one, or `_GRID` of them evenly in log(alpha) from
-    SMOOTH_ALPHA to 1; of materials with two sides, that many again for the back.
+    Attributes
+    ----------
+    cells : float64 (m, k, 4), a row an alpha: squared heights from 0 to 1; the deficit there, linear between them; its
+        integral over the squared height from 0 on; of mirrors, the albedo of one reflection with the Fresnel term
+        (1 - cos)^5.
+    first, count : int32 (n,), the rows of each material: one, or `_GRID` of them evenly in log(alpha) from SMOOTH_ALPHA
+        to 1; of materials with two sides, that many again for the back.
     """
 
     cells: NDArray[np.float64]
@@ -216,40 +219,40 @@ class Deficits(NamedTuple):
 
 
 def deficits(roughness: Sequence[float | None], etas: Sequence[tuple[float, ...] | None]) -> Deficits:
-    """The deficits of materials of these roughnesses; None stands for any that a texture may set.
+    """Compute the deficits of materials of these roughnesses; None stands for any that a texture may set.
 
     etas : by material, and for each side, the index behind it over the one before it, or 0 for a mirror; None where
-        what is scattered more than once shall be lost: the deficit is then said to be 0.
+        multiple scattering shall be lost: the deficit is then set to 0.
     """
     rows: list[NDArray[np.float64]] = []
-    found: dict[Hashable, int] = {}
+    starts: dict[Hashable, int] = {}
     first, count = [], []
     for value, sides in zip(roughness, etas, strict=True):
         grid = np.geomspace(SMOOTH_ALPHA, 1.0, _GRID).tolist() if value is None else [max(SMOOTH_ALPHA, value * value)]
         if sides is None:
             grid = [1.0]
         key = (tuple(grid), sides)
-        if key not in found:
-            found[key] = len(rows)
+        if key not in starts:
+            starts[key] = len(rows)
             lattice = _FINE if len(grid) == 1 else _COARSE
             if sides is None:
                 rows += [_none(), _none()]
             else:
                 rows += [_deficit(alpha, eta, *lattice) for eta in sides for alpha in grid]
-        first.append(found[key])
+        first.append(starts[key])
         count.append(len(grid))
     return Deficits(np.array(rows), np.array(first, np.int32), np.array(count, np.int32))
 
 
 def _none() -> NDArray[np.float64]:
-    """A row of `Deficits.cells` that loses nothing."""
+    """Make a row of `Deficits.cells` that loses nothing."""
     cells = np.zeros((_NODES, 4))
     cells[:, 0] = np.linspace(0.0, 1.0, _NODES)
     return cells
 
 
-class Rows(NamedTuple):
-    """The two rows of cells between which an alpha lies, and how far it is towards the second."""
+class CellBlend(NamedTuple):
+    """Two rows of cells between which an alpha lies, and the weight of the second."""
 
     low: np.int64
     high: np.int64
@@ -257,20 +260,20 @@ class Rows(NamedTuple):
 
 
 @kernel
-def rows_of(table: Deficits, index: int, alpha: float, side: int) -> Rows:
-    """Where the deficits of material `index` are, on its front (side 0) or back (1)."""
+def find_cells(table: Deficits, index: int, alpha: float, side: int) -> CellBlend:
+    """Find the deficits of material `index`, on its front (side 0) or back (1), for an alpha."""
     count = table.count[index]
     first = table.first[index] + side * count
     if count == 1:
-        return Rows(np.int64(first), np.int64(first), 0.0)
+        return CellBlend(np.int64(first), np.int64(first), 0.0)
     place = (count - 1) * min(1.0, max(0.0, 1.0 - math.log(alpha) / math.log(SMOOTH_ALPHA)))
     low = min(np.int64(place), count - 2)
-    return Rows(np.int64(first + low), np.int64(first + low + 1), place - low)
+    return CellBlend(np.int64(first + low), np.int64(first + low + 1), place - low)
 
 
 @kernel
 def _cell(cells: NDArray[np.float64], row: np.int64, column: int, value: float) -> int:
-    """The last cell at whose beginning the column is at most `value`."""
+    """Find the last cell at whose beginning the column is at most `value`."""
     low, high = 0, cells.shape[1] - 1
     while high - low > 1:
         middle = (low + high) // 2
@@ -290,7 +293,7 @@ def _interpolated(cells: NDArray[np.float64], row: np.int64, column: int, square
 
 
 @kernel
-def _blended(cells: NDArray[np.float64], rows: Rows, column: int, z: float) -> float:
+def _blended(cells: NDArray[np.float64], rows: CellBlend, column: int, z: float) -> float:
     square = min(1.0, z * z)
     value = _interpolated(cells, rows.low, column, square)
     if rows.blend == 0.0:
@@ -299,8 +302,8 @@ def _blended(cells: NDArray[np.float64], rows: Rows, column: int, z: float) -> f
 
 
 @kernel
-def deficit(cells: NDArray[np.float64], rows: Rows, z: float) -> float:
-    """The part of light from a height z, in 0..1, that does not leave after its first facet.
+def deficit(cells: NDArray[np.float64], rows: CellBlend, z: float) -> float:
+    """Return the fraction of light from a height z, in 0..1, that does not leave after its first facet.
 
     1 minus it is the directional albedo of one reflection (for a mirror), or of that and one refraction.
     """
@@ -308,8 +311,8 @@ def deficit(cells: NDArray[np.float64], rows: Rows, z: float) -> float:
 
 
 @kernel
-def grazing_albedo(cells: NDArray[np.float64], rows: Rows, z: float) -> float:
-    """The directional albedo of mirrors that reflect the part (1 - cos)^5 of light: Schlick's second term.
+def grazing_albedo(cells: NDArray[np.float64], rows: CellBlend, z: float) -> float:
+    """Return the directional albedo of mirrors that reflect the part (1 - cos)^5 of light: Schlick's second term.
 
     The albedo of facets with Schlick's Fresnel term is f0 (1 - deficit) + (1 - f0) times this.
     """
@@ -317,16 +320,16 @@ def grazing_albedo(cells: NDArray[np.float64], rows: Rows, z: float) -> float:
 
 
 @kernel
-def mean_deficit(cells: NDArray[np.float64], rows: Rows) -> float:
-    """The deficit of light that comes evenly from all sides: its integral over the squared height."""
+def mean_deficit(cells: NDArray[np.float64], rows: CellBlend) -> float:
+    """Return the deficit of light that comes evenly from all sides: its integral over the squared height."""
     last = cells.shape[1] - 1
     value: float = cells[rows.low, last, 2] + rows.blend * (cells[rows.high, last, 2] - cells[rows.low, last, 2])
     return value
 
 
 @routine
-def sample_deficit(cells: NDArray[np.float64], rows: Rows, u: float) -> float:
-    """A height z with a density of 2 z deficit(z) / mean_deficit: in solid angle that over 2 pi."""
+def sample_deficit(cells: NDArray[np.float64], rows: CellBlend, u: float) -> float:
+    """Sample a height z with a density of 2 z deficit(z) / mean_deficit: in solid angle that over 2 pi."""
     # Choose a row by its share.
     last = cells.shape[1] - 1
     low = (1.0 - rows.blend) * cells[rows.low, last, 2]
@@ -347,7 +350,7 @@ def sample_deficit(cells: NDArray[np.float64], rows: Rows, u: float) -> float:
 
 @kernel
 def multiple_albedo(mean_fresnel: Vec3, lost: float) -> Vec3:
-    """Part of what metal facets reflect more than once, for their mean Fresnel reflectance and `mean_deficit`.
+    """Compute the fraction that metal facets reflect more than once, from mean Fresnel reflectance and `mean_deficit`.
 
     Light that is held back has been reflected once; then at each facet the part F is reflected, of which 1 - lost
     leaves: F^2 (1 - lost) (1 + F lost + ...).  It is 1 for perfect mirrors.
@@ -364,8 +367,8 @@ def multiple_albedo(mean_fresnel: Vec3, lost: float) -> Vec3:
 
 
 @kernel
-def sample_lost(cells: NDArray[np.float64], rows: Rows, u: float, v: float) -> Vec3:
-    """A direction above the surface with a density of z deficit(z) / (pi mean_deficit) (1/sr)."""
+def sample_multiple_scattering(cells: NDArray[np.float64], rows: CellBlend, u: float, v: float) -> Vec3:
+    """Sample a direction above the surface with a density of z deficit(z) / (pi mean_deficit) (1/sr)."""
     z = sample_deficit(cells, rows, u)
     radius, azimuth = math.sqrt((1.0 - z) * (1.0 + z)), 2.0 * math.pi * v
     return (radius * math.cos(azimuth), radius * math.sin(azimuth), z)

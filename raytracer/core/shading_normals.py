@@ -42,19 +42,23 @@ of the surface, which gives a smooth mesh the brightness of its faces where norm
 import math
 from typing import NamedTuple
 
-from raytracer.jit import kernel
-from raytracer.vec import Vec3, dot, madd, neg, norm, normalize, reflect, scale
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.vec import Vec3, dot, madd, neg, norm, normalize, reflect, scale
 
 # The least cosine between a shading normal and the viewer, and the least sine between the two normals that counts:
 # its square is what float64 can tell from 0 beside 1.
 _GRAZING = 2.0**-26
 
 
-class Tilt(NamedTuple):
+class NormalTilt(NamedTuple):
     """Tilt of a shading normal over a surface.
 
-    up, the true unit normal on the side where light is to go; toward, the unit vector across it that the shading normal
-    on that side leans to; spread, s above, and 0 where the two normals are the same; limit, Z (rad).
+    Attributes
+    ----------
+    up : the true unit normal on the side to which light scatters.
+    toward : the unit vector across it that the shading normal on that side leans to.
+    spread : s above, and 0 where the two normals are the same.
+    limit : Z (rad).
     """
 
     up: Vec3
@@ -64,13 +68,13 @@ class Tilt(NamedTuple):
 
 
 @kernel
-def turned_to(normal: Vec3, viewer: Vec3, geometric: Vec3) -> Vec3:
+def turn_towards_viewer(normal: Vec3, viewer: Vec3, geometric: Vec3) -> Vec3:
     """Turn `normal` until it does not face away from the unit vector `viewer`, and no further."""
     if dot(normal, viewer) >= _GRAZING:
         return normal
     along = madd(normal, -dot(normal, viewer), viewer)
     size = norm(along)
-    # A normal that looks straight away has no nearest one.
+    # A normal that faces exactly away has no nearest one.
     return normalize(madd(scale(1.0 / size, along), _GRAZING, viewer)) if size > 0.0 else geometric
 
 
@@ -81,7 +85,7 @@ def _height(direction: Vec3, up: Vec3, toward: Vec3) -> float:
 
 
 @kernel
-def tilt_of(geometric: Vec3, shading: Vec3, incoming: Vec3, transmitted: bool) -> Tilt:
+def normal_tilt(geometric: Vec3, shading: Vec3, incoming: Vec3, transmitted: bool) -> NormalTilt:
     """Compare a shading normal with the geometric one, both turned against the direction of incoming light."""
     up = neg(geometric) if transmitted else geometric
     normal = neg(shading) if transmitted else shading
@@ -89,32 +93,32 @@ def tilt_of(geometric: Vec3, shading: Vec3, incoming: Vec3, transmitted: bool) -
     across = madd(normal, -cosine, up)
     sine = norm(across)
     if sine < _GRAZING:
-        return Tilt(up, up, 0.0, 0.0)
+        return NormalTilt(up, up, 0.0, 0.0)
     toward = scale(1.0 / sine, across)
     angle, rest = math.atan2(sine, cosine), math.atan2(sine, -cosine)
     middle = _height(incoming if transmitted else reflect(incoming, shading), up, toward)
-    # Of normals at more than a right angle there is less room than the wedge would fill.
+    # Of normals at more than a right angle, only the angles up to `rest` are free for the wedge.
     limit = min(max(angle, 2.0 * middle), rest)
-    return Tilt(up, toward, angle / limit, limit)
+    return NormalTilt(up, toward, angle / limit, limit)
 
 
 @kernel
-def _turned(tilt: Tilt, direction: Vec3, factor: float) -> Vec3:
-    """Turn a direction about what both horizons have in common, to a multiple of its height."""
-    rise, way = dot(direction, tilt.up), dot(direction, tilt.toward)
-    length, height = math.hypot(rise, way), factor * math.atan2(rise, way)
+def _turned(tilt: NormalTilt, direction: Vec3, factor: float) -> Vec3:
+    """Turn a direction about the line in which both horizons meet, to a multiple of its height."""
+    rise, run = dot(direction, tilt.up), dot(direction, tilt.toward)
+    length, height = math.hypot(rise, run), factor * math.atan2(rise, run)
     turned = madd(direction, length * math.sin(height) - rise, tilt.up)
-    return madd(turned, length * math.cos(height) - way, tilt.toward)
+    return madd(turned, length * math.cos(height) - run, tilt.toward)
 
 
 @kernel
-def out_of_wedge(tilt: Tilt, direction: Vec3) -> Vec3:
+def out_of_wedge(tilt: NormalTilt, direction: Vec3) -> Vec3:
     """Turn a direction of the wedge to the right side of the surface: h to h'."""
     return _turned(tilt, direction, -1.0 / tilt.spread)
 
 
 @kernel
-def into_wedge(tilt: Tilt, direction: Vec3) -> tuple[Vec3, float]:
+def into_wedge(tilt: NormalTilt, direction: Vec3) -> tuple[Vec3, float]:
     """Find the direction m that `out_of_wedge` turns to this one, on the right side, and s; that is 0 if none is."""
     if tilt.spread == 0.0 or _height(direction, tilt.up, tilt.toward) >= tilt.limit:
         return direction, 0.0

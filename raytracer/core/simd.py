@@ -1,4 +1,4 @@
-"""Eight numbers at once: what a processor does to all lanes of a packet by one instruction.
+"""SIMD vectors of eight numbers, one a lane of a packet, for kernels.
 
 `Lanes` are eight float64 in a vector of LLVM's, which every processor has in some form: one register of AVX-512, two of
 AVX, four of SSE or NEON.  Kernels write formulas of them as of single numbers, with + - * / and comparisons, and
@@ -17,23 +17,23 @@ from numba.core.datamodel.models import PrimitiveModel
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, register_model
 
-from raytracer.jit import instead
+from raytracer.core.compiler.dispatch import kernel_overload
 
 _inline: Any = intrinsic
 
 WIDTH = 8
-"""How many lanes there are."""
+"""The number of lanes."""
 
 _DOUBLE, _BIT = llvmlite.ir.DoubleType(), llvmlite.ir.IntType(1)
 _VECTOR, _BITS = llvmlite.ir.VectorType(_DOUBLE, WIDTH), llvmlite.ir.VectorType(_BIT, WIDTH)
 
 
 class _Lanes(types.Type):
-    """Eight float64."""
+    """The Numba type of eight float64."""
 
 
 class _Mask(types.Type):
-    """Eight bits: where something holds."""
+    """The Numba type of eight booleans."""
 
 
 LANES, MASK = _Lanes("Lanes"), _Mask("LaneMask")
@@ -58,7 +58,7 @@ _FUSED = ("contract",)
 
 
 def _spread(builder: Any, value: Any) -> Any:
-    """A scalar in all lanes."""
+    """Broadcast a scalar to all lanes."""
     if value.type != _DOUBLE:
         return value
     index = llvmlite.ir.IntType(32)
@@ -68,7 +68,7 @@ def _spread(builder: Any, value: Any) -> Any:
 
 
 def _operator(function: Any, result: types.Type, generate: Any) -> None:
-    """Teach Numba an operator on two lanes, or lanes and a number."""
+    """Register an operator on two vectors of lanes, or lanes and a number, with Numba."""
     pairs = [(LANES, LANES), (LANES, types.float64), (types.float64, LANES)]
 
     @infer_global(function)
@@ -116,7 +116,7 @@ def _negative(context, builder, typing, arguments):
 
 
 @_inline
-def _root(typing_context, value):
+def _sqrt_lanes(typing_context, value):
     def generate(context, builder, typing, arguments):
         kind = llvmlite.ir.FunctionType(_VECTOR, [_VECTOR])
         function = get_or_insert_function(builder.module, kind, f"llvm.sqrt.v{WIDTH}f64")
@@ -135,7 +135,7 @@ def _select(typing_context, where, yes, no):
 
 
 def _address(context: Any, builder: Any, kind: Any, rows: Any, row: Any) -> Any:
-    """Where a row of an array (n, WIDTH) begins, as the address of a vector."""
+    """Return the address of row `index` of an array (n, WIDTH), as that of a vector."""
     array = context.make_array(kind)(context, builder, rows)
     zero = context.get_constant(types.intp, 0)
     pointer = get_item_pointer(context, builder, kind, array, [row, zero], wraparound=False)
@@ -165,7 +165,7 @@ def _store(typing_context, rows, row, value):
 
 
 @_inline
-def _anywhere(typing_context, where):
+def _any_lane(typing_context, where):
     def generate(context, builder, typing, arguments):
         bits = llvmlite.ir.IntType(WIDTH)
         return builder.icmp_unsigned("!=", builder.bitcast(arguments[0], bits), bits(0))
@@ -173,55 +173,55 @@ def _anywhere(typing_context, where):
     return types.boolean(where), generate
 
 
-@instead(lambda where: lambda where: _anywhere(where))  # noqa: PLW0108
-def anywhere(where):
-    """Whether something holds in any lane."""
+@kernel_overload(lambda where: lambda where: _any_lane(where))  # noqa: PLW0108
+def any_lane(where):
+    """Return True if a condition holds in any lane."""
     return bool(np.any(where))
 
 
-@instead(lambda value: lambda value: _root(value))  # noqa: PLW0108
-def root(value):
-    """Square roots; NaN of what is negative."""
+@kernel_overload(lambda value: lambda value: _sqrt_lanes(value))  # noqa: PLW0108
+def sqrt_lanes(value):
+    """Compute square roots; NaN of negative numbers."""
     with np.errstate(invalid="ignore"):
         return np.sqrt(value)
 
 
-@instead(lambda where, yes, no: lambda where, yes, no: _select(where, yes, no))  # noqa: PLW0108
+@kernel_overload(lambda where, yes, no: lambda where, yes, no: _select(where, yes, no))  # noqa: PLW0108
 def select(where, yes, no):
-    """`yes` in the lanes in which `where` holds, `no` in the others."""
+    """Select `yes` in the lanes in which `where` holds, `no` in the others."""
     return np.where(where, yes, no)
 
 
-@instead(lambda rows, row: lambda rows, row: _load(rows, row))  # noqa: PLW0108
+@kernel_overload(lambda rows, row: lambda rows, row: _load(rows, row))  # noqa: PLW0108
 def load(rows, row):
-    """A row of an array (n, WIDTH), float64."""
+    """Load a row of an array (n, WIDTH), float64."""
     return rows[row].copy()
 
 
-@instead(lambda rows, row, value: lambda rows, row, value: _store(rows, row, value))  # noqa: PLW0108
+@kernel_overload(lambda rows, row, value: lambda rows, row, value: _store(rows, row, value))  # noqa: PLW0108
 def store(rows, row, value):
     """Write lanes, or the same number into all of them, into a row of an array (n, WIDTH), float64."""
     rows[row] = value
 
 
 @_inline
-def _pick(typing_context, rows, numbers, column):
+def _gather_lanes(typing_context, rows, numbers, column):
     def generate(context, builder, typing, arguments):
         held, lanes, place = arguments
         word, index = context.get_value_type(types.intp), llvmlite.ir.IntType(32)
         array = context.make_array(typing.args[0])(context, builder, held)
         place = context.cast(builder, place, typing.args[2], types.intp)
-        found = llvmlite.ir.Constant(_VECTOR, llvmlite.ir.Undefined)
+        gathered = llvmlite.ir.Constant(_VECTOR, llvmlite.ir.Undefined)
         for lane in range(WIDTH):
             row = builder.fptosi(builder.extract_element(lanes, index(lane)), word)
             pointer = get_item_pointer(context, builder, typing.args[0], array, [row, place], wraparound=False)
-            found = builder.insert_element(found, builder.load(pointer), index(lane))
-        return found
+            gathered = builder.insert_element(gathered, builder.load(pointer), index(lane))
+        return gathered
 
     return LANES(rows, numbers, column), generate
 
 
-@instead(lambda rows, numbers, column: lambda rows, numbers, column: _pick(rows, numbers, column))  # noqa: PLW0108
-def pick(rows, numbers, column):
-    """What stands in a column of an array (n, m), float64, for each lane in the row of its number."""
+@kernel_overload(lambda rows, numbers, column: lambda rows, numbers, column: _gather_lanes(rows, numbers, column))  # noqa: PLW0108
+def gather_lanes(rows, numbers, column):
+    """Gather a column of an array (n, m), float64: for each lane the entry in the row of its number."""
     return rows[numbers.astype(np.int64), column]

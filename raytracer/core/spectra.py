@@ -1,6 +1,6 @@
-"""Light by wavelength: how a camera of linear Rec. 709 responds to it, and smooth spectra for colours.
+"""Spectral data: the response of a linear Rec. 709 camera by wavelength, and smooth spectra for colours.
 
-All is relative to the light of D65: what reflects or radiates the same at every wavelength is white, (1, 1, 1), and
+All is relative to the light of D65: a flat spectrum is white, (1, 1, 1), and
 colours of surfaces and of lights become spectra by one linear function, in which grey is the same at all wavelengths.
 
 Wavelengths are nanometres.
@@ -18,28 +18,30 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytracer.jit import kernel
-from raytracer.vec import Vec3, dot
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.vec import Vec3, dot
 
 FIRST, LAST, STEP = 380.0, 780.0, 5.0
-"""The wavelengths of the tables, between which all is linear; there is nothing beyond them."""
+"""The wavelengths (nm) of the tables, which are linear between these, and zero beyond them."""
 
 _CELLS = 512
 
-# How wide (nm) the band is that stands for one wavelength: a power of two, so that its inverse is exact, that is above
+# Width (nm) of the band that stands for one wavelength: a power of two, so that its inverse is exact, that is above
 # the spacing of numbers up to 1024 (2^-43) and within which no table changes by more than they do.
 _LINE = 2.0**-20
 
-TOGETHER, ALONE = 1, 2
-"""How a surface that disperses takes the wavelengths of a path: they part where it refracts, or it takes one only."""
+TERMINATE_ON_REFRACTION, TERMINATE_ON_HIT = 1, 2
+"""Modes of dispersive surfaces: secondary wavelengths of a path are terminated if it is refracted, or at any hit."""
 
 
 class Spectra(NamedTuple):
     """Tables of float64 by wavelength, from FIRST to LAST by STEP.
 
-    response (n, 3), what a camera records of light of one wavelength by channel (1/nm), so that the integral of
-    response times a spectrum is its colour; basis (n, 3), the spectra of red, green and blue, of sum 1 at each
-    wavelength; quantiles (cells + 1,), wavelengths between which equally much is drawn.
+    Attributes
+    ----------
+    response : (n, 3), the camera's response by channel (1/nm): the integral of response times a spectrum is its colour.
+    basis : (n, 3), the spectra of red, green and blue, of sum 1 at each wavelength.
+    quantiles : (cells + 1,), wavelengths (nm) of equal probability between neighbours.
     """
 
     response: NDArray[np.float64]
@@ -48,36 +50,36 @@ class Spectra(NamedTuple):
 
 
 @functools.cache
-def published() -> NDArray[np.float64]:
-    """The published tables, float64 (n, 8): wavelength, colour matching x y z, D65, the spectra of red, green, blue."""
-    text = (files("raytracer") / "spectra.csv").read_text("ascii")
+def published_tables() -> NDArray[np.float64]:
+    """Load the published tables, float64 (n, 8): wavelength, colour matching x y z, D65, spectra of the primaries."""
+    text = (files("raytracer.core") / "spectra.csv").read_text("ascii")
     return np.array(list(csv.reader(text.splitlines()))[1:], np.float64)
 
 
 @functools.cache
 def spectra() -> Spectra:
-    """The tables that kernels take.
+    """Make the tables that kernels take.
 
     The response is that linear function of colour matching by which the spectrum of each primary has just its colour;
     the published matrix from XYZ to Rec. 709 does so within the digits of the tables.
     """
-    rows = published()
+    rows = published_tables()
     basis = rows[:, 5:] / rows[:, 5:].sum(axis=1, keepdims=True)
     seen = rows[:, 1:4] * rows[:, 4:5]
-    response = seen @ np.linalg.inv(overlap(seen, basis)).T
+    response = seen @ np.linalg.inv(spectrum_products(seen, basis)).T
     return Spectra(np.ascontiguousarray(response), np.ascontiguousarray(basis), _quantiles(response))
 
 
 @functools.cache
-def line(wavelength: float) -> Spectra:
-    """Tables for what sees light of one wavelength (nm) alone, and records its radiance in all three channels."""
+def monochromatic_spectra(wavelength: float) -> Spectra:
+    """Make tables for a camera that sees one wavelength (nm), and records its radiance in all three channels."""
     flat = np.full_like(spectra().response, 1.0 / _LINE)
     low = min(max(FIRST, wavelength - 0.5 * _LINE), LAST - _LINE)
     return Spectra(flat, spectra().basis, np.array([low, low + _LINE]))
 
 
-def overlap(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Integrals over wavelength (nm) of products of piecewise linear spectra: (n, k), (n, l) -> (k, l)."""
+def spectrum_products(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Integrate products of piecewise linear spectra over wavelength (nm): (n, k), (n, l) -> (k, l)."""
     within = 2.0 * (a[:-1].T @ b[:-1] + a[1:].T @ b[1:]) + a[:-1].T @ b[1:] + a[1:].T @ b[:-1]
     return np.asarray(STEP / 6.0 * within)
 
@@ -88,9 +90,9 @@ def _quantiles(response: NDArray[np.float64]) -> NDArray[np.float64]:
     fine = np.arange(FIRST, LAST + 0.005, 0.01)
     height = np.interp(fine, _wavelengths(), wanted)
     below = np.concatenate(([0.0], np.cumsum(0.5 * (height[1:] + height[:-1]))))
-    found = np.interp(np.linspace(0.0, below[-1], _CELLS + 1), below, fine)
-    found[0], found[-1] = FIRST, LAST
-    return np.asarray(found)
+    quantiles = np.interp(np.linspace(0.0, below[-1], _CELLS + 1), below, fine)
+    quantiles[0], quantiles[-1] = FIRST, LAST
+    return np.asarray(quantiles)
 
 
 def _wavelengths() -> NDArray[np.float64]:
@@ -98,16 +100,16 @@ def _wavelengths() -> NDArray[np.float64]:
 
 
 def response(wavelength: ArrayLike) -> NDArray[np.float64]:
-    """What a camera records of light of each wavelength (nm), relative to D65, by channel (1/nm): (..., 3)."""
-    return _at(spectra().response, wavelength)
+    """Compute the camera's response to each wavelength (nm), relative to D65, by channel (1/nm): (..., 3)."""
+    return _interpolate(spectra().response, wavelength)
 
 
 def spectrum_of(rgb: ArrayLike, wavelength: ArrayLike) -> NDArray[np.float64]:
-    """The smooth spectrum of a linear Rec. 709 colour (3,) at wavelengths (nm), of their shape."""
-    return np.asarray(_at(spectra().basis, wavelength) @ np.asarray(rgb, np.float64))
+    """Compute the smooth spectrum of a linear Rec. 709 colour (3,) at wavelengths (nm), of their shape."""
+    return np.asarray(_interpolate(spectra().basis, wavelength) @ np.asarray(rgb, np.float64))
 
 
-def _at(table: NDArray[np.float64], wavelength: ArrayLike) -> NDArray[np.float64]:
+def _interpolate(table: NDArray[np.float64], wavelength: ArrayLike) -> NDArray[np.float64]:
     columns = [np.interp(np.asarray(wavelength), _wavelengths(), column, left=0.0, right=0.0) for column in table.T]
     return np.stack(columns, axis=-1)
 
@@ -115,14 +117,18 @@ def _at(table: NDArray[np.float64], wavelength: ArrayLike) -> NDArray[np.float64
 # ---- In kernels
 
 
-class Hue(NamedTuple):
-    """The light that a path carries: of `carried` wavelengths, 1 or 3, or 0 while it is red, green and blue.
+class PathWavelengths(NamedTuple):
+    """The wavelengths that a path carries.
 
-    number, the one with which it goes on where they part; wavelengths (nm), the hero first; first, second, third, the
-    spectra of red, green and blue at each.
+    Attributes
+    ----------
+    wavelength_count : 1 or 3, or 0 while the path is traced in red, green and blue.
+    number : the index of the wavelength that goes on where the others are terminated.
+    wavelengths : three (nm), the hero first.
+    first, second, third : the spectra of red, green and blue at each.
     """
 
-    carried: float
+    wavelength_count: float
     number: np.int64
     wavelengths: Vec3
     first: Vec3
@@ -131,14 +137,14 @@ class Hue(NamedTuple):
 
 
 @kernel
-def tinted_by(hue: Hue, rgb: Vec3) -> Vec3:
-    """The spectrum of a colour at the wavelengths of a hue that carries any."""
-    return (dot(hue.first, rgb), dot(hue.second, rgb), dot(hue.third, rgb))
+def upsample_at_wavelengths(path: PathWavelengths, rgb: Vec3) -> Vec3:
+    """Compute the spectrum of a colour at the path's wavelengths, if it carries any."""
+    return (dot(path.first, rgb), dot(path.second, rgb), dot(path.third, rgb))
 
 
 @kernel
-def hero(spectra: Spectra, u: float) -> tuple[float, float]:
-    """A wavelength by the number `u`, uniform in [0, 1), and its density (1/nm)."""
+def sample_hero_wavelength(spectra: Spectra, u: float) -> tuple[float, float]:
+    """Sample a wavelength (nm) by the number `u`, uniform in [0, 1); returns it and its density (1/nm)."""
     cells = len(spectra.quantiles) - 1
     place = cells * u
     cell = min(cells - 1, int(place))
@@ -148,8 +154,8 @@ def hero(spectra: Spectra, u: float) -> tuple[float, float]:
 
 
 @kernel
-def stratum(u: float, number: int, count: int) -> float:
-    """The number that draws a companion, 1 .. count - 1, of the hero that `u` draws: all are in strata of their own."""
+def companion_number(u: float, number: int, count: int) -> float:
+    """Return the number that draws companion `number`, 1 .. count - 1, of the hero of `u`: each has its own stratum."""
     moved = u + number / count
     return moved - 1.0 if moved >= 1.0 else moved
 
@@ -169,17 +175,17 @@ def _row_at(table: NDArray[np.float64], wavelength: float) -> Vec3:
 
 @kernel
 def response_at(spectra: Spectra, wavelength: float) -> Vec3:
-    """What a camera records of light of this wavelength, by channel (1/nm)."""
+    """Return the camera's response to a wavelength, by channel (1/nm)."""
     return _row_at(spectra.response, wavelength)
 
 
 @kernel
 def basis_at(spectra: Spectra, wavelength: float) -> Vec3:
-    """The spectra of red, green and blue at a wavelength: that of a colour is its dot product with them."""
+    """Return the spectra of red, green and blue at a wavelength: that of a colour is its dot product with them."""
     return _row_at(spectra.basis, wavelength)
 
 
 @kernel
-def tinted_at(spectra: Spectra, wavelength: float, rgb: Vec3) -> float:
-    """The spectrum of a colour at a wavelength."""
+def upsample_at(spectra: Spectra, wavelength: float, rgb: Vec3) -> float:
+    """Compute the spectrum of a colour at a wavelength."""
     return dot(basis_at(spectra, wavelength), rgb)

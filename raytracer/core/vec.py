@@ -2,8 +2,9 @@
 
 import math
 import sys
+from typing import Any
 
-from raytracer.jit import kernel
+from raytracer.core.compiler.dispatch import kernel
 
 Vec3 = tuple[float, float, float]
 
@@ -20,7 +21,7 @@ def sub(a: Vec3, b: Vec3) -> Vec3:
 
 @kernel
 def mul(a: Vec3, b: Vec3) -> Vec3:
-    """The product by components."""
+    """Multiply by components."""
     return (a[0] * b[0], a[1] * b[1], a[2] * b[2])
 
 
@@ -31,7 +32,7 @@ def scale(s: float, a: Vec3) -> Vec3:
 
 @kernel
 def madd(a: Vec3, s: float, b: Vec3) -> Vec3:
-    """a + s b."""
+    """Compute a + s b."""
     return (a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2])
 
 
@@ -57,7 +58,7 @@ def norm(a: Vec3) -> float:
 
 @kernel
 def normalize(a: Vec3) -> Vec3:
-    """a / |a|; the zero vector gives NaN components, which the film counts."""
+    """Compute a / |a|; the zero vector gives NaN components, which the film counts."""
     return scale(1.0 / norm(a), a)
 
 
@@ -116,7 +117,7 @@ def basis(n: Vec3) -> tuple[Vec3, Vec3]:
 
 @kernel
 def to_world(local: Vec3, s: Vec3, t: Vec3, n: Vec3) -> Vec3:
-    """The vector with coordinates `local` in the frame (s, t, n)."""
+    """Transform coordinates `local` in the frame (s, t, n) to a vector."""
     return (
         local[0] * s[0] + local[1] * t[0] + local[2] * n[0],
         local[0] * s[1] + local[1] * t[1] + local[2] * n[1],
@@ -126,11 +127,23 @@ def to_world(local: Vec3, s: Vec3, t: Vec3, n: Vec3) -> Vec3:
 
 @kernel
 def to_local(v: Vec3, s: Vec3, t: Vec3, n: Vec3) -> Vec3:
-    """The coordinates of a vector in the orthonormal frame (s, t, n)."""
+    """Compute the coordinates of a vector in the orthonormal frame (s, t, n)."""
     return (dot(v, s), dot(v, t), dot(v, n))
 
 
 @kernel
 def reflect(d: Vec3, n: Vec3) -> Vec3:
-    """Direction of travel `d` mirrored at a surface with unit normal `n`."""
+    """Mirror the direction of travel `d` at a surface with unit normal `n`."""
     return madd(d, -2.0 * dot(d, n), n)
+
+
+@kernel
+def load_vector(field: Any) -> Vec3:
+    """Read the three numbers of an array, such as a field of a record."""
+    return (field[0], field[1], field[2])
+
+
+@kernel
+def store_vector(field: Any, value: Vec3) -> None:
+    """Write a vector into the three numbers of an array, such as a field of a record."""
+    field[0], field[1], field[2] = value

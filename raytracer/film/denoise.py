@@ -1,7 +1,7 @@
-"""Denoising by Intel's Open Image Denoise, which the extra `raytracer[denoise]` brings.
+"""Denoising by Intel's Open Image Denoise, which the extra `raytracer[denoise]` installs.
 
-A denoised picture is no longer an unbiased estimate: what a neural network takes for noise is gone, be it or not.  So
-every file that has a header says so, and .exr files keep the picture as it was rendered as the layer `noisy`.
+A denoised picture is no longer an unbiased estimate: a neural network may remove detail with the noise.  So every file
+that has a header says so, and .exr files keep the picture as it was rendered as the layer `noisy`.
 
 References: https://www.openimagedenoise.org/documentation.html, section "RT" of "Filters".
 """
@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.errors import InputError, OutputError
 from raytracer.film.image import Image
+from raytracer.util.errors import InputError, OutputError
 
 _MISSING = "denoising needs Open Image Denoise, which is not installed: pip install 'raytracer[denoise]'"
 
@@ -22,7 +22,7 @@ _LARGEST = float(np.finfo(np.float32).max)
 
 
 def require_denoiser() -> None:
-    """Make sure, before an image is rendered, that it can be denoised.
+    """Check, before an image is rendered, that it can be denoised.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def require_denoiser() -> None:
 
 
 class _Device:
-    """The processor, as the library sees it."""
+    """The processor, as a device of the library."""
 
     def __init__(self, threads: int | None) -> None:
         try:
@@ -57,15 +57,15 @@ class _Device:
         return ".".join(str(self.device.get_int(f"version{part}")) for part in ("Major", "Minor", "Patch"))
 
     def run(self, images: dict[str, NDArray[np.float32]], **settings: bool) -> NDArray[np.float32]:
-        """What the ray tracing filter makes of the first of `images`."""
+        """Run the ray tracing filter on the first of `images`, guided by the others."""
         result = np.empty_like(next(iter(images.values())))
-        with self.library.Filter(self.device, self.library.OIDN_FILTER_TYPE_RT) as found:
+        with self.library.Filter(self.device, self.library.OIDN_FILTER_TYPE_RT) as ray_filter:
             for name, values in {**images, "output": result}.items():
-                found.set_image(name, values, self.library.OIDN_FORMAT_FLOAT3)
+                ray_filter.set_image(name, values, self.library.OIDN_FORMAT_FLOAT3)
             for name, value in settings.items():
-                found.set_bool(name, value)
-            found.commit()
-            found.execute()
+                ray_filter.set_bool(name, value)
+            ray_filter.commit()
+            ray_filter.execute()
         if problem := self.device.get_error():
             raise OutputError(f"the picture could not be denoised: {problem}")
         return result
@@ -75,6 +75,7 @@ class _Device:
 
 
 def _single(values: NDArray[Any], low: float, high: float) -> NDArray[np.float32]:
+    """Convert to finite float32 values within bounds."""
     return np.ascontiguousarray(np.clip(np.nan_to_num(values), low, high), dtype=np.float32)
 
 
@@ -86,13 +87,13 @@ def denoise(
     threads: int | None = None,
     parts: Sequence[tuple[slice, slice]] = ((slice(None), slice(None)),),
 ) -> Image:
-    """The image with its noise taken out, as far as the network can tell it; the same for any number of threads.
+    """Denoise an image; the result is the same for any number of threads.
 
     Parameters
     ----------
-    albedo, normal : (height, width, 3), means over a pixel in which what meets no surface counts as 0.
-    threads : how many work; all processors if None.
-    parts : rows and columns of each picture that there is, so that nothing of one gets into another beside it.
+    albedo, normal : (height, width, 3), means over a pixel in which rays that meet no surface count as 0.
+    threads : number of threads; all processors if None.
+    parts : rows and columns of each picture in the image, which are filtered apart from each other.
 
     Raises
     ------

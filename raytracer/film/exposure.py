@@ -1,4 +1,4 @@
-"""Exposure: from the light that a film has gathered to values in which 1 saturates the sensor.
+"""Exposure: metering, and the gain from light on the film to values in which 1 saturates the sensor.
 
 In a scene:
 
@@ -17,34 +17,38 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.errors import InputError
-from raytracer.optics import REC709_LUMINANCE
-from raytracer.photography import (
+from raytracer.core.fresnel import REC709_LUMINANCE
+from raytracer.optics.thin_lens import (
     MEAN_EXPOSURE,
     SATURATION_EXPOSURE,
     WHITE_EFFICACY,
-    Exposure,
+    ExposureSettings,
     Metering,
     exposure_value,
 )
+from raytracer.util.errors import InputError
 
-Floats = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 
 METERED_VALUE = MEAN_EXPOSURE / SATURATION_EXPOSURE
-"""What metering gives the mean of what it measures: 10 / 78 of saturation."""
+"""Value to which metering exposes the mean that it measures: 10 / 78 of saturation."""
 
 _CENTRE_WEIGHT = 0.75
 _CENTRE_DIAMETER = 0.5
 _UNMETERED_ISO = 100.0
 
-# What is less is as good as black: its reciprocal may not be finite.
-_LEAST = float(np.finfo(np.float64).tiny)
+# Smaller values count as black: their reciprocals may not be finite.
+_TINY = float(np.finfo(np.float64).tiny)
 
 
-class Frame(NamedTuple):
-    """Width and height of a whole picture (px), and where in it the top left pixel of a part of it lies.
+class CropWindow(NamedTuple):
+    """A part of a picture.
 
-    view : width and height (px) of each of the views that it is made of, side by side; None for a single one.
+    Attributes
+    ----------
+    width, height (px) : of the whole picture.
+    left, top (px) : place of the top left pixel of the part.
+    view (px) : width and height of each of the views that the picture is made of, side by side; None for a single one.
     """
 
     width: int
@@ -55,23 +59,25 @@ class Frame(NamedTuple):
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height (px) of what one camera sees."""
+        """Width and height (px) of the picture of one camera."""
         return self.view or (self.width, self.height)
 
 
-class Setting(NamedTuple):
-    """How a picture was exposed.
+class ExposureResult(NamedTuple):
+    """The exposure of a picture.
 
-    gain : what the light that the film has gathered is multiplied by; 1 is then the sensor's saturation.
+    Attributes
+    ----------
+    gain : factor of the light on the film; 1 is then the sensor's saturation.
     iso : ISO speed, given or chosen by metering; None where aperture or shutter are not known.
-    metered : mean luminance that was measured, in the unit of the film; None where nothing was.
-    exposure : what the camera asked for.
+    metered : mean luminance that was measured, in the unit of the film; None if none was.
+    exposure : settings of the camera.
     """
 
     gain: float
     iso: float | None
     metered: float | None
-    exposure: Exposure
+    exposure: ExposureSettings
 
     @property
     def ev100(self) -> float | None:
@@ -82,13 +88,13 @@ class Setting(NamedTuple):
         return exposure_value(n, seconds, self.iso)
 
     @property
-    def speed(self) -> float | None:
+    def iso_speed(self) -> float | None:
         """ISO speed that the picture is developed at: `iso`, pushed by the compensation."""
         return None if self.iso is None else self.iso * math.exp2(self.exposure.compensation)
 
-    def numbers(self) -> dict[str, float]:
-        """What is known of the setting, by name, for headers and statistics."""
-        found = {
+    def as_dict(self) -> dict[str, float]:
+        """List the known values by name, for headers and statistics."""
+        values = {
             "iso": self.iso,
             "f_number": self.exposure.f_number,
             "shutter_seconds": self.exposure.seconds,
@@ -96,51 +102,53 @@ class Setting(NamedTuple):
             "ev100": self.ev100,
             "exposure_gain": self.gain,
         }
-        return {name: value for name, value in found.items() if value is not None and math.isfinite(value)}
+        return {name: value for name, value in values.items() if value is not None and math.isfinite(value)}
 
-    def sentence(self) -> str:
-        """The setting in words, as `ISO 400, f/2.8, 1/125 s, EV100 7.9, metered by spot`."""
+    def summary(self) -> str:
+        """Describe the exposure, as in `ISO 400, f/2.8, 1/125 s, EV100 7.9, metered by spot`."""
         n, seconds, metering = self.exposure.f_number, self.exposure.seconds, self.exposure.metering
-        parts = [f"light times {self.gain:.4g}" if self.iso is None else f"ISO {_plain(self.iso)}"]
+        parts = [f"light times {self.gain:.4g}" if self.iso is None else f"ISO {_format_number(self.iso)}"]
         if n is not None and math.isfinite(n):
-            parts.append(f"f/{_plain(n)}")
+            parts.append(f"f/{_format_number(n)}")
         if seconds is not None:
-            parts.append(f"1/{_plain(1.0 / seconds)} s" if 0.0 < seconds < 0.5 else f"{_plain(seconds)} s")
+            parts.append(
+                f"1/{_format_number(1.0 / seconds)} s" if 0.0 < seconds < 0.5 else f"{_format_number(seconds)} s"
+            )
         if self.ev100 is not None:
             parts.append(f"EV100 {self.ev100:.2f}")
         if self.exposure.compensation:
             parts.append(f"compensated by {self.exposure.compensation:+.4g} EV")
         if metering is not None:
-            black = "" if (self.metered or 0.0) >= _LEAST else ", and found black"
+            black = "" if (self.metered or 0.0) >= _TINY else ", and found black"
             parts.append(f"metered by {metering.mode}{black}")
-            if self.iso is not None and self.exposure.slowest == self.speed:
+            if self.iso is not None and self.exposure.base_iso == self.iso_speed:
                 parts.append("as slow as the sensor is")
         return ", ".join(parts)
 
 
-def _plain(number: float) -> str:
-    """A positive number with four digits at least, and without an exponent where it is large."""
+def _format_number(number: float) -> str:
+    """Format a positive number with at least four digits, and without an exponent if it is large."""
     return f"{number:.0f}" if number >= 1000.0 else f"{number:.4g}"
 
 
-def luminance(values: Floats) -> Floats:
-    """Luminance (...) of linear Rec. 709 values (..., 3), in their unit."""
+def luminance(values: FloatArray) -> FloatArray:
+    """Compute the luminance (...) of linear Rec. 709 values (..., 3), in their unit."""
     return np.asarray(values @ np.array(REC709_LUMINANCE))
 
 
 # ---- Metering
 
 
-def _distances(x: float, y: float, frame: Frame, height: int, width: int) -> Floats:
-    """Distances (height, width), in pixels, of the pixels' middles from (x, y), in fractions of their own view."""
+def _pixel_distances(x: float, y: float, frame: CropWindow, height: int, width: int) -> FloatArray:
+    """Compute the distances (height, width), in pixels, of pixels' middles from (x, y), in fractions of their view."""
     wide, high = frame.size
     across = (frame.left + np.arange(width)) % wide + 0.5 - x * wide
     down = (frame.top + np.arange(height)) % high + 0.5 - y * high
     return np.asarray(np.hypot(across, down[:, None]))
 
 
-def _nearest_pixel(x: float, y: float, frame: Frame) -> float:
-    """Distance (px) of the pixel's middle of a whole view that is nearest to (x, y), in fractions of the view."""
+def _nearest_pixel(x: float, y: float, frame: CropWindow) -> float:
+    """Compute the distance (px) of the nearest pixel's middle in a whole view from (x, y), in fractions of the view."""
 
     def apart(place: float, size: int) -> float:
         position = place * size
@@ -150,12 +158,12 @@ def _nearest_pixel(x: float, y: float, frame: Frame) -> float:
     return math.hypot(apart(x, wide), apart(y, high))
 
 
-def metering_weights(metering: Metering, frame: Frame, height: int, width: int) -> Floats:
-    """How much each pixel of a part of the frame counts, (height, width); 1 in sum.  Of many views each has its circle.
+def metering_weights(metering: Metering, frame: CropWindow, height: int, width: int) -> FloatArray:
+    """Compute the weights of metering of the pixels of a part of the frame, (height, width), whose sum is 1.
 
-    `mean`: all alike.  `spot`: those in a circle.  `center_weighted`: three quarters for a circle in the middle of half
-    the frame's shorter side, and one quarter for what is around it, as Nikon's cameras have it (12 mm of 24 mm).  A
-    circle so small that no pixel's middle lies in it takes those that are nearest.
+    `mean`: equal weights.  `spot`: pixels in a circle.  `center_weighted`: three quarters for a circle in the middle of
+    half the frame's shorter side, and one quarter for its surroundings, as Nikon's cameras have it (12 mm of 24 mm).  A
+    circle so small that no pixel's middle lies in it takes the nearest.  Each of several views has its own circle.
 
     References: Nikon, "D750 User's Manual": "Metering" (the circle) and "Specifications" (its weight of 75 %).
 
@@ -168,7 +176,7 @@ def metering_weights(metering: Metering, frame: Frame, height: int, width: int) 
     is_spot = metering.mode == "spot"
     x, y = (metering.x, metering.y) if is_spot else (0.5, 0.5)
     diameter = (metering.size if is_spot else _CENTRE_DIAMETER) * min(frame.size)
-    apart = _distances(x, y, frame, height, width)
+    apart = _pixel_distances(x, y, frame, height, width)
     rounding = 1.0 + 8.0 * np.finfo(np.float64).eps
     inside = apart <= rounding * max(0.5 * diameter, _nearest_pixel(x, y, frame))
     count = int(inside.sum())
@@ -182,8 +190,8 @@ def metering_weights(metering: Metering, frame: Frame, height: int, width: int) 
     return np.where(inside, _CENTRE_WEIGHT / count, (1.0 - _CENTRE_WEIGHT) / outside)
 
 
-def metered(values: Floats, metering: Metering, frame: Frame) -> float:
-    """Mean luminance of linear values (height, width, 3) that a meter finds, in their unit.
+def meter_luminance(values: FloatArray, metering: Metering, frame: CropWindow) -> float:
+    """Meter the mean luminance of linear values (height, width, 3), in their unit.
 
     Raises
     ------
@@ -197,7 +205,7 @@ def metered(values: Floats, metering: Metering, frame: Frame) -> float:
 
 
 def saturation_gain(seconds: float, iso: float, compensation: float = 0.0) -> float:
-    """Exposed value of 1 W/m2 on the sensor: K t S / 78 2^compensation, with K = 179 lm/W.
+    """Compute the exposed value of 1 W/m2 on the sensor: K t S / 78 2^compensation, with K = 179 lm/W.
 
     H_sat = 78 / S is the exposure (lx s) with which a sensor of ISO speed S saturates: ISO 12232:2019, saturation-based
     ISO speed.
@@ -205,13 +213,13 @@ def saturation_gain(seconds: float, iso: float, compensation: float = 0.0) -> fl
     return WHITE_EFFICACY * seconds * iso / SATURATION_EXPOSURE * math.exp2(compensation)
 
 
-def settle(exposure: Exposure, values: Floats, frame: Frame) -> Setting:
-    """The setting for what a film has gathered, `values` (height, width, 3).
+def resolve_exposure(exposure: ExposureSettings, values: FloatArray, frame: CropWindow) -> ExposureResult:
+    """Find the exposure for the light on a film, `values` (height, width, 3).
 
     Metering chooses the ISO speed with which, without compensation, the metered luminance is 10 / 78 of saturation.
-    A sensor that is simulated is no slower than its base ISO, compensation included: the picture is then overexposed.
-    Where that is no speed, since aperture or shutter are not known, it chooses the gain alike.  A black picture gets
-    ISO 100, or a gain of 1.
+    The speed of a simulated sensor is at least its base ISO, compensation included: the picture may then be
+    overexposed.  If aperture or shutter are not known, there is no speed, and the gain is chosen in the same way.  A
+    black picture gets ISO 100, or a gain of 1.
 
     Raises
     ------
@@ -222,15 +230,17 @@ def settle(exposure: Exposure, values: Floats, frame: Frame) -> Setting:
     if exposure.iso is not None:
         if seconds is None:
             raise ValueError("an ISO speed says nothing without the aperture and the time of the exposure")
-        return Setting(saturation_gain(seconds, exposure.iso, exposure.compensation), exposure.iso, None, exposure)
+        return ExposureResult(
+            saturation_gain(seconds, exposure.iso, exposure.compensation), exposure.iso, None, exposure
+        )
 
     assert exposure.metering is not None
     push = math.exp2(exposure.compensation)
-    found = metered(values, exposure.metering, frame)
+    metered = meter_luminance(values, exposure.metering, frame)
     if seconds is None:
-        return Setting(METERED_VALUE / found * push if found >= _LEAST else push, None, found, exposure)
-    at_iso_1 = found * saturation_gain(seconds, 1.0)
-    iso = METERED_VALUE / at_iso_1 if at_iso_1 >= _LEAST else _UNMETERED_ISO
-    if exposure.slowest is not None:
-        iso = max(iso, exposure.slowest / push)
-    return Setting(saturation_gain(seconds, iso, exposure.compensation), iso, found, exposure)
+        return ExposureResult(METERED_VALUE / metered * push if metered >= _TINY else push, None, metered, exposure)
+    at_iso_1 = metered * saturation_gain(seconds, 1.0)
+    iso = METERED_VALUE / at_iso_1 if at_iso_1 >= _TINY else _UNMETERED_ISO
+    if exposure.base_iso is not None:
+        iso = max(iso, exposure.base_iso / push)
+    return ExposureResult(saturation_gain(seconds, iso, exposure.compensation), iso, metered, exposure)

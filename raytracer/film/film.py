@@ -1,4 +1,4 @@
-"""The film: where the samples of each pixel are gathered while an image is rendered."""
+"""The film: running statistics of the samples of each pixel while an image is rendered."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,8 +19,8 @@ class Film:
     m2 : float64 (height, width, 3), sum of the squared differences of the samples from their mean.
     count : int64 (height, width), samples in the mean.
     nan_count : int64 (height, width), samples left out because they were not finite.
-    removed : float64 (height, width, 4), what a clamp has taken of the samples, summed by channel, and of how many;
-        None where no sample is clamped.
+    removed : float64 (height, width, 4), the radiance that a clamp has removed, summed by channel, and from how many
+        samples; None where no sample is clamped.
 
     References: Welford 1962, "Note on a Method for Calculating Corrected Sums of Squares and Products",
         Technometrics 4(3); it is stable where E[x^2] - E[x]^2 cancels.
@@ -34,7 +34,7 @@ class Film:
 
     @classmethod
     def empty(cls, width: int, height: int, *, is_clamped: bool = False) -> "Film":
-        """A film of `width` by `height` pixels without a sample."""
+        """Allocate a film of `width` by `height` pixels without a sample."""
         return cls(
             mean=np.zeros((height, width, 3)),
             m2=np.zeros((height, width, 3)),
@@ -44,9 +44,9 @@ class Film:
         )
 
     def variance_of_mean(self) -> NDArray[np.float64]:
-        """Unbiased variance of the mean, m2 / (n (n - 1)), float64 (height, width, 3); inf for n < 2.
+        """Compute the unbiased variance of the mean, m2 / (n (n - 1)), float64 (height, width, 3); inf for n < 2.
 
-        It holds for independent samples; stratified and low-discrepancy ones do better than it says.
+        It holds for independent samples; stratified and low-discrepancy ones have less.
         """
         n = self.count[..., None].astype(np.float64)
         variance = np.full(self.mean.shape, np.inf)
@@ -55,11 +55,11 @@ class Film:
 
 
 def develop(film: Film, settings: Mapping[str, str | float | int], *, is_final: bool = False) -> Image:
-    """The image on `film`; a pixel without a sample is black.
+    """Make the image on `film`; a pixel without a sample is black.
 
     `samples` is that of the pixel with the most; the variance is None if no pixel has two.
 
-    is_final : whether nothing will be added to the film, so that the image may be its memory.
+    is_final : whether nothing will be added to the film, so that the image may share its memory.
     """
     samples = int(film.count.max())
     return Image(

@@ -1,4 +1,4 @@
-"""A developed image: linear pixel values, how noisy they are, and how they came about."""
+"""A developed image: linear pixel values, their variance, and the settings that it was rendered with."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from raytracer.film import output, srgb
-from raytracer.plenoptic.layout import Layout
+from raytracer.film import srgb
+from raytracer.film.formats.png import encode_png
+from raytracer.film.image_file import save
+from raytracer.film.light_field.layout import Layout
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -27,9 +29,9 @@ class Image:
     samples : samples a pixel.
     settings : what the image was rendered with; written into the headers of the files that have any.
     layers : further arrays by name (AOVs), (height, width) or (height, width, channels); only .exr files hold them.
-    channels : what the channels of a layer are called in a file, where not R, G and B, or the layer's own name.
-    tone_curve : what takes linear values to those that a display shows, in 0..1; None if that is clipping.
-    layout : how the picture holds a light field; None where it holds none, or is only a part of one.
+    channels : names of the channels of a layer in a file, where not R, G and B, or the layer's own name.
+    tone_curve : maps linear values to those that a display shows, in 0..1; None for clipping.
+    layout : layout of the light field that the picture holds; None where it holds none, or is only a part of one.
 
     Raises
     ------
@@ -56,13 +58,13 @@ class Image:
                 raise ValueError(f"layer {name} must be of the image's size, {shape[:2]}, got {np.shape(layer)}")
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
-        """The radiance, without a copy unless the type asks for one."""
+        """Return the radiance, without a copy unless the type asks for one."""
         if copy:
             return np.array(self.radiance, dtype)
-        found = np.asarray(self.radiance, dtype)
-        if copy is False and not np.shares_memory(found, self.radiance):
-            raise ValueError(f"the radiance is {self.radiance.dtype}, and no view of it is {found.dtype}")
-        return found
+        array = np.asarray(self.radiance, dtype)
+        if copy is False and not np.shares_memory(array, self.radiance):
+            raise ValueError(f"the radiance is {self.radiance.dtype}, and no view of it is {array.dtype}")
+        return array
 
     def __repr__(self) -> str:
         height, width, _ = self.radiance.shape
@@ -70,13 +72,13 @@ class Image:
         return f"<rt.Image: {width} x {height}, {self.samples} spp{layers}>"
 
     def display(self) -> NDArray[np.uint8]:
-        """The image as a display shows it: uint8 (height, width, 3) in sRGB, by its tone curve, clipped at 0 and 1."""
+        """Convert for a display: uint8 (height, width, 3) in sRGB, by the tone curve, clipped at 0 and 1."""
         return srgb.to_uint8(self.radiance if self.tone_curve is None else self.tone_curve(self.radiance))
 
     def save(self, path: str | Path) -> None:
-        """Write the image to `path`, in the format that its suffix names; see `raytracer.film.output.save`."""
-        output.save(self, path)
+        """Write the image to `path`, in the format that its suffix names; see `raytracer.film.image_file.save`."""
+        save(self, path)
 
     def _repr_png_(self) -> bytes:
-        """The image for a notebook."""
-        return output.encode_png(self)
+        """Encode the image for a notebook."""
+        return encode_png(self)

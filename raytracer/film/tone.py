@@ -1,11 +1,11 @@
-"""Tone curves: how the linear values of a picture become those that a display shows.
+"""Tone curves: from the linear values of a picture to those that a display shows.
 
 In a scene:
 
     film: {width: 1200, height: 800, tone_curve: filmic}
     film: {width: 1200, height: 800, tone_curve: {type: filmic, white: 8}}
 
-A tone curve changes what is shown, .png and .jpg files and notebooks; linear files hold what they would without it.
+A tone curve changes display values only, in .png and .jpg files and notebooks; linear files are the same without it.
 """
 
 from dataclasses import dataclass
@@ -19,14 +19,15 @@ from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, model_va
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-from raytracer.photography import MEAN_EXPOSURE, SATURATION_EXPOSURE
-from raytracer.spec import Quantity, Spec, at
+from raytracer.optics.thin_lens import MEAN_EXPOSURE, SATURATION_EXPOSURE
+from raytracer.schema.fields import Quantity
+from raytracer.schema.spec import Spec, field_error
 
 GREY_IN = MEAN_EXPOSURE / SATURATION_EXPOSURE
-"""Value of what is exposed as middle grey, 10 / 78 of saturation: ISO 12232:2019."""
+"""Linear value of middle grey, 10 / 78 of saturation: ISO 12232:2019."""
 
 GREY_OUT = 0.18
-"""What a display shows of it: 0.461 of its range in sRGB, to which ISO 12232:2019 ties the exposure 10 / S_SOS."""
+"""Display value of it: 0.461 of its range in sRGB, to which ISO 12232:2019 ties the exposure 10 / S_SOS."""
 
 # Shoulder strength, linear strength and angle, toe strength, numerator and denominator: Hable 2010.
 _A, _B, _C, _D, _E, _F = 0.15, 0.50, 0.10, 0.20, 0.02, 0.30
@@ -40,10 +41,10 @@ _BELOW = Polynomial([_D * _F, _B, _A])
 class Filmic:
     """The response of film: a toe, and a shoulder that bends highlights towards white.
 
-    It is Hable's curve U(b x) / U(b white), of each channel by itself, with the b that takes middle grey, 10 / 78 of
-    saturation, to 0.18.
+    It is Hable's curve U(b x) / U(b white), for each channel, with the b that maps middle grey, 10 / 78 of saturation,
+    to 0.18.
 
-    white : the value, of at least 1, that becomes white; what is brighter is clipped.
+    white : the value, at least 1, that becomes white; larger values are clipped.
 
     References: Hable 2010, "Uncharted 2: HDR Lighting", Game Developers Conference.
     """
@@ -63,14 +64,14 @@ class Filmic:
         return float(positive[np.argmin(np.abs(positive.imag))].real)
 
     def __call__(self, linear: ArrayLike) -> NDArray[np.float64]:
-        """Linear values in 0..1 for the display, of linear values of any shape; NaN stays."""
+        """Map linear values of any shape to linear display values in 0..1; NaN stays."""
         x = self._scale * np.clip(np.asarray(linear, dtype=np.float64), 0.0, self.white)
         white = self._scale * self.white
         return np.asarray(_ABOVE(x) / _BELOW(x) * (_BELOW(white) / _ABOVE(white)))
 
 
 class ToneCurveSpec(Spec):
-    """How linear values are shown: as they are, clipped at 1, or as film would show them."""
+    """A tone curve for display: linear values as they are, clipped at 1, or as film would show them."""
 
     type: Literal["linear", "filmic"] = Field(
         default="linear", description="`linear`, clipped at 1; or `filmic`, with a toe and a shoulder"
@@ -84,17 +85,17 @@ class ToneCurveSpec(Spec):
     @model_validator(mode="after")
     def _white_of_film(self) -> "ToneCurveSpec":
         if self.white is not None and self.type == "linear":
-            at("white", "only the tone curve filmic has a white: a linear one clips at 1")
+            field_error("white", "only the tone curve filmic has a white: a linear one clips at 1")
         return self
 
     def curve(self, *, saturates: bool) -> Filmic | None:
-        """The curve; None if it is linear.  `saturates`, whether no value is beyond 1."""
+        """Make the curve; None if it is linear.  `saturates` : whether no value is beyond 1."""
         if self.type == "linear":
             return None
         return Filmic(self.white if self.white is not None else 1.0 if saturates else 4.0)
 
 
-class _ByName:
+class _Shorthand:
     """Annotation of a tone curve: a bare name stands for a mapping of that type."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -106,4 +107,4 @@ class _ByName:
         return {"anyOf": [{"enum": ["linear", "filmic"]}, handler(schema)]}
 
 
-ToneCurveField: TypeAlias = Annotated[ToneCurveSpec, _ByName()]
+ToneCurveField: TypeAlias = Annotated[ToneCurveSpec, _Shorthand()]

@@ -1,24 +1,16 @@
-"""Paths of single wavelengths, in scenes where something bends light of one colour more than that of another.
+"""Hero wavelength sampling: paths of single wavelengths, in scenes where materials disperse.
 
-A path is traced in red, green and blue until it meets such a thing.  What came so far is put aside, and from there
-on it carries light of three wavelengths: a hero and two companions, which lie in strata of their own.  Where their ways
-part it goes on with the hero; then the path is traced again from the camera, by the same random numbers, for each of
-the companions, and counts from where it parts.  What is gathered is turned to red, green and blue again.
+A path is traced in red, green and blue until it meets such a material.  Its throughput so far is put aside, and from
+there on it carries light of three wavelengths: a hero and two companions, which lie in strata of their own.  Where
+their directions differ it goes on with the hero; then the path is traced again from the camera, by the same random
+numbers, for each of the companions, and counts from where they parted.  Colours of all else are upsampled to the
+path's wavelengths, and what is gathered is converted to red, green and blue again.
 
-A camera whose lens disperses sends its rays at the hero's wavelength.  Such a path stays in red, green and blue too,
-and its hue is given to all that it has gathered; what it meets that disperses it meets at that wavelength.
+A camera whose lens disperses sends its rays at the hero's wavelength (`lens_dispersion`).  Such a path stays in red,
+green and blue too, and the colour of that wavelength is given to all that it has gathered; materials that disperse are
+evaluated at that wavelength.
 
-Where nothing else disperses, companions share the ray on which the hero leaves the lens.  Each is traced back along it
-through the lens; if it comes to the same pixel, the ray might have been made with it as the hero, which any of them is
-equally often.  So by the balance heuristic a ray counts sum_i f_i / sum_j p_j, of those wavelengths alone: f_i, what it
-brings of one, over the density of that wavelength; p_j, the density of such rays for the hero j, one over the area that
-is aimed at from its place on the film times cos^4 there.  Where the lens parts colours by more than a pixel the hero is
-alone, and nothing is lost but time.
-
-The functions here, called on None, compile to nothing.
-
-References: Wilkie et al. 2014, "Hero Wavelength Spectral Sampling", CGF 33(4), sec. 3.1; Veach 1997, thesis, sec. 9.2.2
-(the balance heuristic).
+References: Wilkie et al. 2014, "Hero Wavelength Spectral Sampling", CGF 33(4), sec. 3.1.
 """
 
 import math
@@ -27,527 +19,375 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.cameras.interface import WAVELENGTH, Sharing, share_lanes
-from raytracer.geometry import Site
-from raytracer.jit import generic, kernel
-from raytracer.lanes import load, select, store
-from raytracer.lenses import packets
-from raytracer.lenses.packets import ROWS
-from raytracer.sampling import sample_1d
-from raytracer.spectra import ALONE, TOGETHER, Hue, Spectra, basis_at, hero, response_at, stratum
-from raytracer.vec import Vec3, dot, madd, mul, scale
+from raytracer.core.compiler.dispatch import kernel, optional
+from raytracer.core.embree import PACKET
+from raytracer.core.geometry import at_wavelengths
+from raytracer.core.sampling import sample_1d
+from raytracer.core.spectra import (
+    TERMINATE_ON_HIT,
+    TERMINATE_ON_REFRACTION,
+    PathWavelengths,
+    Spectra,
+    basis_at,
+    companion_number,
+    response_at,
+    sample_hero_wavelength,
+)
+from raytracer.core.vec import Vec3, dot, load_vector, madd, mul, scale, store_vector
+from raytracer.plugins.cameras.base.interface import WAVELENGTH
 
 
-class Spectrum(NamedTuple):
-    """Some materials of a scene disperse.
+class DispersiveMaterials(NamedTuple):
+    """Spectral data of a scene in which materials disperse.
 
-    spectra, tables by wavelength; how (references,) uint8, by reference of a surface's material: 0, if it does not;
-    else TOGETHER or ALONE; camera, Split if the camera's lens disperses too, or None.
+    Attributes
+    ----------
+    spectra : tables by wavelength.
+    dispersion_mode : uint8 (references,), by reference of a surface's material: 0 if it does not disperse, else
+        TERMINATE_ON_REFRACTION or TERMINATE_ON_HIT.
+    camera : MonochromaticCamera if the camera's lens disperses too, or None.
     """
 
     spectra: Spectra
-    how: NDArray[np.uint8]
+    dispersion_mode: NDArray[np.uint8]
     camera: Any
 
 
-class LensSpectrum(NamedTuple):
-    """Nothing but the camera's lens disperses.
+class DispersiveLens(NamedTuple):
+    """Spectral data of a scene in which only the camera's lens disperses.
 
-    spectra, tables by wavelength; sharing, how light of companions shares the hero's ray, or None.
+    Attributes
+    ----------
+    spectra : tables by wavelength.
+    sharing : the camera's WavelengthSharing, by which companions share the hero's ray, or None.
     """
 
     spectra: Spectra
     sharing: Any = None
 
 
-class Split(NamedTuple):
-    """Rays of the camera are of one wavelength each."""
+class MonochromaticCamera(NamedTuple):
+    """A camera whose rays have one wavelength each."""
 
 
-# Columns of Workspace.hues: the hero's random number; how many wavelengths the path carries, 0 while it is traced in
-# red, green and blue; its throughput until then; the wavelengths; what each is seen as, and the basis at each.  Of the
-# sample: with which of its wavelengths it goes on where they part; whether they did when it was traced for the first
-# one; the camera's ray; and what others keep while it is traced once more.
-_DRAWN, _CARRIED, _BEFORE, _WAVELENGTHS, _SEEN, _BASIS = 0, 1, 2, 5, 8, 17
-_NUMBER, _PARTED, _RAY, KEPT = 26, 27, 28, 34
+LENS_ROW = np.dtype([("u", "f8")])
+"""Record of a sample where only a lens disperses: the hero's random number."""
 
-COLUMNS = 37
+WAVELENGTH_ROW = np.dtype(
+    [
+        ("u", "f8"),
+        ("count", "f8"),
+        ("rgb_throughput", "f8", 3),
+        ("wavelength", "f8", 3),
+        ("response", "f8", (3, 3)),
+        ("basis", "f8", (3, 3)),
+        ("hero", "i8"),
+        ("is_terminated", "i8"),
+        ("camera_ray", "f8", (2, 3)),
+    ]
+)
+"""Record of a sample where materials disperse.
 
-# How many wavelengths share a ray of the camera at most; and rows of Workspace.lens: a packet of each, what each counts
-# for, and those of others.
-SHARED = 3
-_SHARES = SHARED * ROWS
-PLACES = _SHARES + SHARED
+The hero's random number; the number of wavelengths that the path carries, 0 while it is traced in red, green and blue;
+its throughput until then; the wavelengths (nm); the camera's response to each, and the spectra of the primaries at
+each; the wavelength that goes on where they part; 1 if they parted when the path was traced for the first one; origin
+and direction of the camera ray.
+"""
 
-LENS_ROWS = PLACES + 3
+
+def wavelength_rows(spectrum: DispersiveMaterials | DispersiveLens | None) -> NDArray[Any] | None:
+    """Make the wavelengths of a packet's samples, (PACKET,) of these rows; None where nothing disperses."""
+    if spectrum is None:
+        return None
+    return np.zeros(PACKET, WAVELENGTH_ROW if isinstance(spectrum, DispersiveMaterials) else LENS_ROW)
 
 
 @kernel
-def _load(work, sample, column):
-    return (work.hues[sample, column], work.hues[sample, column + 1], work.hues[sample, column + 2])
+def wavelengths_of(work, sample):
+    """Return the row of a sample."""
+    return work.wavelengths[np.uintp(sample)]
 
 
 @kernel
-def _store(work, sample, column, value):
-    for axis in range(3):
-        work.hues[sample, column + axis] = value[axis]
+def _load(field, number):
+    """Read the vector of a wavelength."""
+    at = np.uintp(number)
+    return (field[at, 0], field[at, 1], field[at, 2])
 
 
-@generic
-def start_hue(spectrum, work, sample, draws, origin, direction):
-    """Begin a sample's path in red, green and blue, along a ray."""
-    raise NotImplementedError
+@kernel
+def _store(field, number, value):
+    """Write the vector of a wavelength."""
+    at = np.uintp(number)
+    field[at, 0], field[at, 1], field[at, 2] = value
 
 
-@start_hue.register(type(None))
-def _(spectrum, work, sample, draws, origin, direction):
-    return
+# ---- From the camera, once or once a wavelength
 
 
-@start_hue.register(LensSpectrum)
-def _(spectrum, work, sample, draws, origin, direction):
-    # It never becomes a path of single wavelengths.
-    work.hues[sample, _DRAWN] = sample_1d(draws.sampler, draws.key, draws.index, WAVELENGTH)
+@optional
+def start_rgb_path(spectrum, work, sample, draws, origin, direction):
+    """Start a sample's path in red, green and blue, along a camera ray."""
 
 
-@start_hue.register(Spectrum)
-def _(spectrum, work, sample, draws, origin, direction):
-    work.hues[sample, _DRAWN] = sample_1d(draws.sampler, draws.key, draws.index, WAVELENGTH)
-    work.hues[sample, _CARRIED] = 0.0
-    work.hues[sample, _NUMBER] = 0.0
-    work.hues[sample, _PARTED] = 0.0
-    _store(work, sample, _RAY, origin)
-    _store(work, sample, _RAY + 3, direction)
+@start_rgb_path.register(DispersiveLens)
+def start_rgb_path_dispersive_lens(spectrum, work, sample, draws, origin, direction):
+    wavelengths_of(work, sample).u = sample_1d(draws.sampler, draws.key, draws.index, WAVELENGTH)
 
 
-@generic
-def share_hues(spectrum, camera, work, x, y, count):
-    """Let light of other wavelengths share the rays that the camera has made of `count` samples of pixel (x, y)."""
-    raise NotImplementedError
+@start_rgb_path.register(DispersiveMaterials)
+def start_rgb_path_dispersive_materials(spectrum, work, sample, draws, origin, direction):
+    waves = wavelengths_of(work, sample)
+    waves.u = sample_1d(draws.sampler, draws.key, draws.index, WAVELENGTH)
+    waves.count = 0.0
+    waves.hero = 0
+    waves.is_terminated = 0
+    _store(waves.camera_ray, 0, origin)
+    _store(waves.camera_ray, 1, direction)
 
 
-@share_hues.register(type(None))
-@share_hues.register(Spectrum)
-def _(spectrum, camera, work, x, y, count):
-    return
-
-
-@share_hues.register(LensSpectrum)
-def _(spectrum, camera, work, x, y, count):
-    _share_rays(spectrum.sharing, spectrum.spectra, camera, work, x, y, count)
-
-
-@generic
-def _share_rays(sharing, spectra, camera, work, x, y, count):
-    raise NotImplementedError
-
-
-@_share_rays.register(type(None))
-def _(sharing, spectra, camera, work, x, y, count):
-    return
-
-
-@_share_rays.register(Sharing)
-def _(sharing, spectra, camera, work, x, y, count):
-    rows = work.lens
-    extent = load(rows, packets.EXTENT)
-    # By the balance heuristic: any of the wavelengths might have been the hero.
-    density = 1.0 + 0.0 * extent
-    for number in range(1, SHARED):
-        others = rows[ROWS * number : ROWS * (number + 1)]
-        for lane in range(count):
-            others[packets.WAVELENGTH, lane], _ = hero(spectra, stratum(rows[packets.DRAWN, lane], number, SHARED))
-        share_lanes(camera, sharing, rows, others, x, y)
-        is_shared = load(others, packets.WEIGHT) > 0.0
-        density = density + select(is_shared, extent / load(others, packets.EXTENT), 0.0)
-    share = 1.0 / density
-    store(rows, _SHARES, share)
-    for number in range(1, SHARED):
-        store(rows, _SHARES + number, share * load(rows, ROWS * number + packets.WEIGHT))
-
-
-@generic
-def turns(camera):
-    """How often a path is traced at most: once for each wavelength that it carries."""
-    raise NotImplementedError
-
-
-@turns.register(type(None))
-def _(camera):
+@optional
+def max_traces(camera):
+    """Return the largest number of times that a path is traced: once for each wavelength that it carries."""
     return 3
 
 
-@turns.register(Split)
-def _(camera):
+@max_traces.register(MonochromaticCamera)
+def max_traces_monochromatic_camera(camera):
     return 1
 
 
 @kernel
-def goes_again(work, sample):
-    """Whether the wavelengths of a sample's path have parted, so that it is traced for each of them."""
-    return work.hues[sample, _PARTED] != 0.0
+def needs_retrace(work, sample):
+    """Return True if a sample's secondary wavelengths were terminated, so that its path is traced for each of them."""
+    return wavelengths_of(work, sample).is_terminated != 0
 
 
 @kernel
-def start_again(work, sample, number):
-    """Begin a sample's path again, for another of its wavelengths; returns the camera's ray."""
-    work.hues[sample, _CARRIED] = 0.0
-    work.hues[sample, _NUMBER] = number
-    return _load(work, sample, _RAY), _load(work, sample, _RAY + 3)
+def restart_rgb_path(work, sample, number):
+    """Restart a sample's path for wavelength `number`; returns the camera ray."""
+    waves = wavelengths_of(work, sample)
+    waves.count = 0.0
+    waves.hero = number
+    return _load(waves.camera_ray, 0), _load(waves.camera_ray, 1)
+
+
+# ---- Where a path meets a material that disperses
+
+
+@optional(DispersiveLens)
+def enter_dispersion(spectrum, work, path, surface):
+    """Continue a path in single wavelengths where it meets a material that disperses.
+
+    Returns its throughput, and the Interaction with the path's wavelengths, by which such materials are evaluated.
+    """
+    return path.throughput, surface
+
+
+@enter_dispersion.register(DispersiveMaterials)
+def enter_dispersion_dispersive_materials(spectrum, work, path, surface):
+    waves = wavelengths_of(work, path.sample)
+    throughput = _enter(spectrum, waves, surface.material, path.throughput)
+    return throughput, at_wavelengths(surface, _carried_wavelengths(waves))
 
 
 @kernel
-def counts(work, sample):
-    """Whether what a path meets is to be gathered, and not what was when it was traced for its first wavelength."""
-    return work.hues[sample, _NUMBER] == 0.0 or work.hues[sample, _CARRIED] == 1.0
-
-
-@kernel
-def _part(work, sample, throughput):
-    """Let a path go on with one of its wavelengths, as its first; returns the throughput."""
-    number = np.int64(work.hues[sample, _NUMBER])
-    work.hues[sample, _WAVELENGTHS] = work.hues[sample, _WAVELENGTHS + number]
-    _store(work, sample, _SEEN, _load(work, sample, _SEEN + 3 * number))
-    _store(work, sample, _BASIS, _load(work, sample, _BASIS + 3 * number))
-    work.hues[sample, _CARRIED] = 1.0
-    work.hues[sample, _PARTED] = 1.0
-    return (throughput[number], 0.0, 0.0)
-
-
-# ---- From colours to wavelengths
-
-
-@generic
-def meet_hue(spectrum, work, sample, reference, throughput):
-    """The throughput with which a path meets a surface of this material, by wavelength if that disperses."""
-    raise NotImplementedError
-
-
-@meet_hue.register(type(None))
-@meet_hue.register(LensSpectrum)
-def _(spectrum, work, sample, reference, throughput):
-    return throughput
-
-
-@meet_hue.register(Spectrum)
-def _(spectrum, work, sample, reference, throughput):
-    how = spectrum.how[reference]
-    if how == 0:
+def _enter(spectrum, waves, material, throughput):
+    """Convert the throughput of a path to one by wavelength if the material disperses."""
+    mode = spectrum.dispersion_mode[material]
+    if mode == 0:
         return throughput
-    if work.hues[sample, _CARRIED] == 0.0:
-        _store(work, sample, _BEFORE, throughput)
-        throughput = _drawn(spectrum.camera, spectrum.spectra, work, sample)
-    if how == ALONE and work.hues[sample, _CARRIED] > 1.0:
-        return _part(work, sample, throughput)
+    if waves.count == 0.0:
+        store_vector(waves.rgb_throughput, throughput)
+        throughput = _sample_wavelengths(spectrum.camera, spectrum.spectra, waves)
+    if mode == TERMINATE_ON_HIT and waves.count > 1.0:
+        return _terminate_secondary(waves, throughput)
     return throughput
 
 
-@generic
-def _drawn(camera, spectra, work, sample):
-    """Give a path its wavelengths; returns its throughput by wavelength."""
-    raise NotImplementedError
-
-
-@_drawn.register(type(None))
-def _(camera, spectra, work, sample):
+@optional
+def _sample_wavelengths(camera, spectra, waves):
+    """Sample the wavelengths of a path; returns its throughput by wavelength."""
     for number in range(3):
-        wavelength, pdf = hero(spectra, stratum(work.hues[sample, _DRAWN], number, 3))
-        work.hues[sample, _WAVELENGTHS + number] = wavelength
-        _store(work, sample, _SEEN + 3 * number, scale(1.0 / (3.0 * pdf), response_at(spectra, wavelength)))
-        _store(work, sample, _BASIS + 3 * number, basis_at(spectra, wavelength))
-    work.hues[sample, _CARRIED] = 3.0
+        wavelength, pdf = sample_hero_wavelength(spectra, companion_number(waves.u, number, 3))
+        waves.wavelength[number] = wavelength
+        _store(waves.response, number, scale(1.0 / (3.0 * pdf), response_at(spectra, wavelength)))
+        _store(waves.basis, number, basis_at(spectra, wavelength))
+    waves.count = 3.0
     return (1.0, 1.0, 1.0)
 
 
-@_drawn.register(Split)
-def _(camera, spectra, work, sample):
-    # Grey, to which the camera gives the hue in the end.
-    wavelength, _ = hero(spectra, work.hues[sample, _DRAWN])
+@_sample_wavelengths.register(MonochromaticCamera)
+def _sample_wavelengths_monochromatic_camera(camera, spectra, waves):
+    # Grey, which the camera multiplies by the colour of its wavelength in the end.
+    wavelength, _ = sample_hero_wavelength(spectra, waves.u)
     for number in range(3):
-        work.hues[sample, _WAVELENGTHS + number] = wavelength
-        _store(work, sample, _SEEN + 3 * number, (1.0, 1.0, 1.0))
-        _store(work, sample, _BASIS + 3 * number, basis_at(spectra, wavelength))
-    work.hues[sample, _CARRIED] = 1.0
+        waves.wavelength[number] = wavelength
+        _store(waves.response, number, (1.0, 1.0, 1.0))
+        _store(waves.basis, number, basis_at(spectra, wavelength))
+    waves.count = 1.0
     return (1.0, 0.0, 0.0)
 
 
-@generic
-def with_hue(spectrum, work, sample, site):
-    """A Site, with the Hue of the path that shades it where materials ask for that."""
-    raise NotImplementedError
-
-
-@with_hue.register(type(None))
-@with_hue.register(LensSpectrum)
-def _(spectrum, work, sample, site):
-    return site
-
-
-@with_hue.register(Spectrum)
-def _(spectrum, work, sample, site):
-    hue = Hue(
-        work.hues[sample, _CARRIED],
-        np.int64(work.hues[sample, _NUMBER] if work.hues[sample, _CARRIED] > 1.0 else 0.0),
-        _load(work, sample, _WAVELENGTHS),
-        _load(work, sample, _BASIS),
-        _load(work, sample, _BASIS + 3),
-        _load(work, sample, _BASIS + 6),
-    )
-    return Site(site.point, site.u, site.v, site.distance, hue)
-
-
-@generic
-def tinted(spectrum, work, sample, rgb):
-    """A colour that light meets on a path, as it counts there: by wavelength, once the path is of single ones."""
-    raise NotImplementedError
-
-
-@tinted.register(type(None))
-@tinted.register(LensSpectrum)
-def _(spectrum, work, sample, rgb):
-    return rgb
-
-
-@tinted.register(Spectrum)
-def _(spectrum, work, sample, rgb):
-    if work.hues[sample, _CARRIED] == 0.0:
-        return rgb
-    return (
-        dot(_load(work, sample, _BASIS), rgb),
-        dot(_load(work, sample, _BASIS + 3), rgb),
-        dot(_load(work, sample, _BASIS + 6), rgb),
+@kernel
+def _carried_wavelengths(waves):
+    """Return the PathWavelengths of a path."""
+    count = waves.count
+    return PathWavelengths(
+        count,
+        waves.hero if count > 1.0 else np.int64(0),
+        load_vector(waves.wavelength),
+        _load(waves.basis, 0),
+        _load(waves.basis, 1),
+        _load(waves.basis, 2),
     )
 
 
-@generic
-def shaded(spectrum, work, sample, reference, value):
-    """As `tinted`, for what a material gives: one that disperses gives it by wavelength itself."""
-    raise NotImplementedError
-
-
-@shaded.register(type(None))
-@shaded.register(LensSpectrum)
-def _(spectrum, work, sample, reference, value):
-    return value
-
-
-@shaded.register(Spectrum)
-def _(spectrum, work, sample, reference, value):
-    return tinted(spectrum, work, sample, value) if spectrum.how[reference] == 0 else value
-
-
-@generic
-def part_hues(spectrum, work, sample, reference, normal, outgoing, throughput):
-    """The throughput of a path that goes on to `outgoing`, with one wavelength if this material has refracted it."""
-    raise NotImplementedError
-
-
-@part_hues.register(type(None))
-@part_hues.register(LensSpectrum)
-def _(spectrum, work, sample, reference, normal, outgoing, throughput):
-    return throughput
-
-
-@part_hues.register(Spectrum)
-def _(spectrum, work, sample, reference, normal, outgoing, throughput):
-    refracted = spectrum.how[reference] == TOGETHER and dot(outgoing, normal) < 0.0
-    if refracted and work.hues[sample, _CARRIED] > 1.0:
-        return _part(work, sample, throughput)
-    return throughput
-
-
-# ---- Back to colours
-
-
 @kernel
-def seen_as(spectrum: Spectrum, work: Any, sample: int, light: Vec3) -> Vec3:
-    """What light that a path brings is to the camera, by channel."""
-    if work.hues[sample, _CARRIED] == 0.0:
-        return light
-    found = scale(light[0], _load(work, sample, _SEEN))
-    found = madd(found, light[1], _load(work, sample, _SEEN + 3))
-    found = madd(found, light[2], _load(work, sample, _SEEN + 6))
-    return mul(_load(work, sample, _BEFORE), found)
+def _terminate_secondary(waves, throughput):
+    """Continue a path with one of its wavelengths, as its first; returns the throughput."""
+    number = waves.hero
+    waves.wavelength[0] = waves.wavelength[number]
+    _store(waves.response, 0, _load(waves.response, number))
+    _store(waves.basis, 0, _load(waves.basis, number))
+    waves.count = 1.0
+    waves.is_terminated = 1
+    return (throughput[number], 0.0, 0.0)
 
 
-@generic
-def gain(spectrum, work, sample, throughput):
-    """About how much of the light that a path meets comes to the camera, by channel: how far it is worth following."""
-    raise NotImplementedError
-
-
-@gain.register(type(None))
-@gain.register(LensSpectrum)
-def _(spectrum, work, sample, throughput):
+@optional(DispersiveLens)
+def terminate_secondary_wavelengths(spectrum, work, path, surface, outgoing, throughput):
+    """Continue a path that a surface refracts to `outgoing` with one wavelength; returns the throughput."""
     return throughput
 
 
-@gain.register(Spectrum)
-def _(spectrum, work, sample, throughput):
-    if work.hues[sample, _CARRIED] == 0.0:
-        return throughput
-    total = throughput[0] + throughput[1] + throughput[2]
-    return scale(_share(spectrum.camera) * total, _load(work, sample, _BEFORE))
-
-
-@generic
-def _share(camera):
-    """What one of the wavelengths of a path counts for, on the average."""
-    raise NotImplementedError
-
-
-@_share.register(type(None))
-def _(camera):
-    return 1.0 / 3.0
-
-
-@_share.register(Split)
-def _(camera):
-    return 1.0
-
-
-@generic
-def mattering(spectrum, work, sample, throughput):
-    """How much each channel of the colours that a path meets next matters to it."""
-    raise NotImplementedError
-
-
-@mattering.register(type(None))
-@mattering.register(LensSpectrum)
-def _(spectrum, work, sample, throughput):
+@terminate_secondary_wavelengths.register(DispersiveMaterials)
+def terminate_secondary_wavelengths_dispersive_materials(spectrum, work, path, surface, outgoing, throughput):
+    is_refracted = (
+        spectrum.dispersion_mode[surface.material] == TERMINATE_ON_REFRACTION and dot(outgoing, surface.normal) < 0.0
+    )
+    waves = wavelengths_of(work, path.sample)
+    if is_refracted and waves.count > 1.0:
+        return _terminate_secondary(waves, throughput)
     return throughput
 
 
-@mattering.register(Spectrum)
-def _(spectrum, work, sample, throughput):
-    if work.hues[sample, _CARRIED] == 0.0:
-        return throughput
-    # The spectrum of each primary reaches over all wavelengths, so none of the three is 0.
-    found = scale(throughput[0], _load(work, sample, _BASIS))
-    found = madd(found, throughput[1], _load(work, sample, _BASIS + 3))
-    return madd(found, throughput[2], _load(work, sample, _BASIS + 6))
-
-
-@generic
-def finished(spectrum, work, sample, radiance):
-    """The radiance that a path has gathered, with the hue that the camera's lens gave to its ray."""
-    raise NotImplementedError
-
-
-@finished.register(type(None))
-def _(spectrum, work, sample, radiance):
-    return radiance
-
-
-@finished.register(LensSpectrum)
-def _(spectrum, work, sample, radiance):
-    return _shared(spectrum.sharing, spectrum.spectra, work, sample, radiance)
-
-
-@generic
-def _shared(sharing, spectra, work, sample, radiance):
-    raise NotImplementedError
-
-
-@_shared.register(type(None))
-def _(sharing, spectra, work, sample, radiance):
-    return _hued(spectra, work.hues[sample, _DRAWN], radiance)
-
-
-@_shared.register(Sharing)
-def _(sharing, spectra, work, sample, radiance):
-    drawn = work.hues[sample, _DRAWN]
-    value = scale(work.lens[_SHARES, sample], _hued(spectra, drawn, radiance))
-    for number in range(1, SHARED):
-        share = work.lens[_SHARES + number, sample]
-        if share > 0.0:
-            value = madd(value, share, _hued(spectra, stratum(drawn, number, SHARED), radiance))
-    return value
-
-
-@finished.register(Spectrum)
-def _(spectrum, work, sample, radiance):
-    return _finished(spectrum.camera, spectrum.spectra, work, sample, radiance)
-
-
-@generic
-def _finished(camera, spectra, work, sample, radiance):
-    raise NotImplementedError
-
-
-@_finished.register(type(None))
-def _(camera, spectra, work, sample, radiance):
-    return radiance
-
-
-@_finished.register(Split)
-def _(camera, spectra, work, sample, radiance):
-    return _hued(spectra, work.hues[sample, _DRAWN], radiance)
-
-
-@kernel
-def _hued(spectra: Spectra, drawn: float, radiance: Vec3) -> Vec3:
-    wavelength, pdf = hero(spectra, drawn)
-    return scale(dot(basis_at(spectra, wavelength), radiance) / pdf, response_at(spectra, wavelength))
-
-
-# ---- For who looks on
-
-
-@generic
-def wavelengths_of(spectrum, work, sample):
-    """The wavelengths (nm) that a path carries, NaN in place of those that it does not: three numbers."""
-    raise NotImplementedError
-
-
-@wavelengths_of.register(type(None))
-@wavelengths_of.register(LensSpectrum)
-def _(spectrum, work, sample):
+@optional(DispersiveLens)
+def path_wavelengths(spectrum, work, sample):
+    """Return the three wavelengths (nm) that a path carries, NaN in place of those that it does not."""
     return (math.nan, math.nan, math.nan)
 
 
-@wavelengths_of.register(Spectrum)
-def _(spectrum, work, sample):
-    carried = work.hues[sample, _CARRIED]
-    first, second, third = _load(work, sample, _WAVELENGTHS)
+@path_wavelengths.register(DispersiveMaterials)
+def path_wavelengths_dispersive_materials(spectrum, work, sample):
+    waves = wavelengths_of(work, sample)
+    first, second, third = load_vector(waves.wavelength)
     return (
-        first if carried > 0.0 else math.nan,
-        second if carried > 1.0 else math.nan,
-        third if carried > 1.0 else math.nan,
+        first if waves.count > 0.0 else math.nan,
+        second if waves.count > 1.0 else math.nan,
+        third if waves.count > 1.0 else math.nan,
     )
 
 
-@generic
-def ray_wavelength(spectrum, work, sample):
-    """The wavelength (nm) of a sample's camera ray, NaN where the camera sends all in one."""
-    raise NotImplementedError
+# ---- Upsampling, and back to red, green and blue
 
 
-@ray_wavelength.register(type(None))
-def _(spectrum, work, sample):
-    return math.nan
+@optional(DispersiveLens)
+def upsample_rgb(spectrum, work, sample, rgb):
+    """Convert an RGB colour to values at the path's wavelengths; leave it while the path is traced in RGB."""
+    return rgb
 
 
-@ray_wavelength.register(LensSpectrum)
-def _(spectrum, work, sample):
-    return hero(spectrum.spectra, work.hues[sample, _DRAWN])[0]
+@upsample_rgb.register(DispersiveMaterials)
+def upsample_rgb_dispersive_materials(spectrum, work, sample, rgb):
+    waves = wavelengths_of(work, sample)
+    if waves.count == 0.0:
+        return rgb
+    return (
+        dot(_load(waves.basis, 0), rgb),
+        dot(_load(waves.basis, 1), rgb),
+        dot(_load(waves.basis, 2), rgb),
+    )
 
 
-@ray_wavelength.register(Spectrum)
-def _(spectrum, work, sample):
-    return _ray_wavelength(spectrum.camera, spectrum.spectra, work, sample)
+@optional(DispersiveLens)
+def upsample_bsdf(spectrum, work, sample, material, value):
+    """Convert the value of a BSDF as `upsample_rgb` does; materials that disperse give it by wavelength already."""
+    return value
 
 
-@generic
-def _ray_wavelength(camera, spectra, work, sample):
-    raise NotImplementedError
+@upsample_bsdf.register(DispersiveMaterials)
+def upsample_bsdf_dispersive_materials(spectrum, work, sample, material, value):
+    return upsample_rgb(spectrum, work, sample, value) if spectrum.dispersion_mode[material] == 0 else value
 
 
-@_ray_wavelength.register(type(None))
-def _(camera, spectra, work, sample):
-    return math.nan
+@optional(DispersiveLens)
+def add_radiance(spectrum, work, sample, throughput, radiance):
+    """Add to a sample the radiance that reaches the camera with this throughput."""
+    for channel in range(3):
+        work.radiance[np.uintp(sample), channel] += throughput[channel] * radiance[channel]
 
 
-@_ray_wavelength.register(Split)
-def _(camera, spectra, work, sample):
-    return hero(spectra, work.hues[sample, _DRAWN])[0]
+@add_radiance.register(DispersiveMaterials)
+def add_radiance_dispersive_materials(spectrum, work, sample, throughput, radiance):
+    waves = wavelengths_of(work, sample)
+    # Until a retraced path parts from the first trace, that has gathered its light.
+    if not (waves.hero == 0 or waves.count == 1.0):
+        return
+    light = _to_camera_rgb(waves, mul(throughput, radiance))
+    for channel in range(3):
+        work.radiance[sample, channel] += light[channel]
+
+
+@kernel
+def _to_camera_rgb(waves: Any, light: Vec3) -> Vec3:
+    """Convert radiance at a path's wavelengths, with its throughput, to camera RGB."""
+    if waves.count == 0.0:
+        return light
+    rgb = scale(light[0], _load(waves.response, 0))
+    rgb = madd(rgb, light[1], _load(waves.response, 1))
+    rgb = madd(rgb, light[2], _load(waves.response, 2))
+    return mul(load_vector(waves.rgb_throughput), rgb)
+
+
+@optional(DispersiveLens)
+def estimate_contribution(spectrum, work, sample, throughput):
+    """Estimate the RGB throughput of a path to the camera, by which Russian roulette decides."""
+    return throughput
+
+
+@estimate_contribution.register(DispersiveMaterials)
+def estimate_contribution_dispersive_materials(spectrum, work, sample, throughput):
+    waves = wavelengths_of(work, sample)
+    if waves.count == 0.0:
+        return throughput
+    total = throughput[0] + throughput[1] + throughput[2]
+    return scale(_wavelength_weight(spectrum.camera) * total, load_vector(waves.rgb_throughput))
+
+
+@optional
+def _wavelength_weight(camera):
+    """Return the mean weight of one of a path's wavelengths."""
+    return 1.0 / 3.0
+
+
+@_wavelength_weight.register(MonochromaticCamera)
+def _wavelength_weight_monochromatic_camera(camera):
+    return 1.0
+
+
+@optional(DispersiveLens)
+def channel_importance(spectrum, work, sample, throughput):
+    """Weigh the RGB channels by what they contribute to the path's wavelengths: how distances in media are sampled."""
+    return throughput
+
+
+@channel_importance.register(DispersiveMaterials)
+def channel_importance_dispersive_materials(spectrum, work, sample, throughput):
+    waves = wavelengths_of(work, sample)
+    if waves.count == 0.0:
+        return throughput
+    # The spectrum of each primary reaches over all wavelengths, so none of the three is 0.
+    importance = scale(throughput[0], _load(waves.basis, 0))
+    importance = madd(importance, throughput[1], _load(waves.basis, 1))
+    return madd(importance, throughput[2], _load(waves.basis, 2))

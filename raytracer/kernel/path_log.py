@@ -1,37 +1,43 @@
-"""One path written down as it is traced: an event a row.
+"""Log the path of one sample as it is traced, an event a row.
 
-What writes is a part of the path tracer where a workspace holds a PathLog; the functions here, called on None, compile
-to nothing.  So a path that is looked at takes the way, and the random numbers, of the same path in a picture.
+The path tracer calls `record` once a step, with an event; without a PathLog in the workspace that compiles to nothing.
+So a logged path has the vertices and the random numbers of the same path in a picture.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer import embree
-from raytracer.embree import DIRECTION, GEOMETRY, INSTANCE, ORIGIN, PLACEMENT, PRIMITIVE, TFAR, TIME, Packet
-from raytracer.jit import generic, kernel
-from raytracer.paths import load3
-from raytracer.vec import norm, sub
+from raytracer.core import embree
+from raytracer.core.compiler.dispatch import generic, kernel, optional
+from raytracer.core.embree import DIRECTION, GEOMETRY, INSTANCE, ORIGIN, PLACEMENT, PRIMITIVE, TFAR, TIME, Packet
+from raytracer.core.geometry import Interaction
+from raytracer.core.vec import Vec3, load_vector, norm, sub
+from raytracer.kernel.path_state import load3, store3
 
-# What a row tells of, in its first column.
-START, SURFACE, LEAVES, FLIGHT, EMITS, SCATTERS, AIMS, ARRIVES, BLOCKED, PASSES, DONE, AGAIN = range(12)
+# Kinds of events, in the first column of a row.
+START, SURFACE, ESCAPE, MEDIUM, EMISSION, SCATTER = range(6)
+SHADOW_RAY, UNOCCLUDED, OCCLUDED, PASSED_THROUGH, FINISHED, RETRACE = range(6, 12)
 
-# The round of the packet, the radiance that the path has gathered by then, and the first column of what depends on the
-# kind.
-ROUND, GATHERED, FIRST = 1, 2, 5
+# Columns of every event: the round of the packet, and the radiance that the path has gathered by then.  FIRST is the
+# first column that depends on the kind.
+ROUND, RADIANCE, FIRST = 1, 2, 5
 
 COLUMNS = 40
 
 
 class PathLog(NamedTuple):
-    """Where the path of one sample is written down.
+    """The log of one sample's path.
 
-    sample, which one of its packet; rows (n, COLUMNS) float64, those beyond n are counted only; state (2,) int64, rows
-    so far, and the packet's round; ends (PACKET,) float64, how far each shadow ray was to go; probe, for a ray that
-    finds what is in the way of one.
+    Attributes
+    ----------
+    sample : number of the sample in its packet.
+    rows : float64 (n, COLUMNS), the events; those beyond n are counted only.
+    state : int64 (2,), rows so far, and the packet's round.
+    ends : float64 (PACKET,), the length (m) of each shadow ray.
+    probe : a packet for the ray that finds what occludes a shadow ray.
     """
 
     sample: int
@@ -42,342 +48,334 @@ class PathLog(NamedTuple):
 
 
 def path_log(sample: int, events: int) -> PathLog:
-    """An empty log with room for so many events of a sample of a packet."""
+    """Make an empty log of at most `events` events of a sample of a packet."""
     return PathLog(sample, np.zeros((events, COLUMNS)), np.zeros(2, np.int64), np.zeros(embree.PACKET), embree.packet())
 
 
-@kernel
-def _put(log, row, column, value):
-    for axis in range(3):
-        log.rows[row, column + axis] = value[axis]
+# ---- What the path tracer calls
 
 
-@kernel
-def _row(log, work, kind):
-    """A new row; where there is no room, the last one again."""
+@optional
+def record(log, work, sample, event):
+    """Record an event of a sample's path."""
+
+
+@record.register(PathLog)
+def record_path_log(log, work, sample, event):
+    if sample != log.sample:
+        return
+    # In a full log the last row is written again.
     row = min(log.state[0], len(log.rows) - 1)
     log.state[0] += 1
-    log.rows[row, 0] = kind
     log.rows[row, ROUND] = log.state[1]
-    _put(log, row, GATHERED, load3(work.radiance, log.sample, 0))
-    return row
+    store3(log.rows, row, RADIANCE, load3(work.radiance, sample, 0))
+    log.rows[row, 0] = write_event(event, log, work, row)
+
+
+@optional
+def begin_round(log, number):
+    """Set the number of the packet's round, which later events happen in."""
+
+
+@begin_round.register(PathLog)
+def begin_round_path_log(log, number):
+    log.state[1] = number
+
+
+# ---- Events
+
+
+@generic
+def write_event(event, log, work, row):
+    """Write what an event holds into a row; returns its kind."""
+    raise NotImplementedError
+
+
+class CameraRay(NamedTuple):
+    """A camera ray.
+
+    Attributes
+    ----------
+    film_x, film_y (px) : where it is on the film.
+    time : the fraction of the exposure, or None.
+    factors : three by which its radiance is multiplied: the filter's, the shutter's, the camera's.
+    wavelength (nm) : of the ray in the camera's lens, or NaN.
+    """
+
+    film_x: float
+    film_y: float
+    time: Any
+    origin: Vec3
+    direction: Vec3
+    factors: Vec3
+    wavelength: float
 
 
 @kernel
-def _put_met(log, row, column, packet, lane):
-    """What a ray has met, as Embree names it: four columns."""
-    log.rows[row, column] = packet.ints[GEOMETRY, lane]
-    log.rows[row, column + 1] = packet.ints[PRIMITIVE, lane]
-    log.rows[row, column + 2] = packet.ints[INSTANCE, lane]
-    log.rows[row, column + 3] = packet.ints[PLACEMENT, lane]
+def _time_or_nan(time):
+    if time is None:
+        return math.nan
+    return time
 
 
-@generic
-def note_start(log, work, sample, film_x, film_y, time, origin, direction, factors, wavelength):
-    """A camera ray; factors, three that its radiance is multiplied by: the filter's, the shutter's, the camera's.
+@write_event.register(CameraRay)
+def write_event_camera_ray(event, log, work, row):
+    log.rows[row, FIRST] = event.film_x
+    log.rows[row, FIRST + 1] = event.film_y
+    log.rows[row, FIRST + 2] = _time_or_nan(event.time)
+    store3(log.rows, row, FIRST + 3, event.origin)
+    store3(log.rows, row, FIRST + 6, event.direction)
+    store3(log.rows, row, FIRST + 9, event.factors)
+    log.rows[row, FIRST + 12] = event.wavelength
+    return START
 
-    wavelength, that it has in the camera's lens (nm), or NaN.
+
+class Retrace(NamedTuple):
+    """A path is traced again, from the camera on, for its wavelength of this `number`."""
+
+    number: int
+
+
+@write_event.register(Retrace)
+def write_event_retrace(event, log, work, row):
+    return RETRACE
+
+
+@kernel
+def _write_ray(log, work, row):
+    """Write the ray, throughput and pdf of the path as they were before the medium on the way."""
+    ray = work.paths.ray[log.sample]
+    store3(log.rows, row, FIRST, load_vector(ray.origin))
+    store3(log.rows, row, FIRST + 3, load_vector(ray.direction))
+    store3(log.rows, row, FIRST + 6, load_vector(ray.throughput))
+    log.rows[row, FIRST + 9] = ray.pdf
+
+
+class Escape(NamedTuple):
+    """A path leaves the scene with this throughput; `radiance` is that of the environment there."""
+
+    throughput: Vec3
+    radiance: Vec3
+
+
+@write_event.register(Escape)
+def write_event_escape(event, log, work, row):
+    _write_ray(log, work, row)
+    store3(log.rows, row, FIRST + 10, event.throughput)
+    store3(log.rows, row, FIRST + 13, event.radiance)
+    return ESCAPE
+
+
+class MediumFlight(NamedTuple):
+    """A path goes through a medium.
+
+    Attributes
+    ----------
+    medium : reference of the medium.
+    surface_distance (m) : to the next surface.
+    distance (m) : to the point where it scatters; inf if it comes to the surface.
+    weight : by channel, what its throughput is multiplied by.
+    throughput : after that.
     """
-    raise NotImplementedError
+
+    medium: int
+    surface_distance: float
+    distance: float
+    weight: Vec3
+    throughput: Vec3
 
 
-@note_start.register(type(None))
-def _(log, work, sample, film_x, film_y, time, origin, direction, factors, wavelength):
-    return
+@write_event.register(MediumFlight)
+def write_event_medium_flight(event, log, work, row):
+    _write_ray(log, work, row)
+    log.rows[row, FIRST + 10] = event.medium
+    log.rows[row, FIRST + 11] = event.surface_distance
+    log.rows[row, FIRST + 12] = event.distance
+    store3(log.rows, row, FIRST + 13, event.weight)
+    store3(log.rows, row, FIRST + 16, event.throughput)
+    return MEDIUM
 
 
-@note_start.register(PathLog)
-def _(log, work, sample, film_x, film_y, time, origin, direction, factors, wavelength):
-    log.state[1] = 0
-    if sample != log.sample:
-        return
-    row = _row(log, work, START)
-    log.rows[row, FIRST] = film_x
-    log.rows[row, FIRST + 1] = film_y
-    log.rows[row, FIRST + 2] = math.nan if time is None else time
-    _put(log, row, FIRST + 3, origin)
-    _put(log, row, FIRST + 6, direction)
-    _put(log, row, FIRST + 9, factors)
-    log.rows[row, FIRST + 12] = wavelength
+class SurfaceHit(NamedTuple):
+    """A path meets a surface, with this throughput; wavelengths (nm) that it does not carry are NaN."""
+
+    surface: Interaction
+    throughput: Vec3
+    wavelengths: Vec3
 
 
-@generic
-def note_again(log, work, sample):
-    """A path is traced once more, from the camera on, for another of its wavelengths."""
-    raise NotImplementedError
-
-
-@note_again.register(type(None))
-def _(log, work, sample):
-    return
-
-
-@note_again.register(PathLog)
-def _(log, work, sample):
-    log.state[1] = 0
-    if sample == log.sample:
-        _row(log, work, AGAIN)
-
-
-@generic
-def note_round(log, segment):
-    """Another round of the packet begins."""
-    raise NotImplementedError
-
-
-@note_round.register(type(None))
-def _(log, segment):
-    return
-
-
-@note_round.register(PathLog)
-def _(log, segment):
-    log.state[1] = segment
-
-
-@generic
-def note_surface(log, work, lane, sample, instance, table, primitive, near, hit, front, reference, throughput, waves):
-    """A path met a surface, whose material is `reference` behind all selectors, and arrives with this throughput.
-
-    waves, three wavelengths (nm) that it is of, each NaN if it is not; so too where it scatters.
-    """
-    raise NotImplementedError
-
-
-@note_surface.register(type(None))
-def _(log, work, lane, sample, instance, table, primitive, near, hit, front, reference, throughput, waves):
-    return
-
-
-@note_surface.register(PathLog)
-def _(log, work, lane, sample, instance, table, primitive, near, hit, front, reference, throughput, waves):
-    if sample != log.sample:
-        return
-    row = _row(log, work, SURFACE)
-    rows = log.rows
-    # Origin, direction, throughput and pdf, as before what fills space on the way.
-    for column in range(10):
-        rows[row, FIRST + column] = work.path[lane, column]
-    rows[row, FIRST + 10] = near
-    rows[row, FIRST + 11] = instance
-    rows[row, FIRST + 12] = table
-    rows[row, FIRST + 13] = primitive
-    _put(log, row, FIRST + 14, hit.point)
-    _put(log, row, FIRST + 17, hit.normal)
-    _put(log, row, FIRST + 20, hit.shading_normal)
+@write_event.register(SurfaceHit)
+def write_event_surface_hit(event, log, work, row):
+    _write_ray(log, work, row)
+    rows, surface, hit = log.rows, event.surface, event.surface.hit
+    rows[row, FIRST + 10] = surface.distance
+    rows[row, FIRST + 11] = surface.instance
+    rows[row, FIRST + 12] = surface.table
+    rows[row, FIRST + 13] = surface.primitive
+    store3(rows, row, FIRST + 14, hit.point)
+    store3(rows, row, FIRST + 17, hit.normal)
+    store3(rows, row, FIRST + 20, hit.shading_normal)
     rows[row, FIRST + 23] = hit.u
     rows[row, FIRST + 24] = hit.v
     rows[row, FIRST + 25] = hit.offset
-    rows[row, FIRST + 26] = front
+    rows[row, FIRST + 26] = surface.front
     rows[row, FIRST + 27] = hit.material
-    rows[row, FIRST + 28] = reference
-    _put(log, row, FIRST + 29, throughput)
-    _put(log, row, FIRST + 32, waves)
+    rows[row, FIRST + 28] = surface.material
+    store3(rows, row, FIRST + 29, event.throughput)
+    store3(rows, row, FIRST + 32, event.wavelengths)
+    return SURFACE
 
 
-@generic
-def note_leaving(log, work, lane, sample, throughput, radiance):
-    """A path left the scene, and met this radiance."""
-    raise NotImplementedError
+class Emission(NamedTuple):
+    """A surface emits this radiance, which counts with this MIS weight."""
+
+    radiance: Vec3
+    weight: float
 
 
-@note_leaving.register(type(None))
-def _(log, work, lane, sample, throughput, radiance):
-    return
+@write_event.register(Emission)
+def write_event_emission(event, log, work, row):
+    store3(log.rows, row, FIRST, event.radiance)
+    log.rows[row, FIRST + 3] = event.weight
+    return EMISSION
 
 
-@note_leaving.register(PathLog)
-def _(log, work, lane, sample, throughput, radiance):
-    if sample != log.sample:
-        return
-    row = _row(log, work, LEAVES)
-    for column in range(10):
-        log.rows[row, FIRST + column] = work.path[lane, column]
-    _put(log, row, FIRST + 10, throughput)
-    _put(log, row, FIRST + 13, radiance)
+class Scattering(NamedTuple):
+    """A path scatters at a surface or, where the normal is zero, in a medium; a survival of 0 ends it there."""
+
+    normal: Vec3
+    outgoing: Vec3
+    weight: Vec3
+    pdf: float
+    throughput: Vec3
+    survival: float
+    wavelengths: Vec3
 
 
-@generic
-def note_flight(log, work, lane, sample, medium, near, distance, weight, throughput):
-    """A path went through a medium, to where it scatters or, at the distance inf, to the next surface."""
-    raise NotImplementedError
+@write_event.register(Scattering)
+def write_event_scattering(event, log, work, row):
+    store3(log.rows, row, FIRST, event.normal)
+    store3(log.rows, row, FIRST + 3, event.outgoing)
+    store3(log.rows, row, FIRST + 6, event.weight)
+    log.rows[row, FIRST + 9] = event.pdf
+    store3(log.rows, row, FIRST + 10, event.throughput)
+    log.rows[row, FIRST + 13] = event.survival
+    store3(log.rows, row, FIRST + 14, event.wavelengths)
+    return SCATTER
 
 
-@note_flight.register(type(None))
-def _(log, work, lane, sample, medium, near, distance, weight, throughput):
-    return
+class ShadowRay(NamedTuple):
+    """A shadow ray is queued.
 
-
-@note_flight.register(PathLog)
-def _(log, work, lane, sample, medium, near, distance, weight, throughput):
-    if sample != log.sample:
-        return
-    row = _row(log, work, FLIGHT)
-    for column in range(10):
-        log.rows[row, FIRST + column] = work.path[lane, column]
-    log.rows[row, FIRST + 10] = medium
-    log.rows[row, FIRST + 11] = near
-    log.rows[row, FIRST + 12] = distance
-    _put(log, row, FIRST + 13, weight)
-    _put(log, row, FIRST + 16, throughput)
-
-
-@generic
-def note_emission(log, work, sample, emitted, weight):
-    """What a surface gives, and the weight that it counts with."""
-    raise NotImplementedError
-
-
-@note_emission.register(type(None))
-def _(log, work, sample, emitted, weight):
-    return
-
-
-@note_emission.register(PathLog)
-def _(log, work, sample, emitted, weight):
-    if sample != log.sample:
-        return
-    row = _row(log, work, EMITS)
-    _put(log, row, FIRST, emitted)
-    log.rows[row, FIRST + 3] = weight
-
-
-@generic
-def note_scatter(log, work, sample, normal, outgoing, weight, pdf, throughput, survival, waves):
-    """A path is sent on from a surface or, where the normal is zero, within a medium; survival 0 ends it."""
-    raise NotImplementedError
-
-
-@note_scatter.register(type(None))
-def _(log, work, sample, normal, outgoing, weight, pdf, throughput, survival, waves):
-    return
-
-
-@note_scatter.register(PathLog)
-def _(log, work, sample, normal, outgoing, weight, pdf, throughput, survival, waves):
-    if sample != log.sample:
-        return
-    row = _row(log, work, SCATTERS)
-    _put(log, row, FIRST, normal)
-    _put(log, row, FIRST + 3, outgoing)
-    _put(log, row, FIRST + 6, weight)
-    log.rows[row, FIRST + 9] = pdf
-    _put(log, row, FIRST + 10, throughput)
-    log.rows[row, FIRST + 13] = survival
-    _put(log, row, FIRST + 14, waves)
-
-
-@generic
-def note_aim(log, work, slot, sample, start, light, value, pdf, weight, arriving):
-    """A shadow ray: to what LightSample, what is scattered its way with what pdf, and what it is to bring."""
-    raise NotImplementedError
-
-
-@note_aim.register(type(None))
-def _(log, work, slot, sample, start, light, value, pdf, weight, arriving):
-    return
-
-
-@note_aim.register(PathLog)
-def _(log, work, slot, sample, start, light, value, pdf, weight, arriving):
-    if sample != log.sample:
-        return
-    row = _row(log, work, AIMS)
-    rows = log.rows
-    _put(log, row, FIRST, start)
-    _put(log, row, FIRST + 3, light.direction)
-    _put(log, row, FIRST + 6, light.target)
-    _put(log, row, FIRST + 9, light.weight)
-    rows[row, FIRST + 12] = light.pdf
-    _put(log, row, FIRST + 13, value)
-    rows[row, FIRST + 16] = pdf
-    rows[row, FIRST + 17] = weight
-    _put(log, row, FIRST + 18, arriving)
-    log.ends[slot] = max(0.0, norm(sub(light.target, start)) - light.gap)
-    rows[row, FIRST + 21] = log.ends[slot]
-
-
-@generic
-def note_arrival(log, work, sample, arriving):
-    """A shadow ray brought this, which is gathered by now."""
-    raise NotImplementedError
-
-
-@note_arrival.register(type(None))
-def _(log, work, sample, arriving):
-    return
-
-
-@note_arrival.register(PathLog)
-def _(log, work, sample, arriving):
-    if sample == log.sample:
-        _put(log, _row(log, work, ARRIVES), FIRST, arriving)
-
-
-@generic
-def note_met(log, work, slot, sample, packet, is_through):
-    """A shadow ray met a surface: it ends there, or goes on through it."""
-    raise NotImplementedError
-
-
-@note_met.register(type(None))
-def _(log, work, slot, sample, packet, is_through):
-    return
-
-
-@note_met.register(PathLog)
-def _(log, work, slot, sample, packet, is_through):
-    if sample != log.sample:
-        return
-    row = _row(log, work, PASSES if is_through else BLOCKED)
-    _put_met(log, row, FIRST, packet, slot)
-    log.rows[row, FIRST + 4] = packet.floats[TFAR, slot]
-
-
-@generic
-def note_occluded(log, scene, work, slot):
-    """A shadow ray met something or other, which is looked for anew."""
-    raise NotImplementedError
-
-
-@note_occluded.register(type(None))
-def _(log, scene, work, slot):
-    return
-
-
-@note_occluded.register(PathLog)
-def _(log, scene, work, slot):
-    sample = work.shadow_sample[slot]
-    if sample != log.sample:
-        return
-    for word in range(3):
-        log.probe.floats[ORIGIN + word, 0] = work.shadows.floats[ORIGIN + word, slot]
-        log.probe.floats[DIRECTION + word, 0] = work.shadows.floats[DIRECTION + word, slot]
-    log.probe.floats[TIME, 0] = work.shadows.floats[TIME, slot]
-    log.probe.floats[TFAR, 0] = log.ends[slot]
-    embree.intersect(scene.accel, log.probe, 1)
-    note_met(log, work, 0, sample, log.probe, False)
-
-
-@generic
-def note_value(log, work, sample, value, left, wavelength):
-    """A sample is done: what it brings, and what a clamp leaves of that for its pixel, if it is finite.
-
-    wavelength, of its ray in the camera's lens (nm), which gave it its hue, or NaN.
+    Attributes
+    ----------
+    slot : the ray's in the queue.
+    start (m) : its origin.
+    light : the LightSample that it goes to.
+    value, pdf : of the BSDF or the phase function.
+    weight : the MIS weight.
+    radiance : what it brings if nothing is in its way.
     """
-    raise NotImplementedError
+
+    slot: int
+    start: Vec3
+    light: Any
+    value: Vec3
+    pdf: float
+    weight: float
+    radiance: Vec3
 
 
-@note_value.register(type(None))
-def _(log, work, sample, value, left, wavelength):
-    return
+@write_event.register(ShadowRay)
+def write_event_shadow_ray(event, log, work, row):
+    rows, light = log.rows, event.light
+    store3(rows, row, FIRST, event.start)
+    store3(rows, row, FIRST + 3, light.direction)
+    store3(rows, row, FIRST + 6, light.target)
+    store3(rows, row, FIRST + 9, light.weight)
+    rows[row, FIRST + 12] = light.pdf
+    store3(rows, row, FIRST + 13, event.value)
+    rows[row, FIRST + 16] = event.pdf
+    rows[row, FIRST + 17] = event.weight
+    store3(rows, row, FIRST + 18, event.radiance)
+    log.ends[event.slot] = max(0.0, norm(sub(light.target, event.start)) - light.gap)
+    rows[row, FIRST + 21] = log.ends[event.slot]
+    return SHADOW_RAY
 
 
-@note_value.register(PathLog)
-def _(log, work, sample, value, left, wavelength):
-    if sample == log.sample:
-        row = _row(log, work, DONE)
-        _put(log, row, FIRST, left)
-        log.rows[row, FIRST + 3] = work.radiance[sample, 3]
-        _put(log, row, FIRST + 4, value)
-        log.rows[row, FIRST + 7] = wavelength
+class Unoccluded(NamedTuple):
+    """A shadow ray arrives with this radiance, which has been added to its sample."""
+
+    radiance: Vec3
+
+
+@write_event.register(Unoccluded)
+def write_event_unoccluded(event, log, work, row):
+    store3(log.rows, row, FIRST, event.radiance)
+    return UNOCCLUDED
+
+
+class ShadowHit(NamedTuple):
+    """The shadow ray of a slot meets a surface: it ends there, or goes on through it."""
+
+    slot: int
+    is_through: bool
+
+
+@write_event.register(ShadowHit)
+def write_event_shadow_hit(event, log, work, row):
+    _write_hit(log, row, work.shadows.packet, event.slot)
+    return PASSED_THROUGH if event.is_through else OCCLUDED
+
+
+@kernel
+def _write_hit(log, row, packet, lane):
+    """Write Embree's ids of a hit, and its distance."""
+    log.rows[row, FIRST] = packet.ints[GEOMETRY, lane]
+    log.rows[row, FIRST + 1] = packet.ints[PRIMITIVE, lane]
+    log.rows[row, FIRST + 2] = packet.ints[INSTANCE, lane]
+    log.rows[row, FIRST + 3] = packet.ints[PLACEMENT, lane]
+    log.rows[row, FIRST + 4] = packet.floats[TFAR, lane]
+
+
+class Occluded(NamedTuple):
+    """The shadow ray of a slot is occluded, in the Embree scene of this address: by what, a ray of the log finds."""
+
+    slot: int
+    accel: int
+
+
+@write_event.register(Occluded)
+def write_event_occluded(event, log, work, row):
+    probe, shadows = log.probe, work.shadows.packet
+    for word in range(3):
+        probe.floats[ORIGIN + word, 0] = shadows.floats[ORIGIN + word, event.slot]
+        probe.floats[DIRECTION + word, 0] = shadows.floats[DIRECTION + word, event.slot]
+    probe.floats[TIME, 0] = shadows.floats[TIME, event.slot]
+    probe.floats[TFAR, 0] = log.ends[event.slot]
+    embree.intersect(event.accel, probe, 1)
+    _write_hit(log, row, probe, 0)
+    return OCCLUDED
+
+
+class Finished(NamedTuple):
+    """The finished sample.
+
+    Attributes
+    ----------
+    value, clamped : its value, and that after the clamp if it is finite.
+    wavelength (nm) : of its ray in the camera's lens, or NaN.
+    """
+
+    value: Vec3
+    clamped: Vec3
+    wavelength: float
+
+
+@write_event.register(Finished)
+def write_event_finished(event, log, work, row):
+    store3(log.rows, row, FIRST, event.clamped)
+    log.rows[row, FIRST + 3] = work.weight[log.sample]
+    store3(log.rows, row, FIRST + 4, event.value)
+    log.rows[row, FIRST + 7] = event.wavelength
+    return FINISHED

@@ -1,4 +1,4 @@
-"""Where the samples of a pixel gather: its running mean and variance, and how bright a sample may be."""
+"""Accumulate the samples of pixels: running mean and variance, and the clamp of bright samples."""
 
 import math
 from typing import Any, NamedTuple
@@ -6,20 +6,27 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.hues import finished, ray_wavelength
-from raytracer.jit import generic, kernel
-from raytracer.pathlog import note_value
-from raytracer.paths import load3, store3
-from raytracer.vec import max_component, scale
+from raytracer.core.compiler.dispatch import kernel, optional
+from raytracer.core.vec import max_component, scale
+from raytracer.kernel.aovs.base.layers import add_aovs
+from raytracer.kernel.lens_dispersion import apply_lens_color, ray_wavelength
+from raytracer.kernel.path_log import Finished, record
+from raytracer.kernel.path_state import load3, store3
 
 
 class FilmView(NamedTuple):
-    """Where samples gather, for the pixels from (left, top) on.
+    """The part of a film that kernels write to, for the pixels from (left, top) on.
 
-    mean and m2 (height, width, 3) float64, the running mean and sum of squared differences from it; count
-    (height, width) int64, samples taken; bad (height, width) int64, samples dropped because they were not finite;
-    aovs, what else is recorded, or None; removed (height, width, 4) float64, what a clamp has taken of the samples,
-    summed by channel, and of how many, or None where there is none.
+    Attributes
+    ----------
+    mean : float64 (height, width, 3), the running mean.
+    m2 : float64 (height, width, 3), the running sum of squared differences from the mean.
+    count : int64 (height, width), samples taken.
+    bad : int64 (height, width), samples dropped because they were not finite.
+    left, top : the first pixel.
+    aovs : the AOVs that are recorded, or None.
+    removed : float64 (height, width, 4), radiance that a clamp removed from samples, summed by channel, and the number
+        of these; None without a clamp.
     """
 
     mean: NDArray[np.float64]
@@ -33,71 +40,55 @@ class FilmView(NamedTuple):
 
 
 class Clamp(NamedTuple):
-    """No sample is brighter than `limit`, in any channel."""
+    """An upper `limit` on the radiance of a sample, in each channel."""
 
     limit: float
 
 
-@generic
-def merge(aovs, spectrum, work, x, y, count):
-    """Add a packet's records to the image, before those samples that are not finite are dropped."""
-    raise NotImplementedError
-
-
-@merge.register(type(None))
-def _(aovs, spectrum, work, x, y, count):
-    return
-
-
-@generic
-def clamped(clamp, film, work, sample, x, y, value):
-    """What a sample of this finite value may add to its pixel; what it may not is noted on the film."""
-    raise NotImplementedError
-
-
-@clamped.register(type(None))
-def _(clamp, film, work, sample, x, y, value):
+@optional
+def clamp_sample(clamp, film, work, sample, x, y, value):
+    """Clamp the finite value of a sample; the radiance that is removed is counted on the film."""
     return value
 
 
-@clamped.register(Clamp)
-def _(clamp, film, work, sample, x, y, value):
-    # Radiance is measured, before it is weighted: what a camera's rays count for says nothing of how rare they are, nor
-    # does the hue that its lens gives them.
+@clamp_sample.register(Clamp)
+def clamp_sample_clamp(clamp, film, work, sample, x, y, value):
+    # Radiance is measured before it is weighted: the weight of camera rays says nothing of how rare they are, nor does
+    # the colour that the lens gives them.
     brightest = max_component(load3(work.radiance, sample, 0))
     if brightest <= clamp.limit:
         return value
-    left = scale(clamp.limit / brightest, value)
+    clamped = scale(clamp.limit / brightest, value)
     for channel in range(3):
-        film.removed[y, x, channel] += value[channel] - left[channel]
+        film.removed[y, x, channel] += value[channel] - clamped[channel]
     film.removed[y, x, 3] += 1.0
-    return left
+    return clamped
 
 
 @kernel
 def accumulate(spectrum, clamp, film, work, x, y, count):
     """Add a packet of samples to a pixel's running mean and sum of squares.
 
-    The weight of a sample that is dropped becomes NaN, by which it can be told from the others afterwards.
+    The weight of a sample that is dropped becomes NaN, which marks it afterwards.
 
     References: Chan, Golub, LeVeque 1979, "Updating Formulae and a Pairwise Algorithm for Computing Sample Variances".
     """
-    merge(film.aovs, spectrum, work, x, y, count)
+    add_aovs(film.aovs, spectrum, work, x, y, count)
 
     # Drop what is not finite, and count it.
     good = 0
     for sample in range(count):
         wavelength = ray_wavelength(spectrum, work, sample)
-        radiance = finished(spectrum, work, sample, load3(work.radiance, sample, 0))
-        value = scale(work.radiance[sample, 3], radiance)
+        radiance = apply_lens_color(spectrum, work, sample, load3(work.radiance, sample, 0))
+        value = scale(work.weight[sample], radiance)
         if math.isfinite(value[0] + value[1] + value[2]):
-            left = clamped(clamp, film, work, sample, x, y, value)
-            note_value(work.log, work, sample, value, left, wavelength)
-            store3(work.radiance, good, 0, left)
+            clamped = clamp_sample(clamp, film, work, sample, x, y, value)
+            record(work.log, work, sample, Finished(value, clamped, wavelength))
+            store3(work.radiance, good, 0, clamped)
             good += 1
         else:
-            note_value(work.log, work, sample, value, value, wavelength)
-            work.radiance[sample, 3] = math.nan
+            record(work.log, work, sample, Finished(value, value, wavelength))
+            work.weight[sample] = math.nan
     film.bad[y, x] += count - good
     if good == 0:
         return
@@ -110,7 +101,8 @@ def accumulate(spectrum, clamp, film, work, x, y, count):
         mean /= good
         m2 = 0.0
         for sample in range(good):
-            m2 += (work.radiance[sample, channel] - mean) ** 2
+            deviation = work.radiance[sample, channel] - mean
+            m2 += deviation * deviation
         difference = mean - film.mean[y, x, channel]
         film.mean[y, x, channel] += difference * (good / total)
         film.m2[y, x, channel] += m2 + difference * difference * (good * (total - good) / total)

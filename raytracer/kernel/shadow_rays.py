@@ -1,168 +1,168 @@
-"""Shadow rays: aimed at lights, and followed through what lets them pass to what they bring."""
+"""Shadow rays: queued to sampled lights, traced through transparent surfaces and media, and what they bring."""
 
 import math
 
 import numpy as np
 
-from raytracer import embree
-from raytracer.embree import GEOMETRY, MISS, TFAR
-from raytracer.geometry import Site, spawn_point
-from raytracer.hues import LensSpectrum, Spectrum, tinted
-from raytracer.instances import meet
-from raytracer.interior import boundary_of, kept, move_within, shadow_goes_through
-from raytracer.jit import generic, kernel
-from raytracer.lights.interface import Lights, Unaimed
-from raytracer.materials.interface import PASS, SLOTS, WHITE, Draws, select_again
-from raytracer.origin import as_written
-from raytracer.pathlog import note_arrival, note_met, note_occluded
-from raytracer.paths import (
-    MOST_PASSED,
-    PASS_STRIDE,
-    Passage,
-    drop_lost,
-    found_in,
-    gather,
-    keep_goal,
-    load3,
-    load_ray,
-    move_shadow,
-    set_time,
-    store3,
-    time_of,
-    veil,
+from raytracer.core import embree
+from raytracer.core.compiler.dispatch import kernel, optional
+from raytracer.core.embree import GEOMETRY, MISS, TFAR
+from raytracer.core.geometry import Site, spawn_point
+from raytracer.core.vec import dot, mul, norm, scale, sub
+from raytracer.core.world_origin import to_authored_space
+from raytracer.kernel.hero_wavelength import add_radiance, upsample_rgb
+from raytracer.kernel.interaction import load_ray, solve_hit
+from raytracer.kernel.medium_boundaries import (
+    cross_shadow,
+    move_shadow_medium,
+    shadow_transmittance,
+    start_shadow_medium,
 )
-from raytracer.vec import dot, mul, norm, scale, sub
+from raytracer.kernel.nested_dielectrics import beer_transmittance, resolve_boundary
+from raytracer.kernel.path_log import Occluded, ShadowHit, Unoccluded, record
+from raytracer.kernel.path_state import load3, path_time, push, sample_draws, store3, take_all
+from raytracer.kernel.ray_time import set_ray_time
+from raytracer.kernel.transparency import (
+    MAX_PASSTHROUGHS,
+    PASSTHROUGH_STRIDE,
+    TransparentShadows,
+    discard_unfinished,
+    store_shadow_target,
+)
+from raytracer.plugins.lights.base.interface import Lights, NoLightSampling
+from raytracer.plugins.materials.base.dispatch import select_for_shadow_ray
+from raytracer.plugins.materials.base.interface import DIMENSIONS_PER_SEGMENT, PASSTHROUGH, WHITE
 
 
 @kernel
-def aim(scene, work, slot, sample, start, light, arriving, time):
-    """Set shadow ray `slot` from `start` to a LightSample, and the radiance that it brings if nothing is in its way."""
-    way = sub(light.target, start)
-    distance = norm(way)
-    direction = scale(1.0 / distance, way)
-    # A negative end would count as something met.
-    end = max(0.0, distance - light.gap)
-    embree.set_ray(work.shadows, slot, start, direction, end)
-    keep_goal(scene.passage, work, slot, start, direction, end)
-    set_time(scene.shutter, work.shadows, slot, time)
-    work.shadow_sample[slot] = sample
-    store3(work.unshadowed, slot, 0, arriving)
+def queue_shadow_ray(scene, work, path, start, target, gap, radiance):
+    """Queue a shadow ray from `start` to a distance `gap` before `target`, with the radiance that it brings.
+
+    Returns its slot.  It starts in the medium and the solids that the path is in.
+    """
+    shadows = work.shadows
+    slot = push(shadows.queue, path.sample)
+    offset = sub(target, start)
+    distance = norm(offset)
+    direction = scale(1.0 / distance, offset)
+    # A negative end would count as an occlusion.
+    end = max(0.0, distance - gap)
+    embree.set_ray(shadows.packet, slot, start, direction, end)
+    store_shadow_target(scene.transparency, shadows, slot, start, direction, end)
+    set_ray_time(scene.shutter, shadows.packet, slot, path.time)
+    start_shadow_medium(scene, work, slot, path)
+    store3(shadows.radiance, slot, 0, radiance)
+    return slot
 
 
-@generic
-def deliver(spectrum, work, slot, through):
-    """Add to a sample what a shadow ray brings, of which this comes through what is in its way."""
-    raise NotImplementedError
-
-
-@deliver.register(type(None))
-@deliver.register(LensSpectrum)
-def _(spectrum, work, slot, through):
-    for channel in range(3):
-        work.radiance[work.shadow_sample[slot], channel] += through[channel] * work.unshadowed[slot, channel]
-
-
-@deliver.register(Spectrum)
-def _(spectrum, work, slot, through):
-    gather(spectrum, work, work.shadow_sample[slot], through, load3(work.unshadowed, slot, 0))
-
-
-@generic
-def resolve_shadows(lights, scene, work, count, key, first, segment):
-    """Trace the shadow rays, and add what arrives; returns the number of rays traced."""
-    raise NotImplementedError
-
-
-@resolve_shadows.register(type(None))
-@resolve_shadows.register(Unaimed)
-def _(lights, scene, work, count, key, first, segment):
+@optional(NoLightSampling)
+def trace_shadow_rays(lights, scene, work, draws, rounds):
+    """Trace the shadow rays that light sampling has queued; returns the number of rays traced."""
     return 0
 
 
-@resolve_shadows.register(Lights)
-def _(lights, scene, work, count, key, first, segment):
-    return follow_shadows(scene.passage, scene, work, count, key, first, segment) if count > 0 else 0
+@trace_shadow_rays.register(Lights)
+def trace_shadow_rays_lights(lights, scene, work, draws, rounds):
+    return trace_shadow_queue(scene.transparency, scene, work, draws, rounds)
 
 
-@generic
-def follow_shadows(passage, scene, work, count, key, first, segment):
-    """Add what each shadow ray brings, where it arrives; returns the number of rays traced."""
-    raise NotImplementedError
+@kernel
+def _shadow_draws(draws, sample, rounds, surfaces):
+    """Return the random numbers of a shadow ray, for what it meets after so many surfaces."""
+    return sample_draws(draws, sample, (rounds + 1) * DIMENSIONS_PER_SEGMENT + surfaces * PASSTHROUGH_STRIDE)
 
 
-@follow_shadows.register(type(None))
-def _(passage, scene, work, count, key, first, segment):
-    embree.occluded(scene.accel, work.shadows, count)
+@optional
+def trace_shadow_queue(transparency, scene, work, draws, rounds):
+    """Empty the queue of shadow rays: trace them, and add the radiance that arrives; returns the number of rays traced.
+
+    draws : of the packet's first sample.
+    rounds : of the packet before this one, by which random numbers are taken.
+    """
+    shadows = work.shadows
+    count = take_all(shadows.queue)
+    if count > 0:
+        embree.occluded(scene.accel, shadows.packet, count)
     for slot in range(count):
-        if work.shadows.floats[TFAR, slot] >= 0.0:
-            distance = np.float64(work.shadows.floats[TFAR, slot])
-            through = veil(scene.media, scene, work, slot, distance, key, first, segment)
-            through = tinted(scene.spectrum, work, work.shadow_sample[slot], through)
-            deliver(scene.spectrum, work, slot, through)
-            note_arrival(work.log, work, work.shadow_sample[slot], mul(through, load3(work.unshadowed, slot, 0)))
+        sample = shadows.queue.samples[slot]
+        if shadows.packet.floats[TFAR, slot] >= 0.0:
+            distance = np.float64(shadows.packet.floats[TFAR, slot])
+            through = shadow_transmittance(
+                scene.media, shadows, slot, distance, _shadow_draws(draws, sample, rounds, 0)
+            )
+            through = upsample_rgb(scene.spectrum, work, sample, through)
+            _add_unoccluded(scene, work, sample, through, load3(shadows.radiance, slot, 0))
         else:
-            note_occluded(work.log, scene, work, slot)
+            record(work.log, work, sample, Occluded(slot, scene.accel))
     return count
 
 
-@follow_shadows.register(Passage)
-def _(passage, scene, work, count, key, first, segment):
-    """A surface lets a shadow ray pass as often as it lets a path pass."""
-    rays = 0
-    for surface in range(1, MOST_PASSED):
+@kernel
+def _add_unoccluded(scene, work, sample, through, radiance):
+    """Add the radiance of a shadow ray that arrives, times this transmittance."""
+    add_radiance(scene.spectrum, work, sample, through, radiance)
+    record(work.log, work, sample, Unoccluded(mul(through, radiance)))
+
+
+@trace_shadow_queue.register(TransparentShadows)
+def trace_shadow_queue_transparent_shadows(transparency, scene, work, draws, rounds):
+    """Follow shadow rays through transparent surfaces, which let them pass with the probability that paths do."""
+    rays, queue = 0, work.shadows.queue
+    for surfaces in range(1, MAX_PASSTHROUGHS):
+        count = take_all(queue)
         if count == 0:
             break
-        embree.intersect(scene.accel, work.shadows, count)
+        embree.intersect(scene.accel, work.shadows.packet, count)
         rays += count
-        going = 0
         for slot in range(count):
-            sample = work.shadow_sample[slot]
-            time = time_of(scene.shutter, work, sample)
-            near = np.float64(work.shadows.floats[TFAR, slot])
-            through = veil(scene.media, scene, work, slot, near, key, first, segment)
-            through = mul(through, kept(scene.interior, work.shadow_within, slot, near))
-            arriving = mul(tinted(scene.spectrum, work, sample, through), load3(work.unshadowed, slot, 0))
-            table = work.shadows.ints[GEOMETRY, slot]
-            if table == MISS:
-                gather(scene.spectrum, work, sample, arriving, WHITE)
-                note_arrival(work.log, work, sample, arriving)
-                continue
-
-            # Meet a surface, and end there unless it lets the ray pass.
-            origin, direction = load_ray(work.shadows, slot)
-            instance, primitive = found_in(scene, work.shadows, slot)
-            hit = meet(scene.instances, scene, instance, table, primitive, origin, direction, near, time)
-            front = dot(direction, hit.normal) < 0.0
-            draws = Draws(scene.sampler, key, first + sample, (segment + 1) * SLOTS + surface * PASS_STRIDE)
-            local = as_written(scene.origin, scene.instances, instance, hit.local)
-            site = Site(local, hit.u, hit.v, near, None)
-            reference = select_again(scene.selectors, scene, hit.material, front, site, draws)
-            if boundary_of(scene.interior, work.shadow_within, slot, hit.material, reference, front) != PASS:
-                note_met(work.log, work, slot, sample, work.shadows, False)
-                continue
-            note_met(work.log, work, slot, sample, work.shadows, True)
-            shadow_goes_through(scene.interior, scene, work, slot, hit.material, front)
-            # Off the surface, it is aimed at its end anew: it would miss that by as much as it was moved.
-            start = spawn_point(hit, direction)
-            goal = load3(work.shadow_goal, slot, 0)
-            way, rest = goal, math.inf
-            if work.shadow_goal[slot, 3] != 0.0:
-                way = sub(goal, start)
-                rest = norm(way)
-                if dot(way, direction) <= 0.0:
-                    gather(scene.spectrum, work, sample, arriving, WHITE)
-                    note_arrival(work.log, work, sample, arriving)
-                    continue
-                way = scale(1.0 / rest, way)
-            embree.set_ray(work.shadows, going, start, way, rest)
-            store3(work.shadow_goal, going, 0, goal)
-            work.shadow_goal[going, 3] = work.shadow_goal[slot, 3]
-            set_time(scene.shutter, work.shadows, going, time)
-            move_shadow(scene.media, work, slot, going)
-            move_within(scene.interior, work, slot, going)
-            work.shadow_sample[going] = sample
-            store3(work.unshadowed, going, 0, arriving)
-            going += 1
-        count = going
-    drop_lost(passage, work, work.shadow_sample, count)
+            _extend_shadow_ray(scene, work, slot, draws, rounds, surfaces)
+    discard_unfinished(transparency, work, queue)
     return rays
+
+
+@kernel
+def _extend_shadow_ray(scene, work, slot, draws, rounds, surfaces):
+    """Follow a shadow ray to what it meets, its surface of this number, and queue it again if it goes on."""
+    shadows = work.shadows
+    sample = shadows.queue.samples[slot]
+    distance = np.float64(shadows.packet.floats[TFAR, slot])
+    through = shadow_transmittance(scene.media, shadows, slot, distance, _shadow_draws(draws, sample, rounds, 0))
+    through = mul(through, beer_transmittance(scene.nested_dielectrics, shadows.inside_counts, slot, distance))
+    radiance = mul(upsample_rgb(scene.spectrum, work, sample, through), load3(shadows.radiance, slot, 0))
+    if shadows.packet.ints[GEOMETRY, slot] == MISS:
+        _add_unoccluded(scene, work, sample, WHITE, radiance)
+        return
+
+    # Meet a surface, and end there unless it lets the ray pass.
+    origin, direction = load_ray(shadows.packet, slot)
+    time = path_time(work, sample)
+    instance, _, _, _, hit = solve_hit(scene, shadows.packet, slot, origin, direction, time)
+    front = dot(direction, hit.normal) < 0.0
+    local = to_authored_space(scene.origin, scene.instances, instance, hit.local)
+    site = Site(local, hit.u, hit.v, distance, None)
+    surface_draws = _shadow_draws(draws, sample, rounds, surfaces)
+    material = select_for_shadow_ray(scene.selectors, scene, hit.material, front, site, surface_draws)
+    material = resolve_boundary(scene.nested_dielectrics, shadows.inside_counts, slot, hit.material, material, front)
+    record(work.log, work, sample, ShadowHit(slot, material == PASSTHROUGH))
+    if material != PASSTHROUGH:
+        return
+    cross_shadow(scene, shadows, slot, hit.material, front)
+
+    # The ray was moved off the surface, and would miss its end by as much: aim at the end again.
+    start = spawn_point(hit, direction)
+    target, is_finite = load3(shadows.target, slot, 0), shadows.target[slot, 3]
+    aim, rest = target, math.inf
+    if is_finite != 0.0:
+        aim = sub(target, start)
+        rest = norm(aim)
+        if dot(aim, direction) <= 0.0:
+            _add_unoccluded(scene, work, sample, WHITE, radiance)
+            return
+        aim = scale(1.0 / rest, aim)
+    to = push(shadows.queue, sample)
+    embree.set_ray(shadows.packet, to, start, aim, rest)
+    set_ray_time(scene.shutter, shadows.packet, to, time)
+    store3(shadows.target, to, 0, target)
+    shadows.target[to, 3] = is_finite
+    move_shadow_medium(scene, shadows, slot, to)
+    store3(shadows.radiance, to, 0, radiance)

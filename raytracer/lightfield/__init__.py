@@ -1,78 +1,81 @@
-"""What is made of light fields: photographs focused afterwards, views, depth, pages to look around in.
+"""Light fields: refocusing, views, depth, decoding of raw pictures, formats of other programs, and a viewer.
 
 import raytracer as rt
 
 with rt.lightfield.open("x.lf") as field:
     rt.lightfield.refocus(field, 2.5).save("near.png")
 
-Each function takes a `LightField` (`open` reads one, `of` finds it in a picture) and gives arrays, `Image`s or bytes;
-the command line and users of Python call the same.
+Each function takes a `LightField` (`open` reads one, `of` gets it from a rendered picture) and returns arrays, `Image`s
+or bytes; the command line calls the same functions.
 """
 
 import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from raytracer.lightfield.bands import Captured, capture
-    from raytracer.lightfield.decoding.calibration import Grid, find_grid, read_grid
+    from raytracer.film.light_field.field import LightField, Rays
+    from raytracer.film.light_field.focusing import refocusable
+    from raytracer.film.light_field.lf import Writer, open, write  # noqa: A004
+    from raytracer.film.light_field.views import Plane, Pose, Views
+    from raytracer.lightfield.capturing.capture import Captured, capture
+    from raytracer.lightfield.decoding.calibration import find_grid
     from raytracer.lightfield.decoding.decoder import Decoded, decode
+    from raytracer.lightfield.decoding.microlens_grid import Grid, read_grid
     from raytracer.lightfield.decoding.optics import Optics
-    from raytracer.lightfield.depth import Depth, depth_map
-    from raytracer.lightfield.foreign import export_array, export_views, import_views
-    from raytracer.lightfield.fourier import FourierRefocuser
-    from raytracer.lightfield.fusion import all_in_focus
-    from raytracer.lightfield.making import of
-    from raytracer.lightfield.moving import look_around, path_places
-    from raytracer.lightfield.openings import cell_weights
-    from raytracer.lightfield.perspectives import montage, view_at
-    from raytracer.lightfield.refocusing import focal_stack, refocus
-    from raytracer.lightfield.slices import epipolar_slice
-    from raytracer.lightfield.supersampling import supersampled
-    from raytracer.lightfield.viewer import page, write_page
-    from raytracer.plenoptic.field import LightField, Rays
-    from raytracer.plenoptic.focusing import refocusable
-    from raytracer.plenoptic.lf import Writer, open, write  # noqa: A004
-    from raytracer.plenoptic.views import Plane, Pose, Views
+    from raytracer.lightfield.depth.depth_map import Depth, depth_map
+    from raytracer.lightfield.epipolar import epipolar_slice
+    from raytracer.lightfield.formats.exporter import export_array, export_views
+    from raytracer.lightfield.formats.importer import import_views
+    from raytracer.lightfield.from_image import of
+    from raytracer.lightfield.refocusing.all_in_focus import all_in_focus
+    from raytracer.lightfield.refocusing.fourier import FourierRefocuser
+    from raytracer.lightfield.refocusing.refocus import focal_stack, refocus
+    from raytracer.lightfield.super_resolution import supersampled
+    from raytracer.lightfield.synthetic_aperture import cell_weights
+    from raytracer.lightfield.viewer.page import page, write_page
+    from raytracer.lightfield.views.camera_paths import look_around, path_places
+    from raytracer.lightfield.views.contact_sheet import montage
+    from raytracer.lightfield.views.synthesis import view_at
 
 _HOMES = {
-    "Captured": "raytracer.lightfield.bands",
+    "Captured": "raytracer.lightfield.capturing.capture",
     "Decoded": "raytracer.lightfield.decoding.decoder",
-    "Depth": "raytracer.lightfield.depth",
-    "FourierRefocuser": "raytracer.lightfield.fourier",
-    "Grid": "raytracer.lightfield.decoding.calibration",
-    "LightField": "raytracer.plenoptic.field",
+    "Depth": "raytracer.lightfield.depth.depth_map",
+    "FourierRefocuser": "raytracer.lightfield.refocusing.fourier",
+    "Grid": "raytracer.lightfield.decoding.microlens_grid",
+    "LightField": "raytracer.film.light_field.field",
     "Optics": "raytracer.lightfield.decoding.optics",
-    "Plane": "raytracer.plenoptic.views",
-    "Pose": "raytracer.plenoptic.views",
-    "Rays": "raytracer.plenoptic.field",
-    "Views": "raytracer.plenoptic.views",
-    "Writer": "raytracer.plenoptic.lf",
-    "all_in_focus": "raytracer.lightfield.fusion",
-    "capture": "raytracer.lightfield.bands",
-    "cell_weights": "raytracer.lightfield.openings",
+    "Plane": "raytracer.film.light_field.views",
+    "Pose": "raytracer.film.light_field.views",
+    "Rays": "raytracer.film.light_field.field",
+    "Views": "raytracer.film.light_field.views",
+    "Writer": "raytracer.film.light_field.lf",
+    "all_in_focus": "raytracer.lightfield.refocusing.all_in_focus",
+    "capture": "raytracer.lightfield.capturing.capture",
+    "cell_weights": "raytracer.lightfield.synthetic_aperture",
     "decode": "raytracer.lightfield.decoding.decoder",
-    "depth_map": "raytracer.lightfield.depth",
-    "epipolar_slice": "raytracer.lightfield.slices",
-    "export_array": "raytracer.lightfield.foreign",
-    "export_views": "raytracer.lightfield.foreign",
+    "depth_map": "raytracer.lightfield.depth.depth_map",
+    "epipolar_slice": "raytracer.lightfield.epipolar",
+    "export_array": "raytracer.lightfield.formats.exporter",
+    "export_views": "raytracer.lightfield.formats.exporter",
     "find_grid": "raytracer.lightfield.decoding.calibration",
-    "focal_stack": "raytracer.lightfield.refocusing",
-    "import_views": "raytracer.lightfield.foreign",
-    "look_around": "raytracer.lightfield.moving",
-    "montage": "raytracer.lightfield.perspectives",
-    "of": "raytracer.lightfield.making",
-    "open": "raytracer.plenoptic.lf",
-    "page": "raytracer.lightfield.viewer",
-    "path_places": "raytracer.lightfield.moving",
-    "read_grid": "raytracer.lightfield.decoding.calibration",
-    "refocus": "raytracer.lightfield.refocusing",
-    "refocusable": "raytracer.plenoptic.focusing",
-    "supersampled": "raytracer.lightfield.supersampling",
-    "view_at": "raytracer.lightfield.perspectives",
-    "write": "raytracer.plenoptic.lf",
-    "write_page": "raytracer.lightfield.viewer",
+    "focal_stack": "raytracer.lightfield.refocusing.refocus",
+    "import_views": "raytracer.lightfield.formats.importer",
+    "look_around": "raytracer.lightfield.views.camera_paths",
+    "montage": "raytracer.lightfield.views.contact_sheet",
+    "of": "raytracer.lightfield.from_image",
+    "open": "raytracer.film.light_field.lf",
+    "page": "raytracer.lightfield.viewer.page",
+    "path_places": "raytracer.lightfield.views.camera_paths",
+    "read_grid": "raytracer.lightfield.decoding.microlens_grid",
+    "refocus": "raytracer.lightfield.refocusing.refocus",
+    "refocusable": "raytracer.film.light_field.focusing",
+    "supersampled": "raytracer.lightfield.super_resolution",
+    "view_at": "raytracer.lightfield.views.synthesis",
+    "write": "raytracer.film.light_field.lf",
+    "write_page": "raytracer.lightfield.viewer.page",
 }
-"""Where the names are.  A module of this package has another name than what is in it: imported, it would hide that."""
+"""Module of each public name.  No module of this package is called as a public name: imported, it would hide that."""
 
 __all__ = [
     "Captured",
@@ -115,12 +118,12 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for only then."""
+    """Import a public name when it is first used."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = getattr(importlib.import_module(_HOMES[name]), name)
-    globals()[name] = found
-    return found
+    value = getattr(importlib.import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:

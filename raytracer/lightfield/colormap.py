@@ -1,4 +1,4 @@
-"""Numbers as colours: near things bright, far ones dark.
+"""Colour map of depth: near points bright, far ones dark.
 
 References: Smith and van der Walt 2015, the colour map viridis, here through nine of its colours.
 """
@@ -20,10 +20,10 @@ _VIRIDIS = (
 _UNKNOWN = 128
 
 
-def coloured(values: NDArray[np.float64], low: float, high: float) -> NDArray[np.uint8]:
-    """Colours of values (height, width), from dark at `low` to bright at `high`: uint8 (height, width, 3), sRGB.
+def apply_colormap(values: NDArray[np.float64], low: float, high: float) -> NDArray[np.uint8]:
+    """Map values (height, width) to colours, from dark at `low` to bright at `high`: uint8 (height, width, 3), sRGB.
 
-    What is not finite is grey.
+    Values that are not finite are grey.
     """
     width = high - low if high > low else 1.0
     is_known = np.isfinite(values)

@@ -1,17 +1,17 @@
-"""Coverage of a light field: the views, and the pixels of these, that any light came to.
+"""Coverage of a light field: its views, and their pixels, that any light came to.
 
-Behind a round lens the views in the corners see its mount; where a lens vignettes, or dust lies on the sensor, the
-others lack some pixels.  A file's layer `lit` says which (`plenoptic.field.LIT`); without it all pixels are lit of the
-views that lie within the lens.
+Behind a round lens the views in the corners see its mount; where a lens vignettes, or dust lies on the sensor, others
+lack some pixels.  A file's layer `lit` holds these masks (`film.light_field.field.LIT_LAYER`); without it all pixels of
+the views that lie within the lens are lit.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.errors import InputError
-from raytracer.lightfield.openings import cell_weights
-from raytracer.plenoptic.field import LIT, LightField
-from raytracer.plenoptic.views import Views
+from raytracer.film.light_field.field import LIT_LAYER, LightField
+from raytracer.film.light_field.views import Views
+from raytracer.lightfield.synthetic_aperture import cell_weights
+from raytracer.util.errors import InputError
 
 Mask = NDArray[np.bool_]
 
@@ -25,19 +25,19 @@ def within_lens(views: Views) -> Mask:
 
 def lit_views(field: LightField) -> Mask:
     """Find the views with a pixel that any light came to, by the lens, and by the layer `lit`: bool (rows, columns)."""
-    found = cell_weights(field.views) > 0.0
-    if LIT in field.layers:
-        for row, column in np.argwhere(found):
-            found[row, column] = np.any(field.layers[LIT][int(row), int(column)])
-    return found
+    lit = cell_weights(field.views) > 0.0
+    if LIT_LAYER in field.layers:
+        for row, column in np.argwhere(lit):
+            lit[row, column] = np.any(field.layers[LIT_LAYER][int(row), int(column)])
+    return lit
 
 
 def require_lit(field: LightField, row: int, column: int) -> None:
-    """Make sure that a view got any light.
+    """Check that a view got any light.
 
     Raises
     ------
-    InputError : it did not.
+    InputError : it got none.
     """
     lit = field.lit(row, column)
     if cell_weights(field.views)[row, column] == 0.0 or (lit is not None and not lit.any()):
@@ -45,17 +45,17 @@ def require_lit(field: LightField, row: int, column: int) -> None:
 
 
 def lit_view(field: LightField, row: int, column: int) -> tuple[NDArray[np.float64], Mask | None]:
-    """Read a view (height, width, 3), with what is not lit as what is next to it; and the mask of what is lit.
+    """Read a view (height, width, 3), with unlit pixels filled from the nearest lit ones; and the mask of lit pixels.
 
-    The mask is None where all are.  Of a view without any light all is 0.
+    The mask is None if all are lit.  A view without any light is 0.
     """
     view, lit = field.view(row, column), field.lit(row, column)
     if lit is None or lit.all():
         return view, None
-    return continued(view, lit), lit
+    return extrapolate_unlit(view, lit), lit
 
 
-def continued(values: NDArray[np.float64], lit: Mask) -> NDArray[np.float64]:
+def extrapolate_unlit(values: NDArray[np.float64], lit: Mask) -> NDArray[np.float64]:
     """Replace values (height, width, ...) that are not lit by those of the nearest pixel that is; by 0 if none is."""
     from scipy import ndimage
 
@@ -65,7 +65,7 @@ def continued(values: NDArray[np.float64], lit: Mask) -> NDArray[np.float64]:
     return np.asarray(values[rows, columns])
 
 
-def at_nearest(lit: Mask, rows: NDArray[np.float64], columns: NDArray[np.float64]) -> Mask:
+def lit_at_nearest(lit: Mask, rows: NDArray[np.float64], columns: NDArray[np.float64]) -> Mask:
     """Look up if the pixels nearest to places are lit: places of any shape, within the view or at its edge."""
     height, width = lit.shape
     row = np.clip(np.rint(rows), 0, height - 1).astype(np.int64)

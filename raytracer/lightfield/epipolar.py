@@ -1,6 +1,6 @@
-"""Epipolar slices: one line of pixels from all views of a row or a column, over one another.
+"""Epipolar-plane images: one line of pixels from all views of a row or a column, over one another.
 
-A point of the scene is a straight line there, and what is nearer leans more.
+A point of the scene is a straight line there, which leans more the nearer the point is.
 
 References: Bolles, Baker, Marimont 1987, "Epipolar-Plane Image Analysis"; Levoy & Hanrahan 1996, sec. 2.
 """
@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.errors import InputError
 from raytracer.film import srgb
-from raytracer.plenoptic.field import LightField
+from raytracer.film.light_field.field import LightField
+from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
     import PIL.ImageDraw
@@ -24,20 +24,20 @@ Direction = Literal["horizontal", "vertical"]
 _PAPER, _INK = (255, 255, 255), (27, 29, 33)
 _TEXT, _TICK, _LEFT, _BOTTOM, _TOP, _MARGIN = 12, 4, 64, 40, 24, 16
 _THICK = 12
-"""Pixels of each view's line in the picture."""
+"""Height (pixels) of each view's line in the picture."""
 
 _TICKS = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Slice:
-    """An epipolar slice.
+class EpipolarSlice:
+    """Epipolar-plane image.
 
     Attributes
     ----------
     radiance : float64 (views, pixels, 3); of a vertical one pixels go down the views.
     places : of the views (m): right of the middle if it is horizontal, up if it is vertical.
-    tangents : of the pixels' middles, in the image at a distance of 1: right, or up.
+    tangents : places of the pixels in the image at a distance of 1: right, or up.
     direction : horizontal or vertical.
     """
 
@@ -54,8 +54,8 @@ def epipolar_slice(
     line: int | None = None,
     views: int | None = None,
     inverse_distance: float | None = None,
-) -> Slice:
-    """The slice through one line of pixels of all views of a row (horizontal) or of a column (vertical).
+) -> EpipolarSlice:
+    """Cut the slice through one line of pixels of all views of a row (horizontal) or of a column (vertical).
 
     Views are read one at a time, and of each one line of pixels.
 
@@ -63,8 +63,8 @@ def epipolar_slice(
     ----------
     line : row or column of the pixels, from 0; default: the middle.
     views : row or column of the views, from 0; default: the middle.
-    inverse_distance : 1 / distance (1/m) of what is to stand upright; default: of the plane where all views see the
-        same.
+    inverse_distance : 1 / distance (1/m) of the points whose lines become upright; default: of the plane where all
+        views see the same.
 
     Raises
     ------
@@ -93,61 +93,59 @@ def epipolar_slice(
     middles = (np.arange(size) + 0.5) * step
     tangents = geometry.plane.left + middles if is_row else geometry.plane.top - middles
     if inverse_distance is not None:
-        radiance = _sheared(
-            radiance, places, (geometry.inverse_focus - inverse_distance) / step * (1 if is_row else -1)
-        )
-    return Slice(radiance, np.asarray(places), np.asarray(tangents, dtype=np.float64), direction)
+        radiance = _shear(radiance, places, (geometry.inverse_focus - inverse_distance) / step * (1 if is_row else -1))
+    return EpipolarSlice(radiance, np.asarray(places), np.asarray(tangents, dtype=np.float64), direction)
 
 
-def _sheared(radiance: NDArray[np.float64], places: NDArray[np.float64], moved: float) -> NDArray[np.float64]:
-    """Each line moved by so many pixels a metre."""
-    from raytracer.lightfield.warping import Spline
+def _shear(radiance: NDArray[np.float64], places: NDArray[np.float64], moved: float) -> NDArray[np.float64]:
+    """Shift the line of each view by `moved` pixels a metre of its place."""
+    from raytracer.lightfield.splines import Spline
 
     return np.stack(
         [
-            Spline(line[None]).moved(float(place) * moved, 0.0)[0][0]
+            Spline(line[None]).shifted(float(place) * moved, 0.0)[0][0]
             for line, place in zip(radiance, places, strict=True)
         ]
     )
 
 
-def picture(found: Slice, *, unit: str = "mm", scale: float = 1e3) -> NDArray[np.uint8]:
-    """The slice with labelled axes, uint8 (height, width, 3) in sRGB; each view is twelve pixels thick.
+def draw_slice(epi: EpipolarSlice, *, unit: str = "mm", scale: float = 1e3) -> NDArray[np.uint8]:
+    """Draw a slice with labelled axes, uint8 (height, width, 3) in sRGB; each view is twelve pixels thick.
 
     Parameters
     ----------
-    unit, scale : of the views' places: the unit's name, and how many of it are one of `places`.
+    unit, scale : of the views' places: the name of the unit, and its number in one of `places`.
     """
     import PIL.Image
     import PIL.ImageDraw
 
-    body = np.repeat(srgb.to_uint8(found.radiance), _THICK, axis=0)
+    body = np.repeat(srgb.to_uint8(epi.radiance), _THICK, axis=0)
     height, width = body.shape[:2]
     whole = PIL.Image.new("RGB", (_LEFT + width + 2 * _MARGIN, height + _BOTTOM + _TOP), _PAPER)
     whole.paste(PIL.Image.fromarray(body), (_LEFT, _TOP))
     draw = PIL.ImageDraw.Draw(whole)
 
     # Places of the views, from top to bottom as they are read.
-    shown = sorted({round(number) for number in np.linspace(0, len(found.places) - 1, min(_TICKS, len(found.places)))})
+    shown = sorted({round(number) for number in np.linspace(0, len(epi.places) - 1, min(_TICKS, len(epi.places)))})
     for number in shown:
         y = _TOP + (number + 0.5) * _THICK
         draw.line((_LEFT - _TICK, y, _LEFT, y), _INK)
-        _write(draw, (_LEFT - _TICK - 2, y), f"{found.places[number] * scale:.3g}", "rm")
-    name = "u" if found.direction == "horizontal" else "v"
+        _write(draw, (_LEFT - _TICK - 2, y), f"{epi.places[number] * scale:.3g}", "rm")
+    name = "u" if epi.direction == "horizontal" else "v"
     _write(draw, (_LEFT - _TICK - 2, _TOP / 2), f"{name} ({unit})", "rm")
 
     # Tangents along the pixels.
     for number in {round(number) for number in np.linspace(0, width - 1, _TICKS)}:
         x = _LEFT + number + 0.5
         draw.line((x, _TOP + height, x, _TOP + height + _TICK), _INK)
-        _write(draw, (x, _TOP + height + _TICK + 2), f"{found.tangents[number]:.2f}", "ma")
-    axis = "s (tangent to the right)" if found.direction == "horizontal" else "t (tangent up)"
+        _write(draw, (x, _TOP + height + _TICK + 2), f"{epi.tangents[number]:.2f}", "ma")
+    axis = "s (tangent to the right)" if epi.direction == "horizontal" else "t (tangent up)"
     _write(draw, (_LEFT + width / 2, _TOP + height + _BOTTOM - 6), axis, "mm")
     return np.asarray(whole)
 
 
 def slope_distance(field: LightField, slope: float) -> float:
-    """Distance (m) of what moves by `slope` pixels for each metre that a view is farther to the right; inf at most.
+    """Convert a slope (pixels for each metre that a view is farther to the right) to a distance (m); inf at most.
 
     From x - u (w - w0): -slope is (w - w0) over a pixel's edge.
     """
@@ -156,6 +154,7 @@ def slope_distance(field: LightField, slope: float) -> float:
 
 
 def _write(draw: "PIL.ImageDraw.ImageDraw", place: tuple[float, float], text: str, anchor: str) -> None:
+    """Write a label."""
     import PIL.ImageFont
 
     draw.text(place, text, _INK, PIL.ImageFont.load_default(_TEXT), anchor=anchor)

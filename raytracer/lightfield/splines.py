@@ -1,6 +1,6 @@
-"""Views taken between pixels: moved as a whole, or each pixel from a place of its own.
+"""Cubic B-splines through all pixels of a view, by which it is sampled between pixels.
 
-By cubic B-splines that go through all pixels, which blur least of all that four pixels a side can give.
+They blur least of all kernels that are four pixels wide.
 
 References: Unser, Aldroubi, Eden 1993, "B-Spline Signal Processing"; Thevenaz, Blu, Unser 2000, "Interpolation
     Revisited".
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 
 class Spline:
-    """A picture between its pixels; beyond its edges it is mirrored, and marked as not seen.
+    """Spline through the pixels of a picture; beyond its edges the picture is mirrored, and marked as not seen.
 
     Parameters
     ----------
@@ -28,12 +28,12 @@ class Spline:
         self.shape: tuple[int, int] = (planes.shape[1], planes.shape[2])
         self._planes = np.stack([ndimage.spline_filter(plane, order=3, mode="mirror") for plane in planes])
 
-    def moved(self, right: float, down: float) -> tuple[NDArray[np.float64], tuple[slice, slice]]:
-        """The picture with its pixel (y + down, x + right) at (y, x), and where it is seen: rows and columns.
+    def shifted(self, right: float, down: float) -> tuple[NDArray[np.float64], tuple[slice, slice]]:
+        """Shift the picture: that at (y + down, x + right) comes to (y, x).
 
         Returns
         -------
-        Of the picture's own shape, and slices of its rows and columns (empty where nothing is seen).
+        The shifted picture, of the same shape, and the slices of its rows and columns that are seen (empty for none).
         """
         height, width = self.shape
         moved = _along(_along(self._planes, right, 2), down, 1)
@@ -44,29 +44,30 @@ class Spline:
     def at(
         self, down: NDArray[np.float64], right: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Values at places in pixels from the middle of the first one, and whether they are within the picture.
+        """Sample the picture at places (pixels from the middle of the first one).
 
         Returns
         -------
-        Of the places' shape, with a last axis of channels where the picture has one.
+        Values of the places' shape, with a last axis of channels where the picture has one; True within the picture.
         """
         from scipy import ndimage
 
         height, width = self.shape
         places = np.stack([down, right])
-        found = np.stack(
+        values = np.stack(
             [ndimage.map_coordinates(plane, places, order=3, mode="mirror", prefilter=False) for plane in self._planes]
         )
-        # A pixel's outer half still shows what it saw.
+        # The outer half of a pixel at the edge is within, too.
         is_seen = (down >= -0.5) & (down <= height - 0.5) & (right >= -0.5) & (right <= width - 0.5)
-        return self._formed(found), is_seen
+        return self._formed(values), is_seen
 
     def _formed(self, planes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Bring planes of channels into the shape of the picture."""
         return planes[0] if self.is_flat else np.moveaxis(planes, 0, -1)
 
 
 def _along(planes: NDArray[np.float64], shift: float, axis: int) -> NDArray[np.float64]:
-    """The spline whose coefficients are given at each index plus `shift` along an axis."""
+    """Evaluate a spline of given coefficients at each index plus `shift` along an axis."""
     size = planes.shape[axis]
     whole = math.floor(shift)
     part = shift - whole
@@ -85,16 +86,16 @@ def _along(planes: NDArray[np.float64], shift: float, axis: int) -> NDArray[np.f
 
 
 def _from(planes: NDArray[np.float64], offset: int, size: int, axis: int) -> NDArray[np.float64]:
-    """The values at each index plus `offset`, mirrored at the first and last one."""
+    """Return the values at each index plus `offset`, mirrored at the first and last one."""
     if offset == 0:
         return planes
     index = np.arange(offset, offset + size)
-    # Mirrored in the middles of the outer pixels: of period 2 (size - 1).
+    # Mirrored at the middles of the outer pixels: the period is 2 (size - 1).
     period = max(1, 2 * (size - 1))
     index = np.abs((index + size - 1) % period - (size - 1)) if size > 1 else np.zeros_like(index)
     return planes.take(index, axis=axis)
 
 
-def tone(radiance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Square roots of linear values, negative ones as 0: noise of light is about the same for all of them."""
+def sqrt_tone(radiance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Take square roots of linear values, negative ones as 0, which makes photon noise about equal for all."""
     return np.sqrt(np.maximum(radiance, 0.0))

@@ -1,4 +1,4 @@
-"""The opening through which a light field is seen: chosen after the shot."""
+"""Synthetic aperture: the opening of the lens, chosen after the shot, as weights of the views."""
 
 import math
 from typing import Any
@@ -6,43 +6,43 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.errors import InputError
-from raytracer.lenses.diaphragm import covers
-from raytracer.plenoptic.focusing import spacing
-from raytracer.plenoptic.views import Views
+from raytracer.film.light_field.focusing import view_spacing
+from raytracer.film.light_field.views import Views
+from raytracer.optics.lens_system.diaphragm import aperture_transmission
+from raytracer.util.errors import InputError
 
-# Points along the edge of a cell, by which to measure what of it an opening covers: the area of a disc of 15 cells
-# comes out to 3e-5.
+# Points along the edge of a cell, by which the part that an opening covers is measured: the area of a disc of 15 cells
+# is then right to 3e-5.
 _POINTS = 64
 
-# Of a shape that is asked point by point.
+# The same for a shape that is evaluated point by point, which is slower.
 _POINTS_OF_SHAPE = 24
 
-# What is left of rounding where an opening is as wide as the lens.
+# Rounding that is allowed where an opening is as wide as the lens.
 _ROUNDING = 1e-9
 
 
-def transmitted(
+def opening_transmission(
     right: NDArray[np.float64], up: NDArray[np.float64], diameter: float, shape: Any = None
 ) -> NDArray[np.float64]:
-    """Which part of the light at places in the plane of the views (m) an opening lets through, 0 to 1.
+    """Compute the transmission of an opening at places in the plane of the views (m), 0 to 1.
 
     Parameters
     ----------
-    diameter : of the round opening that is as large (m).
+    diameter : of the disc of the same area (m).
     shape : a packed aperture; None for a disc.
     """
     radius = 0.5 * diameter
     x, y = right / radius, up / radius
     if shape is None:
         return np.asarray(np.hypot(x, y) <= 1.0, dtype=np.float64)
-    return np.asarray(np.vectorize(lambda a, b: covers(shape, a, b), otypes=[np.float64])(x, y))
+    return np.asarray(np.vectorize(lambda a, b: aperture_transmission(shape, a, b), otypes=[np.float64])(x, y))
 
 
 def cell_weights(
     views: Views, diameter: float | None = None, shape: Any = None, center: tuple[float, float] = (0.0, 0.0)
 ) -> NDArray[np.float64]:
-    """The part of each view's cell that an opening covers: float64 (rows, columns), 0 to 1.
+    """Compute the part of each view's cell that an opening covers: float64 (rows, columns), 0 to 1.
 
     The cell of a view without one of its own reaches half way to its neighbours.
 
@@ -68,11 +68,11 @@ def cell_weights(
         )
     if views.rows * views.columns == 1:
         return np.ones((1, 1))
-    step = spacing(views)
+    step = view_spacing(views)
     width, height = views.cell or (step.right or step.up, step.up or step.right)
     across, down = np.ptp(views.position.reshape(-1, 2), axis=0)
     reach = math.hypot(across + width, down + height)
-    # Of a lens there may be views of its middle alone, and nobody has asked for the rest.
+    # Views may cover the middle of a lens alone; then only an opening that was asked for is refused.
     if diameter > reach * (1.0 + _ROUNDING) and not is_lens:
         raise InputError(
             f"an opening of {1e3 * diameter:.4g} mm is wider than all views together, {1e3 * reach:.4g} mm"
@@ -81,7 +81,7 @@ def cell_weights(
     inside = (np.arange(count) + 0.5) / count - 0.5
     right = views.position[..., 0, None, None] + width * inside - center[0]
     up = views.position[..., 1, None, None] + height * inside[:, None] - center[1]
-    weights = transmitted(right, up, diameter, shape).mean(axis=(-2, -1))
+    weights = opening_transmission(right, up, diameter, shape).mean(axis=(-2, -1))
     if not weights.any():
         away = math.dist(center, (0.0, 0.0))
         raise InputError(f"no view lies within an opening of {1e3 * diameter:.4g} mm, {1e3 * away:.4g} mm off the axis")

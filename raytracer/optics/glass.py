@@ -1,4 +1,4 @@
-"""What clear materials do to light of each wavelength: their index of refraction.
+"""Glass and other clear materials: their index of refraction by wavelength.
 
 In a lens file, or as the `ior` of a material:
 
@@ -8,7 +8,7 @@ In a lens file, or as the `ior` of a material:
     {cauchy: [1.5046, 0.0042]}                # n = A + B / l^2 + C / l^4, with l in micrometres
     {sellmeier: {b: [1.03961212, 0.231792344, 1.01046945], c: [0.00600069867, 0.0200179144, 103.560653]}}
 
-Wavelengths are nanometres, in air.  A formula is good for light that is seen: from 360 to 830 nm it must give what
+Wavelengths are nanometres, in air.  A formula is for visible light: from 360 to 830 nm it must give an index that
 glass can have, and from 300 to 2500 nm it must have no pole.
 
 References: Born, Wolf 1999, "Principles of Optics", 7th ed., sec. 2.3.4; Sellmeier 1871; Cauchy 1836.
@@ -25,12 +25,13 @@ from pydantic import GetCoreSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-from raytracer.errors import nearest, shown, suggestion
-from raytracer.spec import Check, Quantity, at
-from raytracer.units import parse_quantity, quantity_pattern
+from raytracer.schema.fields import Check, Quantity
+from raytracer.schema.spec import field_error
+from raytracer.schema.units import parse_quantity, quantity_pattern
+from raytracer.util.errors import closest_name, format_value, suggest_name
 
 LINE_D = 587.5618
-"""The yellow line of helium (nm), at which glasses are told by one index."""
+"""The yellow line of helium (nm), at which a single index of glass is given."""
 
 LINE_F = 486.1327
 """The blue line of hydrogen (nm)."""
@@ -38,21 +39,23 @@ LINE_F = 486.1327
 LINE_C = 656.2725
 """The red line of hydrogen (nm)."""
 
-_SEEN = np.arange(360.0, 831.0)
+_VISIBLE_NM = np.arange(360.0, 831.0)
 _POLE_FREE = (0.3, 2.5)
 
-MOST_INDEX = 5.0
+MAX_INDEX = 5.0
 """No clear material has a greater index: that of germanium, in the infrared, is 4."""
 
 
 class Glass(NamedTuple):
     """A clear material: n^2 = base + sum of b l^2 / (l^2 - c), or n = base + sum of a_k / l^2k; l in micrometres.
 
-    name : as messages and reports call it.
+    Attributes
+    ----------
+    name : in messages and reports.
     base : the constant term.
     b, c : of Sellmeier's formula, c in square micrometres; empty for Cauchy's.
     a : of Cauchy's formula, a_k in micrometres^2k; empty for Sellmeier's.
-    told : n_d and V_d, if it was told by them; else empty.
+    source_values : n_d and V_d, if it was given by them; else empty.
     """
 
     name: str
@@ -60,14 +63,14 @@ class Glass(NamedTuple):
     b: tuple[float, ...] = ()
     c: tuple[float, ...] = ()
     a: tuple[float, ...] = ()
-    told: tuple[float, ...] = ()
+    source_values: tuple[float, ...] = ()
 
     def disperses(self) -> bool:
-        """Whether the index depends on the wavelength."""
+        """Return True if the index depends on the wavelength."""
         return any(self.b) or any(self.a)
 
     def ior(self, wavelength: ArrayLike = LINE_D) -> NDArray[np.float64]:
-        """Index of refraction at wavelengths (nm), of their shape."""
+        """Compute the index of refraction at wavelengths (nm), of their shape."""
         square = (1e-3 * np.asarray(wavelength, np.float64)) ** 2
         if self.b:
             terms = sum((b * square / (square - c) for b, c in zip(self.b, self.c, strict=True)), np.zeros_like(square))
@@ -76,16 +79,16 @@ class Glass(NamedTuple):
         return np.asarray(self.base + terms)
 
     def abbe(self) -> float:
-        """The Abbe number V_d; infinite for what does not disperse."""
+        """Compute the Abbe number V_d; infinite without dispersion."""
         d, f, c = (float(self.ior(line)) for line in (LINE_D, LINE_F, LINE_C))
         return (d - 1.0) / (f - c) if f != c else math.inf
 
-    def written(self) -> Any:
-        """What a file says for it: a number, a name or a mapping."""
+    def to_plain(self) -> Any:
+        """Convert to the value of a file: a number, a name or a mapping."""
         if self.disperses() and CATALOGUE.get(self.name) == self:
             return self.name
-        if self.told:
-            return dict(zip(("index", "abbe"), self.told, strict=True))
+        if self.source_values:
+            return dict(zip(("index", "abbe"), self.source_values, strict=True))
         if self.b:
             return {"sellmeier": {"b": list(self.b), "c": list(self.c)}}
         return {"cauchy": [self.base, *self.a]} if self.a else self.base
@@ -94,16 +97,16 @@ class Glass(NamedTuple):
 AIR = Glass("air", 1.0)
 
 
-def constant(ior: float) -> Glass:
-    """What has the same index for all wavelengths."""
+def constant_index_glass(ior: float) -> Glass:
+    """Make a glass with the same index for all wavelengths."""
     return AIR if ior == 1.0 else Glass(f"{ior:g}", ior)
 
 
-def of_abbe(index: float, abbe: float) -> Glass:
-    """Cauchy's formula with two terms, through n_d and V_d."""
+def glass_from_abbe(index: float, abbe: float) -> Glass:
+    """Make a glass by Cauchy's formula with two terms, through n_d and V_d."""
     d, f, c = (1e-3 * line for line in (LINE_D, LINE_F, LINE_C))
     b = (index - 1.0) / abbe / (f**-2 - c**-2)
-    return Glass(f"{index:g}/{abbe:g}", index - b / d**2, a=(b,), told=(index, abbe))
+    return Glass(f"{index:g}/{abbe:g}", index - b / d**2, a=(b,), source_values=(index, abbe))
 
 
 # Schott's optical glass, by the constants of its data sheets of 2017, Zemax catalogue 2017-01-20b.
@@ -178,13 +181,13 @@ _PLASTICS = {
 
 CATALOGUE: Mapping[str, Glass] = {
     **{glass.name: glass for glass in (*_SCHOTT, *_MEASURED)},
-    **{name: of_abbe(*told)._replace(name=name) for name, told in _PLASTICS.items()},
+    **{name: glass_from_abbe(*values)._replace(name=name) for name, values in _PLASTICS.items()},
     "air": AIR,
 }
 """Common glasses, crystals, plastics and water by name; Schott's glasses by the names of its data sheets."""
 
 
-# ---- As files have them
+# ---- Glasses in files
 
 _FORMS = {
     "index": "{index: 1.5168, abbe: 64.17}",
@@ -192,44 +195,44 @@ _FORMS = {
     "sellmeier": "{sellmeier: {b: [...], c: [...]}}",
 }
 
-_INDEX = Quantity(low=0.0, low_open=True, high=MOST_INDEX)
+_INDEX = Quantity(low=0.0, low_open=True, high=MAX_INDEX)
 _ABBE = Quantity(low=5.0, high=200.0)
 _COEFFICIENT = Quantity()
-_MOST_TERMS = 8
+_MAX_TERMS = 8
 
 
-def named(name: str) -> Glass:
-    """The glass of the catalogue that has this name.
+def catalogue_glass(name: str) -> Glass:
+    """Find the glass of the catalogue with this name.
 
     Raises
     ------
-    ValueError : there is none; it comes with the nearest one that there is.
+    ValueError : there is none; the message suggests the nearest name.
     """
     if name in CATALOGUE:
         return CATALOGUE[name]
-    close = suggestion(name, CATALOGUE, "glasses")
-    raise ValueError(f"unknown glass {shown(name)}; {close} (any can be given by {_FORMS['index']})")
+    close = suggest_name(name, CATALOGUE, "glasses")
+    raise ValueError(f"unknown glass {format_value(name)}; {close} (any can be given by {_FORMS['index']})")
 
 
-def nearest_name(name: str) -> str | None:
-    """The name of the catalogue that is spelt most like `name`, if any comes near."""
-    return nearest(name, CATALOGUE)
+def closest_glass_name(name: str) -> str | None:
+    """Find the name in the catalogue that is spelt most like `name`, if any is near."""
+    return closest_name(name, CATALOGUE)
 
 
-def glass_of(value: Any) -> Glass:
-    """The glass that a scene or a lens file means by a number, a name or a mapping.
+def parse_glass(value: Any) -> Glass:
+    """Parse the glass of a scene or a lens file: a number, a name or a mapping.
 
     Raises
     ------
-    ValueError : what is wrong with it; a name that is not known comes with the nearest one that is.
+    ValueError : it is not valid; for an unknown name the message suggests the nearest one.
     """
     if isinstance(value, Glass):
         return value
     if isinstance(value, Mapping):
-        return _seen(_of_mapping(value))
+        return _check_visible_index(_parse_mapping(value))
     if isinstance(value, str) and not _is_number(value):
-        return named(value)
-    return constant(_INDEX(value))
+        return catalogue_glass(value)
+    return constant_index_glass(_INDEX(value))
 
 
 def _is_number(text: str) -> bool:
@@ -240,25 +243,27 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _of_mapping(value: Mapping[Any, Any]) -> Glass:
+def _parse_mapping(value: Mapping[Any, Any]) -> Glass:
     keys = set(value)
     if keys <= {"index", "abbe"} and keys:
         index, abbe = (_item(value, key, check) for key, check in (("index", _INDEX), ("abbe", _ABBE)))
-        return of_abbe(index, abbe)
+        return glass_from_abbe(index, abbe)
     if keys == {"cauchy"}:
         base, *a = _numbers(value["cauchy"], ("cauchy",))
-        return Glass(f"Cauchy {base:g}", base, a=tuple(a)) if any(a) else constant(base)
+        return Glass(f"Cauchy {base:g}", base, a=tuple(a)) if any(a) else constant_index_glass(base)
     if keys == {"sellmeier"}:
         terms = value["sellmeier"]
         if not isinstance(terms, Mapping) or set(terms) != {"b", "c"}:
-            at("sellmeier", "must hold b and c: {b: [...], c: [...]}")
+            field_error("sellmeier", "must hold b and c: {b: [...], c: [...]}")
         b, c = (_numbers(terms[key], ("sellmeier", key)) for key in ("b", "c"))
         if len(b) != len(c):
-            at("sellmeier", f"must hold as many b as c, got {len(b)} and {len(c)}")
+            field_error("sellmeier", f"must hold as many b as c, got {len(b)} and {len(c)}")
         for number, pole in enumerate(c):
             if b[number] != 0.0 and _POLE_FREE[0] ** 2 <= pole <= _POLE_FREE[1] ** 2:
                 wave = 1e3 * math.sqrt(pole)
-                at(("sellmeier", "c", number), f"puts a pole at {wave:.4g} nm: from 300 to 2500 nm there must be none")
+                field_error(
+                    ("sellmeier", "c", number), f"puts a pole at {wave:.4g} nm: from 300 to 2500 nm there must be none"
+                )
         return Glass("Sellmeier", 1.0, tuple(b), tuple(c))
     known = " or ".join(_FORMS.values())
     raise ValueError(f"must be {known}, got a mapping of {', '.join(map(str, value)) or 'nothing'}")
@@ -266,84 +271,89 @@ def _of_mapping(value: Mapping[Any, Any]) -> Glass:
 
 def _item(value: Mapping[Any, Any], key: str, check: Quantity) -> float:
     if key not in value:
-        at(key, f"is missing: a glass is told by {_FORMS['index']}")
+        field_error(key, f"is missing: a glass is given by {_FORMS['index']}")
     try:
         return check(value[key])
     except ValueError as error:
-        at(key, str(error))
+        field_error(key, str(error))
 
 
 def _numbers(value: Any, path: tuple[str, ...]) -> list[float]:
-    if not isinstance(value, list | tuple) or not 1 <= len(value) <= _MOST_TERMS:
-        at(path, f"must be a list of 1 to {_MOST_TERMS} numbers, got {shown(value)}")
-    found = []
+    if not isinstance(value, list | tuple) or not 1 <= len(value) <= _MAX_TERMS:
+        field_error(path, f"must be a list of 1 to {_MAX_TERMS} numbers, got {format_value(value)}")
+    numbers = []
     for number, item in enumerate(value):
         try:
-            found.append(_COEFFICIENT(item))
+            numbers.append(_COEFFICIENT(item))
         except ValueError as error:
-            at((*path, number), str(error))
-    return found
+            field_error((*path, number), str(error))
+    return numbers
 
 
-def _seen(glass: Glass) -> Glass:
-    """The glass, if its index is one for all light that is seen."""
+def _check_visible_index(glass: Glass) -> Glass:
+    """Return the glass, if its index is possible for all visible light."""
     with np.errstate(all="ignore"):
-        ior = glass.ior(_SEEN)
-    wrong = ~((ior >= 1.0) & (ior <= MOST_INDEX))
+        ior = glass.ior(_VISIBLE_NM)
+    wrong = ~((ior >= 1.0) & (ior <= MAX_INDEX))
     if wrong.any():
         first = int(np.argmax(wrong))
         raise ValueError(
-            f"gives the index {ior[first]:.4g} at {_SEEN[first]:g} nm: from 360 to 830 nm it must be between 1 and "
-            f"{MOST_INDEX:g}"
+            f"gives the index {ior[first]:.4g} at {_VISIBLE_NM[first]:g} nm: from 360 to 830 nm it must be between "
+            f"1 and "
+            f"{MAX_INDEX:g}"
         )
     return glass
 
 
 @dataclass(frozen=True)
-class Index(Check):
+class GlassCheck(Check):
     """Annotation of a field that holds a `Glass`: a number, a name of the catalogue, or a mapping."""
 
     def __call__(self, value: Any) -> Glass:
-        """The glass that is meant.
+        """Parse a glass.
 
         Raises
         ------
-        ValueError : it means none.
+        ValueError : it is not valid.
         """
-        return glass_of(value)
+        return parse_glass(value)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(
-            self, serialization=core_schema.plain_serializer_function_ser_schema(lambda glass: glass.written())
+            self, serialization=core_schema.plain_serializer_function_ser_schema(lambda glass: glass.to_plain())
         )
 
     def json_schema(self) -> JsonSchemaValue:
-        """A number, a name, or one of the mappings."""
-        number: JsonSchemaValue = {"type": "number", "exclusiveMinimum": 0, "maximum": MOST_INDEX}
+        """Describe a number, a name, or one of the mappings."""
+        number: JsonSchemaValue = {"type": "number", "exclusiveMinimum": 0, "maximum": MAX_INDEX}
         abbe: JsonSchemaValue = {"type": "number", "minimum": 5, "maximum": 200}
         numbers: JsonSchemaValue = {
             "type": "array",
             "items": {"type": "number"},
             "minItems": 1,
-            "maxItems": _MOST_TERMS,
+            "maxItems": _MAX_TERMS,
         }
         text = {"type": "string", "pattern": quantity_pattern("number")}
         strengths = {**numbers, "description": "strengths b of the terms b l^2 / (l^2 - c)"}
         poles = {**numbers, "description": "constants c of the terms (um^2), as many"}
-        terms = _closed({"b": strengths, "c": poles})
+        terms = _closed_schema({"b": strengths, "c": poles})
         by_abbe = {
             "index": {**number, "description": "index at the d line, 587.6 nm"},
             "abbe": {**abbe, "description": "Abbe number V_d; n = A + B / l^2 then goes through both"},
         }
         cauchy = {**numbers, "description": "A, B, C ... of n = A + B / l^2 + C / l^4 + ..., l in um"}
         sellmeier = {**terms, "description": "n^2 = 1 + the sum of b l^2 / (l^2 - c), l in um"}
-        mappings = [_closed(by_abbe), _closed({"cauchy": cauchy}), _closed({"sellmeier": sellmeier})]
+        mappings = [
+            _closed_schema(by_abbe),
+            _closed_schema({"cauchy": cauchy}),
+            _closed_schema({"sellmeier": sellmeier}),
+        ]
         return {"anyOf": [number, {"enum": list(CATALOGUE)}, text, *mappings]}
 
 
-def _closed(properties: JsonSchemaValue) -> JsonSchemaValue:
+def _closed_schema(properties: JsonSchemaValue) -> JsonSchemaValue:
     return {"type": "object", "properties": properties, "required": list(properties), "additionalProperties": False}
 
 
-IndexField: TypeAlias = Annotated[Glass, Index()]
+IndexField: TypeAlias = Annotated[Glass, GlassCheck()]
 """An index of refraction, which may depend on the wavelength."""

@@ -1,4 +1,4 @@
-"""Sensors: their sizes, and what they do to light besides recording it.
+"""Sensors in scenes: their formats, and the settings of their simulation.
 
 In a scene:
 
@@ -15,8 +15,9 @@ from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, model_va
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-from raytracer.errors import shown, suggestion
-from raytracer.spec import Check, Count, PositiveOptic, Quantity, Spec, at
+from raytracer.schema.fields import Check, Count, PositiveLensLength, Quantity
+from raytracer.schema.spec import Spec, field_error
+from raytracer.util.errors import format_value, suggest_name
 
 SENSORS = {
     "medium_format": (53.7, 40.2),
@@ -29,19 +30,19 @@ SENSORS = {
     "1/2.3-inch": (6.16, 4.62),
     "1/3.2-inch": (4.54, 3.42),
 }
-"""Width and height (mm) of the sensors that have names."""
+"""Width and height (mm) of the named formats."""
 
-_MOST_BITS = 16
+_MAX_BITS = 16
 
 
-class Size(NamedTuple):
+class SensorSize(NamedTuple):
     """Width and height of a part of a sensor (mm)."""
 
     width: float
     height: float
 
 
-def _plain(name: str) -> str:
+def _normalize_name(name: str) -> str:
     return name.lower().replace("-", "_").replace(" ", "_").removesuffix("_inch")
 
 
@@ -49,14 +50,14 @@ class _Format(Check):
     """The name of a sensor; hyphens, blanks and underscores are the same, and `inch` may be left out."""
 
     def __call__(self, value: Any) -> str:
-        known = {_plain(name): name for name in SENSORS}
+        known = {_normalize_name(name): name for name in SENSORS}
         text = str(value) if isinstance(value, str | int) and not isinstance(value, bool) else ""
-        if _plain(text) not in known:
-            raise ValueError(f"unknown sensor {shown(value)}; {suggestion(text, SENSORS, 'sensors')}")
-        return known[_plain(text)]
+        if _normalize_name(text) not in known:
+            raise ValueError(f"unknown sensor {format_value(value)}; {suggest_name(text, SENSORS, 'sensors')}")
+        return known[_normalize_name(text)]
 
     def json_schema(self) -> JsonSchemaValue:
-        """The names as this module writes them."""
+        """List the names as this module writes them."""
         return {"enum": list(SENSORS)}
 
 
@@ -64,11 +65,11 @@ class SensorSpec(Spec):
     """A sensor, by its name, `sensor: full_frame`, or by its size and by what it does to light."""
 
     format: Annotated[str, _Format()] | None = Field(default=None, description=f"name of a size: {', '.join(SENSORS)}")
-    width: PositiveOptic | None = Field(default=None, description="width (mm), in place of a name")
-    height: PositiveOptic | None = Field(default=None, description="height (mm), in place of a name")
+    width: PositiveLensLength | None = Field(default=None, description="width (mm), in place of a name")
+    height: PositiveLensLength | None = Field(default=None, description="height (mm), in place of a name")
     noise: bool = Field(
         default=False,
-        description="whether the sensor is simulated: photon shot noise, read noise, saturation and whole numbers; "
+        description="whether the sensor is simulated: photon shot noise, read noise, saturation and quantization; "
         "without it the keys below do nothing",
     )
     full_well: Annotated[float, Quantity(low=1.0, high=1e9)] = Field(
@@ -80,10 +81,10 @@ class SensorSpec(Spec):
     base_iso: Annotated[float, Quantity(low=1.0, high=1e6)] = Field(
         default=100.0, description="ISO speed at which a full well is the largest number; a higher one amplifies"
     )
-    bit_depth: Annotated[int, Count(1, _MOST_BITS)] = Field(
+    bit_depth: Annotated[int, Count(1, _MAX_BITS)] = Field(
         default=14, description="bits of the numbers that the converter gives"
     )
-    black_level: Annotated[int, Count(0, 2**_MOST_BITS - 2)] | None = Field(
+    black_level: Annotated[int, Count(0, 2**_MAX_BITS - 2)] | None = Field(
         default=None,
         description="number that the converter gives for no light, which is subtracted again; default: 1/32 of the "
         "range, which is 512 of 14 bits",
@@ -100,7 +101,7 @@ class SensorSpec(Spec):
     @model_validator(mode="after")
     def _black_is_below_white(self) -> "SensorSpec":
         if self.black() >= self.white():
-            at("black_level", f"must be less than the largest number of {self.bit_depth} bits, {self.white()}")
+            field_error("black_level", f"must be less than the largest number of {self.bit_depth} bits, {self.white()}")
         return self
 
     def white(self) -> int:
@@ -114,10 +115,10 @@ class SensorSpec(Spec):
     @model_validator(mode="after")
     def _one_size(self) -> "SensorSpec":
         if self.format is not None and (self.width is not None or self.height is not None):
-            at("format", "format and width and height both set the size of the sensor: give one of them")
+            field_error("format", "format and width and height both set the size of the sensor: give one of them")
         if (self.width is None) != (self.height is None):
             given, missing = ("width", "height") if self.height is None else ("height", "width")
-            at(given, f"{missing} is missing: a sensor's size is its width and its height")
+            field_error(given, f"{missing} is missing: a sensor's size is its width and its height")
         return self
 
     @model_validator(mode="after")
@@ -125,16 +126,16 @@ class SensorSpec(Spec):
         idle = self.model_fields_set - {"format", "width", "height"}
         if idle and "noise" not in idle:
             key = next(key for key in type(self).model_fields if key in idle)
-            at(key, f"{key} does nothing without noise: true, which simulates the sensor")
+            field_error(key, f"{key} does nothing without noise: true, which simulates the sensor")
         return self
 
-    def size(self) -> Size | None:
-        """Width and height (mm); None where they are not given."""
+    def size(self) -> SensorSize | None:
+        """Return width and height (mm); None if they are not given."""
         if self.format is not None:
-            return Size(*SENSORS[self.format])
+            return SensorSize(*SENSORS[self.format])
         if self.width is None or self.height is None:
             return None
-        return Size(self.width, self.height)
+        return SensorSize(self.width, self.height)
 
 
 class _OrFormat:
@@ -153,12 +154,12 @@ class _OrFormat:
 SensorField: TypeAlias = Annotated[SensorSpec, _OrFormat()]
 
 
-def fitted(sensor: Size, width: int, height: int, fit: str) -> Size:
-    """The part of a sensor that a film of width x height square pixels shows (mm), which may reach beyond it.
+def fit_sensor(sensor: SensorSize, width: int, height: int, fit: str) -> SensorSize:
+    """Fit the shape of a film of width x height square pixels to a sensor (mm); the result may reach beyond it.
 
     fit : `crop`, the largest part of the film's shape; `overscan`, the smallest such rectangle around the sensor;
         `horizontal` or `vertical`, the one with the sensor's width or height.
     """
     across, down = sensor.width / width, sensor.height / height
     pixel = {"crop": min(across, down), "overscan": max(across, down), "horizontal": across, "vertical": down}[fit]
-    return Size(pixel * width, pixel * height)
+    return SensorSize(pixel * width, pixel * height)

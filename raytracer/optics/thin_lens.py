@@ -1,4 +1,4 @@
-"""The arithmetic of cameras: lens, blur, depth of field, exposure.
+"""Formulas of thin lenses and exposure: image distance, blur, depth of field, exposure values.
 
 Lengths are in one unit, whichever it is, unless a name says otherwise; an infinite distance is `math.inf`.
 
@@ -11,11 +11,12 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from raytracer.errors import shown
-from raytracer.spec import Fraction, Quantity, Spec, at
+from raytracer.schema.fields import Fraction, Quantity
+from raytracer.schema.spec import Spec, field_error
+from raytracer.util.errors import format_value
 
 WHITE_EFFICACY = 179.0
-"""Lumens of a watt of white light, evenly spread over the visible spectrum.
+"""Luminous efficacy (lm/W) of white light, evenly spread over the visible spectrum.
 
 References: Ward 1994, "The RADIANCE Lighting Simulation and Rendering System", SIGGRAPH '94.
 """
@@ -27,7 +28,7 @@ It leaves half a stop above a white surface where grey of 18 % has the exposure 
 """
 
 MEAN_EXPOSURE = 10.0
-"""Mean exposure (lx s) of a picture that is exposed well, times the ISO speed: S_SOS = 10 / H (ISO 12232)."""
+"""Mean exposure (lx s) of a correctly exposed picture, times the ISO speed: S_SOS = 10 / H (ISO 12232)."""
 
 FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
 """Diagonal (mm) of the 35 mm frame, which equivalent focal lengths refer to: CIPA DCG-001."""
@@ -39,7 +40,7 @@ _GREEN_NM = 550.0
 
 
 def image_distance(focal_length: float, subject: float) -> float:
-    """Distance behind a thin lens at which a subject in front of it is sharp: 1/f = 1/z_i + 1/z_o.
+    """Compute the image distance of a thin lens for a subject: 1/f = 1/z_i + 1/z_o.
 
     Raises
     ------
@@ -52,26 +53,26 @@ def image_distance(focal_length: float, subject: float) -> float:
     return focal_length * subject / (subject - focal_length)
 
 
-def focal_length_of(image: float, subject: float) -> float:
-    """Focal length of the thin lens with these distances of image and subject: 1/f = 1/z_i + 1/z_o."""
+def focal_length_from_distances(image: float, subject: float) -> float:
+    """Compute the focal length of the thin lens with these distances of image and subject: 1/f = 1/z_i + 1/z_o."""
     return image if math.isinf(subject) else image * subject / (image + subject)
 
 
 def magnification(image: float, subject: float) -> float:
-    """Size of the image over that of the subject, z_i / z_o; 0 for a subject at infinity."""
+    """Compute the size of the image over that of the subject, z_i / z_o; 0 for a subject at infinity."""
     return image / subject
 
 
 def field_of_view(size: float, image: float) -> float:
-    """Angle (deg) that a sensor of this size sees, 2 atan(size / 2 z_i)."""
+    """Compute the angle (deg) that a sensor of this size sees, 2 atan(size / 2 z_i)."""
     return math.degrees(2.0 * math.atan(0.5 * size / image))
 
 
 def circle_of_confusion(pupil: float, image: float, focus: float, subject: float) -> float:
-    """Diameter, on the sensor, of the image of a point: A z_i |1/F - 1/s|, with the pupil's diameter A.
+    """Compute the diameter on the sensor of the image of a point: A z_i |1/F - 1/s|, with the pupil's diameter A.
 
-    It is the classical A |s - F| / s * f / (F - f), in a form that holds at infinity too.  A subject at 0 is in the
-    lens, and its blur infinite.
+    It is the classical A |s - F| / s * f / (F - f), in a form that holds at infinity too.  The blur of a subject
+    at 0, in the lens, is infinite.
     """
     if subject == 0.0:
         return math.inf
@@ -79,7 +80,7 @@ def circle_of_confusion(pupil: float, image: float, focus: float, subject: float
 
 
 def near_limit(focal_length: float, f_number: float, circle: float, focus: float) -> float:
-    """Nearest distance that is blurred by no more than `circle`: s f^2 / (f^2 + N c (s - f))."""
+    """Compute the nearest distance that is blurred by no more than `circle`: s f^2 / (f^2 + N c (s - f))."""
     square = focal_length * focal_length
     if math.isinf(focus):
         return square / (f_number * circle)
@@ -87,19 +88,19 @@ def near_limit(focal_length: float, f_number: float, circle: float, focus: float
 
 
 def far_limit(focal_length: float, f_number: float, circle: float, focus: float) -> float:
-    """Farthest distance that is blurred by no more than `circle`: s f^2 / (f^2 - N c (s - f)); may be infinite."""
+    """Compute the farthest distance blurred by no more than `circle`: s f^2 / (f^2 - N c (s - f)); may be infinite."""
     square = focal_length * focal_length
     rest = square - f_number * circle * (focus - focal_length)
     return focus * square / rest if rest > 0.0 else math.inf
 
 
 def hyperfocal(focal_length: float, f_number: float, circle: float) -> float:
-    """Focus distance from which on the far limit is infinite: f^2 / (N c) + f."""
+    """Compute the hyperfocal distance, from which on the far limit is infinite: f^2 / (N c) + f."""
     return focal_length * focal_length / (f_number * circle) + focal_length
 
 
 def airy_diameter_um(working_f_number: float) -> float:
-    """Diameter (um), to the first dark ring, of the disc to which diffraction spreads green light: 2.44 lambda N.
+    """Compute the diameter (um) of the Airy disc of green light, to the first dark ring: 2.44 lambda N.
 
     References: Airy 1835, "On the Diffraction of an Object-glass with Circular Aperture".
     """
@@ -107,7 +108,7 @@ def airy_diameter_um(working_f_number: float) -> float:
 
 
 def crop_factor(width_mm: float, height_mm: float) -> float:
-    """How many times the diagonal of this sensor fits into that of the 35 mm frame."""
+    """Compute the crop factor: the diagonal of the 35 mm frame over that of this sensor."""
     return FULL_FRAME_DIAGONAL_MM / math.hypot(width_mm, height_mm)
 
 
@@ -115,13 +116,16 @@ def crop_factor(width_mm: float, height_mm: float) -> float:
 
 
 def exposure_value(f_number: float, seconds: float, iso: float = 100.0) -> float:
-    """EV100, the light for which a setting is right: log2(N^2 / t) - log2(S / 100)."""
+    """Compute EV100 of an exposure setting: log2(N^2 / t) - log2(S / 100)."""
     return math.log2(f_number * f_number / seconds) - math.log2(iso / 100.0)
 
 
 class Metering(NamedTuple):
-    """How the brightness of a picture is measured: `mode`, and the middle and the diameter of a spot.
+    """Settings of metering: the mode, and the middle and the diameter of a spot.
 
+    Attributes
+    ----------
+    mode : `mean`, `center_weighted` or `spot`.
     x, y : fractions of the frame's width and height, from the top left.
     size : fraction of the frame's shorter side.
     """
@@ -132,16 +136,18 @@ class Metering(NamedTuple):
     size: float
 
 
-class Exposure(NamedTuple):
-    """What a camera tells the film of how it is exposed.
+class ExposureSettings(NamedTuple):
+    """Exposure settings of a camera.
 
-    seconds : for how long the shutter is open, at every place of the film; None if not known.
+    Attributes
+    ----------
+    seconds (s) : exposure time, the same at every place of the film; None if not known.
     iso : speed; None where metering chooses it.
-    compensation : stops by which the picture is to be brighter (EV).
+    compensation (EV) : stops by which the picture is to be brighter.
     metering : None where the speed is given.
     f_number : None if not known.
-    radiometric : whether the film has gathered irradiance (W/m2); else it has radiance (W/(m2 sr)).
-    slowest : the least speed that metering may choose; None for any.
+    radiometric : whether the film has irradiance (W/m2); else it has radiance (W/(m2 sr)).
+    base_iso : lowest speed that metering may choose; None for any.
     """
 
     seconds: float | None
@@ -150,7 +156,7 @@ class Exposure(NamedTuple):
     metering: Metering | None
     f_number: float | None
     radiometric: bool
-    slowest: float | None = None
+    base_iso: float | None = None
 
 
 class AutoExposure(Spec):
@@ -174,22 +180,22 @@ class AutoExposure(Spec):
         idle = self.model_fields_set - {"metering"}
         if self.metering != "spot" and idle:
             key = min(idle)
-            at(key, f"{key} belongs to metering: spot, and this is {self.metering}")
+            field_error(key, f"{key} belongs to metering: spot, and this is {self.metering}")
         return self
 
     def meter(self) -> Metering:
-        """What the film is told."""
+        """Make the settings of metering."""
         return Metering(self.metering, *self.at, self.size)
 
 
-def _auto(value: Any) -> Any:
+def _expand_auto(value: Any) -> Any:
     if value == "auto":
         return AutoExposure()
     if isinstance(value, str | int | float):
         raise ValueError(  # noqa: TRY004
-            f"must be auto, or a mapping (metering, at, size), got {shown(value)}; a given speed is the key iso"
+            f"must be auto, or a mapping (metering, at, size), got {format_value(value)}; a given speed is the key iso"
         )
     return value
 
 
-AutoExposureField: TypeAlias = Annotated[AutoExposure, BeforeValidator(_auto)]
+AutoExposureField: TypeAlias = Annotated[AutoExposure, BeforeValidator(_expand_auto)]

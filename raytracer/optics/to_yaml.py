@@ -1,4 +1,4 @@
-"""From a checked scene or lens back to plain values, and to YAML, which read as an equal one."""
+"""Conversion of a checked scene or lens to plain values and to YAML, from which an equal one is read."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -6,13 +6,14 @@ from typing import Any
 
 import yaml
 
-from raytracer.document import scalar
-from raytracer.glass import Glass
-from raytracer.spec import Spec, Transform
+from raytracer.optics.glass import Glass
+from raytracer.schema.spec import Spec
+from raytracer.schema.transform import Transform
+from raytracer.schema.yaml_parser import scalar
 
 _FIRST = ("type", "name")
 
-_LARGEST_WHOLE = 2.0**53
+_MAX_EXACT_INTEGER = 2.0**53
 
 _WIDTH = 120
 _INDENT = 4
@@ -21,43 +22,45 @@ _INDENT = 4
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
-def plain(spec: Spec) -> dict[str, Any]:
-    """A scene as dicts, lists, texts, numbers, bools and None, from which `load.build_plain` makes an equal one.
+def spec_to_plain(spec: Spec) -> dict[str, Any]:
+    """Convert a scene to dicts, lists, strings, numbers, bools and None; `load.build_plain` makes an equal one of them.
 
-    Keys that were not set are left out; numbers are in the units that plain numbers of a scene have.  It says what the
-    checked scene holds, overrides and changes in code included, whatever file it was loaded from.
+    Keys that were not set are left out; numbers are in the units that plain numbers of a scene have.  The result is
+    what the checked scene holds, overrides and changes in code included, whatever file it was loaded from.
     """
-    return {key: plain_value(getattr(spec, key)) for key in type(spec).model_fields if key in spec.model_fields_set}
+    return {key: value_to_plain(getattr(spec, key)) for key in type(spec).model_fields if key in spec.model_fields_set}
 
 
-def plain_value(value: Any) -> Any:
-    """A part of a scene likewise."""
+def value_to_plain(value: Any) -> Any:
+    """Convert a part of a scene as `spec_to_plain` does."""
     if isinstance(value, Spec):
-        return {key: plain_value(getattr(value, key)) for key in _keys(value)}
+        return {key: value_to_plain(getattr(value, key)) for key in _keys(value)}
     if isinstance(value, Transform):
-        return [plain_value(step) for step in value.steps] if value.matrix is None else {"matrix": _list(value.matrix)}
+        return (
+            [value_to_plain(step) for step in value.steps] if value.matrix is None else {"matrix": _list(value.matrix)}
+        )
     if isinstance(value, Glass):
-        return plain_value(value.written())
+        return value_to_plain(value.to_plain())
     if isinstance(value, tuple | list):
         return _list(value)
     if isinstance(value, Mapping):
-        return {key: plain_value(item) for key, item in value.items()}
+        return {key: value_to_plain(item) for key, item in value.items()}
     return value
 
 
 def _list(values: Any) -> list[Any]:
-    return [value if type(value) is float else plain_value(value) for value in values]
+    return [value if type(value) is float else value_to_plain(value) for value in values]
 
 
 def _keys(spec: Spec) -> list[str]:
-    """The keys that a mapping was given, what it is first; a kind always tells its type."""
+    """List the keys that a mapping was given, type and name first; a kind always has its type."""
     given = spec.model_fields_set
     return [key for key in _order(type(spec)) if key in given or key == "type"]
 
 
 @cache
 def _order(kind: type[Spec]) -> list[str]:
-    """The keys of a kind, in the order in which they are written."""
+    """List the keys of a kind, in the order in which they are written."""
     keys = kind.own_keys_first()
     return [key for key in _FIRST if key in keys] + [key for key in keys if key not in _FIRST]
 
@@ -68,7 +71,7 @@ _LISTED = ("textures", "materials", "media", "groups", "objects", "lights", "sur
 
 
 class _Representer(yaml.representer.SafeRepresenter):
-    """Writes what `document.parse` reads, the core schema of YAML 1.2; what fits into a line is one."""
+    """Writer of what `yaml_parser.parse` reads, the core schema of YAML 1.2; what fits on a line is on one."""
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
@@ -80,13 +83,13 @@ class _Representer(yaml.representer.SafeRepresenter):
         return _folded(super().represent_mapping(tag, mapping, flow_style))
 
     def text(self, text: str) -> Any:
-        # PyYAML quotes what YAML 1.1 would take for another thing than a text, and 1.2 differs.
-        is_text = text != text.strip() or isinstance(scalar(text), str)
-        return self.represent_scalar("tag:yaml.org,2002:str", text, style=None if is_text else "'")
+        # PyYAML quotes what YAML 1.1 would take for another type than a string, and 1.2 differs.
+        is_string = text != text.strip() or isinstance(scalar(text), str)
+        return self.represent_scalar("tag:yaml.org,2002:str", text, style=None if is_string else "'")
 
     def number(self, number: float) -> Any:
-        # Whole numbers are what people write; a scene takes them for the same.
-        if number.is_integer() and abs(number) < _LARGEST_WHOLE and str(number) != "-0.0":
+        # People write integers; a scene reads them as the same numbers.
+        if number.is_integer() and abs(number) < _MAX_EXACT_INTEGER and str(number) != "-0.0":
             return self.represent_int(int(number))
         return self.represent_float(number)
 
@@ -96,14 +99,14 @@ _Representer.add_representer(float, _Representer.number)
 
 
 def _folded(node: Any) -> Any:
-    """A list or mapping, on one line if it fits."""
+    """Set a list or mapping on one line if it fits."""
     parts = (part for pair in node.value for part in (pair if isinstance(pair, tuple) else (pair,)))
     node.flow_style = 2 + sum(map(_length, parts)) <= _WIDTH - 2 * _INDENT
     return node
 
 
 def _length(node: Any) -> int:
-    """Characters of a node on its line, about; as many as a line has if it takes several."""
+    """Estimate the characters of a node on its line; those of a whole line if it takes several."""
     if isinstance(node, yaml.ScalarNode):
         return len(node.value) + 2
     if not node.flow_style:
@@ -111,8 +114,8 @@ def _length(node: Any) -> int:
     return 2 + sum(_length(part) for pair in node.value for part in (pair if isinstance(pair, tuple) else (pair,)))
 
 
-def yaml_text(plain_scene: Mapping[str, Any]) -> str:
-    """The YAML text of plain values; every float64 comes out of it as it went in."""
+def to_yaml(plain_scene: Mapping[str, Any]) -> str:
+    """Write plain values as YAML, from which every float64 is read as it was."""
     representer = _Representer(default_flow_style=True, sort_keys=False)
     root = representer.represent_mapping("tag:yaml.org,2002:map", plain_scene)
     root.flow_style = False

@@ -1,35 +1,32 @@
-"""What becomes of a film after the render: an image with its layers, clean if that was asked for, and exposed."""
+"""Develop a film after the render: make an image with its layers, denoise it if that is asked for, and expose it."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from raytracer.cameras.moving import camera_at
-from raytracer.film.exposure import Frame, Setting
+from raytracer.film.exposure import CropWindow, ExposureResult
 from raytracer.film.film import Film, develop
 from raytracer.film.image import Image
-from raytracer.film.negative import causes_of
-from raytracer.film.photograph import RADIANCE, Process, check_process, photograph
-from raytracer.integrator import Scene
-from raytracer.kinds import AOVS
-from raytracer.plenoptic.layout import Layout
-from raytracer.scene.focus import middle_of
-from raytracer.scene.pack import Packed
+from raytracer.film.light_field.layout import Layout
+from raytracer.film.negative_pixels import find_negative_causes
+from raytracer.film.photograph import RADIANCE, DevelopSettings, check_develop_settings, develop_photograph
+from raytracer.kernel.packed_scene import Scene
+from raytracer.plugins.cameras.base.moving import camera_at_time
+from raytracer.rendering.film_region import DENOISER_GUIDES, FilmRegion
+from raytracer.rendering.tile_scheduler import Window
+from raytracer.scene.pack.autofocus import mid_exposure_time
 from raytracer.scene.spec import SceneSpec
-from raytracer.scheduling import Window
+from raytracer.schema.registry import AOVS
 
 if TYPE_CHECKING:
-    from raytracer.aovs.recording import Recording
-
-# What the denoiser is guided by, and how much of a pixel it holds for.
-_GUIDES = ("albedo", "normal", "coverage")
+    from raytracer.kernel.aovs.base.recording import AovRecorder
 
 
-def process_of(spec: SceneSpec) -> Process:
-    """How the picture is to be developed."""
-    return Process(
-        exposure=spec.camera.photograph(spec.film.width, spec.film.height),
+def film_process(spec: SceneSpec) -> DevelopSettings:
+    """Return the settings by which a scene's picture is developed."""
+    return DevelopSettings(
+        exposure=spec.camera.exposure_settings(spec.film.width, spec.film.height),
         sensor=spec.camera.simulated_sensor(),
         white_balance=spec.film.white_balance,
         tone_curve=spec.film.tone_curve,
@@ -37,68 +34,48 @@ def process_of(spec: SceneSpec) -> Process:
 
 
 def check_development(spec: SceneSpec, window: Window) -> None:
-    """Make sure, before it is rendered, that this part of the picture can be developed.
+    """Check, before it is rendered, that this part of the picture can be developed.
 
     Raises
     ------
-    InputError : see `photograph.check_process`.
+    InputError : see `photograph.check_develop_settings`.
     """
-    frame = _frame(spec, window)
-    check_process(process_of(spec), frame, window.bottom - window.top, window.right - window.left)
+    frame = _crop_frame(spec, window)
+    check_develop_settings(film_process(spec), frame, window.bottom - window.top, window.right - window.left)
 
 
 def negative_causes(spec: SceneSpec, scene: Scene) -> tuple[str, ...]:
-    """List what of a packed scene may bring pixels of its picture below zero."""
-    process = process_of(spec)
+    """List what in a packed scene may make pixels of its picture negative."""
+    process = film_process(spec)
     spectrum = scene.spectrum
-    return causes_of(
+    return find_negative_causes(
         has_negative_lobes=spec.film.filter.has_negative_lobes(),
         is_spectral=spectrum is not None and bool((spectrum.spectra.response < 0.0).any()),
         has_read_noise=process.sensor is not None and process.exposure is not None,
     )
 
 
-def recording_of(
-    spec: SceneSpec, packed: Packed, height: int, width: int, aovs: Sequence[str], *, denoise: bool
-) -> "Recording | None":
-    """What is to be gathered on a film besides radiance; None where that is nothing.
-
-    Raises
-    ------
-    InputError : there is no AOV of that name.
-    """
-    if not aovs and not denoise:
-        return None
-    from raytracer.aovs.recording import Recording, known_aovs
-    from raytracer.scene.identities import identify
-
-    names = known_aovs([*aovs, *(_GUIDES if denoise else ())])
-    return Recording(names, height, width, identify(spec, packed))
-
-
-def finish(
-    film: Film,
+def develop_image(
+    region: FilmRegion,
     spec: SceneSpec,
-    window: Window | None = None,
+    *,
     settings: Mapping[str, str | float | int] | None = None,
-    recording: "Recording | None" = None,
     aovs: Sequence[str] = (),
     denoise_threads: int | None = None,
     lap: Callable[[str], object] = lambda phase: None,
-    *,
     is_final: bool = False,
-) -> tuple[Image, Setting | None]:
-    """The image on a film, and how it was exposed; None for plain radiance.
+) -> tuple[Image, ExposureResult | None]:
+    """Make the image of a film, and tell how it was exposed; None for plain radiance.
 
     Parameters
     ----------
-    window : the part of the picture that the film is; the whole one if None.
     settings : for the headers of files.
-    recording, aovs : what was gathered besides radiance, and which of it becomes layers.
+    aovs : recorded AOVs that become layers.
     denoise_threads : threads for Open Image Denoise; None not to denoise.
     lap : called with the name of a phase, "develop" or "denoise", at its end.
-    is_final : whether nothing will be added to the film, so that the image may be its memory.
+    is_final : True if nothing will be added to the film, so that the image may share its memory.
     """
+    film, recording, window = region.film, region.recording, region.window
     image = develop(film, settings or {}, is_final=is_final)
     if recording is not None:
         image = replace(
@@ -109,33 +86,31 @@ def finish(
         )
         if denoise_threads is not None:
             lap("develop")
-            image = _denoised(image, film, recording, denoise_threads, _views_in(spec, window))
+            image = _denoised(image, film, recording, denoise_threads, _view_slices(spec, window))
             lap("denoise")
-    whole = Window(0, 0, *spec.picture())
-    if window in (None, whole):
-        image = replace(image, layout=layout_of(spec))
-    frame = _frame(spec, window or whole)
+    if window == Window(0, 0, *spec.picture()):
+        image = replace(image, layout=light_field_layout(spec))
     # The picture that a denoiser has left as it was is a layer too.
     units = {"noisy": RADIANCE, **{name: AOVS.specs()[name].unit for name in aovs}}
-    image, setting = photograph(image, process_of(spec), frame, spec.render.seed, units)
+    image, exposure = develop_photograph(image, film_process(spec), _crop_frame(spec, window), spec.render.seed, units)
     lap("develop")
-    return image, setting
+    return image, exposure
 
 
-def _frame(spec: SceneSpec, window: Window) -> Frame:
-    """Where a part of the picture lies in it."""
+def _crop_frame(spec: SceneSpec, window: Window) -> CropWindow:
+    """Return the place of a part of the picture in the whole."""
     size = spec.film.width, spec.film.height
     whole = spec.picture()
-    return Frame(*whole, window.left, window.top, None if whole == size else size)
+    return CropWindow(*whole, window.left, window.top, None if whole == size else size)
 
 
-def layout_of(spec: SceneSpec) -> Layout | None:
-    """How the whole picture holds a light field, with its camera where it is in the middle of the exposure."""
-    return camera_at(spec.camera, middle_of(spec)).layout(spec.film.width, spec.film.height)
+def light_field_layout(spec: SceneSpec) -> Layout | None:
+    """Return the layout of the light field in the whole picture at the middle of the exposure; None if it is none."""
+    return camera_at_time(spec.camera, mid_exposure_time(spec)).layout(spec.film.width, spec.film.height)
 
 
-def _views_in(spec: SceneSpec, window: Window | None) -> list[tuple[slice, slice]]:
-    """Rows and columns of what each view has in a part of the picture."""
+def _view_slices(spec: SceneSpec, window: Window | None) -> list[tuple[slice, slice]]:
+    """Return rows and columns of the part of each view that a part of the picture holds."""
     window = window or Window(0, 0, *spec.picture())
 
     def spans(begin: int, end: int, size: int) -> list[slice]:
@@ -148,10 +123,10 @@ def _views_in(spec: SceneSpec, window: Window | None) -> list[tuple[slice, slice
 
 
 def _denoised(
-    image: Image, film: Film, recording: "Recording", threads: int, parts: Sequence[tuple[slice, slice]]
+    image: Image, film: Film, recording: "AovRecorder", threads: int, parts: Sequence[tuple[slice, slice]]
 ) -> Image:
-    """The image without its noise, as far as the denoiser can tell."""
+    """Denoise an image, each of its parts by itself."""
     from raytracer.film.denoise import denoise
 
-    albedo, normal, coverage = (recording.develop(name, film) for name in _GUIDES)
+    albedo, normal, coverage = (recording.develop(name, film) for name in DENOISER_GUIDES)
     return denoise(image, coverage[..., None] * albedo, coverage[..., None] * normal, threads=threads, parts=parts)

@@ -1,286 +1,27 @@
-"""One sample of a picture, vertex by vertex: what `rt render --pixel X,Y --sample K --debug` prints."""
+"""Format a logged path as text: what `rt render --pixel X,Y --sample K --debug` prints."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from raytracer import pathlog
-from raytracer.embree import MISS
-from raytracer.errors import InputError
-from raytracer.instances import find
-from raytracer.interior import ranks_of
-from raytracer.materials.interface import PASS, SLOTS
-from raytracer.media.interface import NONE
-from raytracer.paths import workspace
-from raytracer.preparation import compile_for, film_for, view
-from raytracer.primitives.interface import row_of_any
-from raytracer.replay import brightest_of, log_path, samples
-from raytracer.scene.identities import identify
-from raytracer.scene.pack import Packed, pack
-from raytracer.scene.spec import SceneSpec
-
-# What the columns of a row hold, from pathlog.FIRST on, with the number of columns: names as JSON has them.
-_RAY = (("origin", 3), ("direction", 3), ("throughput_before", 3), ("pdf", 1))
-_FOUND = (("geometry", 1), ("part", 1), ("array", 1), ("placement", 1), ("distance", 1))
-_LAYOUTS: Mapping[int, tuple[str, tuple[tuple[str, int], ...]]] = {
-    pathlog.START: (
-        "camera",
-        (("film", 2), ("time", 1), ("origin", 3), ("direction", 3), ("factors", 3), ("wavelength", 1)),
-    ),
-    pathlog.SURFACE: (
-        "surface",
-        (
-            *_RAY,
-            *(("distance", 1), ("instance", 1), ("table", 1), ("primitive", 1)),
-            *(("point", 3), ("normal", 3), ("smooth_normal", 3), ("uv", 2), ("offset", 1)),
-            *(("front", 1), ("material", 1), ("shown", 1), ("throughput", 3), ("wavelengths", 3)),
-        ),
-    ),
-    pathlog.LEAVES: ("leaves", (*_RAY, ("throughput", 3), ("background", 3))),
-    pathlog.FLIGHT: (
-        "medium",
-        (*_RAY, ("medium", 1), ("surface_distance", 1), ("distance", 1), ("weight", 3), ("throughput", 3)),
-    ),
-    pathlog.EMITS: ("emits", (("emitted", 3), ("mis_weight", 1))),
-    pathlog.SCATTERS: (
-        "scatters",
-        (
-            *(("normal", 3), ("direction", 3), ("weight", 3), ("pdf", 1), ("throughput", 3), ("survival", 1)),
-            ("wavelengths", 3),
-        ),
-    ),
-    pathlog.AIMS: (
-        "aims",
-        (
-            *(("origin", 3), ("direction", 3), ("target", 3), ("light_weight", 3), ("pdf", 1)),
-            *(("value", 3), ("path_pdf", 1), ("mis_weight", 1), ("brings", 3), ("distance", 1)),
-        ),
-    ),
-    pathlog.ARRIVES: ("arrives", (("brings", 3),)),
-    pathlog.BLOCKED: ("blocked", _FOUND),
-    pathlog.PASSES: ("passes", _FOUND),
-    pathlog.AGAIN: ("again", ()),
-    pathlog.DONE: ("done", (("value", 3), ("factor", 1), ("unclamped", 3), ("wavelength", 1))),
-}
-
-# Which may be infinite: distances, and densities of directions and lights without choice.
-_ENDLESS = {"pdf", "path_pdf", "distance", "surface_distance", "target"}
-
-# Points of the scene, which may have been packed around another origin than the scene's own.
-_POINTS = {"origin", "point", "target"}
+from raytracer.rendering.path_debug import PathTrace
 
 
-class Trace(NamedTuple):
-    """The path of a sample.
-
-    pixel (x, y); sample; taken, samples that the pixel gets; value (3,), what the sample adds to its pixel; events, in
-    order, each a mapping of plain numbers and strings with the `event` and what is not finite in it; bad, the number of
-    the first event that holds what should be finite and is not, or None.
-    """
-
-    pixel: tuple[int, int]
-    sample: int
-    taken: int
-    value: tuple[float, ...]
-    events: list[dict[str, Any]]
-    bad: int | None
-
-    @property
-    def is_finite(self) -> bool:
-        """Whether the sample is added to its pixel, and not dropped."""
-        return all(map(math.isfinite, self.value))
-
-    def json(self) -> dict[str, Any]:
-        """As `--json` prints it: numbers that JSON lacks are the strings nan, inf and -inf."""
-        found = {
-            "pixel": self.pixel,
-            "sample": self.sample,
-            "spp": self.taken,
-            "finite": self.is_finite,
-            "value": self.value,
-            "first_not_finite": self.bad,
-            "events": self.events,
-        }
-        plain: dict[str, Any] = _plain(found)
-        return plain
-
-
-def trace(
-    spec: SceneSpec,
-    pixel: tuple[int, int],
-    sample: int | None = None,
-    *,
-    spp: int | None = None,
-    seed: int | None = None,
-    whole: bool = False,
-) -> Trace:
-    """Take one sample of a picture again, with the same bits, and write down its path.
-
-    Parameters
-    ----------
-    pixel : (x, y) in the whole picture.
-    sample : from 0 on; if None, the first one of the pixel that is not finite, or else its brightest.
-    spp, seed : in place of the scene's.
-    whole : whether the picture was taken in whole packets of samples, as by `noise` without `spp`.
-
-    Raises
-    ------
-    InputError : a pixel outside of the film, or a scene that cannot be packed.
-    """
-    given = {name: value for name, value in (("spp", spp), ("seed", seed)) if value is not None}
-    spec = spec.model_copy(update={"render": spec.render.model_copy(update=given)})
-    x, y = pixel
-    width, height = spec.picture()
-    if not (0 <= x < width and 0 <= y < height):
-        raise InputError(f"pixel {x},{y} must lie within the film, from 0,0 to {width - 1},{height - 1}")
-    packed = pack(spec)
-    # Held until the end, since its address is all that the scene knows of it.
-    accel = packed.build()
-    scene = packed.scene._replace(accel=accel.address)
-    scratch = view(film_for(scene, 1, 1))
-    taken = spec.render.spp
-    if sample is None:
-        compile_for(scene, scratch)
-        sample = _suspect(list(samples(scene, scratch, x, y, taken)))
-    compile_for(scene, scratch, workspace(pathlog.path_log(0, 1), solids=ranks_of(scene.interior)))
-    rows = log_path(scene, scratch, x, y, sample, None if whole else taken)
-    names = _Names(packed)
-    events = [names.event(row) for row in rows]
-    bad = next((number for number, event in enumerate(events) if event["not_finite"]), None)
-    return Trace((x, y), sample, taken, tuple(events[-1]["value"]), events, bad)
-
-
-def _suspect(packets: Sequence[Any]) -> int:
-    """The first sample that is not finite, or else the brightest."""
-    weights = np.concatenate([packet.weights for packet in packets])
-    if np.isnan(weights).any():
-        return int(np.argmax(np.isnan(weights)))
-    return brightest_of(packets)
-
-
-class _Names:
-    """Rows of a log as mappings, with the names that the scene gives to what is in them."""
-
-    def __init__(self, packed: Packed) -> None:
-        self._scene = packed.scene
-        self._identities = identify(packed.spec, packed)
-        origin = packed.scene.origin
-        self._origin = np.zeros(3) if origin is None else np.array(origin.world)
-
-    def event(self, row: NDArray[np.float64]) -> dict[str, Any]:
-        """What a row tells."""
-        kind, layout = _LAYOUTS[int(row[0])]
-        found: dict[str, Any] = {"event": kind, "round": int(row[pathlog.ROUND])}
-        column = pathlog.FIRST
-        for name, size in layout:
-            values = row[column : column + size]
-            if name in _POINTS:
-                values = values + self._origin
-            found[name] = values.tolist() if size > 1 else float(values[0])
-            column += size
-        # A path has wavelengths where something disperses.
-        if "wavelengths" in found:
-            found["wavelengths"] = [wavelength for wavelength in found["wavelengths"] if not math.isnan(wavelength)]
-        if math.isnan(found.get("wavelength", 0.0)):
-            found["wavelength"] = None
-        found["gathered"] = row[pathlog.GATHERED : pathlog.GATHERED + 3].tolist()
-        getattr(self, f"_{kind}", lambda event: None)(found)
-        found["not_finite"] = list(_not_finite(found))
-        return found
-
-    def _camera(self, event: dict[str, Any]) -> None:
-        factors = event.pop("factors")
-        event |= dict(zip(("filter_weight", "shutter_weight", "camera_weight"), factors, strict=True))
-        if math.isnan(event["time"]):
-            event["time"] = None
-
-    def _surface(self, event: dict[str, Any]) -> None:
-        material, shown = (int(event.pop(key)) for key in ("material", "shown"))
-        instance, table, primitive = (int(event.pop(key)) for key in ("instance", "table", "primitive"))
-        event |= self._owner(instance, table, primitive)
-        event["material"] = self._identities.materials[self._identities.material[material] - 1]
-        event["shown"] = None if shown == PASS else self._kind(shown)
-        event["side"] = "front" if event.pop("front") else "back"
-        # The first random dimension that is used here.
-        event["dimension"] = (event["round"] + 1) * SLOTS
-
-    def _medium(self, event: dict[str, Any]) -> None:
-        reference = int(event.pop("medium"))
-        tables = self._scene.media.tables
-        event["medium"] = None if reference == NONE else _kind_of(tables[reference % len(tables)])
-
-    def _blocked(self, event: dict[str, Any]) -> None:
-        table, part, array, placement = (int(event.pop(key)) for key in ("geometry", "part", "array", "placement"))
-        if table == MISS:
-            event["object"] = None
-            return
-        row = int(row_of_any(self._scene.primitives, table, np.uint32(part)))
-        number = array if array != MISS else -1
-        instance, primitive = find(self._scene.instances, table, row, number, placement)
-        event |= self._owner(int(instance), table, int(primitive))
-
-    _passes = _blocked
-
-    def _owner(self, instance: int, table: int, primitive: int) -> dict[str, Any]:
-        """Whose a primitive is."""
-        found = self._identities
-        if 0 <= instance < len(found.placed):
-            number = int(found.placed[instance])
-        else:
-            first, end = found.first[table], found.first[table + 1]
-            number = int(found.owner[first + np.searchsorted(found.start[first:end], primitive, side="right") - 1])
-        kind = type(self._scene.primitives[table]).__name__
-        return {"object": found.objects[number - 1], "instance": instance, "primitives": kind, "primitive": primitive}
-
-    def _kind(self, reference: int) -> str:
-        """What kind of material this is."""
-        scene = self._scene
-        tables = (*scene.materials, *(scene.selectors.tables if scene.selectors is not None else ()))
-        return _kind_of(tables[reference % len(tables)])
-
-
-def _kind_of(table: Any) -> str:
-    return type(table).__module__.rpartition(".")[2]
-
-
-def _not_finite(event: Mapping[str, Any]) -> Iterator[str]:
-    """The keys of what should be finite and is not."""
-    for key, value in event.items():
-        numbers = [number for number in (value if isinstance(value, list) else [value]) if isinstance(number, float)]
-        if any(math.isnan(number) or (math.isinf(number) and key not in _ENDLESS) for number in numbers):
-            yield key
-
-
-def _plain(value: Any) -> Any:
-    """A value as JSON can hold it."""
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
-
-
-# ---- As text
-
-
-def text(found: Trace) -> str:
-    """A path in words and numbers, an event after the other."""
-    x, y = found.pixel
+def format_path(trace: PathTrace) -> str:
+    """Format a path in words and numbers, an event after the other."""
+    x, y = trace.pixel
     # The last event is of the whole packet, whose other paths may be longer.
-    segments = 1 + max(event["round"] for event in found.events[:-1])
+    segments = 1 + max(event["round"] for event in trace.events[:-1])
     count = f"{segments} ray{'' if segments == 1 else 's'} long"
-    state = "" if found.is_finite else ", which is not finite, so it was dropped"
-    lines = [f"pixel {x},{y} sample {found.sample}: {count}, adds {_numbers(found.value)}{state}"]
-    for number, event in enumerate(found.events):
-        head, *rest = _LINES[event["event"]](event)
+    state = "" if trace.is_finite else ", which is not finite, so it was dropped"
+    lines = [f"pixel {x},{y} sample {trace.sample}: {count}, adds {_numbers(trace.value)}{state}"]
+    for number, event in enumerate(trace.events):
+        head, *rest = _FORMATTERS[event["event"]](event)
         lines += ["", head] if event["event"] in _VERTICES else [f"  {head}"]
         lines += [f"  {line}" for line in rest]
         if event["event"] in ("leaves", "emits", "arrives"):
             lines.append(f"  gathered so far {_numbers(event['gathered'])}")
-        if number == found.bad:
+        if number == trace.first_non_finite:
             lines.append(f"  ^ not finite from here on: {', '.join(event['not_finite'])}")
     return "\n".join(lines) + "\n"
 
@@ -301,9 +42,9 @@ def _lines_of_camera(event: Mapping[str, Any]) -> list[str]:
     time = "" if event["time"] is None else f", at {_number(event['time'])} of the shutter's time"
     weights = [f"{name} {_number(event[f'{name}_weight'])}" for name in ("filter", "shutter", "camera")]
     stopped = ["stopped in the camera, so it sees nothing"] if event["camera_weight"] == 0.0 else []
-    hue = "" if event["wavelength"] is None else f", of {_number(event['wavelength'])} nm"
+    wavelength = "" if event["wavelength"] is None else f", of {_number(event['wavelength'])} nm"
     return [
-        f"camera ray through film position {_numbers(event['film'])}{time}{hue}",
+        f"camera ray through film position {_numbers(event['film'])}{time}{wavelength}",
         f"from {_numbers(event['origin'])} towards {_numbers(event['direction'])}",
         f"weights: {', '.join(weights)}",
         *stopped,
@@ -320,13 +61,13 @@ def _lines_of_surface(event: Mapping[str, Any]) -> list[str]:
         f"{event['primitives']} {event['primitive']}, uv {_numbers(event['uv'])}",
         f"from {_numbers(event['origin'])} towards {_numbers(event['direction'])}, pdf {_number(event['pdf'])} / sr",
         f"normal {_numbers(event['normal'])}, spawned rays start {_number(event['offset'])} m off it",
-        *_smooth(event),
-        f"throughput {_numbers(event['throughput'])}{_by_wavelength(event)}",
+        *_shading_normal_lines(event),
+        f"throughput {_numbers(event['throughput'])}{_wavelength_suffix(event)}",
     ]
 
 
-def _by_wavelength(event: Mapping[str, Any]) -> str:
-    """Of what light three numbers are, where they are not of red, green and blue."""
+def _wavelength_suffix(event: Mapping[str, Any]) -> str:
+    """Name the wavelengths of three numbers, where these are not red, green and blue."""
     waves = event["wavelengths"]
     if not waves:
         return ""
@@ -337,7 +78,7 @@ def _by_wavelength(event: Mapping[str, Any]) -> str:
     )
 
 
-def _smooth(event: Mapping[str, Any]) -> list[str]:
+def _shading_normal_lines(event: Mapping[str, Any]) -> list[str]:
     if event["smooth_normal"] == event["normal"]:
         return []
     return [f"shaded with the normal {_numbers(event['smooth_normal'])}"]
@@ -372,7 +113,7 @@ def _lines_of_scattering(event: Mapping[str, Any]) -> list[str]:
         return ["the path ends here: nothing is scattered"]
     head = f"scattered towards {_numbers(event['direction'])}, pdf {_number(event['pdf'])} / sr"
     survival = f"survives with probability {_number(event['survival'])}" if event["survival"] else "ends here"
-    then = f"{_numbers(event['throughput'])}{_by_wavelength(event)}"
+    then = f"{_numbers(event['throughput'])}{_wavelength_suffix(event)}"
     weights = f"weight {_numbers(event['weight'])}, throughput then {then}; {survival}"
     normal = [f"  as shaded with the normal {_numbers(event['normal'])}"] if any(event["normal"]) else []
     return [head, *normal, f"  {weights}"]
@@ -415,7 +156,7 @@ def _lines_of_end(event: Mapping[str, Any]) -> list[str]:
     return [f"gathered {gathered}, {times} is {_numbers(event['unclamped'])}; after the clamp it adds {value}"]
 
 
-_LINES = {
+_FORMATTERS = {
     "camera": _lines_of_camera,
     "surface": _lines_of_surface,
     "leaves": _lines_of_leaving,

@@ -1,7 +1,7 @@
-"""Samples taken once more, packet by packet, with the bits that they have in the picture.
+"""Take samples again, packet by packet, with the bits that they have in the picture.
 
-A film keeps no samples; where one of them is to be looked at, its packet is traced again.  It takes the same company: a
-packet of other rays may reach other code of the ray caster.
+A film keeps no samples; to look at one of them, its whole packet is traced again: a packet of other rays may reach
+other code of the ray caster.
 """
 
 from collections.abc import Iterator, Sequence
@@ -10,22 +10,26 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.accumulation import FilmView
-from raytracer.embree import PACKET
-from raytracer.integrator import Scene, render_tile
-from raytracer.interior import ranks_of
-from raytracer.pathlog import path_log
-from raytracer.paths import Workspace, workspace
+from raytracer.core.embree import PACKET
+from raytracer.kernel.packed_scene import Scene
+from raytracer.kernel.path_log import path_log
+from raytracer.kernel.path_state import Workspace
+from raytracer.kernel.path_state import workspace as make_workspace
+from raytracer.kernel.path_tracer import render_tile
+from raytracer.kernel.pixel_accumulator import FilmView
 
-# Room for the events of a path, at first.
-_EVENTS = 4096
+# Size of the buffer for the events of a path, at first.
+_INITIAL_EVENTS = 4096
 
 
-class Samples(NamedTuple):
+class SamplePacket(NamedTuple):
     """A packet of a pixel's samples.
 
-    first, the number of its first; values (n, 3) float64, what each adds to the pixel; weights (n,) float64, what its
-    radiance was multiplied by, NaN if the sample is dropped since it is not finite.  If any is, the values say nothing.
+    Attributes
+    ----------
+    first : number of its first sample.
+    values : float64 (n, 3), what each sample adds to the pixel; meaningless if a weight is NaN.
+    weights : float64 (n,), factor of its radiance; NaN if the sample is dropped because it is not finite.
     """
 
     first: int
@@ -33,9 +37,11 @@ class Samples(NamedTuple):
     weights: NDArray[np.float64]
 
 
-def packet_of(sample: int, taken: int | None) -> tuple[int, int]:
-    """First sample of the packet that holds a sample, and the end of it.
+def packet_range(sample: int, taken: int | None) -> tuple[int, int]:
+    """Return the first sample of the packet that holds a sample, and its end.
 
+    Parameters
+    ----------
     taken : samples that the pixel gets, which may cut its last packet short; None if that is whole.
     """
     first = sample - sample % PACKET
@@ -43,32 +49,33 @@ def packet_of(sample: int, taken: int | None) -> tuple[int, int]:
     return first, end if taken is None or sample >= taken else min(end, taken)
 
 
-def samples(scene: Scene, scratch: FilmView, x: int, y: int, taken: int) -> Iterator[Samples]:
-    """All samples of pixel (x, y) of the picture, packet by packet.
+def replay_samples(scene: Scene, scratch: FilmView, x: int, y: int, taken: int) -> Iterator[SamplePacket]:
+    """Trace all samples of pixel (x, y) of the picture again, packet by packet.
 
     Parameters
     ----------
     scratch : a film to write on, of any size.
-    taken : how many there are.
+    taken : number of samples.
     """
-    room = workspace(solids=ranks_of(scene.interior))
+    workspace = make_workspace(scene)
     for first in range(0, taken, PACKET):
         end = min(first + PACKET, taken)
-        _trace(scene, scratch, room, x, y, first, end)
-        yield Samples(first, room.radiance[: end - first, :3].copy(), room.radiance[: end - first, 3].copy())
+        _retrace(scene, scratch, workspace, x, y, first, end)
+        size = end - first
+        yield SamplePacket(first, workspace.radiance[:size].copy(), workspace.weight[:size].copy())
 
 
-def first_dropped(scene: Scene, scratch: FilmView, x: int, y: int, taken: int) -> int | None:
-    """The number of the first sample of pixel (x, y) that is not finite, of those taken; None if all are."""
-    for packet in samples(scene, scratch, x, y, taken):
+def first_nan_sample(scene: Scene, scratch: FilmView, x: int, y: int, taken: int) -> int | None:
+    """Find the first sample of pixel (x, y) that is not finite, of those taken; None if all are finite."""
+    for packet in replay_samples(scene, scratch, x, y, taken):
         dropped = np.flatnonzero(np.isnan(packet.weights))
         if len(dropped):
             return packet.first + int(dropped[0])
     return None
 
 
-def brightest_of(packets: Sequence[Samples]) -> int:
-    """The number of the sample that adds the most, the first of equal ones; packets not all finite do not count."""
+def brightest_sample(packets: Sequence[SamplePacket]) -> int:
+    """Find the sample that adds the most, the first of equal ones; packets that are not all finite do not count."""
     sums = [np.where(np.isnan(packet.weights).any(), -np.inf, packet.values.sum(axis=1)) for packet in packets]
     return int(np.argmax(np.concatenate(sums)))
 
@@ -76,21 +83,24 @@ def brightest_of(packets: Sequence[Samples]) -> int:
 def log_path(
     scene: Scene, scratch: FilmView, x: int, y: int, sample: int, taken: int | None = None
 ) -> NDArray[np.float64]:
-    """The path of a sample of pixel (x, y), as it is written down: (events, pathlog.COLUMNS) float64.
+    """Trace a sample of pixel (x, y) again, and return its log, float64 (events, path_log.COLUMNS).
 
-    taken : see `packet_of`.
+    Parameters
+    ----------
+    taken : see `packet_range`.
     """
-    first, end = packet_of(sample, taken)
-    events = _EVENTS
+    first, end = packet_range(sample, taken)
+    events = _INITIAL_EVENTS
     while True:
         log = path_log(sample - first, events)
-        _trace(scene, scratch, workspace(log, solids=ranks_of(scene.interior)), x, y, first, end)
+        workspace = make_workspace(scene, log)
+        _retrace(scene, scratch, workspace, x, y, first, end)
         written = int(log.state[0])
         if written <= events:
             return log.rows[:written]
         events = written
 
 
-def _trace(scene: Scene, scratch: FilmView, room: Workspace, x: int, y: int, first: int, end: int) -> None:
+def _retrace(scene: Scene, scratch: FilmView, workspace: Workspace, x: int, y: int, first: int, end: int) -> None:
     film = scratch._replace(left=x, top=y)
-    render_tile(scene, film, room, x, y, x + 1, y + 1, first, end)
+    render_tile(scene, film, workspace, x, y, x + 1, y + 1, first, end)

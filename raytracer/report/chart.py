@@ -1,4 +1,4 @@
-"""Charts as plain data, and their pictures: as SVG, and on Matplotlib's axes."""
+"""Charts as plain data, drawn as SVG and on Matplotlib's axes."""
 
 import math
 from dataclasses import dataclass, field
@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.lens_report import svg
-from raytracer.lens_report.svg import INK, Node, element
+from raytracer.report import svg
+from raytracer.report.svg import INK, Node, element
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 Range = tuple[float, float]
 
 # Dashes of lines (on, off) as multiples of their width, told apart without colours.
@@ -21,14 +21,15 @@ SOLID, DASHED, DOTTED, DASH_DOTTED = (), (6.0, 3.0), (1.5, 2.5), (6.0, 2.5, 1.5,
 
 _LINE, _DOT = 1.8, 1.1
 _FONT = 12.0
-# How wide a letter is, on average, in ems: wide enough that texts do not meet.
+# Average width of a letter in ems, with a margin so that labels do not overlap.
 _LETTER = 0.56
-_ROOM = 0.05
+# Margin of a range, as a part of it.
+_MARGIN = 0.05
 
-# Far below whatever is drawn, be it millimetres, micrometres or parts of a whole.
+# Far below any value that is drawn, in millimetres, micrometres or parts of a whole.
 _NOTHING = 1e-9
 
-# What a quotient of two lengths may be off by rounding, with room to spare: places of ticks, in steps.
+# Rounding error of a quotient of two lengths, with a margin: places of ticks, in steps.
 _ROUNDING = 1e-9
 
 # Beyond these powers of ten, and for steps below their inverse, numbers are written with an exponent.
@@ -36,18 +37,18 @@ _MOST_DIGITS = 5
 
 
 class Series(NamedTuple):
-    """Points (x, y) of a line, broken where one is not finite, or dots by themselves."""
+    """Series of points (x, y): a line, broken where one is not finite, or dots."""
 
     label: str
-    x: Array
-    y: Array
-    hue: str = INK
+    x: FloatArray
+    y: FloatArray
+    color: str = INK
     dashes: tuple[float, ...] = SOLID
     mark: Literal["line", "dots"] = "line"
 
 
-class Level(NamedTuple):
-    """A straight line through the whole chart, to compare with: at a value of x or of y."""
+class ReferenceLine(NamedTuple):
+    """Reference line through the whole chart, at a value of x or of y."""
 
     axis: Literal["x", "y"]
     value: float
@@ -55,12 +56,13 @@ class Level(NamedTuple):
 
 @dataclass(frozen=True)
 class Chart:
-    """A chart; ranges are those of the data where none is given.
+    """Chart; ranges are those of the data where none is given.
 
-    key : what it is called in files and links.
-    equal : whether a millimetre is as long on both axes.
-    bare : whether it is only a frame, without ticks: one of many.
-    note : what is to be said of it, under it.
+    key : name in files and links.
+    levels : reference lines.
+    equal : True for the same scale on both axes.
+    bare : True for only a frame, without ticks: one of many.
+    note : explanation below the chart.
     """
 
     key: str
@@ -70,35 +72,35 @@ class Chart:
     series: tuple[Series, ...]
     x_range: Range | None = None
     y_range: Range | None = None
-    levels: tuple[Level, ...] = field(default=())
+    levels: tuple[ReferenceLine, ...] = field(default=())
     equal: bool = False
     bare: bool = False
     note: str = ""
 
     def ranges(self) -> tuple[Range, Range]:
-        """The ranges of x and y that are shown."""
+        """Return the ranges of x and y that are shown."""
         x = self.x_range or _extent([s.x for s in self.series])
         y = self.y_range or _extent([s.y for s in self.series])
         return x, y
 
 
-def _extent(arrays: list[Array]) -> Range:
-    """The least and greatest finite value, with some room; never empty."""
+def _extent(arrays: list[FloatArray]) -> Range:
+    """Return the range of the finite values, with a margin; never empty."""
     values = np.concatenate([np.ravel(a) for a in arrays]) if arrays else np.empty(0)
     values = values[np.isfinite(values)]
     if values.size == 0:
         return -1.0, 1.0
     low, high = float(values.min()), float(values.max())
     if high - low <= max(_NOTHING, _ROUNDING * max(abs(low), abs(high))):
-        # What does not change is not to be shown as if it did by its last digits.
-        room = 0.5 * abs(high) if abs(high) > _NOTHING else 1.0
-        return low - room, high + room
-    room = _ROOM * (high - low)
-    return low - room, high + room
+        # Rounding of constant values must not fill the chart.
+        margin = 0.5 * abs(high) if abs(high) > _NOTHING else 1.0
+        return low - margin, high + margin
+    margin = _MARGIN * (high - low)
+    return low - margin, high + margin
 
 
 def ticks(low: float, high: float, most: int) -> list[float]:
-    """Round numbers from `low` to `high`, at most `most` of them: multiples of 1, 2 or 5 times a power of ten."""
+    """Choose round numbers from `low` to `high`, at most `most`: multiples of 1, 2 or 5 times a power of ten."""
     raw = (high - low) / max(1, most - 1)
     power = 10.0 ** math.floor(math.log10(raw))
     step = next(power * m for m in (1.0, 2.0, 5.0, 10.0, 20.0) if power * m >= raw * (1.0 - _ROUNDING))
@@ -107,7 +109,7 @@ def ticks(low: float, high: float, most: int) -> list[float]:
 
 
 def tick_text(value: float, step: float) -> str:
-    """A tick's number, with as many decimals as its neighbours need to differ from it."""
+    """Write a tick's number, with as many decimals as its neighbours need to differ from it."""
     if value != 0.0 and (abs(value) >= 10.0**_MOST_DIGITS or step < 10.0**-_MOST_DIGITS):
         return f"{value:.3g}"
     decimals = max(0, math.ceil(-math.log10(step) - _ROUNDING))
@@ -118,7 +120,11 @@ def tick_text(value: float, step: float) -> str:
 
 
 class _Plot(NamedTuple):
-    """Where the frame is (pixels), and what its ends are."""
+    """Frame of a chart in the picture.
+
+    left, top, width, height : of the frame (pixels).
+    x, y : ranges of values.
+    """
 
     left: float
     top: float
@@ -127,26 +133,28 @@ class _Plot(NamedTuple):
     x: Range
     y: Range
 
-    def at_x(self, value: Array | float) -> Array:
+    def at_x(self, value: FloatArray | float) -> FloatArray:
+        """Convert values of x to pixels."""
         low, high = self.x
         return np.asarray(self.left + self.width * (np.asarray(value) - low) / (high - low))
 
-    def at_y(self, value: Array | float) -> Array:
+    def at_y(self, value: FloatArray | float) -> FloatArray:
+        """Convert values of y to pixels."""
         low, high = self.y
         return np.asarray(self.top + self.height * (high - np.asarray(value)) / (high - low))
 
 
-def picture(chart: Chart, width: float = 400.0, height: float = 300.0) -> Node:
-    """A chart as an `svg`, of a size in pixels."""
+def render_svg(chart: Chart, width: float = 400.0, height: float = 300.0) -> Node:
+    """Render a chart as an `svg`, of a size in pixels."""
     if chart.bare:
-        return _bare(chart, width)
+        return _render_bare(chart, width)
     x, y = chart.ranges()
     legend, legend_height = _legend(chart, width)
-    texts = [tick_text(t, _step(v)) for v in (ticks(*y, 6),) for t in v]
-    left = 26.0 + 0.9 * _LETTER * _FONT * max(map(len, texts), default=1)
+    labels = [tick_text(t, _step(v)) for v in (ticks(*y, 6),) for t in v]
+    left = 26.0 + 0.9 * _LETTER * _FONT * max(map(len, labels), default=1)
     plot = _Plot(left, 10.0, width - left - 14.0, height - 54.0 - legend_height, x, y)
     if chart.equal:
-        plot = _equalled(plot)
+        plot = _equal_scales(plot)
     children = [
         *_grid(plot, chart),
         *_levels(plot, chart),
@@ -154,10 +162,11 @@ def picture(chart: Chart, width: float = 400.0, height: float = 300.0) -> Node:
         *_labels(plot, chart, height, legend_height),
     ]
     lowered = element("g", {"transform": f"translate(0 {svg.number(height - legend_height)})"}, *legend)
-    return svg.picture(width, height, chart.title, *children, lowered)
+    return svg.render_svg(width, height, chart.title, *children, lowered)
 
 
-def _bare(chart: Chart, width: float) -> Node:
+def _render_bare(chart: Chart, width: float) -> Node:
+    """Render only the frame and the series of a chart."""
     x, y = chart.ranges()
     plot = _Plot(1.0, 1.0, width - 2.0, width - 2.0, x, y)
     frame = element(
@@ -172,11 +181,11 @@ def _bare(chart: Chart, width: float) -> Node:
             "stroke-opacity": 0.4,
         },
     )
-    return svg.picture(width, width, chart.title, frame, *_levels(plot, chart), *_curves(plot, chart))
+    return svg.render_svg(width, width, chart.title, frame, *_levels(plot, chart), *_curves(plot, chart))
 
 
-def _equalled(plot: _Plot) -> _Plot:
-    """The ranges widened, so that both axes have one scale."""
+def _equal_scales(plot: _Plot) -> _Plot:
+    """Widen the ranges so that both axes have one scale."""
     scale = max((plot.x[1] - plot.x[0]) / plot.width, (plot.y[1] - plot.y[0]) / plot.height)
 
     def widened(values: Range, pixels: float) -> Range:
@@ -187,11 +196,12 @@ def _equalled(plot: _Plot) -> _Plot:
 
 
 def _step(values: list[float]) -> float:
+    """Return the distance between ticks."""
     return values[1] - values[0] if len(values) > 1 else abs(values[0]) or 1.0 if values else 1.0
 
 
 def _grid(plot: _Plot, chart: Chart) -> list[Node]:
-    """Frame, ticks with their numbers, and faint lines through them."""
+    """Draw the frame, ticks with their numbers, and faint lines through them."""
     nodes = []
     xs, ys = ticks(*plot.x, max(3, round(plot.width / 62.0))), ticks(*plot.y, 6)
     bottom, right = plot.top + plot.height, plot.left + plot.width
@@ -211,6 +221,7 @@ def _grid(plot: _Plot, chart: Chart) -> list[Node]:
 
 
 def _levels(plot: _Plot, chart: Chart) -> list[Node]:
+    """Draw the reference lines."""
     nodes = []
     for level in chart.levels:
         low, high = plot.x if level.axis == "x" else plot.y
@@ -225,15 +236,16 @@ def _levels(plot: _Plot, chart: Chart) -> list[Node]:
 
 
 def _curves(plot: _Plot, chart: Chart) -> list[Node]:
+    """Draw the series, within the frame."""
     nodes = []
     for series in chart.series:
-        # What is far outside would still be drawn, over the labels.
+        # Points outside would be drawn over the labels.
         x, y = plot.at_x(series.x), plot.at_y(series.y)
         inside = np.isfinite(x) & np.isfinite(y)
         inside &= (x >= plot.left - 0.5) & (x <= plot.left + plot.width + 0.5)
         inside &= (y >= plot.top - 0.5) & (y <= plot.top + plot.height + 0.5)
         look: dict[str, Any] = {
-            "stroke": series.hue,
+            "stroke": series.color,
             "fill": "none",
             "stroke_linecap": "round",
             "stroke_linejoin": "round",
@@ -250,8 +262,8 @@ def _curves(plot: _Plot, chart: Chart) -> list[Node]:
     return nodes
 
 
-def _line(x: Array, y: Array, inside: NDArray[np.bool_]) -> str:
-    """A path through points, begun anew after each that is outside."""
+def _line(x: FloatArray, y: FloatArray, inside: NDArray[np.bool_]) -> str:
+    """Write a path through points, interrupted by those outside."""
     parts, was = [], False
     for a, b, here in zip(x, y, inside, strict=True):
         if here:
@@ -261,6 +273,7 @@ def _line(x: Array, y: Array, inside: NDArray[np.bool_]) -> str:
 
 
 def _labels(plot: _Plot, chart: Chart, height: float, below: float) -> list[Node]:
+    """Draw the labels of the axes."""
     look = {"font_size": _FONT, "fill": INK, "text_anchor": "middle"}
     x = {"x": plot.left + 0.5 * plot.width, "y": height - below - 8.0}
     middle = plot.top + 0.5 * plot.height
@@ -269,7 +282,7 @@ def _labels(plot: _Plot, chart: Chart, height: float, below: float) -> list[Node
 
 
 def _legend(chart: Chart, width: float) -> tuple[list[Node], float]:
-    """Samples of the lines with their names, in as many rows as they need, and how high they are."""
+    """Draw the legend, in as many rows as it needs; returns its height, too."""
     named = [s for s in chart.series if s.label]
     if len(named) < 2:
         return [], 0.0
@@ -280,7 +293,7 @@ def _legend(chart: Chart, width: float) -> tuple[list[Node], float]:
         if x + wide > width and x > 10.0:
             x, y = 10.0, y + row
         dashes = " ".join(svg.number(part * _LINE) for part in series.dashes) or None
-        sample = {"stroke": series.hue, "stroke_width": _LINE, "stroke_dasharray": dashes, "fill": "none"}
+        sample = {"stroke": series.color, "stroke_width": _LINE, "stroke_dasharray": dashes, "fill": "none"}
         shape = f"M{svg.number(x)} {svg.number(y - 4.0)}h22"
         if series.mark == "dots":
             sample |= {"stroke_width": 5.0, "stroke_linecap": "round"}
@@ -294,13 +307,13 @@ def _legend(chart: Chart, width: float) -> tuple[list[Node], float]:
 # ---- Matplotlib
 
 
-def draw(chart: Chart, axes: "Axes") -> None:
-    """A chart on Matplotlib's axes."""
+def plot_on_axes(chart: Chart, axes: "Axes") -> None:
+    """Draw a chart on Matplotlib's axes."""
     for level in chart.levels:
         line = axes.axvline if level.axis == "x" else axes.axhline
         line(level.value, color="0.4", linewidth=0.7)
     for series in chart.series:
-        colour = "#222222" if series.hue == INK else series.hue
+        colour = "#222222" if series.color == INK else series.color
         if series.mark == "dots":
             axes.plot(
                 series.x, series.y, ".", color=colour, markersize=1.6, label=series.label or None, rasterized=True

@@ -1,6 +1,6 @@
-"""Pictures as SVG: elements as plain data, which a file holds as text and a page's script makes anew.
+"""SVG as plain data: written to files as text, and built by a page's script.
 
-An element is `[name, attributes, *children]`, a child an element or a text: what JSON can say.  So a page needs no HTML
+An element is `[name, attributes, *children]`, a child an element or a string: values of JSON.  So a page needs no HTML
 in its data, and a picture has but one description.
 
 Colours are those of Okabe and Ito, which colour-blind readers can tell apart, each at least 3 to 1 against white and
@@ -17,21 +17,21 @@ Node: TypeAlias = list[Any]
 
 INK = "currentColor"
 BLUE, VERMILLION, GREEN, PURPLE, OCHRE, SKY = "#0072b2", "#d55e00", "#009e73", "#b3649a", "#b07d00", "#2f94c9"
-HUES = (BLUE, VERMILLION, GREEN, PURPLE, OCHRE, SKY)
-"""In the order in which fields take them."""
+COLORS = (BLUE, VERMILLION, GREEN, PURPLE, OCHRE, SKY)
+"""Palette, in the order of series."""
 
 _STYLE = "text { font-family: system-ui, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif; } svg { color: #222222; }"
 _BACKGROUND = "#ffffff"
 
 
 def element(name: str, attributes: Mapping[str, Any] | None = None, *children: "Node | str") -> Node:
-    """An element; attributes that are None are left out, `_` in their names is `-`."""
+    """Make an element; attributes that are None are left out, `_` in their names is `-`."""
     plain = {key.replace("_", "-"): value for key, value in (attributes or {}).items() if value is not None}
     return [name, {key: number(value) for key, value in plain.items()}, *children]
 
 
 def number(value: Any) -> str:
-    """An attribute's value: numbers to a thousandth, of whatever unit, or to six digits if they are small."""
+    """Write an attribute's value: numbers to a thousandth, or to a millionth if they are small."""
     if not isinstance(value, float | int) or isinstance(value, bool):
         return str(value)
     text = f"{value:.3f}" if abs(value) >= 0.1 else f"{value:.6f}"
@@ -39,29 +39,29 @@ def number(value: Any) -> str:
     return "0" if text in ("-0", "") else text
 
 
-def picture(width: float, height: float, label: str, *children: Node) -> Node:
-    """An `svg` of a size in pixels, as wide as its place allows; `label` says what it shows."""
+def render_svg(width: float, height: float, label: str, *children: Node) -> Node:
+    """Make an `svg` of a size in pixels, which fills the width of its place; `label` describes it."""
     return element(
         "svg", {"viewBox": f"0 0 {number(width)} {number(height)}", "role": "img", "aria-label": label}, *children
     )
 
 
-def text_of(node: Node) -> str:
-    """An element as text, with all that comes from outside escaped."""
+def to_text(node: Node) -> str:
+    """Write an element as text, with attributes and strings escaped."""
     name, attributes, *children = node
     written = "".join(f' {key}="{html.escape(value)}"' for key, value in attributes.items())
-    inner = "".join(html.escape(child) if isinstance(child, str) else text_of(child) for child in children)
+    inner = "".join(html.escape(child) if isinstance(child, str) else to_text(child) for child in children)
     return f"<{name}{written}>{inner}</{name}>" if inner else f"<{name}{written}/>"
 
 
 def document(node: Node) -> bytes:
-    """A picture as a file (UTF-8), on white."""
+    """Write a picture as a file (UTF-8), on white."""
     name, attributes, *children = node
     _, _, width, height = attributes["viewBox"].split()
     whole = {"xmlns": "http://www.w3.org/2000/svg", "width": width, "height": height} | attributes
     style = element("style", {}, _STYLE)
     paper = element("rect", {"width": width, "height": height, "fill": _BACKGROUND})
-    # Titles inside are for a mouse; this one is the file's.
+    # Titles of elements are tooltips; this one is the file's.
     title = element("title", {}, attributes.get("aria-label", ""))
-    body = text_of([name, whole, title, style, paper, *children])
+    body = to_text([name, whole, title, style, paper, *children])
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{body}\n'.encode()

@@ -1,1 +1,1 @@
-"""Scene files: read, checked, and packed for the kernels."""
+"""Load scene files to checked scenes, and pack these for the kernels."""

@@ -1,54 +1,54 @@
-"""Where packing takes from what it need not make itself: files that are read, structures, and parts packed before."""
+"""Providers of what packing can reuse: files that were read, ray caster's structures, and packed parts."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from raytracer.assets import LOADERS
-from raytracer.embree import Accel, Placements
-from raytracer.geometry import Geometry
+from raytracer.core.embree import Accel, InstanceArray
+from raytracer.core.geometry import Geometry
+from raytracer.scene.assets import LOADERS
 
 T = TypeVar("T")
 
 
-class Supplies(Protocol):
-    """What packing asks for."""
+class AssetProvider(Protocol):
+    """Source of file contents, ray caster's structures and packed parts."""
 
     def read(self, kind: str, path: Path) -> Any:
-        """What a file holds, read as a kind of `assets.LOADERS`.
+        """Read a file as an asset kind of `assets.LOADERS`.
 
         Raises
         ------
         InputError : the file cannot be read.
         """
 
-    def structure(
+    def build_accel(
         self,
         geometries: Mapping[int, Geometry],
         groups: Sequence[Mapping[int, Geometry]],
-        placements: Sequence[Placements],
+        placements: Sequence[InstanceArray],
         *,
         first_instance: int,
         robust: bool,
     ) -> Accel:
-        """The ray caster's structure of these; see `Accel`."""
+        """Provide the ray caster's structure of these; see `Accel`."""
 
-    def kept(self, key: tuple[Any, ...], make: Callable[[], T], fresh: Callable[[T], bool]) -> T:
-        """What was made for an equal key, if that is still `fresh`; or what `make` makes now."""
+    def get_or_create(self, key: tuple[Any, ...], make: Callable[[], T], fresh: Callable[[T], bool]) -> T:
+        """Return the cached result for an equal key, if it is still `fresh`; otherwise that of `make`."""
 
 
-class Anew:
-    """Supplies that keep nothing."""
+class NoCache:
+    """Provider that keeps nothing."""
 
     def read(self, kind: str, path: Path) -> Any:
         """Read the file."""
         return LOADERS[kind](path)
 
-    def structure(
+    def build_accel(
         self,
         geometries: Mapping[int, Geometry],
         groups: Sequence[Mapping[int, Geometry]],
-        placements: Sequence[Placements],
+        placements: Sequence[InstanceArray],
         *,
         first_instance: int,
         robust: bool,
@@ -56,6 +56,6 @@ class Anew:
         """Build it."""
         return Accel(geometries, groups, placements, first_instance=first_instance, robust=robust)
 
-    def kept(self, key: tuple[Any, ...], make: Callable[[], T], fresh: Callable[[T], bool]) -> T:
+    def get_or_create(self, key: tuple[Any, ...], make: Callable[[], T], fresh: Callable[[T], bool]) -> T:
         """Make it."""
         return make()

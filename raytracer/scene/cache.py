@@ -1,4 +1,4 @@
-"""What renders of like scenes share: files that were read, what was packed, and structures that were built."""
+"""The cache that renders of similar scenes share: files read, worlds packed, and structures built."""
 
 import dataclasses
 import threading
@@ -9,25 +9,28 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.assets import LOADERS, companions, file_of
-from raytracer.embree import Accel, Placements
-from raytracer.geometry import Geometry
-from raytracer.spec import Spec
+from raytracer.core.embree import Accel, InstanceArray
+from raytracer.core.geometry import Geometry
+from raytracer.scene.assets import LOADERS, companion_files, file_of
+from raytracer.schema.spec import Spec
 
 T = TypeVar("T")
 
-_MOST_BYTES = 2**30
-"""Bytes in arrays up to which files are kept, and up to which packed worlds are."""
+_MAX_FILE_BYTES = 2**30
+"""Bytes of arrays up to which files are cached, and up to which packed worlds are."""
 
-_MOST_GEOMETRY = 2**28
-"""Bytes of geometry up to which structures are kept: Embree's own memory comes on top, four times as much for meshes
+_MAX_GEOMETRY_BYTES = 2**28
+"""Bytes of geometry up to which structures are cached: Embree's own memory comes on top, four times as much for meshes
 (a million triangles: 18 MB of geometry, 69 MB)."""
 
 
-class Counts(NamedTuple):
-    """What was done so far: files read, worlds packed, structures built, and kernels compiled or taken from the cache.
+class CacheCounts(NamedTuple):
+    """Counts of what was made so far.
 
-    Kernels that the process had before are not counted.
+    Attributes
+    ----------
+    files_read, worlds_packed, structures_built : cache misses.
+    kernels : compiled, or taken from the disk; those that the process had before are not counted.
     """
 
     files_read: int
@@ -36,109 +39,109 @@ class Counts(NamedTuple):
     kernels: int
 
 
-class Stock:
-    """Keeps what renders of like scenes share, so that it is made once: for `rendering.render(..., stock=...)`.
+class RenderCache:
+    """A cache for what renders of similar scenes share, so that it is made once: for `rt.render(..., cache=...)`.
 
     A file is read again once it has changed, by its size or its time, or a file that it names has.  Scenes that differ
-    in their camera, film and render settings alone are packed once but for these; those whose geometry is the same
-    have one structure of the ray caster's.  What was not used for longest goes where there is too much.
+    in their camera, film and render settings alone share all else that is packed; those whose geometry is the same
+    share the ray caster's structure.  The least recently used entries are removed where there are too many bytes.
 
     It may be used by several threads at once, one of which makes what the others then share.
 
     Attributes
     ----------
-    counts : what was made so far.
+    counts : number of things made so far.
     """
 
     def __init__(self) -> None:
-        # While one thread makes something, others that may want the same wait.
+        # While one thread makes something, others that may need the same wait.
         self._lock = threading.RLock()
-        self._files: _Shelf[_File] = _Shelf(_MOST_BYTES)
-        self._worlds: _Shelf[Any] = _Shelf(_MOST_BYTES)
-        self._structures: _Shelf[Accel] = _Shelf(_MOST_GEOMETRY)
+        self._files: _LRUCache[_CachedFile] = _LRUCache(_MAX_FILE_BYTES)
+        self._worlds: _LRUCache[Any] = _LRUCache(_MAX_FILE_BYTES)
+        self._structures: _LRUCache[Accel] = _LRUCache(_MAX_GEOMETRY_BYTES)
         self._kernels = 0
 
     @property
-    def counts(self) -> Counts:
-        """What was made so far."""
-        return Counts(self._files.made, self._worlds.made, self._structures.made, self._kernels)
+    def counts(self) -> CacheCounts:
+        """Return the counts of what was made so far."""
+        return CacheCounts(self._files.misses, self._worlds.misses, self._structures.misses, self._kernels)
 
-    def note_kernels(self, count: int) -> None:
-        """Count kernels that the process did not have before."""
+    def count_kernels(self, count: int) -> None:
+        """Add to the count of kernels that the process did not have before."""
         with self._lock:
             self._kernels += count
 
     def read(self, kind: str, path: Path) -> Any:
-        """What a file holds, read as a kind of `assets.LOADERS`; the very same as long as the file stays as it is.
+        """Read a file as a kind of `assets.LOADERS`, or return the same object as before if it has not changed.
 
         Raises
         ------
         InputError : the file cannot be read.
         """
 
-        def unchanged(file: _File) -> bool:
-            return file.stamp is not None and file.stamp == _stamp(kind, path)
+        def is_unchanged(file: _CachedFile) -> bool:
+            return file.stamp is not None and file.stamp == _file_stamp(kind, path)
 
-        def load() -> _File:
+        def load() -> _CachedFile:
             # Stamped before it is read, so that a change while it is read is noticed the next time.
-            stamp = _stamp(kind, path)
-            return _File(stamp, LOADERS[kind](path))
+            stamp = _file_stamp(kind, path)
+            return _CachedFile(stamp, LOADERS[kind](path))
 
         with self._lock:
-            return self._files.get((kind, path), load, lambda file: _weight(file.content), unchanged).content
+            return self._files.get((kind, path), load, lambda file: _array_bytes(file.content), is_unchanged).content
 
-    def structure(
+    def build_accel(
         self,
         geometries: Mapping[int, Geometry],
         groups: Sequence[Mapping[int, Geometry]],
-        placements: Sequence[Placements],
+        placements: Sequence[InstanceArray],
         *,
         first_instance: int,
         robust: bool,
     ) -> Accel:
-        """The ray caster's structure of these; see `Accel`."""
+        """Build the ray caster's structure, or return the cached one; see `Accel`."""
         key = _key(geometries, groups, placements, first_instance, robust)
 
         def build() -> Accel:
             return Accel(geometries, groups, placements, first_instance=first_instance, robust=robust)
 
         with self._lock:
-            return self._structures.get(key, build, lambda _: _weight(key))
+            return self._structures.get(key, build, lambda _: _array_bytes(key))
 
     def has_structure(
         self,
         geometries: Mapping[int, Geometry],
         groups: Sequence[Mapping[int, Geometry]],
-        placements: Sequence[Placements],
+        placements: Sequence[InstanceArray],
         *,
         first_instance: int,
         robust: bool,
     ) -> bool:
-        """Whether the structure of these is there already."""
+        """Tell if the structure of these is in the cache."""
         with self._lock:
             return self._structures.has(_key(geometries, groups, placements, first_instance, robust))
 
-    def kept(self, key: tuple[Any, ...], make: Callable[[], T], fresh: Callable[[T], bool]) -> T:
-        """What was made for the same key, if that is still `fresh`; or what `make` makes now."""
+    def get_or_create(self, key: tuple[Any, ...], make: Callable[[], T], fresh: Callable[[T], bool]) -> T:
+        """Return the value of a key, if there is one that is still `fresh`; else make it."""
         with self._lock:
-            found: T = self._worlds.get(key, make, _weight, fresh)
-            return found
+            value: T = self._worlds.get(key, make, _array_bytes, fresh)
+            return value
 
 
 def _key(
     geometries: Mapping[int, Geometry],
     groups: Sequence[Mapping[int, Geometry]],
-    placements: Sequence[Placements],
+    placements: Sequence[InstanceArray],
     first_instance: int,
     robust: bool,
 ) -> tuple[Any, ...]:
-    """All that a structure depends on."""
-    numbered = tuple({number: tuple(held) for number, held in group.items()} for group in (geometries, *groups))
-    return numbered, tuple(tuple(placed) for placed in placements), first_instance, robust
+    """Make the cache key of a structure: all that it depends on."""
+    numbered = tuple({number: tuple(parts) for number, parts in group.items()} for group in (geometries, *groups))
+    return numbered, tuple(tuple(instances) for instances in placements), first_instance, robust
 
 
-class _File(NamedTuple):
-    """What a file holds, and when it did."""
+class _CachedFile(NamedTuple):
+    """The content of a file, and the stamp that the file had then."""
 
     stamp: Any
     content: Any
@@ -150,16 +153,18 @@ class _Entry(NamedTuple):
     weight: int
 
 
-class _Shelf(Generic[T]):
-    """Values by keys that need not be hashable, up to a weight; the one that was used last stays however heavy.
+class _LRUCache(Generic[T]):
+    """A cache of values by keys that need not be hashable, of limited weight; the last one stays however heavy it is.
 
-    made, how many were.
+    Attributes
+    ----------
+    misses : number of values made.
     """
 
-    def __init__(self, most: int) -> None:
-        self._most = most
+    def __init__(self, max_weight: int) -> None:
+        self._max_weight = max_weight
         self._entries: list[_Entry] = []
-        self.made = 0
+        self.misses = 0
 
     def get(
         self,
@@ -168,43 +173,43 @@ class _Shelf(Generic[T]):
         weigh: Callable[[T], int],
         fresh: Callable[[T], bool] = lambda value: True,
     ) -> T:
-        """The value for the same key; made now if there is none, or it is not `fresh`."""
-        place = self._place(key)
-        if place is not None:
-            entry = self._entries.pop(place)
+        """Return the value of a key; make it if there is none, or it is not `fresh`."""
+        index = self._index(key)
+        if index is not None:
+            entry = self._entries.pop(index)
             if fresh(entry.value):
                 self._entries.append(entry)
                 return entry.value  # type: ignore[no-any-return]
         value = make()
-        self.made += 1
+        self.misses += 1
         self._entries.append(_Entry(key, value, weigh(value)))
-        while len(self._entries) > 1 and sum(entry.weight for entry in self._entries) > self._most:
+        while len(self._entries) > 1 and sum(entry.weight for entry in self._entries) > self._max_weight:
             del self._entries[0]
         return value
 
     def has(self, key: tuple[Any, ...]) -> bool:
-        """Whether there is a value for the same key."""
-        return self._place(key) is not None
+        """Tell if there is a value of a key."""
+        return self._index(key) is not None
 
-    def _place(self, key: tuple[Any, ...]) -> int | None:
-        return next((place for place, entry in enumerate(self._entries) if same(entry.key, key)), None)
+    def _index(self, key: tuple[Any, ...]) -> int | None:
+        return next((index for index, entry in enumerate(self._entries) if is_identical(entry.key, key)), None)
 
 
-def same(one: Any, other: Any) -> bool:
-    """Whether two values mean the same to the last bit: 0.0 is not -0.0, and a key that was set to its default is set.
+def is_identical(one: Any, other: Any) -> bool:
+    """Tell if two values are bit-identical: 0.0 is not -0.0, and a key that was set to its default counts as set.
 
-    Specs, tuples, lists and mappings are compared by what they hold, mappings by the order of it too.
+    Specs, tuples, lists and mappings are compared by their items, mappings by the order of these too.
     """
     if one is other:
         return True
     if type(one) is not type(other):
         return False
     if isinstance(one, Spec):
-        return one.model_fields_set == other.model_fields_set and same(one.__dict__, other.__dict__)
+        return one.model_fields_set == other.model_fields_set and is_identical(one.__dict__, other.__dict__)
     if isinstance(one, Mapping):
-        return list(one) == list(other) and all(same(value, other[key]) for key, value in one.items())
+        return list(one) == list(other) and all(is_identical(value, other[key]) for key, value in one.items())
     if isinstance(one, tuple | list):
-        return len(one) == len(other) and all(map(same, one, other))
+        return len(one) == len(other) and all(map(is_identical, one, other))
     if isinstance(one, np.ndarray):
         return one.dtype == other.dtype and one.shape == other.shape and _same_bits(one, other)
     if isinstance(one, float):
@@ -217,18 +222,18 @@ def _same_bits(one: NDArray[Any], other: NDArray[Any]) -> bool:
     return np.array_equal(np.ascontiguousarray(one).view(bits), np.ascontiguousarray(other).view(bits))
 
 
-def _stamp(kind: str, path: Path) -> Any:
-    """What tells that a file, or one that it names, has changed; None for one that is not there."""
+def _file_stamp(kind: str, path: Path) -> Any:
+    """Return a stamp that changes with a file, or one that it names; None if there is no file."""
     try:
-        found = [file.stat() for file in (file_of(path), *companions(kind, path))]
+        statuses = [file.stat() for file in (file_of(path), *companion_files(kind, path))]
     except OSError:
         return None
-    # The time at which the file's entry changed is nobody's to put back, as that of its content is.
-    return [(status.st_mtime_ns, status.st_ctime_ns, status.st_size, status.st_ino) for status in found]
+    # The time of the content can be set back by programs; that of the file's entry (ctime) cannot.
+    return [(status.st_mtime_ns, status.st_ctime_ns, status.st_size, status.st_ino) for status in statuses]
 
 
-def _weight(value: Any) -> int:
-    """Bytes of all arrays that a value holds, each counted once."""
+def _array_bytes(value: Any) -> int:
+    """Count the bytes of all arrays in a value, each array once."""
     arrays = {id(array): array.nbytes for array in _arrays(value, set())}
     return sum(arrays.values())
 
@@ -240,12 +245,12 @@ def _arrays(value: Any, seen: set[int]) -> Iterator[NDArray[Any]]:
     if id(value) in seen:
         return
     seen.add(id(value))
-    below: Iterable[Any] = ()
+    items: Iterable[Any] = ()
     if isinstance(value, Mapping):
-        below = value.values()
+        items = value.values()
     elif isinstance(value, tuple | list):
-        below = value
+        items = value
     elif dataclasses.is_dataclass(value):
-        below = vars(value).values()
-    for held in below:
-        yield from _arrays(held, seen)
+        items = vars(value).values()
+    for item in items:
+        yield from _arrays(item, seen)

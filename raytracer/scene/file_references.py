@@ -1,33 +1,37 @@
-"""The files that a scene names, and where it names them."""
+"""The names of files in a scene, with the paths of their keys."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
-from raytracer.spec import Spec
+from raytracer.schema.spec import Spec
+from raytracer.schema.yaml_nodes import KeyPath
 
-Keys: TypeAlias = tuple[str | int, ...]
 
+class FileReference(NamedTuple):
+    """A file that a scene names.
 
-class Named(NamedTuple):
-    """A file that a scene names: the path of keys to its name, the name, and what it is read as (`assets.LOADERS`)."""
+    keys : path of keys to the name.
+    name : as it stands in the scene.
+    kind : asset kind that it is read as (`assets.LOADERS`).
+    """
 
-    keys: Keys
+    keys: KeyPath
     name: str
     kind: str
 
 
-def named_files(part: Any, keys: Keys = ()) -> tuple[Named, ...]:
-    """The files that a scene, or a part of it at `keys`, names, in the order in which it names them."""
-    found: dict[Keys, Named] = {}
+def file_references(part: Any, keys: KeyPath = ()) -> tuple[FileReference, ...]:
+    """List the files that a scene, or a part of it at `keys`, names, in the order of the scene."""
+    references: dict[KeyPath, FileReference] = {}
     for place, spec in _specs(part, keys):
         for below, (name, kind) in spec.files().items():
-            # What a mapping holds may name a file for itself, and be told by the mapping too.
-            found.setdefault((*place, *below), Named((*place, *below), name, kind))
-    return tuple(found.values())
+            # A part may list a file that the mapping which holds it lists, too.
+            references.setdefault((*place, *below), FileReference((*place, *below), name, kind))
+    return tuple(references.values())
 
 
-def _specs(part: Any, keys: Keys) -> Iterator[tuple[Keys, Spec]]:
-    """Every mapping of a part of a scene, and where it stands."""
+def _specs(part: Any, keys: KeyPath) -> Iterator[tuple[KeyPath, Spec]]:
+    """Walk through every mapping of a part of a scene, with its path."""
     if isinstance(part, Spec):
         yield keys, part
         for key, value in part.__dict__.items():
@@ -42,8 +46,8 @@ def _specs(part: Any, keys: Keys) -> Iterator[tuple[Keys, Spec]]:
             yield from _specs(value, (*keys, key))
 
 
-def with_names(plain_scene: dict[str, Any], names: Mapping[Keys, str]) -> dict[str, Any]:
-    """Plain values (`dump.plain`) that name other files at these paths; the given ones are changed."""
+def replace_file_names(plain_scene: dict[str, Any], names: Mapping[KeyPath, str]) -> dict[str, Any]:
+    """Replace the names of files at these paths in plain values (`to_yaml.spec_to_plain`), in place."""
     for keys, name in names.items():
         place: Any = plain_scene
         for key in keys[:-1]:

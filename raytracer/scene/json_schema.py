@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 from pydantic.json_schema import GenerateJsonSchema
 
-from raytracer.dump import plain_value
-from raytracer.lenses.prescription import LensSpec
+from raytracer.optics.lens_system.prescription import LensSpec
+from raytracer.optics.to_yaml import value_to_plain
 from raytracer.scene.spec import SceneSpec
-from raytracer.spec import Spec
+from raytracer.schema.spec import Spec
 
 _HAS_UNIT = re.compile(r"\((m|mm|nm|deg|s|Hz|m/s|deg/s)[;)]")
 
@@ -19,15 +19,15 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 class _Generator(GenerateJsonSchema):
-    """Writes defaults as a file would, glasses by name or index too."""
+    """Generator that writes defaults as a file would, glasses by name or index too."""
 
     def encode_default(self, dft: Any) -> Any:
-        return super().encode_default(plain_value(dft))
+        return super().encode_default(value_to_plain(dft))
 
 
 @functools.cache
-def schema() -> dict[str, Any]:
-    """The JSON Schema of a scene file, with every key's description, unit, default and range; not to be changed."""
+def scene_schema() -> dict[str, Any]:
+    """Make the JSON Schema of a scene file, with every key's description, unit, default and range; do not change it."""
     result = SceneSpec.model_json_schema(mode="validation", schema_generator=_Generator)
     definitions = result["$defs"]
 
@@ -51,24 +51,25 @@ def schema() -> dict[str, Any]:
 
 @functools.cache
 def lens_schema() -> dict[str, Any]:
-    """The JSON Schema of a lens file, likewise."""
+    """Make the JSON Schema of a lens file, with every key's description, unit, default and range; do not change it."""
     return _finished(LensSpec.model_json_schema(mode="validation", schema_generator=_Generator), "rt lens")
 
 
-def name_of(spec: type[Spec]) -> str:
-    """Return what the schema calls a class of mappings among its definitions."""
-    is_alone = spec.__name__ in schema()["$defs"]
+def definition_name(spec: type[Spec]) -> str:
+    """Return the name of a class of mappings among the schema's definitions."""
+    is_alone = spec.__name__ in scene_schema()["$defs"]
     return spec.__name__ if is_alone else f"{spec.__module__}.{spec.__name__}".replace(".", "__")
 
 
 def properties_of(spec: type[Spec]) -> Mapping[str, Any]:
     """Return the schemas of the keys of a class of mappings of a scene, with units in their descriptions."""
-    whole = schema()
-    found: Mapping[str, Any] = (whole if spec is SceneSpec else whole["$defs"][name_of(spec)])["properties"]
-    return found
+    whole = scene_schema()
+    definition = whole if spec is SceneSpec else whole["$defs"][definition_name(spec)]
+    properties: Mapping[str, Any] = definition["properties"]
+    return properties
 
 
-def meaning(node: Mapping[str, Any]) -> str:
+def description_with_unit(node: Mapping[str, Any]) -> str:
     """Return the description of a property, with its unit in it once."""
     description = str(node.get("description", ""))
     text, bracket, unit = description.partition(" [")
@@ -78,9 +79,9 @@ def meaning(node: Mapping[str, Any]) -> str:
 
 
 def _finished(schema: dict[str, Any], title: str) -> dict[str, Any]:
-    """A schema as pydantic makes it, with what editors need; it is changed."""
+    """Complete a schema of pydantic with what editors need, in place."""
     for node in _mappings(schema):
-        # A kind is told by its type, so that cannot be left out although it has a default.
+        # The type tells a kind, so it is required although it has a default.
         properties = node.get("properties", {})
         if "const" in properties.get("type", {}):
             node["required"] = ["type", *(key for key in node.get("required", []) if key != "type")]
@@ -95,7 +96,7 @@ def _finished(schema: dict[str, Any], title: str) -> dict[str, Any]:
 
 
 def _mappings(node: Any) -> Iterator[dict[str, Any]]:
-    """Every mapping in a tree of lists and mappings."""
+    """Walk through every mapping in a tree of lists and mappings."""
     if isinstance(node, dict):
         yield node
     for below in node.values() if isinstance(node, dict) else node if isinstance(node, list) else ():
@@ -103,7 +104,7 @@ def _mappings(node: Any) -> Iterator[dict[str, Any]]:
 
 
 def _unit(node: dict[str, Any]) -> str | None:
-    """The unit of a property's plain numbers."""
+    """Find the unit of a property's plain numbers."""
     return node.get("x-unit") or next((unit for choice in node.get("anyOf", ()) if (unit := _unit(choice))), None)
 
 
@@ -111,7 +112,7 @@ def _unit(node: dict[str, Any]) -> str | None:
 
 
 class Nested(NamedTuple):
-    """Mappings of no family of kinds that a key takes.
+    """Mappings without a type that a key takes.
 
     key : the key that is met first.
     places : all such keys, each behind what it is a key of: `camera.shake`, `motion.keyframes[]`.
@@ -127,7 +128,7 @@ class Nested(NamedTuple):
 
 def nested_mappings(whole: Mapping[str, Any]) -> list[Nested]:
     """List the mappings at any depth of a schema that are of no family of kinds, in the order of their keys."""
-    found: dict[str, Nested] = {}
+    by_mark: dict[str, Nested] = {}
     met: set[str] = set()
 
     def look(owner: str, node: Mapping[str, Any]) -> None:
@@ -136,15 +137,15 @@ def nested_mappings(whole: Mapping[str, Any]) -> list[Nested]:
             plain = [form for form in forms if not form.is_kind]
             # Forms of one place belong together, such as steps of a transform and its matrix.
             marks = [form.name or json.dumps(form.node, sort_keys=True) for form in plain]
-            known = next((found[mark] for mark in marks if mark in found), None)
+            known = next((by_mark[mark] for mark in marks if mark in by_mark), None)
             if plain and known is None:
                 known = Nested(key, [], [], [])
             for mark, form in zip(marks, plain, strict=True):
                 assert known is not None
                 place = f"{owner}.{form.path}"
                 known.places.extend([] if place in known.places else [place])
-                if mark not in found:
-                    found[mark] = known
+                if mark not in by_mark:
+                    by_mark[mark] = known
                     known.forms.append(form.node)
                     known.names.append(form.name)
                     look(known.key, form.node)
@@ -154,11 +155,16 @@ def nested_mappings(whole: Mapping[str, Any]) -> list[Nested]:
                     look(form.path, form.node)
 
     look("scene", whole)
-    return list({id(each): each for each in found.values()}.values())
+    return list({id(each): each for each in by_mark.values()}.values())
 
 
 class Form(NamedTuple):
-    """A mapping that a value may be or hold: the path to it from its key on, its schema, and the definition's name."""
+    """A mapping that a value may be or hold.
+
+    path : to it, from its key on.
+    node : its schema.
+    name : of its definition; None if it stands in none.
+    """
 
     path: str
     node: Mapping[str, Any]

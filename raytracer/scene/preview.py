@@ -1,4 +1,4 @@
-"""A quick look at a scene: the same picture, smaller."""
+"""The quick look at a scene: the same picture, smaller and with fewer samples."""
 
 from typing import TYPE_CHECKING
 
@@ -6,14 +6,14 @@ if TYPE_CHECKING:
     from raytracer.scene.spec import SceneSpec
 
 EDGE = 480
-"""Pixels that a preview has at most, across or down."""
+"""Most pixels of a preview, across or down."""
 
 SPP = 16
-"""Samples a pixel that it has at most."""
+"""Most samples per pixel of a preview."""
 
 
-def smaller(spec: "SceneSpec") -> "SceneSpec":
-    """The scene with a picture of at most EDGE pixels a side, of the same shape."""
+def preview_scene(spec: "SceneSpec") -> "SceneSpec":
+    """Shrink the picture of a scene to at most EDGE pixels a side, of the same aspect ratio."""
     factor = min(1.0, EDGE / max(spec.picture()))
     size = {edge: max(1, round(factor * getattr(spec.film, edge))) for edge in ("width", "height")}
     return spec.model_copy(update={"film": spec.film.model_copy(update=size)})

@@ -1,14 +1,16 @@
-"""The words of scene files for Python: `rt.camera.thin_lens(...)` is `{type: thin_lens, ...}`.
+"""The Python API of scene files: `rt.camera.thin_lens(...)` is `{type: thin_lens, ...}`.
 
-What stands for a mapping with a type is a function of its family, in lower case: `rt.material.metal(albedo=0.9)`. What
-stands for one without is capitalised: `rt.Film(width=640, height=360)`. Arguments are the keys of a scene file; they
-take what it takes, and arrays. Both are made of the schema of scene files, as is the stub beside this file
+A mapping with a type is a function of its family, in lower case: `rt.material.metal(albedo=0.9)`.  One without a
+type is a capitalised function: `rt.Film(width=640, height=360)`.  Arguments are the keys of a scene file; they
+take its values, and arrays.  Both are made of the schema of scene files, as is the stub beside this file
 (`make docs`), by which editors and type checkers know them.
 """
 
 from typing import Any
 
-from raytracer.kinds import (
+from raytracer.scene.python_builders import KindFactories, mapping_classes, part_factory
+from raytracer.scene.spec import SceneSpec
+from raytracer.schema.registry import (
     APERTURES,
     CAMERAS,
     ENVIRONMENTS,
@@ -20,8 +22,6 @@ from raytracer.kinds import (
     TEXTURES,
     Family,
 )
-from raytracer.scene.making import Kinds, maker, parts_of
-from raytracer.scene.spec import SceneSpec
 
 FAMILIES: dict[str, Family] = {
     "aperture": APERTURES,
@@ -34,13 +34,13 @@ FAMILIES: dict[str, Family] = {
     "object": SHAPES,
     "texture": TEXTURES,
 }
-"""The families of kinds by the words for them."""
+"""The families of kinds by their names in the API."""
 
-PARTS = parts_of(SceneSpec)
-"""The mappings without a type by the words for them."""
+PARTS = mapping_classes(SceneSpec)
+"""The mappings without a type by their names in the API."""
 
-_WORDS = {word: Kinds(word, family) for word, family in FAMILIES.items()} | {
-    name: maker(part, f"rt.{name}") for name, part in PARTS.items()
+_WORDS = {word: KindFactories(word, family) for word, family in FAMILIES.items()} | {
+    name: part_factory(part, f"rt.{name}") for name, part in PARTS.items()
 }
 
 __all__ = list(_WORDS)

@@ -8,72 +8,72 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.kinds import Family
-from raytracer.materials.interface import MaterialSpec
-from raytracer.textures.interface import TextureSpec
-from raytracer.apertures.image import ImageAperture as _ImageAperture
-from raytracer.apertures.polygon import PolygonAperture as _PolygonAperture
-from raytracer.apertures.round import Round as _Round
-from raytracer.apertures.vignetting import Vignetting as _Vignetting
-from raytracer.cameras.camera_array import CameraArray as _CameraArray
-from raytracer.cameras.equirectangular import Equirectangular as _Equirectangular
-from raytracer.cameras.fisheye import Fisheye as _Fisheye
-from raytracer.cameras.lens import RealLens as _RealLens
-from raytracer.cameras.light_field import LightField as _LightField
-from raytracer.cameras.light_slab import LightSlab as _LightSlab
-from raytracer.cameras.microlenses import Microlenses as _Microlenses
-from raytracer.cameras.none import BareSensor as _BareSensor
-from raytracer.cameras.orthographic import Orthographic as _Orthographic
-from raytracer.cameras.pinhole import Pinhole as _Pinhole
-from raytracer.cameras.ray import Ray as _Ray
-from raytracer.cameras.thin_lens import ThinLens as _ThinLens
-from raytracer.environments.constant import Constant as _Constant
-from raytracer.environments.gradient import Gradient as _Gradient
-from raytracer.environments.image import ImageEnvironment as _ImageEnvironment
-from raytracer.environments.sky import Sky as _Sky
+from raytracer.schema.registry import Family
+from raytracer.plugins.materials.base.interface import MaterialSpec
+from raytracer.plugins.textures.base.interface import TextureSpec
+from raytracer.core.camera_shake import Shake as _Shake
+from raytracer.core.motion.spec import Keyframe as _Keyframe
+from raytracer.core.motion.spec import Motion as _Motion
+from raytracer.core.motion.spec import Spin as _Spin
+from raytracer.core.shutter.spec import ShutterSpec as _ShutterSpec
 from raytracer.film.tone import ToneCurveSpec as _ToneCurveSpec
-from raytracer.filters.box import Box as _FilterBox
-from raytracer.filters.gaussian import Gaussian as _Gaussian
-from raytracer.filters.mitchell import Mitchell as _Mitchell
-from raytracer.lights.flash import FlashLight as _FlashLight
-from raytracer.lights.point import PointLight as _PointLight
-from raytracer.lights.spot import SpotLight as _SpotLight
-from raytracer.lights.sun import Sun as _Sun
-from raytracer.materials.boundary import Boundary as _Boundary
-from raytracer.materials.cutout import Cutout as _Cutout
-from raytracer.materials.dielectric import Dielectric as _Dielectric
-from raytracer.materials.emitter import Emitter as _Emitter
-from raytracer.materials.lambertian import Lambertian as _Lambertian
-from raytracer.materials.metal import Metal as _Metal
-from raytracer.materials.mixture import Mixture as _Mixture
-from raytracer.materials.principled import Principled as _Principled
-from raytracer.materials.rough_conductor import RoughConductor as _RoughConductor
-from raytracer.materials.rough_dielectric import RoughDielectric as _RoughDielectric
-from raytracer.materials.thin_dielectric import ThinDielectric as _ThinDielectric
-from raytracer.materials.two_sided import TwoSided as _TwoSided
-from raytracer.media.grid import Grid as _Grid
-from raytracer.media.homogeneous import Homogeneous as _Homogeneous
-from raytracer.motion import Keyframe as _Keyframe
-from raytracer.motion import Motion as _Motion
-from raytracer.motion import Spin as _Spin
-from raytracer.photography import AutoExposure as _AutoExposure
-from raytracer.scene.spec import Film as _Film
-from raytracer.scene.spec import Render as _Render
-from raytracer.sensors import SensorSpec as _SensorSpec
-from raytracer.shake import Shake as _Shake
-from raytracer.shapes.box import Box as _ObjectBox
-from raytracer.shapes.disc import Disc as _Disc
-from raytracer.shapes.instance import Instance as _Instance
-from raytracer.shapes.mesh import Frame as _Frame
-from raytracer.shapes.mesh import Mesh as _Mesh
-from raytracer.shapes.quad import Quad as _Quad
-from raytracer.shapes.scatter import Scatter as _Scatter
-from raytracer.shapes.sphere import Sphere as _Sphere
-from raytracer.shapes.triangle import Triangle as _Triangle
-from raytracer.shutter import ShutterSpec as _ShutterSpec
-from raytracer.textures.checker import Checker as _Checker
-from raytracer.textures.image import ImageTexture as _ImageTexture
-from raytracer.textures.noise import Noise as _Noise
+from raytracer.optics.sensor_formats import SensorSpec as _SensorSpec
+from raytracer.optics.thin_lens import AutoExposure as _AutoExposure
+from raytracer.plugins.apertures.base.vignetting import Vignetting as _Vignetting
+from raytracer.plugins.apertures.image import ImageAperture as _ImageAperture
+from raytracer.plugins.apertures.polygon import PolygonAperture as _PolygonAperture
+from raytracer.plugins.apertures.round import Round as _Round
+from raytracer.plugins.cameras.base.microlenses import Microlenses as _Microlenses
+from raytracer.plugins.cameras.camera_array import CameraArray as _CameraArray
+from raytracer.plugins.cameras.equirectangular import Equirectangular as _Equirectangular
+from raytracer.plugins.cameras.fisheye import Fisheye as _Fisheye
+from raytracer.plugins.cameras.lens import RealLens as _RealLens
+from raytracer.plugins.cameras.light_field import LightField as _LightField
+from raytracer.plugins.cameras.light_slab import LightSlab as _LightSlab
+from raytracer.plugins.cameras.none import BareSensor as _BareSensor
+from raytracer.plugins.cameras.orthographic import Orthographic as _Orthographic
+from raytracer.plugins.cameras.pinhole import Pinhole as _Pinhole
+from raytracer.plugins.cameras.ray import Ray as _Ray
+from raytracer.plugins.cameras.thin_lens import ThinLens as _ThinLens
+from raytracer.plugins.environments.constant import Constant as _Constant
+from raytracer.plugins.environments.gradient import Gradient as _Gradient
+from raytracer.plugins.environments.image import ImageEnvironment as _ImageEnvironment
+from raytracer.plugins.environments.sky import Sky as _Sky
+from raytracer.plugins.filters.box import Box as _FilterBox
+from raytracer.plugins.filters.gaussian import Gaussian as _Gaussian
+from raytracer.plugins.filters.mitchell import Mitchell as _Mitchell
+from raytracer.plugins.lights.flash import FlashLight as _FlashLight
+from raytracer.plugins.lights.point import PointLight as _PointLight
+from raytracer.plugins.lights.spot import SpotLight as _SpotLight
+from raytracer.plugins.lights.sun import Sun as _Sun
+from raytracer.plugins.materials.boundary import Boundary as _Boundary
+from raytracer.plugins.materials.cutout import Cutout as _Cutout
+from raytracer.plugins.materials.dielectric import Dielectric as _Dielectric
+from raytracer.plugins.materials.emitter import Emitter as _Emitter
+from raytracer.plugins.materials.lambertian import Lambertian as _Lambertian
+from raytracer.plugins.materials.metal import Metal as _Metal
+from raytracer.plugins.materials.mixture import Mixture as _Mixture
+from raytracer.plugins.materials.principled import Principled as _Principled
+from raytracer.plugins.materials.rough_conductor import RoughConductor as _RoughConductor
+from raytracer.plugins.materials.rough_dielectric import RoughDielectric as _RoughDielectric
+from raytracer.plugins.materials.thin_dielectric import ThinDielectric as _ThinDielectric
+from raytracer.plugins.materials.two_sided import TwoSided as _TwoSided
+from raytracer.plugins.media.grid import Grid as _Grid
+from raytracer.plugins.media.homogeneous import Homogeneous as _Homogeneous
+from raytracer.plugins.shapes.box import Box as _ObjectBox
+from raytracer.plugins.shapes.disc import Disc as _Disc
+from raytracer.plugins.shapes.instance import Instance as _Instance
+from raytracer.plugins.shapes.mesh import Frame as _Frame
+from raytracer.plugins.shapes.mesh import Mesh as _Mesh
+from raytracer.plugins.shapes.quad import Quad as _Quad
+from raytracer.plugins.shapes.scatter import Scatter as _Scatter
+from raytracer.plugins.shapes.sphere import Sphere as _Sphere
+from raytracer.plugins.shapes.triangle import Triangle as _Triangle
+from raytracer.plugins.textures.checker import Checker as _Checker
+from raytracer.plugins.textures.image import ImageTexture as _ImageTexture
+from raytracer.plugins.textures.noise import Noise as _Noise
+from raytracer.scene.render_settings import Film as _Film
+from raytracer.scene.render_settings import Render as _Render
 
 _Numbers: TypeAlias = Sequence[float | str] | NDArray[np.floating[Any] | np.integer[Any]]
 _Rows: TypeAlias = Sequence[_Numbers] | NDArray[np.floating[Any] | np.integer[Any]]
@@ -889,7 +889,8 @@ class _Environments:
         """A picture of all directions: 360 degrees across, 180 degrees down, +y at the top.
 
         The left and right edges meet at -z, +x is a quarter of the width from the left, +z in the middle, -x at three
-        quarters.  Between pixels the picture is bilinear.  Surfaces aim at directions in proportion to their radiance.
+        quarters.  Between pixels the picture is bilinear.  Next-event estimation samples
+        directions in proportion to their radiance.
 
         Parameters
         ----------
@@ -1656,7 +1657,7 @@ class _Objects:
         outside_medium: str | None = ...,
         transform: Sequence[_Keys] | _Keys | _Rows | None = ...,
     ) -> _Scatter:
-        """Many copies of a group or an object, by chance.
+        """Many copies of a group or an object, placed at random.
 
         Parameters
         ----------
@@ -1932,7 +1933,7 @@ def Motion(
     spin: _Spin | _Keys | None = ...,
     keyframes: Sequence[_Keyframe | _Keys] | None = ...,
 ) -> _Motion:
-    """How an object or a camera moves in world space: a velocity, a spin or both, or keyframes.
+    """Movement of an object or a camera in world space: a velocity, a spin or both, or keyframes.
 
     Parameters
     ----------
@@ -1952,7 +1953,7 @@ def Render(
     rr_depth: int = ...,
     clamp: float | str | None = ...,
 ) -> _Render:
-    """How much work goes into the image, and how it is sampled.
+    """Samples, path lengths and sampling of the image.
 
     Parameters
     ----------
@@ -1961,8 +1962,8 @@ def Render(
     sampler : Where the random numbers come from: Owen-scrambled Sobol points, a generator, or jittered strata
     accuracy : `exact` solves each hit again in float64, `robust` has Embree watertight, `fast` takes its hits as
         they are
-    light_sampling : How light is found: `mis` aims at lights and follows paths, and weights both, `lights` leaves
-        to paths only what cannot be aimed at, `paths` aims at nothing
+    light_sampling : How light is found: `mis` by next-event estimation and by paths, weighted against each other,
+        `lights` by paths only where no light can be sampled, `paths` by paths alone
     seed : Seed: the same scene, seed and spp give the same image
     rr_depth : Path segments before Russian roulette may end a path
     clamp : Largest radiance that a sample may have in any channel: brighter ones are made as dark as that, which
@@ -1991,7 +1992,7 @@ def Sensor(
         1/3.2-inch
     width : width (mm), in place of a name [millimetres, or with a unit]
     height : height (mm), in place of a name [millimetres, or with a unit]
-    noise : whether the sensor is simulated: photon shot noise, read noise, saturation and whole numbers; without it
+    noise : whether the sensor is simulated: photon shot noise, read noise, saturation and quantization; without it
         the keys below do nothing
     full_well : electrons that a pixel holds, which saturate it at the base ISO
     read_noise : standard deviation of what reading adds (electrons)
@@ -2010,7 +2011,7 @@ def Shake(
     bandwidth: float | str = ...,
     seed: int = ...,
 ) -> _Shake:
-    """How a hand holds a camera: it turns about its own place, a little, unevenly.
+    """Small irregular rotations of a hand-held camera about its own position.
 
     Each of the angles about the camera's axes is noise with an even spectrum up to a frequency: a sum of sinusoids
     whose frequencies and phases are random, which is Gaussian in the limit of many.
@@ -2075,7 +2076,7 @@ def ToneCurve(
     type: Literal["linear", "filmic"] = ...,
     white: float | str | None = ...,
 ) -> _ToneCurveSpec:
-    """How linear values are shown: as they are, clipped at 1, or as film would show them.
+    """A tone curve for display: linear values as they are, clipped at 1, or as film would show them.
 
     Parameters
     ----------

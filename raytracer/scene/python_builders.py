@@ -1,4 +1,4 @@
-"""Parts of scenes made in code: functions with a file's keys as arguments, a file's checks and its errors."""
+"""Functions that build parts of scenes in code, with a file's keys as arguments, its checks and its errors."""
 
 import inspect
 import typing
@@ -7,12 +7,14 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from raytracer.document import Place, first_error, node_of
-from raytracer.dump import plain_value
-from raytracer.errors import InputError, SceneError, suggestion
-from raytracer.kinds import Family, type_name
-from raytracer.scene.load import CONTEXT, pythonic
-from raytracer.spec import Spec
+from raytracer.optics.to_yaml import value_to_plain
+from raytracer.scene.kind_unions import VALIDATION_CONTEXT
+from raytracer.scene.validation import to_builtins
+from raytracer.schema.registry import Family, type_name
+from raytracer.schema.spec import Spec
+from raytracer.schema.validation_errors import first_error
+from raytracer.schema.yaml_nodes import SourceLocation, node_of
+from raytracer.util.errors import InputError, SceneError, suggest_name
 
 Maker = Callable[..., Any]
 
@@ -21,7 +23,7 @@ class UnknownKindError(InputError, AttributeError):
     """A family has no kind of this name."""
 
 
-class Kinds:
+class KindFactories:
     """The kinds of a family as functions: `camera.thin_lens(vfov=20)` is `{type: thin_lens, vfov: 20}`."""
 
     def __init__(self, word: str, family: Family) -> None:
@@ -33,42 +35,42 @@ class Kinds:
             raise AttributeError(name)
         known = self._family.specs()
         if name not in known:
-            found = f"unknown type of {self._family.noun} {name!r}; {suggestion(name, known, 'types')}"
-            raise UnknownKindError(f"rt.{self._word}.{name}: {found}")
-        result = self.__dict__[name] = maker(known[name], f"rt.{self._word}.{name}", {"type": name})
+            message = f"unknown type of {self._family.noun} {name!r}; {suggest_name(name, known, 'types')}"
+            raise UnknownKindError(f"rt.{self._word}.{name}: {message}")
+        result = self.__dict__[name] = part_factory(known[name], f"rt.{self._word}.{name}", {"type": name})
         return result
 
     def __dir__(self) -> list[str]:
         return list(self._family.specs())
 
 
-def maker(spec: type[Spec], path: str, given: Mapping[str, Any] | None = None) -> Maker:
-    """A function that makes such a part of a scene, and that errors call by `path`; `given`, what is always set."""
+def part_factory(spec: type[Spec], path: str, given: Mapping[str, Any] | None = None) -> Maker:
+    """Make a function that builds such a part of a scene; errors call it `path`, and the keys `given` are set."""
 
     def make(**values: Any) -> Spec:
-        return made(spec, {**(given or {}), **values}, path)
+        return build_part(spec, {**(given or {}), **values}, path)
 
     make.__name__ = path.rpartition(".")[2]
     make.__qualname__ = path
-    make.__module__ = "raytracer.vocabulary"
+    make.__module__ = "raytracer.scene.python_api"
     make.__doc__ = _documentation(spec)
     make.__signature__ = _signature(spec)  # type: ignore[attr-defined]
     return make
 
 
-def made(spec: type[Spec], values: Mapping[str, Any], path: str) -> Spec:
-    """A checked part of a scene.
+def build_part(spec: type[Spec], values: Mapping[str, Any], path: str) -> Spec:
+    """Build a checked part of a scene.
 
     Raises
     ------
-    SceneError : what it says is wrong; the sentence begins with `path` and the key.
+    SceneError : a value is wrong; the sentence begins with `path` and the key.
     """
-    plain = pythonic(values)
+    plain = to_builtins(values)
     try:
-        return spec.model_validate(plain, context=CONTEXT)
+        return spec.model_validate(plain, context=VALIDATION_CONTEXT)
     except ValidationError as error:
-        found = first_error(error, node_of(plain_value(plain), Place(0)), None)
-        raise SceneError(found.message, key=found.key, source=path) from None
+        first = first_error(error, node_of(value_to_plain(plain), SourceLocation(0)), None)
+        raise SceneError(first.message, key=first.key, source=path) from None
 
 
 def _arguments(spec: type[Spec]) -> list[str]:
@@ -93,19 +95,19 @@ def _documentation(spec: type[Spec]) -> str:
     return f"{inspect.getdoc(spec)}\n\nParameters\n----------\n{listed}"
 
 
-def parts_of(spec: type[Spec]) -> dict[str, type[Spec]]:
-    """The mappings without a type that a scene may hold, by name: `Film`, `Sensor`, ..."""
-    found: dict[str, type[Spec]] = {}
+def mapping_classes(spec: type[Spec]) -> dict[str, type[Spec]]:
+    """List the classes of mappings without a type that a scene may hold, by name: `Film`, `Sensor`, ..."""
+    classes: dict[str, type[Spec]] = {}
     for part in _reached(spec, set()):
         kind = part.model_fields.get("type")
         is_base = kind is not None and kind.annotation is str
         if part is not spec and type_name(part) is None and not is_base:
-            found[part.__name__.removesuffix("Spec")] = part
-    return dict(sorted(found.items()))
+            classes[part.__name__.removesuffix("Spec")] = part
+    return dict(sorted(classes.items()))
 
 
 def _reached(spec: type[Spec], seen: set[type[Spec]]) -> Iterator[type[Spec]]:
-    """A mapping's class, and those of all that it may hold."""
+    """Walk through a mapping's class and those of all mappings that it may hold."""
     if spec in seen:
         return
     seen.add(spec)
@@ -116,7 +118,7 @@ def _reached(spec: type[Spec], seen: set[type[Spec]]) -> Iterator[type[Spec]]:
 
 
 def _within(annotation: Any) -> Iterator[type[Spec]]:
-    """The classes of mappings in an annotation."""
+    """Walk through the classes of mappings in an annotation."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel) and issubclass(annotation, Spec):
         yield annotation
     for argument in typing.get_args(annotation):

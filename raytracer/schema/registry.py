@@ -1,4 +1,4 @@
-"""Families of kinds: one package a family, one module a kind, found by looking.
+"""Registry of families of kinds: one package a family, one module a kind, found by importing the package.
 
 A kind's module defines a `Spec` with `type: Literal["its name"]`; that name is what a scene file writes.
 """
@@ -14,12 +14,12 @@ from pydantic import BeforeValidator, Field, GetCoreSchemaHandler, GetJsonSchema
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-from raytracer.errors import shown, suggestion
-from raytracer.spec import Spec, a_noun, at, class_noun
+from raytracer.schema.spec import Spec, class_noun, field_error, with_article
+from raytracer.util.errors import format_value, suggest_name
 
 
 class _ByName:
-    """Annotation of a family's union: a kind's bare name stands for a mapping of that type."""
+    """Annotation of a family's union by which a kind's bare name stands for a mapping of that type."""
 
     def __init__(self, family: "Family") -> None:
         self._family = family
@@ -34,7 +34,7 @@ class _ByName:
 
 
 class Family:
-    """The kinds of one noun ("shape") in one package ("raytracer.shapes")."""
+    """The kinds of one noun ("shape") in one package ("raytracer.plugins.shapes")."""
 
     def __init__(self, noun: str, package: str) -> None:
         self.noun = noun
@@ -42,7 +42,7 @@ class Family:
 
     @cached_property
     def _specs(self) -> dict[str, type[Spec]]:
-        found: dict[str, type[Spec]] = {}
+        specs: dict[str, type[Spec]] = {}
         for info in pkgutil.iter_modules(importlib.import_module(self.package).__path__):
             module = importlib.import_module(f"{self.package}.{info.name}")
             for value in vars(module).values():
@@ -51,13 +51,13 @@ class Family:
                 name = type_name(value)
                 if name is None:
                     continue
-                if name in found:
-                    raise TypeError(f"two kinds are called {name!r}: {found[name]!r} and {value!r}")
-                found[name] = value
-        return dict(sorted(found.items()))
+                if name in specs:
+                    raise TypeError(f"two kinds are called {name!r}: {specs[name]!r} and {value!r}")
+                specs[name] = value
+        return dict(sorted(specs.items()))
 
     def specs(self) -> dict[str, Any]:
-        """The kinds' specs by type name, sorted by it; imports every module of the package.
+        """Return the kinds' specs by type name, sorted by it; imports every module of the package.
 
         Raises
         ------
@@ -66,7 +66,7 @@ class Family:
         return self._specs
 
     def union(self) -> Any:
-        """The kinds as a type for pydantic, told apart by their key `type`; of a family without kinds none is valid."""
+        """Make a type for pydantic of all kinds, discriminated by their key `type`; without kinds nothing is valid."""
         specs = list(self.specs().values())
         if not specs:
             return Annotated[Spec, BeforeValidator(self._known_type), WithJsonSchema({"not": {}})]
@@ -76,28 +76,30 @@ class Family:
         return Annotated[reduce(or_, specs), Field(discriminator="type"), BeforeValidator(self._known_type)]
 
     def union_or_name(self) -> Any:
-        """As `union`; a kind's bare name stands for a mapping of that type alone."""
+        """Make the type of `union` in which a kind's bare name stands for a mapping of that type alone."""
         return Annotated[self.union(), _ByName(self)]
 
     def _known_type(self, value: Any) -> Any:
-        """Refuse what names no kind of this family, before pydantic does in its own words."""
+        """Reject a type that names no kind of this family, in the words of YAML instead of pydantic's."""
         known = self.specs()
         if isinstance(value, Spec):
             if type(value) not in known.values():
-                raise ValueError(f"must be {a_noun(self.noun)}, got {a_noun(class_noun(type(value)))}")
+                raise ValueError(f"must be {with_article(self.noun)}, got {with_article(class_noun(type(value)))}")
             return value
         if not isinstance(value, Mapping):
-            raise ValueError(f"must be a mapping with a type ({', '.join(known)}), got {shown(value)}")  # noqa: TRY004
+            raise ValueError(f"must be a mapping with a type ({', '.join(known)}), got {format_value(value)}")  # noqa: TRY004
         if "type" not in value:
             raise ValueError(f"needs a type, one of {', '.join(known)}")
         name = value["type"]
         if not isinstance(name, str) or name not in known:
-            at("type", f"unknown type of {self.noun} {shown(name)}; {suggestion(str(name), known, 'types')}")
+            field_error(
+                "type", f"unknown type of {self.noun} {format_value(name)}; {suggest_name(str(name), known, 'types')}"
+            )
         return value
 
 
 def type_name(spec: type[Spec]) -> str | None:
-    """What a scene writes as `type` for this spec; None where the spec is not a kind."""
+    """Return the name that a scene writes as `type` for this spec; None if the spec is not a kind."""
     field = spec.model_fields.get("type")
     if field is None or get_origin(field.annotation) is not Literal:
         return None
@@ -105,13 +107,13 @@ def type_name(spec: type[Spec]) -> str | None:
     return str(names[0]) if len(names) == 1 else None
 
 
-AOVS = Family("AOV", "raytracer.aovs")
-APERTURES = Family("aperture", "raytracer.apertures")
-CAMERAS = Family("camera", "raytracer.cameras")
-ENVIRONMENTS = Family("environment", "raytracer.environments")
-FILTERS = Family("filter", "raytracer.filters")
-LIGHTS = Family("light", "raytracer.lights")
-MATERIALS = Family("material", "raytracer.materials")
-MEDIA = Family("medium", "raytracer.media")
-SHAPES = Family("shape", "raytracer.shapes")
-TEXTURES = Family("texture", "raytracer.textures")
+AOVS = Family("AOV", "raytracer.kernel.aovs")
+APERTURES = Family("aperture", "raytracer.plugins.apertures")
+CAMERAS = Family("camera", "raytracer.plugins.cameras")
+ENVIRONMENTS = Family("environment", "raytracer.plugins.environments")
+FILTERS = Family("filter", "raytracer.plugins.filters")
+LIGHTS = Family("light", "raytracer.plugins.lights")
+MATERIALS = Family("material", "raytracer.plugins.materials")
+MEDIA = Family("medium", "raytracer.plugins.media")
+SHAPES = Family("shape", "raytracer.plugins.shapes")
+TEXTURES = Family("texture", "raytracer.plugins.textures")

@@ -1,14 +1,15 @@
-"""Numbers with units: `50 mm`, `1/125 s`, `20 deg`.
+"""Parse numbers with units: `50 mm`, `1/125 s`, `20 deg`.
 
 World lengths come out in metres, optic lengths in millimetres, wavelengths in nanometres, angles in degrees, times in
 seconds, speeds in metres a second, angular rates in degrees a second, frequencies in hertz, temperatures in kelvins.
+The fields of scene files that have a unit are in `fields.py`.
 """
 
 import math
 import re
 from typing import Literal, NamedTuple, TypeAlias
 
-from raytracer.errors import shown, suggestion
+from raytracer.util.errors import format_value, suggest_name
 
 METRES_PER_MILLIMETRE = 1e-3
 
@@ -20,7 +21,7 @@ Dimension: TypeAlias = Literal[
 class _Dimension(NamedTuple):
     noun: str
     unit: str
-    """What a plain number is in, and every result."""
+    """Unit of plain numbers, and of every result."""
     example: str
     units: dict[str, tuple[float, float]]
     """Factor and divisor to `unit`: both are exact where the ratio is not."""
@@ -96,29 +97,29 @@ _DIMENSIONS: dict[str, _Dimension] = {
 _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 
 _LONGEST = 200
-"""Characters of a number with its unit; to find that many more are none may take as long as the square of them."""
+"""Longest text of a number with its unit: the regular expression may take time in proportion to its square."""
 
 _QUANTITY = re.compile(rf"\s*({_NUMBER}|[-+]?\.?inf)\s*(?:/\s*({_NUMBER})\s*)?((?:[^\W\d_]+|°)(?:/[^\W\d_]+)?)?\s*")
 
 
 def unit_of(dimension: Dimension) -> str:
-    """The unit that plain numbers of `dimension` are in, in the plural; empty for a pure number."""
+    """Return the unit of plain numbers of `dimension`, in the plural; empty for a pure number."""
     return _DIMENSIONS[dimension].unit
 
 
 def quantity_pattern(dimension: Dimension) -> str:
-    """An ECMA-262 regular expression of the texts that `parse_quantity` takes, for JSON Schema."""
+    """Return an ECMA-262 regular expression of the strings that `parse_quantity` takes, for JSON Schema."""
     units = "|".join(_DIMENSIONS[dimension].units)
     number = _NUMBER.replace("?:", "")
     return rf"^\s*({number}|[-+]?\.?inf)\s*(/\s*{number}\s*)?" + (rf"({units})?\s*$" if units else r"\s*$")
 
 
 def parse_quantity(value: float | str, dimension: Dimension) -> float:
-    """`value` as a number in the unit of its dimension.
+    """Convert a number with or without a unit to the unit of its dimension.
 
     Parameters
     ----------
-    value: A plain number, or a text of a number or fraction and, if wanted, a unit. May be infinite.
+    value: A plain number, or a string of a number or fraction and, if wanted, a unit. May be infinite.
     dimension: "length" gives metres, "optic" millimetres, "wavelength" nanometres, "angle" degrees, "time" seconds,
         "number" no unit.
 
@@ -128,15 +129,15 @@ def parse_quantity(value: float | str, dimension: Dimension) -> float:
         the message is a predicate that continues "key: ".
     """
     if isinstance(value, bool) or not isinstance(value, float | int | str):
-        raise ValueError(f"must be {_wanted(dimension)}, got {shown(value)}")  # noqa: TRY004
+        raise ValueError(f"must be {_wanted(dimension)}, got {format_value(value)}")  # noqa: TRY004
     result = _parse_text(value, dimension) if isinstance(value, str) else _to_float(value)
     if math.isnan(result):
         raise ValueError("must be a number, got nan")
     return result
 
 
-def parse_share(text: str) -> float:
-    """A relative error as a fraction, from `1%` or `0.01`.
+def parse_percentage(text: str) -> float:
+    """Parse a relative error, `1%` or `0.01`, to a fraction.
 
     Raises
     ------
@@ -159,17 +160,17 @@ _BYTES = {"B": 1, "kB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12, "KiB": 2*
 
 
 def parse_bytes(text: str) -> int:
-    """An amount of memory in bytes, from `2GB`, `500 MB` or `1.5 GiB`.
+    """Parse an amount of memory, `2GB`, `500 MB` or `1.5 GiB`, to bytes.
 
     Raises
     ------
     ValueError: it is none, or not above 0; the message is a predicate that continues "key: ".
     """
-    found = re.fullmatch(rf"\s*({_NUMBER})\s*([A-Za-z]+)\s*", text[:_LONGEST])
+    match = re.fullmatch(rf"\s*({_NUMBER})\s*([A-Za-z]+)\s*", text[:_LONGEST])
     units = {unit.lower(): size for unit, size in _BYTES.items()}
-    if found is None or found[2].lower() not in units:
+    if match is None or match[2].lower() not in units:
         raise ValueError(f"must be an amount of memory such as 2GB or 500 MB; units are {', '.join(_BYTES)}")
-    size = float(found[1]) * units[found[2].lower()]
+    size = float(match[1]) * units[match[2].lower()]
     if math.isinf(size):
         raise ValueError("must be a finite amount of memory")
     if size < 1.0:
@@ -178,7 +179,7 @@ def parse_bytes(text: str) -> int:
 
 
 def parse_duration(text: str) -> float:
-    """A finite time above 0, in seconds, from `30s` or `5 min`.
+    """Parse a finite time above 0, `30s` or `5 min`, to seconds.
 
     Raises
     ------
@@ -207,14 +208,14 @@ def _to_float(value: float) -> float:
 def _parse_text(text: str, dimension: Dimension) -> float:
     match = _QUANTITY.fullmatch(text) if len(text) <= _LONGEST else None
     if not match:
-        raise ValueError(f"must be {_wanted(dimension)}, got {shown(text)}")
+        raise ValueError(f"must be {_wanted(dimension)}, got {format_value(text)}")
     numerator, denominator, unit = match.groups()
 
     # Read the number or fraction.
     result = float(numerator.replace(".inf", "inf"))
     if denominator is not None:
         if float(denominator) == 0.0:
-            raise ValueError(f"divides by zero in {shown(text)}")
+            raise ValueError(f"divides by zero in {format_value(text)}")
         result /= float(denominator)
     if unit is None:
         return result
@@ -235,6 +236,6 @@ def _wrong_unit(unit: str, dimension: Dimension) -> str:
     known = ", ".join(kind.units)
     if other:
         return f"must be {_wanted(dimension)}, but {unit!r} is a unit of {other}; known units: {known}"
-    hint = suggestion(unit, kind.units, "units")
+    hint = suggest_name(unit, kind.units, "units")
     listed = "" if hint.startswith("known") else f" (known units: {known})"
     return f"has the unknown unit {unit!r}; {hint}{listed}"

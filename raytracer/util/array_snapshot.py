@@ -1,6 +1,6 @@
-"""Arrays on disk, to go on from: one file, with a checksum of all it holds, and the one before it.
+"""Snapshots of arrays on disk, to resume from: one file, with checksums, and the previous one.
 
-A file is a ZIP archive without compression, as `numpy.savez` writes it: a text, `about.json`, and an .npy file for each
+A file is a ZIP archive without compression, as `numpy.savez` writes it: `about.json`, and an .npy file for each
 array.  ZIP has a CRC-32 of each of them, and lists them at its end, so that a file cut short is none.
 
 References: PKWARE, "APPNOTE.TXT - .ZIP File Format Specification", 6.3.10; NumPy Enhancement Proposal 1, "A Simple File
@@ -21,113 +21,113 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.errors import OutputError
-from raytracer.untrusted import opened
-from raytracer.wholefiles import told, whole
+from raytracer.util.atomic_write import atomic_write, wrap_os_errors
+from raytracer.util.errors import OutputError
+from raytracer.util.safe_open import open_regular
 
-PREVIOUS = ".previous"
-"""What the name of the file before has at its end."""
+PREVIOUS_SUFFIX = ".previous"
+"""Suffix of the name of the previous file."""
 
 _ABOUT = "about.json"
 
-# The text holds a scene, whose own file may have 64 MB.
+# The JSON holds a scene, whose own file may have 64 MB.
 _LONGEST_ABOUT = 2**28
 
-# What .npy files have before their data, at most.
+# Longest header of .npy files.
 _LONGEST_HEADER = 4096
 
 _FULL = (errno.ENOSPC, errno.EDQUOT) if hasattr(errno, "EDQUOT") else (errno.ENOSPC,)
 
 
 class DamagedError(Exception):
-    """A file that is not what was written; its text says what is wrong with it."""
+    """A snapshot that is not what was written; its text says what is wrong."""
 
 
 class Snapshot(NamedTuple):
-    """What a file holds: plain values by name, and arrays by name."""
+    """The contents of a file: plain values by name, and arrays by name."""
 
-    about: Mapping[str, Any]
+    header: Mapping[str, Any]
     arrays: Mapping[str, NDArray[Any]]
 
 
-def previous_of(path: Path) -> Path:
-    """Where the file before lies."""
-    return path.with_name(path.name + PREVIOUS)
+def previous_path(path: Path) -> Path:
+    """Return the path of the previous file."""
+    return path.with_name(path.name + PREVIOUS_SUFFIX)
 
 
 def write(path: Path, snapshot: Snapshot, *, keep: bool) -> int:
-    """Write a file in place of the one that is there; the bytes that it has.
+    """Write a file in place of the one that exists, and return its size in bytes.
 
-    keep : whether the one that is there is kept as the one before, in place of an older one, which goes first where
-        there is no room for all.
+    keep : keep the existing file as the previous one, in place of an older one, which is deleted first if
+        the disk is full.
 
     Raises
     ------
-    OutputError : the file cannot be written; what was there is there still, if only as the one before.
+    OutputError : the file cannot be written; the existing one is still there, if only as the previous one.
     """
     try:
-        return _written(path, snapshot, keep=keep)
+        return _write_archive(path, snapshot, keep=keep)
     except OutputError as error:
         if not keep or getattr(error.__cause__, "errno", None) not in _FULL:
             raise
-        with told(path):
-            if not (path.exists() and previous_of(path).exists()):
+        with wrap_os_errors(path):
+            if not (path.exists() and previous_path(path).exists()):
                 raise
-            previous_of(path).unlink()
-        return _written(path, snapshot, keep=keep)
+            previous_path(path).unlink()
+        return _write_archive(path, snapshot, keep=keep)
 
 
-def _written(path: Path, snapshot: Snapshot, *, keep: bool) -> int:
-    with whole(path) as aside, told(path):
+def _write_archive(path: Path, snapshot: Snapshot, *, keep: bool) -> int:
+    with atomic_write(path) as aside, wrap_os_errors(path):
         with zipfile.ZipFile(aside, "w", zipfile.ZIP_STORED) as archive:
-            archive.writestr(_ABOUT, json.dumps(snapshot.about))
+            archive.writestr(_ABOUT, json.dumps(snapshot.header))
             for name, array in snapshot.arrays.items():
                 with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                     np.lib.format.write_array(member, np.ascontiguousarray(array), allow_pickle=False)
         size = aside.stat().st_size
-        # Put on the disk before anything that is there gives way to it.
+        # Flushed to the disk before it replaces anything.
         with aside.open("rb+") as file:
             os.fsync(file.fileno())
         if keep and path.exists():
-            os.replace(path, previous_of(path))
+            os.replace(path, previous_path(path))
     return size
 
 
-def forget_previous(path: Path) -> None:
-    """Remove the file before the one at `path`."""
+def delete_previous(path: Path) -> None:
+    """Remove the previous file of `path`."""
     with suppress(OSError):
-        previous_of(path).unlink(missing_ok=True)
+        previous_path(path).unlink(missing_ok=True)
 
 
-def forget(path: Path) -> None:
-    """Remove the file at `path`, and the one before it."""
-    forget_previous(path)
+def delete(path: Path) -> None:
+    """Remove the file at `path` and its previous one."""
+    delete_previous(path)
     with suppress(OSError):
         path.unlink(missing_ok=True)
 
 
 def read(path: Path, accept: Callable[[Mapping[str, Any]], Mapping[str, NDArray[Any]]]) -> Mapping[str, Any]:
-    """What a file says besides its arrays, once these have been read into arrays that are there.
+    """Read a file's arrays into existing ones, and return its header.
 
     Parameters
     ----------
-    accept : given what the file says, the arrays by name to be filled: of the type and the first two dimensions of the
-        file's, and in no other one smaller; what the file does not have of them is 0.  What it raises ends the reading.
+    accept : gets the header and returns the arrays by name to be filled: of the type and the first two dimensions of
+        the file's, and in no other one smaller; the rest of them is set to 0.  Its exceptions end the reading.
 
     Raises
     ------
-    DamagedError : the file is none of ours, cut short or changed; what was filled is of no use then.
+    DamagedError : the file is no snapshot, cut short or changed; what was filled is of no use then.
     OSError : it cannot be read, or is no regular file.
     """
-    with opened(path, sys.maxsize) as file:
-        with _damage_told():
+    with open_regular(path, sys.maxsize) as file:
+        with _wrap_damage():
             archive = zipfile.ZipFile(file)
             members = {member.filename: member for member in archive.infolist()}
             if any(member.compress_type != zipfile.ZIP_STORED for member in members.values()):
                 raise DamagedError("is compressed")
-            about = _about(archive, members)
+            about = _read_header(archive, members)
         targets = accept(about)
-        with _damage_told():
+        with _wrap_damage():
             if sorted(members) != sorted([_ABOUT, *(f"{name}.npy" for name in targets)]):
                 raise DamagedError("holds other arrays than it should")
             for name, target in targets.items():
@@ -135,7 +135,7 @@ def read(path: Path, accept: Callable[[Mapping[str, Any]], Mapping[str, NDArray[
     return about
 
 
-def _about(archive: zipfile.ZipFile, members: Mapping[str, zipfile.ZipInfo]) -> Mapping[str, Any]:
+def _read_header(archive: zipfile.ZipFile, members: Mapping[str, zipfile.ZipInfo]) -> Mapping[str, Any]:
     member = members[_ABOUT]
     if member.file_size > _LONGEST_ABOUT:
         raise DamagedError("says too much")
@@ -146,7 +146,7 @@ def _about(archive: zipfile.ZipFile, members: Mapping[str, zipfile.ZipInfo]) -> 
 
 
 def _fill(archive: zipfile.ZipFile, member: zipfile.ZipInfo, target: NDArray[Any]) -> None:
-    """Read an array into one that is as large or larger, whatever its header asks for."""
+    """Read an array into one that is as large or larger, whatever size its header claims."""
     if member.file_size > target.nbytes + _LONGEST_HEADER:
         raise DamagedError(f"holds more of {member.filename} than it should")
     with archive.open(member) as file:
@@ -157,7 +157,7 @@ def _fill(archive: zipfile.ZipFile, member: zipfile.ZipInfo, target: NDArray[Any
         )
         if fortran or dtype != target.dtype or shape[:2] != target.shape[:2] or not fits:
             raise DamagedError(f"holds {member.filename} in another shape than it should")
-        # Read to its end, where the checksum is looked at.
+        # Read to its end, where zipfile compares the checksum.
         data = file.read()
     if len(data) != math.prod(shape) * dtype.itemsize:
         raise DamagedError(f"holds less of {member.filename} than it says")
@@ -166,8 +166,8 @@ def _fill(archive: zipfile.ZipFile, member: zipfile.ZipInfo, target: NDArray[Any
 
 
 @contextmanager
-def _damage_told() -> Iterator[None]:
-    """Take for damage whatever reading raises, but that the system cannot read."""
+def _wrap_damage() -> Iterator[None]:
+    """Turn exceptions of reading into DamagedError, except those of the file system."""
     try:
         yield
     except (DamagedError, FileNotFoundError, PermissionError, IsADirectoryError):

@@ -1,4 +1,4 @@
-"""What goes wrong by a user's doing, each in one sentence that can be printed as it is."""
+"""Errors for users, each in one sentence that can be printed as it is."""
 
 import difflib
 import itertools
@@ -6,13 +6,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 _NAMES_LISTED = 16
-_TEXT_SHOWN = 40
+_MAX_TEXT = 40
 
-_SENTENCE_SHOWN, _END_SHOWN = 2000, 500
-"""Characters of a sentence that are printed, and how many of them are its last: a name may have millions."""
+_MAX_SENTENCE, _SENTENCE_TAIL = 2000, 500
+"""Characters of a sentence that are printed, and how many of them come from its end: a name may have millions."""
 
-_LONGEST_NAME, _NAMES_COMPARED = 100, 2000
-"""What is compared to find the nearest name takes the product of both lengths, and as often as there are names."""
+_MAX_NAME, _MAX_COMPARED = 100, 2000
+"""Limits of the search for the nearest name, which takes time in proportion to names and the product of lengths."""
 
 
 class InputError(Exception):
@@ -20,7 +20,7 @@ class InputError(Exception):
 
 
 class SceneError(InputError):
-    """A wrong scene file: where it is wrong (`file`, `line` from 1, `key` as a path) and what is wrong there.
+    """A wrong scene file: the place (`file`, `line` from 1, `key` as a path) and a message.
 
     `file` and `line` are None where the value came from the command line; `source` then names the option.
     """
@@ -47,15 +47,15 @@ class SceneError(InputError):
 
 
 class Interrupted(Exception):  # noqa: N818
-    """The user has ended the work early, and has been told so; exit status 130."""
+    """The user has interrupted the work, and a message has been printed; exit status 130."""
 
 
 class SceneWarning(UserWarning):
-    """Something in a scene that is probably not meant, or that numbers cannot hold."""
+    """Warning of a probable mistake in a scene, or of what float32 cannot hold."""
 
 
 class StrictError(InputError):
-    """Warnings that were to count as errors; `sentences` has them all."""
+    """Warnings that count as errors; `sentences` has them all."""
 
     def __init__(self, sentences: Sequence[str]) -> None:
         self.sentences = tuple(sentences)
@@ -68,41 +68,41 @@ class OutputError(Exception):
 
 
 def one_line(text: str) -> str:
-    """`text` on one line, with what a terminal would act upon written out, and without the middle if it is long."""
-    if len(text) > _SENTENCE_SHOWN:
-        text = f"{text[: _SENTENCE_SHOWN - _END_SHOWN]} ... {text[-_END_SHOWN:]}"
+    """Put a text on one line, with control characters escaped, and without the middle if it is long."""
+    if len(text) > _MAX_SENTENCE:
+        text = f"{text[: _MAX_SENTENCE - _SENTENCE_TAIL]} ... {text[-_SENTENCE_TAIL:]}"
     printable = (c if c.isprintable() else ascii(c)[1:-1] for c in " ".join(text.split()))
     return "".join(printable)
 
 
-def nearest(name: str, known: Iterable[str]) -> str | None:
-    """The known name that is spelt most like `name`, or None where none comes near."""
-    if len(name) > _LONGEST_NAME:
+def closest_name(name: str, known: Iterable[str]) -> str | None:
+    """Find the known name that is spelt most like `name`; None if none comes near."""
+    if len(name) > _MAX_NAME:
         return None
-    compared = itertools.islice((item for item in known if len(item) <= _LONGEST_NAME), _NAMES_COMPARED)
+    compared = itertools.islice((item for item in known if len(item) <= _MAX_NAME), _MAX_COMPARED)
     by_lower = {candidate.lower(): candidate for candidate in compared}
-    found = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.6)
-    return by_lower[found[0]] if found else None
+    matches = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.6)
+    return by_lower[matches[0]] if matches else None
 
 
-def suggestion(name: str, known: Iterable[str], noun: str) -> str:
-    """End of a sentence about an unknown `name`: the nearest known name, or all of them where none comes near."""
+def suggest_name(name: str, known: Iterable[str], noun: str) -> str:
+    """End a sentence about an unknown `name`: with the nearest known name, or with all if none comes near."""
     names = list(known)
-    if close := nearest(name, names):
+    if close := closest_name(name, names):
         return f"did you mean {close!r}?"
     if not names:
         return f"there are no {noun}"
-    listed = ", ".join(map(shortened, names[:_NAMES_LISTED])) + (", ..." if len(names) > _NAMES_LISTED else "")
+    listed = ", ".join(map(abbreviate, names[:_NAMES_LISTED])) + (", ..." if len(names) > _NAMES_LISTED else "")
     return f"known {noun}: {listed}"
 
 
-def shortened(text: str) -> str:
-    """The beginning of a text that would swamp a sentence."""
-    return text if len(text) <= _TEXT_SHOWN else text[: _TEXT_SHOWN - 3] + "..."
+def abbreviate(text: str) -> str:
+    """Cut a text that is too long for a sentence."""
+    return text if len(text) <= _MAX_TEXT else text[: _MAX_TEXT - 3] + "..."
 
 
-def shown(value: Any) -> str:
-    """A value as a sentence names it: short, and in the words of YAML."""
+def format_value(value: Any) -> str:
+    """Format a value for a sentence: short, and in the words of YAML."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -110,9 +110,9 @@ def shown(value: Any) -> str:
     if isinstance(value, float):
         return repr(value).removesuffix(".0")
     if isinstance(value, str):
-        return repr(shortened(value))
+        return repr(abbreviate(value))
     if isinstance(value, Mapping):
         return "a mapping"
     if isinstance(value, Sequence):
         return f"a list of {len(value)}"
-    return shortened(repr(value))
+    return abbreviate(repr(value))

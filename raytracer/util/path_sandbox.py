@@ -1,8 +1,8 @@
-"""Which files a file may name.
+"""Sandbox for file names: the folders that files may name other files in.
 
-A scene from elsewhere must not read what it was not sent with.  It may name files in its own folder and below; or,
-where a folder at or above its own holds a file `.rt-root`, in that folder and below.  Whoever runs the program may
-allow more.  What counts is where a name leads once `..` and links are followed.
+A scene from elsewhere must not read files that were not sent with it.  It may name files in its own folder and below;
+or, if a folder at or above its own holds a file `.rt-root`, in that folder and below.  The user of the program may
+allow more.  The path counts after `..` and links are resolved.
 """
 
 import os
@@ -11,79 +11,80 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
-from raytracer.errors import shown
+from raytracer.util.errors import format_value
 
-MARKER = ".rt-root"
+ROOT_MARKER = ".rt-root"
 """The file, which may be empty, that makes its folder the one within which files may name others."""
 
-VARIABLE = "RT_ALLOW_FILES"
-"""The variable of the environment that holds further folders, as PATH does."""
+ENVIRONMENT_VARIABLE = "RT_ALLOW_FILES"
+"""Environment variable with further folders, in the form of PATH."""
 
 AllowFiles: TypeAlias = Iterable[str | os.PathLike[str]] | os.PathLike[str]
 
 
-class Reach(NamedTuple):
-    """Where the files lie that a file may name.
+class PathSandbox(NamedTuple):
+    """The folders that hold the files which a file may name.
 
-    folder : what names are relative to, absolute and without links.
+    folder : that names are relative to, absolute and without links.
     root : the folder of the marker, or `folder` where there is none.
-    others : what was allowed besides, absolute and without links.
+    allowed_folders : further folders, absolute and without links.
     """
 
     folder: Path
     root: Path
-    others: tuple[Path, ...]
+    allowed_folders: tuple[Path, ...]
 
-    def holds(self, name: str | os.PathLike[str]) -> bool:
-        """Whether a file of this name may be read, be it there or not."""
+    def allows(self, name: str | os.PathLike[str]) -> bool:
+        """Return True if a file of this name may be read, whether it exists or not."""
         path = self.folder / name
-        folders = (self.root, *self.others)
-        # To look whether a share of the network is there tells its machine who asks.
+        folders = (self.root, *self.allowed_folders)
+        # Looking for a network share would reveal the user to its machine.
         if path.drive.startswith("\\\\") and path.drive.lower() not in (folder.drive.lower() for folder in folders):
             return False
         try:
             real = Path(os.path.realpath(path))
         except ValueError:
-            # No system has files of such names: with a null, or half a character.
+            # No file can have such a name: with a null, or half a character.
             return True
         return any(real.is_relative_to(folder) for folder in folders)
 
-    def refusal(self, name: str) -> str:
-        """What to say of a name that this does not hold."""
+    def refusal_message(self, name: str) -> str:
+        """Say that a name leads out of the sandbox, and how to allow it."""
         return (
-            f"{shown(name)} leads out of {self.root}, where files may be named; to allow it: --allow-files FOLDER "
-            f"(allow_files=[...] in Python), or a file {MARKER} in the folder that holds both"
+            f"{format_value(name)} leads out of {self.root}, where files may be named; to allow it: --allow-files "
+            f"FOLDER "
+            f"(allow_files=[...] in Python), or a file {ROOT_MARKER} in the folder that holds both"
         )
 
 
-def reach_of(folder: str | os.PathLike[str], allowed: AllowFiles = ()) -> Reach:
-    """Where the files lie that a file in `folder` may name.
+def make_sandbox(folder: str | os.PathLike[str], allowed: AllowFiles = ()) -> PathSandbox:
+    """Make the sandbox of a file in `folder`.
 
     allowed : further folders, or one; those that RT_ALLOW_FILES lists come on top.
     """
     if isinstance(allowed, str | os.PathLike):
         allowed = (allowed,)
     own = Path(os.path.realpath(folder))
-    listed = [item for item in os.environ.get(VARIABLE, "").split(os.pathsep) if item]
+    listed = [item for item in os.environ.get(ENVIRONMENT_VARIABLE, "").split(os.pathsep) if item]
     others = tuple(Path(os.path.realpath(item)) for item in (*allowed, *listed))
-    return Reach(own, next(_marked(own), own), others)
+    return PathSandbox(own, next(_marker_folders(own), own), others)
 
 
-def _marked(folder: Path) -> Iterator[Path]:
-    """The folders at or above one that hold a marker, the nearest first.
+def _marker_folders(folder: Path) -> Iterator[Path]:
+    """Walk through the folders at or above one that hold a marker, the nearest first.
 
     A marker counts only if its owner is the folder's: in a folder that many share, such as /tmp, anybody can leave one.
     """
     for above in (folder, *folder.parents):
         try:
-            if (above / MARKER).stat().st_uid == folder.stat().st_uid:
+            if (above / ROOT_MARKER).stat().st_uid == folder.stat().st_uid:
                 yield above
         except OSError:
             continue
 
 
-def unreadable(path: str | os.PathLike[str]) -> str:
-    """Why a file cannot be read as a file, as the end of a sentence; empty if it can, or if there is none.
+def unreadable_reason(path: str | os.PathLike[str]) -> str:
+    """Say why a path is no readable file, as the end of a sentence; empty if it is one, or does not exist.
 
     It is not opened.
     """

@@ -1,4 +1,4 @@
-"""Bars that tell how far work is, on a terminal and in a notebook."""
+"""Progress bars, on a terminal and in a notebook."""
 
 import importlib.util
 import sys
@@ -7,7 +7,7 @@ from typing import Any, Self, TextIO
 
 
 def tqdm_class() -> Any:
-    """tqdm's bar for where the program runs: a widget in a notebook that has widgets, else one of text."""
+    """Return tqdm's class for the environment: a widget in a notebook that has widgets, otherwise text."""
     # In a notebook without widgets tqdm.auto warns.
     if "ipykernel" in sys.modules and importlib.util.find_spec("ipywidgets") is not None:
         from tqdm.auto import tqdm
@@ -19,12 +19,12 @@ def tqdm_class() -> Any:
 
 
 class Bar:
-    """A bar from the first progress on; it can be used in a `with` statement.
+    """A progress bar, shown from the first update on; it can be used in a `with` statement.
 
     Parameters
     ----------
-    unit : what is counted, with a blank before it: " samples".
-    always : show it wherever the program runs, not on terminals and in notebooks alone.
+    unit : of the count, with a blank before it: " samples".
+    always : show it everywhere, not only on terminals and in notebooks.
     quiet : show none.
     options : further ones of tqdm, such as `bar_format` and `unit_scale`.
     """
@@ -36,9 +36,9 @@ class Bar:
         self._bar: Any = None
 
     def update(self, done: float, wanted: float, note: str = "", before: float = 0) -> None:
-        """Show that so much is done of what is wanted, which may change, and a note beside it.
+        """Show the progress, with a note beside it; the total may change.
 
-        before : how much was done before the start, which tells nothing of the speed.
+        before : amount done before the start, which does not count for the speed.
         """
         if self._bar is None:
             self._bar = tqdm_class()(total=wanted, initial=before, **self._options)
@@ -56,7 +56,7 @@ class Bar:
             self._bar.write(line, file=file)
 
     def close(self) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         if self._bar is not None:
             self._bar.close()
 

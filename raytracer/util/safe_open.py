@@ -1,7 +1,7 @@
-"""Files that others wrote: opened only if they are regular files, and read only as far as they may be.
+"""Read untrusted files: only regular ones, and only up to a limit.
 
-Nothing here trusts a size that a file states of itself: what it claims is compared with what is there before room is
-made for it.
+A size that a file states of itself is never trusted: it is compared with the data before memory is
+allocated.
 """
 
 import io
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAX_BYTES = 2**32
-"""Of a file that is read whole; what a .glb file may have."""
+"""Largest file that is read whole; the limit of .glb files."""
 
 _NPY_MAGIC = b"\x93NUMPY"
 
@@ -28,8 +28,8 @@ _NPY_HEADER, _NPY_START = 10_000, 12
 _NPY_DIMENSIONS = 32
 
 
-def opened(path: Path, most: int = MAX_BYTES) -> io.BufferedReader:
-    """`path`, opened to be read from; a pipe, device or socket is refused without waiting for it.
+def open_regular(path: Path, most: int = MAX_BYTES) -> io.BufferedReader:
+    """Open a file for reading; a pipe, device or socket is refused without waiting for it.
 
     Raises
     ------
@@ -52,23 +52,28 @@ def opened(path: Path, most: int = MAX_BYTES) -> io.BufferedReader:
     return file
 
 
-def contents(path: Path, most: int = MAX_BYTES) -> bytes:
-    """The bytes of a file; see `opened`.
+def read_regular(path: Path, most: int = MAX_BYTES) -> bytes:
+    """Read the bytes of a file; see `open_regular`.
 
     Raises
     ------
-    OSError : as `opened`.
+    OSError : as `open_regular`.
     """
-    with opened(path, most) as file:
+    with open_regular(path, most) as file:
         return file.read(os.fstat(file.fileno()).st_size)
 
 
-class BrokenArrayError(ValueError):
-    """No NumPy file, or one that is not read; its text completes the sentence "FILE: ..."."""
+class NpyError(ValueError):
+    """Error of a file that is no NumPy file, or of an unsupported kind; its text completes "FILE: ..."."""
 
 
-class Stated(NamedTuple):
-    """What a .npy file says that it holds, which is there: shape, type, order, and the byte at which it begins."""
+class NpyHeader(NamedTuple):
+    """The header of a .npy file, checked against its size.
+
+    shape, dtype : of the array.
+    is_fortran : in Fortran order.
+    start : byte at which the numbers begin.
+    """
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
@@ -76,17 +81,17 @@ class Stated(NamedTuple):
     start: int
 
 
-def stated_array(file: BinaryIO) -> Stated:
-    """What is in a .npy file, without reading its numbers.
+def read_npy_header(file: BinaryIO) -> NpyHeader:
+    """Read the header of a .npy file.
 
     Raises
     ------
-    BrokenArrayError : it is no such file, holds anything else than numbers, or fewer of them than it says.
+    NpyError : it is no such file, holds anything else than numbers, or fewer of them than it says.
     """
     head = file.read(_NPY_START + _NPY_HEADER)
     size = file.seek(0, io.SEEK_END)
     if not head.startswith(_NPY_MAGIC):
-        raise BrokenArrayError("is no NumPy file")
+        raise NpyError("is no NumPy file")
     beginning = io.BytesIO(head)
     try:
         # NumPy warns of headers that Python 2 wrote.
@@ -97,25 +102,25 @@ def stated_array(file: BinaryIO) -> Stated:
             shape, is_fortran, dtype = reader(beginning, max_header_size=_NPY_HEADER)
     except Exception as error:
         # A header that is no literal, or no type, raises anything from SyntaxError to RecursionError.
-        raise BrokenArrayError("is a broken NumPy file, or cut off") from error
+        raise NpyError("is a broken NumPy file, or cut off") from error
     if dtype.hasobject:
-        raise BrokenArrayError("holds pickled objects, which are not read")
+        raise NpyError("holds pickled objects, which are not read")
     if dtype.kind not in "biufc":
-        raise BrokenArrayError(f"must hold real numbers, got {dtype!s:.40}")
+        raise NpyError(f"must hold real numbers, got {dtype!s:.40}")
     if len(shape) > _NPY_DIMENSIONS or any(isinstance(length, bool) or length < 0 for length in shape):
-        raise BrokenArrayError("has a shape that is none")
+        raise NpyError("has a shape that is none")
     if math.prod(shape) * dtype.itemsize > size - beginning.tell():
-        raise BrokenArrayError("is a broken NumPy file, or cut off")
-    return Stated(tuple(shape), dtype, bool(is_fortran), beginning.tell())
+        raise NpyError("is a broken NumPy file, or cut off")
+    return NpyHeader(tuple(shape), dtype, bool(is_fortran), beginning.tell())
 
 
-def array(data: bytes) -> NDArray[Any]:
-    """The numbers in the bytes of a .npy file, not copied and not to be written to.
+def parse_npy(data: bytes) -> NDArray[Any]:
+    """Parse the bytes of a .npy file to an array, which is a read-only view.
 
     Raises
     ------
-    BrokenArrayError : as `stated_array`.
+    NpyError : as `read_npy_header`.
     """
-    found = stated_array(io.BytesIO(data))
-    flat = np.frombuffer(data, found.dtype, math.prod(found.shape), found.start)
-    return flat.reshape(found.shape, order="F" if found.is_fortran else "C")
+    header = read_npy_header(io.BytesIO(data))
+    flat = np.frombuffer(data, header.dtype, math.prod(header.shape), header.start)
+    return flat.reshape(header.shape, order="F" if header.is_fortran else "C")

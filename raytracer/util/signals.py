@@ -1,4 +1,4 @@
-"""What ends the work of a process before its time, Ctrl-C or SIGTERM, and what is not left behind then.
+"""Handle Ctrl-C and SIGTERM, and remove temporary files when they end the process.
 
 Python calls a signal's handler between two steps of its main thread, which may be within a library for minutes: it
 builds a tree for the ray caster, or cleans a picture.  So the number of the signal also goes to a thread that does
@@ -20,30 +20,30 @@ from typing import NoReturn, TypeVar
 
 T = TypeVar("T")
 
-# SIGBREAK is what Windows has in place of SIGTERM.
-_ENDING = tuple(
+# SIGBREAK takes the place of SIGTERM on Windows.
+_EXIT_SIGNALS = tuple(
     signal.Signals(number)
     for number in (getattr(signal, name, None) for name in ("SIGINT", "SIGTERM", "SIGBREAK"))
     if number is not None
 )
 
-# What shells add to the number of the signal that has ended a process.
-_STATUS = 128
+# Shells add this to the number of the signal that has ended a process.
+_SIGNAL_STATUS_BASE = 128
 
-_WAKE_UP_SECONDS = 0.1
+_POLL_SECONDS = 0.1
 
-_unfinished: set[Path] = set()
+_temporary_paths: set[Path] = set()
 
 
 @contextlib.contextmanager
-def unfinished(path: Path) -> Iterator[Path]:
-    """Have a file or a folder removed at the end of the `with` block, also where the process is left within it."""
-    _unfinished.add(path)
+def temporary_path(path: Path) -> Iterator[Path]:
+    """Remove a file or a folder at the end of the `with` block, also if the process ends within it."""
+    _temporary_paths.add(path)
     try:
         yield path
     finally:
         _remove(path)
-        _unfinished.discard(path)
+        _temporary_paths.discard(path)
 
 
 def _remove(path: Path) -> None:
@@ -54,15 +54,15 @@ def _remove(path: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-def unhindered(work: Callable[[], T]) -> T:
-    """Do `work` in a thread while the main thread waits for it, so that an interrupt ends the waiting, and no more.
+def run_in_thread(work: Callable[[], T]) -> T:
+    """Run `work` in a thread while the main thread waits, so that an interrupt ends only the waiting.
 
     For the compiler, which takes a KeyboardInterrupt for a mistake of its own, and may take 20 s.  It goes on after an
-    interrupt, unless the process is left: who needs what it makes will find it.
+    interrupt, unless the process ends: its result serves later callers.
 
     Raises
     ------
-    BaseException : what `work` has raised.
+    BaseException : `work` has raised it.
     KeyboardInterrupt : of the main thread, at once.
     """
     if threading.current_thread() is not threading.main_thread():
@@ -70,25 +70,25 @@ def unhindered(work: Callable[[], T]) -> T:
     results: list[T] = []
     failures: list[BaseException] = []
 
-    def labour() -> None:
+    def target() -> None:
         try:
             results.append(work())
         except BaseException as error:  # noqa: BLE001
             # Raised where the thread is waited for.
             failures.append(error)
 
-    # No daemon: an interpreter does not end well beside a compiler at work.
-    worker = threading.Thread(target=labour, name="unhindered")
+    # No daemon: the interpreter does not shut down well while the compiler runs.
+    worker = threading.Thread(target=target, name="run_in_thread")
     worker.start()
     while worker.is_alive():
-        # Without an end, an interrupt would not wake Windows.
-        worker.join(_WAKE_UP_SECONDS)
+        # Without a timeout, an interrupt would not wake Windows.
+        worker.join(_POLL_SECONDS)
     if failures:
         raise failures[0]
     return results[0]
 
 
-def stop() -> NoReturn:
+def raise_interrupt() -> NoReturn:
     """Interrupt the main thread, which calls this.
 
     Raises
@@ -98,121 +98,121 @@ def stop() -> NoReturn:
     raise KeyboardInterrupt
 
 
-def wait() -> None:
-    """Leave it to the work under way to ask, by `Watch.heed`, whether it is to end."""
+def defer_interrupt() -> None:
+    """Do nothing: the work under way calls `SignalWatcher.raise_if_interrupted` at a place of its choice."""
 
 
-class Watch:
-    """Is told of the signals that ask the process to end.  The first does what it is to do then; a second ends all.
+class SignalWatcher:
+    """Watcher of the signals that ask the process to end: the first runs an action, a second ends the process.
 
     Attributes
     ----------
-    asked : the number of the signal; None if none has come.
+    signal_number : number of the first signal; None if none has come.
     """
 
     def __init__(self) -> None:
-        self.asked: int | None = None
-        self._first: Callable[[], None] | None = None
-        self._is_heeded = False
+        self.signal_number: int | None = None
+        self._first_action: Callable[[], None] | None = None
+        self._is_raised = False
         # Reentrant, as a signal's handler may come here within another's.
-        self._leaving = threading.RLock()
+        self._exit_lock = threading.RLock()
 
     @property
     def status(self) -> int:
-        """Exit status of a process that was asked to end; by Ctrl-C if nobody watched."""
-        return _STATUS + (signal.SIGINT if self.asked is None else self.asked)
+        """Exit status for the signal that came; that of Ctrl-C if none was seen."""
+        return _SIGNAL_STATUS_BASE + (signal.SIGINT if self.signal_number is None else self.signal_number)
 
     def start(self) -> None:
-        """Watch, from the main thread, for all signals that the process was not started to ignore."""
+        """Watch, from the main thread, for all signals that the process does not ignore."""
         near, far = socket.socketpair()
         far.setblocking(False)
         # The other end is open as long as the process is.
         signal.set_wakeup_fd(far.detach(), warn_on_full_buffer=False)
         threading.Thread(target=self._listen, args=(near,), name="signals", daemon=True).start()
-        for number in _ENDING:
+        for number in _EXIT_SIGNALS:
             if signal.getsignal(number) != signal.SIG_IGN:
-                signal.signal(number, self._heard)
+                signal.signal(number, self._on_signal)
 
     @contextlib.contextmanager
-    def on_first(self, what: Callable[[], None]) -> Iterator[None]:
-        """Have the first signal do this in the main thread while the `with` block runs; elsewhere it ends the process.
+    def on_first_signal(self, action: Callable[[], None]) -> Iterator[None]:
+        """Set the action of the first signal, in the main thread, for a `with` block; otherwise it ends the process.
 
-        what : `stop` or `wait`.
+        action : `raise_interrupt` or `defer_interrupt`.
         """
-        before, self._first = self._first, what
+        before, self._first_action = self._first_action, action
         try:
             yield
         finally:
-            self._first = before
+            self._first_action = before
 
-    def is_first(self, what: Callable[[], None]) -> bool:
-        """Whether the first signal is to do this."""
-        return self._first is what
+    def handles_first(self, action: Callable[[], None]) -> bool:
+        """Return True if this is the action of the first signal."""
+        return self._first_action is action
 
-    def heed(self) -> None:
-        """End what runs if a signal has come; once.
+    def raise_if_interrupted(self) -> None:
+        """Raise KeyboardInterrupt if a signal has come; once.
 
         Raises
         ------
         KeyboardInterrupt : one has.
         """
-        if self.asked is not None and not self._is_heeded:
-            self._is_heeded = True
+        if self.signal_number is not None and not self._is_raised:
+            self._is_raised = True
             raise KeyboardInterrupt
 
-    def leave(self, status: int | None = None, sentence: str | None = None) -> NoReturn:
-        """End the process at once, whatever its threads are at; what they are writing is taken away.
+    def exit_now(self, status: int | None = None, sentence: str | None = None) -> NoReturn:
+        """End the process at once, whatever its threads do, and remove its temporary files.
 
         Parameters
         ----------
         status : the exit status; that of an interrupt if None.
-        sentence : what to say.
+        sentence : message on stderr.
         """
-        # Not given back: of all threads that come here, one ends them all.
-        self._leaving.acquire()
-        # What others say of files that are taken from them now is of no use to anybody.
+        # Never released: the first thread that comes here ends the process.
+        self._exit_lock.acquire()
+        # Silence other threads' messages about files that are removed under them.
         sys.stderr = io.StringIO()
-        for path in tuple(_unfinished):
+        for path in tuple(_temporary_paths):
             _remove(path)
         with contextlib.suppress(OSError):
             if sentence is not None:
-                # A bar has left the cursor within its line.
+                # A progress bar has left the cursor within its line.
                 os.write(2, f"{chr(10) if os.isatty(2) else ''}rt: {sentence}\n".encode())
         os._exit(self.status if status is None else status)
 
-    def _heard(self, number: int, frame: FrameType | None) -> None:
-        is_first = self.asked is None
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        is_first = self.signal_number is None
         if is_first:
-            self.asked = number
-        if self._first is None:
-            self.leave(sentence="interrupted")
+            self.signal_number = number
+        if self._first_action is None:
+            self.exit_now(sentence="interrupted")
         elif is_first:
-            self._first()
+            self._first_action()
 
     def _listen(self, near: socket.socket) -> None:
         count = 0
         while number := near.recv(1):
-            if number[0] not in _ENDING:
+            if number[0] not in _EXIT_SIGNALS:
                 continue
             count += 1
-            # The main thread leaves by itself, if it hears of it.
-            if count > 1 or (self._first is None and self.asked is None):
-                self.asked = self.asked or number[0]
-                self.leave(sentence="interrupted")
+            # The main thread ends the process by itself, if it gets to its handler.
+            if count > 1 or (self._first_action is None and self.signal_number is None):
+                self.signal_number = self.signal_number or number[0]
+                self.exit_now(sentence="interrupted")
 
 
-WATCH = Watch()
-"""That of this process."""
+WATCH = SignalWatcher()
+"""The watcher of this process."""
 
 
 @contextlib.contextmanager
-def on_hangup(what: Callable[[], object]) -> Iterator[None]:
-    """Have SIGHUP do this and no more while the `with` block runs, in the main thread; Windows has no such signal."""
+def on_hangup(action: Callable[[], object]) -> Iterator[None]:
+    """Set the action of SIGHUP for a `with` block in the main thread; Windows has no such signal."""
     number = getattr(signal, "SIGHUP", None)
     if number is None or threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(number, lambda number, frame: what())
+    before = signal.signal(number, lambda number, frame: action())
     try:
         yield
     finally:

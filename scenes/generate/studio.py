@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
-from raytracer.film import rgbe
+from raytracer.film.formats import hdr
 
 FOLDER = Path(__file__).parents[1] / "studio"
 
@@ -188,7 +188,7 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "radio.glb").write_bytes(radio().export(file_type="glb"))
     leaf().save(folder / "leaf.png", optimize=True)
-    (folder / "lamps.hdr").write_bytes(rgbe.encode(lamps(), {}))
+    (folder / "lamps.hdr").write_bytes(hdr.encode(lamps(), {}))
     for path in sorted(folder.iterdir()):
         print(f"{path}: {path.stat().st_size:,} bytes")
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.cli.main import main
-from raytracer.errors import InputError
-from raytracer.glass import CATALOGUE
-from raytracer.probing import Probed, probe, probe_sphere
+from raytracer.analysis.probe import ProbeResult, probe, probe_sphere
+from raytracer.cli.base.app import main
+from raytracer.core.spectra import response, spectrum_of
+from raytracer.optics.glass import CATALOGUE
 from raytracer.scene.load import build
 from raytracer.scene.spec import SceneSpec
-from raytracer.spectra import response, spectrum_of
+from raytracer.util.errors import InputError
 
 HORIZON, ZENITH = (1.0, 0.9, 0.6), (0.2, 0.4, 1.0)
 
@@ -64,7 +64,7 @@ def spec() -> SceneSpec:
     return room()
 
 
-def measured(spec: SceneSpec, **keys: Any) -> Probed:
+def measured(spec: SceneSpec, **keys: Any) -> ProbeResult:
     return probe(spec, (0.0, 0.0, 5.0), **{"spp": 64, **keys})
 
 
@@ -211,7 +211,7 @@ def test_what_cannot_be_probed_is_told_in_a_sentence(
 def test_python_refuses_what_is_no_ray(spec: SceneSpec) -> None:
     with pytest.raises(InputError, match="either a point to look toward, or a direction"):
         probe(spec, (0.0, 0.0, 5.0))
-    with pytest.raises(InputError, match="spp must be a whole number"):
+    with pytest.raises(InputError, match="spp must be an integer"):
         probe(spec, (0.0, 0.0, 5.0), direction=(0.0, 0.0, 1.0), spp=0)
     with pytest.raises(InputError, match="at must be three numbers"):
         probe(spec, (0.0, 0.0), direction=(0.0, 0.0, 1.0))

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.rendering import Rendered, render
-from tests.rendering import scene
+from raytracer.rendering.render import render
+from raytracer.rendering.session import Rendered
+from tests.small_scenes import scene
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from raytracer.photography import circle_of_confusion, far_limit, hyperfocal, near_limit
+from raytracer.optics.thin_lens import circle_of_confusion, far_limit, hyperfocal, near_limit
 from tests.camera_truths.measure import Array, blur_px, moments, pixels, spot
 
 PIXELS, SPP = 40, 256

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from raytracer.glass import AIR, constant
-from raytracer.lenses.lens import Element, Lens
-from raytracer.photography import circle_of_confusion, far_limit, near_limit
+from raytracer.optics.glass import AIR, constant_index_glass
+from raytracer.optics.lens_system.lens import Element, Lens
+from raytracer.optics.thin_lens import circle_of_confusion, far_limit, near_limit
 from raytracer.scene.load import build
-from raytracer.scene.pack import pack
+from raytracer.scene.pack.scene import pack
 from tests.camera_truths.measure import LOOK, blur_px, moments, pixels, spot
-from tests.lenses.files import INDEX, PLANO_CONVEX, ROUND_SIDE, thin, written
-from tests.lenses.rays import gone_through, unit
+from tests.optics.lens_system.lens_files import INDEX, PLANO_CONVEX, ROUND_SIDE, thin, written
+from tests.optics.lens_system.rays import gone_through, unit
 from tests.repository import SCENES
 
 PIXELS = 39
@@ -30,7 +30,7 @@ FAR = 1e4
 
 
 def film_behind(camera: str) -> float:
-    """How far the film is behind the last vertex (mm)."""
+    """Return the distance of the film behind the last vertex (mm)."""
     text = f"camera: {{{LOOK}, {camera}}}\nfilm: {{width: {PIXELS}, height: {PIXELS}}}\n{spot(0, 0, 5, 1)}"
     packed = pack(build(text, "test.yaml", allow_files="/")).scene.camera
     return float(packed.film.z - packed.surfaces.vertex[-1])
@@ -40,13 +40,13 @@ def film_behind(camera: str) -> float:
 
 
 def _crossing(h: float) -> float:
-    """Where light at the height h crosses the axis, behind the vertex of the round side (mm): camera truths."""
+    """Compute the crossing of light at the height h with the axis, behind the vertex of the round side (mm)."""
     bent = math.asin(INDEX * h / ROUND_SIDE) - math.asin(h / ROUND_SIDE)
     return h / math.tan(bent) - (ROUND_SIDE - math.sqrt(ROUND_SIDE**2 - h * h))
 
 
 def _aside(h: float, film: float) -> float:
-    """How far from the axis light at the height h meets a film (mm)."""
+    """Compute the distance from the axis at which light of the height h meets a film (mm)."""
     bent = math.asin(INDEX * h / ROUND_SIDE) - math.asin(h / ROUND_SIDE)
     return abs((_crossing(h) - film) * math.tan(bent))
 
@@ -98,7 +98,9 @@ def test_the_best_focus_by_rms_is_sharper_than_the_marginal_one(tmp_path: Path) 
 
 # ---- Circle of confusion, by a thin piece of glass
 
-THIN_50 = Lens("thin", (Element(1.0 / 50.0, 1e-9, constant(1.5), 25.0), Element(-1.0 / 50.0, 0.0, AIR, 25.0)))
+THIN_50 = Lens(
+    "thin", (Element(1.0 / 50.0, 1e-9, constant_index_glass(1.5), 25.0), Element(-1.0 / 50.0, 0.0, AIR, 25.0))
+)
 
 
 def _traced_blur(f_number: float, focus: float, distance: float, *, focal_length: float = 50.0) -> float:
@@ -107,7 +109,7 @@ def _traced_blur(f_number: float, focus: float, distance: float, *, focal_length
     So near to it glass is ideal; and blurs are in proportion to the opening.
     """
     c = 1.0 / focal_length
-    lens = Lens("thin", (Element(c, 1e-9, constant(1.5), 0.5 / c), Element(-c, 0.0, AIR, 0.5 / c)))
+    lens = Lens("thin", (Element(c, 1e-9, constant_index_glass(1.5), 0.5 / c), Element(-c, 0.0, AIR, 0.5 / c)))
     small = 1e-3 * 0.5 * focal_length / f_number
     film = 1.0 / (c - 1e-3 / focus)
     way = unit([[0.0, small, 1e3 * distance]])
@@ -138,7 +140,7 @@ def test_limits_of_the_depth_of_field_by_rays_through_glass() -> None:
 @pytest.mark.parametrize(("focal", "expected"), [(17.0, 103.68), (50.0, 46.79), (200.0, 12.35)])
 def test_field_of_view_by_rays_through_the_middle_of_glass(focal: float, expected: float) -> None:
     c = 1.0 / focal
-    lens = Lens("thin", (Element(c, 1e-9, constant(1.5), 0.5 / c), Element(-c, 0.0, AIR, 0.5 / c)))
+    lens = Lens("thin", (Element(c, 1e-9, constant_index_glass(1.5), 0.5 / c), Element(-c, 0.0, AIR, 0.5 / c)))
     way = unit([[0.0, math.hypot(18.0, 12.0), -focal]])
     found = gone_through(lens, [[0.0, -math.hypot(18.0, 12.0), focal]], way, towards_film=False)
     assert found.weights[0] == 1.0
@@ -202,7 +204,7 @@ def test_the_circle_of_confusion_behind_the_double_gauss(f_number: float, distan
 
 
 def _focal_length() -> float:
-    from raytracer.assets.lenses import read_lens
-    from raytracer.lenses.first_order import cardinal_points
+    from raytracer.optics.lens_system.first_order import cardinal_points
+    from raytracer.scene.assets.lenses import read_lens
 
     return cardinal_points(read_lens(SCENES / "lenses" / "double-gauss-50mm.yaml").packed()).focal_length

@@ -8,11 +8,12 @@ import numba
 import numpy as np
 import pytest
 
-from raytracer.rendering import Rendered, render
-from raytracer.scene.pack import pack
+from raytracer.rendering.render import render
+from raytracer.rendering.session import Rendered
+from raytracer.scene.pack.scene import pack
 from raytracer.scene.spec import SceneSpec
-from tests.rendering import scene
-from tests.test_specialisation import Kernels, kernels, probe
+from tests.kernel.test_specialisation import Kernels, kernels, probe
+from tests.small_scenes import scene
 
 __all__ = ["kernels"]
 

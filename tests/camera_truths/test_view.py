@@ -9,7 +9,7 @@ import math
 
 import pytest
 
-from raytracer.sensors import SENSORS
+from raytracer.optics.sensor_formats import SENSORS
 from tests.camera_truths.measure import moments, pixels, spot
 
 LECTURE = (17.0, 24.0, 28.0, 35.0, 50.0, 85.0, 100.0, 135.0, 200.0)
@@ -22,7 +22,7 @@ SPOT_PX, SPP, MARGIN = 1.5, 256, 8
 def seen_at(
     camera: str, x: float, y: float, depth: float, radius: float, near: tuple[float, float]
 ) -> tuple[float, ...]:
-    """Where a spot at a known place (m) is seen (px from the top left), looked for `MARGIN` pixels around a place."""
+    """Find the image of a spot (m), in px from the top left, within `MARGIN` pixels around a place."""
     left, top = math.floor(near[0]) - MARGIN, math.floor(near[1]) - MARGIN
     window = (left, top, left + 2 * MARGIN + 1, top + 2 * MARGIN + 1)
     found = moments(pixels(camera, spot(x, y, depth, radius), width=WIDTH, height=HEIGHT, spp=SPP, crop=window))

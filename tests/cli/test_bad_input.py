@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raytracer import wholefiles
-from raytracer.cli.main import main
+from raytracer.cli.base.app import main
+from raytracer.util import atomic_write
 
 SCENE = """\
 camera: {type: thin_lens, look_from: [0, 0, 4], look_at: [0, 0, 0], up: [0, 1, 0], vfov: 40}
@@ -112,7 +112,7 @@ SYNTAX = [
     Row("two documents", ("scene.yaml:12: a second document",), scene=SCENE + "---\n" + SCENE),
     Row("a list", ("scene.yaml:1: must be a mapping (camera, film",), scene="- camera\n"),
     Row("a word", ("scene.yaml:1: must be a mapping (camera, film", "got 'camera'"), scene="camera\n"),
-    changed("list as key", "materials:", "? [1, 2]\n: 3\nmaterials:", "scene.yaml:5: a key must be a plain text"),
+    changed("list as key", "materials:", "? [1, 2]\n: 3\nmaterials:", "scene.yaml:5: a key must be a plain string"),
 ]
 
 KEYS = [
@@ -174,7 +174,7 @@ VALUES = [
     changed("zero focus distance", "vfov: 40", "vfov: 40, focus_distance: 0", f"{CAMERA}.focus_distance: must be gr"),
     changed("two apertures", "vfov: 40", "vfov: 40, aperture: 1, defocus_angle: 1", f"{CAMERA}.aperture: ", "give one"),
     changed("width 0", "width: 8", "width: 0", "scene.yaml:2: film.width: must be at least 1, got 0"),
-    changed("half a pixel", "width: 8", "width: 8.5", "film.width: must be a whole number, got 8.5"),
+    changed("half a pixel", "width: 8", "width: 8.5", "film.width: must be an integer, got 8.5"),
     changed("10^9 pixels", "width: 8, height: 8", "width: 50000, height: 20000", "film: is too large", "1,000,000,000"),
     changed("spp 0", "spp: 1", "spp: 0", "scene.yaml:3: render.spp: must be at least 1, got 0"),
     changed("spp 2^31", "spp: 1", "spp: 2147483648", "render.spp: must be at most 2147483647"),
@@ -292,7 +292,7 @@ RENDER = [
     options("time in metres", "-o DIR/out.npy --time-limit 3m", "--time-limit 3m: "),
     options("--spp 0", "-o DIR/out.npy --spp 0", "spp"),
     options("--threads 0", "-o DIR/out.npy --threads 0", "threads"),
-    options("threads in words", "-o DIR/out.npy --threads many", "'--threads': must be a whole number (see"),
+    options("threads in words", "-o DIR/out.npy --threads many", "'--threads': must be an integer (see"),
     options("negative --seed", "-o DIR/out.npy --seed -1", "seed"),
     options("unknown option", "--fast", "--fast"),
     Row("no objects", ("no objects",), scene=SCENE[: SCENE.index("objects:")], command="render SCENE -o DIR/out.npy"),
@@ -552,7 +552,7 @@ MOTION = [
     exposed("a shake of whole turns", "shake: {amplitude: 200}", f"{CAMERA}.shake.amplitude: must be at most 180"),
     exposed("a shake of no bandwidth", "shake: {amplitude: 1, bandwidth: 0}", f"{CAMERA}.shake.bandwidth: ", "than 0"),
     exposed("a shake of rpm", "shake: {amplitude: 1, bandwidth: 9 rpm}", f"{CAMERA}.shake.bandwidth: ", "angular rate"),
-    exposed("a shake of seed 0.5", "shake: {amplitude: 1, seed: 0.5}", f"{CAMERA}.shake.seed: must be a whole number"),
+    exposed("a shake of seed 0.5", "shake: {amplitude: 1, seed: 0.5}", f"{CAMERA}.shake.seed: must be an integer"),
     exposed(
         "a shake too fast to follow",
         "shutter: 100 s, shake: {amplitude: 1, bandwidth: 1 kHz}",
@@ -700,7 +700,7 @@ MEDIA = [
     grid("grid of one number", "fog.npy", npy(1.0), "three dimensions (x, y, z), got a single number"),
     grid("grid without voxels", "fog.npy", npy(_GRID[:0]), "three dimensions (x, y, z), got shape 0 x 3 x 4"),
     grid("complex grid", "fog.npy", npy(1j * _GRID), "must hold real numbers, got complex128"),
-    grid("grid of texts", "fog.npy", npy(_GRID.astype(str)), "must hold real numbers, got "),
+    grid("grid of strings", "fog.npy", npy(_GRID.astype(str)), "must hold real numbers, got "),
     grid("grid with NaN", "fog.npy", npy(np.where(_GRID.cumsum().reshape(2, 3, 4) == 7, np.nan, 1)), "is not finite"),
     grid("grid beyond float32", "fog.npy", npy(1e300 * _GRID), "has a density that is not finite, at [0, 0, 0]"),
     grid("negative grid", "fog.npy", npy(_GRID - 2.0 * np.eye(3, 4)), "has a density that is negative, at [0, 0, 0]"),
@@ -895,7 +895,7 @@ FACETS = [
     material("misspelt roughness", "type: rough_dielectric, roughnes: 1", "did you mean 'roughness'?"),
     material("roughness by no texture", "type: rough_dielectric, roughness: x", ".roughness: unknown texture 'x'"),
     material("negative priority", "type: dielectric, priority: -1", ".priority: must be at least 0, got -1"),
-    material("half a priority", "type: rough_dielectric, priority: 0.5", ".priority: must be a whole number, got 0.5"),
+    material("half a priority", "type: rough_dielectric, priority: 0.5", ".priority: must be an integer, got 0.5"),
     material("priority of a mirror", "type: metal, priority: 1", "unknown key 'priority'"),
     material(
         "priority and an outside",
@@ -1028,7 +1028,7 @@ TEXTURES = [
     pictured("NPY without pixels", ".npy", array_file([0.5], (0, 4)), "has no pixels"),
     pictured("NPY cut off", ".npy", array_file([0.5])[:-4], ".file: a.npy: is a broken NumPy file, or cut off"),
     pictured(
-        "NPY of texts",
+        "NPY of strings",
         ".npy",
         b"\x93NUMPY\x01\x00v\x00{'descr': '<U1', 'fortran_order': False, 'shape': (1, 1), }\n",
         "a.npy",
@@ -1085,7 +1085,9 @@ APERTURES = [
     opening("aperture by a wrong name", "aperture_shape: hexagon", ".aperture_shape: unknown type of aperture"),
     opening("misspelt aperture", "aperture_shape: {type: polygn}", ".aperture_shape.type: ", "mean 'polygon'?"),
     opening("two blades", "aperture_shape: {type: polygon, blades: 2}", ".aperture_shape.blades: must be at least 3"),
-    opening("half a blade", "aperture_shape: {type: polygon, blades: 5.5}", ".aperture_shape.blades: must be a whole"),
+    opening(
+        "half a blade", "aperture_shape: {type: polygon, blades: 5.5}", ".aperture_shape.blades: must be an integer"
+    ),
     opening("pinched blades", "aperture_shape: {type: polygon, curvature: -1}", ".curvature: must be at least 0, got"),
     opening("blades beyond round", "aperture_shape: {type: polygon, curvature: 2}", ".curvature: must be at most 1"),
     opening("blades of a disc", "aperture_shape: {type: round, blades: 5}", ".blades: unknown key 'blades' of round"),
@@ -1172,7 +1174,7 @@ DEVELOPMENT = [
     recorded("noise of no exposure", "noise: true", f"{CAMERA}.sensor.noise: ", "give camera.iso", exposure="time: 0"),
     recorded("well of less than an electron", "full_well: 0", f"{CAMERA}.sensor.full_well: must be at least 1, got 0"),
     recorded("negative read noise", "read_noise: -1", f"{CAMERA}.sensor.read_noise: must be at least 0, got -1"),
-    recorded("half a bit", "bit_depth: 7.5", f"{CAMERA}.sensor.bit_depth: must be a whole number, got 7.5"),
+    recorded("half a bit", "bit_depth: 7.5", f"{CAMERA}.sensor.bit_depth: must be an integer, got 7.5"),
     recorded("17 bits", "bit_depth: 17", f"{CAMERA}.sensor.bit_depth: must be at most 16, got 17"),
     recorded("black above white", "bit_depth: 8, black_level: 255", f"{CAMERA}.sensor.black_level: ", "8 bits, 255"),
     recorded("speed of nothing", "base_iso: 0", f"{CAMERA}.sensor.base_iso: must be at least 1, got 0"),
@@ -1489,7 +1491,7 @@ def test_broken_input_is_told_in_one_sentence(
             pytest.skip("needs a device that is always full")
         (tmp_path / "full.png").symlink_to("/dev/full")
         # What is not there by then is not waited for here.
-        monkeypatch.setattr(wholefiles, "_PAUSES", ())
+        monkeypatch.setattr(atomic_write, "_RETRY_SECONDS", ())
     monkeypatch.chdir(tmp_path)
 
     status = run(row, tmp_path)

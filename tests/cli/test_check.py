@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.cli.main import main
-from raytracer.regression import checking
-from raytracer.regression.references import load_reference
-from raytracer.rendering import render
-from tests.regression.made_up import SCENE, MadeUp
-from tests.rendering import scene_text
+from raytracer.analysis.regression import check
+from raytracer.analysis.regression.reference_file import load_reference
+from raytracer.cli.base.app import main
+from raytracer.rendering.render import render
+from tests.analysis.regression.made_up import SCENE, MadeUp
+from tests.small_scenes import scene_text
 
 LIT = scene_text(
     """
@@ -78,7 +78,7 @@ def test_planted_faults_are_found(
             )
             return rendered._replace(image=image)
 
-        monkeypatch.setattr(checking, "render", wrong)
+        monkeypatch.setattr(check, "render", wrong)
         assert main(["check", "references", "--threads", "2", "--seed", str(number)]) == 1
         assert capsys.readouterr().out.startswith("ball: FAILED: ")
         assert (project / "outputs" / "check.html").exists()
@@ -200,7 +200,7 @@ def test_ctrl_c_tells_what_was_not_checked(
         renders.interrupted = len(renders.calls) == 3
         return renders(*given, **settings)
 
-    monkeypatch.setattr(checking, "render", until_the_second)
+    monkeypatch.setattr(check, "render", until_the_second)
     assert main(["check", "references"]) == 130
     captured = capsys.readouterr()
     assert captured.out.startswith("ball: passed")

@@ -7,9 +7,9 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from raytracer.cli.main import main
+from raytracer.cli.base.app import main
 from raytracer.film.image import Image
-from raytracer.film.output import save
+from raytracer.film.image_file import save
 
 SHAPE = (16, 20, 3)
 PLAIN = "--metric=mae,psnr"

@@ -8,9 +8,10 @@ from typing import Any
 
 import pytest
 
-from raytracer.cli.main import main
-from raytracer.cost import study as studies
-from tests.cost.made_up import World, scene_of
+from raytracer.analysis.cost import study as studies
+from raytracer.analysis.cost.study_options import StudyOptions
+from raytracer.cli.base.app import main
+from tests.analysis.cost.made_up import World, scene_of
 
 
 @pytest.fixture
@@ -19,8 +20,8 @@ def world(monkeypatch: pytest.MonkeyPatch) -> World:
     made_up = World()
     real = studies.study
 
-    def study(spec: Any, **options: Any) -> Any:
-        return real(spec, **{**options, "bench": made_up.bench(), "threads": 2})
+    def study(spec: Any, options: StudyOptions, **others: Any) -> Any:
+        return real(spec, options._replace(threads=2), **{**others, "bench": made_up.bench()})
 
     monkeypatch.setattr(studies, "study", study)
     return made_up
@@ -33,15 +34,15 @@ def scene(tmp_path: Path) -> str:
 
 
 def test_a_table_goes_to_stdout_and_nothing_else(world: World, scene: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["cost", scene, "--arms", "defocus, max_depth=2", "--budget", "1 min"]) == 0
+    assert main(["cost", scene, "--variants", "defocus, max_depth=2", "--budget", "1 min"]) == 0
     output = capsys.readouterr()
-    for words in ("A/A", "defocus", "max_depth=2", "60 s"):
+    for words in ("repeat of the", "defocus", "max_depth=2", "60 s"):
         assert words in output.out
     assert output.err == ""
 
 
 def test_json_is_json(world: World, scene: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["cost", scene, "--no-arms", "--json", "--target", "2%", "--seed", "5"]) == 0
+    assert main(["cost", scene, "--no-variants", "--json", "--target", "2%", "--seed", "5"]) == 0
 
     def refuse(constant: str) -> None:
         raise ValueError(constant)
@@ -100,10 +101,10 @@ def test_interrupted_it_reports_what_there_is(world: World, scene: str, capsys: 
         ("--rounds 1001", "rounds 1001: must be at most 1000, since the pictures of all are kept"),
         ("--tiles 0", "tiles 0: must be at least 16"),
         ("--tiles 15", "tiles 15: must be at least 16"),
-        ("--arms ,", "--arms ,: a name is empty"),
-        ("--arms defocus,", "--arms defocus,: a name is empty"),
+        ("--variants ,", "--variants ,: a name is empty"),
+        ("--variants defocus,", "--variants defocus,: a name is empty"),
         ("--arms defocsu", "did you mean 'defocus'?"),
-        ("--arms defocus --no-arms", "--arms and --no-arms exclude each other"),
+        ("--arms defocus --no-arms", "--variants and --no-variants exclude each other"),
         ("--no-arms -D film.widht=3", "did you mean 'width'?"),
     ],
 )

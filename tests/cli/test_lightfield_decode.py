@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from raytracer.cli.main import main
-from raytracer.plenoptic import lf
+from raytracer.cli.base.app import main
+from raytracer.film.light_field import lf
 from tests.lightfield.lenslet_pictures import Camera, lattice, texture
 
 

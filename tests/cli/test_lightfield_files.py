@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raytracer.cli.main import main
-from raytracer.plenoptic import lf
-from raytracer.plenoptic.field import LightField
-from raytracer.plenoptic.views import Plane, Views
+from raytracer.cli.base.app import main
+from raytracer.film.light_field import lf
+from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.views import Plane, Views
 
 SCENE = """\
 camera: {type: CAMERA, look_from: [0, 0, 5], look_at: [0, 0, 0], vfov: 40KEYS}

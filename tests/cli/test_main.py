@@ -8,9 +8,9 @@ import pytest
 import typer
 
 import raytracer
-from raytracer.cli import main as cli
-from raytracer.cli.main import main
-from raytracer.errors import InputError, OutputError
+from raytracer.cli.base import app as cli
+from raytracer.cli.base.app import main
+from raytracer.util.errors import InputError, OutputError
 
 SCENE = (
     "camera: {type: pinhole, look_from: [0, 0, 4], vfov: 40}\nfilm: {width: 8, height: 6}\n"
@@ -32,7 +32,7 @@ def commands() -> list[str]:
 
 def test_help_imports_nothing_slow() -> None:
     program = (
-        "import sys; from raytracer.cli.main import main; assert main(['--help']) == 0;"
+        "import sys; from raytracer.cli.base.app import main; assert main(['--help']) == 0;"
         "slow = {'numba', 'numpy', 'pydantic', 'yaml', 'rich', 'trimesh', 'PIL', 'OpenEXR', 'scipy'};"
         "print(sorted(slow & set(sys.modules)), file=sys.stderr)"
     )
@@ -121,7 +121,7 @@ def test_nothing_of_the_current_folder_tells_the_compiler_what_to_do(good: str, 
     """Else who renders among files that somebody sent has files of their own overwritten."""
     (tmp_path / "precious").write_text("precious")
     (tmp_path / ".numba_config.yaml").write_text(f"chrome_trace: {tmp_path / 'precious'}\n")
-    program = f"import sys; from raytracer.cli.main import main; sys.exit(main(['validate', {good!r}]))"
+    program = f"import sys; from raytracer.cli.base.app import main; sys.exit(main(['validate', {good!r}]))"
     done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (tmp_path / "precious").read_text() == "precious"
     assert done.returncode == 2
@@ -131,7 +131,7 @@ def test_nothing_of_the_current_folder_tells_the_compiler_what_to_do(good: str, 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
 @pytest.mark.parametrize("argument", ["schema", "--version"])
 def test_a_full_disk_under_stdout_is_a_failure_in_one_sentence(argument: str) -> None:
-    program = f"import sys; from raytracer.cli.main import main; sys.exit(main([{argument!r}]))"
+    program = f"import sys; from raytracer.cli.base.app import main; sys.exit(main([{argument!r}]))"
     with open("/dev/full", "w") as full:
         done = subprocess.run(
             [sys.executable, "-c", program], stdout=full, stderr=subprocess.PIPE, text=True, check=False
@@ -141,7 +141,7 @@ def test_a_full_disk_under_stdout_is_a_failure_in_one_sentence(argument: str) ->
 
 
 def test_a_reader_that_goes_away_is_no_error_message() -> None:
-    program = "import sys; from raytracer.cli.main import main; sys.exit(main(['schema']))"
+    program = "import sys; from raytracer.cli.base.app import main; sys.exit(main(['schema']))"
     shell = f"'{sys.executable}' -c \"{program}\" | head -c 10"
     done = subprocess.run(["sh", "-c", shell], capture_output=True, text=True, check=False)
     assert done.stdout.startswith("{")

@@ -11,16 +11,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import raytracer.rendering
-from raytracer.accumulation import FilmView
-from raytracer.cli import render
-from raytracer.cli.main import main
+from raytracer.cli.base import outputs
+from raytracer.cli.base.app import main
+from raytracer.cli.base.render_report import summarize
+from raytracer.core.error_estimate.fireflies import Fireflies, find_fireflies
+from raytracer.core.error_estimate.wording import format_percent
 from raytracer.film import Image, load, load_layers
-from raytracer.integrator import Scene
-from raytracer.noise.fireflies import Fireflies, find_fireflies
-from raytracer.noise.wording import percent
-from raytracer.rendering import Rendered, Stats
-from raytracer.replay import Samples
+from raytracer.kernel.packed_scene import Scene
+from raytracer.kernel.pixel_accumulator import FilmView
+from raytracer.rendering import diagnostics
+from raytracer.rendering.sample_replay import SamplePacket
+from raytracer.rendering.session import Rendered
+from raytracer.rendering.statistics import Stats
 
 SCENE = """\
 camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
@@ -179,7 +181,7 @@ def test_no_room_to_practise_is_no_failure(scene: Path, monkeypatch: pytest.Monk
     def full(*arguments: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(render.tempfile, "mkdtemp", full)
+    monkeypatch.setattr(outputs.tempfile, "mkdtemp", full)
     assert main(["render", "ball.yaml", "-o", "a.npy", "-q", "--time-limit", "1s"]) == 0
     assert np.load("a.npy").any()
 
@@ -198,7 +200,9 @@ def test_ctrl_c_writes_what_is_there(
     scene: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     # The first report of progress comes while the workers are at work; the signal is the one that Ctrl-C sends.
-    monkeypatch.setattr("raytracer.rendering.SampleBar.show", lambda bar, progress: signal.raise_signal(signal.SIGINT))
+    monkeypatch.setattr(
+        "raytracer.rendering.progress.SampleBar.show", lambda bar, progress: signal.raise_signal(signal.SIGINT)
+    )
     assert main(["render", "ball.yaml", "-o", "a.npy", "--spp", "100000000"]) == 130
     err = capsys.readouterr().err
     assert re.search(r"interrupted; a\.npy has \d+( to \d+)? of 100000000 samples per pixel", err)
@@ -219,7 +223,7 @@ def test_fireflies_are_told_with_what_helps(
         m2[8, 12] += 6400.0**2 * 63.0 / 64.0
         return find_fireflies(mean, m2, count)
 
-    monkeypatch.setattr(raytracer.rendering, "find_fireflies", struck)
+    monkeypatch.setattr(diagnostics, "find_fireflies", struck)
     assert main(["render", "ball.yaml", "-o", "a.npy", "--spp", "64", "-q", "--seed", "3", "--stats", "a.json"]) == 0
     found = json.loads(Path("a.json").read_text())["fireflies"]
     assert (found["pixels"], found["brightest"]) == (1, [12, 8])
@@ -227,18 +231,18 @@ def test_fireflies_are_told_with_what_helps(
     assert found["clamp"] == pytest.approx(64.0 * 0.25 * 0.45, rel=0.2)
     assert capsys.readouterr().err == (
         "rt: 1 pixel is a firefly: one sample makes it far brighter than what is around, by "
-        f"{percent(found['light'])} of the picture's light; more samples even that out, and -D "
+        f"{format_percent(found['light'])} of the picture's light; more samples even that out, and -D "
         f"render.clamp={found['clamp']:g} would cut it off; this shows it: "
         f"rt render ball.yaml --spp 64 --seed 3 --pixel 12,8 --sample {found['sample']} --debug\n"
     )
     # It is looked for among all samples of the pixel, of which an aim for an error takes more than the scene says.
     asked: list[int] = []
 
-    def taken(scene: Scene, scratch: FilmView, x: int, y: int, taken: int) -> Iterator[Samples]:
+    def taken(scene: Scene, scratch: FilmView, x: int, y: int, taken: int) -> Iterator[SamplePacket]:
         asked.append(taken)
-        return iter([Samples(0, np.eye(40, 3, -37), np.ones(40))])
+        return iter([SamplePacket(0, np.eye(40, 3, -37), np.ones(40))])
 
-    monkeypatch.setattr(raytracer.rendering, "samples", taken)
+    monkeypatch.setattr(diagnostics, "replay_samples", taken)
     words = ["--noise", "50%", "-D", "render.spp=8", "-q", "--stats", "a.json"]
     assert main(["render", "ball.yaml", "-o", "a.npy", *words]) == 0
     assert json.loads(Path("a.json").read_text())["fireflies"]["sample"] == 37
@@ -260,7 +264,7 @@ def test_the_summary_says_why_no_error_is_known(
     spp = {"fewest": fewest, "mean": float(fewest), "most": fewest}
     stats = Stats(seconds={"render": 1.0}, spp=spp, error=error)
     made = Rendered(Image(np.ones((2, 3, 3))), stats, True, interrupted, fewest, None)
-    assert f", {said}, all samples finite" in render._summary(made, "a.npy")
+    assert f", {said}, all samples finite" in summarize(made, "a.npy")
 
 
 def test_explain_names_every_effect_with_its_reason(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -302,8 +306,8 @@ def test_aovs_are_layers_of_the_exr_file(scene: Path, capsys: pytest.CaptureFixt
     assert json.loads(settings["object_id_names"]) == {"1": "objects[0]"}
     assert load("a.png").shape == (16, 24, 3)
     # Only .exr holds layers, whatever is written besides.
-    for outputs in ([], ["-o", "a.png"], ["-o", "a.npy", "-o", "a.hdr"]):
-        assert main(["render", "ball.yaml", *outputs, "--aov", "depth"]) == 2
+    for files in ([], ["-o", "a.png"], ["-o", "a.npy", "-o", "a.hdr"]):
+        assert main(["render", "ball.yaml", *files, "--aov", "depth"]) == 2
         assert capsys.readouterr().err == "rt: --aov depth: only .exr and .lf files hold layers: add -o NAME.exr\n"
 
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from raytracer.cli.main import main
-from raytracer.sweeping import run
-from raytracer.sweeping.points import MOST_POINTS
-from tests.sweeping.test_plan import SCENE
-from tests.sweeping.test_run import BALL, Bench
+from raytracer.analysis.sweep import prepare_points, run
+from raytracer.analysis.sweep.points import MAX_POINTS
+from raytracer.cli.base.app import main
+from tests.analysis.sweep.test_plan import SCENE
+from tests.analysis.sweep.test_run import BALL, Bench
 
 
 @pytest.fixture
@@ -24,7 +24,8 @@ def ball(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
     made = Bench()
-    monkeypatch.setattr(run, "ready", made.ready)
+    monkeypatch.setattr(prepare_points, "prepare_scene", made.ready)
+    monkeypatch.setattr(run, "render_prepared", lambda prepared, **keys: prepared.render(**keys))
     return made
 
 
@@ -138,8 +139,8 @@ def test_wrong_usage_is_one_sentence_and_no_folder(
 
 
 def test_the_limit_is_the_packages(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["sweep", "ball.yaml", "-D", f"camera.vfov=1:90:{MOST_POINTS + 1}"]) == 2
-    assert f"more than the {MOST_POINTS:,}" in capsys.readouterr().err
+    assert main(["sweep", "ball.yaml", "-D", f"camera.vfov=1:90:{MAX_POINTS + 1}"]) == 2
+    assert f"more than the {MAX_POINTS:,}" in capsys.readouterr().err
 
 
 def test_a_dry_run_tells_points_and_what_is_wrong_with_them(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:

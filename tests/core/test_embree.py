@@ -13,17 +13,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer import embree
-from raytracer.embree import Accel, Device, EmbreeError, Placements, find_library
-from raytracer.geometry import Geometry, Primitive, padded
-from raytracer.jit import entry
-from raytracer.primitives.discs import Discs
-from raytracer.primitives.interface import geometry, row_of
-from raytracer.primitives.parallelograms import Parallelograms
-from raytracer.primitives.spheres import Spheres
-from raytracer.primitives.triangles import Triangles
-from raytracer.rendering import peak_rss_bytes
-from tests.shapes.kernels import built, cast, occluded, uniform_directions, unit
+from raytracer.core import embree
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.embree import Accel, Device, EmbreeError, InstanceArray, find_library
+from raytracer.core.geometry import Geometry, Primitive, pad_buffer
+from raytracer.core.primitives.base.interface import geometry, row_of
+from raytracer.core.primitives.discs import Discs
+from raytracer.core.primitives.parallelograms import Parallelograms
+from raytracer.core.primitives.spheres import Spheres
+from raytracer.core.primitives.triangles import Triangles
+from raytracer.rendering.statistics import peak_rss_bytes
+from tests.plugins.shapes.kernels import built, cast, occluded, uniform_directions, unit
 
 Array = NDArray[np.float64]
 
@@ -65,8 +65,8 @@ def test_missing_package_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _triangle(indices: list[int] | None = None) -> Geometry:
-    vertices = padded(np.eye(3), np.float32)
-    faces = padded(np.array([indices or [0, 1, 2]]), np.uint32)
+    vertices = pad_buffer(np.eye(3), np.float32)
+    faces = pad_buffer(np.array([indices or [0, 1, 2]]), np.uint32)
     return Geometry(Primitive.TRIANGLE, (vertices,), faces)
 
 
@@ -80,7 +80,7 @@ def test_a_device_that_does_not_start_is_an_exception(monkeypatch: pytest.Monkey
 
 def test_what_embree_refuses_is_an_exception_with_its_words() -> None:
     # A sphere wants four floats a vertex; given three, Embree calls back with an error.
-    geometry = Geometry(Primitive.SPHERE, (padded(np.zeros((1, 3)), np.float32),))
+    geometry = Geometry(Primitive.SPHERE, (pad_buffer(np.zeros((1, 3)), np.float32),))
     with pytest.raises(EmbreeError, match=r"Embree: invalid (argument|operation)"):
         Accel([geometry])
 
@@ -88,7 +88,7 @@ def test_what_embree_refuses_is_an_exception_with_its_words() -> None:
 def test_an_error_does_not_stick() -> None:
     device = Device()
     with pytest.raises(EmbreeError):
-        Accel([Geometry(Primitive.SPHERE, (padded(np.zeros((1, 3)), np.float32),))], device=device)
+        Accel([Geometry(Primitive.SPHERE, (pad_buffer(np.zeros((1, 3)), np.float32),))], device=device)
     device.check()
     Accel([_triangle()], device=device)
 
@@ -100,7 +100,7 @@ def test_an_error_does_not_stick() -> None:
 )
 def test_buffers_that_cannot_be_lent_are_refused(rows: Any) -> None:
     with pytest.raises(EmbreeError, match="contiguous"):
-        Accel([Geometry(Primitive.TRIANGLE, (rows,), padded(np.array([[0, 1, 2]]), np.uint32))])
+        Accel([Geometry(Primitive.TRIANGLE, (rows,), pad_buffer(np.array([[0, 1, 2]]), np.uint32))])
 
 
 # ---- Lifetimes
@@ -109,7 +109,7 @@ def test_buffers_that_cannot_be_lent_are_refused(rows: Any) -> None:
 def test_scene_and_device_are_freed() -> None:
     accel = Accel([_triangle()])
     scene, device = accel._finalizer, accel.device._finalizer
-    buffers = weakref.ref(accel._kept[-1])
+    buffers = weakref.ref(accel._buffers[-1])
     assert scene.alive
     assert device.alive
     assert buffers() is not None
@@ -135,7 +135,7 @@ def test_a_refused_scene_is_freed_too() -> None:
     device = Device()
     finalizer = device._finalizer
     with pytest.raises(EmbreeError):
-        Accel([Geometry(Primitive.SPHERE, (padded(np.zeros((1, 3)), np.float32),))], device=device)
+        Accel([Geometry(Primitive.SPHERE, (pad_buffer(np.zeros((1, 3)), np.float32),))], device=device)
     del device
     gc.collect()
     assert not finalizer.alive
@@ -178,7 +178,9 @@ def _triangles(count: int, seed: int) -> Triangles:
     rng = np.random.default_rng(seed)
     corners = rng.uniform(-2.0, 2.0, (count, 1, 3)) + rng.uniform(-0.5, 0.5, (count, 3, 3))
     faces = np.arange(3 * count).reshape(-1, 3)
-    return Triangles(padded(corners.reshape(-1, 3), np.float32), padded(faces, np.uint32), np.zeros(count, np.int32))
+    return Triangles(
+        pad_buffer(corners.reshape(-1, 3), np.float32), pad_buffer(faces, np.uint32), np.zeros(count, np.int32)
+    )
 
 
 TABLES: dict[str, Callable[[int, int], Any]] = {
@@ -249,11 +251,11 @@ def test_hits_are_those_of_a_search_in_float64(kind: str) -> None:
     assert (chosen[both] <= nearest[both] + 1e-5).mean() > 0.999
     same = both & (chosen == nearest)
     assert same.sum() > 0.999 * both.sum()
-    found = ((hits.point - origins) * directions).sum(axis=1)
+    distance = ((hits.point - origins) * directions).sum(axis=1)
     grazing = np.abs((hits.normal * directions).sum(axis=1))
     # The search subtracts squares of up to 50 to find chords of spheres, whose radii are as small as 0.02.
     rounding = 1e-13 if kind != "spheres" else 2.0**-52 * 50.0 / 0.02
-    assert (np.abs(found[same] - nearest[same]) <= rounding / grazing[same] ** 2).all()
+    assert (np.abs(distance[same] - nearest[same]) <= rounding / grazing[same] ** 2).all()
     # Embree's own: a few ulps of the ray's origin and length, which reach 9; squared for the limbs of spheres.
     assert (np.abs(hits.near[same] - nearest[same]) <= 4.0 * 2.0**-20 / grazing[same] ** 2).all()
 
@@ -305,7 +307,7 @@ def test_occluded_agrees_with_intersect(kind: str) -> None:
 
 
 @entry
-def _packets(accel, packet, origins, directions, count, near, found):
+def _packets(accel, packet, origins, directions, count, near, is_hit):
     for first in range(0, len(origins), count):
         for lane in range(count):
             ray = first + lane
@@ -314,7 +316,7 @@ def _packets(accel, packet, origins, directions, count, near, found):
         embree.intersect(accel, packet, count)
         for lane in range(count):
             near[first + lane] = packet.floats[embree.TFAR, lane]
-            found[first + lane] = packet.ints[embree.GEOMETRY, lane] != embree.MISS
+            is_hit[first + lane] = packet.ints[embree.GEOMETRY, lane] != embree.MISS
 
 
 @pytest.mark.parametrize("kind", TABLES)
@@ -325,12 +327,12 @@ def test_a_ray_does_not_depend_on_its_neighbours(kind: str) -> None:
     origins, directions = _rays(840, 12)
     answers = []
     for count in (1, 3, 7, embree.PACKET):
-        near, found = np.zeros(840), np.zeros(840, np.bool_)
-        _packets(accel.address, embree.packet(), origins, directions, count, near, found)
-        answers.append((near, found))
-    for near, found in answers[1:]:
+        near, is_hit = np.zeros(840), np.zeros(840, np.bool_)
+        _packets(accel.address, embree.packet(), origins, directions, count, near, is_hit)
+        answers.append((near, is_hit))
+    for near, is_hit in answers[1:]:
         np.testing.assert_array_equal(near, answers[0][0])
-        np.testing.assert_array_equal(found, answers[0][1])
+        np.testing.assert_array_equal(is_hit, answers[0][1])
 
 
 def test_packet_is_laid_out_as_embree_reads_it() -> None:
@@ -370,8 +372,8 @@ def test_broken_triangles_are_never_met(name: str) -> None:
         "nan": [[0, 0, 0], [np.nan, 0, 0], [0, 1, 0]],
         "sliver": [[0, 0, 0], [1, 0, 0], [2, 1e-30, 0]],
     }[name]
-    vertices = padded(np.array(corners, np.float64), np.float32)
-    table = Triangles(vertices, padded(np.array([[0, 1, 2]]), np.uint32), np.zeros(1, np.int32))
+    vertices = pad_buffer(np.array(corners, np.float64), np.float32)
+    table = Triangles(vertices, pad_buffer(np.array([[0, 1, 2]]), np.uint32), np.zeros(1, np.int32))
     origins = 3.0 * uniform_directions(2000, 13)
     targets = np.random.default_rng(14).uniform(0.0, 1.0, (2000, 3))
     assert (cast((table,), origins, unit(targets - origins)).table == -1).all()
@@ -387,21 +389,21 @@ def test_a_single_ray_meets_what_a_packet_meets(kind: str) -> None:
     origins, directions = _rays(500, 14)
     hits = cast((table,), origins, directions, accel=accel)
     for ray, (origin, direction) in enumerate(zip(origins, directions, strict=True)):
-        found = accel.cast(origin, direction)
-        assert (found is not None) == (hits.table[ray] == 0)
-        if found is not None:
-            assert row_of(table, found.primitive) == hits.primitive[ray]
-            assert (found.geometry, found.instance, found.placement) == (0, -1, -1)
-            assert found.distance == pytest.approx(hits.near[ray], rel=1e-5)
+        hit = accel.cast(origin, direction)
+        assert (hit is not None) == (hits.table[ray] == 0)
+        if hit is not None:
+            assert row_of(table, hit.primitive) == hits.primitive[ray]
+            assert (hit.geometry, hit.instance, hit.placement) == (0, -1, -1)
+            assert hit.distance == pytest.approx(hits.near[ray], rel=1e-5)
 
 
 def test_a_single_ray_can_go_on_behind_what_it_met() -> None:
     table = Spheres(np.array([[0.0, 0.0, -5.0], [0.0, 0.0, -9.0]]), np.ones(2), np.zeros(2, np.int32))
     accel = built(table)
     beyond, distances = 0.0, []
-    while (found := accel.cast((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), beyond=beyond)) is not None:
-        distances.append(found.distance)
-        beyond = float(np.nextafter(np.float32(found.distance), np.float32(np.inf)))
+    while (hit := accel.cast((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), beyond=beyond)) is not None:
+        distances.append(hit.distance)
+        beyond = float(np.nextafter(np.float32(hit.distance), np.float32(np.inf)))
     np.testing.assert_allclose(distances, [4.0, 6.0, 8.0, 10.0], rtol=1e-6)
 
 
@@ -428,9 +430,9 @@ def test_each_placement_shows_its_group(steps: int, groups: tuple[int, ...]) -> 
         column = {12: 3, 16: 13}[poses[0].shape[1]]
         for step in {id(pose): pose for pose in poses}.values():
             step[number, column] = 10.0 * number
-    accel = Accel({}, spheres, [Placements(np.array(groups, np.uint32), poses)], first_instance=1)
+    accel = Accel({}, spheres, [InstanceArray(np.array(groups, np.uint32), poses)], first_instance=1)
     for number, group in enumerate(groups):
-        found = accel.cast((10.0 * number, 0.0, 5.0), (0.0, 0.0, -1.0), time=0.5)
-        assert found is not None
-        assert found.distance == pytest.approx(5.0 - radii[group], abs=1e-5)
-        assert found[1:] == (0, 0, 1, number)
+        hit = accel.cast((10.0 * number, 0.0, 5.0), (0.0, 0.0, -1.0), time=0.5)
+        assert hit is not None
+        assert hit.distance == pytest.approx(5.0 - radii[group], abs=1e-5)
+        assert hit[1:] == (0, 0, 1, number)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from raytracer.optics import fresnel_dielectric, refract
+from raytracer.core.fresnel import fresnel_dielectric, refract
 
 angles = st.floats(1e-3, math.pi / 2 - 1e-3)
 indices = st.floats(0.3, 4.0).filter(lambda eta: abs(eta - 1.0) > 1e-3)

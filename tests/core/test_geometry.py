@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from raytracer import geometry
-from raytracer.geometry import Exact
-from raytracer.jit import entry
+from raytracer.core import geometry
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.geometry import Exact
 
 unit_interval = st.floats(0.0, 1.0)
 
@@ -39,7 +39,7 @@ def test_rows_are_float64_whatever_the_table() -> None:
 
 def test_padded_copies_with_readable_bytes_behind() -> None:
     rows = np.arange(6.0).reshape(2, 3)
-    out = geometry.padded(rows, np.float32)
+    out = geometry.pad_buffer(rows, np.float32)
     np.testing.assert_array_equal(out, rows)
     assert out.dtype == np.float32
     assert out.flags.c_contiguous
@@ -91,8 +91,8 @@ def test_fast_takes_distances_as_found() -> None:
 
 def test_offset_is_four_ulps_of_the_largest_coordinate() -> None:
     # Hard cases, finding 1: k 2^-23 (max|c| + R) with k = 4; 4.8e-4 for the ground sphere of One Weekend's 2000.
-    assert geometry.offset_of(2000.0) == pytest.approx(4.0 * np.spacing(np.float32(1.0)) * 2000.0)
-    assert geometry.offset_of(2000.0) == pytest.approx(9.5367e-4, rel=1e-4)
+    assert geometry.spawn_offset(2000.0) == pytest.approx(4.0 * np.spacing(np.float32(1.0)) * 2000.0)
+    assert geometry.spawn_offset(2000.0) == pytest.approx(9.5367e-4, rel=1e-4)
 
 
 @pytest.mark.parametrize("extent", [1e-3, 1.0, 1e4])
@@ -104,7 +104,7 @@ def test_gaps_cover_what_float32_rounds(extent: float) -> None:
     assert ulp < straight < 32.0 * ulp
     assert geometry.plane_gap(extent, distance, 0.1) == pytest.approx(5.5 * straight)
     # Of a sphere: sqrt(h^2 + 2 r e) - h, which is e / cos well inside of the limb, and sqrt(2 r e) on it.
-    error = geometry.offset_of(extent + distance)
+    error = geometry.spawn_offset(extent + distance)
     assert geometry.sphere_gap(extent, distance, 1.0, extent) == pytest.approx(2.0 * error, rel=1e-3)
     assert geometry.sphere_gap(extent, distance, 0.0, extent) == pytest.approx(math.sqrt(2.0 * extent * error) + error)
 
@@ -131,7 +131,7 @@ margins = st.floats(1e-9, 10.0)
 def test_points_of_quads_keep_their_distance_from_the_edges(
     a: float, b: float, margin_a: float, margin_b: float
 ) -> None:
-    inside = geometry.within_quad(a, b, margin_a, margin_b)
+    inside = geometry.clamp_to_quad(a, b, margin_a, margin_b)
     for value, given_value, margin in zip(inside, (a, b), (min(margin_a, 0.5), min(margin_b, 0.5)), strict=True):
         assert margin <= value <= 1.0 - margin
         if margin <= given_value <= 1.0 - margin:
@@ -140,7 +140,7 @@ def test_points_of_quads_keep_their_distance_from_the_edges(
 
 @given(st.floats(-0.5, 1.5), st.floats(-0.5, 1.5), margins)
 def test_points_of_triangles_keep_their_distance_from_the_edges(u: float, v: float, margin: float) -> None:
-    x, y = geometry.within_triangle(u, v, margin)
+    x, y = geometry.clamp_to_triangle(u, v, margin)
     least = min(margin, 1.0 / 3.0)
     rounding = 4.0 * 2.0**-53
     assert min(x, y, 1.0 - x - y) >= least - rounding

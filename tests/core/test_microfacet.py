@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer import microfacet
-from raytracer.jit import entry
-from raytracer.microfacet import (
+from raytracer.core import microfacet
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.microfacet import (
     SMOOTH_ALPHA,
     deficit,
     deficits,
+    find_cells,
     ggx,
     grazing_albedo,
     half_vector,
@@ -19,8 +20,7 @@ from raytracer.microfacet import (
     mean_deficit,
     multiple_albedo,
     pdf_visible_normal,
-    reflected,
-    rows_of,
+    reflection_density,
     sample_deficit,
     sample_visible_normal,
     shadowing,
@@ -52,7 +52,7 @@ def _visible_many(alpha, toward, draws, out):
 
 @entry
 def _deficit_many(table, alpha, side, z, out, draws, drawn):
-    rows = rows_of(table, 0, alpha, side)
+    rows = find_cells(table, 0, alpha, side)
     for i in range(len(out)):
         out[i] = deficit(table.cells, rows, z[i])
     for i in range(len(drawn)):
@@ -119,7 +119,7 @@ def test_shadows_are_smiths() -> None:
                 assert masking(alpha, a) * shadowing(alpha, a, b) == pytest.approx(both, rel=1e-12)
                 half = (0.1, 0.2, math.sqrt(0.95))
                 expected = ggx(alpha, half) * both / (4.0 * a)
-                assert reflected(alpha, a, b, half) == pytest.approx(expected, rel=1e-12)
+                assert reflection_density(alpha, a, b, half) == pytest.approx(expected, rel=1e-12)
     # Light along the surface that leaves it is in nobody's shadow, and neither limit is 0/0.
     assert shadowing(0.3, 0.0, 0.5) == 1.0
     assert shadowing(0.3, 0.5, 0.0) == masking(0.3, 0.0) == 0.0
@@ -174,7 +174,7 @@ def test_visible_facets_of_narrow_lobes_have_the_slopes_that_they_should(alpha: 
 def test_perfect_mirrors_of_alpha_one_lose_what_the_integral_says() -> None:
     # Head on, of D = 1 / pi and G2 = 2 c / (1 + c) is left 1 - ln 2, so ln 2 is lost.
     table = deficits([1.0], [(0.0,)])
-    rows = rows_of(table, 0, 1.0, 0)
+    rows = find_cells(table, 0, 1.0, 0)
     assert deficit(table.cells, rows, 1.0) == pytest.approx(math.log(2.0), abs=2e-4)
     assert deficit(table.cells, rows, 0.0) == pytest.approx(0.0, abs=1e-12)
 
@@ -217,7 +217,7 @@ def test_materials_alike_share_their_rows() -> None:
 def test_schlicks_part_of_the_albedo() -> None:
     # Smooth facets keep (1 - cos)^5 of it, and rough ones less at grazing angles, as their facets are met head on.
     table = deficits([0.05, 1.0], [(0.0,), (0.0,)])
-    narrow, broad = rows_of(table, 0, 0.0025, 0), rows_of(table, 1, 1.0, 0)
+    narrow, broad = find_cells(table, 0, 0.0025, 0), find_cells(table, 1, 1.0, 0)
     for z in (1.0, 0.7, 0.3):
         assert grazing_albedo(table.cells, narrow, z) == pytest.approx((1.0 - z) ** 5, abs=2e-3)
     assert grazing_albedo(table.cells, broad, 0.05) < 0.5 * grazing_albedo(table.cells, narrow, 0.05)

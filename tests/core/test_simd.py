@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from raytracer.jit import entry, kernel
-from raytracer.lanes import WIDTH, load, pick, root, select, store
+from raytracer.core.compiler.dispatch import entry, kernel
+from raytracer.core.simd import WIDTH, gather_lanes, load, select, sqrt_lanes, store
 
 
 @kernel
@@ -14,12 +14,12 @@ def _formulas(rows, table):
     store(rows, 3, 2.0 - a * 3.0)
     store(rows, 4, a / b)
     store(rows, 5, 1.0 / b)
-    store(rows, 6, root(a))
+    store(rows, 6, sqrt_lanes(a))
     store(rows, 7, -b)
     store(rows, 8, select((a > b) & (b >= 0.25), a, b))
     store(rows, 9, select(a < 0.5, 1.0, b))
     store(rows, 10, select(0.5 + 0.0 * b <= a, a, 7.0))
-    store(rows, 11, pick(table, load(rows, 12), 1))
+    store(rows, 11, gather_lanes(table, load(rows, 12), 1))
     store(rows, 13, 4.0)
 
 

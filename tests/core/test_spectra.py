@@ -4,34 +4,44 @@ import colour
 import numpy as np
 import pytest
 
-from raytracer import spectra
-from raytracer.jit import entry
-from raytracer.spectra import FIRST, LAST, STEP, hero, published, response, spectrum_of, stratum, tinted_at
+from raytracer.core import spectra
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.spectra import (
+    FIRST,
+    LAST,
+    STEP,
+    companion_number,
+    published_tables,
+    response,
+    sample_hero_wavelength,
+    spectrum_of,
+    upsample_at,
+)
 
 WAVELENGTHS = np.arange(FIRST, LAST + 1.0, STEP)
 
 
 @entry
-def _draw(tables, u, number, found):
+def _draw(tables, u, number, result):
     for index in range(len(u)):
-        found[index, 0], found[index, 1] = hero(tables, stratum(u[index], number, 3))
+        result[index, 0], result[index, 1] = sample_hero_wavelength(tables, companion_number(u[index], number, 3))
 
 
 @entry
-def _tint(tables, wavelengths, rgb, found):
+def _tint(tables, wavelengths, rgb, result):
     for index in range(len(wavelengths)):
-        found[index] = tinted_at(tables, wavelengths[index], rgb)
+        result[index] = upsample_at(tables, wavelengths[index], rgb)
 
 
 def drawn(u: np.ndarray, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """Wavelengths (nm) and densities (1/nm) that numbers draw."""
-    found = np.empty((len(u), 2))
-    _draw(spectra.spectra(), u, number, found)
-    return found[:, 0], found[:, 1]
+    result = np.empty((len(u), 2))
+    _draw(spectra.spectra(), u, number, result)
+    return result[:, 0], result[:, 1]
 
 
 def test_the_tables_are_the_published_ones() -> None:
-    rows = published()
+    rows = published_tables()
     np.testing.assert_array_equal(rows[:, 0], WAVELENGTHS)
     observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
     daylight = colour.SDS_ILLUMINANTS["D65"]
@@ -43,7 +53,9 @@ def test_the_tables_are_the_published_ones() -> None:
 
 def test_primaries_have_spectra_of_their_colours() -> None:
     tables = spectra.spectra()
-    np.testing.assert_allclose(spectra.overlap(tables.response, tables.basis), np.eye(3), rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(
+        spectra.spectrum_products(tables.response, tables.basis), np.eye(3), rtol=0.0, atol=1e-12
+    )
 
 
 def test_the_response_is_that_of_linear_rec_709() -> None:
@@ -64,9 +76,9 @@ def test_the_response_is_that_of_linear_rec_709() -> None:
 def test_grey_is_the_same_at_all_wavelengths() -> None:
     wavelengths = np.linspace(FIRST, LAST, 1001)
     np.testing.assert_allclose(spectrum_of((0.3, 0.3, 0.3), wavelengths), 0.3, rtol=1e-14)
-    found = np.empty_like(wavelengths)
-    _tint(spectra.spectra(), wavelengths, (0.3, 0.3, 0.3), found)
-    np.testing.assert_allclose(found, 0.3, rtol=1e-14)
+    result = np.empty_like(wavelengths)
+    _tint(spectra.spectra(), wavelengths, (0.3, 0.3, 0.3), result)
+    np.testing.assert_allclose(result, 0.3, rtol=1e-14)
 
 
 def test_spectra_of_colours_are_neither_negative_nor_beyond_all() -> None:

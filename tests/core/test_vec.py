@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from raytracer import vec
-from raytracer.vec import Vec3
+from raytracer.core import vec
+from raytracer.core.vec import Vec3
 
 components = st.floats(-1e6, 1e6, allow_subnormal=False)
 vectors = st.tuples(components, components, components)

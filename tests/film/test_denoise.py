@@ -9,11 +9,11 @@ import OpenEXR
 import PIL.Image
 import pytest
 
-from raytracer.errors import InputError
 from raytracer.film import Image, load_layers
 from raytracer.film.denoise import denoise, require_denoiser
-from raytracer.rendering import render
-from tests.rendering import scene
+from raytracer.rendering.render import render
+from raytracer.util.errors import InputError
+from tests.small_scenes import scene
 
 SIZE = (36, 48)
 

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raytracer.cli.main import main
-from raytracer.development import negative_causes
-from raytracer.film.negative import FILTER, READ_NOISE, SPECTRAL, describe_negatives, find_negatives
-from raytracer.film.white_balance import gains
-from raytracer.filters.mitchell import Mitchell
+from raytracer.cli.base.app import main
+from raytracer.film.negative_pixels import FILTER, READ_NOISE, SPECTRAL, describe_negative_pixels, find_negative_pixels
+from raytracer.film.white_balance import balance_gains
+from raytracer.plugins.filters.mitchell import Mitchell
+from raytracer.rendering.develop import negative_causes
 from raytracer.scene.load import build, load
-from raytracer.scene.pack import pack
+from raytracer.scene.pack.scene import pack
 
 SCENES = Path(__file__).parents[2] / "scenes"
 
@@ -33,8 +33,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_picture_without_any_has_none() -> None:
-    assert find_negatives(np.zeros((2, 3, 3)), [FILTER]) == (0, {})
-    assert find_negatives(np.full((2, 3, 3), np.nan), []) == (0, {})
+    assert find_negative_pixels(np.zeros((2, 3, 3)), [FILTER]) == (0, {})
+    assert find_negative_pixels(np.full((2, 3, 3), np.nan), []) == (0, {})
 
 
 def test_pixels_are_counted_and_the_lowest_is_placed_in_the_whole_picture() -> None:
@@ -42,7 +42,7 @@ def test_pixels_are_counted_and_the_lowest_is_placed_in_the_whole_picture() -> N
     values[1, 2] = (-1.0, -2.0, 0.0)
     values[3, 0, 2] = -0.5
     values[0, 0, 0] = np.nan
-    assert find_negatives(values, [FILTER, SPECTRAL], 10, 20) == (
+    assert find_negative_pixels(values, [FILTER, SPECTRAL], 10, 20) == (
         2,
         {"lowest": -2.0, "pixel": [12, 21], "causes": [FILTER, SPECTRAL]},
     )
@@ -100,7 +100,7 @@ def test_the_filter_rings_beside_an_edge_by_its_lobes(folder: Path, capsys: pyte
 def test_what_nothing_explains_is_a_fault(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("raytracer.rendering.negative_causes", lambda spec, scene: ())
+    monkeypatch.setattr("raytracer.rendering.diagnostics.negative_causes", lambda spec, scene: ())
     words = ["render", "lamp.yaml", "-q", "-o", "a.npy", "--crop", "4,2,12,9"]
     assert main([*words, "--stats", "a.json"]) == 0
     x, y = json.loads(Path("a.json").read_text())["negative"]["pixel"]
@@ -116,13 +116,13 @@ def test_what_nothing_explains_is_a_fault(
 
 def test_sentences_name_all_causes() -> None:
     found = {"lowest": -0.25, "pixel": [0, 0], "causes": [FILTER, SPECTRAL]}
-    assert describe_negatives(1, found) == (
+    assert describe_negative_pixels(1, found) == (
         "1 pixel below zero, to -0.25, by the negative lobes of the filter and colours of single wavelengths"
     )
 
 
 def test_a_picture_of_a_mean_below_zero_is_balanced_without_turning_it_over() -> None:
     # Cyan of a spectrum: the luminance of the mean is below zero.
-    balance = gains("auto", np.full((2, 2, 3), (-2.0, 0.1, 0.2)))
+    balance = balance_gains("auto", np.full((2, 2, 3), (-2.0, 0.1, 0.2)))
     assert (balance > 0.0).all()
     assert balance[0] == 1.0

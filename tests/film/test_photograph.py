@@ -8,22 +8,23 @@ import numba
 import numpy as np
 import pytest
 
-from raytracer.cli.main import main
-from raytracer.errors import InputError
+from raytracer.cli.base.app import main
 from raytracer.film import Image, load, load_layers, srgb
-from raytracer.film.exposure import Frame, luminance
-from raytracer.film.photograph import Process, check_process, photograph
+from raytracer.film.exposure import CropWindow, luminance
+from raytracer.film.photograph import DevelopSettings, check_develop_settings, develop_photograph
 from raytracer.film.tone import Filmic, ToneCurveSpec
-from raytracer.film.white_balance import gains
-from raytracer.photography import Exposure, Metering
-from raytracer.rendering import Rendered, render
+from raytracer.film.white_balance import balance_gains
+from raytracer.optics.sensor_formats import SensorSpec
+from raytracer.optics.thin_lens import ExposureSettings, Metering
+from raytracer.rendering.render import render
+from raytracer.rendering.session import Rendered
 from raytracer.scene.load import build
-from raytracer.scene.pack import pack
+from raytracer.scene.pack.scene import pack
 from raytracer.scene.spec import SceneSpec
-from raytracer.sensors import SensorSpec
+from raytracer.util.errors import InputError
 
 WIDTH, HEIGHT = 48, 32
-WHOLE = Frame(WIDTH, HEIGHT, 0, 0)
+WHOLE = CropWindow(WIDTH, HEIGHT, 0, 0)
 LINEAR = ToneCurveSpec()
 
 # A wall of even light that fills the picture, so far away that its image lies in the focal plane; and a speck behind.
@@ -189,16 +190,16 @@ objects: [{type: sphere, center: [0, 0, 9], radius: 0.001}]
 
 
 def process(
-    exposure: Exposure | None = None,
+    exposure: ExposureSettings | None = None,
     sensor: SensorSpec | None = None,
     white_balance: float | tuple[float, float, float] | str | None = None,
     tone_curve: ToneCurveSpec = LINEAR,
-) -> Process:
-    return Process(exposure, sensor, white_balance, tone_curve)
+) -> DevelopSettings:
+    return DevelopSettings(exposure, sensor, white_balance, tone_curve)
 
 
-def camera(iso: float | None = 100.0, metering: Metering | None = None) -> Exposure:
-    return Exposure(1 / 125, iso, 0.0, metering, 2.8, True)
+def camera(iso: float | None = 100.0, metering: Metering | None = None) -> ExposureSettings:
+    return ExposureSettings(1 / 125, iso, 0.0, metering, 2.8, True)
 
 
 def light(value: float = 0.5) -> Image:
@@ -208,14 +209,14 @@ def light(value: float = 0.5) -> Image:
 
 def test_a_process_of_nothing_hands_the_picture_on() -> None:
     image = light()
-    result, setting = photograph(image, process(), WHOLE, 0, {})
+    result, setting = develop_photograph(image, process(), WHOLE, 0, {})
     assert result is image
     assert setting is None
 
 
 def test_a_balance_that_was_measured_is_told_from_one_that_was_asked_for() -> None:
     measured, given = (
-        photograph(light(), process(white_balance=balance), WHOLE, 0, {})[0].settings
+        develop_photograph(light(), process(white_balance=balance), WHOLE, 0, {})[0].settings
         for balance in ("auto", (1.0, 1.0, 1.0))
     )
     assert measured["white_balance_gains"] == given["white_balance_gains"] == "1.0,1.0,1.0"
@@ -226,7 +227,7 @@ def test_a_balance_that_was_measured_is_told_from_one_that_was_asked_for() -> No
 def test_layers_of_light_are_exposed_as_the_picture_is() -> None:
     image = light()
     units = {"direct": "W/(m2 sr)", "depth": "m"}
-    result, setting = photograph(image, process(camera(), white_balance=(2.0, 1.0, 0.5)), WHOLE, 0, units)
+    result, setting = develop_photograph(image, process(camera(), white_balance=(2.0, 1.0, 0.5)), WHOLE, 0, units)
     assert setting is not None
     gain = setting.gain * np.array([2.0, 1.0, 0.5])
     np.testing.assert_allclose(result.layers["direct"], 0.4 * result.radiance, rtol=1e-12)
@@ -238,7 +239,7 @@ def test_layers_of_light_are_exposed_as_the_picture_is() -> None:
 
 def test_what_saturates_the_sensor_stays_white_when_it_is_balanced() -> None:
     image = light(100.0)
-    result, _ = photograph(image, process(camera(3200.0), SensorSpec(noise=True), 3200.0), WHOLE, 0, {})
+    result, _ = develop_photograph(image, process(camera(3200.0), SensorSpec(noise=True), 3200.0), WHOLE, 0, {})
     assert np.unique(result.radiance).size == 1
     assert (result.radiance > 1.0).all()
     assert (result.display() == 255).all()
@@ -255,21 +256,21 @@ def test_what_is_overexposed_at_the_base_iso_is_even(
         pytest.importorskip("cv2")
     sensor = SensorSpec(noise=True, bayer=bayer)
     exposure = camera()._replace(compensation=compensation)
-    result, _ = photograph(light(100.0), process(exposure, sensor, balance), WHOLE, 0, {})
+    result, _ = develop_photograph(light(100.0), process(exposure, sensor, balance), WHOLE, 0, {})
     assert np.unique(result.radiance).size == 1
-    white = 1.0 if balance is None else gains(balance, light().radiance).max()
+    white = 1.0 if balance is None else balance_gains(balance, light().radiance).max()
     np.testing.assert_allclose(result.radiance, 2.0**compensation * white, rtol=1e-12)
 
 
 def test_metering_chooses_no_speed_below_the_base_iso_of_a_sensor() -> None:
     sensor = SensorSpec(noise=True, base_iso=200.0)
-    exposure = camera(None, Metering("mean", 0.5, 0.5, 1.0))._replace(slowest=sensor.base_iso)
-    result, setting = photograph(light(100.0), process(exposure, sensor), WHOLE, 0, {})
+    exposure = camera(None, Metering("mean", 0.5, 0.5, 1.0))._replace(base_iso=sensor.base_iso)
+    result, setting = develop_photograph(light(100.0), process(exposure, sensor), WHOLE, 0, {})
     assert setting is not None
     assert setting.iso == 200.0
-    assert setting.sentence().endswith("as slow as the sensor is")
+    assert setting.summary().endswith("as slow as the sensor is")
     assert (result.display() == 255).all()
-    dim, chosen = photograph(light(0.01), process(exposure, sensor), WHOLE, 0, {})
+    dim, chosen = develop_photograph(light(0.01), process(exposure, sensor), WHOLE, 0, {})
     assert chosen is not None
     assert chosen.iso > 200.0
     assert luminance(dim.radiance).mean() == pytest.approx(10.0 / 78.0, rel=0.01)
@@ -277,24 +278,24 @@ def test_metering_chooses_no_speed_below_the_base_iso_of_a_sensor() -> None:
 
 def test_a_sensor_is_shown_on_film_with_its_saturation_as_white() -> None:
     curve = ToneCurveSpec(type="filmic")
-    result, _ = photograph(light(100.0), process(camera(), SensorSpec(noise=True), None, curve), WHOLE, 0, {})
+    result, _ = develop_photograph(light(100.0), process(camera(), SensorSpec(noise=True), None, curve), WHOLE, 0, {})
     assert (result.display() >= 254).all()
     assert result.settings["tone_curve"] == "filmic, white 1, in display files only"
 
 
 def test_a_denoised_picture_has_no_variance_to_begin_with() -> None:
     image = Image(light().radiance)
-    result, _ = photograph(image, process(camera(), SensorSpec(noise=True)), WHOLE, 0, {})
+    result, _ = develop_photograph(image, process(camera(), SensorSpec(noise=True)), WHOLE, 0, {})
     assert result.variance is None
 
 
 def test_what_cannot_be_developed_is_refused_before_the_work() -> None:
     spot = process(camera(None, Metering("spot", 0.0, 0.0, 0.1)))
     with pytest.raises(InputError, match="outside of the crop"):
-        check_process(spot, Frame(100, 100, 50, 50), 20, 20)
+        check_develop_settings(spot, CropWindow(100, 100, 50, 50), 20, 20)
     pytest.importorskip("cv2")
     with pytest.raises(InputError, match="at least 3 x 3 pixels"):
-        check_process(process(camera(), SensorSpec(noise=True, bayer="rggb")), Frame(2, 2, 0, 0), 2, 2)
+        check_develop_settings(process(camera(), SensorSpec(noise=True, bayer="rggb")), CropWindow(2, 2, 0, 0), 2, 2)
 
 
 # ---- Command line

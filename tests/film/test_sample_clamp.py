@@ -1,4 +1,4 @@
-"""The clamp: samples as bright as they may be, and an account of what it took."""
+"""The clamp of bright samples, and the account of the radiance that it removes."""
 
 import json
 import re
@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.accumulation import Clamp, FilmView, accumulate
-from raytracer.cli.main import main
-from raytracer.cost.arms import variants
+from raytracer.analysis.cost.variants import make_variants
+from raytracer.cli.base.app import main
+from raytracer.core.compiler.dispatch import entry
 from raytracer.film import load_layers
 from raytracer.film.film import Film
-from raytracer.jit import entry
-from raytracer.pathlog import path_log
-from raytracer.paths import workspace
-from raytracer.preparation import view
+from raytracer.kernel.path_log import path_log
+from raytracer.kernel.path_state import workspace
+from raytracer.kernel.pixel_accumulator import Clamp, FilmView, accumulate
+from raytracer.rendering.film_region import film_view
 from raytracer.scene.load import build
-from raytracer.scene.pack import pack
+from raytracer.scene.pack.scene import pack
 
 SCENE = """\
 camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
@@ -37,13 +37,13 @@ def _accumulate(clamp, film, work, values, weights):
         for lane in range(count):
             for channel in range(3):
                 work.radiance[lane, channel] = values[first + lane, channel]
-            work.radiance[lane, 3] = weights[first + lane]
+            work.weight[lane] = weights[first + lane]
         accumulate(None, clamp, film, work, 0, 0, count)
 
 
 def gathered(values: NDArray[np.float64], weights: NDArray[np.float64], limit: float) -> FilmView:
     """A film of one pixel with these samples of a radiance, each times its weight."""
-    film = view(Film.empty(1, 1, is_clamped=True))
+    film = film_view(Film.empty(1, 1, is_clamped=True))
     _accumulate(Clamp(limit), film, workspace(), values, weights)
     return film
 
@@ -60,9 +60,9 @@ def test_a_bright_sample_keeps_its_hue_and_what_it_loses_is_counted() -> None:
 
 def test_a_path_that_is_written_down_ends_with_what_the_clamp_leaves_of_it() -> None:
     log = path_log(1, 8)
-    film = view(Film.empty(1, 1, is_clamped=True))
+    film = film_view(Film.empty(1, 1, is_clamped=True))
     values = np.array([[1.0, 2.0, 4.0], [8.0, 2.0, 0.0], [1.0, 1.0, 1.0]])
-    _accumulate(Clamp(4.0), film, workspace(log), values, np.full(3, 0.5))
+    _accumulate(Clamp(4.0), film, workspace(log=log), values, np.full(3, 0.5))
     assert log.state[0] == 1
     np.testing.assert_array_equal(log.rows[0, 2:12], [8.0, 2.0, 0.0, 2.0, 0.5, 0.0, 0.5, 4.0, 1.0, 0.0])
 
@@ -144,9 +144,9 @@ def test_a_limit_is_a_positive_number(value: str, scene: Path, capsys: pytest.Ca
 def test_its_cost_is_an_arm() -> None:
     spec = build(SCENE.replace("spp: 16", "spp: 16, clamp: 0.3"), "test.yaml")
     packed = pack(spec)
-    (arm,) = (variant for variant in variants(spec, packed) if variant.name == "clamp")
-    assert arm.repack(packed.scene).clamp is None
-    assert not arm.packs_anew
+    (arm,) = (variant for variant in make_variants(spec, packed) if variant.name == "clamp")
+    assert arm.packed_variant(packed.scene).clamp is None
+    assert not arm.needs_repacking
     assert "clamp" not in {
-        variant.name for variant in variants(build(SCENE, "test.yaml"), pack(build(SCENE, "t.yaml")))
+        variant.name for variant in make_variants(build(SCENE, "test.yaml"), pack(build(SCENE, "t.yaml")))
     }

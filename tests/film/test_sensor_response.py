@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from raytracer.errors import InputError
-from raytracer.film.exposure import Frame
-from raytracer.film.sensor import poisson_quantile, record, require_demosaic, response
-from raytracer.sensors import SensorSpec
+from raytracer.film.exposure import CropWindow
+from raytracer.film.sensor_response import make_response, poisson_quantile, require_demosaic, simulate_readout
+from raytracer.optics.sensor_formats import SensorSpec
+from raytracer.util.errors import InputError
 
 SIZE = 256
-WHOLE = Frame(SIZE, SIZE, 0, 0)
+WHOLE = CropWindow(SIZE, SIZE, 0, 0)
 
 # Of 3 x 256 x 256 normal numbers the variance is known to sqrt(2 / n) = 0.32 %: 3 % is nine standard deviations.
 TOLERANCE = 0.03
@@ -31,7 +31,7 @@ def patch(value: float, size: int = SIZE) -> np.ndarray:
 
 def recorded(value: float, of: SensorSpec, iso: float | None = 100.0, seed: int = 1) -> np.ndarray:
     """An evenly lit patch as the sensor records it."""
-    return record(patch(value), of, iso, seed, WHOLE).values
+    return simulate_readout(patch(value), of, iso, seed, WHOLE).values
 
 
 # ---- Noise
@@ -85,7 +85,7 @@ def test_iso_3200_at_a_32nd_of_the_time_is_as_bright_and_noisier() -> None:
 
 def test_the_variance_that_it_tells_is_the_one_that_it_has() -> None:
     of = sensor(full_well=10_000.0, read_noise=5.0, bit_depth=10)
-    result = record(patch(0.4), of, 400.0, 3, WHOLE)
+    result = simulate_readout(patch(0.4), of, 400.0, 3, WHOLE)
     assert result.variance is not None
     np.testing.assert_allclose(result.variance, result.values.var(), rtol=TOLERANCE)
 
@@ -118,15 +118,15 @@ def test_poisson_quantiles_are_the_exact_ones(mean: float) -> None:
 
 
 def test_light_beyond_saturation_is_clipped_there() -> None:
-    result = record(patch(3.0, 8), sensor(), 100.0, 1, Frame(8, 8, 0, 0))
+    result = simulate_readout(patch(3.0, 8), sensor(), 100.0, 1, CropWindow(8, 8, 0, 0))
     # The full well has the noise of reading, and what exceeds the largest number becomes that.
     assert result.values.max() == 1.0
     assert result.values.min() > 1.0 - 6.0 * 3.0 / 50_000.0
     assert result.saturated.all()
-    fast = record(patch(3.0, 8), sensor(), 6400.0, 1, Frame(8, 8, 0, 0))
+    fast = simulate_readout(patch(3.0, 8), sensor(), 6400.0, 1, CropWindow(8, 8, 0, 0))
     np.testing.assert_array_equal(fast.values, 1.0)
     assert fast.saturated.all()
-    assert not record(patch(0.5, 8), sensor(), 100.0, 1, Frame(8, 8, 0, 0)).saturated.any()
+    assert not simulate_readout(patch(0.5, 8), sensor(), 100.0, 1, CropWindow(8, 8, 0, 0)).saturated.any()
 
 
 def test_below_the_base_iso_the_well_fills_before_the_numbers_end() -> None:
@@ -140,7 +140,7 @@ def test_numbers_are_whole_and_as_many_as_the_bits_allow(bits: int) -> None:
     # So many electrons that there is no noise to speak of.
     of = sensor(full_well=1e9, read_noise=0.0, bit_depth=bits, black_level=0)
     ramp = np.linspace(0.0, 1.0, SIZE)[None, :, None] * np.ones((4, SIZE, 3))
-    found = record(ramp, of, 100.0, 1, Frame(SIZE, 4, 0, 0)).values
+    found = simulate_readout(ramp, of, 100.0, 1, CropWindow(SIZE, 4, 0, 0)).values
     levels = 2**bits - 1
     np.testing.assert_allclose(found * levels, np.rint(found * levels), atol=1e-9)
     assert np.unique(found).size == min(2**bits, SIZE)
@@ -158,7 +158,7 @@ def test_what_is_not_a_picture_does_no_harm() -> None:
     values = np.zeros((3, 3, 3))
     values[0] = [np.inf, 1e308, -5.0]
     values[1] = [np.nan, -np.inf, 0.0]
-    found = record(values, sensor(), 100.0, 1, Frame(3, 3, 0, 0)).values
+    found = simulate_readout(values, sensor(), 100.0, 1, CropWindow(3, 3, 0, 0)).values
     assert np.isfinite(found).all()
     assert (found[0, 0, :2] > 0.999).all()
     assert np.abs(found[1]).max() < 1e-3
@@ -166,14 +166,14 @@ def test_what_is_not_a_picture_does_no_harm() -> None:
 
 @pytest.mark.parametrize("iso", [1e-290, 1e-3, 1e12, 1e24])
 def test_speeds_beyond_all_reason_do_no_harm(iso: float) -> None:
-    found = record(patch(0.5, 4), sensor(), iso, 1, Frame(4, 4, 0, 0))
+    found = simulate_readout(patch(0.5, 4), sensor(), iso, 1, CropWindow(4, 4, 0, 0))
     assert np.isfinite(found.values).all()
     assert found.variance is not None
     assert np.isfinite(found.variance).all()
 
 
 def test_a_response_is_in_electrons_and_numbers() -> None:
-    of = response(sensor(full_well=60_000.0, base_iso=200.0, bit_depth=12, black_level=256), 800.0)
+    of = make_response(sensor(full_well=60_000.0, base_iso=200.0, bit_depth=12, black_level=256), 800.0)
     assert (of.saturation, of.full_well, of.white, of.black) == (15_000.0, 60_000.0, 4095, 256)
     assert of.scale == pytest.approx(3839.0 / 15_000.0)
 
@@ -194,8 +194,8 @@ def test_the_sensor_may_have_a_seed_of_its_own() -> None:
 
 def test_a_crop_has_the_noise_of_the_whole() -> None:
     values = np.random.default_rng(2).random((20, 30, 3))
-    whole = record(values, sensor(), 400.0, 3, Frame(30, 20, 0, 0)).values
-    part = record(values[5:12, 7:29], sensor(), 400.0, 3, Frame(30, 20, 7, 5)).values
+    whole = simulate_readout(values, sensor(), 400.0, 3, CropWindow(30, 20, 0, 0)).values
+    part = simulate_readout(values[5:12, 7:29], sensor(), 400.0, 3, CropWindow(30, 20, 7, 5)).values
     np.testing.assert_array_equal(part, whole[5:12, 7:29])
 
 
@@ -207,7 +207,7 @@ def test_a_mosaic_of_even_light_is_even(bayer: str) -> None:
     pytest.importorskip("cv2")
     of = sensor(bayer=bayer, full_well=1e9, read_noise=0.0, bit_depth=16, black_level=0)
     color = [0.8, 0.4, 0.1]
-    found = record(np.broadcast_to(color, (12, 14, 3)), of, 100.0, 1, Frame(14, 12, 0, 0)).values
+    found = simulate_readout(np.broadcast_to(color, (12, 14, 3)), of, 100.0, 1, CropWindow(14, 12, 0, 0)).values
     np.testing.assert_allclose(found, np.broadcast_to(color, found.shape), atol=2e-4)
 
 
@@ -216,7 +216,7 @@ def test_each_pixel_records_the_colour_of_its_filter(bayer: str) -> None:
     pytest.importorskip("cv2")
     of = sensor(bayer=bayer, full_well=1e9, read_noise=0.0, bit_depth=16, black_level=0)
     values = np.random.default_rng(6).random((20, 24, 3))
-    found = record(values, of, 100.0, 1, Frame(24, 20, 0, 0)).values
+    found = simulate_readout(values, of, 100.0, 1, CropWindow(24, 20, 0, 0)).values
     for row in range(2):
         for column in range(2):
             channel = "rgb".index(bayer[2 * row + column])
@@ -229,7 +229,7 @@ def test_each_pixel_records_the_colour_of_its_filter(bayer: str) -> None:
 def test_noise_of_a_mosaic_is_that_of_the_photons_where_it_was_recorded() -> None:
     pytest.importorskip("cv2")
     of = sensor(bayer="rggb", full_well=20_000.0, read_noise=4.0, bit_depth=14)
-    result = record(patch(0.3), of, 800.0, 1, WHOLE)
+    result = simulate_readout(patch(0.3), of, 800.0, 1, WHOLE)
     red = result.values[2:-2:2, 2:-2:2, 0]
     electrons = 20_000.0 / 8
     # 16,000 values: sqrt(2 / n) is 1.1 %.
@@ -243,8 +243,8 @@ def test_a_crop_keeps_the_pattern_of_the_frame() -> None:
     pytest.importorskip("cv2")
     values = np.random.default_rng(2).random((24, 30, 3))
     of = sensor(bayer="grbg")
-    whole = record(values, of, 400.0, 3, Frame(30, 24, 0, 0)).values
-    part = record(values[5:20, 7:29], of, 400.0, 3, Frame(30, 24, 7, 5)).values
+    whole = simulate_readout(values, of, 400.0, 3, CropWindow(30, 24, 0, 0)).values
+    part = simulate_readout(values[5:20, 7:29], of, 400.0, 3, CropWindow(30, 24, 7, 5)).values
     # But for the edges, whose neighbours are not there.
     np.testing.assert_array_equal(part[3:-3, 3:-3], whole[8:17, 10:26])
 
@@ -253,7 +253,7 @@ def test_light_that_saturates_a_neighbourhood_saturates_its_colours() -> None:
     pytest.importorskip("cv2")
     values = np.full((9, 9, 3), 0.1)
     values[:, 4:] = 40.0
-    saturated = record(values, sensor(bayer="rggb"), 1600.0, 1, Frame(9, 9, 0, 0)).saturated
+    saturated = simulate_readout(values, sensor(bayer="rggb"), 1600.0, 1, CropWindow(9, 9, 0, 0)).saturated
     assert saturated[:, 5:].all()
     assert not saturated[:, :5].any()
 
@@ -261,7 +261,7 @@ def test_light_that_saturates_a_neighbourhood_saturates_its_colours() -> None:
 def test_a_mosaic_needs_three_pixels_a_side() -> None:
     pytest.importorskip("cv2")
     with pytest.raises(InputError, match="at least 3 x 3 pixels, got 5 x 2"):
-        record(np.ones((2, 5, 3)), sensor(bayer="rggb"), 100.0, 1, Frame(5, 2, 0, 0))
+        simulate_readout(np.ones((2, 5, 3)), sensor(bayer="rggb"), 100.0, 1, CropWindow(5, 2, 0, 0))
 
 
 def test_a_missing_extra_is_told_with_the_command_that_brings_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -121,7 +121,7 @@ def _kernels() -> list[str]:
     package = Path(__file__).parents[2] / "raytracer"
     found = []
     for path in package.rglob("*.py"):
-        if re.search(r"raytracer\.(jit|lanes|vec)|\bnumba\b", path.read_text(encoding="utf-8")):
+        if re.search(r"raytracer\.core\.(compiler|simd|vec)|\bnumba\b", path.read_text(encoding="utf-8")):
             parts = path.relative_to(package.parent).with_suffix("").parts
             found.append(".".join(parts[:-1] if parts[-1] == "__init__" else parts))
     return found
@@ -168,7 +168,7 @@ class _Run:
         return self.folder / "log"
 
     def exhausted(self) -> bool:
-        """Whether nothing is left of time or executions."""
+        """Tell if nothing is left of time or executions."""
         return (
             self.deaths >= _MOST_DEATHS
             or (self.seconds is not None and self.spent >= self.seconds)
@@ -229,7 +229,7 @@ def _start(run: _Run, findings: Path) -> None:
 
 
 def _ended(run: _Run, findings: Path) -> bool:
-    """Whether the run's process has ended; what it ended of is written down."""
+    """Tell if the run's process has ended; the reason is written down."""
     process, status = os.waitpid(run.process, os.WNOHANG)
     if process == 0:
         _, since, _ = _HEADER.unpack_from(run.memory)

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import TracebackType
 
 import raytracer
-from raytracer.errors import InputError, OutputError, SceneWarning
+from raytracer.util.errors import InputError, OutputError, SceneWarning
 from tests.fuzz import targets
 
 CORPUS = Path(__file__).parent / "corpus"

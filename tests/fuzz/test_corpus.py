@@ -4,7 +4,7 @@ import faulthandler
 
 import pytest
 
-from raytracer.errors import InputError, OutputError
+from raytracer.util.errors import InputError, OutputError
 from tests.fuzz.harness import CORPUS, execute, load_target, strict, target_names
 
 INPUTS = sorted(CORPUS.glob("*/*"))

@@ -21,10 +21,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from raytracer.cost.machine import load_average, processor
-from raytracer.preparation import Prepared, prepare, render_tiles
+from raytracer.analysis.cost.machine import load_average, processor
+from raytracer.rendering.compilation import CompiledScene, compile_scene
+from raytracer.rendering.tile_renderer import render_tiles
+from raytracer.rendering.tile_scheduler import Window, split_into_tiles
+from raytracer.rendering.worker_pool import available_threads
 from raytracer.scene.load import load
-from raytracer.scheduling import Window, available_threads, tiles
 from tests.hard_cases.harness import SCENES, HardCase, Measured, cases
 
 ROOT = Path(__file__).parents[2]
@@ -65,7 +67,7 @@ class Finding(NamedTuple):
 
     @property
     def passes(self) -> bool:
-        """Whether all is within its tolerance, and told apart from the naive way."""
+        """Tell if all is within its tolerance, and told apart from the naive way."""
         return bool(self.measured) and all(row.passes and row.tells for row in self.measured)
 
 
@@ -89,20 +91,20 @@ def measured(case: HardCase, *, quick: bool) -> Finding:
     return Finding(case, rows, error, time.perf_counter() - start, None)
 
 
-def _windows(prepared: Prepared) -> list[Window]:
+def _windows(prepared: CompiledScene) -> list[Window]:
     film = prepared.spec.film
-    return tiles(Window(0, 0, film.width, film.height))
+    return split_into_tiles(Window(0, 0, film.width, film.height))
 
 
 def cost_of(path: Path, rounds: int, threads: int) -> Cost:
-    """What `exact` costs over `fast` in a scene, whose picture is made smaller if it is large."""
+    """Measure the cost of `exact` over `fast` in a scene, whose picture is made smaller if it is large."""
     film = load(path).film
     factor = min(1.0, math.sqrt(PIXELS / (film.width * film.height)))
     size = {"film.width": round(factor * film.width), "film.height": round(factor * film.height)}
-    ready = [prepare(load(path, {**size, "render.accuracy": accuracy})) for accuracy in ("exact", "fast")]
+    ready = [compile_scene(load(path, {**size, "render.accuracy": accuracy})) for accuracy in ("exact", "fast")]
     windows = _windows(ready[0])
 
-    def seconds(prepared: Prepared, spp: int, seed: int) -> float:
+    def seconds(prepared: CompiledScene, spp: int, seed: int) -> float:
         return render_tiles(prepared, windows, spp, seed, threads).seconds
 
     # Warm up, and find out how many samples take as long as wanted.

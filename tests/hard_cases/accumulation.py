@@ -6,23 +6,24 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import raytracer.rendering
-from raytracer.accumulation import FilmView, accumulate
+import raytracer.rendering.render
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.sampling import SAMPLERS, pixel_key, sample_1d, sample_2d
+from raytracer.core.sampling.hashing import unit_interval
 from raytracer.film.film import Film
-from raytracer.integrator import survive
-from raytracer.jit import entry
-from raytracer.materials.interface import Draws, scatter
-from raytracer.materials.lambertian import Lambertian
-from raytracer.paths import workspace
-from raytracer.preparation import view
-from raytracer.rendering import Rendered, render
-from raytracer.replay import Samples, samples
-from raytracer.sampling import SAMPLERS, pixel_key, sample_1d, sample_2d
-from raytracer.sampling.hashing import unit_interval
-from raytracer.scene.pack import Packed, pack
+from raytracer.kernel.path_state import workspace
+from raytracer.kernel.pixel_accumulator import FilmView, accumulate
+from raytracer.kernel.russian_roulette import russian_roulette
+from raytracer.plugins.materials.base.interface import Draws, scatter
+from raytracer.plugins.materials.lambertian import Lambertian
+from raytracer.rendering.film_region import film_view
+from raytracer.rendering.render import render
+from raytracer.rendering.sample_replay import SamplePacket, replay_samples
+from raytracer.rendering.session import Rendered
+from raytracer.scene.pack.scene import PackedScene, pack
 from tests.hard_cases.harness import Measured, hard_case
-from tests.materials.kernels import incoming, packed_row
-from tests.rendering import scene
+from tests.plugins.materials.kernels import incoming, packed_row
+from tests.small_scenes import scene
 
 # The unit roundoff of float64: a rounded result is off by at most this part of itself.
 ROUNDOFF = 2.0**-53
@@ -34,7 +35,7 @@ PACKET = 8
 
 
 class _Rule(NamedTuple):
-    """As much of a scene as `survive` asks for."""
+    """As much of a scene as `russian_roulette` asks for."""
 
     roulette: int
 
@@ -44,7 +45,7 @@ def _survivors(rule, sampler, throughput, weights):
     key = pixel_key(sampler, 0, 0)
     for index in range(len(weights)):
         draws = Draws(sampler, key, index, 8)
-        survival = survive(rule, (throughput, throughput, throughput), 9, draws)
+        survival = russian_roulette(rule, (throughput, throughput, throughput), 9, draws)
         weights[index] = throughput / survival if survival > 0.0 else 0.0
 
 
@@ -84,13 +85,13 @@ def _add_up(film, work, values):
         for lane in range(count):
             for channel in range(3):
                 work.radiance[lane, channel] = values[first + lane]
-            work.radiance[lane, 3] = 1.0
+            work.weight[lane] = 1.0
         accumulate(None, None, film, work, 0, 0, count)
 
 
 def _summed(values: NDArray[np.float64]) -> FilmView:
     """A film of one pixel with these samples, grey ones."""
-    film = view(Film.empty(1, 1))
+    film = film_view(Film.empty(1, 1))
     _add_up(film, workspace(), values)
     return film
 
@@ -168,17 +169,17 @@ def drift_of_a_pixel(spp: int) -> list[Measured]:
 class _Again:
     """A scene whose samples are taken once more."""
 
-    def __init__(self, packed: Packed) -> None:
+    def __init__(self, packed: PackedScene) -> None:
         self._accel = packed.build()
         self._scene = packed.scene._replace(accel=self._accel.address)
-        self._film = view(Film.empty(1, 1))
+        self._film = film_view(Film.empty(1, 1))
 
-    def samples(self, x: int, y: int, spp: int) -> list[Samples]:
+    def samples(self, x: int, y: int, spp: int) -> list[SamplePacket]:
         """Those of a pixel, packet by packet."""
-        return list(samples(self._scene, self._film, x, y, spp))
+        return list(replay_samples(self._scene, self._film, x, y, spp))
 
     def dropped(self, x: int, y: int, spp: int) -> NDArray[np.bool_]:
-        """Whether each is not finite (spp,)."""
+        """Tell of each sample (spp,) if it is not finite."""
         return np.isnan(np.concatenate([packet.weights for packet in self.samples(x, y, spp)]))
 
 
@@ -229,17 +230,17 @@ class _Given(NamedTuple):
 
 
 @pixel_key.register(_Given)
-def _(sampler, x, y):
+def pixel_key_given(sampler, x, y):
     return np.uint64(0)
 
 
 @sample_1d.register(_Given)
-def _(sampler, key, index, dimension):
+def sample_1d_given(sampler, key, index, dimension):
     return sampler.pairs[index, 0]
 
 
 @sample_2d.register(_Given)
-def _(sampler, key, index, dimension):
+def sample_2d_given(sampler, key, index, dimension):
     return sampler.pairs[index, 0], sampler.pairs[index, 1]
 
 
@@ -281,7 +282,7 @@ def matte_directions(count: int) -> list[Measured]:
 
 
 def _naive_failures() -> int:
-    """How many of some near-opposite vectors, and of tiny ones, fail to become a direction in float32."""
+    """Count near-opposite vectors, and tiny ones, that fail to become a direction in float32."""
     failures = 0
     normal = np.array([0.0, 0.0, 1.0], np.float32)
     for tilt in (1e-4, 1e-8, 1e-23):
@@ -300,7 +301,7 @@ def _naive_failures() -> int:
 # ---- Samples that are no numbers
 
 
-def poisoned(packed: Packed, name: str) -> Packed:
+def poisoned(packed: PackedScene, name: str) -> PackedScene:
     """The scene with a not-a-number for the albedo of the first material of this kind, such as "lambertian"."""
     tables = list(packed.scene.materials)
     (number,) = (i for i, table in enumerate(tables) if type(table).__module__.endswith(name))
@@ -311,12 +312,12 @@ def poisoned(packed: Packed, name: str) -> Packed:
 
 
 def _rendered_poisoned(spec: Any) -> Rendered:
-    found = raytracer.rendering.pack
-    raytracer.rendering.pack = lambda spec, **settings: poisoned(found(spec, **settings), "lambertian")
+    found = raytracer.rendering.render.pack
+    raytracer.rendering.render.pack = lambda spec, **settings: poisoned(found(spec, **settings), "lambertian")
     try:
         return render(spec, threads=2)
     finally:
-        raytracer.rendering.pack = found
+        raytracer.rendering.render.pack = found
 
 
 @hard_case(46, "pbrt-v4 film.cpp zeroes them, the book's program hides them", quick=64)
@@ -341,7 +342,7 @@ def samples_that_are_no_numbers(spp: int) -> list[Measured]:
     return [
         Measured("pixels lost", naive=float(dropped.any(axis=2).sum()), ours=float(lost + changed), tolerance=0.0),
         Measured(
-            "samples not told of",
+            "samples not reported",
             naive=float(dropped.sum()),
             ours=float(abs(int(dropped.sum()) - stats.nan_samples) + misnamed),
             tolerance=0.0,

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.embree import Accel
-from raytracer.errors import InputError
-from raytracer.kinds import CAMERAS
-from raytracer.scene.concerns import concerns
+from raytracer.core.embree import Accel
 from raytracer.scene.load import build
-from raytracer.scene.pack import Packed, pack
+from raytracer.scene.pack.scene import PackedScene, pack
+from raytracer.scene.warnings import find_warnings
+from raytracer.schema.registry import CAMERAS
+from raytracer.util.errors import InputError
 from tests.hard_cases.harness import Measured, hard_case
-from tests.rendering import image, scene
+from tests.small_scenes import image, scene
 
 Array = NDArray[np.float64]
 
@@ -33,14 +33,14 @@ materials:
 PINHOLE = "type: pinhole, look_from: [0, 0, 0], look_at: [0, 0, -1], vfov: 40"
 
 
-def _packed(*objects: str, camera: str = PINHOLE, base: Path | None = None) -> Packed:
+def _packed(*objects: str, camera: str = PINHOLE, base: Path | None = None) -> PackedScene:
     """The packed scene of these objects."""
     text = f"{HEAD}camera: {{{camera}}}\nobjects:\n" + "".join(f"  - {{{item}}}\n" for item in objects)
     return pack(build(text, "scene.yaml", base=base))
 
 
 def _let_through(trials: Sequence[Callable[[], object]]) -> float:
-    """How many scenes are packed without an error."""
+    """Count the scenes that are packed without an error."""
     through = 0
     for trial in trials:
         try:
@@ -84,7 +84,7 @@ def too_far_to_be_hit(count: int) -> list[Measured]:
         )
     )
     # Where the packed scene has its origin is not what this is about.
-    told = [item for item in concerns(packed) if item.kind == "objects too far away for their size"]
+    told = [item for item in find_warnings(packed) if item.kind == "objects too far away for their size"]
     warned = np.zeros(len(radius), bool)
     warned[[int(item.keys[1]) for item in told]] = True
     wanted = radii > 1e5
@@ -167,7 +167,7 @@ def triangles_without_an_area(count: int) -> list[Measured]:
         base = Path(folder)
         _write_obj(base / "slivers.obj", np.stack([a, b, c], axis=1))
         packed = _packed("type: mesh, file: slivers.obj", base=base)
-        told = [item.text for item in concerns(packed) if item.kind == "triangles without an area"]
+        told = [item.text for item in find_warnings(packed) if item.kind == "triangles without an area"]
         right = f"has {len(wrong):,} triangles without an area (the first is number {wrong[0]},"
         kept = len(packed.scene.primitives[0].material)
         names = []
@@ -177,7 +177,7 @@ def triangles_without_an_area(count: int) -> list[Measured]:
         through = _let_through([lambda name=name: _packed(f"type: mesh, file: {name}", base=base) for name in names])
     return [
         Measured(
-            "triangles neither kept nor told of, or told of wrongly",
+            "triangles neither kept nor reported, or reported wrongly",
             naive=float(len(wrong)),
             ours=abs(count - kept - len(wrong)) + (0.0 if len(told) == 1 and right in told[0] else float(len(wrong))),
             tolerance=0.0,
@@ -226,9 +226,9 @@ def surfaces_in_one_place(pairs: int) -> list[Measured]:
     )
     swapped = np.where(other < 0, -1, 1 - other)
     return [
-        Measured(f"of {pairs} pairs, not told of", naive=float(naive_missed), ours=float(missed), tolerance=0.0),
+        Measured(f"of {pairs} pairs, not reported", naive=float(naive_missed), ours=float(missed), tolerance=0.0),
         Measured(
-            f"of {pairs} pairs that are apart, told of", naive=float(naive_alarms), ours=float(alarms), tolerance=0.0
+            f"of {pairs} pairs that are apart, reported", naive=float(naive_alarms), ours=float(alarms), tolerance=0.0
         ),
         Measured(
             "rays that meet another surface when all is built again (naive: in another order)",
@@ -248,13 +248,13 @@ _PICTURES = (
 
 
 def _contacts(wall: str, picture: str, steps: str) -> int:
-    """How many concerns there are about surfaces that coincide."""
+    """Count the warnings of surfaces that coincide."""
     packed = _packed(f"{wall}, transform: [{steps}]", f"{picture}, transform: [{steps}]")
-    return sum(item.kind == "surfaces that coincide" for item in concerns(packed))
+    return sum(item.kind == "surfaces that coincide" for item in find_warnings(packed))
 
 
 def _naive(size: float, axis: Array, angle: float, shift: Array) -> tuple[bool, bool]:
-    """Whether a naive check tells of the pair, and of one that only touches.
+    """Tell if a naive check reports the pair, and one that only touches.
 
     It compares planes through three corners, number by number, or boxes round both.
     """
@@ -277,7 +277,7 @@ def _naive(size: float, axis: Array, angle: float, shift: Array) -> tuple[bool, 
     return planes[0] == planes[1], bool(overlap.all())
 
 
-def _seen(packed: Packed, middle: Array, size: float) -> NDArray[np.int64]:
+def _seen(packed: PackedScene, middle: Array, size: float) -> NDArray[np.int64]:
     """Which object each of some rays towards the middle of the wall meets, -1 for none."""
     accel: Accel = packed.build()
     rng = np.random.default_rng(0)
@@ -295,7 +295,7 @@ def glass_on_a_floor(spp: int) -> list[Measured]:
 
     Under an even sky, a white floor and clear glass show nothing but that sky, in each pixel.  Where the cube stands
     exactly on the floor, as one builds it, light that goes out by its lower face is below the floor already, and lost.
-    That must be told of, and what the warning advises, to sink the cube by a millimetre, must lose none: each of up to
+    That must be reported, and what the warning advises, to sink the cube by a millimetre, must lose none: each of up to
     300 vertices has a weight of 1, to an ulp.
     """
 
@@ -304,7 +304,7 @@ def glass_on_a_floor(spp: int) -> list[Measured]:
 
     standing, sunk = (image(cube(lowest), width=8, height=8, spp=spp, max_depth=300) for lowest in (0.0, -1e-3))
     told = [
-        sum(item.kind == "surfaces that coincide" for item in concerns(pack(scene(cube(lowest)))))
+        sum(item.kind == "surfaces that coincide" for item in find_warnings(pack(scene(cube(lowest)))))
         for lowest in (0.0, -1e-3)
     ]
     return [

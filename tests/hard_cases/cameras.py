@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.cameras.pinhole import Pinhole
-from raytracer.cameras.thin_lens import ThinLens
-from raytracer.explanation import explain
+from raytracer.analysis.explain import explain
+from raytracer.plugins.cameras.pinhole import Pinhole
+from raytracer.plugins.cameras.thin_lens import ThinLens
 from raytracer.scene.load import build
-from tests.cameras.kernels import camera_rays, weighted_rays
 from tests.hard_cases.harness import SCENES, Measured, hard_case
+from tests.plugins.cameras.kernels import camera_rays, weighted_rays
 
 Array = NDArray[Any]
 
@@ -137,5 +137,5 @@ def the_smallest_opening(rays: int) -> list[Measured]:
     silent = not any("diffraction is left out" in sentence for sentence in said)
     return [
         Measured("shift in the picture (px)", naive_off, off, 0.01),
-        Measured("limits that are not told of", 1.0, float(silent), 0.0),
+        Measured("limits that are not reported", 1.0, float(silent), 0.0),
     ]

@@ -5,13 +5,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.jit import entry
-from raytracer.materials.principled import Principled
-from raytracer.optics import fresnel_dielectric, refract
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.fresnel import fresnel_dielectric, refract
+from raytracer.plugins.materials.principled import Principled
 from tests.hard_cases.harness import Measured, hard_case
-from tests.materials.kernels import packed_row
 from tests.nested import picture
-from tests.rendering import mean
+from tests.plugins.materials.kernels import packed_row
+from tests.small_scenes import mean
 
 Floats = NDArray[np.float64]
 

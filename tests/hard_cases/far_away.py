@@ -8,18 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from raytracer.comparison import z_test
-from raytracer.geometry import OFFSET_ULPS
-from raytracer.origin import Origin
-from raytracer.primitives.spheres import Spheres
+from raytracer.analysis.compare import z_test
+from raytracer.core.geometry import OFFSET_ULPS
+from raytracer.core.primitives.spheres import Spheres
+from raytracer.core.world_origin import Origin
 from raytracer.scene.load import load
-from raytracer.scene.objects import Layout
-from raytracer.scene.pack import Packed, pack
+from raytracer.scene.pack.layout import Layout
+from raytracer.scene.pack.scene import PackedScene, pack
 from raytracer.scene.spec import SceneSpec
+from tests.core.motion.kernels import poses
 from tests.hard_cases.harness import SCENES, Measured, hard_case
-from tests.motion.kernels import poses
 from tests.moving import Picture, checked, document, moved, pictured
-from tests.shapes.kernels import cast, unit
+from tests.plugins.shapes.kernels import cast, unit
 
 Array = NDArray[np.float64]
 
@@ -86,12 +86,12 @@ def large_ground(rays: int) -> list[Measured]:
 
 
 def _unmoved(spec: SceneSpec, layout: Layout, assets: Any) -> tuple[Layout, Origin]:
-    """What packs a scene where it was written; its type is that of a scene that is moved."""
+    """Pack a scene where it was written; its type is that of a scene that is moved."""
     return layout, Origin((0.0, 0.0, 0.0), None)
 
 
-def _naive(spec: SceneSpec) -> Packed:
-    with patch("raytracer.scene.pack.recentred", _unmoved):
+def _naive(spec: SceneSpec) -> PackedScene:
+    with patch("raytracer.scene.pack.world.shift_origin", _unmoved):
         return pack(spec)
 
 
@@ -101,8 +101,10 @@ def _largest_z(first: Picture, second: Picture) -> tuple[float, int]:
     return float(np.abs(found).max()), found.size
 
 
-def _first_hits(packed: Packed, written: Sequence[Any], origins: Array, directions: Array, *, exact: bool) -> Array:
-    """How far from where they truly are a packed scene's hits are (n,), for rays (n, 3) of the scene as written."""
+def _first_hits(
+    packed: PackedScene, written: Sequence[Any], origins: Array, directions: Array, *, exact: bool
+) -> Array:
+    """Measure the errors (n,) of a packed scene's hits, for rays (n, 3) of the scene as written."""
     (table,) = packed.scene.primitives
     assert len(written) == len(table.radius)
     truth = np.array([_true_distance(origins, directions, item.center, item.radius) for item in written])
@@ -161,7 +163,7 @@ def far_from_origin(samples: int) -> list[Measured]:
 
 
 def _linear(time: Array, segments: int) -> Array:
-    """Where a point at (1, 0, 0) is that goes round once in straight parts (n, 2)."""
+    """Compute places (n, 2) of a point at (1, 0, 0) that goes round once in straight parts."""
     step = np.minimum(np.floor(time * segments), segments - 1)
     ends = [2.0 * np.pi * (step + k) / segments for k in (0, 1)]
     start, end = (np.column_stack([np.cos(angle), np.sin(angle)]) for angle in ends)

@@ -24,12 +24,12 @@ class Measured(NamedTuple):
 
     @property
     def passes(self) -> bool:
-        """Whether our error is within the tolerance; NaN is not."""
+        """Tell if our error is within the tolerance; NaN is not."""
         return self.ours <= self.tolerance
 
     @property
     def tells(self) -> bool:
-        """Whether the naive way fails, so that the case can tell right from wrong; NaN fails."""
+        """Tell if the naive way fails, so that the case can tell right from wrong; NaN fails."""
         return not self.naive <= self.tolerance
 
 

@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.assets.lenses import read_lens
-from raytracer.errors import SceneError
-from raytracer.lenses.first_order import cardinal_points
+from raytracer.optics.lens_system.first_order import cardinal_points
+from raytracer.scene.assets.lenses import read_lens
 from raytracer.scene.load import build
-from raytracer.scene.pack import pack
-from tests.cameras.kernels import weighted_rays
+from raytracer.scene.pack.scene import pack
+from raytracer.util.errors import SceneError
 from tests.hard_cases.harness import Measured, hard_case
 from tests.hard_cases.lens_glass import _film_by_search, _on_film, _walk
-from tests.lenses.brute import by_brute_force
+from tests.optics.lens_system.brute_force import by_brute_force
+from tests.plugins.cameras.kernels import weighted_rays
 from tests.repository import SCENES
 
 Array = NDArray[Any]

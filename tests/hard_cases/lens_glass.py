@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.cameras.thin_lens import ThinLens
-from raytracer.lenses.first_order import cardinal_points
-from raytracer.lenses.focusing import focus, nearest_focus
-from raytracer.lenses.surfaces import LensSurfaces, Surface, pack_surfaces
-from tests.cameras.kernels import weighted_rays
+from raytracer.optics.lens_system.first_order import cardinal_points
+from raytracer.optics.lens_system.focusing import focus, nearest_focus
+from raytracer.optics.lens_system.surfaces import LensSurfaces, Surface, pack_surfaces
+from raytracer.plugins.cameras.thin_lens import ThinLens
 from tests.hard_cases.harness import Measured, hard_case
-from tests.lenses.kernels import DOUBLE_GAUSS, lens_of, met, traced
+from tests.optics.lens_system.kernels import DOUBLE_GAUSS, lens_of, met, traced
+from tests.plugins.cameras.kernels import weighted_rays
 
 Array = NDArray[Any]
 
@@ -71,7 +71,7 @@ def lens_elements_without_an_offset(rays: int) -> list[Measured]:
 
 
 def _on_film(points: Array, directions: Array, film: float) -> Array:
-    """Where rays meet the plane z = film: x and y (n, 2)."""
+    """Find the points x and y (n, 2) where rays meet the plane z = film."""
     return points[:, :2] + ((film - points[:, 2]) / directions[:, 2])[:, None] * directions[:, :2]
 
 
@@ -168,7 +168,7 @@ def near_focus_with_a_small_aperture(trials: int) -> list[Measured]:
 
 
 def _is_right(lens: LensSurfaces, distance: float) -> bool:
-    """Whether a plane (mm before the lens) is focused where Newton's equation says, or refused as too near."""
+    """Tell if a plane (mm before the lens) is focused where Newton's equation says, or refused as too near."""
     points = cardinal_points(lens)
     back, away = points.rear_focus - float(lens.vertex[-1]), distance + points.front_focus
     expected = back + points.focal_length**2 / away if away > 0.0 else math.inf
@@ -180,7 +180,7 @@ def _is_right(lens: LensSurfaces, distance: float) -> bool:
 
 
 def _film_by_search(lens: LensSurfaces, distance: float) -> float | None:
-    """Where the film must be for a plane to be sharp, by moving it in steps until the plane is passed.
+    """Find the film position at which a plane is sharp, by moving it in steps until the plane is passed.
 
     None for a search that has not ended after so many steps; the ray leaves at a tenth of the rear's radius.
     """

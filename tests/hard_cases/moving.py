@@ -5,15 +5,18 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
-from raytracer.embree import Accel
-from raytracer.motion import Motion, place, trajectory_of
-from raytracer.primitives.interface import geometry
-from raytracer.primitives.spheres import Spheres
-from raytracer.primitives.translated import translated
-from raytracer.shutter import Shutter, ShutterField, pack_shutter, timing_of
+from raytracer.core.embree import Accel
+from raytracer.core.motion.resolve import resolve_motion, trajectory_of
+from raytracer.core.motion.spec import Motion
+from raytracer.core.primitives.base.interface import geometry
+from raytracer.core.primitives.spheres import Spheres
+from raytracer.core.primitives.translated import translate_table
+from raytracer.core.shutter.pack import pack_shutter
+from raytracer.core.shutter.spec import ShutterField, exposure_timing
+from raytracer.core.shutter.table import Shutter
+from tests.core.motion.kernels import drawn_times, poses
 from tests.hard_cases.harness import Measured, hard_case
-from tests.motion.kernels import drawn_times, poses
-from tests.rendering import image
+from tests.small_scenes import image
 
 _SHUTTER: TypeAdapter[Any] = TypeAdapter(ShutterField)
 
@@ -63,9 +66,9 @@ def times_outside_of_the_shutter(times: int) -> list[Measured]:
     clamped where they are drawn, to numbers of float32, so that Embree and float64 mean the same; and a pose beyond the
     end is that at the end.  A fraction that is computed as (t - open) / (close - open) leaves [0, 1] for late shutters.
     """
-    ball = translated(Spheres(np.zeros((1, 3)), np.ones(1), np.zeros(1, np.int32)), np.array([4.0, 0.0, 0.0]))
+    ball = translate_table(Spheres(np.zeros((1, 3)), np.ones(1), np.zeros(1, np.int32)), np.array([4.0, 0.0, 0.0]))
     accel = Accel([geometry(ball)])
-    path = trajectory_of(place(Motion(velocity=(4.0, 0.0, 0.0)), np.eye(4), Shutter(0.0, 1.0)))
+    path = trajectory_of(resolve_motion(Motion(velocity=(4.0, 0.0, 0.0)), np.eye(4), Shutter(0.0, 1.0)))
     off, naive_off = 0.0, 0.0
     for time in (-1.0, -1e-9, 0.5, 1.0 + 1e-9, 1.5, 2.0):
         expected = 4.0 * min(1.0, max(0.0, time))
@@ -75,7 +78,7 @@ def times_outside_of_the_shutter(times: int) -> list[Measured]:
 
     outside = 0
     for given, opens in _SHUTTERS:
-        timing = timing_of(_SHUTTER.validate_python(given), opens)
+        timing = exposure_timing(_SHUTTER.validate_python(given), opens)
         shutter = pack_shutter(timing, 40, 30)
         for row in (0.0, 15.5, 30.0):
             drawn, _ = drawn_times(shutter, times, 20.0, row)

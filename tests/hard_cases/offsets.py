@@ -3,8 +3,8 @@
 import numpy as np
 
 from tests.hard_cases.harness import Measured, hard_case
-from tests.shapes.kernels import built, cast, spawn, uniform_directions, unit
-from tests.shapes.test_offsets import SCALES, flat
+from tests.plugins.shapes.kernels import built, cast, spawn, uniform_directions, unit
+from tests.plugins.shapes.test_offsets import SCALES, flat
 
 _NEAREST = 1e-3
 _NUDGE = 1e-4

@@ -26,7 +26,7 @@ WIDTH = 400
 
 def no_offsets() -> None:
     """Rays start on the surface that they leave."""
-    from raytracer import geometry
+    from raytracer.core import geometry
 
     geometry.OFFSET_ULPS = 0.0
 
@@ -35,8 +35,8 @@ def fixed_offset(metres: float) -> Callable[[], None]:
     """Rays start at the same distance from any surface."""
 
     def patch() -> None:
-        from raytracer import geometry
-        from raytracer.primitives import discs, parallelograms, spheres, translated, triangles
+        from raytracer.core import geometry
+        from raytracer.core.primitives import discs, parallelograms, spheres, translated, triangles
 
         def hit_offset(accuracy, extent, near):  # type: ignore[no-untyped-def]
             return metres
@@ -52,8 +52,8 @@ def least_distance(metres: float) -> Callable[[], None]:
     """Rays start on the surface that they leave, and do not see what is nearer than a fixed distance."""
 
     def patch() -> None:
-        from raytracer import embree
-        from raytracer.embree import DIRECTION, ORIGIN, TFAR, TNEAR
+        from raytracer.core import embree
+        from raytracer.core.embree import DIRECTION, ORIGIN, TFAR, TNEAR
 
         def set_ray(packet, lane, origin, direction, tfar):  # type: ignore[no-untyped-def]
             for axis in range(3):
@@ -70,13 +70,13 @@ def least_distance(metres: float) -> Callable[[], None]:
 
 def not_recentred() -> None:
     """Scenes are packed where they are."""
-    from raytracer.scene import recentring
+    from raytracer.scene.pack import origin_shift
 
-    recentring._LEAST_GAIN = np.inf
+    origin_shift._LEAST_GAIN = np.inf
 
 
 def _compiled(function: Callable[..., Any]) -> Any:
-    from raytracer.jit import kernel
+    from raytracer.core.compiler.dispatch import kernel
 
     return kernel(function)
 
@@ -224,7 +224,7 @@ def rendered(name: str, number: int, out: Path) -> None:
     panel = row.panels[number]
     if panel.patch is not None:
         panel.patch()
-    from raytracer.rendering import render
+    from raytracer.rendering.render import render
 
     np.save(out, render(row.scene(panel.keys), spp=row.spp).image.display())
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from raytracer.scene.load import build
 from raytracer.scene.spec import SceneSpec
-from raytracer.spec import Step, Transform, matrix_of
+from raytracer.schema.transform import Step, Transform, matrix_of
 
 Array: TypeAlias = NDArray[np.float64]
 Document: TypeAlias = dict[str, Any]
@@ -40,7 +40,7 @@ class Frame(NamedTuple):
     tangent: float
 
     def point(self, x: float, y: float, depth: float) -> Array:
-        """What is seen at x, y from -1 to 1, at a depth along the axis."""
+        """Return the point that is seen at x, y from -1 to 1, at a depth along the axis."""
         return np.asarray(self.eye + depth * np.array([x * self.tangent, y * self.tangent, 1.0]) @ self.axes)
 
 
@@ -134,7 +134,7 @@ def _keyframes(random: Random, middle: Array, size: float) -> Document:
 
 
 def _motion(kind: str, random: Random, shape: Document, middle: Array, size: float) -> Document:
-    """How a shape moves while the shutter is open, from 0 s to 1 s: about its own size."""
+    """Draw the motion of a shape while the shutter is open, from 0 s to 1 s: about its own size."""
     way = _list(size * direction(random))
     if kind == "velocity" and shape["type"] == "sphere" and "transform" not in shape:
         return {"velocity": way}
@@ -182,7 +182,7 @@ def _specks(frame: Frame, size: float) -> list[Document]:
 
 
 def _ground(random: Random, frame: Frame, size: float, kind: str) -> Document:
-    """What reaches as far as can be seen: a planet, or a plane."""
+    """Draw a ground that reaches as far as can be seen: a planet, or a plane."""
     height, reach = size * decades(random, -1.0, 0.0), size * decades(random, 1.0, 3.0)
     right, up, along = frame.axes
     below = frame.eye - height * up

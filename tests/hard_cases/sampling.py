@@ -8,23 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from raytracer.environments.equirectangular import equirectangular
-from raytracer.glass import glass_of
-from raytracer.jit import entry
-from raytracer.materials.interface import MaterialSpec
-from raytracer.materials.rough_conductor import RoughConductor
-from raytracer.media.homogeneous import Homogeneous
-from raytracer.microfacet import pdf_visible_normal, sample_visible_normal
-from raytracer.primitives.spheres import Spheres
-from raytracer.sampling import SAMPLERS, warp
-from raytracer.vec import basis
-from tests.environments.kernels import density, drawn
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.microfacet import pdf_visible_normal, sample_visible_normal
+from raytracer.core.primitives.spheres import Spheres
+from raytracer.core.sampling import SAMPLERS, warp
+from raytracer.core.vec import basis
+from raytracer.optics.glass import parse_glass
+from raytracer.plugins.environments.base.equirectangular import equirectangular
+from raytracer.plugins.materials.base.interface import MaterialSpec
+from raytracer.plugins.materials.rough_conductor import RoughConductor
+from raytracer.plugins.media.homogeneous import Homogeneous
+from tests.core.sampling.draws import draw_1d, draw_2d
 from tests.hard_cases.harness import Measured, hard_case
-from tests.materials import test_contract as contract
-from tests.materials.kernels import evaluate_many, incoming, scatter_many
-from tests.media import kernels as media
-from tests.sampling.draws import draw_1d, draw_2d
-from tests.shapes.kernels import pdf_of, sample
+from tests.plugins.environments.kernels import density, drawn
+from tests.plugins.materials import test_contract as contract
+from tests.plugins.materials.kernels import evaluate_many, incoming, scatter_many
+from tests.plugins.media import kernels as media
+from tests.plugins.shapes.kernels import pdf_of, sample
 from tests.statistics import CYLINDER, cell_integrals, chi2_excess, cylinder, directions, sidak
 
 ROUNDING = 2.0**-53
@@ -292,7 +292,7 @@ def _phases(u: NDArray[np.float64]) -> Measured:
 
 def _lit() -> list[MaterialSpec]:
     materials = (case.values[0] for case in contract.CASES)
-    return [spec for spec in materials if spec.is_lit() and not spec.is_nothing()]
+    return [spec for spec in materials if spec.has_non_delta_bsdf() and not spec.is_index_matched()]
 
 
 def _materials(samples: int, angles: tuple[float, ...]) -> Measured:
@@ -366,7 +366,7 @@ def materials_keep_energy_and_are_reciprocal(samples: int) -> list[Measured]:
 
 def _asymmetry(spec: MaterialSpec, pairs: NDArray[np.float64]) -> float:
     """The largest relative difference of f there and back, of light in basic radiance, among pairs of directions."""
-    inside, outside = (float(glass_of(getattr(spec, key, 1.0)).ior()) for key in ("ior", "outside_ior"))
+    inside, outside = (float(parse_glass(getattr(spec, key, 1.0)).ior()) for key in ("ior", "outside_ior"))
     worst = 0.0
     for a, b in pairs:
         there, back = (

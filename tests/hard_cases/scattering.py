@@ -7,19 +7,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.environments.equirectangular import equirectangular
-from raytracer.lights.interface import power_heuristic, weight_aimed, weight_found
-from raytracer.materials.interface import MaterialSpec
-from raytracer.media.homogeneous import Homogeneous
-from raytracer.microfacet import ggx
-from raytracer.rendering import render
+from raytracer.core.microfacet import ggx
+from raytracer.plugins.environments.base.equirectangular import equirectangular
+from raytracer.plugins.lights.base.interface import mis_weight_light_sample, mis_weight_path, power_heuristic
+from raytracer.plugins.materials.base.interface import MaterialSpec
+from raytracer.plugins.media.homogeneous import Homogeneous
+from raytracer.rendering.render import render
 from raytracer.scene.load import build
-from tests.environments.kernels import density, drawn, seen
 from tests.hard_cases.harness import Measured, hard_case
-from tests.materials import test_contract as contract
-from tests.materials.kernels import evaluate_many, scatter_many
-from tests.media import kernels as media
-from tests.rendering import image, mean
+from tests.plugins.environments.kernels import density, drawn, seen
+from tests.plugins.materials import test_contract as contract
+from tests.plugins.materials.kernels import evaluate_many, scatter_many
+from tests.plugins.media import kernels as media
+from tests.small_scenes import image, mean
 from tests.statistics import CYLINDER, cell_integrals, directions
 
 ROUNDING = 2.0**-53
@@ -39,7 +39,9 @@ def multiple_importance_weights(_: int) -> list[Measured]:
     sizes = np.concatenate([[0.0], 10.0 ** np.arange(-320.0, 309.0, 4.0), [math.inf]]).tolist()
     # What has no density is never drawn, and two strategies without choice never meet.
     pairs = [(p, q) for p in sizes for q in sizes if p > 0.0 and not (math.isinf(p) and math.isinf(q))]
-    ours = np.array([(weight_aimed(None, p, q), weight_found(None, q, p) if q > 0.0 else 0.0) for p, q in pairs])
+    ours = np.array(
+        [(mis_weight_light_sample(None, p, q), mis_weight_path(None, q, p) if q > 0.0 else 0.0) for p, q in pairs]
+    )
     naive = np.array([(_squares(p, q), _squares(q, p) if q > 0.0 else 0.0) for p, q in pairs])
     ends = [power_heuristic(p, q) for p in (0.0, math.inf) for q in (0.0, math.inf)]
     return [
@@ -202,7 +204,7 @@ COSINES = (1.0, 1e-4, 1e-9, 1e-16, 1e-160, 1e-300, 0.0)
 
 
 def _nonsense(spec: MaterialSpec) -> int:
-    """How many directions, weights and densities of a material are no numbers, at grazing and other incidence."""
+    """Count directions, weights and densities of a material that are no numbers, at grazing and other incidence."""
     count = 0
     for cosine in COSINES:
         direction = (math.sqrt(1.0 - cosine * cosine), 0.0, -cosine)
@@ -218,7 +220,7 @@ def _nonsense(spec: MaterialSpec) -> int:
 
 
 def _grazing32() -> int:
-    """How many values of the formula in float32, mirrored light of alpha 0.1 at these cosines, are no numbers."""
+    """Count values of the formula in float32, mirrored light of alpha 0.1 at these cosines, that are no numbers."""
     c = np.array(COSINES, np.float32)
     a = np.float32(0.1)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -304,7 +306,7 @@ def furnaces(runs: int) -> list[Measured]:
 
 
 def _lost_by_self_hits(paths: int = 20_000) -> float:
-    """How much darker than 1 a white ball in radiance 1 is after 8 segments, in float32 and with no offset."""
+    """Measure the light that a white ball in radiance 1 lacks after 8 segments, in float32 and with no offset."""
     rng = np.random.default_rng(41)
     one = np.float32(1.0)
     point = rng.normal(size=(paths, 3)).astype(np.float32)

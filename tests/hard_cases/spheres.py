@@ -5,13 +5,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.embree import Accel
-from raytracer.geometry import OFFSET_ULPS
-from raytracer.jit import entry
-from raytracer.primitives.spheres import Spheres
-from raytracer.vec import normalize
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.embree import Accel
+from raytracer.core.geometry import OFFSET_ULPS
+from raytracer.core.primitives.spheres import Spheres
+from raytracer.core.vec import normalize
 from tests.hard_cases.harness import Measured, hard_case
-from tests.shapes.kernels import built, cast, sample, spawn, uniform_directions, unit
+from tests.plugins.shapes.kernels import built, cast, sample, spawn, uniform_directions, unit
 
 Array = NDArray[np.float64]
 

@@ -18,12 +18,12 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 
 from docs.make_scenes import snippet
-from raytracer.errors import InputError, SceneError
-from raytracer.kinds import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES, Family
-from raytracer.rendering import render
+from raytracer.rendering.render import render
 from raytracer.scene.load import build
-from raytracer.scene.pack import pack
+from raytracer.scene.pack.scene import pack
 from raytracer.scene.spec import SceneSpec
+from raytracer.schema.registry import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES, Family
+from raytracer.util.errors import InputError, SceneError
 from tests.hard_cases.random_scenes import SEEDS, Document, scenes, write_files
 from tests.repository import ROOT
 
@@ -38,7 +38,7 @@ QUICK = 120
 
 
 def numbers_in(value: Any, keys: Keys = ()) -> Iterator[Keys]:
-    """Where a document holds numbers."""
+    """Find the places of a document's numbers."""
     if isinstance(value, dict | list):
         for key, item in value.items() if isinstance(value, dict) else enumerate(value):
             yield from numbers_in(item, (*keys, key))
@@ -75,7 +75,7 @@ def loaded(document: Document, folder: Path) -> SceneSpec | None:
 
 
 def _nans(value: Any, where: str = "scene") -> Iterator[str]:
-    """Where what is packed holds NaN."""
+    """Find the places of NaN in a packed scene."""
     if isinstance(value, tuple):
         for name, item in zip(getattr(value, "_fields", itertools.count()), value, strict=False):
             yield from _nans(item, f"{where}.{name}")
@@ -84,7 +84,7 @@ def _nans(value: Any, where: str = "scene") -> Iterator[str]:
 
 
 def nans_of(document: Document, folder: Path) -> set[str]:
-    """Where a scene's numbers become NaN; nowhere, if it is refused."""
+    """Find where a scene's numbers become NaN; nowhere, if it is refused."""
     spec = loaded(document, folder)
     try:
         return set() if spec is None else set(_nans(pack(spec).scene))
@@ -128,7 +128,7 @@ def example(family: Family, kind: str) -> Document:
 
 
 def _has_files(value: Any) -> bool:
-    """Whether a document names files, which this test has not."""
+    """Tell if a document names files, which this test has not."""
     if isinstance(value, dict):
         return "file" in value or isinstance(value.get("placements"), str) or any(map(_has_files, value.values()))
     return isinstance(value, list) and any(map(_has_files, value))
@@ -160,7 +160,7 @@ def _try(cases: list[tuple[str, Document, Keys, float]], folder: Path) -> None:
         try:
             found = nans_of(with_number(document, keys, number), folder) - before[id(document)]
             assert not found, found
-        except Exception as error:  # noqa: BLE001  # all are told of, not the first alone
+        except Exception as error:  # noqa: BLE001  # all are reported, not the first alone
             wrong.append(f"{kind} {'.'.join(map(str, keys))} = {number}: {error!r}")
     assert not wrong, f"{len(wrong)} of {len(cases)}:\n" + "\n".join(wrong)
 

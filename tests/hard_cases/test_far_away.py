@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import yaml
 
-from raytracer.comparison import z_test
-from raytracer.origin import Origin
-from raytracer.scene.pack import Packed, pack
+from raytracer.analysis.compare import z_test
+from raytracer.core.world_origin import Origin
+from raytracer.scene.pack.scene import PackedScene, pack
 from tests.moving import checked, document, moved, pictured, scaled
 from tests.repository import SCENES, need_files_of
 
@@ -37,7 +37,7 @@ MOVED = {
 SPP = 256
 
 
-def packed(name: str, width: int, found: dict[str, Any]) -> Packed:
+def packed(name: str, width: int, found: dict[str, Any]) -> PackedScene:
     film = found["film"]
     height = round(width * film["height"] / film["width"])
     settings = {"film": {"width": width, "height": height}, "render": {"sampler": "independent", "max_depth": 16}}

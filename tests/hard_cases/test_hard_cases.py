@@ -3,7 +3,7 @@
 import pytest
 
 from raytracer.scene.load import load
-from raytracer.scene.pack import pack
+from raytracer.scene.pack.scene import pack
 from tests.hard_cases.harness import SCENES, HardCase, cases
 
 CASES = cases()

@@ -15,13 +15,14 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 
-from raytracer.comparison import Verdict, z_test
+from raytracer.analysis.compare import Verdict, z_test
+from raytracer.core.primitives.spheres import Spheres
+from raytracer.core.primitives.translated import Translated
+from raytracer.core.vec import Vec3
 from raytracer.film.image import Image
-from raytracer.primitives.spheres import Spheres
-from raytracer.primitives.translated import Translated
-from raytracer.rendering import render
-from raytracer.scene.pack import pack
-from raytracer.vec import Vec3
+from raytracer.rendering.render import render
+from raytracer.scene.pack.scene import pack
+from tests.core.instancing.kernels import Scenery, Stage, cast
 from tests.hard_cases.random_scenes import (
     SEEDS,
     Array,
@@ -39,7 +40,6 @@ from tests.hard_cases.random_scenes import (
     translated,
     write_files,
 )
-from tests.instances.kernels import Scenery, Stage, cast
 
 QUICK, THOROUGH = 20, 500
 FALSE_ALARMS = 1e-3
@@ -70,7 +70,7 @@ def rendered(document: Document, folder: Path, seed: int = 1) -> Image:
 
 
 def compared(document: Document, other: Document, folder: Path, alpha: float) -> Verdict:
-    """Whether two scenes have the same picture within its noise."""
+    """Tell if two scenes have the same picture within its noise."""
     a, b = rendered(document, folder), rendered(other, folder, seed=2)
     return z_test(a.radiance, a.variance, b.radiance, b.variance, tile=4, alpha=alpha)
 
@@ -195,7 +195,7 @@ def _self_hits(folder: Path, alpha: float, document: Document, random: Random) -
 
 
 def _origin_of(scene: Any) -> Vec3:
-    """Where the origin of the packed scene lies."""
+    """Return the origin of the packed scene."""
     origin: Vec3 = (0.0, 0.0, 0.0) if scene.origin is None else scene.origin.world
     return origin
 

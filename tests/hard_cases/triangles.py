@@ -5,11 +5,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.geometry import padded
-from raytracer.primitives.triangles import Triangles
+from raytracer.core.geometry import pad_buffer
+from raytracer.core.primitives.triangles import Triangles
 from tests.hard_cases.harness import Measured, hard_case
-from tests.shapes.kernels import built, cast, uniform_directions, unit
-from tests.shapes.test_offsets import flat
+from tests.plugins.shapes.kernels import built, cast, uniform_directions, unit
+from tests.plugins.shapes.test_offsets import flat
 
 Array = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ def closed_mesh(rays: int) -> list[Measured]:
     themselves it does not, see `_LEAKS_AT_VERTICES`; the tolerance has four standard deviations of their number more.
     """
     points, faces = _bumpy_sphere()
-    table = Triangles(padded(points, np.float32), padded(faces, np.uint32), np.zeros(len(faces), np.int32))
+    table = Triangles(pad_buffer(points, np.float32), pad_buffer(faces, np.uint32), np.zeros(len(faces), np.int32))
     vertices = table.vertices.astype(np.float64)
     watertight, fast = built(table), built(table, robust=False)
     names = ("at random", "at edges", "beside vertices", "at vertices")

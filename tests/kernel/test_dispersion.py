@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.debugging import text, trace
-from raytracer.glass import CATALOGUE, Glass
-from raytracer.hues import LensSpectrum, Spectrum, Split
-from raytracer.optics import fresnel_dielectric
-from raytracer.rendering import render
+from raytracer.core.fresnel import fresnel_dielectric
+from raytracer.core.spectra import FIRST, LAST, response, spectra
+from raytracer.kernel.hero_wavelength import DispersiveLens, DispersiveMaterials, MonochromaticCamera
+from raytracer.optics.glass import CATALOGUE, Glass
+from raytracer.rendering.path_debug import trace_sample
+from raytracer.rendering.path_text import format_path
+from raytracer.rendering.render import render
 from raytracer.scene.effects import effects_of
-from raytracer.scene.pack import pack
-from raytracer.spectra import FIRST, LAST, response, spectra
+from raytracer.scene.pack.scene import pack
 from tests.moving import pictured
-from tests.rendering import assert_mean, image, mean, scene
+from tests.small_scenes import assert_mean, image, mean, scene
 
 FLINT = "{index: 1.785, abbe: 25.7}"
 
@@ -101,15 +102,15 @@ class Wedge:
         self._glass = glass
 
     def place(self, wavelength: float) -> tuple[float, float]:
-        """Where a ray along -z of the axis meets the wall at z = -4 (m), and the part of its light that gets there."""
+        """Trace a ray along -z to the wall at z = -4: returns its position there (m), and its transmittance."""
         eta = float(self._glass.ior(wavelength))
         at = np.array([0.0, 0.0, 0.2])
         within = refracted(np.array([0.0, 0.0, -1.0]), self.first, eta)
-        kept = 1.0 - fresnel_dielectric(self.first[2], eta)[0]
+        transmitted = 1.0 - fresnel_dielectric(self.first[2], eta)[0]
         at = at + within * (at[2] / -within[2])
-        kept *= 1.0 - fresnel_dielectric(-within[2], 1.0 / eta)[0]
+        transmitted *= 1.0 - fresnel_dielectric(-within[2], 1.0 / eta)[0]
         out = refracted(within, np.array([0.0, 0.0, 1.0]), 1.0 / eta)
-        return float((at + out * (4.0 / -out[2]))[0]), kept
+        return float((at + out * (4.0 / -out[2]))[0]), transmitted
 
 
 def strip(glass: str, low: float, high: float) -> tuple[str, NDArray[np.float64]]:
@@ -142,11 +143,11 @@ def test_a_prism_sends_each_wavelength_where_snell_says(low: float, high: float)
     text, expected = strip("N-SF11", low, high)
     # Two faces are met, and none again: what is reflected within counts for nothing.
     picture = image(text, spp=8192, max_depth=3)
-    found, noise = mean(picture)
+    color, noise = mean(picture)
     assert (noise < 0.02 * np.abs(expected).max()).all()
-    np.testing.assert_array_less(np.abs(found - expected), 4.0 * noise + 1e-6)
+    np.testing.assert_array_less(np.abs(color - expected), 4.0 * noise + 1e-6)
     # The channel that sees such light best.
-    assert np.argmax(found) == (2 if high < 500.0 else 1 if high < 600.0 else 0)
+    assert np.argmax(color) == (2 if high < 500.0 else 1 if high < 600.0 else 0)
 
 
 def test_red_is_bent_least() -> None:
@@ -161,7 +162,7 @@ def test_red_is_bent_least() -> None:
 def test_the_effect_is_told_and_packed_only_where_something_disperses() -> None:
     spec = scene(floor(FLINT))
     packed = pack(spec).scene
-    assert isinstance(packed.spectrum, Spectrum)
+    assert isinstance(packed.spectrum, DispersiveMaterials)
     assert packed.spectrum.camera is None
     assert effects_of(spec, packed)["dispersion"].active
     plain = scene(floor("1.6"))
@@ -176,9 +177,9 @@ def test_the_effect_is_told_and_packed_only_where_something_disperses() -> None:
 def test_a_path_written_down_tells_its_wavelengths() -> None:
     spec = scene(BALL.replace("FLINT", FLINT), spp=8, max_depth=50)
     picture = render(spec, threads=1).image.radiance[8, 8]
-    found = [trace(spec, (8, 8), sample) for sample in range(8)]
-    np.testing.assert_allclose(np.mean([one.value for one in found], axis=0), picture, rtol=1e-12)
-    for one in found:
+    paths = [trace_sample(spec, (8, 8), sample) for sample in range(8)]
+    np.testing.assert_allclose(np.mean([one.value for one in paths], axis=0), picture, rtol=1e-12)
+    for one in paths:
         surfaces = [event for event in one.events if event["event"] == "surface"]
         scattered = [event for event in one.events if event["event"] == "scatters"]
         assert surfaces[0]["wavelengths"] == []
@@ -187,8 +188,8 @@ def test_a_path_written_down_tells_its_wavelengths() -> None:
         turns = [event["event"] for event in one.events].count("again")
         assert turns == (2 if any(len(event["wavelengths"]) == 1 for event in scattered) else 0)
         assert all(FIRST <= wave <= LAST for event in scattered for wave in event["wavelengths"])
-        assert one.bad is None
-        assert f"{scattered[0]['wavelengths'][0]:.9g}" in text(one)
+        assert one.first_non_finite is None
+        assert f"{scattered[0]['wavelengths'][0]:.9g}" in format_path(one)
         json = one.json()
         assert json["events"][0]["wavelength"] is None
 
@@ -196,9 +197,9 @@ def test_a_path_written_down_tells_its_wavelengths() -> None:
 @pytest.mark.slow
 def test_parts_of_the_light_add_up_and_a_clamp_holds() -> None:
     spec = scene(floor(FLINT, "[0.7, 0.4, 0.2]"), spp=32)
-    found = render(spec, threads=2, aovs=("direct", "indirect"))
+    result = render(spec, threads=2, aovs=("direct", "indirect"))
     np.testing.assert_allclose(
-        found.image.layers["direct"] + found.image.layers["indirect"], found.image.radiance, rtol=0.0, atol=1e-12
+        result.image.layers["direct"] + result.image.layers["indirect"], result.image.radiance, rtol=0.0, atol=1e-12
     )
     clamped = spec.model_copy(update={"render": spec.render.model_copy(update={"clamp": 0.8})})
     assert render(clamped, threads=2).image.radiance.max() <= 0.8 + 1e-12
@@ -261,11 +262,11 @@ objects:
 def test_rays_of_one_wavelength_each_give_all_colours_back() -> None:
     packed = pack(scene(COLOURED, spp=64))
     plain = pictured(packed, spp=64, seed=1)
-    split = packed._replace(scene=packed.scene._replace(spectrum=LensSpectrum(spectra())))
-    found = pictured(split, spp=2048, seed=2)
-    pixels = found.variance.shape[0] * found.variance.shape[1]
-    noise = np.sqrt(found.variance.sum(axis=(0, 1)) + plain.variance.sum(axis=(0, 1))) / pixels
-    value, expected = found.radiance.mean(axis=(0, 1)), plain.radiance.mean(axis=(0, 1))
+    split = packed._replace(scene=packed.scene._replace(spectrum=DispersiveLens(spectra())))
+    result = pictured(split, spp=2048, seed=2)
+    pixels = result.variance.shape[0] * result.variance.shape[1]
+    noise = np.sqrt(result.variance.sum(axis=(0, 1)) + plain.variance.sum(axis=(0, 1))) / pixels
+    value, expected = result.radiance.mean(axis=(0, 1)), plain.radiance.mean(axis=(0, 1))
     assert (noise < 0.02 * expected).all()
     np.testing.assert_array_less(np.abs(value - expected), 4.0 * noise)
 
@@ -273,9 +274,9 @@ def test_rays_of_one_wavelength_each_give_all_colours_back() -> None:
 @pytest.mark.slow
 def test_a_lens_and_glass_that_both_disperse_keep_a_white_furnace_white() -> None:
     packed = pack(scene(BALL.replace("FLINT", FLINT), spp=1024, max_depth=1000))
-    spectrum = packed.scene.spectrum._replace(camera=Split())
-    found = pictured(packed._replace(scene=packed.scene._replace(spectrum=spectrum)), spp=2048, seed=3)
-    pixels = found.variance.shape[0] * found.variance.shape[1]
-    noise = np.sqrt(found.variance.sum(axis=(0, 1))) / pixels
-    np.testing.assert_array_less(np.abs(found.radiance.mean(axis=(0, 1)) - 1.0), 4.0 * noise)
+    spectrum = packed.scene.spectrum._replace(camera=MonochromaticCamera())
+    result = pictured(packed._replace(scene=packed.scene._replace(spectrum=spectrum)), spp=2048, seed=3)
+    pixels = result.variance.shape[0] * result.variance.shape[1]
+    noise = np.sqrt(result.variance.sum(axis=(0, 1))) / pixels
+    np.testing.assert_array_less(np.abs(result.radiance.mean(axis=(0, 1)) - 1.0), 4.0 * noise)
     assert (noise < 0.005).all()

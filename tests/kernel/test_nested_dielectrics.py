@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.errors import InputError
 from raytracer.film.image import Image
-from raytracer.materials.interface import PASS
-from raytracer.rendering import render
+from raytracer.plugins.materials.base.interface import PASSTHROUGH
+from raytracer.rendering.render import render
 from raytracer.scene.effects import effects_of
-from raytracer.scene.interior import MOST_SOLIDS
-from raytracer.scene.pack import pack
+from raytracer.scene.pack.nested_dielectrics import MAX_SOLIDS
+from raytracer.scene.pack.scene import pack
+from raytracer.util.errors import InputError
 from tests.nested import SPECKS, picture
-from tests.rendering import mean, scene
+from tests.small_scenes import mean, scene
 
 SKY = "environment: {type: constant, radiance: 1}\n"
 NIGHT = "environment: {type: constant, radiance: 1.0e-12}\n"
@@ -54,7 +54,7 @@ def assert_value(text: str, expected: float, *, rounding: float = 1e-6, **settin
 
 
 def transmittance(*indices: float) -> float:
-    """Of a stack of clear layers seen head on, whose light goes to and fro: 1/T - 1 is the sum of R / (1 - R).
+    """Compute the transmittance of clear layers at normal incidence with all reflections: 1/T - 1 = sum of R / (1 - R).
 
     References: Stokes 1862, "On the intensity of the light reflected from or transmitted through a pile of plates".
     """
@@ -117,8 +117,8 @@ def test_light_is_absorbed_by_what_it_is_in() -> None:
 @pytest.mark.parametrize("priority", [None, 1])
 def test_a_camera_in_tinted_glass(priority: int | None) -> None:
     # 2 m to the nearer face; what that reflects comes back by way of the other one, 4 m up and 4 m down.
-    reflected, kept = 0.04, math.exp(-0.3)
-    expected = kept**2 * (1.0 - reflected) / (1.0 - reflected**2 * kept**8)
+    reflected, transmitted = 0.04, math.exp(-0.3)
+    expected = transmitted**2 * (1.0 - reflected) / (1.0 - reflected**2 * transmitted**8)
     glass = slab(-2.0, 2.0, clear(1.5, priority, 0.3))
     assert_value(camera(0.0) + NIGHT + "objects:\n" + LAMP + glass, expected)
 
@@ -135,9 +135,9 @@ def test_shadow_rays_pass_hidden_surfaces_and_are_absorbed() -> None:
     (value, *_), (deviation, *_) = mean(picture(dry, max_depth=2))
     # The lamp is 0.02 m across: its points are 1.118 m from the floor's middle, within 4e-5 of it on average.
     expected = value * math.exp(-0.2 * (2.0 + math.hypot(1.0, 0.5)))
-    (found, *_), (other, *_) = mean(picture(dry + hidden, max_depth=2))
+    (color, *_), (other, *_) = mean(picture(dry + hidden, max_depth=2))
     assert deviation < 0.01 * value
-    assert abs(found - expected) < 4.0 * math.hypot(other, deviation * expected / value) + 1e-4 * expected
+    assert abs(color - expected) < 4.0 * math.hypot(other, deviation * expected / value) + 1e-4 * expected
 
 
 def tiles(picture: Image) -> tuple[np.ndarray, np.ndarray]:
@@ -240,50 +240,50 @@ def ball(x: float, material: str) -> str:
 
 
 def test_without_a_priority_there_is_nothing_of_it() -> None:
-    found = packed(VIEW + "objects:\n" + ball(0, clear(1.5)))
-    assert found.interior is None
-    assert found.passage is None
+    tables = packed(VIEW + "objects:\n" + ball(0, clear(1.5)))
+    assert tables.nested_dielectrics is None
+    assert tables.transparency is None
 
 
 def test_a_camera_far_from_all_solids_does_not_look_around() -> None:
     objects = "objects:\n" + ball(0, clear(1.5, 1))
-    assert packed(VIEW + objects).interior.camera is None
-    assert packed(VIEW.replace("[0, 0, 9]", "[0, 0, 0.5]") + objects).interior.camera is not None
+    assert packed(VIEW + objects).nested_dielectrics.camera is None
+    assert packed(VIEW.replace("[0, 0, 9]", "[0, 0, 0.5]") + objects).nested_dielectrics.camera is not None
     # A lens of 17 m has rays that begin in it.
     wide = VIEW.replace("pinhole", "thin_lens").replace("look_at", "aperture: 17000, look_at")
-    assert packed(wide + objects).interior.camera is not None
+    assert packed(wide + objects).nested_dielectrics.camera is not None
     # An array reaches as far as its views stand from its middle: 8.2 m, and 7.8 m.
     array = VIEW.replace("pinhole", "camera_array, rows: 1, columns: 2, spacing: 16.4")
-    assert packed(array + objects).interior.camera is not None
-    assert packed(array.replace("16.4", "15.6") + objects).interior.camera is None
+    assert packed(array + objects).nested_dielectrics.camera is not None
+    assert packed(array.replace("16.4", "15.6") + objects).nested_dielectrics.camera is None
     # One of 15 m does not, but for the corners of three blades of that area, 11.7 m away.
     narrower = wide.replace("17000", "15000")
-    assert packed(narrower + objects).interior.camera is None
+    assert packed(narrower + objects).nested_dielectrics.camera is None
     bladed = narrower.replace("aperture:", "aperture_shape: {type: polygon, blades: 3}, aperture:")
-    assert packed(bladed + objects).interior.camera is not None
+    assert packed(bladed + objects).nested_dielectrics.camera is not None
     moving = VIEW.replace("look_at", "shutter: 1, motion: {velocity: [0, 0, -9]}, look_at")
-    assert packed(moving + objects).interior.camera is not None
+    assert packed(moving + objects).nested_dielectrics.camera is not None
     around = VIEW.replace("pinhole", "orthographic, height: 2")
-    assert packed(around + objects).interior.camera is not None
+    assert packed(around + objects).nested_dielectrics.camera is not None
 
 
 def test_boundaries_are_what_lies_on_both_sides() -> None:
-    found = packed(VIEW + "objects:\n" + ball(0, clear(1.5, 2)) + ball(1, clear(1.2, 1)) + ball(2, clear(1.5, 7)))
-    interior, eta = found.interior, found.materials[0].eta
-    water, glass, gem = interior.surface
-    assert list(interior.rank[[water, glass, gem]]) == [0, 1, 2]
-    assert eta[interior.against[glass, 0]] == 1.5
-    assert eta[interior.against[glass, 1]] == 1.5 / 1.2
-    assert interior.against[gem, 2] == PASS
-    assert eta[interior.against[water, 0]] == 1.2
+    tables = packed(VIEW + "objects:\n" + ball(0, clear(1.5, 2)) + ball(1, clear(1.2, 1)) + ball(2, clear(1.5, 7)))
+    nested, eta = tables.nested_dielectrics, tables.materials[0].eta
+    water, glass, gem = nested.surface
+    assert list(nested.rank[[water, glass, gem]]) == [0, 1, 2]
+    assert eta[nested.boundaries[glass, 0]] == 1.5
+    assert eta[nested.boundaries[glass, 1]] == 1.5 / 1.2
+    assert nested.boundaries[gem, 2] == PASSTHROUGH
+    assert eta[nested.boundaries[water, 0]] == 1.2
 
 
 def test_materials_that_select_fill_with_one_thing() -> None:
     frosted = f"{{type: mixture, materials: [{clear(1.5, 2)}, {{type: rough_dielectric, ior: 1.5, priority: 2}}]}}"
-    found = packed(VIEW + "objects:\n" + ball(0, frosted) + ball(1, clear(1.33, 1)))
-    assert len(found.interior.surface) == 2
+    tables = packed(VIEW + "objects:\n" + ball(0, frosted) + ball(1, clear(1.33, 1)))
+    assert len(tables.nested_dielectrics.surface) == 2
     # Both of the mixture's materials are boundaries of their own to water.
-    dielectrics, rough = found.materials
+    dielectrics, rough = tables.materials
     assert 1.5 / 1.33 in dielectrics.eta
     assert 1.5 / 1.33 in rough.eta
     differing = frosted.replace("priority: 2}]", "priority: 3}]")
@@ -292,9 +292,9 @@ def test_materials_that_select_fill_with_one_thing() -> None:
 
 
 def test_there_are_only_so_many() -> None:
-    many = "".join(ball(3 * k, clear(1.5, k)) for k in range(MOST_SOLIDS))
-    assert len(packed(VIEW + "objects:\n" + many).interior.surface) == MOST_SOLIDS
-    with pytest.raises(InputError, match=f"one of {MOST_SOLIDS + 1} materials with a priority"):
+    many = "".join(ball(3 * k, clear(1.5, k)) for k in range(MAX_SOLIDS))
+    assert len(packed(VIEW + "objects:\n" + many).nested_dielectrics.surface) == MAX_SOLIDS
+    with pytest.raises(InputError, match=f"one of {MAX_SOLIDS + 1} materials with a priority"):
         packed(VIEW + "objects:\n" + many + ball(-3, clear(1.5, 1000)))
 
 
@@ -317,9 +317,9 @@ def test_explained() -> None:
     ],
 )
 def test_no_change_of_index_is_no_object_at_all(material: str) -> None:
-    found = packed(VIEW + "objects:\n" + ball(0, material))
-    assert [type(table).__name__ for table in found.selectors.tables] == ["BoundaryTable"]
-    assert found.passage is not None
+    tables = packed(VIEW + "objects:\n" + ball(0, material))
+    assert [type(table).__name__ for table in tables.selectors.tables] == ["BoundaryTable"]
+    assert tables.transparency is not None
 
 
 @pytest.mark.parametrize(

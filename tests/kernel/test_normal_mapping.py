@@ -6,17 +6,23 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.geometry import Hit, Site
-from raytracer.integrator import evaluate_from, scatter_from
-from raytracer.jit import entry
-from raytracer.kinds import MATERIALS
-from raytracer.materials.interface import Draws
-from raytracer.relief import Relief, from_tangent_space, raised
-from raytracer.sampling import SAMPLERS, pixel_key
-from raytracer.scene.pack import pack
-from raytracer.shading_normals import into_wedge, out_of_wedge, tilt_of, turned_to
-from raytracer.textures.interface import Book
-from tests.rendering import assert_mean, image, scene
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.geometry import Hit, Interaction, Site
+from raytracer.core.sampling import SAMPLERS, pixel_key
+from raytracer.core.shading_normals import into_wedge, normal_tilt, out_of_wedge, turn_towards_viewer
+from raytracer.core.vec import neg
+from raytracer.kernel.normal_mapping import (
+    NormalMapping,
+    evaluate_surface,
+    from_tangent_space,
+    perturb_normal,
+    scatter_surface,
+)
+from raytracer.plugins.materials.base.interface import Draws
+from raytracer.plugins.textures.base.interface import ParameterPacker
+from raytracer.scene.pack.scene import pack
+from raytracer.schema.registry import MATERIALS
+from tests.small_scenes import assert_mean, image, scene
 from tests.statistics import chi2_counts
 
 Vector = tuple[float, float, float]
@@ -39,19 +45,19 @@ def unit(*vector: float) -> Vector:
 
 def stage_of(kind: str, **parameters: Any) -> Stage:
     spec = MATERIALS.specs()[kind].model_validate({"type": kind, **parameters})
-    return Stage((type(spec).pack([spec], Book()),), None, None)
+    return Stage((type(spec).pack([spec], ParameterPacker()),), None, None)
 
 
-RELIEF = Relief(None, None)
+RELIEF = NormalMapping(None, None)
 """Says that shading normals differ from the true ones; they are then given by hand."""
 
 
 @entry
-def _scatter(relief, stage, hit, site, direction, normal, front, sampler, outgoing, weight, pdf):
+def _scatter(normal_mapping, stage, surface, sampler, outgoing, weight, pdf):
     key = pixel_key(sampler, 0, 0)
     for index in range(len(pdf)):
         draws = Draws(sampler, key, index, 8)
-        out = scatter_from(relief, stage, hit, 0, site, direction, normal, front, draws)
+        out = scatter_surface(normal_mapping, stage, surface, draws)
         for axis in range(3):
             outgoing[index, axis] = out.direction[axis]
             weight[index, axis] = out.weight[axis]
@@ -59,37 +65,35 @@ def _scatter(relief, stage, hit, site, direction, normal, front, sampler, outgoi
 
 
 @entry
-def _evaluate(relief, stage, hit, site, direction, normal, front, outgoing, value, pdf):
+def _evaluate(normal_mapping, stage, surface, outgoing, value, pdf):
     for index in range(len(pdf)):
         toward = (outgoing[index, 0], outgoing[index, 1], outgoing[index, 2])
-        f_cos, density = evaluate_from(relief, stage, hit, 0, site, direction, normal, front, toward)
+        f_cos, density = evaluate_surface(normal_mapping, stage, surface, toward)
         for axis in range(3):
             value[index, axis] = f_cos[axis]
         pdf[index] = density
 
 
-def hit_of(front: bool) -> tuple[Hit, Site]:
+def surface_of(direction: Vector, normal: Vector, front: bool) -> Interaction:
     """A surface with the normal +z, or -z if it is met from behind: what comes from above comes to +z."""
-    normal = (0.0, 0.0, 1.0 if front else -1.0)
-    origin = (0.0, 0.0, 0.0)
+    outside = (0.0, 0.0, 1.0 if front else -1.0)
     zero = (0.0, 0.0, 0.0)
-    return Hit(origin, normal, normal, 0.0, 0.0, 0.0, 0, zero, zero, origin), Site(origin, 0.0, 0.0, 1.0)
+    hit, site = Hit(zero, outside, outside, 0.0, 0.0, 0.0, 0, zero, zero, zero), Site(zero, 0.0, 0.0, 1.0)
+    return Interaction(-1, 0, 0, hit, site, 0, front, normal, neg(direction), direction, 1.0, None)
 
 
 def scattered(stage: Stage, direction: Vector, normal: Vector, count: int, *, front: bool = True) -> Any:
     """Directions (count, 3), weights (count, 3) and pdfs (count,)."""
     outgoing, weight, pdf = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
-    hit, site = hit_of(front)
     sampler = SAMPLERS["independent"](3, 1)
-    _scatter(RELIEF, stage, hit, site, direction, normal, front, sampler, outgoing, weight, pdf)
+    _scatter(RELIEF, stage, surface_of(direction, normal, front), sampler, outgoing, weight, pdf)
     return outgoing, weight, pdf
 
 
 def evaluated(stage: Stage, direction: Vector, normal: Vector, outgoing: NDArray[Any], *, front: bool = True) -> Any:
     """f |cos| (n, 3) and pdf (n,)."""
     value, pdf = np.empty((len(outgoing), 3)), np.empty(len(outgoing))
-    hit, site = hit_of(front)
-    _evaluate(RELIEF, stage, hit, site, direction, normal, front, np.ascontiguousarray(outgoing), value, pdf)
+    _evaluate(RELIEF, stage, surface_of(direction, normal, front), np.ascontiguousarray(outgoing), value, pdf)
     return value, pdf
 
 
@@ -127,10 +131,10 @@ def test_directions_follow_the_pdf_that_evaluate_tells(
     stage = stage_of(kind, **parameters)
     count, rows, columns = 100_000, 16, 16
     outgoing, weight, pdf = scattered(stage, direction, normal, count, front=front)
-    kept = weight.any(axis=1)
+    is_scattered = weight.any(axis=1)
     observed, _, _ = np.histogram2d(
-        outgoing[kept, 2],
-        np.arctan2(outgoing[kept, 1], outgoing[kept, 0]),
+        outgoing[is_scattered, 2],
+        np.arctan2(outgoing[is_scattered, 1], outgoing[is_scattered, 0]),
         [np.linspace(-1.0, 1.0, rows + 1), np.linspace(-np.pi, np.pi, columns + 1)],
     )
     cells, area = sphere_grid(rows, columns, 24)
@@ -143,14 +147,16 @@ def test_directions_follow_the_pdf_that_evaluate_tells(
     chi2_counts(np.append(observed, count - observed.sum()), np.append(expected, count - expected.sum()), SIGNIFICANCE)
 
     # And the sample's own pdf is that one.
-    _, twin = evaluated(stage, direction, normal, outgoing[kept][:5000], front=front)
-    close = np.isclose(twin, pdf[kept][:5000], rtol=1e-5)
+    _, repeated = evaluated(stage, direction, normal, outgoing[is_scattered][:5000], front=front)
+    close = np.isclose(repeated, pdf[is_scattered][:5000], rtol=1e-5)
     assert close.mean() > 0.995
 
 
 @pytest.mark.parametrize(("kind", "parameters"), SURFACES)
 @pytest.mark.parametrize(("direction", "normal"), TILTS)
-def test_relief_loses_no_energy(kind: str, parameters: dict[str, Any], direction: Vector, normal: Vector) -> None:
+def test_tilted_normals_lose_no_energy(
+    kind: str, parameters: dict[str, Any], direction: Vector, normal: Vector
+) -> None:
     # What leaves is what leaves a level surface that is met at the angle to the shading normal.
     stage = stage_of(kind, **parameters)
     cells, area = sphere_grid(16, 16, 24)
@@ -192,7 +198,7 @@ def test_a_mirror_that_leans_too_far_reflects_at_the_mirror_image() -> None:
     direction = unit(1.0, 0.0, -0.3)
     leaning = unit(1.0, 0.0, 1.2)
     assert np.dot(leaning, direction) > 0.0
-    bent = turned_to(leaning, tuple(-x for x in direction), (0.0, 0.0, 1.0))
+    bent = turn_towards_viewer(leaning, tuple(-x for x in direction), (0.0, 0.0, 1.0))
     outgoing, _, _ = scattered(stage_of("metal"), direction, bent, 1)
     # At a normal across the ray the mirror leaves the ray as it is, and the true surface turns it up.
     np.testing.assert_allclose(outgoing[0], np.array(direction) * (1.0, 1.0, -1.0), atol=1e-7)
@@ -202,7 +208,7 @@ def test_a_mirror_that_leans_too_far_reflects_at_the_mirror_image() -> None:
 @pytest.mark.parametrize(("direction", "normal"), TILTS[1:])
 def test_the_wedge_goes_to_the_right_side_and_back(direction: Vector, normal: Vector, transmitted: bool) -> None:
     geometric, sign = np.array([0.0, 0.0, 1.0]), -1.0 if transmitted else 1.0
-    tilt = tilt_of(tuple(geometric), normal, direction, transmitted)
+    tilt = normal_tilt(tuple(geometric), normal, direction, transmitted)
     rng = np.random.default_rng(4)
     directions = rng.normal(size=(20_000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
@@ -227,7 +233,7 @@ def test_normals_are_bent_no_more_than_to_the_horizon() -> None:
     rng = np.random.default_rng(8)
     for _ in range(200):
         normal, viewer = (unit(*rng.normal(size=3)) for _ in range(2))
-        bent = np.array(turned_to(normal, viewer, viewer))
+        bent = np.array(turn_towards_viewer(normal, viewer, viewer))
         if np.dot(normal, viewer) >= 0.0:
             assert tuple(bent) == normal
             continue
@@ -237,7 +243,7 @@ def test_normals_are_bent_no_more_than_to_the_horizon() -> None:
         assert np.arccos(np.clip(np.dot(bent, normal), -1, 1)) == pytest.approx(
             np.arcsin(-np.dot(normal, viewer)), abs=1e-6
         )
-    assert turned_to((0.0, 0.0, -1.0), (0.0, 0.0, 1.0), (0.0, 0.6, 0.8)) == (0.0, 0.6, 0.8)
+    assert turn_towards_viewer((0.0, 0.0, -1.0), (0.0, 0.0, 1.0), (0.0, 0.6, 0.8)) == (0.0, 0.6, 0.8)
 
 
 def test_a_slope_of_heights_tilts_the_normal_by_its_angle() -> None:
@@ -249,14 +255,18 @@ def test_a_slope_of_heights_tilts_the_normal_by_its_angle() -> None:
         ((0.0, 0.5, 0.0), (4.0, 1.0, 0.0)),
     ):
         along = [a * t[0] + b * t[1] for t in (tangent, bitangent)]
-        np.testing.assert_allclose(raised((0.0, 0.0, 1.0), tangent, bitangent, *along), unit(-a, -b, 1.0), atol=1e-15)
+        np.testing.assert_allclose(
+            perturb_normal((0.0, 0.0, 1.0), tangent, bitangent, *along), unit(-a, -b, 1.0), atol=1e-15
+        )
         # Raised to the other side, its slopes are seen from below.
-        np.testing.assert_allclose(raised((0.0, 0.0, -1.0), tangent, bitangent, *along), unit(-a, -b, -1.0), atol=1e-15)
+        np.testing.assert_allclose(
+            perturb_normal((0.0, 0.0, -1.0), tangent, bitangent, *along), unit(-a, -b, -1.0), atol=1e-15
+        )
 
 
 def test_without_a_frame_the_normal_stays() -> None:
     normal, zero = unit(1, 2, 3), (0.0, 0.0, 0.0)
-    assert raised(normal, zero, (0.0, 1.0, 0.0), 5.0, 5.0) == normal
+    assert perturb_normal(normal, zero, (0.0, 1.0, 0.0), 5.0, 5.0) == normal
     assert from_tangent_space((0.5, 0.5, 0.7), normal, zero, zero) == normal
 
 
@@ -297,17 +307,17 @@ def test_white_furnace(material: str, light: str) -> None:
     assert_mean(image(text, spp=64, max_depth=1000, filled=False), 1.0, relative_noise=0.005)
 
 
-def relief_of(material: str) -> Any:
+def normal_mapping_of(material: str) -> Any:
     text = CAMERA + f"objects:\n  - {{type: sphere, center: [0, 0, 0], radius: 1, material: {material}}}\n"
-    return pack(scene(text, filled=False)).scene.relief
+    return pack(scene(text, filled=False)).scene.normal_mapping
 
 
-def test_relief_is_packed_only_where_there_is_some() -> None:
-    assert relief_of("{type: lambertian}") is None
-    assert relief_of("{type: lambertian, bump: {type: noise}, bump_height: 0}") is None
-    bumped = relief_of(f"{{type: lambertian, {ROUGH}}}")
+def test_normal_mapping_is_packed_only_where_there_are_maps() -> None:
+    assert normal_mapping_of("{type: lambertian}") is None
+    assert normal_mapping_of("{type: lambertian, bump: {type: noise}, bump_height: 0}") is None
+    bumped = normal_mapping_of(f"{{type: lambertian, {ROUGH}}}")
     assert bumped.normal_maps is None
     assert bumped.bumps.height.tolist() == [0.3]
-    mapped = relief_of("{type: metal, normal_map: {type: checker, even: [0.5, 0.5, 1]}}")
+    mapped = normal_mapping_of("{type: metal, normal_map: {type: checker, even: [0.5, 0.5, 1]}}")
     assert mapped.bumps is None
     assert mapped.normal_maps.texture.tolist() == [0]

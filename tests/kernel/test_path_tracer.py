@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import raytracer.rendering
-from raytracer.accumulation import FilmView, accumulate
-from raytracer.jit import entry
-from raytracer.lights.interface import power_heuristic
-from raytracer.paths import workspace
+import raytracer.rendering.render
+from raytracer.core.compiler.dispatch import entry
+from raytracer.kernel.path_state import workspace
+from raytracer.kernel.pixel_accumulator import FilmView, accumulate
+from raytracer.plugins.lights.base.interface import power_heuristic
 from raytracer.scene.load import build
-from raytracer.scene.pack import Packed, pack
+from raytracer.scene.pack.scene import PackedScene, pack
 from raytracer.scene.spec import SceneSpec
-from tests.rendering import assert_mean, image, mean, rendered, scene
 from tests.repository import REFERENCES
+from tests.small_scenes import assert_mean, image, mean, rendered, scene
 
 LOOK = "camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}\n"
 CONSTANT = "environment: {type: constant, radiance: 1}\n"
@@ -519,15 +519,15 @@ EMITTERS = {
 
 
 def both_ways(monkeypatch: pytest.MonkeyPatch, text: str, **settings: object) -> None:
-    """The same picture with light sampling and without, by the material alone."""
+    """Render a picture with light sampling, and by sampling of the material alone."""
     with_lights = image(text, **settings)
     assert pack(scene(text, **settings)).scene.lights is not None
 
-    def without_lights(spec: SceneSpec, **settings: Any) -> Packed:
+    def without_lights(spec: SceneSpec, **settings: Any) -> PackedScene:
         packed = pack(spec, **settings)
         return packed._replace(scene=packed.scene._replace(lights=None))
 
-    monkeypatch.setattr(raytracer.rendering, "pack", without_lights)
+    monkeypatch.setattr(raytracer.rendering.render, "pack", without_lights)
     plain = image(text, seed=2, **settings)
     monkeypatch.undo()
     a, deviation_a = mean(with_lights)
@@ -614,15 +614,15 @@ def icosphere(path: Path, subdivisions: int = 3) -> None:
     path.write_text("\n".join([*lines, *(f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces.tolist())]))
 
 
-@pytest.mark.parametrize("room", ROOMS)
-def test_no_light_leaks_into_a_closed_room(tmp_path: Path, room: str) -> None:
+@pytest.mark.parametrize("box", ROOMS)
+def test_no_light_leaks_into_a_closed_room(tmp_path: Path, box: str) -> None:
     # Of 5 million rays not one may pass an edge or a corner, or start from beyond one.
     icosphere(tmp_path / "icosphere.obj")
     text = f"""
 camera: {{type: pinhole, look_from: [0.1, 0.05, 0.3], look_at: [1, 0.9, 0.8], vfov: 140}}
 environment: {{type: constant, radiance: 1}}
 objects:
-  - {ROOMS[room]}, material: {{type: lambertian, albedo: 1}}}}
+  - {ROOMS[box]}, material: {{type: lambertian, albedo: 1}}}}
 """
     result = rendered(text, width=64, height=64, spp=64, max_depth=20, base=tmp_path)
     assert result.stats.rays > 5e6
@@ -709,7 +709,7 @@ def _accumulate(film, work, values, size):
         for lane in range(count):
             for channel in range(3):
                 work.radiance[lane, channel] = values[first + lane, channel]
-            work.radiance[lane, 3] = 1.0
+            work.weight[lane] = 1.0
         accumulate(None, None, film, work, 0, 0, count)
 
 
@@ -785,5 +785,5 @@ objects:
 """,
         "test.yaml",
     )
-    picture = raytracer.rendering.render(spec, spp=1).image
+    picture = raytracer.rendering.render.render(spec, spp=1).image
     np.testing.assert_array_equal(picture.radiance, np.broadcast_to([1.0, 2.0, 3.0], (4, 4, 3)))

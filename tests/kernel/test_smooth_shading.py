@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raytracer.primitives.triangles import interpolated_normal
+from raytracer.core.primitives.triangles import interpolated_normal
 from raytracer.scene.effects import effects_of
-from raytracer.scene.pack import pack
-from tests.rendering import assert_mean, rendered, scene
-from tests.test_integrator import icosphere
+from raytracer.scene.pack.scene import pack
+from tests.kernel.test_path_tracer import icosphere
+from tests.small_scenes import assert_mean, rendered, scene
 
 CAMERA = "camera: {type: pinhole, look_from: [0, 0, 40], look_at: [0, 0, 0], vfov: 15}\n"
 
@@ -58,8 +58,8 @@ def test_what_is_smooth_is_told_and_compiled(tmp_path: Path) -> None:
         smooth: pack(scene(text + balls(tmp_path, 0, smooth=smooth), base=tmp_path, filled=False)).scene
         for smooth in (False, True)
     }
-    assert packed[False].relief is None
-    assert packed[True].relief == (None, None)
+    assert packed[False].normal_mapping is None
+    assert packed[True].normal_mapping == (None, None)
     for smooth, of_scene in packed.items():
         spec = scene(text + balls(tmp_path, 0, smooth=smooth), base=tmp_path, filled=False)
         effects = effects_of(spec, of_scene)

@@ -17,11 +17,11 @@ import pytest
 
 import raytracer
 from raytracer.scene.load import build
-from raytracer.scene.pack import pack
+from raytracer.scene.pack.scene import pack
 from tests.probe import MATTE, SCENES
-from tests.rendering import scene
+from tests.small_scenes import scene
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 
 FAMILIES = (
     "apertures",
@@ -44,7 +44,7 @@ SAME_AS_PLAIN = {"off"}
 
 
 def probe(cache: Path, *names: str) -> dict[str, Any]:
-    """What tests/probe.py says, run with this kernel cache."""
+    """Run tests/probe.py with this kernel cache, and return its report."""
     package = Path(raytracer.__file__).parent.parent
     result = subprocess.run(
         [sys.executable, "-m", "tests.probe", *names],
@@ -59,10 +59,10 @@ def probe(cache: Path, *names: str) -> dict[str, Any]:
 
 
 class Kernels(Mapping[str, Any]):
-    """What tests/probe.py says of each of its scenes, found out when it is asked for.
+    """The reports of tests/probe.py on its scenes, made at the first access.
 
-    The processes of a test run share what they find in a folder: a file that one of them has begun to write is a name
-    that the others leave to it.
+    The processes of a test run share the reports in a folder: the one that first makes a scene's `.begun` file probes
+    it, and the others wait.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -80,7 +80,7 @@ class Kernels(Mapping[str, Any]):
         return json.loads((self._folder / f"{name}.json").read_text())
 
     def all(self) -> dict[str, Any]:
-        """Every scene's."""
+        """Return the reports of all scenes."""
         self._find(list(self))
         return {name: self[name] for name in self}
 
@@ -91,9 +91,9 @@ class Kernels(Mapping[str, Any]):
                 (self._folder / f"{name}.begun").touch(exist_ok=False)
             except FileExistsError:
                 continue
-            aside = self._folder / f"{name}.aside"
-            aside.write_text(json.dumps(probe(self.cache, name)[name]))
-            aside.rename(self._folder / f"{name}.json")
+            temporary = self._folder / f"{name}.temporary"
+            temporary.write_text(json.dumps(probe(self.cache, name)[name]))
+            temporary.rename(self._folder / f"{name}.json")
         for name in names:
             deadline = time.monotonic() + 300.0
             while not (self._folder / f"{name}.json").exists():
@@ -108,20 +108,20 @@ def kernels(tmp_path_factory: pytest.TempPathFactory) -> Kernels:
 
 
 def kinds(report: dict[str, Any]) -> set[str]:
-    """Kinds in a kernel: modules of the families, but for what they share."""
-    shared = ("interface", "hashing", "phase", "warp", "perspective")
-    return {
-        module.removeprefix("raytracer.")
-        for module in report["modules"]
-        if module.split(".")[1] in FAMILIES and not module.endswith(shared)
-    }
+    """Name the kinds in a kernel, FAMILY.KIND: modules of the families without those that their kinds share."""
+    shared = ("interface", "hashing", "phase", "warp", "perspective_camera", "dispatch", "clear", "voxel_traversal")
+    # raytracer.plugins.FAMILY.KIND, raytracer.core.FAMILY.KIND, or these with a `base` between.
+    paths = [module.split(".")[2:] for module in report["modules"] if not module.endswith(shared)]
+    return {f"{path[0]}.{path[-1]}" for path in paths if len(path) > 1 and path[0] in FAMILIES}
 
 
 def test_plain_scene_holds_its_own_kinds_only(kernels: Kernels) -> None:
     # A matte ball in the dark before a pinhole: no lens, glass, metal, light, environment, and no optics at all.
     plain = kernels["plain"]
     assert kinds(plain) == PLAIN
-    assert not {"raytracer.motion", "raytracer.optics"} & set(plain["modules"])
+    assert not any(
+        module.startswith(("raytracer.core.motion.", "raytracer.core.fresnel")) for module in plain["modules"]
+    )
     assert plain["calls"] == {"rtcIntersect8": 1, "rtcOccluded8": 0}
 
 
@@ -129,8 +129,8 @@ EFFECTS = pytest.mark.parametrize(
     ("name", "brings"),
     [
         ("sky", {"environments.constant"}),
-        ("lens", {"cameras.pupil"}),
-        ("iris", {"cameras.pupil", "apertures.polygon", "apertures.vignetting"}),
+        ("lens", {"cameras.thin_lens_ray"}),
+        ("iris", {"cameras.thin_lens_ray", "apertures.polygon", "apertures.vignetting"}),
         ("fisheye", {"cameras.fisheye"}),
         ("glass", {"materials.dielectric"}),
         ("lamp", {"lights.emitters", "materials.emitter", "sampling.alias"}),
@@ -155,16 +155,21 @@ def classes_in(numba_type: Any) -> set[str]:
 @EFFECTS
 def test_an_effect_brings_its_own_classes(name: str, brings: set[str]) -> None:
     # From these follows what is compiled; what functions a class needs besides, compiled kernels show below.
-    found = kinds({"modules": classes_in(numba.typeof(pack(scene(SCENES[name], filled=False)).scene))})
-    assert found <= brings | PLAIN | {"cameras.placement"}
-    assert found & brings
+    used = kinds({"modules": classes_in(numba.typeof(pack(scene(SCENES[name], filled=False)).scene))})
+    assert used <= brings | PLAIN | {"cameras.placement"}
+    assert used & brings
 
 
 def test_no_glass_is_compiled_for_scenes_without_a_real_lens(kernels: Kernels) -> None:
-    glass = ("raytracer.lenses.", "raytracer.cameras.lens", "raytracer.lanes", "raytracer.spectra")
+    glass = (
+        "raytracer.optics.lens_system.",
+        "raytracer.plugins.cameras.base.lens_camera",
+        "raytracer.core.simd",
+        "raytracer.core.spectra",
+    )
     lens = f"camera: {{type: lens, lens: '{ROOT}/scenes/lenses/double-gauss-50mm.yaml'}}\n"
-    found = classes_in(numba.typeof(pack(scene(lens + MATTE, filled=False)).scene))
-    assert all(any(module.startswith(name) for module in found) for name in glass if name != "raytracer.lanes")
+    used = classes_in(numba.typeof(pack(scene(lens + MATTE, filled=False)).scene))
+    assert all(any(module.startswith(name) for module in used) for name in glass if name != "raytracer.core.simd")
     for name in ("plain", "many"):
         assert not [module for module in kernels[name]["modules"] if module.startswith(glass)]
 
@@ -175,7 +180,7 @@ def test_many_effects_bring_their_own_code(kernels: Kernels) -> None:
     assert kinds(many) - PLAIN == {
         "apertures.polygon",
         "apertures.vignetting",
-        "cameras.pupil",
+        "cameras.thin_lens_ray",
         "environments.constant",
         "lights.emitters",
         "materials.cutout",
@@ -195,11 +200,11 @@ def test_many_effects_bring_their_own_code(kernels: Kernels) -> None:
 @pytest.mark.slow
 @EFFECTS
 def test_an_effect_brings_its_own_code(kernels: Kernels, name: str, brings: set[str]) -> None:
-    found = kinds(kernels[name])
-    assert brings <= found
+    used = kinds(kernels[name])
+    assert brings <= used
     # Nothing besides, but for kinds that are there anyway.
-    assert found - brings <= PLAIN
-    assert ("raytracer.optics" in kernels[name]["modules"]) == (name == "glass")
+    assert used - brings <= PLAIN
+    assert ("raytracer.core.fresnel" in kernels[name]["modules"]) == (name == "glass")
     assert kernels[name]["llvm_size"] > kernels["plain"]["llvm_size"]
 
 
@@ -243,17 +248,20 @@ def test_kernels_count_no_references(kernels: Kernels) -> None:
 @pytest.mark.slow
 def test_only_aovs_that_are_asked_for_are_compiled(kernels: Kernels) -> None:
     recorded = {
-        name: {module for module in report["modules"] if module.startswith("raytracer.aovs.")}
+        name: {module for module in report["modules"] if module.startswith("raytracer.kernel.aovs.")}
         for name, report in kernels.all().items()
     }
-    assert recorded.pop("plain+depth") == {"raytracer.aovs.interface", "raytracer.aovs.distances"}
+    assert recorded.pop("plain+depth") == {"raytracer.kernel.aovs.base.layers", "raytracer.kernel.aovs.distances"}
     assert not any(recorded.values())
 
 
 @pytest.mark.slow
-def test_relief_is_compiled_where_a_material_has_some(kernels: Kernels) -> None:
-    # A checker is its texture in both; the second one shades with its slopes too.
-    assert {name for name, report in kernels.all().items() if "raytracer.relief" in report["modules"]} == {"bumpy"}
+def test_normal_mapping_is_compiled_where_a_material_has_maps(kernels: Kernels) -> None:
+    # A checker is its texture in both; the second one shades with its slopes too.  What all scenes have of
+    # `kernel.normal_mapping` is what is done without maps; the geometry of bent normals is only where there are any.
+    assert {
+        name for name, report in kernels.all().items() if "raytracer.core.shading_normals" in report["modules"]
+    } == {"bumpy"}
     assert kernels["bumpy"]["llvm_size"] > kernels["checked"]["llvm_size"] > kernels["plain"]["llvm_size"]
 
 
@@ -261,8 +269,8 @@ def test_relief_is_compiled_where_a_material_has_some(kernels: Kernels) -> None:
 def test_instances_are_compiled_where_something_is_placed(kernels: Kernels) -> None:
     # A matte ellipsoid is the matte ball of `plain`, and besides it the transforms of rays and hits.
     assert kinds(kernels["egg"]) <= kinds(kernels["plain"])
-    assert "raytracer.motion" in kernels["egg"]["modules"]
-    assert "raytracer.motion" not in kernels["plain"]["modules"]
+    assert "raytracer.core.motion.affine" in kernels["egg"]["modules"]
+    assert "raytracer.core.motion.affine" not in kernels["plain"]["modules"]
     assert kernels["egg"]["llvm_size"] > kernels["plain"]["llvm_size"]
 
 
@@ -324,7 +332,7 @@ def test_what_nothing_uses_is_not_part_of_the_type() -> None:
     assert type_of(unused) == type_of(base)
 
 
-def test_textures_and_relief_that_nothing_in_use_has_are_not_part_of_the_type() -> None:
+def test_textures_and_maps_that_nothing_in_use_has_are_not_part_of_the_type() -> None:
     base = BASE.replace("SAMPLER", "sobol")
     unused = base.replace("materials:", "textures: {squares: {type: checker}, veins: {type: noise}}\nmaterials:")
     unused = unused.replace("objects:", "  tiles: {type: metal, albedo: squares, bump: veins}\nobjects:")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from raytracer.rendering import render
-from tests.rendering import image, mean, scene
+from raytracer.rendering.render import render
+from tests.small_scenes import image, mean, scene
 
 # Every scene holds, far below, a speck of each kind that any of them has, so that all share one kernel.
 SPECKS = """
@@ -26,7 +26,7 @@ NIGHT = "environment: {type: constant, radiance: 1.0e-12}\n"
 FLOOR = "  - {type: quad, corner: [-2, -2, 0], edges: [[4, 0, 0], [0, 4, 0]], material: {type: lambertian}}\n"
 
 
-def veil(z: float, material: str) -> str:
+def gauze_quad(z: float, material: str) -> str:
     """A large square between the camera and what is behind it; its normal points to the camera."""
     return f"  - {{type: quad, corner: [-50, -50, {z}], edges: [[100, 0, 0], [0, 100, 0]], material: {material}}}\n"
 
@@ -58,21 +58,22 @@ def assert_equal(a: tuple[float, float], b: tuple[float, float], factor: float =
 @pytest.mark.parametrize("layers", [1, 3])
 def test_half_of_the_light_passes_each_layer(layers: int, depth: int) -> None:
     # Black gauze before a sky of 1: what is seen is 2^-layers, whatever the depth, for passing counts no segment.
-    text = CAMERA + SKY + "objects:\n" + "".join(veil(-k, gauze(0.5)) for k in range(layers))
+    text = CAMERA + SKY + "objects:\n" + "".join(gauze_quad(-k, gauze(0.5)) for k in range(layers))
     value, deviation = shown(text, depth=depth)
     assert abs(value - 0.5**layers) < 4.0 * deviation
 
 
 def test_full_of_holes_is_not_there() -> None:
-    with_veil = CAMERA + NIGHT + "objects:\n" + FLOOR + lamp("{type: emitter, radiance: 5}") + veil(1.0, gauze(0.0))
+    with_gauze = CAMERA + NIGHT + "objects:\n" + FLOOR
+    with_gauze += lamp("{type: emitter, radiance: 5}") + gauze_quad(1.0, gauze(0.0))
     without = CAMERA + NIGHT + "objects:\n" + FLOOR + lamp("{type: emitter, radiance: 5}")
-    assert_equal(shown(with_veil), shown(without))
+    assert_equal(shown(with_gauze), shown(without))
 
 
 def test_gauze_halves_shadows() -> None:
     # The gauze lies between lamp and floor, and between camera and floor: light passes it twice.
     lit = CAMERA + NIGHT + "objects:\n" + FLOOR + lamp("{type: emitter, radiance: 5}")
-    dimmed = shown(lit + veil(1.0, gauze(0.5)), depth=2)
+    dimmed = shown(lit + gauze_quad(1.0, gauze(0.5)), depth=2)
     assert_equal(dimmed, shown(lit, depth=2), factor=0.25)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import raytracer
 from tests.unjitted import numbers
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 
 
 def test_interpreted_kernels_give_the_same_numbers(tmp_path: Path) -> None:

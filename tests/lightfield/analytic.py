@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.plenoptic.field import LightField
-from raytracer.plenoptic.views import Plane, Views
+from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.views import Plane, Views
 
 Texture = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 
@@ -67,7 +67,7 @@ def views(
 
 
 def seen(geometry: Views, surfaces: Sequence[Surface], at: tuple[float, float], supersampling: int = 3):
-    """What a pinhole at a place in the plane of the views sees: radiance (h, w, 3), and the depth in pixels' middles.
+    """Render the view of a pinhole in the plane of the views: radiance (h, w, 3), and depth in pixels' middles.
 
     Each pixel is the mean over a grid of rays.
     """
@@ -100,7 +100,7 @@ def seen(geometry: Views, surfaces: Sequence[Surface], at: tuple[float, float], 
 def light_field(
     geometry: Views, surfaces: Sequence[Surface], *, noise: float = 0.0, supersampling: int = 3
 ) -> LightField:
-    """What all views see, with the layer `depth`, exact; `noise`: standard deviation of what is added to each value."""
+    """Render all views, with the layer `depth`, exact; `noise`: standard deviation of what is added to each value."""
     found = [
         [seen(geometry, surfaces, tuple(place), supersampling) for place in row] for row in geometry.position.tolist()
     ]

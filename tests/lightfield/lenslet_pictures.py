@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raytracer.plenoptic.resampling import Lattice
+from raytracer.film.light_field.lattice import Lattice
 
 
 def lattice(pitch, degrees, offset, *, hexagonal=False):
@@ -65,7 +65,7 @@ class Camera:
         return place, middle
 
     def transmission(self, place, middle):
-        """What part of the light arrives."""
+        """Compute the part of the light that arrives."""
         pitch = self.lattice.pitch
         offset = place - middle
         away = np.hypot(offset[..., 0], offset[..., 1])
@@ -109,7 +109,7 @@ def spoiled(picture, seed, *, photons=4000.0, read=0.004, dark=0.02, clip=None, 
 
 
 def dusty(shape, number):
-    """What part of the light passes specks of dust, which stay where they are."""
+    """Compute the part of the light that passes specks of dust, which stay where they are."""
     rng = np.random.default_rng(11)
     shade = np.ones(shape)
     y, x = np.mgrid[: shape[0], : shape[1]]

@@ -7,17 +7,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer import scheduling
-from raytracer.cli.main import main
-from raytracer.errors import InputError
-from raytracer.lightfield.bands import Band, bands_of, capture
-from raytracer.plenoptic import lf
-from raytracer.plenoptic.views import Plane, Views
-from raytracer.rendering import Progress, Rendered, render
+from raytracer.cli.base.app import main
+from raytracer.film.light_field import lf
+from raytracer.film.light_field.views import Plane, Views
+from raytracer.lightfield.capturing.bands import ViewBand, split_into_bands
+from raytracer.lightfield.capturing.capture import capture
+from raytracer.rendering import worker_pool
+from raytracer.rendering.progress import Progress
+from raytracer.rendering.render import render
+from raytracer.rendering.session import Rendered
 from raytracer.scene.load import build
 from raytracer.scene.spec import SceneSpec
+from raytracer.util.errors import InputError
 
-# Of the type that tests/cameras/test_camera_array.py has, which is compiled once for both.
+# Of the type that tests/plugins/cameras/test_camera_array.py has, which is compiled once for both.
 SCENE = """
 camera: {{type: camera_array, look_from: [0, 0.5, 3], look_at: [0, 0.3, 0], vfov: 40, rows: 3, columns: 4,
   spacing: 0.1{camera}}}
@@ -50,7 +53,7 @@ def views(rows: int, columns: int) -> Views:
 @pytest.mark.parametrize("size", [(3, 4), (17, 17), (1, 9), (9, 1)])
 def test_bands_hold_every_view_once_and_no_more_than_they_may(size: tuple[int, int], most: int) -> None:
     seen = np.zeros(size, dtype=int)
-    bands = bands_of(views(*size), most)
+    bands = split_into_bands(views(*size), most)
     for band in bands:
         part = seen[band.row : band.row_end, band.column : band.column_end]
         part += 1
@@ -60,8 +63,13 @@ def test_bands_hold_every_view_once_and_no_more_than_they_may(size: tuple[int, i
 
 
 def test_bands_are_whole_rows_where_these_fit() -> None:
-    assert bands_of(views(5, 4), 9) == [Band(0, 1, 0, 4), Band(1, 3, 0, 4), Band(3, 5, 0, 4)]
-    assert bands_of(views(2, 5), 3) == [Band(0, 1, 0, 2), Band(0, 1, 2, 5), Band(1, 2, 0, 2), Band(1, 2, 2, 5)]
+    assert split_into_bands(views(5, 4), 9) == [ViewBand(0, 1, 0, 4), ViewBand(1, 3, 0, 4), ViewBand(3, 5, 0, 4)]
+    assert split_into_bands(views(2, 5), 3) == [
+        ViewBand(0, 1, 0, 2),
+        ViewBand(0, 1, 2, 5),
+        ViewBand(1, 2, 0, 2),
+        ViewBand(1, 2, 2, 5),
+    ]
 
 
 @pytest.mark.parametrize(("memory", "bands"), [(10**9, 1), (5 * VIEW_BYTES, 3), (VIEW_BYTES, 12)])
@@ -211,7 +219,7 @@ def test_layers_and_sensors_are_those_of_the_whole_picture(tmp_path: Path, keys:
 
 
 def test_broken_off_in_a_band_it_goes_on_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scheduling, "_WAKE_UP_SECONDS", 1e-3)
+    monkeypatch.setattr(worker_pool, "_POLL_SECONDS", 1e-3)
     path, spp = tmp_path / "x.lf", 512
     whole = render(scene(), threads=2, spp=spp)
     step, interrupts = whole.stats.samples // 4, 0
@@ -249,7 +257,7 @@ def test_pixels_below_zero_are_counted_over_all_bands(tmp_path: Path, monkeypatc
         places.append([left, top])
         return 2, {"lowest": -float(len(places)), "pixel": [left, top], "causes": ["filter"]}
 
-    monkeypatch.setattr("raytracer.rendering.find_negatives", find)
+    monkeypatch.setattr("raytracer.rendering.diagnostics.find_negative_pixels", find)
     captured = capture(scene(), tmp_path / "x.lf", memory=5 * VIEW_BYTES, threads=2, spp=1)
     assert captured.bands == len(places) > 1
     assert captured.stats.negative_pixels == 2 * len(places)

@@ -9,17 +9,17 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from raytracer.errors import InputError
+from raytracer.film.light_field import lf
+from raytracer.film.light_field.field import LIT_LAYER, LightField
 from raytracer.lightfield.coverage import lit_views, within_lens
 from raytracer.lightfield.decoding.decoder import Decoded, decode
-from raytracer.lightfield.depth import Depth, depth_map
-from raytracer.lightfield.fourier import FourierRefocuser
-from raytracer.lightfield.fusion import all_in_focus
-from raytracer.lightfield.perspectives import view_at
-from raytracer.lightfield.refocusing import refocus
-from raytracer.lightfield.supersampling import enlarged, supersampled
-from raytracer.plenoptic import lf
-from raytracer.plenoptic.field import LIT, LightField
+from raytracer.lightfield.depth.depth_map import Depth, depth_map
+from raytracer.lightfield.refocusing.all_in_focus import all_in_focus
+from raytracer.lightfield.refocusing.fourier import FourierRefocuser
+from raytracer.lightfield.refocusing.refocus import refocus
+from raytracer.lightfield.super_resolution import supersampled, upsample_cubic
+from raytracer.lightfield.views.synthesis import view_at
+from raytracer.util.errors import InputError
 from tests.lightfield.analytic import Surface, light_field, views, waves
 from tests.lightfield.lenslet_pictures import Camera, lattice
 from tests.lightfield.test_looking_commands import run
@@ -32,7 +32,7 @@ def away(picture: np.ndarray, exact: np.ndarray) -> float:
 def darkened(whole: LightField, lit: np.ndarray) -> LightField:
     """As a camera that vignettes: 0 where no light came."""
     radiance = np.where(lit[..., None], whole.radiance, 0.0)
-    return LightField(radiance, whole.views, {**whole.layers, LIT: lit.astype(np.uint8)}, settings=whole.settings)
+    return LightField(radiance, whole.views, {**whole.layers, LIT_LAYER: lit.astype(np.uint8)}, settings=whole.settings)
 
 
 @pytest.fixture(scope="module")
@@ -194,7 +194,7 @@ def test_finer_than_any_view_behind_hexagons(hexagons: Decoded, tmp_path: Path) 
             inner = (slice(16, -16), slice(16, -16))
             return away(picture[inner] - 0.5, exact[inner] - 0.5)
 
-        single = error(enlarged(field.view(row, column), 4))
+        single = error(upsample_cubic(field.view(row, column), 4))
         assert error(found) < 0.5 * single
         assert error(found) < 0.6 * error(plain)
 
@@ -208,7 +208,7 @@ def test_noise_is_not_multiplied() -> None:
     field = light_field(geometry, surfaces, noise=0.2)
     fine = light_field(views(1, 1, width=192, height=144), surfaces).view(0, 0)
     depth = Depth(1.0 / field.layers["depth"][3, 3], np.ones((36, 48)), 3, 3)
-    assert away(supersampled(field, 4, depth), fine) < 0.6 * away(enlarged(field.view(3, 3), 4), fine)
+    assert away(supersampled(field, 4, depth), fine) < 0.6 * away(upsample_cubic(field.view(3, 3), 4), fine)
 
 
 def test_views_of_the_middle_of_a_lens() -> None:
@@ -231,7 +231,7 @@ def test_samples_in_a_file(hexagons: Decoded, tmp_path: Path) -> None:
             assert read.samples is not None
             assert np.array_equal(read.samples.place, field.samples.place)
             assert np.array_equal(read.samples.value, field.samples.value, equal_nan=True)
-            assert np.array_equal(read.layers[LIT], field.layers[LIT])
+            assert np.array_equal(read.layers[LIT_LAYER], field.layers[LIT_LAYER])
             assert np.array_equal(lit_views(read), lit_views(field))
     assert not lit_views(field)[0, 0]
     assert np.isnan(field.samples.value[0, 0]).all()

@@ -6,11 +6,13 @@ import json
 import numpy as np
 import pytest
 
-from raytracer.errors import InputError
-from raytracer.lightfield.decoding.calibration import find_grid, grid_of
+from raytracer.film.light_field.lattice import Lattice
+from raytracer.film.light_field.resampling import Resampler
+from raytracer.lightfield.decoding.calibration import find_grid
 from raytracer.lightfield.decoding.decoder import decode
+from raytracer.lightfield.decoding.microlens_grid import grid_from_dict
 from raytracer.lightfield.decoding.optics import Optics
-from raytracer.plenoptic.resampling import Lattice, Resampler
+from raytracer.util.errors import InputError
 from tests.lightfield.lenslet_pictures import Camera, lattice, spoiled, texture
 
 PITCH = 14.297
@@ -86,7 +88,7 @@ def test_a_raw_picture_shows_its_own_grid(pictures):
 
 def test_grid_in_a_file_is_the_same_grid(pictures):
     grid = find_grid(pictures[1])
-    again = grid_of(json.loads(json.dumps(grid.as_dict())), "grid.json")
+    again = grid_from_dict(json.loads(json.dumps(grid.as_dict())), "grid.json")
     assert again == dataclasses.replace(grid, blocks=(0, 0))
 
 
@@ -103,9 +105,9 @@ def test_grid_in_a_file_is_the_same_grid(pictures):
 )
 def test_grid_in_a_wrong_file(change, told):
     values = {"offset": [1, 2], "along": [10, 0], "across": [0, 10], "width": 100, "height": 100}
-    assert grid_of(values, "g.json").layout == "square"
+    assert grid_from_dict(values, "g.json").layout == "square"
     with pytest.raises(InputError, match=told):
-        grid_of({**values, **change}, "g.json")
+        grid_from_dict({**values, **change}, "g.json")
 
 
 @pytest.mark.parametrize(

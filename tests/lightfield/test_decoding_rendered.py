@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter
 import raytracer as rt
 from raytracer.lightfield.decoding.decoder import decode
 from raytracer.lightfield.decoding.optics import Optics
-from raytracer.lightfield.supersampling import enlarged
+from raytracer.lightfield.super_resolution import upsample_cubic
 from tests.lightfield.lenslet_pictures import dusty, texture
 
 pytestmark = pytest.mark.slow
@@ -150,7 +150,7 @@ def test_finer_than_a_view_of_a_raw_picture(tmp_path, microlenses, least):
             float(np.sqrt((((picture - exact)[8:-8, 8:-8]) ** 2).mean()))
             for picture in (
                 rt.lightfield.supersampled(field, 4, depth),
-                enlarged(field.view(depth.row, depth.column), 4),
+                upsample_cubic(field.view(depth.row, depth.column), 4),
             )
         ]
         assert errors[0] < least * errors[1]

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.errors import InputError
-from raytracer.lightfield.depth import METHODS, Depth, depth_map
-from raytracer.lightfield.fusion import all_in_focus
-from raytracer.lightfield.supersampling import enlarged, supersampled
-from raytracer.plenoptic.field import LightField
+from raytracer.film.light_field.field import LightField
+from raytracer.lightfield.depth.depth_map import METHODS, Depth, depth_map
+from raytracer.lightfield.refocusing.all_in_focus import all_in_focus
+from raytracer.lightfield.super_resolution import supersampled, upsample_cubic
+from raytracer.util.errors import InputError
 from tests.lightfield.analytic import Surface, light_field, seen, views, waves
 
 SURE = 0.5
@@ -84,7 +84,7 @@ def test_sharp_everywhere_and_finer_than_any_view() -> None:
 
     fine_views = views(7, 7, spacing=0.023, width=144, height=120)
     fine = seen(fine_views, surfaces, (0.0, 0.0))[0]
-    assert away(supersampled(field, 2, found), fine) < 0.8 * away(enlarged(field.view(row, column), 2), fine)
+    assert away(supersampled(field, 2, found), fine) < 0.8 * away(upsample_cubic(field.view(row, column), 2), fine)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from scipy import ndimage
 
 import raytracer as rt
-from raytracer.lightfield.supersampling import enlarged
+from raytracer.lightfield.super_resolution import upsample_cubic
 
 SCENE = """
 camera: {type: camera_array, rows: 9, columns: 9, spacing: 20 mm, convergence_distance: 2, look_from: [0, 0, 0],
@@ -62,4 +62,6 @@ def test_against_renders(tmp_path: Path) -> None:
 
     large = rt.load(tmp_path / "pinhole.yaml", {"film.width": 320, "film.height": 240})
     fine = rt.render(large, spp=256).radiance
-    assert away(rt.lightfield.supersampled(field, 2, found), fine) < 0.75 * away(enlarged(field.view(4, 4), 2), fine)
+    assert away(rt.lightfield.supersampled(field, 2, found), fine) < 0.75 * away(
+        upsample_cubic(field.view(4, 4), 2), fine
+    )

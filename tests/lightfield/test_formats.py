@@ -9,12 +9,13 @@ import random
 import numpy as np
 import pytest
 
-from raytracer.errors import InputError
-from raytracer.film import pfm
+from raytracer.film.formats import pfm
 from raytracer.film.image import Image
-from raytracer.lightfield.foreign import export_array, export_views, import_views
-from raytracer.plenoptic.field import LightField
-from raytracer.plenoptic.views import Plane, Pose, Views
+from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.views import Plane, Pose, Views
+from raytracer.lightfield.formats.exporter import export_array, export_views
+from raytracer.lightfield.formats.importer import import_views
+from raytracer.util.errors import InputError
 
 HEIGHT, WIDTH = 6, 8
 POSE = Pose((1.0, 2.0, 3.0), (1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, 0.6, -0.8))
@@ -343,7 +344,7 @@ WRONG = {
         ["input_Cam000.npy"],
         text("parameters.cfg", CFG.replace("num_cams_x = 1", "num_cams_x = 1.5")),
         {},
-        "num_cams_x must be a whole number",
+        "num_cams_x must be an integer",
     ),
     "more cameras than views": (
         ["input_Cam000.npy"],

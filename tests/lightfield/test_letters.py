@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.film.output import light_field
-from raytracer.lightfield.refocusing import refocus
-from raytracer.plenoptic.field import LightField
-from raytracer.rendering import render
+from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.layout import extract_light_field
+from raytracer.lightfield.refocusing.refocus import refocus
+from raytracer.rendering.render import render
 from raytracer.scene.load import load
-from raytracer.spec import matrix_of
+from raytracer.schema.transform import matrix_of
 from tests.repository import SCENES
 
 FILE = SCENES / "lightfield" / "letters.yaml"
@@ -31,7 +31,7 @@ def rendered(number: int, width: int, height: int, spp: int) -> LightField:
         "film.width": width,
         "film.height": height,
     }
-    return light_field(render(load(FILE, keys), spp=spp).image)
+    return extract_light_field(render(load(FILE, keys), spp=spp).image)
 
 
 def letters(field: LightField) -> list[tuple[float, tuple[slice, slice]]]:

@@ -7,11 +7,12 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from raytracer.cli.main import main
-from raytracer.film import output, pfm
-from raytracer.lightfield.depth import Depth
-from raytracer.plenoptic import lf
-from raytracer.plenoptic.field import LightField, Rays
+from raytracer.cli.base.app import main
+from raytracer.film import image_file
+from raytracer.film.formats import pfm
+from raytracer.film.light_field import lf
+from raytracer.film.light_field.field import LightField, Rays
+from raytracer.lightfield.depth.depth_map import Depth
 from tests.lightfield.analytic import Surface, light_field, views, waves
 
 
@@ -67,7 +68,7 @@ def test_depth(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert run("depth", file, *outputs, "--confidence", tmp_path / "c.npy", "--json", "-q") == 0
     told = json.loads(capsys.readouterr().out)
     depth = np.load(names[2])
-    layers, _ = output.load_layers(names[1])
+    layers, _ = image_file.load_layers(names[1])
     assert np.array_equal(layers["depth"], depth.astype(np.float32))
     assert np.array_equal(pfm.decode(names[3].read_bytes()), depth.astype(np.float32))
     assert told["view"] == [1, 2]
@@ -83,7 +84,7 @@ def test_a_pixel_that_is_sure_and_wrong_does_not_stretch_what_is_told(
     inverse = np.linspace(0.5, 1.0, 1200).reshape(30, 40)
     inverse[15, 20] = 100.0
     monkeypatch.setattr(
-        "raytracer.lightfield.depth.depth_map", lambda *_, **__: Depth(inverse, np.ones((30, 40)), 1, 2)
+        "raytracer.lightfield.depth.depth_map.depth_map", lambda *_, **__: Depth(inverse, np.ones((30, 40)), 1, 2)
     )
     assert run("depth", file, "-o", tmp_path / "d.png", "--json", "-q") == 0
     told = json.loads(capsys.readouterr().out)

@@ -8,12 +8,12 @@ import PIL.Image
 import pytest
 from typer.testing import CliRunner
 
-from raytracer.cli.main import app
-from raytracer.errors import InputError
-from raytracer.film import output
-from raytracer.lightfield.refocusing import refocus
-from raytracer.plenoptic import lf
-from raytracer.plenoptic.field import LightField, Rays
+from raytracer.cli.base.app import app
+from raytracer.film import image_file
+from raytracer.film.light_field import lf
+from raytracer.film.light_field.field import LightField, Rays
+from raytracer.lightfield.refocusing.refocus import refocus
+from raytracer.util.errors import InputError
 from tests.lightfield.analytic import Surface, light_field, views, waves
 
 
@@ -45,7 +45,7 @@ def _refused(*arguments: object) -> str:
 def test_a_photograph_is_written_as_python_makes_it(field: LightField, file: Path, tmp_path: Path) -> None:
     _run(file, "--distance", "160cm", "--aperture", "25mm", "--tilt", "0.2 rad", "-o", tmp_path / "a.npy")
     expected = refocus(field, 1.6, aperture=0.025, tilt=float(np.degrees(0.2))).radiance
-    np.testing.assert_allclose(output.load(tmp_path / "a.npy"), expected, rtol=1e-12)
+    np.testing.assert_allclose(image_file.load(tmp_path / "a.npy"), expected, rtol=1e-12)
 
 
 def test_a_stack_is_an_animation_or_a_picture_each(field: LightField, file: Path, tmp_path: Path) -> None:
@@ -58,7 +58,7 @@ def test_a_stack_is_an_animation_or_a_picture_each(field: LightField, file: Path
         assert getattr(animation, "n_frames", 1) == 6
     assert told["files"] == [str(tmp_path / "a.gif"), *(str(tmp_path / f"a_{number}.npy") for number in range(1, 5))]
     for number, distance in enumerate((1.0, 1.6, 4.0, np.inf), 1):
-        found = output.load(tmp_path / f"a_{number}.npy")
+        found = image_file.load(tmp_path / f"a_{number}.npy")
         np.testing.assert_allclose(found, refocus(field, distance).radiance, rtol=1e-10)
 
 

@@ -9,15 +9,15 @@ import pytest
 from numpy.typing import NDArray
 
 from raytracer.film.image import Image
-from raytracer.lightfield.fourier import FourierRefocuser
-from raytracer.lightfield.making import of
-from raytracer.lightfield.openings import cell_weights
-from raytracer.lightfield.refocusing import focal_stack, refocus
-from raytracer.plenoptic.field import LightField
-from raytracer.plenoptic.focusing import refocusable
-from raytracer.plenoptic.rays import rays_of
-from raytracer.rendering import render
-from tests.rendering import scene
+from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.focusing import refocusable
+from raytracer.film.light_field.rays_layer import rays_from_layer
+from raytracer.lightfield.from_image import of
+from raytracer.lightfield.refocusing.fourier import FourierRefocuser
+from raytracer.lightfield.refocusing.refocus import focal_stack, refocus
+from raytracer.lightfield.synthetic_aperture import cell_weights
+from raytracer.rendering.render import render
+from tests.small_scenes import scene
 
 WIDTH, HEIGHT, VIEWS, APERTURE, FOCUS = 96, 72, 15, 0.06, 0.6
 
@@ -58,7 +58,7 @@ def _rendered(keys: str, distance: float, spp: int, aovs: tuple[str, ...] = (), 
 
 @cache
 def photograph(distance: float, aperture: float = APERTURE) -> Image:
-    """What a thin lens sees, with its rays."""
+    """Render the picture of a thin lens, with its rays."""
     return _rendered(f"type: thin_lens, aperture: {1e3 * aperture!r}", distance, 256, ("rays",))
 
 
@@ -126,7 +126,7 @@ def _anywhere(picture: Image) -> LightField:
     """The rays of a photograph, as places in the plane in which a lens focused at FOCUS is sharp: where they are in
     the scene, and nothing of how the lens was focused that they went through."""
     views = replace(of(picture).views, inverse_focus=1.0 / FOCUS)
-    return LightField(picture.radiance[None, None], views, rays=rays_of(picture.layers["rays"], views))
+    return LightField(picture.radiance[None, None], views, rays=rays_from_layer(picture.layers["rays"], views))
 
 
 @pytest.mark.parametrize("part", [*EVERY_INSIDE, *OUTSIDE])

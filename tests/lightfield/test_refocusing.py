@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from raytracer.apertures.polygon import PolygonAperture
-from raytracer.errors import InputError
-from raytracer.lightfield.fourier import FourierRefocuser
-from raytracer.lightfield.interpolation import INTERPOLATIONS, shift_by, taps
-from raytracer.lightfield.openings import cell_weights
-from raytracer.lightfield.refocusing import focal_stack, refocus
-from raytracer.plenoptic.field import LightField, Rays
-from raytracer.plenoptic.focusing import inverse_of_alpha, inverse_of_slope, refocusable
-from raytracer.plenoptic.views import Views
+from raytracer.film.light_field.field import LightField, Rays
+from raytracer.film.light_field.focusing import alpha_to_inverse_distance, refocusable, slope_to_inverse_distance
+from raytracer.film.light_field.views import Views
+from raytracer.lightfield.refocusing.fourier import FourierRefocuser
+from raytracer.lightfield.refocusing.pixel_interpolation import INTERPOLATIONS, interpolation_taps, make_shift
+from raytracer.lightfield.refocusing.refocus import focal_stack, refocus
+from raytracer.lightfield.synthetic_aperture import cell_weights
+from raytracer.plugins.apertures.polygon import PolygonAperture
+from raytracer.util.errors import InputError
 from tests.lightfield.analytic import Surface, light_field, views, waves
 
 WALL = waves(1, 0.1)
@@ -71,18 +71,18 @@ def test_a_plane_that_hardly_leans_is_one_that_faces_the_views(wall: LightField)
 def test_alpha_is_the_film_s_distance_over_what_it_was() -> None:
     # 50 mm focused at 2 m has its film at 51.282 mm; moved to 52.632 mm it is focused at 1 m.
     lens = replace(views(3, 3), focal_length=50.0, aperture=0.025)
-    assert inverse_of_alpha(lens, (1 / (1 / 50 - 1 / 1000)) / (1 / (1 / 50 - 1 / 2000))) == pytest.approx(1.0)
-    assert inverse_of_alpha(lens, 1.0) == pytest.approx(0.5)
+    assert alpha_to_inverse_distance(lens, (1 / (1 / 50 - 1 / 1000)) / (1 / (1 / 50 - 1 / 2000))) == pytest.approx(1.0)
+    assert alpha_to_inverse_distance(lens, 1.0) == pytest.approx(0.5)
     # Of an array the plane itself is moved.
-    assert inverse_of_alpha(views(3, 3), 1.5) == pytest.approx(1.0 / 3.0)
+    assert alpha_to_inverse_distance(views(3, 3), 1.5) == pytest.approx(1.0 / 3.0)
     with pytest.raises(ValueError, match=r"beyond infinity: the least is 0\.975"):
-        inverse_of_alpha(lens, 0.9)
+        alpha_to_inverse_distance(lens, 0.9)
 
 
 def test_a_slope_is_counted_from_view_to_view(wall: LightField) -> None:
     # The wall moves by spacing (w - w0) / pixel from a view to the next.
     slope = 0.05 * (1 / 1.6 - 1 / 2.0) / wall.views.plane.pixel
-    assert inverse_of_slope(wall.views, slope) == pytest.approx(1 / 1.6)
+    assert slope_to_inverse_distance(wall.views, slope) == pytest.approx(1 / 1.6)
     np.testing.assert_allclose(refocus(wall, slope=slope).radiance, refocus(wall, 1.6).radiance, atol=1e-9)
 
 
@@ -140,16 +140,16 @@ def test_an_even_scene_stays_even(options: dict[str, object]) -> None:
 def test_polynomials_are_moved_exactly(interpolation: str, degree: int) -> None:
     places = np.arange(40.0)
     for shift in (0.3, -2.75, 4.0):
-        move = shift_by(shift, 10, 30, 40, interpolation)  # type: ignore[arg-type]
-        moved = move.of((places**degree)[move.low : move.high], move.low, 0)
+        move = make_shift(shift, 10, 30, 40, interpolation)  # type: ignore[arg-type]
+        moved = move.apply((places**degree)[move.low : move.high], move.low, 0)
         np.testing.assert_allclose(moved, (places[10:30] + shift) ** degree, rtol=1e-12)
 
 
 @pytest.mark.parametrize("interpolation", INTERPOLATIONS)
 def test_whole_pixels_are_moved_as_they_are(interpolation: str) -> None:
     # And so nearly that they hardly move.
-    assert taps(interpolation, 0.0).weights.tolist() == [1.0]  # type: ignore[arg-type]
-    weights, first = taps(interpolation, 1e-9)  # type: ignore[arg-type]
+    assert interpolation_taps(interpolation, 0.0).weights.tolist() == [1.0]  # type: ignore[arg-type]
+    weights, first = interpolation_taps(interpolation, 1e-9)  # type: ignore[arg-type]
     np.testing.assert_allclose(weights, np.arange(first, first + len(weights)) == 0, atol=1e-8)
 
 

@@ -15,14 +15,14 @@ import pytest
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
-from raytracer.cli.main import app
+from raytracer.cli.base.app import app
 from raytracer.film import srgb
-from raytracer.lightfield.refocusing import refocus
-from raytracer.lightfield.viewer import page as page_of
-from raytracer.lightfield.viewer import write_page
-from raytracer.plenoptic import lf
-from raytracer.plenoptic.field import LightField, Rays
-from raytracer.plenoptic.views import Plane, Views
+from raytracer.film.light_field import lf
+from raytracer.film.light_field.field import LightField, Rays
+from raytracer.film.light_field.views import Plane, Views
+from raytracer.lightfield.refocusing.refocus import refocus
+from raytracer.lightfield.viewer.page import page as page_of
+from raytracer.lightfield.viewer.page import write_page
 from tests.browser import WEBGL
 from tests.lightfield.analytic import Surface, light_field, views, waves
 
@@ -65,7 +65,7 @@ def opened(open_page: Open, tmp_path: Path) -> Callable[..., Any]:
 
 
 def data_in(path: Path) -> dict[str, Any]:
-    """What a page tells its script."""
+    """Read the data that a page gives to its script."""
     (found,) = re.findall(r'<script type="application/json" id="data">(.*?)</script>', path.read_text())
     return json.loads(found)
 
@@ -419,6 +419,23 @@ def test_the_dark_is_brightened_and_said(opened: Open, field: LightField) -> Non
     assert seen(page).mean() < 100.0
 
 
+def test_an_address_just_set_is_not_overwritten(opened: Open, field: LightField) -> None:
+    """The page writes its state a moment later: an address set meanwhile stays, although it has not been read yet."""
+    page = opened(field, "#focus=2.5")
+    said = page.evaluate("""() => {
+      const later = window.setTimeout;
+      let write;
+      window.setTimeout = (callback) => { write = callback; };
+      writeAddress();
+      window.setTimeout = later;
+      location.hash = "#ev=1";
+      write();
+      return location.hash;
+    }""")
+    assert said == "#ev=1"
+    page.wait_for_function("() => document.body.dataset.shown.includes('ev=1')")
+
+
 def test_light_beyond_white_stays_light(opened: Open, field: LightField) -> None:
     """A highlight is spread by blur as light is, not as what a display can show of it."""
     radiance = np.array(field.radiance)
@@ -519,7 +536,7 @@ def test_on_the_command_line(field: LightField, tmp_path: Path) -> None:
     ],
 )
 def test_what_is_wrong_is_said(tmp_path: Path, arguments: list[str], said: str) -> None:
-    from raytracer.errors import InputError
+    from raytracer.util.errors import InputError
 
     done = CliRunner().invoke(app, ["lightfield", "view", str(tmp_path / "cards.lf"), *arguments])
     assert isinstance(done.exception, InputError)

@@ -5,13 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from raytracer.errors import InputError
-from raytracer.lightfield.depth import Depth
-from raytracer.lightfield.moving import PATHS, look_around, path_places
-from raytracer.lightfield.perspectives import carried, montage, shares, view_at
-from raytracer.lightfield.slices import epipolar_slice, picture, slope_distance
-from raytracer.lightfield.warping import Spline
-from raytracer.plenoptic.field import LightField
+from raytracer.film.light_field.field import LightField
+from raytracer.lightfield.depth.depth_map import Depth
+from raytracer.lightfield.epipolar import draw_slice, epipolar_slice, slope_distance
+from raytracer.lightfield.splines import Spline
+from raytracer.lightfield.views.camera_paths import PATHS, look_around, path_places
+from raytracer.lightfield.views.contact_sheet import montage
+from raytracer.lightfield.views.synthesis import reproject_depth, view_at, view_weights
+from raytracer.util.errors import InputError
 from tests.lightfield.analytic import Surface, light_field, seen, views, waves
 
 SURFACES = [Surface(3.0, waves(0, 0.1)), Surface(1.7, waves(2, 0.06), bounds=(-0.2, -0.2, 0.15, 0.2))]
@@ -31,14 +32,14 @@ def test_moved_as_a_whole_is_moved_pixel_by_pixel() -> None:
     image = np.random.default_rng(0).random((20, 30, 3))
     spline = Spline(image)
     for right, down in [(0.0, 0.0), (1.3, -2.75), (-5.25, 3.5), (40.0, 1.0)]:
-        moved, (rows, columns) = spline.moved(right, down)
+        moved, (rows, columns) = spline.shifted(right, down)
         y, x = np.indices((20, 30)).astype(float)
         assert moved == pytest.approx(spline.at(y + down, x + right)[0], abs=1e-12)
         inside = (y + down >= 0) & (y + down <= 19) & (x + right >= 0) & (x + right <= 29)
         marked = np.zeros((20, 30), dtype=bool)
         marked[rows, columns] = True
         assert np.array_equal(marked, inside)
-    assert np.allclose(spline.moved(0.0, 0.0)[0], image, rtol=0.0, atol=1e-12)
+    assert np.allclose(spline.shifted(0.0, 0.0)[0], image, rtol=0.0, atol=1e-12)
 
 
 def test_a_view_where_one_is(field: LightField) -> None:
@@ -63,7 +64,7 @@ def test_a_view_between_others_with_and_without_depth(field: LightField) -> None
 
 def test_depth_carried_to_another_place(field: LightField) -> None:
     depth = Depth(1.0 / field.layers["depth"][2, 2], np.ones((60, 72)), 2, 2)
-    there = carried(depth, GEOMETRY, GEOMETRY.position[2, 4])
+    there = reproject_depth(depth, GEOMETRY, GEOMETRY.position[2, 4])
     wrong = np.abs(1.0 / there - field.layers["depth"][2, 4]) > 0.01
     assert wrong.mean() < 0.03
 
@@ -72,7 +73,7 @@ def test_places_that_are_no_grid() -> None:
     random = np.random.default_rng(3)
     position = GEOMETRY.position + random.uniform(-0.005, 0.005, GEOMETRY.position.shape)
     scattered = dataclasses.replace(GEOMETRY, position=position)
-    around = shares(scattered, 0.011, -0.02)
+    around = view_weights(scattered, 0.011, -0.02)
     assert len(around) == 3
     assert sum(s.weight for s in around) == pytest.approx(1.0, abs=1e-12)
     middle = sum(s.weight * position[s.row, s.column] for s in around)
@@ -100,7 +101,7 @@ def test_slices_stand_upright_at_their_distance(field: LightField, direction: st
     upright = epipolar_slice(wall, direction=direction, line=20, inverse_distance=1.0 / 3.0)
     spread = [np.ptp(found.radiance[:, 8:-8], axis=0).mean() for found in (upright, plain)]
     assert spread[0] < 0.1 * spread[1]
-    assert picture(plain).ndim == 3
+    assert draw_slice(plain).ndim == 3
 
 
 def test_a_slope_is_a_distance() -> None:

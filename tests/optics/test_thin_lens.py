@@ -1,4 +1,4 @@
-"""The arithmetic of cameras and the sizes of sensors, against the worked numbers of the camera truths and of the books.
+"""Formulas of thin lenses and the sizes of sensors, against the worked numbers of the camera truths and of the books.
 
 What they do to pictures is measured in tests/camera_truths/.
 """
@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from raytracer import photography as ph
-from raytracer.kinds import CAMERAS
-from raytracer.sensors import SENSORS, SensorField, SensorSpec, Size, fitted
+from raytracer.optics import thin_lens as ph
+from raytracer.optics.sensor_formats import SENSORS, SensorField, SensorSize, SensorSpec, fit_sensor
+from raytracer.schema.registry import CAMERAS
 
 # Plausible lenses and distances, in mm.
 focal_lengths = st.floats(5.0, 800.0)
@@ -74,12 +74,14 @@ class _Holder(BaseModel):
 )
 def test_sensors_are_known_by_their_names(given: object, name: str) -> None:
     for value in (given, {"format": given}):
-        assert _Holder.model_validate({"sensor": value}).sensor.size() == Size(*SENSORS[name])
+        assert _Holder.model_validate({"sensor": value}).sensor.size() == SensorSize(*SENSORS[name])
 
 
 def test_sensors_may_be_of_any_size() -> None:
-    assert SensorSpec(width=254.0, height=203.0).size() == Size(254.0, 203.0)
-    assert _Holder.model_validate({"sensor": {"width": "1 m", "height": "20 cm"}}).sensor.size() == Size(1000.0, 200.0)
+    assert SensorSpec(width=254.0, height=203.0).size() == SensorSize(254.0, 203.0)
+    assert _Holder.model_validate({"sensor": {"width": "1 m", "height": "20 cm"}}).sensor.size() == SensorSize(
+        1000.0, 200.0
+    )
     assert SensorSpec(noise=True).size() is None
     for keys in ({"width": 36}, {"height": 24}, {"format": "aps_c", "width": 2, "height": 3}, {"format": "dx"}):
         with pytest.raises(ValidationError):
@@ -96,18 +98,18 @@ def test_sensors_may_be_of_any_size() -> None:
     ],
 )
 def test_wide_pictures_on_a_sensor_of_four_thirds(fit: str, expected: tuple[float, float]) -> None:
-    assert fitted(Size(16.0, 12.0), 1920, 1080, fit) == pytest.approx(expected)
+    assert fit_sensor(SensorSize(16.0, 12.0), 1920, 1080, fit) == pytest.approx(expected)
     # Upright, it is the other way round: what was cut above and below is cut at the sides.
     turned = {"horizontal": "vertical", "vertical": "horizontal"}.get(fit, fit)
-    assert fitted(Size(12.0, 16.0), 1080, 1920, turned) == pytest.approx(expected[::-1])
+    assert fit_sensor(SensorSize(12.0, 16.0), 1080, 1920, turned) == pytest.approx(expected[::-1])
 
 
 @given(st.floats(1.0, 99.0), st.floats(1.0, 99.0), st.integers(1, 999), st.integers(1, 999))
 def test_a_cropped_picture_lies_on_the_sensor_and_an_overscanned_one_around_it(
     across: float, down: float, width: int, height: int
 ) -> None:
-    sensor = Size(across, down)
-    inside, around = fitted(sensor, width, height, "crop"), fitted(sensor, width, height, "overscan")
+    sensor = SensorSize(across, down)
+    inside, around = fit_sensor(sensor, width, height, "crop"), fit_sensor(sensor, width, height, "overscan")
     for part in (inside, around):
         assert part.width / part.height == pytest.approx(width / height)
     rounding = 1.0 + 1e-14
@@ -127,14 +129,14 @@ def test_gauss(focal: float, times: float) -> None:
     subject = times * focal
     image = ph.image_distance(focal, subject)
     assert 1.0 / focal == pytest.approx(1.0 / image + 1.0 / subject)
-    assert ph.focal_length_of(image, subject) == pytest.approx(focal)
+    assert ph.focal_length_from_distances(image, subject) == pytest.approx(focal)
     # Newton's form of it, which is m^2 = f / (s - f) * (z_i - f) / f.
     assert ph.magnification(image, subject) == pytest.approx(focal / (subject - focal))
 
 
 def test_gauss_at_its_ends() -> None:
     assert ph.image_distance(50.0, math.inf) == 50.0
-    assert ph.focal_length_of(50.0, math.inf) == 50.0
+    assert ph.focal_length_from_distances(50.0, math.inf) == 50.0
     assert ph.magnification(50.0, math.inf) == 0.0
     # Twice the focal length on both sides: life size.
     assert ph.image_distance(50.0, 100.0) == 100.0
@@ -294,32 +296,32 @@ def test_the_default_sensor_is_full_frame() -> None:
 @pytest.mark.parametrize("distance", [math.inf, 3.0, 0.5])
 def test_the_plane_of_focus_moves_with_autofocus(distance: float) -> None:
     unfocused = camera(focal_length=50, f_number=2, focus_on="ball")
-    focused = unfocused.focused(distance)
-    assert focused.focal_distance() == distance
+    focused = unfocused.with_focus_distance(distance)
+    assert focused.plane_of_focus() == distance
     assert focused.optics(36, 24) == camera(focal_length=50, f_number=2, focus_distance=distance).optics(36, 24)
     assert unfocused.focus_on == "ball"
 
 
 def test_what_a_lens_cannot_focus_on() -> None:
     with pytest.raises(ValueError, match="must be farther than the focal length, 50 mm"):
-        camera(focal_length=50, focus_on="ball").focused(0.05)
+        camera(focal_length=50, focus_on="ball").with_focus_distance(0.05)
     with pytest.raises(ValueError, match="needs a finite focus_distance"):
-        camera(vfov=40, defocus_angle=1, focus_at=[0.5, 0.5]).focused(math.inf)
+        camera(vfov=40, defocus_angle=1, focus_at=[0.5, 0.5]).with_focus_distance(math.inf)
 
 
 def test_what_the_film_is_told_of_the_exposure() -> None:
     keys = {"focal_length": 50, "focus_distance": 2, "shutter": "1/125 s"}
-    assert camera(**keys, f_number=2).photograph(36, 24) is None
-    given_speed = camera(**keys, f_number=2, iso=400, exposure_compensation=-1).photograph(36, 24)
-    assert given_speed == ph.Exposure(0.008, 400.0, -1.0, None, 2.0, True)
+    assert camera(**keys, f_number=2).exposure_settings(36, 24) is None
+    given_speed = camera(**keys, f_number=2, iso=400, exposure_compensation=-1).exposure_settings(36, 24)
+    assert given_speed == ph.ExposureSettings(0.008, 400.0, -1.0, None, 2.0, True)
     # An f-number follows from the diameter of the lens; without an aperture, or its scale, only radiance is metered.
-    auto = camera(**keys, aperture=20, exposure={"metering": "spot", "at": [0.3, 0.6]}).photograph(36, 24)
+    auto = camera(**keys, aperture=20, exposure={"metering": "spot", "at": [0.3, 0.6]}).exposure_settings(36, 24)
     assert auto.f_number == pytest.approx(2.5)
     assert (auto.iso, auto.metering, auto.radiometric) == (None, ph.Metering("spot", 0.3, 0.6, 0.1), True)
-    plain = camera(type="pinhole", vfov=40, exposure="auto").photograph(36, 24)
-    assert plain == ph.Exposure(None, None, 0.0, ph.Metering("center_weighted", 0.5, 0.5, 0.1), None, False)
-    bare = camera(type="none", shutter=2, iso=25).photograph(36, 24)
-    assert bare == ph.Exposure(2.0, 25.0, 0.0, None, None, True)
+    plain = camera(type="pinhole", vfov=40, exposure="auto").exposure_settings(36, 24)
+    assert plain == ph.ExposureSettings(None, None, 0.0, ph.Metering("center_weighted", 0.5, 0.5, 0.1), None, False)
+    bare = camera(type="none", shutter=2, iso=25).exposure_settings(36, 24)
+    assert bare == ph.ExposureSettings(2.0, 25.0, 0.0, None, None, True)
 
 
 def test_the_f_number_of_a_hole() -> None:

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 
 import raytracer as rt
-from raytracer.document import parse
-from raytracer.dump import plain, yaml_text
-from raytracer.errors import InputError
+from raytracer.optics.to_yaml import spec_to_plain, to_yaml
 from raytracer.scene.load import build, build_plain, load
 from raytracer.scene.spec import SceneSpec
+from raytracer.schema.yaml_parser import parse
+from raytracer.util.errors import InputError
 from tests.repository import SCENES, need_files_of
-from tests.test_python import SCENE as BALL
+from tests.scene.test_python_api import SCENE as BALL
 
 SCENE = """\
 camera:
@@ -49,17 +49,17 @@ def said_by(value: Any) -> Any:
 
 def again(scene: SceneSpec) -> SceneSpec:
     """The scene, out of YAML."""
-    return build(yaml_text(plain(scene)), "again.yaml", base=scene.base)
+    return build(to_yaml(spec_to_plain(scene)), "again.yaml", base=scene.base)
 
 
 def test_every_way_to_write_a_value_comes_back() -> None:
     scene = build(SCENE, "scene.yaml")
     assert said_by(again(scene)) == said_by(scene)
-    assert said_by(build_plain(plain(scene), scene.base)) == said_by(scene)
+    assert said_by(build_plain(spec_to_plain(scene), scene.base)) == said_by(scene)
 
 
 def test_keys_that_were_not_set_are_left_out_and_keys_set_to_nothing_are_not() -> None:
-    told = plain(build(SCENE, "scene.yaml"))
+    told = spec_to_plain(build(SCENE, "scene.yaml"))
     assert "render" not in told
     assert told["materials"]["both"]["materials"][1] == {"type": "metal", "bump": None}
     assert told["film"]["filter"] == {"type": "mitchell"}
@@ -87,7 +87,7 @@ def test_scenes_of_the_repository_come_back(path: Path) -> None:
 def test_what_was_changed_after_loading_is_what_is_written() -> None:
     scene = build(SCENE, "scene.yaml", {"film.width": 12})
     changed = scene.model_copy(update={"film": scene.film.model_copy(update={"height": 7})})
-    assert plain(changed)["film"] == {**plain(scene)["film"], "width": 12, "height": 7}
+    assert spec_to_plain(changed)["film"] == {**spec_to_plain(scene)["film"], "width": 12, "height": 7}
 
 
 def same_pictures(scene: SceneSpec) -> None:
@@ -121,7 +121,7 @@ VALUES = st.recursive(
 @given(st.dictionaries(TEXTS, VALUES, min_size=1, max_size=5))
 @example({"a": [1.0, -0.0, 1e22, 5e-324, math.inf, -math.inf, 2.0**53, 0.1]})
 def test_plain_values_come_out_of_yaml_as_they_went_in(values: dict[str, Any]) -> None:
-    root = parse(yaml_text(values), "values.yaml")
+    root = parse(to_yaml(values), "values.yaml")
     assert root is not None
     found = root.plain()
     # Whole numbers are numbers to a scene, whether they have a point or not.

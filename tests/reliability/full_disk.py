@@ -1,4 +1,4 @@
-"""Renders on a disk that fills at a random moment: what is said, and what is left?
+"""Render on a disk that fills at a random moment, and check the messages and the files.
 
     python -m tests.reliability.full_disk --moments 50
 
@@ -79,15 +79,15 @@ def fill(folder: Path, free: int = 0) -> None:
 
 @contextlib.contextmanager
 def filling(folder: Path) -> Iterator[None]:
-    """Fill a disk, and take at once whatever room others make on it."""
+    """Fill a disk, and take at once whatever space others free on it."""
     stop = threading.Event()
 
-    def labour() -> None:
+    def target() -> None:
         while not stop.is_set():
             fill(folder)
             time.sleep(_PROMPT_SECONDS)
 
-    worker = threading.Thread(target=labour)
+    worker = threading.Thread(target=target)
     worker.start()
     try:
         yield
@@ -98,7 +98,7 @@ def filling(folder: Path) -> Iterator[None]:
 
 @dataclass
 class Figures:
-    """What came of all moments; failures, sentences."""
+    """The outcomes of all moments; failures are sentences."""
 
     moments: int = 0
     statuses: Counter[int] = field(default_factory=Counter)
@@ -124,11 +124,11 @@ class Trial:
     """A disk that is filled at one moment."""
 
     def __init__(self, home: Path, expected: dict[str, bytes], seconds: float) -> None:
-        """seconds : that a process takes on a disk with room, from its first checkpoint on."""
+        """seconds : time of a process on a disk with space, from its first checkpoint on."""
         self._home, self._expected, self._seconds = home, expected, seconds
 
     def take(self, seed: int, figures: Figures, lock: threading.Lock) -> bool:
-        """Fill a disk while a process runs that writes there; False if the process has ended before."""
+        """Fill a disk while a process runs that writes there; return False if the process has ended before."""
         random = np.random.default_rng(seed)
         stranger = random.bytes(int(random.integers(1, 100_000)))
         place = self._home / f"disk-{seed}"
@@ -173,7 +173,7 @@ class Trial:
         return True
 
     def _failures(self, place: Path, status: int, sentences: list[str]) -> list[str]:
-        """What is not as it should be after a process has ended."""
+        """List what is wrong after a process has ended."""
         failures = []
         if status not in (0, 1) or len(sentences) != status:
             failures.append(f"status {status}, and said {sentences}")

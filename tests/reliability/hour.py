@@ -1,9 +1,9 @@
-"""An hour of one process: is its memory flat?
+"""Run one process for an hour, and check that its memory does not grow.
 
     python -m tests.reliability.hour --minutes 60
     python -m tests.reliability.hour --minutes 10 --renders
 
-Sweeps a small scene over cameras, films, materials, geometry and AOVs, again and again in one process, with one stock
+Sweeps a small scene over cameras, films, materials, geometry and AOVs, again and again in one process, with one cache
 for all; or calls `rt.render` in a loop.  Images are written and removed.  The resident memory is looked at each two
 seconds, and its slope after the first five minutes, a line by least squares, is to be below 1 MB a minute.
 """
@@ -23,12 +23,12 @@ import numpy as np
 import psutil
 
 import raytracer as rt
-from raytracer.scene.edit import overridden
+from raytracer.scene.cache import RenderCache
+from raytracer.scene.overrides import apply_overrides
 from raytracer.scene.spec import SceneSpec
-from raytracer.stock import Stock
 
 SETTLED_SECONDS = 300.0
-"""What comes before does not count: caches are filled, and the allocator finds its size."""
+"""Time before this does not count: caches are filled, and the allocator finds its size."""
 
 MOST_SLOPE = 1e6
 """Bytes a minute."""
@@ -63,16 +63,16 @@ _SWEEPS = (
 
 
 def sweeps(spec: SceneSpec, folder: Path) -> Iterator[int]:
-    """Sweep for ever; the points of each are told once it is done and its pictures are gone."""
-    stock = Stock()
+    """Sweep for ever; yield the points of each sweep once it is done and its pictures are gone."""
+    cache = RenderCache()
     for number, values in enumerate(itertools.cycle(_SWEEPS)):
         # Every second one keeps its pictures in memory.
         target = folder / f"sweep-{number}" if number % 2 == 0 else None
         formats = ("png", "exr") if number % 3 == 0 else ("png",)
         aovs = ("depth", "normal") if number % 4 == 0 else ()
-        found = rt.sweep(spec, values, folder=target, formats=formats, aovs=aovs, stock=stock)
-        assert all(taken.status == "done" for taken in found.taken), [taken.reason for taken in found.taken]
-        points = len(found.taken)
+        found = rt.sweep(spec, values, folder=target, formats=formats, aovs=aovs, cache=cache)
+        assert all(taken.status == "done" for taken in found.results), [taken.reason for taken in found.results]
+        points = len(found.results)
         del found
         if target is not None:
             shutil.rmtree(target)
@@ -82,7 +82,7 @@ def sweeps(spec: SceneSpec, folder: Path) -> Iterator[int]:
 def renders(spec: SceneSpec, folder: Path) -> Iterator[int]:
     """Render for ever, with a scene that is new each time, and write the picture."""
     for number in itertools.count():
-        changed = overridden(spec, {"objects.1.radius": 0.1 + 0.8 * (number % 97) / 97.0, "render.seed": number})
+        changed = apply_overrides(spec, {"objects.1.radius": 0.1 + 0.8 * (number % 97) / 97.0, "render.seed": number})
         noise, denoise = (0.2, False) if number % 5 == 0 else (None, number % 7 == 0)
         image = rt.render(changed, noise=noise, denoise=denoise, aovs=("albedo",) if noise is None else ())
         path = folder / f"{number}.exr"
@@ -92,7 +92,7 @@ def renders(spec: SceneSpec, folder: Path) -> Iterator[int]:
 
 
 class Watch:
-    """Looks at this process's resident memory every few seconds."""
+    """A thread that measures this process's resident memory every few seconds."""
 
     def __init__(self) -> None:
         self.seconds: list[float] = []
@@ -107,17 +107,17 @@ class Watch:
             self.resident.append(self._process.memory_info().rss)
 
     def passed(self) -> float:
-        """Seconds since the start."""
+        """Return the seconds since the start."""
         return time.monotonic() - self._start
 
     def stop(self) -> None:
-        """Look no more."""
+        """Stop measuring."""
         self._over.set()
         self._thread.join()
 
 
 def slope(seconds: list[float], resident: list[int], settled: float) -> tuple[float, float]:
-    """Bytes a minute after `settled` seconds, and the standard error of that, as if deviations were independent.
+    """Fit the bytes a minute after `settled` seconds, with their standard error if deviations are independent.
 
     Raises
     ------
@@ -134,14 +134,14 @@ def slope(seconds: list[float], resident: list[int], settled: float) -> tuple[fl
 
 
 def _ball(path: Path) -> None:
-    """A mesh of some hundred triangles."""
+    """Write a mesh of some hundred triangles."""
     import trimesh
 
     trimesh.creation.icosphere(subdivisions=2, radius=0.4).export(path)
 
 
 def main() -> int:
-    """Run for so many minutes, and say what the memory did."""
+    """Run for so many minutes, and report the growth of the memory."""
     parser = argparse.ArgumentParser(prog="python -m tests.reliability.hour", description=__doc__.split("\n\n")[0])
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--settled", type=float, default=SETTLED_SECONDS / _MINUTE, help="minutes that do not count")

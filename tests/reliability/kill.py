@@ -1,4 +1,4 @@
-"""Renders that are killed at any moment, resumed, killed again, until they are done: is the picture the same?
+"""Kill and resume renders at any moment until they are done, and check that the picture is the same.
 
     python -m tests.reliability.kill --renders 200 --jobs 3
 
@@ -36,7 +36,7 @@ KINDS = {
 """Renders by what decides on their samples: as many a pixel, where the error is, and with more on the film."""
 
 MOST_KILLS = 3
-"""How often a render is killed at most."""
+"""Most times that a render is killed."""
 
 # How often a render is killed while it writes, and which file of those it writes then, at most.
 _ON_A_WRITE = 1 / 3
@@ -50,7 +50,7 @@ _SLOWER = 1.25
 
 @dataclass
 class Figures:
-    """What came of all renders.
+    """The outcomes of all renders.
 
     kills, by what was there when they came; failures, sentences.
     """
@@ -66,7 +66,7 @@ class Figures:
     said: Counter[str] = field(default_factory=Counter)
 
     def table(self) -> str:
-        """All of it, in lines of a name and a number."""
+        """Format the outcomes, in lines of a name and a number."""
         rows: list[tuple[str, object]] = [("renders", self.renders), ("equal, byte by byte", self.equal)]
         rows += [("processes", self.attempts), ("killed", sum(self.kills.values()))]
         rows += [(f"  {what}", count) for what, count in sorted(self.kills.items())]
@@ -93,7 +93,7 @@ class Job:
         self._now = folder / "now"
 
     def render(self, kind: str, seed: int, seconds: float, expected: dict[str, bytes]) -> None:
-        """Render, be killed, and go on until it is done.
+        """Render, kill and resume until the picture is done.
 
         seconds : what a process takes that nobody kills.
         """
@@ -131,7 +131,7 @@ class Job:
             self._figures.failures += failures
 
     def _kill(self, process: Process, random: np.random.Generator, seconds: float, kills: Counter[str]) -> None:
-        """Kill a process at a random moment, or while it writes; note what was there then."""
+        """Kill a process at a random moment, or while it writes; note the files that were there."""
         which = random.integers(1, _MOST_WRITES + 1) if random.uniform() < _ON_A_WRITE else None
         moment = process.began + random.uniform(0.0, 1.05 * seconds)
         written: set[Path] = set(asides(self._now))
@@ -163,7 +163,7 @@ class Job:
 
 
 def unbroken(folder: Path, kinds: Sequence[str]) -> dict[str, tuple[dict[str, bytes], float]]:
-    """The files of each kind of render that nobody kills, and how long its process takes."""
+    """Make the files of each kind of render without kills, and measure the seconds of its process."""
     folder.mkdir()
     (folder / "ball.yaml").write_text(BALL)
     found: dict[str, tuple[dict[str, bytes], float]] = {}
@@ -187,7 +187,7 @@ def kill(
     figures, lock = Figures(), threading.Lock()
     names = [name for output in OUTPUTS for name in (output, *checkpoints(output))]
 
-    def labour(job: int) -> None:
+    def work(job: int) -> None:
         place = folder / f"job-{job}"
         work = Job(place, figures, lock)
         with looking(place / "now", names) as ended:
@@ -203,7 +203,7 @@ def kill(
             figures.broken += seen.broken
 
     with ThreadPoolExecutor(jobs) as pool:
-        for done in [pool.submit(labour, job) for job in range(jobs)]:
+        for done in [pool.submit(work, job) for job in range(jobs)]:
             done.result()
     return figures
 

@@ -1,4 +1,4 @@
-"""Many renders, one after the other, as a shell loop does it: do they leave anything?
+"""Run many renders, one after the other, as a shell loop does, and check that they leave no files behind.
 
     python -m tests.reliability.many --renders 64
 
@@ -28,7 +28,7 @@ _SHARED = Path("/dev/shm")
 
 
 class Many(NamedTuple):
-    """What became of renders: exit statuses, different pictures, and paths that were there after and not before."""
+    """The outcomes of renders: exit statuses, different pictures, and paths that were there after and not before."""
 
     statuses: list[int]
     pictures: int
@@ -36,7 +36,7 @@ class Many(NamedTuple):
 
     @property
     def is_clean(self) -> bool:
-        """Whether all went well, and nothing was left."""
+        """Tell if all went well, and nothing was left."""
         return not any(self.statuses) and self.pictures == 1 and not self.left
 
 
@@ -50,7 +50,7 @@ def many(folder: Path, renders: int) -> Many:
     for _ in range(renders):
         output = folder / "out" / "picture.exr"
         given = ["render", str(folder / "scene.yaml"), "-o", str(output), "--quiet"]
-        command = "import sys; from raytracer.cli.main import main; sys.exit(main())"
+        command = "import sys; from raytracer.cli.base.app import main; sys.exit(main())"
         statuses.append(
             subprocess.run([sys.executable, "-c", command, *given], env=environment, check=False).returncode
         )
@@ -67,7 +67,7 @@ def _paths(folder: Path) -> set[str]:
 
 
 def main() -> int:
-    """Render, and say what became of it."""
+    """Render, and report the outcomes."""
     parser = argparse.ArgumentParser(prog="python -m tests.reliability.many", description=__doc__.split("\n\n")[0])
     parser.add_argument("--renders", type=int, default=64)
     with tempfile.TemporaryDirectory() as made:

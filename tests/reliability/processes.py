@@ -1,4 +1,4 @@
-"""`rt` as processes that are killed, told to stop, and looked at from outside."""
+"""Run `rt` as processes that are killed, signalled, and watched from outside."""
 
 import io
 import multiprocessing
@@ -16,12 +16,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytracer.checkpoints import SUFFIX
-from raytracer.errors import InputError
 from raytracer.film import load
+from raytracer.rendering.checkpoint import SUFFIX
+from raytracer.util.errors import InputError
 
-RT = "import sys; from raytracer.cli.main import main; sys.exit(main())"
-"""What the command `rt` does."""
+RT = "import sys; from raytracer.cli.base.app import main; sys.exit(main())"
+"""The code of the command `rt`."""
 
 PATIENCE = 120.0
 """Seconds after which a process that should have ended has failed; nothing is measured by it."""
@@ -42,7 +42,7 @@ _PROMPT_SECONDS = 0.001
 
 
 class Ended(NamedTuple):
-    """How a process has ended: exit status, minus the signal's number if one has killed it; and what it has said."""
+    """The end of a process: exit status, minus the signal's number if one has killed it; and its output."""
 
     status: int
     out: str
@@ -50,12 +50,12 @@ class Ended(NamedTuple):
 
     @property
     def sentences(self) -> list[str]:
-        """Lines on stderr but warnings."""
+        """Return the lines on stderr but warnings."""
         return [line for line in self.err.splitlines() if not line.startswith("rt: warning: ")]
 
 
 class Process:
-    """A command of `rt` under way."""
+    """A running command of `rt`."""
 
     def __init__(self, words: Sequence[str], cwd: Path, **settings: Any) -> None:
         self.began = time.perf_counter()
@@ -69,7 +69,7 @@ class Process:
 
     @property
     def seconds(self) -> float:
-        """Since its start."""
+        """Return the seconds since its start."""
         return time.perf_counter() - self.began
 
     @property
@@ -77,7 +77,7 @@ class Process:
         return self.popen.poll() is None
 
     def until(self, condition: Callable[[], bool]) -> bool:
-        """Wait for a condition, or the end; whether it holds."""
+        """Wait for a condition, or the end; return True if it holds."""
         end = time.perf_counter() + PATIENCE
         while self.is_running and time.perf_counter() < end:
             if condition():
@@ -105,7 +105,7 @@ def run(words: Sequence[str], cwd: Path, **settings: Any) -> Ended:
 
 
 def asides(folder: Path) -> list[Path]:
-    """Files that are being written in a folder, or were when a process was killed."""
+    """List the files that are being written in a folder, or were when a process was killed."""
     return [path for path in _entries(folder) if path.name.endswith(".tmp")]
 
 
@@ -120,7 +120,7 @@ def _entries(folder: Path) -> Iterator[Path]:
 
 
 def is_whole(path: Path, data: bytes) -> bool:
-    """Whether the bytes of an image, or of a checkpoint, are all there and as they were written."""
+    """Tell if the bytes of an image, or of a checkpoint, are all there and as they were written."""
     if SUFFIX in path.name:
         try:
             with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -138,7 +138,7 @@ def is_whole(path: Path, data: bytes) -> bool:
 
 
 class Seen(NamedTuple):
-    """How often files were opened, read and found whole or not; and which were not."""
+    """Counts of files that were opened, and read whole or not; and the names of those that were not."""
 
     reads: Counter[str]
     broken: list[str]
@@ -170,7 +170,7 @@ def _look(folder: str, names: Sequence[str], stop: Event, answers: "multiprocess
 
 @contextmanager
 def looking(folder: Path, names: Sequence[str]) -> Iterator[Callable[[], Seen]]:
-    """Have a process open these files of a folder all the time; call what is given at the end for what it saw."""
+    """Have a process open these files of a folder all the time; call the result to end it and get its counts."""
     context = multiprocessing.get_context("spawn")
     stop, answers = context.Event(), context.Queue()
     watcher = context.Process(target=_look, args=(str(folder), list(names), stop, answers), daemon=True)
@@ -192,5 +192,5 @@ def looking(folder: Path, names: Sequence[str]) -> Iterator[Callable[[], Seen]]:
 
 
 def checkpoints(output: str) -> tuple[str, str]:
-    """Names of the checkpoint of a picture, and of the one before it."""
+    """Name the checkpoint of a picture, and the one before it."""
     return f"{output}{SUFFIX}", f"{output}{SUFFIX}.previous"

@@ -21,8 +21,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytracer.kernel_files import _head
-from raytracer.signing_key import FILE_NAME
+from raytracer.core.compiler.kernel_files import _signed_header
+from raytracer.core.compiler.signing_key import FILE_NAME
+
+_KERNELS = (".nbc", ".part")
 
 _SCENE = """
 film: {width: 32, height: 32}
@@ -38,7 +40,7 @@ _RACER = """
 import hashlib, sys, time
 from pathlib import Path
 import raytracer as rt
-from raytracer.integrator import render_tile
+from raytracer.kernel.path_tracer import render_tile
 scene = rt.load(sys.argv[1])
 Path(sys.argv[2]).touch()
 while not Path(sys.argv[3]).exists():
@@ -51,7 +53,7 @@ print(sum(render_tile.stats.cache_misses.values()), digest, time.perf_counter() 
 
 
 class Race(NamedTuple):
-    """What became of a race: exit statuses, digests of pictures, how many compiled, and seconds of the slowest."""
+    """The outcome of a race: exit statuses, digests of pictures, how many compiled, and seconds of the slowest."""
 
     statuses: list[int]
     pictures: set[str]
@@ -87,7 +89,7 @@ def race(folder: Path, processes: int) -> Race:
         [
             path.name
             for path in (*(folder / "cache").rglob("*"), *(folder / "key").iterdir())
-            if path.is_file() and path.suffix not in (".nbc", ".lock") and path.name != FILE_NAME
+            if path.is_file() and path.suffix not in (*_KERNELS, ".lock") and path.name != FILE_NAME
         ],
         "".join(error for _, error in told),
     )
@@ -99,8 +101,13 @@ def _racer(folder: Path, scene: Path, ready: Path, start: Path) -> "subprocess.P
     return subprocess.Popen(given, env={**os.environ, **own}, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
+def _kernels(folder: Path) -> list[Path]:
+    """List the files of kernels and of parts of them."""
+    return sorted(path for path in (folder / "cache").rglob("*") if path.suffix in _KERNELS)
+
+
 def kill_compilers(folder: Path, count: int) -> int:
-    """Kill processes while they hold the lock and compile; how many of them were."""
+    """Kill processes while they hold the lock and compile; return their number."""
     scene = folder / "scene.yaml"
     scene.write_text(_SCENE)
     killed = 0
@@ -118,9 +125,9 @@ def kill_compilers(folder: Path, count: int) -> int:
 
 
 def damage(folder: Path, seed: int) -> int:
-    """Flip a bit of every kernel that is there; how many there are."""
+    """Flip a bit of every kernel that is there; return their number."""
     places = np.random.default_rng(seed)
-    found = sorted((folder / "cache").rglob("*.nbc"))
+    found = _kernels(folder)
     for path in found:
         content = bytearray(path.read_bytes())
         content[places.integers(len(content))] ^= 1 << int(places.integers(8))
@@ -139,16 +146,16 @@ class _Mark:
 
 
 def forge(folder: Path, key: bytes) -> Path:
-    """Put in the place of every kernel a file that is signed by a key, and marks where it is run; that mark."""
+    """Replace every kernel by a file that is signed by a key and leaves a mark where it is run; return the mark."""
     mark = folder / "mark"
     content = pickle.dumps(_Mark(mark))
-    for path in (folder / "cache").rglob("*.nbc"):
-        path.write_bytes(_head(path, content, key) + content)
+    for path in _kernels(folder):
+        path.write_bytes(_signed_header(path, content, key) + content)
     return mark
 
 
 def main() -> int:
-    """Race, and say what became of it."""
+    """Race, and report the outcome."""
     parser = argparse.ArgumentParser(prog="python -m tests.reliability.race", description=__doc__.split("\n\n")[0])
     parser.add_argument("--processes", type=int, default=32)
     parser.add_argument("--killed", type=int, default=0, help="processes that are killed while they compile, before")

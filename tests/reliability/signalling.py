@@ -1,4 +1,4 @@
-"""How long it takes from a signal to the end of the process, in each phase of a render's life.
+"""Measure the time from a signal to the end of the process, in each phase of a render.
 
     python -m tests.reliability.signalling --times 20
 
@@ -20,7 +20,7 @@ import numpy as np
 from tests.reliability.processes import BALL, FOREVER, Process, asides, is_whole
 
 MOST_SECONDS = 2.0
-"""What the end may take after the first signal."""
+"""Seconds that the end may take after the first signal."""
 
 _HD = ("-D", "film.width=1280", "-D", "film.height=720", "--checkpoint", "3s")
 
@@ -28,7 +28,7 @@ _APART_SECONDS = 0.1
 
 
 class Phase(NamedTuple):
-    """When a signal is sent: words of the command, and what there is to be in the folder before."""
+    """A moment to send a signal: words of the command, and the files that must be in the folder before."""
 
     words: tuple[str, ...]
     is_there: Callable[[Path], bool]

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raytracer.signing_key import KEY_BYTES, signing_key
+from raytracer.core.compiler.signing_key import KEY_BYTES, signing_key
 from tests.reliability.hour import slope
 from tests.reliability.many import many
 from tests.reliability.race import damage, forge, kill_compilers, race

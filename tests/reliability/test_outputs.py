@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import raytracer.rendering
-from raytracer import wholefiles
-from raytracer.checkpoints import Gathering, Keeper
-from raytracer.cli.main import main
+from raytracer.cli.base.app import main
 from raytracer.film import load
 from raytracer.film.image import Image
+from raytracer.rendering.checkpoint import CheckpointWriter, RenderState
+from raytracer.rendering.progress import SampleBar
+from raytracer.util import atomic_write
 from tests.reliability.processes import BALL, Process, asides, run
 
 _RENDER = ["render", "ball.yaml", "--spp", "8", "-q"]
@@ -27,14 +27,14 @@ _RENDER = ["render", "ball.yaml", "--spp", "8", "-q"]
 @pytest.fixture
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(wholefiles, "_PAUSES", (0.01, 0.02))
+    monkeypatch.setattr(atomic_write, "_RETRY_SECONDS", (0.01, 0.02))
     (tmp_path / "ball.yaml").write_text(BALL)
     return tmp_path
 
 
 @pytest.fixture
 def refuse(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, int], list[Path]]:
-    """Let files of a name be refused for want of room, so often; what was tried is in the list that is given back."""
+    """Refuse files of a name for want of space, so often; return the list of all attempts."""
     replace = os.replace
 
     def refusing(name: str, times: int) -> list[Path]:
@@ -47,7 +47,7 @@ def refuse(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, int], list[Path]]:
                     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             replace(source, target)
 
-        monkeypatch.setattr(wholefiles.os, "replace", replaced)
+        monkeypatch.setattr(atomic_write.os, "replace", replaced)
         return tried
 
     return refusing
@@ -105,7 +105,7 @@ def test_the_picture_comes_from_the_checkpoint_alone(
 ) -> None:
     words = [*_RENDER, "-o", "a.npy", "--checkpoint", "1min"]
     with monkeypatch.context() as patch:
-        patch.setattr(wholefiles, "_PAUSES", ())
+        patch.setattr(atomic_write, "_RETRY_SECONDS", ())
         tried = refuse("a.npy", 1)
         assert main(words) == 1
         assert len(tried) == 1
@@ -144,17 +144,17 @@ def test_what_a_checkpoint_lacks_goes_elsewhere(
     elsewhere = home / "elsewhere"
     elsewhere.mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(elsewhere))
-    finish = Keeper.finish
+    finish = CheckpointWriter.finish
 
-    def finished(keeper: Keeper, render: Gathering) -> None:
-        finish(keeper, render)
-        assert keeper.held is not None
+    def finished(writer: CheckpointWriter, render: RenderState) -> None:
+        finish(writer, render)
+        assert writer.info is not None
         if is_gone:
-            keeper.held.path.unlink()
+            writer.info.path.unlink()
         else:
-            keeper.held = keeper.held._replace(samples=keeper.held.samples - 8)
+            writer.info = writer.info._replace(samples=writer.info.samples - 8)
 
-    monkeypatch.setattr(Keeper, "finish", finished)
+    monkeypatch.setattr(CheckpointWriter, "finish", finished)
     refuse("a.npy", 3)
     words = ["render", "ball.yaml", "--spp", "20", "-q", "-o", "a.npy", "--checkpoint", "1min"]
     assert main(words) == 1
@@ -180,13 +180,13 @@ def test_what_a_device_does_not_take_goes_elsewhere(
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows removes no folder that is looked into")
 def test_a_folder_that_is_removed_is_made_again(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("out").mkdir()
-    show = raytracer.rendering.SampleBar.show
+    show = SampleBar.show
 
     def remove(bar: object, progress: object) -> None:
         shutil.rmtree("out", ignore_errors=True)
         show(bar, progress)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("raytracer.rendering.SampleBar.show", remove)
+    monkeypatch.setattr(SampleBar, "show", remove)
     assert main(["render", "ball.yaml", "--spp", "3000", "-q", "-o", "out/a.npy"]) == 0
     assert np.isfinite(load("out/a.npy")).all()
 

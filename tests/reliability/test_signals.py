@@ -1,4 +1,4 @@
-"""What Ctrl-C, SIGTERM and SIGHUP do to processes: how they end, what they say, and what is on the disk then.
+"""Ctrl-C, SIGTERM and SIGHUP: how processes end, what they print, and what is on the disk then.
 
 No time is asserted: `python -m tests.reliability.signalling` measures it.
 """
@@ -35,7 +35,7 @@ def home(tmp_path: Path) -> Path:
 
 
 def _rendering(home: Path, *words: str, **settings: Any) -> tuple[Process, list[str]]:
-    """A render without an end that has written a checkpoint."""
+    """Start a render without an end, and wait until it has written a checkpoint."""
     command = ["render", "ball.yaml", "-o", "out.npy", *FOREVER, "--checkpoint", "0.1s", *words]
     process = Process(command, home, **settings)
     assert process.until((home / "out.npy.checkpoint").exists), process.end()
@@ -43,7 +43,7 @@ def _rendering(home: Path, *words: str, **settings: Any) -> tuple[Process, list[
 
 
 def _inode(path: Path) -> int | None:
-    """The number of a file: of one that takes its place, another."""
+    """Return the inode of a file, which changes if another file replaces it."""
     try:
         return path.stat().st_ino
     except FileNotFoundError:
@@ -105,16 +105,16 @@ def test_a_signal_that_comes_while_another_ends_it_holds_nobody_up() -> None:
     """Python calls a handler within another one, by the same thread."""
     text = """
 import os, pathlib, signal, time
-from raytracer import interrupts
+from raytracer.util import signals
 
 def removing(path):
-    interrupts._remove = removed
+    signals._remove = removed
     os.kill(os.getpid(), signal.SIGTERM)
     removed(path)
 
-removed, interrupts._remove = interrupts._remove, removing
-interrupts.WATCH.start()
-with interrupts.unfinished(pathlib.Path("none")):
+removed, signals._remove = signals._remove, removing
+signals.WATCH.start()
+with signals.temporary_path(pathlib.Path("none")):
     os.kill(os.getpid(), signal.SIGINT)
     time.sleep(60)
 """

@@ -1,4 +1,4 @@
-"""Samples where the error is: the shares, the ends, and that nothing of it leaves a bias."""
+"""Adaptive sampling: the shares of tiles, the stop criteria, and no bias."""
 
 import math
 from collections.abc import Callable
@@ -7,15 +7,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer import adaptive, rendering, scheduling
-from raytracer.adaptive import goals_at, seed_of_pilot, shares
-from raytracer.embree import PACKET
-from raytracer.errors import InputError
+from raytracer.core.embree import PACKET
+from raytracer.core.error_estimate import ErrorEstimator, error_weights
 from raytracer.film.image import Image
-from raytracer.noise import Tally, weights
-from raytracer.rendering import Progress, Rendered, render
+from raytracer.rendering import adaptive_sampling, pilot_samples, session, statistics, tile_scheduler
+from raytracer.rendering.adaptive_sampling import allocate_samples, sample_goals
+from raytracer.rendering.options import RenderOptions
+from raytracer.rendering.pilot_samples import pilot_seed
+from raytracer.rendering.progress import Progress
+from raytracer.rendering.render import prepare_scene, render, render_prepared
+from raytracer.rendering.session import Rendered
 from raytracer.scene.spec import SceneSpec
-from tests.rendering import scene
+from raytracer.util.errors import InputError
+from tests.small_scenes import scene
 
 # The left half is a wall under an even sky, without any noise.  The right one looks into a room, where a lamp behind a
 # screen lights walls that light each other.
@@ -45,7 +49,7 @@ def test_shares_are_those_of_the_least_error() -> None:
     errors[:, 4:] = 16.0
     cost = np.where(errors == 16.0, 4.0, 1.0)
     pixels = np.full(48, 256)
-    found = shares(errors.ravel(), cost.ravel(), 8, pixels).samples.reshape(6, 8)
+    found = allocate_samples(errors.ravel(), cost.ravel(), 8, pixels).samples.reshape(6, 8)
     # Far from the edge, where smoothing changes nothing: sqrt(16 / 4) = 2.
     np.testing.assert_allclose(found[:, -1] / found[:, 0], 2.0)
     assert np.average(found) == pytest.approx(1.0)
@@ -54,25 +58,25 @@ def test_shares_are_those_of_the_least_error() -> None:
 def test_what_a_pilot_missed_still_gets_samples() -> None:
     errors = np.zeros((8, 8))
     errors[0, 0] = 1.0
-    found = shares(errors.ravel(), np.ones(64), 8, np.full(64, 256)).samples.reshape(8, 8)
+    found = allocate_samples(errors.ravel(), np.ones(64), 8, np.full(64, 256)).samples.reshape(8, 8)
     # Neighbours of noise are suspected of an eighth of the noise around them; others get a sixteenth of the mean.
     assert found[0, 1] / found[0, 0] == pytest.approx(math.sqrt(2.0 / 9.0 / 8.0))
     assert found[1, 1] / found[0, 0] == pytest.approx(math.sqrt(1.0 / 9.0 / 8.0))
     assert found.min() == found[7, 7] < found[1, 1]
     assert found.min() > 0.04
     # Without any noise all are alike.
-    np.testing.assert_array_equal(shares(np.zeros(64), np.ones(64), 8, np.full(64, 256)).samples, 1.0)
+    np.testing.assert_array_equal(allocate_samples(np.zeros(64), np.ones(64), 8, np.full(64, 256)).samples, 1.0)
 
 
 def test_goals_are_whole_packets_and_never_fall() -> None:
     counts = np.array([16, 64, 512, 8])
-    found = goals_at(100.0, np.array([0.1, 1.02, 2.0, 50.0]), counts, 1000)
+    found = sample_goals(100.0, np.array([0.1, 1.02, 2.0, 50.0]), counts, 1000)
     assert found.tolist() == [16, 104, 512, 1000]
     assert np.all(found[:3] % PACKET == 0)
 
 
 def test_pilots_have_seeds_that_no_picture_has() -> None:
-    seeds = {seed_of_pilot(seed, number) for seed in (0, 1, 2**32 - 1) for number in range(1, 20)}
+    seeds = {pilot_seed(seed, number) for seed in (0, 1, 2**32 - 1) for number in range(1, 20)}
     assert len(seeds) == 57
     assert min(seeds) >= 2**32
     assert max(seeds) < 2**63
@@ -137,19 +141,19 @@ def test_an_interrupt_leaves_a_picture() -> None:
 def test_an_interrupt_between_rounds_leaves_a_picture(
     monkeypatch: pytest.MonkeyPatch, time_limit: float | None
 ) -> None:
-    # While errors are looked at, and, under a time limit, while the end is practised: no thread works then.
-    estimate = Tally.estimate
+    # While errors are looked at, and, under a time limit, while the end is tried out: no thread works then.
+    estimate = ErrorEstimator.estimate
 
-    def interrupted(tally: Tally, counts: Any) -> Any:
-        monkeypatch.setattr(Tally, "estimate", estimate)
+    def interrupted(estimator: ErrorEstimator, counts: Any) -> Any:
+        monkeypatch.setattr(ErrorEstimator, "estimate", estimate)
         raise KeyboardInterrupt
 
-    def rehearse(image: Image) -> None:
+    def dry_run_save(image: Image) -> None:
         raise KeyboardInterrupt
 
     if time_limit is None:
-        monkeypatch.setattr(Tally, "estimate", interrupted)
-    found = render(halves(), noise=0.001, time_limit=time_limit, rehearse=rehearse, threads=2)
+        monkeypatch.setattr(ErrorEstimator, "estimate", interrupted)
+    found = render(halves(), noise=0.001, time_limit=time_limit, dry_run_save=dry_run_save, threads=2)
     assert found.interrupted
     assert not found.complete
     assert found.fewest_samples == (32 if time_limit is None else 8)
@@ -172,17 +176,17 @@ class Clock:
 
     def __init__(self, patch: pytest.MonkeyPatch, cost: Callable[[int], float]) -> None:
         self.seconds = 100.0
-        for module in (adaptive, rendering, scheduling):
+        for module in (adaptive_sampling, session, statistics, tile_scheduler):
             patch.setattr(module, "now", lambda: self.seconds)
-        trace = scheduling.render_tile
+        trace = tile_scheduler.render_tile
 
         def render_tile(*arguments: Any) -> int:
             left, top, right, bottom, begin, end = arguments[3:]
             self.seconds += (right - left) * (end - begin) * sum(map(cost, range(top, bottom)))
             return int(trace(*arguments))
 
-        patch.setattr(scheduling, "render_tile", render_tile)
-        patch.setattr(adaptive, "render_tile", render_tile)
+        patch.setattr(tile_scheduler, "render_tile", render_tile)
+        patch.setattr(pilot_samples, "render_tile", render_tile)
 
 
 @pytest.mark.parametrize("spp", [None, 1_000_000])
@@ -194,8 +198,9 @@ def test_time_is_used_up_and_not_exceeded(monkeypatch: pytest.MonkeyPatch, spp: 
     def save(image: Image) -> None:
         clock.seconds += 0.05
 
-    # It took 0.1 s to load, and takes 0.05 s to save, which is practised once.
-    found = render(halves(), time_limit=limit, spp=spp, threads=1, load_seconds=0.1, rehearse=save)
+    # It took 0.1 s to load, and takes 0.05 s to save, which is tried out once.
+    prepared = prepare_scene(halves(), RenderOptions(time_limit=limit, spp=spp, threads=1), load_seconds=0.1)
+    found = render_prepared(prepared, dry_run_save=save)
     save(found.image)
     taken = clock.seconds - begin + 0.1
     assert 0.95 * limit < taken <= limit
@@ -208,7 +213,7 @@ def test_time_is_used_up_and_not_exceeded(monkeypatch: pytest.MonkeyPatch, spp: 
 def test_a_limit_that_is_too_short_leaves_a_whole_picture(monkeypatch: pytest.MonkeyPatch) -> None:
     Clock(monkeypatch, lambda y: 1.0)
     found = render(halves(), time_limit=0.1, threads=1)
-    assert found.fewest_samples == found.image.samples == scheduling.FIRST_PASS
+    assert found.fewest_samples == found.image.samples == tile_scheduler.FIRST_PASS
     assert found.stats.error == {}
 
 
@@ -216,10 +221,10 @@ def test_a_limit_that_is_too_short_leaves_a_whole_picture(monkeypatch: pytest.Mo
 
 
 def squared_error(runs: list[Rendered]) -> float:
-    """Of a render of this kind, from the differences between some."""
+    """Return the squared error of a render of this kind, from the differences between some."""
     pictures = np.array([run.image.radiance for run in runs])
     mean = pictures.mean(axis=0)
-    return float(np.mean(weights(mean) * pictures.var(axis=0, ddof=1)))
+    return float(np.mean(error_weights(mean) * pictures.var(axis=0, ddof=1)))
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""A render that was broken off, and goes on from its checkpoint, ends in the bits of one that was not."""
+"""An interrupted render that is resumed from its checkpoint is bit-identical to an uninterrupted one."""
 
 import errno
 import os
@@ -12,14 +12,24 @@ import numpy as np
 import pytest
 
 import raytracer as rt
-from raytracer import adaptive, checkpoints, scheduling, snapshots
-from raytracer.checkpoints import Keeper, checkpoint_of
-from raytracer.errors import InputError, OutputError
 from raytracer.film.image import Image
-from raytracer.rendering import Progress, Rendered, render
+from raytracer.rendering import (
+    adaptive_sampling,
+    checkpoint,
+    checkpoint_identity,
+    pilot_samples,
+    tile_scheduler,
+    worker_pool,
+)
+from raytracer.rendering.checkpoint import CheckpointWriter, checkpoint_path
+from raytracer.rendering.progress import Progress
+from raytracer.rendering.render import render
+from raytracer.rendering.session import Rendered
 from raytracer.scene.load import load
 from raytracer.scene.spec import SceneSpec
-from raytracer.snapshots import previous_of
+from raytracer.util import array_snapshot
+from raytracer.util.array_snapshot import previous_path
+from raytracer.util.errors import InputError, OutputError
 from tests.repository import SCENES
 
 WIDTH, HEIGHT = 44, 36
@@ -32,7 +42,7 @@ def scene(**keys: Any) -> SceneSpec:
 
 
 def assert_same(a: Rendered, b: Rendered) -> None:
-    """All that a picture is, bit for bit, and what is told of it."""
+    """Check that pictures are bit-identical, and their settings and statistics equal."""
     np.testing.assert_array_equal(a.image.radiance, b.image.radiance)
     np.testing.assert_array_equal(a.image.variance, b.image.variance)  # type: ignore[arg-type]
     assert a.image.layers.keys() == b.image.layers.keys()
@@ -47,13 +57,13 @@ def assert_same(a: Rendered, b: Rendered) -> None:
 
 @pytest.fixture
 def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where to keep samples; progress is told of a hundred times as often as else."""
-    monkeypatch.setattr(scheduling, "_WAKE_UP_SECONDS", 1e-3)
-    return checkpoint_of(tmp_path / "cover.png")
+    """Return the path of a checkpoint, and report progress a hundred times as often as usual."""
+    monkeypatch.setattr(worker_pool, "_POLL_SECONDS", 1e-3)
+    return checkpoint_path(tmp_path / "cover.png")
 
 
 def until(samples: int) -> Callable[[Progress], None]:
-    """Break a render off at so many samples more than it went on from."""
+    """Interrupt a render after so many samples more than it was resumed from."""
 
     def tick(progress: Progress) -> None:
         if progress.done - progress.resumed >= samples:
@@ -63,11 +73,11 @@ def until(samples: int) -> Callable[[Progress], None]:
 
 
 def in_parts(path: Path, spec: SceneSpec, parts: int, whole: Rendered, **keys: Any) -> Rendered:
-    """A scene rendered in about so many goes, each with other threads, from checkpoint to checkpoint."""
+    """Render a scene in about so many runs, each with other threads, from checkpoint to checkpoint."""
     step = max(1, whole.stats.samples // parts)
     for go in range(10 * parts):
-        keeper = Keeper(path, every=0.02, resume=go > 0, always=True)
-        result = render(spec, threads=(2, 1, 5)[go % 3], keeper=keeper, progress=until(step), **keys)
+        writer = CheckpointWriter(path, every=0.02, resume=go > 0, always=True)
+        result = render(spec, threads=(2, 1, 5)[go % 3], checkpoint_writer=writer, progress=until(step), **keys)
         if not result.interrupted:
             assert go > 1
             return result
@@ -87,7 +97,7 @@ def in_parts(path: Path, spec: SceneSpec, parts: int, whole: Rendered, **keys: A
         pytest.param({"spp": 150, "aovs": ("depth", "object_id", "rays", "direct")}, id="AOVs"),
     ],
 )
-def test_broken_off_and_resumed_it_is_the_same_picture(path: Path, keys: dict[str, Any]) -> None:
+def test_interrupted_and_resumed_it_is_the_same_picture(path: Path, keys: dict[str, Any]) -> None:
     spec = scene(render__sampler=keys.pop("sampler", "independent"))
     whole = render(spec, **keys)
     result = in_parts(path, spec, 4, whole, **keys)
@@ -99,18 +109,18 @@ def test_broken_off_and_resumed_it_is_the_same_picture(path: Path, keys: dict[st
 @pytest.mark.parametrize(("first", "then"), [(64, 256), (100, 101), (100, 333), (4, 30), (1024, 1024)])
 def test_more_samples_are_those_that_are_missing(path: Path, first: int, then: int) -> None:
     spec = scene()
-    render(spec, spp=first, keeper=Keeper(path, always=True))
+    render(spec, spp=first, checkpoint_writer=CheckpointWriter(path, always=True))
     sentences: list[str] = []
-    keeper = Keeper(path, resume=True, say=sentences.append)
-    more, whole = render(spec, spp=then, keeper=keeper), render(spec, spp=then)
+    writer = CheckpointWriter(path, resume=True, say=sentences.append)
+    more, whole = render(spec, spp=then, checkpoint_writer=writer), render(spec, spp=then)
     assert_same(more, whole)
 
     # Whole packets of the first are not taken again.
-    assert keeper.resumed == first - first % 8
+    assert writer.resumed == first - first % 8
     if first >= 8:
         pixels = WIDTH * HEIGHT
-        assert more.stats.resumed["samples"] == pixels * keeper.resumed
-        assert more.stats.resumed["rays"] == render(spec, spp=keeper.resumed).stats.rays
+        assert more.stats.resumed["samples"] == pixels * writer.resumed
+        assert more.stats.resumed["rays"] == render(spec, spp=writer.resumed).stats.rays
         assert sentences == []
     else:
         assert sentences == [f"there is no {path} to go on from: the render begins anew"]
@@ -118,24 +128,24 @@ def test_more_samples_are_those_that_are_missing(path: Path, first: int, then: i
 
 def test_rays_of_a_longer_render_have_room(path: Path) -> None:
     spec = scene()
-    render(spec, spp=16, aovs=("rays",), keeper=Keeper(path, always=True))
-    more = render(spec, spp=40, aovs=("rays",), keeper=Keeper(path, resume=True))
+    render(spec, spp=16, aovs=("rays",), checkpoint_writer=CheckpointWriter(path, always=True))
+    more = render(spec, spp=40, aovs=("rays",), checkpoint_writer=CheckpointWriter(path, resume=True))
     assert_same(more, render(spec, spp=40, aovs=("rays",)))
     assert more.stats.resumed["samples"] == WIDTH * HEIGHT * 16
 
 
 def test_a_stratified_picture_cannot_be_continued(path: Path) -> None:
     spec = scene(render__sampler="stratified")
-    render(spec, spp=16, keeper=Keeper(path, always=True))
+    render(spec, spp=16, checkpoint_writer=CheckpointWriter(path, always=True))
     with pytest.raises(InputError, match=r"of other settings: stratified sampler\.spp was 16 and is 32"):
-        render(spec, spp=32, keeper=Keeper(path, resume=True))
+        render(spec, spp=32, checkpoint_writer=CheckpointWriter(path, resume=True))
 
 
 @pytest.fixture
 def kept(path: Path, tmp_path: Path) -> Path:
-    """A checkpoint of a small scene that names a file."""
+    """Write a checkpoint of a small scene that names a file."""
     _textured(tmp_path, 200)
-    render(load(tmp_path / "scene.yaml"), spp=16, keeper=Keeper(path, always=True))
+    render(load(tmp_path / "scene.yaml"), spp=16, checkpoint_writer=CheckpointWriter(path, always=True))
     return path
 
 
@@ -173,7 +183,7 @@ def test_another_picture_is_refused_by_name(
 ) -> None:
     before = kept.read_bytes()
     with pytest.raises(InputError, match=said) as caught:
-        render(load(tmp_path / "scene.yaml", overrides), keeper=Keeper(kept, resume=True), **keys)
+        render(load(tmp_path / "scene.yaml", overrides), checkpoint_writer=CheckpointWriter(kept, resume=True), **keys)
     assert str(caught.value).startswith(f"{kept}: ")
     assert kept.read_bytes() == before
 
@@ -181,24 +191,24 @@ def test_another_picture_is_refused_by_name(
 def test_another_program_is_refused_by_name(kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refused() -> str:
         with pytest.raises(InputError) as caught:
-            render(load(tmp_path / "scene.yaml"), keeper=Keeper(kept, resume=True))
+            render(load(tmp_path / "scene.yaml"), checkpoint_writer=CheckpointWriter(kept, resume=True))
         return str(caught.value).removeprefix(f"{kept}: ")
 
     anew = "; without --resume the render begins anew"
-    monkeypatch.setattr(checkpoints, "program", lambda: "0" * 64)
+    monkeypatch.setattr(checkpoint_identity, "program_hash", lambda: "0" * 64)
     assert refused().startswith("is of another state of rt's sources: was '")
-    monkeypatch.setattr(checkpoints, "processor", lambda: "wood abacus +beads")
+    monkeypatch.setattr(checkpoint_identity, "processor", lambda: "wood abacus +beads")
     assert refused().endswith(f" and is 'wood'{anew}")
-    monkeypatch.setattr(checkpoints, "libraries", lambda: {"numba": "99.0"})
+    monkeypatch.setattr(checkpoint_identity, "libraries", lambda: {"numba": "99.0"})
     assert " and is '99.0'" in refused() or "is not given" in refused()
-    monkeypatch.setattr(checkpoints, "__version__", "9.9.9")
+    monkeypatch.setattr(checkpoint_identity, "__version__", "9.9.9")
     assert refused() == f"is of another version of rt: was '{rt.__version__}' and is '9.9.9'{anew}"
 
 
 def test_a_changed_file_is_refused_by_name(kept: Path, tmp_path: Path) -> None:
     _textured(tmp_path, 201)
     with pytest.raises(InputError, match=r"of other files: textures\.wall\.file was '.*' and is '.*'"):
-        render(load(tmp_path / "scene.yaml"), keeper=Keeper(kept, resume=True))
+        render(load(tmp_path / "scene.yaml"), checkpoint_writer=CheckpointWriter(kept, resume=True))
 
 
 def test_a_file_that_changes_meanwhile_is_not_taken_for_what_it_was(path: Path, tmp_path: Path) -> None:
@@ -210,9 +220,9 @@ def test_a_file_that_changes_meanwhile_is_not_taken_for_what_it_was(path: Path, 
         _textured(tmp_path, 90)
         raise KeyboardInterrupt
 
-    keeper = Keeper(path, say=sentences.append)
-    render(load(tmp_path / "scene.yaml"), spp=100_000, keeper=keeper, progress=change)
-    assert keeper.held is None
+    writer = CheckpointWriter(path, say=sentences.append)
+    render(load(tmp_path / "scene.yaml"), spp=100_000, checkpoint_writer=writer, progress=change)
+    assert writer.info is None
     assert not path.exists()
     (sentence,) = sentences
     assert sentence.startswith(f"{tmp_path / 'wall.png'}: has changed since it was read; the render goes on in memory")
@@ -221,64 +231,65 @@ def test_a_file_that_changes_meanwhile_is_not_taken_for_what_it_was(path: Path, 
 def test_the_first_samples_are_kept_before_all_pixels_have_some(path: Path) -> None:
     """Those of a slow scene take longer than the time between two checkpoints."""
     spec = scene()
-    first = render(spec, spp=24, threads=1, keeper=Keeper(path), progress=until(1))
+    first = render(spec, spp=24, threads=1, checkpoint_writer=CheckpointWriter(path), progress=until(1))
     assert (first.stats.spp["fewest"], first.stats.spp["most"]) == (0, 8)
-    more, whole = render(spec, spp=24, keeper=Keeper(path, resume=True)), render(spec, spp=24)
+    more, whole = render(spec, spp=24, checkpoint_writer=CheckpointWriter(path, resume=True)), render(spec, spp=24)
     assert_same(more, whole)
     assert more.stats.resumed["samples"] == first.stats.samples
 
 
 def test_what_is_out_of_time_soon_leaves_nothing(path: Path) -> None:
-    result = render(scene(), spp=10**9, time_limit=0.3, keeper=Keeper(path))
+    result = render(scene(), spp=10**9, time_limit=0.3, checkpoint_writer=CheckpointWriter(path))
     assert not result.complete
     assert not path.exists()
 
 
 def test_a_damaged_checkpoint_gives_way_to_the_one_before(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     spec, sentences = scene(), list[str]()
-    render(spec, spp=16, keeper=Keeper(path, always=True))
-    os.replace(path, previous_of(path))
-    render(spec, spp=32, keeper=Keeper(path, always=True, every=1e9))
-    assert not previous_of(path).exists()
-    render(spec, spp=16, keeper=Keeper(previous_of(path), always=True))
+    render(spec, spp=16, checkpoint_writer=CheckpointWriter(path, always=True))
+    os.replace(path, previous_path(path))
+    render(spec, spp=32, checkpoint_writer=CheckpointWriter(path, always=True, every=1e9))
+    assert not previous_path(path).exists()
+    render(spec, spp=16, checkpoint_writer=CheckpointWriter(previous_path(path), always=True))
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 1
     path.write_bytes(data)
     kept: list[bool] = []
-    written = snapshots.write
+    written = array_snapshot.write
 
     def noted(*args: Any, keep: bool) -> int:
         kept.append(keep)
         return written(*args, keep=keep)
 
-    monkeypatch.setattr(snapshots, "write", noted)
-    keeper = Keeper(path, resume=True, say=sentences.append)
-    result = render(spec, spp=48, keeper=keeper)
-    assert keeper.resumed == 16
+    monkeypatch.setattr(array_snapshot, "write", noted)
+    writer = CheckpointWriter(path, resume=True, say=sentences.append)
+    result = render(spec, spp=48, checkpoint_writer=writer)
+    assert writer.resumed == 16
     assert_same(result, render(spec, spp=48))
     (sentence,) = sentences
     assert sentence.startswith(f"{path}: is damaged: ")
-    assert sentence.endswith(f"; {previous_of(path).name} is used in its place")
+    assert sentence.endswith(f"; {previous_path(path).name} is used in its place")
 
     # What is damaged never takes the place of what is not.
     assert kept == [False]
 
     # What is written now is whole, and alone.
-    assert Keeper(path).held is None
-    assert not previous_of(path).exists()
-    assert render(spec, spp=48, keeper=Keeper(path, resume=True)).stats.resumed["samples"] == WIDTH * HEIGHT * 48
+    assert CheckpointWriter(path).info is None
+    assert not previous_path(path).exists()
+    more = render(spec, spp=48, checkpoint_writer=CheckpointWriter(path, resume=True))
+    assert more.stats.resumed["samples"] == WIDTH * HEIGHT * 48
 
 
 def test_where_all_are_damaged_it_says_so(path: Path) -> None:
-    render(scene(), spp=8, keeper=Keeper(path, always=True))
+    render(scene(), spp=8, checkpoint_writer=CheckpointWriter(path, always=True))
     path.write_bytes(path.read_bytes()[:-1])
-    previous_of(path).write_bytes(b"")
+    previous_path(path).write_bytes(b"")
     with pytest.raises(InputError, match=r"cover\.png\.checkpoint: is damaged: .*; there is no other to go on from"):
-        render(scene(), spp=8, keeper=Keeper(path, resume=True))
+        render(scene(), spp=8, checkpoint_writer=CheckpointWriter(path, resume=True))
 
 
 def test_a_disk_that_is_full_is_told_of_once_and_tried_again(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    written, sentences, tries = snapshots.write, list[str](), [0]
+    written, sentences, tries = array_snapshot.write, list[str](), [0]
 
     def failing(*args: Any, **keys: Any) -> int:
         tries[0] += 1
@@ -286,28 +297,28 @@ def test_a_disk_that_is_full_is_told_of_once_and_tried_again(path: Path, monkeyp
             raise OutputError(f"{path}: cannot be written: {os.strerror(errno.ENOSPC)}")
         return written(*args, **keys)
 
-    monkeypatch.setattr(snapshots, "write", failing)
-    keeper = Keeper(path, every=0.01, always=True, say=sentences.append)
+    monkeypatch.setattr(array_snapshot, "write", failing)
+    writer = CheckpointWriter(path, every=0.01, always=True, say=sentences.append)
 
     def tick(progress: Progress) -> None:
-        if keeper.held is not None:
+        if writer.info is not None:
             raise KeyboardInterrupt
 
-    result = render(scene(), spp=100_000, keeper=keeper, progress=tick)
+    result = render(scene(), spp=100_000, checkpoint_writer=writer, progress=tick)
     assert result.interrupted
     first, second = sentences
     assert first.startswith(f"{path}: cannot be written: No space left on device; the render goes on in memory, and ")
     assert second == f"{path}: is written again"
-    assert keeper.held is not None
-    assert keeper.held.path == path
-    assert keeper.held.bytes == path.stat().st_size
+    assert writer.info is not None
+    assert writer.info.path == path
+    assert writer.info.bytes == path.stat().st_size
 
 
 def test_checkpoints_take_half_of_the_time_at_most(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """However often they are asked for, and however slow the disk is, the render goes on."""
     clock, waits = [0.0], list[float]()
 
-    class Wishes:
+    class Requests:
         def get(self, timeout: float) -> str:
             waits.append(timeout)
             if len(waits) > 3:
@@ -318,23 +329,23 @@ def test_checkpoints_take_half_of_the_time_at_most(path: Path, monkeypatch: pyte
     def write(*args: Any, **keys: Any) -> None:
         clock[0] += 5.0
 
-    keeper = Keeper(path, every=1e-9)
-    monkeypatch.setattr(checkpoints, "now", lambda: clock[0])
-    monkeypatch.setattr(keeper, "_write", write)
-    monkeypatch.setattr(keeper, "_wishes", Wishes())
-    keeper._watch(None, [])  # type: ignore[arg-type]
+    writer = CheckpointWriter(path, every=1e-9)
+    monkeypatch.setattr(checkpoint, "now", lambda: clock[0])
+    monkeypatch.setattr(writer, "_write", write)
+    monkeypatch.setattr(writer, "_requests", Requests())
+    writer._watch(None, [])  # type: ignore[arg-type]
     assert waits == pytest.approx([1e-9, 5.0, 5.0, 5.0])
 
 
 def test_short_renders_leave_nothing(path: Path) -> None:
-    keeper = Keeper(path)
-    render(scene(), spp=8, keeper=keeper)
-    assert keeper.held is None
+    writer = CheckpointWriter(path)
+    render(scene(), spp=8, checkpoint_writer=writer)
+    assert writer.info is None
     assert list(path.parent.iterdir()) == []
-    render(scene(), spp=8, keeper=(keeper := Keeper(path, always=True)))
-    assert keeper.held is not None
-    assert keeper.held[1:] == (8, path.stat().st_size)
-    keeper.forget()
+    render(scene(), spp=8, checkpoint_writer=(writer := CheckpointWriter(path, always=True)))
+    assert writer.info is not None
+    assert writer.info[1:] == (8, path.stat().st_size)
+    writer.delete()
     assert list(path.parent.iterdir()) == []
 
 
@@ -346,18 +357,18 @@ def test_the_picture_so_far_can_be_had(path: Path) -> None:
         shown.append(image)
         there.set()
 
-    keeper = Keeper(path, show=show)
+    writer = CheckpointWriter(path, show=show)
 
     def tick(progress: Progress) -> None:
         if not shown and progress.done > 0:
-            keeper.ask()
+            writer.request_preview()
             there.wait(60)
         elif shown and progress.done > 2 * shown[0].samples * pixels:
             raise KeyboardInterrupt
 
     spec = scene()
     pixels = spec.film.width * spec.film.height
-    result = render(spec, spp=100_000, keeper=keeper, progress=tick)
+    result = render(spec, spp=100_000, checkpoint_writer=writer, progress=tick)
     assert result.interrupted
     early = shown[0]
     assert early.radiance.shape == result.image.radiance.shape
@@ -375,38 +386,38 @@ def test_a_picture_so_far_that_fails_costs_no_samples(path: Path, error: Excepti
     failed: list[float] = []
 
     def show(image: Image) -> None:
-        failed.append(scheduling.now())
+        failed.append(tile_scheduler.now())
         raise error
 
-    keeper = Keeper(path, every=0.02, show=show, say=sentences.append)
-    keeper.ask()
+    writer = CheckpointWriter(path, every=0.02, show=show, say=sentences.append)
+    writer.request_preview()
 
     def tick(progress: Progress) -> None:
-        if failed and keeper.held is not None and progress.done > 16 * WIDTH * HEIGHT:
+        if failed and writer.info is not None and progress.done > 16 * WIDTH * HEIGHT:
             raise KeyboardInterrupt
 
     if isinstance(error, ValueError):
         with pytest.raises(ValueError, match="of the caller"):
-            render(scene(), spp=100_000, keeper=keeper, progress=tick)
+            render(scene(), spp=100_000, checkpoint_writer=writer, progress=tick)
     else:
-        assert render(scene(), spp=100_000, keeper=keeper, progress=tick).interrupted
+        assert render(scene(), spp=100_000, checkpoint_writer=writer, progress=tick).interrupted
         assert sentences == [f"{str(error) or 'out of memory'}; the render goes on"]
-    assert keeper.held is not None
+    assert writer.info is not None
     assert path.exists()
 
 
 def test_no_pass_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
     """However slow a scene is, an interrupt and a checkpoint are at most a pass away."""
-    monkeypatch.setattr(scheduling, "_LONGEST_PASS_SECONDS", 1e-3)
+    monkeypatch.setattr(tile_scheduler, "_MAX_PASS_SECONDS", 1e-3)
     ends: list[int] = []
-    called = scheduling.render_tile
+    called = tile_scheduler.render_tile
 
     def noted(*args: Any) -> int:
         ends.append(args[-1] - args[-2])
         return int(called(*args))
 
     whole = render(scene(), spp=300)
-    monkeypatch.setattr(scheduling, "render_tile", noted)
+    monkeypatch.setattr(tile_scheduler, "render_tile", noted)
     assert_same(render(scene(), spp=300), whole)
     assert max(ends) < 256
     assert min(ends) >= 4
@@ -414,19 +425,19 @@ def test_no_pass_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_no_pilot_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
     """As of the picture's own samples; pilots have thousands of them where a picture has many."""
-    for name, value in {"_PART_OF_PILOT": 8.0, "_SMALLEST_PILOT": 256}.items():
-        monkeypatch.setattr(adaptive, name, value)
+    for name, value in {"_PILOT_FRACTION": 8.0, "_SMALLEST_PILOT": 256}.items():
+        monkeypatch.setattr(adaptive_sampling, name, value)
     whole = render(scene(), noise=0.05)
     assert whole.stats.pilot_samples >= 256 * WIDTH * HEIGHT
     ends: list[int] = []
-    called = adaptive.render_tile
+    called = pilot_samples.render_tile
 
     def noted(*args: Any) -> int:
         ends.append(args[-1] - args[-2])
         return int(called(*args))
 
-    monkeypatch.setattr(adaptive, "render_tile", noted)
-    monkeypatch.setattr(scheduling, "_LONGEST_PASS_SECONDS", 1e-9)
+    monkeypatch.setattr(pilot_samples, "render_tile", noted)
+    monkeypatch.setattr(tile_scheduler, "_MAX_PASS_SECONDS", 1e-9)
     assert_same(render(scene(), noise=0.05), whole)
     assert set(ends) == {8}
 

@@ -1,4 +1,4 @@
-"""The same scene, seed and samples give the same bits, however the work is cut up and shared out."""
+"""The same scene, seed and samples give the same bits, however the work is divided."""
 
 import hashlib
 import os
@@ -12,9 +12,11 @@ import pytest
 from numpy.typing import NDArray
 
 import raytracer
-from raytracer import scheduling
-from raytracer.embree import PACKET
-from raytracer.rendering import Progress, Rendered, render
+from raytracer.core.embree import PACKET
+from raytracer.rendering import tile_scheduler
+from raytracer.rendering.progress import Progress
+from raytracer.rendering.render import render
+from raytracer.rendering.session import Rendered
 from raytracer.scene.load import load
 from raytracer.scene.spec import SceneSpec
 from tests.repository import GENERATED, ROOT, SCENES, need_files_of
@@ -46,7 +48,7 @@ def radiance(spec: SceneSpec, **keys: Any) -> NDArray[np.float64]:
 
 
 def assert_same(a: Rendered, b: Rendered) -> None:
-    """Radiance and variance, bit for bit, and the rays that it took."""
+    """Check that radiance and variance are bit-identical, and as many rays were traced."""
     np.testing.assert_array_equal(a.image.radiance, b.image.radiance)
     assert a.image.variance is not None
     assert b.image.variance is not None
@@ -85,11 +87,11 @@ def test_threads_and_crops_do_not_matter_to_a_sampler(sampler: str) -> None:
 def test_passes_and_tiles_do_not_matter(monkeypatch: pytest.MonkeyPatch, sampler: str) -> None:
     spec = scene("cover", sampler)
     usual = render(spec, threads=2)
-    monkeypatch.setattr(scheduling, "TILE", 7)
+    monkeypatch.setattr(tile_scheduler, "TILE_SIZE", 7)
     assert_same(render(spec, threads=2), usual)
-    monkeypatch.setattr(scheduling, "pass_end", lambda begin, spp: min(spp, begin + PACKET))
+    monkeypatch.setattr(tile_scheduler, "pass_end", lambda begin, spp: min(spp, begin + PACKET))
     assert_same(render(spec, threads=2), usual)
-    monkeypatch.setattr(scheduling, "pass_end", lambda begin, spp: spp)
+    monkeypatch.setattr(tile_scheduler, "pass_end", lambda begin, spp: spp)
     assert_same(render(spec, threads=2), usual)
 
 
@@ -98,13 +100,13 @@ def test_passes_cover_the_samples_in_whole_packets_and_end_at_powers_of_two(star
     for spp in (1001, 1037, 2048, 100_000):
         ends = [start]
         while ends[-1] < spp:
-            ends.append(scheduling.pass_end(ends[-1], spp))
+            ends.append(tile_scheduler.pass_end(ends[-1], spp))
             assert ends[-2] < ends[-1] <= ends[-2] + 256
         assert ends[-1] == spp
         assert all(end % PACKET == 0 for end in ends[:-1])
         # Errors are told from means at these.
         assert {n for n in (8, 16, 32, 64, 128, 256, 512, 1024) if start < n <= spp} <= set(ends)
-    assert scheduling.pass_end(0, 3) == 3
+    assert tile_scheduler.pass_end(0, 3) == 3
 
 
 @pytest.mark.parametrize("sampler", ["independent", "sobol"])
@@ -127,7 +129,7 @@ def test_an_early_end_leaves_the_first_samples(sampler: str) -> None:
     assert not timed.complete
     assert not timed.interrupted
     counts = timed.image.layers["samples"]
-    assert counts.min() == timed.fewest_samples >= scheduling.FIRST_PASS
+    assert counts.min() == timed.fewest_samples >= tile_scheduler.FIRST_PASS
     assert counts.max() == timed.image.samples
     for count in np.unique(counts)[:8]:
         assert count % PACKET == 0
@@ -173,7 +175,7 @@ def test_neighbours_and_channels_are_not_copies() -> None:
 
 def test_another_process_has_the_same_bits() -> None:
     program = (
-        "from tests.test_determinism import radiance, scene; import hashlib; "
+        "from tests.rendering.test_determinism import radiance, scene; import hashlib; "
         "print(hashlib.sha256(radiance(scene('glass', 'independent')).tobytes()).hexdigest())"
     )
     package = Path(raytracer.__file__).parent.parent

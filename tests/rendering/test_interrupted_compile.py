@@ -1,4 +1,4 @@
-"""What Ctrl-C does while the compiler works, which would take it for a mistake of its own."""
+"""Ctrl-C while the compiler works, which would take it for an error of its own."""
 
 import signal
 import threading
@@ -7,16 +7,16 @@ from typing import Any
 
 import pytest
 
-from raytracer import preparation
-from raytracer.paths import workspace
-from raytracer.preparation import compile_for
+from raytracer.kernel.path_state import workspace
+from raytracer.rendering import compilation
+from raytracer.rendering.compilation import compile_kernel
 
 _PATIENCE = 60.0
 
 
 def _compiling(monkeypatch: pytest.MonkeyPatch, work: Any) -> None:
     """Let compilation be `work`."""
-    monkeypatch.setattr(preparation, "render_tile", lambda *arguments: work())
+    monkeypatch.setattr(compilation, "render_tile", lambda *arguments: work())
 
 
 def test_ctrl_c_does_not_wait_for_the_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -31,7 +31,7 @@ def test_ctrl_c_does_not_wait_for_the_compiler(monkeypatch: pytest.MonkeyPatch) 
     _compiling(monkeypatch, work)
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):
-        compile_for(None, None, workspace())  # type: ignore[arg-type]
+        compile_kernel(None, None, workspace())  # type: ignore[arg-type]
     assert not compiled.is_set()
     interrupted.set()
     # What was under way gets done, for the next one who needs it.
@@ -51,10 +51,10 @@ def test_the_next_to_compile_waits_for_what_an_interrupt_has_left(monkeypatch: p
 
     _compiling(monkeypatch, first)
     with pytest.raises(KeyboardInterrupt):
-        compile_for(None, None, workspace())  # type: ignore[arg-type]
+        compile_kernel(None, None, workspace())  # type: ignore[arg-type]
     _compiling(monkeypatch, lambda: order.append("second"))
     interrupted.set()
-    compile_for(None, None, workspace())  # type: ignore[arg-type]
+    compile_kernel(None, None, workspace())  # type: ignore[arg-type]
     assert order == ["first", "second"]
 
 
@@ -64,16 +64,16 @@ def test_mistakes_of_the_compiler_are_told(monkeypatch: pytest.MonkeyPatch) -> N
 
     _compiling(monkeypatch, work)
     with pytest.raises(RuntimeError, match="a mistake"):
-        compile_for(None, None, workspace())  # type: ignore[arg-type]
+        compile_kernel(None, None, workspace())  # type: ignore[arg-type]
 
 
 def test_other_threads_compile_by_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
     workers = []
     _compiling(monkeypatch, lambda: workers.append(threading.current_thread()))
-    thread = threading.Thread(target=compile_for, args=(None, None, workspace()))
+    thread = threading.Thread(target=compile_kernel, args=(None, None, workspace()))
     thread.start()
     thread.join()
-    compile_for(None, None, workspace())  # type: ignore[arg-type]
+    compile_kernel(None, None, workspace())  # type: ignore[arg-type]
     assert workers[0] is thread
     assert workers[1] not in (thread, threading.main_thread())
 
@@ -82,7 +82,7 @@ def test_an_ignored_signal_stays_ignored(monkeypatch: pytest.MonkeyPatch) -> Non
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         _compiling(monkeypatch, lambda: signal.raise_signal(signal.SIGINT))
-        compile_for(None, None, workspace())  # type: ignore[arg-type]
+        compile_kernel(None, None, workspace())  # type: ignore[arg-type]
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGINT, before)

@@ -1,4 +1,4 @@
-"""What a render takes in memory, and what there is."""
+"""The memory of a render, estimated and measured, and the memory that there is."""
 
 import os
 import subprocess
@@ -9,16 +9,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer import memory
-from raytracer.cli.main import main
-from raytracer.embree import Accel
-from raytracer.errors import InputError
-from raytracer.geometry import Geometry, Primitive
-from raytracer.memory import Estimate, Limit, Picture, Room, Structure, check, control_group_bytes, structure_bytes
-from raytracer.rendering import ready, render
-from raytracer.stock import Stock
-from tests.rendering import scene
+from raytracer.cli.base.app import main
+from raytracer.core.embree import Accel
+from raytracer.core.geometry import Geometry, Primitive
+from raytracer.rendering import memory_budget
+from raytracer.rendering.memory_budget import (
+    BytesPerPrimitive,
+    MemoryEstimate,
+    MemoryLimit,
+    PictureMemory,
+    StructureMemory,
+    cgroup_bytes_left,
+    check_memory,
+    structure_bytes,
+)
+from raytracer.rendering.options import RenderOptions
+from raytracer.rendering.render import prepare_scene, render
+from raytracer.scene.cache import RenderCache
+from raytracer.util.errors import InputError
 from tests.repository import SCENES, need_files_of
+from tests.small_scenes import scene
 
 _SPHERE = """
 camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
@@ -27,83 +37,87 @@ objects:
   - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian, albedo: 0.5}}
 """
 
-_NEEDED = Estimate(100_000_000, {"the ray caster's structure": 300_000_000, "the picture": 2_000_000_000})
+_NEEDED = MemoryEstimate(100_000_000, {"the ray caster's structure": 300_000_000, "the picture": 2_000_000_000})
 
 
 def test_too_little_is_refused_with_both_numbers_and_what_helps() -> None:
     with pytest.raises(InputError) as error:
-        check(_NEEDED, 2_000_000_000)
+        check_memory(_NEEDED, 2_000_000_000)
     assert str(error.value) == (
         "this would take about 2.4 GB of memory, and there are 2 GB allowed by --max-memory; 2 GB of it are the "
         "picture: a smaller film, --crop, fewer AOVs or no --denoise take less, as do the views of an array by "
         "rt lightfield render --memory"
     )
-    check(_NEEDED, 2_400_000_000)
+    check_memory(_NEEDED, 2_400_000_000)
 
 
 def test_what_the_machine_may_have_is_not_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     # 2.3 GB would be added, of which estimates are right to a quarter.
     for free, fits in ((1_700_000_000, False), (1_900_000_000, True), (2_400_000_000, True)):
-        monkeypatch.setattr(memory, "limits", lambda free=free: iter([Limit(10**12, "there"), Limit(free, "here")]))
+        monkeypatch.setattr(
+            memory_budget,
+            "memory_limits",
+            lambda free=free: iter([MemoryLimit(10**12, "there"), MemoryLimit(free, "here")]),
+        )
         if fits:
-            check(_NEEDED)
+            check_memory(_NEEDED)
         else:
             with pytest.raises(InputError, match=r"there are 1\.8 GB here"):
-                check(_NEEDED)
+                check_memory(_NEEDED)
 
 
 def test_a_render_is_refused_before_it_is_built(monkeypatch: pytest.MonkeyPatch) -> None:
     spec = scene(_SPHERE)
-    monkeypatch.setattr("raytracer.scene.pack.Packed.build", lambda *given: pytest.fail("built"))
+    monkeypatch.setattr("raytracer.scene.pack.scene.PackedScene.build", lambda *given: pytest.fail("built"))
     with pytest.raises(InputError, match="there are 10 MB allowed"):
         render(spec, max_memory=10**7)
 
 
 def test_parts_of_a_picture_count_as_large_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytracer.rendering.compile_for", lambda *given: 0)
+    monkeypatch.setattr("raytracer.rendering.render.compile_kernel", lambda *given: 0)
     # 150 MB take some 26 GB by 176 bytes a pixel; a part of a hundredth does not.
     spec = scene(_SPHERE, width=15_000, height=10_000)
-    most = memory.resident_bytes() + 2 * 10**9
+    most = memory_budget.resident_bytes() + 2 * 10**9
     with pytest.raises(InputError, match="this would take about"):
-        ready(spec, max_memory=most)
+        prepare_scene(spec, RenderOptions(max_memory=most))
     with pytest.raises(InputError, match="this would take about"):
-        ready(spec, max_memory=most, crop=(0, 0, 15_000, 5_000))
-    ready(spec, max_memory=most, most_pixels=1_500_000)
-    ready(spec, max_memory=most, crop=(0, 0, 1500, 1000))
+        prepare_scene(spec, RenderOptions(max_memory=most, crop=(0, 0, 15_000, 5_000)))
+    prepare_scene(spec, RenderOptions(max_memory=most), max_pixels=1_500_000)
+    prepare_scene(spec, RenderOptions(max_memory=most, crop=(0, 0, 1500, 1000)))
 
 
 def test_the_command_says_so_with_the_status_of_wrong_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     output = tmp_path / "a.png"
     given = ["render", str(SCENES / "cornell.yaml"), "-o", str(output), "--max-memory"]
     assert main([*given, "50 MB"]) == 2
-    told = capsys.readouterr().err
-    assert "50 MB allowed by --max-memory" in told
-    assert told.count("\n") == 1
+    message = capsys.readouterr().err
+    assert "50 MB allowed by --max-memory" in message
+    assert message.count("\n") == 1
     assert main([*given, "much"]) == 2
     assert "--max-memory much: must be an amount of memory" in capsys.readouterr().err
     assert not output.exists()
 
 
 def test_what_a_picture_takes_adds_up() -> None:
-    plain = Picture(pixels=1, film=64, spp=64)
+    plain = PictureMemory(pixels=1, film=64, spp=64)
     # Film and tally, and as much again where a checkpoint copies them.
     assert plain.bytes() >= 64 + 48
-    assert plain._replace(keeps=True).bytes() == 2 * (64 + 48)
-    assert Picture(pixels=10**6, film=64, spp=64).bytes() == 10**6 * plain.bytes()
-    for more in ({"film": 144}, {"photograph": memory.EXPOSED_BYTES}, {"denoises": True}):
+    assert plain._replace(with_checkpoints=True).bytes() == 2 * (64 + 48)
+    assert PictureMemory(pixels=10**6, film=64, spp=64).bytes() == 10**6 * plain.bytes()
+    for more in ({"film": 144}, {"photograph": memory_budget.EXPOSED_BYTES}, {"denoise": True}):
         assert plain._replace(**more).bytes() > plain.bytes()
     # The denoiser bounds its own scratch memory.
-    large = Picture(pixels=10**8, film=64, denoises=True).bytes() - Picture(pixels=10**8, film=64).bytes()
+    large = PictureMemory(pixels=10**8, film=64, denoise=True).bytes() - PictureMemory(pixels=10**8, film=64).bytes()
     assert large < 7 * 10**9
 
 
 def test_a_structure_that_is_there_takes_nothing_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytracer.rendering.compile_for", lambda *given: 0)
-    spec, stock = scene(_SPHERE), Stock()
-    first = ready(spec, stock=stock).packed
-    assert memory.structure_of(first).held > 0
-    assert memory.structure_of(first, Stock()).held > 0
-    assert memory.structure_of(first, stock) == Structure(0, 0)
+    monkeypatch.setattr("raytracer.rendering.render.compile_kernel", lambda *given: 0)
+    spec, cache = scene(_SPHERE), RenderCache()
+    first = prepare_scene(spec, cache=cache).packed
+    assert memory_budget.structure_memory(first).resident > 0
+    assert memory_budget.structure_memory(first, RenderCache()).resident > 0
+    assert memory_budget.structure_memory(first, cache) == StructureMemory(0, 0)
 
 
 def _triangles(count: int) -> dict[int, Geometry]:
@@ -123,34 +137,34 @@ def _spheres(count: int) -> dict[int, Geometry]:
 
 
 @pytest.mark.parametrize("made", [_triangles, _spheres])
-def test_a_structure_is_held_in_what_is_told(made: Any) -> None:
+def test_a_structure_takes_what_is_estimated(made: Any) -> None:
     # By the process's own memory, which grows by some MB at a time, and of which other tests may have left some.
     geometries = made(1_000_000)
-    before = memory.resident_bytes()
+    before = memory_budget.resident_bytes()
     kept = Accel(geometries)
-    grown = memory.resident_bytes() - before
-    told = structure_bytes(geometries, (), ())
+    grown = memory_budget.resident_bytes() - before
+    estimate = structure_bytes(geometries, (), ())
     assert kept.address
-    assert grown < 1.25 * told.building
-    assert told.held <= told.building
+    assert grown < 1.25 * estimate.peak
+    assert estimate.resident <= estimate.peak
 
 
 def test_what_moves_takes_more_by_pose() -> None:
     rest = Geometry(Primitive.TRIANGLE, (np.zeros((3, 3), np.float32),), np.zeros((1000, 3), np.uint32))
     found = [structure_bytes({0: rest._replace(vertices=rest.vertices * poses)}, (), ()) for poses in (1, 2, 3, 9)]
-    assert [one.building for one in found] == sorted(one.building for one in found)
-    assert found[3].building - found[2].building == 6 * (found[2].building - found[1].building)
-    assert structure_bytes({}, ({0: rest}, {0: rest}), ()).held == 2 * found[0].held
+    assert [one.peak for one in found] == sorted(one.peak for one in found)
+    assert found[3].peak - found[2].peak == 6 * (found[2].peak - found[1].peak)
+    assert structure_bytes({}, ({0: rest}, {0: rest}), ()).resident == 2 * found[0].resident
 
 
-def test_rooms_hold_less_than_building_takes() -> None:
-    for room in (*memory._ROOMS.values(), memory._PLACED):
-        assert isinstance(room, Room)
-        assert room.held <= room.building
-        assert room.moving_held <= room.moving_building
+def test_a_structure_takes_less_once_it_is_built() -> None:
+    for each in (*memory_budget._BYTES_PER_PRIMITIVE.values(), memory_budget._BYTES_PER_INSTANCE):
+        assert isinstance(each, BytesPerPrimitive)
+        assert each.resident <= each.peak
+        assert each.moving_resident <= each.moving_peak
 
 
-# ---- What there is
+# ---- Available memory
 
 
 def test_control_groups_leave_the_least_of_what_each_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -159,19 +173,19 @@ def test_control_groups_leave_the_least_of_what_each_does(tmp_path: Path, monkey
     groups, inner = tmp_path / "cgroup", tmp_path / "mount" / "job" / "step"
     groups.write_text("0::/job/step\n")
     inner.mkdir(parents=True)
-    assert control_group_bytes(tmp_path / "mount", groups) is None
+    assert cgroup_bytes_left(tmp_path / "mount", groups) is None
     (inner / "memory.max").write_text("max\n")
     (inner / "memory.current").write_text("500\n")
-    assert control_group_bytes(tmp_path / "mount", groups) is None
+    assert cgroup_bytes_left(tmp_path / "mount", groups) is None
     (inner.parent / "memory.max").write_text("1000\n")
     (inner.parent / "memory.current").write_text("700\n")
-    assert control_group_bytes(tmp_path / "mount", groups) == 300
+    assert cgroup_bytes_left(tmp_path / "mount", groups) == 300
     (inner.parent / "memory.stat").write_text("anon 600\nfile 100\n")
-    assert control_group_bytes(tmp_path / "mount", groups) == 400
+    assert cgroup_bytes_left(tmp_path / "mount", groups) == 400
     (inner / "memory.max").write_text("600\n")
-    assert control_group_bytes(tmp_path / "mount", groups) == 100
+    assert cgroup_bytes_left(tmp_path / "mount", groups) == 100
     (inner / "memory.max").write_text("400\n")
-    assert control_group_bytes(tmp_path / "mount", groups) == 0
+    assert cgroup_bytes_left(tmp_path / "mount", groups) == 0
 
 
 def test_control_groups_leave_their_swap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -179,10 +193,10 @@ def test_control_groups_leave_their_swap(tmp_path: Path, monkeypatch: pytest.Mon
     (tmp_path / "cgroup").write_text("0::/\n")
     for name, text in (("memory.max", "1000"), ("memory.current", "700"), ("memory.swap.max", "max")):
         (tmp_path / name).write_text(text)
-    assert control_group_bytes(tmp_path, tmp_path / "cgroup") == 5300
+    assert cgroup_bytes_left(tmp_path, tmp_path / "cgroup") == 5300
     (tmp_path / "memory.swap.max").write_text("50")
     (tmp_path / "memory.swap.current").write_text("20")
-    assert control_group_bytes(tmp_path, tmp_path / "cgroup") == 330
+    assert cgroup_bytes_left(tmp_path, tmp_path / "cgroup") == 330
 
 
 def test_control_groups_of_the_first_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -194,26 +208,26 @@ def test_control_groups_of_the_first_version(tmp_path: Path, monkeypatch: pytest
     (root / "memory.limit_in_bytes").write_text("1000")
     (root / "memory.usage_in_bytes").write_text("900")
     (root / "memory.stat").write_text("total_cache 150\nbroken\n")
-    assert control_group_bytes(tmp_path, tmp_path / "cgroup") == 100
+    assert cgroup_bytes_left(tmp_path, tmp_path / "cgroup") == 100
     (root / "memory.stat").write_text("cache 0\ntotal_cache 150\n")
-    assert control_group_bytes(tmp_path, tmp_path / "cgroup") == 250
-    assert control_group_bytes(tmp_path, tmp_path / "nowhere") is None
+    assert cgroup_bytes_left(tmp_path, tmp_path / "cgroup") == 250
+    assert cgroup_bytes_left(tmp_path, tmp_path / "nowhere") is None
 
 
 def test_this_machine_has_limits_above_nothing() -> None:
-    found = list(memory.limits())
-    assert found[0].whose == "free on this machine"
+    found = list(memory_budget.memory_limits())
+    assert found[0].source == "free on this machine"
     assert all(limit.bytes > 0 for limit in found)
 
 
 _LIMITED = """
 import resource, sys
-from raytracer import memory
-before = {limit.whose: limit.bytes for limit in memory.limits()}
+from raytracer.rendering import memory_budget
+before = {limit.source: limit.bytes for limit in memory_budget.memory_limits()}
 import psutil
 _, hard = resource.getrlimit(resource.RLIMIT_AS)
 resource.setrlimit(resource.RLIMIT_AS, (psutil.Process().memory_info().vms + 3 * 10**9, hard))
-after = {limit.whose: limit.bytes for limit in memory.limits()}
+after = {limit.source: limit.bytes for limit in memory_budget.memory_limits()}
 (new,) = after.keys() - before.keys()
 print(new, after[new])
 """
@@ -226,24 +240,26 @@ def test_a_limit_on_the_address_space_counts() -> None:
     assert int(done.stdout.split()[-1]) == pytest.approx(3e9, rel=0.05)
 
 
-# ---- Estimates against what was taken
+# ---- Estimates and measurements
 
 _MEASURED = """
 import sys
-from raytracer import memory
-from raytracer.checkpoints import Keeper
-from raytracer.rendering import peak_rss_bytes, render
+from raytracer.rendering import memory_budget
+from raytracer.rendering.checkpoint import CheckpointWriter
+from raytracer.rendering.render import render
+from raytracer.rendering.statistics import peak_rss_bytes
 from raytracer.scene.load import load
 
-estimates, check = [], memory.check
-def noted(needed, most=None):
+estimates, check_memory = [], memory_budget.check_memory
+def noted(needed, limit=None):
     estimates.append(needed.total)
-    check(needed, most)
-memory.check = noted
-scene, width, height, aovs, denoise, keeps = sys.argv[1:]
+    check_memory(needed, limit)
+memory_budget.check_memory = noted
+scene, width, height, aovs, denoise, path = sys.argv[1:]
 size = {"film.width": int(width), "film.height": int(height)} if int(width) else {}
-keeper = Keeper(keeps, every=1.0) if keeps else None
-done = render(load(scene, size), spp=8, aovs=aovs.split(",") if aovs else (), denoise=bool(denoise), keeper=keeper)
+writer = CheckpointWriter(path, every=1.0) if path else None
+names = aovs.split(",") if aovs else ()
+done = render(load(scene, size), spp=8, aovs=names, denoise=bool(denoise), checkpoint_writer=writer)
 print(estimates[0], peak_rss_bytes())
 """
 
@@ -285,5 +301,5 @@ def test_estimates_are_within_a_quarter_of_what_is_taken(
     done = subprocess.run(
         [sys.executable, "-c", _MEASURED, *given], capture_output=True, text=True, check=True, timeout=900
     )
-    told, peak = map(int, done.stdout.split())
-    assert told == pytest.approx(peak, rel=0.25)
+    estimate, peak = map(int, done.stdout.split())
+    assert estimate == pytest.approx(peak, rel=0.25)

@@ -1,4 +1,4 @@
-"""The path of one sample, written down: it is the sample of the picture, and what is told of it adds up."""
+"""The logged path of one sample: it is the sample of the picture, and its values add up."""
 
 import json
 import math
@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-import raytracer.rendering
-from raytracer.cli.main import main
-from raytracer.debugging import Trace, text, trace
-from raytracer.errors import InputError
-from raytracer.rendering import render
-from raytracer.scene.pack import Packed, pack
+import raytracer.rendering.render
+from raytracer.cli.base.app import main
+from raytracer.rendering.path_debug import PathTrace, trace_sample
+from raytracer.rendering.path_text import format_path
+from raytracer.rendering.render import render
+from raytracer.scene.pack.scene import PackedScene, pack
+from raytracer.util.errors import InputError
 from tests.hard_cases.accumulation import poisoned
-from tests.rendering import scene
+from tests.small_scenes import scene
 
 ROOM = """
 camera: {type: pinhole, look_from: [0, 1, 4], look_at: [0, 0, 0], vfov: 40}
@@ -39,17 +40,17 @@ def room(**settings: Any) -> Any:
     return scene(ROOM, spp=SPP, rr_depth=3, **settings)
 
 
-def vertices(found: Trace, kind: str) -> list[dict[str, Any]]:
+def vertices(found: PathTrace, kind: str) -> list[dict[str, Any]]:
     return [event for event in found.events if event["event"] == kind]
 
 
 @pytest.fixture(scope="module")
-def traces() -> list[Trace]:
+def traces() -> list[PathTrace]:
     """All samples of a pixel that sees the ball under the shade, and of one that sees the floor through the glass."""
-    return [trace(room(), pixel, sample) for pixel in ((8, 6), (13, 12)) for sample in range(SPP)]
+    return [trace_sample(room(), pixel, sample) for pixel in ((8, 6), (13, 12)) for sample in range(SPP)]
 
 
-def test_they_are_the_samples_of_the_picture(traces: list[Trace]) -> None:
+def test_they_are_the_samples_of_the_picture(traces: list[PathTrace]) -> None:
     picture = render(room(), threads=1).image.radiance
     for x, y in ((8, 6), (13, 12)):
         values = np.array([found.value for found in traces if found.pixel == (x, y)])
@@ -59,7 +60,7 @@ def test_they_are_the_samples_of_the_picture(traces: list[Trace]) -> None:
     assert len({found.value for found in traces}) > SPP
 
 
-def test_what_is_gathered_adds_up(traces: list[Trace]) -> None:
+def test_what_is_gathered_adds_up(traces: list[PathTrace]) -> None:
     for found in traces:
         total = np.zeros(3)
         throughput = np.ones(3)
@@ -78,10 +79,10 @@ def test_what_is_gathered_adds_up(traces: list[Trace]) -> None:
                 throughput = throughput * event["weight"] / event["survival"]
             np.testing.assert_allclose(event["gathered"], total, rtol=1e-13, atol=1e-15)
         np.testing.assert_allclose(found.value, total, rtol=1e-13)
-        assert found.bad is None
+        assert found.first_non_finite is None
 
 
-def test_rays_start_where_the_path_was_and_end_where_it_goes_on(traces: list[Trace]) -> None:
+def test_rays_start_where_the_path_was_and_end_where_it_goes_on(traces: list[PathTrace]) -> None:
     for found in traces:
         (start,) = vertices(found, "camera")
         assert start["origin"] == [0.0, 1.0, 4.0]
@@ -99,7 +100,7 @@ def test_rays_start_where_the_path_was_and_end_where_it_goes_on(traces: list[Tra
                 assert math.isclose(math.hypot(*direction), 1.0, rel_tol=1e-12)
 
 
-def test_objects_and_materials_have_their_names(traces: list[Trace]) -> None:
+def test_objects_and_materials_have_their_names(traces: list[PathTrace]) -> None:
     met = {
         (event["object"], event["material"], event["shown"]) for found in traces for event in vertices(found, "surface")
     }
@@ -113,7 +114,7 @@ def test_objects_and_materials_have_their_names(traces: list[Trace]) -> None:
     assert all([event["side"] for event in vertices(found, "surface")][:2] == ["front", "back"] for found in through)
 
 
-def test_what_is_in_the_way_of_light_is_named(traces: list[Trace]) -> None:
+def test_what_is_in_the_way_of_light_is_named(traces: list[PathTrace]) -> None:
     blocks = [event for found in traces for event in vertices(found, "blocked")]
     assert {"shade", "ball"} & {event["object"] for event in blocks}
     for found in traces:
@@ -129,46 +130,46 @@ def test_what_is_in_the_way_of_light_is_named(traces: list[Trace]) -> None:
                 assert 0.0 < event["distance"] < aimed["distance"]
 
 
-def test_without_a_sample_it_is_the_brightest(traces: list[Trace]) -> None:
+def test_without_a_sample_it_is_the_brightest(traces: list[PathTrace]) -> None:
     seen = [found for found in traces if found.pixel == (8, 6)]
     brightest = max(seen, key=lambda found: sum(found.value))
-    assert trace(room(), (8, 6)).sample == brightest.sample
+    assert trace_sample(room(), (8, 6)).sample == brightest.sample
 
 
 def test_a_sample_beyond_the_last_one_is_what_more_would_bring() -> None:
-    longer = trace(room(), (8, 6), 13, spp=16)
-    assert trace(room(), (8, 6), 13).value == longer.value
+    longer = trace_sample(room(), (8, 6), 13, spp=16)
+    assert trace_sample(room(), (8, 6), 13).value == longer.value
     # Another seed is another sample.
-    assert trace(room(), (8, 6), 13, seed=9).value != longer.value
+    assert trace_sample(room(), (8, 6), 13, seed=9).value != longer.value
 
 
 def test_a_pixel_outside_is_refused() -> None:
     for pixel in ((16, 0), (0, 16), (-1, 3)):
         with pytest.raises(InputError, match=r"must lie within the film, from 0,0 to 15,15"):
-            trace(room(), pixel, 0)
+            trace_sample(room(), pixel, 0)
 
 
-def test_what_a_clamp_leaves_is_what_a_sample_adds(traces: list[Trace]) -> None:
+def test_what_a_clamp_leaves_is_what_a_sample_adds(traces: list[PathTrace]) -> None:
     # As if a clamp had left a half of it.
     found = traces[0]
     last = {**found.events[-1], "value": [0.5 * value for value in found.value]}
     half, whole = (f"({', '.join(f'{scale * value:.9g}' for value in found.value)})" for scale in (0.5, 1.0))
-    told = text(found._replace(events=[*found.events[:-1], last]))
+    told = format_path(found._replace(events=[*found.events[:-1], last]))
     assert told.endswith(f"gathered {whole}, times 1 is {whole}; after the clamp it adds {half}\n")
-    assert "clamp" not in text(found)
+    assert "clamp" not in format_path(found)
 
 
-def test_rays_are_counted_of_the_path_and_not_of_its_packet(traces: list[Trace]) -> None:
+def test_rays_are_counted_of_the_path_and_not_of_its_packet(traces: list[PathTrace]) -> None:
     for found in traces:
         count = len(vertices(found, "surface")) + len(vertices(found, "leaves"))
-        assert f": {count} ray{'s' * (count > 1)} long, " in text(found)
+        assert f": {count} ray{'s' * (count > 1)} long, " in format_path(found)
     # Some paths of a packet are longer than others.
     assert any(found.events[-1]["round"] > found.events[-2]["round"] for found in traces)
 
 
-def test_text_tells_the_vertices_in_order(traces: list[Trace]) -> None:
+def test_text_tells_the_vertices_in_order(traces: list[PathTrace]) -> None:
     for found in traces:
-        told = text(found)
+        told = format_path(found)
         x, y = found.pixel
         assert told.startswith(f"pixel {x},{y} sample {found.sample}: ")
         names = [event["object"] for event in vertices(found, "surface")]
@@ -181,19 +182,19 @@ def test_text_tells_the_vertices_in_order(traces: list[Trace]) -> None:
 def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     """The room as a file, with a clay that is not a number."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(raytracer.rendering, "pack", _poisoned)
-    monkeypatch.setattr(raytracer.debugging, "pack", _poisoned)
+    monkeypatch.setattr(raytracer.rendering.render, "pack", _poisoned)
+    monkeypatch.setattr(raytracer.rendering.path_debug, "pack", _poisoned)
     Path("my room.yaml").write_text(scene_text())
     return "my room.yaml"
 
 
-def _poisoned(spec: Any, **settings: Any) -> Packed:
+def _poisoned(spec: Any, **settings: Any) -> PackedScene:
     return poisoned(pack(spec, **settings), "lambertian")
 
 
 def scene_text() -> str:
     """As a file what `scene` makes of the room."""
-    from tests.rendering import _HEAD, _SPECKS
+    from tests.small_scenes import _HEAD, _SPECKS
 
     head = _HEAD.format(width=16, height=16, spp=SPP, max_depth=50, rr_depth=3, sampler="independent", accuracy="exact")
     # Such as nobody warns of.
@@ -240,8 +241,8 @@ def test_what_is_not_finite_is_reported_as_a_command_that_shows_it(
         ("--pixel 3,4", "--pixel needs --debug, which prints the path of one sample"),
         ("--sample 3", "--sample needs --debug, which prints the path of one sample"),
         ("--json", "--json needs --debug, which prints the path of one sample"),
-        ("--pixel 3 --debug", "--pixel 3: must be two whole numbers, X,Y"),
-        ("--pixel a,b --debug", "--pixel a,b: must be two whole numbers, X,Y"),
+        ("--pixel 3 --debug", "--pixel 3: must be two integers, X,Y"),
+        ("--pixel a,b --debug", "--pixel a,b: must be two integers, X,Y"),
         ("--pixel 3,99 --debug", "pixel 3,99 must lie within the film, from 0,0 to 15,15"),
     ],
 )

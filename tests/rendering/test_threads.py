@@ -1,4 +1,4 @@
-"""Several threads that render at once, and what they must not take from each other."""
+"""Several threads that render at once, and must not disturb each other."""
 
 import os
 import subprocess
@@ -14,13 +14,13 @@ import PIL.Image
 import pytest
 
 import raytracer as rt
-from raytracer.assets import read_image
-from raytracer.film.decoding import silenced
-from raytracer.jit import alone
-from raytracer.rendering import render
-from raytracer.scene.edit import overridden
-from raytracer.stock import Stock
-from tests.rendering import scene
+from raytracer.core.compiler.lock import compiler_lock
+from raytracer.film.formats.exr import suppress_library_output
+from raytracer.rendering.render import render
+from raytracer.scene.assets import read_image
+from raytracer.scene.cache import RenderCache
+from raytracer.scene.overrides import apply_overrides
+from tests.small_scenes import scene
 
 _THREADS = 4
 
@@ -34,14 +34,14 @@ objects:
 
 def test_pictures_are_those_of_one_thread() -> None:
     first = scene(_SPHERE, spp=64)
-    specs = [overridden(first, {"objects.0.radius": radius}) for radius in (1.0, 0.5, 1.0, 0.25)]
+    specs = [apply_overrides(first, {"objects.0.radius": radius}) for radius in (1.0, 0.5, 1.0, 0.25)]
     expected = [render(spec, threads=1).image.radiance for spec in specs]
     assert not np.array_equal(expected[0], expected[1])
-    together, stock = threading.Barrier(_THREADS), Stock()
+    together, cache = threading.Barrier(_THREADS), RenderCache()
 
     def work(number: int) -> Any:
         together.wait()
-        return render(specs[number], threads=2, stock=stock if number % 2 else None).image.radiance
+        return render(specs[number], threads=2, cache=cache if number % 2 else None).image.radiance
 
     with ThreadPoolExecutor(_THREADS) as pool:
         for found, wanted in zip(pool.map(work, range(_THREADS)), expected, strict=True):
@@ -52,7 +52,7 @@ def test_one_thread_compiles_and_warns_and_changes_filters_of_warnings(tmp_path:
     path = tmp_path / "a.png"
     PIL.Image.fromarray(np.zeros((2, 2, 3), np.uint8)).save(path)
     reader = threading.Thread(target=read_image, args=(path,))
-    with alone, warnings.catch_warnings():
+    with compiler_lock, warnings.catch_warnings():
         reader.start()
         reader.join(0.2)
         assert reader.is_alive()
@@ -61,12 +61,12 @@ def test_one_thread_compiles_and_warns_and_changes_filters_of_warnings(tmp_path:
 
 def test_warnings_of_a_scene_get_through_while_others_compile() -> None:
     # A camera within a thing is warned of.
-    doubtful = overridden(scene(_SPHERE), {"camera.look_from": [0.0, 0.0, 0.5], "film.width": 8, "film.height": 8})
+    doubtful = apply_overrides(scene(_SPHERE), {"camera.look_from": [0.0, 0.0, 0.5], "film.width": 8, "film.height": 8})
     compiling, done = threading.Event(), threading.Event()
     found: list[Any] = []
 
     def compile_as_numba_does() -> None:
-        with alone, warnings.catch_warnings(record=True) as caught:
+        with compiler_lock, warnings.catch_warnings(record=True) as caught:
             compiling.set()
             done.wait(0.3)
         found.extend(caught)
@@ -94,11 +94,11 @@ def test_the_terminal_is_put_back_whoever_silences_it() -> None:
 
     def second() -> None:
         second_ready.set()
-        with silenced():
+        with suppress_library_output():
             pass
 
     other = threading.Thread(target=second)
-    with silenced():
+    with suppress_library_output():
         other.start()
         second_ready.wait()
         other.join(0.1)
@@ -123,7 +123,7 @@ with ThreadPoolExecutor(len(scenes)) as pool:
     found = list(pool.map(work, scenes))
 for path, radiance in zip(scenes, found):
     assert (rt.render(rt.load(path), threads=2).radiance == radiance).all(), path
-from raytracer.integrator import render_tile
+from raytracer.kernel.path_tracer import render_tile
 print(sum(render_tile.stats.cache_misses.values()))
 """
 

@@ -13,11 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.jit import alone
-from raytracer.rendering import Progress, Rendered, render
-from raytracer.scene.edit import overridden
+from raytracer.core.compiler.lock import compiler_lock
+from raytracer.rendering.progress import Progress
+from raytracer.rendering.render import render
+from raytracer.rendering.session import Rendered
+from raytracer.scene.overrides import apply_overrides
 from raytracer.scene.spec import SceneSpec
-from tests.rendering import scene
+from tests.small_scenes import scene
 
 _SPHERE = """
 camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}
@@ -31,7 +33,7 @@ _PATIENCE = 120.0
 
 def _scenes() -> tuple[SceneSpec, SceneSpec]:
     first = scene(_SPHERE, width=256, height=256, spp=8)
-    return first, overridden(first, {"objects.0.radius": 0.5, "film.width": 128})
+    return first, apply_overrides(first, {"objects.0.radius": 0.5, "film.width": 128})
 
 
 def _bits(rendered: Rendered) -> bytes:
@@ -51,7 +53,7 @@ def test_any_number_of_threads_gives_the_same_bits() -> None:
 def test_each_of_many_renders_at_once_is_that_of_one_alone() -> None:
     # Of the same scene and of another, with many threads each, one of them interrupted.
     first, second = _scenes()
-    long = overridden(first, {"render.spp": 100_000})
+    long = apply_overrides(first, {"render.spp": 100_000})
     specs = (first, second, first, long)
     expected = [_bits(render(spec, threads=1)) for spec in (first, second)]
     together = threading.Barrier(len(specs))
@@ -104,7 +106,7 @@ def test_a_machine_that_is_busy_with_others_gives_the_same_bits() -> None:
 
 
 def _forked(work: Any) -> Any:
-    """What a function returns in a fork of this process."""
+    """Call a function in a fork of this process, and return its result."""
     ours, theirs = multiprocessing.Pipe()
     child = multiprocessing.get_context("fork").Process(target=lambda: theirs.send(work()))
     child.start()
@@ -137,13 +139,13 @@ def test_a_process_forked_while_a_thread_compiles_does_not_wait_for_it() -> None
     compiling, over = threading.Event(), threading.Event()
 
     def compile_for_long() -> None:
-        with alone:
+        with compiler_lock:
             compiling.set()
             over.wait(_PATIENCE)
 
     def held_and_rendered() -> bytes:
         # By the main thread: a new one may be given the identity of the one that was left behind.
-        with alone:
+        with compiler_lock:
             pass
         return _bits(render(spec, threads=2))
 

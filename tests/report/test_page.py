@@ -11,7 +11,7 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from raytracer import pages
+from raytracer.report import page as html
 
 EVIL = '</script><script>alert("1")</script><!-- \u2028 &amp; \udcff'
 
@@ -39,19 +39,19 @@ class Elements(HTMLParser):
 
 def test_data_come_back_as_they_were() -> None:
     data = {EVIL: [EVIL, 1, 2.5, None, True, np.float64(0.25), np.arange(3)], "ends": (float("inf"), -np.inf, np.nan)}
-    page = Elements(pages.page("sweep", "a sweep", data))
+    page = Elements(html.page("sweep", "a sweep", data))
     assert json.loads(page.data) == {EVIL: [EVIL, 1, 2.5, None, True, 0.25, [0, 1, 2]], "ends": ["inf", "-inf", "nan"]}
 
 
 def test_data_and_title_make_no_elements() -> None:
-    plain, evil = (Elements(pages.page("sweep", text, {"a": text})) for text in ("x", EVIL))
+    plain, evil = (Elements(html.page("sweep", text, {"a": text})) for text in ("x", EVIL))
     assert [tag for tag, _ in evil.tags] == [tag for tag, _ in plain.tags]
     assert evil.title.startswith('</script><script>alert("1")')
 
 
 @pytest.mark.parametrize(("name", "parts"), [("sweep", ("wipe",)), ("wipe", ())])
 def test_nothing_is_fetched(name: str, parts: tuple[str, ...]) -> None:
-    page = Elements(pages.page(name, "a page", {}, parts=parts))
+    page = Elements(html.page(name, "a page", {}, parts=parts))
     (policy,) = (a["content"] for _, a in page.tags if a.get("http-equiv") == "Content-Security-Policy")
     assert policy is not None
     assert policy.split("; ")[0] == "default-src 'none'"
@@ -61,18 +61,18 @@ def test_nothing_is_fetched(name: str, parts: tuple[str, ...]) -> None:
 
 
 def test_no_script_makes_html_of_texts() -> None:
-    content = pages.page("sweep", "a sweep", {}, parts=("wipe",)).decode()
+    content = html.page("sweep", "a sweep", {}, parts=("wipe",)).decode()
     assert "class Wipe" in content
     assert not re.search(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(|new Function", content)
 
 
 def test_what_is_no_data_is_refused() -> None:
     with pytest.raises(TypeError):
-        pages.page("sweep", "a sweep", {"a": object()})
+        html.page("sweep", "a sweep", {"a": object()})
 
 
 @pytest.mark.parametrize("shape", [(5, 7), (5, 7, 3), (5, 7, 4)])
-@pytest.mark.parametrize("encode", [pages.png, pages.webp])
+@pytest.mark.parametrize("encode", [html.png, html.webp])
 def test_pictures_are_held_as_they_are(encode: Any, shape: tuple[int, ...]) -> None:
     pixels = np.random.default_rng(1).integers(0, 256, shape, dtype=np.uint8)
     assert_array = np.testing.assert_array_equal
@@ -80,7 +80,7 @@ def test_pictures_are_held_as_they_are(encode: Any, shape: tuple[int, ...]) -> N
     assert_array(got[..., : shape[2]] if len(shape) == 3 else got[..., 0] if got.ndim == 3 else got, pixels)
 
 
-@pytest.mark.parametrize("encode", [lambda a: pages.webp(a, 90), lambda a: pages.jpeg(a, 90)])
+@pytest.mark.parametrize("encode", [lambda a: html.webp(a, 90), lambda a: html.jpeg(a, 90)])
 def test_pictures_with_losses_are_near(encode: Any) -> None:
     pixels = np.broadcast_to(np.linspace(0, 255, 64).astype(np.uint8)[:, None, None], (64, 64, 3))
     assert np.abs(decoded(encode(pixels)).astype(int) - pixels).max() <= 6

@@ -9,7 +9,7 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from raytracer import pages
+from raytracer.report import page as html
 
 Open = Callable[..., Any]
 
@@ -23,7 +23,7 @@ def plain(color: tuple[int, int, int], width: int = WIDTH, height: int = HEIGHT)
 
 def wiping(open_page: Open, folder: Path, left: str, right: str | None, **settings: Any) -> Any:
     file = folder / "wipe.html"
-    file.write_bytes(pages.page("wipe", "wipe", {"left": left, "right": right}))
+    file.write_bytes(html.page("wipe", "wipe", {"left": left, "right": right}))
     page = open_page(file, **settings)
     page.evaluate(
         """() => {
@@ -37,19 +37,19 @@ def wiping(open_page: Open, folder: Path, left: str, right: str | None, **settin
 
 
 def screen(page: Any) -> np.ndarray:
-    """What is seen of the pictures."""
+    """Capture the visible part of the pictures."""
     return np.asarray(PIL.Image.open(io.BytesIO(page.locator(".wipe-view").screenshot())).convert("RGB"))
 
 
 def where_red(page: Any) -> float:
-    """How much of the view's last rows, where nothing else is drawn, is the left picture."""
+    """Measure the part of the view's last rows, where nothing else is drawn, that is the left picture."""
     row = screen(page)[-3]
     return float(np.mean(np.all(row == RED, axis=-1)))
 
 
 @pytest.fixture
 def page(open_page: Open, tmp_path: Path) -> Any:
-    return wiping(open_page, tmp_path, pages.png(plain(RED)), pages.png(plain(BLUE)))
+    return wiping(open_page, tmp_path, html.png(plain(RED)), html.png(plain(BLUE)))
 
 
 def test_the_divider_is_dragged(page: Any) -> None:
@@ -89,7 +89,7 @@ def test_keys_move_the_divider(page: Any) -> None:
 
 
 def test_a_finger_moves_the_divider(open_page: Open, tmp_path: Path) -> None:
-    page = wiping(open_page, tmp_path, pages.png(plain(RED)), pages.png(plain(BLUE)), has_touch=True, size=(400, 700))
+    page = wiping(open_page, tmp_path, html.png(plain(RED)), html.png(plain(BLUE)), has_touch=True, size=(400, 700))
     box = page.locator(".wipe-view").bounding_box()
     page.touchscreen.tap(box["x"] + 0.3 * box["width"], box["y"] + box["height"] - 30)
     assert page.evaluate("wipe.position") == pytest.approx(0.3, abs=0.01)
@@ -100,7 +100,7 @@ def test_zoomed_a_pixel_is_so_many_pixels_of_the_screen(
     open_page: Open, tmp_path: Path, device_scale_factor: int
 ) -> None:
     noise = np.random.default_rng(1).integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
-    page = wiping(open_page, tmp_path, pages.png(noise), None, device_scale_factor=device_scale_factor)
+    page = wiping(open_page, tmp_path, html.png(noise), None, device_scale_factor=device_scale_factor)
     page.evaluate("wipe.show(data.left)")
     page.evaluate("wipe.shown")
     for zoom in (2, 4):
@@ -114,7 +114,7 @@ def test_zoomed_a_pixel_is_so_many_pixels_of_the_screen(
 def test_what_is_larger_than_the_page_is_pulled(open_page: Open, tmp_path: Path) -> None:
     left, right = plain(RED, 800, 600), plain(BLUE, 800, 600)
     left[300, 400] = right[300, 400] = 255
-    page = wiping(open_page, tmp_path, pages.png(left), pages.png(right), size=(600, 500))
+    page = wiping(open_page, tmp_path, html.png(left), html.png(right), size=(600, 500))
     page.get_by_role("button", name="4:1").click()
     place = "[...document.querySelectorAll('.wipe-view')].map(view => [view.scrollLeft, view.scrollTop])[0]"
     before = page.evaluate(place)
@@ -144,7 +144,7 @@ def test_the_pixel_under_the_pointer_is_told(page: Any) -> None:
 
 def test_the_picture_asked_for_last_is_shown(page: Any) -> None:
     """A large picture takes longer to decode than a small one that is asked for after it."""
-    large = pages.png(np.random.default_rng(1).integers(0, 256, (600, 800, 3), dtype=np.uint8))
+    large = html.png(np.random.default_rng(1).integers(0, 256, (600, 800, 3), dtype=np.uint8))
     page.evaluate(
         """async (large) => {
           wipe.show(large, null, "large");

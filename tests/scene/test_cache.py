@@ -9,18 +9,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer import stock as stock_module
-from raytracer.assets import LOADERS
-from raytracer.errors import InputError
-from raytracer.geometry import Geometry, Primitive, padded
-from raytracer.rendering import ready, render
-from raytracer.scene.edit import overridden
+from raytracer.core.geometry import Geometry, Primitive, pad_buffer
+from raytracer.film.image import Image
+from raytracer.rendering import statistics
+from raytracer.rendering.options import RenderOptions
+from raytracer.rendering.render import prepare_scene, render, render_prepared
+from raytracer.rendering.statistics import PhaseTimer
+from raytracer.scene import cache as cache_module
+from raytracer.scene.assets import LOADERS
+from raytracer.scene.cache import RenderCache, is_identical
 from raytracer.scene.load import build, load
-from raytracer.scene.pack import pack
+from raytracer.scene.overrides import apply_overrides
+from raytracer.scene.pack.scene import pack
 from raytracer.scene.spec import SceneSpec
-from raytracer.stock import Stock, same
-from tests.rendering import scene
+from raytracer.util.errors import InputError
 from tests.repository import ROOT
+from tests.small_scenes import scene
 
 # Something of each that packing keeps: textures, media, solids that overlap, a moving object, instances, a sky, files.
 _RICH = """
@@ -114,14 +118,14 @@ _ANOTHER_WORLD: list[dict[str, Any]] = [
 ]
 
 
-def test_what_is_packed_from_a_stock_is_what_is_packed_anew(rich: Path) -> None:
-    stock, spec = Stock(), load(rich)
+def test_what_is_packed_from_a_cache_is_what_is_packed_anew(rich: Path) -> None:
+    cache, spec = RenderCache(), load(rich)
     every = [*_SEEN_OTHERWISE, *_ANOTHER_WORLD, *_SEEN_OTHERWISE[:2]]
     for overrides in every:
-        changed = overridden(spec, overrides)
-        assert same(pack(changed, supplies=stock)._replace(built=None), _alone(changed)), overrides
-    assert stock.counts.files_read == 3
-    assert stock.counts.worlds_packed == 1 + len(_ANOTHER_WORLD)
+        changed = apply_overrides(spec, overrides)
+        assert is_identical(pack(changed, provider=cache)._replace(built=None), _alone(changed)), overrides
+    assert cache.counts.files_read == 3
+    assert cache.counts.worlds_packed == 1 + len(_ANOTHER_WORLD)
 
 
 def test_settings_that_a_scene_did_not_set_are_told_from_those_it_did() -> None:
@@ -133,8 +137,8 @@ def test_settings_that_a_scene_did_not_set_are_told_from_those_it_did() -> None:
         ).objects
         for zero, name in (("0.0", ""), ("0.0", ", name: null"))
     )
-    assert not same(one, other)
-    assert same(one, one[:1])
+    assert not is_identical(one, other)
+    assert is_identical(one, one[:1])
 
 
 @pytest.mark.parametrize(
@@ -154,50 +158,50 @@ def test_settings_that_a_scene_did_not_set_are_told_from_those_it_did() -> None:
     ],
 )
 def test_the_same_is_the_same_to_the_last_bit(one: Any, other: Any, alike: bool) -> None:
-    assert same(one, other) is alike
+    assert is_identical(one, other) is alike
 
 
 # ---- Files
 
 
 def test_a_file_is_read_once_until_it_changes(tmp_path: Path) -> None:
-    stock, path = Stock(), tmp_path / "mesh.ply"
+    cache, path = RenderCache(), tmp_path / "mesh.ply"
     _write_mesh(path, 1.0)
-    first = stock.read("mesh", path)
-    assert stock.read("mesh", path) is first
+    first = cache.read("mesh", path)
+    assert cache.read("mesh", path) is first
     _write_mesh(path, 2.5)
-    second = stock.read("mesh", path)
+    second = cache.read("mesh", path)
     assert second.vertices.max() == 2.5
     # As long and as old as it was, but another file.
     status = path.stat()
     _write_mesh(tmp_path / "other.ply", 3.5)
     os.utime(tmp_path / "other.ply", ns=(status.st_atime_ns, status.st_mtime_ns))
     os.replace(tmp_path / "other.ply", path)
-    assert stock.read("mesh", path).vertices.max() == 3.5
-    assert stock.counts.files_read == 3
+    assert cache.read("mesh", path).vertices.max() == 3.5
+    assert cache.counts.files_read == 3
     # As large as before, in its place, and with its time put back.
     _write_mesh(path, 4.5)
     os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
-    assert stock.read("mesh", path).vertices.max() == 4.5
+    assert cache.read("mesh", path).vertices.max() == 4.5
     path.unlink()
     with pytest.raises(InputError, match="no such file"):
-        stock.read("mesh", path)
+        cache.read("mesh", path)
 
 
 def test_a_changed_file_is_another_world(rich: Path) -> None:
-    stock, spec = Stock(), load(rich)
-    before = pack(spec, supplies=stock)
+    cache, spec = RenderCache(), load(rich)
+    before = pack(spec, provider=cache)
     _write_mesh(rich.parent / "mesh.ply", 0.5)
-    after = pack(spec, supplies=stock)
-    assert same(after._replace(built=None), _alone(spec))
-    assert not same(before.geometries, after.geometries)
+    after = pack(spec, provider=cache)
+    assert is_identical(after._replace(built=None), _alone(spec))
+    assert not is_identical(before.geometries, after.geometries)
     (rich.parent / "wood.png").unlink()
     with pytest.raises(InputError, match=r"wood\.png: no such file"):
-        pack(spec, supplies=stock)
+        pack(spec, provider=cache)
 
 
 def test_a_mesh_is_read_again_when_a_file_that_it_names_changes(tmp_path: Path) -> None:
-    stock, path = Stock(), tmp_path / "triangle.gltf"
+    cache, path = RenderCache(), tmp_path / "triangle.gltf"
     buffer = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
     path.write_text(
         '{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],'
@@ -207,12 +211,12 @@ def test_a_mesh_is_read_again_when_a_file_that_it_names_changes(tmp_path: Path) 
         '"bufferViews": [{"buffer": 0, "byteLength": 36}], "buffers": [{"uri": "points.bin", "byteLength": 36}]}'
     )
     (tmp_path / "points.bin").write_bytes(buffer.tobytes())
-    assert stock.read("mesh", path).vertices.max() == 1.0
-    assert stock.read("mesh", path).vertices.max() == 1.0
-    assert stock.counts.files_read == 1
+    assert cache.read("mesh", path).vertices.max() == 1.0
+    assert cache.read("mesh", path).vertices.max() == 1.0
+    assert cache.counts.files_read == 1
     (tmp_path / "points.bin").write_bytes((2 * buffer).tobytes())
     os.utime(tmp_path / "points.bin", ns=(1, 1))
-    assert stock.read("mesh", path).vertices.max() == 2.0
+    assert cache.read("mesh", path).vertices.max() == 2.0
 
 
 def test_many_threads_read_a_file_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -225,12 +229,12 @@ def test_many_threads_read_a_file_once(tmp_path: Path, monkeypatch: pytest.Monke
         read.append(path)
         return object()
 
-    monkeypatch.setattr(stock_module, "LOADERS", {**LOADERS, "grid": load})
-    stock = Stock()
+    monkeypatch.setattr(cache_module, "LOADERS", {**LOADERS, "grid": load})
+    cache = RenderCache()
 
     def work(_: int) -> Any:
         together.wait()
-        return stock.read("grid", path)
+        return cache.read("grid", path)
 
     with ThreadPoolExecutor(count) as pool:
         found = set(map(id, pool.map(work, range(count))))
@@ -241,50 +245,50 @@ def test_many_threads_read_a_file_once(tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def _triangle(size: float) -> dict[int, Geometry]:
-    corners = padded(size * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.float32)
-    return {0: Geometry(Primitive.TRIANGLE, (corners,), padded(np.array([[0, 1, 2]]), np.uint32))}
+    corners = pad_buffer(size * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.float32)
+    return {0: Geometry(Primitive.TRIANGLE, (corners,), pad_buffer(np.array([[0, 1, 2]]), np.uint32))}
 
 
-def _structure(stock: Stock, size: float = 1.0, *, first_instance: int = 1, robust: bool = True) -> Any:
-    return stock.structure(_triangle(size), (), (), first_instance=first_instance, robust=robust)
+def _structure(cache: RenderCache, size: float = 1.0, *, first_instance: int = 1, robust: bool = True) -> Any:
+    return cache.build_accel(_triangle(size), (), (), first_instance=first_instance, robust=robust)
 
 
 def test_a_structure_is_built_once_for_the_same_geometry() -> None:
-    stock = Stock()
-    first = _structure(stock)
-    assert _structure(stock) is first
-    assert _structure(stock, robust=False) is not first
-    assert _structure(stock, 0.5) is not first
-    assert _structure(stock, first_instance=2) is not first
-    assert stock.counts.structures_built == 4
-    assert _structure(stock).cast([0.1, 0.1, 1.0], [0.0, 0.0, -1.0]).distance == pytest.approx(1.0)
+    cache = RenderCache()
+    first = _structure(cache)
+    assert _structure(cache) is first
+    assert _structure(cache, robust=False) is not first
+    assert _structure(cache, 0.5) is not first
+    assert _structure(cache, first_instance=2) is not first
+    assert cache.counts.structures_built == 4
+    assert _structure(cache).cast([0.1, 0.1, 1.0], [0.0, 0.0, -1.0]).distance == pytest.approx(1.0)
 
 
 def test_what_was_not_used_for_longest_goes(monkeypatch: pytest.MonkeyPatch) -> None:
     # Room for two triangles of 36 and 12 bytes.
-    monkeypatch.setattr(stock_module, "_MOST_GEOMETRY", 100)
-    stock = Stock()
+    monkeypatch.setattr(cache_module, "_MAX_GEOMETRY_BYTES", 100)
+    cache = RenderCache()
     for size in (1.0, 2.0, 1.0, 3.0):
-        _structure(stock, size)
-    assert stock.counts.structures_built == 3
-    _structure(stock, 1.0)
-    assert stock.counts.structures_built == 3
-    _structure(stock, 2.0)
-    assert stock.counts.structures_built == 4
+        _structure(cache, size)
+    assert cache.counts.structures_built == 3
+    _structure(cache, 1.0)
+    assert cache.counts.structures_built == 3
+    _structure(cache, 2.0)
+    assert cache.counts.structures_built == 4
 
 
 def test_what_is_heavier_than_all_that_is_kept_is_kept_as_long_as_it_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stock_module, "_MOST_GEOMETRY", 1)
-    stock = Stock()
-    assert _structure(stock) is _structure(stock)
+    monkeypatch.setattr(cache_module, "_MAX_GEOMETRY_BYTES", 1)
+    cache = RenderCache()
+    assert _structure(cache) is _structure(cache)
 
 
 def test_kernels_that_there_were_are_not_counted() -> None:
-    stock = Stock()
+    cache = RenderCache()
     spec = scene(_SPHERE)
-    ready(spec)
-    ready(spec, stock=stock)
-    assert stock.counts == (0, 1, 1, 0)
+    prepare_scene(spec)
+    prepare_scene(spec, cache=cache)
+    assert cache.counts == (0, 1, 1, 0)
 
 
 # ---- Renders
@@ -297,54 +301,54 @@ objects:
 """
 
 
-def test_pictures_from_a_stock_have_the_bits_of_others() -> None:
-    stock = Stock()
+def test_pictures_from_a_cache_have_the_bits_of_others() -> None:
+    cache = RenderCache()
     first = scene(_SPHERE)
     for overrides in ({"camera.vfov": 30}, {"objects.0.radius": 0.5}, {"camera.vfov": 25}, {}):
-        spec = overridden(first, overrides)
-        shared = render(spec, spp=8, threads=2, stock=stock).image
+        spec = apply_overrides(first, overrides)
+        shared = render(spec, spp=8, threads=2, cache=cache).image
         assert np.array_equal(shared.radiance, render(spec, spp=8, threads=2).image.radiance)
-    assert stock.counts[1:3] == (2, 2)
+    assert cache.counts[1:3] == (2, 2)
 
 
 def test_what_is_ready_may_be_rendered_again() -> None:
     spec = scene(_SPHERE)
-    prepared = ready(spec, spp=8, threads=2)
-    one, other = prepared.render(), prepared.render()
+    prepared = prepare_scene(spec, RenderOptions(spp=8, threads=2))
+    one, other = render_prepared(prepared), render_prepared(prepared)
     assert np.array_equal(one.image.radiance, other.image.radiance)
     assert not np.shares_memory(one.image.radiance, other.image.radiance)
     assert set(prepared.seconds) == {"load", "pack", "build", "compile"}
     assert set(one.stats.seconds) == {*prepared.seconds, "render", "develop", "total"}
 
 
-def test_the_picture_of_a_rehearsal_is_not_painted_over() -> None:
+def test_the_picture_of_a_dry_run_is_not_overwritten() -> None:
     kept: list[Any] = []
     spec = scene(_SPHERE)
-    final = render(
-        spec, spp=16, threads=2, time_limit=600.0, rehearse=lambda image: kept.extend([image, image.radiance.copy()])
-    )
-    rehearsed, then = kept
-    assert np.array_equal(rehearsed.radiance, then)
-    assert not np.array_equal(rehearsed.radiance, final.image.radiance)
+
+    def save(image: Image) -> None:
+        kept.extend([image, image.radiance.copy()])
+
+    final = render(spec, spp=16, threads=2, time_limit=600.0, dry_run_save=save)
+    saved, then = kept
+    assert np.array_equal(saved.radiance, then)
+    assert not np.array_equal(saved.radiance, final.image.radiance)
 
 
 def test_a_pause_before_a_render_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    from raytracer import rendering
-
     seconds = iter([100.0, 107.0])
-    monkeypatch.setattr(rendering, "now", lambda: next(seconds))
+    monkeypatch.setattr(statistics, "now", lambda: next(seconds))
     phases = {"load": 2.0, "build": 1.0}
-    clock = rendering._Clock(phases)
-    assert clock.began == 97.0
-    clock.lap("render")
+    timer = PhaseTimer(phases)
+    assert timer.start_time == 97.0
+    timer.lap("render")
     assert phases == {"load": 2.0, "build": 1.0, "render": 7.0}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["cover", "cornell", "nested", "textures", "studio", "smoke", "bouncing", "fan"])
-def test_shipped_scenes_are_packed_from_a_stock_as_anew(name: str) -> None:
-    stock, spec = Stock(), load(ROOT / "scenes" / f"{name}.yaml")
+def test_shipped_scenes_are_packed_from_a_cache_as_anew(name: str) -> None:
+    cache, spec = RenderCache(), load(ROOT / "scenes" / f"{name}.yaml")
     for overrides in ({}, {"film.width": 30}, {"render.max_depth": 2}, {"camera.look_at": [0.1, 0.2, 0.3]}, {}):
-        changed = overridden(spec, overrides)
-        assert same(pack(changed, supplies=stock)._replace(built=None), _alone(changed)), overrides
-    assert stock.counts.worlds_packed == 1
+        changed = apply_overrides(spec, overrides)
+        assert is_identical(pack(changed, provider=cache)._replace(built=None), _alone(changed)), overrides
+    assert cache.counts.worlds_packed == 1

@@ -11,13 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.assets import companions, read_mesh
-from raytracer.errors import InputError
-from raytracer.reach import MARKER
-from raytracer.scene import inputs
-from raytracer.scene.inputs import Bundle, bundle, digest, files_of, unbundle
+from raytracer.scene import digest as digest_module
+from raytracer.scene.assets import companion_files, read_mesh
+from raytracer.scene.bundle import Bundle, bundle, unbundle
+from raytracer.scene.digest import digest
+from raytracer.scene.input_files import input_files
 from raytracer.scene.load import build, load
 from raytracer.scene.spec import SceneSpec
+from raytracer.util.errors import InputError
+from raytracer.util.path_sandbox import ROOT_MARKER
 
 PLAIN = """\
 camera: {type: pinhole, look_from: [0, 0, 4], vfov: 40}
@@ -100,7 +102,7 @@ def gltf(path: Path, buffer: str = "bins/a%20b.bin", image: str = "../shared/ski
 def folder(tmp_path: Path) -> Path:
     """A scene's folder with all that `FILES` names."""
     home = tmp_path / "home"
-    (tmp_path / MARKER).touch()
+    (tmp_path / ROOT_MARKER).touch()
     for name in ("data/mask.png", "other.png"):
         picture(home / name)
     picture(tmp_path / "shared" / "skin.png")
@@ -123,7 +125,7 @@ def scene_in(folder: Path) -> SceneSpec:
 def test_all_files_are_told_and_those_that_files_name(folder: Path) -> None:
     scene = scene_in(folder)
     sky = str(folder.parent / "sky" / "sky.png")
-    found = files_of(scene)
+    found = input_files(scene)
     by_scene = [(keys, name) for keys, name in NAMED if not name.startswith(("../meshes/bins", "../meshes/.."))]
     assert [(item.keys, item.name.replace(sky, "SKY")) for item in found if item.kind != "companion"] == by_scene
     companion = {os.path.realpath(item.path) for item in found if item.kind == "companion"}
@@ -135,11 +137,11 @@ def test_all_files_are_told_and_those_that_files_name(folder: Path) -> None:
 def test_a_glb_file_or_one_with_its_data_inside_names_no_others(tmp_path: Path) -> None:
     points = base64.b64encode(np.zeros(9, np.float32).tobytes()).decode()
     gltf(tmp_path / "in.gltf", f"data:application/octet-stream;base64,{points}", "missing.png")
-    assert companions("mesh", tmp_path / "in.gltf") == ()
+    assert companion_files("mesh", tmp_path / "in.gltf") == ()
     (tmp_path / "broken.glb").write_bytes(b"glTF" + bytes(4))
-    assert companions("mesh", tmp_path / "broken.glb") == ()
-    assert companions("mesh", tmp_path / "nowhere.gltf") == ()
-    assert companions("grid", tmp_path / "in.gltf") == ()
+    assert companion_files("mesh", tmp_path / "broken.glb") == ()
+    assert companion_files("mesh", tmp_path / "nowhere.gltf") == ()
+    assert companion_files("grid", tmp_path / "in.gltf") == ()
 
 
 # ---- Digest
@@ -184,17 +186,17 @@ def test_settings_count_unless_they_are_none() -> None:
 def test_the_program_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = build(PLAIN, "a.yaml")
     before = digest(scene)
-    monkeypatch.setattr(inputs, "program", lambda: "another")
+    monkeypatch.setattr(digest_module, "program_hash", lambda: "another")
     assert digest(scene) != before
 
 
 @pytest.mark.parametrize("library", ["numba", "embreex", "Pillow", "trimesh"])
 def test_the_libraries_that_compute_and_read_files_count(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    before, version = inputs.program(), importlib.metadata.version
+    before, version = digest_module.program_hash(), importlib.metadata.version
     monkeypatch.setattr(importlib.metadata, "version", lambda name: "0.1" if name == library else version(name))
-    inputs.program.cache_clear()
-    after = inputs.program()
-    inputs.program.cache_clear()
+    digest_module.program_hash.cache_clear()
+    after = digest_module.program_hash()
+    digest_module.program_hash.cache_clear()
     assert after != before
 
 
@@ -269,7 +271,7 @@ def test_a_bundle_holds_all_that_the_scene_reads(folder: Path, tmp_path: Path) -
         shutil.rmtree(folder.parent / name)
     there = unbundle(packed, tmp_path / "there")
     assert digest(there) == expected
-    assert all(item.path.resolve().is_relative_to((tmp_path / "there").resolve()) for item in files_of(there))
+    assert all(item.path.resolve().is_relative_to((tmp_path / "there").resolve()) for item in input_files(there))
     assert len(read_mesh(there.base / there.groups["pair"][0].file).faces) == 1
     # Names that were one are one, and names that were two are two: what is stored once stays so.
     first, second = (frame.file for frame in there.objects[1].frames)

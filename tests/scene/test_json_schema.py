@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from raytracer.document import parse
-from raytracer.errors import SceneError
+from raytracer.scene.json_schema import scene_schema
 from raytracer.scene.load import build
-from raytracer.scene.schema import schema
+from raytracer.schema.yaml_parser import parse
+from raytracer.util.errors import SceneError
 
 jsonschema = pytest.importorskip("jsonschema")
 
@@ -23,12 +23,12 @@ objects: [{type: sphere, name: ball, center: [0, 0, 0], radius: 1, material: gre
 
 @pytest.fixture(scope="module")
 def validator() -> Any:
-    return jsonschema.Draft202012Validator(schema())
+    return jsonschema.Draft202012Validator(scene_schema())
 
 
 def test_it_is_a_schema_in_plain_json() -> None:
-    jsonschema.Draft202012Validator.check_schema(schema())
-    assert json.loads(json.dumps(schema(), allow_nan=False)) == schema()
+    jsonschema.Draft202012Validator.check_schema(scene_schema())
+    assert json.loads(json.dumps(scene_schema(), allow_nan=False)) == scene_schema()
 
 
 def first_of_each(objects: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -89,7 +89,7 @@ def test_it_agrees_with_the_checks(validator: Any, old: str, new: str, valid: bo
 
 
 def test_descriptions_tell_units_and_defaults() -> None:
-    definitions = schema()["$defs"]
+    definitions = scene_schema()["$defs"]
     assert "degrees" in definitions["Pinhole"]["properties"]["vfov"]["description"]
     assert "metres" in definitions["Sphere"]["properties"]["center"]["description"]
     assert definitions["Render"]["properties"]["spp"]["default"] == 64
@@ -101,10 +101,10 @@ def test_descriptions_tell_units_and_defaults() -> None:
 
 def test_defaults_are_values_that_the_schema_takes(validator: Any) -> None:
     found = 0
-    for definition in schema()["$defs"].values():
+    for definition in scene_schema()["$defs"].values():
         for key, node in definition.get("properties", {}).items():
             if "default" in node:
                 found += 1
-                part = validator.evolve(schema={**node, "$defs": schema()["$defs"]})
+                part = validator.evolve(schema={**node, "$defs": scene_schema()["$defs"]})
                 assert part.is_valid(node["default"]), key
     assert found > 100

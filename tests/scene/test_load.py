@@ -11,10 +11,11 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from raytracer.document import path_text
-from raytracer.errors import InputError, SceneError
-from raytracer.scene.load import build, load, parse_overrides
+from raytracer.scene.load import build, load
+from raytracer.scene.overrides import parse_overrides
 from raytracer.scene.spec import SceneSpec
+from raytracer.schema.yaml_nodes import path_text
+from raytracer.util.errors import InputError, SceneError
 
 SCENE = """\
 camera:
@@ -87,7 +88,7 @@ def test_a_filter_is_a_name_or_a_mapping() -> None:
         ("  type: pinhole\n", "", "scene.yaml:1: camera: needs a type, one of"),
         ("width: 8, ", "", "scene.yaml:5: film.width: is missing"),
         ("width: 8", "width: 0", "scene.yaml:5: film.width: must be at least 1, got 0"),
-        ("width: 8", "width: 8.5", "scene.yaml:5: film.width: must be a whole number, got 8.5"),
+        ("width: 8", "width: 8.5", "scene.yaml:5: film.width: must be an integer, got 8.5"),
         ("width: 8, height: 6", "width: 65536, height: 65536", "film: is too large: 65536 x 65536 is 4,294,967,296 p"),
         ("height: 6", "height: 6, filter: bx", "scene.yaml:5: film.filter: unknown type of filter 'bx'"),
         ("albedo: 0.5", "albedo: [0.5, 1.5, 0]", "scene.yaml:7: materials.grey.albedo[1]: must be at most 1, got 1.5"),

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.primitives.interface import bounds
-from raytracer.scene.objects import Assets
-from raytracer.scene.pack import pack
-from raytracer.scene.whereabouts import Whereabouts
-from tests.rendering import scene
+from raytracer.core.primitives.base.interface import bounds
+from raytracer.scene.object_bounds import ObjectBounds
+from raytracer.scene.pack.scene import pack
+from raytracer.scene.scene_assets import SceneAssets
+from tests.small_scenes import scene
 
 CAMERA = "camera: {type: pinhole, look_from: [0, 0, 9]}\n"
 
@@ -20,9 +20,9 @@ PLY = (
 )
 
 
-def where(objects: str, *, groups: str = "", base: Path | None = None) -> Whereabouts:
+def where(objects: str, *, groups: str = "", base: Path | None = None) -> ObjectBounds:
     spec = scene(CAMERA + groups + "objects:\n" + objects, filled=False, base=base)
-    return Whereabouts(spec, Assets(spec))
+    return ObjectBounds(spec, SceneAssets(spec))
 
 
 @pytest.mark.parametrize(

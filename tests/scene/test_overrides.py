@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 
 import raytracer as rt
-from raytracer.errors import InputError
-from raytracer.scene.edit import overridden
 from raytracer.scene.load import build
+from raytracer.scene.overrides import apply_overrides
+from raytracer.util.errors import InputError
 
 SCENE = """\
 camera: {type: pinhole, look_from: [0, 0, 4], vfov: 40}
@@ -41,32 +41,32 @@ objects:
 def test_it_is_as_if_the_file_had_been_loaded_with_them(overrides: dict[str, Any]) -> None:
     if list(overrides)[0:1] == ["film.filter"]:
         overrides = {"film.filter": {"type": "gaussian", "sigma": 0.4}}
-    assert overridden(build(SCENE, "a.yaml"), overrides) == build(SCENE, "a.yaml", overrides)
+    assert apply_overrides(build(SCENE, "a.yaml"), overrides) == build(SCENE, "a.yaml", overrides)
 
 
 def test_what_is_not_touched_is_what_it_was() -> None:
     scene = build(SCENE, "a.yaml")
-    seen = overridden(scene, {"camera.vfov": 20, "render.spp": 4})
+    seen = apply_overrides(scene, {"camera.vfov": 20, "render.spp": 4})
     assert seen.objects is scene.objects
     assert seen.materials is scene.materials
     assert seen.film is scene.film
-    grown = overridden(scene, {"objects.ball.radius": 2})
+    grown = apply_overrides(scene, {"objects.ball.radius": 2})
     assert grown.objects[0].radius == 2.0
     assert grown.objects[1] is scene.objects[1]
     assert scene.objects[0].radius == 1.0
-    assert overridden(scene, {"materials.gold.fuzz": 0.1}).materials["grey"] is scene.materials["grey"]
+    assert apply_overrides(scene, {"materials.gold.fuzz": 0.1}).materials["grey"] is scene.materials["grey"]
 
 
 def test_one_override_sees_what_another_did() -> None:
-    scene = overridden(build(SCENE, "a.yaml"), {"camera.vfov": 20})
-    scene = overridden(scene, {"film.width": 5})
+    scene = apply_overrides(build(SCENE, "a.yaml"), {"camera.vfov": 20})
+    scene = apply_overrides(scene, {"film.width": 5})
     assert (scene.camera.vfov, scene.film.width) == (20.0, 5)
 
 
 def test_a_scene_that_was_changed_in_code_keeps_the_change() -> None:
     scene = build(SCENE, "a.yaml")
     changed = scene.model_copy(update={"film": scene.film.model_copy(update={"width": 3})})
-    assert overridden(changed, {"film.height": 2}).film.width == 3
+    assert apply_overrides(changed, {"film.height": 2}).film.width == 3
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def test_a_scene_that_was_changed_in_code_keeps_the_change() -> None:
 )
 def test_mistakes_are_told_as_those_of_a_file_are(overrides: dict[str, Any], sentence: str) -> None:
     with pytest.raises(InputError) as caught:
-        overridden(build(SCENE, "a.yaml"), overrides)
+        apply_overrides(build(SCENE, "a.yaml"), overrides)
     assert str(caught.value) == sentence
 
 
@@ -112,4 +112,4 @@ def test_scenes_made_in_code_have_no_lines_to_tell() -> None:
 
 def test_a_file_that_is_not_there_is_told_where_it_is_named() -> None:
     with pytest.raises(InputError, match=r"-D environment=\{.*: environment\.file: there is no file 'sky\.png' in "):
-        overridden(build(SCENE, "a.yaml"), {"environment": {"type": "image", "file": "sky.png"}})
+        apply_overrides(build(SCENE, "a.yaml"), {"environment": {"type": "image", "file": "sky.png"}})

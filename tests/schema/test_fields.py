@@ -9,22 +9,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field, TypeAdapter, ValidationError
 
-from raytracer.spec import (
+from raytracer.schema.fields import (
     Albedo,
     Direction,
     Fraction,
     Length,
     NonNegativeLength,
-    ObjectSpec,
     Point,
     PositiveLength,
     PositiveLengthOrInf,
     Radiance,
-    Transform,
-    at,
-    matrix_of,
-    sentence,
 )
+from raytracer.schema.object_spec import ObjectSpec
+from raytracer.schema.spec import field_error
+from raytracer.schema.transform import Transform, matrix_of
+from raytracer.schema.validation_errors import error_sentence
 
 ANGLES = st.floats(-720.0, 720.0).filter(lambda angle: angle == 0.0 or abs(angle) >= 1e-30)
 COMPONENTS = st.floats(-1e3, 1e3)
@@ -38,7 +37,7 @@ def complaint(field: Any, value: Any) -> tuple[tuple[str | int, ...], str]:
     with pytest.raises(ValidationError) as caught:
         checked(field, value)
     first = caught.value.errors()[0]
-    return first["loc"], sentence(first)
+    return first["loc"], error_sentence(first)
 
 
 def transform(*steps: dict[str, Any]) -> np.ndarray:
@@ -230,9 +229,9 @@ def test_an_unknown_key_does_not_hide_other_errors() -> None:
 
 def test_at_points_below_a_mapping() -> None:
     with pytest.raises(ValidationError) as caught:
-        at(("rotate", "axis"), "must {not} be zero")
+        field_error(("rotate", "axis"), "must {not} be zero")
     assert caught.value.errors()[0]["loc"] == ("rotate", "axis")
-    assert sentence(caught.value.errors()[0]) == "must {not} be zero"
+    assert error_sentence(caught.value.errors()[0]) == "must {not} be zero"
 
 
 def test_the_constraints_of_pydantic_speak_as_the_others_do() -> None:

@@ -6,14 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from raytracer import document
-from raytracer.assets import read_lens
-from raytracer.cli.main import main
-from raytracer.errors import InputError, nearest, one_line
-from raytracer.glass import glass_of
-from raytracer.scene.load import build, load, parse_overrides
-from raytracer.sweeping.values import read_text, read_value
-from raytracer.units import parse_bytes, parse_duration, parse_quantity, parse_share
+from raytracer.analysis.sweep.parse_values import parse_value, parse_value_text
+from raytracer.cli.base.app import main
+from raytracer.optics.glass import parse_glass
+from raytracer.scene.assets import read_lens
+from raytracer.scene.load import build, load
+from raytracer.scene.overrides import parse_overrides
+from raytracer.schema import yaml_parser
+from raytracer.schema.units import parse_bytes, parse_duration, parse_percentage, parse_quantity
+from raytracer.util.errors import InputError, closest_name, one_line
 
 HEAD = "camera: {type: pinhole, look_from: [0, 0, 4], vfov: 40}\nfilm: {width: 8, height: 6}\n"
 BALL = "objects: [{type: sphere, name: ball, center: [0, 0, 0], radius: 1}]\n"
@@ -62,7 +63,7 @@ _HUGE = "".join(chr(0x4E00 + i % 5000) for i in range(MANY))
         (f"medium: {_HUGE}\nmedia:\n  ? {_HUGE[1:]}\n  : {{type: homogeneous, absorption: 1}}\n", "unknown medium"),
         (f"? {_HUGE}\n: 1\n", "unknown key"),
         ("render: {clamp: 0x" + "f" * MANY + "}\n", "render.clamp: must be finite"),
-        ("render: {spp: " + "9" * MANY + "}\n", "render.spp: must be a whole number"),
+        ("render: {spp: " + "9" * MANY + "}\n", "render.spp: must be an integer"),
         ('render: {clamp: "' + "1" * MANY + 'x"}\n', "render.clamp: must be a number"),
         ('render: {clamp: "' + " " * MANY + 'x"}\n', "render.clamp: must be a number"),
         ("x: " + "[" * MANY, "nested more than 64 levels deep"),
@@ -77,7 +78,7 @@ def test_what_would_take_all_time_is_refused(text: str, words: str) -> None:
 
 
 def test_a_file_of_more_values_than_anybody_waits_for_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(document, "MAX_VALUES", 1000)
+    monkeypatch.setattr(yaml_parser, "MAX_VALUES", 1000)
     build(HEAD + BALL, "f.yaml")
     assert "f.yaml:3: this is one of more than 1,000 values" in told(HEAD + "objects: [" + "1, " * 1000 + "]")
 
@@ -124,16 +125,16 @@ def test_an_option_leads_to_an_item_that_is_there() -> None:
         (parse_duration, "-0"),
         (parse_duration, "nan"),
         (parse_duration, "1/" + "9" * MANY),
-        (parse_share, "1e-400"),
-        (parse_share, "9" * MANY + "%"),
-        (parse_share, "٥%"),
+        (parse_percentage, "1e-400"),
+        (parse_percentage, "9" * MANY + "%"),
+        (parse_percentage, "٥%"),
         (parse_bytes, "1e400 GB"),
         (parse_bytes, "9" * MANY),
         (parse_bytes, "nan GB"),
         (lambda text: parse_quantity(text, "length"), "٣ mm"),
         (lambda text: parse_quantity(text, "length"), "1" * MANY + " mm x"),
-        (glass_of, "N-BK" + "7" * MANY),
-        (glass_of, "1e-300/1e300"),
+        (parse_glass, "N-BK" + "7" * MANY),
+        (parse_glass, "1e-300/1e300"),
     ],
 )
 def test_numbers_that_are_none_are_refused_shortly(parse: Callable[[str], object], text: str) -> None:
@@ -143,7 +144,7 @@ def test_numbers_that_are_none_are_refused_shortly(parse: Callable[[str], object
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("1:1e9:1e-9", "must be a whole number"),
+        ("1:1e9:1e-9", "must be an integer"),
         ("0:1:1000000000", "more than 100000 values"),
         ("0:1:99999999999999999999", "more than 100000 values"),
         ("1e308:1e-308:3:log", "too far apart"),
@@ -152,20 +153,20 @@ def test_numbers_that_are_none_are_refused_shortly(parse: Callable[[str], object
         ("1.." + " " * MANY + "x", "none needs more than"),
         ('"' + "'" * MANY, ""),
         (",".join(["1"] * 3), "twice"),
-        ("0:1:٣", "must be a whole number"),
+        ("0:1:٣", "must be an integer"),
     ],
 )
 def test_ranges_are_counted_before_they_are_made(text: str, words: str) -> None:
-    assert words in complaint(lambda: read_text("camera.intensity", text, "-D"))
+    assert words in complaint(lambda: parse_value_text("camera.intensity", text, "-D"))
 
 
 def test_many_values_with_one_label_are_told_apart_in_no_time() -> None:
-    given = read_value("objects.ball.material", ["x" * 50 + str(number) for number in range(50_000)], "-D")
+    given = parse_value("objects.ball.material", ["x" * 50 + str(number) for number in range(50_000)], "-D")
     assert len(set(given.axis.labels)) == 50_000
 
 
 def test_logarithmic_steps_end_where_they_say() -> None:
-    values = read_text("x", "1e-150:1e150:3:log", "-D").axis.values
+    values = parse_value_text("x", "1e-150:1e150:3:log", "-D").axis.values
     assert [math.log10(value) for value in values] == pytest.approx([-150, 0, 150])
 
 
@@ -226,5 +227,5 @@ def test_a_long_sentence_keeps_its_beginning_and_its_end() -> None:
 
 
 def test_the_nearest_of_names_is_found_among_long_ones() -> None:
-    assert nearest("gold", ["x" * MANY, "old", "cold fish"]) == "old"
-    assert nearest("x" * MANY, ["x" * MANY + "y"]) is None
+    assert closest_name("gold", ["x" * MANY, "old", "cold fish"]) == "old"
+    assert closest_name("x" * MANY, ["x" * MANY + "y"]) is None

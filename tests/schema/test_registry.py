@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from raytracer.kinds import (
+from raytracer.schema.registry import (
     APERTURES,
     CAMERAS,
     ENVIRONMENTS,
@@ -19,11 +19,12 @@ from raytracer.kinds import (
     TEXTURES,
     Family,
 )
-from raytracer.spec import sentence
+from raytracer.schema.validation_errors import error_sentence
 
 KIND = """
 from typing import Literal
-from raytracer.spec import Number, Spec
+from raytracer.schema.fields import Number
+from raytracer.schema.spec import Spec
 
 class {name}(Spec):
     type: Literal["{type}"] = "{type}"
@@ -46,7 +47,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 def complaint(family: Family, value: object) -> str:
     with pytest.raises(ValidationError) as caught:
         TypeAdapter(family.union()).validate_python(value)
-    return sentence(caught.value.errors()[0])
+    return error_sentence(caught.value.errors()[0])
 
 
 def test_a_new_file_is_a_new_kind(package: Path) -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from raytracer.units import Dimension, parse_duration, parse_quantity, parse_share
+from raytracer.schema.units import Dimension, parse_duration, parse_percentage, parse_quantity
 
 
 @pytest.mark.parametrize(
@@ -97,7 +97,7 @@ def test_what_is_no_quantity_is_named(value: object, dimension: Dimension, words
     [("1%", 0.01), (" 2.5 % ", 0.025), ("0.01", 0.01), ("1/4", 0.25), ("1e-3", 0.001), ("99%", 0.99)],
 )
 def test_shares(text: str, expected: float) -> None:
-    assert parse_share(text) == pytest.approx(expected, rel=1e-15)
+    assert parse_percentage(text) == pytest.approx(expected, rel=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,7 @@ def test_shares(text: str, expected: float) -> None:
 )
 def test_what_is_no_share(text: str, predicate: str) -> None:
     with pytest.raises(ValueError) as caught:  # noqa: PT011
-        parse_share(text)
+        parse_percentage(text)
     assert str(caught.value) == predicate
 
 

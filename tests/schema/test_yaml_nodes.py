@@ -8,20 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from raytracer import document
-from raytracer.document import (
-    MAX_BYTES,
-    Node,
-    Place,
-    locate,
-    node_of,
-    override,
-    parse,
-    parse_path,
-    path_text,
-    read,
-)
-from raytracer.errors import SceneError
+from raytracer.schema import yaml_parser
+from raytracer.schema.yaml_nodes import Node, SourceLocation, locate, node_of, override, parse_path, path_text
+from raytracer.schema.yaml_parser import MAX_BYTES, parse, read
+from raytracer.util.errors import SceneError
 
 
 def value(text: str) -> Any:
@@ -118,7 +108,7 @@ def test_aliases_and_merges_expand() -> None:
 def test_an_alias_does_not_tie_overrides_together() -> None:
     root = parse("a: &a {x: 1}\nb: *a\n", "f")
     assert root is not None
-    assert override(root, ("a", "x"), Node(Place(0), 7)).plain() == {"a": {"x": 7}, "b": {"x": 1}}
+    assert override(root, ("a", "x"), Node(SourceLocation(0), 7)).plain() == {"a": {"x": 7}, "b": {"x": 1}}
 
 
 BOMB = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
@@ -141,7 +131,7 @@ BOMB = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
         ("a: [1, 2\nb: 3", "not valid YAML"),
         ("a:\n\tb: 1", "f.yaml:2: not valid YAML: a character that cannot start a value (a tab"),
         ("a: 'open", "not valid YAML"),
-        ("? [1]\n: 2", "a key must be a plain text"),
+        ("? [1]\n: 2", "a key must be a plain string"),
         ("a: {<<: 3}", "<< must name a mapping"),
         ("a: \x07", "control character"),
     ],
@@ -157,7 +147,7 @@ def test_depth_counts_through_aliases() -> None:
 
 
 def test_a_long_list_without_aliases_is_no_bomb(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(document, "MAX_EXPANDED", 100)
+    monkeypatch.setattr(yaml_parser, "MAX_EXPANDED", 100)
     assert len(value("a: [" + "1," * 1000 + "]")["a"]) == 1000
     assert len(value("a: &a [" + "1," * 60 + "]\nb: *a")["b"]) == 60
     assert "aliases expand" in complaint("a: &a [" + "1," * 60 + "]\nb: [*a, *a, *a]")
@@ -173,8 +163,8 @@ def test_paths_read_back() -> None:
 
 
 def test_override_replaces_adds_and_refuses() -> None:
-    root = node_of({"objects": [{"name": "ball", "radius": 1}], "film": {"width": 3}}, Place(1))
-    new = Node(Place(0, "-D"), 7)
+    root = node_of({"objects": [{"name": "ball", "radius": 1}], "film": {"width": 3}}, SourceLocation(1))
+    new = Node(SourceLocation(0, "-D"), 7)
     assert override(root, ("objects", "ball", "radius"), new).plain()["objects"][0]["radius"] == 7
     assert override(root, ("objects", "0", "radius"), new).plain()["objects"][0]["radius"] == 7
     assert override(root, ("render", "spp"), new).plain()["render"] == {"spp": 7}

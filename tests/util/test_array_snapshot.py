@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer import snapshots
-from raytracer.errors import OutputError
-from raytracer.snapshots import DamagedError, Snapshot, previous_of
+from raytracer.util import array_snapshot
+from raytracer.util.array_snapshot import DamagedError, Snapshot, previous_path
+from raytracer.util.errors import OutputError
 
 
 def arrays(seed: int = 0) -> dict[str, NDArray[Any]]:
@@ -27,14 +27,14 @@ def arrays(seed: int = 0) -> dict[str, NDArray[Any]]:
 
 
 def write(path: Path, seed: int = 0, *, keep: bool = True) -> int:
-    return snapshots.write(path, Snapshot({"seed": seed, "x": [1.5, None, "é"]}, arrays(seed)), keep=keep)
+    return array_snapshot.write(path, Snapshot({"seed": seed, "x": [1.5, None, "é"]}, arrays(seed)), keep=keep)
 
 
 def read(
     path: Path, targets: dict[str, NDArray[Any]] | None = None
 ) -> tuple[Mapping[str, Any], dict[str, NDArray[Any]]]:
     filled = {name: np.full_like(array, 7) for name, array in arrays().items()} if targets is None else targets
-    return snapshots.read(path, lambda about: filled), filled
+    return array_snapshot.read(path, lambda about: filled), filled
 
 
 def assert_holds(path: Path, seed: int) -> None:
@@ -48,7 +48,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     path = tmp_path / "new" / "a.checkpoint"
     assert write(path, 1) == path.stat().st_size
     assert_holds(path, 1)
-    assert not previous_of(path).exists()
+    assert not previous_path(path).exists()
 
 
 def test_the_one_before_is_kept(tmp_path: Path) -> None:
@@ -56,11 +56,11 @@ def test_the_one_before_is_kept(tmp_path: Path) -> None:
     for seed in range(4):
         write(path, seed)
     assert_holds(path, 3)
-    assert_holds(previous_of(path), 2)
+    assert_holds(previous_path(path), 2)
     write(path, 4, keep=False)
     assert_holds(path, 4)
-    assert_holds(previous_of(path), 2)
-    snapshots.forget(path)
+    assert_holds(previous_path(path), 2)
+    array_snapshot.delete(path)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -147,7 +147,7 @@ def test_files_that_claim_what_they_are_not(tmp_path: Path, change: str) -> None
 
 def test_arrays_may_have_grown(tmp_path: Path) -> None:
     path = tmp_path / "a.checkpoint"
-    snapshots.write(path, Snapshot({}, {"rays": np.ones((2, 3, 4, 5))}), keep=False)
+    array_snapshot.write(path, Snapshot({}, {"rays": np.ones((2, 3, 4, 5))}), keep=False)
     grown = {"rays": np.full((2, 3, 6, 5), 7.0)}
     read(path, grown)
     assert (grown["rays"][:, :, :4] == 1.0).all()
@@ -168,7 +168,7 @@ def test_a_failed_write_leaves_both(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     with pytest.raises(OutputError, match="cannot be written: Input/output error"):
         write(path, 2)
     assert_holds(path, 1)
-    assert_holds(previous_of(path), 0)
+    assert_holds(previous_path(path), 0)
     assert len(list(tmp_path.iterdir())) == 2
 
 
@@ -179,11 +179,11 @@ def test_where_there_is_no_room_the_one_before_makes_it(tmp_path: Path, monkeypa
     written = np.lib.format.write_array
 
     def full(*args: Any, **keys: Any) -> None:
-        if previous_of(path).exists():
+        if previous_path(path).exists():
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         written(*args, **keys)
 
     monkeypatch.setattr(np.lib.format, "write_array", full)
     write(path, 2)
     assert_holds(path, 2)
-    assert_holds(previous_of(path), 1)
+    assert_holds(previous_path(path), 1)

@@ -1,4 +1,4 @@
-"""Files that are written whole: what is left of a process that is killed while it writes, and who takes it away."""
+"""Atomic writes: leftovers of a process that is killed while it writes, and their removal."""
 
 import os
 import re
@@ -11,14 +11,15 @@ from pathlib import Path
 
 import pytest
 
-from raytracer import wholefiles
-from raytracer.wholefiles import ASIDE, whole
+from raytracer.util import atomic_write
+from raytracer.util.atomic_write import TEMPORARY_NAME
+from raytracer.util.atomic_write import atomic_write as write_aside
 
 WRITING = """
 import sys, time
-from raytracer.wholefiles import whole
+from raytracer.util.atomic_write import atomic_write
 
-with whole(sys.argv[1]) as aside:
+with atomic_write(sys.argv[1]) as aside:
     aside.write_bytes(b"half")
     print(aside, flush=True)
     time.sleep(600)
@@ -27,8 +28,8 @@ with whole(sys.argv[1]) as aside:
 RENDERING = """
 import sys, time
 import numpy as np
-from raytracer.plenoptic.lf import Writer
-from raytracer.plenoptic.views import Plane, Views
+from raytracer.film.light_field.lf import Writer
+from raytracer.film.light_field.views import Plane, Views
 
 views = Views(np.zeros((1, 2, 2)), Plane(0.1, -0.1, 0.1), 2, 2)
 with Writer(sys.argv[1], views) as writer:
@@ -52,7 +53,7 @@ def writing(path: Path, program: str = WRITING, **settings: str) -> Iterator[sub
 
 
 def left(folder: Path) -> list[Path]:
-    return [path for path in folder.iterdir() if ASIDE.fullmatch(path.name)]
+    return [path for path in folder.iterdir() if TEMPORARY_NAME.fullmatch(path.name)]
 
 
 def renamed(path: Path, process: int) -> Path:
@@ -62,8 +63,8 @@ def renamed(path: Path, process: int) -> Path:
 
 def write(path: Path) -> None:
     """As the first thing that a process does."""
-    wholefiles._swept.clear()
-    with whole(path) as aside:
+    atomic_write._swept.clear()
+    with write_aside(path) as aside:
         aside.write_bytes(b"all")
     assert path.read_bytes() == b"all"
 
@@ -108,8 +109,8 @@ def test_what_a_killed_process_wrote_for_a_pipe_goes_too(tmp_path: Path, monkeyp
     (aside,) = left(folder)
     assert aside.stat().st_mode & 0o077 == 0
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
-    wholefiles._swept.clear()
-    with whole(pipe) as written:
+    atomic_write._swept.clear()
+    with write_aside(pipe) as written:
         assert left(folder) == [written]
         written.write_bytes(b"all")
     assert os.read(reader, 8) == b"all"
@@ -120,13 +121,13 @@ def test_what_a_killed_process_wrote_for_a_pipe_goes_too(tmp_path: Path, monkeyp
 def test_a_file_that_is_swept_before_it_is_held_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     taken: list[Path] = []
 
-    def swept(file: object, lock: object = wholefiles._lock) -> object:
+    def swept(file: object, lock: object = atomic_write._lock) -> object:
         if not taken:
             (aside,) = left(tmp_path)
             taken.append(aside)
             aside.unlink()
         return lock(file)  # type: ignore[operator]
 
-    monkeypatch.setattr(wholefiles, "_lock", swept)
+    monkeypatch.setattr(atomic_write, "_lock", swept)
     write(tmp_path / "a")
     assert taken

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from raytracer.cli.main import main
-from raytracer.errors import InputError, SceneError
-from raytracer.reach import MARKER, VARIABLE, reach_of
+from raytracer.analysis.sweep.plan import make_plan
+from raytracer.cli.base.app import main
 from raytracer.scene.load import build_plain, load
-from raytracer.sweeping.plan import planned
+from raytracer.util.errors import InputError, SceneError
+from raytracer.util.path_sandbox import ENVIRONMENT_VARIABLE, ROOT_MARKER, make_sandbox
 
 SCENE = """\
 camera: {type: pinhole, look_from: [0, 0, 4], vfov: 40}
@@ -64,7 +64,7 @@ def test_a_scene_may_not_name_what_lies_elsewhere_be_it_there_or_not(home: Path,
         assert sentence.startswith(f"{path}:{LINE}: objects[0].file: '")
         assert f"leads out of {home}" in sentence
         assert "--allow-files" in sentence
-        assert MARKER in sentence
+        assert ROOT_MARKER in sentence
 
 
 def test_what_a_refusal_says_does_not_tell_whether_the_file_is_there(home: Path) -> None:
@@ -135,12 +135,12 @@ def _by_argument(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _by_variable(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(VARIABLE, os.pathsep.join(["", str(home / "meshes"), str(home.parent / "secret")]))
+    monkeypatch.setenv(ENVIRONMENT_VARIABLE, os.pathsep.join(["", str(home / "meshes"), str(home.parent / "secret")]))
     load(scene(home, OUT))
 
 
 def _by_marker(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (home.parent / MARKER).touch()
+    (home.parent / ROOT_MARKER).touch()
     load(scene(home, OUT))
 
 
@@ -173,16 +173,16 @@ def test_whoever_runs_the_program_may_allow_it(
 
 
 def test_the_nearest_marker_counts(home: Path) -> None:
-    (home.parent / MARKER).touch()
-    (home / MARKER).touch()
+    (home.parent / ROOT_MARKER).touch()
+    (home / ROOT_MARKER).touch()
     with pytest.raises(InputError, match="leads out of"):
         load(scene(home, OUT))
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root gives files away")
 def test_a_marker_that_somebody_else_has_left_does_not_count(home: Path) -> None:
-    (home.parent / MARKER).touch()
-    os.chown(home.parent / MARKER, 12345, 12345)
+    (home.parent / ROOT_MARKER).touch()
+    os.chown(home.parent / ROOT_MARKER, 12345, 12345)
     with pytest.raises(InputError, match="leads out of"):
         load(scene(home, OUT))
 
@@ -190,7 +190,7 @@ def test_a_marker_that_somebody_else_has_left_does_not_count(home: Path) -> None
 def test_every_command_that_loads_scenes_takes_the_option() -> None:
     import typer.main
 
-    from raytracer.cli.main import app
+    from raytracer.cli.base.app import app
 
     commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
     found = {name: command for name, command in commands.items() if name != "lightfield"}
@@ -245,12 +245,12 @@ def test_a_file_of_a_sweep_has_the_reach_of_its_folder(home: Path, text: str, ke
     path = (home.parent / "secret" if key == "scene" else home) / "sweep.yaml"
     path.write_text(text)
     with pytest.raises(InputError, match=r"sweep\.yaml:\d: .*leads out of") as refused:
-        planned(path, {})
+        make_plan(path, {})
     assert f": {key}" in str(refused.value)
 
 
 def test_values_of_a_sweep_that_are_asked_for_may_name_any_file(home: Path) -> None:
-    plan = planned(scene(home, "tri.obj"), {"objects.thing.file": f"tri.obj,{OUT}"})
+    plan = make_plan(scene(home, "tri.obj"), {"objects.thing.file": f"tri.obj,{OUT}"})
     assert plan.spec.replace({"objects.thing.file": OUT}).objects[0].file == OUT  # type: ignore[attr-defined]
 
 
@@ -272,10 +272,10 @@ def test_a_sweep_of_a_pipe_does_not_wait_for_it(home: Path) -> None:
     os.mkfifo(home / "pipe.yaml")
     (home / "sweep.yaml").write_text("scene: pipe.yaml\nsweep: {camera.vfov: [1, 2]}\n")
     with pytest.raises(InputError, match=r"sweep\.yaml:1: scene: 'pipe\.yaml' is no regular file"):
-        planned(home / "sweep.yaml", {})
+        make_plan(home / "sweep.yaml", {})
 
 
 def test_reach_holds_names_that_no_system_has(tmp_path: Path) -> None:
     # They cannot be opened, so nothing is given away; that they are not there is said later.
-    assert reach_of(tmp_path).holds("a\0b")
-    assert not reach_of(tmp_path).holds("..")
+    assert make_sandbox(tmp_path).allows("a\0b")
+    assert not make_sandbox(tmp_path).allows("..")

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from raytracer import progress
-from raytracer.rendering import Progress, SampleBar
-from raytracer.scheduling import FIRST_PASS, pass_end
+from raytracer.rendering.progress import Progress, SampleBar
+from raytracer.rendering.tile_scheduler import FIRST_PASS, pass_end
+from raytracer.util import progress
 
 # Seconds of a sample of a row of tiles: sky on top, and glass below.
 _ROWS = [1.0] * 30 + [10.0] * 10
@@ -40,7 +40,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> _Clock:
 
 
 def _passes(begin: int = 0) -> Iterator[tuple[int, float]]:
-    """Samples, and seconds, of the passes of an uneven picture, row by row, as `Canvas.by_turns` goes over it."""
+    """Yield samples and seconds of the passes of an uneven picture, row by row, as `TileQueue.render_passes` does."""
     while begin < _SPP:
         end = pass_end(begin, _SPP)
         for cost in _ROWS:

@@ -1,4 +1,4 @@
-"""Pictures of how two images differ.
+"""Colour maps for differences of images.
 
 Signed differences are white where there is none, red where the first image is brighter and blue where the second is.
 False colours go from black to white by way of colours whose brightness rises all the way, so that they may be printed
@@ -18,25 +18,25 @@ Pixels = NDArray[np.uint8]
 _BLUE, _WHITE, _RED = (5, 48, 97), (255, 255, 255), (128, 0, 20)
 _MID_BLUE, _MID_RED = (67, 147, 195), (214, 84, 62)
 
-# Where start, rotations, hue and gamma of cubehelix are at their defaults.
+# Default start, rotations and hue of cubehelix; its gamma is 1.
 _START, _ROTATIONS, _HUE = 0.5, -1.5, 1.0
 
 _SMALLEST = float(np.finfo(np.float64).tiny)
 
 
 def false_colours() -> Pixels:
-    """The 256 colours (256, 3) from none to most."""
+    """Compute the 256 colours (256, 3) from black to white."""
     shade = np.linspace(0.0, 1.0, 256)
     angle = 2.0 * np.pi * (_START / 3.0 + 1.0 + _ROTATIONS * shade)
     amplitude = _HUE * shade * (1.0 - shade) / 2.0
     mix = np.array([[-0.14861, 1.78277], [-0.29227, -0.90649], [1.97294, 0.0]])
     colours = shade[:, None] + amplitude[:, None] * (np.stack([np.cos(angle), np.sin(angle)], axis=1) @ mix.T)
-    found: Pixels = np.rint(255.0 * np.clip(colours, 0.0, 1.0)).astype(np.uint8)
-    return found
+    pixels: Pixels = np.rint(255.0 * np.clip(colours, 0.0, 1.0)).astype(np.uint8)
+    return pixels
 
 
 def signed_colours() -> Pixels:
-    """The 255 colours (255, 3) from blue, least, by white to red, most."""
+    """Compute the 255 colours (255, 3) from blue, least, by white to red, most."""
     stops = np.array([_BLUE, _MID_BLUE, _WHITE, _MID_RED, _RED], dtype=np.float64)
     places = np.linspace(0.0, 1.0, 255)
     channels = [np.interp(places, np.linspace(0.0, 1.0, len(stops)), stops[:, c]) for c in range(3)]
@@ -44,9 +44,9 @@ def signed_colours() -> Pixels:
 
 
 def signed(difference: NDArray[np.floating], scale: float) -> Pixels:
-    """Signed differences (height, width) in blue, white and red: uint8 (height, width, 3).
+    """Colour signed differences (height, width) in blue, white and red: uint8 (height, width, 3).
 
-    `scale` and more is the reddest red, -`scale` and less the bluest blue.  What is not a number is black.
+    `scale` and more is the darkest red, -`scale` and less the darkest blue; nan is black.
     """
     colours = signed_colours()
     middle = len(colours) // 2
@@ -54,9 +54,9 @@ def signed(difference: NDArray[np.floating], scale: float) -> Pixels:
 
 
 def false_colour(values: NDArray[np.floating], most: float) -> Pixels:
-    """Values (height, width) of at least 0 in false colours: uint8 (height, width, 3).
+    """Colour values (height, width) of at least 0 in false colours: uint8 (height, width, 3).
 
-    `most` and more is white.  What is not a number is red, which no value is.
+    `most` and more is white; nan is red, which no value is.
     """
     return _coloured(values, false_colours(), (0.0, most), 0, unknown=(255, 0, 0))
 
@@ -69,15 +69,15 @@ def _coloured(
     *,
     unknown: tuple[int, int, int],
 ) -> Pixels:
-    """The colours of values on a scale with these `ends`, of which number `zero` is that of 0."""
+    """Colour values on a scale with these `ends`, of which number `zero` is that of 0."""
     least, most = ends
     steps = len(colours) - 1
     if most - least < _SMALLEST:
-        # Nothing differs, or by so little that no number holds the scale.
+        # There is no difference, or one that is too small to scale.
         places = np.full(np.shape(values), zero, dtype=np.uint8)
     else:
         clipped = np.clip(np.nan_to_num(values, posinf=most, neginf=least), least, most)
         places = np.rint((clipped - least) * (steps / (most - least))).astype(np.uint8)
-    found = colours[places]
-    found[np.isnan(values)] = unknown
-    return found
+    pixels = colours[places]
+    pixels[np.isnan(values)] = unknown
+    return pixels

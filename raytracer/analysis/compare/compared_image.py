@@ -1,4 +1,4 @@
-"""What is compared: images in memory or in files, with all that their comparison needs to know.
+"""Images to compare, from memory or files, with the properties that a comparison needs.
 
 A picture is either linear light or display values, which are what .png and .jpg files hold: sRGB-encoded, in 0..1.
 """
@@ -12,11 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytracer.errors import InputError
 from raytracer.film import srgb
+from raytracer.film.formats.registry import display_suffixes
 from raytracer.film.image import Image
-from raytracer.film.output import DISPLAY_SUFFIXES, load, load_encoded, load_layers
+from raytracer.film.image_file import load, load_encoded, load_layers
 from raytracer.film.white_balance import AUTO
+from raytracer.util.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -24,13 +25,16 @@ Source = str | Path | Image | ArrayLike
 """A file's name, an image that was rendered, or an array (height, width, 3): uint8 for display values, else linear."""
 
 
-class Picture(NamedTuple):
+class ComparedImage(NamedTuple):
     """An image to compare.
 
-    name, for sentences; values, float64 (height, width, 3), linear or, if `is_display`, encoded in 0..1; image, where
-    it comes from, if from memory; variance, of `values`, or None for the reason that `unknown` gives; sampler, that its
-    noise comes from, or "" if not known; spp, samples a pixel, the mean if they differ, or None if not known;
-    measured_gains, what its light was multiplied by, (3,), by each of `auto` exposure and white balance.
+    name : for messages.
+    values : float64 (height, width, 3), linear or, if `is_display`, encoded in 0..1.
+    image : the rendered image, if it comes from memory.
+    variance : of `values`; None for the reason that `unknown` gives.
+    sampler : of the render; "" if not known.
+    spp : samples per pixel, the mean if they differ; None if not known.
+    measured_gains : factors of the channels (3,) by each of `auto` exposure and white balance.
     """
 
     name: str
@@ -43,15 +47,15 @@ class Picture(NamedTuple):
     spp: float | None = None
     measured_gains: Mapping[str, Array] = MappingProxyType({})
 
-    def in_bytes(self) -> NDArray[np.uint8]:
-        """What a display shows of it, as it would be written to a .png file."""
+    def to_display_bytes(self) -> NDArray[np.uint8]:
+        """Convert to display values, as in a .png file."""
         if self.is_display:
             return np.rint(255.0 * np.nan_to_num(self.values)).astype(np.uint8)
         return srgb.to_uint8(self.values) if self.image is None else self.image.display()
 
 
-def read(source: Source, name: str) -> Picture:
-    """The picture that a `source` is; `name` is that of one without.
+def read(source: Source, name: str) -> ComparedImage:
+    """Read an image from a `source`; `name` is for sources without one.
 
     Raises
     ------
@@ -65,28 +69,28 @@ def read(source: Source, name: str) -> Picture:
     if array.ndim != 3 or array.shape[2] != 3 or array.size == 0 or array.dtype.kind not in "fiub":
         raise InputError(f"{name}: an image has the shape (height, width, 3), got {array.dtype} {array.shape}")
     if array.dtype == np.uint8:
-        return Picture(name, array / 255.0, True)
-    return Picture(name, array.astype(np.float64, copy=False), False)
+        return ComparedImage(name, array / 255.0, True)
+    return ComparedImage(name, array.astype(np.float64, copy=False), False)
 
 
-def _of_image(image: Image, name: str) -> Picture:
-    picture = Picture(name, image.radiance, False, image, **_recorded(image.settings))
+def _of_image(image: Image, name: str) -> ComparedImage:
+    picture = ComparedImage(name, image.radiance, False, image, **_recorded(image.settings))
     if image.variance is None:
         return picture._replace(unknown="was denoised" if "denoised" in image.settings else "has no variance")
     variance, unknown = _usable(image.variance)
     return picture._replace(variance=variance, unknown=unknown)
 
 
-def _of_file(path: Path) -> Picture:
-    if path.suffix.lower() in DISPLAY_SUFFIXES:
-        return Picture(str(path), load_encoded(path), True)
+def _of_file(path: Path) -> ComparedImage:
+    if path.suffix.lower() in display_suffixes():
+        return ComparedImage(str(path), load_encoded(path), True)
     if path.suffix.lower() != ".exr":
-        return Picture(str(path), load(path), False)
+        return ComparedImage(str(path), load(path), False)
     layers, settings = load_layers(path, {"radiance", "variance", "Y"})
     if "radiance" not in layers and "Y" not in layers:
         raise InputError(f"{path}: has neither channels R, G and B nor Y")
     values = layers["radiance"] if "radiance" in layers else np.repeat(layers["Y"][..., None], 3, axis=2)
-    picture = Picture(str(path), values, False, **_recorded(settings))
+    picture = ComparedImage(str(path), values, False, **_recorded(settings))
     given = layers.get("variance")
     if given is None or given.shape != values.shape:
         return picture
@@ -106,21 +110,23 @@ def _recorded(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _measured_gains(settings: Mapping[str, Any]) -> dict[str, Array]:
-    """Read what light was multiplied by as measured on the picture itself: (3,) of exposure, and of white balance.
+    """Read the gains that were measured on the picture itself: (3,) of exposure, and of white balance.
 
     The compensation of an exposure was not measured, and is left out.
     """
-    found: dict[str, Array] = {}
+    measured: dict[str, Array] = {}
     try:
         if "metering" in settings:
             compensation = float(settings.get("exposure_compensation", 0.0))
-            found["exposure"] = np.full(3, float(settings["exposure_gain"]) / math.exp2(compensation))
+            measured["exposure"] = np.full(3, float(settings["exposure_gain"]) / math.exp2(compensation))
         if settings.get("white_balance") == AUTO:
-            found["white_balance"] = np.array([float(gain) for gain in str(settings["white_balance_gains"]).split(",")])
+            measured["white_balance"] = np.array(
+                [float(gain) for gain in str(settings["white_balance_gains"]).split(",")]
+            )
     except (KeyError, ValueError, ArithmeticError):
         return {}
-    is_known = all(gains.shape == (3,) and np.all(np.isfinite(gains) & (gains > 0.0)) for gains in found.values())
-    return found if is_known else {}
+    is_known = all(gain.shape == (3,) and np.all(np.isfinite(gain) & (gain > 0.0)) for gain in measured.values())
+    return measured if is_known else {}
 
 
 def _usable(variance: Array) -> tuple[Array | None, str]:

@@ -1,4 +1,4 @@
-"""Limits of a comparison of two noisy images: the least differences that it would have found."""
+"""Detection limits of a comparison of two noisy images: the least differences that it would have found."""
 
 import math
 from collections.abc import Iterator
@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytracer.comparison.noisy_pair import ROUNDING
-from raytracer.comparison.patterns import PATTERNS, Projections, Structure
+from raytracer.analysis.compare.image_pair import ROUNDING
+from raytracer.analysis.compare.patterns import PATTERNS, Projections, Structure
 
 POWER = 0.9
-"""Power of the tests at the limits that are told: the part of such differences that is found."""
+"""Power of the tests at their limits: the part of such differences that is found."""
 
 # 1 / (4 P(N > sqrt 2)), of a normal N: the least factor for all sums (Bentkus and Dzindzalieta 2015).
 _SYMMETRIC = 1.0 / (2.0 * math.erfc(1.0))
@@ -20,13 +20,13 @@ _SHIFTS = slice(3, 5)
 _BLUR = PATTERNS.index("blur_1px")
 
 
-class Limits(NamedTuple):
-    """The least differences that are found 9 times of 10; inf for what is not found however large it is.
+class DetectionLimits(NamedTuple):
+    """Least differences that are found 9 times of 10; inf for what is never found.
 
     brightness : of all light, as a fraction.
     tile_brightness : of the light in a tile, as a fraction: the median over tiles.
     tile : edge of these tiles (px).
-    shift : of the whole picture (px), along the axis that tells less.
+    shift : of the whole picture (px), along the less sensitive axis.
     blur : of the whole picture, standard deviation of a Gaussian (px).
     """
 
@@ -37,13 +37,13 @@ class Limits(NamedTuple):
     blur: float
 
     def sentence(self) -> str:
-        """Say what would have been found; "" if nothing is known."""
+        """Describe the smallest differences that would have been found; "" if nothing is known."""
         whole = [f"brightness over {_percent(self.brightness)} in the whole"] if math.isfinite(self.brightness) else []
         parts = ", ".join([*whole, *self._details()])
         return f"would have found, {10.0 * POWER:.0f} times of 10: {parts}" if parts else ""
 
     def details(self) -> str:
-        """Say it of all but the brightness of the whole."""
+        """Write the limits of all but the brightness of the whole."""
         return ", ".join(self._details())
 
     def _details(self) -> Iterator[str]:
@@ -68,24 +68,24 @@ def symmetric_tail(z: float) -> float:
     return min(1.0, _SYMMETRIC * math.erfc(z / math.sqrt(2.0)))
 
 
-def needed_z(alpha: float, tests: int) -> float:
-    """Expected score of what is found with the probability `POWER`, one of `tests` that fail with `alpha` together."""
+def detectable_z(alpha: float, tests: int) -> float:
+    """Compute the expected score that is found with the probability `POWER`, by one of `tests` of the level `alpha`."""
     from scipy.special import ndtri
 
     each = -math.expm1(math.log1p(-alpha) / tests)
     return float(-ndtri(0.5 * each / _SYMMETRIC) + ndtri(POWER))
 
 
-def limits_of(found: Structure, alpha: float, tile: int) -> Limits:
+def detection_limits(structure: Structure, alpha: float, tile: int) -> DetectionLimits:
     """Find the least differences that tests of the level `alpha` each find.
 
-    tile : edge of the tiles of `found` (px).
+    tile : edge of the tiles of `structure` (px).
     """
-    whole = _found(found.whole, alpha)
-    in_tiles = _found(found.tiles, alpha)[..., _BRIGHTNESS].min(axis=-1)
+    whole = _limits(structure.whole, alpha)
+    in_tiles = _limits(structure.tiles, alpha)[..., _BRIGHTNESS].min(axis=-1)
     # A tile without any light can be no brighter.
-    lit = np.any(found.tiles.responses[..., _BRIGHTNESS] > 0.0, axis=-1)
-    return Limits(
+    lit = np.any(structure.tiles.responses[..., _BRIGHTNESS] > 0.0, axis=-1)
+    return DetectionLimits(
         brightness=float(whole[_BRIGHTNESS].min()),
         tile_brightness=float(np.median(in_tiles[lit])) if lit.any() else math.inf,
         tile=tile,
@@ -94,5 +94,5 @@ def limits_of(found: Structure, alpha: float, tile: int) -> Limits:
     )
 
 
-def _found(projections: Projections, alpha: float) -> "np.ndarray[tuple[int, ...], np.dtype[np.float64]]":
-    return np.maximum(projections.found_from(needed_z(alpha, projections.sums.size)), ROUNDING)
+def _limits(projections: Projections, alpha: float) -> "np.ndarray[tuple[int, ...], np.dtype[np.float64]]":
+    return np.maximum(projections.detectable_amounts(detectable_z(alpha, projections.sums.size)), ROUNDING)

@@ -1,22 +1,25 @@
-"""Two folders of images compared: those that have the same name in both."""
+"""Comparison of two folders: of the images that have the same name in both."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from raytracer.comparison.metrics import METRICS
-from raytracer.comparison.pairs import Checks, checked, judge
-from raytracer.comparison.reading import read
-from raytracer.comparison.result import Comparison
-from raytracer.errors import InputError
-from raytracer.film.output import SUFFIXES
+from raytracer.analysis.compare.compared_image import read
+from raytracer.analysis.compare.image_comparison import PassCriteria, compare_images, normalize_criteria
+from raytracer.analysis.compare.metrics import METRICS
+from raytracer.analysis.compare.result import Comparison
+from raytracer.film.formats.registry import image_suffixes
+from raytracer.util.errors import InputError
 
-# Columns of a line for each pair, where more was measured than there is room for: what says most.
+# Columns of a line for each pair, if more were measured: the most telling metrics.
 _COLUMNS = ("relmse", "psnr", "ssim", "flip")
 
 
-class Pair(NamedTuple):
-    """One name that is in both folders: the comparison, or why there is none."""
+class FolderPair(NamedTuple):
+    """A name that is in both folders.
+
+    comparison : of the two images; None for the reason that `error` gives.
+    """
 
     name: str
     comparison: Comparison | None
@@ -24,41 +27,46 @@ class Pair(NamedTuple):
 
     @property
     def passed(self) -> bool | None:
-        """Whether it passed; None if nothing was asked for."""
+        """True if it passed; None without criteria."""
         return self.comparison.passed if self.comparison else False
 
 
-class Folders(NamedTuple):
-    """What `compare_folders` found: pairs by name, and the names that only one of the folders has."""
+class FolderComparison(NamedTuple):
+    """Result of `compare_folders`.
+
+    a, b : the folders.
+    pairs : by name.
+    only_a, only_b : names that only one of the folders has.
+    """
 
     a: str
     b: str
-    pairs: tuple[Pair, ...]
+    pairs: tuple[FolderPair, ...]
     only_a: tuple[str, ...]
     only_b: tuple[str, ...]
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """What is not as it should be, in sentences."""
-        found = []
+        """Failures, in sentences."""
+        sentences = []
         for pair in self.pairs:
             if pair.comparison is None:
-                found.append(f"{pair.name}: {pair.error}")
+                sentences.append(f"{pair.name}: {pair.error}")
             elif pair.comparison.failures:
-                found.append(f"{pair.name}: {'; '.join(pair.comparison.failures)}")
+                sentences.append(f"{pair.name}: {'; '.join(pair.comparison.failures)}")
         for names, folder in ((self.only_a, self.a), (self.only_b, self.b)):
-            found += [f"{name}: only in {folder}" for name in names]
-        return tuple(found)
+            sentences += [f"{name}: only in {folder}" for name in names]
+        return tuple(sentences)
 
     @property
     def passed(self) -> bool | None:
-        """Whether there are no failures; None if nothing was asked for, and nothing is missing or broken."""
+        """True if there are no failures; None without criteria, if nothing is missing or broken."""
         if self.failures:
             return False
         return True if any(pair.passed is not None for pair in self.pairs) else None
 
     def json(self) -> dict[str, Any]:
-        """Everything but pixels, as JSON can hold it."""
+        """Return everything but pixels, as JSON can hold it."""
         return {
             "a": self.a,
             "b": self.b,
@@ -74,7 +82,7 @@ class Folders(NamedTuple):
         }
 
     def text(self) -> str:
-        """A line for each pair, and what is not as it should be."""
+        """Write a line for each pair, and the failures."""
         width = max((len(pair.name) for pair in self.pairs), default=4)
         columns = [name for name in METRICS if any(_value(pair, name) for pair in self.pairs)]
         if len(columns) > len(_COLUMNS):
@@ -93,7 +101,7 @@ class Folders(NamedTuple):
         return "\n".join(lines) + "\n"
 
 
-def _value(pair: Pair, name: str) -> str:
+def _value(pair: FolderPair, name: str) -> str:
     value = pair.comparison.metrics.get(name) if pair.comparison else None
     return "" if value is None else f"{value:.4g}"
 
@@ -103,24 +111,24 @@ def compare_folders(
     b: str | Path,
     *,
     metrics: tuple[str, ...] | None = None,
-    checks: Checks = Checks(),  # noqa: B008
-    done: Callable[[Pair, int, int], object] = lambda pair, number, count: None,
-) -> Folders:
-    """Compare images that have the same path within two folders; what is no image is left alone.
+    checks: PassCriteria = PassCriteria(),  # noqa: B008
+    done: Callable[[FolderPair, int, int], object] = lambda pair, number, count: None,
+) -> FolderComparison:
+    """Compare images that have the same path within two folders; other files are ignored.
 
     A pair that cannot be compared has failed, and so has an image that only one of the folders has.
 
     Parameters
     ----------
     metrics, checks : as for `compare`.
-    done : is called with each pair after it was compared, its number from 1, and how many there are; pixels are let go
-        of when it returns.
+    done : called with each pair after it was compared, its number from 1, and the number of pairs; pixels are released
+        when it returns.
 
     Raises
     ------
     InputError : one of the two is not a folder or cannot be read, or they have no image in common.
     """
-    checks = checked(checks)
+    checks = normalize_criteria(checks)
     first, second = _images(Path(a)), _images(Path(b))
     common = sorted(first & second)
     if not common:
@@ -128,19 +136,19 @@ def compare_folders(
     pairs = []
     for number, name in enumerate(common, start=1):
         try:
-            found = judge(read(Path(a) / name, "A"), read(Path(b) / name, "B"), metrics, checks)
-            pair = Pair(name, found)
+            comparison = compare_images(read(Path(a) / name, "A"), read(Path(b) / name, "B"), metrics, checks)
+            pair = FolderPair(name, comparison)
         except InputError as error:
-            pair = Pair(name, None, str(error))
+            pair = FolderPair(name, None, str(error))
         done(pair, number, len(common))
         if pair.comparison is not None:
             pair = pair._replace(comparison=pair.comparison.without_pixels())
         pairs.append(pair)
-    return Folders(str(a), str(b), tuple(pairs), tuple(sorted(first - second)), tuple(sorted(second - first)))
+    return FolderComparison(str(a), str(b), tuple(pairs), tuple(sorted(first - second)), tuple(sorted(second - first)))
 
 
 def _images(folder: Path) -> set[str]:
-    """Paths of all images in a folder and those within, relative to it, with `/`."""
+    """List the paths of all images in a folder and its subfolders, relative to it, with `/`."""
     if not folder.is_dir():
         raise InputError(f"{folder}: {'is not a folder' if folder.exists() else 'no such folder'}")
     try:
@@ -150,9 +158,9 @@ def _images(folder: Path) -> set[str]:
 
 
 def _files(folder: Path) -> Iterator[Path]:
-    """Images by their paths within, but for those that are hidden: what an editor keeps of earlier ones, or a Mac."""
+    """Find images by their relative paths, but for hidden ones, such as backups of editors and files of macOS."""
     for path in folder.rglob("*"):
         inside = path.relative_to(folder)
         is_hidden = any(part.startswith(".") for part in inside.parts)
-        if not is_hidden and path.suffix.lower() in SUFFIXES and path.is_file():
+        if not is_hidden and path.suffix.lower() in image_suffixes() and path.is_file():
             yield inside

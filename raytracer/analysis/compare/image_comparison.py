@@ -1,4 +1,4 @@
-"""Two images compared: metrics, the z-test of their noise, and whether that is good enough."""
+"""Comparison of two images: metrics, the z-test of their noise, and criteria to pass."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.comparison.bands import over_bands
-from raytracer.comparison.metrics import (
+from raytracer.analysis.compare.compared_image import Array, ComparedImage, Source, read
+from raytracer.analysis.compare.image_sizes import check_sizes
+from raytracer.analysis.compare.metrics import (
     METRICS,
     Domain,
     Sums,
@@ -19,28 +20,27 @@ from raytracer.comparison.metrics import (
     ssim,
     sums,
 )
-from raytracer.comparison.reading import Array, Picture, Source, read
-from raytracer.comparison.result import Comparison, NotFinite, verdict_sentence
-from raytracer.comparison.sizes import check_sizes
-from raytracer.comparison.verdict import Verdict, z_test
-from raytracer.errors import InputError, suggestion
+from raytracer.analysis.compare.result import Comparison, NotFinite, verdict_sentence
+from raytracer.analysis.compare.row_bands import map_row_bands
+from raytracer.analysis.compare.z_test import Verdict, z_test
 from raytracer.film import srgb
+from raytracer.util.errors import InputError, suggest_name
 
 ALPHA = 1e-3
-"""How often two renders that differ by their noise only may fail."""
+"""Rate at which two renders that differ by their noise only may fail."""
 
-# Part of their variances below which the noise of samples is said to be less; independent ones scatter by 0.05.
+# Ratio of noise to variance below which that is mentioned; of independent samples it scatters by 0.05.
 _NOTABLE = 0.9
 
-# Pixels, times exposures, for which FLIP is measured unasked: some seconds on four cores.
+# Pixels, times exposures, up to which FLIP is measured by default: some seconds on four cores.
 _FLIP_UNASKED = 2**22
 
 
-class Checks(NamedTuple):
-    """What a comparison has to stand.
+class PassCriteria(NamedTuple):
+    """Criteria that a comparison has to meet.
 
-    above, below : bounds by metric: what is above (below) fails.
-    test : whether the z-test has to pass; None: if there are no bounds, and both images know their variances.
+    above, below : bounds by metric: a value above (below) fails.
+    test : True if the z-test has to pass; None: if there are no bounds, and both images know their variances.
     alpha : significance level of the z-test.
     """
 
@@ -70,10 +70,10 @@ def compare(
     ----------
     a, b : image and reference: names of files (.png .jpg .exr .hdr .npy), images that were rendered, or arrays
         (height, width, 3), uint8 for display values, else linear light.
-    metrics : names of those to measure.  Default: all that are at hand and quick.
+    metrics : names of the metrics to measure.  Default: all that are installed and quick.
     fail_above, fail_below : bounds by metric; a comparison beyond one has failed.
-    test : whether the z-test has to pass; default: if there are no bounds, and both images know their variances.
-    alpha : how often two renders that differ by their noise only may fail the z-test.
+    test : True if the z-test has to pass; default: if there are no bounds, and both images know their variances.
+    alpha : rate at which two renders that differ by their noise only may fail the z-test.
     names : of images without one.
 
     Raises
@@ -81,13 +81,13 @@ def compare(
     InputError : a file cannot be read, the images differ in size, a metric is not known or cannot be measured here,
         or a test is asked for that takes variances which are not there.
     """
-    checks = checked(Checks(fail_above or {}, fail_below or {}, test, alpha))
-    wanted = known_metrics(metrics)
-    return judge(read(a, names[0]), read(b, names[1]), wanted, checks)
+    checks = normalize_criteria(PassCriteria(fail_above or {}, fail_below or {}, test, alpha))
+    wanted = normalize_metric_names(metrics)
+    return compare_images(read(a, names[0]), read(b, names[1]), wanted, checks)
 
 
-def known_metrics(names: Iterable[str] | None) -> tuple[str, ...] | None:
-    """The names of metrics, whatever their case is.
+def normalize_metric_names(names: Iterable[str] | None) -> tuple[str, ...] | None:
+    """Normalize the names of metrics to lower case.
 
     Raises
     ------
@@ -95,15 +95,15 @@ def known_metrics(names: Iterable[str] | None) -> tuple[str, ...] | None:
     """
     if names is None:
         return None
-    found = tuple(dict.fromkeys(name.strip().lower() for name in names))
-    for name in found:
+    normalized = tuple(dict.fromkeys(name.strip().lower() for name in names))
+    for name in normalized:
         if name not in METRICS:
-            raise InputError(f"unknown metric {name!r}: {suggestion(name, METRICS, 'metrics')}")
-    return found
+            raise InputError(f"unknown metric {name!r}: {suggest_name(name, METRICS, 'metrics')}")
+    return normalized
 
 
-def checked(checks: Checks) -> Checks:
-    """The checks, with the metrics' names in lower case.
+def normalize_criteria(checks: PassCriteria) -> PassCriteria:
+    """Normalize criteria, with the metrics' names in lower case.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def checked(checks: Checks) -> Checks:
     for bounds, is_below in ((checks.above, False), (checks.below, True)):
         side = {}
         for given, bound in bounds.items():
-            (name,) = known_metrics([given]) or ("",)
+            (name,) = normalize_metric_names([given]) or ("",)
             metric = METRICS[name]
             if metric.is_better_larger != is_below:
                 better, other = ("larger", "below") if metric.is_better_larger else ("smaller", "above")
@@ -128,8 +128,10 @@ def checked(checks: Checks) -> Checks:
     return checks._replace(above=sides[0], below=sides[1])
 
 
-def judge(a: Picture, b: Picture, wanted: tuple[str, ...] | None, checks: Checks) -> Comparison:
-    """As `compare`, of pictures that were read."""
+def compare_images(
+    a: ComparedImage, b: ComparedImage, wanted: tuple[str, ...] | None, checks: PassCriteria
+) -> Comparison:
+    """Compare two images as `compare` does."""
     _check_alike(a, b)
     height, width, _ = a.values.shape
     is_display = a.is_display or b.is_display
@@ -138,14 +140,14 @@ def judge(a: Picture, b: Picture, wanted: tuple[str, ...] | None, checks: Checks
     domain: Domain = "display" if is_display else "linear"
 
     # Leave out what is not finite, in both.
-    first, second, not_finite, count = _finite(a.values, b.values)
+    first, second, not_finite, count = _zero_non_finite(a.values, b.values)
     measured, domains, unmeasured, seen = _measure(first, second, domain, wanted, checks, count)
-    verdict, untested, notes = _test(a, b, checks)
+    verdict, untested, notes = _run_z_test(a, b, checks)
     noise = None
     if not is_display and a.variance is not None and b.variance is not None:
         noise = float(np.mean(a.variance) + np.mean(b.variance))
 
-    # Hold what was found against what was asked for.
+    # Compare with the criteria.
     failures = []
     bounds = [(checks.above, False, "above"), (checks.below, True, "below")]
     for limits, is_below, word in bounds:
@@ -182,46 +184,46 @@ def judge(a: Picture, b: Picture, wanted: tuple[str, ...] | None, checks: Checks
     )
 
 
-def _check_alike(a: Picture, b: Picture) -> None:
+def _check_alike(a: ComparedImage, b: ComparedImage) -> None:
     try:
         check_sizes(a.values, b.values)
     except InputError as error:
         raise InputError(f"{a.name}, {b.name}: {error}") from None
 
 
-def _as_display(picture: Picture) -> Picture:
-    """A picture as what a display shows, in steps of 8 bits as in a file."""
+def _as_display(picture: ComparedImage) -> ComparedImage:
+    """Convert an image to display values, in steps of 8 bits as in a file."""
     if picture.is_display:
         return picture._replace(unknown="holds display values")
-    values = picture.in_bytes() / 255.0
+    values = picture.to_display_bytes() / 255.0
     return picture._replace(values=values, is_display=True, variance=None, unknown="is compared as a display shows it")
 
 
-def _finite(a: Array, b: Array) -> tuple[Array, Array, NotFinite, int]:
-    """The images with 0 in both of them for pixels that are not finite in one, and how many values are left."""
+def _zero_non_finite(a: Array, b: Array) -> tuple[Array, Array, NotFinite, int]:
+    """Set pixels that are not finite in one image to 0 in both, and count the values that are left."""
     if np.isfinite(a).all() and np.isfinite(b).all():
         return a, b, NotFinite(), a.size
-    broken_a, broken_b = _broken(a), _broken(b)
+    broken_a, broken_b = _non_finite_pixels(a), _non_finite_pixels(b)
     broken = broken_a | broken_b
     y, x = divmod(int(np.argmax(broken)), a.shape[1])
     first, second = (np.where(broken[..., None], 0.0, image) for image in (a, b))
-    found = NotFinite(int(np.count_nonzero(broken_a)), int(np.count_nonzero(broken_b)), (x, y))
-    return first, second, found, 3 * int(np.count_nonzero(~broken))
+    not_finite = NotFinite(int(np.count_nonzero(broken_a)), int(np.count_nonzero(broken_b)), (x, y))
+    return first, second, not_finite, 3 * int(np.count_nonzero(~broken))
 
 
-def _broken(image: Array) -> NDArray[np.bool_]:
-    """Which pixels of an image are not finite."""
+def _non_finite_pixels(image: Array) -> NDArray[np.bool_]:
+    """Mark the pixels of an image that are not finite."""
     broken: NDArray[np.bool_] = np.any(~np.isfinite(image), axis=2)
     return broken
 
 
 def _measure(
-    a: Array, b: Array, domain: Domain, wanted: tuple[str, ...] | None, checks: Checks, count: int
+    a: Array, b: Array, domain: Domain, wanted: tuple[str, ...] | None, checks: PassCriteria, count: int
 ) -> tuple[dict[str, float], dict[str, Domain], dict[str, str], NDArray[np.float32] | None]:
-    """Values of metrics, what each is of, why others are missing, and the map of FLIP."""
+    """Measure the metrics: values, their domains, reasons for missing ones, and the map of FLIP."""
     must = {*(wanted or ()), *checks.above, *checks.below}
     names = [name for name in METRICS if wanted is None or name in must]
-    shown: tuple[Array, Array] | None = None
+    displayed: tuple[Array, Array] | None = None
     totals: dict[str, Sums] = {}
     values: dict[str, float] = {}
     domains: dict[str, Domain] = {}
@@ -232,8 +234,8 @@ def _measure(
         own: Domain = "display" if metric.always_display else domain
         first, second = a, b
         if own != domain:
-            shown = shown or (_encoded(a), _encoded(b))
-            first, second = shown
+            displayed = displayed or (_encoded(a), _encoded(b))
+            first, second = displayed
         if metric.of is not None:
             totals.setdefault(own, sums(first, second))
             values[name] = metric.of(totals[own], count) if count else math.nan
@@ -242,7 +244,7 @@ def _measure(
         else:
             try:
                 if name not in must:
-                    _check_quick(name, second, own)
+                    _refuse_slow(name, second, own)
                 if name == "ssim":
                     values[name] = ssim(first, second)
                 else:
@@ -258,18 +260,18 @@ def _measure(
 
 
 def _encoded(linear: Array) -> Array:
-    """What a display shows of linear light, in 0..1."""
+    """Encode linear light as display values in 0..1."""
     encoded = np.empty_like(linear)
 
     def encode(top: int, bottom: int) -> None:
         encoded[top:bottom] = srgb.encode(linear[top:bottom])
 
-    over_bands(encode, len(linear))
+    map_row_bands(encode, len(linear))
     return encoded
 
 
-def _check_quick(name: str, reference: Array, domain: Domain) -> None:
-    """Refuse what takes long, unless it is asked for."""
+def _refuse_slow(name: str, reference: Array, domain: Domain) -> None:
+    """Refuse a metric that takes long."""
     require_extra(name)
     height, width, _ = reference.shape
     if name == "flip":
@@ -279,8 +281,10 @@ def _check_quick(name: str, reference: Array, domain: Domain) -> None:
             raise InputError(f"takes long for {width} x {height} pixels{in_exposures}, so only if it is asked for")
 
 
-def _test(a: Picture, b: Picture, checks: Checks) -> tuple[Verdict | None, str, tuple[str, ...]]:
-    """The verdict of the z-test, or why there is none, and what is to be known of it."""
+def _run_z_test(
+    a: ComparedImage, b: ComparedImage, checks: PassCriteria
+) -> tuple[Verdict | None, str, tuple[str, ...]]:
+    """Run the z-test: the verdict, or why there is none, and notes on it."""
     if checks.test is False:
         return None, "", ()
     for picture in (a, b):
@@ -288,7 +292,7 @@ def _test(a: Picture, b: Picture, checks: Checks) -> tuple[Verdict | None, str, 
             why = f"{picture.name} {picture.unknown}"
             if checks.test:
                 raise InputError(f"the z-test takes the variances of both images: {why}")
-            # Nobody expects a variance of what is meant for a display.
+            # Display images are not expected to have a variance.
             return None, "" if picture.is_display else why, ()
     alike, gain = _are_alike(a, b), _gain_between(a, b)
     values, variance = a.values, a.variance
@@ -298,15 +302,15 @@ def _test(a: Picture, b: Picture, checks: Checks) -> tuple[Verdict | None, str, 
     return verdict, "", (*_gain_note(gain), *_notes(a, b, verdict, alike=alike))
 
 
-def _are_alike(a: Picture, b: Picture) -> bool:
+def _are_alike(a: ComparedImage, b: ComparedImage) -> bool:
     """Tell if two pictures have the same number of samples from the same sampler, so that their noise is alike."""
     return bool(a.sampler) and a.spp is not None and (a.sampler, a.spp) == (b.sampler, b.spp)
 
 
-def _gain_between(a: Picture, b: Picture) -> Array | None:
-    """Find what brings a to the gains of b (3,), where both were measured on the pictures; None if nothing was.
+def _gain_between(a: ComparedImage, b: ComparedImage) -> Array | None:
+    """Compute the factors from the gains of a to those of b (3,), if they were measured on the pictures; else None.
 
-    The noise of what is measured is one of all pixels together, which no pixel's variance tells.
+    The noise of measured gains is common to all pixels, and in no pixel's variance.
     """
     gain = np.ones(3)
     for kind, own in a.measured_gains.items():
@@ -315,7 +319,7 @@ def _gain_between(a: Picture, b: Picture) -> Array | None:
 
 
 def _gain_note(gain: Array | None) -> Iterator[str]:
-    """Say at which gains the pictures are judged."""
+    """Say at which gains the images are compared."""
     if gain is not None:
         factors = dict.fromkeys(f"{factor:.6g}" for factor in gain.tolist())
         yield (
@@ -324,8 +328,8 @@ def _gain_note(gain: Array | None) -> Iterator[str]:
         )
 
 
-def _notes(a: Picture, b: Picture, verdict: Verdict, *, alike: bool) -> Iterator[str]:
-    """Say what would have been found, and what is judged by variances that are larger than the noise."""
+def _notes(a: ComparedImage, b: ComparedImage, verdict: Verdict, *, alike: bool) -> Iterator[str]:
+    """Describe the smallest differences that would have been found, and if variances are larger than the noise."""
     if not verdict.passed:
         return
     if limits := verdict.limits.sentence():

@@ -1,24 +1,24 @@
-"""Two images with the variances of their pixels: what their difference is, and how much of it noise can make."""
+"""Two images with the variances of their pixels: their difference, and its variance."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytracer.comparison.sizes import check_sizes
-from raytracer.errors import InputError
+from raytracer.analysis.compare.image_sizes import check_sizes
+from raytracer.util.errors import InputError
 
 Array = NDArray[np.float64]
 
 ROUNDING = 1e-6
-"""Largest relative difference that is put down to rounding: hits found in float32 (2^-24), added up over a path."""
+"""Largest relative difference that counts as rounding: hits found in float32 (2^-24), added up over a path."""
 
 
-class NoisyPair(NamedTuple):
+class ImagePair(NamedTuple):
     """Two images, or means over equal parts of them, with the variances of both.
 
-    a, b : (..., 3), radiances.
-    var_a, var_b : (..., 3), variances of the means that these are.
+    a, b : (..., 3), mean radiances.
+    var_a, var_b : (..., 3), variances of these means.
     """
 
     a: Array
@@ -26,13 +26,13 @@ class NoisyPair(NamedTuple):
     b: Array
     var_b: Array
 
-    def rows(self, top: int, bottom: int) -> "NoisyPair":
+    def rows(self, top: int, bottom: int) -> "ImagePair":
         """Take the rows top..bottom-1 of all arrays."""
-        return NoisyPair(*(values[top:bottom] for values in self))
+        return ImagePair(*(values[top:bottom] for values in self))
 
-    def means(self, cells: Array | int) -> "NoisyPair":
-        """Turn sums over parts into means over them; `cells` says of how many values each is."""
-        return NoisyPair(self.a / cells, self.var_a / cells**2, self.b / cells, self.var_b / cells**2)
+    def means(self, cells: Array | int) -> "ImagePair":
+        """Turn sums over parts into means over them; `cells` is the number of values of each."""
+        return ImagePair(self.a / cells, self.var_a / cells**2, self.b / cells, self.var_b / cells**2)
 
     def ratio(self) -> float:
         """Estimate how many times that of b the variance of a is, in the median part; 0 if one is without noise.
@@ -45,10 +45,9 @@ class NoisyPair(NamedTuple):
     def variance_of_difference(self, ratio: float) -> Array:
         """Estimate the variance of a - b, under the hypothesis that both are of one scene.
 
-        It is var_a + var_b, but a pixel in which rare bright samples have not turned up yet takes itself to be
-        free of noise.  If b has r times as many samples, its variance tells what that of a should be, and the other
-        way round: the pooled estimate of Student's two-sample test is var_a / r + r var_b.  The larger one is
-        taken, with r = `ratio`.
+        It is var_a + var_b, but a pixel in which rare bright samples have not turned up yet has too small a variance.
+        If b has r times as many samples, its variance tells what that of a should be, and vice versa: the pooled
+        estimate of Student's two-sample test is var_a / r + r var_b.  The larger one is taken, with r = `ratio`.
         """
         summed = self.var_a + self.var_b
         if ratio == 0.0:
@@ -56,7 +55,7 @@ class NoisyPair(NamedTuple):
         return np.maximum(summed, self.var_a / ratio + self.var_b * ratio)
 
     def difference(self) -> Array:
-        """Subtract b from a, leaving out what rounding may make: 0 where they agree to `ROUNDING`."""
+        """Subtract b from a, with 0 where they agree to `ROUNDING`."""
         difference = self.a - self.b
         scale = np.maximum(np.abs(self.a), np.abs(self.b))
         return np.copysign(np.maximum(np.abs(difference) - ROUNDING * scale, 0.0), difference)
@@ -69,7 +68,7 @@ class NoisyPair(NamedTuple):
         return np.copysign(np.where(np.isfinite(self.a - self.b), z, np.inf), difference)
 
 
-def noisy_pair(a: ArrayLike, var_a: ArrayLike | None, b: ArrayLike, var_b: ArrayLike | None) -> NoisyPair:
+def make_image_pair(a: ArrayLike, var_a: ArrayLike | None, b: ArrayLike, var_b: ArrayLike | None) -> ImagePair:
     """Check and convert two images (height, width, 3) and their variances, None for one without noise.
 
     Raises
@@ -86,7 +85,7 @@ def noisy_pair(a: ArrayLike, var_a: ArrayLike | None, b: ArrayLike, var_b: Array
         if not np.all(np.isfinite(variance) & (variance >= 0.0)):
             raise InputError("a variance is not known everywhere: it takes two samples in every pixel")
         variances.append(variance)
-    return NoisyPair(first, variances[0], second, variances[1])
+    return ImagePair(first, variances[0], second, variances[1])
 
 
 def tile_sums(values: Array, tile: int) -> Array:

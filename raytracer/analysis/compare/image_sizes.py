@@ -1,15 +1,15 @@
-"""Which arrays can be compared."""
+"""Check of the sizes of two images."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.errors import InputError
+from raytracer.util.errors import InputError
 
 
 def check_sizes(a: NDArray[np.floating[Any]], b: NDArray[np.floating[Any]]) -> None:
-    """Make sure that two arrays are images (height, width, 3) of one size.
+    """Check that two arrays are images (height, width, 3) of one size.
 
     Raises
     ------

@@ -17,7 +17,7 @@ _TRUNCATE = 3.0
 HALO = 13
 """Pixels around an image that its filters reach: those of the widest Gaussian, and one for the neighbours."""
 
-# Binomial and central difference, along an axis; what the binomial of both axes has in the middle.
+# Binomial and central difference, along an axis; the central weight of the binomial of both axes.
 _SMOOTH, _SLOPE = (0.25, 0.5, 0.25), (-0.5, 0.0, 0.5)
 _CENTRE = 0.25
 
@@ -43,14 +43,14 @@ def _along(values: Array, weights: tuple[float, float, float], axis: int) -> Arr
 
 
 def fine_filters(values: Array, *, alike: bool) -> Iterator[tuple[Array, Array]]:
-    """Filter an image by what shifts to the right and downwards match, and the finest blur.
+    """Filter an image by the filters that match shifts to the right and downwards, and the finest blur.
 
     Yields
     ------
-    matched filter ; what one unit of the pattern makes of the image.
+    matched filter ; the change of the image by one unit of the pattern.
     """
     for axis in (1, 0):
-        # What moves to the right is darker by its slope to the right.
+        # An image that moves to the right becomes darker by its slope to the right.
         moved = -_along(values, _SLOPE, axis)
         yield _along(moved, _SMOOTH, 1 - axis), moved
     finer = _smooth(values) - values
@@ -58,7 +58,7 @@ def fine_filters(values: Array, *, alike: bool) -> Iterator[tuple[Array, Array]]
 
 
 def wide_filters(values: Array, *, alike: bool) -> Iterator[Array]:
-    """Filter an image by what wider blurs match: bands between Gaussians."""
+    """Filter an image by the filters that match wider blurs: bands between Gaussians."""
     from scipy.ndimage import gaussian_filter
 
     smooth, centre = _smooth(values), _CENTRE

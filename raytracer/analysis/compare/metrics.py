@@ -1,6 +1,6 @@
-"""How far apart two images are, noise included.
+"""Error metrics of images, noise included.
 
-`a` is the image in question and `b` the reference, both (height, width, 3), here and in all of this package.  The
+`a` is the image and `b` the reference, both (height, width, 3), here and in all of this package.  The
 first five are plain arithmetic, meant for linear light, but they tell something of display values as well; PSNR and
 SSIM are meant for what a display shows, in 0..1; FLIP has a kind for each.
 """
@@ -14,23 +14,23 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytracer.comparison.bands import over_bands
-from raytracer.comparison.sizes import check_sizes
-from raytracer.errors import InputError
-from raytracer.noise.metric import weights
+from raytracer.analysis.compare.image_sizes import check_sizes
+from raytracer.analysis.compare.row_bands import map_row_bands
+from raytracer.core.error_estimate.metric import error_weights
+from raytracer.util.errors import InputError
 
 Array = NDArray[np.float64]
 Domain = Literal["linear", "display"]
 
-# What keeps black pixels of the reference from deciding, in pbrt's formula.
+# Term that keeps black pixels of the reference from dominating, in pbrt's formula.
 _MRSE_FLOOR = 0.01
 
 # Wang and others 2004, section III-C: a Gaussian window of 11 x 11 pixels, with K1 = 0.01 and K2 = 0.03.
 _SSIM_RADIUS = 5
 _SSIM = {"data_range": 1.0, "gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False, "full": True}
 
-# Luminance of Rec. 709, the tone mapper's value that exposures begin and end with, and the darkest median that the
-# package knows: Andersson and others 2021, section 3; Narkowicz 2016.
+# Luminance of Rec. 709, the value of the tone mapper at which exposures begin and end, and the darkest median of the
+# package: Andersson and others 2021, section 3; Narkowicz 2016.
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _FLIP_WHITE = 2.1188723
 _FLIP_DARKEST = float(np.finfo(np.float32).eps)
@@ -50,7 +50,7 @@ def require_extra(what: str) -> None:
         raise InputError(f"{what} needs {package}, which is not installed: pip install 'raytracer[compare]'")
 
 
-# ---- plain arithmetic ----
+# ---- Plain arithmetic
 
 
 class Sums(NamedTuple):
@@ -63,7 +63,7 @@ class Sums(NamedTuple):
 
 
 def sums(a: ArrayLike, b: ArrayLike) -> Sums:
-    """Everything that the plain metrics are made of, in one go.
+    """Compute the sums of all plain metrics in one pass.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def sums(a: ArrayLike, b: ArrayLike) -> Sums:
 
     def of_band(top: int, bottom: int) -> tuple[float, ...]:
         reference = second[top:bottom]
-        # What is too large for float64 is inf, or not a number.
+        # Values too large for float64 are inf or nan.
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             difference = first[top:bottom] - reference
             squared = difference**2
@@ -81,12 +81,12 @@ def sums(a: ArrayLike, b: ArrayLike) -> Sums:
             return (
                 float(np.abs(difference).sum()),
                 float(squared.sum()),
-                float((weights(reference, 1.0) * squared).sum()),
+                float((error_weights(reference, 1.0) * squared).sum()),
                 # A reference of -0.01 has no relative error.
                 float(pbrt.sum(where=(reference != -_MRSE_FLOOR))),
             )
 
-    return Sums(*(_total(parts) for parts in zip(*over_bands(of_band, len(first)), strict=True)))
+    return Sums(*(_total(parts) for parts in zip(*map_row_bands(of_band, len(first)), strict=True)))
 
 
 def _total(parts: Sequence[float]) -> float:
@@ -103,7 +103,7 @@ def _pair(a: ArrayLike, b: ArrayLike) -> tuple[Array, Array]:
 
 
 def mae(a: ArrayLike, b: ArrayLike) -> float:
-    """Mean absolute error of `a` against `b`, images (height, width, 3), over pixels and channels.
+    """Compute the mean absolute error of `a` against `b`, images (height, width, 3), over pixels and channels.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def mae(a: ArrayLike, b: ArrayLike) -> float:
 
 
 def mse(a: ArrayLike, b: ArrayLike) -> float:
-    """Mean squared error of `a` against `b`, images (height, width, 3), over pixels and channels.
+    """Compute the mean squared error of `a` against `b`, images (height, width, 3), over pixels and channels.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def mse(a: ArrayLike, b: ArrayLike) -> float:
 
 
 def rmse(a: ArrayLike, b: ArrayLike) -> float:
-    """Root of `mse`, in the unit of the images.
+    """Compute the root of `mse`, in the unit of the images.
 
     Raises
     ------
@@ -133,9 +133,9 @@ def rmse(a: ArrayLike, b: ArrayLike) -> float:
 
 
 def relmse(a: ArrayLike, b: ArrayLike) -> float:
-    """Relative mean squared error of `a` against the reference `b`: the mean of (a - b)^2 / (b^2 + 0.01).
+    """Compute the relative mean squared error of `a` against the reference `b`: the mean of (a - b)^2 / (b^2 + 0.01).
 
-    The 0.01 keeps black pixels from deciding.
+    The 0.01 keeps black pixels from dominating.
 
     Raises
     ------
@@ -148,7 +148,7 @@ def relmse(a: ArrayLike, b: ArrayLike) -> float:
 
 
 def mrse(a: ArrayLike, b: ArrayLike) -> float:
-    """Mean relative squared error of `a` against the reference `b`: the mean of (a - b)^2 / (b + 0.01)^2.
+    """Compute the mean relative squared error of `a` against the reference `b`: the mean of (a - b)^2 / (b + 0.01)^2.
 
     A value of exactly -0.01 in the reference counts as no error.
 
@@ -163,7 +163,7 @@ def mrse(a: ArrayLike, b: ArrayLike) -> float:
 
 
 def psnr(a: ArrayLike, b: ArrayLike, peak: float = 1.0) -> float:
-    """Peak signal-to-noise ratio in dB, 10 log10(peak^2 / MSE); inf for equal images.
+    """Compute the peak signal-to-noise ratio in dB, 10 log10(peak^2 / MSE); inf for equal images.
 
     Raises
     ------
@@ -173,18 +173,18 @@ def psnr(a: ArrayLike, b: ArrayLike, peak: float = 1.0) -> float:
 
 
 def decibels(error: float, peak: float = 1.0) -> float:
-    """The PSNR that belongs to a mean squared error."""
+    """Compute the PSNR of a mean squared error."""
     return math.inf if error == 0.0 else 10.0 * math.log10(peak**2 / error)
 
 
-# ---- what is seen ----
+# ---- Perceptual metrics
 
 
 def ssim(a: ArrayLike, b: ArrayLike) -> float:
-    """Mean structural similarity of images with display values in 0..1; 1 for equal images.
+    """Compute the mean structural similarity of images with display values in 0..1; 1 for equal images.
 
-    Of each channel, with the Gaussian window and the constants of the paper, over the pixels whose window of 11 x 11
-    lies in the image; the mean of the channels.
+    The mean over channels and over the pixels whose window of 11 x 11 lies in the image, with the Gaussian window and
+    the constants of the paper.
 
     Raises
     ------
@@ -205,19 +205,19 @@ def ssim(a: ArrayLike, b: ArrayLike) -> float:
 
     def of_band(top: int, bottom: int) -> float:
         inner = slice(_SSIM_RADIUS, -_SSIM_RADIUS)
-        found = 0.0
+        total = 0.0
         for channel in range(channels):
             planes = (np.ascontiguousarray(image[top : bottom + margin, :, channel]) for image in (first, second))
             _, values = similarity(*planes, **_SSIM)
-            found += float(values[inner, inner].sum())
-        return found
+            total += float(values[inner, inner].sum())
+        return total
 
     count: int = (height - margin) * (width - margin) * channels
-    return math.fsum(over_bands(of_band, height - margin)) / count
+    return math.fsum(map_row_bands(of_band, height - margin)) / count
 
 
 def flip(a: ArrayLike, b: ArrayLike, domain: Domain) -> float:
-    """Mean of `flip_map`.
+    """Compute the mean of `flip_map`.
 
     Raises
     ------
@@ -226,19 +226,19 @@ def flip(a: ArrayLike, b: ArrayLike, domain: Domain) -> float:
     return mean_of_map(flip_map(a, b, domain))
 
 
-def mean_of_map(found: NDArray[np.float32]) -> float:
-    """The mean of a map that `flip_map` made; the package's own, in float32, is off in the third digit for 4K."""
-    return float(found.mean(dtype=np.float64))
+def mean_of_map(values: NDArray[np.float32]) -> float:
+    """Compute the mean of a `flip_map`; the package's own, in float32, is off in the third digit for 4K."""
+    return float(values.mean(dtype=np.float64))
 
 
 def flip_map(a: ArrayLike, b: ArrayLike, domain: Domain) -> NDArray[np.float32]:
-    """How different each pixel looks when the two images are shown in turns: float32 (height, width) in 0..1.
+    """Compute FLIP, the visibility of differences when two images alternate: float32 (height, width) in 0..1.
 
     Parameters
     ----------
     domain : `display` for display values in 0..1 (LDR-FLIP), `linear` for linear light (HDR-FLIP: the worst of all
         exposures, from one that shows the brightest pixel to one that shows the median; values below 0 count as 0).
-        The eye is where the package assumes it: 0.7 m from a 4K display that is 0.7 m wide.
+        The eye is at the default place of the package: 0.7 m from a 4K display that is 0.7 m wide.
 
     Raises
     ------
@@ -256,22 +256,22 @@ def flip_map(a: ArrayLike, b: ArrayLike, domain: Domain) -> NDArray[np.float32]:
     most = _LARGEST if domain == "linear" else 1.0
     test, reference = (np.ascontiguousarray(np.clip(image, 0.0, most), dtype=np.float32) for image in (first, second))
     kind = "HDR" if domain == "linear" else "LDR"
-    found: tuple[NDArray[np.float32], Any, Any] = evaluate(
+    result: tuple[NDArray[np.float32], Any, Any] = evaluate(
         reference, test, kind, inputsRGB=True, applyMagma=False, computeMeanError=False
     )
-    return found[0][..., 0]
+    return result[0][..., 0]
 
 
 def flip_package() -> Any:
-    """The package flip-evaluator.
+    """Import the package flip-evaluator.
 
     Raises
     ------
     InputError : it is not installed.
     """
     require_extra("flip")
-    # Its threads wait for each other by turning in circles, unless they are told to sleep before it is loaded: on a
-    # machine that is busy a picture of 50 x 40 pixels takes 0.3 s in place of 0.01.
+    # Its threads wait actively for each other, unless they are set to sleep before it is loaded: on a busy machine a
+    # picture of 50 x 40 pixels takes 0.3 s in place of 0.01.
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     import flip_evaluator
 
@@ -279,7 +279,7 @@ def flip_package() -> Any:
 
 
 def exposures(reference: Array) -> int:
-    """How many exposures HDR-FLIP looks at, each of which takes as long as a display image.
+    """Count the exposures of HDR-FLIP, each of which takes as long as a display image.
 
     Raises
     ------
@@ -287,17 +287,23 @@ def exposures(reference: Array) -> int:
     """
     luminance = np.maximum(reference, 0.0) @ _LUMINANCE
     brightest, median = float(luminance.max()), max(float(np.median(luminance)), _FLIP_DARKEST)
-    # With room for float32, which the package finds the same in.
+    # With a margin for float32, in which the package computes the same.
     if brightest < 2.0 * _FLIP_DARKEST:
         raise InputError("FLIP has no exposure for a reference that is black")
     return max(2, math.ceil(math.log2(brightest / median)))
 
 
-# ---- all by name ----
+# ---- Table of metrics
 
 
 class Metric(NamedTuple):
-    """A metric by the name that users know: its label, whether larger is better, and what is measured."""
+    """A metric.
+
+    label : name that users read.
+    is_better_larger : True if larger is better.
+    of : computes it from sums and the number of values; None if it takes the images.
+    always_display : True if it is of display values, whatever the images hold.
+    """
 
     label: str
     is_better_larger: bool
@@ -306,13 +312,13 @@ class Metric(NamedTuple):
 
 
 METRICS = {
-    "mae": Metric("MAE", False, lambda found, count: found.absolute / count),
-    "mse": Metric("MSE", False, lambda found, count: found.squared / count),
-    "rmse": Metric("RMSE", False, lambda found, count: math.sqrt(found.squared / count)),
-    "relmse": Metric("relMSE", False, lambda found, count: found.relative / count),
-    "mrse": Metric("MRSE", False, lambda found, count: found.pbrt / count),
-    "psnr": Metric("PSNR", True, lambda found, count: decibels(found.squared / count), True),
+    "mae": Metric("MAE", False, lambda sums, count: sums.absolute / count),
+    "mse": Metric("MSE", False, lambda sums, count: sums.squared / count),
+    "rmse": Metric("RMSE", False, lambda sums, count: math.sqrt(sums.squared / count)),
+    "relmse": Metric("relMSE", False, lambda sums, count: sums.relative / count),
+    "mrse": Metric("MRSE", False, lambda sums, count: sums.pbrt / count),
+    "psnr": Metric("PSNR", True, lambda sums, count: decibels(sums.squared / count), True),
     "ssim": Metric("SSIM", True, None, True),
     "flip": Metric("FLIP", False, None),
 }
-"""All metrics, in the order in which they are printed."""
+"""All metrics by the names that users give, in the order in which they are printed."""

@@ -1,10 +1,10 @@
-"""Matched filters, which find that a picture is brighter, shifted or blurred by less than its single pixels tell.
+"""Patterns in the difference of two images: brightness, shift and blur too small to see in single pixels.
 
 The difference d of two images is projected on what it would be if one were a little brighter (their mean m itself),
 shifted (its derivatives) or blurred (its Laplacian, in three bands), in the whole and in tiles.  Under the hypothesis
 that both are of one scene, the difference of a pixel is as likely to have one sign as the other, and pixels are
-independent of each other.  So a sum of c_i has the variance of sum c_i^2, of whatever noise: this knows the noise of
-stratified and Sobol' samples too, of which the variance within a pixel tells too much.  Where the images are of as many
+independent of each other.  So a sum of c_i has the variance of sum c_i^2, of whatever noise: this holds for
+stratified and Sobol' samples too, for which the variance within a pixel is too large.  Where the images are of as many
 samples of the same sampler this holds exactly (a randomisation test by signs), and the tail of the normal distribution
 times 3.18 bounds that of the sum divided by its standard deviation, however few terms decide it.
 
@@ -27,9 +27,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.comparison.bands import over_bands
-from raytracer.comparison.matched_filters import HALO, fine_filters, nearby, wide_filters
-from raytracer.comparison.noisy_pair import NoisyPair, tile_sums
+from raytracer.analysis.compare.image_pair import ImagePair, tile_sums
+from raytracer.analysis.compare.matched_filters import HALO, fine_filters, nearby, wide_filters
+from raytracer.analysis.compare.row_bands import map_row_bands
 
 Array = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ class Projections(NamedTuple):
         unknown = np.full_like(self.sums, math.nan)
         return np.divide(self.sums, self.responses, out=unknown, where=self.responses > 0.0)
 
-    def found_from(self, z: float) -> Array:
+    def detectable_amounts(self, z: float) -> Array:
         """Find the amount of each pattern that has an expected score of `z`; inf where none has.
 
         A difference adds to the variance that is estimated from it: k^2 (V + x^2 Q) = x^2 R^2.
@@ -143,21 +143,21 @@ class _Band(NamedTuple):
 
 
 @np.errstate(invalid="ignore", over="ignore")
-def structure(pair: NoisyPair, ratio: float, *, alike: bool, tile: int) -> Structure:
+def find_structure(pair: ImagePair, ratio: float, *, alike: bool, tile: int) -> Structure:
     """Look for patterns in the difference of two images.
 
     Parameters
     ----------
     ratio : variance of a over that of b, of the same scene; 0 if not known.
-    alike : whether both are of as many samples of the same sampler, so that differences are symmetric.  If they are
-        not, variances are taken no smaller than those of the pixels tell.
+    alike : True if both have as many samples of the same sampler, so that differences are symmetric.  If they have
+        not, variances are taken no smaller than those of the pixels.
     tile : edge of the tiles (px), even.
     """
     height = len(pair.a)
     rows = max(ROWS // tile, 1) * tile
-    deviations = over_bands(lambda top, bottom: _deviation_sums(pair, ratio, top, bottom), height, rows)
+    deviations = map_row_bands(lambda top, bottom: _deviation_sums(pair, ratio, top, bottom), height, rows)
     typical = np.sum(deviations, axis=0) / (pair.a.shape[0] * pair.a.shape[1])
-    bands = over_bands(
+    bands = map_row_bands(
         lambda top, bottom: _sums(pair, ratio, typical, (top, bottom), alike=alike, tile=tile), height, rows
     )
     fields = [np.concatenate(parts) for parts in zip(*(band.fields for band in bands), strict=True)]
@@ -179,13 +179,13 @@ def _score(total: float, variance: float) -> float:
 
 
 def _mirrored(start: int, stop: int, size: int) -> NDArray[np.int64]:
-    """Indices of an axis, mirrored at its ends such that a pixel is not its own neighbour."""
+    """List the indices of an axis, mirrored at its ends such that a pixel is not its own neighbour."""
     period = max(2 * (size - 1), 1)
     index = np.abs(np.arange(start, stop)) % period
     return np.where(index >= size, period - index, index)
 
 
-def _with_halo(pair: NoisyPair, top: int, bottom: int) -> NoisyPair:
+def _with_halo(pair: ImagePair, top: int, bottom: int) -> ImagePair:
     height, width, _ = pair.a.shape
     rows, columns = _mirrored(top - HALO, bottom + HALO, height), _mirrored(-HALO, width + HALO, width)
     a, var_a, b, var_b = (np.ascontiguousarray(values[rows[:, None], columns]) for values in pair)
@@ -193,7 +193,7 @@ def _with_halo(pair: NoisyPair, top: int, bottom: int) -> NoisyPair:
     if not finite.all():
         # They fail as single pixels; nothing around them is to be lost.
         a, b = np.where(finite, a, 0.0), np.where(finite, b, 0.0)
-    return NoisyPair(a, var_a, b, var_b)
+    return ImagePair(a, var_a, b, var_b)
 
 
 def _inside(values: Array) -> Array:
@@ -201,13 +201,13 @@ def _inside(values: Array) -> Array:
 
 
 @np.errstate(invalid="ignore", over="ignore")
-def _deviation_sums(pair: NoisyPair, ratio: float, top: int, bottom: int) -> Array:
+def _deviation_sums(pair: ImagePair, ratio: float, top: int, bottom: int) -> Array:
     """Sum the standard deviations of the differences in a band (3,), each told by its neighbours."""
     padded = _with_halo(pair, top, bottom)
     return np.asarray(np.sqrt(_inside(nearby(padded.variance_of_difference(ratio)))).sum(axis=(0, 1)))
 
 
-def _band(pair: NoisyPair, ratio: float, typical: Array, top: int, bottom: int) -> _Band:
+def _band(pair: ImagePair, ratio: float, typical: Array, top: int, bottom: int) -> _Band:
     """Prepare the rows top..bottom-1; a channel without noise is left out, as single pixels tell all of it."""
     padded = _with_halo(pair, top, bottom)
     unit = np.divide(1.0, typical, out=np.zeros_like(typical), where=typical > 0.0)
@@ -245,7 +245,7 @@ def _filters(band: _Band, *, alike: bool) -> Iterator[tuple[Array, Array]]:
 
 
 @np.errstate(invalid="ignore", over="ignore")
-def _sums(pair: NoisyPair, ratio: float, typical: Array, place: tuple[int, int], *, alike: bool, tile: int) -> _Sums:
+def _sums(pair: ImagePair, ratio: float, typical: Array, place: tuple[int, int], *, alike: bool, tile: int) -> _Sums:
     """Sum the projections, products and squares of a band of rows (top, bottom)."""
     top, bottom = place
     band = _band(pair, ratio, typical, top, bottom)

@@ -1,4 +1,4 @@
-"""Result of a comparison of two images: metrics, the verdict on their noise, and whether that is good enough."""
+"""Result of a comparison of two images: metrics, the verdict of the z-test, and pass or fail."""
 
 import math
 from dataclasses import dataclass, replace
@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.comparison.metrics import METRICS, Domain
-from raytracer.comparison.patterns import PATTERNS
-from raytracer.comparison.reading import Picture
-from raytracer.comparison.verdict import Verdict
+from raytracer.analysis.compare.compared_image import ComparedImage
+from raytracer.analysis.compare.metrics import METRICS, Domain
+from raytracer.analysis.compare.patterns import PATTERNS
+from raytracer.analysis.compare.z_test import Verdict
 
 
 class NotFinite(NamedTuple):
@@ -37,18 +37,18 @@ class Comparison:
     a, b : names of the images; `b` is the reference.
     width, height : pixels.
     metrics : values by name: mae, mse, rmse, relmse, mrse, psnr (dB), ssim, flip.
-    domains : what each is of: `linear` light, or `display` values, sRGB-encoded in 0..1.
+    domains : domain of each: `linear` light, or `display` values, sRGB-encoded in 0..1.
     unmeasured : reasons by name of metrics that are missing.
-    noise_mse : mean squared error that the noise of both alone makes, or None if not known.
+    noise_mse : mean squared error by the noise of both alone, or None if not known.
     verdict : of the z-test, or None for the reason that `untested` gives.
     alpha : significance level of the z-test.
     notes : sentences that belong to the verdict.
     not_finite : pixels that are not finite; metrics are of the others.
-    failures : what was asked for and is not so, in sentences.
-    passed : whether there are no failures; None if nothing was asked for.
-    is_display : whether display values are compared, or linear light.
-    flip : what FLIP tells of each pixel, (height, width), or None where it was not measured or was let go of.
-    pictures : the two images, or None where they were let go of.
+    failures : criteria that are not met, in sentences.
+    passed : True without failures; None without criteria.
+    is_display : True if display values are compared, False for linear light.
+    flip : FLIP of each pixel, (height, width), or None where it was not measured or was released.
+    pictures : the two images, or None where they were released.
     """
 
     a: str
@@ -68,10 +68,10 @@ class Comparison:
     passed: bool | None
     is_display: bool
     flip: NDArray[np.float32] | None
-    pictures: tuple[Picture, Picture] | None
+    pictures: tuple[ComparedImage, ComparedImage] | None
 
     def without_pixels(self) -> "Comparison":
-        """Copy it without what takes memory."""
+        """Copy the comparison without the data that take memory."""
         verdict = self.verdict and replace(self.verdict, pixel_z=np.empty((0, 0, 3)))
         return replace(self, flip=None, pictures=None, verdict=verdict)
 
@@ -109,7 +109,7 @@ class Comparison:
         }
 
     def text(self) -> str:
-        """Write a report in lines."""
+        """Write a report as text."""
         domain = "display values" if self.is_display else "linear light"
         lines = [f"{self.a} against {self.b}: {self.width} x {self.height} pixels, {domain}"]
         for name, value in self.metrics.items():
@@ -121,12 +121,12 @@ class Comparison:
         lines += [f"  {METRICS[name].label:<7}-  {reason}" for name, reason in self.unmeasured.items()]
         if self.not_finite.first is not None:
             lines.append(f"not finite: {self.not_finite.sentence()}")
-        if told := self.told():
-            lines.append(told)
+        if verdict := self.verdict_text():
+            lines.append(verdict)
         lines += [f"  {note}" for note in self.notes]
         if self.passed is not None:
             lines.append("PASS" if self.passed else f"FAIL: {'; '.join(self.failures)}")
-        lines += [f"  also: {finding}" for finding in self.also()]
+        lines += [f"  also: {finding}" for finding in self.other_findings()]
         return "\n".join(lines) + "\n"
 
     @property
@@ -134,15 +134,15 @@ class Comparison:
         """Labels of the images: which of the two it is, and its name."""
         return _label("A", self.a), _label("B", self.b)
 
-    def told(self) -> str:
-        """Say what the z-test found, or why there was none, unless it is among the failures."""
+    def verdict_text(self) -> str:
+        """Write the result of the z-test, or why there was none, unless it is among the failures."""
         if self.verdict is None:
             return f"no z-test: {self.untested}" if self.untested else ""
-        told = verdict_sentence(self.verdict)
-        return "" if told in self.failures else told
+        sentence = verdict_sentence(self.verdict)
+        return "" if sentence in self.failures else sentence
 
-    def also(self) -> tuple[str, ...]:
-        """List what the parts of the z-test have found besides the first that failed."""
+    def other_findings(self) -> tuple[str, ...]:
+        """List the findings of the z-test besides the first."""
         return () if self.verdict is None else self.verdict.findings[1:]
 
     def __repr__(self) -> str:
@@ -154,7 +154,7 @@ def _label(side: str, name: str) -> str:
 
 
 def verdict_sentence(verdict: Verdict) -> str:
-    """Say whether the z-test passed, and why not."""
+    """Write if the z-test passed, and why not."""
     return f"z-test {'passed' if verdict.passed else 'failed'}: {verdict.reason}"
 
 

@@ -1,4 +1,4 @@
-"""Work on large images, shared out to threads by bands of rows."""
+"""Parallel work on large images, by bands of rows."""
 
 import os
 from collections.abc import Callable
@@ -7,12 +7,12 @@ from typing import TypeVar
 
 T = TypeVar("T")
 
-# Rows of 4K images for which what is worked out of them stays in the processor's caches.
+# Rows of 4K images whose intermediate results stay in the processor's caches.
 ROWS = 64
 
 
-def over_bands(work: Callable[[int, int], T], height: int, rows: int = ROWS) -> list[T]:
-    """`work(top, bottom)` of all bands of `rows` rows, in their order; bands are the same for any number of threads."""
+def map_row_bands(work: Callable[[int, int], T], height: int, rows: int = ROWS) -> list[T]:
+    """Call `work(top, bottom)` for all bands of `rows` rows; the bands are the same for any number of threads."""
     tops = range(0, height, rows)
     if len(tops) == 1:
         return [work(0, height)]

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytracer.comparison.bands import ROWS, over_bands
-from raytracer.comparison.limits import Limits, limits_of, symmetric_tail
-from raytracer.comparison.noisy_pair import NoisyPair, noisy_pair, tile_sums
-from raytracer.comparison.patterns import PATTERNS, SCALES, Structure, structure
+from raytracer.analysis.compare.detection_limits import DetectionLimits, detection_limits, symmetric_tail
+from raytracer.analysis.compare.image_pair import ImagePair, make_image_pair, tile_sums
+from raytracer.analysis.compare.patterns import PATTERNS, SCALES, Structure, find_structure
+from raytracer.analysis.compare.row_bands import ROWS, map_row_bands
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ _COUNTED_BEYOND = 2.0
 
 _CHANNELS = ("red", "green", "blue")
 
-# What the first image is, if the score of a pattern is above 0, and if it is below.
+# Words for the first image if the score of a pattern is above 0, and if it is below.
 _WORDS = {
     **{f"brightness_{channel}": (f"brighter in {channel}", f"darker in {channel}") for channel in _CHANNELS},
     "shift_x": ("shifted to the right", "shifted to the left"),
@@ -56,7 +56,7 @@ class Verdict:
 
     Attributes
     ----------
-    passed : whether every p is at least the significance level over `TESTS`.
+    passed : True if every p is at least the significance level over `TESTS`.
     reason : one sentence: the first test that failed, or how near the images are.
     mean_z : (3,), means of the channels.
     mean_p : for `mean_z`.
@@ -69,15 +69,15 @@ class Verdict:
     pattern_z : (8,), projections of the whole difference on `patterns.PATTERNS`: brightness of the channels, shift to
         the right and downwards, blur of three widths.
     pattern_p : for `pattern_z`.
-    pattern_tile_z : (rows, columns, 8), the same of tiles with twice the edge of those of `tile_z`.
+    pattern_tile_z : (rows, columns, 8), those of tiles with twice the edge of those of `tile_z`.
     pattern_tile_p : for `pattern_tile_z`.
     neighbour_z : (4, 2), products of differences 1, 2, 4 and 8 pixels apart, down and across.
     neighbour_p : for `neighbour_z`.
-    squares_z : sum of the squared differences less what their variances say, in its own standard deviations.
+    squares_z : sum of the squared differences less their variances, in its own standard deviations.
     squares_p : for `squares_z`, of which only large values count.
-    squares_ratio : squared differences over what the variances say; below 1, noise is less than they tell.
+    squares_ratio : squared differences over their variances; below 1, noise is less than the variances.
     findings : sentences, one for each test that failed.
-    limits : what would have been found.
+    limits : least differences that would have been found.
     """
 
     passed: bool
@@ -100,7 +100,7 @@ class Verdict:
     squares_p: float
     squares_ratio: float
     findings: tuple[str, ...]
-    limits: Limits
+    limits: DetectionLimits
 
     def p_values(self) -> dict[str, float]:
         """Name the p of each test, as `TEST_LABELS` does."""
@@ -108,22 +108,22 @@ class Verdict:
 
 
 def _any_of(p: float, tests: int) -> float:
-    """Probability that the least p of independent tests is at most `p` (Šidák 1967)."""
+    """Compute the probability that the least p of independent tests is at most `p` (Šidák 1967)."""
     return -math.expm1(tests * math.log1p(-p)) if p < 1.0 else 1.0
 
 
 def _p_of_largest(z: Array) -> float:
-    """Probability that one of as many normal values as `z` has is as far from 0 as its farthest."""
+    """Compute the probability that the farthest from 0 of as many normal values is as far as that of `z`."""
     return _any_of(math.erfc(float(np.abs(z).max()) / math.sqrt(2.0)), z.size)
 
 
 def _p_of_largest_sum(z: Array) -> float:
-    """Bound the same for sums of symmetric terms over the root of their squares' sum; 1 without any."""
+    """Bound the p of the largest of sums of symmetric terms over the root of their squares' sum; 1 without any."""
     return _any_of(symmetric_tail(float(np.abs(z).max())), z.size) if z.size else 1.0
 
 
 def _p_of_exceeding(exceeding: Array, pixels: int) -> float:
-    """Probability that one channel or more has as many pixels beyond `_COUNTED_BEYOND` as the one with the most."""
+    """Compute the probability that a channel has as many pixels beyond `_COUNTED_BEYOND` as the one with the most."""
     from scipy.special import bdtrc
 
     most = round(float(exceeding.max()) * pixels)
@@ -133,22 +133,22 @@ def _p_of_exceeding(exceeding: Array, pixels: int) -> float:
 
 
 class _Means(NamedTuple):
-    """Means of everything, and of tiles, with the scores of their differences; and the ratio of the variances."""
+    """Means of the whole image and of tiles, with the scores of their differences; and the ratio of the variances."""
 
-    whole: NoisyPair
-    tiles: NoisyPair
+    whole: ImagePair
+    tiles: ImagePair
     whole_z: Array
     tile_z: Array
     ratio: float
 
 
-def _compare_means(pair: NoisyPair, cells: Array, tile: int, rows: int, ratio: float | None) -> _Means:
+def _compare_means(pair: ImagePair, cells: Array, tile: int, rows: int, ratio: float | None) -> _Means:
     """Compare means of the channels and of tiles of so many `cells` (rows, columns, 1)."""
     height, width, _ = pair.a.shape
     with np.errstate(invalid="ignore", over="ignore"):
-        sums = over_bands(lambda top, bottom: [tile_sums(v, tile) for v in pair.rows(top, bottom)], height, rows)
-        of_tiles = NoisyPair(*(np.concatenate(parts) for parts in zip(*sums, strict=True)))
-        whole = NoisyPair(*(values.sum(axis=(0, 1)) for values in of_tiles)).means(height * width)
+        sums = map_row_bands(lambda top, bottom: [tile_sums(v, tile) for v in pair.rows(top, bottom)], height, rows)
+        of_tiles = ImagePair(*(np.concatenate(parts) for parts in zip(*sums, strict=True)))
+        whole = ImagePair(*(values.sum(axis=(0, 1)) for values in of_tiles)).means(height * width)
         tiles = of_tiles.means(cells)
         shares = of_tiles.ratio() if ratio is None else ratio
         whole_z = whole.z(whole.variance_of_difference(shares))
@@ -156,7 +156,7 @@ def _compare_means(pair: NoisyPair, cells: Array, tile: int, rows: int, ratio: f
     return _Means(whole, tiles, whole_z, tile_z, shares)
 
 
-def _compare_pixels(pair: NoisyPair, cells: Array, tile: int, rows: int, ratio: float) -> tuple[Array, Array]:
+def _compare_pixels(pair: ImagePair, cells: Array, tile: int, rows: int, ratio: float) -> tuple[Array, Array]:
     """Score single pixels (height, width, 3), and find the fractions (3,) of those beyond the limit."""
     height, width, _ = pair.a.shape
     pixel_z = np.empty_like(pair.a)
@@ -165,7 +165,7 @@ def _compare_pixels(pair: NoisyPair, cells: Array, tile: int, rows: int, ratio: 
         """Fill in a band of `pixel_z`, and count what is beyond the limit in each channel."""
         band = pair.rows(top, bottom)
         variance = band.variance_of_difference(ratio)
-        # A pixel's own variance, from few samples, may be far too small, which that of its neighbours tells.
+        # A pixel's own variance, from few samples, may be far too small; that of its neighbours shows this.
         of_tile = tile_sums(variance, tile) / cells[top // tile : -(-bottom // tile)]
         of_tile = np.repeat(np.repeat(of_tile, tile, axis=0), tile, axis=1)[: bottom - top, :width]
         with np.errstate(invalid="ignore", over="ignore"):
@@ -174,7 +174,7 @@ def _compare_pixels(pair: NoisyPair, cells: Array, tile: int, rows: int, ratio: 
         counts: NDArray[np.int64] = np.count_nonzero(np.abs(z) > _COUNTED_BEYOND, axis=(0, 1))
         return counts
 
-    return pixel_z, np.sum(over_bands(fill, height, rows), axis=0) / (height * width)
+    return pixel_z, np.sum(map_row_bands(fill, height, rows), axis=0) / (height * width)
 
 
 def z_test(
@@ -194,22 +194,21 @@ def z_test(
     channel, the means of tiles, single pixels, and the number of pixels beyond two standard deviations; projections of
     the difference on more light, a shift and a blur (`patterns`), in the whole and in tiles; products of neighbouring
     differences; and the sum of squared differences against what the variances say.
-    Means and projections are the sharp ones, since the noise of a pixel is far from normal and its variance itself is
-    noisy; the others find what leaves these alone.  Values that agree to 1e-6 of their size agree, so that pixels
-    without noise must be equal to that.  That takes some 16 samples a pixel: of 4, all may agree by chance on the edge
-    of a thing.
+    Means and projections are the most sensitive, since the noise of a pixel is far from normal and its variance itself
+    is noisy; the others find differences that do not change these.  Values that agree to 1e-6 of their size agree, so
+    that pixels without noise must be equal to that.  This takes some 16 samples per pixel: of 4, all may agree by
+    chance on an edge.
 
     Parameters
     ----------
     a, b : images (height, width, 3), float64.
     var_a, var_b : variances of the pixels' means, of the same shape; None for an image without noise.
-        An image without noise should be one indeed: where the other has not met a rare sample yet, nothing
-        tells that it should have.
-    tile : width and height of a tile in pixels; those of projections have twice of it.
-    alpha : how often two honest images may fail.
-    ratio : how many times that of b the variance of a is, of the same scene: the samples of b over those of a, where
-        they are known.  By default the median of what the tiles say.
-    alike : whether both images have the same number of samples from the same sampler.  Projections and products then
+        An image without noise must be exact: a rare sample that the other has missed so far looks like a difference.
+    tile : width and height of a tile in pixels; tiles of projections are twice as wide.
+    alpha : rate at which two renders of one scene may fail.
+    ratio : variance of a over that of b, of the same scene: the samples of b over those of a, where they are known.
+        By default the median ratio of the tiles.
+    alike : True if both images have the same number of samples from the same sampler.  Projections and products then
         take their noise from the difference itself, which is sharper where the sampler makes less noise than the
         variance within its pixels tells (stratified, sobol).
 
@@ -217,15 +216,15 @@ def z_test(
     ------
     InputError : the shapes differ, or a variance is negative or not finite.
     """
-    pair = noisy_pair(a, var_a, b, var_b)
+    pair = make_image_pair(a, var_a, b, var_b)
     height, width, _ = pair.a.shape
     cells = tile_sums(np.ones((height, width, 1)), tile)
     # Bands of whole tiles.
     rows = max(ROWS // tile, 1) * tile
     means = _compare_means(pair, cells, tile, rows, 1.0 if alike and ratio is None else ratio)
     pixel_z, exceeding = _compare_pixels(pair, cells, tile, rows, means.ratio)
-    found = structure(pair, means.ratio, alike=alike, tile=2 * tile)
-    pattern_z, pattern_tile_z = found.whole.z(), found.tiles.z()
+    structure = find_structure(pair, means.ratio, alike=alike, tile=2 * tile)
+    pattern_z, pattern_tile_z = structure.whole.z(), structure.tiles.z()
     verdict = Verdict(
         passed=False,
         reason="",
@@ -241,15 +240,15 @@ def z_test(
         pattern_p=_p_of_largest_sum(pattern_z),
         pattern_tile_z=pattern_tile_z,
         pattern_tile_p=_p_of_largest_sum(pattern_tile_z),
-        neighbour_z=found.neighbour_z,
-        neighbour_p=_p_of_largest_sum(found.neighbour_z),
-        squares_z=found.squares_z,
-        squares_p=0.5 * math.erfc(found.squares_z / math.sqrt(2.0)),
-        squares_ratio=found.squares_ratio,
+        neighbour_z=structure.neighbour_z,
+        neighbour_p=_p_of_largest_sum(structure.neighbour_z),
+        squares_z=structure.squares_z,
+        squares_p=0.5 * math.erfc(structure.squares_z / math.sqrt(2.0)),
+        squares_ratio=structure.squares_ratio,
         findings=(),
-        limits=limits_of(found, alpha / TESTS, 2 * tile),
+        limits=detection_limits(structure, alpha / TESTS, 2 * tile),
     )
-    findings = tuple(_findings(verdict, pair, means, found, tile, alpha))
+    findings = tuple(_findings(verdict, pair, means, structure, tile, alpha))
     if findings:
         return replace(verdict, reason=findings[0], findings=findings)
     z = ", ".join(f"{z:.1f}" for z in means.whole_z)
@@ -269,9 +268,9 @@ def _largest(z: Array) -> tuple[int, ...]:
 
 
 def _findings(
-    verdict: Verdict, pair: NoisyPair, means: _Means, found: Structure, tile: int, alpha: float
+    verdict: Verdict, pair: ImagePair, means: _Means, structure: Structure, tile: int, alpha: float
 ) -> Iterator[str]:
-    """Say what each test that failed has found, those first that name a place or an amount."""
+    """Describe the finding of each test that failed, those first that name a place or an amount."""
     failed = {name for name, p in verdict.p_values().items() if not p >= alpha / TESTS}
     if not (np.isfinite(pair.a).all() and np.isfinite(pair.b).all()):
         yield "an image holds values that are not finite"
@@ -295,11 +294,11 @@ def _findings(
         )
     if "pattern" in failed:
         (which,) = _largest(verdict.pattern_z)
-        amount = float(found.whole.amounts()[which])
+        amount = float(structure.whole.amounts()[which])
         yield f"the whole {pattern_words(which, amount, verdict.pattern_z[which])}"
     if "pattern_tile" in failed:
         y, x, which = at = _largest(verdict.pattern_tile_z)
-        amount = float(found.tiles.amounts()[at])
+        amount = float(structure.tiles.amounts()[at])
         place = f"the tile of {2 * tile} px at x = {2 * x * tile}, y = {2 * y * tile}"
         yield f"{place} {pattern_words(which, amount, verdict.pattern_tile_z[at])}"
     if "neighbour" in failed:

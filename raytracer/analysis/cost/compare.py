@@ -1,7 +1,7 @@
-"""Variants of a scene against the scene: what each costs and buys.
+"""Comparison of variants with their scene, in time, noise and bias.
 
-Ratios are measured, in the same rounds and tiles, and what is stated in seconds and errors is the scene's prediction
-times the ratio: so rows of a table agree with each other and with the prediction.
+Ratios are measured in the same rounds and tiles; seconds and errors are the scene's prediction times the ratio, so that
+rows of a table agree with each other and with the prediction.
 """
 
 import math
@@ -12,32 +12,33 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.cost.measure import Replicates, Rounds
-from raytracer.cost.predict import Picture, with_spread
-from raytracer.cost.results import Arm, Prediction
-from raytracer.cost.tiles import Tiles
-from raytracer.noise import (
+from raytracer.analysis.cost.predict import PictureCost, with_sampling_spread
+from raytracer.analysis.cost.replicates import Replicates
+from raytracer.analysis.cost.results import Prediction, VariantResult
+from raytracer.analysis.cost.rounds import Rounds
+from raytracer.analysis.cost.tile_sample import TileSample
+from raytracer.core.error_estimate import (
     UNKNOWN,
-    ByTile,
+    ConvergenceRate,
     Interval,
-    Rate,
+    TileSums,
     brightness_by_tile,
     fit_rate,
-    mapped,
+    map_interval,
     mse_by_tile,
     ratio_interval,
     ratio_of_sums,
-    root,
+    sampler_exponent,
+    sqrt_interval,
     squared_bias_by_tile,
-    steepest_of,
 )
 
 Array = NDArray[np.float64]
 
-# Standard deviations that a bias or time takes to be told from chance: many arms are looked at, and tails are heavy.
+# Standard deviations from which on a bias or time is significant: there are many variants, and tails are heavy.
 _Z = 3.0
 
-# Rounds of which each half tells noise.
+# Rounds from which on each half of them has an estimate of noise.
 _FEWEST_TO_HALVE = 4
 
 _UNSEEN = "light that it finds rarely has not shown up yet, so its noise is not known"
@@ -46,88 +47,95 @@ _SAME = Interval(1.0, 1.0, 1.0)
 _NO_BIAS = Interval(0.0, 0.0, 0.0)
 
 
-class Basis(NamedTuple):
-    """What arms are compared on.
+class Baseline(NamedTuple):
+    """Measurements of the scene that variants are compared with.
 
-    scene, its rounds; tiles; weight (P, 3) of squared errors; rate, the scene's; rays, that a sample of the scene
-    takes; seed, of the bootstrap.
+    scene : its rounds.
+    tiles : the tiles of the rounds.
+    weight : (P, 3), weights of squared errors.
+    rate : convergence of the scene.
+    picture : costs of the whole picture.
+    rays : rays of a sample of a pixel.
+    seed : of the bootstrap.
     """
 
     scene: Rounds
-    tiles: Tiles
+    tiles: TileSample
     weight: Array
     prediction: Prediction
-    rate: Rate
-    picture: Picture
+    rate: ConvergenceRate
+    picture: PictureCost
     rays: float
     seed: int
 
 
-class Names(NamedTuple):
-    """What an arm is called: see `results.Arm`."""
+class VariantNames(NamedTuple):
+    """Name, group and description of a variant: see `results.VariantResult`."""
 
     name: str
     group: str
     what: str
 
 
-class Floor(NamedTuple):
-    """Differences, as logarithms of ratios, that two equal arms have shown."""
+class NoiseFloor(NamedTuple):
+    """Differences, as logarithms of ratios, that two equal scenes have shown."""
 
     time: float
     noise: float
 
 
-def rays_per_sample(measured: Replicates, picture: Picture) -> float:
-    """Rays for a sample of a pixel, over the whole picture."""
+def rays_per_sample(measured: Replicates, picture: PictureCost) -> float:
+    """Compute the rays of a sample of a pixel, over the whole picture."""
     if not math.isnan(picture.rays):
         return picture.rays / picture.pixels
     weight, pixels = measured.tiles.weight, measured.tiles.pixels
     return float((measured.rays.mean(axis=0) * weight).sum() / (pixels * weight).sum())
 
 
-def scene_arm(basis: Basis, names: Names) -> Arm:
-    """The scene itself."""
+def baseline_result(basis: Baseline, names: VariantNames) -> VariantResult:
+    """Make the row of the scene itself."""
     prediction, spp = basis.prediction, basis.scene.spp
     near = min(prediction.points, key=lambda point: abs(math.log(point.spp / spp))).error
     error = prediction.error(spp)
-    return Arm(
+    return VariantResult(
         *names,
         per_sample=prediction.per_sample,
         per_ray=_per_ray(basis, prediction.per_sample, basis.rays),
         rays_per_sample=basis.rays,
         time=_SAME,
         spp=spp,
-        noise=mapped(near, lambda end: error * end / near.value if near.value else 0.0),
+        noise=map_interval(near, lambda end: error * end / near.value if near.value else 0.0),
         noise_ratio=_SAME,
         target_spp=prediction.target_spp.value,
         target_seconds=prediction.target_seconds.value,
     )
 
 
-def floor_of(basis: Basis, control: Rounds) -> Floor:
-    """What an arm that is the scene itself, with other random numbers, differs by."""
-    return Floor(
+def noise_floor(basis: Baseline, control: Rounds) -> NoiseFloor:
+    """Measure how much the repeat of the same differs from the scene, by its own random numbers."""
+    return NoiseFloor(
         _largest_log(ratio_interval(*_times(basis, control), basis.seed)),
         _largest_log(_noise_ratio(basis, control.mean, basis.scene.mean)),
     )
 
 
-def other_arm(basis: Basis, names: Names, rounds: Rounds, sampler: str, floor: Floor, *, same_mean: bool) -> Arm:
-    """An arm against the scene.
+def variant_result(
+    basis: Baseline, names: VariantNames, rounds: Rounds, sampler: str, floor: NoiseFloor, *, same_mean: bool
+) -> VariantResult:
+    """Compare a variant with the scene.
 
     Parameters
     ----------
-    sampler : the arm's own.
-    same_mean : whether it has no bias by construction.
+    sampler : of the variant.
+    same_mean : True if it has no bias by construction.
     """
     in_rounds = ratio_interval(*_times(basis, rounds), basis.seed)
     time = _with_tiles(basis, in_rounds, rounds)
-    per_sample = mapped(time, lambda ratio: ratio * basis.prediction.per_sample.value)
+    per_sample = map_interval(time, lambda ratio: ratio * basis.prediction.per_sample.value)
     rays = basis.rays * _rays(basis, rounds) / _rays(basis, basis.scene)
-    # What the control's bias seems to be shows what chance does.
+    # The measured bias of the control shows what chance does.
     is_certain = same_mean and names.group != "control"
-    arm = Arm(
+    result = VariantResult(
         *names,
         per_sample=per_sample,
         per_ray=_per_ray(basis, per_sample, rays),
@@ -140,18 +148,18 @@ def other_arm(basis: Basis, names: Names, rounds: Rounds, sampler: str, floor: F
         brightness=_brightness(basis, rounds),
     )
     bias, resolved = _bias(basis, rounds)
-    if same_mean and resolved and arm.brightness is not None and arm.brightness.high < 0.0:
-        return replace(arm, why_blank=_UNSEEN)
+    if same_mean and resolved and result.brightness is not None and result.brightness.high < 0.0:
+        return replace(result, why_blank=_UNSEEN)
     noise_ratio = _noise_ratio(basis, rounds.mean, basis.scene.mean)
     resolved = resolved and not same_mean
     noise_differs = _differs(noise_ratio, floor.noise)
     # What is no measurable difference makes none in what follows from it.
     rate = _rate(basis, rounds, sampler) if noise_differs else basis.rate
-    seconds = (per_sample if arm.time_differs else basis.prediction.per_sample).value
+    seconds = (per_sample if result.time_differs else basis.prediction.per_sample).value
     of_target = _NO_BIAS if same_mean else bias
     spp, why_blank = _samples_to_target(basis.prediction.target, rate, of_target, bias_resolved=resolved)
     return replace(
-        arm,
+        result,
         noise=_noise(basis, rounds, noise_ratio),
         noise_ratio=noise_ratio,
         noise_differs=noise_differs,
@@ -166,22 +174,22 @@ def other_arm(basis: Basis, names: Names, rounds: Rounds, sampler: str, floor: F
 # ---- Time
 
 
-def _times(basis: Basis, rounds: Rounds) -> tuple[Array, Array]:
-    """Times of an arm and of the scene in each round."""
+def _times(basis: Baseline, rounds: Rounds) -> tuple[Array, Array]:
+    """Sum the times of a variant and of the scene in each round."""
     return rounds.busy @ basis.tiles.weight, basis.scene.busy @ basis.tiles.weight
 
 
 def is_steady(own: Array, scene: Array) -> bool:
-    """Whether times (rounds,) differ by more than their ratios spread, beyond what one of a dozen arms does by chance.
+    """Tell if times (rounds,) differ by more than their ratios spread, and than one of a dozen variants does by chance.
 
-    A 95 % interval of one arm in twenty excludes 1 though nothing differs.
+    A 95 % interval of one variant in twenty excludes 1 though nothing differs.
     """
     logs = np.log(own / scene)
     return bool(abs(logs.mean()) > _Z * logs.std(ddof=1) / math.sqrt(len(logs)))
 
 
-def _with_tiles(basis: Basis, ratio: Interval, rounds: Rounds) -> Interval:
-    """The ratio for the whole picture: less certain, as its other tiles may have more or less of what differs."""
+def _with_tiles(basis: Baseline, ratio: Interval, rounds: Rounds) -> Interval:
+    """Widen the ratio for the whole picture: its other tiles may have more or less of what differs."""
     if np.all(basis.tiles.weight == 1.0):
         return ratio
     own, scene = (np.median(busy, axis=0) * basis.tiles.weight for busy in (rounds.busy, basis.scene.busy))
@@ -191,54 +199,56 @@ def _with_tiles(basis: Basis, ratio: Interval, rounds: Rounds) -> Interval:
     return Interval(ratio.value, ratio.value * math.exp(-down), ratio.value * math.exp(up))
 
 
-def _rays(basis: Basis, rounds: Rounds) -> float:
+def _rays(basis: Baseline, rounds: Rounds) -> float:
     return float(rounds.rays.mean(axis=0) @ basis.tiles.weight)
 
 
-def _per_ray(basis: Basis, per_sample: Interval, rays: float) -> Interval:
-    """Nanoseconds for a ray, over all threads."""
-    return mapped(per_sample, lambda seconds: 1e9 * seconds / (basis.picture.pixels * rays))
+def _per_ray(basis: Baseline, per_sample: Interval, rays: float) -> Interval:
+    """Convert to nanoseconds for a ray, over all threads."""
+    return map_interval(per_sample, lambda seconds: 1e9 * seconds / (basis.picture.pixels * rays))
 
 
 # ---- Noise
 
 
-def _mse(basis: Basis, means: Array) -> ByTile:
+def _mse(basis: Baseline, means: Array) -> TileSums:
     return mse_by_tile(means, basis.weight, basis.tiles.owner)
 
 
-def _weighted(basis: Basis, squares: ByTile) -> tuple[Array, Array]:
-    """Numerators and denominators of a mean over the pixels of the picture."""
+def _weighted(basis: Baseline, squares: TileSums) -> tuple[Array, Array]:
+    """Weight numerators and denominators of a mean over the pixels of the picture."""
     return squares.sums * basis.tiles.weight, squares.pixels * basis.tiles.weight
 
 
-def _noise_ratio(basis: Basis, own: Array, scene: Array) -> Interval:
-    """MSE over that of the scene; nan if the scene has no noise."""
+def _noise_ratio(basis: Baseline, own: Array, scene: Array) -> Interval:
+    """Compute the MSE over that of the scene; nan if the scene has no noise."""
     return _ratio(basis, lambda part: (_mse(basis, own[part]).sums, _mse(basis, scene[part]).sums), len(own))
 
 
-def _ratio(basis: Basis, sums: Callable[[slice], tuple[Array, Array]], rounds: int) -> Interval:
-    """A ratio of sums over the picture, from what `sums` by tile of a part of the rounds are."""
+def _ratio(basis: Baseline, sums: Callable[[slice], tuple[Array, Array]], rounds: int) -> Interval:
+    """Compute a ratio of sums over the picture from those by tile; `sums` gives them for a part of the rounds."""
     tiles = basis.tiles
     noise = np.zeros((len(tiles.windows), 2))
     if rounds >= _FEWEST_TO_HALVE:
         first, second = (np.stack(sums(part), axis=1) for part in (slice(0, rounds // 2), slice(rounds // 2, rounds)))
         noise = 0.5 * (first - second)
     columns, sure = np.stack(sums(slice(None)), axis=1), 1.0 / tiles.weight[:, None]
-    spread = with_spread(columns / sure, noise / sure, sure if rounds >= _FEWEST_TO_HALVE else np.zeros_like(sure))
+    spread = with_sampling_spread(
+        columns / sure, noise / sure, sure if rounds >= _FEWEST_TO_HALVE else np.zeros_like(sure)
+    )
     return ratio_of_sums(spread[:, 0], spread[:, 1], basis.seed)
 
 
-def _noise(basis: Basis, rounds: Rounds, ratio: Interval) -> Interval:
-    """Relative error of a render with the rounds' samples."""
+def _noise(basis: Baseline, rounds: Rounds, ratio: Interval) -> Interval:
+    """Compute the relative error of a render with the rounds' samples."""
     scene = basis.rate.mse(rounds.spp)
     if math.isfinite(ratio.value):
-        return root(mapped(ratio, lambda factor: factor * scene))
-    return root(ratio_of_sums(*_weighted(basis, _mse(basis, rounds.mean)), basis.seed))
+        return sqrt_interval(map_interval(ratio, lambda factor: factor * scene))
+    return sqrt_interval(ratio_of_sums(*_weighted(basis, _mse(basis, rounds.mean)), basis.seed))
 
 
-def _rate(basis: Basis, rounds: Rounds, sampler: str) -> Rate | None:
-    """How the arm's error falls: as the scene's does, unless a sampler of its own tells otherwise; None if unknown."""
+def _rate(basis: Baseline, rounds: Rounds, sampler: str) -> ConvergenceRate | None:
+    """Fit the convergence of a variant: that of the scene, unless its own sampler differs; None if it is unknown."""
     levels = {rounds.spp: (rounds.mean, basis.scene.mean)}
     if rounds.early is not None and basis.scene.early is not None:
         levels[rounds.early_spp] = (rounds.early, basis.scene.early)
@@ -249,17 +259,17 @@ def _rate(basis: Basis, rounds: Rounds, sampler: str) -> Rate | None:
         # The scene has none at all.
         noise = _noise(basis, rounds, UNKNOWN).value
         return None if math.isnan(noise) else fit_rate([rounds.spp], [noise**2], 1.0)
-    if len(ratios) == 1 and steepest_of(sampler) > 1.0:
-        return Rate(*(ratios[rounds.spp] * term for term in basis.rate))
+    if len(ratios) == 1 and sampler_exponent(sampler) > 1.0:
+        return ConvergenceRate(*(ratios[rounds.spp] * term for term in basis.rate))
     spp = sorted(ratios)
-    return fit_rate(spp, [ratios[n] * basis.rate.mse(n) for n in spp], steepest_of(sampler))
+    return fit_rate(spp, [ratios[n] * basis.rate.mse(n) for n in spp], sampler_exponent(sampler))
 
 
 # ---- Bias
 
 
-def _bias(basis: Basis, rounds: Rounds) -> tuple[Interval, bool]:
-    """The relative bias, and whether it is known not to be 0."""
+def _bias(basis: Baseline, rounds: Rounds) -> tuple[Interval, bool]:
+    """Compute the relative bias, and tell if it is known not to be 0."""
     owner, pixels = basis.tiles.owner, basis.tiles.pixels.astype(np.float64)
 
     def sums(part: slice) -> tuple[Array, Array]:
@@ -267,11 +277,11 @@ def _bias(basis: Basis, rounds: Rounds) -> tuple[Interval, bool]:
         return squares.sums, pixels
 
     total = float(sums(slice(None))[0] @ basis.tiles.weight)
-    return root(_ratio(basis, sums, len(rounds.mean))), total > _Z * _deviation_of_bias(basis, rounds)
+    return sqrt_interval(_ratio(basis, sums, len(rounds.mean))), total > _Z * _deviation_of_bias(basis, rounds)
 
 
-def _deviation_of_bias(basis: Basis, rounds: Rounds) -> float:
-    """Standard deviation of the sum of squared biases if there is none.
+def _deviation_of_bias(basis: Baseline, rounds: Rounds) -> float:
+    """Compute the standard deviation of the sum of squared biases under the hypothesis that there is none.
 
     That of the mean of d_i d_j over different rounds is the variance of d times the root of 2 / (R (R - 1)); channels
     are taken to have their noise in common.
@@ -282,17 +292,17 @@ def _deviation_of_bias(basis: Basis, rounds: Rounds) -> float:
     return float(math.sqrt(2.0 / (count * (count - 1))) * np.linalg.norm(by_pixel))
 
 
-def _brightness(basis: Basis, rounds: Rounds) -> Interval:
+def _brightness(basis: Baseline, rounds: Rounds) -> Interval:
     def sums(part: slice) -> tuple[Array, Array]:
         return brightness_by_tile(rounds.mean[part], basis.scene.mean[part], basis.tiles.owner)
 
-    return mapped(_ratio(basis, sums, len(rounds.mean)), lambda ratio: ratio - 1.0)
+    return map_interval(_ratio(basis, sums, len(rounds.mean)), lambda ratio: ratio - 1.0)
 
 
 def _samples_to_target(
-    target: float, rate: Rate | None, bias: Interval, *, bias_resolved: bool
+    target: float, rate: ConvergenceRate | None, bias: Interval, *, bias_resolved: bool
 ) -> tuple[float | None, str]:
-    """Samples per pixel with which noise and bias together are at the target, and a doubt; or None, and why."""
+    """Compute samples per pixel with which noise and bias together are at the target, and a doubt; or None, and why."""
     if rate is None:
         return None, "its noise is not known"
     if bias_resolved and bias.low > target:
@@ -303,16 +313,16 @@ def _samples_to_target(
     return rate.samples(goal), "its bias may exceed the target" if bias.high > target else ""
 
 
-# ---- Whether there is a difference
+# ---- Significance
 
 
 def _largest_log(ratio: Interval) -> float:
-    """How far from 1 an interval reaches; 0 where nothing is known."""
+    """Return the largest logarithm of the ends of an interval; 0 where nothing is known."""
     ends = [abs(math.log(end)) for end in ratio if math.isfinite(end) and end > 0.0]
     return max(ends, default=0.0)
 
 
 def _differs(ratio: Interval, floor: float) -> bool:
-    """Whether an interval excludes 1, and its middle is farther from 1 than equal arms are from each other."""
+    """Tell if an interval excludes 1, and its middle is farther from 1 than equal scenes are from each other."""
     excludes = ratio.low > 1.0 or ratio.high < 1.0
     return excludes and (ratio.value <= 0.0 or abs(math.log(ratio.value)) > floor)

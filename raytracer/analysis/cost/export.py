@@ -1,4 +1,4 @@
-"""A study as data: JSON and CSV, in seconds and fractions, with every interval."""
+"""Export of a study as JSON and CSV, in seconds and fractions, with every interval."""
 
 import csv
 import io
@@ -9,13 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from raytracer.cost.results import Arm, Study
+from raytracer.analysis.cost.results import Study, VariantResult
 
 _ENDS = ("low", "high")
 
+# Keys of JSON that are not the names of fields.
+_JSON_KEYS = {"variants": "arms"}
+
 
 def _plain(value: Any) -> Any:
-    """Numbers, texts, lists and dicts alone; what is not finite is null, for JSON has no word for it."""
+    """Convert a value to numbers, strings, lists and dicts; what is not finite becomes None, since JSON lacks it."""
     if is_dataclass(value) and not isinstance(value, type):
         return {f.name: _plain(getattr(value, f.name)) for f in fields(value) if f.repr}
     if isinstance(value, tuple) and hasattr(value, "_asdict"):
@@ -34,13 +37,13 @@ def _plain(value: Any) -> Any:
 
 
 def to_json(study: Study) -> dict[str, Any]:
-    """All of a study but its pictures, as `json.dumps` takes it with `allow_nan=False`.
+    """Convert all of a study but its pictures to what `json.dumps` takes with `allow_nan=False`.
 
-    Names are those of `raytracer.cost.results`; intervals are {"value", "low", "high"}; times are in seconds (per ray:
-    in nanoseconds), errors, bias and brightness fractions.  What is unknown or infinite is null.
+    Names are those of `raytracer.analysis.cost.results`, but for `arms`, which are the variants; intervals are
+    {"value", "low", "high"}; times are in seconds (per ray: in nanoseconds), errors, bias and brightness fractions.
+    What is unknown or infinite is null.
     """
-    plain: dict[str, Any] = _plain(study)
-    return plain
+    return {_JSON_KEYS.get(name, name): value for name, value in _plain(study).items()}
 
 
 def _cell(value: Any) -> Any:
@@ -57,7 +60,7 @@ def _table(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
     return text.getvalue()
 
 
-# Columns of the arms' table, with their units, and what of an arm is in them.
+# Columns of the table of variants, with their units, and the field of a variant that each holds.
 _COLUMNS = {
     "arm": "name",
     "group": "group",
@@ -83,10 +86,10 @@ _COLUMNS = {
 _INTERVALS = ("per_sample", "per_ray", "time", "noise", "noise_ratio", "bias", "brightness")
 
 
-def _row(arm: Arm) -> list[Any]:
+def _row(variant: VariantResult) -> list[Any]:
     row: list[Any] = []
     for name in _COLUMNS.values():
-        value = getattr(arm, name)
+        value = getattr(variant, name)
         if name in _INTERVALS:
             row += [math.nan] * 3 if value is None else list(value)
         else:
@@ -95,14 +98,14 @@ def _row(arm: Arm) -> list[Any]:
 
 
 def to_csv(study: Study) -> str:
-    """The arms, one a row, each interval in three columns; empty where unknown, "inf" where out of reach."""
+    """Write the variants, one a row, each interval in three columns; empty where unknown, "inf" where out of reach."""
     header: list[str] = []
     for column, name in _COLUMNS.items():
         header += [column, *(f"{column}_{end}" for end in _ENDS)] if name in _INTERVALS else [column]
-    return _table(header, (_row(arm) for arm in study.arms))
+    return _table(header, (_row(variant) for variant in study.variants))
 
 
 def convergence_csv(study: Study) -> str:
-    """What was measured of the picture as a whole: samples per pixel, seconds, relative error with its interval."""
+    """Write the convergence of the whole picture: samples per pixel, seconds, relative error with its interval."""
     rows = ([point.spp, point.seconds, *point.error] for point in study.prediction.points)
     return _table(("spp", "seconds", "error", "error_low", "error_high"), rows)

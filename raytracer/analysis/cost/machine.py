@@ -1,4 +1,4 @@
-"""What a measurement ran on: what a reader needs to judge it, or to repeat it."""
+"""Description of the machine that a measurement ran on."""
 
 import os
 import platform
@@ -19,7 +19,7 @@ _CPU_INFO = Path("/proc/cpuinfo")
 
 
 def machine() -> dict[str, Any]:
-    """Processor, the widest of its instruction sets, operating system and versions, by name."""
+    """Describe processor, the widest of its instruction sets, operating system and versions, by name."""
     return {
         "processor": processor(),
         "instruction_set": _instruction_set(),
@@ -33,14 +33,14 @@ def machine() -> dict[str, Any]:
 
 
 def _instruction_set() -> str:
-    """The widest one that NumPy finds; levels of x86-64 with what they are known for."""
+    """Name the widest instruction set that NumPy finds; levels of x86-64 with the names that people know."""
     extensions = np.show_config(mode="dicts").get("SIMD Extensions", {})
-    found = [*extensions.get("baseline", []), *extensions.get("found", [])]
-    return _LEVELS.get(found[-1], found[-1]) if found else platform.machine()
+    known = [*extensions.get("baseline", []), *extensions.get("found", [])]
+    return _LEVELS.get(known[-1], known[-1]) if known else platform.machine()
 
 
 def processor() -> str:
-    """What the processor calls itself."""
+    """Return the name of the processor."""
     if sys.platform.startswith("linux"):
         try:
             lines = _CPU_INFO.read_text(encoding="utf-8", errors="replace").splitlines()
@@ -53,7 +53,7 @@ def processor() -> str:
 
 
 def load_average() -> float | None:
-    """Processes that want a processor, over the last minute; None where the system does not tell."""
+    """Return the load average over the last minute; None where the system does not tell."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
 
 

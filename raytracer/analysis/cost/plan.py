@@ -1,34 +1,35 @@
-"""What a scene simulates, what it leaves out, and which settings trade accuracy for time, each with its reason."""
+"""Effects that a scene simulates and leaves out, and settings that trade accuracy for time, each with its reason."""
 
 from collections.abc import Mapping
 
-from raytracer.cost.arms import kept
-from raytracer.cost.results import PlanItem
+from raytracer.analysis.cost.results import PlanItem
+from raytracer.analysis.cost.variants import reasons_without_variant
 from raytracer.scene.effects import effects_of
-from raytracer.scene.pack import Packed
-from raytracer.scene.spec import Render, SceneSpec
+from raytracer.scene.pack.scene import PackedScene
+from raytracer.scene.render_settings import Render
+from raytracer.scene.spec import SceneSpec
 
 _TRADES: Mapping[str, str] = {
     "spp": "{} samples per pixel: time grows with them, and noise falls by their root or faster",
     "max_depth": "at most {} path segments: fewer are faster, and lose the light of longer paths",
     "sampler": "{}: how evenly samples are spread, which decides how fast noise falls, and takes time",
     "accuracy": "{}: how exactly hits are found; what is faster may leak light at edges",
-    "light_sampling": "{}: light is aimed at (lights), met by chance (paths) or both (mis); aiming takes shadow rays, "
-    "and saves noise",
+    "light_sampling": "{}: lights are sampled (lights), met by paths (paths) or both (mis); sampling takes shadow "
+    "rays, and saves noise",
     "seed": "{}: another seed gives other noise, at the same cost",
-    "rr_depth": "after {} segments paths may end by chance: sooner is faster, and noisier",
+    "rr_depth": "Russian roulette after {} segments: sooner is faster, and noisier",
 }
-"""What a setting trades, by its key in the scene."""
+"""Descriptions of what a setting trades, by its key in the scene."""
 
 
-def plan(spec: SceneSpec, packed: Packed) -> tuple[PlanItem, ...]:
-    """The effects of a scene, simulated ones first, and its settings; `packed` is what `pack(spec)` gave.
+def plan(spec: SceneSpec, packed: PackedScene) -> tuple[PlanItem, ...]:
+    """List the effects of a scene, simulated ones first, and its settings; `packed` is what `pack(spec)` gave.
 
-    Of what is simulated and cannot be left out for a comparison the reason is told.
+    A simulated effect that has no variant without it says why.
     """
-    effects, stays = effects_of(packed.spec, packed.scene), kept(packed.spec, packed)
+    effects, reasons = effects_of(packed.spec, packed.scene), reasons_without_variant(packed.spec, packed)
     items = [
-        PlanItem("simulated", name, effect.why + (f"; no arm: {stays[name]}" if name in stays else ""))
+        PlanItem("simulated", name, effect.why + (f"; no variant: {reasons[name]}" if name in reasons else ""))
         for name, effect in effects.items()
         if effect.active
     ]
@@ -37,7 +38,7 @@ def plan(spec: SceneSpec, packed: Packed) -> tuple[PlanItem, ...]:
 
 
 def _settings(spec: SceneSpec) -> list[PlanItem]:
-    """What each setting is and what it trades; one that nothing more is known of, by its own description."""
+    """Describe each setting and what it trades; one without an entry in `_TRADES` by its own description."""
     items = []
     for key, field in Render.model_fields.items():
         value = getattr(spec.render, key)

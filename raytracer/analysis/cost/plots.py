@@ -1,8 +1,8 @@
-"""Pictures of a study: how error falls with time, where in the image it is, and the image itself.
+"""Plots of a study: error against time, a map of the error, and the picture itself.
 
 Each is made twice: as a file, on white, and for the page, where lines and text take the page's own colour so that it
-reads in the dark as well.  Colours are those of Okabe and Ito, and viridis, which colour-blind readers can tell apart;
-nothing is told by colour alone.
+can be read in dark mode as well.  Colours are those of Okabe and Ito, and viridis, which colour-blind readers can tell
+apart; nothing is told by colour alone.
 
 References: Okabe and Ito 2008, "Color Universal Design"; Smith and van der Walt 2015, the colour map viridis.
 """
@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.cost.results import Point, Prediction, Study
-from raytracer.errors import InputError
+from raytracer.analysis.cost.results import ConvergencePoint, Prediction, Study
+from raytracer.core.error_estimate import wording
 from raytracer.film import srgb
 from raytracer.film.exposure import luminance
-from raytracer.noise import wording
+from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,21 +36,21 @@ _MISSING = "a report with pictures needs {names} not installed: pip install 'ray
 # Okabe and Ito's blue, vermillion and bluish green: each at least 3 to 1 against white and against near black.
 _BLUE, _VERMILLION, _GREEN = "#0072b2", "#d55e00", "#009e73"
 
-# Grey that is seen on white as on black.
+# Grey that is visible on white and on black.
 _UNMEASURED = (0.5, 0.5, 0.5, 0.25)
 
-# Drawn as this, and then made the colour of the page's text.
+# Placeholder that is replaced by the colour of the page's text.
 _INK_OF_PAGE = "#010203"
 
 # The map's pictures are no wider or higher than this; the file with the numbers has all pixels.
 _LARGEST_EDGE = 1600
 
-# Decades of time beyond the last measurement that are still worth drawing.
-_FARTHEST = 1e5
+# Factor of time beyond the last measurement up to which is drawn.
+_MAX_EXTRAPOLATION = 1e5
 
 
 class _Theme(NamedTuple):
-    """Colours of lines and text, and of what is behind them."""
+    """Colours of lines and text, and of the background."""
 
     ink: str
     paper: str
@@ -61,7 +61,7 @@ _PAGE = _Theme(_INK_OF_PAGE, "none")
 
 
 def require_report() -> None:
-    """Make sure, before anything is measured, that a report can be made of it.
+    """Make sure, before anything is measured, that plots and a page can be made.
 
     Raises
     ------
@@ -104,15 +104,15 @@ def _style(theme: _Theme) -> Iterator[None]:
         yield
 
 
-def _svg(figure: "Figure") -> bytes:
+def _encode_svg(figure: "Figure") -> bytes:
     data = io.BytesIO()
     nothing: Any = dict.fromkeys(("Date", "Creator", "Format", "Type"))
     figure.savefig(data, format="svg", metadata=nothing)
     return data.getvalue()
 
 
-def _inline(svg: bytes, label: str, prefix: str) -> str:
-    """An SVG file as an element of a page: its ids its own, its ink the page's."""
+def _inline_svg(svg: bytes, label: str, prefix: str) -> str:
+    """Turn an SVG file into an element of a page: with ids of its own, in the page's colour of text."""
     text = svg.decode()
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
@@ -133,19 +133,19 @@ class _Line(NamedTuple):
     error: Array
 
 
-def _usable(points: tuple[Point, ...]) -> list[Point]:
+def _usable(points: tuple[ConvergencePoint, ...]) -> list[ConvergencePoint]:
     return [p for p in points if p.seconds > 0.0 and 0.0 < p.error.value < math.inf and math.isfinite(p.seconds)]
 
 
-def _farthest(predicted: Prediction, points: list[Point]) -> float:
-    """Seconds up to which the plot goes."""
+def _time_range_end(predicted: Prediction, points: list[ConvergencePoint]) -> float:
+    """Return the seconds up to which the plot goes."""
     last = points[-1].seconds
     wanted = [predicted.target_seconds.high, predicted.target_seconds.value, predicted.budget or last]
-    return max([last, *(t for t in wanted if math.isfinite(t) and t < _FARTHEST * last)])
+    return max([last, *(t for t in wanted if math.isfinite(t) and t < _MAX_EXTRAPOLATION * last)])
 
 
-def _fitted(predicted: Prediction, points: list[Point], until: float) -> _Line | None:
-    """The fit from the first measurement on; None if it is not known."""
+def _fit_curve(predicted: Prediction, points: list[ConvergencePoint], until: float) -> _Line | None:
+    """Sample the fit from the first measurement on; None if it is not known."""
     per_sample, fixed = predicted.per_sample.value, predicted.fixed.value
     if not (per_sample > 0.0 and math.isfinite(fixed) and predicted.error(1.0) > 0.0):
         return None
@@ -154,11 +154,11 @@ def _fitted(predicted: Prediction, points: list[Point], until: float) -> _Line |
     return _Line(fixed + per_sample * spp, np.array([predicted.error(n) for n in spp]))
 
 
-def _draw_convergence(axes: "Axes", study: Study, points: list[Point], theme: _Theme) -> None:
+def _draw_convergence(axes: "Axes", study: Study, points: list[ConvergencePoint], theme: _Theme) -> None:
     predicted = study.prediction
     seconds = np.array([p.seconds for p in points])
     errors = np.array([p.error.value for p in points])
-    until = _farthest(predicted, points)
+    until = _time_range_end(predicted, points)
 
     # Draw the two slopes through the last measurement, to compare with.
     guide = np.geomspace(seconds[0], until, 2)
@@ -173,11 +173,11 @@ def _draw_convergence(axes: "Axes", study: Study, points: list[Point], theme: _T
             label=words,
         )
 
-    # Draw what the fit says, and what was measured, on top of it.
-    line = _fitted(predicted, points, until)
+    # Draw the fit, and the measurements on top of it.
+    line = _fit_curve(predicted, points, until)
     if line is not None:
         axes.plot(line.seconds, line.error, color=_BLUE, linewidth=2.0, label="fit to what was measured")
-    ends = np.array([_ends(p) for p in points]).T
+    ends = np.array([_error_bar(p) for p in points]).T
     axes.errorbar(
         seconds, errors, yerr=ends, fmt="o", color=_BLUE, capsize=3.0, markersize=6.0, label="measured, 95 % interval"
     )
@@ -190,14 +190,14 @@ def _draw_convergence(axes: "Axes", study: Study, points: list[Point], theme: _T
             fontsize=8.5,
         )
 
-    # Draw what was asked for, and where the fit meets it.
-    asked: list[tuple[Callable[..., Any], float, str, str, str]] = [
-        (axes.axhline, predicted.target, _VERMILLION, "-.", f"target {wording.plain_percent(predicted.target)}")
+    # Draw target and budget, and where the fit meets the target.
+    goals: list[tuple[Callable[..., Any], float, str, str, str]] = [
+        (axes.axhline, predicted.target, _VERMILLION, "-.", f"target {wording.format_given_percent(predicted.target)}")
     ]
     if predicted.budget is not None and predicted.budget > 0.0:
-        said = f"budget {wording.chosen_duration(predicted.budget)}"
-        asked.append((axes.axvline, predicted.budget, _GREEN, ":", said))
-    for draw, at_value, colour, style, words in asked:
+        label = f"budget {wording.format_given_duration(predicted.budget)}"
+        goals.append((axes.axvline, predicted.budget, _GREEN, ":", label))
+    for draw, at_value, colour, style, words in goals:
         draw(at_value, color=colour, linewidth=1.5, linestyle=style, label=words)
     at = predicted.target_seconds
     if math.isfinite(at.value) and 0.0 < at.value <= until:
@@ -210,12 +210,12 @@ def _draw_convergence(axes: "Axes", study: Study, points: list[Point], theme: _T
             color=_VERMILLION,
             capsize=4.0,
             markersize=7.0,
-            label=f"target reached, predicted: {wording.duration(at.value)}",
+            label=f"target reached, predicted: {wording.format_duration(at.value)}",
         )
 
 
-def _ends(point: Point) -> tuple[float, float]:
-    """Lengths of an error bar below and above; none where its ends are not known."""
+def _error_bar(point: ConvergencePoint) -> tuple[float, float]:
+    """Return the lengths of an error bar below and above; 0 where its ends are not known."""
     value, low, high = point.error
     if not 0.0 < low <= value <= high < math.inf:
         return 0.0, 0.0
@@ -237,7 +237,7 @@ def _ticks(axes: "Axes") -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
-def _convergence(study: Study, theme: _Theme) -> bytes | None:
+def _convergence_svg(study: Study, theme: _Theme) -> bytes | None:
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 
@@ -258,26 +258,26 @@ def _convergence(study: Study, theme: _Theme) -> bytes | None:
         axes.autoscale_view()
         _ticks(axes)
         axes.legend(loc="best", fontsize=8.5)
-        return _svg(figure)
+        return _encode_svg(figure)
 
 
 def convergence_svg(study: Study) -> bytes | None:
-    """Relative error against seconds, both logarithmic, as an SVG file on white; None if there is no error to show."""
-    return _convergence(study, _FILE)
+    """Plot relative error against seconds, both logarithmic, as an SVG file on white; None without an error to show."""
+    return _convergence_svg(study, _FILE)
 
 
 def convergence_inline(study: Study) -> str | None:
-    """As `convergence_svg`, as an element for a page."""
-    svg = _convergence(study, _PAGE)
+    """Plot `convergence_svg` as an element for a page."""
+    svg = _convergence_svg(study, _PAGE)
     label = "Relative error against time, both axes logarithmic: measured points, fit, target and budget."
-    return None if svg is None else _inline(svg, label, "convergence")
+    return None if svg is None else _inline_svg(svg, label, "convergence")
 
 
 # ---- Where the error is
 
 
-def _reduced(error: Array) -> Array:
-    """The map with blocks of pixels as one, by the root of their mean square, so that it fits on a page."""
+def _downsample(error: Array) -> Array:
+    """Average blocks of pixels, by the root of their mean square, so that the map fits on a page."""
     block = -(-max(error.shape) // _LARGEST_EDGE)
     if block <= 1:
         return error
@@ -291,8 +291,8 @@ def _reduced(error: Array) -> Array:
     return np.where(count > 0, np.sqrt(squares.sum(axis=(2, 3)) / np.maximum(count, 1)), np.nan)
 
 
-def has_map(study: Study) -> bool:
-    """Whether there is a pixel of which an error above 0 is known."""
+def has_error_map(study: Study) -> bool:
+    """Tell if there is a pixel of which an error above 0 is known."""
     return bool(np.any(np.isfinite(study.error_map) & (study.error_map > 0.0)))
 
 
@@ -302,16 +302,16 @@ def _map_label(study: Study, whole: bool) -> str:
     return f"relative error of a pixel{at}{'' if whole else '; grey: not measured'}"
 
 
-def _map(study: Study, theme: _Theme, form: str) -> bytes | None:
+def _draw_error_map(study: Study, theme: _Theme, form: str) -> bytes | None:
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.colors import LogNorm
     from matplotlib.figure import Figure
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    if not has_map(study):
+    if not has_error_map(study):
         return None
-    error = _reduced(study.error_map)
+    error = _downsample(study.error_map)
     positive = error[np.isfinite(error) & (error > 0.0)]
     low, high = (float(x) for x in np.percentile(positive, (5.0, 99.5)))
     if high < 2.0 * low:
@@ -338,26 +338,26 @@ def _map(study: Study, theme: _Theme, form: str) -> bytes | None:
         bar.long_axis.set_minor_formatter(NullFormatter())
         bar.set_label(_map_label(study, whole=not np.isnan(error).any()))
         if form == "svg":
-            return _svg(figure)
+            return _encode_svg(figure)
         data = io.BytesIO()
         figure.savefig(data, format="png", dpi=max(150.0, 1.1 / scale), metadata={"Software": None})
         return data.getvalue()
 
 
 def error_map_png(study: Study) -> bytes | None:
-    """Relative error of each pixel with a logarithmic scale of colours, on white; None if there is no error to show."""
-    return _map(study, _FILE, "png")
+    """Plot the relative error of each pixel with a logarithmic colour map, on white; None without an error to show."""
+    return _draw_error_map(study, _FILE, "png")
 
 
 def error_map_inline(study: Study) -> str | None:
-    """As `error_map_png`, as an SVG element for a page."""
-    svg = _map(study, _PAGE, "svg")
+    """Plot `error_map_png` as an SVG element for a page."""
+    svg = _draw_error_map(study, _PAGE, "svg")
     label = "Map of the relative error of each measured pixel."
-    return None if svg is None else _inline(svg, label, "map")
+    return None if svg is None else _inline_svg(svg, label, "map")
 
 
 def picture_png(study: Study) -> bytes | None:
-    """What was rendered of the scene, as bright as shows most of it; transparent where nothing was.
+    """Encode the rendered picture, exposed so that little is clipped; transparent where nothing was rendered.
 
     None if nothing was.  Its 99th percentile of luminance is white.
     """

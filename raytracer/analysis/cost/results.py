@@ -1,4 +1,4 @@
-"""What `rt cost` finds out, as plain values: measured by one part of the package, shown by others."""
+"""Results of a study as plain values."""
 
 import math
 from dataclasses import dataclass, field
@@ -7,13 +7,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.noise.intervals import UNKNOWN, Interval
+from raytracer.core.error_estimate.intervals import UNKNOWN, Interval
 
 
 class PlanItem(NamedTuple):
-    """An effect of the scene, or a setting that trades accuracy for time, and why it is as it is.
+    """An effect of the scene, or a setting that trades accuracy for time.
 
     group : "simulated", "left out" or "setting".
+    why : the reason why it is as it is.
     """
 
     group: str
@@ -21,8 +22,12 @@ class PlanItem(NamedTuple):
     why: str
 
 
-class Point(NamedTuple):
-    """What was measured at a number of samples per pixel: seconds for the whole picture, and its relative error."""
+class ConvergencePoint(NamedTuple):
+    """A measurement at a number of samples per pixel.
+
+    seconds : for the whole picture.
+    error : relative, of the whole picture.
+    """
 
     spp: int
     seconds: float
@@ -31,13 +36,13 @@ class Point(NamedTuple):
 
 @dataclass(frozen=True)
 class Prediction:
-    """How error falls and time grows with samples.
+    """Prediction of error and time by samples.
 
     Relative errors are root mean squares, 0.01 being 1 %; MSE is their square.
 
     Attributes
     ----------
-    points : what was measured, at rising spp, for single renders of the whole picture (not means of replicates).
+    points : measurements at rising spp, for single renders of the whole picture (not means of replicates).
     linear, steep, early : the fit MSE(N) = linear / N + steep / N^1.5 + early / N^2.
     exponent, factor : the fit MSE(N) = factor N^-exponent with the exponent in [1, 1.5].
     halving : factor by which the MSE of the mean of the replicates exceeds that of an unbroken run of as many samples.
@@ -45,12 +50,12 @@ class Prediction:
     per_sample : seconds for one sample in every pixel.
     target, budget : relative error and seconds that were asked for; budget may be None.
     target_spp, target_seconds : to reach the target; inf if it cannot be reached.
-    plain_spp, plain_seconds : the same by the slope -1 from the last point.
-    power_spp, power_seconds : the same by the power law.
-    budget_spp, budget_error : what the budget buys; None without one, 0 and inf if not one sample per pixel.
+    plain_spp, plain_seconds : to reach the target by the slope -1 from the last point.
+    power_spp, power_seconds : to reach the target by the power law.
+    budget_spp, budget_error : after the budget; None without one, 0 and inf if it is less than one sample per pixel.
     """
 
-    points: tuple[Point, ...]
+    points: tuple[ConvergencePoint, ...]
     linear: float
     steep: float
     exponent: float
@@ -71,37 +76,37 @@ class Prediction:
     early: float = 0.0
 
     def error(self, spp: float) -> float:
-        """Relative error of a render with that many samples per pixel, by the fit."""
+        """Return the relative error of a render with that many samples per pixel, by the fit."""
         return math.sqrt(self.linear / spp + self.steep / spp**1.5 + self.early / spp**2)
 
 
 @dataclass(frozen=True)
-class Arm:
+class VariantResult:
     """A variant of the scene, measured against the scene as it is.
 
     Attributes
     ----------
-    name : short, as on the command line: "defocus", "accuracy=fast", "max_depth=4", "A/A".
+    name : short, as on the command line: "defocus", "accuracy=fast", "max_depth=4"; "A/A" for the repeat of the same.
     group : "scene", "control", "effect", "setting", "sampler".
-    what : one sentence, what is different.
+    what : the change, in one sentence.
     per_sample : seconds for one sample in every pixel of the whole picture.
     per_ray : nanoseconds for a ray, over all threads.
     rays_per_sample : camera, bounce and shadow rays.
     time : time per sample over that of the scene, paired by rounds.
-    time_differs : whether the interval of its median over rounds excludes 1, by three standard deviations of the
-        rounds' mean too, and the difference exceeds the A/A arm's, which is of two equal arms.
+    time_differs : True if the interval of its median over rounds excludes 1, by three standard deviations of the
+        rounds' mean too, and the difference exceeds that of the repeat of the same, which is of two equal scenes.
     spp : samples per pixel at which noise is stated.
     noise : relative error (RMS, of noise alone) of a render with `spp`.
     noise_ratio : its square over that of the scene at the same spp.
-    noise_differs : whether the interval of that excludes 1, and the difference exceeds the A/A arm's.
+    noise_differs : True if the interval of that excludes 1, and the difference exceeds that of the repeat of the same.
     bias : relative bias (RMS) against the scene; None for the scene itself, and if there is none by construction.
-    bias_resolved : whether it is told from chance: its square exceeds three standard deviations of what is measured
-        of arms without any.
+    bias_resolved : True if it is told from chance: its square exceeds three standard deviations of what is measured
+        of variants without any.
     brightness : mean of the picture over that of the scene, less 1; None for the scene itself.
     target_spp, target_seconds : to reach the target; None where the bias exceeds it, or nothing can be told.
     why_blank : one sentence if they are None, or may be wrong.
-    unbiased : whether it has no bias by construction, so that what is measured as one is chance.
-    failed : one sentence if the arm could not be measured; its numbers are unknown then.
+    unbiased : True if it has no bias by construction, so that what is measured as one is chance.
+    failed : one sentence if the variant could not be measured; its numbers are unknown then.
     """
 
     name: str
@@ -128,24 +133,24 @@ class Arm:
 
 @dataclass(frozen=True)
 class Study:
-    """All that `rt cost` tells of a scene.
+    """Results of `rt cost` for a scene.
 
     Attributes
     ----------
     scene : its file; width, height, its size in pixels.
     plan : effects and settings.
     prediction : error and time by samples.
-    arms : the scene itself first, then the A/A arm, then the others.
+    variants : the scene itself first, then the repeat of the same, then the others.
     seconds : by phase: load, pack, build, compile (apart from all predictions), measure.
-    machine : what it ran on: processor, instruction set, threads, load before and after, versions, seed, rounds.
+    machine : processor, instruction set, threads, load before and after, versions, seed, rounds.
     warnings : sentences.
-    tiles, tiles_measured : how many 16 x 16 tiles the picture has, and how many of them were rendered.
+    tiles, tiles_measured : number of 16 x 16 tiles of the picture, and of those that were rendered.
     top_share : share of the squared error that the worst 0.1 % of the pixels carry; nan if too few were measured.
     error_map : float64 (height, width), relative error of each pixel (RMS over channels) at the last point, nan where
         not measured.
     picture : float64 (height, width, 3), the mean of all that was rendered of the scene, nan where not measured.
-    interrupted : whether the user ended it early.
-    rounds : how often each arm was rendered; 0 without a comparison.
+    interrupted : True if the user ended it early.
+    rounds : renders of each variant; 0 without a comparison.
     """
 
     scene: str
@@ -153,7 +158,7 @@ class Study:
     height: int
     plan: tuple[PlanItem, ...]
     prediction: Prediction
-    arms: tuple[Arm, ...]
+    variants: tuple[VariantResult, ...]
     seconds: dict[str, float]
     machine: dict[str, Any]
     warnings: tuple[str, ...]

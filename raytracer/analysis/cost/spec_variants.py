@@ -1,4 +1,4 @@
-"""Checked scenes in which something does not happen, for the variants that `arms.py` makes of them.
+"""Removals of effects from checked scenes, for the variants of `effect_variants.py`.
 
 A shutter without its ramps is open for as long as with them, so that the picture keeps its brightness.
 """
@@ -7,27 +7,27 @@ from typing import Any
 
 import numpy as np
 
-from raytracer.cameras.moving import camera_at
-from raytracer.kinds import CAMERAS
+from raytracer.core.shutter.spec import ShutterSpec
+from raytracer.plugins.cameras.base.moving import camera_at_time
 from raytracer.scene.spec import SceneSpec
-from raytracer.shutter import ShutterSpec
+from raytracer.schema.registry import CAMERAS
 
 
-def held(spec: SceneSpec) -> SceneSpec:
-    """The scene whose camera is held still."""
+def with_still_camera(spec: SceneSpec) -> SceneSpec:
+    """Hold the camera still."""
     return spec.model_copy(update={"camera": spec.camera.model_copy(update={"shake": None})})
 
 
-def frozen(spec: SceneSpec) -> SceneSpec:
-    """The scene as it is in the middle of the time in which the shutter is open, and for all of that time."""
-    span = spec.camera.opening()
+def without_motion(spec: SceneSpec) -> SceneSpec:
+    """Freeze the scene in the middle of the time in which the shutter is open."""
+    span = spec.camera.shutter_interval()
     time = 0.5 * (span.open + span.close)
-    still = camera_at(spec.camera, time).model_copy(update={"motion": None, "shake": None})
+    still = camera_at_time(spec.camera, time).model_copy(update={"motion": None, "shake": None})
     return spec.model_copy(
         update={
             "camera": still,
-            "objects": tuple(item.at_rest(time) for item in spec.objects),
-            "groups": {name: tuple(item.at_rest(time) for item in items) for name, items in spec.groups.items()},
+            "objects": tuple(item.at_time(time) for item in spec.objects),
+            "groups": {name: tuple(item.at_time(time) for item in items) for name, items in spec.groups.items()},
         }
     )
 
@@ -36,8 +36,8 @@ def _with_shutter(spec: SceneSpec, shutter: ShutterSpec) -> SceneSpec:
     return spec.model_copy(update={"camera": spec.camera.model_copy(update={"shutter": shutter, "time": None})})
 
 
-def opened_at_once(spec: SceneSpec) -> SceneSpec:
-    """The scene with a shutter that opens and closes at once, exposing for as long, about the same mean time."""
+def with_instant_shutter(spec: SceneSpec) -> SceneSpec:
+    """Let the shutter open and close at once, exposing for as long, about the same mean time."""
     timing, shutter = spec.camera.timing(), spec.camera.shutter
     assert isinstance(shutter, ShutterSpec)
     times, transmissions = np.array(timing.profile).T
@@ -50,8 +50,8 @@ def opened_at_once(spec: SceneSpec) -> SceneSpec:
     return _with_shutter(spec, shutter.model_copy(update=update))
 
 
-def exposed_at_once(spec: SceneSpec) -> SceneSpec:
-    """The scene with all of the film exposed when its middle was."""
+def with_global_shutter(spec: SceneSpec) -> SceneSpec:
+    """Expose all of the film when its middle was exposed."""
     timing, shutter = spec.camera.timing(), spec.camera.shutter
     assert isinstance(shutter, ShutterSpec)
     later = 0.5 * timing.readout
@@ -63,10 +63,10 @@ def exposed_at_once(spec: SceneSpec) -> SceneSpec:
 # ---- Lenses of glass
 
 
-def ideal(spec: SceneSpec) -> SceneSpec:
-    """The scene as the thin lens sees it that is equivalent to the glass of its camera."""
+def with_thin_lens(spec: SceneSpec) -> SceneSpec:
+    """Replace the camera's lens of glass by its equivalent thin lens."""
     camera: Any = spec.camera
-    keys = camera.equivalent(spec.film.width, spec.film.height)
+    keys = camera.thin_lens_equivalent(spec.film.width, spec.film.height)
     thin = CAMERAS.specs()[keys["type"]].model_validate(keys)
     return spec.model_copy(update={"camera": thin})
 
@@ -75,16 +75,16 @@ def _with_glass(spec: SceneSpec, **values: Any) -> SceneSpec:
     return spec.model_copy(update={"camera": spec.camera.model_copy(update=values)})
 
 
-def dark_glass(spec: SceneSpec) -> SceneSpec:
-    """The scene seen through glass that reflects nothing."""
+def without_reflections(spec: SceneSpec) -> SceneSpec:
+    """Remove reflections within the lens."""
     return _with_glass(spec, flare=False)
 
 
-def of_one_wavelength(spec: SceneSpec) -> SceneSpec:
-    """The scene seen through glass that bends all colours alike."""
+def without_dispersion(spec: SceneSpec) -> SceneSpec:
+    """Remove dispersion within the lens."""
     return _with_glass(spec, dispersion=False) if hasattr(spec.camera, "dispersion") else spec
 
 
-def round_stop(spec: SceneSpec) -> SceneSpec:
-    """The scene seen through a round opening in the glass."""
+def with_round_stop(spec: SceneSpec) -> SceneSpec:
+    """Make the stop of the lens round."""
     return _with_glass(spec, aperture_shape=None)

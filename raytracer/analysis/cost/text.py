@@ -1,34 +1,34 @@
-"""A study as text, for terminals and pipes."""
+"""Report of a study as text, for terminals and pipes."""
 
 import io
 import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from raytracer.cost import phrases
-from raytracer.cost.results import Arm, Study
-from raytracer.errors import one_line
-from raytracer.noise import wording
+from raytracer.analysis.cost import formatting
+from raytracer.analysis.cost.results import Study, VariantResult
+from raytracer.core.error_estimate import wording
+from raytracer.util.errors import one_line
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-# Columns from which on an interval stands beside its value, and not below it.
+# Terminal columns from which on an interval stands beside its value, and not below it.
 _WIDE = 128
 
-# Columns from which on there is room for one more.
+# Terminal columns from which on there is room for one more column of the table.
 _ROOMY = 110
 
-# Columns that the name of an arm has at least, if it takes them.
+# Columns that the name of an variant has at least, if it takes them.
 _NAME = 22
 
 
-def text(study: Study, width: int = 100, colour: bool = False) -> str:
-    """All that a study tells but its pictures, ending in a line break.
+def study_text(study: Study, width: int = 100, colour: bool = False) -> str:
+    """Write all of a study but its pictures, ending in a line break.
 
     width : columns of the terminal; cells are folded to fit where they can be.
-    colour : whether to write what terminals take for colours; without it the text is ASCII, but for names in it.
+    colour : True to write the escape sequences of terminals; without them the text is ASCII, but for names in it.
     """
     from rich.console import Console
 
@@ -44,22 +44,22 @@ def text(study: Study, width: int = 100, colour: bool = False) -> str:
         no_color=not colour,
         _environ={},
     )
-    _line(console, f"{one_line(study.scene)}: {phrases.extent(study)}", "bold")
-    _line(console, phrases.headline(study), "bold")
-    for title, items in phrases.plan(study):
+    _line(console, f"{one_line(study.scene)}: {formatting.format_extent(study)}", "bold")
+    _line(console, formatting.headline(study), "bold")
+    for title, items in formatting.plan_sections(study):
         _title(console, title)
-        if title == phrases.LEFT_OUT:
+        if title == formatting.LEFT_OUT:
             # The reasons are on the page, and `rt explain` tells them.
-            _pairs(console, [("", phrases.left_out(study))])
+            _pairs(console, [("", formatting.format_left_out(study))])
         else:
             _pairs(console, items)
     _prediction(console, study)
-    if study.arms or study.interrupted:
+    if study.variants or study.interrupted:
         _title(console, "What each effect and setting costs, against the scene as it is")
-        if said := phrases.rounds(study):
-            _line(console, said)
-    if study.arms:
-        _arms(console, study)
+        if rounds := formatting.format_rounds(study):
+            _line(console, rounds)
+    if study.variants:
+        _variants(console, study)
     _machine(console, study)
     if study.warnings:
         _title(console, "Warnings")
@@ -116,27 +116,29 @@ def _prediction(console: "Console", study: Study) -> None:
             table.add_column(justify="right", no_wrap=True)
         table.add_row(*(Text(words, style="dim") for words in ("spp", "time", "error")))
         for point in predicted.points:
-            table.add_row(f"{point.spp:,}", wording.duration(point.seconds), wording.percent_interval(point.error))
+            table.add_row(
+                f"{point.spp:,}", wording.format_duration(point.seconds), wording.format_percent_interval(point.error)
+            )
         _indented(console, table)
     else:
         _line(console, "  nothing was measured")
 
     _title(console, "Prediction, with 95 % intervals; compiling apart")
-    pairs = phrases.prediction(predicted)
+    pairs = formatting.prediction_rows(predicted)
     if not math.isnan(study.top_share):
-        pairs.append(("where the error is", phrases.concentration(study)))
+        pairs.append(("where the error is", formatting.format_concentration(study)))
     _pairs(console, pairs)
 
 
-def _arms(console: "Console", study: Study) -> None:
+def _variants(console: "Console", study: Study) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    spp = phrases.common_spp(study.arms)
-    notes = phrases.Notes()
+    spp = formatting.common_spp(study.variants)
+    notes = formatting.Footnotes()
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim", collapse_padding=True)
-    fits = max((len(phrases.name(arm)) + 1 for arm in study.arms), default=0) <= _NAME
-    table.add_column("arm", vertical="top", overflow="fold", no_wrap=fits, max_width=None if fits else _NAME)
+    fits = max((len(formatting.display_name(variant)) + 1 for variant in study.variants), default=0) <= _NAME
+    table.add_column("variant", vertical="top", overflow="fold", no_wrap=fits, max_width=None if fits else _NAME)
     table.add_column("time\nper spp", no_wrap=True, justify="right")
     table.add_column("time\nper ray", no_wrap=True, justify="right")
     if console.width >= _ROOMY:
@@ -144,12 +146,12 @@ def _arms(console: "Console", study: Study) -> None:
     table.add_column("time against\nthe scene")
     table.add_column(f"noise at\n{spp:,} spp" if spp else "noise")
     table.add_column("bias against\nthe scene")
-    table.add_column(f"time to\n{wording.plain_percent(study.prediction.target)}", justify="right")
-    for title, arms in phrases.sections(study.arms):
+    table.add_column(f"time to\n{wording.format_given_percent(study.prediction.target)}", justify="right")
+    for title, variants in formatting.group_variants(study.variants):
         if title:
             table.add_row(Text(title, style="italic", no_wrap=True))
-        for arm in arms:
-            cells = _cells(arm, notes, spp, indent=bool(title))
+        for variant in variants:
+            cells = _cells(variant, notes, spp, indent=bool(title))
             if console.width < _ROOMY:
                 cells = (*cells[:3], *cells[4:])
             if console.width < _WIDE:
@@ -166,34 +168,38 @@ def _arms(console: "Console", study: Study) -> None:
     if notes.sentences:
         console.print()
         _pairs(console, [(f"[{i + 1}]", sentence) for i, sentence in enumerate(notes.sentences)])
-    meanings = [(phrases.name(arm), one_line(arm.what)) for arm in study.arms if arm.what and arm.group != "scene"]
+    meanings = [
+        (formatting.display_name(variant), one_line(variant.what))
+        for variant in study.variants
+        if variant.what and variant.group != "scene"
+    ]
     if meanings:
         _title(console, "What was changed")
         _pairs(console, meanings)
 
 
-def _cells(arm: Arm, notes: phrases.Notes, spp: int | None, indent: bool) -> tuple[str, ...]:
-    name = " " * indent + phrases.name(arm)
-    if arm.failed:
-        return name, "", "", "", f"not measured {notes.mark(arm.failed)}"
-    noise = phrases.noise_of(arm)
-    if spp is None and noise not in {wording.UNKNOWN, phrases.SAME_NOISE}:
-        noise = f"{noise} at {arm.spp:,} spp"
+def _cells(variant: VariantResult, notes: formatting.Footnotes, spp: int | None, indent: bool) -> tuple[str, ...]:
+    name = " " * indent + formatting.display_name(variant)
+    if variant.failed:
+        return name, "", "", "", f"not measured {notes.mark(variant.failed)}"
+    noise = formatting.format_noise(variant)
+    if spp is None and noise not in {wording.UNKNOWN, formatting.SAME_NOISE}:
+        noise = f"{noise} at {variant.spp:,} spp"
     return (
         name,
-        wording.duration(arm.per_sample.value),
-        phrases.per_ray(arm.per_ray.value),
-        wording.number(arm.rays_per_sample),
-        phrases.time_of(arm),
+        wording.format_duration(variant.per_sample.value),
+        formatting.format_per_ray(variant.per_ray.value),
+        wording.format_number(variant.rays_per_sample),
+        formatting.format_time_ratio(variant),
         noise,
-        phrases.bias_of(arm),
-        phrases.target_of(arm, notes),
+        formatting.format_bias(variant),
+        formatting.format_target_cell(variant, notes),
     )
 
 
 def _machine(console: "Console", study: Study) -> None:
     _title(console, "Measured")
-    pairs = phrases.machine(study)
+    pairs = formatting.machine_rows(study)
     if study.seconds:
-        pairs.append(("time spent", phrases.spent(study)))
+        pairs.append(("time spent", formatting.format_phases(study)))
     _pairs(console, pairs)

@@ -1,4 +1,4 @@
-"""All that there is to say of a scene, as numbers and as text."""
+"""Explanation of a scene, as numbers and as text."""
 
 import math
 import os
@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from raytracer.dump import plain_value
-from raytracer.explanation.cautions import cautions
-from raytracer.explanation.keys import Key, keys_of
-from raytracer.explanation.numbers import Circle, View, depth_of_field, exposure, of_views
-from raytracer.explanation.text import (
+from raytracer.analysis.explain.camera_numbers import CameraView, Circle, depth_of_field, exposure, multi_view_size
+from raytracer.analysis.explain.photographic_warnings import photographic_warnings
+from raytracer.analysis.explain.scene_keys import SceneKey, list_keys
+from raytracer.analysis.explain.text import (
     camera_text,
     effects_text,
     keys_text,
@@ -19,26 +18,30 @@ from raytracer.explanation.text import (
     trade_off_text,
     warnings_text,
 )
-from raytracer.scene.concerns import concerns, told
+from raytracer.optics.to_yaml import value_to_plain
 from raytracer.scene.effects import Effect, effects_of
 from raytracer.scene.load import load
-from raytracer.scene.objects import Assets
-from raytracer.scene.pack import pack
+from raytracer.scene.object_bounds import ObjectBounds, object_name
+from raytracer.scene.pack.scene import pack
+from raytracer.scene.scene_assets import SceneAssets
 from raytracer.scene.spec import SceneSpec
-from raytracer.scene.whereabouts import Whereabouts, label
+from raytracer.scene.warnings import find_warnings, warning_messages
 
 
 @dataclass(frozen=True, repr=False)
 class Explanation:
-    """What is simulated and what not; and numbers, by names that end in their units, infinite ones included.
+    """Effects and numbers of a scene; numbers have names that end in their units, and may be infinite.
 
-    Printed, and in a notebook, it is the text that a person reads.
+    Printed, and in a notebook, it is the text for readers.
 
-    kind, of the camera; camera, its numbers; objects, those of each object that has a name or moves; warnings, one
-    sentence for each thing that the scene makes one doubt (docs/warnings.md), and for each in which the picture will
-    differ from what the camera would take, or may not be as meant; thin_lens, keys of the ideal camera in place of one
-    with a lens of glass, None for any other; trade_off, what others in place of a light-field camera's microlenses
-    would give, its own among them; keys, every key of the scene at any depth, where that was asked for.
+    effects : simulated and left out, each with a reason.
+    kind : of the camera.
+    camera : its numbers.
+    objects : numbers of each object that has a name or moves.
+    warnings : sentences: those of the scene (docs/warnings.md), and one for each difference from a real camera.
+    thin_lens : keys of the equivalent ideal camera of a lens of glass; None for any other camera.
+    trade_off : numbers of other microlenses in place of a light-field camera's, its own among them.
+    keys : every key of the scene at any depth, if that was asked for.
     """
 
     effects: dict[str, Effect]
@@ -48,10 +51,10 @@ class Explanation:
     warnings: list[str]
     thin_lens: dict[str, Any] | None = None
     trade_off: list[dict[str, float]] = field(default_factory=list)
-    keys: list[Key] = field(default_factory=list)
+    keys: list[SceneKey] = field(default_factory=list)
 
     def json(self) -> dict[str, Any]:
-        """For `--json`; infinity, which JSON lacks, becomes the text "inf"."""
+        """Return the values for `--json`; infinity, which JSON lacks, becomes the string "inf"."""
         return {
             "effects": {name: effect._asdict() for name, effect in self.effects.items()},
             "camera": _finite(self.camera),
@@ -66,7 +69,7 @@ class Explanation:
         return self.text().rstrip()
 
     def text(self) -> str:
-        """As a person reads it."""
+        """Write the explanation as text."""
         parts = [
             effects_text(self.effects),
             camera_text(self.kind, self.camera),
@@ -84,9 +87,9 @@ def _finite(numbers: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _thin_lens(spec: SceneSpec) -> dict[str, Any] | None:
-    """The thin lens in place of a lens of glass, as a scene file would have it."""
-    keys = spec.camera.equivalent(spec.film.width, spec.film.height)
-    return None if keys is None else {key: plain_value(value) for key, value in keys.items()}
+    """Return the thin lens in place of a lens of glass, as keys of a scene file."""
+    keys = spec.camera.thin_lens_equivalent(spec.film.width, spec.film.height)
+    return None if keys is None else {key: value_to_plain(value) for key, value in keys.items()}
 
 
 def explain(
@@ -98,7 +101,7 @@ def explain(
     ----------
     circle : the blur at which the depth of field ends; 1/1500 of the diagonal of the sensor, or without one of the
         picture, if None.
-    every_key : whether to list all keys of the scene, with their values and meanings.
+    every_key : True to list all keys of the scene, with their values and meanings.
 
     Raises
     ------
@@ -106,20 +109,20 @@ def explain(
     InputError : a circle in mm for a camera whose film has no size.
     """
     spec = load(scene) if isinstance(scene, str | os.PathLike) else scene
-    keys = keys_of(spec) if every_key else []
-    assets = Assets(spec)
+    keys = list_keys(spec) if every_key else []
+    assets = SceneAssets(spec)
     packed = pack(spec, assets=assets)
     spec = packed.spec
-    view = View(spec, packed.scene.camera, packed.shift)
-    where = Whereabouts(spec, assets)
-    numbers = view.numbers | depth_of_field(view, circle) | of_views(spec) | exposure(spec)
-    objects = {label(spec, number): view.object(where, number) for number in _explained(spec, where)}
-    warnings = [*told(concerns(packed)), *cautions(view, numbers)]
+    view = CameraView(spec, packed.scene.camera, packed.shift)
+    where = ObjectBounds(spec, assets)
+    numbers = view.numbers | depth_of_field(view, circle) | multi_view_size(spec) | exposure(spec)
+    objects = {object_name(spec, number): view.object_numbers(where, number) for number in _explained(spec, where)}
+    warnings = [*warning_messages(find_warnings(packed)), *photographic_warnings(view, numbers)]
     effects = effects_of(spec, packed.scene)
     trade_off = spec.camera.trade_off(spec.film.width, spec.film.height)
     return Explanation(effects, spec.camera.type, numbers, objects, warnings, _thin_lens(spec), trade_off, keys)
 
 
-def _explained(spec: SceneSpec, where: Whereabouts) -> list[int]:
-    """The objects that have a name, or move."""
+def _explained(spec: SceneSpec, where: ObjectBounds) -> list[int]:
+    """List the objects that have a name, or move."""
     return [number for number, item in enumerate(spec.objects) if item.name is not None or where.moves(number)]

@@ -1,4 +1,4 @@
-"""What a photographer should be warned of: where the picture is not that of a real camera, or not as it may be meant.
+"""Warnings for photographers: where the picture differs from that of a real camera, or from what may be meant.
 
 References: Born, Wolf 1999, "Principles of Optics", 7th ed.; ISO 12232:2019 (the speed of a sensor).
 """
@@ -6,78 +6,80 @@ References: Born, Wolf 1999, "Principles of Optics", 7th ed.; ISO 12232:2019 (th
 import math
 from collections.abc import Iterator, Mapping
 
-from raytracer.explanation.numbers import View
-from raytracer.explanation.text import duration, rounded
-from raytracer.scene.lights import lights_of
+from raytracer.analysis.explain.camera_numbers import CameraView
+from raytracer.analysis.explain.text import format_duration, format_number
+from raytracer.core.shutter.table import TICK
+from raytracer.core.shutter.timing import Timing
+from raytracer.scene.pack.lights import lights_of
 from raytracer.scene.spec import SceneSpec
-from raytracer.shutter import TICK, Timing
 
 _FASTEST_F_NUMBER = 0.5
-"""The least f-number of a lens in air that is free of coma: 1 / (2 sin 90 deg), Born & Wolf 1999, sec. 4.8.2."""
+"""Least f-number of a lens in air that is free of coma: 1 / (2 sin 90 deg), Born & Wolf 1999, sec. 4.8.2."""
 
 _LONGEST_SHUTTER = 30.0
-"""The longest time (s) that the dials of cameras have: what is longer is held open by hand."""
+"""Longest exposure time (s) on the dials of cameras; longer ones are held open by hand."""
 
 _SHORTEST_FOCAL_LENGTH = 1.0
-"""Focal length (mm) that no camera's lens falls short of; those of telephones have a few millimetres."""
+"""Least focal length (mm) of any camera's lens; those of telephones have a few millimetres."""
 
-# Where the readout begins, and what it goes along.
+# Edge at which the readout begins, and the side along which it goes.
 _EDGES = {"down": "top", "up": "bottom", "right": "left", "left": "right"}
 _SIDES = {"down": "height", "up": "height", "right": "width", "left": "width"}
 
 
-def cautions(view: View, numbers: Mapping[str, float]) -> list[str]:
-    """One sentence for each warning; `numbers` are those of the camera."""
+def photographic_warnings(view: CameraView, numbers: Mapping[str, float]) -> list[str]:
+    """List one sentence for each warning; `numbers` are those of the camera."""
     spec = view.spec
     return [*_optics(view, numbers), *_units(spec), *_highlights(spec), *_flashes(spec)]
 
 
-def _optics(view: View, numbers: Mapping[str, float]) -> Iterator[str]:
-    """Where an ideal lens does what a real one does not."""
+def _optics(view: CameraView, numbers: Mapping[str, float]) -> Iterator[str]:
+    """Warn where an ideal lens differs from a real one."""
     airy, pitch, f_number = (numbers.get(name, math.nan) for name in ("airy_disc_um", "pixel_pitch_um", "f_number"))
     if airy > pitch:
         working = numbers["image_distance_mm"] / numbers["entrance_pupil_mm"]
         yield (
-            f"diffraction is left out: at the working f-number f/{rounded(working)} the Airy disc of green light "
-            f"(550 nm) is {rounded(airy)} um wide, and a pixel {rounded(pitch)} um, so a real picture would be softer"
+            f"diffraction is left out: at the working f-number f/{format_number(working)} the Airy disc of green light "
+            f"(550 nm) is {format_number(airy)} um wide, and a pixel {format_number(pitch)} um, so a real picture "
+            "would be softer"
         )
     if f_number < _FASTEST_F_NUMBER:
         yield (
-            f"f/{rounded(f_number)} is faster than f/{_FASTEST_F_NUMBER:g}, which no lens in air can be: the ideal "
-            "lens has no such limit"
+            f"f/{format_number(f_number)} is faster than f/{_FASTEST_F_NUMBER:g}, which no lens in air can be: the "
+            "ideal lens has no such limit"
         )
     if view.pupil() == 0.0 and math.isfinite(f_number):
         yield (
-            f"the aperture of f/{rounded(f_number)} sets the exposure but blurs nothing, since a "
+            f"the aperture of f/{format_number(f_number)} sets the exposure but blurs nothing, since a "
             f"{view.spec.camera.type} camera sees through a point"
         )
 
 
 def _units(spec: SceneSpec) -> Iterator[str]:
-    """Numbers that look as if they were written in another unit."""
+    """Warn of numbers that look as if they were written in another unit."""
     camera = spec.camera
-    seconds, is_photograph = camera.timing().seconds(), camera.speed() is not None or camera.exposure is not None
+    seconds, is_photograph = camera.timing().seconds(), camera.iso_speed() is not None or camera.exposure is not None
     if is_photograph and seconds > _LONGEST_SHUTTER:
-        long = rounded(seconds)
+        long = format_number(seconds)
         yield f"the shutter is open for {long} s, longer than cameras offer: was 1/{long} s meant?"
     for key in ("focal_length", "equivalent_focal_length"):
         length = getattr(camera, key, None)
         if length is not None and length < _SHORTEST_FOCAL_LENGTH:
-            given = rounded(length)
+            given = format_number(length)
             yield f"{key} is {given} mm, shorter than any camera's, and a plain number is mm: was {given} m meant?"
 
 
 def _highlights(spec: SceneSpec) -> Iterator[str]:
-    """A sensor that is full before it has given its largest number."""
-    sensor, speed, push = spec.camera.simulated_sensor(), spec.camera.speed(), spec.camera.exposure_compensation
+    """Warn of a sensor that is full before it has given its largest number."""
+    sensor, speed, push = spec.camera.simulated_sensor(), spec.camera.iso_speed(), spec.camera.exposure_compensation
     if sensor is None or speed is None or not push:
         return
     pulled = speed * math.exp2(push)
     if pulled < sensor.base_iso:
         yield (
-            f"exposure_compensation takes the speed to ISO {rounded(pulled)}, below the sensor's base_iso of "
-            f"{rounded(sensor.base_iso)}: its wells are full at {rounded(pulled / sensor.base_iso)} of white, where "
-            "highlights end"
+            f"exposure_compensation takes the speed to ISO {format_number(pulled)}, below the sensor's base_iso of "
+            f"{format_number(sensor.base_iso)}: its wells are full at {format_number(pulled / sensor.base_iso)} of "
+            "white, where highlights end"
         )
 
 
@@ -85,17 +87,20 @@ def _highlights(spec: SceneSpec) -> Iterator[str]:
 
 
 def _flashes(spec: SceneSpec) -> Iterator[str]:
-    """Flashes of which the shutter keeps light from the film, or from a part of it."""
+    """Warn of flashes of which the shutter keeps light from the film, or from a part of it."""
     timing = spec.camera.timing()
     pulses = {f"lights[{number}]": light.pulse(timing) for number, light in enumerate(lights_of(spec))}
     shining = {name: pulse for name, pulse in pulses.items() if pulse is not None}
     for name, (begin, end) in shining.items():
         flash = "the flash" if len(shining) == 1 else f"the flash {name}"
-        yield from (f"{flash} shines for {duration(end - begin)}, {what}" for what in _covered(timing, begin, end))
+        yield from (
+            f"{flash} shines for {format_duration(end - begin)}, {what}"
+            for what in _shutter_clipping(timing, begin, end)
+        )
 
 
-def _covered(timing: Timing, begin: float, end: float) -> Iterator[str]:
-    """What the shutter does to a flash that shines between two times of the scene (s), if it does anything."""
+def _shutter_clipping(timing: Timing, begin: float, end: float) -> Iterator[str]:
+    """Say how the shutter clips a flash that shines between two times of the scene (s), if it does."""
     span, (opened, closing) = timing.span(), timing.full()
     tick = TICK * (span.close - span.open)
     if end <= span.open or begin >= span.close:
@@ -112,16 +117,16 @@ def _covered(timing: Timing, begin: float, end: float) -> Iterator[str]:
         most = 1.0 if timing.profile is None else max(transmission for _, transmission in timing.profile)
         lost = 1.0 - timing.transmitted(begin, end) / (most * (end - begin))
         yield (
-            f"of which the shutter is fully open for {duration(open_for)}: {rounded(round(100.0 * lost, 1))} % of its "
-            "light is lost"
+            f"of which the shutter is fully open for {format_duration(open_for)}: "
+            f"{format_number(round(100.0 * lost, 1))} % of its light is lost"
         )
         return
-    lit = _band(timing, part, full, tick)
-    yield f"while the shutter is not open everywhere: it lights {lit}{_sync(timing, begin, end)}"
+    lit = _lit_band(timing, part, full, tick)
+    yield f"while the shutter is not open everywhere: it lights {lit}{_sync_hint(timing, begin, end)}"
 
 
-def _band(timing: Timing, part: tuple[float, float], full: tuple[float, float], tick: float) -> str:
-    """Which lines are lit, and which in full, in words."""
+def _lit_band(timing: Timing, part: tuple[float, float], full: tuple[float, float], tick: float) -> str:
+    """Say which lines are lit, and which in full."""
     lit, whole = (f"{_percent(first, timing)} to {_percent(last, timing)} %" for first, last in (part, full))
     side, edge = _SIDES[timing.direction], _EDGES[timing.direction]
     where = f"{lit} of the {side} from the {edge}"
@@ -134,10 +139,10 @@ def _percent(delay: float, timing: Timing) -> str:
     return f"{100.0 * delay / timing.readout:.0f}"
 
 
-def _sync(timing: Timing, begin: float, end: float) -> str:
-    """How long the shutter must be open so that all of the picture can be lit; nothing where it is so long."""
+def _sync_hint(timing: Timing, begin: float, end: float) -> str:
+    """Say for how long the shutter must be open to light all of the picture; "" if it is long enough."""
     opened, closing = timing.full()
     needed = timing.readout + (end - begin)
     if closing - opened >= needed:
         return ""
-    return f"; all of it can be lit by a shutter that is fully open for {duration(needed)} or longer"
+    return f"; all of it can be lit by a shutter that is fully open for {format_duration(needed)} or longer"

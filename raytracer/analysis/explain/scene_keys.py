@@ -1,20 +1,20 @@
-"""Every key of a scene, at any depth: what it holds, whether the scene gives it, and what it means."""
+"""Every key of a scene, at any depth: its value, its source and its meaning."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from raytracer.dump import plain_value
-from raytracer.scene.schema import forms_of, meaning, name_of, properties_of, schema
+from raytracer.optics.to_yaml import value_to_plain
+from raytracer.scene.json_schema import definition_name, description_with_unit, forms_of, properties_of, scene_schema
 from raytracer.scene.spec import SceneSpec
-from raytracer.spec import Spec
+from raytracer.schema.spec import Spec
 
 
-class Key(NamedTuple):
+class SceneKey(NamedTuple):
     """A key of a scene.
 
     path : from the top of the scene on, as `-D` takes it.
     value : a plain value; None where there is none.
-    is_given : whether the scene says so; else the value is the default.
+    is_given : True if the scene gives the value; else it is the default.
     meaning : its description with its unit; empty where a mapping of the same class was described before.
     """
 
@@ -24,32 +24,32 @@ class Key(NamedTuple):
     meaning: str
 
 
-def keys_of(scene: SceneSpec) -> list[Key]:
+def list_keys(scene: SceneSpec) -> list[SceneKey]:
     """List the keys of a scene and of all mappings in it, in the order of the scene's keys.
 
     The first mapping of each class has all its keys, with those of what may be in it; others have what is given.
     """
-    return list(_keys_of(scene, "", set()))
+    return list(_list_keys(scene, "", set()))
 
 
-def _keys_of(spec: Spec, path: str, told: set[str]) -> Iterator[Key]:
-    """List the keys of a mapping at a path; `told` are the classes and definitions that were described before."""
-    name = name_of(type(spec))
-    is_first = name not in told
-    told.add(name)
+def _list_keys(spec: Spec, path: str, described: set[str]) -> Iterator[SceneKey]:
+    """List the keys of a mapping at a path; `described` are the classes and definitions that were described before."""
+    name = definition_name(type(spec))
+    is_first = name not in described
+    described.add(name)
     properties = properties_of(type(spec))
     for key in spec.own_keys_first():
         value, node = getattr(spec, key), properties[key]
         here = f"{path}.{key}" if path else key
         if below := list(_specs_in(value, here)):
             for place, part in below:
-                yield from _keys_of(part, place, told)
+                yield from _list_keys(part, place, described)
             continue
         is_given = key in spec.model_fields_set
         if is_first or is_given:
-            yield Key(here, plain_value(value), is_given, meaning(node) if is_first else "")
+            yield SceneKey(here, value_to_plain(value), is_given, description_with_unit(node) if is_first else "")
         if is_first and not is_given:
-            yield from _absent(node, here, told)
+            yield from _list_absent_keys(node, here, described)
 
 
 def _specs_in(value: Any, path: str) -> Iterator[tuple[str, Spec]]:
@@ -65,13 +65,13 @@ def _specs_in(value: Any, path: str) -> Iterator[tuple[str, Spec]]:
             yield from _specs_in(item, f"{path}.{name}")
 
 
-def _absent(node: Mapping[str, Any], path: str, told: set[str]) -> Iterator[Key]:
+def _list_absent_keys(node: Mapping[str, Any], path: str, described: set[str]) -> Iterator[SceneKey]:
     """List the keys of the mappings that may stand where there is none; kinds of a family are left out."""
-    for form in forms_of(schema(), node, path):
-        if form.is_kind or (form.name is not None and form.name in told):
+    for form in forms_of(scene_schema(), node, path):
+        if form.is_kind or (form.name is not None and form.name in described):
             continue
-        told.update([form.name] if form.name is not None else [])
+        described.update([form.name] if form.name is not None else [])
         for key, below in form.node["properties"].items():
             here = f"{form.path}.{key}"
-            yield Key(here, None, False, meaning(below))
-            yield from _absent(below, here, told)
+            yield SceneKey(here, None, False, description_with_unit(below))
+            yield from _list_absent_keys(below, here, described)

@@ -1,14 +1,15 @@
-"""The explanation of a scene as a person reads it."""
+"""Text of an explanation of a scene."""
 
 import math
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytracer.explanation.keys import Key
+from raytracer.analysis.explain.scene_keys import SceneKey
+from raytracer.report.table import align_columns
 from raytracer.scene.effects import Effect
 
 # Moving objects without a name that the text lists; `--json` has them all.
@@ -16,116 +17,119 @@ _MOST_LISTED = 8
 
 _COLUMNS_OF_TEXT = 100
 
-# Smaller and larger numbers than these have an exponent.
+# Numbers below and above these have an exponent.
 _SMALLEST, _LARGEST = 1e-4, 1e7
 
 
-class _Line(NamedTuple):
-    """How a number is shown: its name in the results, and in words; and its unit.
+class _Quantity(NamedTuple):
+    """A quantity in the text.
 
-    also : the same in another unit, shown behind it where it is known.
+    key : its name in the results.
+    words : its name in the text.
+    unit : of the number.
+    alternative : the same in another unit, shown behind it where it is known.
     """
 
     key: str
     words: str
     unit: str = ""
-    also: "_Line | None" = None
+    alternative: "_Quantity | None" = None
 
 
 _GROUPS = {
     "Field of view": (
-        _Line("hfov_deg", "horizontal", "deg"),
-        _Line("vfov_deg", "vertical", "deg"),
-        _Line("dfov_deg", "diagonal", "deg"),
-        _Line("fov_deg", "across the circle", "deg"),
-        _Line("pixel_at_1m_mm", "a pixel at 1 m", "mm"),
-        _Line("wavelength_nm", "the one wavelength seen", "nm"),
+        _Quantity("hfov_deg", "horizontal", "deg"),
+        _Quantity("vfov_deg", "vertical", "deg"),
+        _Quantity("dfov_deg", "diagonal", "deg"),
+        _Quantity("fov_deg", "across the circle", "deg"),
+        _Quantity("pixel_at_1m_mm", "a pixel at 1 m", "mm"),
+        _Quantity("wavelength_nm", "the one wavelength seen", "nm"),
     ),
     "Sensor": (
-        _Line("sensor_width_mm", "width", "mm"),
-        _Line("sensor_height_mm", "height", "mm"),
-        _Line("film_width_mm", "width in the picture", "mm"),
-        _Line("film_height_mm", "height in the picture", "mm"),
-        _Line("pixel_pitch_um", "pixel pitch", "um"),
-        _Line("crop_factor", "crop factor"),
-        _Line("iso", "ISO speed"),
+        _Quantity("sensor_width_mm", "width", "mm"),
+        _Quantity("sensor_height_mm", "height", "mm"),
+        _Quantity("film_width_mm", "width in the picture", "mm"),
+        _Quantity("film_height_mm", "height in the picture", "mm"),
+        _Quantity("pixel_pitch_um", "pixel pitch", "um"),
+        _Quantity("crop_factor", "crop factor"),
+        _Quantity("iso", "ISO speed"),
     ),
     "Lens": (
-        _Line("focal_length_mm", "focal length", "mm"),
-        _Line("equivalent_focal_length_mm", "equivalent on 36 x 24 mm", "mm"),
-        _Line("f_number", "f-number"),
-        _Line("entrance_pupil_mm", "entrance pupil", "mm"),
-        _Line("aperture_diameter_mm", "diameter of the lens", "mm"),
-        _Line("airy_disc_um", "Airy disc (550 nm)", "um"),
+        _Quantity("focal_length_mm", "focal length", "mm"),
+        _Quantity("equivalent_focal_length_mm", "equivalent on 36 x 24 mm", "mm"),
+        _Quantity("f_number", "f-number"),
+        _Quantity("entrance_pupil_mm", "entrance pupil", "mm"),
+        _Quantity("aperture_diameter_mm", "diameter of the lens", "mm"),
+        _Quantity("airy_disc_um", "Airy disc (550 nm)", "um"),
     ),
     "Focus": (
-        _Line("focus_distance_m", "focus distance", "m"),
-        _Line("image_distance_mm", "image distance", "mm"),
-        _Line("back_focus_mm", "film behind the last surface", "mm"),
-        _Line("magnification", "magnification"),
-        _Line("circle_px", "sharp up to a circle of", "px", also=_Line("circle_mm", "", "mm")),
-        _Line("near_limit_m", "near limit", "m"),
-        _Line("far_limit_m", "far limit", "m"),
-        _Line("depth_of_field_m", "depth of field", "m"),
-        _Line("hyperfocal_m", "hyperfocal distance", "m"),
-        _Line("blur_at_infinity_px", "blur at infinity", "px"),
+        _Quantity("focus_distance_m", "focus distance", "m"),
+        _Quantity("image_distance_mm", "image distance", "mm"),
+        _Quantity("back_focus_mm", "film behind the last surface", "mm"),
+        _Quantity("magnification", "magnification"),
+        _Quantity("circle_px", "sharp up to a circle of", "px", alternative=_Quantity("circle_mm", "", "mm")),
+        _Quantity("near_limit_m", "near limit", "m"),
+        _Quantity("far_limit_m", "far limit", "m"),
+        _Quantity("depth_of_field_m", "depth of field", "m"),
+        _Quantity("hyperfocal_m", "hyperfocal distance", "m"),
+        _Quantity("blur_at_infinity_px", "blur at infinity", "px"),
     ),
     "Equivalent thin lens": (
-        _Line("thin_lens_focal_length_mm", "its focal length", "mm"),
-        _Line("thin_lens_f_number", "its f-number"),
-        _Line("thin_lens_vfov_deg", "its vertical field of view", "deg"),
+        _Quantity("thin_lens_focal_length_mm", "its focal length", "mm"),
+        _Quantity("thin_lens_f_number", "its f-number"),
+        _Quantity("thin_lens_vfov_deg", "its vertical field of view", "deg"),
     ),
     "Light field": (
-        _Line("views", "views"),
-        _Line("view_columns", "angular resolution, in a row"),
-        _Line("view_rows", "and in a column"),
-        _Line("view_width_px", "spatial resolution, in a row", "px"),
-        _Line("view_height_px", "and in a column", "px"),
-        _Line("picture_width_px", "width of all side by side", "px"),
-        _Line("picture_height_px", "height of all", "px"),
-        _Line("film_gigabytes", "film of all", "GB"),
-        _Line("view_spacing_mm", "from view to view", "mm"),
-        _Line("view_spacing_up_mm", "from row to row", "mm"),
-        _Line("baseline_mm", "from the first column to the last", "mm"),
-        _Line("baseline_up_mm", "from the first row to the last", "mm"),
-        _Line("convergence_distance_m", "all views alike at", "m"),
-        _Line("disparity_at_infinity_px", "from view to view at infinity", "px"),
-        _Line("refocus_near_m", "refocusable from", "m"),
-        _Line("refocus_far_m", "refocusable to", "m"),
+        _Quantity("views", "views"),
+        _Quantity("view_columns", "angular resolution, in a row"),
+        _Quantity("view_rows", "and in a column"),
+        _Quantity("view_width_px", "spatial resolution, in a row", "px"),
+        _Quantity("view_height_px", "and in a column", "px"),
+        _Quantity("picture_width_px", "width of all side by side", "px"),
+        _Quantity("picture_height_px", "height of all", "px"),
+        _Quantity("film_gigabytes", "film of all", "GB"),
+        _Quantity("view_spacing_mm", "from view to view", "mm"),
+        _Quantity("view_spacing_up_mm", "from row to row", "mm"),
+        _Quantity("baseline_mm", "from the first column to the last", "mm"),
+        _Quantity("baseline_up_mm", "from the first row to the last", "mm"),
+        _Quantity("convergence_distance_m", "all views alike at", "m"),
+        _Quantity("disparity_at_infinity_px", "from view to view at infinity", "px"),
+        _Quantity("refocus_near_m", "refocusable from", "m"),
+        _Quantity("refocus_far_m", "refocusable to", "m"),
     ),
     "Microlenses": (
-        _Line("microlens_pitch_um", "pitch", "um"),
-        _Line("sub_image_px", "from sub-image to sub-image", "px"),
-        _Line("seen_by_microlenses", "microlenses, across, that see a place"),
-        _Line("microlens_focal_length_mm", "focal length", "mm"),
-        _Line("microlens_f_number", "f-number"),
-        _Line("microlens_airy_disc_px", "Airy disc (550 nm)", "px"),
-        _Line("sensor_behind_microlenses_mm", "sensor behind them", "mm"),
-        _Line("raw_pixels", "pixels of the sensor"),
+        _Quantity("microlens_pitch_um", "pitch", "um"),
+        _Quantity("sub_image_px", "from sub-image to sub-image", "px"),
+        _Quantity("seen_by_microlenses", "microlenses, across, that see a place"),
+        _Quantity("microlens_focal_length_mm", "focal length", "mm"),
+        _Quantity("microlens_f_number", "f-number"),
+        _Quantity("microlens_airy_disc_px", "Airy disc (550 nm)", "px"),
+        _Quantity("sensor_behind_microlenses_mm", "sensor behind them", "mm"),
+        _Quantity("raw_pixels", "pixels of the sensor"),
     ),
     "Exposure": (
-        _Line("shutter_s", "shutter", "s"),
-        _Line("readout_s", "readout", "s"),
-        _Line("ev100", "EV100"),
+        _Quantity("shutter_s", "shutter", "s"),
+        _Quantity("readout_s", "readout", "s"),
+        _Quantity("ev100", "EV100"),
     ),
 }
 
-# Without a speed, or before metering has chosen it, there is only that of the definition.
-_AT_ISO_100 = {"ev100": _Line("ev100", "EV100 at ISO 100")}
+# Without a speed, or before metering has chosen one, EV100 is at ISO 100.
+_AT_ISO_100 = {"ev100": _Quantity("ev100", "EV100 at ISO 100")}
 
 _COLUMNS = (
-    _Line("distance_m", "distance", "m"),
-    _Line("circle_of_confusion_mm", "blur", "mm"),
-    _Line("circle_of_confusion_px", "blur", "px"),
-    _Line("streak_px", "streak", "px"),
-    _Line("corner_streak_px", "corner's streak", "px"),
-    _Line("skew_px", "skew", "px"),
-    _Line("skew_deg", "skew", "deg"),
+    _Quantity("distance_m", "distance", "m"),
+    _Quantity("circle_of_confusion_mm", "blur", "mm"),
+    _Quantity("circle_of_confusion_px", "blur", "px"),
+    _Quantity("streak_px", "streak", "px"),
+    _Quantity("corner_streak_px", "corner's streak", "px"),
+    _Quantity("skew_px", "skew", "px"),
+    _Quantity("skew_deg", "skew", "deg"),
 )
 
 
-def rounded(value: float) -> str:
-    """Four digits, without an exponent where that is not longer."""
+def format_number(value: float) -> str:
+    """Format a number with four digits, without an exponent where that is not longer."""
     if math.isinf(value):
         return "infinity"
     if value != 0.0 and not _SMALLEST <= abs(value) < _LARGEST:
@@ -133,24 +137,24 @@ def rounded(value: float) -> str:
     return np.format_float_positional(float(f"{value:.4g}"), trim="-")
 
 
-def duration(seconds: float) -> str:
-    """A time, as photographers write it if it is short."""
+def format_duration(seconds: float) -> str:
+    """Format a time, as photographers write it if it is short."""
     if 1.0 / _LARGEST < seconds < 0.5 and math.isclose(1.0 / seconds, round(1.0 / seconds)):
         return f"1/{round(1.0 / seconds)} s"
-    return f"{rounded(seconds)} s"
+    return f"{format_number(seconds)} s"
 
 
-def _quantity(value: float, line: _Line) -> str:
-    """A number with its unit."""
+def _format_quantity(value: float, line: _Quantity) -> str:
+    """Format a number with its unit."""
     if line.key.endswith("f_number"):
-        return f"f/{rounded(value)}" if math.isfinite(value) else "infinity"
+        return f"f/{format_number(value)}" if math.isfinite(value) else "infinity"
     if line.unit == "s":
-        return duration(value)
-    return f"{rounded(value)} {line.unit}".rstrip() if math.isfinite(value) else rounded(value)
+        return format_duration(value)
+    return f"{format_number(value)} {line.unit}".rstrip() if math.isfinite(value) else format_number(value)
 
 
 def effects_text(effects: Mapping[str, Effect]) -> str:
-    """What is simulated and what not, a line each; kinds that the scene has none of are a line a family."""
+    """Write the effects simulated and left out, a line each; kinds that the scene has none of are one line a family."""
     active = {name: effect.why for name, effect in effects.items() if effect.active}
     absent = [name for name, effect in effects.items() if "." in name and effect.why.startswith("0 ")]
     absent = [name for name in absent if name not in active]
@@ -159,19 +163,19 @@ def effects_text(effects: Mapping[str, Effect]) -> str:
         missing[family] = f"none of {', '.join(name.partition('.')[2] for name in names)}"
     width = max(map(len, (*active, *missing)))
     return "\n".join(
-        f"{heading}\n" + "".join(_reason(name, why, width) for name, why in reasons.items())
+        f"{heading}\n" + "".join(_effect_line(name, why, width) for name, why in reasons.items())
         for heading, reasons in (("Simulated", active), ("Left out", missing))
     )
 
 
-def _reason(name: str, why: str, width: int) -> str:
-    """The line of an effect, in more than one piece if need be."""
+def _effect_line(name: str, why: str, width: int) -> str:
+    """Write the line of an effect, wrapped if need be."""
     first, after = f"  {name:<{width}}  ", " " * (width + 4)
     return textwrap.fill(why, _COLUMNS_OF_TEXT, initial_indent=first, subsequent_indent=after) + "\n"
 
 
 def warnings_text(warnings: Sequence[str]) -> str:
-    """A sentence each."""
+    """Write the warnings, a sentence each."""
     if not warnings:
         return ""
     return "Warnings\n" + "".join(
@@ -180,13 +184,13 @@ def warnings_text(warnings: Sequence[str]) -> str:
     )
 
 
-def keys_text(keys: Sequence[Key]) -> str:
+def keys_text(keys: Sequence[SceneKey]) -> str:
     """Write the keys of a scene, each with its value, and below it what it means."""
     if not keys:
         return ""
     lines = ["Keys of the scene, as -D takes them"]
     for key in keys:
-        value = "" if key.value is None else f" = {written(key.value)}"
+        value = "" if key.value is None else f" = {to_flow_yaml(key.value)}"
         note = "" if key.is_given else "  (default)" if value else "  (not given)"
         lines.append(f"  {key.path}{value}{note}")
         if key.meaning:
@@ -195,19 +199,19 @@ def keys_text(keys: Sequence[Key]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def written(value: Any) -> str:
+def to_flow_yaml(value: Any) -> str:
     """Write a plain value as YAML on one line."""
     if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{key}: {written(item)}' for key, item in value.items())}}}"
+        return f"{{{', '.join(f'{key}: {to_flow_yaml(item)}' for key, item in value.items())}}}"
     if isinstance(value, list | tuple):
-        return f"[{', '.join(map(written, value))}]"
+        return f"[{', '.join(map(to_flow_yaml, value))}]"
     if isinstance(value, float):
         return repr(value).removesuffix(".0")
     return "null" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def camera_text(kind: str, camera: Mapping[str, float]) -> str:
-    """The camera's numbers in groups; those that no group knows come last, by their names."""
+    """Write the camera's numbers in groups; those in no group come last, by their names."""
     if "entrance_pupil_mm" in camera:
         camera = {name: value for name, value in camera.items() if name != "aperture_diameter_mm"}
     groups = _GROUPS
@@ -216,15 +220,20 @@ def camera_text(kind: str, camera: Mapping[str, float]) -> str:
             heading: tuple(_AT_ISO_100.get(line.key, line) for line in lines) for heading, lines in groups.items()
         }
     listed = [line for lines in groups.values() for line in lines]
-    known = {line.key for line in (*listed, *(line.also for line in listed if line.also is not None))}
-    rest = tuple(_Line(name, name) for name in camera if name not in known)
+    known = {line.key for line in (*listed, *(line.alternative for line in listed if line.alternative is not None))}
+    rest = tuple(_Quantity(name, name) for name in camera if name not in known)
     shown_lines = {
         heading: [line for line in lines if line.key in camera]
         for heading, lines in {**groups, "Further numbers": rest}.items()
     }
     width = max((len(line.words) for lines in shown_lines.values() for line in lines), default=0)
     shown_groups = [
-        "".join([f"  {heading}\n", *(f"    {line.words:<{width}}  {_quantities(camera, line)}\n" for line in lines)])
+        "".join(
+            [
+                f"  {heading}\n",
+                *(f"    {line.words:<{width}}  {_format_with_alternative(camera, line)}\n" for line in lines),
+            ]
+        )
         for heading, lines in shown_lines.items()
         if lines
     ]
@@ -232,35 +241,31 @@ def camera_text(kind: str, camera: Mapping[str, float]) -> str:
 
 
 _TRADE_OFF = (
-    _Line("microlens_pitch_um", "pitch", "um"),
-    _Line("sub_image_px", "pixels each"),
-    _Line("view_columns", "views"),
-    _Line("view_width_px", "view", "px"),
-    _Line("refocus_near_m", "refocusable from", "m"),
-    _Line("refocus_far_m", "to", "m"),
+    _Quantity("microlens_pitch_um", "pitch", "um"),
+    _Quantity("sub_image_px", "pixels each"),
+    _Quantity("view_columns", "views"),
+    _Quantity("view_width_px", "view", "px"),
+    _Quantity("refocus_near_m", "refocusable from", "m"),
+    _Quantity("refocus_far_m", "to", "m"),
 )
 
 
 def trade_off_text(rows: Sequence[Mapping[str, float]], own: Mapping[str, float]) -> str:
-    """A table of what other microlenses would give, a row each; nothing for cameras without any."""
+    """Write a table of other microlenses, one a row; "" for cameras without any."""
     if not rows:
         return ""
     cells = [[f"{line.words} ({line.unit})" if line.unit else line.words for line in _TRADE_OFF]]
     for row in rows:
-        cells.append([rounded(row[line.key]) for line in _TRADE_OFF])
-        cells[-1][2] += f" x {rounded(row['view_rows'])}"
-        cells[-1][3] += f" x {rounded(row['view_height_px'])}"
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+        cells.append([format_number(row[line.key]) for line in _TRADE_OFF])
+        cells[-1][2] += f" x {format_number(row['view_rows'])}"
+        cells[-1][3] += f" x {format_number(row['view_height_px'])}"
     marks = ["", *("  these" if row["microlens_pitch_um"] == own["microlens_pitch_um"] else "" for row in rows)]
-    lines = [
-        "  " + "  ".join(f"{cell:>{width}}" for cell, width in zip(row, widths, strict=True)) + mark
-        for row, mark in zip(cells, marks, strict=True)
-    ]
+    lines = [f"  {row}{mark}" for row, mark in zip(align_columns(cells, left=0), marks, strict=True)]
     return "Microlenses of other sizes before the same sensor\n" + "\n".join(lines) + "\n"
 
 
 def thin_lens_text(keys: Mapping[str, Any] | None) -> str:
-    """The thin lens in place of a lens of glass, to be copied into a scene; nothing without one."""
+    """Write the thin lens in place of a lens of glass, to be copied into a scene; "" without one."""
     if keys is None:
         return ""
     import yaml
@@ -269,22 +274,21 @@ def thin_lens_text(keys: Mapping[str, Any] | None) -> str:
     return "Thin lens in its place\n" + textwrap.indent(f"camera:\n{textwrap.indent(text, '  ')}", "  ")
 
 
-def _quantities(camera: Mapping[str, float], line: _Line) -> str:
-    """A line's number, and the same in its other unit."""
-    lines = [line, line.also] if line.also is not None and line.also.key in camera else [line]
-    return ", ".join(_quantity(camera[each.key], each) for each in lines)
+def _format_with_alternative(camera: Mapping[str, float], line: _Quantity) -> str:
+    """Format a quantity's number, and the same in its other unit."""
+    lines = [line, line.alternative] if line.alternative is not None and line.alternative.key in camera else [line]
+    return ", ".join(_format_quantity(camera[each.key], each) for each in lines)
 
 
 def objects_text(objects: Mapping[str, Mapping[str, float]]) -> str:
-    """A table, a row an object, of the columns that any object has."""
+    """Write a table of objects, one a row, with the columns that any object has."""
     if not objects:
         return ""
-    rows, left_out = _chosen(objects)
+    rows, left_out = _list_rows(objects)
     columns = [column for column in _COLUMNS if any(column.key in numbers for numbers in rows.values())]
     cells = [["object", *(f"{column.words} ({column.unit})" for column in columns)]]
     cells += [[name, *(_cell(numbers, column) for column in columns)] for name, numbers in rows.items()]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    lines = ["  " + "  ".join(_justified(row, widths)).rstrip() for row in cells]
+    lines = [f"  {row}".rstrip() for row in align_columns(cells)]
     if left_out:
         lines.append(f"  and {left_out} more that move, which --json lists")
     blurred = any(column.key == "circle_of_confusion_px" for column in columns)
@@ -292,19 +296,12 @@ def objects_text(objects: Mapping[str, Mapping[str, float]]) -> str:
     return f"Objects in the middle of the exposure{meaning}\n" + "\n".join(lines) + "\n"
 
 
-def _chosen(objects: Mapping[str, Mapping[str, float]]) -> tuple[dict[str, Mapping[str, float]], int]:
-    """The objects with names, and those without that go farthest; and how many are left out."""
+def _list_rows(objects: Mapping[str, Mapping[str, float]]) -> tuple[dict[str, Mapping[str, float]], int]:
+    """Select the objects with names, and those without that go farthest; count those that are left out."""
     unnamed = [name for name in objects if name.startswith("objects[")]
     farthest = sorted(unnamed, key=lambda name: -objects[name].get("streak_px", 0.0))[_MOST_LISTED:]
     return {name: numbers for name, numbers in objects.items() if name not in set(farthest)}, len(farthest)
 
 
-def _cell(numbers: Mapping[str, float], column: _Line) -> str:
-    return rounded(numbers[column.key]) if column.key in numbers else "-"
-
-
-def _justified(row: Sequence[str], widths: Iterable[int]) -> list[str]:
-    """Names to the left, numbers to the right."""
-    name, *numbers = row
-    first, *others = widths
-    return [f"{name:<{first}}", *(f"{number:>{width}}" for number, width in zip(numbers, others, strict=True))]
+def _cell(numbers: Mapping[str, float], column: _Quantity) -> str:
+    return format_number(numbers[column.key]) if column.key in numbers else "-"

@@ -1,4 +1,4 @@
-"""A report on a lens on pages of paper, and its drawing in pixels: by Matplotlib, of the extra `report`."""
+"""Report on a lens as PDF, and its cross-section as PNG: by Matplotlib, of the extra `report`."""
 
 import io
 import textwrap
@@ -9,13 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from raytracer.errors import InputError
-from raytracer.lens_report import charts, drawing, text
-from raytracer.lens_report.analysis.study import Study
-from raytracer.lens_report.charts import Chart
-from raytracer.lens_report.plots import Group, frame_size_um, groups
-from raytracer.lens_report.text import Table
-from raytracer.lenses.lens import Lens
+from raytracer.analysis.lens_design import text
+from raytracer.analysis.lens_design.cross_section.drawing import cross_sections
+from raytracer.analysis.lens_design.cross_section.to_matplotlib import plot_on_axes
+from raytracer.analysis.lens_design.performance.lens_study import LensStudy
+from raytracer.analysis.lens_design.plots import ChartGroup, chart_groups, frame_size_um
+from raytracer.analysis.lens_design.text import Table
+from raytracer.optics.lens_system.lens import Lens
+from raytracer.report import chart
+from raytracer.report.chart import Chart
+from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.backends.backend_pdf import PdfPages
@@ -28,14 +31,14 @@ _DPI = 200
 _PER_ROW, _PER_PAGE = 2, 6
 _ROWS_OF_SPOTS = 6
 
-# What a table's title, words and head take, in its lines.
+# Height of a table's title, text and head, in lines.
 _LINES_OF_HEAD = 7
 
 _MISSING = "{suffix} files need Matplotlib, which is not installed: pip install 'raytracer[report]'"
 
 
 def require_matplotlib(suffix: str) -> None:
-    """Make sure, before anything is traced, that a file with this suffix can be made.
+    """Check, before anything is traced, that a file with this suffix can be written.
 
     Raises
     ------
@@ -47,7 +50,7 @@ def require_matplotlib(suffix: str) -> None:
 
 @contextmanager
 def _defaults() -> Iterator[None]:
-    """Nothing of the user's own settings is taken over."""
+    """Set Matplotlib to its defaults, without the user's own settings."""
     import matplotlib as mpl
 
     with mpl.rc_context():
@@ -57,7 +60,7 @@ def _defaults() -> Iterator[None]:
                 "font.size": 8.0,
                 "font.family": ["DejaVu Sans"],
                 "pdf.fonttype": 42,
-                # A dollar in a lens's name begins no formula.
+                # A dollar sign in a lens's name begins no formula.
                 "text.parse_math": False,
             }
         )
@@ -65,32 +68,33 @@ def _defaults() -> Iterator[None]:
 
 
 def _figure(width: float, height: float) -> "Figure":
+    """Make a figure of a size (inches)."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), facecolor="white")
 
 
-def png(lens: Lens, study: Study) -> bytes:
-    """The drawing, below each other if there are two.
+def png(lens: Lens, study: LensStudy) -> bytes:
+    """Draw the cross-sections as PNG, below each other if there are two.
 
     Raises
     ------
     InputError : the extra `report` is not installed.
     """
     require_matplotlib(".png")
-    shown = drawing.sections(lens, study)
+    shown = cross_sections(lens, study)
     with _defaults():
         figure = _figure(10.0, 5.2 * len(shown))
         for number, (one, axes) in enumerate(zip(shown, figure.subplots(len(shown), squeeze=False)[:, 0], strict=True)):
-            drawing.draw(one, axes)
+            plot_on_axes(one, axes)
             axes.set_title(one.title if number or len(shown) > 1 else study.name, fontsize=11)
         buffer = io.BytesIO()
         figure.savefig(buffer, format="png", dpi=_DPI, bbox_inches="tight", metadata={"Software": None})
     return buffer.getvalue()
 
 
-def pdf(lens: Lens, study: Study) -> bytes:
-    """The report.
+def pdf(lens: Lens, study: LensStudy) -> bytes:
+    """Write the report as PDF.
 
     Raises
     ------
@@ -104,11 +108,11 @@ def pdf(lens: Lens, study: Study) -> bytes:
     facts = {"Title": study.name, "CreationDate": None}
     with _defaults(), PdfPages(buffer, metadata=facts) as book:
         _front(book, lens, study)
-        found = groups(study)
-        for group in found:
+        all_groups = chart_groups(study)
+        for group in all_groups:
             if group.columns:
                 _frames(book, group)
-        _charts(book, [group for group in found if not group.columns])
+        _charts(book, [group for group in all_groups if not group.columns])
         third = text.seidel(study)
         _tables(book, [text.surfaces(lens), *([third] if third else []), *text.tolerances(study)])
         if text.notes(study):
@@ -117,16 +121,18 @@ def pdf(lens: Lens, study: Study) -> bytes:
 
 
 def _save(book: "PdfPages", figure: "Figure") -> None:
+    """Add a page."""
     book.savefig(figure)  # type: ignore[no-untyped-call]
 
 
 def _wrapped(words: str, width: int = 105) -> str:
+    """Wrap a text."""
     return "\n".join(textwrap.wrap(words, width))
 
 
-def _front(book: "PdfPages", lens: Lens, study: Study) -> None:
-    """Drawing and first order."""
-    shown = drawing.sections(lens, study)
+def _front(book: "PdfPages", lens: Lens, study: LensStudy) -> None:
+    """Add the first page: cross-section and first order."""
+    shown = cross_sections(lens, study)
     figure = _figure(*_PAGE)
     figure.text(0.07, 0.965, _wrapped(study.name, 60), fontsize=15, va="top")
     figure.text(
@@ -135,7 +141,7 @@ def _front(book: "PdfPages", lens: Lens, study: Study) -> None:
     each = 0.36 / len(shown)
     for number, one in enumerate(shown):
         axes = figure.add_axes((0.06, 0.90 - each * (number + 1) + 0.02, 0.88, each - 0.035))
-        drawing.draw(one, axes)
+        plot_on_axes(one, axes)
     tables = text.first_order(study)
     for number, table in enumerate(tables):
         _draw_table(figure, table, 0.07 + 0.46 * number, 0.50, 0.86 / len(tables), 5.5 if len(tables) > 1 else 7.5)
@@ -143,14 +149,14 @@ def _front(book: "PdfPages", lens: Lens, study: Study) -> None:
 
 
 def _draw_table(figure: "Figure", table: Table, left: float, top: float, width: float, size: float) -> float:
-    """Title, words, and rows, each column as wide as its part of the letters; where on the page they end."""
+    """Draw a table, its columns as wide as their text; returns its lower end on the page."""
     step = _step(size)
     figure.text(left, top, table.title, fontsize=size + 3.0, va="top")
     top -= 1.6 * step
     if table.text:
-        said = _wrapped(table.text, round(115.0 * width))
-        figure.text(left, top, said, fontsize=size, va="top", color="0.3")
-        top -= step * (said.count("\n") + 1)
+        words = _wrapped(table.text, round(115.0 * width))
+        figure.text(left, top, words, fontsize=size, va="top", color="0.3")
+        top -= step * (words.count("\n") + 1)
     top -= 0.4 * step
     lines = [table.head, *((row.name, *row.cells) for row in table.rows)]
     share = np.array([max(len(line[column]) for line in lines) + 2.0 for column in range(len(table.head))])
@@ -164,12 +170,12 @@ def _draw_table(figure: "Figure", table: Table, left: float, top: float, width: 
 
 
 def _step(size: float) -> float:
-    """From line to line, as a part of the page's height."""
+    """Return the distance from line to line, as a part of the page's height."""
     return 0.0017 * size + 0.0035
 
 
 def _tables(book: "PdfPages", tables: Sequence[Table]) -> None:
-    """Tables below each other, on as many pages as they need."""
+    """Add tables below each other, on as many pages as they need."""
     size, top, bottom = 7.0, 0.955, 0.05
     figure, y = _figure(*_PAGE), top
     for table in tables:
@@ -185,24 +191,24 @@ def _tables(book: "PdfPages", tables: Sequence[Table]) -> None:
     _save(book, figure)
 
 
-def _charts(book: "PdfPages", found: Sequence[Group]) -> None:
-    """Charts of all groups in turn, a page at a time, with what is to be said of their groups."""
-    flat = [(group, chart) for group in found for chart in group.charts]
+def _charts(book: "PdfPages", all_groups: Sequence[ChartGroup]) -> None:
+    """Add the charts of all groups in turn, a page at a time, with the explanations of their groups."""
+    flat = [(group, chart) for group in all_groups for chart in group.charts]
     for start in range(0, len(flat), _PER_PAGE):
         part = flat[start : start + _PER_PAGE]
         of_page = list({group.key: group for group, _ in part}.values())
         figure = _figure(*_PAGE)
         title = of_page[0].title if len(of_page) == 1 else "Aberrations"
-        said = "\n".join(_wrapped(f"{group.title}. {group.text}") for group in of_page)
-        bottom = _heading(figure, title, said)
+        words = "\n".join(_wrapped(f"{group.title}. {group.text}") for group in of_page)
+        bottom = _heading(figure, title, words)
         place = {"left": 0.09, "right": 0.96, "top": bottom - 0.035, "bottom": 0.09, "hspace": 0.55, "wspace": 0.28}
         axes = figure.subplots(_PER_PAGE // _PER_ROW, _PER_ROW, squeeze=False, gridspec_kw=place)
         _fill(axes.ravel().tolist(), [chart for _, chart in part])
         _save(book, figure)
 
 
-def _frames(book: "PdfPages", group: Group) -> None:
-    """Spot diagrams, a row for each field."""
+def _frames(book: "PdfPages", group: ChartGroup) -> None:
+    """Add spot diagrams, a row for each field."""
     per_page = _ROWS_OF_SPOTS * group.columns
     for start in range(0, len(group.charts), per_page):
         figure = _figure(*_PAGE)
@@ -218,7 +224,7 @@ def _frames(book: "PdfPages", group: Group) -> None:
 
 
 def _fill(places: Sequence[object], shown: Sequence[Chart]) -> None:
-    """Draw charts in their places, and leave out the places that are left."""
+    """Draw charts on axes, and hide the axes that are left."""
     from matplotlib.axes import Axes
 
     for number, axes in enumerate(places):
@@ -226,21 +232,22 @@ def _fill(places: Sequence[object], shown: Sequence[Chart]) -> None:
         if number >= len(shown):
             axes.axis("off")
             continue
-        charts.draw(shown[number], axes)
+        chart.plot_on_axes(shown[number], axes)
         if shown[number].bare:
             axes.set_xlabel(shown[number].note, fontsize=5.5)
 
 
-def _heading(figure: "Figure", title: str, said: str) -> float:
-    """A title and lines below it; where on the page they end."""
+def _heading(figure: "Figure", title: str, words: str) -> float:
+    """Draw a title and lines below it; returns their lower end on the page."""
     figure.text(0.06, 0.965, title, fontsize=13, va="top")
-    figure.text(0.06, 0.942, said, fontsize=7.5, va="top", color="0.3")
-    return 0.942 - _step(7.5) * 0.75 * (said.count("\n") + 1)
+    figure.text(0.06, 0.942, words, fontsize=7.5, va="top", color="0.3")
+    return 0.942 - _step(7.5) * 0.75 * (words.count("\n") + 1)
 
 
-def _notes(book: "PdfPages", study: Study) -> None:
+def _notes(book: "PdfPages", study: LensStudy) -> None:
+    """Add a page of notes."""
     figure = _figure(*_PAGE)
-    said = "\n".join(_wrapped(f"{text.topic(note)}: {note.reason}") for note in text.notes(study))
+    words = "\n".join(_wrapped(f"{text.topic(note)}: {note.reason}") for note in text.notes(study))
     figure.text(0.06, 0.965, "Notes", fontsize=13, va="top")
-    figure.text(0.06, 0.935, said, fontsize=8.0, va="top")
+    figure.text(0.06, 0.935, words, fontsize=8.0, va="top")
     _save(book, figure)

@@ -1,4 +1,4 @@
-"""The charts of a study."""
+"""Charts of a study: spots, ray fans, field curvature, distortion, illumination and MTF."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.glass import LINE_C, LINE_D, LINE_F
-from raytracer.lens_report.analysis.results import (
-    Colour,
-    Distortion,
+from raytracer.analysis.lens_design.performance.lens_study import LensStudy
+from raytracer.analysis.lens_design.performance.results import (
+    ChromaticAberration,
+    DistortionCurve,
     Fan,
     FieldCurvature,
     Illumination,
@@ -20,24 +20,24 @@ from raytracer.lens_report.analysis.results import (
     Spot,
     SpotsOfField,
 )
-from raytracer.lens_report.analysis.study import Study
-from raytracer.lens_report.charts import DASH_DOTTED, DASHED, DOTTED, SOLID, Chart, Level, Range, Series
-from raytracer.lens_report.svg import BLUE, GREEN, HUES, INK, OCHRE, PURPLE, VERMILLION
+from raytracer.optics.glass import LINE_C, LINE_D, LINE_F
+from raytracer.report.chart import DASH_DOTTED, DASHED, DOTTED, SOLID, Chart, Range, ReferenceLine, Series
+from raytracer.report.svg import BLUE, COLORS, GREEN, INK, OCHRE, PURPLE, VERMILLION
 
 _LINES = {LINE_F: "F", LINE_D: "d", LINE_C: "C"}
 
-# The shortest wavelength (nm) of each of these colours is that before it.
+# Colours of wavelengths (nm) below these.
 _OF_WAVELENGTH = ((450.0, PURPLE), (500.0, BLUE), (600.0, GREEN), (620.0, OCHRE))
 _DASHES = (SOLID, DASHED, DASH_DOTTED, DOTTED)
 
-# Few enough dots that a page of many spots stays small; they are a fair part of the rays, in the order of the pupil.
+# Dots of a spot diagram: few enough that a page of many stays small.  They are a random sample of the rays.
 _MOST_DOTS = 400
 
-Array = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 
 
-class Group(NamedTuple):
-    """Charts that belong together, with what is to be said of them; `columns` of a table of bare ones, else 0."""
+class ChartGroup(NamedTuple):
+    """Group of charts with an explanation; `columns` of a table of bare ones, else 0."""
 
     key: str
     title: str
@@ -47,73 +47,73 @@ class Group(NamedTuple):
 
 
 def wavelength_name(nm: float) -> str:
-    """`587.6 nm (d)`."""
+    """Write a wavelength: `587.6 nm (d)`."""
     letter = _LINES.get(nm)
     return f"{nm:.1f} nm ({letter})" if letter else f"{nm:g} nm"
 
 
-def wavelength_hue(nm: float) -> str:
-    """A colour of the palette for a wavelength."""
+def wavelength_color(nm: float) -> str:
+    """Choose a colour of the palette for a wavelength."""
     return next((hue for end, hue in _OF_WAVELENGTH if nm < end), VERMILLION)
 
 
-def projection(name: str) -> str:
-    """An ideal projection as it is written."""
+def projection_text(name: str) -> str:
+    """Write an ideal projection with its symbols."""
     return name.replace("theta", "θ") if "theta" in name else f"{name} θ"
 
 
-def groups(study: Study) -> tuple[Group, ...]:
-    """All charts, by what they are about; a group that the study has nothing for is left out."""
-    found = (
-        Group(
+def chart_groups(study: LensStudy) -> tuple[ChartGroup, ...]:
+    """Make all charts, in groups; a group without charts is left out."""
+    all_groups = (
+        ChartGroup(
             "spots",
             "Spot diagrams",
-            "Where the rays of one point of the scene land on the film. A row for each place in the picture, a column "
-            "for each wavelength, and one for all of them; upwards is away from the middle of the picture. All frames "
-            "have the same size. Below each: the RMS and the largest distance from the middle of the spot.",
+            "Places at which the rays of one point of the scene reach the film. A row for each place in the picture, a "
+            "column for each wavelength, and one for all of them; upwards is away from the middle of the picture. All "
+            "frames have the same size. Below each: the RMS and the largest distance from the middle of the spot.",
             *_spots(study),
         ),
-        Group(
+        ChartGroup(
             "spherical",
             "Spherical aberration",
-            "Where rays of a point on the axis meet the axis again, by their height in the pupil. A lens without "
-            "spherical aberration draws vertical lines, one without colour errors the same for all wavelengths.",
+            "Places at which rays of a point on the axis cross the axis again, by their height in the pupil. Without "
+            "spherical aberration the lines are vertical, without chromatic aberration the same for all wavelengths.",
             tuple(chart for result in study.spherical for chart in _spherical(result)),
         ),
-        Group(
+        ChartGroup(
             "fans",
             "Ray fans",
-            "How far from the chief ray's place on the film the other rays land, over the pupil, for each place in "
+            "Distance of rays from the chief ray on the film, over the pupil, for each place in "
             "the picture: tangential in the plane of the axis, sagittal across it. A slope is defocus, a parabola "
             "coma, an S spherical aberration.",
             tuple(_fans(study)),
         ),
-        Group(
+        ChartGroup(
             "curvature",
             "Field curvature and astigmatism",
-            "Where narrow beams are sharp, from the film: what differs between tangential and sagittal is astigmatism.",
+            "Foci of narrow beams, from the film: the difference between tangential and sagittal is astigmatism.",
             tuple(_curvature(result) for result in study.field_curvature),
         ),
-        Group(
+        ChartGroup(
             "distortion",
             "Distortion",
-            "How much farther out a point lands than the ideal projection says: below 0 is a barrel, above a cushion.",
+            "Image height against that of the ideal projection: below 0 is barrel distortion, above 0 pincushion.",
             tuple(_distortion(result) for result in study.distortion),
         ),
-        Group(
+        ChartGroup(
             "colour",
-            "Colour errors",
-            "Lateral: how far off the middle colour's place the others land, which gives coloured fringes. "
-            "Longitudinal: where each wavelength is sharp on the axis.",
-            tuple(chart for result in study.colour for chart in _colours(result)),
+            "Chromatic aberration",
+            "Lateral: distance of each wavelength from the middle one on the film, which gives coloured fringes. "
+            "Longitudinal: focus of each wavelength on the axis.",
+            tuple(chart for result in study.colour for chart in _chromatic_aberration(result)),
         ),
-        Group(
+        ChartGroup(
             "illumination",
             "Relative illumination",
             "Light on the film of an evenly bright scene, against the middle of the picture.",
             tuple(_illumination(result) for result in study.illumination),
         ),
-        Group(
+        ChartGroup(
             "mtf",
             "Geometric MTF",
             "The contrast of fine lines, by the spots' rays. Diffraction is not simulated: the dotted line is the "
@@ -122,32 +122,34 @@ def groups(study: Study) -> tuple[Group, ...]:
         ),
     )
     several = len(study.first_order) > 1
-    return tuple(_told_apart(group) if several else group for group in found if group.charts)
+    return tuple(_title_meridians(group) if several else group for group in all_groups if group.charts)
 
 
-def _told_apart(group: Group) -> Group:
-    """The titles of a lens with cylinders say the plane that they are of, which is the last letter of their keys."""
+def _title_meridians(group: ChartGroup) -> ChartGroup:
+    """Add the plane to the titles of charts of a lens with cylinders: the last letter of their keys."""
     charts = (replace(chart, title=f"{chart.title}, in the plane of {chart.key[-1]}") for chart in group.charts)
     return group._replace(charts=tuple(charts))
 
 
-def _by_wavelength(wavelengths: Iterable[float], values: Array, along: Array, *, upright: bool) -> list[Series]:
-    """A line for each wavelength: its values over `along`, or beside it where the chart is `upright`."""
-    found = []
+def _by_wavelength(
+    wavelengths: Iterable[float], values: FloatArray, along: FloatArray, *, upright: bool
+) -> list[Series]:
+    """Make a line for each wavelength: its values over `along`, or with exchanged axes if the chart is `upright`."""
+    lines = []
     for number, (nm, row) in enumerate(zip(wavelengths, values, strict=True)):
         x, y = (row, along) if upright else (along, row)
-        found.append(
-            Series(wavelength_name(float(nm)), x, y, wavelength_hue(float(nm)), _DASHES[number % len(_DASHES)])
+        lines.append(
+            Series(wavelength_name(float(nm)), x, y, wavelength_color(float(nm)), _DASHES[number % len(_DASHES)])
         )
-    return found
+    return lines
 
 
 # ---- Spots
 
 
-def _spots(study: Study) -> tuple[tuple[Chart, ...], int]:
-    """A row for each field, and how many charts there are in it."""
-    fields = [field for field in study.spots if any(len(_landed(spot)) for spot in field.spots)]
+def _spots(study: LensStudy) -> tuple[tuple[Chart, ...], int]:
+    """Make a row of spot diagrams for each field; returns the number of charts in a row, too."""
+    fields = [field for field in study.spots if any(len(_passing_points(spot)) for spot in field.spots)]
     if not fields:
         return (), 0
     half = _half_width(fields)
@@ -166,35 +168,37 @@ def _spots(study: Study) -> tuple[tuple[Chart, ...], int]:
     return tuple(charts), len(fields[0].spots) + 1
 
 
-def _landed(spot: Spot) -> Array:
-    """The points of rays that get through."""
+def _passing_points(spot: Spot) -> FloatArray:
+    """Select the points of rays that get through."""
     return spot.points_um[np.isfinite(spot.points_um).all(axis=1)]
 
 
 def _half_width(fields: Sequence[SpotsOfField]) -> float:
-    """Half the side of all frames (um): a round number that holds nearly all rays of the largest spot."""
-    landed = [points for field in fields for spot in field.spots if len(points := _landed(spot))]
+    """Choose half the side of all frames (um): a round number that holds nearly all rays of the largest spot."""
+    landed = [points for field in fields for spot in field.spots if len(points := _passing_points(spot))]
     wanted = 1.1 * max([0.5, *(float(np.quantile(np.abs(points), 0.98)) for points in landed)])
     power: float = 10.0 ** math.floor(math.log10(wanted))
     return next(power * m for m in (1.0, 2.0, 3.0, 5.0, 10.0) if power * m >= wanted)
 
 
 def _dots(spot: Spot) -> Series:
-    points = _landed(spot)
+    """Choose the dots of a spot diagram."""
+    points = _passing_points(spot)
     # A stride would pick columns of the pupil's grid.
     chosen = np.random.default_rng(0).permutation(len(points))[:_MOST_DOTS]
     nm = spot.wavelength_nm
-    return Series(wavelength_name(nm), points[chosen, 0], points[chosen, 1], wavelength_hue(nm), mark="dots")
+    return Series(wavelength_name(nm), points[chosen, 0], points[chosen, 1], wavelength_color(nm), mark="dots")
 
 
 def _frame(key: str, title: str, series: tuple[Series, ...], half: float, rms: float, largest: float) -> Chart:
+    """Make the bare chart of a spot diagram."""
     note = f"RMS {rms:.3g} µm, largest {largest:.3g} µm" if np.isfinite(rms) else "no light"
     ends = (-half, half)
     return Chart(key, title, "x (µm)", "y (µm)", series, ends, ends, equal=True, bare=True, note=note)
 
 
-def frame_size_um(group: Group) -> float:
-    """The side of the frames of spot diagrams (um)."""
+def frame_size_um(group: ChartGroup) -> float:
+    """Return the side of the frames of spot diagrams (um)."""
     low, high = group.charts[0].ranges()[0]
     return high - low
 
@@ -203,6 +207,7 @@ def frame_size_um(group: Group) -> float:
 
 
 def _spherical(result: Spherical) -> list[Chart]:
+    """Chart spherical aberration, and the offence against the sine condition."""
     lines = _by_wavelength(result.wavelengths_nm, result.longitudinal_mm, result.pupil, upright=True)
     if np.isfinite(result.third_order_mm).any():
         lines.append(Series("third order (Seidel)", result.third_order_mm, result.pupil, INK, DOTTED))
@@ -214,7 +219,7 @@ def _spherical(result: Spherical) -> list[Chart]:
             "height in the pupil",
             tuple(lines),
             y_range=(0.0, 1.0),
-            levels=(Level("x", 0.0),),
+            levels=(ReferenceLine("x", 0.0),),
         )
     ]
     if np.isfinite(result.sine_condition).any():
@@ -226,14 +231,15 @@ def _spherical(result: Spherical) -> list[Chart]:
                 "height in the pupil",
                 (Series("", result.sine_condition, result.pupil, BLUE),),
                 y_range=(0.0, 1.0),
-                levels=(Level("x", 0.0),),
+                levels=(ReferenceLine("x", 0.0),),
                 note="Where it is 0 there is no coma close to the axis.",
             )
         )
     return charts
 
 
-def _fans(study: Study) -> list[Chart]:
+def _fans(study: LensStudy) -> list[Chart]:
+    """Chart all ray fans, on one scale."""
     lit = [fan for fan in study.fans if np.isfinite(fan.tangential_um).any()]
     # One scale, so that fields can be compared; the few worst rays would flatten all others.
     values = [np.abs(values[np.isfinite(values)]) for fan in lit for values in (fan.tangential_um, fan.sagittal_um)]
@@ -242,9 +248,10 @@ def _fans(study: Study) -> list[Chart]:
 
 
 def _fan(fan: Fan, ends: Range) -> list[Chart]:
-    found = []
+    """Chart the tangential and the sagittal fan of a field."""
+    charts = []
     for name, values in (("tangential", fan.tangential_um), ("sagittal", fan.sagittal_um)):
-        found.append(
+        charts.append(
             Chart(
                 f"fan-{name}-{fan.field:g}-{fan.meridian}",
                 f"{name.capitalize()}, {fan.field_deg:.3g}° off the axis",
@@ -253,20 +260,21 @@ def _fan(fan: Fan, ends: Range) -> list[Chart]:
                 tuple(_by_wavelength(fan.wavelengths_nm, values, fan.pupil, upright=False)),
                 (-1.0, 1.0),
                 ends,
-                levels=(Level("x", 0.0), Level("y", 0.0)),
+                levels=(ReferenceLine("x", 0.0), ReferenceLine("y", 0.0)),
             )
         )
-    return found
+    return charts
 
 
 # ---- Over the field
 
 
 def _curvature(result: FieldCurvature) -> Chart:
+    """Chart field curvature and the Petzval surface."""
     lines = []
     # Colours by wavelength, dashes by plane.
     for nm, tangential, sagittal in zip(result.wavelengths_nm, result.tangential_mm, result.sagittal_mm, strict=True):
-        name, hue = wavelength_name(float(nm)), wavelength_hue(float(nm))
+        name, hue = wavelength_name(float(nm)), wavelength_color(float(nm))
         lines.append(Series(f"T, {name}", tangential, result.image_height_mm, hue, SOLID))
         lines.append(Series(f"S, {name}", sagittal, result.image_height_mm, hue, DASHED))
     if np.isfinite(result.petzval_mm).any():
@@ -277,18 +285,19 @@ def _curvature(result: FieldCurvature) -> Chart:
         "focus from the film (mm)",
         "image height (mm)",
         tuple(lines),
-        levels=(Level("x", 0.0),),
+        levels=(ReferenceLine("x", 0.0),),
         note="T: tangential, in the plane of the axis. S: sagittal, across it.",
     )
 
 
-def _distortion(result: Distortion) -> Chart:
+def _distortion(result: DistortionCurve) -> Chart:
+    """Chart distortion against ideal projections."""
     lines = [Series("against f tan θ", result.percent, result.image_height_mm, BLUE, SOLID)]
-    best = projection(result.projection)
+    best = projection_text(result.projection)
     if result.projection != "f tan":
         lines.append(Series(f"against {best}", result.projection_percent, result.image_height_mm, VERMILLION, DASHED))
     worst = np.nanmax(np.abs(result.percent)) if np.isfinite(result.percent).any() else 0.0
-    # What is nearly nothing is not to look like something.
+    # Tiny distortion must not fill the chart.
     ends = (-1.0, 1.0) if worst < 0.9 else None
     return Chart(
         f"distortion-{result.meridian}",
@@ -297,12 +306,13 @@ def _distortion(result: Distortion) -> Chart:
         "image height (mm)",
         tuple(lines),
         ends,
-        levels=(Level("x", 0.0),),
+        levels=(ReferenceLine("x", 0.0),),
         note=f"The projection that fits best is {best}.",
     )
 
 
-def _colours(result: Colour) -> list[Chart]:
+def _chromatic_aberration(result: ChromaticAberration) -> list[Chart]:
+    """Chart lateral and longitudinal colour."""
     lateral = _by_wavelength(result.edge_wavelengths_nm, result.lateral_um, result.image_height_mm, upright=True)
     return [
         Chart(
@@ -311,7 +321,7 @@ def _colours(result: Colour) -> list[Chart]:
             "from the middle colour (µm)",
             "image height (mm)",
             tuple(lateral),
-            levels=(Level("x", 0.0),),
+            levels=(ReferenceLine("x", 0.0),),
         ),
         Chart(
             f"axial-{result.meridian}",
@@ -319,13 +329,14 @@ def _colours(result: Colour) -> list[Chart]:
             "wavelength (nm)",
             "focus on the axis (mm)",
             (Series("", result.wavelengths_nm, result.axial_mm, BLUE),),
-            levels=(Level("y", 0.0),),
+            levels=(ReferenceLine("y", 0.0),),
             note=f"Between the ends of the wavelengths asked for: {result.axial_between_ends_mm:.4g} mm.",
         ),
     ]
 
 
 def _illumination(result: Illumination) -> Chart:
+    """Chart relative illumination."""
     height = result.image_height_mm
     return Chart(
         f"illumination-{result.meridian}",
@@ -341,11 +352,12 @@ def _illumination(result: Illumination) -> Chart:
     )
 
 
-def _mtf(study: Study) -> list[Chart]:
+def _mtf(study: LensStudy) -> list[Chart]:
+    """Chart the MTF by frequency, and over the field."""
     limit = study.diffraction_limit
     lines = []
     for number, field in enumerate(m for m in study.mtf if np.isfinite(m.tangential).any()):
-        hue, name = HUES[number % len(HUES)], f"{field.image_height_mm:.3g} mm"
+        hue, name = COLORS[number % len(COLORS)], f"{field.image_height_mm:.3g} mm"
         if len(study.first_order) > 1:
             name = f"{field.meridian} {name}"
         lines.append(Series(f"{name} T", field.frequencies_per_mm, field.tangential, hue, SOLID))
@@ -371,9 +383,10 @@ def _mtf(study: Study) -> list[Chart]:
 
 
 def _mtf_over_field(result: MtfOverField) -> Chart:
+    """Chart the MTF over image height at a few frequencies."""
     lines = []
     for number, frequency in enumerate(result.frequencies_per_mm):
-        hue = HUES[number % len(HUES)]
+        hue = COLORS[number % len(COLORS)]
         lines.append(Series(f"{frequency:g}/mm T", result.image_height_mm, result.tangential[number], hue, SOLID))
         lines.append(Series(f"{frequency:g}/mm S", result.image_height_mm, result.sagittal[number], hue, DASHED))
     return Chart(

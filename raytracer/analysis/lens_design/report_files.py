@@ -1,21 +1,21 @@
-"""Files of a report on a lens: the format is what the file's suffix says."""
+"""Files of a report on a lens: the suffix names the format."""
 
 import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from raytracer.errors import InputError
+from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
-    from raytracer.lens_report.analysis.study import Study
-    from raytracer.lenses.lens import Lens
+    from raytracer.analysis.lens_design.performance.lens_study import LensStudy
+    from raytracer.optics.lens_system.lens import Lens
 
-Writer: TypeAlias = "Callable[[Lens, Study], bytes]"
+Writer: TypeAlias = "Callable[[Lens, LensStudy], bytes]"
 
 
-def writer_of(path: Path) -> Writer:
-    """Find what makes a file of the format that its suffix names.
+def find_writer(path: Path) -> Writer:
+    """Find the function that writes a file of the format that its suffix names.
 
     Raises
     ------
@@ -23,45 +23,46 @@ def writer_of(path: Path) -> Writer:
     """
     kind = path.suffix.lower()
     if kind not in _WRITERS:
-        raise InputError(f"{path}: {suffix_words(path)} for a report on a lens; known: {', '.join(_WRITERS)}")
+        raise InputError(f"{path}: {unknown_suffix_message(path)} for a report on a lens; known: {', '.join(_WRITERS)}")
     if kind in (".pdf", ".png"):
-        from raytracer.lens_report.pdf import require_matplotlib
+        from raytracer.analysis.lens_design.pdf import require_matplotlib
 
         require_matplotlib(kind)
     return _WRITERS[kind]
 
 
-def suffix_words(path: Path) -> str:
-    """Say which suffix a file has that is not known."""
+def unknown_suffix_message(path: Path) -> str:
+    """Describe the unknown suffix of a file."""
     return f"unknown suffix {path.suffix!r}" if path.suffix else "no suffix"
 
 
-def _html(found: "Lens", studied: "Study") -> bytes:
-    from raytracer.lens_report.page import page
+def _html(lens: "Lens", study: "LensStudy") -> bytes:
+    from raytracer.analysis.lens_design.page import page
 
-    return page(found, studied)
-
-
-def _pdf(found: "Lens", studied: "Study") -> bytes:
-    from raytracer.lens_report.pdf import pdf
-
-    return pdf(found, studied)
+    return page(lens, study)
 
 
-def _svg(found: "Lens", studied: "Study") -> bytes:
-    from raytracer.lens_report import drawing
+def _pdf(lens: "Lens", study: "LensStudy") -> bytes:
+    from raytracer.analysis.lens_design.pdf import pdf
 
-    return drawing.document(drawing.sections(found, studied))
-
-
-def _png(found: "Lens", studied: "Study") -> bytes:
-    from raytracer.lens_report.pdf import png
-
-    return png(found, studied)
+    return pdf(lens, study)
 
 
-def _json(found: "Lens", studied: "Study") -> bytes:
-    return (json.dumps(studied.as_dict(points=True), indent=2, allow_nan=False, ensure_ascii=False) + "\n").encode()
+def _svg(lens: "Lens", study: "LensStudy") -> bytes:
+    from raytracer.analysis.lens_design.cross_section.drawing import cross_sections
+    from raytracer.analysis.lens_design.cross_section.to_svg import document
+
+    return document(cross_sections(lens, study))
+
+
+def _png(lens: "Lens", study: "LensStudy") -> bytes:
+    from raytracer.analysis.lens_design.pdf import png
+
+    return png(lens, study)
+
+
+def _json(lens: "Lens", study: "LensStudy") -> bytes:
+    return (json.dumps(study.as_dict(points=True), indent=2, allow_nan=False, ensure_ascii=False) + "\n").encode()
 
 
 _WRITERS: dict[str, Writer] = {".html": _html, ".pdf": _pdf, ".svg": _svg, ".png": _png, ".json": _json}

@@ -1,4 +1,4 @@
-"""What a study says in words and numbers: for a terminal, and as rows of tables for pages."""
+"""Text and tables of a study: for a terminal, and for pages."""
 
 import math
 import textwrap
@@ -7,16 +7,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytracer.lens_report.analysis.results import Curve, FirstOrder, Note
-from raytracer.lens_report.analysis.study import Study
-from raytracer.lens_report.plots import projection, wavelength_name
-from raytracer.lenses.lens import Lens
+from raytracer.analysis.lens_design.performance.lens_study import LensStudy
+from raytracer.analysis.lens_design.performance.results import Curve, FirstOrder, Note
+from raytracer.analysis.lens_design.plots import projection_text, wavelength_name
+from raytracer.optics.lens_system.lens import Lens
+from raytracer.report.table import align_columns
 
 _WIDTH = 100
 
 
 class Row(NamedTuple):
-    """A row of a table: its name, what is in it, and what it means ("" where that is plain)."""
+    """Row of a table.
+
+    name : first column.
+    cells : other columns.
+    meaning : explanation, "" where none is needed.
+    """
 
     name: str
     cells: tuple[str, ...]
@@ -24,7 +30,7 @@ class Row(NamedTuple):
 
 
 class Table(NamedTuple):
-    """Rows under a head; all columns but the first are numbers or short words, to the right."""
+    """Table: all columns but the first are numbers or short words, aligned to the right."""
 
     title: str
     head: tuple[str, ...]
@@ -36,7 +42,7 @@ class Table(NamedTuple):
 
 
 def millimetres(value: float, digits: int = 6) -> str:
-    """A length; `infinite` and `none` in words."""
+    """Write a length in millimetres; `infinite` and `none` in words."""
     if math.isnan(value):
         return "none"
     if math.isinf(value):
@@ -49,7 +55,7 @@ _LEAST = 5e-7
 
 
 def _digits(value: float, digits: int) -> str:
-    """So many significant digits, but not below a nanometre."""
+    """Round to significant digits, but not below a nanometre."""
     if value == 0.0 or abs(value) < _LEAST:
         return "0"
     decimals = max(0, min(6, digits - 1 - math.floor(math.log10(abs(value)))))
@@ -57,29 +63,32 @@ def _digits(value: float, digits: int) -> str:
 
 
 def micrometres(value: float) -> str:
-    """A length that is small as a rule, in micrometres; in millimetres from one on."""
+    """Write a length (um) in micrometres, or in millimetres from one on."""
     if math.isnan(value):
         return "none"
     return f"{_plain(value, 3)} µm" if abs(value) < 1000.0 else f"{_plain(0.001 * value, 3)} mm"
 
 
 def _degrees(value: float) -> str:
+    """Write an angle."""
     return "none" if math.isnan(value) else f"{value:.2f}°"
 
 
 def _relative(value: float) -> str:
+    """Write a relative difference."""
     if math.isnan(value):
         return ""
     return "0" if value == 0.0 else f"{value:.1e}".replace("-", "−")
 
 
 def _plain(value: float, digits: int = 4) -> str:
+    """Write a number in significant digits."""
     # Adding 0 takes the sign from a zero.
     return "none" if math.isnan(value) else f"{value + 0.0:.{digits}g}".replace("-", "−")
 
 
 def distance(millimetre: float) -> str:
-    """A distance in the scene."""
+    """Write a distance in the scene (mm) in metres."""
     if math.isinf(millimetre):
         return "infinity"
     return f"{millimetre / 1000.0:.6g} m"
@@ -88,8 +97,8 @@ def distance(millimetre: float) -> str:
 # ---- Tables
 
 
-def setting(study: Study) -> str:
-    """How the lens is set up."""
+def setting(study: LensStudy) -> str:
+    """Describe the set-up of the lens: aperture, focus, film, field, wavelengths."""
     first, chosen = study.first_order[0], study.settings
     width, height = chosen.sensor_mm
     colours = ", ".join(wavelength_name(nm) for nm in chosen.wavelengths_nm)
@@ -102,8 +111,8 @@ def setting(study: Study) -> str:
     )
 
 
-def first_order(study: Study) -> tuple[Table, ...]:
-    """First-order data, of each plane of the lens that differs: by matrices, and by traced rays."""
+def first_order(study: LensStudy) -> tuple[Table, ...]:
+    """Make the tables of first-order data, one for each meridian: by matrices, and by traced rays."""
     several = len(study.first_order) > 1
     return tuple(_first_order(first, several) for first in study.first_order)
 
@@ -152,11 +161,11 @@ def _first_order(first: FirstOrder, several: bool) -> Table:
         Row("field of view, diagonal", ("", _degrees(first.field_of_view_diagonal_deg), "")),
         Row("radius of the Petzval surface", (millimetres(first.petzval_radius_mm, 5), "", "")),
     ]
-    # What is published is of the lens as it stands at infinity; its group may change it, and its cylinders across.
+    # The published value is of the lens focused at infinity; focusing groups and cylinders change it.
     if math.isfinite(first.published_focal_length_mm) and first.magnification == 0.0 and first.meridian == "y":
         off = first.focal_length_mm / first.published_focal_length_mm - 1.0
-        said = f"{round(100.0 * off, 2) + 0.0:+.2f} %".replace("-", "−")
-        rows.insert(1, Row("focal length, published", (f"{first.published_focal_length_mm:g} mm", "", said)))
+        difference = f"{round(100.0 * off, 2) + 0.0:+.2f} %".replace("-", "−")
+        rows.insert(1, Row("focal length, published", (f"{first.published_focal_length_mm:g} mm", "", difference)))
     title = f"First order, in the plane of {first.meridian}" if several else "First order"
     text = (
         f"At {wavelength_name(first.wavelength_nm)}. By ray transfer matrices, and beside them by rays traced near the "
@@ -166,7 +175,7 @@ def _first_order(first: FirstOrder, several: bool) -> Table:
 
 
 def surfaces(lens: Lens) -> Table:
-    """The prescription."""
+    """Make the table of the surfaces: the prescription."""
     rows = []
     for number, one in enumerate(lens.elements, start=1):
         radius = "flat" if one.curvature == 0.0 else f"{1.0 / one.curvature:.6g}".replace("-", "−")
@@ -183,8 +192,8 @@ def surfaces(lens: Lens) -> Table:
     return Table("Surfaces", head, tuple(rows))
 
 
-def seidel(study: Study) -> Table | None:
-    """Third-order sums by surface."""
+def seidel(study: LensStudy) -> Table | None:
+    """Make the table of Seidel sums by surface; None for lenses with cylinders."""
     sums = study.seidel
     if sums is None:
         return None
@@ -204,8 +213,8 @@ def seidel(study: Study) -> Table | None:
     rows.append(Row("sum", tuple(_micrometres(total) for _, _, total in columns)))
     text = (
         f"In micrometres, at {wavelength_name(sums.wavelength_nm)}, for the marginal ray and the chief ray that lands "
-        f"{sums.image_height_mm:.4g} mm out: S_I to S_V, C_I and C_II. Large numbers of both signs that undo each "
-        "other make a lens hard to build."
+        f"{sums.image_height_mm:.4g} mm out: S_I to S_V, C_I and C_II. Large numbers of both signs that cancel "
+        "each other make a lens hard to build."
     )
     return Table("Seidel sums", ("surface", *(name for name, _, _ in columns)), tuple(rows), text)
 
@@ -214,15 +223,15 @@ def _micrometres(millimetre: float) -> str:
     return f"{1000.0 * float(millimetre):.2f}".replace("-", "−")
 
 
-def tolerances(study: Study) -> tuple[Table, ...]:
-    """How exactly film and glass have to be where they are."""
+def tolerances(study: LensStudy) -> tuple[Table, ...]:
+    """Make the tables of tolerances: on focus, and in manufacturing."""
     several = len(study.tolerances) > 1
-    found = []
+    tables = []
     for result in study.tolerances:
         plane = f", in the plane of {result.meridian}" if several else ""
         rows = (
             Row("circle of confusion", (millimetres(result.circle_of_confusion_mm, 3),)),
-            Row("depth of focus", (f"± {millimetres(result.depth_of_focus_mm, 3)}",), "how far off the film may be"),
+            Row("depth of focus", (f"± {millimetres(result.depth_of_focus_mm, 3)}",), "tolerance of the film's place"),
             Row("nearest plane that is sharp", (_scene(result.near_limit_mm),), "from the entrance pupil"),
             Row("farthest plane that is sharp", (_scene(result.far_limit_mm),), "from the entrance pupil"),
             Row("best focus, from the film", (millimetres(result.best_focus_mm, 3),), "least RMS spot on the axis"),
@@ -230,7 +239,7 @@ def tolerances(study: Study) -> tuple[Table, ...]:
             Row("the same at best focus", (micrometres(result.rms_on_axis_best_um),)),
             Row("all errors below, together", (millimetres(result.rss_back_focus_mm, 3),), "RSS, on the back focus"),
         )
-        found.append(Table(f"Tolerance on focus{plane}", ("", ""), rows))
+        tables.append(Table(f"Tolerance on focus{plane}", ("", ""), rows))
         errors = tuple(
             Row(
                 f"{one.surface}: {one.parameter}",
@@ -246,30 +255,30 @@ def tolerances(study: Study) -> tuple[Table, ...]:
         )
         if errors:
             head = ("surface", "error", "back focus (µm)", "by the number", "spot (µm)", "refocused (µm)")
-            text = "What a small error of each number does to the back focus, and adds to the RMS spot on the axis."
-            found.append(Table(f"Errors of making{plane}", head, errors, text))
-    return tuple(found)
+            text = "Effect of a small error of each number on the back focus, and on the RMS spot on the axis."
+            tables.append(Table(f"Manufacturing tolerances{plane}", head, errors, text))
+    return tuple(tables)
 
 
 def _scene(value: float) -> str:
     return "none" if math.isnan(value) else distance(value)
 
 
-def notes(study: Study) -> tuple[Note, ...]:
-    """What a reader of a report has to know besides; not what is about keys of the JSON."""
+def notes(study: LensStudy) -> tuple[Note, ...]:
+    """Select the notes for readers of a report: not those on keys of the JSON."""
     return tuple(note for note in study.notes if "null" not in note.reason and "`" not in note.reason)
 
 
 def topic(note: Note) -> str:
-    """What a note is about, in words."""
+    """Write the topic of a note in words."""
     return "Seidel sums" if note.topic == "seidel" else note.topic.replace("_", " ")
 
 
 # ---- A terminal
 
 
-def summary(study: Study) -> str:
-    """A study on a page of a terminal."""
+def summary(study: LensStudy) -> str:
+    """Write a study for a terminal."""
     lines = textwrap.wrap(study.name, _WIDTH)
     lines += textwrap.wrap(study.source, _WIDTH)
     lines += textwrap.wrap(setting(study), _WIDTH)
@@ -287,8 +296,8 @@ def summary(study: Study) -> str:
     return "\n".join(line.rstrip() for line in lines) + "\n"
 
 
-def aberrations(study: Study, meridian: str = "y") -> list[tuple[str, ...]]:
-    """The aberrations in one plane of the lens in a number each: name, value, where."""
+def aberrations(study: LensStudy, meridian: str = "y") -> list[tuple[str, ...]]:
+    """List the aberrations in one meridian, in a number each: name, value, place."""
     rows: list[tuple[str, ...]] = []
     for spherical in (one for one in study.spherical if one.meridian == meridian):
         zones = np.flatnonzero(np.isfinite(spherical.longitudinal_mm[0]))
@@ -304,7 +313,7 @@ def aberrations(study: Study, meridian: str = "y") -> list[tuple[str, ...]]:
     for distortion in (one for one in study.distortion if one.meridian == meridian):
         rows += _outermost("distortion", distortion.percent, distortion.image_height_mm, "%")
         if distortion.projection != "f tan":
-            name = f"distortion against {projection(distortion.projection)}"
+            name = f"distortion against {projection_text(distortion.projection)}"
             rows += _outermost(name, distortion.projection_percent, distortion.image_height_mm, "%")
     for colour in colours:
         for nm, values in zip(colour.edge_wavelengths_nm[1:], colour.lateral_um[1:], strict=True):
@@ -315,13 +324,13 @@ def aberrations(study: Study, meridian: str = "y") -> list[tuple[str, ...]]:
     return rows
 
 
-def _ends(study: Study) -> str:
+def _ends(study: LensStudy) -> str:
     wavelengths = study.settings.wavelengths_nm
     return f"{wavelengths[1]:.4g} nm from {wavelengths[2]:.4g} nm" if len(wavelengths) > 2 else ""
 
 
 def _outermost(name: str, values: Curve, heights: Curve, unit: str) -> list[tuple[str, ...]]:
-    """The value that is farthest out, and where that is."""
+    """Make the row of the outermost value of a curve, and its place; no row if there is none."""
     there = np.flatnonzero(np.isfinite(values))
     if not there.size:
         return []
@@ -329,8 +338,8 @@ def _outermost(name: str, values: Curve, heights: Curve, unit: str) -> list[tupl
     return [(name, f"{_plain(float(values[last]), 3)} {unit}", f"{float(heights[last]):.4g} mm out")]
 
 
-def spots(study: Study, meridian: str = "y") -> list[tuple[str, ...]]:
-    """A table of spots and contrast over the field in one plane of the lens, its head first."""
+def spots(study: LensStudy, meridian: str = "y") -> list[tuple[str, ...]]:
+    """List spots and contrast over the field in one meridian, with the head of the table first."""
     frequencies = study.settings.frequencies_per_mm
     head = ("image height", "field", "RMS", "largest", *(f"T {f:g}/mm" for f in frequencies))
     rows = [(*head, *(f"S {f:g}/mm" for f in frequencies))]
@@ -348,11 +357,5 @@ def spots(study: Study, meridian: str = "y") -> list[tuple[str, ...]]:
 
 
 def _columns(rows: Sequence[tuple[str, ...]]) -> list[str]:
-    """Rows under each other: the first column to the left, the others to the right but for words at the end."""
-    widths = [max(len(row[column]) for row in rows if column < len(row)) for column in range(max(map(len, rows)))]
-    lines = []
-    for row in rows:
-        cells = zip(row, widths[: len(row)], strict=True)
-        aligned = (f"{cell:>{width}}" if n else f"{cell:<{width}}" for n, (cell, width) in enumerate(cells))
-        lines.append("  " + "  ".join(aligned))
-    return lines
+    """Align rows in columns, indented by two."""
+    return [f"  {row}" for row in align_columns(rows)]

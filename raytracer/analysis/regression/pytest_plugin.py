@@ -6,7 +6,7 @@
 fails if the scene no longer looks as `references/scene.npz` beside the test's file does, by the noise of both.
 `pytest --rt-update` renders references that are missing, and anew those that fail.  See docs/regression.md.
 
-pytest imports this in every project of an environment that has rt, so that nothing else is imported before it is used.
+pytest imports this in every project of an environment that has rt, so nothing else is imported before it is used.
 """
 
 import os
@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from raytracer.regression.checking import Checked
-    from raytracer.regression.making import Source
+    from raytracer.analysis.regression.check import CheckResult
+    from raytracer.analysis.regression.render_reference import ReferenceScene
+    from raytracer.scene.cache import RenderCache
     from raytracer.scene.spec import SceneSpec
-    from raytracer.stock import Stock
 
 FOLDER = "references"
 
@@ -43,11 +43,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 class Regression:
-    """What `rt_regression` is: a call renders a scene and fails the test if it does not look as its reference does."""
+    """The fixture `rt_regression`: a call renders a scene, and fails the test if it differs from its reference."""
 
-    def __init__(self, request: pytest.FixtureRequest, stock: "Stock", pages: pytest.TempPathFactory) -> None:
+    def __init__(self, request: pytest.FixtureRequest, cache: "RenderCache", pages: pytest.TempPathFactory) -> None:
         self._config, self._node = request.config, request.node
-        self._stock, self._pages = stock, pages
+        self._cache, self._pages = cache, pages
 
     def __call__(
         self,
@@ -60,7 +60,7 @@ class Regression:
         seed: int | None = None,
         alpha: float | None = None,
         reference_spp: int | None = None,
-    ) -> "Checked":
+    ) -> "CheckResult":
         """Check a scene against `references/<name>.npz` beside the test's file.
 
         Parameters
@@ -69,45 +69,45 @@ class Regression:
         name : of the reference; that of the scene file if None.  A scene that is built needs one.
         overrides : values by dotted path that stand in place of the scene's.
         width : of the picture (px); the reference's if None, and 64 for a new one.
-        spp, seed, alpha : of the check, see `regression.checking.check`.
+        spp, seed, alpha : of the check, see `regression.check.CheckOptions`.
         reference_spp : samples a pixel of a reference that is rendered; 4096 if None.
 
         Returns
         -------
-        What was found, if the scene has passed: its `image`, the `reference` and the `verdict`.
+        The result, if the scene has passed: its `image`, the `reference` and the `verdict`.
         """
         __tracebackhide__ = True
-        from raytracer.errors import InputError, OutputError
-        from raytracer.regression import making
-        from raytracer.regression.checking import ALPHA, check
-        from raytracer.regression.references import save_reference
+        from raytracer.analysis.regression.check import ALPHA, CheckOptions, check_reference
+        from raytracer.analysis.regression.reference_file import save_reference
+        from raytracer.analysis.regression.render_reference import SPP, render_reference
+        from raytracer.util.errors import InputError, OutputError
 
         path = self._reference(scene, name)
-        level = ALPHA if alpha is None else alpha
-        judge = partial(check, path, spp=spp, seed=seed, alpha=level, threads=_threads(), stock=self._stock)
+        options = CheckOptions(spp, seed, ALPHA if alpha is None else alpha)
+        run_check = partial(check_reference, path, options, threads=_threads(), cache=self._cache)
         is_update = self._config.getoption("--rt-update")
         result, obstacle = None, ""
         try:
             place = self._node.path.parent / scene if isinstance(scene, str | os.PathLike) else scene
-            found, obstacle = self._source(place, path, overrides, width)
-            result = None if obstacle else judge(found=found)
+            to_render, obstacle = self._source(place, path, overrides, width)
+            result = None if obstacle else run_check(scene=to_render)
             if is_update and (result is None or not result.passed):
-                made = making.make(found, spp=reference_spp or making.SPP, threads=_threads(), stock=self._stock)
+                made = render_reference(to_render, spp=reference_spp or SPP, threads=_threads(), cache=self._cache)
                 save_reference(path, *made)
                 self._node.user_properties.append((_PROPERTY, str(path)))
-                result = judge(found=found)
+                result = run_check(scene=to_render)
         except (InputError, OutputError) as error:
-            result, told = None, str(error)
+            result, message = None, str(error)
         else:
-            told = f"{obstacle}; pytest --rt-update renders it" if result is None else self._told(result)
+            message = f"{obstacle}; pytest --rt-update renders it" if result is None else self._failure_message(result)
         if result is None or not result.passed:
             # Out here, where no other error is being handled that pytest would tell of as well.
-            pytest.fail(told, pytrace=False)
+            pytest.fail(message, pytrace=False)
         return result
 
     def _reference(self, scene: "str | os.PathLike[str] | SceneSpec", name: str | None) -> Path:
-        """Where the reference of a scene is."""
-        from raytracer.regression.references import SUFFIX
+        """Return the path of the reference of a scene."""
+        from raytracer.analysis.regression.reference_file import SUFFIX
 
         if name is None:
             if not isinstance(scene, str | os.PathLike):
@@ -120,35 +120,37 @@ class Regression:
 
     def _source(
         self, scene: "Path | SceneSpec", path: Path, overrides: Mapping[str, Any] | None, width: int | None
-    ) -> tuple["Source", str]:
-        """The scene as it is to be rendered, and why the reference does not do for it, if it does not."""
-        from raytracer.errors import InputError, shown
-        from raytracer.regression import making
-        from raytracer.regression.references import load_reference
+    ) -> tuple["ReferenceScene", str]:
+        """Prepare the scene to be rendered, and say why the reference cannot be used, if so."""
+        from raytracer.analysis.regression.reference_file import load_reference
+        from raytracer.analysis.regression.render_reference import WIDTH, prepare_reference_scene
+        from raytracer.util.errors import InputError, format_value
 
         folder = path.parent
         if not path.exists():
-            found = making.source(scene, folder, overrides, making.WIDTH if width is None else width)
-            return found, f"there is no reference {path}"
+            to_render = prepare_reference_scene(scene, folder, overrides, WIDTH if width is None else width)
+            return to_render, f"there is no reference {path}"
         try:
             reference = load_reference(path)
         except InputError as error:
-            return making.source(scene, folder, overrides, making.WIDTH if width is None else width), str(error)
-        found = making.source(scene, folder, overrides, reference.mean.shape[1] if width is None else width)
-        if found.scene != reference.recipe.scene:
-            return found, f"{path} is the reference of {reference.recipe.scene or 'a scene that was built in code'}"
-        kept = reference.recipe.overrides
-        for key in [*kept, *found.overrides]:
-            if kept.get(key) != found.overrides.get(key):
-                before, now = (shown(values.get(key)) for values in (kept, found.overrides))
-                return found, f"{path} was rendered with {key}={before}, and the test asks for {now}"
-        return found, ""
+            return prepare_reference_scene(scene, folder, overrides, WIDTH if width is None else width), str(error)
+        to_render = prepare_reference_scene(
+            scene, folder, overrides, reference.mean.shape[1] if width is None else width
+        )
+        if to_render.scene != reference.recipe.scene:
+            return to_render, f"{path} is the reference of {reference.recipe.scene or 'a scene that was built in code'}"
+        overrides_then = reference.recipe.overrides
+        for key in [*overrides_then, *to_render.overrides]:
+            if overrides_then.get(key) != to_render.overrides.get(key):
+                before, now = (format_value(values.get(key)) for values in (overrides_then, to_render.overrides))
+                return to_render, f"{path} was rendered with {key}={before}, and the test asks for {now}"
+        return to_render, ""
 
-    def _told(self, result: "Checked") -> str:
-        """Why the test fails; empty if it does not."""
-        from raytracer.errors import OutputError
-        from raytracer.film.output import write_bytes
-        from raytracer.regression.report import report
+    def _failure_message(self, result: "CheckResult") -> str:
+        """Write why the test fails; "" if it does not."""
+        from raytracer.analysis.regression.report import check_page
+        from raytracer.util.atomic_write import write_bytes
+        from raytracer.util.errors import OutputError
 
         if result.passed:
             return ""
@@ -158,7 +160,7 @@ class Regression:
             folder = Path(given) if given else self._pages.mktemp("rt")
             page = folder / (re.sub(r"[^\w.-]+", "_", f"{self._node.nodeid}-{result.name}") + ".html")
             try:
-                write_bytes(page, report([result]))
+                write_bytes(page, check_page([result]))
                 lines.append(f"  pictures:  {page}")
             except OutputError as error:
                 # What has failed is told all the same.
@@ -168,27 +170,27 @@ class Regression:
 
 
 def _threads() -> int | None:
-    """Threads of a render, where several processes run tests: the processors are shared among them."""
-    from raytracer.scheduling import available_threads
+    """Return the threads of a render: where several processes run tests, they share the processors."""
+    from raytracer.rendering.worker_pool import available_threads
 
     workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     return None if workers == 1 else max(1, available_threads() // workers)
 
 
 @pytest.fixture(scope="session")
-def _rt_stock() -> "Stock":
-    """What the renders of a session share."""
-    from raytracer.stock import Stock
+def _rt_cache() -> "RenderCache":
+    """Make the cache that the renders of a session share."""
+    from raytracer.scene.cache import RenderCache
 
-    return Stock()
+    return RenderCache()
 
 
 @pytest.fixture
 def rt_regression(
-    request: pytest.FixtureRequest, _rt_stock: "Stock", tmp_path_factory: pytest.TempPathFactory
+    request: pytest.FixtureRequest, _rt_cache: "RenderCache", tmp_path_factory: pytest.TempPathFactory
 ) -> Regression:
-    """Checks a scene against its reference: `rt_regression("scene.yaml")`."""
-    return Regression(request, _rt_stock, tmp_path_factory)
+    """Check a scene against its reference: `rt_regression("scene.yaml")`."""
+    return Regression(request, _rt_cache, tmp_path_factory)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -1,7 +1,7 @@
-"""Small pictures that are kept, with their noise and with what they were rendered from.
+"""Files of references: small pictures with their variance and their recipe.
 
 A reference is an .npz file of three arrays: `mean` and `variance`, float32 (height, width, 3), and `settings`, a JSON
-text.  No part of it is pickled, so that reading one that somebody else has made does no harm.
+string.  No part of it is pickled, so that it is safe to read references of others.
 """
 
 import io
@@ -14,17 +14,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytracer.errors import InputError
-from raytracer.film.output import write_bytes
-from raytracer.untrusted import array, contents
+from raytracer.util.atomic_write import write_bytes
+from raytracer.util.errors import InputError
+from raytracer.util.safe_open import parse_npy, read_regular
 
 SUFFIX = ".npz"
 
-WIDEST = 128
-"""The most pixels that a reference may be wide: it is kept with the sources."""
+MAX_WIDTH = 128
+"""Greatest width of a reference (px): it is kept with the sources."""
 
 _LARGEST_FILE = 1 << 26
-"""Bytes of a reference, and of each of its arrays: far more than pictures of that width have."""
+"""Most bytes of a reference, and of each of its arrays: far more than pictures of that width have."""
 
 _ABSENT = "no such file"
 
@@ -32,16 +32,16 @@ _INT32_MAX, _UINT32_MAX = 2**31 - 1, 2**32 - 1
 
 
 class Recipe(NamedTuple):
-    """What a reference was rendered from.
+    """Recipe of a reference: what it was rendered from.
 
     scene : path of the scene file from the folder of the reference, with `/`; None for a scene that is built in code.
     overrides : values by dotted path that stand in place of the scene's, those for its size and sampler among them.
-    spp, seed : samples a pixel, and the seed of all random numbers.
+    spp, seed : samples per pixel, and the seed of all random numbers.
     version : of rt.
-    inputs : digests by name of what was read: see `inputs.digests`.
+    inputs : digests of the inputs by name: see `input_digests.digests`.
     dropped : samples that were left out since they were not finite.
-    gains : (3,), what the light of each channel was multiplied by where that was measured on the picture itself
-        (`exposure: auto`, `white_balance: auto`); None where it was not.
+    gains : (3,), factors of the channels that were measured on the picture itself (`exposure: auto`,
+        `white_balance: auto`); None without such.
     """
 
     scene: str | None
@@ -55,7 +55,10 @@ class Recipe(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """A small image kept to compare with: mean and variance, float64 (height, width, 3), and where they are from."""
+    """A small image to compare with.
+
+    mean, variance : float64 (height, width, 3).
+    """
 
     mean: NDArray[np.float64]
     variance: NDArray[np.float64]
@@ -67,14 +70,14 @@ def save_reference(path: str | Path, mean: ArrayLike, variance: ArrayLike, recip
 
     Raises
     ------
-    ValueError : the shapes differ, or the image is wider than `WIDEST`.
+    ValueError : the shapes differ, or the image is wider than `MAX_WIDTH`.
     OutputError : the file cannot be written.
     """
     single = np.asarray(mean, dtype=np.float32)
     if single.ndim != 3 or single.shape[2] != 3 or single.shape != np.shape(variance):
         raise ValueError(f"mean and variance of one shape (height, width, 3), got {single.shape}, {np.shape(variance)}")
-    if single.shape[1] > WIDEST:
-        raise ValueError(f"a reference is at most {WIDEST} pixels wide, got {single.shape[1]}")
+    if single.shape[1] > MAX_WIDTH:
+        raise ValueError(f"a reference is at most {MAX_WIDTH} pixels wide, got {single.shape[1]}")
     buffer = io.BytesIO()
     text = np.array(json.dumps(recipe._asdict(), sort_keys=True))
     np.savez_compressed(buffer, mean=single, variance=np.asarray(variance, dtype=np.float32), settings=text)
@@ -89,25 +92,25 @@ def load_reference(path: str | Path) -> Reference:
     InputError : the file is missing or broken.
     """
     try:
-        with zipfile.ZipFile(io.BytesIO(contents(Path(path), _LARGEST_FILE))) as file:
+        with zipfile.ZipFile(io.BytesIO(read_regular(Path(path), _LARGEST_FILE))) as file:
             # A signalling nan becomes a quiet one, of which is told below.
             with np.errstate(invalid="ignore"):
-                mean, variance = (array(_member(file, name)).astype(np.float64) for name in ("mean", "variance"))
+                mean, variance = (parse_npy(_member(file, name)).astype(np.float64) for name in ("mean", "variance"))
             recipe = _recipe(json.loads(_text(_member(file, "settings"))))
         if mean.ndim != 3 or mean.shape[2] != 3 or mean.shape != variance.shape or mean.size == 0:
             raise ValueError("not an image and its variance")
         if not np.all(np.isfinite(variance) & (variance >= 0.0)):
-            raise ValueError("a variance that is none")
+            raise ValueError("a variance that is negative or not finite")
     except FileNotFoundError as error:
         raise InputError(f"{path}: {_ABSENT}") from error
     except Exception as error:
-        # What has been changed in any way can raise nearly anything.
+        # A broken file can raise nearly anything.
         raise InputError(f"{path}: broken, or not a reference image of `rt reference`") from error
     return Reference(mean, variance, recipe)
 
 
 def _member(file: zipfile.ZipFile, name: str) -> bytes:
-    """A file of the archive, of which no more is unpacked than a reference has.
+    """Read a file of the archive, and no more of it than a reference has.
 
     Raises
     ------
@@ -121,38 +124,38 @@ def _member(file: zipfile.ZipFile, name: str) -> bytes:
 
 
 def _text(data: bytes) -> str:
-    """The text in the bytes of a .npy file."""
+    """Decode the string in the bytes of a .npy file."""
     file = io.BytesIO(data)
     np.lib.format.read_magic(file)
     shape, _, dtype = np.lib.format.read_array_header_1_0(file)
     if shape != () or dtype.kind != "U":
-        raise ValueError("settings that are no text")
+        raise ValueError("settings that are not a string")
     return str(np.frombuffer(data, dtype, 1, file.tell())[0])
 
 
-def _recipe(found: Mapping[str, Any]) -> Recipe:
-    """The recipe of a JSON text, each value of the type that it has to be.
+def _recipe(settings: Mapping[str, Any]) -> Recipe:
+    """Make the recipe from parsed JSON, with each value of its type.
 
     Raises
     ------
     ValueError, TypeError, KeyError : one is not.
     """
-    scene, gains = found["scene"], found["gains"]
+    scene, gains = settings["scene"], settings["gains"]
     if not (scene is None or isinstance(scene, str)):
-        raise TypeError("a scene is named by a text")
+        raise TypeError("the name of a scene is a string")
     return Recipe(
         scene=scene,
-        overrides=dict(found["overrides"]),
-        spp=_whole(found["spp"], 1, _INT32_MAX),
-        seed=_whole(found["seed"], 0, _UINT32_MAX),
-        version=str(found["version"]),
-        inputs={str(name): str(digest) for name, digest in found["inputs"].items()},
-        dropped=int(found["dropped"]),
+        overrides=dict(settings["overrides"]),
+        spp=_integer(settings["spp"], 1, _INT32_MAX),
+        seed=_integer(settings["seed"], 0, _UINT32_MAX),
+        version=str(settings["version"]),
+        inputs={str(name): str(digest) for name, digest in settings["inputs"].items()},
+        dropped=int(settings["dropped"]),
         gains=None if gains is None else (float(gains[0]), float(gains[1]), float(gains[2])),
     )
 
 
-def _whole(value: Any, least: int, most: int) -> int:
+def _integer(value: Any, least: int, most: int) -> int:
     number = int(value)
     if not least <= number <= most:
         raise ValueError(f"{number} is not in {least}..{most}")

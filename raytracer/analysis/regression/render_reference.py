@@ -1,4 +1,4 @@
-"""From a scene to its reference: a small picture of many samples, taken independently of each other."""
+"""Rendering of references: small pictures of many independent samples."""
 
 import os
 from collections.abc import Callable, Mapping
@@ -9,35 +9,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer import __version__
-from raytracer.errors import InputError
+from raytracer.analysis.regression.input_digests import digests
+from raytracer.analysis.regression.reference_file import MAX_WIDTH, Recipe, Reference
 from raytracer.film.image import Image
 from raytracer.film.white_balance import AUTO
-from raytracer.reach import AllowFiles, reach_of, unreadable
-from raytracer.regression.inputs import digests
-from raytracer.regression.references import WIDEST, Recipe, Reference
-from raytracer.rendering import Progress, render
-from raytracer.scene.edit import overridden
-from raytracer.scene.load import check_values, load
+from raytracer.rendering.progress import Progress
+from raytracer.rendering.render import render
+from raytracer.scene.file_access import check_names_allowed
+from raytracer.scene.load import load
+from raytracer.scene.overrides import apply_overrides
 from raytracer.scene.spec import SceneSpec
+from raytracer.util.errors import InputError
+from raytracer.util.path_sandbox import AllowFiles, make_sandbox, unreadable_reason
 
 if TYPE_CHECKING:
-    from raytracer.stock import Stock
+    from raytracer.scene.cache import RenderCache
 
 WIDTH = 64
 SPP = 4096
 SEED = 12345
 
-FEWEST_SPP = 16
-"""Samples a pixel that it takes for a variance to tell anything (`comparison.z_test`)."""
+MIN_SPP = 16
+"""Least samples per pixel for a usable variance (`compare.z_test`)."""
 
 _INDEPENDENT = {"render.sampler": "independent"}
-"""Stratified samples are better than their own variance says; of independent ones it tells the picture's."""
+"""Overrides for independent samples, whose variance is that of the picture; stratified ones have less noise."""
 
 
-class Source(NamedTuple):
-    """A scene that is ready to be rendered for a reference.
+class ReferenceScene(NamedTuple):
+    """A scene to be rendered for a reference.
 
-    spec : with all overrides; scene, overrides : as in `Recipe`.
+    spec : with all overrides.
+    scene, overrides : as in `Recipe`.
     """
 
     spec: SceneSpec
@@ -45,19 +48,19 @@ class Source(NamedTuple):
     overrides: dict[str, Any]
 
 
-def source(
+def prepare_reference_scene(
     scene: str | os.PathLike[str] | SceneSpec,
     folder: Path,
     overrides: Mapping[str, Any] | None = None,
     width: int | None = WIDTH,
     allow_files: AllowFiles = (),
-) -> Source:
-    """A scene, made small and sampled independently.
+) -> ReferenceScene:
+    """Prepare a scene for a reference: small, and with independent samples.
 
     Parameters
     ----------
     scene : a scene file, or a scene that was built in code.
-    folder : where the reference is to be.
+    folder : folder of the reference.
     overrides : values by dotted path that stand in place of the scene's.
     width : of the picture (px), if the scene's own is larger; None for the scene's own.
     allow_files : folders in which a scene file may name files, besides its own.
@@ -68,42 +71,42 @@ def source(
     """
     all_overrides = {**_INDEPENDENT, **(overrides or {})}
     if isinstance(scene, SceneSpec):
-        name, spec = None, overridden(scene, all_overrides)
+        name, spec = None, apply_overrides(scene, all_overrides)
     else:
         name, spec = _relative(scene, folder), load(scene, all_overrides, allow_files=allow_files)
     size = spec.film
     if width is not None and width < size.width:
         small = {"film.width": width, "film.height": max(1, round(width * size.height / size.width))}
         all_overrides |= small
-        spec = overridden(spec, small)
-    if spec.picture()[0] > WIDEST:
+        spec = apply_overrides(spec, small)
+    if spec.picture()[0] > MAX_WIDTH:
         raise InputError(
-            f"a picture {spec.picture()[0]} pixels wide is too large to be kept with the sources: at most {WIDEST}"
+            f"a picture {spec.picture()[0]} pixels wide is too large to be kept with the sources: at most {MAX_WIDTH}"
         )
-    return Source(spec, name, all_overrides)
+    return ReferenceScene(spec, name, all_overrides)
 
 
-def source_of(recipe: Recipe, folder: Path, allow_files: AllowFiles = ()) -> Source:
-    """The scene of a reference in `folder`, as it is now.
+def load_recipe_scene(recipe: Recipe, folder: Path, allow_files: AllowFiles = ()) -> ReferenceScene:
+    """Load the current scene of a reference in `folder`.
 
     allow_files : folders in which the scene and the reference's overrides may name files, besides the scene's own.
 
     Raises
     ------
-    InputError : it is not there, or it or an override of the reference is wrong; or it is built in code.
+    InputError : it is missing, it or an override of the reference is wrong, or it is built in code.
     """
     if recipe.scene is None:
         raise InputError("its scene is built by a test, which alone can render it")
     path = folder / recipe.scene
     # As short as a user would write it.
     shortest = Path(os.path.normpath(path))
-    if reason := unreadable(shortest):
+    if reason := unreadable_reason(shortest):
         raise InputError(f"its scene {shortest} {reason}")
     try:
-        check_values(recipe.overrides, reach_of(shortest.parent, allow_files))
+        check_names_allowed(recipe.overrides, make_sandbox(shortest.parent, allow_files))
     except ValueError as error:
         raise InputError(f"an override of it: {error}") from None
-    return Source(load(shortest, recipe.overrides, allow_files=allow_files), recipe.scene, recipe.overrides)
+    return ReferenceScene(load(shortest, recipe.overrides, allow_files=allow_files), recipe.scene, recipe.overrides)
 
 
 def _relative(scene: str | os.PathLike[str], folder: Path) -> str:
@@ -114,13 +117,13 @@ def _relative(scene: str | os.PathLike[str], folder: Path) -> str:
         raise InputError(f"{os.fspath(scene)}: must be on the drive of its reference's folder, {folder}") from None
 
 
-def make(
-    found: Source,
+def render_reference(
+    scene: ReferenceScene,
     *,
     spp: int = SPP,
     seed: int = SEED,
     threads: int | None = None,
-    stock: "Stock | None" = None,
+    cache: "RenderCache | None" = None,
     progress: Callable[[Progress], None] | None = None,
     warn: Callable[[str], object] | None = None,
 ) -> Reference:
@@ -130,38 +133,38 @@ def make(
     ----------
     spp : samples a pixel: many, since they are taken once, and all that is checked later is checked against them.
     seed : of all random numbers; a check takes another.
-    threads, stock, progress, warn : see `rendering.render`.
+    threads, cache, progress, warn : see `rendering.render`.
 
     Raises
     ------
     InputError : too few samples, a picture whose noise is not known, or see `rendering.render`.
     KeyboardInterrupt : the user has ended it.
     """
-    if spp < FEWEST_SPP:
-        raise InputError(f"a reference takes at least {FEWEST_SPP} samples per pixel, to know its own noise; got {spp}")
-    rendered = render(found.spec, spp=spp, seed=seed, threads=threads, stock=stock, progress=progress, warn=warn)
+    if spp < MIN_SPP:
+        raise InputError(f"a reference takes at least {MIN_SPP} samples per pixel, to know its own noise; got {spp}")
+    rendered = render(scene.spec, spp=spp, seed=seed, threads=threads, cache=cache, progress=progress, warn=warn)
     if rendered.interrupted:
         raise KeyboardInterrupt
     image = rendered.image
     recipe = Recipe(
-        scene=found.scene,
-        overrides=found.overrides,
+        scene=scene.scene,
+        overrides=scene.overrides,
         spp=spp,
         seed=seed,
         version=__version__,
-        inputs=digests(found.spec),
+        inputs=digests(scene.spec),
         dropped=rendered.stats.nan_samples,
-        gains=measured_gains(found.spec, image),
+        gains=measured_gains(scene.spec, image),
     )
-    return Reference(image.radiance, known_variance(image), recipe)
+    return Reference(image.radiance, require_variance(image), recipe)
 
 
-def known_variance(image: Image) -> NDArray[np.float64]:
-    """The variance of an image of `FEWEST_SPP` samples or more.
+def require_variance(image: Image) -> NDArray[np.float64]:
+    """Return the variance of an image of `MIN_SPP` samples or more.
 
     Raises
     ------
-    InputError : nothing tells it.
+    InputError : it is not known.
     """
     if image.variance is None:
         raise InputError(
@@ -174,7 +177,7 @@ def known_variance(image: Image) -> NDArray[np.float64]:
 
 
 def measured_gains(spec: SceneSpec, image: Image) -> tuple[float, float, float] | None:
-    """What the light of each channel was multiplied by, as far as that was measured on the picture; else None."""
+    """Return the gains of the channels that were measured on the picture itself; None if none were."""
     is_balanced, is_metered = spec.film.white_balance == AUTO, "metering" in image.settings
     if not is_balanced and not is_metered:
         return None
@@ -185,10 +188,10 @@ def measured_gains(spec: SceneSpec, image: Image) -> tuple[float, float, float] 
 
 
 def gain_ratio(
-    kept: tuple[float, float, float] | None, measured: tuple[float, float, float] | None
+    reference: tuple[float, float, float] | None, measured: tuple[float, float, float] | None
 ) -> NDArray[np.float64]:
-    """What brings a picture to the gains of a reference (3,), where both are measured on the pictures; 1 elsewhere.
+    """Compute the factors (3,) from the gains of a picture to those of a reference; 1 where either is not measured.
 
-    The noise of what is metered is one of all pixels together, which no pixel's variance tells.
+    The noise of metering is common to all pixels, and in no pixel's variance.
     """
-    return np.ones(3) if kept is None or measured is None else np.array(kept) / np.array(measured)
+    return np.ones(3) if reference is None or measured is None else np.array(reference) / np.array(measured)

@@ -1,4 +1,4 @@
-"""A page of what was checked: reference, picture, their difference, and how far beyond the noise it is."""
+"""HTML page of checks: reference, picture, their difference, and its size in standard deviations of the noise."""
 
 import math
 from collections.abc import Sequence
@@ -7,43 +7,44 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer import __version__, pages
-from raytracer.comparison.pictures import signed
+from raytracer import __version__
+from raytracer.analysis.compare.colour_maps import signed
+from raytracer.analysis.regression.check import TILE, CheckResult
+from raytracer.analysis.regression.reference_file import Reference
 from raytracer.film import srgb
 from raytracer.film.exposure import luminance
 from raytracer.film.image import Image
-from raytracer.regression.checking import TILE, Checked
-from raytracer.regression.references import Reference
+from raytracer.report import page as html
 
 _Z_SCALE = 6.0
-"""Standard deviations that are shown in the strongest colour; one pixel in 5e8 is farther off by noise."""
+"""Standard deviations at the strongest colour; noise exceeds them in one pixel of 5e8."""
 
 _LEGEND = 129
 
-# The part of the pixels whose differences are told apart.
+# Part of the pixels within the scale of colours.
 _MOST = 0.99
 
-# Of what is brighter than this part of the picture nothing need be seen; and what the rest is brought to if it is dark.
+# Part of the pixels that should not be clipped, and the range of their maximum within which a picture stays as it is.
 _BRIGHT_PART = 0.98
 _DARK, _LIGHT = 0.25, 1.5
 
 
-def report(results: Sequence[Checked]) -> bytes:
-    """A self-contained HTML page of all results, those that failed first."""
+def check_page(results: Sequence[CheckResult]) -> bytes:
+    """Make a self-contained HTML page of all results, failures first."""
     failed = sum(not result.passed for result in results)
     title = f"{failed} of {len(results)} failed" if failed else f"{sum(not r.skipped for r in results)} passed"
     ordered = sorted(results, key=lambda result: result.passed)
     data = {
         "version": __version__,
         "z_scale": _Z_SCALE,
-        "legend": pages.png(signed(np.linspace(-1.0, 1.0, _LEGEND)[None, :], 1.0)),
-        "results": [_shown(result) for result in ordered],
+        "legend": html.png(signed(np.linspace(-1.0, 1.0, _LEGEND)[None, :], 1.0)),
+        "results": [_result_data(result) for result in ordered],
     }
-    return pages.page("check", f"rt check: {title}", data, parts=("wipe",))
+    return html.page("check", f"rt check: {title}", data, parts=("wipe",))
 
 
-def _shown(result: Checked) -> dict[str, Any]:
-    """What the page tells of a result."""
+def _result_data(result: CheckResult) -> dict[str, Any]:
+    """Collect the data of a result that the page shows."""
     shown: dict[str, Any] = {**result.json(), "line": result.sentence()}
     reference, image, verdict = result.reference, result.image, result.verdict
     if reference is None:
@@ -69,45 +70,45 @@ def _shown(result: Checked) -> dict[str, Any]:
         "difference_scale": scale,
         "pictures": {
             "reference": _png(reference, image, factor),
-            "picture": pages.png(_display(image.radiance, image, factor)),
-            "difference": pages.png(signed(difference, scale)),
-            "pixels": pages.png(signed(_farthest(verdict.pixel_z), _Z_SCALE)),
-            "tiles": pages.png(signed(_spread(_farthest(verdict.tile_z), height, width), _Z_SCALE)),
+            "picture": html.png(_display(image.radiance, image, factor)),
+            "difference": html.png(signed(difference, scale)),
+            "pixels": html.png(signed(_largest_channel(verdict.pixel_z), _Z_SCALE)),
+            "tiles": html.png(signed(_expand_tiles(_largest_channel(verdict.tile_z), height, width), _Z_SCALE)),
         },
     }
     return shown
 
 
 def _scale(difference: NDArray[np.float64]) -> float:
-    """What is shown in the strongest colour: few pixels differ by more, as lamps do by their noise."""
+    """Return the value at the strongest colour: few pixels differ by more, as lamps do by their noise."""
     finite = np.abs(difference[np.isfinite(difference)])
     most = [float(np.quantile(finite, part)) for part in (_MOST, 1.0)] if finite.size else []
     return next((value for value in most if value > 0.0), 1.0)
 
 
 def _png(reference: Reference, image: Image, factor: float) -> str:
-    return pages.png(_display(reference.mean, image, factor))
+    return html.png(_display(reference.mean, image, factor))
 
 
 def _display(values: NDArray[np.float64], image: Image, factor: float) -> NDArray[np.uint8]:
-    """Values as a display shows them, by the tone curve of an image."""
+    """Convert values to those of a display, by the tone curve of an image."""
     values = factor * np.nan_to_num(values)
     return srgb.to_uint8(values if image.tone_curve is None else image.tone_curve(values))
 
 
 def _brightness(values: NDArray[np.float64]) -> float:
-    """A power of two by which a picture of plain radiance is multiplied, if hardly anything could be seen of it."""
+    """Choose a power of two that brightens or darkens a picture of plain radiance, if it is far from visible."""
     bright = float(np.quantile(luminance(values), _BRIGHT_PART))
     if not math.isfinite(bright) or bright <= 0.0 or _DARK <= bright <= _LIGHT:
         return 1.0
     return 2.0 ** -round(math.log2(bright))
 
 
-def _farthest(z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of the channels (..., 3) that which is farthest from 0 (...)."""
+def _largest_channel(z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the channel that is farthest from 0, of (..., 3): (...)."""
     return np.take_along_axis(z, np.argmax(np.abs(z), axis=-1)[..., None], axis=-1)[..., 0]
 
 
-def _spread(tiles: NDArray[np.float64], height: int, width: int) -> NDArray[np.float64]:
-    """Values of tiles in each of their pixels."""
+def _expand_tiles(tiles: NDArray[np.float64], height: int, width: int) -> NDArray[np.float64]:
+    """Repeat values of tiles in each of their pixels."""
     return np.repeat(np.repeat(tiles, TILE, axis=0), TILE, axis=1)[:height, :width]

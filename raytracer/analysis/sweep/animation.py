@@ -1,7 +1,7 @@
-"""A sweep as an animation: one frame for each picture, with its values below it, one after the other.
+"""Animation of a sweep: one frame for each image, with its values below it.
 
-From frame to frame one value goes one step: where an axis is at its end, the others' next values run through it
-backwards.  Zipped axes go step by step together.
+From frame to frame one value changes by one step: at the end of an axis, the next value of another axis follows, and
+the first is run through backwards.  Zipped axes change together.
 """
 
 import math
@@ -11,31 +11,31 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from raytracer.errors import InputError
-from raytracer.film.animation import KINDS, Kind, check, encode
-from raytracer.film.output import write_bytes
-from raytracer.sweeping.points import Sweep
-from raytracer.sweeping.sheet import cut, fitted, font
-from raytracer.sweeping.sliders import Images, Slider, sliders
+from raytracer.analysis.sweep.contact_sheet import fit_image, load_font, truncate_text
+from raytracer.analysis.sweep.results import Sweep
+from raytracer.analysis.sweep.sliders import Images, Slider, sliders
+from raytracer.film.formats.animation import KINDS, Kind, check, encode
+from raytracer.util.atomic_write import write_bytes
+from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
     import PIL.Image
 
-__all__ = ["FPS", "KINDS", "STEM", "Kind", "animate", "check", "path_of_indices", "write_animation"]
+__all__ = ["FPS", "KINDS", "STEM", "Kind", "check", "encode_animation", "gray_code_indices", "write_animation"]
 
 STEM = "sweep"
 FPS = 5.0
 
-# A frame's greatest width and height, since formats of animations are made for small pictures.
+# Greatest width and height of a frame, since formats of animations are made for small pictures.
 _LARGEST = (960, 720)
 
-# Of all frames together, since they are in memory at once.
+# Pixels of all frames together, which are in memory at once.
 _MOST_PIXELS = 100e6
 
 _PAPER, _INK = (255, 255, 255), (27, 29, 33)
 
 
-def animate(
+def encode_animation(
     sweep: Sweep,
     images: Images,
     kind: Kind,
@@ -43,7 +43,7 @@ def animate(
     fps: float = FPS,
     boomerang: bool = True,
 ) -> bytes:
-    """The animation as a GIF, a WebP or an animated PNG, which runs for ever.
+    """Encode the animation as a GIF, a WebP or an animated PNG, which runs for ever.
 
     Points without a picture are left out.  Frames are at most 960 x 720 without their captions, and 100 million pixels
     together.  A GIF has 256 colours, the same in all frames, and steps of 1/100 s; a WebP's quality is 90; a PNG has
@@ -52,7 +52,7 @@ def animate(
     Parameters
     ----------
     fps : frames a second, at most 50.
-    boomerang : go back from the last frame to the first, rather than start anew.
+    boomerang : True to go back from the last frame to the first, rather than start anew.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def write_animation(
     fps: float = FPS,
     boomerang: bool = True,
 ) -> Path:
-    """Write the animation into the sweep's folder, as `sweep.gif`, `sweep.webp` or `sweep.png`; see `animate`.
+    """Write the animation into the sweep's folder, as `sweep.gif`, `sweep.webp` or `sweep.png`; see `encode_animation`.
 
     Returns
     -------
@@ -81,67 +81,67 @@ def write_animation(
 
     Raises
     ------
-    InputError : as `animate`.
+    InputError : as `encode_animation`.
     ValueError : the sweep has no folder.
     OutputError : the file cannot be written.
     """
     if sweep.folder is None:
         raise ValueError("a sweep in memory has no folder for an animation")
     path = sweep.folder / f"{STEM}.{kind}"
-    write_bytes(path, animate(sweep, images, kind, fps=fps, boomerang=boomerang))
+    write_bytes(path, encode_animation(sweep, images, kind, fps=fps, boomerang=boomerang))
     return path
 
 
-def path_of_indices(shape: Sequence[int]) -> Iterator[tuple[int, ...]]:
-    """All indices, the last axis fastest, such that one number of each differs by one from the one before.
+def gray_code_indices(shape: Sequence[int]) -> Iterator[tuple[int, ...]]:
+    """Enumerate all indices, the last axis fastest, such that one number differs by one from the index before.
 
-    The reflected code of mixed radix: Knuth 2011, "The Art of Computer Programming", vol. 4A, sec. 7.2.1.1.
+    The reflected Gray code of mixed radix: Knuth 2011, "The Art of Computer Programming", vol. 4A, sec. 7.2.1.1.
     """
     if not shape:
         yield ()
         return
     *others, last = shape
-    for number, index in enumerate(path_of_indices(others)):
+    for number, index in enumerate(gray_code_indices(others)):
         there = range(last)
         for end in reversed(there) if number % 2 else there:
             yield (*index, end)
 
 
 def _frames(sweep: Sweep, images: Images) -> Iterator["PIL.Image.Image"]:
-    """All pictures with their captions, each of the first one's size."""
+    """Draw all images with their captions, each of the first one's size."""
     import PIL.Image
 
     chosen = sliders(sweep.axes, zipped=sweep.zipped)
-    by_index = {taken.point.index[: len(chosen)]: taken for taken in sweep.taken}
+    by_index = {result.point.index[: len(chosen)]: result for result in sweep.results}
     size = None
-    for index in path_of_indices([len(slider.labels) for slider in chosen]):
+    for index in gray_code_indices([len(slider.labels) for slider in chosen]):
         pixels = images(by_index[index])
         if pixels is None:
             continue
         with PIL.Image.fromarray(pixels) as picture:
             if size is None:
-                share = math.sqrt(_MOST_PIXELS / (len(sweep.taken) * picture.width * picture.height))
+                share = math.sqrt(_MOST_PIXELS / (len(sweep.results) * picture.width * picture.height))
                 scale = min(1.0, share, _LARGEST[0] / picture.width, _LARGEST[1] / picture.height)
                 size = max(1, round(scale * picture.width)), max(1, round(scale * picture.height))
             text = min(20, max(10, size[0] // 24))
             caption = _caption(chosen, index, text, size[0])
-            yield _captioned(picture, size, caption, text)
+            yield _add_caption(picture, size, caption, text)
 
 
-def _caption(chosen: Sequence[Slider], index: Sequence[int], size: int, room: float) -> str:
-    """The values with their names; where there is no room for both, the values alone."""
+def _caption(chosen: Sequence[Slider], index: Sequence[int], size: int, width: float) -> str:
+    """Write the values with their names; where there is no space for both, the values alone."""
     values = [slider.labels[number] for slider, number in zip(chosen, index, strict=True)]
     whole = ", ".join(f"{slider.name} {value}" for slider, value in zip(chosen, values, strict=True))
-    return cut(whole if font(size).getlength(whole) <= room else ", ".join(values), size, room)
+    return truncate_text(whole if load_font(size).getlength(whole) <= width else ", ".join(values), size, width)
 
 
-def _captioned(picture: "PIL.Image.Image", size: tuple[int, int], caption: str, text: int) -> "PIL.Image.Image":
+def _add_caption(picture: "PIL.Image.Image", size: tuple[int, int], caption: str, text: int) -> "PIL.Image.Image":
     import PIL.Image
     import PIL.ImageDraw
 
     frame = PIL.Image.new("RGB", (size[0], size[1] + 2 * text), _PAPER)
-    picture = fitted(picture, size)
+    picture = fit_image(picture, size)
     frame.paste(picture, ((size[0] - picture.width) // 2, (size[1] - picture.height) // 2))
     place = size[0] / 2, size[1] + text
-    PIL.ImageDraw.Draw(frame).text(place, caption, _INK, font(text), anchor="mm")
+    PIL.ImageDraw.Draw(frame).text(place, caption, _INK, load_font(text), anchor="mm")
     return frame

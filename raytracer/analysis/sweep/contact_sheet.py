@@ -1,4 +1,4 @@
-"""A contact sheet: all pictures of a sweep on one, each with its values.
+"""Contact sheet of a sweep: all images on one, each with its values.
 
 Two axes are the rows and columns of a table.  One axis, or zipped ones, fill rows, with a caption under each picture.
 Of more axes, the last two make a table for each combination of the others, with a title of its own.
@@ -11,10 +11,10 @@ from functools import cache
 from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from raytracer.errors import one_line
-from raytracer.film.output import write_bytes
-from raytracer.sweeping.points import Sweep, Taken
-from raytracer.sweeping.sliders import Images, Slider, extent, sliders, title_of
+from raytracer.analysis.sweep.results import PointResult, Sweep
+from raytracer.analysis.sweep.sliders import Images, Slider, scene_title, sliders, sweep_summary
+from raytracer.util.atomic_write import write_bytes
+from raytracer.util.errors import one_line
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -24,18 +24,18 @@ if TYPE_CHECKING:
 
 SHEET = "contact_sheet.png"
 
-# Largest width and height of a picture on the sheet, and the width that it and its words always have.
+# Largest width and height of an image on the sheet, and the least width of an image with its text.
 _LARGEST = (240, 180)
 _LEAST = 96
 
-# Largest side and area of the sheet, unless pictures are at their least width.
+# Largest side and area of the sheet, unless images are at their least width.
 _SIDE = 8_000
 _AREA = 16e6
 
-# Noise is hardly smaller with more, and takes longer.
+# Noise hardly compresses more, and takes longer.
 _COMPRESSION = 2
 
-# How much wider than high a sheet should be, where that is free.
+# Preferred ratio of width to height of a sheet.
 _SHAPE = 1.5
 
 _MARGIN, _GAP = 16, 6
@@ -43,9 +43,11 @@ _PAPER, _INK, _FAINT, _WELL, _BAD = (255, 255, 255), (27, 29, 33), (92, 98, 107)
 
 
 class _Table(NamedTuple):
-    """Points (numbers of `Sweep.taken`) in rows; a title, and heads of rows and columns or captions, where not empty.
+    """A table of images.
 
-    A head or caption is a name and a value.
+    rows : points, by their numbers in `Sweep.results`.
+    title : of the table; "" for none.
+    row_heads, column_heads, captions : each a name and a value; empty for none.
     """
 
     rows: list[list[int]]
@@ -56,7 +58,15 @@ class _Table(NamedTuple):
 
 
 class _Sizes(NamedTuple):
-    """Of a picture, of the slot that it lies in (with a caption's lines), of text, and of what tables have besides."""
+    """Sizes on the sheet (px).
+
+    picture : width and height of an image.
+    slot : width and height of its place, with the lines of a caption.
+    text : of the font.
+    line : height of a line of text.
+    row_head : width of the heads of rows.
+    column_head, title : heights.
+    """
 
     picture: tuple[int, int]
     slot: tuple[int, int]
@@ -67,13 +77,13 @@ class _Sizes(NamedTuple):
     title: int
 
     def table(self, table: _Table) -> tuple[int, int]:
-        """Width and height of a table."""
+        """Compute width and height of a table."""
         width = self.row_head + len(table.rows[0]) * (self.slot[0] + _GAP)
         return width, self.title + self.column_head + len(table.rows) * (self.slot[1] + _GAP)
 
 
 def contact_sheet(sweep: Sweep, images: Images) -> bytes:
-    """The contact sheet as a PNG.
+    """Encode the contact sheet as a PNG.
 
     At most 8,000 pixels a side and 16 million in all, unless there are so many points that their pictures would be
     less than 96 pixels wide.  None is larger than it is, or than 240 x 180.
@@ -103,20 +113,20 @@ def write_sheet(sweep: Sweep, images: Images) -> "Path":
 
 
 def draw_sheet(sweep: Sweep, images: Images) -> "PIL.Image.Image":
-    """The contact sheet as an image of Pillow; see `contact_sheet`."""
+    """Draw the contact sheet as an image of Pillow; see `contact_sheet`."""
     import PIL.Image
     import PIL.ImageDraw
 
     # Choose how large everything is.
     chosen = sliders(sweep.axes, zipped=sweep.zipped)
-    first = next((picture for picture in map(images, sweep.taken) if picture is not None), None)
+    first = next((picture for picture in map(images, sweep.results) if picture is not None), None)
     height, width = (180, 320) if first is None else first.shape[:2]
     scale = min(1.0, _LARGEST[0] / width, _LARGEST[1] / height)
     while True:
         size = max(1, round(scale * width)), max(1, round(scale * height))
         tables = _tables(chosen, size)
-        sizes = _sizes(size, tables)
-        across = _across(len(tables), sizes.table(tables[0]))
+        sizes = _measure(size, tables)
+        across = _columns_for(len(tables), sizes.table(tables[0]))
         table = sizes.table(tables[0])
         heading = round(3.2 * sizes.line)
         total = (
@@ -130,15 +140,15 @@ def draw_sheet(sweep: Sweep, images: Images) -> "PIL.Image.Image":
     # Draw the heading, and the tables one after the other.
     sheet = PIL.Image.new("RGB", total, _PAPER)
     draw = PIL.ImageDraw.Draw(sheet)
-    room = total[0] - 2 * _MARGIN
+    line_width = total[0] - 2 * _MARGIN
     large = round(1.25 * sizes.text)
-    draw.text((_MARGIN, _MARGIN), cut(title_of(sweep), large, room), _INK, font(large))
+    draw.text((_MARGIN, _MARGIN), truncate_text(scene_title(sweep), large, line_width), _INK, load_font(large))
     below = (_MARGIN, _MARGIN + round(1.4 * sizes.line))
-    draw.text(below, cut(extent(sweep), sizes.text, room), _FAINT, font(sizes.text))
+    draw.text(below, truncate_text(sweep_summary(sweep), sizes.text, line_width), _FAINT, load_font(sizes.text))
     for number, entry in enumerate(tables):
         down, right = divmod(number, across)
         corner = (_MARGIN + right * (table[0] + _MARGIN), _MARGIN + heading + down * (table[1] + _GAP))
-        _draw_table(sheet, draw, entry, corner, sizes, sweep.taken, images)
+        _draw_table(sheet, draw, entry, corner, sizes, sweep.results, images)
     return sheet
 
 
@@ -146,7 +156,7 @@ def _tables(chosen: Sequence[Slider], size: tuple[int, int]) -> list[_Table]:
     if len(chosen) == 1:
         (slider,) = chosen
         count = len(slider.labels)
-        across = _across(count, (max(size[0], _LEAST), size[1]))
+        across = _columns_for(count, (max(size[0], _LEAST), size[1]))
         rows = [list(range(start, min(start + across, count))) for start in range(0, count, across)]
         return [_Table(rows, captions=[(slider.name, label) for label in slider.labels])]
 
@@ -165,13 +175,13 @@ def _tables(chosen: Sequence[Slider], size: tuple[int, int]) -> list[_Table]:
     return tables
 
 
-def _sizes(picture: tuple[int, int], tables: Sequence[_Table]) -> _Sizes:
+def _measure(picture: tuple[int, int], tables: Sequence[_Table]) -> _Sizes:
     width = max(picture[0], _LEAST)
     text = min(16, max(11, width // 14))
     line = round(1.35 * text)
     table = tables[0]
     words = [word for head in table.row_heads for word in head]
-    row_head = round(min(max((font(text).getlength(word) for word in words), default=0.0), 260.0)) + 2 * _GAP
+    row_head = round(min(max((load_font(text).getlength(word) for word in words), default=0.0), 260.0)) + 2 * _GAP
     return _Sizes(
         picture,
         (width, picture[1] + (line if table.captions else 0)),
@@ -183,8 +193,8 @@ def _sizes(picture: tuple[int, int], tables: Sequence[_Table]) -> _Sizes:
     )
 
 
-def _across(count: int, size: tuple[int, int]) -> int:
-    """How many of a size go side by side, so that the sheet is of a good shape and little of it is left empty."""
+def _columns_for(count: int, size: tuple[int, int]) -> int:
+    """Choose the number of columns for `count` cells of a size, for a good shape and few empty cells."""
 
     def badness(across: int) -> float:
         down = math.ceil(count / across)
@@ -200,14 +210,14 @@ def _draw_table(
     table: _Table,
     corner: tuple[int, int],
     sizes: _Sizes,
-    taken: Sequence[Taken],
+    result: Sequence[PointResult],
     images: Images,
 ) -> None:
     left, top = corner
-    letters = font(sizes.text)
+    letters = load_font(sizes.text)
     if table.title:
-        room = sizes.table(table)[0]
-        draw.text((left, top), cut(table.title, sizes.text, room), _INK, letters)
+        line_width = sizes.table(table)[0]
+        draw.text((left, top), truncate_text(table.title, sizes.text, line_width), _INK, letters)
     left, top = left + sizes.row_head, top + sizes.title + sizes.column_head
     step = sizes.slot[0] + _GAP, sizes.slot[1] + _GAP
 
@@ -216,52 +226,52 @@ def _draw_table(
         middle = left + column * step[0] + sizes.slot[0] / 2
         for line, (words, ink) in enumerate(zip(head, (_FAINT, _INK), strict=True)):
             above = middle, top - (2 - line) * sizes.line
-            draw.text(above, cut(words, sizes.text, sizes.slot[0]), ink, letters, anchor="ma")
+            draw.text(above, truncate_text(words, sizes.text, sizes.slot[0]), ink, letters, anchor="ma")
     for row, head in enumerate(table.row_heads):
         middle = top + row * step[1] + sizes.slot[1] / 2
         for line, (words, ink) in enumerate(zip(head, (_FAINT, _INK), strict=True)):
             beside = left - 1.5 * _GAP, middle + (line - 1) * sizes.line
-            draw.text(beside, cut(words, sizes.text, sizes.row_head - _GAP), ink, letters, anchor="ra")
+            draw.text(beside, truncate_text(words, sizes.text, sizes.row_head - _GAP), ink, letters, anchor="ra")
 
     for row, numbers in enumerate(table.rows):
         for column, number in enumerate(numbers):
             x, y = left + column * step[0], top + row * step[1]
-            _draw_picture(sheet, draw, taken[number], images, (x, y), sizes)
+            _draw_picture(sheet, draw, result[number], images, (x, y), sizes)
             if table.captions:
                 name, value = table.captions[number]
                 whole = f"{name} {value}"
                 words = whole if letters.getlength(whole) <= sizes.slot[0] else value
                 below = x + sizes.slot[0] / 2, y + sizes.picture[1] + 1
-                draw.text(below, cut(words, sizes.text, sizes.slot[0]), _INK, letters, anchor="ma")
+                draw.text(below, truncate_text(words, sizes.text, sizes.slot[0]), _INK, letters, anchor="ma")
 
 
 def _draw_picture(
     sheet: "PIL.Image.Image",
     draw: Any,
-    taken: Taken,
+    result: PointResult,
     images: Images,
     corner: tuple[int, int],
     sizes: _Sizes,
 ) -> None:
-    """Put a picture, or why there is none, into the middle of its slot."""
+    """Draw an image, or why there is none, into the middle of its slot."""
     import PIL.Image
 
     x, y = corner[0] + (sizes.slot[0] - sizes.picture[0]) // 2, corner[1]
     width, height = sizes.picture
-    pixels = images(taken)
+    pixels = images(result)
     if pixels is None:
         draw.rectangle((x, y, x + width - 1, y + height - 1), fill=_WELL)
-        words = "no picture" if taken.status == "done" else taken.status
+        words = "no picture" if result.status == "done" else result.status
         middle = x + width / 2, y + height / 2
-        draw.text(middle, cut(words, sizes.text, sizes.slot[0]), _BAD, font(sizes.text), anchor="mm")
+        draw.text(middle, truncate_text(words, sizes.text, sizes.slot[0]), _BAD, load_font(sizes.text), anchor="mm")
         return
     with PIL.Image.fromarray(pixels) as picture:
-        fitting = fitted(picture, sizes.picture)
+        fitting = fit_image(picture, sizes.picture)
         sheet.paste(fitting, (x + (width - fitting.width) // 2, y + (height - fitting.height) // 2))
 
 
-def fitted(picture: "PIL.Image.Image", size: tuple[int, int]) -> "PIL.Image.Image":
-    """A picture as large as it can be within a size (width, height): those of points may differ."""
+def fit_image(picture: "PIL.Image.Image", size: tuple[int, int]) -> "PIL.Image.Image":
+    """Resize an image to be as large as possible within a size (width, height): those of points may differ."""
     import PIL.Image
 
     if picture.size == size:
@@ -272,8 +282,8 @@ def fitted(picture: "PIL.Image.Image", size: tuple[int, int]) -> "PIL.Image.Imag
 
 
 @cache
-def font(size: int) -> "PIL.ImageFont.FreeTypeFont":
-    """Pillow's own font."""
+def load_font(size: int) -> "PIL.ImageFont.FreeTypeFont":
+    """Load Pillow's own font."""
     import PIL.ImageFont
 
     loaded = PIL.ImageFont.load_default(size)
@@ -282,11 +292,11 @@ def font(size: int) -> "PIL.ImageFont.FreeTypeFont":
     return loaded
 
 
-def cut(text: str, size: int, room: float) -> str:
-    """A text on one line, as much of it as there is room for."""
-    text, letters = one_line(text), font(size)
-    if letters.getlength(text) <= room:
+def truncate_text(text: str, size: int, width: float) -> str:
+    """Truncate a text to one line of a width (px)."""
+    text, letters = one_line(text), load_font(size)
+    if letters.getlength(text) <= width:
         return text
-    while text and letters.getlength(f"{text}...") > room:
+    while text and letters.getlength(f"{text}...") > width:
         text = text[:-1]
     return f"{text}..."

@@ -1,4 +1,4 @@
-"""Stops of exposure: steps that halve or double the light, and the rounded numbers that are engraved for them.
+"""Exposure stops: steps that halve or double the light, and the rounded numbers that are engraved for them.
 
 References: ISO 517:2008, "Photography - Apertures and related properties pertaining to photographic lenses"; ISO
 516:2019, "Camera shutters - Timing"; ISO 12232:2019 (speeds).
@@ -9,17 +9,19 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import NamedTuple
 
-# How far from a whole number of steps two ends may be, as a part of a step, if one of them is no engraved number.
+# Distance from an integer number of steps that two ends may have, as a part of a step, if one is no engraved number.
 _TOLERANCE = 0.1
 
 _PARTS = {1: "full stops", 2: "half stops", 3: "thirds of a stop"}
 
 
-class Scale(NamedTuple):
-    """What a stop is for a quantity.
+class StopScale(NamedTuple):
+    """Scale of stops of a quantity.
 
-    power : log2 of the factor between values that are a stop apart; base, the value at 0 stops; unit, of plain numbers;
-    marks : by parts of a stop, the place of the first mark in those parts, and what is engraved from there on.
+    power : log2 of the factor between values that are a stop apart.
+    base : the value at 0 stops.
+    unit : of plain numbers.
+    marks : by parts of a stop, the place of the first mark in those parts, and the engraved numbers from there on.
     """
 
     power: Fraction
@@ -28,21 +30,21 @@ class Scale(NamedTuple):
     marks: Mapping[int, tuple[int, str]] = {}
 
     def value(self, place: Fraction | float) -> float:
-        """The value so many stops from the base."""
+        """Compute the value so many stops from the base."""
         return self.base * math.exp2(self.power * place)
 
     def places(self, number: float, parts: int) -> list[Fraction]:
-        """How many stops from the base a number is engraved, the likeliest first; none where it is not."""
-        found: list[Fraction] = []
+        """List the places (stops from the base) at which a number is engraved, the likeliest first."""
+        places: list[Fraction] = []
         for part, first, marks in self._series(parts):
             for i, mark in enumerate(marks):
                 place = Fraction(first + i, part)
-                if float(Fraction(mark)) == number and place not in found:
-                    found.append(place)
-        return found
+                if float(Fraction(mark)) == number and place not in places:
+                    places.append(place)
+        return places
 
     def mark(self, place: Fraction, parts: int) -> str:
-        """What is engraved at so many stops; empty where nothing is."""
+        """Return the number that is engraved at so many stops; "" if none is."""
         for part, first, marks in self._series(parts):
             i = place * part - first
             if i.denominator == 1 and 0 <= i < len(marks):
@@ -50,12 +52,12 @@ class Scale(NamedTuple):
         return ""
 
     def _series(self, parts: int) -> list[tuple[int, int, list[str]]]:
-        """Parts, first place and marks of each series, that of `parts` first."""
+        """List parts, first place and marks of each series, that of `parts` first."""
         order = sorted(self.marks, key=lambda part: (part != parts, part))
         return [(part, self.marks[part][0], self.marks[part][1].split()) for part in order]
 
 
-_F_NUMBERS = Scale(
+_F_NUMBERS = StopScale(
     Fraction(1, 2),
     marks={
         1: (-2, "0.5 0.7 1 1.4 2 2.8 4 5.6 8 11 16 22 32 45 64 90 128"),
@@ -70,7 +72,7 @@ _F_NUMBERS = Scale(
         ),
     },
 )
-_TIMES = Scale(
+_TIMES = StopScale(
     Fraction(1),
     unit="s",
     marks={
@@ -91,7 +93,7 @@ _TIMES = Scale(
         ),
     },
 )
-_SPEEDS = Scale(
+_SPEEDS = StopScale(
     Fraction(1),
     base=100.0,
     marks={
@@ -108,34 +110,37 @@ _SPEEDS = Scale(
         ),
     },
 )
-SCALES = {
+STOP_SCALES = {
     "f_number": _F_NUMBERS,
-    "aperture": Scale(Fraction(1, 2)),
+    "aperture": StopScale(Fraction(1, 2)),
     "shutter": _TIMES,
     "duration": _TIMES,
     "iso": _SPEEDS,
-    "intensity": Scale(Fraction(1)),
-    "irradiance": Scale(Fraction(1)),
-    "radiance": Scale(Fraction(1)),
+    "intensity": StopScale(Fraction(1)),
+    "irradiance": StopScale(Fraction(1)),
+    "radiance": StopScale(Fraction(1)),
 }
-"""What a stop is, by the last step of a key."""
+"""Scales of stops, by the last step of a key."""
 
 
-class Stops(NamedTuple):
-    """Values that are a stop, or a part of one, apart, and what is engraved for each, or an empty text."""
+class StopSeries(NamedTuple):
+    """Values that are a stop, or a part of one, apart.
+
+    marks : engraved number of each value; "" for none.
+    """
 
     values: list[float]
     marks: list[str]
 
 
-def stops(scale: Scale, start: float, stop: float, parts: int) -> Stops:
-    """The values from `start` to `stop`, both included, `parts` to a stop.
+def stops(scale: StopScale, start: float, stop: float, parts: int) -> StopSeries:
+    """Compute the values from `start` to `stop`, both included, `parts` to a stop.
 
-    An end that is engraved is taken for what it stands for; where none is, steps are counted from the start.
+    An engraved end stands for its exact value; where neither is engraved, steps are counted from the start.
 
     Raises
     ------
-    ValueError : `parts` is not 1, 2 or 3, or the ends are not a whole number of steps apart.
+    ValueError : `parts` is not 1, 2 or 3, or the ends are not an integer number of steps apart.
     """
     if parts not in _PARTS:
         raise ValueError(f"divides stops by {parts}; they can be divided into halves or thirds: /2 or /3")
@@ -145,12 +150,12 @@ def stops(scale: Scale, start: float, stop: float, parts: int) -> Stops:
     for begin, count in apart:
         if count >= 1 and count.denominator == 1:
             places = [begin + Fraction(sign * i, parts) for i in range(int(count) + 1)]
-            return Stops([scale.value(place) for place in places], [scale.mark(place, parts) for place in places])
+            return StopSeries([scale.value(place) for place in places], [scale.mark(place, parts) for place in places])
     if not apart:
         ratio = math.log2(stop / start) / float(scale.power) * parts * sign
         if round(ratio) >= 1 and abs(ratio - round(ratio)) <= _TOLERANCE:
             steps = [Fraction(sign * i, parts) for i in range(round(ratio) + 1)]
-            return Stops([start * math.exp2(scale.power * step) for step in steps], [""] * len(steps))
+            return StopSeries([start * math.exp2(scale.power * step) for step in steps], [""] * len(steps))
         scale = scale if begins else scale._replace(base=start, marks={})
         apart = [(begins[0] if begins else Fraction(0), Fraction(ratio))]
 
@@ -158,6 +163,6 @@ def stops(scale: Scale, start: float, stop: float, parts: int) -> Stops:
     begin, count = apart[0]
     near = [begin + Fraction(sign * end, parts) for end in (math.floor(count), math.ceil(count)) if end]
     raise ValueError(
-        f"is {float(count) / parts:.3g} stops, which is no whole number of {_PARTS[parts]}; end at "
+        f"is {float(count) / parts:.3g} stops, which is not an integer number of {_PARTS[parts]}; end at "
         + " or ".join(scale.mark(place, parts) or f"{scale.value(place):.3g}" for place in near)
     )

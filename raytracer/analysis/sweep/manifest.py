@@ -1,10 +1,10 @@
-"""A sweep as data: `manifest.json` and `manifest.csv` with a row for each point, and a record of each that is done.
+"""Manifests of a sweep, as JSON and CSV with a row for each point, and records of the points that are done.
 
-Times are in seconds, the error is a fraction, other numbers are in the units that their names end in; what is infinite
-is the text "inf", for which JSON has no number.
+Times are in seconds, the error is a fraction, other numbers are in the units that their names end in; an infinite
+number is the string "inf", since JSON has none.
 
-A record says what a point's picture was made from and what its files hold, so that a sweep that was ended at any moment
-is known to the next one, point by point.
+A record holds digests of the input of a point and of its files, so that the next sweep can resume after this one was
+ended at any moment.
 """
 
 import csv
@@ -22,10 +22,10 @@ from typing import Any, get_type_hints
 from pydantic import TypeAdapter
 
 from raytracer import __version__
-from raytracer.errors import OutputError
-from raytracer.film.output import write_bytes
-from raytracer.sweeping.points import Point, Sweep, Taken
-from raytracer.untrusted import contents, opened
+from raytracer.analysis.sweep.results import PointResult, Sweep, SweepPoint
+from raytracer.util.atomic_write import write_bytes
+from raytracer.util.errors import OutputError
+from raytracer.util.safe_open import open_regular, read_regular
 
 RECORDS = "points"
 """Folder, within that of a sweep, of the records."""
@@ -34,80 +34,80 @@ JSON = "manifest.json"
 CSV = "manifest.csv"
 
 _LARGEST_RECORD = 1 << 24
-"""Bytes of a record, which has two thousand of them and a sentence for each warning."""
+"""Most bytes of a record, which has two thousand of them and a sentence for each warning."""
 
 _INFINITE = {"inf": math.inf, "-inf": -math.inf}
 
 
-def plain(value: Any) -> Any:
-    """Texts, numbers, lists and dicts alone, as JSON has them."""
+def to_plain(value: Any) -> Any:
+    """Convert a value to strings, numbers, lists and dicts, as JSON has them."""
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): to_plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
+        return [to_plain(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     return value
 
 
-def _found(taken: Taken) -> dict[str, Any]:
-    """What is known of a point besides what it is."""
-    return {f.name: plain(getattr(taken, f.name)) for f in fields(Taken) if f.name != "point"}
+def _result_fields(result: PointResult) -> dict[str, Any]:
+    """Return the fields of a result but its point."""
+    return {f.name: to_plain(getattr(result, f.name)) for f in fields(PointResult) if f.name != "point"}
 
 
-# ---- What a sweep tells
+# ---- Manifests
 
 
 def to_json(sweep: Sweep) -> dict[str, Any]:
-    """All of a sweep but its pictures, as `json.dumps` takes it with `allow_nan=False`."""
+    """Convert all of a sweep but its images to what `json.dumps` takes with `allow_nan=False`."""
     return {
         "scene": sweep.scene,
         "version": __version__,
         "zipped": sweep.zipped,
         "interrupted": sweep.interrupted,
-        "axes": [plain(axis._asdict()) for axis in sweep.axes],
+        "axes": [to_plain(axis._asdict()) for axis in sweep.axes],
         "points": [
             {
-                "name": taken.point.name,
-                "index": list(taken.point.index),
-                "values": plain(taken.point.values),
-                "digest": taken.point.digest,
-                **_found(taken),
+                "name": result.point.name,
+                "index": list(result.point.index),
+                "values": to_plain(result.point.values),
+                "digest": result.point.digest,
+                **_result_fields(result),
             }
-            for taken in sweep.taken
+            for result in sweep.results
         ],
     }
 
 
 def to_csv(sweep: Sweep) -> str:
-    """One row a point; a cell is empty where nothing is known.
+    """Write one row for each point; a cell is empty where nothing is known.
 
-    Columns that are called as a key of the scene hold the values of axes; `f_number`, `hfov_deg` etc. are the camera's.
+    Columns named after a key of the scene hold the values of axes; `f_number`, `hfov_deg` etc. are the camera's.
     """
-    camera = _names(taken.camera for taken in sweep.taken)
-    exposure = _names(taken.exposure for taken in sweep.taken)
+    camera = _names(result.camera for result in sweep.results)
+    exposure = _names(result.exposure for result in sweep.results)
     header = ["name", *(axis.key for axis in sweep.axes), "status", "file", "seconds", "render_seconds", "samples"]
     header += ["relative_error", "relative_error_low", "relative_error_high", "nan_samples"]
     header += camera + [f"exposure.{name}" for name in exposure] + ["reason"]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)
-    for taken in sweep.taken:
-        is_done = taken.status == "done"
-        row = [taken.point.name, *(taken.point.values[axis.key] for axis in sweep.axes), taken.status]
-        row += [taken.files[0] if taken.files else None]
-        row += [taken.seconds.get("total"), taken.seconds.get("render"), taken.samples if is_done else None]
-        row += [taken.error.get(name) for name in ("relative", "low", "high")]
-        row += [taken.nan_samples if is_done else None]
-        row += [taken.camera.get(name) for name in camera] + [taken.exposure.get(name) for name in exposure]
-        writer.writerow([_cell(value) for value in [*row, taken.reason]])
+    for result in sweep.results:
+        is_done = result.status == "done"
+        row = [result.point.name, *(result.point.values[axis.key] for axis in sweep.axes), result.status]
+        row += [result.files[0] if result.files else None]
+        row += [result.seconds.get("total"), result.seconds.get("render"), result.samples if is_done else None]
+        row += [result.error.get(name) for name in ("relative", "low", "high")]
+        row += [result.nan_samples if is_done else None]
+        row += [result.camera.get(name) for name in camera] + [result.exposure.get(name) for name in exposure]
+        writer.writerow([_cell(value) for value in [*row, result.reason]])
     return text.getvalue()
 
 
 def _names(dicts: Iterable[Mapping[str, float]]) -> list[str]:
-    """The names of all, each once, in the order in which they first are there."""
+    """List the names of all, each once, in the order of their first appearance."""
     return list(dict.fromkeys(name for numbers in dicts for name in numbers))
 
 
@@ -116,7 +116,7 @@ def _cell(value: Any) -> Any:
         return ""
     if isinstance(value, float):
         return repr(value)
-    return json.dumps(plain(value)) if isinstance(value, (list, tuple, Mapping)) else value
+    return json.dumps(to_plain(value)) if isinstance(value, (list, tuple, Mapping)) else value
 
 
 def write_manifest(sweep: Sweep, folder: Path) -> None:
@@ -127,49 +127,49 @@ def write_manifest(sweep: Sweep, folder: Path) -> None:
     OutputError : one cannot be written.
     """
     write_bytes(folder / CSV, to_csv(sweep).encode())
-    write_bytes(folder / JSON, _encoded(to_json(sweep)))
+    write_bytes(folder / JSON, _encode_json(to_json(sweep)))
 
 
-def _encoded(value: Any) -> bytes:
+def _encode_json(value: Any) -> bytes:
     return (json.dumps(value, indent=2, allow_nan=False, ensure_ascii=False) + "\n").encode()
 
 
 # ---- Records
 
 
-def write_record(taken: Taken, folder: Path) -> None:
-    """Keep what became of a point whose files are written.
+def write_record(result: PointResult, folder: Path) -> None:
+    """Write the record of a point whose files are written.
 
     Raises
     ------
     OutputError : it, or one of its files, cannot be written or read.
     """
-    hashes = {name: _hash(folder / name) for name in taken.files}
+    hashes = {name: _hash(folder / name) for name in result.files}
     if None in hashes.values():
-        raise OutputError(f"{folder / taken.files[0]}: has gone while the sweep was at work")
-    record = {"digest": taken.point.digest, "sha256": hashes, **_found(taken)}
-    write_bytes(folder / RECORDS / f"{taken.point.name}.json", _encoded(record))
+        raise OutputError(f"{folder / result.files[0]}: has gone while the sweep was at work")
+    record = {"digest": result.point.digest, "sha256": hashes, **_result_fields(result)}
+    write_bytes(folder / RECORDS / f"{result.point.name}.json", _encode_json(record))
 
 
-def find_record(point: Point, files: Sequence[str], folder: Path) -> Taken | None:
-    """What became of a point in an earlier sweep, if that had the same input and its files are still what they were."""
+def load_record(point: SweepPoint, files: Sequence[str], folder: Path) -> PointResult | None:
+    """Load the result of a point of an earlier sweep, if that had the same input and its files are unchanged."""
     try:
-        record = json.loads(contents(folder / RECORDS / f"{point.name}.json", _LARGEST_RECORD))
+        record = json.loads(read_regular(folder / RECORDS / f"{point.name}.json", _LARGEST_RECORD))
         is_same = record["digest"] == point.digest and record["status"] == "done"
         if not is_same or any(_hash(folder / name) != record["sha256"][name] for name in files):
             return None
-        known = {name: kind.validate_python(_read(record[name])) for name, kind in _kinds().items()}
-        return Taken(point=point, **{**known, "files": tuple(files)})
+        known = {name: kind.validate_python(_read(record[name])) for name, kind in _validators().items()}
+        return PointResult(point=point, **{**known, "files": tuple(files)})
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        # None there, or broken: the point is rendered once more.
+        # It is missing or broken: the point is rendered again.
         return None
 
 
 @cache
-def _kinds() -> Mapping[str, TypeAdapter[Any]]:
-    """What can be told of a point, by name, and of what type each is."""
-    hints = get_type_hints(Taken)
-    return {f.name: TypeAdapter(hints[f.name]) for f in fields(Taken) if f.name != "point"}
+def _validators() -> Mapping[str, TypeAdapter[Any]]:
+    """Return a validator for each field of a result, by its name."""
+    hints = get_type_hints(PointResult)
+    return {f.name: TypeAdapter(hints[f.name]) for f in fields(PointResult) if f.name != "point"}
 
 
 def _read(value: Any) -> Any:
@@ -180,7 +180,7 @@ def _read(value: Any) -> Any:
 
 def _hash(path: Path) -> str | None:
     try:
-        with opened(path, sys.maxsize) as file:
+        with open_regular(path, sys.maxsize) as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError:
         return None

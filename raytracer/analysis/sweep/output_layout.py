@@ -1,4 +1,4 @@
-"""Where a sweep's files go, and which they are."""
+"""Layout of a sweep's folder: names of its files, and their writers."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -8,20 +8,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.errors import InputError
-from raytracer.film.output import SUFFIXES, check_file
-from raytracer.sweeping.animation import KINDS, STEM, Kind, write_animation
-from raytracer.sweeping.manifest import CSV, JSON, RECORDS, write_manifest
-from raytracer.sweeping.page import PAGE, write_page
-from raytracer.sweeping.points import Point, Sweep, Taken
-from raytracer.sweeping.sheet import SHEET, write_sheet
+from raytracer.analysis.sweep.animation import KINDS, STEM, Kind, write_animation
+from raytracer.analysis.sweep.contact_sheet import SHEET, write_sheet
+from raytracer.analysis.sweep.manifest import CSV, JSON, RECORDS, write_manifest
+from raytracer.analysis.sweep.page import PAGE, write_page
+from raytracer.analysis.sweep.results import PointResult, Sweep, SweepPoint
+from raytracer.film.formats.registry import image_suffixes
+from raytracer.util.atomic_write import check_file
+from raytracer.util.errors import InputError
 
 DISPLAY_FORMATS = ("png", "jpg", "jpeg")
-"""Suffixes of images that a page can show."""
+"""Suffixes of images that browsers can show."""
 
 
-def formats_of(formats: Sequence[str]) -> tuple[str, ...]:
-    """The formats of a point's images, one for display first.
+def normalize_formats(formats: Sequence[str]) -> tuple[str, ...]:
+    """Normalize the formats of a point's images, one for display first.
 
     Raises
     ------
@@ -29,27 +30,27 @@ def formats_of(formats: Sequence[str]) -> tuple[str, ...]:
     """
     names = list(dict.fromkeys(name.strip().lower().removeprefix(".") for name in formats))
     for name in names:
-        if f".{name}" not in SUFFIXES:
-            raise InputError(f"--format {name}: unknown suffix '.{name}'; known: {', '.join(SUFFIXES)}")
-    shown = [name for name in names if name in DISPLAY_FORMATS] or ["png"]
-    return (*shown, *(name for name in names if name not in shown))
+        if f".{name}" not in image_suffixes():
+            raise InputError(f"--format {name}: unknown suffix '.{name}'; known: {', '.join(image_suffixes())}")
+    for_display = [name for name in names if name in DISPLAY_FORMATS] or ["png"]
+    return (*for_display, *(name for name in names if name not in for_display))
 
 
-class Home(NamedTuple):
-    """Where a sweep's files go, and which."""
+class OutputLayout(NamedTuple):
+    """Folder and names of a sweep's files."""
 
     folder: Path
     formats: tuple[str, ...]
     animate: tuple[Kind, ...]
     fps: float
 
-    def files(self, point: Point) -> tuple[str, ...]:
-        """Names of a point's images."""
+    def files(self, point: SweepPoint) -> tuple[str, ...]:
+        """Return the names of a point's images."""
         return tuple(f"{point.name}.{suffix}" for suffix in self.formats)
 
     @property
-    def others(self) -> tuple[str, ...]:
-        """Names of the other files; of records, which are not known yet, any one."""
+    def other_files(self) -> tuple[str, ...]:
+        """Names of the other files; of records, whose names are not known yet, any one."""
         return (JSON, CSV, PAGE, SHEET, *(f"{STEM}.{kind}" for kind in self.animate), f"{RECORDS}/{JSON}")
 
     def check(self) -> None:
@@ -61,36 +62,39 @@ class Home(NamedTuple):
         """
         if self.folder.exists() and not self.folder.is_dir():
             raise InputError(f"{self.folder}: is a file, not a folder")
-        for name in self.others:
+        for name in self.other_files:
             check_file(self.folder / name)
 
-    def holds(self, taken: Taken) -> bool:
-        """Whether all files of a point are there."""
-        return all((self.folder / name).exists() for name in taken.files)
+    def has_files(self, result: PointResult) -> bool:
+        """Tell if all files of a point are there."""
+        return all((self.folder / name).exists() for name in result.files)
 
-    def publishing(self, sweep: Sweep) -> dict[str, Callable[[], object]]:
-        """What writes the files that show a sweep as a whole, by their names; each may raise an OutputError."""
+    def writers(self, sweep: Sweep) -> dict[str, Callable[[], object]]:
+        """Make functions that write the files of the sweep as a whole, by name; each may raise an OutputError."""
         tasks: dict[str, Callable[[], object]] = {JSON: partial(write_manifest, sweep, self.folder)}
-        if any(taken.status == "done" for taken in sweep.taken):
-            tasks |= {SHEET: partial(write_sheet, sweep, self.shown), PAGE: partial(write_page, sweep, self.shown)}
+        if any(result.status == "done" for result in sweep.results):
+            tasks |= {
+                SHEET: partial(write_sheet, sweep, self.display_image),
+                PAGE: partial(write_page, sweep, self.display_image),
+            }
             for kind in self.animate:
-                tasks[f"{STEM}.{kind}"] = partial(write_animation, sweep, self.shown, kind, fps=self.fps)
+                tasks[f"{STEM}.{kind}"] = partial(write_animation, sweep, self.display_image, kind, fps=self.fps)
         return tasks
 
-    def shown(self, taken: Taken) -> NDArray[np.uint8] | None:
-        """A point's picture, uint8 (height, width, 3), as its file for display holds it; None if that has gone."""
+    def display_image(self, result: PointResult) -> NDArray[np.uint8] | None:
+        """Read a point's image, uint8 (height, width, 3), from its file for display; None if that is gone."""
         import PIL.Image
 
-        if not taken.files or not (self.folder / taken.files[0]).exists():
+        if not result.files or not (self.folder / result.files[0]).exists():
             return None
-        with PIL.Image.open(self.folder / taken.files[0]) as file:
+        with PIL.Image.open(self.folder / result.files[0]) as file:
             return np.asarray(file.convert("RGB"))
 
 
-def strangers(sweep: Sweep) -> list[str]:
-    """Names of images in the sweep's folder that are none of its points': an earlier sweep's, perhaps."""
+def stale_images(sweep: Sweep) -> list[str]:
+    """List images in the sweep's folder that are none of its points': an earlier sweep's, perhaps."""
     if sweep.folder is None or not sweep.folder.is_dir():
         return []
-    own = {name for taken in sweep.taken for name in taken.files} | {SHEET} | {f"{STEM}.{kind}" for kind in KINDS}
+    own = {name for result in sweep.results for name in result.files} | {SHEET} | {f"{STEM}.{kind}" for kind in KINDS}
     images = (path.name for path in sweep.folder.iterdir() if path.suffix.lower() in (".png", ".jpg", ".jpeg", ".exr"))
     return sorted(name for name in images if name not in own)

@@ -1,4 +1,4 @@
-"""A sweep as one page of HTML: a slider for each key, the numbers of each point, and a wipe between two of them."""
+"""HTML page of a sweep: a slider for each key, the numbers of each point, and a wipe between two images."""
 
 import math
 import os
@@ -11,23 +11,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer import pages
-from raytracer.film.output import write_bytes
-from raytracer.sweeping.manifest import CSV, JSON
-from raytracer.sweeping.points import Sweep, Taken
-from raytracer.sweeping.sheet import SHEET
-from raytracer.sweeping.sliders import Images, extent, short_names, sliders, title_of
+from raytracer.analysis.sweep.contact_sheet import SHEET
+from raytracer.analysis.sweep.manifest import CSV, JSON
+from raytracer.analysis.sweep.results import PointResult, Sweep
+from raytracer.analysis.sweep.sliders import Images, scene_title, short_names, sliders, sweep_summary
+from raytracer.report import page as html
+from raytracer.util.atomic_write import write_bytes
 
 PAGE = "index.html"
 
-# Up to so many pixels together every picture is in the page as it is; a browser holds 4 bytes of each.
+# Pixels together up to which every image is in the page losslessly, and at most; a browser takes 4 bytes for each.
 _EXACT_PIXELS = 16e6
 _MOST_PIXELS = 400e6
 _QUALITY = 90
 
 _MEDIA_TYPES = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
 
-# The overview's pictures: those that are little wider are their own.
+# Thumbnails of the overview; images that are little wider have none.
 _THUMB_WIDTH = 320
 _THUMB_QUALITY = 85
 
@@ -52,23 +52,28 @@ _UNITS = {"error": "%", "render_seconds": "s", "seconds": "s"}
 _DIGITS = 4
 
 
-def numbers(taken: Taken) -> dict[str, float]:
-    """A point's numbers by name, those of its picture first; the error is in percent."""
-    if taken.status != "done":
+def point_numbers(result: PointResult) -> dict[str, float]:
+    """Collect a point's numbers by name, those of its image first; the error is in percent."""
+    if result.status != "done":
         return {}
-    told: dict[str, float] = {"samples": taken.samples}
-    if "relative" in taken.error:
-        told["error"] = 100.0 * taken.error["relative"]
+    values: dict[str, float] = {"samples": result.samples}
+    if "relative" in result.error:
+        values["error"] = 100.0 * result.error["relative"]
     for name, phase in (("render_seconds", "render"), ("seconds", "total")):
-        if phase in taken.seconds:
-            told[name] = taken.seconds[phase]
-    told |= {"rays": taken.rays, "nan_samples": taken.nan_samples}
+        if phase in result.seconds:
+            values[name] = result.seconds[phase]
+    values |= {"rays": result.rays, "nan_samples": result.nan_samples}
     # Of metered pictures the exposure knows the sensitivity, which the camera's own EV100 takes for ISO 100.
-    return told | taken.exposure | taken.camera | taken.exposure
+    return values | result.exposure | result.camera | result.exposure
 
 
-class _Shown(NamedTuple):
-    """A picture as the page holds it, a smaller one of it where that is worth it, and its size."""
+class _EmbeddedImage(NamedTuple):
+    """An image as the page holds it.
+
+    picture : its address.
+    thumb : address of its thumbnail; None if the image itself is small.
+    size : width and height (px).
+    """
 
     picture: str
     thumb: str | None
@@ -76,26 +81,26 @@ class _Shown(NamedTuple):
 
 
 def page(sweep: Sweep, images: Images) -> bytes:
-    """The page as HTML (UTF-8).
+    """Render the page as HTML (UTF-8).
 
     Pictures are in it as they are, up to 16 million pixels together; beyond that with the losses of a WebP of quality
     90, and so much smaller that they are at most 400 million.  The page says so.
     """
     chosen = sliders(sweep.axes, zipped=sweep.zipped)
-    shown, note = _pictures(sweep, images)
+    shown, note = _embed_images(sweep, images)
     size = next((entry.size for entry in shown if entry is not None), (320, 180))
     data = {
-        "scene": title_of(sweep),
-        "extent": extent(sweep),
+        "scene": scene_title(sweep),
+        "extent": sweep_summary(sweep),
         "notes": [*_notes(sweep), *note],
         "axes": [slider._asdict() for slider in chosen],
-        "columns": _columns(sweep.taken),
-        "points": [_point(taken, entry, len(chosen)) for taken, entry in zip(sweep.taken, shown, strict=True)],
+        "columns": _columns(sweep.results),
+        "points": [_point(result, entry, len(chosen)) for result, entry in zip(sweep.results, shown, strict=True)],
         "size": size,
         "files": [] if sweep.folder is None else [CSV, JSON, SHEET],
     }
-    title = f"{title_of(sweep)}: {', '.join(short_names([axis.key for axis in sweep.axes]))}"
-    return pages.page("sweep", title, data, parts=("wipe",))
+    title = f"{scene_title(sweep)}: {', '.join(short_names([axis.key for axis in sweep.axes]))}"
+    return html.page("sweep", title, data, parts=("wipe", "gallery"))
 
 
 def write_page(sweep: Sweep, images: Images) -> Path:
@@ -117,24 +122,24 @@ def write_page(sweep: Sweep, images: Images) -> Path:
     return path
 
 
-def _point(taken: Taken, shown: _Shown | None, axes: int) -> dict[str, Any]:
+def _point(result: PointResult, shown: _EmbeddedImage | None, axes: int) -> dict[str, Any]:
     return {
-        "index": taken.point.index[:axes],
-        "name": taken.point.name,
-        "status": taken.status,
-        "reason": taken.reason,
-        "warnings": taken.warnings,
+        "index": result.point.index[:axes],
+        "name": result.point.name,
+        "status": result.status,
+        "reason": result.reason,
+        "warnings": result.warnings,
         "picture": shown and shown.picture,
         "thumb": shown and shown.thumb,
-        "files": taken.files,
-        "numbers": numbers(taken),
+        "files": result.files,
+        "numbers": point_numbers(result),
     }
 
 
-def _columns(taken: Sequence[Taken]) -> list[dict[str, Any]]:
-    """How numbers are said, in the order in which points name them."""
-    keys = dict.fromkeys(key for point in taken for key in numbers(point))
-    if not any(point.nan_samples for point in taken):
+def _columns(result: Sequence[PointResult]) -> list[dict[str, Any]]:
+    """List the columns of numbers, in the order in which points name them."""
+    keys = dict.fromkeys(key for point in result for key in point_numbers(point))
+    if not any(point.nan_samples for point in result):
         keys.pop("nan_samples", None)
     return [_column(key) for key in keys]
 
@@ -151,8 +156,8 @@ def _column(key: str) -> dict[str, Any]:
 
 
 def _notes(sweep: Sweep) -> list[str]:
-    count = len(sweep.taken)
-    failed, missing = (sum(taken.status == status for taken in sweep.taken) for status in ("failed", "missing"))
+    count = len(sweep.results)
+    failed, missing = (sum(result.status == status for result in sweep.results) for status in ("failed", "missing"))
     notes = []
     if failed:
         notes.append(f"{failed} of {count} points failed.")
@@ -161,53 +166,53 @@ def _notes(sweep: Sweep) -> list[str]:
     return notes
 
 
-def _pictures(sweep: Sweep, images: Images) -> tuple[list[_Shown | None], list[str]]:
-    """The points' pictures as the page holds them, and what is to be said of that."""
-    done = [taken for taken in sweep.taken if taken.status == "done"]
+def _embed_images(sweep: Sweep, images: Images) -> tuple[list[_EmbeddedImage | None], list[str]]:
+    """Embed the images of the points, and list notes about that."""
+    done = [result for result in sweep.results if result.status == "done"]
     first = next((picture for picture in map(images, done) if picture is not None), None)
     if first is None:
-        return [None] * len(sweep.taken), []
+        return [None] * len(sweep.results), []
     pixels = float(first.shape[0] * first.shape[1] * len(done))
     scale = min(1.0, math.sqrt(_MOST_PIXELS / pixels))
     exact = pixels <= _EXACT_PIXELS
 
-    def shown(taken: Taken) -> _Shown | None:
-        picture = images(taken)
+    def shown(result: PointResult) -> _EmbeddedImage | None:
+        picture = images(result)
         if picture is None:
             return None
         if exact:
-            return _Shown(_file_of(sweep, taken) or pages.webp(picture), _thumb(picture), _size(picture))
-        picture = _resized(picture, max(1, round(scale * picture.shape[1])))
-        return _Shown(pages.webp(picture, _QUALITY), _thumb(picture), _size(picture))
+            return _EmbeddedImage(_file_uri(sweep, result) or html.webp(picture), _thumb(picture), _size(picture))
+        picture = _resize(picture, max(1, round(scale * picture.shape[1])))
+        return _EmbeddedImage(html.webp(picture, _QUALITY), _thumb(picture), _size(picture))
 
     with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as threads:
-        entries = list(threads.map(shown, sweep.taken))
+        entries = list(threads.map(shown, sweep.results))
     if exact:
         return entries, []
     smaller = f"scaled to {100.0 * scale:.0f} % and " if scale < 1.0 else ""
     return entries, [f"To be held by a browser, the pictures on this page are {smaller}compressed; the files are not."]
 
 
-def _file_of(sweep: Sweep, taken: Taken) -> str | None:
-    """The point's file as an address, if browsers can show it: it is there, and encoding it anew takes its time."""
-    if sweep.folder is None or not taken.files:
+def _file_uri(sweep: Sweep, result: PointResult) -> str | None:
+    """Encode the point's file as a data URI, if browsers can show it: encoding the image anew would take longer."""
+    if sweep.folder is None or not result.files:
         return None
-    path = sweep.folder / taken.files[0]
+    path = sweep.folder / result.files[0]
     media_type = _MEDIA_TYPES.get(path.suffix.lower())
-    return media_type and pages.data_uri(path.read_bytes(), media_type)
+    return media_type and html.data_uri(path.read_bytes(), media_type)
 
 
 def _thumb(picture: NDArray[np.uint8]) -> str | None:
     if picture.shape[1] <= 1.25 * _THUMB_WIDTH:
         return None
-    return pages.webp(_resized(picture, _THUMB_WIDTH), _THUMB_QUALITY)
+    return html.webp(_resize(picture, _THUMB_WIDTH), _THUMB_QUALITY)
 
 
 def _size(picture: NDArray[np.uint8]) -> tuple[int, int]:
     return picture.shape[1], picture.shape[0]
 
 
-def _resized(picture: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
+def _resize(picture: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
     import PIL.Image
 
     if width == picture.shape[1]:

@@ -1,4 +1,4 @@
-"""Texts that stand for many values of a key.
+"""Parse strings that stand for many values of a key.
 
 | text | values |
 |---|---|
@@ -9,8 +9,8 @@
 
 A list may hold ranges too: `1:4:4,inf`.
 
-Stops are exact: apertures are powers of the square root of 2, times powers of 2, speeds 100 times these.  What is
-engraved on lenses and dials rounds them, and is taken for what it stands for: in `1.4..22` the value of 1.4 is 1.41421,
+Stops are exact: apertures are powers of the square root of 2, times powers of 2, speeds 100 times these.  Lenses and
+dials have rounded numbers, which stand for the exact ones: in `1.4..22` the value of 1.4 is 1.41421,
 and in `1/1000..1/30` that of 1/1000 s is 1/1024 s.  In a list, which is no range, 1.4 is 1.4.
 """
 
@@ -22,20 +22,20 @@ from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from raytracer.document import parse
-from raytracer.errors import shortened, shown
-from raytracer.scene.load import as_yaml
-from raytracer.sweeping.points import Axis
-from raytracer.sweeping.stops import SCALES, stops
-from raytracer.units import Dimension, parse_quantity
+from raytracer.analysis.sweep.exposure_stops import STOP_SCALES, stops
+from raytracer.analysis.sweep.results import Axis
+from raytracer.scene.overrides import as_yaml
+from raytracer.schema.units import Dimension, parse_quantity
+from raytracer.schema.yaml_parser import parse
+from raytracer.util.errors import abbreviate, format_value
 
-# Likeness, by difflib's ratio, of a key and its misspelling: `f_nmber` has 0.93, `radius` and `radiance` have 0.71.
+# Similarity, by difflib's ratio, of a key and its misspelling: `f_nmber` has 0.93, `radius` and `radiance` have 0.71.
 _SLIP = 0.85
 
-# Values of one key: far more than anybody looks at, and few enough for any machine.
+# Most values of one key: far more than anybody looks at, and few enough for any machine.
 _MOST_VALUES = 100_000
 
-# Characters of a range: to find that one with millions of digits is none would take their square.
+# Most characters of a range: parsing takes time in proportion to their square.
 _LONGEST_RANGE = 200
 
 # Decimals that logarithmic steps are rounded to, so that 10 is 10 and not 9.999999999999998.
@@ -58,17 +58,21 @@ _DIMENSIONS: Mapping[Dimension, str] = {
     "frequency": "Hz",
     "temperature": "K",
 }
-"""Dimensions by the unit that their numbers are in."""
+"""Base units of dimensions."""
 
 
 class _Value(NamedTuple):
+    """A value and its label, which is empty for a number that has none of its own."""
+
     value: Any
     label: str
-    """Empty for a number that has none of its own."""
 
 
-class Given(NamedTuple):
-    """Values of a key, and whether it is one value alone, which is no axis but the same for all points."""
+class ParsedValues(NamedTuple):
+    """Values of a key.
+
+    fixed : True if it is one value alone, which is no axis but the same for all points.
+    """
 
     axis: Axis
     fixed: bool
@@ -77,14 +81,14 @@ class Given(NamedTuple):
 # ---- Keys and their values
 
 
-def read_text(key: str, text: str, source: str) -> Given:
-    """The values that a text stands for.
+def parse_value_text(key: str, text: str, source: str) -> ParsedValues:
+    """Parse a text to the values that it stands for.
 
-    source : what gave it, as errors call it: an option of the command line.
+    source : origin of the text in messages, such as an option of the command line.
 
     Raises
     ------
-    ValueError : it is no such text; the message continues `source: `.
+    ValueError : the text is wrong; the message continues `source: `.
     SceneError : a value is not YAML.
     """
     items = _split(text)
@@ -93,24 +97,24 @@ def read_text(key: str, text: str, source: str) -> Given:
     for item in items:
         if not item.strip() and len(items) > 1:
             raise ValueError("has an empty value between its commas")
-        found = _range(key, item.strip())
-        is_range |= found is not None
-        values += [_plain(item.strip(), source)] if found is None else found
+        in_range = _range(key, item.strip())
+        is_range |= in_range is not None
+        values += [_plain(item.strip(), source)] if in_range is None else in_range
         if len(values) > _MOST_VALUES:
             raise ValueError(f"has more than {_MOST_VALUES} values")
-    return Given(_axis(key, values), len(items) == 1 and not is_range)
+    return ParsedValues(_axis(key, values), len(items) == 1 and not is_range)
 
 
-def read_value(key: str, given: Any, source: str) -> Given:
-    """The values that a Python value, or one of YAML, stands for: a text as `read_text` has it, or a list of them.
+def parse_value(key: str, given: Any, source: str) -> ParsedValues:
+    """Parse a Python value, or one of YAML: a text as `parse_value_text` does, or a list of values.
 
     Raises
     ------
-    ValueError : a text that is none, an empty list, or a value twice; the message continues `source: `.
+    ValueError : a wrong text, an empty list, or a value twice; the message continues `source: `.
     SceneError : a value is not YAML.
     """
     if isinstance(given, str):
-        return read_text(key, given, source)
+        return parse_value_text(key, given, source)
     if hasattr(given, "tolist"):
         given = given.tolist()
     if isinstance(given, Sequence | range):
@@ -118,17 +122,17 @@ def read_value(key: str, given: Any, source: str) -> Given:
             raise ValueError("has no values")
         if len(given) > _MOST_VALUES:
             raise ValueError(f"has more than {_MOST_VALUES} values")
-        return Given(_axis(key, [_Value(value, _own_label(value)) for value in given]), fixed=False)
-    return Given(one_value(key, given), fixed=True)
+        return ParsedValues(_axis(key, [_Value(value, _own_label(value)) for value in given]), fixed=False)
+    return ParsedValues(single_value_axis(key, given), fixed=True)
 
 
-def one_value(key: str, value: Any) -> Axis:
-    """An axis of one value, whatever it is."""
+def single_value_axis(key: str, value: Any) -> Axis:
+    """Make an axis of one value, whatever it is."""
     return _axis(key, [_Value(value, _own_label(value))])
 
 
 def _split(text: str) -> list[str]:
-    """`text` at those of its commas that are not within brackets or quotes."""
+    """Split a text at those of its commas that are not within brackets or quotes."""
     items, depth, quote, begin, is_blank = [], 0, "", 0, True
     for i, character in enumerate(text):
         if quote:
@@ -148,21 +152,21 @@ def _split(text: str) -> list[str]:
 
 
 def _plain(text: str, source: str) -> _Value:
-    """A value that is no range."""
+    """Parse a value that is not a range."""
     root = parse(text, "", option=source)
     value = None if root is None else root.plain()
     return _Value(value, text if _is_number(value) else _own_label(value))
 
 
 def _own_label(value: Any) -> str:
-    """What a value is called where nobody wrote it; empty for numbers, which are told apart by `_axis`."""
+    """Make the label of a value that has none; empty for numbers, whose labels `_axis` makes."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return as_yaml(value)
     return ""
 
 
 def _axis(key: str, values: Sequence[_Value]) -> Axis:
-    """The values with labels that tell them apart.
+    """Make an axis of values, with labels that differ.
 
     Raises
     ------
@@ -172,11 +176,11 @@ def _axis(key: str, values: Sequence[_Value]) -> Axis:
     for number, (value, label) in enumerate(values):
         same = repr(float(value)) if _is_number(value) else as_yaml(value)
         if same in seen:
-            raise ValueError(f"has the value {shortened(label or as_yaml(value))} twice")
+            raise ValueError(f"has the value {abbreviate(label or as_yaml(value))} twice")
         seen[same] = label or str(number)
     own = [value for value, label in values if not label]
     numbers = iter(_labels(own))
-    labels = [shortened(label) if label else next(numbers) for _, label in values]
+    labels = [abbreviate(label) if label else next(numbers) for _, label in values]
     times = Counter(labels)
     if len(times) < len(labels):
         labels = [label if times[label] == 1 else f"{label} #{i + 1}" for i, label in enumerate(labels)]
@@ -188,7 +192,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _labels(values: Sequence[Any]) -> list[str]:
-    """Short texts of numbers, or of numbers with units, that differ as the numbers do."""
+    """Make short strings of numbers, or of numbers with units, that differ as the numbers do."""
     whole = [_shortest(value) for value in values]
     if all(len(text) <= _LABEL_WIDTH for text in whole):
         return whole
@@ -217,7 +221,7 @@ class _End(NamedTuple):
 
 
 def _range(key: str, item: str) -> list[_Value] | None:
-    """The values of a range; None if the item is none."""
+    """Parse a range to its values; None if the item is not a range."""
     if not _STARTS_AS_NUMBER.match(item) or (".." not in item and ":" not in item):
         return None
     if len(item) > _LONGEST_RANGE:
@@ -235,14 +239,16 @@ def _end(text: str) -> _End:
     match = _END.fullmatch(text.strip())
     numerator, denominator = (None, None) if match is None else (_exact(match[1]), _exact(match[2] or "1"))
     if match is None or numerator is None or denominator is None:
-        raise ValueError(f"is a range whose end {shown(text.strip())} is no finite number (such as 2, 1/125 or 50 mm)")
+        raise ValueError(
+            f"is a range whose end {format_value(text.strip())} is no finite number (such as 2, 1/125 or 50 mm)"
+        )
     if denominator == 0:
-        raise ValueError(f"divides by zero in {shown(text.strip())}")
+        raise ValueError(f"divides by zero in {format_value(text.strip())}")
     return _End(numerator / denominator, match[3] or "")
 
 
 def _exact(text: str) -> Fraction | None:
-    """A number as it is written; None for one that float64 cannot hold, 0 for one that is 0 there."""
+    """Parse a number exactly; None for one that float64 cannot hold, 0 for one that is 0 there."""
     # Asked first, since an exponent of a billion takes a billion digits.
     number = float(text)
     if not math.isfinite(number):
@@ -250,8 +256,8 @@ def _exact(text: str) -> Fraction | None:
     return Fraction(text) if number else Fraction(0)
 
 
-def _alike(start: _End, stop: _End) -> tuple[_End, _End]:
-    """Both ends in one unit: that of one of them stands for both; units that differ become the base unit."""
+def _same_unit(start: _End, stop: _End) -> tuple[_End, _End]:
+    """Convert both ends to one unit: that of one of them stands for both; units that differ become the base unit."""
     if start.unit == stop.unit:
         return start, stop
     if not start.unit or not stop.unit:
@@ -263,19 +269,23 @@ def _alike(start: _End, stop: _End) -> tuple[_End, _End]:
         except ValueError:
             continue
         return _End(Fraction(repr(numbers[0])), unit), _End(Fraction(repr(numbers[1])), unit)
-    raise ValueError(f"has ends in {shown(start.unit)} and {shown(stop.unit)}, which are no units of one kind")
+    raise ValueError(
+        f"has ends in {format_value(start.unit)} and {format_value(stop.unit)}, which are no units of one kind"
+    )
 
 
 def _steps(parts: Sequence[str]) -> list[_Value]:
-    """The values of start:stop:count, or start:stop:count:log."""
+    """Compute the values of start:stop:count, or start:stop:count:log."""
     if len(parts) < 3:
         raise ValueError("is a range without a count: start:stop:count, such as 2:10:5")
     is_log = len(parts) == 4 and parts[3].strip() == "log"
     if len(parts) > 3 and not is_log:
-        raise ValueError(f"ends in {shown(':'.join(parts[3:]))}; only 'log' may follow the count, as in 1:100:5:log")
-    start, stop = _alike(_end(parts[0]), _end(parts[1]))
+        raise ValueError(
+            f"ends in {format_value(':'.join(parts[3:]))}; only 'log' may follow the count, as in 1:100:5:log"
+        )
+    start, stop = _same_unit(_end(parts[0]), _end(parts[1]))
     if not re.fullmatch(r"\s*\+?[0-9]+\s*", parts[2]):
-        raise ValueError(f"has the count {shown(parts[2].strip())}; it must be a whole number")
+        raise ValueError(f"has the count {format_value(parts[2].strip())}; it must be an integer")
     count = int(parts[2])
     if count < 1:
         raise ValueError("is an empty range: its count must be at least 1")
@@ -294,13 +304,13 @@ def _steps(parts: Sequence[str]) -> list[_Value]:
 
 
 def _linear(start: Fraction, stop: Fraction, count: int) -> Iterator[float]:
-    """Equal steps of difference, in exact arithmetic, so that 0.1:0.7:7 has 0.3 and not 0.30000000000000004."""
+    """Yield equal steps of difference, in exact arithmetic, so that 0.1:0.7:7 has 0.3, not 0.30000000000000004."""
     for i in range(count):
         yield float(start + (stop - start) * Fraction(i, max(count - 1, 1)))
 
 
 def _geometric(start: Fraction, stop: Fraction, count: int) -> Iterator[float]:
-    """Equal steps of ratio."""
+    """Yield equal steps of ratio."""
     first, ratio = float(start), float(stop / start)
     if ratio == 0.0:
         raise OverflowError
@@ -309,7 +319,7 @@ def _geometric(start: Fraction, stop: Fraction, count: int) -> Iterator[float]:
 
 
 def _with_unit(numbers: Sequence[float], unit: str) -> list[_Value]:
-    """Numbers as values: whole ones as such, and as texts where they have a unit."""
+    """Make values of numbers: integers where possible, and strings where they have a unit."""
     whole = [int(number) if number.is_integer() and abs(number) < 2.0**53 else number for number in numbers]
     if not unit:
         return [_Value(number, "") for number in whole]
@@ -321,21 +331,21 @@ def _with_unit(numbers: Sequence[float], unit: str) -> list[_Value]:
 
 
 def _stops(key: str, start_text: str, stop_text: str) -> list[_Value]:
-    """The values of start..stop, start..stop/2 or start..stop/3."""
+    """Compute the values of start..stop, start..stop/2 or start..stop/3."""
     if stop_text.startswith("."):
         raise ValueError("has three dots; a range of stops has two, as in 1.4..22")
     own = key.rpartition(".")[2]
-    scale = SCALES.get(own)
+    scale = STOP_SCALES.get(own)
     if scale is None:
         # A slip of the finger alone: a radius is no radiance.
-        if meant := difflib.get_close_matches(own, SCALES, n=1, cutoff=_SLIP):
+        if meant := difflib.get_close_matches(own, STOP_SCALES, n=1, cutoff=_SLIP):
             raise ValueError(f"asks for stops, which are not known of {own!r}; did you mean {meant[0]!r}?")
         raise ValueError(
-            f"asks for stops, which are known of {', '.join(SCALES)} alone; for others there are "
+            f"asks for stops, which are known of {', '.join(STOP_SCALES)} alone; for others there are "
             "start:stop:count and start:stop:count:log"
         )
     stop_text, parts = _parts(stop_text)
-    start, stop = _alike(_end(start_text), _end(stop_text))
+    start, stop = _same_unit(_end(start_text), _end(stop_text))
     if start.number <= 0 or stop.number <= 0:
         raise ValueError("is a range of stops, so both of its ends must be greater than 0")
     if start == stop:
@@ -345,15 +355,15 @@ def _stops(key: str, start_text: str, stop_text: str) -> list[_Value]:
     if start.unit and start.unit != scale.unit:
         scale = scale._replace(base=1.0, unit="", marks={})
     unit = start.unit or scale.unit
-    found = stops(scale, float(start.number), float(stop.number), parts)
-    named = _with_unit(found.values, unit)
-    values = _with_unit(found.values, "") if unit == scale.unit else named
-    labels = [f"{mark} {unit}".strip() if mark else own.label for mark, own in zip(found.marks, named, strict=True)]
+    series = stops(scale, float(start.number), float(stop.number), parts)
+    named = _with_unit(series.values, unit)
+    values = _with_unit(series.values, "") if unit == scale.unit else named
+    labels = [f"{mark} {unit}".strip() if mark else own.label for mark, own in zip(series.marks, named, strict=True)]
     return [_Value(value, label) for (value, _), label in zip(values, labels, strict=True)]
 
 
 def _parts(stop: str) -> tuple[str, int]:
-    """The end of a range of stops, and into how many parts each stop is divided.
+    """Split the end of a range of stops from the number of parts that each stop is divided into.
 
     `22/3` is 22 in thirds; `1/3`, one over something, is a fraction as shutters have them.
     """

@@ -1,86 +1,55 @@
-"""Sweeps: one picture for each combination of values of a scene's keys.
+"""Sweeps: one image for each combination of values of a scene's keys.
 
-While a point is rendered, the one before is saved in a thread, and the next one is made ready in another if that takes
-long.  What points share, files, meshes and the ray caster's structures, is made once (`Stock`).
+While a point is rendered, the one before is saved in a thread, and the next one is prepared in another if that takes
+long.  Points share files, meshes and the ray caster's structures (`RenderCache`).
 """
 
-import math
 import os
 import threading
 import warnings
-from collections import deque
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack, closing, contextmanager, suppress
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, closing, suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
-from raytracer.checkpoints import Keeper, RefusedError, checkpoint_of
-from raytracer.errors import InputError, OutputError, SceneWarning, one_line
-from raytracer.explanation.numbers import View, depth_of_field, exposure
+from raytracer.analysis.sweep.animation import FPS, Kind
+from raytracer.analysis.sweep.animation import check as check_animation
+from raytracer.analysis.sweep.manifest import RECORDS, load_record, write_manifest, write_record
+from raytracer.analysis.sweep.output_layout import OutputLayout, normalize_formats
+from raytracer.analysis.sweep.plan import Plan, make_plan
+from raytracer.analysis.sweep.points import MAX_POINTS, enumerate_points
+from raytracer.analysis.sweep.prepare_points import (
+    PointPreparer,
+    PointSettings,
+    PreparedPoint,
+    RenderResources,
+    point_weight,
+)
+from raytracer.analysis.sweep.progress_bar import SweepBar, SweepProgress
+from raytracer.analysis.sweep.report_queue import ReportQueue
+from raytracer.analysis.sweep.results import PointResult, Sweep, SweepPoint
 from raytracer.film.image import Image
-from raytracer.interrupts import WATCH, wait
-from raytracer.reach import AllowFiles
-from raytracer.rendering import Progress, Ready, Rendered, ready
-from raytracer.scene.edit import overridden
-from raytracer.scene.inputs import digest
-from raytracer.scene.pack import Packed
-from raytracer.scene.preview import SPP, smaller
+from raytracer.rendering.checkpoint import CheckpointError, CheckpointWriter, checkpoint_path
+from raytracer.rendering.prepared_scene import PreparedScene
+from raytracer.rendering.progress import Progress
+from raytracer.rendering.render import render_prepared
+from raytracer.rendering.session import Rendered
+from raytracer.rendering.worker_pool import ClusterClient
+from raytracer.scene.cache import RenderCache
 from raytracer.scene.spec import SceneSpec
-from raytracer.scheduling import Workforce, now
-from raytracer.snapshots import previous_of
-from raytracer.stock import Stock
-from raytracer.sweeping.animation import FPS, Kind
-from raytracer.sweeping.animation import check as check_animation
-from raytracer.sweeping.bar import SweepBar
-from raytracer.sweeping.home import Home, formats_of
-from raytracer.sweeping.manifest import RECORDS, find_record, write_manifest, write_record
-from raytracer.sweeping.plan import Plan, planned
-from raytracer.sweeping.points import MOST_POINTS, Point, Sweep, Taken, points_of
-from raytracer.wholefiles import persist
+from raytracer.util.array_snapshot import previous_path
+from raytracer.util.atomic_write import write_with_retries
+from raytracer.util.errors import InputError, OutputError, SceneWarning, one_line
+from raytracer.util.path_sandbox import AllowFiles
+from raytracer.util.signals import WATCH, defer_interrupt
 
-# Settings that stand in place of a key of the scene.
-_IN_PLACE = {"spp": "render.spp", "seed": "render.seed"}
+# Settings that replace a key of the scene.
+_SETTING_KEYS = {"spp": "render.spp", "seed": "render.seed"}
 
 # Digits of a point's digest in the name of its checkpoint.
-_DIGITS_KEPT = 16
-
-# Keys of a scene that say how many samples a picture takes.
-_SIZES = ("film.width", "film.height", "render.spp")
-
-
-class Done(NamedTuple):
-    """How far a sweep is.
-
-    share : of the work that there was to do, from 0 to 1; points that were there already are none.
-    points : how many are settled; of : how many there are.
-    name : the point that is being rendered.
-    """
-
-    share: float
-    points: int
-    of: int
-    name: str
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How each point is rendered; see `rendering.render`.
-
-    preview : a quick look, as `rt render --preview` has it.
-    """
-
-    spp: int | None = None
-    seed: int | None = None
-    crop: tuple[int, int, int, int] | None = None
-    noise: float | None = None
-    time_limit: float | None = None
-    aovs: tuple[str, ...] = ()
-    denoise: bool = False
-    strict: bool = False
-    preview: bool = False
-    max_memory: int | None = None
+_DIGITS_IN_NAME = 16
 
 
 def sweep(
@@ -103,12 +72,13 @@ def sweep(
     formats: Sequence[str] = ("png",),
     animate: Sequence[str] = (),
     fps: float = FPS,
-    max_points: int = MOST_POINTS,
+    max_points: int = MAX_POINTS,
     max_memory: int | None = None,
-    cluster: Workforce | None = None,
-    stock: Stock | None = None,
-    progress: Callable[[Done], object] | bool | None = None,
-    report: Callable[[Taken], object] | None = None,
+    cluster: ClusterClient | None = None,
+    cache: RenderCache | None = None,
+    stock: RenderCache | None = None,
+    progress: Callable[[SweepProgress], object] | bool | None = None,
+    report: Callable[[PointResult], object] | None = None,
     warn: Callable[[str], object] | None = None,
 ) -> Sweep:
     """Render a scene with every combination of values of some of its keys.
@@ -118,12 +88,12 @@ def sweep(
     Parameters
     ----------
     scene : a scene, its file, or a file of a sweep (docs/sweeps.md).
-    values : by dotted path, a list of values, or a text as on the command line: `1.4,2`, `2:10:5`, `1:100:3:log`,
+    values : by dotted path, a list of values, or a string as on the command line: `1.4,2`, `2:10:5`, `1:100:3:log`,
         `1.4..22`; a single value is the same for all points.
     folder : where images, manifest, contact sheet and page go; what is there already of the same sweep is kept.  With
         None the images stay in memory.
     allow_files : folders in which a scene file, or a file of a sweep, may name files, besides its own.
-    zipped : whether values are taken in pairs, in place of all combinations.
+    zipped : True to take values in pairs, in place of all combinations.
     spp, seed, threads, crop, noise, time_limit, aovs, denoise, strict, max_memory, cluster : for each point; see
         `rendering.render`.
     preview : a quick look: a smaller film, and at most 16 samples a pixel.
@@ -131,10 +101,11 @@ def sweep(
     animate : formats, of "gif", "webp" and "png", of an animation of all points in the folder.
     fps : its frames a second.
     max_points : more are an error.
-    stock : what points share; one of its own if None.
+    cache : what points share; one of its own if None.
+    stock : old name of `cache`, still accepted.
     progress : called about ten times a second, or True for a bar.
-    report : called with each point that was rendered or has failed, once it is settled.
-    warn : told what the scenes make one doubt, each sentence once; by default they are SceneWarnings.
+    report : called with each point that was rendered or has failed, once it is saved.
+    warn : called with each warning of the scenes, each sentence once; by default they are SceneWarnings.
 
     A KeyboardInterrupt ends the sweep early: what is done is kept, and `interrupted` is set.  A point that fails does
     not end the others.
@@ -145,403 +116,261 @@ def sweep(
     StrictError : the same, by warnings, and `strict`.
     OutputError : the folder cannot be written, or a cluster was lost.
     """
-    plan = planned(scene, values or {}, zipped=zipped, allow_files=allow_files)
-    points = points_of(plan.axes, zipped=plan.zipped, most=max_points)
-    settings = Settings(spp, seed, crop, noise, time_limit, tuple(aovs), denoise, strict, preview, max_memory)
-    for name, key in _IN_PLACE.items():
+    plan = make_plan(scene, values or {}, zipped=zipped, allow_files=allow_files)
+    points = enumerate_points(plan.axes, zipped=plan.zipped, most=max_points)
+    settings = PointSettings(spp, seed, crop, noise, time_limit, tuple(aovs), denoise, strict, preview, max_memory)
+    for name, key in _SETTING_KEYS.items():
         if getattr(settings, name) is not None and any(axis.key == key for axis in plan.axes):
             raise InputError(f"--{name} stands in place of {key}, which has several values here: leave one of them out")
     for kind in animate:
         check_animation(kind, fps)
-    home = (
-        None if folder is None else Home(Path(folder), formats_of(formats), cast(tuple[Kind, ...], tuple(animate)), fps)
+    layout = (
+        None
+        if folder is None
+        else OutputLayout(Path(folder), normalize_formats(formats), cast(tuple[Kind, ...], tuple(animate)), fps)
     )
-    if home is None and animate:
+    if layout is None and animate:
         raise InputError("an animation needs a folder to be written to")
+    resources = RenderResources(threads, cluster, cache or stock or RenderCache())
     with ExitStack() as stack:
         if progress is True:
             progress = stack.enter_context(SweepBar(always=True))
-        work = _Work(plan, points, settings, home, threads, cluster, stock or Stock(), warn or _warn)
-        return work.run(progress or None, report)
+        run = _SweepRun(plan, points, settings, layout, resources, warn or _warn)
+        return run.run(progress or None, report)
 
 
-class _Prepared(NamedTuple):
-    """A point before it is rendered: what it takes to do so, or why that cannot be done, and what is known of it.
-
-    packed_anew, whether more of it had to be packed than its camera, film and settings.
-    """
-
-    point: Point
-    made: Ready | Exception
-    camera: Mapping[str, float]
-    warnings: tuple[str, ...]
-    packed_anew: bool = False
-
-
-class _Work:
-    """A sweep under way."""
+class _SweepRun:
+    """A sweep that is under way."""
 
     def __init__(
         self,
         plan: Plan,
-        points: Sequence[Point],
-        settings: Settings,
-        home: Home | None,
-        threads: int | None,
-        cluster: Workforce | None,
-        stock: Stock,
+        points: Sequence[SweepPoint],
+        settings: PointSettings,
+        layout: OutputLayout | None,
+        resources: RenderResources,
         warn: Callable[[str], object],
     ) -> None:
-        self._plan, self._settings, self._home = plan, settings, home
-        self._threads, self._cluster, self._stock, self._warn = threads, cluster, stock, warn
-        self._points = list(points)
-        self._taken: dict[int, Taken] = {}
+        self._plan, self._layout, self._warn = plan, layout, warn
+        self._preparer = PointPreparer(plan.spec, points, settings, resources, keeps_files=layout is not None)
+        self._results: dict[int, PointResult] = {}
         self._images: dict[int, Image] = {}
         self._errors: list[Exception] = []
-        self._kept = 0
-        self._specs: dict[int, SceneSpec] = {}
-        self._told: set[str] = set()
-        self._is_stuck = False
+        self._reused = 0
+        self._warned: set[str] = set()
+        self._cannot_write = False
         self._lock = threading.Lock()
-        self._weights = [self._weight(point) for point in points]
+        self._weights = [point_weight(point, settings) for point in points]
 
-    def run(self, progress: Callable[[Done], object] | None, report: Callable[[Taken], object] | None) -> Sweep:
-        """Render what is missing, and write all there is to say."""
-        todo = self._todo()
-        self._kept = len(self._taken)
+    @property
+    def _points(self) -> list[SweepPoint]:
+        return self._preparer.points
+
+    def run(
+        self, progress: Callable[[SweepProgress], object] | None, report: Callable[[PointResult], object] | None
+    ) -> Sweep:
+        """Render the points that are missing, and write all files."""
+        missing = self._missing_points()
+        self._reused = len(self._results)
         interrupted, failure = False, None
-        reports = _Reports(report, begun=bool(self._taken))
+        reports = ReportQueue(report, begun=bool(self._results))
         with ThreadPoolExecutor(1, "saver") as saver:
             try:
-                with closing(self._prepared(todo)) as prepared:
-                    for number, found in prepared:
-                        for sentence in found.warnings:
-                            self._doubt(sentence)
-                        keeper = self._keeper(number)
-                        outcome = self._render(number, found.made, todo, progress, keeper)
+                with closing(self._preparer.prepare_all(missing)) as prepared:
+                    for number, point in prepared:
+                        for sentence in point.warnings:
+                            self._warn_once(sentence)
+                        writer = self._checkpoint_writer(number)
+                        outcome = self._render(number, point.made, missing, progress, writer)
                         if isinstance(outcome, Exception):
-                            reports.expect(saver.submit(self._fail, number, found, outcome))
+                            reports.add(saver.submit(self._fail, number, point, outcome))
                         elif outcome.interrupted or outcome.failure is not None:
                             interrupted, failure = outcome.interrupted, outcome.failure
                             break
                         else:
-                            reports.expect(saver.submit(self._save, number, found, outcome, keeper))
+                            reports.add(saver.submit(self._save, number, point, outcome, writer))
             except KeyboardInterrupt:
                 interrupted = True
             # What is done is not lost by an interrupt now.
-            with WATCH.on_first(wait):
+            with WATCH.on_first_signal(defer_interrupt):
                 reports.catch_up()
-                return self._concluded(reports, failure, interrupted=interrupted)
+                return self._finish(reports, failure, interrupted=interrupted)
 
-    def _concluded(self, reports: "_Reports", failure: str | None, *, interrupted: bool) -> Sweep:
-        """Write all there is to say; `failure`, why others have ended the sweep."""
+    def _finish(self, reports: ReportQueue, failure: str | None, *, interrupted: bool) -> Sweep:
+        """Write the files of the sweep as a whole; `failure` says why a cluster has ended it."""
         if len(self._errors) == len(self._points):
             raise self._errors[0]
         reports.flush()
-        for number, taken in self._taken.items():
-            if taken.status == "done" and self._home is not None and not self._home.holds(taken):
-                self._taken[number] = replace(taken, status="failed", reason="its files have gone meanwhile", files=())
-                reports.tell(self._taken[number])
-        result = self._result(interrupted=interrupted)
-        if self._home is not None and any(taken.status != "missing" for taken in result.taken):
-            for error in persist(self._home.publishing(result), self._warn, self._is_over).values():
+        for number, result in self._results.items():
+            if result.status == "done" and self._layout is not None and not self._layout.has_files(result):
+                self._results[number] = replace(
+                    result, status="failed", reason="its files have gone meanwhile", files=()
+                )
+                reports.report_now(self._results[number])
+        sweep = self._sweep(interrupted=interrupted)
+        if self._layout is not None and any(result.status != "missing" for result in sweep.results):
+            for error in write_with_retries(self._layout.writers(sweep), self._warn, self._is_retry_useless).values():
                 raise error
         if failure is not None:
             raise OutputError(failure)
-        return result
+        return sweep
 
-    # ---- What there is to do
-
-    def _todo(self) -> list[int]:
-        """The points that are not done, after those that are were taken over."""
-        if self._home is None:
+    def _missing_points(self) -> list[int]:
+        """List the points that are not done, after taking over the results of those that are."""
+        if self._layout is None:
             return list(range(len(self._points)))
-        self._home.check()
-        if (self._home.folder / RECORDS).is_dir():
+        self._layout.check()
+        if (self._layout.folder / RECORDS).is_dir():
             for number, point in enumerate(self._points):
                 with suppress(Exception):
-                    # What is wrong with it is told when it is its turn.
-                    self._note_digest(number)
-                    found = find_record(self._points[number], self._home.files(point), self._home.folder)
-                    if found is not None:
-                        self._taken[number] = found
-        return [number for number in range(len(self._points)) if number not in self._taken]
-
-    def _spec(self, number: int) -> SceneSpec:
-        """The scene of a point."""
-        if number not in self._specs:
-            spec = overridden(self._plan.spec, self._points[number].values)
-            self._specs[number] = smaller(spec) if self._settings.preview else spec
-        return self._specs[number]
-
-    def _note_digest(self, number: int) -> None:
-        """Note what a point's picture depends on, files as they are now."""
-        self._points[number] = replace(self._points[number], digest=self._digest(self._spec(number)))
-
-    def _digest(self, spec: SceneSpec) -> str:
-        settings = self._settings
-        given = {
-            "spp": self._spp(spec),
-            "seed": settings.seed,
-            "crop": settings.crop,
-            "noise": settings.noise,
-            "time_limit": settings.time_limit,
-            "aovs": sorted(settings.aovs) or None,
-            "denoise": settings.denoise or None,
-        }
-        return digest(spec, **given)
-
-    def _spp(self, spec: SceneSpec) -> int | None:
-        spp = self._settings.spp
-        if self._settings.preview and self._settings.noise is None:
-            return min(spp or spec.render.spp, SPP)
-        return spp
-
-    def _weight(self, point: Point) -> float:
-        """How much work a point is against others, as far as its values tell."""
-        weight = 1.0
-        for key in _SIZES:
-            value = point.values.get(key, 1)
-            counts = isinstance(value, (int, float)) and 0 < value < math.inf
-            if counts and not (key == "render.spp" and self._settings.spp is not None):
-                weight *= value
-        return weight
-
-    # ---- Making ready
-
-    def _prepared(self, todo: Sequence[int]) -> Generator[tuple[int, _Prepared], None, None]:
-        """Points made ready in their order: between renders, or, where that takes long, while another is rendered.
-
-        Python beside threads that render keeps the interpreter's lock from them.  A point of the cover, 25 ms of Python
-        once the scene is packed, took 40 to 100 ms of its neighbour's render, at any switch interval.
-        """
-        takes_long = self._cluster is not None
-        with _unawaited(ThreadPoolExecutor(1, "preparer")) as preparer:
-            following: Future[_Prepared] | None = None
-            for place, number in enumerate(todo):
-                # Here, where an interrupt ends what may take long.
-                found = self._prepare(number) if following is None else following.result()
-                following = None
-                takes_long |= place > 0 and found.packed_anew
-                if takes_long and place + 1 < len(todo):
-                    following = preparer.submit(self._prepare, todo[place + 1])
-                yield number, found
-
-    def _prepare(self, number: int) -> _Prepared:
-        """Make a point ready, or say why that cannot be."""
-        sentences: list[str] = []
-        settings = self._settings
-        began, packed = now(), self._stock.counts.worlds_packed
-        try:
-            spec = self._spec(number)
-            self._note_digest(number)
-            made = ready(
-                spec,
-                load_seconds=now() - began,
-                spp=self._spp(spec),
-                seed=settings.seed,
-                threads=self._threads,
-                crop=settings.crop,
-                noise=settings.noise,
-                time_limit=settings.time_limit,
-                aovs=settings.aovs,
-                denoise=settings.denoise,
-                warn=sentences.append,
-                strict=settings.strict,
-                stock=self._stock,
-                cluster=self._cluster,
-                max_memory=settings.max_memory,
-                keeps=self._home is not None,
-            )
-            camera = camera_numbers(made.packed)
-            if self._digest(spec) != self._points[number].digest:
-                # Nobody knows whether the picture is of the file before or after; no record is of "".
-                self._points[number] = replace(self._points[number], digest="")
-                name = self._points[number].name
-                sentences.append(f"{name}: a file changed while it was read, so that it is rendered again next time")
-        except Exception as error:  # noqa: BLE001
-            return _Prepared(self._points[number], error, {}, tuple(sentences))
-        finally:
-            self._specs.pop(number, None)
-        packed_anew = self._stock.counts.worlds_packed > packed
-        return _Prepared(self._points[number], made, camera, tuple(sentences), packed_anew)
+                    # An error of the point is reported when it is its turn.
+                    self._preparer.note_digest(number)
+                    result = load_record(self._points[number], self._layout.files(point), self._layout.folder)
+                    if result is not None:
+                        self._results[number] = result
+        return [number for number in range(len(self._points)) if number not in self._results]
 
     # ---- Rendering
 
-    def _keeper(self, number: int) -> Keeper | None:
-        """Who keeps what is gathered of a point that takes long; the next sweep goes on from there."""
+    def _checkpoint_writer(self, number: int) -> CheckpointWriter | None:
+        """Make the writer of checkpoints of a point that takes long; the next sweep resumes from them."""
         point = self._points[number]
-        if self._home is None or not point.digest:
+        if self._layout is None or not point.digest:
             return None
-        # Of a point that has changed since nothing is taken up.
-        path = checkpoint_of(self._home.folder / RECORDS / f"{point.name}.{point.digest[:_DIGITS_KEPT]}")
-        resume = path.exists() or previous_of(path).exists()
-        return Keeper(path, resume=resume, say=self._doubt)
+        # A point that has changed since is not resumed.
+        path = checkpoint_path(self._layout.folder / RECORDS / f"{point.name}.{point.digest[:_DIGITS_IN_NAME]}")
+        resume = path.exists() or previous_path(path).exists()
+        return CheckpointWriter(path, resume=resume, say=self._warn_once)
 
     def _render(
         self,
         number: int,
-        made: Ready | Exception,
-        todo: Sequence[int],
-        progress: Callable[[Done], object] | None,
-        keeper: Keeper | None,
+        made: PreparedScene | Exception,
+        missing: Sequence[int],
+        progress: Callable[[SweepProgress], object] | None,
+        writer: CheckpointWriter | None,
     ) -> Rendered | Exception:
-        """The picture of a point, or what went wrong."""
+        """Render a point; an error is returned."""
         if isinstance(made, Exception):
             return made
-        whole = sum(self._weights[i] for i in todo)
-        before = sum(self._weights[i] for i in todo if i < number)
+        whole = sum(self._weights[i] for i in missing)
+        before = sum(self._weights[i] for i in missing if i < number)
         name = self._points[number].name
 
-        def tell(render: Progress) -> None:
+        def report_progress(render: Progress) -> None:
             if progress is not None:
                 part = render.done / render.wanted if render.wanted else 1.0
                 share = (before + part * self._weights[number]) / whole
-                progress(Done(share, len(self._taken), len(self._points), name))
+                progress(SweepProgress(share, len(self._results), len(self._points), name))
 
         try:
             try:
-                return made.render(progress=tell, keeper=keeper)
-            except RefusedError as error:
+                return render_prepared(made, progress=report_progress, checkpoint_writer=writer)
+            except CheckpointError as error:
                 # As where the folder was brought from another machine.
-                self._doubt(f"{error.sentence}; {name} begins anew")
-                return made.render(progress=tell, keeper=None if keeper is None else keeper.anew())
+                self._warn_once(f"{error.sentence}; {name} begins anew")
+                fresh = None if writer is None else writer.restart()
+                return render_prepared(made, progress=report_progress, checkpoint_writer=fresh)
         except Exception as error:  # noqa: BLE001
             return error
 
-    # ---- Keeping
+    # ---- Saving
 
-    def _save(self, number: int, found: _Prepared, rendered: Rendered, keeper: Keeper | None) -> Taken:
-        """Write a point's images, and what is known of it."""
-        stats = rendered.stats
-        taken = Taken(
-            found.point,
-            "done",
-            camera=dict(found.camera),
-            exposure=dict(stats.exposure),
-            seconds=dict(stats.seconds),
-            samples=float(stats.spp["mean"]),
-            rays=stats.rays,
-            error={name: stats.error[name] for name in ("relative", "low", "high") if name in stats.error},
-            nan_samples=stats.nan_samples,
-            complete=rendered.complete,
-            warnings=found.warnings,
-        )
-        if self._home is None:
+    def _save(
+        self, number: int, prepared: PreparedPoint, rendered: Rendered, writer: CheckpointWriter | None
+    ) -> PointResult:
+        """Write a point's images and its record."""
+        result = _point_result(prepared, rendered)
+        if self._layout is None:
             self._images[number] = rendered.image
-            return self._settle(number, taken)
-        folder = self._home.folder
-        taken = replace(taken, files=self._home.files(found.point))
+            return self._record_result(number, result)
+        folder = self._layout.folder
+        result = replace(result, files=self._layout.files(prepared.point))
 
         def save() -> None:
-            for name in taken.files:
+            for name in result.files:
                 rendered.image.save(folder / name)
-            write_record(taken, folder)
+            write_record(result, folder)
 
         try:
-            failures = persist({number: save}, self._warn, self._is_over)
+            failures = write_with_retries({number: save}, self._warn, self._is_retry_useless)
         except Exception as error:  # noqa: BLE001
-            return self._fail(number, found, error)
+            return self._fail(number, prepared, error)
         # The next one need not find out once more.
-        self._is_stuck = bool(failures)
+        self._cannot_write = bool(failures)
         if failures:
-            return self._fail(number, found, failures[number])
-        if keeper is not None and (keeper.resumed or keeper.held is not None):
-            keeper.forget()
-        return self._settle(number, taken)
+            return self._fail(number, prepared, failures[number])
+        if writer is not None and (writer.resumed or writer.info is not None):
+            writer.delete()
+        return self._record_result(number, result)
 
-    def _is_over(self) -> bool:
-        """Whether it is of no use to try again what cannot be written."""
-        return self._is_stuck or WATCH.asked is not None
+    def _is_retry_useless(self) -> bool:
+        """Tell if it is of no use to try again to write."""
+        return self._cannot_write or WATCH.signal_number is not None
 
-    def _fail(self, number: int, found: _Prepared, error: Exception) -> Taken:
-        """Note why there is no picture of a point."""
+    def _fail(self, number: int, prepared: PreparedPoint, error: Exception) -> PointResult:
+        """Record the failure of a point."""
         self._errors.append(error)
-        return self._settle(
-            number, Taken(found.point, "failed", _sentence(error), camera=dict(found.camera), warnings=found.warnings)
+        result = PointResult(
+            prepared.point,
+            "failed",
+            _error_sentence(error),
+            camera=dict(prepared.camera),
+            warnings=prepared.warnings,
         )
+        return self._record_result(number, result)
 
-    def _settle(self, number: int, taken: Taken) -> Taken:
-        """Note what became of a point, now and then in the manifest too, if any picture is there."""
+    def _record_result(self, number: int, result: PointResult) -> PointResult:
+        """Record the result of a point, now and then in the manifest too, if any image is there."""
         with self._lock:
-            self._taken[number] = taken
-        # It tells of all points, so after each one it would take a sweep's time squared: after 1, 2, 4, ... of them.
-        settled = len(self._taken) - self._kept
-        is_time = settled & (settled - 1) == 0
-        if self._home is not None and is_time and len(self._errors) < len(self._taken):
+            self._results[number] = result
+        # The manifest holds all points, so writing it after each one would take a sweep's time squared: it is written
+        # after 1, 2, 4, ... of them.
+        rendered = len(self._results) - self._reused
+        is_due = rendered & (rendered - 1) == 0
+        if self._layout is not None and is_due and len(self._errors) < len(self._results):
             with suppress(OutputError):
-                # What cannot be written now is told of when it is written for the last time.
-                write_manifest(self._result(), self._home.folder)
-        return taken
+                # An error is raised when it is written for the last time.
+                write_manifest(self._sweep(), self._layout.folder)
+        return result
 
-    def _doubt(self, sentence: str) -> None:
+    def _warn_once(self, sentence: str) -> None:
         """Warn, once."""
-        if sentence not in self._told:
-            self._told.add(sentence)
+        if sentence not in self._warned:
+            self._warned.add(sentence)
             self._warn(sentence)
 
-    def _result(self, *, interrupted: bool = False) -> Sweep:
+    def _sweep(self, *, interrupted: bool = False) -> Sweep:
         with self._lock:
-            settled = dict(self._taken)
-        taken = tuple(settled.get(i) or Taken(point, "missing") for i, point in enumerate(self._points))
-        pictures = () if self._home is not None else tuple(self._images.get(i) for i in range(len(self._points)))
-        folder = None if self._home is None else self._home.folder
+            known = dict(self._results)
+        results = tuple(known.get(i) or PointResult(point, "missing") for i, point in enumerate(self._points))
+        pictures = () if self._layout is not None else tuple(self._images.get(i) for i in range(len(self._points)))
+        folder = None if self._layout is None else self._layout.folder
         return Sweep(
-            self._plan.name, self._plan.axes, self._plan.zipped, taken, folder, interrupted, self._kept, pictures
+            self._plan.name, self._plan.axes, self._plan.zipped, results, folder, interrupted, self._reused, pictures
         )
 
 
-@contextmanager
-def _unawaited(pool: ThreadPoolExecutor) -> Iterator[ThreadPoolExecutor]:
-    """A pool whose work nobody waits for after an interrupt: it may be that of the compiler."""
-    try:
-        yield pool
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
+def _point_result(prepared: PreparedPoint, rendered: Rendered) -> PointResult:
+    """Make the result of a point, still without files."""
+    stats = rendered.stats
+    return PointResult(
+        prepared.point,
+        "done",
+        camera=dict(prepared.camera),
+        exposure=dict(stats.exposure),
+        seconds=dict(stats.seconds),
+        samples=float(stats.spp["mean"]),
+        rays=stats.rays,
+        error={name: stats.error[name] for name in ("relative", "low", "high") if name in stats.error},
+        nan_samples=stats.nan_samples,
+        complete=rendered.complete,
+        warnings=prepared.warnings,
+    )
 
 
-class _Reports:
-    """Tells of points as they are settled; of failures only once there is a picture: if all fail, one error says so."""
-
-    def __init__(self, report: Callable[[Taken], object] | None, *, begun: bool) -> None:
-        self._report, self._begun = report, begun
-        self._saved: deque[Future[Taken]] = deque()
-        self._held: list[Taken] = []
-
-    def expect(self, saved: Future[Taken]) -> None:
-        """Take a point that is being saved, once at most one other is."""
-        self._saved.append(saved)
-        self.catch_up(leave=1)
-
-    def catch_up(self, *, leave: int = 0) -> None:
-        """Wait until at most `leave` points are being saved."""
-        while len(self._saved) > leave:
-            taken = self._saved.popleft().result()
-            self._held.append(taken)
-            self._begun |= taken.status == "done"
-            if self._begun:
-                self.flush()
-
-    def flush(self) -> None:
-        """Tell of all that is known."""
-        for taken in self._held:
-            self.tell(taken)
-        self._held.clear()
-
-    def tell(self, taken: Taken) -> None:
-        """Tell of a point at once."""
-        if self._report is not None:
-            self._report(taken)
-
-
-def camera_numbers(packed: Packed) -> dict[str, float]:
-    """A packed scene's camera in numbers, as `rt explain` has them."""
-    view = View(packed.spec, packed.scene.camera, packed.shift)
-    return view.numbers | depth_of_field(view, None) | exposure(packed.spec)
-
-
-def _sentence(error: Exception) -> str:
-    """Why a point failed."""
+def _error_sentence(error: Exception) -> str:
+    """Return one sentence that says why a point failed."""
     if isinstance(error, (InputError, OutputError)):
         return one_line(str(error))
     if isinstance(error, MemoryError):

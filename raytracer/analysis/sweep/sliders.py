@@ -1,4 +1,4 @@
-"""What pages, sheets and animations of a sweep have in common: how its axes are called, and where its pictures are."""
+"""Names of axes and points that pages, contact sheets and animations of a sweep share."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -7,17 +7,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.sweeping.points import Axis, Sweep, Taken
+from raytracer.analysis.sweep.results import Axis, PointResult, Sweep
 
-Images = Callable[[Taken], NDArray[np.uint8] | None]
-"""What is shown of a point: uint8 (height, width, 3) in sRGB; None where there is nothing.
+Images = Callable[[PointResult], NDArray[np.uint8] | None]
+"""Function that returns the image of a point: uint8 (height, width, 3) in sRGB; None where there is none.
 
 It is called more than once for a point, and from threads.
 """
 
 
 class Slider(NamedTuple):
-    """What is chosen with one slider: a key's values, or of a zipped sweep those of all keys together."""
+    """A slider that chooses among the values of a key, or of a zipped sweep among those of all keys together."""
 
     key: str
     name: str
@@ -25,7 +25,7 @@ class Slider(NamedTuple):
 
 
 def short_names(keys: Sequence[str]) -> list[str]:
-    """The last parts of keys, as many as tell each from the others: `f_number` for `camera.f_number`."""
+    """Shorten keys to as many of their last parts as tell each from the others: `f_number` for `camera.f_number`."""
     parts = [key.split(".") for key in keys]
     names = [".".join(part[-1:]) for part in parts]
     most = max(map(len, parts), default=1)
@@ -37,7 +37,7 @@ def short_names(keys: Sequence[str]) -> list[str]:
 
 
 def sliders(axes: Sequence[Axis], *, zipped: bool) -> tuple[Slider, ...]:
-    """The sliders of a sweep, whose numbers make a point's index."""
+    """Make the sliders of a sweep, whose numbers make a point's index."""
     names = short_names([axis.key for axis in axes])
     if not zipped or len(axes) == 1:
         return tuple(Slider(axis.key, name, axis.labels) for axis, name in zip(axes, names, strict=True))
@@ -45,14 +45,14 @@ def sliders(axes: Sequence[Axis], *, zipped: bool) -> tuple[Slider, ...]:
     return (Slider(",".join(axis.key for axis in axes), ", ".join(names), together),)
 
 
-def title_of(sweep: Sweep) -> str:
-    """The scene's file without its folders, which are nobody else's."""
+def scene_title(sweep: Sweep) -> str:
+    """Return the scene's file without its folders, which are private."""
     return Path(sweep.scene).name
 
 
-def extent(sweep: Sweep) -> str:
-    """How many points there are, and of what: "35 points: 7 of camera.f_number x 5 of camera.focus_distance"."""
-    count = len(sweep.taken)
+def sweep_summary(sweep: Sweep) -> str:
+    """Write the number of points and of values: "35 points: 7 of camera.f_number, 5 of camera.focus_distance"."""
+    count = len(sweep.results)
     points = f"{count} point{'' if count == 1 else 's'}"
     if sweep.zipped:
         return f"{points}: {', '.join(axis.key for axis in sweep.axes)} together"

@@ -1,18 +1,14 @@
-"""Options that several commands have, and what they mean."""
+"""Options that several commands have, and functions that parse their values."""
 
-import shlex
-import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, NamedTuple
 
 import typer
 
-from raytracer.errors import InputError
-from raytracer.units import parse_bytes, parse_duration
-
-if TYPE_CHECKING:
-    from raytracer.cluster import Cluster
+from raytracer.scene.preview import EDGE, SPP
+from raytracer.schema.units import parse_bytes
+from raytracer.util.errors import InputError
 
 Define = Annotated[
     list[str] | None,
@@ -41,21 +37,34 @@ MaxMemory = Annotated[
         show_default=False,
     ),
 ]
+Preview = Annotated[
+    bool, typer.Option("--preview", help=f"A quick look: at most {EDGE} pixels wide or high, {SPP} spp.")
+]
+Stats = Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write what the render took as JSON.")]
+StrictSamples = Annotated[
+    bool,
+    typer.Option(
+        "--strict",
+        help="Take warnings for errors, and fail if a sample is not finite, or a pixel below zero without a reason.",
+    ),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
-class Call(NamedTuple):
-    """How a command was called, which is its context's `obj`.
+class Invocation(NamedTuple):
+    """The call of a command, which is the `obj` of its context.
 
-    began, the time of `time.perf_counter`; words, those of the command line after `rt`.
+    began : the time of `time.perf_counter`.
+    words : those of the command line after `rt`.
     """
 
     began: float
     words: tuple[str, ...]
 
 
-def number(option: str, text: str, parse: Callable[[str], float]) -> float:
-    """The number that an option gives, by a function of `raytracer.units`.
+def parse_number(option: str, text: str, parse: Callable[[str], float]) -> float:
+    """Parse the number that an option gives with a function of `raytracer.schema.units`.
 
     Raises
     ------
@@ -67,38 +76,38 @@ def number(option: str, text: str, parse: Callable[[str], float]) -> float:
         raise InputError(f"{option} {text}: {error}") from None
 
 
-def size(option: str, text: str | None) -> int | None:
-    """The bytes that an option gives; None if it is not given.
+def parse_memory_size(option: str, text: str | None) -> int | None:
+    """Parse an amount of memory in bytes; None if the option is not given.
 
     Raises
     ------
     InputError : it is no amount of memory.
     """
-    return None if text is None else int(number(option, text, parse_bytes))
+    return None if text is None else int(parse_number(option, text, parse_bytes))
 
 
-def crop(text: str | None) -> tuple[int, int, int, int] | None:
-    """The pixels that `--crop X0,Y0,X1,Y1` names.
+def parse_crop(text: str | None) -> tuple[int, int, int, int] | None:
+    """Parse the pixel bounds of `--crop X0,Y0,X1,Y1`.
 
     Raises
     ------
-    InputError : they are not four whole numbers.
+    InputError : they are not four integers.
     """
     if text is None:
         return None
     try:
         left, top, right, bottom = map(int, text.split(","))
     except ValueError:
-        raise InputError(f"--crop {text}: must be four whole numbers, X0,Y0,X1,Y1") from None
+        raise InputError(f"--crop {text}: must be four integers, X0,Y0,X1,Y1") from None
     return left, top, right, bottom
 
 
-def aovs(lists: Sequence[str], remedy: str | None) -> tuple[str, ...]:
-    """The AOVs that `--aov` names, in comma-separated lists.
+def parse_aovs(lists: Sequence[str], remedy: str | None) -> tuple[str, ...]:
+    """Parse the comma-separated lists of AOVs that `--aov` gives.
 
     Parameters
     ----------
-    remedy : how to have a file that holds layers written, where none is.
+    remedy : options that make the command write a file that holds layers, if none of its files does.
 
     Raises
     ------
@@ -108,40 +117,9 @@ def aovs(lists: Sequence[str], remedy: str | None) -> tuple[str, ...]:
         return ()
     if remedy is not None:
         raise InputError(f"--aov {lists[0]}: only .exr and .lf files hold layers: add {remedy}")
-    from raytracer.aovs.recording import known_aovs
+    from raytracer.kernel.aovs.base.recording import unique_aovs
 
     try:
-        return known_aovs([name.strip() for text in lists for name in text.split(",")])
+        return unique_aovs([name.strip() for text in lists for name in text.split(",")])
     except InputError as error:
         raise InputError(f"--aov {','.join(lists)}: {error}") from None
-
-
-def checkpoint(text: str | None) -> float | None:
-    """Seconds between the checkpoints that `--checkpoint TIME|off` asks for; None for none.
-
-    Raises
-    ------
-    InputError : it is no time.
-    """
-    from raytracer.checkpoints import EVERY
-
-    if text is None:
-        return EVERY
-    return None if text == "off" else number("--checkpoint", text, parse_duration)
-
-
-def resuming(words: Sequence[str]) -> str:
-    """The command line that goes on where one with these words, after `rt`, has ended."""
-    return shlex.join(["rt", *(word for word in words if word != "--resume"), "--resume"])
-
-
-@contextmanager
-def machines(address: str | None) -> "Iterator[Cluster | None]":
-    """The cluster at an address; None for this machine."""
-    if address is None:
-        yield None
-        return
-    from raytracer.cluster import Cluster
-
-    with Cluster(address, say=lambda sentence: print(f"rt: {sentence}", file=sys.stderr)) as cluster:
-        yield cluster

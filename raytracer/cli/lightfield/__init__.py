@@ -1,7 +1,6 @@
-"""`rt lightfield`: what is made of light fields.
+"""Hold the commands of `rt lightfield`, one module each, and what they share in `base`.
 
-A command is a module of this package with `register(group)`, which adds it to the group; what they share is in modules
-whose names begin with `_`.
+A command is a module with `register(group)`, which adds it to the group.
 """
 
 import importlib
@@ -19,6 +18,6 @@ lightfield = typer.Typer(
 def register(app: typer.Typer) -> None:
     """Add the group to `app`."""
     for module in pkgutil.iter_modules(__path__):
-        if not module.name.startswith("_"):
+        if module.name != "base":
             importlib.import_module(f"{__name__}.{module.name}").register(lightfield)
     app.add_typer(lightfield, name="lightfield")

@@ -5,10 +5,16 @@ from typing import Annotated
 
 import typer
 
-from raytracer.cli import options
-from raytracer.cli.lightfield import _pictures
-from raytracer.cli.lightfield._common import File, Quiet, check_outputs, opened, wrote
-from raytracer.errors import InputError
+from raytracer.cli.base import options
+from raytracer.cli.lightfield.base.files import (
+    check_outputs,
+    open_light_field,
+    picture_suffixes,
+    report_written,
+    save_picture,
+)
+from raytracer.cli.lightfield.base.options import Far, File, Near, Quiet, parse_distance, parse_view
+from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
 Examples:
@@ -30,8 +36,8 @@ def all_in_focus(
     view: Annotated[
         str | None, typer.Option(metavar="ROW,COLUMN", help="As seen from there.  Default: the middle.")
     ] = None,
-    near: _pictures.Near = None,
-    far: _pictures.Far = None,
+    near: Near = None,
+    far: Far = None,
     threads: options.Threads = None,
     quiet: Quiet = False,
 ) -> None:
@@ -40,27 +46,27 @@ def all_in_focus(
     Each point is taken from where its depth puts it in every view that sees it: as sharp as through a pinhole, with
     less noise.  With --scale finer than any view, since views see a point between each other's pixels.
     """
-    check_outputs(output, _pictures.suffixes(), "a picture")
-    index = _pictures.pair("--view", view) or (None, None)
-    nearest, farthest = _pictures.distance("--near", near), _pictures.distance("--far", far)
+    check_outputs(output, picture_suffixes(), "a picture")
+    index = parse_view("--view", view) or (None, None)
+    nearest, farthest = parse_distance("--near", near), parse_distance("--far", far)
 
-    from raytracer.lightfield import fusion
-    from raytracer.lightfield.depth import depth_map
-    from raytracer.lightfield.supersampling import supersampled
-    from raytracer.progress import Bar
+    from raytracer.lightfield.depth.depth_map import depth_map
+    from raytracer.lightfield.refocusing.all_in_focus import all_in_focus as fuse
+    from raytracer.lightfield.super_resolution import supersampled
+    from raytracer.util.progress import Bar
 
-    with opened(file) as field, Bar(" steps", quiet=quiet) as bar:
+    with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
         try:
-            found = depth_map(
+            depths = depth_map(
                 field, row=index[0], column=index[1], near=nearest, far=farthest, threads=threads, update=bar.update
             )
         except InputError as error:
             raise InputError(f"{file}: {error}") from None
         if scale == 1:
-            picture = fusion.all_in_focus(field, found, update=bar.update)
+            picture = fuse(field, depths, update=bar.update)
         else:
-            picture = supersampled(field, scale, found, update=bar.update)
+            picture = supersampled(field, scale, depths, update=bar.update)
         for path in output:
-            _pictures.save(picture, path, field)
+            save_picture(picture, path, field)
     for path in output:
-        wrote(path, quiet)
+        report_written(path, quiet)

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from raytracer.cli import options
-from raytracer.cli.lightfield._common import Quiet, check_outputs, wrote
-from raytracer.errors import InputError
-from raytracer.units import Dimension, parse_quantity
+from raytracer.cli.base import options
+from raytracer.cli.lightfield.base.files import check_outputs, report_written
+from raytracer.cli.lightfield.base.options import Quiet
+from raytracer.schema.units import Dimension, parse_quantity
+from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
-    from raytracer.lightfield.decoding.calibration import Grid
+    from raytracer.lightfield.decoding.microlens_grid import Grid
 
 EXAMPLE = """\b
 Examples:
@@ -90,7 +91,7 @@ def decode(
     if f_number is not None and not 0.0 < f_number < 1e6:
         raise InputError(f"--f-number {f_number:g}: must be greater than 0 and less than a million")
     distance = _length("--focus-distance", focus_distance, "length")
-    pitch, focal, behind = (
+    pitch, focal, distance_behind = (
         None if text is None else _finite(option, text)
         for option, text in (
             ("--pixel-pitch", pixel_pitch),
@@ -101,10 +102,10 @@ def decode(
 
     import json
 
-    from raytracer.lightfield.decoding.calibration import read_grid
-    from raytracer.lightfield.decoding.decoder import decode as decoded
+    from raytracer.lightfield.decoding.decoder import decode as decode_picture
+    from raytracer.lightfield.decoding.microlens_grid import read_grid
     from raytracer.lightfield.decoding.optics import Optics
-    from raytracer.progress import Bar
+    from raytracer.util.progress import Bar
 
     known = None if grid is None else read_grid(grid)
     um = 1e3
@@ -112,23 +113,23 @@ def decode(
         pixel_pitch=None if pitch is None else um * pitch,
         focal_length=focal,
         f_number=f_number,
-        microlens_distance=None if behind is None else um * behind,
+        microlens_distance=None if distance_behind is None else um * distance_behind,
         focus_distance=distance,
     )
-    found = decoded(raw, white, dark=dark, grid=known, bayer=bayer, views=views, srgb=srgb, optics=optics)
+    light_field = decode_picture(raw, white, dark=dark, grid=known, bayer=bayer, views=views, srgb=srgb, optics=optics)
     if not quiet:
-        for note in found.notes:
+        for note in light_field.notes:
             print(f"note: {note}", file=sys.stderr)
     if output is not None:
         with Bar(" views", quiet=quiet) as bar:
-            found.write(output, bar.update)
-        wrote(output, quiet)
+            light_field.write(output, bar.update)
+        report_written(output, quiet)
     if as_json:
-        print(json.dumps(found.grid.as_dict(), indent=2, allow_nan=False))
+        print(json.dumps(light_field.grid.as_dict(), indent=2, allow_nan=False))
     elif not quiet:
-        print(_summary(found.grid))
-        seen = found.views
-        print(f"views        {seen.columns} x {seen.rows}, of {seen.width} x {seen.height} pixels")
+        print(_summary(light_field.grid))
+        size = light_field.views
+        print(f"views        {size.columns} x {size.rows}, of {size.width} x {size.height} pixels")
 
 
 def _summary(grid: "Grid") -> str:
@@ -146,14 +147,14 @@ def _summary(grid: "Grid") -> str:
 
 
 def _length(option: str, text: str, dimension: Dimension) -> float:
-    value = options.number(option, text, lambda given: parse_quantity(given, dimension))
+    value = options.parse_number(option, text, lambda given: parse_quantity(given, dimension))
     if not value > 0.0:
         raise InputError(f"{option} {text}: must be greater than 0")
     return value
 
 
 def _finite(option: str, text: str) -> float:
-    """A length in millimetres."""
+    """Parse a finite length (mm)."""
     value = _length(option, text, "optic")
     if value == float("inf"):
         raise InputError(f"{option} {text}: must be finite")

@@ -1,4 +1,4 @@
-"""`rt lightfield depth`: how far away everything is, in metres."""
+"""`rt lightfield depth`: estimates how far away everything is, in metres."""
 
 import io
 import json
@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from raytracer.cli import options
-from raytracer.cli.lightfield import _pictures
-from raytracer.cli.lightfield._common import File, Quiet, check_outputs, opened, wrote
-from raytracer.errors import InputError
+from raytracer.cli.base import options
+from raytracer.cli.lightfield.base.files import check_outputs, open_light_field, report_written, save_picture
+from raytracer.cli.lightfield.base.options import Far, File, Near, Quiet, parse_distance, parse_view
+from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
-    from raytracer.lightfield.depth import Depth
-    from raytracer.plenoptic.field import LightField
+    from raytracer.film.light_field.field import LightField
+    from raytracer.lightfield.depth.depth_map import Depth
 
 EXAMPLE = """\b
 Examples:
@@ -63,8 +63,8 @@ def depth(
     view: Annotated[
         str | None, typer.Option(metavar="ROW,COLUMN", help="What is seen from there.  Default: the middle.")
     ] = None,
-    near: _pictures.Near = None,
-    far: _pictures.Far = None,
+    near: Near = None,
+    far: Far = None,
     threads: options.Threads = None,
     as_json: options.AsJson = False,
     quiet: Quiet = False,
@@ -78,18 +78,18 @@ def depth(
     check_outputs(outputs, _SUFFIXES, "a depth map")
     if confidence is not None:
         check_outputs([confidence], _CONFIDENCE_SUFFIXES, "a map of confidence")
-    index = _pictures.pair("--view", view) or (None, None)
-    nearest, farthest = _pictures.distance("--near", near), _pictures.distance("--far", far)
+    index = parse_view("--view", view) or (None, None)
+    nearest, farthest = parse_distance("--near", near), parse_distance("--far", far)
 
-    from raytracer.film.output import write_bytes
-    from raytracer.lightfield.depth import METHODS, depth_map
-    from raytracer.progress import Bar
+    from raytracer.lightfield.depth.depth_map import METHODS, depth_map
+    from raytracer.util.atomic_write import write_bytes
+    from raytracer.util.progress import Bar
 
     if method not in METHODS:
         raise InputError(f"--method {method}: must be one of {', '.join(METHODS)}")
-    with opened(file) as field, Bar(" steps", quiet=quiet) as bar:
+    with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
         try:
-            found = depth_map(
+            depths = depth_map(
                 field,
                 row=index[0],
                 column=index[1],
@@ -103,50 +103,50 @@ def depth(
             raise InputError(f"{file}: {error}") from None
         for path in outputs:
             if path.suffix.lower() == ".exr":
-                layers = {"depth": found.distance, "confidence": found.confidence}
-                _pictures.save(field.view(found.row, found.column), path, field, layers)
+                layers = {"depth": depths.distance, "confidence": depths.confidence}
+                save_picture(field.view(depths.row, depths.column), path, field, layers)
             else:
-                write_bytes(path, _encoded(found, field, path.suffix.lower()))
+                write_bytes(path, _encode_depths(depths, field, path.suffix.lower()))
         if confidence is not None:
-            write_bytes(confidence, _confidence(found, confidence.suffix.lower()))
-        told = _summary(found, field, method)
+            write_bytes(confidence, _encode_confidence(depths, confidence.suffix.lower()))
+        summary = _summary(depths, field, method)
     for path in [*outputs, *([] if confidence is None else [confidence])]:
-        wrote(path, quiet)
+        report_written(path, quiet)
     if as_json:
-        print(json.dumps(told, indent=2, allow_nan=False))
+        print(json.dumps(summary, indent=2, allow_nan=False))
     elif not quiet:
-        _print(told)
+        _print(summary)
 
 
-def _encoded(found: "Depth", field: "LightField", suffix: str) -> bytes:
-    """A depth map as a file."""
+def _encode_depths(depths: "Depth", field: "LightField", suffix: str) -> bytes:
+    """Encode a depth map as a file."""
     import numpy as np
 
-    from raytracer.film import pfm
-    from raytracer.lightfield.colouring import coloured
+    from raytracer.film.formats import pfm
+    from raytracer.lightfield.colormap import apply_colormap
 
-    inverse = found.known(found.inverse)
-    values = found.distance if field.is_metric else inverse
+    inverse = depths.known(depths.inverse)
+    values = depths.distance if field.is_metric else inverse
     if suffix == ".pfm":
         return pfm.encode(values)
     if suffix == ".npy":
         return _npy(values)
     is_known = np.isfinite(inverse)
-    sure = inverse[is_known & (found.confidence >= np.median(found.confidence[is_known]))]
+    sure = inverse[is_known & (depths.confidence >= np.median(depths.confidence[is_known]))]
     low, high = np.quantile(sure, [_TAILS, 1.0 - _TAILS])
-    return _png(coloured(inverse, float(low), float(high)))
+    return _png(apply_colormap(inverse, float(low), float(high)))
 
 
-def _confidence(found: "Depth", suffix: str) -> bytes:
+def _encode_confidence(depths: "Depth", suffix: str) -> bytes:
     import numpy as np
 
-    from raytracer.film import pfm
+    from raytracer.film.formats import pfm
 
     if suffix == ".pfm":
-        return pfm.encode(found.confidence)
+        return pfm.encode(depths.confidence)
     if suffix == ".npy":
-        return _npy(found.confidence)
-    return _png(np.rint(255.0 * found.confidence).astype(np.uint8))
+        return _npy(depths.confidence)
+    return _png(np.rint(255.0 * depths.confidence).astype(np.uint8))
 
 
 def _npy(values: Any) -> bytes:
@@ -165,38 +165,39 @@ def _png(pixels: Any) -> bytes:
     return buffer.getvalue()
 
 
-def _summary(found: "Depth", field: "LightField", method: str) -> dict[str, Any]:
-    """What was found, as data; infinity is None."""
+def _summary(depths: "Depth", field: "LightField", method: str) -> dict[str, Any]:
+    """Return the numbers that `--json` prints; None stands for infinity."""
     import numpy as np
 
-    is_sure = found.confidence >= _SURE
-    told: dict[str, Any] = {
+    is_sure = depths.confidence >= _SURE
+    summary: dict[str, Any] = {
         "method": method,
-        "view": [found.row, found.column],
+        "view": [depths.row, depths.column],
         "sure_share": float(is_sure.mean()),
     }
     if is_sure.any():
-        values = (found.distance if field.is_metric else found.inverse)[is_sure]
+        values = (depths.distance if field.is_metric else depths.inverse)[is_sure]
         # Not by interpolation, which has no answer between a number and infinity.
         shares = (_TAILS, 0.5, 1.0 - _TAILS)
         names = ("near_m", "median_m", "far_m") if field.is_metric else ("least_px", "median_px", "most_px")
-        told |= {
+        summary |= {
             name: float(value) if math.isfinite(value) else None
             for name, value in zip(names, np.quantile(values, shares, method="inverted_cdf"), strict=True)
         }
-    return told
+    return summary
 
 
-def _print(told: dict[str, Any]) -> None:
-    print(f"{100.0 * told['sure_share']:.1f} % of the pixels are sure (confidence of {_SURE:g} or more)")
-    if "near_m" in told:
+def _print(summary: dict[str, Any]) -> None:
+    print(f"{100.0 * summary['sure_share']:.1f} % of the pixels are sure (confidence of {_SURE:g} or more)")
+    if "near_m" in summary:
         near, median, far = (
-            "infinity" if v is None else f"{v:.4g} m" for v in (told[n] for n in ("near_m", "median_m", "far_m"))
+            "infinity" if v is None else f"{v:.4g} m" for v in (summary[n] for n in ("near_m", "median_m", "far_m"))
         )
         print(f"{_ALMOST_ALL} of these are {near} to {far} away, half of them at most {median}")
-    elif "least_px" in told:
+    elif "least_px" in summary:
+        low, high = summary["least_px"], summary["most_px"]
         print(
-            f"{_ALMOST_ALL} of these move by {told['least_px']:.3g} to {told['most_px']:.3g} pixels from view to view; "
+            f"{_ALMOST_ALL} of these move by {low:.3g} to {high:.3g} pixels from view to view; "
             "metres need the geometry, which is not known"
         )
     sys.stdout.flush()

@@ -5,9 +5,15 @@ from typing import Annotated
 
 import typer
 
-from raytracer.cli.lightfield import _pictures
-from raytracer.cli.lightfield._common import File, Quiet, check_outputs, opened, wrote
-from raytracer.errors import InputError
+from raytracer.cli.lightfield.base.files import (
+    check_outputs,
+    open_light_field,
+    picture_suffixes,
+    report_written,
+    save_picture,
+)
+from raytracer.cli.lightfield.base.options import File, Quiet, parse_distance
+from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
 Examples:
@@ -46,15 +52,15 @@ def epi(
     Each point is a straight line there; the farther it is from the plane where all views see the same, the more it
     leans, to one side if it is nearer and to the other if it is farther.
     """
-    check_outputs([output], _pictures.suffixes(), "a slice")
-    plane = _pictures.distance("--distance", distance)
+    check_outputs([output], picture_suffixes(), "a slice")
+    plane = parse_distance("--distance", distance)
 
-    from raytracer.film.output import DISPLAY_SUFFIXES
-    from raytracer.lightfield.slices import epipolar_slice, picture
+    from raytracer.film.formats.registry import display_suffixes
+    from raytracer.lightfield.epipolar import draw_slice, epipolar_slice
 
-    with opened(file) as field:
+    with open_light_field(file) as field:
         try:
-            found = epipolar_slice(
+            epi_slice = epipolar_slice(
                 field,
                 direction="vertical" if vertical else "horizontal",
                 line=line,
@@ -63,14 +69,14 @@ def epi(
             )
         except InputError as error:
             raise InputError(f"{file}: {error}") from None
-        if output.suffix.lower() in DISPLAY_SUFFIXES:
+        if output.suffix.lower() in display_suffixes():
             import PIL.Image
 
-            from raytracer.wholefiles import whole
+            from raytracer.util.atomic_write import atomic_write
 
-            drawn = picture(found) if field.is_metric else picture(found, unit="views", scale=1.0)
-            with whole(output) as aside:
+            drawn = draw_slice(epi_slice) if field.is_metric else draw_slice(epi_slice, unit="views", scale=1.0)
+            with atomic_write(output) as aside:
                 PIL.Image.fromarray(drawn).save(aside, "PNG" if output.suffix.lower() == ".png" else "JPEG", quality=95)
         else:
-            _pictures.save(found.radiance, output, field)
-    wrote(output, quiet)
+            save_picture(epi_slice.radiance, output, field)
+    report_written(output, quiet)

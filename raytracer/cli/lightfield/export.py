@@ -6,8 +6,9 @@ from typing import Annotated
 
 import typer
 
-from raytracer.cli.lightfield._common import File, Quiet, check_folder, check_outputs, opened, wrote
-from raytracer.errors import InputError
+from raytracer.cli.lightfield.base.files import check_folder, check_outputs, open_light_field, report_written
+from raytracer.cli.lightfield.base.options import File, Quiet
+from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
 Examples:
@@ -40,7 +41,8 @@ def export(
     quiet: Quiet = False,
 ) -> None:
     """Write the views of a light field for other programs: a folder of pictures, or one array."""
-    from raytracer.lightfield.foreign import NAMINGS, check_export, export_array, export_views
+    from raytracer.lightfield.formats.exporter import check_export, export_array, export_views
+    from raytracer.lightfield.formats.folders import NAMINGS
 
     is_array = output.suffix.lower() == ".npy" and not output.is_dir()
     if is_array and (naming is not None or suffix is not None):
@@ -55,18 +57,18 @@ def export(
     if named is None:
         raise InputError(f"--naming {naming}: must be {', '.join(NAMINGS)}")
 
-    from raytracer.progress import Bar
+    from raytracer.util.progress import Bar
 
-    with opened(file) as field, Bar(" views", quiet=quiet) as bar:
+    with open_light_field(file) as field, Bar(" views", quiet=quiet) as bar:
         if is_array:
             for path in export_array(field, output):
-                wrote(path, quiet)
+                report_written(path, quiet)
             return
         ending = f".{(suffix or 'png').lower().removeprefix('.')}"
         check_export(field, output, named, ending)
-        found = export_views(field, output, naming=named, suffix=ending, update=bar.update)
+        result = export_views(field, output, naming=named, suffix=ending, update=bar.update)
     if not quiet:
-        print(f"wrote {len(found.files)} files to {output}", file=sys.stderr)
-        if found.clipped > 0.0:
-            share = f"{100.0 * found.clipped:.2g} % of the values are brighter than 1"
+        print(f"wrote {len(result.files)} files to {output}", file=sys.stderr)
+        if result.clipped > 0.0:
+            share = f"{100.0 * result.clipped:.2g} % of the values are brighter than 1"
             print(f"note: {share} and were clipped: --format exr keeps them", file=sys.stderr)

@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 
-from raytracer.cli import options
-from raytracer.cli.lightfield._common import Quiet, check_outputs, wrote
-from raytracer.errors import InputError
-from raytracer.units import parse_quantity
+from raytracer.cli.base import options
+from raytracer.cli.lightfield.base.files import check_outputs, report_written
+from raytracer.cli.lightfield.base.options import Quiet
+from raytracer.schema.units import parse_quantity
+from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
 Examples:
@@ -78,16 +79,16 @@ def import_file(
     if lengths["vfov"] is not None and lengths["vfov"] >= 180.0:
         raise InputError(f"--vfov {vfov}: must be less than 180 degrees")
 
-    from raytracer.lightfield.foreign import import_views
-    from raytracer.plenoptic import lf
-    from raytracer.progress import Bar
+    from raytracer.film.light_field import lf
+    from raytracer.lightfield.formats.importer import import_views
+    from raytracer.util.progress import Bar
 
     if dtype not in lf.TYPES:
         raise InputError(f"--dtype {dtype}: must be {', '.join(lf.TYPES)}")
     field = import_views(path, rows=rows, columns=columns, spacing=steps, flip=flip, interleaved=interleaved, **lengths)
     with Bar(" rows of views", quiet=quiet) as bar:
         lf.write(output, field, dtype=dtype, compress=compress, update=bar.update)
-    wrote(output, quiet)
+    report_written(output, quiet)
     if not quiet and not field.is_metric:
         how = "--spacing, --focus-distance and --vfov say them"
         print(f"note: metres are not known ({how}): 1 / distance is in pixels per view", file=sys.stderr)
@@ -100,15 +101,15 @@ def _metres(text: str) -> float:
 def _positive(option: str, text: str | None, parse: Callable[[str], float]) -> float | None:
     if text is None:
         return None
-    value = options.number(option, text, parse)
+    value = options.parse_number(option, text, parse)
     if not value > 0.0:
         raise InputError(f"{option} {text}: must be greater than 0")
     return value
 
 
 def _spacing(text: str) -> tuple[float, float]:
-    found = [_positive("--spacing", part.strip(), _metres) for part in text.split(",")]
-    right, down = (found * 2)[:2]
-    if len(found) > 2 or right is None or down is None or right + down == float("inf"):
+    lengths = [_positive("--spacing", part.strip(), _metres) for part in text.split(",")]
+    right, down = (lengths * 2)[:2]
+    if len(lengths) > 2 or right is None or down is None or right + down == float("inf"):
         raise InputError(f"--spacing {text}: must be one length, or two, to the right and down")
     return right, down

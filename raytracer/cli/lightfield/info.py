@@ -1,4 +1,4 @@
-"""`rt lightfield info`: what a file holds."""
+"""`rt lightfield info`: prints what a file holds."""
 
 import json
 import math
@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from raytracer.cli import options
-from raytracer.cli.lightfield._common import File, opened
+from raytracer.cli.base import options
+from raytracer.cli.lightfield.base.files import open_light_field
+from raytracer.cli.lightfield.base.options import File
 
 if TYPE_CHECKING:
-    from raytracer.plenoptic.field import LightField
+    from raytracer.film.light_field.field import LightField
 
 EXAMPLE = """\b
 Examples:
@@ -34,14 +35,14 @@ def info(
     as_json: options.AsJson = False,
 ) -> None:
     """Show what a light field holds: views, their places and pixels, and where it can be focused."""
-    with opened(file) as field:
+    with open_light_field(file) as field:
         if check:
             _read_all(field)
-        found = {**_numbers(field), "file_bytes": Path(file).stat().st_size}
+        numbers = {**_numbers(field), "file_bytes": Path(file).stat().st_size}
     if as_json:
-        print(json.dumps(found, indent=2, allow_nan=False))
+        print(json.dumps(numbers, indent=2, allow_nan=False))
     else:
-        print(_text(found), end="")
+        print(_format(numbers), end="")
         if check:
             print("all of it was read, and is whole")
 
@@ -54,22 +55,22 @@ def _read_all(field: "LightField") -> None:
             for column in range(field.views.columns):
                 array[row, column]
     if field.samples is not None:
-        for place in np.ndindex(field.views.rows, field.views.columns):
-            field.samples.value[place]
+        for index in np.ndindex(field.views.rows, field.views.columns):
+            field.samples.value[index]
     for part in field.rays or ():
         part[:]
 
 
 def _numbers(field: "LightField") -> dict[str, Any]:
-    """Numbers as JSON holds them: None for what is not known, "inf" for infinity."""
+    """Return the numbers that `--json` prints: None for what is not known, "inf" for infinity."""
     import numpy as np
 
+    from raytracer.film.light_field.focusing import refocusable, view_spacing
     from raytracer.lightfield.coverage import lit_views
-    from raytracer.plenoptic.focusing import refocusable, spacing
 
     views = field.views
     near, far = refocusable(views)
-    step = spacing(views)
+    step = view_spacing(views)
     size = np.ptp(views.position.reshape(-1, 2), axis=0).tolist()
     pixel = views.plane.pixel
     field_of_view = [2.0 * math.degrees(math.atan(0.5 * n * pixel)) for n in (views.width, views.height)]
@@ -110,46 +111,46 @@ def _plain(value: str | float) -> str | float:
     return _number(value) if isinstance(value, float) else value
 
 
-def _text(found: dict[str, Any]) -> str:
-    from raytracer.errors import one_line
+def _format(info: dict[str, Any]) -> str:
+    from raytracer.util.errors import one_line
 
-    is_metric = found["units"] == "metres"
-    unlit = found["rows"] * found["columns"] - found["lit_views"]
+    is_metric = info["units"] == "metres"
+    unlit = info["rows"] * info["columns"] - info["lit_views"]
     lines = {
-        "views": f"{found['columns']} x {found['rows']}, each {found['width']} x {found['height']} pixels"
-        + (f"; {found['lit_views']} of them got light" if unlit else ""),
-        "radiance": f"{found['dtype']}, {found['bytes'] / 1e6:.4g} MB, in a file of {found['file_bytes'] / 1e6:.4g} MB",
+        "views": f"{info['columns']} x {info['rows']}, each {info['width']} x {info['height']} pixels"
+        + (f"; {info['lit_views']} of them got light" if unlit else ""),
+        "radiance": f"{info['dtype']}, {info['bytes'] / 1e6:.4g} MB, in a file of {info['file_bytes'] / 1e6:.4g} MB",
     }
     if is_metric:
-        is_one = found["rows"] * found["columns"] == 1
-        across, down = found["spacing"]
-        wide, high = found["extent"]
+        is_one = info["rows"] * info["columns"] == 1
+        across, down = info["spacing"]
+        wide, high = info["extent"]
         if not is_one:
             lines["spacing"] = (
                 f"{_length(across)} to the right, {_length(down)} down; {_length(wide)} x {_length(high)} in all"
             )
-        lines["field of view"] = "{:.4g} x {:.4g} deg".format(*found["field_of_view_deg"])
-        lines["focus distance"] = _distance(found["focus_distance"])
-        near, far = _distance(found["refocus_near"]), _distance(found["refocus_far"])
+        lines["field of view"] = "{:.4g} x {:.4g} deg".format(*info["field_of_view_deg"])
+        lines["focus distance"] = _distance(info["focus_distance"])
+        near, far = _distance(info["refocus_near"]), _distance(info["refocus_far"])
         if is_one:
-            lines["refocusable"] = "by the rays, at any distance" if found["rays"] else "no: there is but one view"
+            lines["refocusable"] = "by the rays, at any distance" if info["rays"] else "no: there is but one view"
         else:
             lines["refocusable"] = f"{near} to {far}, a pixel from view to view at most"
     else:
         lines["spacing"] = (
             "not known in metres: places are in steps of one view, and 1 / distance is in pixels per view"
         )
-    if found["aperture"] is not None:
-        lines["aperture"] = _length(found["aperture"]) if is_metric else f"{found['aperture']:.4g} steps of one view"
-    if found["focal_length_mm"] is not None:
-        lines["focal length"] = f"{found['focal_length_mm']:.6g} mm"
-    if found["layers"]:
-        lines["layers"] = ", ".join(found["layers"])
-    if found["microlenses"]:
-        lines["microlenses"] = f"{found['microlenses']}, between which the views' pixels were interpolated"
-    if found["rays"]:
-        lines["rays"] = f"{found['rays']}, kept as they were rendered"
-    lines |= {f"  {one_line(key)}": str(value) for key, value in found["settings"].items()}
+    if info["aperture"] is not None:
+        lines["aperture"] = _length(info["aperture"]) if is_metric else f"{info['aperture']:.4g} steps of one view"
+    if info["focal_length_mm"] is not None:
+        lines["focal length"] = f"{info['focal_length_mm']:.6g} mm"
+    if info["layers"]:
+        lines["layers"] = ", ".join(info["layers"])
+    if info["microlenses"]:
+        lines["microlenses"] = f"{info['microlenses']}, between which the views' pixels were interpolated"
+    if info["rays"]:
+        lines["rays"] = f"{info['rays']}, kept as they were rendered"
+    lines |= {f"  {one_line(key)}": str(value) for key, value in info["settings"].items()}
     width = max(map(len, lines))
     return "".join(f"{key:<{width}}  {one_line(text)}\n" for key, text in lines.items())
 

@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from raytracer.cli.lightfield import _pictures
-from raytracer.cli.lightfield._common import File, Quiet, check_outputs, opened, wrote
-from raytracer.errors import InputError
+from raytracer.cli.lightfield.base.files import check_outputs, open_light_field, report_written
+from raytracer.cli.lightfield.base.options import File, Quiet, parse_distance, parse_length
+from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
 Examples:
@@ -47,29 +47,29 @@ def move(
     Between views each frame is made of those around, by the depth that is found first.
     """
     check_outputs([output], _SUFFIXES, "an animation")
-    reach = None if radius is None else _pictures.length("--radius", radius)
-    plane = _pictures.distance("--distance", distance)
+    path_radius = None if radius is None else parse_length("--radius", radius)
+    plane = parse_distance("--distance", distance)
 
     from raytracer.film import srgb
-    from raytracer.film.animation import check, encode
-    from raytracer.film.output import write_bytes
-    from raytracer.lightfield.depth import depth_map
-    from raytracer.lightfield.moving import PATHS, look_around, path_places
-    from raytracer.progress import Bar
+    from raytracer.film.formats.animation import check, encode
+    from raytracer.lightfield.depth.depth_map import depth_map
+    from raytracer.lightfield.views.camera_paths import PATHS, look_around, path_places
+    from raytracer.util.atomic_write import write_bytes
+    from raytracer.util.progress import Bar
 
     check("gif", fps)
     if path not in PATHS:
         raise InputError(f"--path {path}: must be one of {', '.join(PATHS)}")
     is_known = depth and plane is None
-    with opened(file) as field, Bar(" steps", quiet=quiet) as bar:
+    with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
         try:
-            places = path_places(field.views, path, frames=frames, radius=reach)
-            found = depth_map(field, update=bar.update) if is_known else None
+            positions = path_places(field.views, path, frames=frames, radius=path_radius)
+            depths = depth_map(field, update=bar.update) if is_known else None
         except InputError as error:
             raise InputError(f"{file}: {error}") from None
         pictures = []
-        for number, view in enumerate(look_around(field, places, depth=found, distance=plane)):
+        for number, view in enumerate(look_around(field, positions, depth=depths, distance=plane)):
             pictures.append(srgb.to_uint8(view))
             bar.update(number + 1, frames)
         write_bytes(output, encode(pictures, "gif" if output.suffix.lower() == ".gif" else "webp", fps=fps))
-    wrote(output, quiet)
+    report_written(output, quiet)

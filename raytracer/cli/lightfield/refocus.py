@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from raytracer.cli import options
-from raytracer.cli.lightfield import _pictures
-from raytracer.cli.lightfield._common import File, Quiet, check_outputs, opened, wrote
-from raytracer.errors import InputError
-from raytracer.units import parse_quantity
+from raytracer.cli.base import options
+from raytracer.cli.lightfield.base.files import check_outputs, open_light_field, picture_suffixes, report_written
+from raytracer.cli.lightfield.base.options import File, Quiet, parse_position
+from raytracer.schema.units import parse_quantity
+from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
     from raytracer.film.image import Image
-    from raytracer.plenoptic.field import LightField
+    from raytracer.film.light_field.field import LightField
 
 EXAMPLE = """\b
 Examples:
@@ -108,12 +108,12 @@ def refocus(
     slopes = _numbers("--slope", slope, "number")
     if sum(map(bool, (distances, slopes, alpha is not None))) > 1:
         raise InputError("--distance, --alpha and --slope set the plane of focus: give one of them")
-    check_outputs(output, (*_pictures.suffixes(), *_ANIMATIONS), "a photograph")
+    check_outputs(output, (*picture_suffixes(), *_ANIMATIONS), "a photograph")
     planes = max(len(distances), len(slopes))
     for path in output:
         if path.suffix.lower() in _ANIMATIONS and planes < 2:
             raise InputError(f"{path}: an animation needs several distances: --distance 1:4:20")
-    asked: dict[str, Any] = {
+    arguments: dict[str, Any] = {
         "f_number": f_number,
         "aperture": None if aperture is None else _quantity("--aperture", aperture, "length"),
         "aperture_shape": aperture_shape,
@@ -123,48 +123,49 @@ def refocus(
         "method": method,
         "interpolation": interpolation,
         "scale": scale,
-        "crop": options.crop(crop),
+        "crop": options.parse_crop(crop),
     }
 
-    from raytracer.lightfield import refocusing
-    from raytracer.progress import Bar
+    from raytracer.lightfield.refocusing.refocus import focal_stack
+    from raytracer.lightfield.refocusing.refocus import refocus as refocus_field
+    from raytracer.util.progress import Bar
 
-    with opened(file) as field, Bar(" steps", quiet=quiet) as bar:
-        asked["update"] = bar.update
+    with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
+        arguments["update"] = bar.update
         try:
             if planes > 1:
-                images = refocusing.focal_stack(field, distances, slopes=slopes, **asked)
+                images = focal_stack(field, distances, slopes=slopes, **arguments)
             else:
                 plane = (*distances, None)[0], (*slopes, None)[0]
-                images = [refocusing.refocus(field, plane[0], alpha=alpha, slope=plane[1], **asked)]
+                images = [refocus_field(field, plane[0], alpha=alpha, slope=plane[1], **arguments)]
         except InputError as error:
             raise InputError(f"{file}: {error}") from None
-        note = _beyond(field, images) or _sparse(images)
+        note = _note_out_of_range(field, images) or _note_black_pixels(images)
     files = [written for path in output for written in _write(images, path, fps)]
     for path in files:
-        wrote(path, quiet)
+        report_written(path, quiet)
     if note and not quiet:
         print(f"note: {note}", file=sys.stderr)
     if as_json:
-        print(json.dumps(_told(field, images, files), indent=2, allow_nan=False))
+        print(json.dumps(_to_json(field, images, files), indent=2, allow_nan=False))
 
 
-# ---- What was asked for
+# ---- Options
 
 
 def _quantity(option: str, text: str, dimension: Literal["length", "angle", "number"]) -> float:
-    return options.number(option, text, lambda value: parse_quantity(value, dimension))
+    return options.parse_number(option, text, lambda value: parse_quantity(value, dimension))
 
 
 def _numbers(option: str, texts: list[str] | None, dimension: Literal["length", "number"]) -> list[float]:
-    """The numbers of an option that may repeat, each a list of numbers and ranges."""
+    """Parse an option that may repeat, each time a list of numbers and ranges."""
     return [
         number for text in texts or () for part in text.split(",") for number in _range(option, part.strip(), dimension)
     ]
 
 
 def _range(option: str, text: str, dimension: Literal["length", "number"]) -> list[float]:
-    """The numbers of START:STOP:COUNT, or START:STOP:COUNT:inverse, or a number."""
+    """Parse START:STOP:COUNT, START:STOP:COUNT:inverse, or a number."""
     parts = text.split(":")
     if len(parts) == 1:
         return [_quantity(option, text, dimension)]
@@ -188,7 +189,7 @@ def _range(option: str, text: str, dimension: Literal["length", "number"]) -> li
 
 
 def _steps(start: float, stop: float, count: int) -> list[float]:
-    """Numbers at equal steps, both ends included, exactly."""
+    """Return numbers at equal steps; the first and the last are exact."""
     between = [start + (stop - start) * number / (count - 1) for number in range(1, count - 1)]
     return [start, *between, stop]
 
@@ -196,21 +197,21 @@ def _steps(start: float, stop: float, count: int) -> list[float]:
 def _center(text: str | None) -> tuple[float, float]:
     if text is None:
         return 0.0, 0.0
-    right, up = _pictures.place("--center", text)
+    right, up = parse_position("--center", text)
     if not (math.isfinite(right) and math.isfinite(up)):
         raise InputError(f"--center {text}: must be finite")
     return right, up
 
 
-# ---- What comes of it
+# ---- Results
 
 
 def _write(images: "list[Image]", path: Path, fps: float) -> list[Path]:
     """Write a picture, or a focal stack; returns the files."""
-    from raytracer.film.output import write_bytes
+    from raytracer.util.atomic_write import write_bytes
 
     if path.suffix.lower() in _ANIMATIONS:
-        from raytracer.film.animation import encode
+        from raytracer.film.formats.animation import encode
 
         frames = [image.display() for image in images]
         write_bytes(path, encode(frames, _ANIMATIONS[path.suffix.lower()], fps=fps, boomerang=True))
@@ -225,9 +226,9 @@ def _write(images: "list[Image]", path: Path, fps: float) -> list[Path]:
     return files
 
 
-def _beyond(field: "LightField", images: "list[Image]") -> str | None:
-    """A sentence, if a plane of focus is beyond those that the views are close enough together for."""
-    from raytracer.plenoptic.focusing import refocusable
+def _note_out_of_range(field: "LightField", images: "list[Image]") -> str | None:
+    """Return a note if a plane of focus is beyond those for which the views are close enough together."""
+    from raytracer.film.light_field.focusing import refocusable
 
     if images[0].settings["refocused_by"] == "rays" or not field.is_metric:
         return None
@@ -243,24 +244,25 @@ def _beyond(field: "LightField", images: "list[Image]") -> str | None:
     )
 
 
-def _sparse(images: "list[Image]") -> str | None:
-    """A sentence, if rays leave pixels black."""
-    from raytracer.lightfield.refocusing import EMPTY
+def _note_black_pixels(images: "list[Image]") -> str | None:
+    """Return a note if rays leave pixels black."""
+    from raytracer.lightfield.refocusing.refocus import EMPTY_PIXELS_KEY
 
     share = max(
-        float(image.settings.get(EMPTY, 0)) / (image.radiance.shape[0] * image.radiance.shape[1]) for image in images
+        float(image.settings.get(EMPTY_PIXELS_KEY, 0)) / (image.radiance.shape[0] * image.radiance.shape[1])
+        for image in images
     )
     if share == 0.0:
         return None
-    from raytracer.noise.wording import percent
+    from raytracer.core.error_estimate.wording import format_percent
 
-    black = f"no ray comes to {percent(share)} of the pixels, which are black"
+    black = f"no ray comes to {format_percent(share)} of the pixels, which are black"
     return f"{black}: more spp, a wider aperture, or a smaller scale"
 
 
-def _told(field: "LightField", images: "list[Image]", files: list[Path]) -> dict[str, Any]:
-    """As `--json` prints it: distances in metres, or slopes in pixels from view to view where metres are not known."""
-    from raytracer.plenoptic.focusing import refocusable, spacing
+def _to_json(field: "LightField", images: "list[Image]", files: list[Path]) -> dict[str, Any]:
+    """Return the data for `--json`: distances in metres, or slopes in pixels per view if metres are not known."""
+    from raytracer.film.light_field.focusing import refocusable, view_spacing
 
     def finite(number: float) -> float | None:
         return number if math.isfinite(number) else None
@@ -268,7 +270,7 @@ def _told(field: "LightField", images: "list[Image]", files: list[Path]) -> dict
     distances = [float(image.settings["refocused_m"]) for image in images]
     names = [str(path) for path in files]
     if not field.is_metric:
-        step = max(spacing(field.views)) / field.views.plane.pixel
+        step = max(view_spacing(field.views)) / field.views.plane.pixel
         slopes = [step * (1.0 / distance - field.views.inverse_focus) for distance in distances]
         return {"slopes_px": slopes, "files": names}
     near, far = refocusable(field.views)

@@ -10,14 +10,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from raytracer.cli import options
-from raytracer.errors import InputError, Interrupted, OutputError
-from raytracer.interrupts import WATCH, stop, wait
-from raytracer.units import parse_bytes
+from raytracer.cli.base import options
+from raytracer.cli.base.checkpoints import parse_checkpoint_interval, resume_command
+from raytracer.cli.base.cluster import connect_cluster
+from raytracer.schema.units import parse_bytes
+from raytracer.util.errors import InputError, Interrupted, OutputError
+from raytracer.util.signals import WATCH, defer_interrupt, raise_interrupt
 
 if TYPE_CHECKING:
-    from raytracer.lightfield.bands import Captured
-    from raytracer.rendering import Progress
+    from raytracer.lightfield.capturing.capture import Captured
+    from raytracer.rendering.progress import Progress
 
 EXAMPLE = """\b
 Examples:
@@ -79,53 +81,40 @@ def render(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from these files, after an interrupt or a crash.")
     ] = False,
-    stats: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write what the render took as JSON.")] = None,
-    strict: Annotated[
-        bool,
-        typer.Option(
-            "--strict",
-            help="Take warnings for errors, and fail if a sample is not finite, or a pixel below zero without a "
-            "reason.",
-        ),
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")] = False,
+    stats: options.Stats = None,
+    strict: options.StrictSamples = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Render all views of a camera array, or the picture behind microlenses, into a light field.
 
     The file is that of `rt render SCENE -o FILE.lf`, but the memory is bounded: views are rendered some rows at a time,
     and written as they come.  Ctrl-C leaves no light field, but what --resume goes on from.
     """
-    every = options.checkpoint(checkpoint)
-    if resume and every is None:
+    interval = parse_checkpoint_interval(checkpoint)
+    if resume and interval is None:
         raise InputError("--resume goes on from checkpoints, and with --checkpoint off there are none")
-    size, most = int(options.number("--memory", memory, parse_bytes)), options.size("--max-memory", max_memory)
-    from raytracer.film.output import check_file
-    from raytracer.plenoptic.lf import SUFFIX, TYPES
-
-    if output.suffix.lower() != SUFFIX:
-        raise InputError(f"{output}: a light field is written as {SUFFIX}, such as {output.with_suffix(SUFFIX)}")
-    if dtype not in TYPES:
-        raise InputError(f"--dtype {dtype}: must be {', '.join(TYPES)}")
-    layers = options.aovs(aov or [], None)
-    from raytracer.scene.load import load, parse_overrides
+    picture_memory = int(options.parse_number("--memory", memory, parse_bytes))
+    total_memory = options.parse_memory_size("--max-memory", max_memory)
+    _check_format(output, dtype)
+    layers = options.parse_aovs(aov or [], None)
+    from raytracer.scene.load import load
+    from raytracer.scene.overrides import parse_overrides
 
     spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])
-    for path in (output, *([stats] if stats is not None else [])):
-        check_file(path)
-    from raytracer.checkpoints import SUFFIX as SUFFIX_OF_CHECKPOINTS
-    from raytracer.lightfield.bands import capture
-    from raytracer.rendering import SampleBar
+    _check_writable(output, stats)
+    from raytracer.lightfield.capturing.capture import capture
+    from raytracer.rendering.progress import SampleBar
 
     with ExitStack() as stack:
-        stack.enter_context(WATCH.on_first(stop))
+        stack.enter_context(WATCH.on_first_signal(raise_interrupt))
         bar = stack.enter_context(SampleBar(quiet=quiet))
-        machines = stack.enter_context(options.machines(cluster))
+        client = stack.enter_context(connect_cluster(cluster))
 
         def show(progress: "Progress") -> None:
             # From the first sample on there is something to lose.
-            if WATCH.is_first(stop):
-                stack.enter_context(WATCH.on_first(wait))
-            WATCH.heed()
+            if WATCH.handles_first(raise_interrupt):
+                stack.enter_context(WATCH.on_first_signal(defer_interrupt))
+            WATCH.raise_if_interrupted()
             bar.show(progress)
 
         def warn(sentence: str) -> None:
@@ -135,7 +124,7 @@ def render(
             captured = capture(
                 spec,
                 output,
-                memory=size,
+                memory=picture_memory,
                 dtype=dtype,
                 compress=compress,
                 spp=spp,
@@ -147,57 +136,95 @@ def render(
                 load_seconds=time.perf_counter() - context.obj.began,
                 warn=warn,
                 strict=strict,
-                cluster=machines,
-                max_memory=most,
-                every=every,
+                cluster=client,
+                max_memory=total_memory,
+                every=interval,
                 resume=resume,
                 say=warn,
             )
         except KeyboardInterrupt:
-            kept = any(output.parent.glob(f"{glob.escape(output.name)}.*{SUFFIX_OF_CHECKPOINTS}"))
-            further = f"; this goes on: {options.resuming(context.obj.words)}" if kept else ""
+            further = f"; this goes on: {resume_command(context.obj.words)}" if _has_checkpoints(output) else ""
             bar.say(f"rt: interrupted; {output} is not written{further}")
             raise Interrupted from None
         bar.close()
         _report(captured, output, stats, quiet=quiet, strict=strict)
 
 
-def _report(captured: "Captured", output: Path, stats: Path | None, *, quiet: bool, strict: bool) -> None:
-    """Say on stderr what was made; what is wrong with it also when quiet."""
-    from raytracer.film.negative import describe_negatives
-    from raytracer.film.output import write_bytes
-    from raytracer.noise import Interval
-    from raytracer.noise.wording import percent_interval
+def _check_format(output: Path, dtype: str) -> None:
+    """Make sure that the output is a light field, of numbers that it can hold."""
+    from raytracer.film.light_field.lf import SUFFIX, TYPES
 
-    found, views = captured.stats, captured.views
+    if output.suffix.lower() != SUFFIX:
+        raise InputError(f"{output}: a light field is written as {SUFFIX}, such as {output.with_suffix(SUFFIX)}")
+    if dtype not in TYPES:
+        raise InputError(f"--dtype {dtype}: must be {', '.join(TYPES)}")
+
+
+def _check_writable(output: Path, stats: Path | None) -> None:
+    """Check that all files can be written before the work, not after."""
+    from raytracer.util.atomic_write import check_file
+
+    for path in (output, *([stats] if stats is not None else [])):
+        check_file(path)
+
+
+def _has_checkpoints(output: Path) -> bool:
+    """Return True if samples of some part of a light field are kept."""
+    from raytracer.rendering.checkpoint import SUFFIX
+
+    return any(output.parent.glob(f"{glob.escape(output.name)}.*{SUFFIX}"))
+
+
+def _report(captured: "Captured", output: Path, stats: Path | None, *, quiet: bool, strict: bool) -> None:
+    """Write the statistics, and say on stderr what was made; what is wrong with it also when quiet.
+
+    Raises
+    ------
+    OutputError : samples were not finite, or pixels are below zero without a reason, and `strict`.
+    """
+    from raytracer.film.negative_pixels import describe_negative_pixels
+    from raytracer.util.atomic_write import write_bytes
+
+    numbers = captured.stats
     if stats is not None:
-        write_bytes(stats, (json.dumps(found.json(), indent=2) + "\n").encode())
+        write_bytes(stats, (json.dumps(numbers.json(), indent=2) + "\n").encode())
     if not quiet:
-        seconds = found.seconds["render"]
-        size = f"{views.columns} x {views.rows} views of {views.width} x {views.height}"
-        rates = f"{found.samples / seconds / 1e6:.3g} M samples/s, {found.rays / seconds / 1e6:.3g} M rays/s"
-        parts = [f"{output}: {size}, {found.spp['most']} spp in {seconds:.2f} s ({rates})"]
-        if found.error:
-            interval = Interval(*(found.error[key] for key in ("relative", "low", "high")))
-            parts.append(f"relative error {percent_interval(interval)}")
-        times = "at once" if captured.bands == 1 else f"in {captured.bands} parts"
-        parts.append(f"{times}, in at most {captured.band_bytes / 1e9:.2g} GB besides the scene")
-        if found.negative_pixels and found.negative["causes"]:
-            parts.append(describe_negatives(found.negative_pixels, found.negative))
-        print(", ".join(parts), file=sys.stderr)
-    if found.nan_samples:
-        count = "1 sample was" if found.nan_samples == 1 else f"{found.nan_samples} samples were"
-        sentence = f"{count} not finite, and dropped"
-        if found.first_nan is not None:
-            sentence += f"; the first one is sample {found.first_nan['sample']} of pixel {found.first_nan['pixel']}"
+        print(_summarize(captured, output), file=sys.stderr)
+    faults = []
+    if numbers.nan_samples:
+        count = "1 sample was" if numbers.nan_samples == 1 else f"{numbers.nan_samples} samples were"
+        fault = f"{count} not finite, and dropped"
+        if numbers.first_nan is not None:
+            fault += f"; the first one is sample {numbers.first_nan['sample']} of pixel {numbers.first_nan['pixel']}"
+        faults.append(fault)
+    if numbers.negative_pixels and not numbers.negative["causes"]:
+        negative = describe_negative_pixels(numbers.negative_pixels, numbers.negative)
+        faults.append(f"{negative}; pixel {numbers.negative['pixel']}")
+    for fault in faults:
         if strict:
-            raise OutputError(sentence)
-        print(f"rt: {sentence}", file=sys.stderr)
-    if found.negative_pixels and not found.negative["causes"]:
-        sentence = f"{describe_negatives(found.negative_pixels, found.negative)}; pixel {found.negative['pixel']}"
-        if strict:
-            raise OutputError(sentence)
-        print(f"rt: {sentence}", file=sys.stderr)
+            raise OutputError(fault)
+        print(f"rt: {fault}", file=sys.stderr)
+
+
+def _summarize(captured: "Captured", output: Path) -> str:
+    """Return the line about every light field: views, samples, seconds, rates, error and memory."""
+    from raytracer.core.error_estimate import Interval
+    from raytracer.core.error_estimate.wording import format_percent_interval
+    from raytracer.film.negative_pixels import describe_negative_pixels
+
+    stats, views = captured.stats, captured.views
+    seconds = stats.seconds["render"]
+    size = f"{views.columns} x {views.rows} views of {views.width} x {views.height}"
+    rates = f"{stats.samples / seconds / 1e6:.3g} M samples/s, {stats.rays / seconds / 1e6:.3g} M rays/s"
+    parts = [f"{output}: {size}, {stats.spp['most']} spp in {seconds:.2f} s ({rates})"]
+    if stats.error:
+        interval = Interval(*(stats.error[key] for key in ("relative", "low", "high")))
+        parts.append(f"relative error {format_percent_interval(interval)}")
+    times = "at once" if captured.bands == 1 else f"in {captured.bands} parts"
+    parts.append(f"{times}, in at most {captured.band_bytes / 1e9:.2g} GB besides the scene")
+    if stats.negative_pixels and stats.negative["causes"]:
+        parts.append(describe_negative_pixels(stats.negative_pixels, stats.negative))
+    return ", ".join(parts)
 
 
 def register(group: typer.Typer) -> None:

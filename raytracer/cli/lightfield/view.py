@@ -6,9 +6,10 @@ from typing import Annotated
 
 import typer
 
-from raytracer.cli import options
-from raytracer.cli.lightfield._common import File, Quiet, check_outputs, opened, wrote
-from raytracer.errors import InputError
+from raytracer.cli.base import options
+from raytracer.cli.lightfield.base.files import check_outputs, open_light_field, report_written
+from raytracer.cli.lightfield.base.options import File, Quiet
+from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
 Examples:
@@ -48,22 +49,22 @@ def view(
     """
     path = Path("outputs", f"{Path(file).stem}.html") if output is None else output
     check_outputs([path], [".html", ".htm"], "a page")
-    most = _bytes(size)
-    ev = None if exposure is None else options.number("--exposure", exposure, _ev)
+    max_bytes = _bytes(size)
+    ev = None if exposure is None else options.parse_number("--exposure", exposure, _ev)
 
-    from raytracer.lightfield.viewer import write_page
-    from raytracer.progress import Bar
+    from raytracer.lightfield.viewer.page import write_page
+    from raytracer.util.progress import Bar
 
-    with opened(file) as field, Bar(" steps", quiet=quiet) as bar:
-        notes = write_page(path, field, title=Path(file).stem, size=most, exposure=ev, update=bar.update)
+    with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
+        notes = write_page(path, field, title=Path(file).stem, size=max_bytes, exposure=ev, update=bar.update)
     if not quiet:
         for note in notes:
             print(note, file=sys.stderr)
-    wrote(path, quiet)
+    report_written(path, quiet)
 
 
 def _bytes(text: str) -> int:
-    from raytracer.lightfield.viewer import LEAST_SIZE
+    from raytracer.lightfield.viewer.page import MIN_BYTES
 
     digits = text.strip().rstrip("BbKkMmGg ")
     unit = text.strip()[len(digits) :].strip().lower()
@@ -71,8 +72,8 @@ def _bytes(text: str) -> int:
         size = float(digits) * _UNITS[unit]
     except (ValueError, KeyError):
         raise InputError(f"--size {text}: must be a number of bytes, such as 10MB") from None
-    if not LEAST_SIZE <= size < _UNITS["gb"]:
-        raise InputError(f"--size {text}: must be at least {LEAST_SIZE / 1e6:g}MB, and below 1GB")
+    if not MIN_BYTES <= size < _UNITS["gb"]:
+        raise InputError(f"--size {text}: must be at least {MIN_BYTES / 1e6:g}MB, and below 1GB")
     return int(size)
 
 

@@ -7,13 +7,20 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from raytracer.cli.lightfield import _pictures
-from raytracer.cli.lightfield._common import File, Quiet, check_folder, check_outputs, opened, wrote
-from raytracer.errors import InputError
+from raytracer.cli.lightfield.base.files import (
+    check_folder,
+    check_outputs,
+    open_light_field,
+    picture_suffixes,
+    report_written,
+    save_picture,
+)
+from raytracer.cli.lightfield.base.options import File, Quiet, parse_distance, parse_position, parse_view
+from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
-    from raytracer.plenoptic.field import LightField
-    from raytracer.plenoptic.views import Views
+    from raytracer.film.light_field.field import LightField
+    from raytracer.film.light_field.views import Views
 
 EXAMPLE = """\b
 Examples:
@@ -60,7 +67,7 @@ def views(
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Bring views of a light field: one, one between others, all, or all on one picture (default).
+    """Extract views of a light field: one, one between others, all, or all on one picture (default).
 
     Places are in metres in the plane of the views (plain numbers too; 3mm, 1cm): rt lightfield info says how far it
     goes.
@@ -80,55 +87,56 @@ def views(
         raise InputError("--depth and --distance: give one of them")
     if scale > 1 and wanted != "view":
         raise InputError("--scale makes one view larger: give --view too")
-    index, place = _pictures.pair("--view", view), None if at is None else _pictures.place("--at", at)
-    plane = _pictures.distance("--distance", distance)
+    index, position = parse_view("--view", view), None if at is None else parse_position("--at", at)
+    plane = parse_distance("--distance", distance)
     if wanted == "all":
-        if output.suffix.lower() in _pictures.suffixes() and not output.is_dir():
+        if output.suffix.lower() in picture_suffixes() and not output.is_dir():
             raise InputError(f"-o {output}: --all writes a file for each view, and -o names their folder")
         check_folder(output)
         ending = f".{suffix.lower().removeprefix('.')}"
-        if ending not in _pictures.suffixes():
-            known = ", ".join(each.removeprefix(".") for each in _pictures.suffixes())
+        if ending not in picture_suffixes():
+            known = ", ".join(each.removeprefix(".") for each in picture_suffixes())
             raise InputError(f"--format {suffix}: must be one of {known}")
     else:
-        check_outputs([output], _pictures.suffixes(), "a view")
+        check_outputs([output], picture_suffixes(), "a view")
 
-    from raytracer.lightfield import perspectives
     from raytracer.lightfield.coverage import require_lit
-    from raytracer.lightfield.depth import depth_map, reference
-    from raytracer.lightfield.supersampling import supersampled
-    from raytracer.progress import Bar
+    from raytracer.lightfield.depth.depth_map import depth_map, reference_view
+    from raytracer.lightfield.super_resolution import supersampled
+    from raytracer.lightfield.views.contact_sheet import montage
+    from raytracer.lightfield.views.synthesis import view_at
+    from raytracer.util.progress import Bar
 
-    with opened(file) as field, Bar(" steps", quiet=quiet) as bar:
+    with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
         geometry = field.views
         if wanted == "all":
             _save_all(field, output, ending, bar.update, quiet)
             return
         try:
             if index is not None:
-                chosen = reference(geometry, *index)
+                chosen = reference_view(geometry, *index)
                 require_lit(field, *chosen)
                 if scale == 1:
                     picture = field.view(*chosen)
                 else:
-                    found = depth_map(field, row=chosen[0], column=chosen[1], update=bar.update)
-                    picture = supersampled(field, scale, found, update=bar.update)
-            elif place is not None:
-                _check_within(geometry, at, place)
+                    depths = depth_map(field, row=chosen[0], column=chosen[1], update=bar.update)
+                    picture = supersampled(field, scale, depths, update=bar.update)
+            elif position is not None:
+                _check_within(geometry, at, position)
                 around = depth_map(field, update=bar.update) if depth else None
-                picture = perspectives.view_at(field, *place, depth=around, distance=plane)
+                picture = view_at(field, *position, depth=around, distance=plane)
             else:
-                picture = perspectives.montage(field, width=4096 if width is None else width)
+                picture = montage(field, width=4096 if width is None else width)
         except InputError as error:
             raise InputError(f"{file}: {error}") from None
-        _pictures.save(picture, output, field)
-    wrote(output, quiet)
+        save_picture(picture, output, field)
+    report_written(output, quiet)
 
 
 def _save_all(
     field: "LightField", folder: Path, ending: str, update: Callable[[float, float], object], quiet: bool
 ) -> None:
-    """Write all views that any light came to, each in a file with its row and column; tell how many did not get any."""
+    """Write all views that any light came to, each in a file with its row and column; say how many got none."""
     from raytracer.lightfield.coverage import lit_views
 
     lit = lit_views(field)
@@ -136,16 +144,16 @@ def _save_all(
     wanted = [divmod(number, lit.shape[1]) for number in lit.ravel().nonzero()[0].tolist()]
     for number, (row, column) in enumerate(wanted, 1):
         name = f"view_{row:0{digits}}_{column:0{digits}}{ending}"
-        _pictures.save(field.view(row, column), folder / name, field)
+        save_picture(field.view(row, column), folder / name, field)
         update(number, len(wanted))
     if not quiet:
         left_out = lit.size - len(wanted)
-        told = f"; {left_out} others got no light" if left_out else ""
-        print(f"wrote {len(wanted)} views to {folder}{told}", file=sys.stderr)
+        note = f"; {left_out} others got no light" if left_out else ""
+        print(f"wrote {len(wanted)} views to {folder}{note}", file=sys.stderr)
 
 
-def _check_within(views: "Views", option: str | None, place: tuple[float, float]) -> None:
-    """Make sure that views are around a place: beyond them nothing is known.
+def _check_within(views: "Views", option: str | None, position: tuple[float, float]) -> None:
+    """Make sure that views are around a place: nothing is known beyond them.
 
     Raises
     ------
@@ -155,11 +163,11 @@ def _check_within(views: "Views", option: str | None, place: tuple[float, float]
 
     from raytracer.lightfield.coverage import within_lens
 
-    places = views.position[within_lens(views)]
-    low, high = places.min(axis=0), places.max(axis=0)
+    positions = views.position[within_lens(views)]
+    low, high = positions.min(axis=0), positions.max(axis=0)
     # What rounding adds to the places is no reason.
     slack = float(np.finfo(np.float32).eps) * (high - low)
-    if np.any(place < low - slack) or np.any(place > high + slack):
+    if np.any(position < low - slack) or np.any(position > high + slack):
         (left, down), (right, up) = low, high
         raise InputError(
             f"--at {option}: is outside the views, which are from {left:g} to {right:g} m to the right and from "

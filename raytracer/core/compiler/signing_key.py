@@ -1,4 +1,4 @@
-"""The user's own secret key, which signs what is kept for later runs, so that nobody else's files are taken for it."""
+"""The user's secret key, which signs files of the cache, so that nobody else's files are loaded."""
 
 import os
 import secrets
@@ -15,11 +15,11 @@ _FOLDER_MODE, _FILE_MODE = 0o700, 0o600
 _BINARY: int = getattr(os, "O_BINARY", 0)
 
 # A link is not followed, and a pipe not waited for.
-_CAREFULLY: int = os.O_RDONLY | _BINARY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+_READ_FLAGS: int = os.O_RDONLY | _BINARY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 
 
 class NoKeyError(Exception):
-    """There is no key of the user's own; the text says why."""
+    """Error that the user has no key; the message says why."""
 
 
 def key_folder() -> Path:
@@ -76,37 +76,37 @@ def signing_key(folder: Path) -> bytes:
 
 def _make(path: Path) -> None:
     path.parent.mkdir(mode=_FOLDER_MODE, parents=True, exist_ok=True)
-    aside = path.with_suffix(f".{secrets.token_hex(8)}.tmp")
+    temporary = path.with_suffix(f".{secrets.token_hex(8)}.tmp")
     try:
-        with os.fdopen(os.open(aside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _BINARY, _FILE_MODE), "wb") as file:
+        with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _BINARY, _FILE_MODE), "wb") as file:
             file.write(secrets.token_bytes(KEY_BYTES))
             file.flush()
             os.fsync(file.fileno())
         # Unlike a renaming, a link never takes the place of the key that another process has made meanwhile.
         try:
-            os.link(aside, path)
+            os.link(temporary, path)
         except FileExistsError:
             return
         except OSError:
             # The file system has no links.  Of processes that are here at once all but the last compile once more.
-            os.replace(aside, path)
+            os.replace(temporary, path)
     finally:
-        aside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
 def _read(path: Path) -> bytes:
     if path.is_symlink():
         raise NoKeyError(f"{path} is a link")
-    descriptor = os.open(path, _CAREFULLY)
+    descriptor = os.open(path, _READ_FLAGS)
     try:
-        if fault := _fault(os.fstat(descriptor)):
+        if fault := _reject_reason(os.fstat(descriptor)):
             raise NoKeyError(f"{path} {fault}")
         return os.read(descriptor, KEY_BYTES)
     finally:
         os.close(descriptor)
 
 
-def _fault(status: os.stat_result) -> str | None:
+def _reject_reason(status: os.stat_result) -> str | None:
     """Say why a file is not taken for the key; None if it is.  On Windows owners and modes say nothing."""
     if not stat.S_ISREG(status.st_mode):
         return "is not a regular file"

@@ -1,56 +1,62 @@
-"""How noisy a picture is: the error measure, how error falls with samples, and what is known of it without a reference.
+"""Noise of pictures: the error measure, its fall with samples, and estimates of it without a reference.
 
 Plain arithmetic on pictures, without the renderer.
 """
 
-from raytracer.noise.halves import Estimate, Tally
-from raytracer.noise.intervals import (
+from raytracer.core.error_estimate.halves import ErrorEstimate, ErrorEstimator
+from raytracer.core.error_estimate.intervals import (
     UNKNOWN,
     Interval,
     bootstrap_intervals,
-    mapped,
+    map_interval,
     median_interval,
     ratio_interval,
     ratio_of_sums,
-    root,
+    sqrt_interval,
 )
-from raytracer.noise.metric import FLOOR, relative_error, scale_of, weights
-from raytracer.noise.rates import (
+from raytracer.core.error_estimate.metric import FLOOR, error_weights, mean_scale, relative_error
+from raytracer.core.error_estimate.rates import (
+    ConvergenceRate,
     PowerLaw,
-    Rate,
     fit_power_law,
     fit_rate,
-    halving,
     prefix_mse,
-    steepest_of,
+    sampler_exponent,
+    split_run_penalty,
 )
-from raytracer.noise.replicates import ByTile, brightness_by_tile, mse_by_tile, squared_bias_by_tile, top_share
+from raytracer.core.error_estimate.replicates import (
+    TileSums,
+    brightness_by_tile,
+    mse_by_tile,
+    squared_bias_by_tile,
+    worst_pixel_share,
+)
 
 __all__ = [
     "FLOOR",
     "UNKNOWN",
-    "ByTile",
-    "Estimate",
+    "ConvergenceRate",
+    "ErrorEstimate",
+    "ErrorEstimator",
     "Interval",
     "PowerLaw",
-    "Rate",
-    "Tally",
+    "TileSums",
     "bootstrap_intervals",
     "brightness_by_tile",
+    "error_weights",
     "fit_power_law",
     "fit_rate",
-    "halving",
-    "mapped",
+    "map_interval",
+    "mean_scale",
     "median_interval",
     "mse_by_tile",
     "prefix_mse",
     "ratio_interval",
     "ratio_of_sums",
     "relative_error",
-    "root",
-    "scale_of",
+    "sampler_exponent",
+    "split_run_penalty",
+    "sqrt_interval",
     "squared_bias_by_tile",
-    "steepest_of",
-    "top_share",
-    "weights",
+    "worst_pixel_share",
 ]

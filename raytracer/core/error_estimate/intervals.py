@@ -1,4 +1,4 @@
-"""Intervals of what was measured on tiles or in rounds, by the bootstrap."""
+"""Bootstrap confidence intervals of quantities that were measured on tiles or in rounds."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 LEVEL = 0.95
-"""How often an interval is to hold the truth."""
+"""Probability with which an interval holds the true value."""
 
 RESAMPLES = 2000
 
 
 class Interval(NamedTuple):
-    """An estimate and its 95 % interval; inf or nan where it is not known."""
+    """An estimate and its 95 % interval; inf or nan where it is unknown."""
 
     value: float
     low: float
@@ -26,18 +26,18 @@ class Interval(NamedTuple):
 UNKNOWN = Interval(math.nan, math.nan, math.nan)
 
 
-def mapped(interval: Interval, function: Callable[[float], float]) -> Interval:
-    """The interval of an increasing or decreasing function of a quantity."""
+def map_interval(interval: Interval, function: Callable[[float], float]) -> Interval:
+    """Return the interval of an increasing or decreasing function of a quantity."""
     value, low, high = (function(x) for x in interval)
     return Interval(value, min(low, high), max(low, high))
 
 
-def root(interval: Interval) -> Interval:
-    """The interval of a root mean square, from that of the mean square, which may be negative where it is an estimate.
+def sqrt_interval(interval: Interval) -> Interval:
+    """Return the interval of a root mean square, from that of the mean square, of which an estimate may be negative.
 
     The root of what is below 0 is 0.
     """
-    return mapped(interval, lambda square: math.sqrt(max(square, 0.0)) if not math.isnan(square) else math.nan)
+    return map_interval(interval, lambda square: math.sqrt(max(square, 0.0)) if not math.isnan(square) else math.nan)
 
 
 def bootstrap_intervals(
@@ -46,7 +46,7 @@ def bootstrap_intervals(
     seed: int = 0,
     resamples: int = RESAMPLES,
 ) -> tuple[Interval, ...]:
-    """BCa bootstrap intervals of quantities that depend on sums over tiles, such as ratios of sums.
+    """Compute BCa bootstrap intervals of quantities that depend on sums over tiles, such as ratios of sums.
 
     Tiles are drawn with replacement, all columns of one together.  Since only sums are looked at, a resample is a row
     of multinomial counts, and all resamples are one matrix product.
@@ -68,25 +68,25 @@ def bootstrap_intervals(
     data = np.asarray(columns, dtype=np.float64)
     tiles = len(data)
     total = data.sum(axis=0)
-    value = _table(statistic(total[None]))[0]
+    value = _as_table(statistic(total[None]))[0]
     if tiles < 2:
         return tuple(Interval(float(v), math.nan, math.nan) for v in value)
 
     # Draw tiles, and leave out each once.
     drawn = np.random.default_rng(seed).multinomial(tiles, np.full(tiles, 1.0 / tiles), size=resamples)
-    replicates = _table(statistic(drawn.astype(np.float64) @ data))
-    without_one = _table(statistic(total - data))
-    return tuple(_bca(float(value[i]), replicates[:, i], without_one[:, i]) for i in range(len(value)))
+    replicates = _as_table(statistic(drawn.astype(np.float64) @ data))
+    without_one = _as_table(statistic(total - data))
+    return tuple(_bca_interval(float(value[i]), replicates[:, i], without_one[:, i]) for i in range(len(value)))
 
 
-def _table(values: ArrayLike) -> Array:
-    """Quantities as (n, m)."""
+def _as_table(values: ArrayLike) -> Array:
+    """Reshape quantities to (n, m)."""
     array = np.asarray(values, dtype=np.float64)
     return array[:, None] if array.ndim == 1 else array
 
 
-def _bca(value: float, replicates: Array, without_one: Array) -> Interval:
-    """Bias-corrected and accelerated interval (Efron and Tibshirani 1993, equations 14.9 to 14.15)."""
+def _bca_interval(value: float, replicates: Array, without_one: Array) -> Interval:
+    """Compute a bias-corrected and accelerated interval (Efron and Tibshirani 1993, equations 14.9 to 14.15)."""
     from scipy.special import ndtr, ndtri
 
     replicates = np.sort(replicates[~np.isnan(replicates)])
@@ -115,14 +115,14 @@ def _bca(value: float, replicates: Array, without_one: Array) -> Interval:
 
 
 def _quantile(ordered: Array, fraction: float) -> float:
-    """The sample quantile, which may be inf (interpolation would make nan of it)."""
+    """Return the sample quantile, which may be inf (interpolation would make nan of it)."""
     place = min(max(fraction, 0.0), 1.0) * (len(ordered) - 1)
     before, after = ordered[math.floor(place)], ordered[math.ceil(place)]
     return float(before) if before == after else float(before + (after - before) * (place - math.floor(place)))
 
 
 def ratio_of_sums(numerator: ArrayLike, denominator: ArrayLike, seed: int = 0) -> Interval:
-    """Sum of `numerator` over sum of `denominator`, both (tiles,), by the bootstrap over tiles; nan for 0 / 0."""
+    """Divide the sums of two arrays (tiles,), with a bootstrap interval over tiles; nan for 0 / 0."""
     columns = np.stack(np.broadcast_arrays(*(np.asarray(x, dtype=np.float64) for x in (numerator, denominator))), 1)
     (interval,) = bootstrap_intervals(columns, _first_over_second, seed)
     return interval
@@ -134,7 +134,7 @@ def _first_over_second(sums: Array) -> Array:
 
 
 def median_interval(values: ArrayLike, seed: int = 0, resamples: int = RESAMPLES) -> Interval:
-    """Median of `values` (rounds,) by the percentile bootstrap over rounds; UNKNOWN if there are none.
+    """Compute the median of `values` (rounds,) by the percentile bootstrap over rounds; UNKNOWN if there are none.
 
     For nine rounds that is about from the second to the eighth in order, which hold the median in 96 % of cases
     whatever the distribution.
@@ -151,5 +151,5 @@ def median_interval(values: ArrayLike, seed: int = 0, resamples: int = RESAMPLES
 
 
 def ratio_interval(a: Sequence[float] | Array, b: Sequence[float] | Array, seed: int = 0) -> Interval:
-    """Median of the paired ratios a[i] / b[i], both (rounds,), so that what a machine does in a round cancels."""
+    """Compute the median of the ratios a[i] / b[i] of rounds (rounds,), in which a machine's state cancels."""
     return median_interval(np.asarray(a, dtype=np.float64) / np.asarray(b, dtype=np.float64), seed)

@@ -1,10 +1,10 @@
-"""How the error of an unbroken run falls with its samples.
+"""Convergence rates: the fall of the error of an unbroken run with its samples.
 
 The mean of N Owen-scrambled Sobol' points has a variance of o(1/N) for square-integrable integrands, and of N^-3 but
 for logarithms for smooth ones (Owen 1997).  What a path tracer integrates is neither: the first dimensions, edges and
 lenses, are smooth in parts (N^-1.5 for an edge through a square), and the many others behave as if independent (1/N).
 So s2(N) = linear / N + steep / N^1.5 + early / N^2 is fitted, none of them below 0.  A power law c N^-b, fitted at 16
-to 256 samples, foretells 7 to 17 % too few, since b itself falls towards 1.
+to 256 samples, predicts 7 to 17 % too few, since b itself falls towards 1.
 
 References: Owen 1997, "Scrambled Net Variance for Integrals of Smooth Functions", Annals of Statistics 25(4); Owen
 1998, "Scrambling Sobol' and Niederreiter-Xing Points", Journal of Complexity 14(4); He and Wang 2015, "On the
@@ -22,26 +22,26 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-SHALLOWEST = 1.0
+MIN_EXPONENT = 1.0
 """The exponent of the MSE of independent samples."""
 
-STEEPEST = 1.5
-"""The largest exponent of the MSE that is believed."""
+MAX_EXPONENT = 1.5
+"""The largest exponent of the MSE that is accepted."""
 
-# Of the terms of `Rate`.
+# Exponents of the terms of `ConvergenceRate`.
 _EXPONENTS = np.array([1.0, 1.5, 2.0])
 
 # Samples to reach an error are sought between powers of two in steps of this fraction of the lower one.
 _STEPS = 256
 
 
-def steepest_of(sampler: str) -> float:
-    """The steepest exponent that a sampler can have, by its name in scenes: 1 for independent samples."""
-    return SHALLOWEST if sampler == "independent" else STEEPEST
+def sampler_exponent(sampler: str) -> float:
+    """Return the steepest exponent of a sampler, by its name in scenes: 1 for independent samples."""
+    return MIN_EXPONENT if sampler == "independent" else MAX_EXPONENT
 
 
 def prefix_mse(mse_of_power: Callable[[int], float], n: int) -> float:
-    """Variance of the mean of the first `n` samples of a run, from that of runs of powers of two.
+    """Compute the variance of the mean of a run's first `n` samples, from that of runs of powers of two.
 
     Aligned blocks of 2^k samples are exchangeable under Owen's scrambling: any two within an aligned block of 2^(k+1)
     have the same joint distribution, and so has one with any part of the other.  So the halves A, B of a block with the
@@ -66,7 +66,7 @@ def prefix_mse(mse_of_power: Callable[[int], float], n: int) -> float:
 
 
 def _between(exponent: float) -> Array:
-    """`prefix_mse` of s2(N) = N^-exponent for N = 1 .. 2 in `_STEPS` steps, in units of a whole: (_STEPS + 1,)."""
+    """Compute `prefix_mse` of s2(N) = N^-exponent for N = 1 .. 2 in `_STEPS` steps, relative to 1: (_STEPS + 1,)."""
     unit = float(_STEPS) ** exponent
     rows = range(_STEPS, 2 * _STEPS + 1)
     return np.array([unit * prefix_mse(lambda k: 2.0 ** (-exponent * k), n) for n in rows])
@@ -76,10 +76,10 @@ _STEEP_BETWEEN = _between(1.5)
 _EARLY_BETWEEN = _between(2.0)
 
 
-class Rate(NamedTuple):
+class ConvergenceRate(NamedTuple):
     """MSE of an unbroken run: linear / N + steep / N^1.5 + early / N^2 for N that are powers of two, none below 0.
 
-    All nan where nothing is known, and then so is what follows from it.  The sampler of renders has nets of 65,536
+    All nan where nothing is known, and then so are all results.  The sampler of renders has nets of 65,536
     samples, and what lies in different ones is independent: beyond that the last two terms should fall as 1/N too, so
     the MSE is a little larger than it says here.
     """
@@ -88,14 +88,14 @@ class Rate(NamedTuple):
     steep: float
     early: float = 0.0
 
-    def smooth(self, n: float) -> float:
-        """The MSE if `n` were a power of two."""
+    def mse_at_power(self, n: float) -> float:
+        """Compute the MSE if `n` were a power of two."""
         return self.linear / n + self.steep / n / math.sqrt(n) + self.early / n / n
 
     def mse(self, n: float) -> float:
-        """The MSE of `n` samples, 1 or more, by `prefix_mse`; between whole numbers on a straight line."""
+        """Compute the MSE of `n` samples, 1 or more, by `prefix_mse`; linear between integers."""
         if math.isinf(n):
-            return self.smooth(n)
+            return self.mse_at_power(n)
         whole = math.floor(n)
         below = self._prefix(whole)
         if n > whole:
@@ -103,40 +103,40 @@ class Rate(NamedTuple):
         return self.linear / n + below
 
     def _prefix(self, n: int) -> float:
-        """What is added to the linear term, which is the same for any number."""
+        """Compute the part of the MSE besides the linear term, which is the same for any number."""
         if not self.steep and not self.early:
             return 0.0
         return prefix_mse(lambda k: self.steep * 2.0 ** (-1.5 * k) + self.early * 2.0 ** (-2.0 * k), n)
 
-    def drop(self, n: float) -> float:
-        """The expected squared difference of the mean of `n` samples, a power of two, and that of their first half.
+    def half_difference(self, n: float) -> float:
+        """Compute the expected squared difference of the means of `n` samples, a power of two, and of their first half.
 
         As the halves A, B of a block with the mean T are exchangeable, Cov(A, T) = Var(T), so E (A - T)^2 =
         s2(n/2) - s2(n).
         """
-        return self.smooth(n / 2.0) - self.smooth(n)
+        return self.mse_at_power(n / 2.0) - self.mse_at_power(n)
 
-    def slope(self, n: float) -> float:
-        """The local exponent b: the MSE falls as n^-b; 1 for independent samples, or if there is no error."""
+    def exponent_at(self, n: float) -> float:
+        """Return the local exponent b: the MSE falls as n^-b; 1 for independent samples, or if there is no error."""
         linear, steep, early = self.linear / n, self.steep / n**1.5, self.early / n**2
         total = linear + steep + early
-        return SHALLOWEST if total == 0.0 else (linear + 1.5 * steep + 2.0 * early) / total
+        return MIN_EXPONENT if total == 0.0 else (linear + 1.5 * steep + 2.0 * early) / total
 
     def samples(self, mse: float) -> float:
-        """The fewest samples, 1 or more, that reach an MSE; inf if no number that a float can hold does.
+        """Find the fewest samples, 1 or more, that reach an MSE; inf if no float number does.
 
-        Whole powers of two are better than what lies between; the steps between two are 1/256 of the lower one.
+        Powers of two are better than numbers between; the steps between two are 1/256 of the lower one.
         """
-        if math.isnan(self.smooth(1.0)):
+        if math.isnan(self.mse_at_power(1.0)):
             return math.nan
-        if mse >= self.smooth(1.0):
+        if mse >= self.mse_at_power(1.0):
             return 1.0
         if not mse > 0.0:
             return math.inf
 
         # The largest power of two that does not reach it.
         k = 0
-        while self.smooth(2.0 ** (k + 1)) > mse:
+        while self.mse_at_power(2.0 ** (k + 1)) > mse:
             k += 1
             if k + 1 == sys.float_info.max_exp:
                 return math.inf
@@ -145,14 +145,16 @@ class Rate(NamedTuple):
         thinned = slice(None, None, _STEPS // steps)
         between = self.linear / n + self.steep * 2.0 ** (-1.5 * k) * _STEEP_BETWEEN[thinned]
         between += self.early * 2.0 ** (-2.0 * k) * _EARLY_BETWEEN[thinned]
-        between[0], between[-1] = self.smooth(2.0**k), self.smooth(2.0 ** (k + 1))
+        between[0], between[-1] = self.mse_at_power(2.0**k), self.mse_at_power(2.0 ** (k + 1))
         first = int(np.argmax(between <= mse))
         before, after = between[first - 1], between[first]
         return float(n[first - 1] + (n[first] - n[first - 1]) * (before - mse) / (before - after))
 
 
-def fit_rate(spp: ArrayLike, mse: ArrayLike, steepest: float = STEEPEST, precision: ArrayLike | None = None) -> Rate:
-    """Fit `Rate` to measured MSEs by least squares of the relative residuals, no term below 0.
+def fit_rate(
+    spp: ArrayLike, mse: ArrayLike, steepest: float = MAX_EXPONENT, precision: ArrayLike | None = None
+) -> ConvergenceRate:
+    """Fit `ConvergenceRate` to measured MSEs by least squares of the relative residuals, no term below 0.
 
     Parameters
     ----------
@@ -171,39 +173,43 @@ def fit_rate(spp: ArrayLike, mse: ArrayLike, steepest: float = STEEPEST, precisi
     return _fit_terms(n, n[:, None] ** -_EXPONENTS, mse, steepest, precision)
 
 
-def fit_drops(spp: ArrayLike, drops: ArrayLike, steepest: float = STEEPEST, precision: ArrayLike | None = None) -> Rate:
-    """Fit `Rate` to measured `Rate.drop`s, as `fit_rate` does to MSEs."""
+def fit_differences(
+    spp: ArrayLike, drops: ArrayLike, steepest: float = MAX_EXPONENT, precision: ArrayLike | None = None
+) -> ConvergenceRate:
+    """Fit `ConvergenceRate` to measured values of `ConvergenceRate.half_difference`, as `fit_rate` does to MSEs."""
     n = np.asarray(spp, dtype=np.float64)
     return _fit_terms(n, (2.0**_EXPONENTS - 1.0) * n[:, None] ** -_EXPONENTS, drops, steepest, precision)
 
 
-def _fit_terms(n: Array, terms: Array, values: ArrayLike, steepest: float, precision: ArrayLike | None) -> Rate:
-    """The rate whose `terms` (n, 3) add up to `values` (n,)."""
+def _fit_terms(
+    n: Array, terms: Array, values: ArrayLike, steepest: float, precision: ArrayLike | None
+) -> ConvergenceRate:
+    """Fit the rate whose `terms` (n, 3) add up to `values` (n,)."""
     known = np.asarray(values, dtype=np.float64)
     if not _are_errors(known):
-        return Rate(math.nan, math.nan, math.nan)
+        return ConvergenceRate(math.nan, math.nan, math.nan)
     trust = np.sqrt(n) if precision is None else np.asarray(precision, dtype=np.float64)
     some = known > 0.0
     n, terms, known, trust = n[some], terms[some], known[some], trust[some]
     if len(n) == 0:
-        return Rate(0.0, 0.0)
-    columns = 1 if steepest <= SHALLOWEST or len(n) == 1 else 2 if len(n) < 4 else 3
+        return ConvergenceRate(0.0, 0.0)
+    columns = 1 if steepest <= MIN_EXPONENT or len(n) == 1 else 2 if len(n) < 4 else 3
 
     # Columns of like size, whatever the unit of the picture.
     relative = terms[:, :columns] * (trust / known)[:, None]
     size = np.linalg.norm(relative, axis=0)
     factors = np.zeros(3)
     factors[:columns] = _nonnegative(relative / size, trust) / size
-    return Rate(*factors.tolist())
+    return ConvergenceRate(*factors.tolist())
 
 
 def _are_errors(values: Array) -> bool:
-    """Whether none is negative or unknown."""
+    """Return True if no value is negative or unknown."""
     return bool(np.all(np.isfinite(values) & (values >= 0.0)))
 
 
 def _nonnegative(matrix: Array, right: Array) -> Array:
-    """The least squares solution of matrix (n, k) x = right (n,) with x >= 0, for a matrix without negative numbers.
+    """Solve matrix (n, k) x = right (n,) by least squares with x >= 0, for a matrix without negative numbers.
 
     It is the plain solution for those columns that it does not leave out, so all choices of a few columns are tried;
     scipy's NNLS is the same, but takes half a second to import.
@@ -234,13 +240,13 @@ class PowerLaw(NamedTuple):
         return float(self.factor * n**-self.exponent)
 
     def samples(self, mse: float) -> float:
-        """The fewest samples, 1 or more, that reach an MSE; inf if none do."""
+        """Find the fewest samples, 1 or more, that reach an MSE; inf if none do."""
         if mse >= self.factor:
             return 1.0
         return float((self.factor / mse) ** (1.0 / self.exponent)) if mse > 0.0 else math.inf
 
 
-def fit_power_law(spp: ArrayLike, mse: ArrayLike, steepest: float = STEEPEST) -> PowerLaw:
+def fit_power_law(spp: ArrayLike, mse: ArrayLike, steepest: float = MAX_EXPONENT) -> PowerLaw:
     """Fit `PowerLaw` by least squares of the logarithms, with the exponent between 1 and `steepest`.
 
     spp, mse : (n,), of which those are left out that `fit_rate` leaves out; one point takes the exponent 1.
@@ -250,16 +256,16 @@ def fit_power_law(spp: ArrayLike, mse: ArrayLike, steepest: float = STEEPEST) ->
         return PowerLaw(math.nan, math.nan)
     some = values > 0.0
     if not some.any():
-        return PowerLaw(0.0, SHALLOWEST)
+        return PowerLaw(0.0, MIN_EXPONENT)
     x, y = np.log(n[some]), np.log(values[some])
     spread = float(np.sum((x - x.mean()) ** 2))
-    exponent = -float(np.sum((x - x.mean()) * y)) / spread if spread > 0.0 else SHALLOWEST
-    exponent = min(max(exponent, SHALLOWEST), steepest)
+    exponent = -float(np.sum((x - x.mean()) * y)) / spread if spread > 0.0 else MIN_EXPONENT
+    exponent = min(max(exponent, MIN_EXPONENT), steepest)
     return PowerLaw(math.exp(float(np.mean(y + exponent * x))), exponent)
 
 
-def halving(rate: Rate, replicates: int, n: int) -> float:
-    """Factor by which the MSE of the mean of `replicates` runs of `n` exceeds that of one run of as many samples.
+def split_run_penalty(rate: ConvergenceRate, replicates: int, n: int) -> float:
+    """Compute the factor by which the MSE of the mean of `replicates` runs of `n` exceeds that of one long run.
 
     The runs are independent, so their mean has s2(n) / R where an unbroken run has s2(R n): R^(b - 1) for s2 ~ N^-b,
     (2^(b - 1))^2 for four.  1 if there is no error.

@@ -1,8 +1,8 @@
-"""Error and bias from independent replicates, without a reference.
+"""Estimate error and bias from independent replicates, without a reference.
 
 Arrays of replicates are (R, P, 3): R renders that share nothing but the scene, P pixels.  `weights` (P, 3) are those of
-`metric.weights`, the same for all that is compared; `tile` (P,) says which tile a pixel belongs to, since intervals
-come from the bootstrap over tiles.
+`metric.error_weights`, the same for all that is compared; `tile` (P,) says which tile a pixel belongs to, since
+intervals come from the bootstrap over tiles.
 """
 
 from typing import NamedTuple
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
-class ByTile(NamedTuple):
+class TileSums(NamedTuple):
     """Sums over the pixels of each tile (of the mean over channels), float64 (tiles,), and numbers of pixels (tiles,).
 
     Sums over pixels are ready for `intervals.ratio_of_sums`.
@@ -25,20 +25,20 @@ class ByTile(NamedTuple):
 
     @property
     def mean(self) -> float:
-        """Mean over all pixels."""
+        """The mean over all pixels."""
         return float(self.sums.sum() / self.pixels.sum())
 
 
-def _by_tile(values: Array, tile: ArrayLike) -> ByTile:
-    """`values` (P, 3), summed."""
+def _by_tile(values: Array, tile: ArrayLike) -> TileSums:
+    """Sum `values` (P, 3) over the pixels of each tile."""
     index = np.asarray(tile, dtype=np.int64)
     tiles = int(index.max()) + 1
     sums, pixels = np.bincount(index, values.mean(axis=1), tiles), np.bincount(index, minlength=tiles)
-    return ByTile(sums.astype(np.float64), pixels.astype(np.float64))
+    return TileSums(sums.astype(np.float64), pixels.astype(np.float64))
 
 
-def mse_by_tile(replicates: ArrayLike, weights: ArrayLike, tile: ArrayLike) -> ByTile:
-    """The relative MSE of one replicate: the unbiased sample variance over replicates, weighted.
+def mse_by_tile(replicates: ArrayLike, weights: ArrayLike, tile: ArrayLike) -> TileSums:
+    """Compute the relative MSE of one replicate: the unbiased sample variance over replicates, weighted.
 
     Raises
     ------
@@ -48,8 +48,8 @@ def mse_by_tile(replicates: ArrayLike, weights: ArrayLike, tile: ArrayLike) -> B
     return _by_tile(np.asarray(weights) * a.var(axis=0, ddof=1), tile)
 
 
-def squared_bias_by_tile(a: ArrayLike, r: ArrayLike, weights: ArrayLike, tile: ArrayLike) -> ByTile:
-    """The squared relative difference of the expectations of `a` and `r`, without their noise.
+def squared_bias_by_tile(a: ArrayLike, r: ArrayLike, weights: ArrayLike, tile: ArrayLike) -> TileSums:
+    """Compute the squared relative difference of the expectations of `a` and `r`, without their noise.
 
     The mean over i != j of (a_i - r_i) (a_j - r_j): different replicates are independent, so the expectation of the
     product is that of the square without noise.  It may be negative.  a_i and r_i may share their random numbers,
@@ -69,15 +69,15 @@ def squared_bias_by_tile(a: ArrayLike, r: ArrayLike, weights: ArrayLike, tile: A
 
 
 def brightness_by_tile(a: ArrayLike, r: ArrayLike, tile: ArrayLike) -> tuple[Array, Array]:
-    """Sums of the means of `a` and of `r` over each tile, both (tiles,): the ratio of their totals is of brightness."""
+    """Sum the means of `a` and of `r` over each tile, both (tiles,): the ratio of their totals is of brightness."""
     first, second = (np.asarray(x, dtype=np.float64).mean(axis=0) for x in (a, r))
     return _by_tile(first, tile).sums, _by_tile(second, tile).sums
 
 
-def top_share(
+def worst_pixel_share(
     replicates: ArrayLike, weights: ArrayLike, fraction: float = 1e-3, stands: ArrayLike | None = None
 ) -> float:
-    """Share of the relative MSE that the worst `fraction` of the pixels, at least one, carry; 0 without an error.
+    """Compute the share of the relative MSE of the worst `fraction` of the pixels, at least one; 0 without an error.
 
     stands : (P,), how many pixels of the picture each of them stands for; 1 if None.
     """

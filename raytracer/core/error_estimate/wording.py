@@ -1,8 +1,8 @@
-"""How numbers that are known to some digits are said, the same everywhere; in ASCII, since terminals differ."""
+"""Format measured numbers, intervals, percentages and durations, the same everywhere; in ASCII for all terminals."""
 
 import math
 
-from raytracer.noise.intervals import Interval
+from raytracer.core.error_estimate.intervals import Interval
 
 UNKNOWN = "unknown"
 
@@ -23,14 +23,14 @@ _PLAIN_FROM = 1e-4
 
 
 def _decimals(value: float, digits: int) -> int:
-    """Decimals that show as many significant digits."""
+    """Count the decimals that show as many significant digits."""
     if value == 0.0 or not math.isfinite(value):
         return 0
     return max(0, digits - 1 - math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}")))))
 
 
-def number(value: float) -> str:
-    """Three significant digits: 0.0123, 1.23, 12,300; "unknown" for nan."""
+def format_number(value: float) -> str:
+    """Write a number with three significant digits: 0.0123, 1.23, 12,300; "unknown" for nan."""
     if math.isnan(value):
         return UNKNOWN
     if value != 0.0 and math.isfinite(value) and not _PLAIN_FROM <= abs(value) < 1e12:
@@ -40,49 +40,49 @@ def number(value: float) -> str:
 
 
 def _three(interval: Interval, scale: float) -> tuple[str, str, str]:
-    """Value and ends with the same decimals: three digits of the value, unless the ends have over four then."""
+    """Write a value and its ends with the same decimals: three digits of the value, at most four of the ends."""
     values = [x * scale for x in interval]
     decimals = min(_decimals(values[0], 3), _decimals(max((abs(x) for x in values), default=0.0), 4))
     if any(x != 0.0 and not _PLAIN_FROM <= abs(x) < 1e9 for x in values) or decimals == 0:
-        value, low, high = (number(x) for x in values)
+        value, low, high = (format_number(x) for x in values)
     else:
         value, low, high = (f"{x:,.{decimals}f}" for x in values)
     return value, low, high
 
 
-def number_interval(interval: Interval, scale: float = 1.0, unit: str = "") -> str:
-    """A number with its interval, both times `scale`: "0.839 (0.821 .. 0.857)", "1.23 % (1.20 .. 1.26)"."""
+def format_interval(interval: Interval, scale: float = 1.0, unit: str = "") -> str:
+    """Write a number with its interval, both times `scale`: "0.839 (0.821 .. 0.857)", "1.23 % (1.20 .. 1.26)"."""
     if math.isnan(interval.value):
         return UNKNOWN
     if math.isnan(interval.low) or math.isnan(interval.high) or interval.low == interval.high:
-        return number(interval.value * scale) + unit
+        return format_number(interval.value * scale) + unit
     value, low, high = _three(interval, scale)
     return f"{value}{unit} ({low} .. {high})"
 
 
-def percent(value: float) -> str:
-    """A fraction in percent: "1.23 %"."""
-    return UNKNOWN if math.isnan(value) else f"{number(100.0 * value)} %"
+def format_percent(value: float) -> str:
+    """Write a fraction in percent: "1.23 %"."""
+    return UNKNOWN if math.isnan(value) else f"{format_number(100.0 * value)} %"
 
 
-def percent_interval(interval: Interval) -> str:
-    """A fraction with its interval: "1.23 % (1.20 .. 1.26)"."""
-    return number_interval(interval, 100.0, " %")
+def format_percent_interval(interval: Interval) -> str:
+    """Write a fraction with its interval in percent: "1.23 % (1.20 .. 1.26)"."""
+    return format_interval(interval, 100.0, " %")
 
 
-def plain_percent(value: float) -> str:
-    """A fraction that somebody chose, with no more digits than it has: "1 %"."""
+def format_given_percent(value: float) -> str:
+    """Write a fraction that a user gave, with no more digits than it has: "1 %"."""
     return f"{100.0 * value:g} %"
 
 
 def _unit(seconds: float) -> tuple[str, float]:
-    """The unit that suits a time, and its length in seconds."""
+    """Choose the unit that suits a time; returns it and its length in seconds."""
     size = abs(seconds)
     return next((unit for unit in _UNITS if size < unit[2]), _UNITS[-1])[:2]
 
 
-def duration(seconds: float) -> str:
-    """A time with the unit that suits it: "71.3 ms", "12.3 s", "7.48 min", "over a year", "never" for inf."""
+def format_duration(seconds: float) -> str:
+    """Write a time with the unit that suits it: "71.3 ms", "12.3 s", "7.48 min", "over a year", "never" for inf."""
     if math.isnan(seconds):
         return UNKNOWN
     if math.isinf(seconds):
@@ -90,17 +90,17 @@ def duration(seconds: float) -> str:
     if seconds > _YEAR:
         return "over a year"
     unit, length = _unit(seconds)
-    return f"{number(seconds / length)} {unit}" if seconds else "0 s"
+    return f"{format_number(seconds / length)} {unit}" if seconds else "0 s"
 
 
-def chosen_duration(seconds: float) -> str:
-    """A time that somebody chose, with no more digits than it has: "60 s"."""
-    return f"{seconds:g} s" if 1.0 <= seconds < 120.0 else duration(seconds)
+def format_given_duration(seconds: float) -> str:
+    """Write a time that a user gave, with no more digits than it has: "60 s"."""
+    return f"{seconds:g} s" if 1.0 <= seconds < 120.0 else format_duration(seconds)
 
 
-def duration_interval(interval: Interval) -> str:
-    """A time with its interval, all in one unit: "61.2 s (58.0 .. 65.1)"."""
+def format_duration_interval(interval: Interval) -> str:
+    """Write a time with its interval, all in one unit: "61.2 s (58.0 .. 65.1)"."""
     if not math.isfinite(interval.value) or interval.value > _YEAR:
-        return duration(interval.value)
+        return format_duration(interval.value)
     unit, length = _unit(interval.value)
-    return number_interval(interval, 1.0 / length, f" {unit}")
+    return format_interval(interval, 1.0 / length, f" {unit}")

@@ -6,25 +6,25 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.geometry import (
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.geometry import (
     Geometry,
     Hit,
     Primitive,
     area_light_point,
     area_pdf,
     hit_offset,
-    padded,
+    pad_buffer,
     plane_distance,
     row3,
 )
-from raytracer.jit import kernel
-from raytracer.primitives.interface import areas, bounds, geometry, hit, pdf_point, sample_point
-from raytracer.sampling.warp import sample_disc
-from raytracer.vec import Vec3, cross, dot, madd, max_abs, norm, scale, sub
+from raytracer.core.primitives.base.interface import areas, bounds, geometry, hit, pdf_point, sample_point
+from raytracer.core.sampling.warp import sample_disc
+from raytracer.core.vec import Vec3, cross, dot, madd, max_abs, norm, scale, sub
 
 
 class Discs(NamedTuple):
-    """center and unit normal (n, 3), radius (n,) float64, material (n,) int32."""
+    """Table of discs: center and unit normal (n, 3), radius (n,) float64, material (n,) int32."""
 
     center: NDArray[np.float64]
     normal: NDArray[np.float64]
@@ -33,19 +33,19 @@ class Discs(NamedTuple):
 
 
 @geometry.register(Discs)
-def _(table: Discs) -> Geometry:
+def geometry_discs(table: Discs) -> Geometry:
     rows = np.column_stack([table.center, table.radius])
-    return Geometry(Primitive.DISC, (padded(rows, np.float32),), None, padded(table.normal, np.float32))
+    return Geometry(Primitive.DISC, (pad_buffer(rows, np.float32),), None, pad_buffer(table.normal, np.float32))
 
 
 @areas.register(Discs)
-def _(table: Discs) -> NDArray[np.float64]:
+def areas_discs(table: Discs) -> NDArray[np.float64]:
     return np.asarray(np.pi * table.radius**2)
 
 
 @bounds.register(Discs)
-def _(table: Discs) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    # A circle reaches as far along an axis as the axis leans out of its normal.
+def bounds_discs(table: Discs) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    # The extent of a circle along an axis is its radius times the sine between axis and normal.
     reach = table.radius[:, None] * np.sqrt(np.maximum(0.0, 1.0 - table.normal**2))
     return (table.center - reach).min(axis=0), (table.center + reach).max(axis=0)
 
@@ -67,13 +67,13 @@ def _axes(normal: Vec3) -> tuple[Vec3, Vec3]:
 
 @kernel
 def _parameters(out: Vec3, normal: Vec3, radius: float) -> tuple[float, float]:
-    """u, once around the centre, and v, from the centre to the rim, of a point at `out` from the centre."""
+    """Compute u, once around the centre, and v, from the centre to the rim, of a point at `out` from the centre."""
     s, t = _axes(normal)
     return 0.5 + math.atan2(dot(out, t), dot(out, s)) / (2.0 * math.pi), norm(out) / radius
 
 
 @hit.register(Discs)
-def _(table, primitive, origin, direction, near, time, accuracy):
+def hit_discs(table, primitive, origin, direction, near, time, accuracy):
     center, normal = row3(table.center, primitive), row3(table.normal, primitive)
     radius = table.radius[primitive]
     point = madd(origin, plane_distance(accuracy, origin, direction, center, normal, near), direction)
@@ -95,7 +95,7 @@ def _(table, primitive, origin, direction, near, time, accuracy):
 
 
 @sample_point.register(Discs)
-def _(table, primitive, reference, u1, u2, time):
+def sample_point_discs(table, primitive, reference, u1, u2, time):
     center, normal = row3(table.center, primitive), row3(table.normal, primitive)
     radius = table.radius[primitive]
     s, t = _axes(normal)
@@ -106,6 +106,6 @@ def _(table, primitive, reference, u1, u2, time):
 
 
 @pdf_point.register(Discs)
-def _(table, primitive, reference, point, normal, time):
+def pdf_point_discs(table, primitive, reference, point, normal, time):
     radius = table.radius[primitive]
     return area_pdf(reference, point, normal, math.pi * radius * radius)

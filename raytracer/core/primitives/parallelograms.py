@@ -6,35 +6,35 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.geometry import (
+from raytracer.core.geometry import (
     Geometry,
     Hit,
     Primitive,
     area_light_point,
     area_pdf,
     barycentric,
+    clamp_to_quad,
     hit_offset,
-    padded,
+    pad_buffer,
     plane_distance,
     row3,
-    within_quad,
 )
-from raytracer.primitives.interface import (
+from raytracer.core.primitives.base.interface import (
     areas,
     bounds,
     geometry,
-    graded,
     hit,
     pdf_point,
     row_of,
     sample_point,
-    section,
+    slice_rows,
+    subdivide_large,
 )
-from raytracer.vec import add, cross, madd, max_abs, norm, normalize, scale
+from raytracer.core.vec import add, cross, madd, max_abs, norm, normalize, scale
 
 
 class Parallelograms(NamedTuple):
-    """corner, edges u and v (n, 3) float64, material (n,) int32; the outside normal is u x v."""
+    """Table of parallelograms: corner, edges u and v (n, 3) float64, material (n,) int32; outside normal u x v."""
 
     corner: NDArray[np.float64]
     u: NDArray[np.float64]
@@ -43,62 +43,62 @@ class Parallelograms(NamedTuple):
 
 
 @geometry.register(Parallelograms)
-def _(table: Parallelograms) -> Geometry:
-    """Two triangles each: Embree takes 110 ns to follow a ray round the Cornell box, with its own quads 175 ns."""
+def geometry_parallelograms(table: Parallelograms) -> Geometry:
+    """Make two triangles of each: Embree traces a ray in the Cornell box in 110 ns, in 175 ns with its own quads."""
     corner, u, v = table.corner, table.u, table.v
     vertices = np.stack([corner, corner + u, corner + u + v, corner + v], axis=1).reshape(-1, 3)
     first = 4 * np.arange(len(corner))[:, None]
     indices = np.add(first, [0, 1, 3, 2, 3, 1]).reshape(-1, 3)
-    return Geometry(Primitive.TRIANGLE, (padded(vertices, np.float32),), padded(indices, np.uint32))
+    return Geometry(Primitive.TRIANGLE, (pad_buffer(vertices, np.float32),), pad_buffer(indices, np.uint32))
 
 
 @row_of.register(Parallelograms)
-def _(table, part):
+def row_of_parallelograms(table, part):
     return np.uint32(part >> 1)
 
 
 @areas.register(Parallelograms)
-def _(table: Parallelograms) -> NDArray[np.float64]:
+def areas_parallelograms(table: Parallelograms) -> NDArray[np.float64]:
     return np.asarray(np.linalg.norm(np.cross(table.u, table.v), axis=1))
 
 
 @bounds.register(Parallelograms)
-def _(table: Parallelograms) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def bounds_parallelograms(table: Parallelograms) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     corner, u, v = table.corner, table.u, table.v
     corners = np.concatenate([corner, corner + u, corner + v, corner + u + v])
     return corners.min(axis=0), corners.max(axis=0)
 
 
-# ---- Huge ones
+# ---- Subdivision
 
 _COARSE = 2.0**13
-"""Times the eye's distance that coordinates must reach for a parallelogram to be cut up.
+"""Ratio of a parallelogram's extent to the eye's distance from which it is subdivided.
 
-Rays leave it at 4 * 2^-23 of its reach: 1/256 of the distance then, a quarter of a degree as the eye sees it.
+Rays are offset by 4 * 2^-23 of its extent: 1/256 of the distance then, a quarter of a degree seen from the eye.
 """
 
 _EXACT = 2.0**-50
-"""Of the reach, what corners of parts are multiples of: sums of three such numbers are exact in float64."""
+"""Fraction of the extent that corners of parts are multiples of: sums of three such numbers are exact in float64."""
 
 _FINEST = 2.0**-20
-"""Of the reach, the size of the smallest parts: there float32 has 3 bits left to tell places in a part."""
+"""Size of the smallest parts as a fraction of the extent: float32 then has 3 bits left to tell points in a part."""
 
 
 def extents(table: Parallelograms) -> NDArray[np.float64]:
-    """How far the coordinates of each reach (n,) (m), in proportion to which rays leave it."""
+    """Bound the coordinates of each (n,) (m), in proportion to which rays are offset."""
     return np.asarray(sum(np.abs(rows).max(axis=1) for rows in (table.corner, table.u, table.v)))
 
 
 def _nearest(table: Parallelograms, point: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Coordinates (n, 2) along u and v of the place on each that is nearest to a point, or near to that."""
+    """Approximate coordinates (n, 2) along u and v of the point on each that is nearest to a point."""
     edges = np.stack([table.u, table.v], axis=2)
     at = np.einsum("nij,nj->ni", np.linalg.pinv(edges), point - table.corner)
     return np.asarray(np.clip(at, 0.0, 1.0))
 
 
-@graded.register(Parallelograms)
-def _(table: Parallelograms, eye: NDArray[np.float64]) -> Parallelograms:
-    """What reaches far, and lies across an axis, is cut up, the more finely the nearer it is to the origin.
+@subdivide_large.register(Parallelograms)
+def subdivide_large_parallelograms(table: Parallelograms, eye: NDArray[np.float64]) -> Parallelograms:
+    """Subdivide parallelograms that reach far across an axis, the more finely the nearer to the origin.
 
     A plane of 1000 km is met to 0.1 m by float32, wherever that is, and rays must leave it at 0.5 m.  Parts that are
     as large as they are far away are met as exactly as what else is there.  Parts share corners to the last bit, so no
@@ -108,7 +108,7 @@ def _(table: Parallelograms, eye: NDArray[np.float64]) -> Parallelograms:
     reach, away = extents(table), float(np.abs(eye).max())
     huge = (np.abs(table.u) + np.abs(table.v)).min(axis=1) <= _EXACT * reach
     huge &= reach > _COARSE * away
-    # By how far the eye is from the origin alone nearly all are left as they are; their distance takes longer.
+    # The eye's distance from the origin alone excludes nearly all; the distance to each takes longer.
     if not huge.any():
         return table
     at = _nearest(table, eye)
@@ -118,17 +118,17 @@ def _(table: Parallelograms, eye: NDArray[np.float64]) -> Parallelograms:
     if not huge.any():
         return table
     parts = [
-        _cut(table, row, float(reach[row]), float(seen[row])) if huge[row] else section(table, row, row + 1)
+        _subdivide(table, row, float(reach[row]), float(seen[row])) if huge[row] else slice_rows(table, row, row + 1)
         for row in range(len(huge))
     ]
     return Parallelograms(*(np.ascontiguousarray(np.concatenate(columns)) for columns in zip(*parts, strict=True)))
 
 
-def _cut(table: Parallelograms, row: int, reach: float, seen: float) -> Parallelograms:
-    """The parts of one parallelogram."""
+def _subdivide(table: Parallelograms, row: int, reach: float, seen: float) -> Parallelograms:
+    """Divide one parallelogram into parts."""
     # All parts that have a corner add up the same numbers for it, and get the same sum.
     quantum = _EXACT * 2.0 ** math.ceil(math.log2(reach))
-    one = section(table, row, row + 1)
+    one = slice_rows(table, row, row + 1)
     start = _nearest(one, np.zeros(3))[0]
     center = one.corner[0] + start[0] * one.u[0] + start[1] * one.v[0]
     least = max(seen, _FINEST * reach)
@@ -154,19 +154,19 @@ def _cut(table: Parallelograms, row: int, reach: float, seen: float) -> Parallel
 
 
 @hit.register(Parallelograms)
-def _(table, primitive, origin, direction, near, time, accuracy):
+def hit_parallelograms(table, primitive, origin, direction, near, time, accuracy):
     corner, u, v = row3(table.corner, primitive), row3(table.u, primitive), row3(table.v, primitive)
     normal = normalize(cross(u, v))
-    found = madd(origin, plane_distance(accuracy, origin, direction, corner, normal, near), direction)
-    a, b = barycentric(found, corner, u, v)
+    point = madd(origin, plane_distance(accuracy, origin, direction, corner, normal, near), direction)
+    a, b = barycentric(point, corner, u, v)
     offset = hit_offset(accuracy, max_abs(corner) + max_abs(u) + max_abs(v), near)
-    a, b = within_quad(a, b, offset / max_abs(u), offset / max_abs(v))
+    a, b = clamp_to_quad(a, b, offset / max_abs(u), offset / max_abs(v))
     point = add(corner, add(scale(a, u), scale(b, v)))
     return Hit(point, normal, normal, a, b, offset, table.material[primitive], u, v, point)
 
 
 @sample_point.register(Parallelograms)
-def _(table, primitive, reference, u1, u2, time):
+def sample_point_parallelograms(table, primitive, reference, u1, u2, time):
     corner, u, v = row3(table.corner, primitive), row3(table.u, primitive), row3(table.v, primitive)
     across = cross(u, v)
     normal = normalize(across)
@@ -176,6 +176,6 @@ def _(table, primitive, reference, u1, u2, time):
 
 
 @pdf_point.register(Parallelograms)
-def _(table, primitive, reference, point, normal, time):
+def pdf_point_parallelograms(table, primitive, reference, point, normal, time):
     area = norm(cross(row3(table.u, primitive), row3(table.v, primitive)))
     return area_pdf(reference, point, normal, area)

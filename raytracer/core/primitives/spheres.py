@@ -6,27 +6,27 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.geometry import (
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.geometry import (
     Geometry,
     Hit,
     LightPoint,
     Primitive,
     area_pdf,
     hit_offset,
-    offset_of,
-    padded,
+    pad_buffer,
     row3,
+    spawn_offset,
     sphere_distance,
     sphere_gap,
 )
-from raytracer.jit import kernel
-from raytracer.primitives.interface import areas, bounds, geometry, hit, pdf_point, sample_point
-from raytracer.sampling.warp import pdf_cone, sample_cone, sample_sphere
-from raytracer.vec import Vec3, basis, dot, madd, max_abs, norm, scale, sub, to_world
+from raytracer.core.primitives.base.interface import areas, bounds, geometry, hit, pdf_point, sample_point
+from raytracer.core.sampling.warp import pdf_cone, sample_cone, sample_sphere
+from raytracer.core.vec import Vec3, basis, dot, madd, max_abs, norm, scale, sub, to_world
 
 
 class Spheres(NamedTuple):
-    """center (n, 3) and radius (n,) float64 (negative: the normal points inwards), material (n,) int32."""
+    """Table of spheres: center (n, 3) and radius (n,) float64 (negative: inward normal), material (n,) int32."""
 
     center: NDArray[np.float64]
     radius: NDArray[np.float64]
@@ -34,25 +34,25 @@ class Spheres(NamedTuple):
 
 
 @geometry.register(Spheres)
-def _(table: Spheres) -> Geometry:
+def geometry_spheres(table: Spheres) -> Geometry:
     rows = np.column_stack([table.center, np.abs(table.radius)])
-    return Geometry(Primitive.SPHERE, (padded(rows, np.float32),))
+    return Geometry(Primitive.SPHERE, (pad_buffer(rows, np.float32),))
 
 
 @areas.register(Spheres)
-def _(table: Spheres) -> NDArray[np.float64]:
+def areas_spheres(table: Spheres) -> NDArray[np.float64]:
     return np.asarray(4.0 * np.pi * table.radius**2)
 
 
 @bounds.register(Spheres)
-def _(table: Spheres) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def bounds_spheres(table: Spheres) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     radius = np.abs(table.radius)[:, None]
     return (table.center - radius).min(axis=0), (table.center + radius).max(axis=0)
 
 
 @kernel
 def parameters(out: Vec3) -> tuple[float, float]:
-    """u, once around from -x through +z, and v, from the south pole to the north, of a point of the unit sphere.
+    """Compute u, once around from -x through +z, and v, from the south pole to the north, on the unit sphere.
 
     References: Shirley et al. 2024, "Ray Tracing: The Next Week", sec. 4.4.
     """
@@ -62,7 +62,7 @@ def parameters(out: Vec3) -> tuple[float, float]:
 
 @kernel
 def derivatives(out: Vec3, radius: float) -> tuple[Vec3, Vec3]:
-    """dp/du and dp/dv at a point of the unit sphere, for a sphere of this radius; dp/dv is zero at the poles."""
+    """Compute dp/du and dp/dv for a sphere of this radius at a point of the unit sphere; dp/dv is zero at the poles."""
     sine = math.sqrt(out[0] * out[0] + out[2] * out[2])
     tangent = (2.0 * math.pi * radius * out[2], 0.0, -2.0 * math.pi * radius * out[0])
     if sine == 0.0:
@@ -72,7 +72,7 @@ def derivatives(out: Vec3, radius: float) -> tuple[Vec3, Vec3]:
 
 
 @hit.register(Spheres)
-def _(table, primitive, origin, direction, near, time, accuracy):
+def hit_spheres(table, primitive, origin, direction, near, time, accuracy):
     center, radius = row3(table.center, primitive), table.radius[primitive]
     t = sphere_distance(accuracy, origin, direction, center, radius, near)
 
@@ -98,28 +98,28 @@ def _(table, primitive, origin, direction, near, time, accuracy):
 
 
 @kernel
-def _fills_a_cone(center: Vec3, radius: float, distance2: float) -> bool:
-    """Whether light samples draw from the cone that a sphere fills, seen at this squared distance from its centre.
+def _is_cone_sampled(center: Vec3, radius: float, distance2: float) -> bool:
+    """Return True if light samples draw from the cone that a sphere fills, seen at this squared distance.
 
     On the sphere itself that would be half of all directions, and rounding would decide which side is the near one:
     such points count as inside.
     """
-    reach = radius + offset_of(max_abs(center) + radius)
+    reach = radius + spawn_offset(max_abs(center) + radius)
     return distance2 > reach * reach
 
 
 @sample_point.register(Spheres)
-def _(table, primitive, reference, u1, u2, time):
+def sample_point_spheres(table, primitive, reference, u1, u2, time):
     center, radius = row3(table.center, primitive), abs(table.radius[primitive])
     to = sub(center, reference)
     distance2 = dot(to, to)
-    if not _fills_a_cone(center, radius, distance2):
-        # From inside, every point of the sphere is in view: draw by area.
+    if not _is_cone_sampled(center, radius, distance2):
+        # From inside, every point of the sphere is visible: sample by area.
         out = sample_sphere(u1, u2)
         point = madd(center, radius, out)
         pdf = area_pdf(reference, point, out, 4.0 * math.pi * radius * radius)
     else:
-        # From outside, draw a direction in the cone that the sphere fills, and follow it to the near side.
+        # From outside, sample a direction in the cone that the sphere fills, and intersect the near side.
         sin2_max = radius * radius / distance2
         axis = scale(1.0 / math.sqrt(distance2), to)
         s, t = basis(axis)
@@ -138,14 +138,14 @@ def _(table, primitive, reference, u1, u2, time):
 
 
 @pdf_point.register(Spheres)
-def _(table, primitive, reference, point, normal, time):
+def pdf_point_spheres(table, primitive, reference, point, normal, time):
     center, radius = row3(table.center, primitive), abs(table.radius[primitive])
     to = sub(center, reference)
     distance2 = dot(to, to)
-    if not _fills_a_cone(center, radius, distance2):
+    if not _is_cone_sampled(center, radius, distance2):
         return area_pdf(reference, point, normal, 4.0 * math.pi * radius * radius)
 
-    # The far side is in view through holes, and is never aimed at.
+    # The far side is visible through holes, but is never sampled.
     if dot(sub(point, reference), sub(point, center)) > 0.0:
         return 0.0
     return pdf_cone(radius * radius / distance2)

@@ -1,4 +1,4 @@
-"""Primitives of any kind that move in a straight line at a constant speed while the shutter is open.
+"""Primitives of any kind that move in a straight line at constant speed while the shutter is open.
 
 A moving primitive is the resting one, met by a ray that is shifted back; nothing of its kind's own code is repeated.
 """
@@ -9,28 +9,28 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.geometry import Geometry, Hit, LightPoint, hit_offset, padded, plane_gap, row3
-from raytracer.jit import kernel
-from raytracer.primitives.interface import (
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.geometry import Geometry, Hit, LightPoint, hit_offset, pad_buffer, plane_gap, row3
+from raytracer.core.primitives.base.interface import (
     areas,
-    carry,
     concatenate,
-    expect,
     geometry,
     group_key,
     has_vertex_normals,
     hit,
     pdf_point,
+    prefetch_primitive,
+    reproject_at_time,
     row_of,
     sample_point,
-    section,
-    unmapped,
+    slice_rows,
+    without_uv,
 )
-from raytracer.vec import add, dot, max_abs, norm, sub
+from raytracer.core.vec import add, dot, max_abs, norm, sub
 
 
 class Translated(NamedTuple):
-    """base, the table at the opening of the shutter; shift (n, 3) float64, how far each primitive goes till it closes.
+    """Table of moving primitives: the table at the opening of the shutter, and their displacements till it closes (m).
 
     Raises
     ------
@@ -46,20 +46,20 @@ class Translated(NamedTuple):
         return self.base.material
 
 
-def translated(base: Any, shift: NDArray[np.float64]) -> Translated:
-    """A table whose primitives all go the same way, `shift` (3,) (m)."""
+def translate_table(base: Any, shift: NDArray[np.float64]) -> Translated:
+    """Make a table whose primitives all move by `shift` (3,) (m)."""
     return Translated(
         base, np.ascontiguousarray(np.broadcast_to(np.asarray(shift, np.float64), (len(base.material), 3)))
     )
 
 
 @geometry.register(Translated)
-def _(table: Translated) -> Geometry:
-    """The base's buffers at two time steps at least."""
+def geometry_translated(table: Translated) -> Geometry:
+    """Make the base's buffers at two time steps at least."""
     start: Geometry = geometry(table.base)
     shift = table.shift
     if start.indices is not None:
-        # Vertices go with the primitives that they belong to; objects share none.
+        # Vertices move with the primitives that they belong to; objects share none.
         shift = np.zeros((len(start.vertices[0]), 3))
         shift[start.indices.reshape(len(table.shift), -1)] = table.shift[:, None, :]
     steps = start.vertices if len(start.vertices) > 1 else 2 * start.vertices
@@ -71,16 +71,16 @@ def _(table: Translated) -> Geometry:
 
 
 def _moved(vertices: NDArray[np.float32], shift: NDArray[np.float64]) -> NDArray[np.float32]:
-    """A copy of an Embree vertex buffer, with what stands behind the coordinates left alone."""
+    """Copy an Embree vertex buffer with its coordinates displaced, and its further columns as they are."""
     if not shift.any():
         return vertices
-    result = padded(vertices, np.float32)
+    result = pad_buffer(vertices, np.float32)
     result[:, :3] = vertices[:, :3] + shift
     return result
 
 
 @areas.register(Translated)
-def _(table: Translated) -> NDArray[np.float64]:
+def areas_translated(table: Translated) -> NDArray[np.float64]:
     return np.asarray(areas(table.base))
 
 
@@ -91,49 +91,49 @@ def has_vertex_normals_translated(table: Translated) -> bool:
 
 
 @group_key.register(Translated)
-def _(table: Translated) -> tuple[Any, ...]:
+def group_key_translated(table: Translated) -> tuple[Any, ...]:
     return (Translated.__name__, *group_key(table.base))
 
 
 @concatenate.register(Translated)
-def _(first: Translated, tables: Sequence[Translated]) -> Translated:
+def concatenate_translated(first: Translated, tables: Sequence[Translated]) -> Translated:
     base = concatenate(first.base, [table.base for table in tables])
     return Translated(base, np.ascontiguousarray(np.concatenate([table.shift for table in tables])))
 
 
-@unmapped.register(Translated)
-def _(table: Translated) -> Translated:
-    return Translated(unmapped(table.base), table.shift)
+@without_uv.register(Translated)
+def without_uv_translated(table: Translated) -> Translated:
+    return Translated(without_uv(table.base), table.shift)
 
 
-@section.register(Translated)
-def _(table: Translated, start: int, stop: int) -> Translated:
-    return Translated(section(table.base, start, stop), table.shift[start:stop])
+@slice_rows.register(Translated)
+def slice_rows_translated(table: Translated, start: int, stop: int) -> Translated:
+    return Translated(slice_rows(table.base, start, stop), table.shift[start:stop])
 
 
 @row_of.register(Translated)
-def _(table, part):
+def row_of_translated(table, part):
     return row_of(table.base, part)
 
 
-@expect.register(Translated)
-def _(table, primitive):
-    expect(table.base, primitive)
+@prefetch_primitive.register(Translated)
+def prefetch_primitive_translated(table, primitive):
+    prefetch_primitive(table.base, primitive)
 
 
 @kernel
 def _shift_at(table, primitive, time):
-    """How far a primitive has gone at a time, and its whole way."""
+    """Return the displacement of a primitive at a time, and its whole one."""
     shift = row3(table.shift, primitive)
     return (time * shift[0], time * shift[1], time * shift[2]), shift
 
 
 @hit.register(Translated)
-def _(table, primitive, origin, direction, near, time, accuracy):
+def hit_translated(table, primitive, origin, direction, near, time, accuracy):
     gone, shift = _shift_at(table, primitive, time)
     rest = hit(table.base, primitive, sub(origin, gone), direction, near, time, accuracy)
 
-    # Vertices at the end of the way are rounded at its scale, too.
+    # Vertices at the end of the motion are rounded at the scale of its displacement, too.
     offset = rest.offset + hit_offset(accuracy, max_abs(shift), 0.0)
     return Hit(
         add(rest.point, gone),
@@ -150,7 +150,7 @@ def _(table, primitive, origin, direction, near, time, accuracy):
 
 
 @sample_point.register(Translated)
-def _(table, primitive, reference, u1, u2, time):
+def sample_point_translated(table, primitive, reference, u1, u2, time):
     gone, shift = _shift_at(table, primitive, time)
     rest = sample_point(table.base, primitive, sub(reference, gone), u1, u2, time)
     way = sub(add(rest.point, gone), reference)
@@ -162,12 +162,12 @@ def _(table, primitive, reference, u1, u2, time):
 
 
 @pdf_point.register(Translated)
-def _(table, primitive, reference, point, normal, time):
+def pdf_point_translated(table, primitive, reference, point, normal, time):
     gone, _ = _shift_at(table, primitive, time)
     return pdf_point(table.base, primitive, sub(reference, gone), sub(point, gone), normal, time)
 
 
-@carry.register(Translated)
-def _(table, primitive, hit, time):
+@reproject_at_time.register(Translated)
+def reproject_at_time_translated(table, primitive, hit, time):
     gone, _ = _shift_at(table, primitive, time)
-    return add(carry(table.base, primitive, hit, time), gone)
+    return add(reproject_at_time(table.base, primitive, hit, time), gone)

@@ -10,95 +10,96 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.geometry import (
+from raytracer.core.compiler.dispatch import kernel, optional
+from raytracer.core.compiler.intrinsics import prefetch
+from raytracer.core.geometry import (
     Geometry,
     Hit,
     Primitive,
     area_light_point,
     area_pdf,
     barycentric,
+    clamp_to_triangle,
     hit_offset,
-    padded,
+    pad_buffer,
     plane_distance,
     row3,
-    within_triangle,
 )
-from raytracer.jit import generic, kernel, prefetch
-from raytracer.primitives.interface import (
+from raytracer.core.primitives.base.interface import (
     areas,
     bounds,
     concatenate,
-    expect,
     geometry,
     has_vertex_normals,
     hit,
     pdf_point,
+    prefetch_primitive,
     sample_point,
-    section,
-    unmapped,
+    slice_rows,
+    without_uv,
 )
-from raytracer.sampling.warp import sample_triangle
-from raytracer.vec import add, cross, dot, madd, max_abs, norm, normalize, scale, sub
+from raytracer.core.sampling.warp import sample_triangle
+from raytracer.core.vec import add, cross, dot, madd, max_abs, norm, normalize, scale, sub
 
 
-class Coordinates(NamedTuple):
-    """values (n, 2) float32, the parameters u and v of the vertices."""
+class TextureCoordinates(NamedTuple):
+    """Texture coordinates: values (n, 2) float32, the parameters u and v of the vertices."""
 
     values: NDArray[np.float32]
 
 
 class Triangles(NamedTuple):
-    """vertices (n, 3) float32, faces (m, 3) uint32, anticlockwise from outside, material (m,) int32.
+    """Table of triangles: vertices (n, 3) float32, faces (m, 3) uint32 anticlockwise from outside, material (m,) int32.
 
-    uv, Coordinates of the vertices, or None: then u and v are barycentric.
+    uv : TextureCoordinates of the vertices, or None: then u and v are barycentric.
     """
 
     vertices: NDArray[np.float32]
     faces: NDArray[np.uint32]
     material: NDArray[np.int32]
-    uv: Coordinates | None = None
+    uv: TextureCoordinates | None = None
 
 
 class SmoothTriangles(NamedTuple):
-    """As Triangles, with unit vertex normals (n, 3) float32 that shading interpolates."""
+    """Table of triangles with unit vertex normals (n, 3) float32, which shading interpolates."""
 
     vertices: NDArray[np.float32]
     faces: NDArray[np.uint32]
     material: NDArray[np.int32]
-    uv: Coordinates | None
+    uv: TextureCoordinates | None
     normals: NDArray[np.float32]
 
 
 @concatenate.register(Triangles)
 @concatenate.register(SmoothTriangles)
-def _(first: Any, tables: Sequence[Any]) -> Any:
+def concatenate_triangles(first: Any, tables: Sequence[Any]) -> Any:
     if len(tables) == 1:
         return first
     starts = np.cumsum([0] + [len(table.vertices) for table in tables])
     faces = np.concatenate([table.faces + np.uint32(start) for table, start in zip(tables, starts, strict=False)])
     names = [name for name in first._fields if name not in ("faces", "uv")]
     columns: dict[str, Any] = {name: np.concatenate([getattr(table, name) for table in tables]) for name in names}
-    columns["faces"] = padded(faces, np.uint32)
-    columns["vertices"] = padded(columns["vertices"], np.float32)
-    uv = None if first.uv is None else Coordinates(np.concatenate([table.uv.values for table in tables]))
+    columns["faces"] = pad_buffer(faces, np.uint32)
+    columns["vertices"] = pad_buffer(columns["vertices"], np.float32)
+    uv = None if first.uv is None else TextureCoordinates(np.concatenate([table.uv.values for table in tables]))
     return type(first)(**columns, uv=uv)
 
 
-@unmapped.register(Triangles)
-@unmapped.register(SmoothTriangles)
-def _(table: Triangles | SmoothTriangles) -> Triangles | SmoothTriangles:
+@without_uv.register(Triangles)
+@without_uv.register(SmoothTriangles)
+def without_uv_triangles(table: Triangles | SmoothTriangles) -> Triangles | SmoothTriangles:
     return table._replace(uv=None)
 
 
-@section.register(Triangles)
-@section.register(SmoothTriangles)
-def _(table: Any, start: int, stop: int) -> Any:
+@slice_rows.register(Triangles)
+@slice_rows.register(SmoothTriangles)
+def slice_rows_triangles(table: Any, start: int, stop: int) -> Any:
     return table._replace(faces=table.faces[start:stop], material=table.material[start:stop])
 
 
 @geometry.register(Triangles)
 @geometry.register(SmoothTriangles)
-def _(table: Triangles | SmoothTriangles) -> Geometry:
+def geometry_triangles(table: Triangles | SmoothTriangles) -> Geometry:
     return Geometry(Primitive.TRIANGLE, (table.vertices,), table.faces)
 
 
@@ -110,22 +111,22 @@ def has_vertex_normals_smooth_triangles(table: SmoothTriangles) -> bool:
 
 @areas.register(Triangles)
 @areas.register(SmoothTriangles)
-def _(table: Triangles | SmoothTriangles) -> NDArray[np.float64]:
+def areas_triangles(table: Triangles | SmoothTriangles) -> NDArray[np.float64]:
     a, b, c = (table.vertices[table.faces[:, corner]].astype(np.float64) for corner in range(3))
     return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
 
 
 @bounds.register(Triangles)
 @bounds.register(SmoothTriangles)
-def _(table: Triangles | SmoothTriangles) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def bounds_triangles(table: Triangles | SmoothTriangles) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     # A file may hold vertices that no triangle has.
     corners = table.vertices[table.faces].reshape(-1, 3).astype(np.float64)
     return corners.min(axis=0), corners.max(axis=0)
 
 
-@expect.register(Triangles)
-@expect.register(SmoothTriangles)
-def _(table, primitive):
+@prefetch_primitive.register(Triangles)
+@prefetch_primitive.register(SmoothTriangles)
+def prefetch_primitive_triangles(table, primitive):
     prefetch(table.material.ctypes.data + table.material.itemsize * primitive)
     for corner in range(3):
         row = np.intp(table.faces[primitive, corner])
@@ -134,25 +135,25 @@ def _(table, primitive):
 
 @kernel
 def _corners(vertices, faces, primitive):
-    """First vertex and the two edges from it."""
+    """Return the first vertex and the two edges from it."""
     a = row3(vertices, faces[primitive, 0])
     return a, sub(row3(vertices, faces[primitive, 1]), a), sub(row3(vertices, faces[primitive, 2]), a)
 
 
 @kernel
 def extent(a, edge1, edge2):
-    """How far the coordinates of a triangle reach."""
+    """Bound the coordinates of a triangle."""
     return max_abs(a) + max(max_abs(edge1), max_abs(edge2))
 
 
 @kernel
-def solve(accuracy, a, edge1, edge2, origin, direction, near):
-    """Point, normal, barycentric coordinates and spawn offset of a hit."""
+def solve_hit(accuracy, a, edge1, edge2, origin, direction, near):
+    """Compute point, normal, barycentric coordinates and spawn offset of a hit."""
     normal = normalize(cross(edge1, edge2))
-    found = madd(origin, plane_distance(accuracy, origin, direction, a, normal, near), direction)
-    u, v = barycentric(found, a, edge1, edge2)
+    point = madd(origin, plane_distance(accuracy, origin, direction, a, normal, near), direction)
+    u, v = barycentric(point, a, edge1, edge2)
     offset = hit_offset(accuracy, extent(a, edge1, edge2), near)
-    u, v = within_triangle(u, v, offset / max(max_abs(edge1), max_abs(edge2)))
+    u, v = clamp_to_triangle(u, v, offset / max(max_abs(edge1), max_abs(edge2)))
     return add(a, add(scale(u, edge1), scale(v, edge2))), normal, u, v, offset
 
 
@@ -166,19 +167,14 @@ def interpolated_normal(n0, n1, n2, u, v, normal):
     return shading if dot(shading, normal) > 0.0 else normal
 
 
-@generic
+@optional
 def parameters(uv, faces, primitive, u, v, edge1, edge2):
-    """u and v at barycentric coordinates of a triangle, and dp/du and dp/dv, zero where they are not defined."""
-    raise NotImplementedError
-
-
-@parameters.register(type(None))
-def _(uv, faces, primitive, u, v, edge1, edge2):
+    """Compute u, v, dp/du and dp/dv at barycentric coordinates of a triangle; derivatives are zero where undefined."""
     return u, v, edge1, edge2
 
 
-@parameters.register(Coordinates)
-def _(uv, faces, primitive, u, v, edge1, edge2):
+@parameters.register(TextureCoordinates)
+def parameters_texture_coordinates(uv, faces, primitive, u, v, edge1, edge2):
     a, b, c = faces[primitive, 0], faces[primitive, 1], faces[primitive, 2]
     u0, v0 = np.float64(uv.values[a, 0]), np.float64(uv.values[a, 1])
     u1, v1 = uv.values[b, 0] - u0, uv.values[b, 1] - v0
@@ -191,17 +187,17 @@ def _(uv, faces, primitive, u, v, edge1, edge2):
 
 
 @hit.register(Triangles)
-def _(table, primitive, origin, direction, near, time, accuracy):
+def hit_triangles(table, primitive, origin, direction, near, time, accuracy):
     a, edge1, edge2 = _corners(table.vertices, table.faces, primitive)
-    point, normal, u, v, offset = solve(accuracy, a, edge1, edge2, origin, direction, near)
+    point, normal, u, v, offset = solve_hit(accuracy, a, edge1, edge2, origin, direction, near)
     u, v, tangent, bitangent = parameters(table.uv, table.faces, primitive, u, v, edge1, edge2)
     return Hit(point, normal, normal, u, v, offset, table.material[primitive], tangent, bitangent, point)
 
 
 @hit.register(SmoothTriangles)
-def _(table, primitive, origin, direction, near, time, accuracy):
+def hit_smooth_triangles(table, primitive, origin, direction, near, time, accuracy):
     a, edge1, edge2 = _corners(table.vertices, table.faces, primitive)
-    point, normal, u, v, offset = solve(accuracy, a, edge1, edge2, origin, direction, near)
+    point, normal, u, v, offset = solve_hit(accuracy, a, edge1, edge2, origin, direction, near)
     n0 = row3(table.normals, table.faces[primitive, 0])
     n1 = row3(table.normals, table.faces[primitive, 1])
     n2 = row3(table.normals, table.faces[primitive, 2])
@@ -212,7 +208,7 @@ def _(table, primitive, origin, direction, near, time, accuracy):
 
 @sample_point.register(Triangles)
 @sample_point.register(SmoothTriangles)
-def _(table, primitive, reference, u1, u2, time):
+def sample_point_triangles(table, primitive, reference, u1, u2, time):
     a, edge1, edge2 = _corners(table.vertices, table.faces, primitive)
     across = cross(edge1, edge2)
     normal = normalize(across)
@@ -224,6 +220,6 @@ def _(table, primitive, reference, u1, u2, time):
 
 @pdf_point.register(Triangles)
 @pdf_point.register(SmoothTriangles)
-def _(table, primitive, reference, point, normal, time):
+def pdf_point_triangles(table, primitive, reference, point, normal, time):
     _, edge1, edge2 = _corners(table.vertices, table.faces, primitive)
     return area_pdf(reference, point, normal, 0.5 * norm(cross(edge1, edge2)))

@@ -1,11 +1,11 @@
-"""Random numbers: samplers, and warps of their numbers to distributions, each with its density."""
+"""Draw random numbers from samplers without state, and warp them to distributions with known densities."""
 
 from collections.abc import Callable, Mapping
 
-from raytracer.sampling.independent import Independent
-from raytracer.sampling.interface import pixel_key, sample_1d, sample_2d
-from raytracer.sampling.sobol import Sobol
-from raytracer.sampling.stratified import Stratified
+from raytracer.core.sampling.independent import Independent
+from raytracer.core.sampling.interface import pixel_key, sample_1d, sample_2d
+from raytracer.core.sampling.sobol import Sobol
+from raytracer.core.sampling.stratified import Stratified
 
 SAMPLERS: Mapping[str, Callable[[int, int], Independent | Sobol | Stratified]] = {
     "independent": lambda seed, spp: Independent(seed),

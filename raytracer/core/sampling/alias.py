@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytracer.jit import kernel
-from raytracer.sampling.hashing import BELOW_ONE
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.sampling.hashing import ONE_MINUS_EPSILON
 
 
 class AliasTable(NamedTuple):
@@ -18,7 +18,7 @@ class AliasTable(NamedTuple):
 
 
 def build_alias(weights: ArrayLike) -> AliasTable:
-    """The table of n non-negative weights, n < 2^31; what has weight 0 is never drawn.
+    """Build the table of n non-negative weights, n < 2^31; what has weight 0 is never drawn.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def _running_sums(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @kernel
 def sample_alias(table, u):
-    """(index, its probability, a new number in [0, 1)) from a number in [0, 1).
+    """Sample (index, its probability, a new number in [0, 1)) from a number in [0, 1).
 
     The new number holds what u knows beyond the choice: log2 n bits fewer.
     """
@@ -71,6 +71,6 @@ def sample_alias(table, u):
     rest = scaled - drawn
     keep = table.probability[drawn]
     if rest < keep:
-        return drawn, table.pmf[drawn], min(rest / keep, BELOW_ONE)
+        return drawn, table.pmf[drawn], min(rest / keep, ONE_MINUS_EPSILON)
     other = np.int64(table.alias[drawn])
-    return other, table.pmf[other], min((rest - keep) / (1.0 - keep), BELOW_ONE)
+    return other, table.pmf[other], min((rest - keep) / (1.0 - keep), ONE_MINUS_EPSILON)

@@ -9,11 +9,11 @@ makes a float of uint64 with int64, sees one type; masks cost nothing, since the
 
 import numpy as np
 
-from raytracer.jit import kernel
+from raytracer.core.compiler.dispatch import kernel
 
 MASK = np.uint64(0xFFFFFFFF)
 ONE = np.uint64(1)
-BELOW_ONE = 1.0 - 2.0**-53
+ONE_MINUS_EPSILON = 1.0 - 2.0**-53
 """The largest float64 less than 1."""
 
 GOLDEN = np.uint64(0x9E3779B9)
@@ -27,13 +27,13 @@ _MIX_2 = np.uint64(0xD35A2D97)
 
 @kernel
 def unit_interval(word):
-    """A 32-bit word as a float64 in (0, 1): the middle of its interval of 2^-32, so the mean of all words is 1/2."""
+    """Convert a 32-bit word to a float64 in (0, 1): the middle of its interval of 2^-32, so that the mean is 1/2."""
     return (np.int64(word) + 0.5) * 2.0**-32
 
 
 @kernel
 def mix32(word):
-    """A bijection of 32-bit words that flips each bit of its result with odds close to 1/2 as any bit of `word` flips.
+    """Mix the bits of a 32-bit word: a bijection in which any input bit flips each output bit with odds near 1/2.
 
     References: Wellons 2018, "Prospecting for Hash Functions" (nullprogram.com), and the constants that its search
     program found later (hash-prospector, issue 19), of bias 0.107.
@@ -48,7 +48,7 @@ def mix32(word):
 
 @kernel
 def philox2x32(first, second, key):
-    """Two 32-bit words from two: a bijection for each `key`, of 7 rounds, the fewest that pass TestU01's BigCrush.
+    """Mix two 32-bit words: a bijection for each `key`, of 7 rounds, the fewest that pass TestU01's BigCrush.
 
     References: Salmon et al. 2011, "Parallel Random Numbers: As Easy as 1, 2, 3", SC'11, sec. 3.3 and table 2.
     """
@@ -63,7 +63,7 @@ def philox2x32(first, second, key):
 
 @kernel
 def hash_pixel(seed, x, y):
-    """The 32-bit key of a pixel, different for all pixels of an image of up to 65536 x 65536."""
+    """Hash a pixel to a 32-bit key, different for all pixels of an image of up to 65536 x 65536."""
     seed, x, y = np.uint64(seed), np.uint64(x), np.uint64(y)
     low = (x & _HALF_WORD) | ((y & _HALF_WORD) << np.uint64(16))
     high = (x >> np.uint64(16)) ^ (y & (MASK ^ _HALF_WORD))

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytracer.sampling.hashing import hash_pixel, philox2x32, unit_interval
-from raytracer.sampling.interface import pixel_key, sample_1d, sample_2d
+from raytracer.core.sampling.hashing import hash_pixel, philox2x32, unit_interval
+from raytracer.core.sampling.interface import pixel_key, sample_1d, sample_2d
 
 
 class Independent(NamedTuple):
@@ -20,17 +20,17 @@ class Independent(NamedTuple):
 
 
 @pixel_key.register(Independent)
-def _(sampler, x, y):
+def pixel_key_independent(sampler, x, y):
     return hash_pixel(sampler.seed, x, y)
 
 
 @sample_1d.register(Independent)
-def _(sampler, key, index, dimension):
+def sample_1d_independent(sampler, key, index, dimension):
     high, low = philox2x32(index, dimension, key)
     return np.int64((high << np.uint64(21)) ^ (low >> np.uint64(11))) * 2.0**-53
 
 
 @sample_2d.register(Independent)
-def _(sampler, key, index, dimension):
+def sample_2d_independent(sampler, key, index, dimension):
     first, second = philox2x32(index, dimension, key)
     return unit_interval(first), unit_interval(second)

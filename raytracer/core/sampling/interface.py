@@ -1,25 +1,25 @@
-"""What every sampler gives to kernels: random numbers as pure functions of pixel, sample and dimension.
+"""The interface of samplers: random numbers as pure functions of pixel, sample and dimension.
 
 A sampler is a NamedTuple of parameters; it holds no state, so it may be shared by all threads.  `dimension` names what
 a number is for: each use within a path has its own, below 2^32, and takes either one number or a pair of it.
 """
 
-from raytracer.jit import generic
+from raytracer.core.compiler.dispatch import generic
 
 
 @generic
 def pixel_key(sampler, x, y):
-    """The key that the numbers of pixel (x, y) are drawn with: a uint64 below 2^32; x and y are 0 or more."""
+    """Return the key of the random numbers of pixel (x, y): a uint64 below 2^32; x and y are 0 or more."""
     raise NotImplementedError
 
 
 @generic
 def sample_1d(sampler, key, index, dimension):
-    """Number `dimension` of sample `index` of the pixel with `key`: float64, uniform in [0, 1)."""
+    """Draw number `dimension` of sample `index` of the pixel with `key`: float64, uniform in [0, 1)."""
     raise NotImplementedError
 
 
 @generic
 def sample_2d(sampler, key, index, dimension):
-    """Two numbers for `dimension` of sample `index` of the pixel with `key`: float64, uniform in [0, 1)^2."""
+    """Draw two numbers for `dimension` of sample `index` of the pixel with `key`: float64, uniform in [0, 1)^2."""
     raise NotImplementedError

@@ -1,13 +1,13 @@
-"""Owen-scrambled Sobol' points: the least noise for a number of samples that is a power of two."""
+"""Owen-scrambled Sobol' points, with the least noise if the number of samples is a power of two."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.jit import kernel
-from raytracer.sampling.hashing import GOLDEN, MASK, ONE, hash_pixel, unit_interval
-from raytracer.sampling.interface import pixel_key, sample_1d, sample_2d
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.sampling.hashing import GOLDEN, MASK, ONE, hash_pixel, unit_interval
+from raytracer.core.sampling.interface import pixel_key, sample_1d, sample_2d
 
 
 class Sobol(NamedTuple):
@@ -28,13 +28,13 @@ class Sobol(NamedTuple):
 
 
 def _reversed_bytes() -> NDArray[np.uint8]:
-    """The bits of each byte in reverse order: uint8 (256,)."""
+    """Tabulate the bits of each byte in reverse order: uint8 (256,)."""
     bits = np.unpackbits(np.arange(256, dtype=np.uint8)[:, None], axis=1)
     return np.packbits(bits[:, ::-1], axis=1)[:, 0]
 
 
 def _sobol_bytes() -> NDArray[np.uint32]:
-    """What a byte of a bit-reversed sample index adds to it: uint32 (256,).
+    """Tabulate the contribution of a byte of a bit-reversed sample index to its point: uint32 (256,).
 
     The low half holds the byte with its bits in natural order: by those, Sobol's first dimension is the van der Corput
     sequence.  The high half holds it times Pascal's triangle mod 2, which makes the second dimension.  The triangle of
@@ -88,14 +88,14 @@ def _reverse_digits(word):
 
 @kernel
 def _folded_product(a, b):
-    """The two halves of the product of 32-bit words, one upon the other: all bits of both decide on each of its own."""
+    """Multiply two 32-bit words and XOR the halves of the product: each bit depends on all bits of both."""
     product = a * b
     return (product >> np.uint64(32)) ^ (product & MASK)
 
 
 @kernel
 def _seeds(key, index, dimension):
-    """Three 32-bit words for the 65536 samples around `index` and for `dimension`: to shuffle, and to scramble by."""
+    """Draw three 32-bit seeds for the 65536 samples around `index` and a dimension: to shuffle, and to scramble by."""
     block = (np.uint64(index) >> np.uint64(16)) * _SALT_BLOCK
     use = (np.uint64(dimension) + block) & MASK
     word = (np.uint64(key) + use * GOLDEN) & MASK
@@ -105,7 +105,7 @@ def _seeds(key, index, dimension):
 
 @kernel
 def _shuffled(index, seed):
-    """The shuffled index, its 16 bits reversed, as its lower and upper byte.
+    """Shuffle an index; returns the lower and upper byte of its 16 reversed bits.
 
     Shuffling is Owen's scramble of the reversed bits, so aligned blocks of 2^k indices stay such blocks.
     """
@@ -118,12 +118,12 @@ def _shuffled(index, seed):
 
 
 @pixel_key.register(Sobol)
-def _(sampler, x, y):
+def pixel_key_sobol(sampler, x, y):
     return hash_pixel(sampler.seed, x, y)
 
 
 @sample_1d.register(Sobol)
-def _(sampler, key, index, dimension):
+def sample_1d_sobol(sampler, key, index, dimension):
     shuffle, scramble, _ = _seeds(key, index, dimension)
     low, high = _shuffled(index, shuffle)
     word = np.uint64(_REVERSED[high]) | (np.uint64(_REVERSED[low]) << np.uint64(8))
@@ -131,7 +131,7 @@ def _(sampler, key, index, dimension):
 
 
 @sample_2d.register(Sobol)
-def _(sampler, key, index, dimension):
+def sample_2d_sobol(sampler, key, index, dimension):
     shuffle, scramble_1, scramble_2 = _seeds(key, index, dimension)
     low, high = _shuffled(index, shuffle)
 

@@ -5,9 +5,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytracer.jit import kernel
-from raytracer.sampling.hashing import BELOW_ONE, GOLDEN, MASK, ONE, hash_pixel, mix32, philox2x32, unit_interval
-from raytracer.sampling.interface import pixel_key, sample_1d, sample_2d
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.sampling.hashing import (
+    GOLDEN,
+    MASK,
+    ONE,
+    ONE_MINUS_EPSILON,
+    hash_pixel,
+    mix32,
+    philox2x32,
+    unit_interval,
+)
+from raytracer.core.sampling.interface import pixel_key, sample_1d, sample_2d
 
 
 class Stratified(NamedTuple):
@@ -28,7 +37,7 @@ class Stratified(NamedTuple):
 
     @classmethod
     def of(cls, seed: int, spp: int) -> "Stratified":
-        """The sampler for `spp` samples per pixel, with the grid nearest to a square that holds them.
+        """Make the sampler for `spp` samples per pixel, with the grid nearest to a square that holds them.
 
         Raises
         ------
@@ -48,7 +57,7 @@ _SALT = np.uint64(0x2545F491)
 
 @kernel
 def permute(i, length, seed):
-    """Element i of a pseudo-random permutation of 0 .. length - 1, length < 2^32, made by a 32-bit `seed`.
+    """Return element i of a pseudo-random permutation of 0 .. length - 1, length < 2^32, made by a 32-bit `seed`.
 
     References: Black, Rogaway 2002, "Ciphers with Arbitrary Finite Domains", sec. 3 (cycle walking).
     """
@@ -77,23 +86,23 @@ def _seed_of_round(key, turn, dimension):
 
 
 @pixel_key.register(Stratified)
-def _(sampler, x, y):
+def pixel_key_stratified(sampler, x, y):
     return hash_pixel(sampler.seed, x, y)
 
 
 @sample_1d.register(Stratified)
-def _(sampler, key, index, dimension):
+def sample_1d_stratified(sampler, key, index, dimension):
     turn, i = index // sampler.spp, index % sampler.spp
     stratum = permute(i, sampler.spp, _seed_of_round(key, turn, dimension))
     jitter, _ = philox2x32(index, dimension, key)
-    return min((stratum + unit_interval(jitter)) / sampler.spp, BELOW_ONE)
+    return min((stratum + unit_interval(jitter)) / sampler.spp, ONE_MINUS_EPSILON)
 
 
 @sample_2d.register(Stratified)
-def _(sampler, key, index, dimension):
+def sample_2d_stratified(sampler, key, index, dimension):
     turn, i = index // sampler.spp, index % sampler.spp
     cell = permute(i, sampler.columns * sampler.rows, _seed_of_round(key, turn, dimension))
     jitter_1, jitter_2 = philox2x32(index, dimension, key)
     u = (cell % sampler.columns + unit_interval(jitter_1)) / sampler.columns
     v = (cell // sampler.columns + unit_interval(jitter_2)) / sampler.rows
-    return min(u, BELOW_ONE), min(v, BELOW_ONE)
+    return min(u, ONE_MINUS_EPSILON), min(v, ONE_MINUS_EPSILON)

@@ -2,13 +2,13 @@
 
 import math
 
-from raytracer.jit import kernel
-from raytracer.vec import Vec3
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.vec import Vec3
 
 
 @kernel
 def sample_disc(u1: float, u2: float) -> tuple[float, float]:
-    """A point of the unit disc, uniform by area: squares round the middle (0.5, 0.5) become circles round (0, 0).
+    """Sample a point of the unit disc, uniform by area: squares round (0.5, 0.5) become circles round (0, 0).
 
     References: Shirley, Chiu 1997, "A Low Distortion Map Between Disk and Square", JGT 2(3).
     """
@@ -24,13 +24,13 @@ def sample_disc(u1: float, u2: float) -> tuple[float, float]:
 
 @kernel
 def pdf_disc() -> float:
-    """Density by area."""
+    """Return the density by area."""
     return 1.0 / math.pi
 
 
 @kernel
 def sample_bin(cumulative, begin, end, u):
-    """The bin of begin .. end - 1 that a number in [0, 1) falls into, and where in it, 0 to 1.
+    """Sample one of the bins begin .. end - 1 by a number in [0, 1); returns it and the position in it, 0 to 1.
 
     cumulative, probabilities (n,) of a bin or one before it from `begin` on; bins of no probability are never drawn.
     """
@@ -47,7 +47,7 @@ def sample_bin(cumulative, begin, end, u):
 
 @kernel
 def sample_sphere(u1: float, u2: float) -> Vec3:
-    """A point of the unit sphere, uniform by area.
+    """Sample a point of the unit sphere, uniform by area.
 
     References: Archimedes, "On the Sphere and Cylinder": zones of equal height have equal areas.
     """
@@ -59,25 +59,25 @@ def sample_sphere(u1: float, u2: float) -> Vec3:
 
 @kernel
 def pdf_sphere() -> float:
-    """Density in solid angle."""
+    """Return the density in solid angle."""
     return 0.25 / math.pi
 
 
 @kernel
 def sample_hemisphere(u1: float, u2: float) -> Vec3:
-    """A direction round +z, uniform by solid angle; by Archimedes, as on the sphere."""
+    """Sample a direction round +z, uniform by solid angle; by Archimedes, as on the sphere."""
     return sample_cone(u1, u2, 1.0)
 
 
 @kernel
 def pdf_hemisphere(cosine: float) -> float:
-    """Density in solid angle, 0 below the horizon."""
+    """Return the density in solid angle, 0 below the horizon."""
     return 0.5 / math.pi if cosine >= 0.0 else 0.0
 
 
 @kernel
 def sample_cosine_hemisphere(u1: float, u2: float) -> Vec3:
-    """A direction round +z, with a density in proportion to its cosine.
+    """Sample a direction round +z, with a density in proportion to its cosine.
 
     References: Malley's method: Pharr et al. 2023, "Physically Based Rendering", 4th ed., A.5.3.
     """
@@ -87,13 +87,13 @@ def sample_cosine_hemisphere(u1: float, u2: float) -> Vec3:
 
 @kernel
 def pdf_cosine_hemisphere(cosine: float) -> float:
-    """Density in solid angle, 0 below the horizon."""
+    """Return the density in solid angle, 0 below the horizon."""
     return max(0.0, cosine) / math.pi
 
 
 @kernel
 def sample_triangle(u1: float, u2: float) -> tuple[float, float]:
-    """Barycentric (u, v) of a point of a triangle, uniform by area: corner + u edge_1 + v edge_2, u + v <= 1.
+    """Sample barycentric (u, v) of a triangle, uniform by area: corner + u edge_1 + v edge_2, u + v <= 1.
 
     References: Heitz 2019, "A Low-Distortion Map Between Triangle and Square".
     """
@@ -108,19 +108,19 @@ def sample_triangle(u1: float, u2: float) -> tuple[float, float]:
 
 @kernel
 def pdf_triangle() -> float:
-    """Density in (u, v), the area of whose triangle is 1/2; by area it is 1 / area."""
+    """Return the density in (u, v), the area of whose triangle is 1/2; by area it is 1 / area."""
     return 2.0
 
 
 @kernel
 def one_minus_cosine(sin2: float) -> float:
-    """1 - cos of an angle up to 90 degrees from its sin^2, without cancellation for small ones."""
+    """Compute 1 - cos of an angle up to 90 degrees from its sin^2, without cancellation for small ones."""
     return sin2 / (1.0 + math.sqrt(1.0 - sin2))
 
 
 @kernel
 def sample_cone(u1: float, u2: float, sin2_max: float) -> Vec3:
-    """A direction in the cone round +z whose edge has the squared sine `sin2_max`, uniform by solid angle.
+    """Sample a direction in the cone round +z whose edge has the squared sine `sin2_max`, uniform by solid angle.
 
     The sine comes from 1 - cos, not from the cosine, which is 1 to the last bit in a narrow cone.
 
@@ -134,5 +134,5 @@ def sample_cone(u1: float, u2: float, sin2_max: float) -> Vec3:
 
 @kernel
 def pdf_cone(sin2_max: float) -> float:
-    """Density in solid angle of a direction in the cone; infinite for a cone of no width."""
+    """Return the density in solid angle of a direction in the cone; infinite for a cone of no width."""
     return 1.0 / (2.0 * math.pi * one_minus_cosine(sin2_max))

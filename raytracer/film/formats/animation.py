@@ -1,4 +1,4 @@
-"""Pictures one after the other, as a GIF, a WebP or an animated PNG that runs for ever."""
+"""Animations: several pictures in one GIF, WebP or animated PNG file, repeated without end."""
 
 import io
 import math
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.errors import InputError
+from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
     import PIL.Image
@@ -17,34 +17,34 @@ Kind = Literal["gif", "webp", "png"]
 KINDS: tuple[Kind, ...] = ("gif", "webp", "png")
 
 # A GIF's frames last whole hundredths of a second, and browsers slow down those of fewer than two.
-_TICK_MS, _FEWEST_TICKS = 10, 2
-_SLOWEST = 600_000
+_TICK_MS, _MIN_TICKS = 10, 2
+_MAX_DURATION_MS = 600_000
 
-MOST_FPS = 1000.0 / (_TICK_MS * _FEWEST_TICKS)
+MAX_FPS = 1000.0 / (_TICK_MS * _MIN_TICKS)
 """Frames a second, at most."""
 
 _WEBP_QUALITY = 90
 _COLORS = 256
 
 # Pixels of all frames together from which a GIF's colours are chosen.
-_LOOKED_AT = 1_000_000
+_PALETTE_SAMPLES = 1_000_000
 
 
 def check(kind: str, fps: float, *, kind_option: str = "--animate", fps_option: str = "--fps") -> None:
-    """Make sure, before anything is rendered, that there is such an animation.
+    """Check, before anything is rendered, that such an animation can be written.
 
     Raises
     ------
-    InputError : `fps` is not in 0..50, or `kind` is none of those that there are.
+    InputError : `fps` is not in 0..50, or `kind` is none of `KINDS`.
     """
     if kind not in KINDS:
         raise InputError(f"{kind_option} {kind}: must be one of {', '.join(KINDS)}")
-    if not 0.0 < fps <= MOST_FPS:
-        raise InputError(f"{fps_option} {fps:g}: must be greater than 0 and at most {MOST_FPS:g}")
+    if not 0.0 < fps <= MAX_FPS:
+        raise InputError(f"{fps_option} {fps:g}: must be greater than 0 and at most {MAX_FPS:g}")
 
 
 def encode(frames: Sequence[NDArray[np.uint8]], kind: Kind, *, fps: float = 5.0, boomerang: bool = False) -> bytes:
-    """The animation of frames (height, width, 3), all of one size, in sRGB.
+    """Encode frames (height, width, 3), all of one size, in sRGB, as an animation.
 
     A GIF has 256 colours, the same in all frames, and steps of 1/100 s; a WebP's quality is 90; a PNG has all pixels as
     they are.
@@ -52,7 +52,7 @@ def encode(frames: Sequence[NDArray[np.uint8]], kind: Kind, *, fps: float = 5.0,
     Parameters
     ----------
     fps : frames a second, at most 50.
-    boomerang : go back from the last frame to the first, rather than start anew.
+    boomerang : whether to go back from the last frame to the first, rather than to start again.
 
     Raises
     ------
@@ -65,13 +65,13 @@ def encode(frames: Sequence[NDArray[np.uint8]], kind: Kind, *, fps: float = 5.0,
         raise InputError("an animation needs a picture, and there is none")
     pictures = [PIL.Image.fromarray(frame) for frame in frames]
     if kind == "gif":
-        pictures = _in_one_palette(pictures)
+        pictures = _quantize(pictures)
     if boomerang:
         pictures += pictures[-2:0:-1]
 
-    duration = min(_SLOWEST, round(1000.0 / fps))
+    duration = min(_MAX_DURATION_MS, round(1000.0 / fps))
     if kind == "gif":
-        duration = max(_FEWEST_TICKS, round(duration / _TICK_MS)) * _TICK_MS
+        duration = max(_MIN_TICKS, round(duration / _TICK_MS)) * _TICK_MS
     settings: dict[str, Any] = {
         "gif": {"optimize": False, "disposal": 1},
         "webp": {"quality": _WEBP_QUALITY, "method": 4},
@@ -84,13 +84,13 @@ def encode(frames: Sequence[NDArray[np.uint8]], kind: Kind, *, fps: float = 5.0,
     return buffer.getvalue()
 
 
-def _in_one_palette(frames: Sequence["PIL.Image.Image"]) -> list["PIL.Image.Image"]:
-    """The frames in 256 colours, which are those of all of them, so that none changes its look for the others'."""
+def _quantize(frames: Sequence["PIL.Image.Image"]) -> list["PIL.Image.Image"]:
+    """Quantize frames to 256 colours, chosen from all of them, so that colours do not change from frame to frame."""
     import PIL.Image
 
-    # Every n-th pixel of all frames is a picture of its own, from which the colours are chosen.
-    step = max(1, math.isqrt(len(frames) * frames[0].width * frames[0].height // _LOOKED_AT))
-    seen = np.concatenate([np.asarray(frame)[::step, ::step].reshape(-1, 3) for frame in frames])
-    with PIL.Image.fromarray(seen[None]) as sample:
+    # The colours are chosen from every n-th pixel of all frames.
+    step = max(1, math.isqrt(len(frames) * frames[0].width * frames[0].height // _PALETTE_SAMPLES))
+    colors = np.concatenate([np.asarray(frame)[::step, ::step].reshape(-1, 3) for frame in frames])
+    with PIL.Image.fromarray(colors[None]) as sample:
         palette = sample.quantize(_COLORS, PIL.Image.Quantize.MEDIANCUT)
     return [frame.quantize(palette=palette, dither=PIL.Image.Dither.FLOYDSTEINBERG) for frame in frames]

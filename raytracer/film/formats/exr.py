@@ -1,141 +1,115 @@
-"""What the libraries for image files find in one, after its size has been judged by its header alone.
+"""OpenEXR files (.exr): float32, linear, or uint32 for identifiers; variance, layers, and settings as attributes.
 
-A few bytes can claim any number of pixels, and hold it in zeros; what is too large, or cannot be in a file as short as
-that, is refused before room is made for it.
+The radiance has the channels R, G and B, another layer `NAME.R` and so on, or its own name for a single one; the name
+of a setting's attribute has `rt.` before it.
 """
 
 import contextlib
 import io
 import os
 import threading
-import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    import PIL.Image
+from raytracer.film.formats.base.image_format import DecodedLayers, ImageFormat, Layers, header_settings
+from raytracer.film.formats.base.limits import BrokenImageError, check_size
 
-MAX_PIXELS = 2**28
-"""More is refused before it is decoded: 16384 x 16384 pixels of three bytes are 0.8 GB."""
+if TYPE_CHECKING:
+    from raytracer.film.image import Image
 
 MAX_DECODED_BYTES = 2**32
-"""Of all channels of an .exr file, as float32; 2^28 pixels of four."""
+"""Bytes of all channels of a file, as float32, that are read: 2^28 pixels of four."""
 
-# DEFLATE makes at most 1032 bytes of one, which are 8256 pixels of one bit; WebP without losses, and the blocks of
-# OpenEXR, have no such bound, but no picture comes near.
-_MOST_PIXELS_A_BYTE = 2**14
+_PREFIX = "rt."
 
-# 4096 x 4096: of one colour, as maps of normals without relief have, a few hundred bytes of WebP hold them.
-_PIXELS_OF_ANY_FILE = 2**24
+# Red, green, blue and white of Rec. 709, as x and y each.
+_CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 
 # 1024 x 1024, for a picture that is smaller; programs write 16 to 512 a side.
-_MOST_TILE_PIXELS = 2**20
-
-# Pillow would try all that it knows, by content: PostScript, which it hands to another program, among them.
-_FORMATS = ("PNG", "JPEG", "BMP", "TGA", "TIFF", "WEBP")
+_MAX_TILE_PIXELS = 2**20
 
 _SILENCE = threading.Lock()
 
 
-class BrokenImageError(ValueError):
-    """An image that cannot be used; its text completes the sentence "FILE: ..."."""
+def encode_exr(image: "Image", layers: Layers) -> bytes:
+    """Encode an image with its variance, its layers and further ones."""
+    import OpenEXR
+
+    header: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    header["chromaticities"] = _CHROMATICITIES
+    header |= {_PREFIX + key: value for key, value in header_settings(image).items()}
+
+    arrays: dict[str, NDArray[Any]] = {"": image.radiance}
+    if image.variance is not None:
+        arrays["variance"] = image.variance
+    arrays |= {**image.layers, **layers}
+
+    # A float64 that float32 cannot hold becomes inf, as it should; identifiers stay integers.
+    channels: dict[str, NDArray[Any]] = {}
+    for layer, array in arrays.items():
+        planes = np.atleast_3d(array)
+        names = image.channels.get(layer) or (("",) if array.ndim == 2 else tuple("RGB"))
+        with np.errstate(over="ignore"):
+            planes = planes if planes.dtype == np.uint32 else planes.astype(np.float32)
+        for number, name in enumerate(names):
+            full = ".".join(part for part in (layer, name) if part)
+            channels[full] = np.ascontiguousarray(planes[..., number])
+    buffer = io.BytesIO()
+    OpenEXR.File(header, channels).write(buffer)
+    return buffer.getvalue()
 
 
-def check_size(width: int, height: int, length: int) -> None:
-    """Refuse an image of so many pixels, in a file of `length` bytes.
-
-    Raises
-    ------
-    BrokenImageError : it has none, too many, or more than its file can hold.
-    """
-    if width <= 0 or height <= 0:
-        raise BrokenImageError("has no pixels")
-    if width * height > MAX_PIXELS:
-        raise BrokenImageError(f"is {width} x {height} pixels, and at most {MAX_PIXELS:,} are read")
-    if width * height > max(_PIXELS_OF_ANY_FILE, _MOST_PIXELS_A_BYTE * length):
-        raise BrokenImageError(f"is {width} x {height} pixels in {length} bytes, which no picture is")
-
-
-# ---- Pillow
-
-
-@contextlib.contextmanager
-def pillow(data: bytes, formats: tuple[str, ...] = _FORMATS) -> Iterator["PIL.Image.Image"]:
-    """An image file opened by Pillow, its size judged; its pixels are decoded when they are asked for.
-
-    Raises
-    ------
-    BrokenImageError : see `check_size`.
-    Exception : whatever Pillow raises about broken files.
-    """
-    import PIL.Image
-
-    from raytracer.jit import alone
-
-    _check_webp(data)
-    with alone, _any_size(), warnings.catch_warnings():
-        # What Pillow warns of is either of no matter here or raises when it decodes.
-        warnings.simplefilter("ignore")
-        with PIL.Image.open(io.BytesIO(data), formats=formats) as file:
-            check_size(*file.size, len(data))
-            yield file
-
-
-def is_transparent(data: bytes) -> bool:
-    """Whether an image file that Pillow reads tells how opaque it is.
+def decode_exr(data: bytes) -> NDArray[np.float64]:
+    """Decode the radiance of a file, float64 (height, width, 3); of a grey one all channels are equal.
 
     Raises
     ------
-    BrokenImageError : it cannot be opened.
+    BrokenImageError : it has neither R, G and B nor Y; or as `read_exr`.
     """
-    try:
-        with pillow(data) as file:
-            return "A" in file.getbands() or "transparency" in file.info
-    except Exception as error:
-        # A broken file raises anything, from SyntaxError to struct.error.
-        raise BrokenImageError("is broken, or no image") from error
+    layers, _ = decode_exr_layers(data, {"radiance"})
+    if "radiance" not in layers and "Y" not in layers:
+        raise BrokenImageError("has neither channels R, G and B nor Y")
+    return layers["radiance"] if "radiance" in layers else np.repeat(layers["Y"][..., None], 3, axis=2)
 
 
-def _check_webp(data: bytes) -> None:
-    """Judge the size of a WebP file, for which Pillow makes room as soon as it opens it.
+def decode_exr_layers(data: bytes, wanted: Collection[str] | None = None) -> DecodedLayers:
+    """Decode layers and settings; see `raytracer.film.image_file.load_layers`.
 
-    References: Google, "WebP Container Specification"; RFC 6386, sec. 9.1; "WebP Lossless Bitstream", sec. 3.
+    Raises
+    ------
+    BrokenImageError : as `read_exr`.
     """
-    if data[:4] != b"RIFF" or data[8:12] != b"WEBP":
-        return
-    if data[12:16] == b"VP8X":
-        width, height = (int.from_bytes(data[start : start + 3], "little") + 1 for start in (24, 27))
-    elif data[12:16] == b"VP8L":
-        packed = int.from_bytes(data[21:25], "little")
-        width, height = (packed & 0x3FFF) + 1, (packed >> 14 & 0x3FFF) + 1
-    else:
-        width, height = (int.from_bytes(data[start : start + 2], "little") & 0x3FFF for start in (26, 28))
-    check_size(width, height, len(data))
+
+    def is_wanted(name: str) -> bool:
+        return wanted is None or (name.rpartition(".")[0] or "radiance") in wanted or name in wanted
+
+    header, planes = read_exr(data, is_wanted)
+    channels = {name: np.asarray(plane, dtype=np.float64) for name, plane in planes.items()}
+    settings = {key[len(_PREFIX) :]: str(value) for key, value in header.items() if key.startswith(_PREFIX)}
+
+    # Put the channels of a layer together again.
+    layers: dict[str, NDArray[np.float64]] = {}
+    for stem in dict.fromkeys(name[: name.rfind(".") + 1] for name in channels):
+        own = [name for name in channels if name[: name.rfind(".") + 1] == stem]
+        for components in ("RGB", "XYZ", "XY"):
+            names = [stem + c for c in components]
+            # The image's own channels are not taken for a vector in the plane.
+            if all(n in own for n in names) and (stem or components != "XY"):
+                layers[stem.removesuffix(".") or "radiance"] = np.stack([channels.pop(n) for n in names], axis=-1)
+                break
+        else:
+            if stem and len(own) == 1:
+                layers[stem.removesuffix(".")] = channels.pop(own[0])
+    return {**layers, **channels}, settings
 
 
-@contextlib.contextmanager
-def _any_size() -> Iterator[None]:
-    """Keep Pillow from judging sizes, which are checked here before pixels are decoded."""
-    import PIL.Image
-
-    kept = PIL.Image.MAX_IMAGE_PIXELS
-    PIL.Image.MAX_IMAGE_PIXELS = None
-    try:
-        yield
-    finally:
-        PIL.Image.MAX_IMAGE_PIXELS = kept
-
-
-# ---- OpenEXR
-
-
-def exr(
+def read_exr(
     data: bytes, is_wanted: Callable[[str], bool] = lambda name: True
 ) -> tuple[Mapping[str, Any], dict[str, NDArray[Any]]]:
-    """The header of an .exr file, and the channels (height, width) of its first part that are wanted, by name.
+    """Read the header of a file, and those channels (height, width) of its first part that are wanted, by name.
 
     Raises
     ------
@@ -144,19 +118,19 @@ def exr(
     """
     import OpenEXR
 
-    with silenced():
+    with suppress_library_output():
         with OpenEXR.File(io.BytesIO(data), separate_channels=True, header_only=True) as file:
             _check_parts([part.header for part in file.parts], len(data))
         with OpenEXR.File(io.BytesIO(data), separate_channels=True) as file:
             header = dict(file.header())
-            found = {name: np.asarray(channel.pixels) for name, channel in file.channels().items() if is_wanted(name)}
-    if any(plane.ndim != 2 or plane.dtype.kind not in "fu" for plane in found.values()):
+            planes = {name: np.asarray(channel.pixels) for name, channel in file.channels().items() if is_wanted(name)}
+    if any(plane.ndim != 2 or plane.dtype.kind not in "fu" for plane in planes.values()):
         raise BrokenImageError("holds channels that are no planes of numbers")
-    return header, found
+    return header, planes
 
 
 def _check_parts(headers: Sequence[Mapping[str, Any]], length: int) -> None:
-    """Refuse an .exr file for what the headers of its parts say; all are decoded, wanted or not."""
+    """Refuse a file for what the headers of its parts say; all are decoded, wanted or not."""
     size = 0
     for header in headers:
         (left, top), (right, bottom) = (tuple(int(value) for value in corner) for corner in header["dataWindow"])
@@ -164,9 +138,9 @@ def _check_parts(headers: Sequence[Mapping[str, Any]], length: int) -> None:
         check_size(width, height, length)
         if "deep" in str(header.get("type", "")):
             raise BrokenImageError("holds deep pixels, which are not read")
-        # Room is made for a whole tile, however small the picture.
+        # Memory is allocated for a whole tile, however small the picture.
         tiles = header.get("tiles")
-        if tiles is not None and tiles.xSize * tiles.ySize > max(_MOST_TILE_PIXELS, width * height):
+        if tiles is not None and tiles.xSize * tiles.ySize > max(_MAX_TILE_PIXELS, width * height):
             raise BrokenImageError(f"has tiles of {tiles.xSize} x {tiles.ySize} for {width} x {height} pixels")
         size += width * height * len(header["channels"]) * np.dtype(np.float32).itemsize
     if size > MAX_DECODED_BYTES:
@@ -174,18 +148,21 @@ def _check_parts(headers: Sequence[Mapping[str, Any]], length: int) -> None:
 
 
 @contextlib.contextmanager
-def silenced() -> Iterator[None]:
+def suppress_library_output() -> Iterator[None]:
     """Keep from the terminal what the OpenEXR library prints about a broken file before it raises.
 
-    By one thread at a time: of two, one would put back what the other has put in the terminal's place.
+    By one thread at a time: of two, one would restore what the other has redirected.
     """
     with _SILENCE, contextlib.ExitStack() as stack:
         stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
         with contextlib.suppress(OSError):
-            kept = os.dup(2)
-            stack.callback(os.close, kept)
-            stack.callback(os.dup2, kept, 2)
+            stderr = os.dup(2)
+            stack.callback(os.close, stderr)
+            stack.callback(os.dup2, stderr, 2)
             null = os.open(os.devnull, os.O_WRONLY)
             stack.callback(os.close, null)
             os.dup2(null, 2)
         yield
+
+
+FORMAT = ImageFormat((".exr",), encode=encode_exr, decode=decode_exr, decode_layers=decode_exr_layers, order=3)

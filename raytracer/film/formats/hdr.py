@@ -1,8 +1,9 @@
-"""Radiance pictures (.hdr): four bytes a pixel, three mantissas with one exponent, run-length encoded.
+"""Radiance RGBE files (.hdr): four bytes a pixel, three mantissas with one exponent, run-length encoded.
 
 A pixel (r, g, b, e) with e > 0 stands for (r, g, b) 2^(e - 136), and (0, 0, 0, 0) for black; the values keep about
-three decimal digits.  Radiance's own readers add half a step to every mantissa, because its writers cut off
-the fraction; here the mantissa is rounded, for readers that add nothing, which most others are.
+three decimal digits.  Radiance's own readers add half a step to every mantissa, because its writers cut off the
+fraction; here the mantissa is rounded, for readers that add nothing, which most others are.  Settings are header lines,
+`rt.NAME=VALUE`.
 
 References: Ward 1991, "Real Pixels", Graphics Gems II, pp. 80-83; G. Ward, "Radiance File Formats", section "Picture
     File Format (.hdr)".
@@ -11,11 +12,16 @@ References: Ward 1991, "Real Pixels", Graphics Gems II, pp. 80-83; G. Ward, "Rad
 import math
 import re
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.film.decoding import check_size
+from raytracer.film.formats.base.image_format import ImageFormat, Layers, header_settings
+from raytracer.film.formats.base.limits import check_size
+
+if TYPE_CHECKING:
+    from raytracer.film.image import Image
 
 # The widths for which the run-length encoding is defined; other scanlines are written flat.
 _NARROWEST, _WIDEST = 8, 0x7FFF
@@ -25,7 +31,7 @@ _SHORTEST_RUN = 4
 _LONGEST_RUN, _LONGEST_LITERAL = 127, 128
 
 # Two bytes make a run of 127 at most and a pixel needs four, so no file holds more pixels a byte.
-_MOST_PIXELS_A_BYTE = 16
+_MAX_PIXELS_PER_BYTE = 16
 
 # Bytes encoded or decoded at once: bounds the memory taken by the indices.
 _BLOCK = 1 << 20
@@ -34,9 +40,9 @@ _LARGEST = 255 * 2.0 ** (127 - 8)
 
 
 def to_rgbe(linear: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Pixels (height, width, 4) nearest to `linear` (height, width, 3).
+    """Convert linear values (height, width, 3) to the nearest pixels (height, width, 4).
 
-    NaN and negative values become 0, and values beyond 255 2^119 that one.
+    NaN and negative values become 0, and values beyond 255 2^119 become that.
     """
     values = np.clip(np.where(np.isnan(linear), 0.0, linear), 0.0, _LARGEST)
     largest = values.max(axis=-1)
@@ -54,9 +60,14 @@ def to_rgbe(linear: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def from_rgbe(pixels: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Linear values (height, width, 3) of `pixels` (height, width, 4)."""
+    """Convert pixels (height, width, 4) to linear values (height, width, 3)."""
     exponent = pixels[..., 3:].astype(np.int32)
     return np.where(exponent > 0, np.ldexp(pixels[..., :3].astype(np.float64), exponent - 136), 0.0)
+
+
+def encode_hdr(image: "Image", layers: Layers) -> bytes:
+    """Encode the radiance and the settings of an image; layers are left out."""
+    return encode(image.radiance, header_settings(image))
 
 
 def _encode_rows(planes: NDArray[np.uint8]) -> bytes:
@@ -101,7 +112,7 @@ def _encode_rows(planes: NDArray[np.uint8]) -> bytes:
 
 
 def encode(linear: NDArray[np.float64], settings: Mapping[str, str]) -> bytes:
-    """The file of an image `linear` (height, width, 3), with a header line for each of `settings`."""
+    """Encode linear values (height, width, 3), with a header line for each setting."""
     height, width, _ = linear.shape
     lines = ["#?RADIANCE", "FORMAT=32-bit_rle_rgbe", "PRIMARIES=0.64 0.33 0.30 0.60 0.15 0.06 0.3127 0.3290"]
     lines += [" ".join(f"rt.{key}={value}".splitlines()) for key, value in settings.items()]
@@ -133,8 +144,8 @@ def _decode_row(data: bytes, at: int, row: bytearray) -> int:
     return at
 
 
-def _exposed(pixels: NDArray[np.uint8], exposure: float) -> NDArray[np.float64]:
-    """Linear values of all rows (height, width, 4), a few at a time, without a second array of that size."""
+def _apply_exposure(pixels: NDArray[np.uint8], exposure: float) -> NDArray[np.float64]:
+    """Convert all rows (height, width, 4) to linear values, a few at a time, without a second array of that size."""
     values = np.empty((*pixels.shape[:2], 3))
     step = max(1, _BLOCK // (4 * pixels.shape[1]))
     with np.errstate(over="ignore"):
@@ -144,7 +155,7 @@ def _exposed(pixels: NDArray[np.uint8], exposure: float) -> NDArray[np.float64]:
 
 
 def decode(data: bytes) -> NDArray[np.float64]:
-    """Linear values (height, width, 3) of a file; its EXPOSURE lines are divided out.
+    """Decode a file to linear values (height, width, 3); its EXPOSURE lines are divided out.
 
     Raises
     ------
@@ -159,14 +170,14 @@ def decode(data: bytes) -> NDArray[np.float64]:
     if not 0.0 < exposure < math.inf:
         raise ValueError("the exposure is no factor")
     at = head.end()
-    if height * width > _MOST_PIXELS_A_BYTE * (len(data) - at):
+    if height * width > _MAX_PIXELS_PER_BYTE * (len(data) - at):
         raise ValueError("the picture ends early")
 
     # A scanline that does not begin with 2, 2 and its width is flat, and so are then all.
     mark = bytes((2, 2, width >> 8, width & 255)) if _NARROWEST <= width <= _WIDEST else None
     if mark is None or data[at : at + 4] != mark:
         pixels = np.frombuffer(data, dtype=np.uint8, count=4 * height * width, offset=at)
-        return _exposed(pixels.reshape(height, width, 4), exposure)
+        return _apply_exposure(pixels.reshape(height, width, 4), exposure)
 
     planes = np.empty((height, 4, width), dtype=np.uint8)
     row = bytearray(4 * width)
@@ -175,4 +186,7 @@ def decode(data: bytes) -> NDArray[np.float64]:
             raise ValueError("a scanline does not begin as the others do")
         at = _decode_row(data, at + 4, row)
         planes[y] = np.frombuffer(row, dtype=np.uint8).reshape(4, width)
-    return _exposed(planes.transpose(0, 2, 1), exposure)
+    return _apply_exposure(planes.transpose(0, 2, 1), exposure)
+
+
+FORMAT = ImageFormat((".hdr",), encode=encode_hdr, decode=decode, order=4)

@@ -1,4 +1,6 @@
-"""Portable float maps (.pfm): float32, rows from the bottom to the top; disparities and depths are exchanged in them.
+"""Portable float maps (.pfm): float32, rows from the bottom to the top.
+
+Disparities and depths are exchanged in them.  Pictures are not written to them, so no `ImageFormat` is declared here.
 
 References: Debevec, "PFM Portable FloatMap Image Format"; HDRshop's documentation has the same.
 """
@@ -10,11 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 _HEADER = re.compile(rb"(P[Ff])\s+(\d{1,9})\s+(\d{1,9})\s+([-+.\deE]{1,30})\s")
-"""Kind, width, height, and the scale, whose sign says the order of bytes; one white space before the numbers."""
+"""Kind, width, height, and the scale, whose sign is the byte order; one white space before the numbers."""
 
 
 def encode(values: NDArray[np.floating]) -> bytes:
-    """A map of (height, width), or (height, width, 3), as float32."""
+    """Encode a map of (height, width), or (height, width, 3), as float32.
+
+    Raises
+    ------
+    ValueError : the array is of another shape.
+    """
     shape = values.shape
     if len(shape) not in (2, 3) or shape[2:] not in ((), (3,)):
         raise ValueError(f"a .pfm file holds an array of (height, width) or (height, width, 3), not {shape}")
@@ -25,7 +32,7 @@ def encode(values: NDArray[np.floating]) -> bytes:
 
 
 def decode(data: bytes) -> NDArray[np.float64]:
-    """The map in a .pfm file, (height, width) or (height, width, 3), row 0 at the top.
+    """Decode a file to a map, float64 (height, width) or (height, width, 3), row 0 at the top.
 
     Raises
     ------

@@ -7,18 +7,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.plenoptic.views import Views
+from raytracer.film.light_field.views import Views
 
-LIT = "lit"
-"""The layer of which pixels any light came to: 1; and 0 where nothing is known, whatever their radiance is."""
+LIT_LAYER = "lit"
+"""The layer of pixels that received light: 1; and 0 where nothing is known, whatever their radiance is."""
 
 
 class Samples(NamedTuple):
     """Samples of the microlenses, which the pixels of the views were interpolated from.
 
-    place (n, 2) float64: of the microlenses, right and down in pixels of a view, from the middle of its first pixel;
-    value (rows, columns, n, 3) float: what each view saw there, nan where no light came; an array, or what reads one
-    from a file by slices.
+    Attributes
+    ----------
+    place (px) : float64 (n, 2), microlenses right and down in pixels of a view, from the middle of its first pixel.
+    value : float (rows, columns, n, 3), radiance that each view saw there, NaN where no light came; an array, or one
+        that is read from a file by slices.
     """
 
     place: NDArray[np.float64]
@@ -26,11 +28,14 @@ class Samples(NamedTuple):
 
 
 class Rays(NamedTuple):
-    """Rays that were rendered, each with where it went and what it brought.
+    """Rays that were rendered.
 
-    place (n, 4) float64: right and up in the plane of the views (m), and right and up in the image of the middle at a
-    distance of 1 of where the ray meets the plane in which all views see the same (`Views`); value (n, 3) float64, what
-    it added to the picture, and weight (n,) float64, what it counted for there.
+    Attributes
+    ----------
+    place : float64 (n, 4), right and up in the plane of the views (m), and tangents right and up, in the middle view,
+        of the point where the ray meets the plane of focus (`Views`).
+    value : float64 (n, 3), radiance that the ray added to the picture.
+    weight : float64 (n,), its weight there.
     """
 
     place: NDArray[np.float64]
@@ -40,18 +45,18 @@ class Rays(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LightField:
-    """What all views saw, in linear light.
+    """A light field: the radiance of all views, in linear light.
 
     Attributes
     ----------
-    radiance : float (rows, columns, height, width, 3), row 0 at the top; an array, or what reads one from a file by
-        slices.
+    radiance : float (rows, columns, height, width, 3), row 0 at the top; an array, or one that is read from a
+        file by slices.
     views : its geometry.
     layers : further arrays by name, (rows, columns, height, width) or with a last axis of channels: `depth` (m, along
         the axis of the views), `lit`, and other AOVs.
-    rays : the rays themselves, where they were kept.
-    settings : what it was made with.
-    samples : what pixels were interpolated from, where they were.
+    rays : the single rays, if they are known.
+    settings : that it was made with.
+    samples : of the microlenses that pixels were interpolated from, if there are any.
 
     Raises
     ------
@@ -73,29 +78,29 @@ class LightField:
         for name, layer in self.layers.items():
             if tuple(np.shape(layer))[:4] != size:
                 raise ValueError(f"layer {name} must be of the views' size, {size}, got {tuple(np.shape(layer))[:4]}")
-        if LIT in self.layers and len(np.shape(self.layers[LIT])) != len(size):
-            raise ValueError(f"layer {LIT} must have one number a pixel")
+        if LIT_LAYER in self.layers and len(np.shape(self.layers[LIT_LAYER])) != len(size):
+            raise ValueError(f"layer {LIT_LAYER} must have one number a pixel")
         if self.samples is not None:
             place, value = np.shape(self.samples.place), tuple(np.shape(self.samples.value))
             if place[1:] != (2,) or value != (*size[:2], place[0], 3):
                 raise ValueError(f"samples must be of shapes (n, 2) and {(*size[:2], 'n', 3)}, got {place} and {value}")
 
     def __repr__(self) -> str:
-        """In short: arrays are large."""
+        """Describe the sizes only: arrays are large."""
         views = self.views
         size = f"{views.columns} x {views.rows} views of {views.width} x {views.height}"
         return f"<rt.lightfield.LightField: {size}>"
 
     @property
     def is_metric(self) -> bool:
-        """Whether lengths are metres, as all are but where the camera's geometry is not known: `settings["units"]`."""
+        """Return True if lengths are metres; they are not if the camera's geometry is unknown: `settings["units"]`."""
         return self.settings.get("units", "metres") == "metres"
 
     def view(self, row: int, column: int) -> NDArray[np.float64]:
-        """What one view saw, float64 (height, width, 3)."""
+        """Read the radiance of a view, float64 (height, width, 3)."""
         return np.asarray(self.radiance[row, column], dtype=np.float64)
 
     def lit(self, row: int, column: int) -> NDArray[np.bool_] | None:
-        """Read which pixels of a view any light came to, bool (height, width); None for all, or where nobody says."""
-        layer = self.layers.get(LIT)
+        """Read which pixels of a view received light, bool (height, width); None for all, or if not known."""
+        layer = self.layers.get(LIT_LAYER)
         return None if layer is None else np.asarray(np.asarray(layer[row, column]) > 0)

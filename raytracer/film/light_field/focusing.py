@@ -1,4 +1,4 @@
-"""Where a light field can be focused, and through which opening: in metres, and per view.
+"""Focus of a light field: planes and ranges, and conversions of alpha, slope and f-number.
 
 References: Ng 2005, "Fourier Slice Photography", sec. 3 (alpha); Isaksen, McMillan, Gortler 2000, "Dynamically
 Reparameterized Light Fields", sec. 3; Chai et al. 2000, "Plenoptic Sampling" (one pixel between neighbouring views).
@@ -9,19 +9,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytracer.plenoptic.views import Views
-from raytracer.units import METRES_PER_MILLIMETRE
+from raytracer.film.light_field.views import Views
+from raytracer.schema.units import METRES_PER_MILLIMETRE
 
 
-class Spacing(NamedTuple):
-    """From a view to the next in its row, and from a row to the next (m); 0 where there is but one."""
+class ViewSpacing(NamedTuple):
+    """Distance (m) from a view to the next in its row, and from a row to the next; 0 if there is only one."""
 
     right: float
     up: float
 
 
 class FocusPlane(NamedTuple):
-    """A plane to focus on: one over its distance along the axis (1/m), by place in the image at a distance of 1.
+    """A plane of focus: one over its distance along the axis (1/m), by tangents.
 
     At the tangents x and y it is middle + right x + up y: a plane in space is one in inverse distance too.
     """
@@ -31,20 +31,20 @@ class FocusPlane(NamedTuple):
     up: float = 0.0
 
 
-def spacing(views: Views) -> Spacing:
-    """How far neighbouring views are from each other, in the middle (median) of all."""
+def view_spacing(views: Views) -> ViewSpacing:
+    """Compute the median distance of neighbouring views."""
     across = np.linalg.norm(np.diff(views.position, axis=1), axis=-1)
     down = np.linalg.norm(np.diff(views.position, axis=0), axis=-1)
-    return Spacing(*(float(np.median(steps)) if steps.size else 0.0 for steps in (across, down)))
+    return ViewSpacing(*(float(np.median(steps)) if steps.size else 0.0 for steps in (across, down)))
 
 
 def refocusable(views: Views) -> tuple[float, float]:
-    """The nearest and the farthest distance (m) at which what is there moves by a pixel at most from view to view.
+    """Compute the nearest and the farthest distance (m) of points that move by at most a pixel from view to view.
 
-    Within it a refocused picture has no copies of an edge side by side; beyond it they come apart, a pixel and more.
-    The farthest is inf where there is no limit, and so are both where there is but one view.
+    In this range a refocused picture has no copies of an edge side by side; beyond it they are a pixel or more apart.
+    The farthest is inf if there is no limit, and so are both if there is only one view.
     """
-    step = max(spacing(views))
+    step = max(view_spacing(views))
     if step == 0.0:
         return math.inf, math.inf
     reach = views.plane.pixel / step
@@ -52,11 +52,11 @@ def refocusable(views: Views) -> tuple[float, float]:
     return 1.0 / near if near > 0.0 else math.inf, 1.0 / far if far > 0.0 else math.inf
 
 
-def inverse_of_alpha(views: Views, alpha: float) -> float:
-    """One over the distance (1/m) that is in focus when the film is `alpha` times as far from the lens.
+def alpha_to_inverse_distance(views: Views, alpha: float) -> float:
+    """Convert alpha to one over the distance (1/m) in focus with the film `alpha` times as far from the lens.
 
     Behind a lens that is the film of the picture as it was taken, 1 / f = 1 / z_i + 1 / z_o.  For an array of cameras,
-    which has none, `alpha` is what the distance of the plane of focus is multiplied by.
+    which has none, `alpha` multiplies the distance of the plane of focus.
 
     Raises
     ------
@@ -76,14 +76,14 @@ def inverse_of_alpha(views: Views, alpha: float) -> float:
     return inverse
 
 
-def inverse_of_slope(views: Views, slope: float) -> float:
-    """One over the distance (1/m) of what moves by `slope` pixels from each view to the next, to the other side.
+def slope_to_inverse_distance(views: Views, slope: float) -> float:
+    """Convert a slope to one over the distance (1/m) of points that move against the views by `slope` pixels from each.
 
     Raises
     ------
-    ValueError : there is but one view, or the slope is not finite.
+    ValueError : there is only one view, or the slope is not finite.
     """
-    step = max(spacing(views))
+    step = max(view_spacing(views))
     if step == 0.0:
         raise ValueError("a slope is from view to view, and there is but one")
     if not math.isfinite(slope):
@@ -91,8 +91,8 @@ def inverse_of_slope(views: Views, slope: float) -> float:
     return views.inverse_focus + slope * views.plane.pixel / step
 
 
-def diameter_of(views: Views, f_number: float) -> float:
-    """Diameter (m) of the opening of an f-number.
+def aperture_diameter(views: Views, f_number: float) -> float:
+    """Compute the diameter (m) of the aperture of an f-number.
 
     Raises
     ------

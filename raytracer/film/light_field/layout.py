@@ -1,23 +1,42 @@
-"""How a picture holds a light field."""
+"""The layout of a light field in a picture, and the light field that a picture holds."""
 
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
-from raytracer.plenoptic.field import LightField
-from raytracer.plenoptic.views import Views
+from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.views import Views
+from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
     from raytracer.film.image import Image
 
+NO_LIGHT_FIELD_MESSAGE = (
+    "the picture is of one view, or a part of one, and no light field: render the whole picture of a camera_array, "
+    "light_slab or light_field, or of a thin_lens with the AOV rays"
+)
+
 
 class Layout(Protocol):
-    """Where in a whole picture what the views of a light field saw is found."""
+    """Places in a whole picture of what the views of a light field saw."""
 
     is_by_view: ClassVar[bool]
-    """Whether each view has a part of the picture to itself."""
+    """True if each view has a part of the picture to itself."""
 
     @property
     def views(self) -> Views:
         """The geometry of the views."""
 
     def light_field(self, image: "Image") -> LightField:
-        """The light field that a whole picture holds, with its layers."""
+        """Extract the light field, with its layers, from a whole picture."""
+
+
+def extract_light_field(image: "Image") -> LightField:
+    """Extract the light field that a picture holds, without a copy of its pixels.
+
+    Raises
+    ------
+    InputError : it holds none.
+    """
+    field = None if image.layout is None else image.layout.light_field(image)
+    if field is None or (field.views.rows * field.views.columns == 1 and field.rays is None):
+        raise InputError(NO_LIGHT_FIELD_MESSAGE)
+    return field

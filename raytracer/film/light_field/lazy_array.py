@@ -1,4 +1,4 @@
-"""Arrays that are read as they are asked for."""
+"""Arrays that are read when they are indexed."""
 
 from typing import Any
 
@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class Lazy:
-    """An array that is somewhere else: by slices, whole numbers and lists as NumPy's, and only what is needed is read.
+class LazyArray:
+    """An array that is indexed as NumPy's, by slices, integers and lists, and reads only what is needed.
 
-    Derived classes say how: `_read` takes a slice for each axis, all with steps forward.
+    Derived classes implement `_read`, which takes a slice for each axis, all with positive steps.
     """
 
     def __init__(self, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
@@ -21,7 +21,7 @@ class Lazy:
         return self.shape[0]
 
     def __getitem__(self, key: Any) -> NDArray[Any]:
-        ahead, rest = _forward(key, self.shape)
+        ahead, rest = _forward_slices(key, self.shape)
         return np.asarray(self._read(ahead)[rest])
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
@@ -34,8 +34,8 @@ class Lazy:
         raise NotImplementedError
 
 
-def _forward(key: Any, shape: tuple[int, ...]) -> tuple[tuple[slice, ...], tuple[Any, ...]]:
-    """What is read for a key, in steps forward, and what of that is meant."""
+def _forward_slices(key: Any, shape: tuple[int, ...]) -> tuple[tuple[slice, ...], tuple[Any, ...]]:
+    """Convert a key to slices with positive steps, which are read, and a key into what was read."""
     keys = key if isinstance(key, tuple) else (key,)
     if not any(k is Ellipsis for k in keys):
         keys = (*keys, Ellipsis)
@@ -58,7 +58,7 @@ def _forward(key: Any, shape: tuple[int, ...]) -> tuple[tuple[slice, ...], tuple
         if wanted.dtype == bool and wanted.shape == (size,):
             wanted = np.flatnonzero(wanted)
         if k is None or (wanted.size > 0 and wanted.dtype.kind not in "iu"):
-            raise IndexError("an array in a file takes whole numbers, slices and lists, and one ellipsis")
+            raise IndexError("an array in a file takes integers, slices and lists, and one ellipsis")
         if wanted.size > 0 and not (wanted.min() >= -size and wanted.max() < size):
             raise IndexError(f"index out of bounds for axis {axis}, which has {size}")
         wanted = np.where(wanted < 0, wanted + size, wanted).astype(np.intp)

@@ -1,9 +1,9 @@
-"""A picture from behind microlenses: which pixel saw where to, and through which part of the main lens.
+"""Pictures from behind microlenses: the ray of each pixel, and views for parts of the main lens.
 
 The picture is upright, in pixels right and down from its top left corner.  The middle of a sub-image, `q`, and the
 pixel's place from there, `o`, give the ray: it goes through the main lens at `stride o`, and at the slope
 `slope (q - middle) - u w` from there, with `w` one over the distance of the plane whose image the microlenses lie in.
-A view is all pixels at one place under their microlenses, so all that came through one part of the main lens.
+A view is all pixels at one place under their microlenses, which saw through one part of the main lens.
 
 References: Ng et al. 2005, "Light Field Photography with a Hand-Held Plenoptic Camera", sec. 3; Lumsdaine, Georgiev
 2009, "The Focused Plenoptic Camera", ICCP, sec. 4 (pictures of more pixels than microlenses).
@@ -17,35 +17,36 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.plenoptic.disc_coverage import disc_share
-from raytracer.plenoptic.field import LIT, LightField, Rays, Samples
-from raytracer.plenoptic.rays import LAYER, rays_of
-from raytracer.plenoptic.resampling import Lattice, Resampler
-from raytracer.plenoptic.views import Plane, Pose, Views
+from raytracer.film.light_field.disc_coverage import disc_coverage
+from raytracer.film.light_field.field import LIT_LAYER, LightField, Rays, Samples
+from raytracer.film.light_field.lattice import Lattice
+from raytracer.film.light_field.rays_layer import RAYS_LAYER, rays_from_layer
+from raytracer.film.light_field.resampling import Resampler
+from raytracer.film.light_field.views import Plane, Pose, Views
 
 if TYPE_CHECKING:
     from raytracer.film.image import Image
 
-Floats = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 
 _SLACK = 1e-9
-"""Of a pixel: within this a lattice counts as one of whole pixels."""
+"""Tolerance (px) for a lattice of whole pixels."""
 
-_LEAST_SHARE = 1e-6
-"""Of a cell: what an aperture covers less of is dark, and not made as bright as the others."""
+_MIN_COVERAGE = 1e-6
+"""Fraction of a cell: views of which the aperture covers less are dark, and not brightened."""
 
 _HALF = 0.5
-"""Between what is lit, 1, and what is not, 0."""
+"""Threshold between lit, 1, and dark, 0."""
 
 _SAME = 0.5
-"""Of a pixel: middles of sub-images that are nearer to each other are one."""
+"""Distance (px) below which middles of sub-images are the same."""
 
 _STEPS, _INSIDE = 2, 12
-"""Of a table of what is lit: places a pixel; and of a microlens: places a side over which light is averaged."""
+"""Places per pixel of the table of lit fractions; and places a side of a microlens over which light is averaged."""
 
 
-class _Whole(NamedTuple):
-    """Sub-images of whole pixels: how many across; left and top edge of the first (pixels), and how many of them."""
+class _WholePixelGrid(NamedTuple):
+    """Sub-images of whole pixels: their size (px), left and top edge of the first (px), columns and rows of them."""
 
     pixels: int
     left: int
@@ -56,23 +57,23 @@ class _Whole(NamedTuple):
 
 @dataclass(frozen=True)
 class Lenslets:
-    """How a picture from behind an array of microlenses holds a light field.
+    """The layout of a light field in a picture from behind an array of microlenses.
 
     Attributes
     ----------
     lattice : middles of the sub-images, in pixels of the picture.
-    width, height : pixels of the picture.
-    middle : where the axis is (pixels right and down).
-    slope : by how much the slopes differ in which two microlenses look through the middle of the lens, over the
-        distance of their sub-images (1/pixel).
-    stride : by how much the places on the main lens differ which two pixels of a sub-image see (m/pixel).
-    inverse_distance : one over the distance of the plane whose image the microlenses lie in (1/m); 0 for infinity, less
-        than 0 beyond it.
-    inverse_focus : one over the distance of the plane that is sharp on the sensor; `inverse_distance` of a plenoptic
-        1.0, whose sensor is sharp on the main lens.
+    width, height (px) : of the picture.
+    middle (px) : place of the axis, right and down.
+    slope (1/px) : difference of the slopes in which two microlenses look through the middle of the main lens, per
+        distance of their sub-images.
+    stride (m/px) : distance of the places on the main lens that neighbouring pixels of a sub-image see.
+    inverse_distance (1/m) : one over the distance of the plane that is imaged onto the microlenses; 0 for infinity,
+        less than 0 beyond it.
+    inverse_focus (1/m) : one over the distance of the plane that is sharp on the sensor; `inverse_distance` for a
+        plenoptic camera 1.0, whose sensor is focused on the main lens.
     aperture, focal_length, pose : of the main lens; see `Views`.
-    blur : by how much the place on the main lens moves back that a pixel sees, by where light goes through the
-        microlens (m/pixel, the microlenses being as large as their sub-images).
+    blur (m/px) : distance by which the place on the main lens that a pixel sees moves back, per place in the
+        microlens that light goes through (of microlenses as large as their sub-images).
     """
 
     is_by_view: ClassVar[bool] = False
@@ -112,7 +113,7 @@ class Lenslets:
 
     @property
     def holds_views(self) -> bool:
-        """Whether the picture is large enough for views."""
+        """Return True if the picture is large enough for views."""
         try:
             _ = self.views
         except ValueError:
@@ -121,14 +122,14 @@ class Lenslets:
 
     @property
     def is_focused(self) -> bool:
-        """Whether microlenses show the scene sharply on the sensor, and not the main lens."""
+        """Return True if microlenses focus the scene on the sensor, and not the main lens (plenoptic 2.0)."""
         return self.inverse_focus != self.inverse_distance
 
     def light_field(self, image: "Image") -> LightField:
-        """What the picture holds, by views; of a focused arrangement also by rays, one a pixel.
+        """Extract the views; of a focused arrangement also rays, one a pixel.
 
-        Views at the rim of the lens, which gather light through a part of their cell, are made as bright as they would
-        be through all of it; those of which nothing is covered are black.  Layers are not: they are of what was seen.
+        Views at the rim of the lens, which gather light through a part of their cell, are brightened as if they did
+        through all of it; those without any are black.  Layers stay as they were seen.
 
         Raises
         ------
@@ -137,49 +138,49 @@ class Lenslets:
         views = self.views
         lit = self.lit
         layers = {name: np.asarray(layer) for name, layer in image.layers.items()}
-        kept = layers.pop(LAYER, None)
+        rays_layer = layers.pop(RAYS_LAYER, None)
         rays = self._rays(image.radiance, lit) if self.is_focused else None
-        radiance, seen, samples = self._light_apart(image.radiance, lit)
-        parts = {name: self._apart(layer, None) for name, layer in layers.items()}
+        radiance, seen, samples = self._split_radiance(image.radiance, lit)
+        parts = {name: self._split_views(layer, None) for name, layer in layers.items()}
         # A view that is lit all over or nowhere has its place within the lens, or outside it.
         if (seen != seen[:, :, :1, :1]).any():
-            parts[LIT] = seen.astype(np.uint8)
+            parts[LIT_LAYER] = seen.astype(np.uint8)
         return LightField(
             radiance=radiance,
             views=views,
             layers=parts,
-            rays=rays if kept is None else rays_of(kept, views),
+            rays=rays if rays_layer is None else rays_from_layer(rays_layer, views),
             settings=image.settings,
             samples=samples,
         )
 
     @cached_property
-    def lit(self) -> Floats:
-        """Which part of the aperture's cell that a pixel sees is open (height, width)."""
+    def lit(self) -> FloatArray:
+        """Fraction of the aperture's cell that each pixel sees which is open, (height, width)."""
         if self.aperture is None:
             return np.ones((self.height, self.width))
         _, away = self._pixels
         if self.blur == 0.0:
-            return self._open(away[..., 0], away[..., 1])
+            return self._open_fraction(away[..., 0], away[..., 1])
 
         # A pixel's light spreads over more of the main lens: look it up by the pixel's place under its microlens.
         reach = math.ceil(_STEPS * max(math.hypot(*self.lattice.along), math.hypot(*self.lattice.across)))
         places = np.arange(-reach, reach + 1) / _STEPS
         x, y = np.meshgrid(places, places)
-        inside = self._cell()
+        inside = self._cell_points()
         spread = self.blur / self.stride * inside
-        table = np.mean([self._open(x - right, y - down) for right, down in spread], axis=0)
-        found, _ = _sampled(table[..., None], None, _STEPS * away + (reach + 0.5), None)
-        return found[..., 0]
+        table = np.mean([self._open_fraction(x - right, y - down) for right, down in spread], axis=0)
+        fractions, _ = _sample_bilinear(table[..., None], None, _STEPS * away + (reach + 0.5), None)
+        return fractions[..., 0]
 
-    def _open(self, right: Floats, down: Floats) -> Floats:
-        """Which part of the aperture is open that is seen through a pinhole, by place under it (pixels)."""
+    def _open_fraction(self, right: FloatArray, down: FloatArray) -> FloatArray:
+        """Compute the fraction of the aperture's cell that is open, seen through a pinhole, by place under it (px)."""
         assert self.aperture is not None
         edge = self.stride
-        return disc_share(edge * (right - 0.5), edge * (-down - 0.5), edge, edge, 0.5 * self.aperture)
+        return disc_coverage(edge * (right - 0.5), edge * (-down - 0.5), edge, edge, 0.5 * self.aperture)
 
-    def _cell(self) -> Floats:
-        """Places (n, 2) evenly in the part of the lattice that is nearest to a microlens, from its middle (pixels)."""
+    def _cell_points(self) -> FloatArray:
+        """Place points (n, 2) evenly in the cell of the lattice about a microlens, from its middle (px)."""
         steps = (np.arange(_INSIDE) + 0.5) / _INSIDE
         c, r = (grid.ravel() for grid in np.meshgrid(steps, steps))
         away = [self.lattice.place(c - i, r - j) - np.asarray(self.lattice.origin) for i in (0, 1) for j in (0, 1)]
@@ -187,8 +188,8 @@ class Lenslets:
         return np.asarray(np.stack(away)[nearest, np.arange(len(nearest))])
 
     @cached_property
-    def _pixels(self) -> tuple[Floats, Floats]:
-        """Middles of the sub-images that pixels belong to, and their own places from there: each (height, width, 2)."""
+    def _pixels(self) -> tuple[FloatArray, FloatArray]:
+        """Middles of the sub-images that pixels belong to, and pixels' places from there: each (height, width, 2)."""
         x, y = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
         places = np.stack([x, y], axis=-1)
         corner = np.floor(self.lattice.index(places))
@@ -201,21 +202,21 @@ class Lenslets:
                 best, least = np.where(nearer[..., None], middles, best), np.where(nearer, distance, least)
         return best, places - best
 
-    def _rays(self, radiance: NDArray[Any], lit: Floats) -> Rays:
-        """A ray a pixel, through the middle of its microlens, of those that come through the aperture."""
+    def _rays(self, radiance: NDArray[Any], lit: FloatArray) -> Rays:
+        """Make a ray for each pixel that sees through the aperture, through the middle of its microlens."""
         middles, away = self._pixels
         sides = np.array([1.0, -1.0])
         on_lens = self.stride * away * sides
         image = self.slope * (middles - self.middle) * sides + on_lens * (self.inverse_focus - self.inverse_distance)
-        seen = lit > _LEAST_SHARE
+        seen = lit > _MIN_COVERAGE
         place = np.concatenate([on_lens[seen], image[seen]], axis=-1)
         return Rays(place, np.asarray(radiance[seen], dtype=np.float64), lit[seen])
 
     # ---- Views
 
     @cached_property
-    def _whole(self) -> _Whole | None:
-        """The sub-images that are whole in the picture, if all are squares of whole pixels; None if they are not."""
+    def _whole(self) -> _WholePixelGrid | None:
+        """The sub-images that are whole in the picture, if they are squares of whole pixels; else None."""
         (x, down), (right, y) = self.lattice.along, self.lattice.across
         corner = (self.lattice.origin[0] - 0.5 * x, self.lattice.origin[1] - 0.5 * x)
         whole = all(abs(number - round(number)) < _SLACK for number in (x, *corner))
@@ -223,7 +224,7 @@ class Lenslets:
             return None
         count = round(x)
         left, top = (round(place) % count for place in corner)
-        return _Whole(count, left, top, (self.width - left) // count, (self.height - top) // count)
+        return _WholePixelGrid(count, left, top, (self.width - left) // count, (self.height - top) // count)
 
     @cached_property
     def _grid(self) -> Resampler:
@@ -231,17 +232,17 @@ class Lenslets:
 
     @property
     def overlap(self) -> float:
-        """How many microlenses, across, see each place of the plane that is sharp: behind focused ones."""
+        """Number of microlenses, across, that see each point of the plane of focus, in a focused arrangement."""
         return abs(self.inverse_focus - self.inverse_distance) * self.stride / self.slope
 
     @cached_property
-    def _patches(self) -> "_Patches":
-        return _Patches(self)
+    def _patches(self) -> "_PatchViews":
+        return _PatchViews(self)
 
     def _views(
         self, count: int, step: float, middle: tuple[float, float], pixel: float, width: int, height: int
     ) -> Views:
-        """The geometry of count x count views, `step` pixels of the picture apart, with pixels of an edge `pixel`."""
+        """Compute the geometry of count x count views, `step` px of the picture apart, with pixels of size `pixel`."""
         steps = (np.arange(count) - 0.5 * (count - 1)) * step * self.stride
         edge = self.slope * pixel
         right = self.slope * (middle[0] - self.middle[0])
@@ -258,18 +259,18 @@ class Lenslets:
             pose=self.pose,
         )
 
-    def _light_apart(
-        self, picture: NDArray[Any], lit: Floats
+    def _split_radiance(
+        self, picture: NDArray[Any], lit: FloatArray
     ) -> tuple[NDArray[Any], NDArray[np.bool_], Samples | None]:
-        """Radiance by views as if all of it were lit, which pixels are, and what they are interpolated from, if so."""
-        is_lit = lit > _LEAST_SHARE
+        """Sort radiance, brightened to full coverage, by views; also find lit pixels, and samples if interpolated."""
+        is_lit = lit > _MIN_COVERAGE
         gain = np.where(is_lit, 1.0 / np.where(is_lit, lit, 1.0), 0.0)
         picture = picture * gain.reshape(*gain.shape, *(1,) * (picture.ndim - 2))
         if self.is_focused:
-            # The mean of ones by what counts is 1, or 0 where nothing does.
-            return self._apart(picture, lit), self._patches.apart(np.ones(lit.shape), lit) > _HALF, None
+            # The weighted mean of ones is 1, or 0 where all weights are 0.
+            return self._split_views(picture, lit), self._patches.split_views(np.ones(lit.shape), lit) > _HALF, None
         if self._whole is not None:
-            return self._apart(picture, lit), self._apart(is_lit, None), None
+            return self._split_views(picture, lit), self._split_views(is_lit, None), None
         grid = self._grid
         views = [[grid.weighted(picture, r, c, lit) for c in range(grid.count)] for r in range(grid.count)]
         radiance, seen, samples = (
@@ -277,10 +278,10 @@ class Lenslets:
         )
         return radiance, seen, None if grid.is_direct else Samples(grid.places, samples)
 
-    def _apart(self, picture: NDArray[Any], lit: Floats | None) -> NDArray[Any]:
+    def _split_views(self, picture: NDArray[Any], lit: FloatArray | None) -> NDArray[Any]:
         """Sort a picture (height, width, ...) by views (rows, columns, height, width, ...); pixels count as `lit`."""
         if self.is_focused:
-            return self._patches.apart(picture, lit)
+            return self._patches.split_views(picture, lit)
         whole = self._whole
         if whole is None:
             grid, places = self._grid, range(self._grid.count)
@@ -291,13 +292,14 @@ class Lenslets:
         return np.moveaxis(apart, (1, 3), (0, 1))
 
 
-class _Patches:
-    """Views of a focused arrangement: of every sub-image the part that the plane that is sharp continues in the next.
+class _PatchViews:
+    """Views of a focused arrangement, made of patches of the sub-images.
 
-    A place x of that plane is seen behind the microlens at q at the pixel o = (x - slope (q - middle)) / `reach` from
-    its middle, through the place `stride o` of the main lens.  So there are as many views a side as microlenses that
-    see one place; and each has the pixels of the sensor itself.  Between the microlenses that see a pixel of a view
-    through the lens's places next to the view's own, what they see there is interpolated linearly.
+    A place x of the plane of focus is seen behind the microlens at q at the pixel
+    o = (x - slope (q - middle)) / `reach` from its middle, through the place `stride o` of the main lens.  So there are
+    as many views a side as microlenses that see one place; and each has the pixels of the sensor itself.  Between the
+    microlenses that see a pixel of a view through the lens's places next to the view's own, values are interpolated
+    linearly.
     """
 
     def __init__(self, lenslets: Lenslets) -> None:
@@ -311,33 +313,33 @@ class _Patches:
             raise ValueError(f"a picture of {own.width} x {own.height} pixels holds no whole sub-image")
         self.views = own._views(count, diameter / own.stride / count, own.middle, pixel, width, height)
 
-    def apart(self, picture: NDArray[Any], weight: Floats | None) -> NDArray[np.float64]:
-        """A picture (height, width, ...) by views (rows, columns, height, width, ...)."""
+    def split_views(self, picture: NDArray[Any], weight: FloatArray | None) -> NDArray[np.float64]:
+        """Sort a picture (height, width, ...) by views (rows, columns, height, width, ...)."""
         views = self.views
         flat = picture.reshape(*picture.shape[:2], -1)
-        found = np.array(
+        by_view = np.array(
             [[self._view(flat, weight, place) for place in row] for row in views.position * np.array([1.0, -1.0])]
         )
-        return found.reshape(*found.shape[:4], *picture.shape[2:])
+        return by_view.reshape(*by_view.shape[:4], *picture.shape[2:])
 
-    def _view(self, picture: NDArray[Any], weight: Floats | None, place: Floats) -> Floats:
-        """The view from a place of the lens, right and down (m)."""
+    def _view(self, picture: NDArray[Any], weight: FloatArray | None, place: FloatArray) -> FloatArray:
+        """Compute the view from a place of the lens, right and down (m)."""
         own, plane = self._own, self.views.plane
         x = plane.left + plane.pixel * (np.arange(self.views.width) + 0.5)
         y = plane.pixel * (np.arange(self.views.height) + 0.5) - plane.top
         seen = np.stack(np.meshgrid(x, y), axis=-1)
         through = own.lattice.index((seen - place * (self._reach / own.stride)) / own.slope + own.middle)
-        values, weights = self._mixed(picture, weight, seen, through, 1)
+        values, weights = self._blend(picture, weight, seen, through, 1)
         # Where none of the nearest is lit, as at the rim of the lens, those next to them are.
-        missing = weights <= _LEAST_SHARE
+        missing = weights <= _MIN_COVERAGE
         if missing.any():
-            values[missing], weights[missing] = self._mixed(picture, weight, seen[missing], through[missing], 2)
-        return np.asarray(values / np.where(weights > _LEAST_SHARE, weights, np.inf)[..., None])
+            values[missing], weights[missing] = self._blend(picture, weight, seen[missing], through[missing], 2)
+        return np.asarray(values / np.where(weights > _MIN_COVERAGE, weights, np.inf)[..., None])
 
-    def _mixed(
-        self, picture: NDArray[Any], weight: Floats | None, seen: Floats, through: Floats, width: int
-    ) -> tuple[Floats, Floats]:
-        """Sums of what microlenses see, that are within `width` steps of the lattice, and of what they count for."""
+    def _blend(
+        self, picture: NDArray[Any], weight: FloatArray | None, seen: FloatArray, through: FloatArray, width: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """Sum the weighted values of microlenses within `width` steps of the lattice, and their weights."""
         own = self._own
         middles, _ = own._pixels
         corner = np.floor(through)
@@ -348,20 +350,20 @@ class _Patches:
                 near = np.clip(1.0 - np.abs(through - number) / width, 0.0, None).prod(axis=-1)
                 middle = own.lattice.place(number[..., 0], number[..., 1])
                 away = (seen - own.slope * (middle - own.middle)) / self._reach
-                # What lies beyond the sub-image is another microlens's.
+                # Places beyond the sub-image belong to another microlens.
                 near *= np.hypot(away[..., 0], away[..., 1]) <= 0.5 * own.lattice.pitch
-                values, weights = _sampled(picture, weight, middle + away, (middles, middle))
+                values, weights = _sample_bilinear(picture, weight, middle + away, (middles, middle))
                 total += near[..., None] * values
                 counted += near * weights
         return total, counted
 
 
-def _sampled(
-    picture: NDArray[Any], weight: Floats | None, place: Floats, of: tuple[Floats, Floats] | None
-) -> tuple[Floats, Floats]:
-    """Values times weights, and weights, at places of a picture (..., 2), linear between the middles of its pixels.
+def _sample_bilinear(
+    picture: NDArray[Any], weight: FloatArray | None, place: FloatArray, of: tuple[FloatArray, FloatArray] | None
+) -> tuple[FloatArray, FloatArray]:
+    """Sample values times weights, and weights, at places of a picture (..., 2), bilinearly between its pixels.
 
-    of : middles of the sub-images that pixels belong to (height, width, 2), and of those that are meant (..., 2): the
+    of : middles of the sub-images that pixels belong to (height, width, 2), and of those that are sampled (..., 2): the
         pixels of others do not count.
     """
     height, width = picture.shape[:2]

@@ -1,27 +1,27 @@
-"""Rays that were kept of a picture, as rays of a light field."""
+"""The layer of a picture that holds its rays, and their conversion to rays of a light field."""
 
 from typing import Any
 
 import numpy as np
 
-from raytracer.plenoptic.field import Rays
-from raytracer.plenoptic.views import Views
+from raytracer.film.light_field.field import Rays
+from raytracer.film.light_field.views import Views
 
-LAYER = "rays"
+RAYS_LAYER = "rays"
 """The layer of a picture that holds its rays, as the AOV of that name."""
 
 _COLUMNS = 8
 
 
-def rays_of(layer: Any, views: Views) -> Rays:
-    """The rays in a layer of a picture.
+def rays_from_layer(layer: Any, views: Views) -> Rays:
+    """Convert the rays in a layer of a picture.
 
     Parameters
     ----------
-    layer : (height, width, n * 8), of n samples a pixel each: where the ray goes through the plane of the views, right
-        and up (m); its slopes right and up; red, green and blue; 1, or 0 where there is no sample.
+    layer : (height, width, n * 8), of n samples a pixel each: place in the plane of the views, right and up (m); slopes
+        right and up; red, green and blue; 1, or 0 where there is no sample.
 
-    Samples that are not there, and rays without an end, are left out.
+    Missing samples, and rays whose place is not finite, are left out.
     """
     rows = np.asarray(layer, dtype=np.float64).reshape(-1, _COLUMNS)
     rows = rows[(rows[:, 7] != 0.0) & np.isfinite(rows[:, :4]).all(axis=1)]

@@ -1,4 +1,4 @@
-"""Where the views of a light field are, and where each of their pixels looks.
+"""Geometry of the views of a light field: their places, and the directions of their pixels.
 
 Views stand in one plane, that of a lens or of an array of cameras, and look along one axis.  Positions in that plane
 are right and up from the middle (m).  Images are those at a distance of 1: tangents to the right of the axis and up.
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 
 class Plane(NamedTuple):
-    """The image at a distance of 1: edge of a pixel, and left and top edge, right and up from the axis (tangents)."""
+    """The image plane at a distance of 1: size of a pixel, left and top edge, right and up from the axis (tangents)."""
 
     pixel: float
     left: float
@@ -27,7 +27,7 @@ class Plane(NamedTuple):
 
 
 class Pose(NamedTuple):
-    """Where the middle of the views is in the scene (m), and the unit vectors right, up and forward."""
+    """Pose of the views in the scene: their middle (m), and the unit vectors right, up and forward."""
 
     origin: tuple[float, float, float]
     right: tuple[float, float, float]
@@ -41,20 +41,20 @@ class Views:
 
     Attributes
     ----------
-    position : float64 (rows, columns, 2), of each view in their plane, right and up (m); row 0 is the highest, column
-        0 that farthest to the left, as seen from behind.
-    plane : the image of every view, at a distance of 1.
-    width, height : pixels of a view.
-    inverse_focus : one over the distance of the plane in which the same pixel of all views sees the same point (1/m);
+    position (m) : float64 (rows, columns, 2), of each view in their plane, right and up; row 0 is the highest, column
+        0 the leftmost, as seen from behind.
+    plane : the image plane of every view, at a distance of 1.
+    width, height (px) : of a view.
+    inverse_focus (1/m) : one over the distance of the plane in which the same pixel of all views sees the same point;
         0 for infinity, where views are parallel.
-    cell : width and height (m) of the part of their plane over which each view gathers light; None for points.
-    aperture : diameter of the lens behind which the views are (m); None for an array of cameras.
-    focal_length : of that lens (mm), if it is known; what `alpha` and f-numbers are relative to.
-    pose : where it all is in the scene, if that is known.
+    cell (m) : width and height of the part of their plane over which each view gathers light; None for points.
+    aperture (m) : diameter of the lens behind which the views are; None for an array of cameras.
+    focal_length (mm) : of that lens, which `alpha` and f-numbers refer to; None if not known.
+    pose : in the scene; None if not known.
 
     Raises
     ------
-    ValueError : sizes that do not go together, or numbers that are not finite.
+    ValueError : sizes are inconsistent, or numbers are not finite.
     """
 
     position: NDArray[np.float64]
@@ -90,16 +90,16 @@ class Views:
 
     @property
     def focus_distance(self) -> float:
-        """Distance (m) of the plane in which all views see the same; inf where they are parallel."""
+        """Distance (m) of the plane in which all views see the same; inf if they are parallel."""
         return math.inf if self.inverse_focus == 0.0 else 1.0 / self.inverse_focus
 
     def shift(self, inverse_distance: float) -> NDArray[np.float64]:
-        """How far what is at a distance is moved in each view, as to the middle: pixels right and down, (r, c, 2)."""
+        """Compute the disparity of a distance in all views against the middle: (rows, columns, 2) px right and down."""
         moved = self.position * ((self.inverse_focus - inverse_distance) / self.plane.pixel)
         return np.asarray(moved * np.array([1.0, -1.0]))
 
     def nearest(self, right: float = 0.0, up: float = 0.0) -> tuple[int, int]:
-        """Row and column of the view nearest to a place in their plane (m); the middle by default."""
+        """Find row and column of the view nearest to a place in their plane (m); the middle by default."""
         away = ((self.position - np.array([right, up])) ** 2).sum(axis=-1)
         row, column = np.unravel_index(int(away.argmin()), away.shape)
         return int(row), int(column)

@@ -1,4 +1,4 @@
-"""What colour what is seen has.
+"""Albedo of the surface that is seen.
 
 On the command line:
 
@@ -7,8 +7,9 @@ On the command line:
 
 from typing import ClassVar, Literal, NamedTuple
 
-from raytracer.aovs.interface import AovSpec, Identities, measure
-from raytracer.materials.interface import reflectance_at
+from raytracer.kernel.aovs.base.interface import AovSpec, SceneIds
+from raytracer.kernel.aovs.base.layers import measure
+from raytracer.plugins.materials.base.dispatch import reflectance_at
 
 
 class Albedo(AovSpec):
@@ -17,14 +18,14 @@ class Albedo(AovSpec):
     type: Literal["albedo"] = "albedo"
     channels: ClassVar[tuple[str, ...]] = ("R", "G", "B")
 
-    def quantity(self, identities: Identities) -> "Reflectance":
-        return Reflectance()
+    def quantity(self, identities: SceneIds) -> "AlbedoQuantity":
+        return AlbedoQuantity()
 
 
-class Reflectance(NamedTuple):
-    """Measured of the material."""
+class AlbedoQuantity(NamedTuple):
+    """The reflectance of the material."""
 
 
-@measure.register(Reflectance)
-def _(quantity, scene, seen):
+@measure.register(AlbedoQuantity)
+def measure_albedo_quantity(quantity, scene, seen):
     return reflectance_at(scene, seen.material, seen.site)

@@ -1,4 +1,4 @@
-"""How far away what is seen is.
+"""Depth and distance of the surface that is seen.
 
 On the command line:
 
@@ -8,9 +8,10 @@ On the command line:
 import math
 from typing import ClassVar, Literal, NamedTuple
 
-from raytracer.aovs.interface import AovSpec, Identities, measure
-from raytracer.cameras.interface import project
-from raytracer.vec import norm, sub
+from raytracer.core.vec import norm, sub
+from raytracer.kernel.aovs.base.interface import AovSpec, SceneIds
+from raytracer.kernel.aovs.base.layers import measure
+from raytracer.plugins.cameras.base.interface import project
 
 
 class Depth(AovSpec):
@@ -24,8 +25,8 @@ class Depth(AovSpec):
     unit: ClassVar[str] = "m"
     empty: ClassVar[float] = math.inf
 
-    def quantity(self, identities: Identities) -> "DepthOf":
-        return DepthOf()
+    def quantity(self, identities: SceneIds) -> "DepthQuantity":
+        return DepthQuantity()
 
 
 class Distance(AovSpec):
@@ -36,23 +37,23 @@ class Distance(AovSpec):
     unit: ClassVar[str] = "m"
     empty: ClassVar[float] = math.inf
 
-    def quantity(self, identities: Identities) -> "DistanceOf":
-        return DistanceOf()
+    def quantity(self, identities: SceneIds) -> "DistanceQuantity":
+        return DistanceQuantity()
 
 
-class DepthOf(NamedTuple):
-    """Measured along the axis."""
+class DepthQuantity(NamedTuple):
+    """The distance along the camera's axis."""
 
 
-class DistanceOf(NamedTuple):
-    """Measured along the ray."""
+class DistanceQuantity(NamedTuple):
+    """The distance along the camera ray."""
 
 
-@measure.register(DepthOf)
-def _(quantity, scene, seen):
+@measure.register(DepthQuantity)
+def measure_depth_quantity(quantity, scene, seen):
     return project(scene.camera, seen.hit.point, seen.time)[2], 0.0, 0.0
 
 
-@measure.register(DistanceOf)
-def _(quantity, scene, seen):
-    return norm(sub(seen.hit.point, seen.origin)), 0.0, 0.0
+@measure.register(DistanceQuantity)
+def measure_distance_quantity(quantity, scene, seen):
+    return norm(sub(seen.hit.point, seen.previous)), 0.0, 0.0

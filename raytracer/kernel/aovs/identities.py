@@ -1,4 +1,4 @@
-"""Who or what is seen.
+"""Numbers of the object and the material that are seen.
 
 On the command line:
 
@@ -11,18 +11,19 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.aovs.interface import AovSpec, Identities, Vote, measure
 from raytracer.film.film import Film
+from raytracer.kernel.aovs.base.interface import AovSpec, SceneIds
+from raytracer.kernel.aovs.base.layers import MajorityLayer, measure
 
 
 class _Identity(AovSpec):
-    """A whole number, which no filter may mix: the one that more than half of a pixel's samples see, if one is."""
+    """An integer, which no filter may mix: the one that more than half of a pixel's samples see, if there is one."""
 
     channels: ClassVar[tuple[str, ...]] = ("ID",)
 
-    def pack(self, height: int, width: int, column: int, identities: Identities) -> Vote:
+    def pack(self, height: int, width: int, column: int, identities: SceneIds) -> MajorityLayer:
         size = (height, width)
-        return Vote(self.quantity(identities), np.zeros(size, np.int64), np.zeros(size, np.int64), column)
+        return MajorityLayer(self.quantity(identities), np.zeros(size, np.int64), np.zeros(size, np.int64), column)
 
     def develop(self, layer: Any, film: Film) -> NDArray[Any]:
         return np.asarray(layer.winner, dtype=np.uint32)
@@ -33,10 +34,10 @@ class ObjectId(_Identity):
 
     type: Literal["object_id"] = "object_id"
 
-    def quantity(self, identities: Identities) -> "Owner":
-        return Owner(identities.first, identities.start, identities.owner, identities.placed)
+    def quantity(self, identities: SceneIds) -> "ObjectIdQuantity":
+        return ObjectIdQuantity(identities.first, identities.start, identities.owner, identities.placed)
 
-    def names(self, identities: Identities) -> Mapping[int, str]:
+    def names(self, identities: SceneIds) -> Mapping[int, str]:
         return dict(enumerate(identities.objects, 1))
 
 
@@ -45,15 +46,15 @@ class MaterialId(_Identity):
 
     type: Literal["material_id"] = "material_id"
 
-    def quantity(self, identities: Identities) -> "Substance":
-        return Substance(identities.material)
+    def quantity(self, identities: SceneIds) -> "MaterialIdQuantity":
+        return MaterialIdQuantity(identities.material)
 
-    def names(self, identities: Identities) -> Mapping[int, str]:
+    def names(self, identities: SceneIds) -> Mapping[int, str]:
         return dict(enumerate(identities.materials, 1))
 
 
-class Owner(NamedTuple):
-    """Fields as of Identities."""
+class ObjectIdQuantity(NamedTuple):
+    """The number of the object, by the tables of `SceneIds`."""
 
     first: NDArray[np.int64]
     start: NDArray[np.int64]
@@ -61,14 +62,14 @@ class Owner(NamedTuple):
     placed: NDArray[np.int32]
 
 
-class Substance(NamedTuple):
-    """Field as of Identities."""
+class MaterialIdQuantity(NamedTuple):
+    """The number of the material, by the table of `SceneIds`."""
 
     material: NDArray[np.int32]
 
 
-@measure.register(Owner)
-def _(quantity, scene, seen):
+@measure.register(ObjectIdQuantity)
+def measure_object_id_quantity(quantity, scene, seen):
     if 0 <= seen.instance < len(quantity.placed):
         return float(quantity.placed[seen.instance]), 0.0, 0.0
     # The last entry of the table that starts at this primitive or before it.
@@ -82,6 +83,6 @@ def _(quantity, scene, seen):
     return float(quantity.owner[low]), 0.0, 0.0
 
 
-@measure.register(Substance)
-def _(quantity, scene, seen):
+@measure.register(MaterialIdQuantity)
+def measure_material_id_quantity(quantity, scene, seen):
     return float(quantity.material[seen.hit.material]), 0.0, 0.0

@@ -1,4 +1,4 @@
-"""How light came: straight from what emits it and by one bounce, or by more.
+"""Direct and indirect light: radiance by at most two path segments, and by more.
 
 On the command line:
 
@@ -10,9 +10,10 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.aovs.interface import AovSpec, Identities, Light, share
+from raytracer.core.vec import sub
 from raytracer.film.film import Film
-from raytracer.vec import sub
+from raytracer.kernel.aovs.base.interface import AovSpec, SceneIds
+from raytracer.kernel.aovs.base.layers import LightLayer, light_part
 
 
 class _Part(AovSpec):
@@ -21,8 +22,8 @@ class _Part(AovSpec):
     channels: ClassVar[tuple[str, ...]] = ("R", "G", "B")
     unit: ClassVar[str] = "W/(m2 sr)"
 
-    def pack(self, height: int, width: int, column: int, identities: Identities) -> Light:
-        return Light(self.quantity(identities), np.zeros((height, width, 3)), column)
+    def pack(self, height: int, width: int, column: int, identities: SceneIds) -> LightLayer:
+        return LightLayer(self.quantity(identities), np.zeros((height, width, 3)), column)
 
     def develop(self, layer: Any, film: Film) -> NDArray[Any]:
         return np.asarray(layer.sums / np.maximum(film.count, 1)[..., None])
@@ -33,7 +34,7 @@ class DirectLight(_Part):
 
     type: Literal["direct"] = "direct"
 
-    def quantity(self, identities: Identities) -> "Direct":
+    def quantity(self, identities: SceneIds) -> "Direct":
         return Direct()
 
 
@@ -42,23 +43,23 @@ class IndirectLight(_Part):
 
     type: Literal["indirect"] = "indirect"
 
-    def quantity(self, identities: Identities) -> "Indirect":
+    def quantity(self, identities: SceneIds) -> "Indirect":
         return Indirect()
 
 
 class Direct(NamedTuple):
-    """What came by at most two segments."""
+    """Radiance by at most two path segments."""
 
 
 class Indirect(NamedTuple):
-    """What came by more."""
+    """Radiance by three path segments and more."""
 
 
-@share.register(Direct)
-def _(part, value, direct):
+@light_part.register(Direct)
+def light_part_direct(part, value, direct):
     return direct
 
 
-@share.register(Indirect)
-def _(part, value, direct):
+@light_part.register(Indirect)
+def light_part_indirect(part, value, direct):
     return sub(value, direct)

@@ -1,4 +1,4 @@
-"""How what is seen moves in the picture.
+"""Motion vectors in the picture of the surface that is seen.
 
 On the command line:
 
@@ -7,13 +7,14 @@ On the command line:
 
 from typing import ClassVar, Literal, NamedTuple
 
-from raytracer.aovs.interface import AovSpec, Identities, measure
-from raytracer.cameras.interface import project
-from raytracer.instances import Instances, pose_of
-from raytracer.jit import generic
-from raytracer.motion import apply_point
-from raytracer.primitives.interface import carry_any
-from raytracer.shutter import Shutter
+from raytracer.core.compiler.dispatch import optional
+from raytracer.core.instancing import Instances, pose_of
+from raytracer.core.motion.affine import apply_point
+from raytracer.core.primitives.base.interface import reproject_at_time_any
+from raytracer.core.shutter.table import Shutter
+from raytracer.kernel.aovs.base.interface import AovSpec, SceneIds
+from raytracer.kernel.aovs.base.layers import measure
+from raytracer.plugins.cameras.base.interface import project
 
 
 class Motion(AovSpec):
@@ -28,49 +29,39 @@ class Motion(AovSpec):
     channels: ClassVar[tuple[str, ...]] = ("X", "Y")
     unit: ClassVar[str] = "px"
 
-    def quantity(self, identities: Identities) -> "Displacement":
-        return Displacement()
+    def quantity(self, identities: SceneIds) -> "MotionQuantity":
+        return MotionQuantity()
 
 
-class Displacement(NamedTuple):
-    """Measured in the picture."""
+class MotionQuantity(NamedTuple):
+    """The displacement in the picture."""
 
 
-@generic
-def follow(instances, scene, seen, time):
-    """Where in the world the point that is seen is at another time."""
-    raise NotImplementedError
+@optional
+def point_at_time(instances, scene, seen, time):
+    """Return the position in the world of the point that is seen at another time."""
+    return reproject_at_time_any(scene.primitives, seen.table, seen.primitive, seen.hit, time)
 
 
-@follow.register(type(None))
-def _(instances, scene, seen, time):
-    return carry_any(scene.primitives, seen.table, seen.primitive, seen.hit, time)
-
-
-@follow.register(Instances)
-def _(instances, scene, seen, time):
-    local = carry_any(scene.primitives, seen.table, seen.primitive, seen.hit, time)
+@point_at_time.register(Instances)
+def point_at_time_instances(instances, scene, seen, time):
+    local = reproject_at_time_any(scene.primitives, seen.table, seen.primitive, seen.hit, time)
     return local if seen.instance < 0 else apply_point(pose_of(instances, seen.instance, time), local)
 
 
-@generic
+@optional
 def displacement(shutter, scene, seen):
-    """Film position at the shutter's closing less that at its opening."""
-    raise NotImplementedError
-
-
-@displacement.register(type(None))
-def _(shutter, scene, seen):
+    """Compute the film position at the shutter's closing less that at its opening."""
     return 0.0, 0.0, 0.0
 
 
 @displacement.register(Shutter)
-def _(shutter, scene, seen):
-    x0, y0, _ = project(scene.camera, follow(scene.instances, scene, seen, 0.0), 0.0)
-    x1, y1, _ = project(scene.camera, follow(scene.instances, scene, seen, 1.0), 1.0)
+def displacement_shutter(shutter, scene, seen):
+    x0, y0, _ = project(scene.camera, point_at_time(scene.instances, scene, seen, 0.0), 0.0)
+    x1, y1, _ = project(scene.camera, point_at_time(scene.instances, scene, seen, 1.0), 1.0)
     return x1 - x0, y1 - y0, 0.0
 
 
-@measure.register(Displacement)
-def _(quantity, scene, seen):
+@measure.register(MotionQuantity)
+def measure_motion_quantity(quantity, scene, seen):
     return displacement(scene.shutter, scene, seen)

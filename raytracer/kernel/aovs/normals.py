@@ -1,4 +1,4 @@
-"""Which way what is seen faces.
+"""Normals of the surface that is seen.
 
 On the command line:
 
@@ -7,8 +7,9 @@ On the command line:
 
 from typing import ClassVar, Literal, NamedTuple
 
-from raytracer.aovs.interface import AovSpec, Identities, measure
-from raytracer.vec import neg
+from raytracer.core.vec import neg
+from raytracer.kernel.aovs.base.interface import AovSpec, SceneIds
+from raytracer.kernel.aovs.base.layers import measure
 
 
 class Normal(AovSpec):
@@ -20,8 +21,8 @@ class Normal(AovSpec):
     type: Literal["normal"] = "normal"
     channels: ClassVar[tuple[str, ...]] = ("X", "Y", "Z")
 
-    def quantity(self, identities: Identities) -> "ShadingNormal":
-        return ShadingNormal()
+    def quantity(self, identities: SceneIds) -> "ShadingNormalQuantity":
+        return ShadingNormalQuantity()
 
 
 class GeometricNormal(AovSpec):
@@ -30,23 +31,23 @@ class GeometricNormal(AovSpec):
     type: Literal["geometric_normal"] = "geometric_normal"
     channels: ClassVar[tuple[str, ...]] = ("X", "Y", "Z")
 
-    def quantity(self, identities: Identities) -> "TrueNormal":
-        return TrueNormal()
+    def quantity(self, identities: SceneIds) -> "GeometricNormalQuantity":
+        return GeometricNormalQuantity()
 
 
-class ShadingNormal(NamedTuple):
-    """Measured as shaded."""
+class ShadingNormalQuantity(NamedTuple):
+    """The shading normal."""
 
 
-class TrueNormal(NamedTuple):
-    """Measured as the surface is."""
+class GeometricNormalQuantity(NamedTuple):
+    """The normal of the true surface."""
 
 
-@measure.register(ShadingNormal)
-def _(quantity, scene, seen):
+@measure.register(ShadingNormalQuantity)
+def measure_shading_normal_quantity(quantity, scene, seen):
     return seen.normal
 
 
-@measure.register(TrueNormal)
-def _(quantity, scene, seen):
+@measure.register(GeometricNormalQuantity)
+def measure_geometric_normal_quantity(quantity, scene, seen):
     return seen.hit.normal if seen.front else neg(seen.hit.normal)

@@ -1,4 +1,4 @@
-"""Where in the world what is seen is.
+"""Position of the surface that is seen.
 
 On the command line:
 
@@ -7,8 +7,9 @@ On the command line:
 
 from typing import ClassVar, Literal, NamedTuple
 
-from raytracer.aovs.interface import AovSpec, Identities, measure
-from raytracer.origin import in_world
+from raytracer.core.world_origin import world_to_authored
+from raytracer.kernel.aovs.base.interface import AovSpec, SceneIds
+from raytracer.kernel.aovs.base.layers import measure
 
 
 class Position(AovSpec):
@@ -18,14 +19,14 @@ class Position(AovSpec):
     channels: ClassVar[tuple[str, ...]] = ("X", "Y", "Z")
     unit: ClassVar[str] = "m"
 
-    def quantity(self, identities: Identities) -> "Place":
-        return Place()
+    def quantity(self, identities: SceneIds) -> "PositionQuantity":
+        return PositionQuantity()
 
 
-class Place(NamedTuple):
-    """Measured in the world."""
+class PositionQuantity(NamedTuple):
+    """The position in the world."""
 
 
-@measure.register(Place)
-def _(quantity, scene, seen):
-    return in_world(scene.origin, seen.hit.point)
+@measure.register(PositionQuantity)
+def measure_position_quantity(quantity, scene, seen):
+    return world_to_authored(scene.origin, seen.hit.point)

@@ -1,4 +1,4 @@
-"""The camera rays themselves: what a light field is made of.
+"""The camera rays themselves, of which a light field is made.
 
 On the command line:
 
@@ -11,20 +11,21 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.aovs.interface import AovSpec, Identities, add_layer, begin_layer
-from raytracer.cameras.placement import Frame, in_frame
-from raytracer.errors import InputError
+from raytracer.core.vec import dot
 from raytracer.film.film import Film
-from raytracer.hues import finished
-from raytracer.paths import load3
-from raytracer.vec import dot
+from raytracer.kernel.aovs.base.interface import AovSpec, SceneIds
+from raytracer.kernel.aovs.base.layers import add_layer, begin_layer
+from raytracer.kernel.lens_dispersion import apply_lens_color
+from raytracer.kernel.path_state import load3
+from raytracer.plugins.cameras.base.placement import CameraFrame, to_camera_space
+from raytracer.util.errors import InputError
 
-# Columns of what is kept of a sample: a place and a slope, a value, and whether there is a sample.
-_PLACE, _VALUE, _TAKEN, _COLUMNS = 0, 4, 7, 8
+# Columns of a sample: its position and slope, its value, and 1 if it was taken.
+_RAY, _VALUE, _TAKEN, _COLUMNS = 0, 4, 7, 8
 
 
 class Rays(AovSpec):
-    """All rays of each pixel, as they are in front of the camera, and what each brought: a picture to be focused later.
+    """All camera rays of each pixel, in front of the camera, with the radiance of each: a picture to be focused later.
 
     For each sample: U and V, where it goes through the plane of the lens, to the right and up from its middle (m); S
     and T, by how much it goes to the right and up per metre along the axis; R, G and B, what it added to the picture,
@@ -34,10 +35,10 @@ class Rays(AovSpec):
 
     type: Literal["rays"] = "rays"
     channels: ClassVar[tuple[str, ...]] = ("U", "V", "S", "T", "R", "G", "B", "N")
-    is_by_sample: ClassVar[bool] = True
+    is_per_sample: ClassVar[bool] = True
 
-    def pack(self, height: int, width: int, column: int, identities: Identities) -> "Kept":
-        """The layer that holds them.
+    def pack(self, height: int, width: int, column: int, identities: SceneIds) -> "RaysLayer":
+        """Make the layer that holds the rays.
 
         Raises
         ------
@@ -51,7 +52,7 @@ class Rays(AovSpec):
         except MemoryError as error:
             gigabytes = 8.0 * math.prod(shape) / 1e9
             raise InputError(f"the AOV rays needs {gigabytes:.0f} GB of memory for {identities.spp} spp") from error
-        return Kept(identities.frame, samples, np.zeros((height, width), np.int64), column)
+        return RaysLayer(identities.frame, samples, np.zeros((height, width), np.int64), column)
 
     def develop(self, layer: Any, film: Film) -> NDArray[Any]:
         return np.asarray(layer.samples.reshape(*layer.count.shape, -1))
@@ -60,43 +61,47 @@ class Rays(AovSpec):
         return tuple(f"{sample}.{name}" for sample in range(layer.samples.shape[2]) for name in self.channels)
 
 
-class Kept(NamedTuple):
-    """All samples, each as it came.
+class RaysLayer(NamedTuple):
+    """All samples of each pixel, in the order in which they were taken.
 
-    frame, of the camera; samples (height, width, spp, 8) float64, the channels of `Rays`; count (height, width) int64,
-    samples that are there; column, where a workspace keeps place and slope.
+    Attributes
+    ----------
+    frame : of the camera.
+    samples : float64 (height, width, spp, 8), the channels of `Rays`.
+    count : int64 (height, width), samples taken.
+    column : first column of a workspace's AOV values that holds position and slope.
     """
 
-    frame: Frame
+    frame: CameraFrame
     samples: NDArray[np.float64]
     count: NDArray[np.int64]  # type: ignore[assignment]  # takes the place of tuple.count
     column: int
 
 
-@begin_layer.register(Kept)
-def _(layer, work, sample, origin, direction):
+@begin_layer.register(RaysLayer)
+def begin_layer_rays_layer(layer, work, sample, origin, direction):
     frame = layer.frame
-    right, up, ahead = in_frame(frame, origin)
+    right, up, ahead = to_camera_space(frame, origin)
     along = dot(direction, frame.forward)
-    # No plane ahead is met by what does not go there.
+    # A ray that does not go forward meets no plane ahead.
     inverse = 1.0 / along if along > 0.0 else math.nan
     slope, rise = dot(direction, frame.right) * inverse, dot(direction, frame.up) * inverse
-    work.features[sample, layer.column] = right - ahead * slope
-    work.features[sample, layer.column + 1] = up - ahead * rise
-    work.features[sample, layer.column + 2] = slope
-    work.features[sample, layer.column + 3] = rise
+    work.aov_values[sample, layer.column] = right - ahead * slope
+    work.aov_values[sample, layer.column + 1] = up - ahead * rise
+    work.aov_values[sample, layer.column + 2] = slope
+    work.aov_values[sample, layer.column + 3] = rise
 
 
-@add_layer.register(Kept)
-def _(layer, spectrum, work, sample, x, y):
+@add_layer.register(RaysLayer)
+def add_layer_rays_layer(layer, spectrum, work, sample, x, y):
     number = layer.count[y, x]
-    # What looks along a pixel once more, to find a sample again, may take more than there is room for.
+    # Replays of a sample may take more samples of a pixel than the layer holds.
     if number >= layer.samples.shape[2]:
         return
-    value = finished(spectrum, work, sample, load3(work.radiance, sample, 0))
+    value = apply_lens_color(spectrum, work, sample, load3(work.radiance, sample, 0))
     for i in range(4):
-        layer.samples[y, x, number, _PLACE + i] = work.features[sample, layer.column + i]
+        layer.samples[y, x, number, _RAY + i] = work.aov_values[sample, layer.column + i]
     for channel in range(3):
-        layer.samples[y, x, number, _VALUE + channel] = work.radiance[sample, 3] * value[channel]
+        layer.samples[y, x, number, _VALUE + channel] = work.weight[sample] * value[channel]
     layer.samples[y, x, number, _TAKEN] = 1.0
     layer.count[y, x] = number + 1

@@ -1,4 +1,4 @@
-"""How a pixel was sampled.
+"""Coverage, number of samples and variance of a pixel.
 
 On the command line:
 
@@ -10,8 +10,9 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.aovs.interface import AovSpec, Coverage, Identities
 from raytracer.film.film import Film
+from raytracer.kernel.aovs.base.interface import AovSpec, SceneIds
+from raytracer.kernel.aovs.base.layers import CoverageLayer
 
 
 class CoverageSpec(AovSpec):
@@ -20,8 +21,8 @@ class CoverageSpec(AovSpec):
     type: Literal["coverage"] = "coverage"
     channels: ClassVar[tuple[str, ...]] = ("A",)
 
-    def pack(self, height: int, width: int, column: int, identities: Identities) -> Coverage:
-        return Coverage(np.zeros((height, width, 2)))
+    def pack(self, height: int, width: int, column: int, identities: SceneIds) -> CoverageLayer:
+        return CoverageLayer(np.zeros((height, width, 2)))
 
     def develop(self, layer: Any, film: Film) -> NDArray[Any]:
         covered, weight = layer.sums[..., 0], layer.sums[..., 1]
@@ -29,12 +30,12 @@ class CoverageSpec(AovSpec):
 
 
 class Samples(AovSpec):
-    """How many samples the pixel's values are means of."""
+    """Number of samples of which the pixel's values are means."""
 
     type: Literal["samples"] = "samples"
     channels: ClassVar[tuple[str, ...]] = ("N",)
 
-    def pack(self, height: int, width: int, column: int, identities: Identities) -> None:
+    def pack(self, height: int, width: int, column: int, identities: SceneIds) -> None:
         return None
 
     def develop(self, layer: Any, film: Film) -> NDArray[Any]:
@@ -48,7 +49,7 @@ class Variance(AovSpec):
     channels: ClassVar[tuple[str, ...]] = ("R", "G", "B")
     unit: ClassVar[str] = "(W/(m2 sr))2"
 
-    def pack(self, height: int, width: int, column: int, identities: Identities) -> None:
+    def pack(self, height: int, width: int, column: int, identities: SceneIds) -> None:
         return None
 
     def develop(self, layer: Any, film: Film) -> NDArray[Any]:

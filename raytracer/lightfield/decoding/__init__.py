@@ -1,1 +1,1 @@
-"""Raw pictures of cameras with microlenses: the grid of microlenses found, devignetted, turned into views."""
+"""Decoding of raw pictures of microlens cameras: calibration of the microlens grid, devignetting, and views."""

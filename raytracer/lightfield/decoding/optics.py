@@ -1,20 +1,20 @@
-"""What is known of the camera that a raw picture is from, without which views have no metres."""
+"""Optics of the camera of a raw picture, without which views have no metres."""
 
 import math
 from dataclasses import dataclass
 
-from raytracer.lightfield.decoding.calibration import Grid
-from raytracer.lightfield.foreign.geometry import regular
-from raytracer.plenoptic.resampling import Resampler
-from raytracer.plenoptic.views import Plane, Views
-from raytracer.units import METRES_PER_MILLIMETRE
+from raytracer.film.light_field.resampling import Resampler
+from raytracer.film.light_field.views import Plane, Views
+from raytracer.lightfield.decoding.microlens_grid import Grid
+from raytracer.lightfield.formats.geometry import regular_grid
+from raytracer.schema.units import METRES_PER_MILLIMETRE
 
 _METRES_PER_MICROMETRE = 1e-6
 
 
 @dataclass(frozen=True)
 class Optics:
-    """A camera with microlenses at the distance of the image, as far as it is known.
+    """Optics of a camera with microlenses at the distance of the image, as far as they are known.
 
     Attributes
     ----------
@@ -34,21 +34,21 @@ class Optics:
 
     @property
     def missing(self) -> str:
-        """What would have to be known for metres; empty if it is all there."""
-        wanted = {"the pitch of the sensor's pixels": self.pixel_pitch, "the lens's focal length": self.focal_length}
-        names = [name for name, value in wanted.items() if value is None]
+        """Lengths that are missing for metres, as a phrase; empty if none is."""
+        needed = {"the pitch of the sensor's pixels": self.pixel_pitch, "the lens's focal length": self.focal_length}
+        names = [name for name, value in needed.items() if value is None]
         if self.f_number is None and self.microlens_distance is None:
             names.append("its f-number or the distance of the microlenses to the sensor")
         return ", ".join(names[:-1]) + (" and " if names[1:] else "") + "".join(names[-1:])
 
     def views(self, grid: Grid, resampler: Resampler) -> Views:
-        """Geometry of the views that `resampler` makes: in metres, or where those are not known in steps of one view.
+        """Compute the geometry of the views that `resampler` makes: in metres, or else in steps of one view.
 
         Raises
         ------
         ValueError : the plane that is sharp is within the focal length.
         """
-        steps = regular(resampler.count, resampler.count)
+        steps = regular_grid(resampler.count, resampler.count)
         if self.missing:
             plane = Plane(1.0, -0.5 * resampler.width, 0.5 * resampler.height)
             aperture = grid.diameter / resampler.step
@@ -63,7 +63,7 @@ class Optics:
             raise ValueError(f"must be more than the focal length, {focal_length:g} m")
         image = 1.0 / inverse_image
 
-        # A pixel sees through its microlens's middle: by similar triangles, its place on the main lens.
+        # A pixel sees through its microlens's middle: similar triangles give its place on the main lens.
         if self.microlens_distance is not None:
             behind = self.microlens_distance * _METRES_PER_MICROMETRE
             on_lens = pitch * image / behind

@@ -8,22 +8,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.errors import InputError
-from raytracer.plenoptic.views import Plane, Pose, Views
-from raytracer.untrusted import contents
+from raytracer.film.light_field.views import Plane, Pose, Views
+from raytracer.util.errors import InputError
+from raytracer.util.safe_open import read_regular
 
 FILE = "geometry.json"
-"""In a folder of views: their geometry, as this program writes it beside them."""
-
+"""Name of the file, in a folder of views, that holds their geometry as this program writes it."""
 
 _LARGEST = 1 << 26
-"""Bytes of a file: a million views' places, and more than folders have."""
+"""Most bytes of a file: room for a million views' places, more than folders have."""
 
 _NUMBERS = ("inverse_focus", "aperture", "focal_length")
 
 
-class Known(NamedTuple):
-    """What is known of how a light field was taken; None where it is not.
+class KnownGeometry(NamedTuple):
+    """Known parts of the geometry of a light field; None where they are not known.
 
     spacing : from view to view, right and down (m).
     focus_distance : of the plane in which all views see the same (m); inf for parallel ones.
@@ -35,15 +34,19 @@ class Known(NamedTuple):
     pixel: float | None = None
 
 
-class Optics(NamedTuple):
-    """How wide views see: by a vertical field of view (degrees), or a focal length and a sensor's width (mm)."""
+class ViewOptics(NamedTuple):
+    """The field of view of a view, as options give it: directly, or by a focal length and a sensor.
+
+    vfov : vertical field of view (degrees).
+    focal_length, sensor : focal length, and width of the sensor (mm).
+    """
 
     vfov: float | None = None
     focal_length: float | None = None
     sensor: float | None = None
 
     def pixel(self, width: int, height: int) -> float | None:
-        """Edge of a pixel at a distance of 1, of views of width x height; None if that is not said."""
+        """Compute the edge of a pixel at a distance of 1, of views of width x height; None if not given."""
         if self.vfov is not None:
             return 2.0 * math.tan(math.radians(0.5 * self.vfov)) / height
         if self.focal_length is not None and self.sensor is not None:
@@ -51,15 +54,17 @@ class Optics(NamedTuple):
         return None
 
 
-def regular(rows: int, columns: int) -> NDArray[np.float64]:
-    """Views on a grid, in steps of one view: (rows, columns, 2), right and up from the middle."""
+def regular_grid(rows: int, columns: int) -> NDArray[np.float64]:
+    """Place views on a regular grid, in steps of one view: (rows, columns, 2), right and up from the middle."""
     right = np.arange(columns) - 0.5 * (columns - 1)
     up = 0.5 * (rows - 1) - np.arange(rows)
     return np.stack(np.broadcast_arrays(right, up[:, None]), axis=-1)
 
 
-def views(steps: NDArray[np.float64], width: int, height: int, known: Known) -> tuple[Views, dict[str, str]]:
-    """The geometry of views at `steps` (steps of one view, right and up), and the settings that say its units.
+def make_views(
+    steps: NDArray[np.float64], width: int, height: int, known: KnownGeometry
+) -> tuple[Views, dict[str, str]]:
+    """Make the geometry of views at `steps` (steps of one view, right and up), and the settings that say its units.
 
     Without metres a distance `1 / w` is where what is seen moves by `w` pixels from view to view.
 
@@ -76,36 +81,36 @@ def views(steps: NDArray[np.float64], width: int, height: int, known: Known) -> 
     return Views(position, plane, width, height, inverse), {}
 
 
-def text(views: Views, units: str | None) -> bytes:
-    """A geometry as JSON."""
-    found: dict[str, Any] = {"width": views.width, "height": views.height, **views.plane._asdict()}
-    found |= {name: getattr(views, name) for name in _NUMBERS}
-    found |= {"cell": views.cell, "pose": None if views.pose is None else views.pose._asdict()}
-    found |= {"units": units, "position": views.position.tolist()}
-    given = {name: value for name, value in found.items() if value is not None}
+def to_json(views: Views, units: str | None) -> bytes:
+    """Write a geometry as JSON (UTF-8)."""
+    values: dict[str, Any] = {"width": views.width, "height": views.height, **views.plane._asdict()}
+    values |= {name: getattr(views, name) for name in _NUMBERS}
+    values |= {"cell": views.cell, "pose": None if views.pose is None else views.pose._asdict()}
+    values |= {"units": units, "position": views.position.tolist()}
+    given = {name: value for name, value in values.items() if value is not None}
     return (json.dumps(given, indent=1, allow_nan=False) + "\n").encode()
 
 
 def read(path: Path) -> tuple[Views, dict[str, str]]:
-    """A geometry from JSON, and the settings that say its units.
+    """Read a geometry from a JSON file, and the settings that say its units.
 
     Raises
     ------
     InputError : the file cannot be read, or is no geometry.
     """
     try:
-        found = json.loads(contents(path, _LARGEST))
-        pose = found.get("pose")
-        cell = found.get("cell")
+        values = json.loads(read_regular(path, _LARGEST))
+        pose = values.get("pose")
+        cell = values.get("cell")
         views = Views(
-            position=np.array(found["position"], dtype=np.float64),
-            plane=Plane(*(float(found[name]) for name in Plane._fields)),
-            width=int(found["width"]),
-            height=int(found["height"]),
-            inverse_focus=float(found["inverse_focus"]),
+            position=np.array(values["position"], dtype=np.float64),
+            plane=Plane(*(float(values[name]) for name in Plane._fields)),
+            width=int(values["width"]),
+            height=int(values["height"]),
+            inverse_focus=float(values["inverse_focus"]),
             cell=None if cell is None else (float(cell[0]), float(cell[1])),
-            aperture=None if "aperture" not in found else float(found["aperture"]),
-            focal_length=None if "focal_length" not in found else float(found["focal_length"]),
+            aperture=None if "aperture" not in values else float(values["aperture"]),
+            focal_length=None if "focal_length" not in values else float(values["focal_length"]),
             pose=None if pose is None else Pose(*(_triple(pose[name]) for name in Pose._fields)),
         )
     except OSError as error:
@@ -114,7 +119,7 @@ def read(path: Path) -> tuple[Views, dict[str, str]]:
         raise InputError(f"{path}: is no geometry of a light field: it has no {error}") from error
     except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError) as error:
         raise InputError(f"{path}: is no geometry of a light field, or a broken one") from error
-    return views, {"units": "views"} if found.get("units") == "views" else {}
+    return views, {"units": "views"} if values.get("units") == "views" else {}
 
 
 def _triple(numbers: Any) -> tuple[float, float, float]:

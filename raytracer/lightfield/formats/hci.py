@@ -17,46 +17,55 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.errors import InputError
-from raytracer.lightfield.foreign.geometry import Known, regular
-from raytracer.plenoptic.views import Pose, Views
-from raytracer.units import METRES_PER_MILLIMETRE
-from raytracer.untrusted import contents
+from raytracer.film.light_field.views import Pose, Views
+from raytracer.lightfield.formats.geometry import KnownGeometry, regular_grid
+from raytracer.schema.units import METRES_PER_MILLIMETRE
+from raytracer.util.errors import InputError
+from raytracer.util.safe_open import read_regular
 
 FILE = "parameters.cfg"
 
+DEPTH_LAYER, DISPARITY_MAP = "depth", "disp"
+"""Kinds of maps in names of the benchmark's files; the first is the name of the light field's layer, too."""
 
 _LARGEST = 1 << 20
-"""Bytes of the file: those of the benchmark have one or two thousand."""
+"""Most bytes of the file: those of the benchmark have one or two thousand."""
 
 _GRID_TOLERANCE = 1e-6
-"""How far, in steps of one view, a view may be from its place on a grid to be called regular: numbers in millimetres
-have six digits."""
+"""Largest distance, in steps of one view, of a view from its place on a grid that counts as regular: numbers in
+millimetres have six digits."""
 
 _SENSOR_MM = 35.0
-"""Written for views whose sensor is not known: that of the benchmark's scenes."""
+"""Sensor size written for views whose sensor is not known: that of the benchmark's scenes."""
 
 _PINHOLE = 100.0
 """The f-number that the benchmark's scenes have, whose views are sharp throughout."""
 
 _NO_POSE = {f"center_cam_{name}": "0.0" for name in ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")}
-"""Written where nobody knows it, since the benchmark's readers want one."""
+"""Pose written where none is known, since the benchmark's readers require one."""
 
 
-class Parameters(NamedTuple):
-    """What the file says: the number of views, their pixels, and how they were taken."""
+class HciParameters(NamedTuple):
+    """Contents of the file.
+
+    rows, columns : number of views.
+    width, height : pixels of a view.
+    known : geometry of the views.
+    focal_length : of the lens (mm).
+    pose : of the view in the middle; None if the file has none.
+    """
 
     rows: int
     columns: int
     width: int
     height: int
-    known: Known
+    known: KnownGeometry
     focal_length: float
     pose: Pose | None
 
 
-def read(path: Path) -> Parameters:
-    """What a `parameters.cfg` says.
+def read(path: Path) -> HciParameters:
+    """Read a `parameters.cfg`.
 
     Raises
     ------
@@ -64,7 +73,7 @@ def read(path: Path) -> Parameters:
     """
     parser = configparser.ConfigParser(interpolation=None)
     try:
-        parser.read_string(contents(path, _LARGEST).decode("utf-8"))
+        parser.read_string(read_regular(path, _LARGEST).decode("utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     except (configparser.Error, UnicodeError) as error:
@@ -76,8 +85,8 @@ def read(path: Path) -> Parameters:
         try:
             return float(parser.get(section, key))
         except ValueError:
-            found = parser.get(section, key)
-            raise InputError(f"{path}: {key} must be a number, not {found!r:.40}") from None
+            value = parser.get(section, key)
+            raise InputError(f"{path}: {key} must be a number, not {value!r:.40}") from None
 
     def positive(section: str, key: str) -> float:
         value = number(section, key)
@@ -88,7 +97,7 @@ def read(path: Path) -> Parameters:
     def count(section: str, key: str) -> int:
         value = positive(section, key)
         if not math.isfinite(value) or value != int(value):
-            raise InputError(f"{path}: {key} must be a whole number, not {value:g}")
+            raise InputError(f"{path}: {key} must be an integer, not {value:g}")
         return int(value)
 
     width, height = count("intrinsics", "image_resolution_x_px"), count("intrinsics", "image_resolution_y_px")
@@ -102,19 +111,22 @@ def read(path: Path) -> Parameters:
     pose = None
     if all(parser.has_option("extrinsics", name) for name in names):
         pose = _pose([number("extrinsics", name) for name in names])
-    return Parameters(
+    return HciParameters(
         rows=count("extrinsics", "num_cams_y"),
         columns=count("extrinsics", "num_cams_x"),
         width=width,
         height=height,
-        known=Known((spacing, spacing), distance, pixel),
+        known=KnownGeometry((spacing, spacing), distance, pixel),
         focal_length=focal_length,
         pose=pose,
     )
 
 
 def _pose(numbers: list[float]) -> Pose | None:
-    """A camera that looks down, with its top to +y, turned about x, y and z in this order, as Blender's."""
+    """Convert a place (m) and angles (radians) to a pose; None if they are not finite.
+
+    The camera looks down with its top to +y, and is turned about x, y and z in this order, as Blender's.
+    """
     from scipy.spatial.transform import Rotation
 
     if not all(map(math.isfinite, numbers)):
@@ -129,8 +141,8 @@ def _triple(numbers: list[float]) -> tuple[float, float, float]:
     return x, y, z
 
 
-def spacing(views: Views) -> float:
-    """The distance from view to view (m) of a regular grid, the same to the right and down.
+def grid_spacing(views: Views) -> float:
+    """Measure the distance from view to view (m) of a regular grid, the same to the right and down.
 
     Raises
     ------
@@ -140,7 +152,7 @@ def spacing(views: Views) -> float:
     wide = float(np.ptp(views.position[..., 0])) / max(columns - 1, 1)
     high = float(np.ptp(views.position[..., 1])) / max(rows - 1, 1)
     step = max(wide, high)
-    away = views.position - views.position.mean(axis=(0, 1)) - step * regular(rows, columns)
+    away = views.position - views.position.mean(axis=(0, 1)) - step * regular_grid(rows, columns)
     if step <= 0.0 or np.abs(away).max() > _GRID_TOLERANCE * step:
         raise ValueError("its views are not on a grid of one spacing, which parameters.cfg cannot tell")
     plane = views.plane
@@ -150,8 +162,8 @@ def spacing(views: Views) -> float:
     return step
 
 
-def text(views: Views, name: str, disparity: NDArray[np.float64] | None) -> bytes:
-    """A `parameters.cfg`, with all keys that the benchmark's own readers ask for.
+def to_cfg(views: Views, name: str, disparity: NDArray[np.float64] | None) -> bytes:
+    """Write a `parameters.cfg` (UTF-8), with all keys that the benchmark's own readers require.
 
     Parameters
     ----------
@@ -170,9 +182,9 @@ def text(views: Views, name: str, disparity: NDArray[np.float64] | None) -> byte
     parser["extrinsics"] = {
         "num_cams_x": str(views.columns),
         "num_cams_y": str(views.rows),
-        "baseline_mm": repr(spacing(views) / METRES_PER_MILLIMETRE),
+        "baseline_mm": repr(grid_spacing(views) / METRES_PER_MILLIMETRE),
         "focus_distance_m": repr(views.focus_distance),
-        **_placed(views.pose),
+        **_pose_keys(views.pose),
     }
     known = None if disparity is None else disparity[np.isfinite(disparity)]
     low, high = (0.0, 0.0) if known is None or known.size == 0 else (float(known.min()), float(known.max()))
@@ -192,14 +204,15 @@ def text(views: Views, name: str, disparity: NDArray[np.float64] | None) -> byte
 
 
 def _f_number(views: Views, focal_length: float) -> float:
-    """Of one view: of the disc that is as large as what it gathers light over."""
+    """Compute the f-number of one view: that of the disc as large as its cell."""
     if views.cell is None:
         return _PINHOLE
     diameter = 2.0 * math.sqrt(views.cell[0] * views.cell[1] / math.pi)
     return focal_length * METRES_PER_MILLIMETRE / diameter if diameter > 0.0 else _PINHOLE
 
 
-def _placed(pose: Pose | None) -> dict[str, str]:
+def _pose_keys(pose: Pose | None) -> dict[str, str]:
+    """Convert a pose to the keys of the file; zeros if there is none, or it is mirrored."""
     from scipy.spatial.transform import Rotation
 
     if pose is None:
@@ -208,19 +221,19 @@ def _placed(pose: Pose | None) -> dict[str, str]:
     axes = np.stack([np.array(pose.right), np.array(pose.up), backward], axis=1)
     if np.linalg.det(axes) <= 0.0:
         return _NO_POSE
-    turned = Rotation.from_matrix(axes).as_euler("xyz")
+    angles = Rotation.from_matrix(axes).as_euler("xyz")
     places = {f"center_cam_{axis}_m": repr(float(value)) for axis, value in zip("xyz", pose.origin, strict=True)}
-    return places | {f"center_cam_r{axis}_rad": repr(float(a)) for axis, a in zip("xyz", turned, strict=True)}
+    return places | {f"center_cam_r{axis}_rad": repr(float(a)) for axis, a in zip("xyz", angles, strict=True)}
 
 
-def disparity(depth: NDArray[np.float64], views: Views, step: float) -> NDArray[np.float64]:
-    """How many pixels what is at a depth (m) moves to the left from a view to the next on its right."""
+def depth_to_disparity(depth: NDArray[np.float64], views: Views, step: float) -> NDArray[np.float64]:
+    """Convert depth (m) to disparity: pixels by which a point moves left from a view to the next on its right."""
     with np.errstate(divide="ignore"):
         return np.asarray(step * (1.0 / depth - views.inverse_focus) / views.plane.pixel)
 
 
-def depth(disparity: NDArray[np.float64], views: Views, step: float) -> NDArray[np.float64]:
-    """The depth (m) at which what is seen moves by a disparity."""
-    # Whatever numbers somebody has put there.
+def disparity_to_depth(disparity: NDArray[np.float64], views: Views, step: float) -> NDArray[np.float64]:
+    """Convert disparity (pixels from view to view) to depth (m)."""
+    # A file may hold any numbers.
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         return np.asarray(1.0 / (disparity * views.plane.pixel / step + views.inverse_focus))

@@ -1,4 +1,4 @@
-"""Views that are pictures of their own, or parts of one, read as they are asked for."""
+"""Lazily read arrays of views: picture files, arrays in .npy files, and parts of one picture."""
 
 import sys
 from collections.abc import Mapping
@@ -8,16 +8,16 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.errors import InputError
-from raytracer.film import output, srgb
-from raytracer.plenoptic.lazy import Lazy
-from raytracer.untrusted import BrokenArrayError, opened, stated_array
+from raytracer.film import image_file, srgb
+from raytracer.film.light_field.lazy_array import LazyArray
+from raytracer.util.errors import InputError
+from raytracer.util.safe_open import NpyError, open_regular, read_npy_header
 
 _CHANNELS = 3
 
 
-class Pictures(Lazy):
-    """A picture file for each view, (rows, columns, height, width, 3) in linear light.
+class LazyPictures(LazyArray):
+    """Array of views in one picture file each, (rows, columns, height, width, 3) in linear light.
 
     Raises, when one is read
     ------------------------
@@ -26,7 +26,7 @@ class Pictures(Lazy):
 
     def __init__(self, files: list[list[Path]]) -> None:
         self._files = files
-        self._last: tuple[Path, NDArray[np.float64]] = (files[0][0], output.load(files[0][0]))
+        self._last: tuple[Path, NDArray[np.float64]] = (files[0][0], image_file.load(files[0][0]))
         height, width = self._last[1].shape[:2]
         super().__init__((len(files), len(files[0]), height, width, _CHANNELS), np.dtype(np.float64))
 
@@ -39,19 +39,19 @@ class Pictures(Lazy):
     def _view(self, path: Path) -> NDArray[np.float64]:
         if path == self._last[0]:
             return self._last[1]
-        found = output.load(path)
-        if found.shape[:2] != self.shape[2:4]:
-            height, width = found.shape[:2]
+        picture = image_file.load(path)
+        if picture.shape[:2] != self.shape[2:4]:
+            height, width = picture.shape[:2]
             first = f"{self.shape[3]} x {self.shape[2]} as {self._files[0][0].name} is"
             raise InputError(f"{path}: is of {width} x {height} pixels, and must be {first}: views are of one size")
-        self._last = (path, found)
-        return found
+        self._last = (path, picture)
+        return picture
 
 
-class Stack(Lazy):
-    """An array of views in a .npy file, (rows, columns, height, width) and 3 or 1 channels, or none, as it is there.
+class LazyNpy(LazyArray):
+    """Array of views in a .npy file, (rows, columns, height, width) and 3 or 1 channels, or none, mapped into memory.
 
-    Whole numbers are taken for what displays show (sRGB), others for linear light.
+    Integers are taken for display values (sRGB), floating-point numbers for linear light.
 
     Raises
     ------
@@ -60,35 +60,35 @@ class Stack(Lazy):
 
     def __init__(self, path: Path) -> None:
         try:
-            with opened(path, sys.maxsize) as file:
-                stated = stated_array(file)
+            with open_regular(path, sys.maxsize) as file:
+                header = read_npy_header(file)
         except FileNotFoundError as error:
             raise InputError(f"{path}: no such file") from error
         except OSError as error:
             raise InputError(f"{path}: {error.strerror}") from error
-        except BrokenArrayError as error:
+        except NpyError as error:
             raise InputError(f"{path}: is truncated, or no .npy file of numbers") from error
-        shape, kind = stated.shape, stated.dtype
-        is_known = kind.kind == "f" or (kind.kind == "u" and kind.itemsize <= 2)
+        shape, dtype = header.shape, header.dtype
+        is_known = dtype.kind == "f" or (dtype.kind == "u" and dtype.itemsize <= 2)
         if len(shape) not in (4, 5) or 0 in shape or shape[4:] not in ((), (1,), (_CHANNELS,)) or not is_known:
             wanted = "(rows, columns, height, width, 3) of floating-point numbers, or uint8 or uint16"
-            raise InputError(f"{path}: must be {wanted}; it is {shape} of {kind}")
-        order: Literal["F", "C"] = "F" if stated.is_fortran else "C"
-        self._array = np.memmap(path, kind, "r", stated.start, shape, order)
+            raise InputError(f"{path}: must be {wanted}; it is {shape} of {dtype}")
+        order: Literal["F", "C"] = "F" if header.is_fortran else "C"
+        self._array = np.memmap(path, dtype, "r", header.start, shape, order)
         super().__init__((*shape[:4], _CHANNELS), np.dtype(np.float64))
 
     def _read(self, ahead: tuple[slice, ...]) -> NDArray[Any]:
-        found = np.asarray(self._array[ahead[: min(4, self._array.ndim)]])
+        values = np.asarray(self._array[ahead[: min(4, self._array.ndim)]])
         if self._array.ndim == len(ahead) - 1:
-            found = found[..., None]
-        if found.dtype.kind == "u":
-            found = srgb.decode(found / np.iinfo(found.dtype).max)
-        colours = np.broadcast_to(found.astype(np.float64), (*found.shape[:4], _CHANNELS))
+            values = values[..., None]
+        if values.dtype.kind == "u":
+            values = srgb.decode(values / np.iinfo(values.dtype).max)
+        colours = np.broadcast_to(values.astype(np.float64), (*values.shape[:4], _CHANNELS))
         return np.asarray(colours[..., ahead[4]])
 
 
-class Maps(Lazy):
-    """A layer that is known of some views, by row and column, (rows, columns, height, width); nan in all others."""
+class PartialLayer(LazyArray):
+    """Layer that is known of some views, by row and column, (rows, columns, height, width); nan in all others."""
 
     def __init__(self, known: Mapping[tuple[int, int], NDArray[np.float64]], shape: tuple[int, int, int, int]) -> None:
         self._known = known
@@ -96,25 +96,25 @@ class Maps(Lazy):
 
     def _read(self, ahead: tuple[slice, ...]) -> NDArray[Any]:
         rows, columns, *within = (range(size)[part] for part, size in zip(ahead, self.shape, strict=True))
-        found = np.full([len(rows), len(columns), *map(len, within)], np.nan)
+        layer = np.full([len(rows), len(columns), *map(len, within)], np.nan)
         for (row, column), values in self._known.items():
             if row in rows and column in columns:
-                found[rows.index(row), columns.index(column)] = values[ahead[2:]]
-        return found
+                layer[rows.index(row), columns.index(column)] = values[ahead[2:]]
+        return layer
 
 
-def montage(path: Path, rows: int, columns: int, *, interleaved: bool) -> NDArray[np.float64]:
-    """The views of one picture that shows them all, (rows, columns, height, width, 3).
+def split_montage(path: Path, rows: int, columns: int, *, interleaved: bool) -> NDArray[np.float64]:
+    """Split one picture that shows all views into these, (rows, columns, height, width, 3).
 
     Parameters
     ----------
-    interleaved : whether pixels of all views lie beside each other, as under microlenses (ESLF); else views do.
+    interleaved : True if pixels of all views lie beside each other, as under microlenses (ESLF); else views do.
 
     Raises
     ------
     InputError : the picture cannot be read, or does not divide into so many views.
     """
-    picture = output.load(path)
+    picture = image_file.load(path)
     height, width = picture.shape[:2]
     if height % rows or width % columns:
         raise InputError(

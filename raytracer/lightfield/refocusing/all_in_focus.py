@@ -1,8 +1,7 @@
-"""A picture that is sharp everywhere, from the light of all views.
+"""All-in-focus pictures: sharp at all distances, from the light of all views.
 
-Each point is taken from where it is in every view, as its depth says: as sharp as through a pinhole, with the light,
-and so with less of the noise, of the whole aperture.  Views that see something else there, since that hides the point,
-are left out.
+Each point is taken from its place in every view, by its depth: as sharp as through a pinhole, with the light, and so
+with the lower noise, of the whole aperture.  Views in which something hides the point are left out.
 
 References: Isaksen, McMillan, Gortler 2000, sec. 3 (a focal surface in place of a plane).
 """
@@ -10,14 +9,15 @@ References: Isaksen, McMillan, Gortler 2000, sec. 3 (a focal surface in place of
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.lightfield.depth import Depth, Update
-from raytracer.lightfield.supersampling import supersampled
-from raytracer.plenoptic.field import LightField
+from raytracer.film.light_field.field import LightField
+from raytracer.lightfield.depth.depth_map import Depth
+from raytracer.lightfield.progress import Update
+from raytracer.lightfield.super_resolution import supersampled
 
-_Picture = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
 
 _FACTOR = 2
-"""Pixels along the side of one, with which detail finer than a pixel is told from what it looks like in each view."""
+"""Pixels along the side of one, by which detail finer than a pixel is told from its aliases in each view."""
 
 
 def all_in_focus(
@@ -26,17 +26,17 @@ def all_in_focus(
     *,
     threads: int | None = None,
     update: Update | None = None,
-) -> _Picture:
-    """The scene as one view sees it, sharp at all distances, float64 (height, width, 3).
+) -> FloatArray:
+    """Render the scene as one view sees it, sharp at all distances, float64 (height, width, 3).
 
-    The picture of `supersampled`, two pixels a side to one: the mean of what all views know of a pixel's square.  Their
-    plain mean would be blurred by taking each between its own pixels.
+    The picture of `supersampled` with two pixels a side, averaged to one: the mean over a pixel's square of what all
+    views know of it.  Their plain mean would be blurred by interpolating each between its own pixels.
 
     Parameters
     ----------
-    depth : of the view; default: found first, by `depth_map`.
-    threads : that search for the depth; default: all.
-    update : told of the progress.
+    depth : of the view; default: estimated first, by `depth_map`.
+    threads : that estimate the depth; default: all.
+    update : called with the work that is done, and with all of it.
 
     Raises
     ------

@@ -16,47 +16,47 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.errors import InputError
+from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.focusing import refocusable
+from raytracer.film.light_field.views import Views
 from raytracer.lightfield.coverage import lit_view
-from raytracer.lightfield.openings import cell_weights
-from raytracer.plenoptic.field import LightField
-from raytracer.plenoptic.focusing import refocusable
-from raytracer.plenoptic.views import Views
+from raytracer.lightfield.synthetic_aperture import cell_weights
+from raytracer.util.errors import InputError
 
-# Frequencies that the kernel takes of each axis of the views, and how much finer than the views call for these are.
-# Their error is then 7e-4 of the picture at most: exp(-4 pi sqrt(1 - 1 / 1.5)).
-_KERNEL, _FINER = 4, 1.5
+# Frequencies that the kernel reads along each axis of the views, and the oversampling of these.  The error is
+# then 7e-4 of the picture at most: exp(-4 pi sqrt(1 - 1 / 1.5)).
+_KERNEL, _OVERSAMPLING = 4, 1.5
 
-# How far from a regular grid views may be, of the step between them.
+# Largest distance of views from a regular grid, of the step between them.
 _OFF_GRID = 1e-6
 
-# Pixels beyond the largest shift, into which nothing that matters wraps around.
+# Pixels beyond the largest shift, so that nothing that matters wraps around.
 _MARGIN = 4
 
 # Rows of the spectrum that are transformed along the views at once: some 10 MB.
 _ROWS_AT_ONCE = 16
 
-# Without distances, it may be focused so many times as far off as views are sampled for.
+# Default range of focus, as a multiple of that for which the views are close enough together.
 _BEYOND = 2.0
 
 _Spectrum = NDArray[np.complex64]
 
 
 class FourierRefocuser:
-    """The spectrum of a light field, ready to be focused anywhere within a range.
+    """Spectrum of a light field, ready to be focused anywhere within a range.
 
     It is kept in single precision, whose rounding is a thousandth of the kernel's error: 8 bytes for each of three
     channels, some 2.5 times the views, and half of the frequencies, 0.7 GB for 9 x 9 views of 512 x 384 pixels.
 
-    Views are mirrored at their borders.  So nearer to the border of the picture than a view is shifted, it is not what
-    `refocus` makes of the views that see there.
+    Views are mirrored at their borders.  So nearer to the border of the picture than a view is shifted, it differs from
+    that of shift-and-sum, which takes only the views that see there.
 
     Parameters
     ----------
     field : a light field whose views are on a regular grid.
     inverses : one over the distances (1/m) that it may be focused at, at least the least and the greatest; by default
         twice what `focusing.refocusable` gives, to both sides.
-    weights : (rows, columns), what each view counts for (`cell_weights`).
+    weights : of the views, (rows, columns); default: `cell_weights`.
 
     Raises
     ------
@@ -72,12 +72,12 @@ class FourierRefocuser:
         from scipy import fft
 
         views = field.views
-        self._views, self._steps = views, _steps(views)
+        self._views, self._steps = views, _grid_steps(views)
         weights = cell_weights(views) if weights is None else weights
         weights = weights / weights.sum()
-        self._least, self._most = _range(views, inverses)
+        self._least, self._most = _focus_range(views, inverses)
 
-        # Views wrap around at the ends of what is transformed, so leave room for how far they are moved.
+        # Views wrap around at the ends of the transform, so pad them by the largest shift.
         shifts = np.abs([views.shift(inverse) for inverse in (self._least, self._most)])
         shifts = np.where(weights[..., None] > 0.0, shifts, 0.0)
         self._pad = (math.ceil(shifts[..., 1].max()) + _MARGIN, math.ceil(shifts[..., 0].max()) + _MARGIN)
@@ -92,22 +92,22 @@ class FourierRefocuser:
             view = lit_view(field, int(row), int(column))[0].astype(np.float32)
             pad = [(pad, size - pad - old) for pad, size, old in zip(self._pad, self._size, view.shape, strict=False)]
             padded = np.pad(np.moveaxis(view, 2, 0), [(0, 0), *pad], mode="symmetric")
-            share = weights[row, column] * self._axes[0].before[row] * self._axes[1].before[column]
+            share = weights[row, column] * self._axes[0].deapodization[row] * self._axes[1].deapodization[column]
             spectra[:, row, column] = np.float32(share) * fft.rfft2(padded)
         down, across = (axis.size for axis in self._axes)
         self._spectrum: _Spectrum = np.empty((3, self._size[0], down, across, parts), np.complex64)
         for first in range(0, self._size[0], _ROWS_AT_ONCE):
             rows = slice(first, first + _ROWS_AT_ONCE)
             block = spectra[:, :, :, rows]
-            found = fft.ifft2(block, (down, across), axes=(1, 2), norm="forward")
-            self._spectrum[:, rows] = np.moveaxis(found, 3, 1)
+            transformed = fft.ifft2(block, (down, across), axes=(1, 2), norm="forward")
+            self._spectrum[:, rows] = np.moveaxis(transformed, 3, 1)
 
     def picture(self, inverse: float) -> NDArray[np.float64]:
-        """The photograph focused at one over `inverse` (1/m): float64 (height, width, 3).
+        """Focus at one over `inverse` (1/m): float64 (height, width, 3).
 
         Raises
         ------
-        InputError : that is not within the range that this was made for.
+        InputError : it is outside the range that this was made for.
         """
         from scipy import fft
 
@@ -128,7 +128,7 @@ class FourierRefocuser:
             mixed = np.einsum("j,cjup->cup", weights, self._spectrum[:, row, taps])
             sliced[:, row] = sum(weights_x[:, i] * mixed[:, taps_x[:, i], parts] for i in range(_KERNEL))
 
-        # What the view in the middle of the grid is moved by, and away with the borders.
+        # Shift by that of the view in the middle of the grid, and cut the borders off.
         turn_x = np.exp(2j * np.pi * step * (first + across * self._axes[1].middle) * along[0])
         turn_y = np.exp(-2j * np.pi * step * (top + down * self._axes[0].middle) * along[1])
         whole = fft.irfft2(sliced * (turn_y[:, None] * turn_x).astype(np.complex64), self._size)
@@ -138,28 +138,28 @@ class FourierRefocuser:
 
 
 class _Axis:
-    """A row or a column of views, transformed: the kernel by which its spectrum is interpolated.
+    """One axis of the views, transformed: the kernel by which its spectrum is interpolated.
 
     Attributes
     ----------
-    size : frequencies.
+    size : number of frequencies.
     middle : the view that shifts are counted from.
-    before : (views,), weights of the views, one over the kernel's transform.
+    deapodization : (views,), weights of the views, one over the kernel's transform.
     """
 
     def __init__(self, views: int) -> None:
         from scipy import fft
 
-        self.size = max(fft.next_fast_len(math.ceil(_FINER * views)), _KERNEL)
+        self.size = max(fft.next_fast_len(math.ceil(_OVERSAMPLING * views)), _KERNEL)
         self.middle = views // 2
         finer = self.size / views
         self._shape = math.pi * math.sqrt(max(0.0, (_KERNEL / finer * (finer - 0.5)) ** 2 - 0.8))
         away = (np.arange(views) - self.middle) / self.size
         root = np.sqrt(self._shape**2 - (math.pi * _KERNEL * away) ** 2)
-        self.before = root / (_KERNEL * np.sinh(root))
+        self.deapodization = root / (_KERNEL * np.sinh(root))
 
     def kernel(self, frequency: NDArray[np.float64]) -> tuple[NDArray[np.int64], _Spectrum]:
-        """Where to take from the spectrum (n, 4), and by which weights (n, 4), for frequencies (n,) in 1/view."""
+        """Compute the indices (n, 4) into the spectrum and their weights (n, 4), for frequencies (n,) in 1/view."""
         place = self.size * frequency
         first = np.ceil(place - 0.5 * _KERNEL).astype(np.int64)
         taps = first[:, None] + np.arange(_KERNEL)
@@ -170,8 +170,8 @@ class _Axis:
         return taps % self.size, (weights * turn).astype(np.complex64)
 
 
-def _steps(views: Views) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Where the first column is, and how far to the next; where the first row is, and how far down to the next (m)."""
+def _grid_steps(views: Views) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Measure the grid of the views: first column and step to the next, first row and step down to the next (m)."""
     position = views.position
     columns, rows = position[..., 0].mean(axis=0), position[..., 1].mean(axis=1)
     (across, first), (down, top) = (
@@ -186,8 +186,8 @@ def _steps(views: Views) -> tuple[tuple[float, float], tuple[float, float]]:
     return (float(first), float(across)), (float(top), float(down))
 
 
-def _range(views: Views, inverses: Sequence[float] | None) -> tuple[float, float]:
-    """The least and the greatest of one over the distances."""
+def _focus_range(views: Views, inverses: Sequence[float] | None) -> tuple[float, float]:
+    """Return the least and the greatest of one over the distances (1/m)."""
     if inverses is not None:
         return min(inverses), max(inverses)
     near = refocusable(views)[0]

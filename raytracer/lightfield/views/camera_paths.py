@@ -1,6 +1,6 @@
-"""A pinhole that moves about within the aperture: parallax from one picture.
+"""Camera paths: a pinhole that moves within the aperture, for parallax from one picture.
 
-Views between those that are there are made from those around; see `perspectives.view_at`.
+Views between others are synthesised; see `synthesis.view_at`.
 """
 
 import math
@@ -10,12 +10,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.errors import InputError
+from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.views import Views
 from raytracer.lightfield.coverage import within_lens
-from raytracer.lightfield.depth import Depth
-from raytracer.lightfield.perspectives import view_at
-from raytracer.plenoptic.field import LightField
-from raytracer.plenoptic.views import Views
+from raytracer.lightfield.depth.depth_map import Depth
+from raytracer.lightfield.views.synthesis import view_at
+from raytracer.util.errors import InputError
 
 Path = Literal["circle", "right", "up", "eight"]
 PATHS: tuple[Path, ...] = ("circle", "right", "up", "eight")
@@ -26,7 +26,7 @@ _FEWEST = 2
 def path_places(
     views: Views, path: Path = "circle", *, frames: int = 24, radius: float | None = None
 ) -> NDArray[np.float64]:
-    """Places along a path that closes, right and up from the middle (m), (frames, 2).
+    """Sample places along a closed path, right and up from the middle (m), (frames, 2).
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def path_places(
     if path == "circle" and views.aperture is not None:
         most = min(most, 0.5 * views.aperture)
     size = most if radius is None else radius
-    # What rounding adds to the places is no reason.
+    # Allow for the rounding of the places.
     if not 0.0 < size <= most * (1.0 + float(np.finfo(np.float32).eps)):
         raise InputError(f"a path of {size:g} m to each side does not fit: it must be within 0..{most:g} m for {path}")
     angle = 2.0 * math.pi * np.arange(frames) / frames
@@ -71,6 +71,6 @@ def look_around(
     depth: Depth | None = None,
     distance: float | None = None,
 ) -> Iterator[NDArray[np.float64]]:
-    """What is seen from one place after the other (m): float64 (height, width, 3) each; see `perspectives.view_at`."""
+    """Render the views from one place after the other (m): float64 (height, width, 3) each; see `synthesis.view_at`."""
     for right, up in np.asarray(places, dtype=np.float64):
         yield view_at(field, float(right), float(up), depth=depth, distance=distance)

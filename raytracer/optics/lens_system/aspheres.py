@@ -1,6 +1,6 @@
-"""Surfaces that are no spheres: conic sections turned about the axis, even aspheres, and cylinders.
+"""Surfaces that are not spheres: conic sections of revolution, even aspheres, and cylinders.
 
-But for what an asphere adds to its sag, each is u x^2 + v y^2 + w z^2 = 2 z from its vertex: with the curvature c and
+Apart from the polynomial of an asphere, each is u x^2 + v y^2 + w z^2 = 2 z from its vertex: with the curvature c and
 the conic constant k a conic has u = v = c and w = (1 + k) c, and a cylinder along x has u = 0 and v = w = c.
 """
 
@@ -10,24 +10,29 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.jit import kernel
-from raytracer.lenses.surfaces import meet_shape, meet_surface, turned_shapes
-from raytracer.vec import dot, madd, norm, normalize, scale
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.vec import dot, madd, norm, normalize, scale
+from raytracer.optics.lens_system.ray_tracing import intersect_shape, intersect_sphere
+from raytracer.optics.lens_system.surfaces import reverse_shapes
 
-MOST_STEPS = 64
-"""Steps to a point of an asphere: halving alone takes no more from a millimetre to the distance of float64 numbers."""
+MAX_STEPS = 64
+"""Iterations to a point of an asphere: bisection alone gets from 1 mm to the spacing of float64 numbers in so many."""
 
 ROUNDING = 2.0**-51
-"""Four roundings of float64: those of the terms whose difference says how far a point is from an asphere."""
+"""Four roundings of float64: those of the terms whose difference is the distance of a point from an asphere."""
 
 
-class Shapes(NamedTuple):
-    """Packed: what the surfaces of a lens are that are not all spheres.
+class SurfaceShapes(NamedTuple):
+    """Packed shapes of the surfaces of a lens that are not all spheres.
 
-    quadric, float64 (n, 3), the curvatures (1/mm) of u x^2 + v y^2 + w z^2 = 2 z; coefficients, float64 (n, m), what
-    is added to its sag, a_4 r^4 + a_6 r^6 + ... (mm); aspheric, bool (n,), whether any of these is not 0; plain, bool
-    (n,), whether a surface is a sphere all the same; limit (mm), how far from the axis an asphere reaches, lowest and
-    highest (mm), between which its sag is up to there: float64 (n,).
+    Attributes
+    ----------
+    quadric (1/mm) : float64 (n, 3), the curvatures of u x^2 + v y^2 + w z^2 = 2 z.
+    coefficients : float64 (n, m), of the polynomial a_4 r^4 + a_6 r^6 + ... (mm) that is added to the sag.
+    aspheric : bool (n,), whether any of these is not 0.
+    plain : bool (n,), whether a surface is a sphere.
+    limit (mm) : float64 (n,), radius up to which an asphere reaches.
+    min_sag, max_sag (mm) : float64 (n,), bounds of its sag up to there.
     """
 
     quadric: NDArray[np.float64]
@@ -35,26 +40,26 @@ class Shapes(NamedTuple):
     aspheric: NDArray[np.bool_]
     plain: NDArray[np.bool_]
     limit: NDArray[np.float64]
-    lowest: NDArray[np.float64]
-    highest: NDArray[np.float64]
+    min_sag: NDArray[np.float64]
+    max_sag: NDArray[np.float64]
 
 
-@turned_shapes.register(Shapes)
-def _(shapes: Shapes) -> Shapes:
-    return Shapes(
+@reverse_shapes.register(SurfaceShapes)
+def reverse_shapes_surface_shapes(shapes: SurfaceShapes) -> SurfaceShapes:
+    return SurfaceShapes(
         quadric=-shapes.quadric[::-1],
         coefficients=-shapes.coefficients[::-1],
         aspheric=shapes.aspheric[::-1].copy(),
         plain=shapes.plain[::-1].copy(),
         limit=shapes.limit[::-1].copy(),
-        lowest=-shapes.highest[::-1],
-        highest=-shapes.lowest[::-1],
+        min_sag=-shapes.max_sag[::-1],
+        max_sag=-shapes.min_sag[::-1],
     )
 
 
 @kernel
-def _meet_quadric(quadric, near, direction, side):
-    """As `meet_surface`, from the ray's closest point to the vertex: distance, normal, cosine."""
+def _intersect_quadric(quadric, near, direction, side):
+    """Intersect a quadric as `intersect_sphere` does, from the ray's closest point to the vertex."""
     u, v, w = quadric
     a = u * direction[0] * direction[0] + v * direction[1] * direction[1] + w * direction[2] * direction[2]
     f = u * near[0] * near[0] + v * near[1] * near[1] + w * near[2] * near[2] - 2.0 * near[2]
@@ -72,9 +77,9 @@ def _meet_quadric(quadric, near, direction, side):
 
 @kernel
 def _sag(shapes, surface, square):
-    """Sag of an even asphere at the square of a distance from the axis, and its slope over that distance.
+    """Compute the sag of an even asphere at a squared distance from the axis, and its slope over that distance.
 
-    Where the surface ends, it goes on flat.
+    Beyond its end the surface goes on flat.
     """
     s = min(square, shapes.limit[surface] * shapes.limit[surface])
     c, w = shapes.quadric[surface, 0], shapes.quadric[surface, 2]
@@ -88,8 +93,8 @@ def _sag(shapes, surface, square):
 
 
 @kernel
-def _meet_asphere(shapes, surface, near, direction, side, guess):
-    """As `_meet_quadric`, of an even asphere, from where the ray meets the quadric in it, or a guess that is no number.
+def _intersect_asphere(shapes, surface, near, direction, side, guess):
+    """Intersect an even asphere as `_intersect_quadric` does, from where the ray meets its quadric, or a guess of NaN.
 
     Newton's method, in the part of the ray that is no lower and no higher than any of the surface: there the root is,
     since the surface goes on flat where it ends.  A step out of what is left of that part gives way to its middle, so
@@ -99,13 +104,13 @@ def _meet_asphere(shapes, surface, near, direction, side, guess):
     """
     if not direction[2] * side > 0.0:
         return 0.0, (0.0, 0.0, 1.0), 0.0
-    first = shapes.lowest[surface] if side > 0.0 else shapes.highest[surface]
-    last = shapes.highest[surface] if side > 0.0 else shapes.lowest[surface]
+    first = shapes.min_sag[surface] if side > 0.0 else shapes.max_sag[surface]
+    last = shapes.max_sag[surface] if side > 0.0 else shapes.min_sag[surface]
     before, behind = (first - near[2]) / direction[2], (last - near[2]) / direction[2]
     distance = guess if before < guess < behind else -near[2] / direction[2]
     slope = 0.0
     point = near
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         point = madd(near, distance, direction)
         sag, slope = _sag(shapes, surface, point[0] * point[0] + point[1] * point[1])
         off = side * (point[2] - sag)
@@ -124,15 +129,15 @@ def _meet_asphere(shapes, surface, near, direction, side, guess):
     return distance, normal, cosine if cosine * side > 0.0 else 0.0
 
 
-@meet_shape.register(Shapes)
-def _(shapes, lens, surface, origin, direction, side):
+@intersect_shape.register(SurfaceShapes)
+def intersect_shape_surface_shapes(shapes, lens, surface, origin, direction, side):
     if shapes.plain[surface]:
-        return meet_surface(lens.curvature[surface], lens.vertex[surface], origin, direction, side)
+        return intersect_sphere(lens.curvature[surface], lens.vertex[surface], origin, direction, side)
     to = (origin[0], origin[1], origin[2] - lens.vertex[surface])
     before = -dot(to, direction)
     near = madd(to, before, direction)
     quadric = (shapes.quadric[surface, 0], shapes.quadric[surface, 1], shapes.quadric[surface, 2])
-    distance, normal, cosine = _meet_quadric(quadric, near, direction, side)
+    distance, normal, cosine = _intersect_quadric(quadric, near, direction, side)
     if shapes.aspheric[surface]:
-        distance, normal, cosine = _meet_asphere(shapes, surface, near, direction, side, distance)
+        distance, normal, cosine = _intersect_asphere(shapes, surface, near, direction, side, distance)
     return before + distance, normal, cosine

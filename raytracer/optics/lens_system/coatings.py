@@ -1,4 +1,4 @@
-"""Antireflection coatings: one thin layer on a surface of a lens, and how much light is reflected with and without it.
+"""Antireflection coatings: one thin layer on a surface of a lens, and the reflectance with and without it.
 
 In a lens file:
 
@@ -16,12 +16,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.jit import generic, kernel
-from raytracer.optics import fresnel_dielectric
+from raytracer.core.compiler.dispatch import kernel, optional
+from raytracer.core.fresnel import fresnel_dielectric
 
 
 class Coating(NamedTuple):
-    """A layer that is a quarter of a wave thick: for which wavelength (nm, in air), and its index of refraction.
+    """A quarter-wave layer.
+
+    Attributes
+    ----------
+    wavelength (nm) : in air, of which it is a quarter thick.
+    ior : its index of refraction.
 
     The default is magnesium fluoride, whose index (of the ordinary ray) is within 0.005 of 1.38 from 400 to 700 nm.
 
@@ -32,7 +37,7 @@ class Coating(NamedTuple):
     ior: float = 1.38
 
     def thickness(self) -> float:
-        """How thick the layer is (nm)."""
+        """Compute the thickness of the layer (nm)."""
         return self.wavelength / (4.0 * self.ior)
 
 
@@ -41,9 +46,12 @@ MGF2 = Coating()
 
 
 class Coatings(NamedTuple):
-    """Packed, of every surface: the wavelength (nm) that its layer is made for, 0 where it is bare; the layer's index.
+    """Packed coatings of all surfaces.
 
-    Both are float64 (n,).
+    Attributes
+    ----------
+    wavelength (nm) : float64 (n,), of which the layer is a quarter thick; 0 for a bare surface.
+    ior : float64 (n,), index of refraction of the layer.
     """
 
     wavelength: NDArray[np.float64]
@@ -51,7 +59,7 @@ class Coatings(NamedTuple):
 
 
 def pack_coatings(coatings: Sequence[Coating | None], ior: Sequence[float]) -> Coatings | None:
-    """The coatings of a lens's surfaces, from the front to the film; None if all are bare.
+    """Pack the coatings of a lens's surfaces, from the front to the film; None if all are bare.
 
     ior : indices of refraction (n + 1,), before the first surface and behind each.
 
@@ -69,7 +77,7 @@ def pack_coatings(coatings: Sequence[Coating | None], ior: Sequence[float]) -> C
 
 
 def _check(name: str, coating: Coating, near: float, far: float) -> None:
-    """Refuse a layer that is none, or lies where light could tunnel through it."""
+    """Check a layer: its numbers, and that it lies where no light could tunnel through it."""
     if not (math.isfinite(coating.wavelength) and coating.wavelength > 0.0):
         raise ValueError(f"{name} has a coating for the wavelength {coating.wavelength:g} nm, which is none")
     if not (math.isfinite(coating.ior) and coating.ior >= 1.0):
@@ -81,15 +89,15 @@ def _check(name: str, coating: Coating, near: float, far: float) -> None:
 
 
 @kernel
-def _of_layer(front: float, back: float, echo: float) -> float:
-    """Reflectance of a layer from the amplitudes of its two sides, and the cosine of the phase between them."""
+def _layer_reflectance(front: float, back: float, echo: float) -> float:
+    """Compute the reflectance of a layer from the amplitudes of its sides, and the cosine of their phase difference."""
     both = 2.0 * front * back * echo
     return (front * front + back * back + both) / (1.0 + front * front * back * back + both)
 
 
-@generic
+@optional
 def reflectance(coatings, surface, cos_i, near, far, wavelength):
-    """Unpolarised reflectance of a surface and the cosine of refraction, for light that arrives at |cos_i| <= 1.
+    """Compute the unpolarised reflectance of a surface, and the cosine of refraction, for light at |cos_i| <= 1.
 
     Parameters
     ----------
@@ -105,16 +113,11 @@ def reflectance(coatings, surface, cos_i, near, far, wavelength):
 
     References: Born, Wolf 1999, "Principles of Optics", 7th ed., sec. 1.6.4, eq. 55-59.
     """
-    raise NotImplementedError
-
-
-@reflectance.register(type(None))
-def _(coatings, surface, cos_i, near, far, wavelength):
     return fresnel_dielectric(cos_i, far / near)
 
 
 @reflectance.register(Coatings)
-def _(coatings, surface, cos_i, near, far, wavelength):
+def reflectance_coatings(coatings, surface, cos_i, near, far, wavelength):
     bare, cos_t = fresnel_dielectric(cos_i, far / near)
     if coatings.wavelength[surface] == 0.0 or cos_t == 0.0:
         return bare, cos_t
@@ -123,12 +126,12 @@ def _(coatings, surface, cos_i, near, far, wavelength):
     ior = coatings.ior[surface]
     cos_l = math.sqrt(1.0 - (1.0 - cos_i) * (1.0 + cos_i) * (near / ior) * (near / ior))
     echo = math.cos(math.pi * (coatings.wavelength[surface] / wavelength) * cos_l)
-    parallel = _of_layer(
+    parallel = _layer_reflectance(
         (ior * cos_i - near * cos_l) / (ior * cos_i + near * cos_l),
         (far * cos_l - ior * cos_t) / (far * cos_l + ior * cos_t),
         echo,
     )
-    perpendicular = _of_layer(
+    perpendicular = _layer_reflectance(
         (near * cos_i - ior * cos_l) / (near * cos_i + ior * cos_l),
         (ior * cos_l - far * cos_t) / (ior * cos_l + far * cos_t),
         echo,

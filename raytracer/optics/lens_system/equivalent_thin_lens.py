@@ -1,6 +1,6 @@
-"""The thin lens that shows what a lens of glass does: as large a picture, as much blur, as much light, and no errors.
+"""The thin lens that is equivalent to a lens of glass: the same image size, blur and light, without aberrations.
 
-It stands in the entrance pupil, and is as wide as the light that the lens takes in along its axis.  A point that is
+It stands in the entrance pupil, and is as wide as the beam that the lens takes in along its axis.  A point that is
 seen from there at the slope u lies on the film where the chief ray of the slope u, near the axis, arrives: at i u, so
 that i is the thin lens's image distance.  By Gauss's equation that and the distance of what is in focus give its focal
 length.  It is that of the lens where the lens is focused at infinity, or where its pupils are as large as each other.
@@ -13,18 +13,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytracer.lenses.first_order import cardinal_points, entrance_pupil, ray_transfer_matrix
-from raytracer.lenses.stops import f_number_of
-from raytracer.lenses.surfaces import LensSurfaces
-from raytracer.photography import field_of_view, focal_length_of
+from raytracer.optics.lens_system.first_order import cardinal_points, entrance_pupil, ray_transfer_matrix
+from raytracer.optics.lens_system.stops import f_number_of
+from raytracer.optics.lens_system.surfaces import LensSurfaces
+from raytracer.optics.thin_lens import field_of_view, focal_length_from_distances
 
 
-class ThinEquivalent(NamedTuple):
-    """A thin lens (mm): where it stands in place of a lens, and what it is.
+class EquivalentThinLens(NamedTuple):
+    """A thin lens in place of a lens of glass.
 
-    pupil : its place on the axis, in the lens's frame.
-    image_distance, focus_distance : of the film, and of what is in focus, from there; the latter may be infinite.
-    aperture : its diameter.
+    Attributes
+    ----------
+    pupil (mm) : its place on the axis, in the lens's frame.
+    image_distance (mm) : of the film from there.
+    focus_distance (mm) : of the plane of focus from there; may be infinite.
+    aperture (mm) : its diameter.
     """
 
     pupil: float
@@ -35,7 +38,7 @@ class ThinEquivalent(NamedTuple):
     @property
     def focal_length(self) -> float:
         """Focal length (mm), by 1/f = 1/i + 1/F."""
-        return focal_length_of(self.image_distance, self.focus_distance)
+        return focal_length_from_distances(self.image_distance, self.focus_distance)
 
     @property
     def f_number(self) -> float:
@@ -47,14 +50,16 @@ class ThinEquivalent(NamedTuple):
         return field_of_view(height, self.image_distance)
 
 
-def thin_equivalent(lens: LensSurfaces, film: float, focus_distance: float, across: str = "y") -> ThinEquivalent:
-    """The thin lens in place of a lens as it is packed, focused and stopped down.
+def equivalent_thin_lens(
+    lens: LensSurfaces, film: float, focus_distance: float, across: str = "y"
+) -> EquivalentThinLens:
+    """Find the thin lens that is equivalent to a lens as it is packed, focused and stopped down.
 
     Parameters
     ----------
-    film : where the film is on the axis (mm), in the lens's frame.
-    focus_distance : distance of what is in focus from the entrance pupil (mm), may be infinite.
-    across : "x" or "y", the plane in which a lens with cylinders is looked at.
+    film (mm) : place of the film on the axis, in the lens's frame.
+    focus_distance (mm) : of the plane of focus from the entrance pupil; may be infinite.
+    across : "x" or "y", the plane of the rays through a lens with cylinders.
 
     Raises
     ------
@@ -69,4 +74,4 @@ def thin_equivalent(lens: LensSurfaces, film: float, focus_distance: float, acro
     image = float(height + slope / float(lens.ior[-1]) * (film - float(lens.vertex[-1])))
     if image < 0.0:
         raise ValueError("the lens has an image inside it, and so makes an upright one: no thin lens does that")
-    return ThinEquivalent(pupil.z, image, focus_distance, aperture)
+    return EquivalentThinLens(pupil.z, image, focus_distance, aperture)

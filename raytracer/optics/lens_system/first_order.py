@@ -1,7 +1,7 @@
-"""What a lens does to rays near its axis: ray transfer matrices, focal points and principal planes, and pupils.
+"""First-order optics of a lens: ray transfer matrices, focal points, principal planes and pupils.
 
-A lens with cylinders does one thing to rays in the plane of x and z, and another to those in that of y and z: `across`
-says which is meant.
+A lens with cylinders acts differently on rays in the plane of x and z and on those in the plane of y and z: `across`
+chooses.
 """
 
 from itertools import pairwise
@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.lenses.surfaces import LensSurfaces, part
+from raytracer.optics.lens_system.surfaces import LensSurfaces, slice_surfaces
 
 
 class CardinalPoints(NamedTuple):
-    """Where a lens's focal points and principal planes are on the axis, and its focal length in air (mm)."""
+    """Places on the axis of a lens's focal points and principal planes, and its focal length in air: all in mm."""
 
     focal_length: float
     front_focus: float
@@ -24,14 +24,14 @@ class CardinalPoints(NamedTuple):
 
 
 class Pupil(NamedTuple):
-    """What the stop looks like from outside: its image's place on the axis, and its radius (mm)."""
+    """The image of the stop as seen from outside: its place on the axis, and its radius (mm)."""
 
     z: float
     radius: float
 
 
-def _in_order(lens: LensSurfaces, towards_film: bool, across: str) -> list[tuple[float, float, float, float]]:
-    """Of each surface, in the order of a ray: curvature as the ray sees it, way from the one before, and indices."""
+def _ordered_surfaces(lens: LensSurfaces, towards_film: bool, across: str) -> list[tuple[float, float, float, float]]:
+    """List the surfaces in the order of a ray: curvature as the ray sees it, way from the one before, and indices."""
     curvature, vertex, ior = lens.curvature, lens.vertex, lens.ior
     if lens.shapes is not None:
         curvature = lens.shapes.quadric[:, "xy".index(across)]
@@ -42,23 +42,25 @@ def _in_order(lens: LensSurfaces, towards_film: bool, across: str) -> list[tuple
     return [(float(c), float(way), float(a), float(b)) for c, way, (a, b) in zip(curvature, ways, pairs, strict=True)]
 
 
-def heights(lens: LensSurfaces, height: float, slope: float, towards_film: bool, across: str = "y") -> list[float]:
-    """Heights (mm) at which a ray near the axis meets each surface, from its height and slope at the first."""
-    found = []
-    for curvature, way, near, far in _in_order(lens, towards_film, across):
+def paraxial_heights(
+    lens: LensSurfaces, height: float, slope: float, towards_film: bool, across: str = "y"
+) -> list[float]:
+    """Trace a paraxial ray, from its height (mm) and slope at the first surface: its heights at all surfaces."""
+    heights = []
+    for curvature, way, near, far in _ordered_surfaces(lens, towards_film, across):
         height += way * slope
-        found.append(height)
+        heights.append(height)
         slope = (near * slope - height * curvature * (far - near)) / far
-    return found
+    return heights
 
 
 def ray_transfer_matrix(lens: LensSurfaces, across: str = "y") -> NDArray[np.float64]:
-    """What a lens does to rays near the axis: float64 (2, 2), of (height, index x slope), from front to last vertex.
+    """Compute the matrix of a lens, float64 (2, 2), for (height, index x slope) from the first to the last vertex.
 
     References: Gerrard, Burch 1975, "Introduction to Matrix Methods in Optics", ch. II.
     """
     matrix = np.eye(2)
-    for curvature, way, near, far in _in_order(lens, towards_film=True, across=across):
+    for curvature, way, near, far in _ordered_surfaces(lens, towards_film=True, across=across):
         passed = np.array([[1.0, way / near], [0.0, 1.0]])
         bent = np.array([[1.0, 0.0], [-curvature * (far - near), 1.0]])
         matrix = bent @ passed @ matrix
@@ -66,7 +68,7 @@ def ray_transfer_matrix(lens: LensSurfaces, across: str = "y") -> NDArray[np.flo
 
 
 def cardinal_points(lens: LensSurfaces, across: str = "y") -> CardinalPoints:
-    """Focal length, focal points and principal planes.
+    """Compute focal length, focal points and principal planes.
 
     Raises
     ------
@@ -86,20 +88,20 @@ def cardinal_points(lens: LensSurfaces, across: str = "y") -> CardinalPoints:
 
 
 def _translation(lens: LensSurfaces, gap: int) -> NDArray[np.float64]:
-    """The way from a surface to the one behind it."""
+    """Compute the matrix of the way from a surface to the one behind it."""
     way = float(lens.vertex[gap + 1] - lens.vertex[gap])
     return np.array([[1.0, way / float(lens.ior[gap + 1])], [0.0, 1.0]])
 
 
 def entrance_pupil(lens: LensSurfaces, across: str = "y") -> Pupil:
-    """The image of the stop by what is before it; at infinity, and infinitely large, where that is telecentric.
+    """Image the stop by the surfaces before it; at infinity, and infinitely large, if these are telecentric.
 
     lens : with a stop, as `Lens.packed` always has.
     """
     stop, z = lens.stop, float(lens.vertex[0])
     matrix = np.eye(2)
     if stop > 0:
-        matrix = _translation(lens, stop - 1) @ ray_transfer_matrix(part(lens, 0, stop), across)
+        matrix = _translation(lens, stop - 1) @ ray_transfer_matrix(slice_surfaces(lens, 0, stop), across)
     (a, b), _ = matrix
     if a == 0.0:
         return Pupil(float("inf"), float("inf"))
@@ -107,12 +109,12 @@ def entrance_pupil(lens: LensSurfaces, across: str = "y") -> Pupil:
 
 
 def exit_pupil(lens: LensSurfaces, across: str = "y") -> Pupil:
-    """The image of the stop by what is behind it; at infinity, and infinitely large, where that is telecentric.
+    """Image the stop by the surfaces behind it; at infinity, and infinitely large, if these are telecentric.
 
     lens : with a stop, as `Lens.packed` always has.
     """
     # A stop on a surface is its own image by that surface.
-    (_, b), (_, d) = ray_transfer_matrix(part(lens, lens.stop, len(lens.vertex)), across)
+    (_, b), (_, d) = ray_transfer_matrix(slice_surfaces(lens, lens.stop, len(lens.vertex)), across)
     if d == 0.0:
         return Pupil(float("inf"), float("inf"))
     return Pupil(float(lens.vertex[-1] - lens.ior[-1] * b / d), float(lens.radius[lens.stop] / abs(d)))

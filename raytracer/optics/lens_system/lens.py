@@ -1,7 +1,7 @@
-"""A lens as Python code knows it: its elements' surfaces in order, and how it is packed for rays.
+"""A lens: its surfaces in order, its focus and stop, and how it is packed for rays.
 
-Lengths are millimetres, in the frame of `raytracer.lenses.surfaces`: z is the axis, from the scene to the film, and the
-front vertex is at 0; x is to the right and y up as seen from behind the camera.
+Lengths are millimetres, in the frame of `raytracer.optics.lens_system.surfaces`: z is the axis, from the scene to the
+film, and the front vertex is at 0; x is to the right and y up as seen from behind the camera.
 """
 
 import dataclasses
@@ -12,24 +12,24 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytracer.glass import AIR, LINE_D, Glass
-from raytracer.lenses.aspheres import Shapes
-from raytracer.lenses.coatings import Coating, Coatings, pack_coatings
-from raytracer.lenses.first_order import heights
-from raytracer.lenses.surfaces import Indices, LensSurfaces, check_surface
+from raytracer.optics.glass import AIR, LINE_D, Glass
+from raytracer.optics.lens_system.aspheres import SurfaceShapes
+from raytracer.optics.lens_system.coatings import Coating, Coatings, pack_coatings
+from raytracer.optics.lens_system.first_order import paraxial_heights
+from raytracer.optics.lens_system.surfaces import Indices, LensSurfaces, check_surface
 
 KINDS = ("flat", "stop", "spherical", "conic", "asphere", "cylindrical")
-"""What a surface may be, as words of lens files."""
+"""Kinds of surfaces, as in lens files."""
 
-# Places at which the sag of an asphere is looked at.
+# Places at which the sag of an asphere is sampled.
 _PROFILE = 1025
 
 FIRST_WAVELENGTH, LAST_WAVELENGTH, STEP = 380.0, 780.0, 0.5
-"""What the table of indices of a lens that disperses covers (nm): that of the tables of colours in `spectra`."""
+"""Range and step of the table of indices of a lens that disperses (nm): those of the colour tables in `spectra`."""
 
 
-# Places between the axis and the rim at which neighbours are held against each other, and by how much they may be in
-# each other: tables give rims and thicknesses to a hundredth of a millimetre.
+# Places between the axis and the rim at which neighbours are tested for intersection, and the overlap that is allowed:
+# tables give rims and thicknesses to a hundredth of a millimetre.
 _CROSSING_STEPS = 33
 _CROSSING_MM = 0.02
 
@@ -37,13 +37,19 @@ _CROSSING_MM = 0.02
 class Element(NamedTuple):
     """A surface of a lens.
 
-    curvature (1/mm), positive where the centre lies on the film's side; thickness, the distance to the next vertex
-    towards the film (mm), which in the last one is that to the film, and without effect; glass, what is behind it, on
-    the film's side; radius, how far from the axis light passes (mm), half of the clear aperture; kind, one of `KINDS`;
-    conic, the constant k of a conic section, 0 for a sphere and -1 for a paraboloid; coefficients, a_4, a_6 ... of an
-    even asphere (mm^-3, mm^-5 ...), whose sag is c r^2 / (1 + sqrt(1 - (1 + k) c^2 r^2)) + a_4 r^4 + a_6 r^6 + ...;
-    axis, the direction "x" or "y" along which a cylinder is straight; coating, None if there is none; is_stop, whether
-    its rim is the diaphragm.
+    Attributes
+    ----------
+    curvature (1/mm) : positive where the centre lies on the film's side.
+    thickness (mm) : distance to the next vertex towards the film; of the last one to the film, and without effect.
+    glass : the medium behind it, on the film's side.
+    radius (mm) : half of the clear aperture.
+    kind : one of `KINDS`.
+    conic : the constant k of a conic section, 0 for a sphere and -1 for a paraboloid.
+    coefficients (mm^-3, mm^-5 ...) : a_4, a_6 ... of an even asphere, whose sag is
+        c r^2 / (1 + sqrt(1 - (1 + k) c^2 r^2)) + a_4 r^4 + a_6 r^6 + ...
+    axis : the direction "x" or "y" along which a cylinder is straight.
+    coating : None if there is none.
+    is_stop : whether its rim is the diaphragm.
     """
 
     curvature: float
@@ -58,7 +64,7 @@ class Element(NamedTuple):
     is_stop: bool = False
 
     def sag(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
-        """How far the surface is behind its vertex, towards the film (mm), at distances (x, y) from the axis (mm).
+        """Compute the sag (mm), positive towards the film, at distances (x, y) from the axis (mm).
 
         x and y are broadcast; NaN where it does not reach.
         """
@@ -72,15 +78,17 @@ class Element(NamedTuple):
         return np.asarray(sag)
 
     def quadric(self) -> tuple[float, float, float]:
-        """The curvatures (1/mm) of u x^2 + v y^2 + w z^2 = 2 z, which the surface is but for its coefficients."""
+        """Compute the curvatures (1/mm) of u x^2 + v y^2 + w z^2 = 2 z, the surface without its coefficients."""
         across = (0.0 if self.axis == "x" else self.curvature, 0.0 if self.axis == "y" else self.curvature)
         return (*across, self.curvature * (1.0 + self.conic))
 
 
 @dataclasses.dataclass(frozen=True)
 class Focus:
-    """How a lens is focused.
+    """The way in which a lens is focused.
 
+    Attributes
+    ----------
     moves : "all", the whole lens, and "sensor", the film, which is the same to rays; or "group", a part of the lens.
     first, last : the surfaces that the group begins and ends with, by their numbers from 1.
     """
@@ -90,9 +98,11 @@ class Focus:
     last: int = 1
 
 
-class Reading(NamedTuple):
-    """Reading of a file that leaves open what it means.
+class FileInterpretation(NamedTuple):
+    """Interpretation of an ambiguous lens file.
 
+    Attributes
+    ----------
     text : a sentence that says so, and why.
     is_guess : whether the file's own numbers do not settle it.
     """
@@ -103,15 +113,21 @@ class Reading(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Lens:
-    """A lens: what it is called, its surfaces from the front to the film, and what has been published of it.
+    """A lens: its surfaces from the front to the film, and what has been published of it.
 
+    Attributes
+    ----------
+    name : of the lens.
+    elements : its surfaces.
+    source : where its numbers are from.
     focal_length (mm), f_number : as published; None where they are not.
-    image_circle : diameter of the picture that it was designed for (mm); None if that is not known.
-    reading : how its file was read, where that leaves open what it means; no part of what it is.
+    image_circle (mm) : diameter of the picture that it was designed for; None if that is not known.
+    focus : the way in which it is focused.
+    reading : how its file was interpreted, if that is ambiguous; lenses are compared without it.
 
     Raises
     ------
-    ValueError : what is no lens, by the number of the surface from 1.
+    ValueError : the numbers are not those of a lens; it names the surface by its number from 1.
     """
 
     name: str
@@ -121,7 +137,7 @@ class Lens:
     f_number: float | None = None
     image_circle: float | None = None
     focus: Focus = Focus()
-    reading: Reading | None = dataclasses.field(default=None, compare=False)
+    reading: FileInterpretation | None = dataclasses.field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if not self.elements:
@@ -141,28 +157,28 @@ class Lens:
             )
 
     def disperses(self) -> bool:
-        """Whether a glass in it has an index that depends on the wavelength."""
+        """Return True if the index of one of its glasses depends on the wavelength."""
         return any(element.glass.disperses() for element in self.elements)
 
     def is_round(self) -> bool:
-        """Whether it is the same when turned about its axis, which a cylinder in it is not."""
+        """Return True if it is symmetric about its axis, which a lens with cylinders is not."""
         return not any(element.kind == "cylindrical" for element in self.elements)
 
     def stop(self) -> int:
-        """The surface, from 0, whose rim is the diaphragm: the one marked so, or that which light of the axis fills."""
+        """Find the surface, from 0, that is the diaphragm: the one marked, or the one that limits axial light."""
         for number, element in enumerate(self.elements):
             if element.is_stop:
                 return number
         surfaces = self._surfaces(LINE_D)
-        reached = np.abs(heights(surfaces, 1.0, 0.0, towards_film=True))
+        reached = np.abs(paraxial_heights(surfaces, 1.0, 0.0, towards_film=True))
         return int(np.argmax(reached / surfaces.radius))
 
     def crossings(self) -> list[tuple[int, int]]:
-        """Neighbouring surfaces, by their numbers from 1, that go through each other where light passes both.
+        """Find neighbouring surfaces, by their numbers from 1, that intersect within their apertures.
 
-        Rays meet surfaces in their order all the same, so such a lens has numbers, but nobody could grind it.
+        Rays meet surfaces in their order all the same, so such a lens can be rendered, but not be made.
         """
-        found, place = [], 0.0
+        pairs, place = [], 0.0
         before: tuple[int, float, Element] | None = None
         for number, element in enumerate(self.elements, start=1):
             # Air around a diaphragm may hold the bulge of a surface.
@@ -174,13 +190,13 @@ class Lens:
                         for way in ((reach, 0.0 * reach), (0.0 * reach, reach))
                     ]
                     if min(float(np.nanmin(gap)) for gap in gaps) < -_CROSSING_MM:
-                        found.append((before[0], number))
+                        pairs.append((before[0], number))
                 before = number, place, element
             place += element.thickness
-        return found
+        return pairs
 
-    def stopped(self, radius: float) -> "Lens":
-        """The same lens with its stop closed to a radius (mm), as if it opened no wider.
+    def stopped_down(self, radius: float) -> "Lens":
+        """Close the stop to a radius (mm), as if it opened no wider.
 
         Raises
         ------
@@ -188,10 +204,10 @@ class Lens:
         """
         stop = self.stop()
         self._check_stop(stop, radius)
-        return self._with({stop: self.elements[stop]._replace(radius=float(radius), is_stop=True)})
+        return self._replace_elements({stop: self.elements[stop]._replace(radius=float(radius), is_stop=True)})
 
     def focused(self, shift: float) -> "Lens":
-        """The same lens with the group that focuses moved towards the scene (mm); unchanged if all of it moves.
+        """Move the group that focuses towards the scene (mm); unchanged if the whole lens moves.
 
         Raises
         ------
@@ -202,8 +218,9 @@ class Lens:
         first, last = self.focus.first - 1, self.focus.last - 1
         if first == 0:
             # The frame begins at the front vertex, which moves along.
-            return self._with({last: self._moved(last, shift)})
-        return self._with({first - 1: self._moved(first - 1, -shift), last: self._moved(last, shift)})
+            return self._replace_elements({last: self._lengthen_gap(last, shift)})
+        before, behind = self._lengthen_gap(first - 1, -shift), self._lengthen_gap(last, shift)
+        return self._replace_elements({first - 1: before, last: behind})
 
     def packed(
         self,
@@ -215,17 +232,18 @@ class Lens:
         dispersion: bool = False,
         coatings: bool = False,
     ) -> LensSurfaces:
-        """Its surfaces for rays.
+        """Pack its surfaces for rays.
 
         Parameters
         ----------
-        wavelength : at which its glasses have the packed indices (nm).
-        stop_radius : that of the stop (mm); its widest by default.
-        shift : how far the group that focuses is moved towards the scene (mm).  Vertices stay where they are relative
-            to the film, so the front one is at -shift if it moves along.
-        diaphragm : shape of the stop, packed by `raytracer.apertures`, in units of the stop's radius; None is round.
+        wavelength (nm) : of the packed indices.
+        stop_radius (mm) : of the stop; its widest by default.
+        shift (mm) : of the group that focuses, towards the scene.  Vertices stay where they are relative to the film,
+            so the front one is at -shift if it moves along.
+        diaphragm : shape of the stop, packed by `raytracer.plugins.apertures`, in units of the stop's radius; None
+            is round.
         dispersion : whether rays have wavelengths; without effect on a lens that does not disperse.
-        coatings : whether to pack those of its surfaces, which only reflections in the lens depend on.
+        coatings : whether to pack coatings, which only reflections in the lens depend on.
 
         Raises
         ------
@@ -249,11 +267,12 @@ class Lens:
             vertex=vertex, radius=radius, stop=stop, diaphragm=diaphragm, indices=indices, coatings=layers
         )
 
-    def _with(self, changed: dict[int, Element]) -> "Lens":
+    def _replace_elements(self, changed: dict[int, Element]) -> "Lens":
         elements = tuple(changed.get(number, element) for number, element in enumerate(self.elements))
         return dataclasses.replace(self, elements=elements)
 
-    def _moved(self, number: int, by: float) -> Element:
+    def _lengthen_gap(self, number: int, by: float) -> Element:
+        """Lengthen the gap behind a surface (mm)."""
         element = self.elements[number]
         if number + 1 == len(self.elements):
             return element
@@ -267,7 +286,7 @@ class Lens:
             raise ValueError(f"the stop of the lens opens to a radius of {widest:g} mm, not {radius:g} mm")
 
     def _surfaces(self, wavelength: float) -> LensSurfaces:
-        """Packed with its stop wide open, and -1 where none is marked."""
+        """Pack with the stop wide open; its number is -1 where none is marked."""
         rows = self.elements
         marked = [number for number, element in enumerate(rows) if element.is_stop]
         return LensSurfaces(
@@ -276,54 +295,57 @@ class Lens:
             radius=np.array([element.radius for element in rows], np.float64),
             ior=np.array([float(glass.ior(wavelength)) for glass in self._glasses()]),
             stop=marked[0] if marked else -1,
-            shapes=_shapes(rows),
+            shapes=_pack_shapes(rows),
         )
 
     def _glasses(self) -> list[Glass]:
-        """Before the first surface, and behind each."""
+        """List the media before the first surface, and behind each."""
         return [AIR, *(element.glass for element in self.elements)]
 
     def _coatings(self) -> Coatings | None:
+        """Pack its coatings; None if all surfaces are bare."""
         indices = [float(glass.ior()) for glass in self._glasses()]
         return pack_coatings([element.coating for element in self.elements], indices)
 
     def _indices(self) -> Indices:
+        """Tabulate the indices of its glasses by wavelength."""
         wavelengths = np.arange(FIRST_WAVELENGTH, LAST_WAVELENGTH + STEP, STEP)
         columns = [np.broadcast_to(glass.ior(wavelengths), wavelengths.shape) for glass in self._glasses()]
         return Indices(np.ascontiguousarray(np.stack(columns, axis=1)), FIRST_WAVELENGTH, STEP)
 
 
-def _shapes(rows: Sequence[Element]) -> Shapes | None:
-    """What is not plain in surfaces; None if all are spheres or flat."""
+def _pack_shapes(rows: Sequence[Element]) -> SurfaceShapes | None:
+    """Pack the shapes of surfaces; None if all are spheres or flat."""
     if not any(element.conic or any(element.coefficients) or element.axis for element in rows):
         return None
     coefficients = np.zeros((len(rows), max(len(element.coefficients) for element in rows)))
     for row, element in zip(coefficients, rows, strict=True):
         row[: len(element.coefficients)] = element.coefficients
-    bounds = np.array([_bounds(element) for element in rows])
-    return Shapes(
+    bounds = np.array([_sag_bounds(element) for element in rows])
+    return SurfaceShapes(
         quadric=np.array([element.quadric() for element in rows], np.float64),
         coefficients=coefficients,
         aspheric=np.ascontiguousarray(coefficients.any(axis=1)),
         plain=np.array([not (element.conic or any(element.coefficients) or element.axis) for element in rows]),
         limit=np.array([element.radius for element in rows], np.float64),
-        lowest=np.ascontiguousarray(bounds[:, 0]),
-        highest=np.ascontiguousarray(bounds[:, 1]),
+        min_sag=np.ascontiguousarray(bounds[:, 0]),
+        max_sag=np.ascontiguousarray(bounds[:, 1]),
     )
 
 
-def _bounds(element: Element) -> tuple[float, float]:
-    """Between what the sag of an asphere is (mm)."""
+def _sag_bounds(element: Element) -> tuple[float, float]:
+    """Find bounds of the sag of an asphere (mm)."""
     if not any(element.coefficients):
         return 0.0, 0.0
     sags = element.sag(0.0, np.linspace(0.0, element.radius, _PROFILE))
     sags = sags[np.isfinite(sags)]
-    # Between two places it goes no further beyond both than it does between the two that are farthest apart.
+    # Between two samples it goes no further beyond both than the greatest difference of neighbours.
     margin = float(np.abs(np.diff(sags)).max())
     return float(sags.min()) - margin, float(sags.max()) + margin
 
 
 def _check(name: str, element: Element) -> None:
+    """Check a surface: ValueError, which begins with its name."""
     if element.kind not in KINDS:
         raise ValueError(f"{name} is of no known kind: {element.kind}")
     if not all(map(math.isfinite, (element.conic, *element.coefficients))):

@@ -1,47 +1,48 @@
-"""Signs that a lens is not what was meant: surfaces that go through each other, stops that are hidden or too small."""
+"""Warnings about implausible lenses: surfaces that intersect, stops that are hidden or too small."""
 
 import math
 from collections.abc import Iterator
 
 import numpy as np
 
-from raytracer.lenses.first_order import cardinal_points, heights
-from raytracer.lenses.lens import Lens
-from raytracer.lenses.stops import f_number_of, filled_stop
+from raytracer.optics.lens_system.first_order import cardinal_points, paraxial_heights
+from raytracer.optics.lens_system.lens import Lens
+from raytracer.optics.lens_system.stops import f_number_of, filled_stop_fraction
 
 _THIRD_OF_A_STOP = 2.0 ** (1.0 / 6.0)
 """The finest step of a diaphragm's ring, as a factor of the f-number: numbers of lenses are rounded by less."""
 
 
-def doubts(lens: Lens, shift: float = 0.0) -> list[str]:
-    """List what is probably not meant in a lens, wide open, a clause each.
+def lens_warnings(lens: Lens, shift: float = 0.0) -> list[str]:
+    """List what is implausible in a lens, wide open, a clause each.
 
     Parameters
     ----------
-    lens : focused at infinity, as what is published is of; a group that focuses changes the focal length as it moves.
-    shift : how far that group is moved when surfaces are held against each other (mm).
+    lens : focused at infinity, as published numbers are; a group that focuses changes the focal length as it moves.
+    shift (mm) : movement of that group towards the scene when surfaces are tested for intersection.
 
     Raises
     ------
     ValueError : see `Lens.focused`.
     """
-    found = [lens.reading.text] if lens.reading is not None and lens.reading.is_guess else []
-    found += [
+    messages = [lens.reading.text] if lens.reading is not None and lens.reading.is_guess else []
+    messages += [
         f"surfaces {first} and {second} go through each other within their apertures"
         for first, second in lens.focused(shift).crossings()
     ]
     try:
-        return [*found, *_of_the_stop(lens)]
+        return [*messages, *_stop_warnings(lens)]
     except ValueError:
         # What has no focal length, or lets no light through, is an error where it is used.
-        return found
+        return messages
 
 
-def _of_the_stop(lens: Lens) -> Iterator[str]:
+def _stop_warnings(lens: Lens) -> Iterator[str]:
+    """Compare the stop and the focal length with what rays and the published numbers say."""
     packed = lens.packed()
-    filled, f_number = filled_stop(packed), f_number_of(packed)
+    filled, f_number = filled_stop_fraction(packed), f_number_of(packed)
     if filled * _THIRD_OF_A_STOP < 1.0:
-        rim = int(np.argmax(np.abs(heights(packed, 1.0, 0.0, towards_film=True)) / packed.radius))
+        rim = int(np.argmax(np.abs(paraxial_heights(packed, 1.0, 0.0, towards_film=True)) / packed.radius))
         yield (
             f"its stop, surface {packed.stop + 1}, is hidden: the rim of surface {rim + 1} leaves light of the axis "
             f"{100.0 * filled:.2g} % of the stop's diameter, so that it has no effect until it is closed to "

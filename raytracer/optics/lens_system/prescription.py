@@ -1,4 +1,4 @@
-"""A lens as its file has it: what stands in `scenes/lenses/*.yaml`.
+"""Prescriptions: lenses as files have them, such as those in `scenes/lenses/*.yaml`.
 
     name: Plano-convex singlet 100 mm
     source: worked example of a textbook
@@ -7,8 +7,8 @@
       - {type: flat, thickness: 5, material: 1.5, aperture: 25}
       - {type: spherical, radius: -50, aperture: 25}
 
-Lengths are millimetres; surfaces come in the order in which light from the scene meets them; `thickness` is the way to
-the next surface, and `material` what fills it, air by default; `aperture` is the clear diameter.
+Lengths are millimetres; surfaces come in the order in which light from the scene meets them; `thickness` is the
+distance to the next surface, and `material` what fills it, air by default; `aperture` is the clear diameter.
 """
 
 import math
@@ -21,24 +21,27 @@ from pydantic import BeforeValidator, Field, GetCoreSchemaHandler, GetJsonSchema
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-from raytracer.errors import shown, suggestion
-from raytracer.glass import AIR, Glass, IndexField
-from raytracer.lenses.coatings import Coating
-from raytracer.lenses.lens import Element, Focus, Lens
-from raytracer.spec import Count, Number, PositiveNumber, PositiveOptic, Quantity, Spec, at
+from raytracer.optics.glass import AIR, Glass, IndexField
+from raytracer.optics.lens_system.coatings import Coating
+from raytracer.optics.lens_system.lens import Element, Focus, Lens
+from raytracer.schema.fields import Count, Number, PositiveLensLength, PositiveNumber, Quantity
+from raytracer.schema.spec import Spec, field_error
+from raytracer.util.errors import format_value, suggest_name
 
-MOST_SURFACES = 200
+MAX_SURFACES = 200
 
 
-def _curved(value: Any) -> Any:
-    """What other programs write for flat glass, told from a wrong number."""
+def _radius_value(value: Any) -> Any:
+    """Refuse the radii that other programs write for flat glass."""
     number = float("inf") if value in ("inf", "infinity") else value
     if isinstance(number, int | float) and not isinstance(number, bool) and (number == 0 or math.isinf(number)):
-        raise ValueError(f"must be neither zero nor infinite, got {shown(value)}: flat glass is of the type flat")
+        raise ValueError(
+            f"must be neither zero nor infinite, got {format_value(value)}: flat glass is of the type flat"
+        )
     return value
 
 
-Radius: TypeAlias = Annotated[float, Quantity("optic", nonzero=True), BeforeValidator(_curved)]
+Radius: TypeAlias = Annotated[float, Quantity("optic", nonzero=True), BeforeValidator(_radius_value)]
 Thickness: TypeAlias = Annotated[float, Quantity("optic", low=0.0)]
 
 
@@ -52,7 +55,7 @@ class CoatingSpec(Spec):
 
 
 @dataclass(frozen=True)
-class _Short:
+class _Shorthand:
     """Annotation of a mapping: a bare name stands for a mapping that has it under `key` and nothing else."""
 
     key: str
@@ -67,13 +70,13 @@ class _Short:
         return {"anyOf": [{"enum": list(self.names)}, handler(schema)]}
 
 
-CoatingField: TypeAlias = Annotated[CoatingSpec, _Short("type", ("mgf2", "none"))]
+CoatingField: TypeAlias = Annotated[CoatingSpec, _Shorthand("type", ("mgf2", "none"))]
 
 
 class SurfaceSpec(Spec):
-    """Base of the surfaces: where it is, how wide, and what is behind it."""
+    """Base of the surfaces: place, clear diameter, and the medium behind it."""
 
-    aperture: PositiveOptic = Field(description="Clear diameter: what light passes")
+    aperture: PositiveLensLength = Field(description="Clear diameter: what light passes")
     thickness: Thickness | None = Field(
         default=None, description="Way along the axis to the next surface; of the last one without effect"
     )
@@ -81,19 +84,19 @@ class SurfaceSpec(Spec):
     kind: ClassVar[str]
 
     def curvature(self) -> float:
-        """1 / radius at the vertex (1/mm)."""
+        """Compute 1 / radius at the vertex (1/mm)."""
         return 0.0
 
     def glass(self, before: Glass) -> Glass:
-        """What is behind it, on the film's side; `before` is what is on the scene's."""
+        """Return the medium behind it, on the film's side; `before` is the one on the scene's side."""
         return before
 
     def is_stop(self) -> bool:
-        """Whether its rim is the diaphragm."""
+        """Return True if its rim is the diaphragm."""
         return self.kind == "stop" or bool(getattr(self, "stop", False))
 
     def element(self, before: Glass, coating: CoatingSpec | None) -> Element:
-        """It, as a lens has it, behind the glass `before`."""
+        """Make the surface of a lens, behind the glass `before`."""
         behind = self.glass(before)
         layer = getattr(self, "coating", None) or coating
         if layer and (layer.type == "none" or (before == AIR) == (behind == AIR)):
@@ -226,7 +229,7 @@ def _check_reach(radius: float, conic: float, aperture: float) -> None:
     """Refuse an aperture that is wider than the conic section."""
     widest = 2.0 * abs(radius) / (1.0 + conic) ** 0.5 if conic > -1.0 else float("inf")
     if aperture > widest:
-        at("aperture", f"must be at most {widest:.6g} mm, as wide as its surface is, got {aperture:g}")
+        field_error("aperture", f"must be at most {widest:.6g} mm, as wide as its surface is, got {aperture:g}")
 
 
 _KINDS: dict[str, type[SurfaceSpec]] = {
@@ -235,16 +238,16 @@ _KINDS: dict[str, type[SurfaceSpec]] = {
 
 
 def _known_kind(value: Any) -> Any:
-    """Refuse what names no kind of surface, before pydantic does in its own words."""
+    """Refuse an unknown kind of surface, before pydantic does with a message of its own."""
     if isinstance(value, SurfaceSpec):
         return value
     if not isinstance(value, dict):
-        raise ValueError(f"must be a mapping with a type ({', '.join(_KINDS)}), got {shown(value)}")  # noqa: TRY004
+        raise ValueError(f"must be a mapping with a type ({', '.join(_KINDS)}), got {format_value(value)}")  # noqa: TRY004
     if "type" not in value:
         raise ValueError(f"needs a type, one of {', '.join(_KINDS)}")
     kind = value["type"]
     if not isinstance(kind, str) or kind not in _KINDS:
-        at("type", f"unknown type of surface {shown(kind)}; {suggestion(str(kind), _KINDS, 'types')}")
+        field_error("type", f"unknown type of surface {format_value(kind)}; {suggest_name(str(kind), _KINDS, 'types')}")
     return value
 
 
@@ -260,10 +263,10 @@ class FocusSpec(Spec):
     moves: Literal["all", "sensor", "group"] = Field(
         default="all", description="The whole lens, the sensor behind it, or a group of its surfaces"
     )
-    first: Annotated[int, Count(1, MOST_SURFACES)] | None = Field(
+    first: Annotated[int, Count(1, MAX_SURFACES)] | None = Field(
         default=None, description="Number of the group's first surface, from 1"
     )
-    last: Annotated[int, Count(1, MOST_SURFACES)] | None = Field(
+    last: Annotated[int, Count(1, MAX_SURFACES)] | None = Field(
         default=None, description="Number of the group's last surface"
     )
 
@@ -271,19 +274,19 @@ class FocusSpec(Spec):
     def _group(self) -> "FocusSpec":
         for key in ("first", "last"):
             if (getattr(self, key) is not None) != (self.moves == "group"):
-                at(
+                field_error(
                     key,
                     "goes with moves: group"
                     if self.moves != "group"
                     else "is missing: a group has a first and a last surface",
                 )
         if self.first is not None and self.last is not None and self.last < self.first:
-            at("last", f"must be at least {self.first}, the first surface, got {self.last}")
+            field_error("last", f"must be at least {self.first}, the first surface, got {self.last}")
         return self
 
 
 def _tuple(value: Any) -> Any:
-    """YAML's lists are fields' tuples, which cannot change either."""
+    """Make a tuple of a list of YAML."""
     return tuple(value) if isinstance(value, list) else value
 
 
@@ -297,10 +300,10 @@ class LensSpec(Spec):
         default=None, description="Focal length as published"
     )
     f_number: PositiveNumber | None = Field(default=None, description="Smallest f-number as published")
-    image_circle: PositiveOptic | None = Field(
+    image_circle: PositiveLensLength | None = Field(
         default=None, description="Diameter of the picture that it is made to cover"
     )
-    focus: Annotated[FocusSpec, _Short("moves", ("all", "sensor"))] = Field(
+    focus: Annotated[FocusSpec, _Shorthand("moves", ("all", "sensor"))] = Field(
         default=FocusSpec(),
         description="What moves when it is focused: `all`, the whole lens, `sensor`, or "
         "{moves: group, first: 3, last: 5}, those of its surfaces, counted from 1",
@@ -309,37 +312,39 @@ class LensSpec(Spec):
         default=None, description="Coating of all surfaces between glass and air that have none of their own"
     )
     surfaces: Annotated[tuple[Surface, ...], BeforeValidator(_tuple)] = Field(
-        min_length=1, max_length=MOST_SURFACES, description="Its surfaces, as light from the scene meets them"
+        min_length=1, max_length=MAX_SURFACES, description="Its surfaces, as light from the scene meets them"
     )
 
     @model_validator(mode="after")
     def _agrees(self) -> "LensSpec":
         for number, surface in enumerate(self.surfaces[:-1]):
             if surface.thickness is None:
-                at(("surfaces", number, "thickness"), "is missing: only the last surface needs none")
+                field_error(("surfaces", number, "thickness"), "is missing: only the last surface needs none")
         stops = [number for number, surface in enumerate(self.surfaces) if surface.is_stop()]
         if len(stops) > 1:
             key = "type" if self.surfaces[stops[1]].kind == "stop" else "stop"
-            at(("surfaces", stops[1], key), f"is a second stop; the first is surface {stops[0] + 1}")
+            field_error(("surfaces", stops[1], key), f"is a second stop; the first is surface {stops[0] + 1}")
         last = self.focus.last
         if last is not None and last > len(self.surfaces):
-            at(("focus", "last"), f"there is no surface {last}: the lens has {len(self.surfaces)}")
+            field_error(("focus", "last"), f"there is no surface {last}: the lens has {len(self.surfaces)}")
         before = AIR
         for number, surface in enumerate(self.surfaces):
             behind = surface.glass(before)
             layer = getattr(surface, "coating", None)
             if layer and layer.type != "none" and (before == AIR) == (behind == AIR):
-                at(("surfaces", number, "coating"), "only a surface between glass and air can have one")
+                field_error(("surfaces", number, "coating"), "only a surface between glass and air can have one")
             before = behind
         if before != AIR:
-            at(("surfaces", len(self.surfaces) - 1, "material"), "must be air: the film is behind the last surface")
+            field_error(
+                ("surfaces", len(self.surfaces) - 1, "material"), "must be air: the film is behind the last surface"
+            )
 
-        # What else is no lens is for the lens to say.
+        # The lens checks the rest.
         self.lens()
         return self
 
     def lens(self) -> Lens:
-        """The lens that it describes."""
+        """Make the lens that it describes."""
         elements = []
         before = AIR
         for surface in self.surfaces:

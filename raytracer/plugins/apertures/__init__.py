@@ -1,1 +1,1 @@
-"""Apertures: the shape of the opening that a lens gathers light through.  One file a kind."""
+"""Apertures: the shape of the opening that a lens gathers light through."""

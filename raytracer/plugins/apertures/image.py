@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.apertures.interface import ApertureSpec, Assets, sample_aperture
-from raytracer.lenses.diaphragm import covers, reach
-from raytracer.optics import REC709_LUMINANCE
-from raytracer.sampling.warp import sample_bin
+from raytracer.core.fresnel import REC709_LUMINANCE
+from raytracer.core.sampling.warp import sample_bin
+from raytracer.optics.lens_system.diaphragm import aperture_extent, aperture_transmission
+from raytracer.plugins.apertures.base.interface import ApertureSpec, Assets, sample_aperture
 
 
 class ImageAperture(ApertureSpec):
@@ -38,25 +38,26 @@ class ImageAperture(ApertureSpec):
         default="linear", description="what the picture's values are: the transmission itself, or the sRGB code of it"
     )
 
-    def shape(self, assets: Assets) -> "Mask":
+    def shape(self, assets: Assets) -> "ApertureMask":
         try:
-            return mask(self._transmission(assets))
+            return pack_mask(self._transmission(assets))
         except ValueError as error:
             raise ValueError(f"{self.file} {error}") from None
 
     def _transmission(self, assets: Assets) -> NDArray[np.float64]:
-        """How much each pixel lets through, (height, width), in proportion: luminance times alpha."""
+        """Return the relative transmission of the pixels (height, width): luminance times alpha."""
         values = np.asarray(assets["file"].linear(self.encoding == "srgb"), np.float64)
         channels = values.shape[2]
         light = values[..., :3] @ np.array(REC709_LUMINANCE) if channels >= 3 else values[..., 0]
         return np.asarray(light * values[..., -1] if channels in (2, 4) else light)
 
 
-class Mask(NamedTuple):
-    """Packed.
+class ApertureMask(NamedTuple):
+    """Packed mask.
 
-    rows (H,) float64, probability of a row or one above it; columns (H * W,) float64, probability of a pixel or one to
-    its left, given the row; side, that of a pixel.
+    rows (H,) float64 : probability of a row or one above it.
+    columns (H * W,) float64 : probability of a pixel or one to its left, given the row.
+    side : edge of a pixel.
     """
 
     rows: NDArray[np.float64]
@@ -64,8 +65,8 @@ class Mask(NamedTuple):
     side: float
 
 
-def mask(transmission: NDArray[np.float64]) -> Mask:
-    """The packed mask of `transmission` (H, W), row 0 at the top, in which only proportions count.
+def pack_mask(transmission: NDArray[np.float64]) -> ApertureMask:
+    """Pack a mask of `transmission` (H, W), row 0 at the top, in which only proportions count.
 
     Raises
     ------
@@ -82,11 +83,11 @@ def mask(transmission: NDArray[np.float64]) -> Mask:
     columns /= np.where(by_row > 0.0, by_row, 1.0)[:, None]
     rows = np.cumsum(by_row)
     total = float(rows[-1])
-    return Mask(rows / total, columns.ravel(), math.sqrt(math.pi / total))
+    return ApertureMask(rows / total, columns.ravel(), math.sqrt(math.pi / total))
 
 
-@sample_aperture.register(Mask)
-def _(aperture, u1, u2):
+@sample_aperture.register(ApertureMask)
+def sample_aperture_aperture_mask(aperture, u1, u2):
     # By cumulative sums, so that well spread numbers stay well spread.
     height = len(aperture.rows)
     width = len(aperture.columns) // height
@@ -96,8 +97,8 @@ def _(aperture, u1, u2):
     return aperture.side * x, aperture.side * (0.5 * height - row - down)
 
 
-@covers.register(Mask)
-def _(diaphragm, x, y):
+@aperture_transmission.register(ApertureMask)
+def aperture_transmission_aperture_mask(diaphragm, x, y):
     height = len(diaphragm.rows)
     width = len(diaphragm.columns) // height
     across, down = x / diaphragm.side + 0.5 * width, 0.5 * height - y / diaphragm.side
@@ -111,7 +112,7 @@ def _(diaphragm, x, y):
     return min(1.0, of_row * of_pixel * math.pi / (diaphragm.side * diaphragm.side))
 
 
-@reach.register
-def _(diaphragm: Mask) -> float:
+@aperture_extent.register
+def aperture_extent_aperture_mask(diaphragm: ApertureMask) -> float:
     height = len(diaphragm.rows)
     return 0.5 * diaphragm.side * math.hypot(height, len(diaphragm.columns) // height)

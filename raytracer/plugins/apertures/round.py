@@ -8,7 +8,7 @@ In a scene:
 
 from typing import Literal
 
-from raytracer.apertures.interface import ApertureSpec, Assets
+from raytracer.plugins.apertures.base.interface import ApertureSpec, Assets
 
 
 class Round(ApertureSpec):

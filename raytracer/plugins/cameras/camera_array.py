@@ -9,17 +9,27 @@ In a scene, 17 x 17 pinholes 2 cm apart, and 9 x 9 square lenses without gaps, w
 """
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from raytracer.apertures.polygon import PolygonAperture
-from raytracer.cameras.ideal import IdealLensSpec
-from raytracer.cameras.interface import NO_ASSETS, Assets
-from raytracer.cameras.perspective import Optics
-from raytracer.cameras.views import MOST_VIEWS, Grid, ViewsCamera, described, many, margin, mosaic, spread
-from raytracer.plenoptic.mosaic import Mosaic
-from raytracer.spec import Count, Extent, PositiveLengthOrInf, at
+from raytracer.film.light_field.mosaic import Mosaic
+from raytracer.plugins.apertures.base.polygon import pack_rectangle
+from raytracer.plugins.cameras.base.ideal import IdealLensSpec
+from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets
+from raytracer.plugins.cameras.base.perspective import ApertureSize
+from raytracer.plugins.cameras.base.views import (
+    MAX_VIEWS,
+    ViewGrid,
+    ViewsCamera,
+    describe_views,
+    make_mosaic,
+    make_view_grid,
+    replicate_camera,
+    view_margin,
+)
+from raytracer.schema.fields import Count, Extent, PositiveLengthOrInf
+from raytracer.schema.spec import field_error
 
 
 class CameraArray(IdealLensSpec):
@@ -38,9 +48,11 @@ class CameraArray(IdealLensSpec):
     "Light Field Rendering", sec. 3 (sheared frustums); Isaksen, McMillan and Gortler 2000.
     """
 
+    aperture_hint: ClassVar[str] = f"{IdealLensSpec.aperture_hint}, or fill"
+
     type: Literal["camera_array"] = "camera_array"
-    rows: Annotated[int, Count(1, MOST_VIEWS)] = Field(description="rows of cameras")
-    columns: Annotated[int, Count(1, MOST_VIEWS)] = Field(description="cameras in a row")
+    rows: Annotated[int, Count(1, MAX_VIEWS)] = Field(description="rows of cameras")
+    columns: Annotated[int, Count(1, MAX_VIEWS)] = Field(description="cameras in a row")
     spacing: Extent = Field(
         description="from one camera to the next (m), such as 20 mm; or two, to the right and upwards: [20 mm, 30 mm]"
     )
@@ -58,56 +70,49 @@ class CameraArray(IdealLensSpec):
     def _one_opening(self) -> Any:
         for key in ("defocus_angle", "aperture", "f_number", "aperture_shape"):
             if self.fill and getattr(self, key) is not None:
-                at(key, f"{key} and fill both say what the openings are: give one of them")
+                field_error(key, f"{key} and fill both say what the openings are: give one of them")
         return self
 
     @model_validator(mode="after")
     def _is_developed_view_by_view(self) -> Any:
         sensor = self.simulated_sensor()
         if sensor is not None and sensor.bayer is not None:
-            at(
+            field_error(
                 ("sensor", "bayer"),
                 "colours are interpolated over the edges of views: an array's sensors have no Bayer pattern",
             )
         return self
 
     def convergence(self) -> float:
-        """Distance (m) of the plane that all views see alike."""
-        return self.focal_distance() if self.convergence_distance is None else self.convergence_distance
+        """Return the distance (m) of the plane that all views see alike."""
+        return self.plane_of_focus() if self.convergence_distance is None else self.convergence_distance
 
-    def _pupil(self, optics: Optics) -> float:
-        # Of a disc as large as the rectangle.
-        return 2.0 * math.sqrt(self.spacing[0] * self.spacing[1] / math.pi) if self.fill else super()._pupil(optics)
-
-    def _lets_light_in(self) -> bool:
-        return self.fill or super()._lets_light_in()
-
-    def _openings(self) -> str:
-        return f"{super()._openings()}, or fill"
-
-    def _shape(self, assets: Assets) -> Any:
+    def aperture_size(self) -> ApertureSize:
         if not self.fill:
-            return super()._shape(assets)
-        right, up = self.spacing
-        return PolygonAperture(blades=4, rotation=45.0, anamorphic=up / right).pack({})
+            return super().aperture_size()
+        # A disc as large as the rectangle.
+        return ApertureSize(2.0 * math.sqrt(self.spacing[0] * self.spacing[1] / math.pi))
+
+    def pack_shape(self, assets: Assets) -> Any:
+        return pack_rectangle(*self.spacing) if self.fill else super().pack_shape(assets)
 
     def picture(self, width: int, height: int) -> tuple[int, int]:
         return self.columns * width, self.rows * height
 
-    def margin(self, width: int, height: int) -> float:
-        return margin(width, height)
+    def film_margin(self, width: int, height: int) -> float:
+        return view_margin(width, height)
 
-    def _grid(self, width: int, height: int) -> Grid:
-        return spread(self.rows, self.columns, self.spacing, width, height, 1.0 / self.convergence())
+    def _grid(self, width: int, height: int) -> ViewGrid:
+        return make_view_grid(self.rows, self.columns, self.spacing, width, height, 1.0 / self.convergence())
 
     def layout(self, width: int, height: int) -> Mosaic:
-        """The light field: its views, and how the picture holds them."""
+        """Return the light field: its views, and their places in the picture."""
         optics = self.optics(width, height)
-        camera = self.camera(width, height, None)
+        camera = self.pack_with_lens(width, height, None)
         # What light a round opening gathers comes from a square of its area.
-        side = 0.5 * math.sqrt(math.pi) * self._pupil(optics)
+        side = 0.5 * math.sqrt(math.pi) * self.pupil_diameter(width, height)
         cell = self.spacing if self.fill else (side, side)
-        return mosaic(
+        return make_mosaic(
             camera.frame,
             camera.plane,
             self._grid(width, height),
@@ -118,10 +123,10 @@ class CameraArray(IdealLensSpec):
         )
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Derived numbers, of one camera and of all."""
-        return super().describe(width, height) | described(self.layout(width, height).views)
+        """Return derived numbers of one camera and of all."""
+        return super().describe(width, height) | describe_views(self.layout(width, height).views)
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> ViewsCamera:
-        """The cameras with their lenses, or without where the aperture is 0."""
-        camera = self.camera(width, height, self.packed_lens(width, height, assets))
-        return many(camera, self._grid(width, height))
+        """Pack the cameras with their lenses, or without where the aperture is 0."""
+        camera = self.pack_with_lens(width, height, self.pack_lens(width, height, assets))
+        return replicate_camera(camera, self._grid(width, height))

@@ -10,11 +10,11 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field
 
-from raytracer.cameras.interface import NO_ASSETS, Assets, camera_ray, project
-from raytracer.cameras.placement import Frame, PlacedSpec, WavelengthField, in_frame
-from raytracer.spec import Quantity
-from raytracer.spectra import line
-from raytracer.vec import norm, to_world
+from raytracer.core.spectra import monochromatic_spectra
+from raytracer.core.vec import norm, to_world
+from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets, CameraParts, camera_parts, camera_ray, project
+from raytracer.plugins.cameras.base.placement import CameraFrame, PlacedSpec, WavelengthField, to_camera_space
+from raytracer.schema.fields import Quantity
 
 
 class Equirectangular(PlacedSpec):
@@ -36,34 +36,36 @@ class Equirectangular(PlacedSpec):
     wavelength: WavelengthField = None
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Derived numbers: the field, the degrees of a pixel along the equator and along a meridian, the wavelength."""
-        found = {
+        """Return derived numbers: the field, a pixel in degrees along the equator and a meridian, the wavelength."""
+        numbers = {
             "hfov_deg": self.hfov,
             "vfov_deg": self.vfov,
             "pixel_longitude_deg": self.hfov / width,
             "pixel_latitude_deg": self.vfov / height,
         }
-        return found if self.wavelength is None else {**found, "wavelength_nm": self.wavelength}
+        return numbers if self.wavelength is None else {**numbers, "wavelength_nm": self.wavelength}
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "EquirectangularCamera":
-        """The camera for a film of width x height pixels."""
+        """Pack the camera for a film of width x height pixels."""
         return EquirectangularCamera(
             self.frame(),
             math.radians(self.hfov) / width,
             math.radians(self.vfov) / height,
             0.5 * width,
             0.5 * height,
-            None if self.wavelength is None else line(self.wavelength),
+            None if self.wavelength is None else monochromatic_spectra(self.wavelength),
         )
 
 
 class EquirectangularCamera(NamedTuple):
-    """Packed: radians of a pixel in longitude and in latitude, and the middle of the film in pixels.
+    """Packed panorama.
 
-    wavelengths, tables of spectra for one wavelength, or None for light in red, green and blue.
+    longitude, latitude (rad) : of a pixel.
+    x, y (px) : middle of the film.
+    wavelengths : tables of spectra for one wavelength; None for light in red, green and blue.
     """
 
-    frame: Frame
+    frame: CameraFrame
     longitude: float
     latitude: float
     x: float
@@ -72,7 +74,7 @@ class EquirectangularCamera(NamedTuple):
 
 
 @camera_ray.register(EquirectangularCamera)
-def _(camera, x, y, time, draws):
+def camera_ray_equirectangular_camera(camera, x, y, time, draws):
     longitude = camera.longitude * (x - camera.x)
     latitude = camera.latitude * (camera.y - y)
     level = math.cos(latitude)
@@ -81,9 +83,14 @@ def _(camera, x, y, time, draws):
     return frame.origin, to_world(local, frame.right, frame.up, frame.forward), 1.0
 
 
+@camera_parts.register(EquirectangularCamera)
+def camera_parts_equirectangular_camera(camera: EquirectangularCamera) -> CameraParts:
+    return CameraParts(spectra=camera.wavelengths)
+
+
 @project.register(EquirectangularCamera)
-def _(camera, point, time):
-    local = in_frame(camera.frame, point)
+def project_equirectangular_camera(camera, point, time):
+    local = to_camera_space(camera.frame, point)
     # The camera's own place is in no direction.
     if norm(local) == 0.0:
         return math.nan, math.nan, 0.0

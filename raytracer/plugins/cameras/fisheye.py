@@ -10,14 +10,15 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
-from raytracer.cameras.interface import NO_ASSETS, Assets, camera_ray, project
-from raytracer.cameras.placement import Frame, PlacedSpec, in_frame
-from raytracer.jit import generic
-from raytracer.spec import Quantity, at
-from raytracer.vec import norm, normalize, to_world
+from raytracer.core.compiler.dispatch import generic
+from raytracer.core.vec import norm, normalize, to_world
+from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets, camera_ray, project
+from raytracer.plugins.cameras.base.placement import CameraFrame, PlacedSpec, to_camera_space
+from raytracer.schema.fields import Quantity
+from raytracer.schema.spec import field_error
 
 # Where a projection would need an infinite film, or shows two directions at one place (deg).
-_LIMIT = {"stereographic": 360.0, "orthographic": 180.0}
+_MAX_FOV = {"stereographic": 360.0, "orthographic": 180.0}
 
 
 class Fisheye(PlacedSpec):
@@ -42,14 +43,18 @@ class Fisheye(PlacedSpec):
 
     @model_validator(mode="after")
     def _fov_can_be_shown(self) -> "Fisheye":
-        if self.projection == "stereographic" and self.fov >= _LIMIT["stereographic"]:
-            at("fov", "must be less than 360 deg for the stereographic projection, whose picture would be infinite")
-        if self.projection == "orthographic" and self.fov > _LIMIT["orthographic"]:
-            at("fov", "must be at most 180 deg for the orthographic projection, which shows nothing behind the camera")
+        if self.projection == "stereographic" and self.fov >= _MAX_FOV["stereographic"]:
+            field_error(
+                "fov", "must be less than 360 deg for the stereographic projection, whose picture would be infinite"
+            )
+        if self.projection == "orthographic" and self.fov > _MAX_FOV["orthographic"]:
+            field_error(
+                "fov", "must be at most 180 deg for the orthographic projection, which shows nothing behind the camera"
+            )
         return self
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Derived numbers: the circle, and what a pixel in its middle sees."""
+        """Return derived numbers: the image circle, and the field of a pixel in its middle."""
         radius = 0.5 * min(width, height)
         half = math.radians(self.fov) / 2.0
         slope = {
@@ -65,7 +70,7 @@ class Fisheye(PlacedSpec):
         }
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "FisheyeCamera":
-        """The camera for a film of width x height pixels."""
+        """Pack the camera for a film of width x height pixels."""
         half = math.radians(self.fov) / 2.0
         projection: Any = {
             "equidistant": Equidistant(half),
@@ -77,33 +82,38 @@ class Fisheye(PlacedSpec):
 
 
 class Equidistant(NamedTuple):
-    """r = t / edge, where edge is the angle at r = 1."""
+    """Projection r = t / edge, where edge is the angle at r = 1."""
 
     edge: float
 
 
 class Equisolid(NamedTuple):
-    """r = sin(t / 2) / edge."""
+    """Projection r = sin(t / 2) / edge."""
 
     edge: float
 
 
 class Stereographic(NamedTuple):
-    """r = tan(t / 2) / edge."""
+    """Projection r = tan(t / 2) / edge."""
 
     edge: float
 
 
 class Orthographic(NamedTuple):
-    """r = sin(t) / edge."""
+    """Projection r = sin(t) / edge."""
 
     edge: float
 
 
 class FisheyeCamera(NamedTuple):
-    """Packed: projection, of radii in units of the circle's; the circle's middle and its radius in pixels."""
+    """Packed fisheye.
 
-    frame: Frame
+    projection : from angles to radii in units of the circle's radius, one of the four above.
+    x, y (px) : middle of the circle.
+    radius (px) : of the circle.
+    """
+
+    frame: CameraFrame
     projection: Any
     x: float
     y: float
@@ -111,65 +121,65 @@ class FisheyeCamera(NamedTuple):
 
 
 @generic
-def angle_of(projection, radius):
-    """Angle from the axis (rad) at a distance from the middle, 0 to 1."""
+def radius_to_angle(projection, radius):
+    """Return the angle from the axis (rad) at a distance from the middle, 0 to 1."""
     raise NotImplementedError
 
 
 @generic
-def radius_of(projection, angle):
-    """Distance from the middle of an angle (rad) from the axis; NaN where the projection does not show it."""
+def angle_to_radius(projection, angle):
+    """Return the distance from the middle at an angle (rad) from the axis; NaN where the projection shows none."""
     raise NotImplementedError
 
 
-@angle_of.register(Equidistant)
-def _(projection, radius):
+@radius_to_angle.register(Equidistant)
+def radius_to_angle_equidistant(projection, radius):
     return projection.edge * radius
 
 
-@radius_of.register(Equidistant)
-def _(projection, angle):
+@angle_to_radius.register(Equidistant)
+def angle_to_radius_equidistant(projection, angle):
     return angle / projection.edge
 
 
-@angle_of.register(Equisolid)
-def _(projection, radius):
+@radius_to_angle.register(Equisolid)
+def radius_to_angle_equisolid(projection, radius):
     return 2.0 * math.asin(projection.edge * radius)
 
 
-@radius_of.register(Equisolid)
-def _(projection, angle):
+@angle_to_radius.register(Equisolid)
+def angle_to_radius_equisolid(projection, angle):
     return math.sin(0.5 * angle) / projection.edge
 
 
-@angle_of.register(Stereographic)
-def _(projection, radius):
+@radius_to_angle.register(Stereographic)
+def radius_to_angle_stereographic(projection, radius):
     return 2.0 * math.atan(projection.edge * radius)
 
 
-@radius_of.register(Stereographic)
-def _(projection, angle):
+@angle_to_radius.register(Stereographic)
+def angle_to_radius_stereographic(projection, angle):
     return math.tan(0.5 * angle) / projection.edge
 
 
-@angle_of.register(Orthographic)
-def _(projection, radius):
+@radius_to_angle.register(Orthographic)
+def radius_to_angle_orthographic(projection, radius):
     return math.asin(projection.edge * radius)
 
 
-@radius_of.register(Orthographic)
-def _(projection, angle):
+@angle_to_radius.register(Orthographic)
+def angle_to_radius_orthographic(projection, angle):
     return math.sin(angle) / projection.edge if angle <= 0.5 * math.pi else math.nan
 
 
 @camera_ray.register(FisheyeCamera)
-def _(camera, x, y, time, draws):
+def camera_ray_fisheye_camera(camera, x, y, time, draws):
     frame = camera.frame
     right, up = (x - camera.x) / camera.radius, (camera.y - y) / camera.radius
     radius = math.hypot(right, up)
     if radius > 1.0:
         return frame.origin, frame.forward, 0.0
-    angle = angle_of(camera.projection, radius)
+    angle = radius_to_angle(camera.projection, radius)
     # In the middle the sine vanishes with the radius, and the direction across the axis does not matter.
     across = math.sin(angle) / radius if radius > 0.0 else 0.0
     local = (across * right, across * up, math.cos(angle))
@@ -177,14 +187,14 @@ def _(camera, x, y, time, draws):
 
 
 @project.register(FisheyeCamera)
-def _(camera, point, time):
-    local = in_frame(camera.frame, point)
+def project_fisheye_camera(camera, point, time):
+    local = to_camera_space(camera.frame, point)
     # The camera's own place is in no direction.
     if norm(local) == 0.0:
         return math.nan, math.nan, 0.0
     right, up, forward = local
     across = math.hypot(right, up)
-    radius = camera.radius * radius_of(camera.projection, math.atan2(across, forward))
+    radius = camera.radius * angle_to_radius(camera.projection, math.atan2(across, forward))
     # Straight ahead is the middle; straight behind is all of a circle, of which this is one point.
     if across == 0.0:
         return camera.x + (radius if forward < 0.0 else 0.0), camera.y, forward

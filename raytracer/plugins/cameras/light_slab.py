@@ -12,15 +12,24 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from raytracer.apertures.polygon import PolygonAperture
-from raytracer.cameras.interface import NO_ASSETS, Assets
-from raytracer.cameras.perspective import ImagePlane, PerspectiveCamera
-from raytracer.cameras.placement import PlacedSpec
-from raytracer.cameras.pupil import Lens
-from raytracer.cameras.views import MOST_VIEWS, Grid, ViewsCamera, described, many, margin, mosaic, spread
-from raytracer.photography import field_of_view
-from raytracer.plenoptic.mosaic import Mosaic
-from raytracer.spec import Count, Extent, PositiveLength
+from raytracer.film.light_field.mosaic import Mosaic
+from raytracer.optics.thin_lens import field_of_view
+from raytracer.plugins.apertures.base.polygon import pack_rectangle
+from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets
+from raytracer.plugins.cameras.base.perspective_camera import ImagePlane, PerspectiveCamera
+from raytracer.plugins.cameras.base.placement import PlacedSpec
+from raytracer.plugins.cameras.base.thin_lens_ray import ThinLensPupil
+from raytracer.plugins.cameras.base.views import (
+    MAX_VIEWS,
+    ViewGrid,
+    ViewsCamera,
+    describe_views,
+    make_mosaic,
+    make_view_grid,
+    replicate_camera,
+    view_margin,
+)
+from raytracer.schema.fields import Count, Extent, PositiveLength
 
 
 class LightSlab(PlacedSpec):
@@ -35,8 +44,8 @@ class LightSlab(PlacedSpec):
     """
 
     type: Literal["light_slab"] = "light_slab"
-    rows: Annotated[int, Count(1, MOST_VIEWS)] = Field(description="rows of cells of the plane of u and v")
-    columns: Annotated[int, Count(1, MOST_VIEWS)] = Field(description="cells in a row")
+    rows: Annotated[int, Count(1, MAX_VIEWS)] = Field(description="rows of cells of the plane of u and v")
+    columns: Annotated[int, Count(1, MAX_VIEWS)] = Field(description="cells in a row")
     uv: Extent = Field(description="width and height of the rectangle of the first plane (m), or one length for both")
     st: Extent = Field(
         description="width and height of the rectangle of the second plane (m), or one length for both; of one that is "
@@ -50,38 +59,38 @@ class LightSlab(PlacedSpec):
     def picture(self, width: int, height: int) -> tuple[int, int]:
         return self.columns * width, self.rows * height
 
-    def margin(self, width: int, height: int) -> float:
-        return margin(width, height)
+    def film_margin(self, width: int, height: int) -> float:
+        return view_margin(width, height)
 
     def _separation(self) -> float:
-        """From the first plane to the second (m)."""
+        """Return the distance from the first plane to the second (m)."""
         return self.distance() if self.separation is None else self.separation
 
     def _spacing(self) -> tuple[float, float]:
-        """Width and height of a cell (m)."""
+        """Return the width and height of a cell (m)."""
         return self.uv[0] / self.columns, self.uv[1] / self.rows
 
     def _pixel(self, width: int, height: int) -> float:
-        """Edge of a pixel on the second plane (m)."""
+        """Return the edge of a pixel on the second plane (m)."""
         right, up = self.st
         return min(right / width, up / height)
 
     def _plane(self, width: int, height: int) -> ImagePlane:
-        """The second plane, at a distance of 1."""
+        """Return the second plane, at a distance of 1."""
         pixel = self._pixel(width, height) / self._separation()
         return ImagePlane(pixel, -0.5 * pixel * width, 0.5 * pixel * height)
 
-    def _grid(self, width: int, height: int) -> Grid:
-        return spread(self.rows, self.columns, self._spacing(), width, height, 1.0 / self._separation())
+    def _grid(self, width: int, height: int) -> ViewGrid:
+        return make_view_grid(self.rows, self.columns, self._spacing(), width, height, 1.0 / self._separation())
 
     def layout(self, width: int, height: int) -> Mosaic:
-        """The light field: its views, and how the picture holds them."""
+        """Return the light field: its views, and their places in the picture."""
         cell = self._spacing() if self.fill else None
         grid, plane = self._grid(width, height), self._plane(width, height)
-        return mosaic(self.frame(), plane, grid, self.rows, self.columns, cell)
+        return make_mosaic(self.frame(), plane, grid, self.rows, self.columns, cell)
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Derived numbers: the angles of the second plane from the middle of the first, and those of the views."""
+        """Return derived numbers: angles of the second plane from the middle of the first, and those of the views."""
         edge, separation = self._pixel(width, height), self._separation()
         right, up = edge * width, edge * height
         return {
@@ -89,16 +98,14 @@ class LightSlab(PlacedSpec):
             "hfov_deg": field_of_view(right, separation),
             "dfov_deg": field_of_view(math.hypot(right, up), separation),
             "pixel_at_1m_mm": 1e3 * edge / separation,
-            **described(self.layout(width, height).views),
+            **describe_views(self.layout(width, height).views),
         }
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> ViewsCamera:
-        """The slab for a film of width x height pixels."""
+        """Pack the slab for a film of width x height pixels."""
         lens = None
         if self.fill:
             right, up = self._spacing()
-            # The square of a disc's area, drawn out to the cell's shape.
-            shape = PolygonAperture(blades=4, rotation=45.0, anamorphic=up / right).pack({})
-            lens = Lens(math.sqrt(right * up / math.pi), 1.0 / self._separation(), shape)
+            lens = ThinLensPupil(math.sqrt(right * up / math.pi), 1.0 / self._separation(), pack_rectangle(right, up))
         camera = PerspectiveCamera(self.frame(), self._plane(width, height), lens, None)
-        return many(camera, self._grid(width, height))
+        return replicate_camera(camera, self._grid(width, height))

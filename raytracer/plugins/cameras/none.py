@@ -8,15 +8,14 @@ In a scene:
 import math
 from typing import Any, Literal, NamedTuple
 
-from raytracer.cameras.exposed import ExposedSpec
-from raytracer.cameras.interface import LENS, NO_ASSETS, Assets, camera_ray, project
-from raytracer.cameras.placement import Frame, in_frame
-from raytracer.jit import kernel
-from raytracer.sampling import sample_2d
-from raytracer.sampling.warp import sample_cosine_hemisphere
-from raytracer.sensors import SENSORS, Size
-from raytracer.units import METRES_PER_MILLIMETRE
-from raytracer.vec import add, madd, scale, to_world
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.sampling import sample_2d
+from raytracer.core.sampling.warp import sample_cosine_hemisphere
+from raytracer.core.vec import add, madd, scale, to_world
+from raytracer.plugins.cameras.base.exposed import ExposedSpec
+from raytracer.plugins.cameras.base.interface import LENS, NO_ASSETS, Assets, camera_ray, project
+from raytracer.plugins.cameras.base.placement import CameraFrame, to_camera_space
+from raytracer.schema.units import METRES_PER_MILLIMETRE
 
 
 class BareSensor(ExposedSpec):
@@ -31,50 +30,51 @@ class BareSensor(ExposedSpec):
     def is_radiometric(self) -> bool:
         return True
 
-    def _film(self, width: int, height: int) -> Size:
-        return self._fitted(self._sensor() or Size(*SENSORS["full_frame"]), width, height)
-
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Derived numbers: the film and a pixel of it."""
-        film = self._film(width, height)
+        """Return derived numbers: the film and a pixel of it."""
+        film = self.film_size(width, height)
         return {
             "film_width_mm": film.width,
             "film_height_mm": film.height,
             "pixel_pitch_um": 1e3 * film.height / height,
         }
 
-    def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "Bare":
-        """The camera for a film of width x height pixels."""
-        film = self._film(width, height)
+    def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "LenslessCamera":
+        """Pack the camera for a film of width x height pixels."""
+        film = self.film_size(width, height)
         pixel = METRES_PER_MILLIMETRE * film.height / height
-        return Bare(self.frame(), pixel, -0.5 * pixel * width, 0.5 * pixel * height)
+        return LenslessCamera(self.frame(), pixel, -0.5 * pixel * width, 0.5 * pixel * height)
 
 
-class Bare(NamedTuple):
-    """Packed: width of a pixel, and the sensor's left and top edges, right and up from its middle (m)."""
+class LenslessCamera(NamedTuple):
+    """Packed bare sensor.
 
-    frame: Frame
+    pixel (m) : width of a pixel.
+    left, top (m) : edges of the sensor, right and up from its middle.
+    """
+
+    frame: CameraFrame
     pixel: float
     left: float
     top: float
 
 
 @kernel
-def _place(camera: Any, x: float, y: float) -> Any:
+def _sensor_point(camera: Any, x: float, y: float) -> Any:
     across = madd(camera.frame.origin, camera.left + camera.pixel * x, camera.frame.right)
     return add(across, scale(camera.top - camera.pixel * y, camera.frame.up))
 
 
-@camera_ray.register(Bare)
-def _(camera, x, y, time, draws):
+@camera_ray.register(LenslessCamera)
+def camera_ray_lensless_camera(camera, x, y, time, draws):
     frame = camera.frame
     u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + LENS)
     # Drawn in proportion to the cosine, so that pi times the mean radiance is the irradiance.
     direction = to_world(sample_cosine_hemisphere(u1, u2), frame.right, frame.up, frame.forward)
-    return _place(camera, x, y), direction, math.pi
+    return _sensor_point(camera, x, y), direction, math.pi
 
 
-@project.register(Bare)
-def _(camera, point, time):
+@project.register(LenslessCamera)
+def project_lensless_camera(camera, point, time):
     # A point is seen everywhere, so it has no place in the picture.
-    return math.nan, math.nan, in_frame(camera.frame, point)[2]
+    return math.nan, math.nan, to_camera_space(camera.frame, point)[2]

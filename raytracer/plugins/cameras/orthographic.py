@@ -10,11 +10,11 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
-from raytracer.cameras.interface import NO_ASSETS, Assets, camera_ray, project
-from raytracer.cameras.placement import Frame, PlacedSpec, in_frame
-from raytracer.jit import kernel
-from raytracer.spec import PositiveLength
-from raytracer.vec import add, madd, scale
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.vec import add, madd, scale
+from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets, camera_ray, project
+from raytracer.plugins.cameras.base.placement import CameraFrame, PlacedSpec, to_camera_space
+from raytracer.schema.fields import PositiveLength
 
 
 class Orthographic(PlacedSpec):
@@ -36,27 +36,31 @@ class Orthographic(PlacedSpec):
         return self
 
     def _pixel(self, width: int, height: int) -> float:
-        """Edge of a pixel (m)."""
+        """Return the edge of a pixel (m)."""
         if self.height is not None:
             return self.height / height
         assert self.width is not None
         return self.width / width
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Derived numbers: what is seen, and a pixel of it."""
+        """Return derived numbers: the size of the view, and of a pixel in it."""
         pixel = self._pixel(width, height)
         return {"view_width_m": pixel * width, "view_height_m": pixel * height, "pixel_mm": 1e3 * pixel}
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "OrthographicCamera":
-        """The camera for a film of width x height pixels."""
+        """Pack the camera for a film of width x height pixels."""
         pixel = self._pixel(width, height)
         return OrthographicCamera(self.frame(), pixel, -0.5 * pixel * width, 0.5 * pixel * height)
 
 
 class OrthographicCamera(NamedTuple):
-    """Packed: width of a pixel, and the film's left and top edges, right and up from the axis (m)."""
+    """Packed orthographic camera.
 
-    frame: Frame
+    pixel (m) : width of a pixel.
+    left, top (m) : edges of the film, right and up from the axis.
+    """
+
+    frame: CameraFrame
     pixel: float
     left: float
     top: float
@@ -69,13 +73,13 @@ def _origin(camera, x, y):
 
 
 @camera_ray.register(OrthographicCamera)
-def _(camera, x, y, time, draws):
+def camera_ray_orthographic_camera(camera, x, y, time, draws):
     return _origin(camera, x, y), camera.frame.forward, 1.0
 
 
 @project.register(OrthographicCamera)
-def _(camera, point, time):
-    right, up, depth = in_frame(camera.frame, point)
+def project_orthographic_camera(camera, point, time):
+    right, up, depth = to_camera_space(camera.frame, point)
     if depth < 0.0:
         return math.nan, math.nan, depth
     return (right - camera.left) / camera.pixel, (camera.top - up) / camera.pixel, depth

@@ -7,15 +7,17 @@ In a scene:
              sensor: {width: 254 mm, height: 203 mm}}
 """
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from raytracer.cameras.interface import NO_ASSETS, Assets
-from raytracer.cameras.perspective import Optics, PerspectiveCamera, PerspectiveSpec
-from raytracer.cameras.pupil import Lens
-from raytracer.spec import NonNegativeOptic, at
-from raytracer.units import METRES_PER_MILLIMETRE
+from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets
+from raytracer.plugins.cameras.base.perspective import ApertureSize, PerspectiveSpec
+from raytracer.plugins.cameras.base.perspective_camera import PerspectiveCamera
+from raytracer.plugins.cameras.base.thin_lens_ray import ThinLensPupil
+from raytracer.schema.fields import NonNegativeLensLength
+from raytracer.schema.spec import field_error
+from raytracer.schema.units import METRES_PER_MILLIMETRE
 
 
 class Pinhole(PerspectiveSpec):
@@ -27,39 +29,37 @@ class Pinhole(PerspectiveSpec):
     References: Young 1971, "Pinhole Optics", Applied Optics 10(12).
     """
 
+    aperture_hint: ClassVar[str] = "give diameter, or a finite f_number"
+
     type: Literal["pinhole"] = "pinhole"
-    diameter: NonNegativeOptic | None = Field(
+    diameter: NonNegativeLensLength | None = Field(
         default=None, description="diameter of the hole (mm); its distance from the film is the focal length"
     )
 
     @model_validator(mode="after")
     def _one_hole(self) -> "Pinhole":
         if self.diameter is not None and self.f_number is not None:
-            at("f_number", "diameter and f_number both set the size of the hole: give one of them")
-        if self.diameter and not self._has_scale():
-            at("diameter", "diameter needs the distance of the film from the hole: give focal_length, or sensor")
+            field_error("f_number", "diameter and f_number both set the size of the hole: give one of them")
+        if self.diameter and not self.has_scale():
+            field_error(
+                "diameter", "diameter needs the distance of the film from the hole: give focal_length, or sensor"
+            )
         return self
 
-    def _pupil(self, optics: Optics) -> float:
-        return METRES_PER_MILLIMETRE * self.diameter if self.diameter else super()._pupil(optics)
-
-    def _lets_light_in(self) -> bool:
-        return bool(self.diameter) or super()._lets_light_in()
-
-    def _openings(self) -> str:
-        return "give diameter, or a finite f_number"
+    def aperture_size(self) -> ApertureSize:
+        return ApertureSize(METRES_PER_MILLIMETRE * self.diameter) if self.diameter else super().aperture_size()
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Derived numbers; the blur at infinity is the hole's own size."""
+        """Return derived numbers; the blur at infinity is the hole's own size."""
         numbers = super().describe(width, height)
         if self.diameter:
             numbers["blur_at_infinity_px"] = 1e3 * self.diameter / numbers["pixel_pitch_um"]
         return numbers
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> PerspectiveCamera:
-        """The camera, without a lens where the hole is a point."""
+        """Pack the camera, without a lens where the hole is a point."""
         image = self.optics(width, height).image_distance
         if not self.diameter or image is None:
-            return self.camera(width, height, None)
-        lens = Lens(0.5 * METRES_PER_MILLIMETRE * self.diameter, -1.0 / (METRES_PER_MILLIMETRE * image))
-        return self.camera(width, height, lens)
+            return self.pack_with_lens(width, height, None)
+        lens = ThinLensPupil(0.5 * METRES_PER_MILLIMETRE * self.diameter, -1.0 / (METRES_PER_MILLIMETRE * image))
+        return self.pack_with_lens(width, height, lens)

@@ -11,9 +11,9 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from raytracer.cameras.interface import NO_ASSETS, Assets, camera_ray, project
-from raytracer.cameras.placement import Frame, PlacedSpec, WavelengthField, in_frame
-from raytracer.spectra import line
+from raytracer.core.spectra import monochromatic_spectra
+from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets, CameraParts, camera_parts, camera_ray, project
+from raytracer.plugins.cameras.base.placement import CameraFrame, PlacedSpec, WavelengthField, to_camera_space
 
 
 class Ray(PlacedSpec):
@@ -28,8 +28,8 @@ class Ray(PlacedSpec):
     type: Literal["ray"] = "ray"
     wavelength: WavelengthField = None
 
-    def frame(self) -> Frame:
-        """Where the ray begins and goes; the other directions are any.
+    def frame(self) -> CameraFrame:
+        """Return the frame with the ray along its axis; its other directions are arbitrary.
 
         Raises
         ------
@@ -40,28 +40,36 @@ class Ray(PlacedSpec):
         return super(Ray, self.model_copy(update={"up": tuple(across.tolist())})).frame()
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Derived numbers: the field, which is a point, and the wavelength, if it is one."""
+        """Return derived numbers: the field, which is a point, and the wavelength, if it is one."""
         field = {"hfov_deg": 0.0, "vfov_deg": 0.0}
         return field if self.wavelength is None else {**field, "wavelength_nm": self.wavelength}
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "RayCamera":
-        """The camera for a film of any size."""
-        return RayCamera(self.frame(), None if self.wavelength is None else line(self.wavelength))
+        """Pack the camera for a film of any size."""
+        return RayCamera(self.frame(), None if self.wavelength is None else monochromatic_spectra(self.wavelength))
 
 
 class RayCamera(NamedTuple):
-    """Packed: where it is and looks, and tables of spectra for one wavelength, or None for red, green and blue."""
+    """Packed ray.
 
-    frame: Frame
+    wavelengths : tables of spectra for one wavelength; None for light in red, green and blue.
+    """
+
+    frame: CameraFrame
     wavelengths: Any
 
 
 @camera_ray.register(RayCamera)
-def _(camera, x, y, time, draws):
+def camera_ray_ray_camera(camera, x, y, time, draws):
     return camera.frame.origin, camera.frame.forward, 1.0
 
 
+@camera_parts.register(RayCamera)
+def camera_parts_ray_camera(camera: RayCamera) -> CameraParts:
+    return CameraParts(spectra=camera.wavelengths)
+
+
 @project.register(RayCamera)
-def _(camera, point, time):
+def project_ray_camera(camera, point, time):
     # What is on the ray is seen everywhere, so it has no place in the picture.
-    return math.nan, math.nan, in_frame(camera.frame, point)[2]
+    return math.nan, math.nan, to_camera_space(camera.frame, point)[2]

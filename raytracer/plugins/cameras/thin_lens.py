@@ -1,5 +1,7 @@
 """Thin lens camera: sharp in one plane, blurred before and behind it.
 
+Its ray, which pinholes of a real size and camera arrays share, is in `base/thin_lens_ray.py`.
+
 In a scene:
 
     camera: {type: thin_lens, look_from: [13, 2, 3], look_at: [0, 0, 0], vfov: 20,
@@ -10,9 +12,9 @@ In a scene:
 
 from typing import Literal
 
-from raytracer.cameras.ideal import IdealLensSpec
-from raytracer.cameras.interface import NO_ASSETS, Assets
-from raytracer.cameras.perspective import PerspectiveCamera
+from raytracer.plugins.cameras.base.ideal import IdealLensSpec
+from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets
+from raytracer.plugins.cameras.base.perspective_camera import PerspectiveCamera
 
 
 class ThinLens(IdealLensSpec):
@@ -37,5 +39,5 @@ class ThinLens(IdealLensSpec):
     type: Literal["thin_lens"] = "thin_lens"
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> PerspectiveCamera:
-        """The camera with its lens, or without one where the aperture is 0."""
-        return self.camera(width, height, self.packed_lens(width, height, assets))
+        """Pack the camera with its lens, or without one where the aperture is 0."""
+        return self.pack_with_lens(width, height, self.pack_lens(width, height, assets))

@@ -9,9 +9,9 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field
 
-from raytracer.environments.interface import Assets, EnvironmentSpec, background
-from raytracer.spec import Radiance
-from raytracer.vec import Vec3
+from raytracer.core.vec import Vec3
+from raytracer.plugins.environments.base.interface import Assets, EnvironmentSpec, background
+from raytracer.schema.fields import Radiance
 
 
 class Constant(EnvironmentSpec):
@@ -25,11 +25,11 @@ class Constant(EnvironmentSpec):
 
 
 class ConstantEnvironment(NamedTuple):
-    """Packed."""
+    """Packed radiance."""
 
     radiance: Vec3
 
 
 @background.register(ConstantEnvironment)
-def _(environment, direction):
+def background_constant_environment(environment, direction):
     return environment.radiance

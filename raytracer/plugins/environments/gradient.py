@@ -9,9 +9,9 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field
 
-from raytracer.environments.interface import Assets, EnvironmentSpec, background
-from raytracer.spec import Radiance
-from raytracer.vec import Vec3, add, scale
+from raytracer.core.vec import Vec3, add, scale
+from raytracer.plugins.environments.base.interface import Assets, EnvironmentSpec, background
+from raytracer.schema.fields import Radiance
 
 
 class Gradient(EnvironmentSpec):
@@ -29,14 +29,14 @@ class Gradient(EnvironmentSpec):
 
 
 class GradientEnvironment(NamedTuple):
-    """Packed."""
+    """Packed gradient."""
 
     horizon: Vec3
     zenith: Vec3
 
 
 @background.register(GradientEnvironment)
-def _(environment, direction):
+def background_gradient_environment(environment, direction):
     # A height that rounding has left below -1 would subtract light.
     a = min(1.0, max(0.0, 0.5 * (direction[1] + 1.0)))
     return add(scale(1.0 - a, environment.horizon), scale(a, environment.zenith))

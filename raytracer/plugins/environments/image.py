@@ -9,21 +9,22 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from raytracer.environments.equirectangular import Equirectangular, equirectangular
-from raytracer.environments.interface import Assets, EnvironmentSpec
-from raytracer.spec import Angle, Quantity, Triple, Vector
+from raytracer.plugins.environments.base.equirectangular import Equirectangular, equirectangular
+from raytracer.plugins.environments.base.interface import Assets, EnvironmentSpec
+from raytracer.schema.fields import Angle, Quantity, Triple, Vector
 
 
 class ImageEnvironment(EnvironmentSpec):
     """A picture of all directions: 360 degrees across, 180 degrees down, +y at the top.
 
     The left and right edges meet at -z, +x is a quarter of the width from the left, +z in the middle, -x at three
-    quarters.  Between pixels the picture is bilinear.  Surfaces aim at directions in proportion to their radiance.
+    quarters.  Between pixels the picture is bilinear.  Next-event estimation samples
+    directions in proportion to their radiance.
     """
 
     loads: ClassVar[dict[str, str]] = {"file": "image"}
 
-    can_be_drawn: ClassVar[bool] = True
+    has_importance_sampling: ClassVar[bool] = True
 
     type: Literal["image"] = "image"
     file: str = Field(description="image file, relative to the scene", min_length=1)

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from raytracer.environments.equirectangular import Equirectangular, equirectangular
-from raytracer.environments.interface import Assets, EnvironmentSpec, SunDisc
-from raytracer.photography import WHITE_EFFICACY
-from raytracer.spec import MOST, Albedo, Angle, Direction, NonNegativeNumber, Quantity, at
-from raytracer.vec import Vec3
+from raytracer.core.vec import Vec3
+from raytracer.optics.thin_lens import WHITE_EFFICACY
+from raytracer.plugins.environments.base.equirectangular import Equirectangular, equirectangular
+from raytracer.plugins.environments.base.interface import Assets, EnvironmentSpec, SunDisc
+from raytracer.schema.fields import MAX_MAGNITUDE, Albedo, Angle, Direction, NonNegativeNumber, Quantity
+from raytracer.schema.spec import field_error
 
 Floats = NDArray[np.float64]
 
@@ -68,7 +69,7 @@ _OZONE = np.array([
 
 
 def perez(coefficients: Floats, cosine: Floats, gamma: Floats) -> Floats:
-    """Perez' function of cos theta, theta the angle from the zenith, 0 < cos theta, and the angle gamma from the sun.
+    """Evaluate Perez' function of cos theta > 0, theta the angle from the zenith, and the angle gamma from the sun.
 
     coefficients : A, B, C, D, E.
 
@@ -80,7 +81,7 @@ def perez(coefficients: Floats, cosine: Floats, gamma: Floats) -> Floats:
 
 
 def zenith(turbidity: float, theta_sun: float) -> dict[str, float]:
-    """Luminance Y (kcd/m2) and chromaticity x, y of the zenith, the sun being theta_sun (radians) from it.
+    """Return luminance Y (kcd/m2) and chromaticity x, y of the zenith, for a sun at theta_sun (rad) from it.
 
     References: Preetham et al. 1999, appendix A.2.
     """
@@ -95,7 +96,7 @@ def zenith(turbidity: float, theta_sun: float) -> dict[str, float]:
 
 
 def skylight(turbidity: float, toward: Vec3, directions: Floats) -> Floats:
-    """Luminance Y (kcd/m2) and chromaticity x, y of the sky, (..., 3) in the order x, y, Y.
+    """Return chromaticity x, y and luminance Y (kcd/m2) of the sky, (..., 3) in the order x, y, Y.
 
     toward : unit vector to the sun.  directions : unit vectors (..., 3) above the horizon, +y.
 
@@ -114,7 +115,7 @@ def skylight(turbidity: float, toward: Vec3, directions: Floats) -> Floats:
 
 
 def sunlight(turbidity: float, theta_sun: float) -> Floats:
-    """CIE XYZ (3,) of the sun's mean radiance at the ground, Y in cd/m2; theta_sun is its angle from the zenith.
+    """Return CIE XYZ (3,) of the sun's mean radiance at the ground, Y in cd/m2; theta_sun is its angle from the zenith.
 
     It is weakened by molecules, by haze, and by 3.5 mm of ozone; gases and water absorb where the eye is blind.
 
@@ -133,7 +134,7 @@ def sunlight(turbidity: float, theta_sun: float) -> Floats:
 
 
 def color_matching(wavelength: Floats) -> Floats:
-    """The CIE 1931 colour matching functions x, y, z, (3, n), at wavelengths (n,) in nm, within about 1 %.
+    """Return the CIE 1931 colour matching functions x, y, z, (3, n), at wavelengths (n,) in nm, within about 1 %.
 
     References: Wyman, Sloan, Shirley 2013, "Simple Analytic Approximations to the CIE XYZ Color Matching Functions",
     JCGT 2(2), eq. 4.
@@ -153,12 +154,12 @@ def color_matching(wavelength: Floats) -> Floats:
 
 
 def _xyz(x: Floats, y: Floats, luminance: Floats) -> Floats:
-    """CIE XYZ (..., 3) of chromaticities and luminance."""
+    """Convert chromaticities and luminance to CIE XYZ (..., 3)."""
     return np.stack([x / y * luminance, luminance, (1.0 - x - y) / y * luminance], axis=-1)
 
 
 def linear_rec709(xyz: Floats) -> Floats:
-    """Linear Rec. 709 values (..., 3) of CIE XYZ; what lies outside its gamut is brought to its boundary by 0.
+    """Convert CIE XYZ to linear Rec. 709 (..., 3); values outside the gamut are clipped at 0.
 
     References: ITU-R BT.709-6, items 1.3 and 1.4; SMPTE RP 177-1993 for the matrix of primaries and white.
     """
@@ -180,7 +181,7 @@ class Sky(EnvironmentSpec):
     Perez, Seals, Michalsky 1993, "All-weather Model for Sky Luminance Distribution".
     """
 
-    can_be_drawn: ClassVar[bool] = True
+    has_importance_sampling: ClassVar[bool] = True
 
     type: Literal["sky"] = "sky"
     sun_elevation: Annotated[float, Quantity("angle", low=0.0, high=90.0)] = Field(
@@ -202,20 +203,23 @@ class Sky(EnvironmentSpec):
         if self.sun_direction is not None:
             for key in ("sun_elevation", "sun_azimuth"):
                 if key in self.model_fields_set:
-                    at(key, "is given besides sun_direction, which says the same")
+                    field_error(key, "is given besides sun_direction, which says the same")
             if self.sun_direction[1] < 0.0:
-                at("sun_direction", "points below the horizon, where the model holds no more; y must be at least 0")
-        disc = self.disc()
+                field_error(
+                    "sun_direction", "points below the horizon, where the model holds no more; y must be at least 0"
+                )
+        disc = self.sun_disc()
         brightest = 0.0 if disc is None else max(disc.irradiance)
-        if brightest and not 1.0 / MOST <= brightest <= MOST:
-            at(
+        if brightest and not 1.0 / MAX_MAGNITUDE <= brightest <= MAX_MAGNITUDE:
+            field_error(
                 "scale",
-                f"gives the sun an irradiance of {brightest:.2g} W/m2, and {1.0 / MOST:g} to {MOST:g} is possible",
+                f"gives the sun an irradiance of {brightest:.2g} W/m2, and {1.0 / MAX_MAGNITUDE:g} to "
+                f"{MAX_MAGNITUDE:g} is possible",
             )
         return self
 
     def toward(self) -> Vec3:
-        """The unit vector to the sun."""
+        """Return the unit vector to the sun."""
         if self.sun_direction is not None:
             x, y, z = np.array(self.sun_direction) / max(map(abs, self.sun_direction))
             length = math.hypot(x, y, z)
@@ -228,7 +232,7 @@ class Sky(EnvironmentSpec):
         return equirectangular(self.radiance())
 
     def radiance(self) -> Floats:
-        """The map of the sky and the ground: (HEIGHT, WIDTH, 3), see `equirectangular`."""
+        """Make the map of the sky and the ground: (HEIGHT, WIDTH, 3), see `equirectangular`."""
         theta = math.pi * (np.arange(HEIGHT // 2) + 0.5) / HEIGHT
         phi = 2.0 * math.pi * (np.arange(WIDTH) + 0.5) / WIDTH
         cosine, sine = np.cos(theta)[:, None], np.sin(theta)[:, None]
@@ -239,12 +243,12 @@ class Sky(EnvironmentSpec):
         # What falls upon the ground, by the midpoint rule over the rows.
         solid_angle = (math.pi / HEIGHT) * (2.0 * math.pi / WIDTH) * sine * cosine
         falling = (sky * solid_angle[..., None]).sum(axis=(0, 1))
-        if (disc := self.disc()) is not None:
+        if (disc := self.sun_disc()) is not None:
             falling += max(0.0, -disc.direction[1]) * np.array(disc.irradiance)
         ground = np.array(self.ground_albedo) * falling / math.pi
         return np.concatenate([sky, np.broadcast_to(ground, sky.shape)])
 
-    def disc(self) -> SunDisc | None:
+    def sun_disc(self) -> SunDisc | None:
         if not self.sun:
             return None
         x, y, z = self.toward()

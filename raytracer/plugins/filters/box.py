@@ -9,8 +9,8 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field
 
-from raytracer.filters.interface import FilterSpec, sample_filter
-from raytracer.spec import PositiveNumber
+from raytracer.plugins.filters.base.interface import FilterSpec, sample_filter
+from raytracer.schema.fields import PositiveNumber
 
 
 class Box(FilterSpec):
@@ -22,19 +22,19 @@ class Box(FilterSpec):
     def pack(self) -> "BoxFilter":
         return BoxFilter(self.width)
 
-    def reach(self) -> float:
+    def support(self) -> float:
         return 0.5 * self.width
 
-    def edge(self) -> float:
+    def box_width(self) -> float:
         return self.width
 
 
 class BoxFilter(NamedTuple):
-    """Packed."""
+    """Packed box."""
 
     width: float
 
 
 @sample_filter.register(BoxFilter)
-def _(pixel_filter, u1, u2):
+def sample_filter_box_filter(pixel_filter, u1, u2):
     return pixel_filter.width * (u1 - 0.5), pixel_filter.width * (u2 - 0.5), 1.0

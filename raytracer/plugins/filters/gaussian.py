@@ -10,8 +10,8 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field
 
-from raytracer.filters.interface import FilterSpec, sample_filter
-from raytracer.spec import PositiveNumber
+from raytracer.plugins.filters.base.interface import FilterSpec, sample_filter
+from raytracer.schema.fields import PositiveNumber
 
 
 class Gaussian(FilterSpec):
@@ -31,19 +31,23 @@ class Gaussian(FilterSpec):
         ratio = self.radius / self.sigma
         return GaussianFilter(self.sigma, -math.expm1(-0.5 * ratio * ratio))
 
-    def reach(self) -> float:
+    def support(self) -> float:
         return self.radius
 
 
 class GaussianFilter(NamedTuple):
-    """Packed: sigma, and the fraction of the whole Gaussian that lies within the radius."""
+    """Packed Gaussian.
+
+    sigma (px) : its standard deviation.
+    within : fraction of the whole Gaussian that lies within the radius.
+    """
 
     sigma: float
     within: float
 
 
 @sample_filter.register(GaussianFilter)
-def _(pixel_filter, u1, u2):
+def sample_filter_gaussian_filter(pixel_filter, u1, u2):
     radius = pixel_filter.sigma * math.sqrt(-2.0 * math.log1p(-u1 * pixel_filter.within))
     angle = 2.0 * math.pi * u2
     return radius * math.cos(angle), radius * math.sin(angle), 1.0

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.filters.interface import FilterSpec, sample_filter
-from raytracer.jit import kernel
-from raytracer.spec import Fraction
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.plugins.filters.base.interface import FilterSpec, sample_filter
+from raytracer.schema.fields import Fraction
 
 _CELLS = 1024
 _STEPS_A_CELL = 64
@@ -44,7 +44,7 @@ class Mitchell(FilterSpec):
         growth = np.concatenate([[0.0], np.cumsum(np.abs(values))])
         return MitchellFilter(cubics, np.interp(np.linspace(0.0, growth[-1], _CELLS + 1), growth, edges))
 
-    def reach(self) -> float:
+    def support(self) -> float:
         return 2.0
 
     def has_negative_lobes(self) -> bool:
@@ -54,11 +54,13 @@ class Mitchell(FilterSpec):
 
 
 class MitchellFilter(NamedTuple):
-    """Packed for one axis: f by distance, and where to draw positions.
+    """Packed filter for one axis.
 
-    cubics (2, 4) float64: f at distances 0 .. 1 and 1 .. 2, highest power first.  quantiles (n + 1,) float64: those of
-    |f|, between which positions are drawn evenly.  Weights divide f by the density that this makes, so their mean is 1
-    however fine the table is.
+    Positions are drawn evenly between the quantiles.  Weights divide f by the density that this makes, so their mean is
+    1 however fine the table is.
+
+    cubics (2, 4) float64 : f at distances 0 .. 1 and 1 .. 2, highest power first.
+    quantiles (n + 1,) float64 : of |f|.
     """
 
     cubics: NDArray[np.float64]
@@ -67,7 +69,7 @@ class MitchellFilter(NamedTuple):
 
 @kernel
 def _sample_axis(pixel_filter, u):
-    """A position along one axis, and f over the density that it was drawn with."""
+    """Draw a position along one axis, and f over the density that it was drawn with."""
     cells = len(pixel_filter.quantiles) - 1
     cell = min(int(u * cells), cells - 1)
     low, high = pixel_filter.quantiles[cell], pixel_filter.quantiles[cell + 1]
@@ -81,7 +83,7 @@ def _sample_axis(pixel_filter, u):
 
 
 @sample_filter.register(MitchellFilter)
-def _(pixel_filter, u1, u2):
+def sample_filter_mitchell_filter(pixel_filter, u1, u2):
     dx, weight_x = _sample_axis(pixel_filter, u1)
     dy, weight_y = _sample_axis(pixel_filter, u2)
     return dx, dy, weight_x * weight_y

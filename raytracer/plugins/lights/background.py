@@ -5,25 +5,30 @@ Not a kind of the `lights` list: a scene has it as soon as its environment can b
 
 from typing import NamedTuple
 
-from raytracer.environments.interface import background_with_pdf, sample_background
-from raytracer.lights.interface import arriving, at_infinity, sample_light, weight_found
-from raytracer.materials.interface import BLACK, LIGHT_POINT
-from raytracer.sampling import sample_2d
-from raytracer.vec import scale
+from raytracer.core.sampling import sample_2d
+from raytracer.core.vec import scale
+from raytracer.plugins.environments.base.interface import background_with_pdf, sample_background
+from raytracer.plugins.lights.base.interface import (
+    infinite_light_sample,
+    infinite_radiance,
+    mis_weight_path,
+    sample_light,
+)
+from raytracer.plugins.materials.base.interface import BLACK, LIGHT_POINT
 
 
 class Background(NamedTuple):
-    """The one light of its table: the scene's own environment."""
+    """Table of one light, the scene's own environment."""
 
 
 @sample_light.register(Background)
-def _(table, scene, point, time, u, draws):
+def sample_light_background(table, scene, point, time, u, draws):
     u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + LIGHT_POINT)
     direction, radiance, pdf = sample_background(scene.environment, u1, u2)
-    return at_infinity(direction, scale(1.0 / pdf, radiance) if pdf > 0.0 else BLACK, pdf)
+    return infinite_light_sample(direction, scale(1.0 / pdf, radiance) if pdf > 0.0 else BLACK, pdf)
 
 
-@arriving.register(Background)
-def _(table, scene, direction, pdf, tables, heuristic):
+@infinite_radiance.register(Background)
+def infinite_radiance_background(table, scene, direction, pdf, tables, heuristic):
     radiance, by_light = background_with_pdf(scene.environment, direction)
-    return scale(weight_found(heuristic, pdf, by_light / tables), radiance)
+    return scale(mis_weight_path(heuristic, pdf, by_light / tables), radiance)

@@ -9,24 +9,26 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.geometry import Site
-from raytracer.instances import choose_instance, pdf_placed, sample_placed, variant_of
-from raytracer.lights.interface import LightSample, pdf_hit, sample_light
-from raytracer.materials.interface import BLACK, LIGHT_POINT, emission_shown
-from raytracer.origin import as_written
-from raytracer.sampling import sample_2d
-from raytracer.sampling.alias import AliasTable, sample_alias
-from raytracer.vec import dot, norm, normalize, scale, sub
+from raytracer.core.geometry import Site
+from raytracer.core.instancing import choose_instance, pdf_instance_point, sample_instance_point, variant_of
+from raytracer.core.sampling import sample_2d
+from raytracer.core.sampling.alias import AliasTable, sample_alias
+from raytracer.core.vec import dot, norm, normalize, scale, sub
+from raytracer.core.world_origin import to_authored_space
+from raytracer.plugins.lights.base.interface import LightSample, pdf_hit, sample_light
+from raytracer.plugins.materials.base.dispatch import selected_emission
+from raytracer.plugins.materials.base.interface import BLACK, LIGHT_POINT
 
 ABSENT = np.iinfo(np.int32).min
 
 
 class Emitters(NamedTuple):
-    """One row an emitting primitive: table and primitive number, material reference (n,) int32; and how to choose.
+    """Packed emitting primitives, one row each: table and primitive number, material reference (n,) int32.
 
-    variant (n,) int32, which instances a row stands for, 0 for none (see instances.Glow); choice draws a row; `first`
-    (variants, tables) int32 and `pmf` (p,) float64 give the probability of primitive k of table t and variant v as
-    pmf[first[v, t] + k], where first is ABSENT for what does not emit.
+    variant (n,) int32 : the instances that a row stands for, 0 for none (see `core.instancing`).
+    choice : draws a row.
+    first (variants, tables) int32, pmf (p,) float64 : probability of primitive k of table t and variant v as
+        pmf[first[v, t] + k], where first is ABSENT for what does not emit.
     """
 
     table: NDArray[np.int32]
@@ -39,7 +41,7 @@ class Emitters(NamedTuple):
 
 
 @sample_light.register(Emitters)
-def _(table, scene, point, time, u, draws):
+def sample_light_emitters(table, scene, point, time, u, draws):
     # One emitter needs no choice.
     chosen, probability = 0, 1.0
     if len(table.table) > 1:
@@ -47,26 +49,36 @@ def _(table, scene, point, time, u, draws):
     instance, chance = choose_instance(scene.instances, table.variant[chosen], u)
     u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + LIGHT_POINT)
     number, primitive = table.table[chosen], table.primitive[chosen]
-    on = sample_placed(scene.instances, scene, instance, number, primitive, point, u1, u2, time)
+    on = sample_instance_point(scene.instances, scene, instance, number, primitive, point, u1, u2, time)
     way = sub(on.point, point)
     direction = normalize(way)
     pdf = probability * chance * on.pdf
     if pdf == 0.0:
         return LightSample(direction, BLACK, 0.0, on.point, on.gap)
-    local = as_written(scene.origin, scene.instances, instance, on.local)
+    local = to_authored_space(scene.origin, scene.instances, instance, on.local)
     site = Site(local, on.u, on.v, norm(way), None)
     front = dot(direction, on.normal) < 0.0
-    radiance = emission_shown(scene.selectors, scene, table.material[chosen], front, site, draws)
+    radiance = selected_emission(scene.selectors, scene, table.material[chosen], front, site, draws)
     return LightSample(direction, scale(1.0 / pdf, radiance), pdf, on.point, on.gap)
 
 
 @pdf_hit.register(Emitters)
-def _(table, scene, instance, number, primitive, origin, point, normal, time):
-    variant, chance = variant_of(scene.instances, instance)
+def pdf_hit_emitters(table, scene, surface):
+    variant, chance = variant_of(scene.instances, surface.instance)
     if variant < 0:
         return 0.0
-    first = table.first[variant, number]
+    first = table.first[variant, surface.table]
     if first == ABSENT:
         return 0.0
-    probability = chance * table.pmf[first + primitive]
-    return probability * pdf_placed(scene.instances, scene, instance, number, primitive, origin, point, normal, time)
+    probability = chance * table.pmf[first + surface.primitive]
+    return probability * pdf_instance_point(
+        scene.instances,
+        scene,
+        surface.instance,
+        surface.table,
+        surface.primitive,
+        surface.previous,
+        surface.hit.point,
+        surface.hit.normal,
+        surface.time,
+    )

@@ -16,20 +16,27 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, PrivateAttr
 
-from raytracer.geometry import row3
-from raytracer.jit import generic
-from raytracer.lights.interface import LightSample, LightSpec, choose, from_point, sample_light
-from raytracer.materials.interface import BLACK
-from raytracer.sampling.alias import AliasTable, build_alias
-from raytracer.shutter import Pulses, Timing, pulse_of
-from raytracer.spec import Point, PositiveTime, Quantity, Time, Triple
-from raytracer.vec import Vec3, scale, sub
+from raytracer.core.compiler.dispatch import optional
+from raytracer.core.geometry import row3
+from raytracer.core.sampling.alias import AliasTable, build_alias
+from raytracer.core.shutter.table import Pulses, pulse_interval
+from raytracer.core.shutter.timing import Timing
+from raytracer.core.vec import Vec3, scale, sub
+from raytracer.plugins.lights.base.interface import (
+    LightSample,
+    LightSpec,
+    choose_light,
+    point_light_sample,
+    sample_light,
+)
+from raytracer.plugins.materials.base.interface import BLACK
+from raytracer.schema.fields import Point, PositiveTime, Quantity, Time, Triple
 
 Energy: TypeAlias = Annotated[Vec3, Triple(Quantity(low=0.0), "an energy", single=True)]
 
 
-class _Fired(NamedTuple):
-    """Intensity (W/sr), and when it has it, as fractions of the shutter's time; None: all the time, on average."""
+class _FlashPulse(NamedTuple):
+    """Intensity of a flash (W/sr), and its pulse in fractions of the shutter's time; None for the mean over it."""
 
     intensity: Vec3
     pulse: tuple[float, float] | None
@@ -56,31 +63,31 @@ class FlashLight(LightSpec):
     duration: PositiveTime = Field(default=1e-4, description="for how long it shines (s), evenly")
     offset: Time = Field(default=0.0, description="by how much later (s) it shines than its curtain says")
 
-    _fired: _Fired | None = PrivateAttr(default=None)
+    _fired: _FlashPulse | None = PrivateAttr(default=None)
 
     def pulse(self, timing: Timing) -> tuple[float, float]:
         first, last = timing.full()
         begin = first + timing.readout if self.curtain == "first" else last - self.duration
         return begin + self.offset, begin + self.offset + self.duration
 
-    def fired(self, timing: Timing, place: Vec3, timed: bool) -> "FlashLight":
+    def at_exposure(self, timing: Timing, place: Vec3, timed: bool) -> "FlashLight":
         begin, end = self.pulse(timing)
         if timed:
             span = timing.span()
-            fractions = pulse_of(span, begin, end)
+            fractions = pulse_interval(span, begin, end)
             share = fractions[1] - fractions[0]
             seconds = share * (span.close - span.open) if math.isfinite(share) else self.duration
-            fired = _Fired(scale(1.0 / seconds, self.energy), fractions)
+            fired = _FlashPulse(scale(1.0 / seconds, self.energy), fractions)
         else:
             share = timing.transmitted(begin, end) / timing.seconds()
-            fired = _Fired(scale(share / self.duration, self.energy), None)
+            fired = _FlashPulse(scale(share / self.duration, self.energy), None)
         result = self.model_copy(update={"position": place if self.position is None else self.position})
         result._fired = fired
         return result
 
     @staticmethod
     def pack(specs: Sequence["FlashLight"]) -> "Flashes | None":
-        """The table of flashes that `fired` has placed in a shutter's time."""
+        """Pack the flashes that `at_exposure` has placed in a shutter's time."""
         shining = [spec for spec in specs if spec._fired is not None and any(spec._fired.intensity)]
         if not shining:
             return None
@@ -96,7 +103,7 @@ class FlashLight(LightSpec):
 
 
 class Flashes(NamedTuple):
-    """position and intensity (n, 3) float64; pulse, the Pulses in which they shine, or None; choice by energy."""
+    """Packed flashes: position and intensity (n, 3) float64; their Pulses, or None; choice by energy."""
 
     position: NDArray[np.float64]
     intensity: NDArray[np.float64]
@@ -104,19 +111,14 @@ class Flashes(NamedTuple):
     choice: AliasTable
 
 
-@generic
-def choose_shining(pulse, choice, u, time):
-    """A flash that shines at a time, and its probability; (0, 0.0) if none does."""
-    raise NotImplementedError
+@optional
+def choose_flash(pulse, choice, u, time):
+    """Choose a flash that shines at a time: its row and probability; (0, 0.0) if none does."""
+    return choose_light(choice, u)
 
 
-@choose_shining.register(type(None))
-def _(pulse, choice, u, time):
-    return choose(choice, u)
-
-
-@choose_shining.register(Pulses)
-def _(pulse, choice, u, time):
+@choose_flash.register(Pulses)
+def choose_flash_pulses(pulse, choice, u, time):
     # Of a stroboscope's flashes one shines at a time, so choosing among all would miss it nearly always.
     total = 0.0
     for row in range(len(pulse.begin)):
@@ -131,9 +133,9 @@ def _(pulse, choice, u, time):
 
 
 @sample_light.register(Flashes)
-def _(table, scene, point, time, u, draws):
-    chosen, probability = choose_shining(table.pulse, table.choice, u, time)
+def sample_light_flashes(table, scene, point, time, u, draws):
+    chosen, probability = choose_flash(table.pulse, table.choice, u, time)
     position = row3(table.position, chosen)
     if probability == 0.0:
         return LightSample(sub(position, point), BLACK, 0.0, position, 0.0)
-    return from_point(point, position, row3(table.intensity, chosen), probability)
+    return point_light_sample(point, position, row3(table.intensity, chosen), probability)

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.geometry import row3
-from raytracer.lights.interface import Intensity, LightSpec, choose, from_point, sample_light
-from raytracer.sampling.alias import AliasTable, build_alias
-from raytracer.spec import Point
+from raytracer.core.geometry import row3
+from raytracer.core.sampling.alias import AliasTable, build_alias
+from raytracer.plugins.lights.base.interface import Intensity, LightSpec, choose_light, point_light_sample, sample_light
+from raytracer.schema.fields import Point
 
 
 class PointLight(LightSpec):
@@ -42,7 +42,7 @@ class PointLight(LightSpec):
 
 
 class PointLights(NamedTuple):
-    """position and intensity (n, 3) float64; choice by power."""
+    """Packed point lights: position and intensity (n, 3) float64; choice by power."""
 
     position: NDArray[np.float64]
     intensity: NDArray[np.float64]
@@ -50,6 +50,6 @@ class PointLights(NamedTuple):
 
 
 @sample_light.register(PointLights)
-def _(table, scene, point, time, u, draws):
-    chosen, probability = choose(table.choice, u)
-    return from_point(point, row3(table.position, chosen), row3(table.intensity, chosen), probability)
+def sample_light_point_lights(table, scene, point, time, u, draws):
+    chosen, probability = choose_light(table.choice, u)
+    return point_light_sample(point, row3(table.position, chosen), row3(table.intensity, chosen), probability)

@@ -13,12 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from raytracer.geometry import row3
-from raytracer.jit import kernel
-from raytracer.lights.interface import Intensity, LightSpec, choose, from_point, sample_light, unit
-from raytracer.sampling.alias import AliasTable, build_alias
-from raytracer.spec import Direction, NonNegativeAngle, Point, Quantity, at
-from raytracer.vec import Vec3, cross, dot, norm, scale, sub
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.geometry import row3
+from raytracer.core.sampling.alias import AliasTable, build_alias
+from raytracer.core.vec import Vec3, cross, dot, norm, scale, sub
+from raytracer.plugins.lights.base.interface import (
+    Intensity,
+    LightSpec,
+    choose_light,
+    point_light_sample,
+    sample_light,
+    unit_vector,
+)
+from raytracer.schema.fields import Direction, NonNegativeAngle, Point, Quantity
+from raytracer.schema.spec import field_error
 
 
 class SpotLight(LightSpec):
@@ -45,20 +53,20 @@ class SpotLight(LightSpec):
         if (self.direction is None) == (self.look_at is None):
             raise ValueError("needs exactly one of direction and look_at")
         if self.look_at == self.position:
-            at("look_at", "is the light's own position, so it names no direction")
+            field_error("look_at", "is the light's own position, so it names no direction")
         if self.penumbra > 0.5 * self.angle:
-            at("penumbra", f"must be at most half the angle, {0.5 * self.angle:g}, got {self.penumbra:g}")
+            field_error("penumbra", f"must be at most half the angle, {0.5 * self.angle:g}, got {self.penumbra:g}")
         return self
 
     def axis(self) -> Vec3:
-        """The unit vector along the axis, away from the light."""
+        """Return the unit vector along the axis, away from the light."""
         if self.direction is not None:
-            return unit(self.direction)
+            return unit_vector(self.direction)
         assert self.look_at is not None
-        return unit(sub(self.look_at, self.position))
+        return unit_vector(sub(self.look_at, self.position))
 
     def solid_angle(self) -> float:
-        """The cone's solid angle (sr), its penumbra weighted by the falloff: flux over intensity.
+        """Return the cone's solid angle (sr), its penumbra weighted by the falloff: flux over intensity.
 
         With the half angle h and the penumbra's inner edge b, the integral of 2 pi sin t f(t) with f = 1 up to b, and
         (h - t) / (h - b) beyond, is 2 pi (1 - (sin h - sin b) / (h - b)).
@@ -77,26 +85,26 @@ class SpotLight(LightSpec):
             position=np.array([spec.position for spec in shining], np.float64),
             axis=np.array([spec.axis() for spec in shining], np.float64),
             intensity=np.array([spec.intensity for spec in shining], np.float64),
-            half=np.radians([0.5 * spec.angle for spec in shining]),
+            half_angle=np.radians([0.5 * spec.angle for spec in shining]),
             penumbra=np.radians([spec.penumbra for spec in shining]),
             choice=build_alias([sum(spec.intensity) * spec.solid_angle() for spec in shining]),
         )
 
 
 class SpotLights(NamedTuple):
-    """position, axis (unit) and intensity (n, 3); half, the half angle, and penumbra (n,) in radians: float64."""
+    """Packed spots: position, axis (unit) and intensity (n, 3); half angle and penumbra (n,) in radians: float64."""
 
     position: NDArray[np.float64]
     axis: NDArray[np.float64]
     intensity: NDArray[np.float64]
-    half: NDArray[np.float64]
+    half_angle: NDArray[np.float64]
     penumbra: NDArray[np.float64]
     choice: AliasTable
 
 
 @kernel
 def falloff(angle: float, half: float, penumbra: float) -> float:
-    """The intensity at an angle from the axis, over that on the axis."""
+    """Return the intensity at an angle from the axis, over that on the axis."""
     inside = half - angle
     if inside < 0.0:
         return 0.0
@@ -104,10 +112,10 @@ def falloff(angle: float, half: float, penumbra: float) -> float:
 
 
 @sample_light.register(SpotLights)
-def _(table, scene, point, time, u, draws):
-    chosen, probability = choose(table.choice, u)
+def sample_light_spot_lights(table, scene, point, time, u, draws):
+    chosen, probability = choose_light(table.choice, u)
     position, axis = row3(table.position, chosen), row3(table.axis, chosen)
     out = sub(point, position)
     angle = math.atan2(norm(cross(out, axis)), dot(out, axis))
-    share = falloff(angle, table.half[chosen], table.penumbra[chosen])
-    return from_point(point, position, scale(share, row3(table.intensity, chosen)), probability)
+    share = falloff(angle, table.half_angle[chosen], table.penumbra[chosen])
+    return point_light_sample(point, position, scale(share, row3(table.intensity, chosen)), probability)

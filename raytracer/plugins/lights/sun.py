@@ -13,23 +13,23 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.geometry import row3
-from raytracer.lights.interface import (
+from raytracer.core.geometry import row3
+from raytracer.core.sampling import sample_2d
+from raytracer.core.sampling.alias import AliasTable, build_alias
+from raytracer.core.sampling.warp import one_minus_cosine, pdf_cone, sample_cone
+from raytracer.core.vec import basis, dot, madd, neg, scale, sub, to_world
+from raytracer.plugins.lights.base.interface import (
     Irradiance,
     LightSpec,
-    arriving,
-    at_infinity,
-    choose,
+    choose_light,
+    infinite_light_sample,
+    infinite_radiance,
+    mis_weight_path,
     sample_light,
-    unit,
-    weight_found,
+    unit_vector,
 )
-from raytracer.materials.interface import BLACK, LIGHT_POINT
-from raytracer.sampling import sample_2d
-from raytracer.sampling.alias import AliasTable, build_alias
-from raytracer.sampling.warp import one_minus_cosine, pdf_cone, sample_cone
-from raytracer.spec import Direction, Quantity
-from raytracer.vec import basis, dot, madd, neg, scale, sub, to_world
+from raytracer.plugins.materials.base.interface import BLACK, LIGHT_POINT
+from raytracer.schema.fields import Direction, Quantity
 
 
 class Sun(LightSpec):
@@ -49,10 +49,10 @@ class Sun(LightSpec):
     )
 
     def sine2(self) -> float:
-        """The squared sine of the disc's angular radius; 0 for parallel light."""
+        """Return the squared sine of the disc's angular radius; 0 for parallel light."""
         return math.sin(math.radians(0.5 * self.angle)) ** 2
 
-    def is_seen(self) -> bool:
+    def is_visible_to_paths(self) -> bool:
         return self.sine2() > 0.0 and any(self.irradiance)
 
     @staticmethod
@@ -62,7 +62,7 @@ class Sun(LightSpec):
             return None
         irradiance = np.array([spec.irradiance for spec in shining], np.float64)
         return Suns(
-            toward=np.array([neg(unit(spec.direction)) for spec in shining], np.float64),
+            toward=np.array([neg(unit_vector(spec.direction)) for spec in shining], np.float64),
             irradiance=irradiance,
             sine2=np.array([spec.sine2() for spec in shining], np.float64),
             choice=build_alias(irradiance.sum(axis=1)),
@@ -70,7 +70,13 @@ class Sun(LightSpec):
 
 
 class Suns(NamedTuple):
-    """toward, unit vector to the sun, and irradiance (n, 3); sine2, of the angular radius, squared (n,): float64."""
+    """Packed suns, one row each.
+
+    toward (n, 3) float64 : unit vector to the sun.
+    irradiance (n, 3) float64 : of a plane that faces it.
+    sine2 (n,) float64 : squared sine of the angular radius.
+    choice : by irradiance.
+    """
 
     toward: NDArray[np.float64]
     irradiance: NDArray[np.float64]
@@ -79,23 +85,23 @@ class Suns(NamedTuple):
 
 
 @sample_light.register(Suns)
-def _(table, scene, point, time, u, draws):
-    chosen, probability = choose(table.choice, u)
+def sample_light_suns(table, scene, point, time, u, draws):
+    chosen, probability = choose_light(table.choice, u)
     toward, sine2 = row3(table.toward, chosen), table.sine2[chosen]
     weight = scale(1.0 / probability, row3(table.irradiance, chosen))
     if sine2 == 0.0:
-        return at_infinity(toward, weight, math.inf)
+        return infinite_light_sample(toward, weight, math.inf)
 
     # Of the irradiance, radiance pi sin^2, radiance over pdf leaves 2 (1 - cos) / sin^2.
     u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + LIGHT_POINT)
     s, t = basis(toward)
     direction = to_world(sample_cone(u1, u2, sine2), s, t, toward)
     share = 2.0 * one_minus_cosine(sine2) / sine2
-    return at_infinity(direction, scale(share, weight), probability * pdf_cone(sine2))
+    return infinite_light_sample(direction, scale(share, weight), probability * pdf_cone(sine2))
 
 
-@arriving.register(Suns)
-def _(table, scene, direction, pdf, tables, heuristic):
+@infinite_radiance.register(Suns)
+def infinite_radiance_suns(table, scene, direction, pdf, tables, heuristic):
     total = BLACK
     for row in range(len(table.sine2)):
         sine2 = table.sine2[row]
@@ -106,6 +112,6 @@ def _(table, scene, direction, pdf, tables, heuristic):
         chord = sub(direction, row3(table.toward, row))
         if dot(chord, chord) <= 2.0 * one_minus_cosine(sine2):
             by_light = table.choice.pmf[row] * pdf_cone(sine2) / tables
-            share = weight_found(heuristic, pdf, by_light) / (math.pi * sine2)
+            share = mis_weight_path(heuristic, pdf, by_light) / (math.pi * sine2)
             total = madd(total, share, row3(table.irradiance, row))
     return total

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.materials.interface import PASS, MaterialSpec, SelectorSpec, select
-from raytracer.textures.interface import Book
+from raytracer.plugins.materials.base.interface import PASSTHROUGH, MaterialSpec, SelectorSpec, select
+from raytracer.plugins.textures.base.interface import ParameterPacker
 
 
 class Boundary(SelectorSpec):
@@ -29,29 +29,31 @@ class Boundary(SelectorSpec):
         "through where the object has none",
     )
 
-    def holds_medium(self) -> bool:
+    def has_interior(self) -> bool:
         return self.clear
 
     def with_children(self, children: Sequence[MaterialSpec]) -> MaterialSpec:
         return self
 
     @staticmethod
-    def pack_selectors(specs: Sequence["Boundary"], book: Book, children: Sequence[Sequence[int]]) -> "BoundaryTable":
+    def pack_selectors(
+        specs: Sequence["Boundary"], book: ParameterPacker, children: Sequence[Sequence[int]]
+    ) -> "BoundaryTable":
         return BoundaryTable(np.zeros(len(specs), np.int32))
 
-    def passes(self) -> bool:
+    def has_passthrough(self) -> bool:
         return True
 
-    def lets_all_through(self) -> bool:
+    def is_invisible(self) -> bool:
         return True
 
 
 class BoundaryTable(NamedTuple):
-    """nothing (n,) int32: its length is all that there is to say."""
+    """Packed boundaries, which have no parameters: only the length of `nothing` (n,) int32 counts."""
 
     nothing: NDArray[np.int32]
 
 
 @select.register(BoundaryTable)
-def _(table, index, front, textures, site, u):
-    return PASS, u
+def select_boundary_table(table, index, front, textures, site, u):
+    return PASSTHROUGH, u

@@ -14,9 +14,22 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.materials.interface import PASS, Child, MaterialSpec, SelectorSpec, chance, select
-from raytracer.spec import Fraction
-from raytracer.textures.interface import Book, Numbers, TexturedFraction, TexturedNumbers, number
+from raytracer.plugins.materials.base.interface import (
+    PASSTHROUGH,
+    Child,
+    MaterialSpec,
+    SelectorSpec,
+    select,
+    split_random_number,
+)
+from raytracer.plugins.textures.base.interface import (
+    Numbers,
+    ParameterPacker,
+    TexturedFraction,
+    TexturedNumbers,
+    number,
+)
+from raytracer.schema.fields import Fraction
 
 
 class Cutout(SelectorSpec):
@@ -46,33 +59,40 @@ class Cutout(SelectorSpec):
             return material
         return self.model_copy(update={"material": material})
 
-    def with_means(self, means: Mapping[str, Any]) -> MaterialSpec:
+    def with_mean_textures(self, means: Mapping[str, Any]) -> MaterialSpec:
         # What a threshold makes of a mean is all or nothing; the mean itself leaves as much of the surface as there is.
         plain = {**means, "threshold": None} if "opacity" in means else means
-        return super().with_means(plain)
+        return super().with_mean_textures(plain)
 
     @staticmethod
-    def pack_selectors(specs: Sequence["Cutout"], book: Book, children: Sequence[Sequence[int]]) -> "CutoutTable":
+    def pack_selectors(
+        specs: Sequence["Cutout"], book: ParameterPacker, children: Sequence[Sequence[int]]
+    ) -> "CutoutTable":
         return CutoutTable(
             np.array(children, np.int32)[:, 0].copy(),
             book.numbers([spec.opacity for spec in specs]),
             np.array([math.nan if spec.threshold is None else spec.threshold for spec in specs], np.float64),
         )
 
-    def exitance(self, book: Book) -> float:
-        return sum(book.mean(self.opacity)) / 3.0 * float(self.material.exitance(book))
+    def emitted_power(self, book: ParameterPacker) -> float:
+        return sum(book.mean(self.opacity)) / 3.0 * float(self.material.emitted_power(book))
 
-    def passes(self) -> bool:
+    def has_passthrough(self) -> bool:
         return True
 
-    def lets_all_through(self) -> bool:
+    def is_invisible(self) -> bool:
         enough = 0.0 if self.threshold is None else self.threshold
         is_hole = isinstance(self.opacity, float) and (self.opacity == 0.0 or self.opacity < enough)
-        return is_hole or super().lets_all_through()
+        return is_hole or super().is_invisible()
 
 
 class CutoutTable(NamedTuple):
-    """material (n,) int32, the material's reference; opacity, a parameter; threshold (n,) float64, NaN for none."""
+    """Packed cutouts, one row each.
+
+    material (n,) int32 : the material's reference.
+    opacity : a parameter.
+    threshold (n,) float64 : NaN for none.
+    """
 
     material: NDArray[np.int32]
     opacity: Numbers | TexturedNumbers
@@ -80,11 +100,11 @@ class CutoutTable(NamedTuple):
 
 
 @select.register(CutoutTable)
-def _(table, index, front, textures, site, u):
+def select_cutout_table(table, index, front, textures, site, u):
     opacity, threshold = number(table.opacity, index, textures, site), table.threshold[index]
     if opacity >= threshold:
         opacity = 1.0
     elif opacity < threshold:
         opacity = 0.0
-    there, u = chance(u, opacity)
-    return table.material[index] if there else PASS, u
+    there, u = split_random_number(u, opacity)
+    return table.material[index] if there else PASSTHROUGH, u

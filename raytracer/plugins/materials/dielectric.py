@@ -27,29 +27,26 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.jit import generic
-from raytracer.materials.interface import (
+from raytracer.core.compiler.dispatch import optional
+from raytracer.core.fresnel import fresnel_dielectric, refract
+from raytracer.core.sampling import sample_1d
+from raytracer.core.spectra import TERMINATE_ON_REFRACTION, PathWavelengths, upsample_at_wavelengths
+from raytracer.core.vec import Vec3, dot, mul, reflect, scale
+from raytracer.plugins.materials.base.clear import ClearSpec, Dispersion, eta_at, pack_dispersion
+from raytracer.plugins.materials.base.interface import (
     BLACK,
     LOBE,
     WHITE,
-    ClearSpec,
-    Dispersion,
     Scatter,
-    absorbed,
+    absorbed_scatter,
     emission,
-    eta_at,
     evaluate,
-    pack_dispersion,
     reflectance,
     row,
     scatter,
 )
-from raytracer.optics import fresnel_dielectric, refract
-from raytracer.sampling import sample_1d
-from raytracer.spec import Color, Vector
-from raytracer.spectra import TOGETHER, Hue, tinted_by
-from raytracer.textures.interface import Book
-from raytracer.vec import Vec3, dot, mul, reflect, scale
+from raytracer.plugins.textures.base.interface import ParameterPacker
+from raytracer.schema.fields import Color, Vector
 
 
 class Dielectric(ClearSpec):
@@ -82,20 +79,20 @@ class Dielectric(ClearSpec):
         default=None, description="absorption coefficient of the outside by channel (1/m); none by default"
     )
 
-    def parting(self) -> int:
-        return TOGETHER if self.disperses() else 0
+    def dispersion_mode(self) -> int:
+        return TERMINATE_ON_REFRACTION if self.disperses() else 0
 
-    def is_nothing(self) -> bool:
+    def is_index_matched(self) -> bool:
         return self.priority is None and self.ior == self.outside_ior and not any(map(any, self.coefficients()))
 
     def coefficients(self) -> tuple[Vector, Vector]:
-        """Absorption (1/m) by channel that the boundary accounts for: of the inside, and of the outside."""
+        """Return the absorption (1/m) by channel that the boundary accounts for: of the inside, and of the outside."""
         # With a priority, light knows at each place what it is in.
         inside = BLACK if self.priority is not None else self.inside_absorption()
         return inside, self.outside_absorption or BLACK
 
     @staticmethod
-    def pack(specs: Sequence["Dielectric"], book: Book) -> "DielectricTable":
+    def pack(specs: Sequence["Dielectric"], book: ParameterPacker) -> "DielectricTable":
         coefficients = np.array([spec.coefficients() for spec in specs], np.float64)
         return DielectricTable(
             np.array([spec.eta() for spec in specs], np.float64),
@@ -105,15 +102,17 @@ class Dielectric(ClearSpec):
 
 
 class Absorption(NamedTuple):
-    """coefficients (n, 2, 3) float64 (1/m): by channel, of the inside and of the outside of each material."""
+    """Absorption of dielectrics: coefficients (n, 2, 3) float64 (1/m), of the inside and the outside, by channel."""
 
     coefficients: NDArray[np.float64]
 
 
 class DielectricTable(NamedTuple):
-    """eta (n,) float64, index inside over index outside; absorption, None where nothing absorbs.
+    """Packed dielectrics, one row each.
 
-    dispersion, None where no index depends on the wavelength; eta is that of the d line.
+    eta (n,) float64 : index inside over index outside, for the d line.
+    absorption : None where nothing absorbs.
+    dispersion : None where no index depends on the wavelength.
     """
 
     eta: NDArray[np.float64]
@@ -122,40 +121,36 @@ class DielectricTable(NamedTuple):
 
 
 class DielectricRow(NamedTuple):
-    """One material, for light that has come some way to it: kept, after a way inside and after one outside."""
+    """One material, with the transmittances of the distance that light has come inside of it, or outside."""
 
     eta: float
-    kept_inside: Vec3
-    kept_outside: Vec3
+    transmittance_inside: Vec3
+    transmittance_outside: Vec3
 
 
-class DispersingRow(NamedTuple):
-    """As DielectricRow, for light of single wavelengths: of as many as it carries, or 0 where the material has one eta.
+class SpectralDielectricRow(NamedTuple):
+    """One material as in DielectricRow, for light of single wavelengths.
 
-    number, the wavelength that is refracted.  What is kept is by wavelength, or by channel where the material has one
-    eta.
+    wavelength_count : of the light, or 0 where the material has one eta.
+    number : index of the wavelength that is refracted.
+    transmittance_inside, transmittance_outside : by wavelength, or by channel where the material has one eta.
     """
 
     eta: Vec3
-    carried: float
+    wavelength_count: float
     number: np.int64
-    kept_inside: Vec3
-    kept_outside: Vec3
+    transmittance_inside: Vec3
+    transmittance_outside: Vec3
 
 
 @row.register(DielectricTable)
-def _(table, index, textures, site):
-    return _row(site.hue, table, index, site.distance)
+def row_dielectric_table(table, index, textures, site):
+    return _row(site.wavelengths, table, index, site.distance)
 
 
-@generic
-def _row(hue, table, index, distance):
-    """The record of a material for light that has this Hue, or none, and has come so far (m)."""
-    raise NotImplementedError
-
-
-@_row.register(type(None))
-def _(hue, table, index, distance):
+@optional
+def _row(wavelengths, table, index, distance):
+    """Make the record of a material for light of these wavelengths, or None, that has come so far (m)."""
     return DielectricRow(
         table.eta[index],
         transmittance(table.absorption, index, 0, distance),
@@ -163,49 +158,45 @@ def _(hue, table, index, distance):
     )
 
 
-@_row.register(Hue)
-def _(hue, table, index, distance):
-    return _hued(table.dispersion, table, index, hue, distance)
+@_row.register(PathWavelengths)
+def _row_path_wavelengths(wavelengths, table, index, distance):
+    return _spectral_row(table.dispersion, table, index, wavelengths, distance)
 
 
-@generic
-def _hued(dispersion, table, index, hue, distance):
-    raise NotImplementedError
-
-
-@_hued.register(type(None))
-def _(dispersion, table, index, hue, distance):
+@optional
+def _spectral_row(dispersion, table, index, wavelengths, distance):
     return _row(None, table, index, distance)
 
 
-@_hued.register(Dispersion)
-def _(dispersion, table, index, hue, distance):
+@_spectral_row.register(Dispersion)
+def _spectral_row_dispersion(dispersion, table, index, wavelengths, distance):
     inside = transmittance(table.absorption, index, 0, distance)
     outside = transmittance(table.absorption, index, 1, distance)
     if dispersion.disperses[index] == 0:
         eta = table.eta[index]
-        return DispersingRow((eta, eta, eta), 0.0, np.int64(0), inside, outside)
+        return SpectralDielectricRow((eta, eta, eta), 0.0, np.int64(0), inside, outside)
     eta = (
-        eta_at(dispersion, index, hue.wavelengths[0]),
-        eta_at(dispersion, index, hue.wavelengths[1]),
-        eta_at(dispersion, index, hue.wavelengths[2]),
+        eta_at(dispersion, index, wavelengths.wavelengths[0]),
+        eta_at(dispersion, index, wavelengths.wavelengths[1]),
+        eta_at(dispersion, index, wavelengths.wavelengths[2]),
     )
-    return DispersingRow(eta, hue.carried, hue.number, tinted_by(hue, inside), tinted_by(hue, outside))
+    return SpectralDielectricRow(
+        eta,
+        wavelengths.wavelength_count,
+        wavelengths.number,
+        upsample_at_wavelengths(wavelengths, inside),
+        upsample_at_wavelengths(wavelengths, outside),
+    )
 
 
-@generic
+@optional
 def transmittance(absorption, index, side, distance):
-    """What is left of light by channel after a distance (m), on the inside (side 0) or outside (1) of a material."""
-    raise NotImplementedError
-
-
-@transmittance.register(type(None))
-def _(absorption, index, side, distance):
+    """Return the transmittance by channel of a distance (m) on the inside (side 0) or outside (1) of a material."""
     return WHITE
 
 
 @transmittance.register(Absorption)
-def _(absorption, index, side, distance):
+def transmittance_absorption(absorption, index, side, distance):
     sigma = absorption.coefficients
     return (
         math.exp(-sigma[index, side, 0] * distance),
@@ -215,61 +206,61 @@ def _(absorption, index, side, distance):
 
 
 @scatter.register(DielectricRow)
-def _(material, direction, normal, front, draws):
+def scatter_dielectric_row(material, direction, normal, front, draws):
     eta = material.eta if front else 1.0 / material.eta
     cos_i = min(1.0, abs(dot(direction, normal)))
     reflectance, cos_t = fresnel_dielectric(cos_i, eta)
-    kept = material.kept_outside if front else material.kept_inside
+    attenuation = material.transmittance_outside if front else material.transmittance_inside
     if sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE) < reflectance:
-        return Scatter(reflect(direction, normal), kept, math.inf)
-    return Scatter(refract(direction, normal, cos_i, cos_t, eta), kept, math.inf)
+        return Scatter(reflect(direction, normal), attenuation, math.inf)
+    return Scatter(refract(direction, normal, cos_i, cos_t, eta), attenuation, math.inf)
 
 
-@scatter.register(DispersingRow)
-def _(material, direction, normal, front, draws):
+@scatter.register(SpectralDielectricRow)
+def scatter_spectral_dielectric_row(material, direction, normal, front, draws):
     first, second, third = material.eta
     if not front:
         first, second, third = 1.0 / first, 1.0 / second, 1.0 / third
     cos_i = min(1.0, abs(dot(direction, normal)))
-    kept = material.kept_outside if front else material.kept_inside
+    attenuation = material.transmittance_outside if front else material.transmittance_inside
     u = sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE)
     of_first, cos_t = fresnel_dielectric(cos_i, first)
-    if material.carried == 0.0:
+    if material.wavelength_count == 0.0:
         if u < of_first:
-            return Scatter(reflect(direction, normal), kept, math.inf)
-        return Scatter(refract(direction, normal, cos_i, cos_t, first), kept, math.inf)
+            return Scatter(reflect(direction, normal), attenuation, math.inf)
+        return Scatter(refract(direction, normal, cos_i, cos_t, first), attenuation, math.inf)
 
     # Wavelengths have one way when reflected, with one chance for all of them.
     of_all, chance = (of_first, of_first, of_first), of_first
-    if material.carried > 1.0:
+    if material.wavelength_count > 1.0:
         of_all = (of_first, fresnel_dielectric(cos_i, second)[0], fresnel_dielectric(cos_i, third)[0])
         chance = (of_all[0] + of_all[1] + of_all[2]) / 3.0
     if u < chance:
-        return Scatter(reflect(direction, normal), mul(scale(1.0 / chance, of_all), kept), math.inf)
+        return Scatter(reflect(direction, normal), mul(scale(1.0 / chance, of_all), attenuation), math.inf)
 
     # Refracted, each has its own.
     number = material.number
     eta = (first, second, third)[number]
     reflectance, cos_t = fresnel_dielectric(cos_i, eta)
     if reflectance == 1.0:
-        return absorbed(direction)
-    part = (1.0 - reflectance) / (1.0 - chance) * kept[number]
+        return absorbed_scatter(direction)
+    part = (1.0 - reflectance) / (1.0 - chance) * attenuation[number]
     weight = (part if number == 0 else 0.0, part if number == 1 else 0.0, part if number == 2 else 0.0)
     return Scatter(refract(direction, normal, cos_i, cos_t, eta), weight, math.inf)
 
 
-@evaluate.register(DispersingRow)
+@evaluate.register(SpectralDielectricRow)
 @evaluate.register(DielectricRow)
-def _(material, direction, normal, front, outgoing):
+def evaluate_spectral_dielectric_row(material, direction, normal, front, outgoing):
     return BLACK, 0.0
 
 
 @emission.register(DielectricTable)
-def _(table, index, front, textures, site):
+def emission_dielectric_table(table, index, front, textures, site):
     return BLACK
 
 
-@reflectance.register(DispersingRow)
+@reflectance.register(SpectralDielectricRow)
 @reflectance.register(DielectricRow)
-def _(material):
+def reflectance_spectral_dielectric_row(material):
     return WHITE

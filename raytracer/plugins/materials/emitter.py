@@ -12,8 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.materials.interface import BLACK, MaterialSpec, absorbed, emission, evaluate, reflectance, row, scatter
-from raytracer.textures.interface import Book, Colors, TexturedColors, TexturedRadiance, color, is_zero
+from raytracer.plugins.materials.base.interface import (
+    BLACK,
+    MaterialSpec,
+    absorbed_scatter,
+    emission,
+    evaluate,
+    reflectance,
+    row,
+    scatter,
+)
+from raytracer.plugins.textures.base.interface import (
+    Colors,
+    ParameterPacker,
+    TexturedColors,
+    TexturedRadiance,
+    color,
+    is_zero,
+)
 
 
 class Emitter(MaterialSpec):
@@ -26,24 +42,24 @@ class Emitter(MaterialSpec):
     two_sided: bool = Field(default=False, description="radiate to both sides")
 
     @staticmethod
-    def pack(specs: Sequence["Emitter"], book: Book) -> "EmitterTable":
+    def pack(specs: Sequence["Emitter"], book: ParameterPacker) -> "EmitterTable":
         return EmitterTable(
             book.colors([spec.radiance for spec in specs]),
             np.array([spec.two_sided for spec in specs], np.bool_),
         )
 
-    def emits(self) -> bool:
+    def is_emissive(self) -> bool:
         return not is_zero(self.radiance)
 
-    def turned(self) -> "Emitter":
+    def flipped(self) -> "Emitter":
         return self.model_copy(update={"two_sided": True})
 
-    def exitance(self, book: Book) -> float:
+    def emitted_power(self, book: ParameterPacker) -> float:
         return sum(book.mean(self.radiance)) * (2.0 if self.two_sided else 1.0)
 
 
 class EmitterTable(NamedTuple):
-    """radiance, by row; two_sided (n,) bool."""
+    """Packed emitters: radiance by row, and two_sided (n,) bool."""
 
     radiance: Colors | TexturedColors
     two_sided: NDArray[np.bool_]
@@ -54,27 +70,27 @@ class EmitterRow(NamedTuple):
 
 
 @row.register(EmitterTable)
-def _(table, index, textures, site):
+def row_emitter_table(table, index, textures, site):
     return EmitterRow()
 
 
 @scatter.register(EmitterRow)
-def _(material, direction, normal, front, draws):
-    return absorbed(direction)
+def scatter_emitter_row(material, direction, normal, front, draws):
+    return absorbed_scatter(direction)
 
 
 @evaluate.register(EmitterRow)
-def _(material, direction, normal, front, outgoing):
+def evaluate_emitter_row(material, direction, normal, front, outgoing):
     return BLACK, 0.0
 
 
 @emission.register(EmitterTable)
-def _(table, index, front, textures, site):
+def emission_emitter_table(table, index, front, textures, site):
     if not (front or table.two_sided[index]):
         return BLACK
     return color(table.radiance, index, textures, site)
 
 
 @reflectance.register(EmitterRow)
-def _(material):
+def reflectance_emitter_row(material):
     return BLACK

@@ -11,7 +11,10 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field
 
-from raytracer.materials.interface import (
+from raytracer.core.sampling import sample_2d
+from raytracer.core.sampling.warp import pdf_cosine_hemisphere, sample_cosine_hemisphere
+from raytracer.core.vec import Vec3, basis, dot, scale, to_world
+from raytracer.plugins.materials.base.interface import (
     BLACK,
     DIRECTION,
     MaterialSpec,
@@ -22,10 +25,14 @@ from raytracer.materials.interface import (
     row,
     scatter,
 )
-from raytracer.sampling import sample_2d
-from raytracer.sampling.warp import pdf_cosine_hemisphere, sample_cosine_hemisphere
-from raytracer.textures.interface import Book, Colors, TexturedAlbedo, TexturedColors, color, is_zero
-from raytracer.vec import Vec3, basis, dot, scale, to_world
+from raytracer.plugins.textures.base.interface import (
+    Colors,
+    ParameterPacker,
+    TexturedAlbedo,
+    TexturedColors,
+    color,
+    is_zero,
+)
 
 
 class Lambertian(MaterialSpec):
@@ -37,16 +44,16 @@ class Lambertian(MaterialSpec):
     type: Literal["lambertian"] = "lambertian"
     albedo: TexturedAlbedo = Field(default=(0.5, 0.5, 0.5), description="fraction of light reflected, by channel")
 
-    def is_lit(self) -> bool:
+    def has_non_delta_bsdf(self) -> bool:
         return not is_zero(self.albedo)
 
     @staticmethod
-    def pack(specs: Sequence["Lambertian"], book: Book) -> "LambertianTable":
+    def pack(specs: Sequence["Lambertian"], book: ParameterPacker) -> "LambertianTable":
         return LambertianTable(book.colors([spec.albedo for spec in specs]))
 
 
 class LambertianTable(NamedTuple):
-    """albedo, by row."""
+    """Packed materials: albedo by row."""
 
     albedo: Colors | TexturedColors
 
@@ -58,12 +65,12 @@ class LambertianRow(NamedTuple):
 
 
 @row.register(LambertianTable)
-def _(table, index, textures, site):
+def row_lambertian_table(table, index, textures, site):
     return LambertianRow(color(table.albedo, index, textures, site))
 
 
 @scatter.register(LambertianRow)
-def _(material, direction, normal, front, draws):
+def scatter_lambertian_row(material, direction, normal, front, draws):
     u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + DIRECTION)
     local = sample_cosine_hemisphere(u1, u2)
     s, t = basis(normal)
@@ -71,16 +78,16 @@ def _(material, direction, normal, front, draws):
 
 
 @evaluate.register(LambertianRow)
-def _(material, direction, normal, front, outgoing):
+def evaluate_lambertian_row(material, direction, normal, front, outgoing):
     cosine = max(0.0, dot(outgoing, normal))
     return scale(cosine / math.pi, material.albedo), pdf_cosine_hemisphere(cosine)
 
 
 @emission.register(LambertianTable)
-def _(table, index, front, textures, site):
+def emission_lambertian_table(table, index, front, textures, site):
     return BLACK
 
 
 @reflectance.register(LambertianRow)
-def _(material):
+def reflectance_lambertian_row(material):
     return material.albedo

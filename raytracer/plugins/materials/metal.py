@@ -11,25 +11,26 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field
 
-from raytracer.jit import kernel
-from raytracer.materials.interface import (
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.sampling import sample_2d
+from raytracer.core.sampling.warp import sample_sphere
+from raytracer.core.vec import Vec3, dot, madd, normalize, reflect, scale, sub
+from raytracer.plugins.materials.base.interface import (
     BLACK,
     DIRECTION,
     MaterialSpec,
     Scatter,
-    absorbed,
+    absorbed_scatter,
     emission,
     evaluate,
     reflectance,
     row,
     scatter,
 )
-from raytracer.sampling import sample_2d
-from raytracer.sampling.warp import sample_sphere
-from raytracer.textures.interface import (
-    Book,
+from raytracer.plugins.textures.base.interface import (
     Colors,
     Numbers,
+    ParameterPacker,
     TexturedAlbedo,
     TexturedColors,
     TexturedFraction,
@@ -38,7 +39,6 @@ from raytracer.textures.interface import (
     is_zero,
     number,
 )
-from raytracer.vec import Vec3, dot, madd, normalize, reflect, scale, sub
 
 
 class Metal(MaterialSpec):
@@ -51,16 +51,16 @@ class Metal(MaterialSpec):
     albedo: TexturedAlbedo = Field(default=(0.9, 0.9, 0.9), description="fraction of light reflected, by channel")
     fuzz: TexturedFraction = Field(default=0.0, description="radius of the random vector that is added; 0 is a mirror")
 
-    def is_lit(self) -> bool:
+    def has_non_delta_bsdf(self) -> bool:
         return not is_zero(self.fuzz) and not is_zero(self.albedo)
 
     @staticmethod
-    def pack(specs: Sequence["Metal"], book: Book) -> "MetalTable":
+    def pack(specs: Sequence["Metal"], book: ParameterPacker) -> "MetalTable":
         return MetalTable(book.colors([spec.albedo for spec in specs]), book.numbers([spec.fuzz for spec in specs]))
 
 
 class MetalTable(NamedTuple):
-    """albedo and fuzz, by row."""
+    """Packed materials: albedo and fuzz by row."""
 
     albedo: Colors | TexturedColors
     fuzz: Numbers | TexturedNumbers
@@ -75,7 +75,7 @@ class MetalRow(NamedTuple):
 
 @kernel
 def pdf_fuzz(below: float, fuzz: float) -> float:
-    """Density in solid angle of normalize(m + fuzz u), u uniform on the unit sphere, at an angle to the unit vector m.
+    """Return the density in solid angle of normalize(m + fuzz u) at an angle to m, u uniform on the unit sphere.
 
     `below` is 1 minus the angle's cosine c: of a narrow lobe the cosine itself has no digits.
     The ray along the direction meets the sphere of radius `fuzz` round the tip of m at distances t = c -+ h, both
@@ -94,12 +94,12 @@ def _pdf_fuzz(cosine: float, half: float, fuzz: float) -> float:
 
 
 @row.register(MetalTable)
-def _(table, index, textures, site):
+def row_metal_table(table, index, textures, site):
     return MetalRow(color(table.albedo, index, textures, site), number(table.fuzz, index, textures, site))
 
 
 @scatter.register(MetalRow)
-def _(material, direction, normal, front, draws):
+def scatter_metal_row(material, direction, normal, front, draws):
     mirrored = reflect(direction, normal)
     if material.fuzz == 0.0:
         return Scatter(mirrored, material.albedo, math.inf)
@@ -107,14 +107,14 @@ def _(material, direction, normal, front, draws):
     shift = sample_sphere(u1, u2)
     outgoing = normalize(madd(mirrored, material.fuzz, shift))
     if not dot(outgoing, normal) > 0.0:
-        return absorbed(direction)
+        return absorbed_scatter(direction)
     # From the vector that was drawn: near the rim of the lobe the angle alone would round to a pdf of 0.
     half = material.fuzz * abs(dot(outgoing, shift))
     return Scatter(outgoing, material.albedo, _pdf_fuzz(dot(outgoing, mirrored), half, material.fuzz))
 
 
 @evaluate.register(MetalRow)
-def _(material, direction, normal, front, outgoing):
+def evaluate_metal_row(material, direction, normal, front, outgoing):
     if material.fuzz == 0.0 or dot(outgoing, normal) <= 0.0:
         return BLACK, 0.0
     chord = sub(outgoing, reflect(direction, normal))
@@ -123,10 +123,10 @@ def _(material, direction, normal, front, outgoing):
 
 
 @emission.register(MetalTable)
-def _(table, index, front, textures, site):
+def emission_metal_table(table, index, front, textures, site):
     return BLACK
 
 
 @reflectance.register(MetalRow)
-def _(material):
+def reflectance_metal_row(material):
     return material.albedo

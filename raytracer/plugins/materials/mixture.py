@@ -15,8 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.materials.interface import Child, MaterialSpec, SelectorSpec, chance, select
-from raytracer.textures.interface import Book, Numbers, TexturedFraction, TexturedNumbers, number
+from raytracer.plugins.materials.base.interface import Child, MaterialSpec, SelectorSpec, select, split_random_number
+from raytracer.plugins.textures.base.interface import (
+    Numbers,
+    ParameterPacker,
+    TexturedFraction,
+    TexturedNumbers,
+    number,
+)
 
 
 class Mixture(SelectorSpec):
@@ -40,30 +46,32 @@ class Mixture(SelectorSpec):
             return second
         return self.model_copy(update={"materials": (first, second)})
 
-    def nearest_child(self, book: Book) -> MaterialSpec:
+    def nearest_child(self, book: ParameterPacker) -> MaterialSpec:
         first, second = self.materials
         chosen = second if sum(book.mean(self.weight, data=True)) > 1.5 else first
         assert isinstance(chosen, MaterialSpec)
         return chosen
 
     @staticmethod
-    def pack_selectors(specs: Sequence["Mixture"], book: Book, children: Sequence[Sequence[int]]) -> "MixtureTable":
+    def pack_selectors(
+        specs: Sequence["Mixture"], book: ParameterPacker, children: Sequence[Sequence[int]]
+    ) -> "MixtureTable":
         return MixtureTable(np.array(children, np.int32), book.numbers([spec.weight for spec in specs]))
 
-    def exitance(self, book: Book) -> float:
-        first, second = (child.exitance(book) for child in self.materials)
+    def emitted_power(self, book: ParameterPacker) -> float:
+        first, second = (child.emitted_power(book) for child in self.materials)
         weight = sum(book.mean(self.weight)) / 3.0
         return float((1.0 - weight) * first + weight * second)
 
 
 class MixtureTable(NamedTuple):
-    """children (n, 2) int32, references of the two materials; weight, a parameter: the second one's share."""
+    """Packed mixtures: children (n, 2) int32, references of the two; weight, a parameter, the share of the second."""
 
     children: NDArray[np.int32]
     weight: Numbers | TexturedNumbers
 
 
 @select.register(MixtureTable)
-def _(table, index, front, textures, site, u):
-    second, u = chance(u, number(table.weight, index, textures, site))
+def select_mixture_table(table, index, front, textures, site, u):
+    second, u = split_random_number(u, number(table.weight, index, textures, site))
     return table.children[index, 1 if second else 0], u

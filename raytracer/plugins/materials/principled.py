@@ -14,27 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.jit import kernel, routine
-from raytracer.materials.interface import (
-    BLACK,
-    DIRECTION,
-    LOBE,
-    WHITE,
-    MaterialSpec,
-    Scatter,
-    absorbed,
-    emission,
-    evaluate,
-    reflectance,
-    row,
-    scatter,
-)
-from raytracer.microfacet import (
+from raytracer.core.compiler.dispatch import kernel, routine
+from raytracer.core.fresnel import SCHLICK_MEAN, fresnel_schlick_mean, schlick_weight
+from raytracer.core.microfacet import (
     SMOOTH_ALPHA,
+    CellBlend,
     Deficits,
-    Rows,
     deficit,
     deficits,
+    find_cells,
     ggx,
     grazing_albedo,
     half_vector,
@@ -42,20 +30,32 @@ from raytracer.microfacet import (
     mean_deficit,
     multiple_albedo,
     reflect_about,
-    reflected,
-    rows_of,
-    sample_lost,
+    reflection_density,
+    sample_multiple_scattering,
     sample_visible_normal,
-    seen_from,
+    view_direction,
 )
-from raytracer.optics import SCHLICK_MEAN, fresnel_schlick_mean, schlick_weight
-from raytracer.sampling import sample_1d, sample_2d
-from raytracer.sampling.warp import pdf_cosine_hemisphere, sample_cosine_hemisphere
-from raytracer.spec import Fraction, Quantity
-from raytracer.textures.interface import (
-    Book,
+from raytracer.core.sampling import sample_1d, sample_2d
+from raytracer.core.sampling.warp import pdf_cosine_hemisphere, sample_cosine_hemisphere
+from raytracer.core.vec import Vec3, add, basis, dot, scale, sub, to_local, to_world
+from raytracer.plugins.materials.base.interface import (
+    BLACK,
+    DIRECTION,
+    LOBE,
+    WHITE,
+    MaterialSpec,
+    Scatter,
+    absorbed_scatter,
+    emission,
+    evaluate,
+    reflectance,
+    row,
+    scatter,
+)
+from raytracer.plugins.textures.base.interface import (
     Colors,
     Numbers,
+    ParameterPacker,
     TexturedAlbedo,
     TexturedColors,
     TexturedFraction,
@@ -65,7 +65,7 @@ from raytracer.textures.interface import (
     is_zero,
     number,
 )
-from raytracer.vec import Vec3, add, basis, dot, scale, sub, to_local, to_world
+from raytracer.schema.fields import Fraction, Quantity
 
 
 class Principled(MaterialSpec):
@@ -99,41 +99,41 @@ class Principled(MaterialSpec):
     )
     two_sided: bool = Field(default=False, description="give the `emission` to both sides")
 
-    def is_nothing(self) -> bool:
+    def is_index_matched(self) -> bool:
         # Facets bend light only by their index.
         clear = self.transmission == 1.0 and self.metallic == 0.0 and self.base_color == WHITE
-        return clear and self.ior == 1.0 and not self.emits()
+        return clear and self.ior == 1.0 and not self.is_emissive()
 
-    def transmits(self) -> bool:
+    def is_transmissive(self) -> bool:
         return not is_zero(self.transmission)
 
-    def mirrors(self) -> bool:
+    def has_delta_bsdf(self) -> bool:
         return not isinstance(self.roughness, float) or self.roughness**2 < SMOOTH_ALPHA
 
-    def is_lit(self) -> bool:
+    def has_non_delta_bsdf(self) -> bool:
         body = not is_zero(self.base_color) and self.metallic != 1.0 and self.transmission != 1.0
         smooth = isinstance(self.roughness, float) and self.roughness**2 < SMOOTH_ALPHA
         coated = self._coat() != (0.0, 0.0) and self.metallic != 1.0
         return body or (not smooth and (coated or not is_zero(self.base_color)))
 
     def _coat(self) -> tuple[float, float]:
-        """The coat's Fresnel term as a + b (1 - cos)^5; equal indices are no coat."""
+        """Return the coat's Fresnel term as a + b (1 - cos)^5; equal indices are no coat."""
         if self.ior == 1.0:
             return 0.0, 0.0
         head_on = ((self.ior - 1.0) / (self.ior + 1.0)) ** 2
         return self.specular * head_on, self.specular * (1.0 - head_on)
 
-    def emits(self) -> bool:
+    def is_emissive(self) -> bool:
         return not is_zero(self.emission)
 
-    def turned(self) -> "Principled":
+    def flipped(self) -> "Principled":
         return self.model_copy(update={"two_sided": True})
 
-    def exitance(self, book: Book) -> float:
+    def emitted_power(self, book: ParameterPacker) -> float:
         return sum(book.mean(self.emission)) * (2.0 if self.two_sided else 1.0)
 
     @staticmethod
-    def pack(specs: Sequence["Principled"], book: Book) -> "PrincipledTable":
+    def pack(specs: Sequence["Principled"], book: ParameterPacker) -> "PrincipledTable":
         roughness = [spec.roughness if isinstance(spec.roughness, float) else None for spec in specs]
         lost = deficits(roughness, [(0.0,)] * len(specs))
         widths = np.diff(lost.cells[:, :, 0], axis=1)
@@ -152,9 +152,10 @@ class Principled(MaterialSpec):
 
 
 class PrincipledTable(NamedTuple):
-    """Parameters base_color to emission; coat (n, 2) float64, its Fresnel term a + b (1 - cos)^5; two_sided (n,) bool.
+    """Packed materials, one row each; base_color to emission are parameters.
 
-    deficits, of the facets; grazing (m,) float64, by row of them, the mean of `grazing_albedo` over the hemisphere.
+    coat (n, 2) float64, two_sided (n,) bool : its Fresnel term a + b (1 - cos)^5; it emits to the back too.
+    deficits, grazing (m,) float64 : of the facets; by row of these, the mean of `grazing_albedo` over the hemisphere.
     """
 
     base_color: Colors | TexturedColors
@@ -169,12 +170,13 @@ class PrincipledTable(NamedTuple):
 
 
 class PrincipledRow(NamedTuple):
-    """One material at one place.
+    """One material at one place; colours include their share of the material.
 
-    Colours, each with its share of the material: base and rise of the Fresnel term, base + rise (1 - cos)^5, of metal
-    and coat together; body; glass; multiple, what facets reflect more than once.  The coat alone has the Fresnel term
-    coat_base + coat_rise (1 - cos)^5, and lets body_mean through of light that comes evenly from all sides, of which
-    facets lose lost_mean.
+    base, rise : of the Fresnel term of metal and coat together, base + rise (1 - cos)^5.
+    body, glass : colours.
+    multiple : reflectance for light that facets reflect more than once.
+    coat_base, coat_rise : of the Fresnel term of the coat alone.
+    body_mean, lost_mean : transmittance of the coat for diffuse light, and the facets' deficit for it.
     """
 
     alpha: float
@@ -188,12 +190,12 @@ class PrincipledRow(NamedTuple):
     body_mean: float
     lost_mean: float
     cells: NDArray[np.float64]
-    rows: Rows
+    rows: CellBlend
 
 
 @routine
 def _row(table, index, textures, site):
-    """What `row` gives; a call, since textures may be looked up in six places."""
+    """Make the record of `row`; a call, since textures may be looked up in six places."""
     base_color = color(table.base_color, index, textures, site)
     metal = number(table.metallic, index, textures, site)
     roughness = number(table.roughness, index, textures, site)
@@ -201,7 +203,7 @@ def _row(table, index, textures, site):
     alpha = min(1.0, roughness * roughness)
     a, b = table.coat[index, 0], table.coat[index, 1]
     cells = table.deficits.cells
-    rows = rows_of(table.deficits, index, max(SMOOTH_ALPHA, alpha), 0)
+    rows = find_cells(table.deficits, index, max(SMOOTH_ALPHA, alpha), 0)
     lost, grazing = 0.0, SCHLICK_MEAN
     if alpha >= SMOOTH_ALPHA:
         lost = mean_deficit(cells, rows)
@@ -231,12 +233,12 @@ def _row(table, index, textures, site):
 
 
 @row.register(PrincipledTable)
-def _(table, index, textures, site):
+def row_principled_table(table, index, textures, site):
     return _row(table, index, textures, site)
 
 
-class Shares(NamedTuple):
-    """For one direction of view, how often each lobe is drawn; their sum is 1, or 0 where nothing is reflected.
+class LobeWeights(NamedTuple):
+    """Probabilities of the lobes for one direction of view; their sum is 1, or 0 where nothing is reflected.
 
     facets, mirrored at the facets; body; glass, mirrored and turned to the other side; multiple, and its part on the
     other side.  lost is the facets' deficit for that direction, and under what comes to the body through the coat.
@@ -257,8 +259,8 @@ def _mean(rgb: Vec3) -> float:
 
 
 @kernel
-def _losses(material: PrincipledRow, z: float) -> tuple[float, float, float]:
-    """At height z: the facets' deficit, their grazing albedo, and what the coat's albedo leaves to the body."""
+def _energy_losses(material: PrincipledRow, z: float) -> tuple[float, float, float]:
+    """Return, at height z, the facets' deficit, their grazing albedo, and the part that the coat leaves to the body."""
     lost, grazing = 0.0, schlick_weight(z)
     if material.alpha >= SMOOTH_ALPHA:
         lost = deficit(material.cells, material.rows, z)
@@ -267,9 +269,9 @@ def _losses(material: PrincipledRow, z: float) -> tuple[float, float, float]:
 
 
 @routine
-def _shares(material: PrincipledRow, z: float) -> Shares:
-    """By the directional albedos of the lobes."""
-    lost, grazing, under = _losses(material, z)
+def _lobe_weights(material: PrincipledRow, z: float) -> LobeWeights:
+    """Return the probabilities of the lobes, by their directional albedos."""
+    lost, grazing, under = _energy_losses(material, z)
     facets = _mean(material.base) * (1.0 - lost) + _mean(material.rise) * grazing
     body = _mean(material.body) * under
     glass = _mean(material.glass) * max(0.0, under - lost)
@@ -277,12 +279,12 @@ def _shares(material: PrincipledRow, z: float) -> Shares:
     beyond = 0.5 * _mean(material.glass) * lost
     total = facets + body + glass + multiple + beyond
     share = 1.0 / total if total > 0.0 else 0.0
-    return Shares(share * facets, share * body, share * glass, share * multiple, share * beyond, lost, under)
+    return LobeWeights(share * facets, share * body, share * glass, share * multiple, share * beyond, lost, under)
 
 
 @routine
-def _evaluated(material: PrincipledRow, shares: Shares, toward: Vec3, outgoing: Vec3) -> tuple[Vec3, float]:
-    """As `evaluate`, for directions in the surface's frame, both of which point away from it."""
+def _evaluated(material: PrincipledRow, shares: LobeWeights, toward: Vec3, outgoing: Vec3) -> tuple[Vec3, float]:
+    """Evaluate f |cos| and the pdf for directions in the surface's frame, both of which point away from it."""
     z = outgoing[2]
     if z == 0.0 or toward[2] <= 0.0:
         return BLACK, 0.0
@@ -291,18 +293,18 @@ def _evaluated(material: PrincipledRow, shares: Shares, toward: Vec3, outgoing: 
         if smooth:
             return BLACK, 0.0
         half = half_vector(toward, (outgoing[0], outgoing[1], -z))
-        once = reflected(material.alpha, toward[2], -z, half)
+        once = reflection_density(material.alpha, toward[2], -z, half)
         coat = material.coat_base + material.coat_rise * schlick_weight(dot(toward, half))
         value = scale((1.0 - coat) * once, material.glass)
         pdf = shares.glass * _pdf_mirrored(material.alpha, toward, half)
-        lost, _, _ = _losses(material, -z)
-        spread = _spread(material, lost, -z)
+        lost, _, _ = _energy_losses(material, -z)
+        spread = _multiple_scattering_pdf(material, lost, -z)
         return add(value, scale(0.5 * shares.lost * spread, material.glass)), pdf + shares.beyond * spread
 
     # What comes out of the body, and what leaves the facets after more than one reflection.
-    lost, _, under = _losses(material, z)
+    lost, _, under = _energy_losses(material, z)
     under = shares.under * under / material.body_mean if material.body_mean > 0.0 else 0.0
-    spread = _spread(material, lost, z)
+    spread = _multiple_scattering_pdf(material, lost, z)
     value = add(scale(under * z / math.pi, material.body), scale(shares.lost * spread, material.multiple))
     pdf = shares.body * pdf_cosine_hemisphere(z) + shares.multiple * spread
     if smooth:
@@ -310,34 +312,34 @@ def _evaluated(material: PrincipledRow, shares: Shares, toward: Vec3, outgoing: 
 
     # What facets mirror.
     half = half_vector(toward, outgoing)
-    once = reflected(material.alpha, toward[2], z, half)
+    once = reflection_density(material.alpha, toward[2], z, half)
     fresnel = add(material.base, scale(schlick_weight(dot(toward, half)), material.rise))
     return add(value, scale(once, fresnel)), pdf + shares.facets * _pdf_mirrored(material.alpha, toward, half)
 
 
 @kernel
-def _spread(material: PrincipledRow, lost: float, z: float) -> float:
-    """Density (1/sr) of what facets scatter more than once, to a height z with the deficit `lost`."""
+def _multiple_scattering_pdf(material: PrincipledRow, lost: float, z: float) -> float:
+    """Return the density (1/sr) of light that facets scatter more than once, to a height z with the deficit `lost`."""
     return lost * z / (math.pi * material.lost_mean) if material.lost_mean > 0.0 else 0.0
 
 
 @kernel
 def _pdf_mirrored(alpha: float, toward: Vec3, half: Vec3) -> float:
-    """Density (1/sr) of the direction to which a visible facet mirrors light."""
+    """Return the density (1/sr) of the direction to which a visible facet mirrors light."""
     return ggx(alpha, half) * masking(alpha, toward[2]) / (4.0 * toward[2])
 
 
 @scatter.register(PrincipledRow)
-def _(material, direction, normal, front, draws):
+def scatter_principled_row(material, direction, normal, front, draws):
     s, t = basis(normal)
-    toward = seen_from(direction, s, t, normal)
-    shares = _shares(material, toward[2])
+    toward = view_direction(direction, s, t, normal)
+    shares = _lobe_weights(material, toward[2])
     lobe = sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE)
     u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + DIRECTION)
     if lobe < shares.body:
         outgoing = sample_cosine_hemisphere(u1, u2)
     elif lobe < shares.body + shares.multiple + shares.beyond:
-        x, y, z = sample_lost(material.cells, material.rows, u1, u2)
+        x, y, z = sample_multiple_scattering(material.cells, material.rows, u1, u2)
         outgoing = (x, y, -z if lobe >= shares.body + shares.multiple else z)
     else:
         # All shares are 0 where nothing is reflected.
@@ -347,18 +349,18 @@ def _(material, direction, normal, front, draws):
         x, y, z = reflect_about(toward, sample_visible_normal(material.alpha, toward, u1, u2))
         # What a facet sends below the surface is lost.
         if z <= 0.0:
-            return absorbed(direction)
+            return absorbed_scatter(direction)
         outgoing = (x, y, -z if through else z)
     value, pdf = _evaluated(material, shares, toward, outgoing)
     if not pdf > 0.0:
-        return absorbed(direction)
+        return absorbed_scatter(direction)
     return Scatter(to_world(outgoing, s, t, normal), scale(1.0 / pdf, value), pdf)
 
 
 @kernel
 def _smooth(
     material: PrincipledRow,
-    shares: Shares,
+    shares: LobeWeights,
     through: bool,
     toward: Vec3,
     direction: Vec3,
@@ -366,33 +368,33 @@ def _smooth(
     t: Vec3,
     normal: Vec3,
 ) -> Scatter:
-    """The one direction of a smooth coat, or of a smooth pane's far side."""
+    """Return the one direction of a smooth coat, or of a smooth pane's far side."""
     weight = schlick_weight(toward[2])
     if through:
         coat = material.coat_base + material.coat_rise * weight
         return Scatter(direction, scale((1.0 - coat) / shares.glass, material.glass), math.inf)
     if shares.facets == 0.0:
-        return absorbed(direction)
+        return absorbed_scatter(direction)
     fresnel = add(material.base, scale(weight, material.rise))
     mirror = to_world((-toward[0], -toward[1], toward[2]), s, t, normal)
     return Scatter(mirror, scale(1.0 / shares.facets, fresnel), math.inf)
 
 
 @evaluate.register(PrincipledRow)
-def _(material, direction, normal, front, outgoing):
+def evaluate_principled_row(material, direction, normal, front, outgoing):
     s, t = basis(normal)
-    toward = seen_from(direction, s, t, normal)
-    return _evaluated(material, _shares(material, toward[2]), toward, to_local(outgoing, s, t, normal))
+    toward = view_direction(direction, s, t, normal)
+    return _evaluated(material, _lobe_weights(material, toward[2]), toward, to_local(outgoing, s, t, normal))
 
 
 @emission.register(PrincipledTable)
-def _(table, index, front, textures, site):
+def emission_principled_table(table, index, front, textures, site):
     if front or table.two_sided[index]:
         return color(table.emission, index, textures, site)
     return BLACK
 
 
 @reflectance.register(PrincipledRow)
-def _(material):
+def reflectance_principled_row(material):
     coat = 1.0 - material.coat_base
     return add(material.base, scale(coat, add(material.body, material.glass)))

@@ -15,46 +15,46 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from raytracer.geometry import row3
-from raytracer.jit import entry, kernel
-from raytracer.materials.interface import (
+from raytracer.core.compiler.dispatch import entry, kernel
+from raytracer.core.fresnel import fresnel_conductor, fresnel_schlick, fresnel_schlick_mean
+from raytracer.core.geometry import row3
+from raytracer.core.microfacet import (
+    SMOOTH_ALPHA,
+    CellBlend,
+    Deficits,
+    deficit,
+    deficits,
+    find_cells,
+    half_vector,
+    mean_deficit,
+    multiple_albedo,
+    reflect_about,
+    reflection_density,
+    sample_multiple_scattering,
+    sample_visible_normal,
+    shadowing,
+    view_direction,
+)
+from raytracer.core.sampling import sample_2d
+from raytracer.core.vec import Vec3, add, basis, dot, scale, to_local, to_world
+from raytracer.plugins.materials.base.interface import (
     BLACK,
     DIRECTION,
     LOBE,
     MaterialSpec,
     Scatter,
-    absorbed,
-    chance,
+    absorbed_scatter,
     emission,
     evaluate,
     reflectance,
     row,
     scatter,
+    split_random_number,
 )
-from raytracer.microfacet import (
-    SMOOTH_ALPHA,
-    Deficits,
-    Rows,
-    deficit,
-    deficits,
-    half_vector,
-    mean_deficit,
-    multiple_albedo,
-    reflect_about,
-    reflected,
-    rows_of,
-    sample_lost,
-    sample_visible_normal,
-    seen_from,
-    shadowing,
-)
-from raytracer.optics import fresnel_conductor, fresnel_schlick, fresnel_schlick_mean
-from raytracer.sampling import sample_2d
-from raytracer.spec import Color, at
-from raytracer.textures.interface import (
-    Book,
+from raytracer.plugins.textures.base.interface import (
     Colors,
     Numbers,
+    ParameterPacker,
     TexturedAlbedo,
     TexturedColors,
     TexturedFraction,
@@ -63,7 +63,8 @@ from raytracer.textures.interface import (
     is_zero,
     number,
 )
-from raytracer.vec import Vec3, add, basis, dot, scale, to_local, to_world
+from raytracer.schema.fields import Color
+from raytracer.schema.spec import field_error
 
 METALS: dict[str, tuple[Vec3, Vec3]] = {
     "gold": ((0.1556, 0.4241, 1.3831), (3.6024, 2.4721, 1.9155)),
@@ -107,21 +108,21 @@ class RoughConductor(MaterialSpec):
     def _one_kind_of_metal(self) -> "RoughConductor":
         if (self.eta is None) != (self.k is None):
             missing = "eta" if self.eta is None else "k"
-            at(missing, "is missing; `eta` and `k` go together")
+            field_error(missing, "is missing; `eta` and `k` go together")
         given = [key for key in ("metal", "eta", "albedo") if getattr(self, key) is not None]
         if not given:
             raise ValueError("needs a metal, or eta and k, or an albedo")
         if len(given) > 1:
-            at(given[1], f"cannot go with {given[0]}: give a metal, or eta and k, or an albedo")
+            field_error(given[1], f"cannot go with {given[0]}: give a metal, or eta and k, or an albedo")
         return self
 
-    def is_lit(self) -> bool:
+    def has_non_delta_bsdf(self) -> bool:
         if self.albedo is not None and is_zero(self.albedo):
             return False
         return not isinstance(self.roughness, float) or self.roughness**2 >= SMOOTH_ALPHA
 
     def index(self) -> tuple[Vec3, Vec3]:
-        """n and k by channel; zeros where the metal has an albedo instead."""
+        """Return n and k by channel; zeros where the metal has an albedo instead."""
         if self.metal is not None:
             return METALS[self.metal]
         if self.eta is not None and self.k is not None:
@@ -129,7 +130,7 @@ class RoughConductor(MaterialSpec):
         return BLACK, BLACK
 
     @staticmethod
-    def pack(specs: Sequence["RoughConductor"], book: Book) -> "RoughConductorTable":
+    def pack(specs: Sequence["RoughConductor"], book: ParameterPacker) -> "RoughConductorTable":
         roughness = [spec.roughness if isinstance(spec.roughness, float) else None for spec in specs]
         indices = [spec.index() for spec in specs]
         # The mean over a hemisphere, by the cosine: the integral of F 2 c dc.
@@ -148,7 +149,7 @@ class RoughConductor(MaterialSpec):
 
 @entry
 def _mean_reflectance(eta: Vec3, k: Vec3, cosines: NDArray[np.float64], weights: NDArray[np.float64]) -> Vec3:
-    """The integral of a metal's reflectance, by channel, over cosines with these weights."""
+    """Integrate a metal's reflectance, by channel, over cosines with these weights."""
     total = BLACK
     for node in range(len(cosines)):
         total = add(total, scale(weights[node], fresnel_conductor(cosines[node], eta, k)))
@@ -156,9 +157,12 @@ def _mean_reflectance(eta: Vec3, k: Vec3, cosines: NDArray[np.float64], weights:
 
 
 class RoughConductorTable(NamedTuple):
-    """By row: roughness; measured (n,) bool, whether there are indices, or albedo; eta, k (n, 3) float64; deficits.
+    """Packed materials, one row each; roughness and albedo are parameters.
 
-    mean (n, 3) float64 is the cosine-weighted mean of the reflectance that the indices give.
+    measured (n,) bool : True for indices, False for an albedo.
+    eta, k (n, 3) float64 : the indices.
+    mean (n, 3) float64 : cosine-weighted mean of the reflectance that the indices give.
+    deficits : energy that single scattering by the facets loses.
     """
 
     roughness: Numbers | TexturedNumbers
@@ -171,7 +175,7 @@ class RoughConductorTable(NamedTuple):
 
 
 class RoughConductorRow(NamedTuple):
-    """One material; multiple, what it reflects of light that goes from mirror to mirror."""
+    """One material; `multiple` is its reflectance for light that goes from mirror to mirror."""
 
     alpha: float
     measured: bool
@@ -180,17 +184,17 @@ class RoughConductorRow(NamedTuple):
     albedo: Vec3
     multiple: Vec3
     cells: NDArray[np.float64]
-    rows: Rows
+    rows: CellBlend
 
 
 @row.register(RoughConductorTable)
-def _(table, index, textures, site):
+def row_rough_conductor_table(table, index, textures, site):
     roughness = number(table.roughness, index, textures, site)
     alpha = min(1.0, roughness * roughness)
     albedo = color(table.albedo, index, textures, site)
     measured = table.measured[index]
     mean = row3(table.mean, index) if measured else fresnel_schlick_mean(albedo)
-    rows = rows_of(table.deficits, index, max(SMOOTH_ALPHA, alpha), 0)
+    rows = find_cells(table.deficits, index, max(SMOOTH_ALPHA, alpha), 0)
     cells = table.deficits.cells
     multiple = multiple_albedo(mean, mean_deficit(cells, rows))
     return RoughConductorRow(
@@ -200,7 +204,7 @@ def _(table, index, textures, site):
 
 @kernel
 def _fresnel(material: RoughConductorRow, cosine: float) -> Vec3:
-    """What a mirror of this metal reflects, by channel."""
+    """Return the reflectance of a mirror of this metal, by channel."""
     if material.measured:
         return fresnel_conductor(cosine, material.eta, material.k)
     return fresnel_schlick(cosine, material.albedo)
@@ -208,11 +212,11 @@ def _fresnel(material: RoughConductorRow, cosine: float) -> Vec3:
 
 @kernel
 def _evaluated(material: RoughConductorRow, toward: Vec3, outgoing: Vec3) -> tuple[Vec3, float]:
-    """As `evaluate`, for directions in the surface's frame, both of which point away from it."""
+    """Evaluate f |cos| and the pdf for directions in the surface's frame, both of which point away from it."""
     if outgoing[2] <= 0.0:
         return BLACK, 0.0
     half = half_vector(toward, outgoing)
-    once = reflected(material.alpha, toward[2], outgoing[2], half)
+    once = reflection_density(material.alpha, toward[2], outgoing[2], half)
     value = scale(once, _fresnel(material, min(1.0, dot(toward, half))))
     cells, rows = material.cells, material.rows
     mean = mean_deficit(cells, rows)
@@ -223,9 +227,9 @@ def _evaluated(material: RoughConductorRow, toward: Vec3, outgoing: Vec3) -> tup
 
 
 @scatter.register(RoughConductorRow)
-def _(material, direction, normal, front, draws):
+def scatter_rough_conductor_row(material, direction, normal, front, draws):
     s, t = basis(normal)
-    toward = seen_from(direction, s, t, normal)
+    toward = view_direction(direction, s, t, normal)
     if material.alpha < SMOOTH_ALPHA:
         mirror = to_world((-toward[0], -toward[1], toward[2]), s, t, normal)
         return Scatter(mirror, _fresnel(material, min(1.0, toward[2])), math.inf)
@@ -235,30 +239,30 @@ def _(material, direction, normal, front, draws):
     u, v = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE)
     outgoing = reflect_about(toward, sample_visible_normal(material.alpha, toward, u1, u2))
     leaves = shadowing(material.alpha, toward[2], outgoing[2]) if outgoing[2] > 0.0 else 0.0
-    single, rest = chance(u, leaves)
+    single, rest = split_random_number(u, leaves)
     if not single:
         if mean_deficit(material.cells, material.rows) == 0.0:
-            return absorbed(direction)
-        outgoing = sample_lost(material.cells, material.rows, rest, v)
+            return absorbed_scatter(direction)
+        outgoing = sample_multiple_scattering(material.cells, material.rows, rest, v)
     value, pdf = _evaluated(material, toward, outgoing)
     if not pdf > 0.0:
-        return absorbed(direction)
+        return absorbed_scatter(direction)
     return Scatter(to_world(outgoing, s, t, normal), scale(1.0 / pdf, value), pdf)
 
 
 @evaluate.register(RoughConductorRow)
-def _(material, direction, normal, front, outgoing):
+def evaluate_rough_conductor_row(material, direction, normal, front, outgoing):
     if material.alpha < SMOOTH_ALPHA:
         return BLACK, 0.0
     s, t = basis(normal)
-    return _evaluated(material, seen_from(direction, s, t, normal), to_local(outgoing, s, t, normal))
+    return _evaluated(material, view_direction(direction, s, t, normal), to_local(outgoing, s, t, normal))
 
 
 @emission.register(RoughConductorTable)
-def _(table, index, front, textures, site):
+def emission_rough_conductor_table(table, index, front, textures, site):
     return BLACK
 
 
 @reflectance.register(RoughConductorRow)
-def _(material):
+def reflectance_rough_conductor_row(material):
     return _fresnel(material, 1.0)

@@ -15,51 +15,54 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from raytracer.glass import LINE_D
-from raytracer.jit import generic, kernel
-from raytracer.materials.interface import (
-    BLACK,
-    DIRECTION,
-    LOBE,
-    WHITE,
-    ClearSpec,
-    Dispersion,
-    Scatter,
-    absorbed,
-    chance,
-    emission,
-    eta_at,
-    evaluate,
-    pack_dispersion,
-    reflectance,
-    row,
-    scatter,
-)
-from raytracer.microfacet import (
+from raytracer.core.compiler.dispatch import kernel, optional
+from raytracer.core.fresnel import fresnel_dielectric, refract
+from raytracer.core.microfacet import (
     SMOOTH_ALPHA,
+    CellBlend,
     Deficits,
-    Rows,
     deficit,
     deficits,
+    find_cells,
     ggx,
     half_vector,
     masking,
     mean_deficit,
     reflect_about,
-    reflected,
-    rows_of,
-    sample_lost,
+    reflection_density,
+    sample_multiple_scattering,
     sample_visible_normal,
-    seen_from,
     shadowing,
     stretched,
+    view_direction,
 )
-from raytracer.optics import fresnel_dielectric, refract
-from raytracer.sampling import sample_2d
-from raytracer.spec import at
-from raytracer.spectra import ALONE, FIRST, LAST, Hue
-from raytracer.textures.interface import Book, Numbers, TexturedFraction, TexturedNumbers, number
-from raytracer.vec import Vec3, add, basis, dot, neg, normalize, reflect, scale, to_local, to_world
+from raytracer.core.sampling import sample_2d
+from raytracer.core.spectra import FIRST, LAST, TERMINATE_ON_HIT, PathWavelengths
+from raytracer.core.vec import Vec3, add, basis, dot, neg, normalize, reflect, scale, to_local, to_world
+from raytracer.optics.glass import LINE_D
+from raytracer.plugins.materials.base.clear import ClearSpec, Dispersion, eta_at, pack_dispersion
+from raytracer.plugins.materials.base.interface import (
+    BLACK,
+    DIRECTION,
+    LOBE,
+    WHITE,
+    Scatter,
+    absorbed_scatter,
+    emission,
+    evaluate,
+    reflectance,
+    row,
+    scatter,
+    split_random_number,
+)
+from raytracer.plugins.textures.base.interface import (
+    Numbers,
+    ParameterPacker,
+    TexturedFraction,
+    TexturedNumbers,
+    number,
+)
+from raytracer.schema.spec import field_error
 
 
 class RoughDielectric(ClearSpec):
@@ -87,22 +90,24 @@ class RoughDielectric(ClearSpec):
     def _absorbs_by_priority(self) -> "RoughDielectric":
         for key in ("absorption", "attenuation_color"):
             if self.priority is None and getattr(self, key) is not None:
-                at(key, f"needs a priority, by which light knows what it is in; with it, {key} tells what it loses")
+                field_error(
+                    key, f"needs a priority, by which light knows what it is in; with it, {key} tells what it loses"
+                )
         return self
 
-    def parting(self) -> int:
-        return ALONE if self.disperses() else 0
+    def dispersion_mode(self) -> int:
+        return TERMINATE_ON_HIT if self.disperses() else 0
 
-    def is_nothing(self) -> bool:
+    def is_index_matched(self) -> bool:
         return self.priority is None and self.ior == self.outside_ior
 
-    def is_lit(self) -> bool:
-        if self.is_nothing():
+    def has_non_delta_bsdf(self) -> bool:
+        if self.is_index_matched():
             return False
         return not isinstance(self.roughness, float) or self.roughness**2 >= SMOOTH_ALPHA
 
     @staticmethod
-    def pack(specs: Sequence["RoughDielectric"], book: Book) -> "RoughDielectricTable":
+    def pack(specs: Sequence["RoughDielectric"], book: ParameterPacker) -> "RoughDielectricTable":
         bands = [_BANDS if spec.disperses() else (LINE_D,) for spec in specs]
         sides = [(spec, spec.eta(wavelength)) for spec, waves in zip(specs, bands, strict=True) for wavelength in waves]
         roughness = [spec.roughness if isinstance(spec.roughness, float) else None for spec, _ in sides]
@@ -112,7 +117,7 @@ class RoughDielectric(ClearSpec):
             np.array([spec.eta() for spec in specs], np.float64),
             book.numbers([spec.roughness for spec in specs]),
             deficits(roughness, [(eta, 1.0 / eta) if spec.multiple_scattering else None for spec, eta in sides]),
-            None if dispersion is None else Bands(dispersion, first),
+            None if dispersion is None else WavelengthBands(dispersion, first),
         )
 
 
@@ -120,10 +125,11 @@ _BAND = 50.0
 _BANDS = tuple(np.arange(FIRST + 0.5 * _BAND, LAST, _BAND).tolist())
 
 
-class Bands(NamedTuple):
-    """Indices that depend on the wavelength, and first (n,) int32, where in the deficits those of each material begin.
+class WavelengthBands(NamedTuple):
+    """Dispersion by bands of wavelengths: a material that disperses has deficits for the middle of each band.
 
-    A material that disperses has them for the middle of each of several bands of wavelengths.
+    dispersion : indices by wavelength.
+    first (n,) int32 : offset of each material in the deficits.
     """
 
     dispersion: Dispersion
@@ -131,96 +137,90 @@ class Bands(NamedTuple):
 
 
 class RoughDielectricTable(NamedTuple):
-    """By row: eta (n,) float64, index inside over index outside; roughness; deficits, on the outside and the inside.
+    """Packed materials, one row each; roughness is a parameter.
 
-    bands, None where no index depends on the wavelength; eta is that of the d line.
+    eta (n,) float64 : index inside over index outside, for the d line.
+    deficits : energy that single scattering by the facets loses, on the outside and the inside.
+    bands : None where no index depends on the wavelength.
     """
 
     eta: NDArray[np.float64]
     roughness: Numbers | TexturedNumbers
     deficits: Deficits
-    bands: Bands | None
+    bands: WavelengthBands | None
 
 
 class RoughDielectricRow(NamedTuple):
-    """One material; outside and inside, where its deficits on each side are."""
+    """One material; `outside` and `inside` are the places of its deficits on each side."""
 
     eta: float
     alpha: float
     cells: NDArray[np.float64]
-    outside: Rows
-    inside: Rows
+    outside: CellBlend
+    inside: CellBlend
 
 
-class Side(NamedTuple):
-    """A side of the boundary, as light sees it that is followed from there.
+class BoundarySide(NamedTuple):
+    """Side of the boundary, for light that is traced from there.
 
-    squared, the square of its index of refraction over that of the near side; rows of its deficits; mean, their mean.
+    squared : square of its index of refraction over that of the near side.
+    rows : of its deficits.
+    mean : of its deficits.
     """
 
     squared: float
-    rows: Rows
+    rows: CellBlend
     mean: float
 
 
 @row.register(RoughDielectricTable)
-def _(table, index, textures, site):
+def row_rough_dielectric_table(table, index, textures, site):
     roughness = number(table.roughness, index, textures, site)
     alpha = min(1.0, roughness * roughness)
-    eta, place = _index(site.hue, table.bands, table, index)
-    outside = rows_of(table.deficits, place, max(SMOOTH_ALPHA, alpha), 0)
-    inside = rows_of(table.deficits, place, max(SMOOTH_ALPHA, alpha), 1)
+    eta, place = _index(site.wavelengths, table.bands, table, index)
+    outside = find_cells(table.deficits, place, max(SMOOTH_ALPHA, alpha), 0)
+    inside = find_cells(table.deficits, place, max(SMOOTH_ALPHA, alpha), 1)
     return RoughDielectricRow(eta, alpha, table.deficits.cells, outside, inside)
 
 
-@generic
-def _index(hue, bands, table, index):
-    """(index inside over index outside, place in the deficits) of a material for light of this Hue, or of none."""
-    raise NotImplementedError
-
-
-@_index.register(type(None))
-def _(hue, bands, table, index):
+@optional
+def _index(wavelengths, bands, table, index):
+    """Return (index inside over index outside, place in the deficits) of a material, for light of these wavelengths."""
     return table.eta[index], index
 
 
-@_index.register(Hue)
-def _(hue, bands, table, index):
-    return _index_in(bands, table, index, hue)
+@_index.register(PathWavelengths)
+def _index_path_wavelengths(wavelengths, bands, table, index):
+    return _index_in(bands, table, index, wavelengths)
 
 
-@generic
-def _index_in(bands, table, index, hue):
-    raise NotImplementedError
-
-
-@_index_in.register(type(None))
-def _(bands, table, index, hue):
+@optional
+def _index_in(bands, table, index, wavelengths):
     return table.eta[index], index
 
 
-@_index_in.register(Bands)
-def _(bands, table, index, hue):
+@_index_in.register(WavelengthBands)
+def _index_in_wavelength_bands(bands, table, index, wavelengths):
     first = np.int64(bands.first[index])
     if bands.dispersion.disperses[index] == 0:
         return table.eta[index], first
-    wavelength = hue.wavelengths[0]
+    wavelength = wavelengths.wavelengths[0]
     band = min(len(_BANDS) - 1, int((wavelength - FIRST) / _BAND))
     return eta_at(bands.dispersion, index, wavelength), first + band
 
 
 @kernel
-def _sides(material: RoughDielectricRow, front: bool, eta: float) -> tuple[Side, Side]:
-    """The side that light is on and the other one; `eta` is the other's index over the first's."""
+def _sides(material: RoughDielectricRow, front: bool, eta: float) -> tuple[BoundarySide, BoundarySide]:
+    """Return the side that light is on and the other one; `eta` is the other's index over the first's."""
     near = material.outside if front else material.inside
     far = material.inside if front else material.outside
     cells = material.cells
-    return Side(1.0, near, mean_deficit(cells, near)), Side(eta * eta, far, mean_deficit(cells, far))
+    return BoundarySide(1.0, near, mean_deficit(cells, near)), BoundarySide(eta * eta, far, mean_deficit(cells, far))
 
 
 @kernel
-def _once(alpha: float, eta: float, toward: Vec3, outgoing: Vec3) -> float:
-    """Density (1/sr) of light that one facet sends from `toward` to `outgoing`: f |cos|, as no light is absorbed.
+def _single_scattering(alpha: float, eta: float, toward: Vec3, outgoing: Vec3) -> float:
+    """Return the density (1/sr) of light that one facet sends from `toward` to `outgoing`, which is f |cos|.
 
     References: Walter et al. 2007, eq. 20 and 21, with the factor (index of `toward` / index of `outgoing`)^2 of basic
     radiance; what is reflected with G2 as in Heitz 2014, eq. 99.
@@ -228,7 +228,7 @@ def _once(alpha: float, eta: float, toward: Vec3, outgoing: Vec3) -> float:
     if outgoing[2] > 0.0:
         half = half_vector(toward, outgoing)
         reflectance, _ = fresnel_dielectric(min(1.0, dot(toward, half)), eta)
-        return reflectance * reflected(alpha, toward[2], outgoing[2], half)
+        return reflectance * reflection_density(alpha, toward[2], outgoing[2], half)
 
     # The facet's normal lies in the plane of both, to the side of `toward`.
     half = normalize(add(toward, scale(eta, outgoing)))
@@ -245,8 +245,10 @@ def _once(alpha: float, eta: float, toward: Vec3, outgoing: Vec3) -> float:
 
 
 @kernel
-def _more(material: RoughDielectricRow, near: Side, far: Side, toward: Vec3, outgoing: Vec3) -> float:
-    """Density (1/sr) of light that more than one facet sends from `toward` to `outgoing`.
+def _multiple_scattering(
+    material: RoughDielectricRow, near: BoundarySide, far: BoundarySide, toward: Vec3, outgoing: Vec3
+) -> float:
+    """Return the density (1/sr) of light that more than one facet sends from `toward` to `outgoing`.
 
     With basic radiance, f / n^2 at the far end is the kernel that reciprocity makes symmetric, against the measure
     n^2 |cos|.  Here it is m m' / N, with the deficits m at both ends; N, the integral of the deficit over both sides,
@@ -262,7 +264,7 @@ def _more(material: RoughDielectricRow, near: Side, far: Side, toward: Vec3, out
 
 
 @scatter.register(RoughDielectricRow)
-def _(material, direction, normal, front, draws):
+def scatter_rough_dielectric_row(material, direction, normal, front, draws):
     if material.eta == 1.0:
         return Scatter(direction, WHITE, math.inf)
     eta = material.eta if front else 1.0 / material.eta
@@ -276,49 +278,53 @@ def _(material, direction, normal, front, draws):
 
     # Follow light to a facet, and on from there unless another is in its way.
     s, t = basis(normal)
-    toward = seen_from(direction, s, t, normal)
+    toward = view_direction(direction, s, t, normal)
     u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + DIRECTION)
     half = sample_visible_normal(material.alpha, toward, u1, u2)
     cos_i = min(1.0, dot(toward, half))
     reflectance, cos_t = fresnel_dielectric(cos_i, eta)
-    mirrors, rest = chance(u, reflectance)
+    mirrors, rest = split_random_number(u, reflectance)
     if mirrors:
         outgoing = reflect_about(toward, half)
         leaves = shadowing(material.alpha, toward[2], outgoing[2]) if outgoing[2] > 0.0 else 0.0
     else:
         outgoing = refract(neg(toward), half, cos_i, cos_t, eta)
         leaves = masking(material.alpha, -outgoing[2]) if outgoing[2] < 0.0 else 0.0
-    single, rest = chance(rest, leaves)
+    single, rest = split_random_number(rest, leaves)
     near, far = _sides(material, front, eta)
     if not single:
         total = near.squared * near.mean + far.squared * far.mean
         if total == 0.0:
-            return absorbed(direction)
-        returns, rest = chance(rest, near.squared * near.mean / total)
-        x, y, z = sample_lost(material.cells, near.rows if returns else far.rows, rest, v)
+            return absorbed_scatter(direction)
+        returns, rest = split_random_number(rest, near.squared * near.mean / total)
+        x, y, z = sample_multiple_scattering(material.cells, near.rows if returns else far.rows, rest, v)
         outgoing = (x, y, z if returns else -z)
-    pdf = _once(material.alpha, eta, toward, outgoing) + _more(material, near, far, toward, outgoing)
+    pdf = _single_scattering(material.alpha, eta, toward, outgoing) + _multiple_scattering(
+        material, near, far, toward, outgoing
+    )
     # Indices that differ in their last digits alone leave none to tell by which facet light came there.
     return Scatter(to_world(outgoing, s, t, normal), WHITE, pdf if pdf > 0.0 else math.inf)
 
 
 @evaluate.register(RoughDielectricRow)
-def _(material, direction, normal, front, outgoing):
+def evaluate_rough_dielectric_row(material, direction, normal, front, outgoing):
     if material.eta == 1.0 or material.alpha < SMOOTH_ALPHA:
         return BLACK, 0.0
     eta = material.eta if front else 1.0 / material.eta
     s, t = basis(normal)
-    toward, away = seen_from(direction, s, t, normal), to_local(outgoing, s, t, normal)
+    toward, away = view_direction(direction, s, t, normal), to_local(outgoing, s, t, normal)
     near, far = _sides(material, front, eta)
-    pdf = _once(material.alpha, eta, toward, away) + _more(material, near, far, toward, away)
+    pdf = _single_scattering(material.alpha, eta, toward, away) + _multiple_scattering(
+        material, near, far, toward, away
+    )
     return (pdf, pdf, pdf), pdf
 
 
 @emission.register(RoughDielectricTable)
-def _(table, index, front, textures, site):
+def emission_rough_dielectric_table(table, index, front, textures, site):
     return BLACK
 
 
 @reflectance.register(RoughDielectricRow)
-def _(material):
+def reflectance_rough_dielectric_row(material):
     return WHITE

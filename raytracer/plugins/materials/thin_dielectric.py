@@ -14,8 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.jit import kernel
-from raytracer.materials.interface import (
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.fresnel import fresnel_dielectric
+from raytracer.core.sampling import sample_1d
+from raytracer.core.vec import Vec3, dot, reflect
+from raytracer.plugins.materials.base.interface import (
     BLACK,
     LOBE,
     WHITE,
@@ -27,11 +30,8 @@ from raytracer.materials.interface import (
     row,
     scatter,
 )
-from raytracer.optics import fresnel_dielectric
-from raytracer.sampling import sample_1d
-from raytracer.spec import PositiveNumber
-from raytracer.textures.interface import Book, Colors, TexturedAlbedo, TexturedColors, color
-from raytracer.vec import Vec3, dot, reflect
+from raytracer.plugins.textures.base.interface import Colors, ParameterPacker, TexturedAlbedo, TexturedColors, color
+from raytracer.schema.fields import PositiveNumber
 
 
 class ThinDielectric(MaterialSpec):
@@ -50,21 +50,21 @@ class ThinDielectric(MaterialSpec):
         default=(1.0, 1.0, 1.0), description="fraction of the light that goes through which is not absorbed, by channel"
     )
 
-    def is_nothing(self) -> bool:
+    def is_index_matched(self) -> bool:
         return self.ior == 1.0 and self.color == WHITE
 
-    def transmits(self) -> bool:
+    def is_transmissive(self) -> bool:
         return True
 
     @staticmethod
-    def pack(specs: Sequence["ThinDielectric"], book: Book) -> "ThinDielectricTable":
+    def pack(specs: Sequence["ThinDielectric"], book: ParameterPacker) -> "ThinDielectricTable":
         return ThinDielectricTable(
             np.array([spec.ior for spec in specs], np.float64), book.colors([spec.color for spec in specs])
         )
 
 
 class ThinDielectricTable(NamedTuple):
-    """eta (n,) float64, index inside over index outside; color, a parameter."""
+    """Packed panes: eta (n,) float64, index inside over index outside; color, a parameter."""
 
     eta: NDArray[np.float64]
     color: Colors | TexturedColors
@@ -78,19 +78,19 @@ class ThinDielectricRow(NamedTuple):
 
 
 @row.register(ThinDielectricTable)
-def _(table, index, textures, site):
+def row_thin_dielectric_table(table, index, textures, site):
     return ThinDielectricRow(table.eta[index], color(table.color, index, textures, site))
 
 
 @kernel
 def pane_reflectance(cos_i: float, eta: float) -> float:
-    """What both faces of a clear pane reflect: R + T R T + T R^3 T + ... = 2 R / (1 + R), where T = 1 - R."""
+    """Return the reflectance of both faces of a clear pane: R + T R T + T R^3 T + ... = 2 R / (1 + R), T = 1 - R."""
     single, _ = fresnel_dielectric(cos_i, eta)
     return 2.0 * single / (1.0 + single)
 
 
 @scatter.register(ThinDielectricRow)
-def _(material, direction, normal, front, draws):
+def scatter_thin_dielectric_row(material, direction, normal, front, draws):
     reflected = pane_reflectance(min(1.0, abs(dot(direction, normal))), material.eta)
     if sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE) < reflected:
         return Scatter(reflect(direction, normal), WHITE, math.inf)
@@ -98,15 +98,15 @@ def _(material, direction, normal, front, draws):
 
 
 @evaluate.register(ThinDielectricRow)
-def _(material, direction, normal, front, outgoing):
+def evaluate_thin_dielectric_row(material, direction, normal, front, outgoing):
     return BLACK, 0.0
 
 
 @emission.register(ThinDielectricTable)
-def _(table, index, front, textures, site):
+def emission_thin_dielectric_table(table, index, front, textures, site):
     return BLACK
 
 
 @reflectance.register(ThinDielectricRow)
-def _(material):
+def reflectance_thin_dielectric_row(material):
     return material.color

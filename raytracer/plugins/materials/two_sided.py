@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.materials.interface import Child, MaterialSpec, SelectorSpec, select
-from raytracer.textures.interface import Book
+from raytracer.plugins.materials.base.interface import Child, MaterialSpec, SelectorSpec, select
+from raytracer.plugins.textures.base.interface import ParameterPacker
 
 
 class TwoSided(SelectorSpec):
@@ -30,26 +30,28 @@ class TwoSided(SelectorSpec):
         return {("front",): self.front, ("back",): self.back}
 
     def with_children(self, children: Sequence[MaterialSpec]) -> MaterialSpec:
-        front, back = children[0], children[1].turned()
+        front, back = children[0], children[1].flipped()
         return front if front == back else self.model_copy(update={"front": front, "back": back})
 
-    def turned(self) -> MaterialSpec:
-        return self.model_copy(update={"front": self.back, "back": self.front.turned()})
+    def flipped(self) -> MaterialSpec:
+        return self.model_copy(update={"front": self.back, "back": self.front.flipped()})
 
     @staticmethod
-    def pack_selectors(specs: Sequence["TwoSided"], book: Book, children: Sequence[Sequence[int]]) -> "TwoSidedTable":
+    def pack_selectors(
+        specs: Sequence["TwoSided"], book: ParameterPacker, children: Sequence[Sequence[int]]
+    ) -> "TwoSidedTable":
         return TwoSidedTable(np.array(children, np.int32))
 
-    def exitance(self, book: Book) -> float:
-        return float(self.front.exitance(book) + self.back.exitance(book))
+    def emitted_power(self, book: ParameterPacker) -> float:
+        return float(self.front.emitted_power(book) + self.back.emitted_power(book))
 
 
 class TwoSidedTable(NamedTuple):
-    """children (n, 2) int32: references of the materials of the front and of the back."""
+    """Packed selectors: children (n, 2) int32, references of the materials of the front and of the back."""
 
     children: NDArray[np.int32]
 
 
 @select.register(TwoSidedTable)
-def _(table, index, front, textures, site, u):
+def select_two_sided_table(table, index, front, textures, site, u):
     return table.children[index, 0 if front else 1], u

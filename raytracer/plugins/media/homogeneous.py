@@ -14,23 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from raytracer.geometry import row3
-from raytracer.jit import kernel
-from raytracer.media.interface import (
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.geometry import row3
+from raytracer.core.vec import Vec3, is_black, scale
+from raytracer.plugins.media.base.interface import (
     Asymmetry,
     Coefficient,
-    Flight,
+    DistanceSample,
     MediumSpec,
+    distance_numbers,
     evaluate_phase,
-    flight_numbers,
-    fly,
     row,
-    scatter_phase,
+    sample_distance,
+    sample_phase,
     transmittance,
 )
-from raytracer.media.phase import pdf_henyey_greenstein, sample_henyey_greenstein
-from raytracer.spec import Albedo
-from raytracer.vec import Vec3, is_black, scale
+from raytracer.plugins.media.base.phase import pdf_henyey_greenstein, sample_henyey_greenstein
+from raytracer.schema.fields import Albedo
 
 
 class Homogeneous(MediumSpec):
@@ -63,7 +63,7 @@ class Homogeneous(MediumSpec):
         return self
 
     def coefficients(self) -> tuple[Vec3, Vec3]:
-        """(absorption, scattering), 1/m by channel."""
+        """Return (absorption, scattering), 1/m by channel."""
         if self.extinction is not None and self.albedo is not None:
             pairs = list(zip(self.extinction, self.albedo, strict=True))
             red, green, blue = (total * (1.0 - albedo) for total, albedo in pairs)
@@ -96,7 +96,11 @@ class Homogeneous(MediumSpec):
 
 
 class HomogeneousTable(NamedTuple):
-    """extinction and scattering (n, 3), 1/m, and g (n,): float64."""
+    """Packed media, one row each.
+
+    extinction, scattering (n, 3) float64 : coefficients (1/m) by channel.
+    g (n,) float64 : mean cosine of scattering.
+    """
 
     extinction: NDArray[np.float64]
     scattering: NDArray[np.float64]
@@ -112,13 +116,13 @@ class HomogeneousRow(NamedTuple):
 
 
 @row.register(HomogeneousTable)
-def _(table, index):
+def row_homogeneous_table(table, index):
     return HomogeneousRow(row3(table.extinction, index), row3(table.scattering, index), table.g[index])
 
 
 @kernel
-def clear(extinction: Vec3, distance: float) -> Vec3:
-    """The fraction of light that comes through, by channel; all of it where nothing is lost, however far it goes.
+def beer_lambert(extinction: Vec3, distance: float) -> Vec3:
+    """Return the transmittance by channel; 1 where nothing is lost, however far light goes.
 
     References: Beer 1852, "Bestimmung der Absorption des rothen Lichts in farbigen Flüssigkeiten".
     """
@@ -129,8 +133,8 @@ def clear(extinction: Vec3, distance: float) -> Vec3:
     )
 
 
-@fly.register(HomogeneousRow)
-def _(medium, origin, direction, distance, throughput, draws, numbers):
+@sample_distance.register(HomogeneousRow)
+def sample_distance_homogeneous_row(medium, origin, direction, distance, throughput, draws, numbers):
     """Draw a channel, then a distance by its extinction; weigh by the density that all channels have together.
 
     Channels are chosen by throughput, so the sum of the throughputs never grows: for equal ones it is the uniform
@@ -141,8 +145,8 @@ def _(medium, origin, direction, distance, throughput, draws, numbers):
     """
     # What only absorbs needs no chance.
     if is_black(medium.scattering):
-        return Flight(math.inf, clear(medium.extinction, distance), numbers)
-    u1, u2 = flight_numbers(draws, numbers)
+        return DistanceSample(math.inf, beer_lambert(medium.extinction, distance), numbers)
+    u1, u2 = distance_numbers(draws, numbers)
     total = throughput[0] + throughput[1] + throughput[2]
     red, green, blue = throughput[0] / total, throughput[1] / total, throughput[2] / total
     chosen = medium.extinction[2]
@@ -151,7 +155,7 @@ def _(medium, origin, direction, distance, throughput, draws, numbers):
     elif u1 < red + green or blue == 0.0:
         chosen = medium.extinction[1]
     flown = -math.log1p(-u2) / chosen if chosen > 0.0 else math.inf
-    come = clear(medium.extinction, min(flown, distance))
+    come = beer_lambert(medium.extinction, min(flown, distance))
     if flown < distance:
         pdf = (
             red * medium.extinction[0] * come[0]
@@ -163,21 +167,21 @@ def _(medium, origin, direction, distance, throughput, draws, numbers):
             medium.scattering[1] * come[1] / pdf,
             medium.scattering[2] * come[2] / pdf,
         )
-        return Flight(flown, weight, numbers + 1)
+        return DistanceSample(flown, weight, numbers + 1)
     probability = red * come[0] + green * come[1] + blue * come[2]
-    return Flight(math.inf, scale(1.0 / probability, come), numbers + 1)
+    return DistanceSample(math.inf, scale(1.0 / probability, come), numbers + 1)
 
 
 @transmittance.register(HomogeneousRow)
-def _(medium, origin, direction, distance, draws, numbers):
-    return clear(medium.extinction, distance), numbers
+def transmittance_homogeneous_row(medium, origin, direction, distance, draws, numbers):
+    return beer_lambert(medium.extinction, distance), numbers
 
 
-@scatter_phase.register(HomogeneousRow)
-def _(medium, direction, u1, u2):
+@sample_phase.register(HomogeneousRow)
+def sample_phase_homogeneous_row(medium, direction, u1, u2):
     return sample_henyey_greenstein(direction, medium.g, u1, u2)
 
 
 @evaluate_phase.register(HomogeneousRow)
-def _(medium, direction, outgoing):
+def evaluate_phase_homogeneous_row(medium, direction, outgoing):
     return pdf_henyey_greenstein(direction, outgoing, medium.g)

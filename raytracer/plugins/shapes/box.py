@@ -10,10 +10,16 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from raytracer.primitives.parallelograms import Parallelograms
-from raytracer.shapes.affine import Matrix, is_mirrored, points, references, vectors
-from raytracer.shapes.interface import Assets, ShapeSpec
-from raytracer.spec import Point
+from raytracer.core.primitives.parallelograms import Parallelograms
+from raytracer.plugins.shapes.base.affine import (
+    Matrix,
+    is_mirrored,
+    material_references,
+    transform_points,
+    transform_vectors,
+)
+from raytracer.plugins.shapes.base.interface import Assets, ShapeSpec
+from raytracer.schema.fields import Point
 
 # Corner, and the axes of the edges u and v, of each face of the unit cube, such that u x v points outwards.
 _FACES = (
@@ -29,7 +35,7 @@ _FACES = (
 class Box(ShapeSpec):
     """A box between two opposite corners; a transform may turn or shear it."""
 
-    closed: ClassVar[bool] = True
+    is_closed: ClassVar[bool] = True
     faces: ClassVar[int | None] = 6
 
     type: Literal["box"] = "box"
@@ -43,10 +49,10 @@ class Box(ShapeSpec):
         return self
 
     def pack(self, matrix: Matrix, material: int, _: Assets) -> Parallelograms:
-        """Six rows, one a face."""
+        """Pack six rows, one a face."""
         size = np.subtract(self.max, self.min)
         corners = self.min + size * [corner for corner, _, _ in _FACES]
         edges = np.diag(size)
         first, second = (edges[[face[axis] for face in _FACES]] for axis in ((2, 1) if is_mirrored(matrix) else (1, 2)))
-        u, v = vectors(matrix, first), vectors(matrix, second)
-        return Parallelograms(points(matrix, corners), u, v, references(material, len(_FACES)))
+        u, v = transform_vectors(matrix, first), transform_vectors(matrix, second)
+        return Parallelograms(transform_points(matrix, corners), u, v, material_references(material, len(_FACES)))

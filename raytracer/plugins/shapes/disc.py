@@ -10,10 +10,17 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from raytracer.primitives.discs import Discs
-from raytracer.shapes.affine import Matrix, is_uniform, normals, points, references, uniform_scale
-from raytracer.shapes.interface import Assets, ShapeSpec
-from raytracer.spec import Direction, Point, PositiveLength
+from raytracer.core.primitives.discs import Discs
+from raytracer.plugins.shapes.base.affine import (
+    Matrix,
+    is_uniform,
+    material_references,
+    transform_normals,
+    transform_points,
+    uniform_scale,
+)
+from raytracer.plugins.shapes.base.interface import Assets, ShapeSpec
+from raytracer.schema.fields import Direction, Point, PositiveLength
 
 
 class Disc(ShapeSpec):
@@ -24,13 +31,16 @@ class Disc(ShapeSpec):
     normal: Direction = Field(description="direction of its outside")
     radius: PositiveLength = Field(description="radius (m)")
 
-    def takes(self, matrix: Matrix) -> bool:
-        """Whether it stays a disc."""
+    def supports_transform(self, matrix: Matrix) -> bool:
+        """Tell if it stays a disc."""
         return is_uniform(matrix)
 
     def pack(self, matrix: Matrix, material: int, _: Assets) -> Discs:
-        """One row."""
+        """Pack one row."""
         radius = uniform_scale(matrix) * self.radius
         return Discs(
-            points(matrix, [self.center]), normals(matrix, [self.normal]), np.array([radius]), references(material)
+            transform_points(matrix, [self.center]),
+            transform_normals(matrix, [self.normal]),
+            np.array([radius]),
+            material_references(material),
         )

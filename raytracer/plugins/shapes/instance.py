@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from raytracer.shapes.interface import Assets, PlacingSpec
-from raytracer.spec import Transform, matrix_of
+from raytracer.plugins.shapes.base.interface import Assets, PlacementSpec
+from raytracer.schema.transform import Transform, matrix_of
 
 _Placements: TypeAlias = tuple[Transform, ...] | str
 
 
-class Instance(PlacingSpec):
+class Instance(PlacementSpec):
     """A group or an object of that name, placed once, or many times by `placements`."""
 
     type: Literal["instance"] = "instance"
@@ -39,11 +39,11 @@ class Instance(PlacingSpec):
         return value
 
     def files(self) -> dict[tuple[str | int, ...], tuple[str, str]]:
-        """The file of the placements, if they are in one."""
+        """Return the file of the placements, if they are in one."""
         return {("placements",): (self.placements, "placements")} if isinstance(self.placements, str) else {}
 
     def poses(self, assets: Assets) -> NDArray[np.float64]:
-        """Matrices (n, 4, 4), `transform` included."""
+        """Return the matrices (n, 4, 4) of the copies, `transform` included."""
         if isinstance(self.placements, str):
             placed = assets["placements"]
         elif self.placements is None:

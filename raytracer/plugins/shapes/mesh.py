@@ -17,14 +17,21 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from raytracer.geometry import padded
-from raytracer.motion import uniform_grid
-from raytracer.primitives.deforming import DeformingSmoothTriangles, DeformingTriangles
-from raytracer.primitives.triangles import Coordinates, SmoothTriangles, Triangles
-from raytracer.shapes.affine import Matrix, is_mirrored, normals, points, references
-from raytracer.shapes.interface import Assets, ShapeSpec
-from raytracer.shutter import Shutter
-from raytracer.spec import Spec, Time, at
+from raytracer.core.geometry import pad_buffer
+from raytracer.core.motion.time_grid import uniform_grid
+from raytracer.core.primitives.deforming import DeformingSmoothTriangles, DeformingTriangles
+from raytracer.core.primitives.triangles import SmoothTriangles, TextureCoordinates, Triangles
+from raytracer.core.shutter.table import Shutter
+from raytracer.plugins.shapes.base.affine import (
+    Matrix,
+    is_mirrored,
+    material_references,
+    transform_normals,
+    transform_points,
+)
+from raytracer.plugins.shapes.base.interface import Assets, ShapeSpec
+from raytracer.schema.fields import Time
+from raytracer.schema.spec import Spec, field_error
 
 
 class Frame(Spec):
@@ -47,7 +54,7 @@ class Mesh(ShapeSpec):
     """
 
     loads: ClassVar[dict[str, str]] = {"file": "mesh"}
-    closed: ClassVar[bool] = True
+    is_closed: ClassVar[bool] = True
 
     type: Literal["mesh"] = "mesh"
     file: str | None = Field(
@@ -68,21 +75,21 @@ class Mesh(ShapeSpec):
             )
         if self.frames is not None:
             if len(self.frames) < 2:
-                at("frames", "a mesh that changes its form needs at least two frames")
+                field_error("frames", "a mesh that changes its form needs at least two frames")
             for number, (before, after) in enumerate(pairwise(self.frames), start=1):
                 if after.time <= before.time:
-                    at(
+                    field_error(
                         ("frames", number, "time"),
                         f"must be later than the frame before, {before.time:g} s, got {after.time:g} s",
                     )
         return self
 
     def files(self) -> dict[tuple[str | int, ...], tuple[str, str]]:
-        """The file, or those of the frames."""
+        """Return the file, or those of the frames."""
         frames = enumerate(self.frames or ())
         return super().files() | {("frames", number, "file"): (frame.file, "mesh") for number, frame in frames}
 
-    def box(self, assets: Assets) -> NDArray[np.float64]:
+    def bounds(self, assets: Assets) -> NDArray[np.float64]:
         low, high = np.full(3, np.inf), np.full(3, -np.inf)
         for path in self.files():
             mesh = assets[".".join(map(str, path))]
@@ -95,19 +102,19 @@ class Mesh(ShapeSpec):
         return np.stack([low, high])
 
     def pack(self, matrix: Matrix, material: int, assets: Assets) -> Any:
-        """One row a triangle; of a mesh with frames, as it is at time 0."""
-        return self.pack_exposed(matrix, material, assets, Shutter(0.0, 0.0))
+        """Pack one row a triangle; of a mesh with frames, as it is at time 0."""
+        return self.pack_moving(matrix, material, assets, Shutter(0.0, 0.0))
 
-    def at_rest(self, time: float) -> "Mesh":
-        """As of any shape; of frames, in the form of the one that is nearest in time."""
-        still = super().at_rest(time)
+    def at_time(self, time: float) -> "Mesh":
+        """Return the mesh at a time of the scene (s): of frames, in the form of the one that is nearest in time."""
+        still = super().at_time(time)
         if self.frames is None:
             return still
         nearest = min(self.frames, key=lambda frame: abs(frame.time - time))
         return still.model_copy(update={"frames": None, "file": nearest.file})
 
-    def pack_exposed(self, matrix: Matrix, material: int, assets: Assets, shutter: Shutter) -> Any:
-        """One row a triangle, moving where frames differ while the shutter is open.
+    def pack_moving(self, matrix: Matrix, material: int, assets: Assets, shutter: Shutter) -> Any:
+        """Pack one row a triangle, moving where frames differ while the shutter is open.
 
         Raises
         ------
@@ -135,28 +142,30 @@ class Mesh(ShapeSpec):
             first = meshes[0]._replace(vertices=vertices[0], normals=None if bent is None else bent[0])
             return self._still(first, matrix, material)
         faces = meshes[0].faces[:, ::-1] if is_mirrored(matrix) else meshes[0].faces
-        moved = padded(np.stack([points(matrix, form) for form in vertices]), np.float32)
-        uv = None if meshes[0].uv is None else Coordinates(np.ascontiguousarray(meshes[0].uv, np.float32))
-        flat = DeformingTriangles(moved, padded(faces, np.uint32), references(material, len(faces)), uv)
+        moved = pad_buffer(np.stack([transform_points(matrix, form) for form in vertices]), np.float32)
+        uv = None if meshes[0].uv is None else TextureCoordinates(np.ascontiguousarray(meshes[0].uv, np.float32))
+        flat = DeformingTriangles(moved, pad_buffer(faces, np.uint32), material_references(material, len(faces)), uv)
         if bent is None:
             return flat
-        turned = [normals(matrix, form).astype(np.float32) for form in bent]
+        turned = [transform_normals(matrix, form).astype(np.float32) for form in bent]
         return DeformingSmoothTriangles(*flat, np.ascontiguousarray(np.stack(turned)))
 
     def _still(self, mesh: Any, matrix: Matrix, material: int) -> Triangles | SmoothTriangles:
         faces = mesh.faces[:, ::-1] if is_mirrored(matrix) else mesh.faces
-        rows = padded(points(matrix, mesh.vertices), np.float32), padded(faces, np.uint32)
-        uv = None if mesh.uv is None else Coordinates(np.ascontiguousarray(mesh.uv, np.float32))
-        flat = Triangles(*rows, references(material, len(faces)), uv)
+        rows = pad_buffer(transform_points(matrix, mesh.vertices), np.float32), pad_buffer(faces, np.uint32)
+        uv = None if mesh.uv is None else TextureCoordinates(np.ascontiguousarray(mesh.uv, np.float32))
+        flat = Triangles(*rows, material_references(material, len(faces)), uv)
         if not self.smooth:
             return flat
-        return SmoothTriangles(*flat, np.ascontiguousarray(normals(matrix, mesh.vertex_normals()), np.float32))
+        return SmoothTriangles(
+            *flat, np.ascontiguousarray(transform_normals(matrix, mesh.vertex_normals()), np.float32)
+        )
 
 
 def _between(
     frame_times: Sequence[float], forms: Sequence[NDArray[np.float64]], times: Sequence[float]
 ) -> list[NDArray[np.float64]]:
-    """Forms (n, 3) at some times, those of the frames themselves with their bits."""
+    """Interpolate forms (n, 3) at some times, those of the frames themselves bit for bit."""
     result = []
     for time in times:
         after = int(np.searchsorted(frame_times, time, side="right"))

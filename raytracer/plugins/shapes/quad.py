@@ -10,10 +10,16 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field, field_validator
 
-from raytracer.primitives.parallelograms import Parallelograms
-from raytracer.shapes.affine import Matrix, is_mirrored, points, references, vectors
-from raytracer.shapes.interface import Assets, ShapeSpec
-from raytracer.spec import Point
+from raytracer.core.primitives.parallelograms import Parallelograms
+from raytracer.plugins.shapes.base.affine import (
+    Matrix,
+    is_mirrored,
+    material_references,
+    transform_points,
+    transform_vectors,
+)
+from raytracer.plugins.shapes.base.interface import Assets, ShapeSpec
+from raytracer.schema.fields import Point
 
 
 class Quad(ShapeSpec):
@@ -33,7 +39,7 @@ class Quad(ShapeSpec):
         return edges
 
     def pack(self, matrix: Matrix, material: int, _: Assets) -> Parallelograms:
-        """One row."""
+        """Pack one row."""
         edges = self.edges[::-1] if is_mirrored(matrix) else self.edges
-        u, v = (vectors(matrix, [edge]) for edge in edges)
-        return Parallelograms(points(matrix, [self.corner]), u, v, references(material))
+        u, v = (transform_vectors(matrix, [edge]) for edge in edges)
+        return Parallelograms(transform_points(matrix, [self.corner]), u, v, material_references(material))

@@ -1,4 +1,4 @@
-"""Scatter: a group, or an object that has a name, placed many times by chance on a parallelogram.
+"""Scatter: a group, or an object that has a name, placed many times at random on a parallelogram.
 
 In a scene:
 
@@ -16,17 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
-from raytracer.shapes.interface import Assets, PlacingSpec
-from raytracer.spec import (
-    Count,
-    Direction,
-    NonNegativeLength,
-    Point,
-    PositiveNumber,
-    Quantity,
-    at,
-    matrix_of,
-)
+from raytracer.plugins.shapes.base.interface import Assets, PlacementSpec
+from raytracer.schema.fields import Count, Direction, NonNegativeLength, Point, PositiveNumber, Quantity
+from raytracer.schema.spec import field_error
+from raytracer.schema.transform import matrix_of
 
 _MOST = 10_000_000
 _TRIES = 100
@@ -47,8 +40,8 @@ Tilt: TypeAlias = Annotated[float, Quantity("angle", low=0.0, high=90.0)]
 Rows: TypeAlias = NDArray[np.float64]
 
 
-class Scatter(PlacingSpec):
-    """Many copies of a group or an object, by chance."""
+class Scatter(PlacementSpec):
+    """Many copies of a group or an object, placed at random."""
 
     type: Literal["scatter"] = "scatter"
     count: Annotated[int, Count(1, _MOST)] = Field(description="how many copies")
@@ -73,11 +66,11 @@ class Scatter(PlacingSpec):
     @model_validator(mode="after")
     def _is_a_range(self) -> "Scatter":
         if self.scale[0] > self.scale[1]:
-            at("scale", f"must be the least factor, then the greatest, got {list(self.scale)}")
+            field_error("scale", f"must be the least factor, then the greatest, got {list(self.scale)}")
         return self
 
     def poses(self, assets: Assets) -> Rows:
-        """Matrices (count, 4, 4), `transform` included.
+        """Return the matrices (count, 4, 4) of the copies, `transform` included.
 
         Raises
         ------
@@ -108,7 +101,7 @@ class Scatter(PlacingSpec):
         return np.asarray(matrix_of(self.transform) @ result)
 
     def _places(self, random: np.random.Generator) -> Rows:
-        """Points (count, 3) of the parallelogram, none nearer to another than `spacing`.
+        """Draw points (count, 3) of the parallelogram, none nearer to another than `spacing`.
 
         References: Bridson 2007, "Fast Poisson Disk Sampling in Arbitrary Dimensions", SIGGRAPH sketches (the grid).
         """
@@ -127,28 +120,28 @@ class Scatter(PlacingSpec):
 
         # Throw darts; cells are as wide as the spacing, so that only neighbours can be too near.
         cells: dict[tuple[int, int, int], list[Rows]] = {}
-        found: list[Rows] = []
+        placed: list[Rows] = []
         square = self.spacing**2
         around = [(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)]
         for _ in range(_TRIES):
-            for point in _free(corner + random.random((self.count, 2)) @ edges, found, self.spacing):
+            for point in _far_enough(corner + random.random((self.count, 2)) @ edges, placed, self.spacing):
                 x, y, z = (int(cell) for cell in np.floor((point - corner) / self.spacing))
                 near = (other for i, j, k in around for other in cells.get((x + i, y + j, z + k), ()))
                 if all(float(np.dot(point - other, point - other)) >= square for other in near):
                     cells.setdefault((x, y, z), []).append(point)
-                    found.append(point)
-                    if len(found) == self.count:
-                        return np.array(found)
+                    placed.append(point)
+                    if len(placed) == self.count:
+                        return np.array(placed)
         raise ValueError(
-            f"there is no room: at a spacing of {self.spacing:g} m, {len(found)} copies of {self.count} found a place"
+            f"there is no room: at a spacing of {self.spacing:g} m, {len(placed)} copies of {self.count} found a place"
         )
 
 
-def _free(points: Rows, found: list[Rows], spacing: float) -> Rows:
-    """Those of `points` (n, 3) that are not certainly too near to one of `found`: few, where it is nearly full."""
-    if not found:
+def _far_enough(points: Rows, placed: list[Rows], spacing: float) -> Rows:
+    """Return those of `points` (n, 3) that are not certainly too near to one of `placed`."""
+    if not placed:
         return points
     from scipy.spatial import KDTree
 
-    distance, _ = KDTree(np.array(found)).query(points, distance_upper_bound=spacing)
+    distance, _ = KDTree(np.array(placed)).query(points, distance_upper_bound=spacing)
     return np.asarray(points[distance >= _CERTAINLY * spacing])

@@ -11,10 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from raytracer.primitives.spheres import Spheres
-from raytracer.shapes.affine import Matrix, is_uniform, points, references, uniform_scale
-from raytracer.shapes.interface import Assets, ShapeSpec
-from raytracer.spec import Length, Point
+from raytracer.core.primitives.spheres import Spheres
+from raytracer.plugins.shapes.base.affine import (
+    Matrix,
+    is_uniform,
+    material_references,
+    transform_points,
+    uniform_scale,
+)
+from raytracer.plugins.shapes.base.interface import Assets, ShapeSpec
+from raytracer.schema.fields import Length, Point
 
 
 class Sphere(ShapeSpec):
@@ -31,14 +37,14 @@ class Sphere(ShapeSpec):
             raise ValueError("must not be zero")
         return radius
 
-    def takes(self, matrix: Matrix) -> bool:
-        """Whether it stays a sphere."""
+    def supports_transform(self, matrix: Matrix) -> bool:
+        """Tell if it stays a sphere."""
         return is_uniform(matrix)
 
-    def box(self, _: Assets) -> NDArray[np.float64]:
+    def bounds(self, _: Assets) -> NDArray[np.float64]:
         return np.add(self.center, [[-abs(self.radius)], [abs(self.radius)]])
 
     def pack(self, matrix: Matrix, material: int, _: Assets) -> Spheres:
-        """One row."""
+        """Pack one row."""
         radius = uniform_scale(matrix) * self.radius
-        return Spheres(points(matrix, [self.center]), np.array([radius]), references(material))
+        return Spheres(transform_points(matrix, [self.center]), np.array([radius]), material_references(material))

@@ -10,11 +10,11 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, field_validator
 
-from raytracer.geometry import padded
-from raytracer.primitives.triangles import Triangles
-from raytracer.shapes.affine import Matrix, is_mirrored, points, references
-from raytracer.shapes.interface import Assets, ShapeSpec
-from raytracer.spec import Point
+from raytracer.core.geometry import pad_buffer
+from raytracer.core.primitives.triangles import Triangles
+from raytracer.plugins.shapes.base.affine import Matrix, is_mirrored, material_references, transform_points
+from raytracer.plugins.shapes.base.interface import Assets, ShapeSpec
+from raytracer.schema.fields import Point
 
 
 class Triangle(ShapeSpec):
@@ -32,6 +32,8 @@ class Triangle(ShapeSpec):
         return vertices
 
     def pack(self, matrix: Matrix, material: int, _: Assets) -> Triangles:
-        """One row."""
-        corners = points(matrix, self.vertices[:: -1 if is_mirrored(matrix) else 1])
-        return Triangles(padded(corners, np.float32), padded(np.array([[0, 1, 2]]), np.uint32), references(material))
+        """Pack one row."""
+        corners = transform_points(matrix, self.vertices[:: -1 if is_mirrored(matrix) else 1])
+        return Triangles(
+            pad_buffer(corners, np.float32), pad_buffer(np.array([[0, 1, 2]]), np.uint32), material_references(material)
+        )

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.spec import Color, PositiveLength
-from raytracer.textures.interface import Range, TextureSpec, slope, texture
-from raytracer.vec import Vec3
+from raytracer.core.vec import Vec3
+from raytracer.plugins.textures.base.interface import TextureSpec, ValueRange, texture, texture_gradient
+from raytracer.schema.fields import Color, PositiveLength
 
 _EVEN, _ODD, _SCALE, _SOLID = 0, 3, 6, 7
 
@@ -45,13 +45,13 @@ class Checker(TextureSpec):
         r, g, b = (0.5 * (even + odd) for even, odd in zip(self.even, self.odd, strict=True))
         return r, g, b
 
-    def range(self, assets: Any) -> Range:
+    def range(self, assets: Any) -> ValueRange:
         values = (*self.even, *self.odd)
-        return Range(min(values), max(values))
+        return ValueRange(min(values), max(values))
 
 
 class CheckerTable(NamedTuple):
-    """rows (n, 8) float64: the even cells' colour, that of the odd ones, scale, and 1 if solid.
+    """Packed checkers: rows (n, 8) float64 of the even cells' colour, that of the odd ones, scale, and 1 if solid.
 
     One array and not four: a scene is handed on by value, and each array in it costs every function of the path loop.
     """
@@ -60,7 +60,7 @@ class CheckerTable(NamedTuple):
 
 
 @texture.register(CheckerTable)
-def _(table, index, site):
+def texture_checker_table(table, index, site):
     rows = table.rows
     size = rows[index, _SCALE]
     if rows[index, _SOLID] != 0.0:
@@ -71,7 +71,7 @@ def _(table, index, site):
     return (rows[index, first], rows[index, first + 1], rows[index, first + 2])
 
 
-@slope.register(CheckerTable)
-def _(table, index, site, tangent, bitangent):
+@texture_gradient.register(CheckerTable)
+def texture_gradient_checker_table(table, index, site, tangent, bitangent):
     # Cells are level; the steps between them have no slope that a surface could have.
     return 0.0, 0.0

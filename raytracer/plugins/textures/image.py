@@ -15,12 +15,20 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field
 from pydantic.json_schema import JsonSchemaValue
 
-from raytracer.errors import shown
-from raytracer.jit import generic, kernel
-from raytracer.optics import REC709_LUMINANCE
-from raytracer.spec import Angle, Check, Color, Quantity, at
-from raytracer.textures.interface import Assets, Range, TextureSpec, luminance, slope, texture
-from raytracer.vec import Vec3
+from raytracer.core.compiler.dispatch import generic, kernel
+from raytracer.core.fresnel import REC709_LUMINANCE
+from raytracer.core.vec import Vec3
+from raytracer.plugins.textures.base.interface import (
+    Assets,
+    TextureSpec,
+    ValueRange,
+    luminance,
+    texture,
+    texture_gradient,
+)
+from raytracer.schema.fields import Angle, Check, Color, Quantity
+from raytracer.schema.spec import field_error
+from raytracer.util.errors import format_value
 
 _NUMBERS = {"r": 0, "g": 1, "b": 2}
 
@@ -42,18 +50,18 @@ class _Pair(Check):
     def __call__(self, value: Any) -> tuple[float, float]:
         if isinstance(value, list | tuple):
             if len(value) != 2:
-                raise ValueError(f"must be two numbers, for u and v, got {shown(value)}")
+                raise ValueError(f"must be two numbers, for u and v, got {format_value(value)}")
             return self._item(value[0], 0), self._item(value[1], 1)
         if self.single and isinstance(value, int | float | str) and not isinstance(value, bool):
             number = self.component(value)
             return number, number
-        raise ValueError(f"must be two numbers, for u and v, got {shown(value)}")
+        raise ValueError(f"must be two numbers, for u and v, got {format_value(value)}")
 
     def _item(self, value: Any, index: int) -> float:
         try:
             return self.component(value)
         except ValueError as error:
-            at(index, str(error))
+            field_error(index, str(error))
 
     def json_schema(self) -> JsonSchemaValue:
         item = self.component.json_schema()
@@ -113,7 +121,7 @@ class ImageTexture(TextureSpec):
         return bool(assets["file"].texels.dtype == np.uint8) and self.channel != "luminance"
 
     def _curve(self, assets: Assets) -> NDArray[np.float64]:
-        """What each byte stands for."""
+        """Return the linear value of each byte."""
         curve: NDArray[np.float64] = assets["file"].curve(self._is_srgb(assets) and self.channel != "a")
         return curve
 
@@ -123,13 +131,13 @@ class ImageTexture(TextureSpec):
     @staticmethod
     def pack(specs: Sequence["ImageTexture"], assets: Sequence[Assets]) -> "ByteImages | FloatImages":
         as_bytes = specs[0]._is_bytes(assets[0])
-        stored = [spec.stored(files, as_bytes=as_bytes) for spec, files in zip(specs, assets, strict=True)]
+        stored = [spec.stored_texels(files, as_bytes=as_bytes) for spec, files in zip(specs, assets, strict=True)]
         starts = np.cumsum([0, *(texels.size for texels in stored)])
         rows = np.array(
             [
                 (
                     *spec.factor,
-                    *spec.placement(),
+                    *spec.uv_transform(),
                     start,
                     texels.shape[1],
                     texels.shape[0],
@@ -147,8 +155,8 @@ class ImageTexture(TextureSpec):
         curves = np.array([spec._curve(files) for spec, files in zip(specs, assets, strict=True)])
         return ByteImages(flat, curves, rows)
 
-    def stored(self, assets: Assets, *, as_bytes: bool) -> NDArray[Any]:
-        """The texels that are kept: (height, width, 1 or 3), uint8 not yet decoded or float32 in linear light."""
+    def stored_texels(self, assets: Assets, *, as_bytes: bool) -> NDArray[Any]:
+        """Return the texels to be packed: (height, width, 1 or 3), uint8 not yet decoded or float32 in linear light."""
         image = assets["file"]
         texels = image.texels if as_bytes else image.linear(self._is_srgb(assets))
         colors = texels[..., : texels.shape[2] - (texels.shape[2] in (2, 4))]
@@ -162,10 +170,10 @@ class ImageTexture(TextureSpec):
 
     def check(self, assets: Assets) -> None:
         if self.channel == "a" and assets["file"].texels.shape[2] not in (2, 4):
-            raise ValueError(f"{shown(self.file)} has no channel a (transparency)")
+            raise ValueError(f"{format_value(self.file)} has no channel a (transparency)")
 
-    def placement(self) -> tuple[float, ...]:
-        """The affine map of (u, v) to the picture, row by row."""
+    def uv_transform(self) -> tuple[float, ...]:
+        """Return the affine map of (u, v) to the picture, row by row."""
         turn = math.fmod(self.rotation, 360.0)
         cosine, sine = math.cos(math.radians(turn)), math.sin(math.radians(turn))
         if turn % 90.0 == 0.0:
@@ -174,23 +182,24 @@ class ImageTexture(TextureSpec):
         return cosine * scale_u, -sine * scale_v, offset_u, sine * scale_u, cosine * scale_v, offset_v
 
     def mean(self, assets: Assets) -> Vec3:
-        texels = self.stored(assets, as_bytes=False)
+        texels = self.stored_texels(assets, as_bytes=False)
         r, g, b = np.broadcast_to(texels.mean(axis=(0, 1), dtype=np.float64), 3) * self.factor
         return float(r), float(g), float(b)
 
-    def range(self, assets: Assets) -> Range:
-        texels = self.stored(assets, as_bytes=self._is_bytes(assets))
+    def range(self, assets: Assets) -> ValueRange:
+        texels = self.stored_texels(assets, as_bytes=self._is_bytes(assets))
         ends = np.stack([texels.min(axis=(0, 1)), texels.max(axis=(0, 1))])
         values = (self._curve(assets)[ends] if ends.dtype == np.uint8 else ends) * np.array(self.factor)
-        return Range(float(values.min()), float(values.max()))
+        return ValueRange(float(values.min()), float(values.max()))
 
 
 class ByteImages(NamedTuple):
-    """Images of bytes.
+    """Packed images of bytes.
 
-    texels uint8 (m,), of all images one after another; curve (n, 256) float64, what a byte stands for; rows (n, 16)
-    float64: factor, the six numbers of the map from (u, v), the place of the first texel, columns, rows, channels (1 or
-    3), the two wraps, and 1 for the nearest texel.
+    texels (m,) uint8 : of all images one after another.
+    curve (n, 256) float64 : linear value of each byte.
+    rows (n, 16) float64 : factor, the six numbers of the map from (u, v), the place of the first texel, columns, rows,
+        channels (1 or 3), the two wraps, and 1 for the nearest texel.
     """
 
     texels: NDArray[np.uint8]
@@ -199,31 +208,31 @@ class ByteImages(NamedTuple):
 
 
 class FloatImages(NamedTuple):
-    """As ByteImages, with texels float32 (m,) in linear light."""
+    """Packed images of floats, as ByteImages, with texels (m,) float32 in linear light."""
 
     texels: NDArray[np.float32]
     rows: NDArray[np.float64]
 
 
 @generic
-def _decoded(table, index, at):
-    """The number at a place in a table's texels, in linear light."""
+def _decode_texel(table, index, at):
+    """Read the number at a place in a table's texels, in linear light."""
     raise NotImplementedError
 
 
-@_decoded.register(ByteImages)
-def _(table, index, at):
+@_decode_texel.register(ByteImages)
+def _decode_texel_byte_images(table, index, at):
     return table.curve[index, table.texels[at]]
 
 
-@_decoded.register(FloatImages)
-def _(table, index, at):
+@_decode_texel.register(FloatImages)
+def _decode_texel_float_images(table, index, at):
     return np.float64(table.texels[at])
 
 
 @kernel
-def wrapped(cell: int, count: int, wrap: int) -> int:
-    """The column or row that lies at `cell`, which may be outside of 0 .. count - 1."""
+def wrap_index(cell: int, count: int, wrap: int) -> int:
+    """Wrap a column or row, which may be outside of 0 .. count - 1."""
     if wrap == _CLAMP:
         return max(0, min(count - 1, cell))
     if wrap == _REPEAT:
@@ -234,24 +243,24 @@ def wrapped(cell: int, count: int, wrap: int) -> int:
 
 @kernel
 def _texel(table, index, first, channels):
-    """The colour at a place in a table's texels."""
-    r = _decoded(table, index, first)
+    """Read the colour at a place in a table's texels."""
+    r = _decode_texel(table, index, first)
     if channels == 1:
         return (r, r, r)
-    return (r, _decoded(table, index, first + 1), _decoded(table, index, first + 2))
+    return (r, _decode_texel(table, index, first + 1), _decode_texel(table, index, first + 2))
 
 
 @kernel
-def _placed(rows, index, u, v):
-    """Where (u, v) lies in the picture, in columns from the left and rows from the top."""
+def _uv_to_texel(rows, index, u, v):
+    """Transform (u, v) to the picture, in columns from the left and rows from the top."""
     s = rows[index, _PLACEMENT] * u + rows[index, _PLACEMENT + 1] * v + rows[index, _PLACEMENT + 2]
     t = rows[index, _PLACEMENT + 3] * u + rows[index, _PLACEMENT + 4] * v + rows[index, _PLACEMENT + 5]
     return s * rows[index, _SIZE], (1.0 - t) * rows[index, _SIZE + 1]
 
 
 @kernel
-def _looked_up(table, index, x, y):
-    """The colour at column x and row y of the picture, texels' middles being at halves."""
+def _filtered_texel(table, index, x, y):
+    """Interpolate the colour at column x and row y of the picture, texels' middles being at halves."""
     rows = table.rows
     first, channels = int(rows[index, _FIRST]), int(rows[index, _CHANNELS])
     width, height = int(rows[index, _SIZE]), int(rows[index, _SIZE + 1])
@@ -266,7 +275,7 @@ def _looked_up(table, index, x, y):
     for corner in range(4):
         right, below = corner & 1, corner >> 1
         weight = (part_x if right else 1.0 - part_x) * (part_y if below else 1.0 - part_y)
-        column, row = wrapped(left + right, width, wrap_x), wrapped(top + below, height, wrap_y)
+        column, row = wrap_index(left + right, width, wrap_x), wrap_index(top + below, height, wrap_y)
         texel = _texel(table, index, first + (row * width + column) * channels, channels)
         r, g, b = r + weight * texel[0], g + weight * texel[1], b + weight * texel[2]
     return (rows[index, _FACTOR] * r, rows[index, _FACTOR + 1] * g, rows[index, _FACTOR + 2] * b)
@@ -274,22 +283,22 @@ def _looked_up(table, index, x, y):
 
 @texture.register(ByteImages)
 @texture.register(FloatImages)
-def _(table, index, site):
-    x, y = _placed(table.rows, index, site.u, site.v)
-    return _looked_up(table, index, x, y)
+def texture_byte_images(table, index, site):
+    x, y = _uv_to_texel(table.rows, index, site.u, site.v)
+    return _filtered_texel(table, index, x, y)
 
 
-@slope.register(ByteImages)
-@slope.register(FloatImages)
-def _(table, index, site, tangent, bitangent):
-    """Differences over one texel, half to each side: continuous, where the derivative of bilinear values jumps."""
+@texture_gradient.register(ByteImages)
+@texture_gradient.register(FloatImages)
+def texture_gradient_byte_images(table, index, site, tangent, bitangent):
+    """Take differences over one texel, half to each side: continuous, where the derivative of bilinear values jumps."""
     rows = table.rows
-    x, y = _placed(rows, index, site.u, site.v)
+    x, y = _uv_to_texel(rows, index, site.u, site.v)
     across = down = 0.0
     for side in range(2):
         sign = 2.0 * side - 1.0
-        across += sign * luminance(_looked_up(table, index, x + 0.5 * sign, y))
-        down += sign * luminance(_looked_up(table, index, x, y + 0.5 * sign))
+        across += sign * luminance(_filtered_texel(table, index, x + 0.5 * sign, y))
+        down += sign * luminance(_filtered_texel(table, index, x, y + 0.5 * sign))
 
     # By the chain rule, through the placement of the picture.
     by_s, by_t = across * rows[index, _SIZE], -down * rows[index, _SIZE + 1]

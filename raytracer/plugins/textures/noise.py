@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.jit import kernel, routine
-from raytracer.sampling.hashing import mix32
-from raytracer.spec import Color, Count, NonNegativeNumber, PositiveNumber
-from raytracer.textures.interface import Range, TextureSpec, luminance, slope, texture
-from raytracer.vec import Vec3, madd, norm, scale
+from raytracer.core.compiler.dispatch import kernel, routine
+from raytracer.core.sampling.hashing import mix32
+from raytracer.core.vec import Vec3, madd, norm, scale
+from raytracer.plugins.textures.base.interface import TextureSpec, ValueRange, luminance, texture, texture_gradient
+from raytracer.schema.fields import Color, Count, NonNegativeNumber, PositiveNumber
 
 _UINT32_MAX = 2**32 - 1
 _MOST_OCTAVES = 16
@@ -80,20 +80,23 @@ class Noise(TextureSpec):
         r, g, b = (0.5 * (low + high) for low, high in zip(self.low, self.high, strict=True))
         return r, g, b
 
-    def range(self, assets: Any) -> Range:
+    def range(self, assets: Any) -> ValueRange:
         values = (*self.low, *self.high)
-        return Range(min(values), max(values))
+        return ValueRange(min(values), max(values))
 
 
 class NoiseTable(NamedTuple):
-    """rows (n, 12) float64: the low and the high colour, pattern, scale, octaves, seed, turbulence and its scale."""
+    """Packed noises, one row each.
+
+    rows (n, 12) float64 : low and high colour, pattern, scale, octaves, seed, turbulence and its scale.
+    """
 
     rows: NDArray[np.float64]
 
 
 @kernel
-def _toward(word: int, x: float, y: float, z: float) -> float:
-    """The product of an offset from a lattice point with its gradient, one of the twelve to the edges of a cube.
+def _gradient_dot(word: int, x: float, y: float, z: float) -> float:
+    """Multiply an offset from a lattice point with its gradient, one of the twelve to the edges of a cube.
 
     All are equally likely; four of them twice, so that bits of the hash could choose, would favour y by a tenth.
     """
@@ -109,30 +112,30 @@ def _fade(t: float) -> float:
 
 
 @kernel
-def _below(word: int, cell: int) -> int:
-    """The hash of a lattice coordinate on top of the hash of those before it."""
+def _hash_coordinate(word: int, cell: int) -> int:
+    """Hash a lattice coordinate on top of the hash of those before it."""
     hashed: int = mix32(np.uint64(word) ^ np.uint64(cell & 0xFFFFFFFF))
     return hashed
 
 
 @kernel
 def _edge(word: int, cell: int, x: float, y: float, z: float, blend: float) -> float:
-    """Noise of the two lattice points of an edge along x, blended."""
-    a = _toward(_below(word, cell), x, y, z)
-    b = _toward(_below(word, cell + 1), x - 1.0, y, z)
+    """Blend the noise of the two lattice points of an edge along x."""
+    a = _gradient_dot(_hash_coordinate(word, cell), x, y, z)
+    b = _gradient_dot(_hash_coordinate(word, cell + 1), x - 1.0, y, z)
     return a + blend * (b - a)
 
 
 @kernel
 def _face(word: int, cell_x: int, cell_y: int, x: float, y: float, z: float, blend_x: float, blend_y: float) -> float:
-    a = _edge(_below(word, cell_y), cell_x, x, y, z, blend_x)
-    b = _edge(_below(word, cell_y + 1), cell_x, x, y - 1.0, z, blend_x)
+    a = _edge(_hash_coordinate(word, cell_y), cell_x, x, y, z, blend_x)
+    b = _edge(_hash_coordinate(word, cell_y + 1), cell_x, x, y - 1.0, z, blend_x)
     return a + blend_y * (b - a)
 
 
 @kernel
 def perlin(point: Vec3, seed: int) -> float:
-    """Gradient noise in -1..1 with cells of size 1: zero at lattice points, and twice continuously differentiable.
+    """Evaluate gradient noise in -1..1 with cells of size 1: zero at lattice points, twice continuously differentiable.
 
     References: Perlin 2002, "Improving Noise", SIGGRAPH 2002, with a hash for the table of permutations.
     """
@@ -140,14 +143,14 @@ def perlin(point: Vec3, seed: int) -> float:
     x, y, z = point[0] - cell_x, point[1] - cell_y, point[2] - cell_z
     blend_x, blend_y, blend_z = _fade(x), _fade(y), _fade(z)
     start = mix32(np.uint64(seed))
-    a = _face(_below(start, cell_z), cell_x, cell_y, x, y, z, blend_x, blend_y)
-    b = _face(_below(start, cell_z + 1), cell_x, cell_y, x, y, z - 1.0, blend_x, blend_y)
+    a = _face(_hash_coordinate(start, cell_z), cell_x, cell_y, x, y, z, blend_x, blend_y)
+    b = _face(_hash_coordinate(start, cell_z + 1), cell_x, cell_y, x, y, z - 1.0, blend_x, blend_y)
     return a + blend_z * (b - a)
 
 
 @routine
-def octaves_of(point: Vec3, seed: int, count: int) -> float:
-    """The sum of `count` octaves of noise, the first with the weight 1."""
+def fractal_noise(point: Vec3, seed: int, count: int) -> float:
+    """Sum `count` octaves of noise, the first with the weight 1."""
     total, weight, frequency = 0.0, 1.0, 1.0
     for octave in range(count):
         total += weight * perlin(scale(frequency, point), seed + octave)
@@ -158,11 +161,11 @@ def octaves_of(point: Vec3, seed: int, count: int) -> float:
 
 @kernel
 def pattern_at(rows: NDArray[np.float64], index: int, point: Vec3) -> float:
-    """The pattern in 0..1 by which the two colours are blended."""
+    """Evaluate the pattern in 0..1 by which the two colours are blended."""
     pattern, size = rows[index, _PATTERN], rows[index, _SCALE]
     count, seed = int(rows[index, _OCTAVES]), int(rows[index, _SEED])
     frequency = rows[index, _BEND_SCALE] if pattern == _MARBLE else size
-    value = octaves_of(scale(frequency, point), seed, count)
+    value = fractal_noise(scale(frequency, point), seed, count)
     if pattern == _MARBLE:
         value = 0.5 + 0.5 * math.sin(size * point[2] + rows[index, _BEND] * abs(value))
     elif pattern == _TURBULENCE:
@@ -179,15 +182,15 @@ def _color(rows: NDArray[np.float64], index: int, first: int) -> Vec3:
 
 
 @texture.register(NoiseTable)
-def _(table, index, site):
+def texture_noise_table(table, index, site):
     low, high = _color(table.rows, index, _LOW), _color(table.rows, index, _HIGH)
     t = pattern_at(table.rows, index, site.point)
     return (low[0] + t * (high[0] - low[0]), low[1] + t * (high[1] - low[1]), low[2] + t * (high[2] - low[2]))
 
 
 @kernel
-def _rise(rows: NDArray[np.float64], index: int, point: Vec3, along: Vec3, size: float) -> float:
-    """Change of the pattern a length of `along`, by a central difference over twice the distance `size`."""
+def _directional_difference(rows: NDArray[np.float64], index: int, point: Vec3, along: Vec3, size: float) -> float:
+    """Return the change of the pattern over `along`, by a central difference over twice the distance `size`."""
     length = norm(along)
     if length == 0.0:
         return 0.0
@@ -196,12 +199,12 @@ def _rise(rows: NDArray[np.float64], index: int, point: Vec3, along: Vec3, size:
     return (ahead - pattern_at(rows, index, madd(point, -step, along))) / (2.0 * step)
 
 
-@slope.register(NoiseTable)
-def _(table, index, site, tangent, bitangent):
+@texture_gradient.register(NoiseTable)
+def texture_gradient_noise_table(table, index, site, tangent, bitangent):
     # The finest octave's cell is what the step has to be small against.
     rows = table.rows
     frequency = max(rows[index, _SCALE], rows[index, _BEND_SCALE]) * 2.0 ** (rows[index, _OCTAVES] - 1.0)
     size = _STEP / frequency
     height = luminance(_color(rows, index, _HIGH)) - luminance(_color(rows, index, _LOW))
-    along_u = _rise(rows, index, site.point, tangent, size)
-    return height * along_u, height * _rise(rows, index, site.point, bitangent, size)
+    along_u = _directional_difference(rows, index, site.point, tangent, size)
+    return height * along_u, height * _directional_difference(rows, index, site.point, bitangent, size)

@@ -1,7 +1,7 @@
-"""Renders on other machines, by Dask's scheduler and workers (docs/cluster.md).
+"""Rendering on other machines, by Dask's scheduler and workers (docs/cluster.md).
 
-Dask brings tasks to workers, and back what comes of them; it moves files from worker to worker, notices who has died
-and who is new.  What is added here is what a worker must be asked before it may take part, and what a task is.
+Dask brings jobs to workers and returns their results; it moves files from worker to worker, and notices workers that
+have died or are new.  Added here are the check that a worker renders the same picture, and the jobs.
 """
 
 import importlib
@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 __all__ = ["Cluster"]
 
 if TYPE_CHECKING:
-    from raytracer.cluster.connection import Cluster
+    from raytracer.rendering.cluster.connection import Cluster
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for only then: Dask's scheduler wants but the names of what workers do."""
+    """Import `Cluster` only when it is asked for: Dask's scheduler needs only the names of the workers' functions."""
     if name != "Cluster":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return importlib.import_module("raytracer.cluster.connection").Cluster
+    return importlib.import_module("raytracer.rendering.cluster.connection").Cluster

@@ -1,4 +1,4 @@
-"""Which machines render the same picture: the same program in the same versions, and the same instruction set."""
+"""Check that machines render the same picture: the same program and versions, and the same instruction set."""
 
 import platform
 from functools import cache
@@ -8,10 +8,13 @@ import raytracer
 
 
 class Fingerprint(NamedTuple):
-    """What the bits of a picture depend on but the scene.
+    """The versions and the hardware that the bits of a picture depend on, besides the scene.
 
-    versions, by what they are of; program, `scene.inputs.program`; processor, and its instruction set, as the compiler
-    has it.
+    Attributes
+    ----------
+    versions : of rt, Python and the libraries, by name.
+    program : `scene.digest.program_hash`.
+    processor : with its instruction set, as the compiler names it.
     """
 
     versions: dict[str, str]
@@ -21,16 +24,16 @@ class Fingerprint(NamedTuple):
 
 @cache
 def fingerprint() -> Fingerprint:
-    """This process's."""
-    from raytracer.jit import processor
-    from raytracer.scene.inputs import libraries, program
+    """Return the fingerprint of this process."""
+    from raytracer.core.compiler.cache import processor
+    from raytracer.scene.digest import libraries, program_hash
 
     versions = {"rt": raytracer.__version__, "Python": platform.python_version(), **libraries()}
-    return Fingerprint(versions, program(), processor())
+    return Fingerprint(versions, program_hash(), processor())
 
 
-def obstacle(here: Fingerprint, there: Fingerprint) -> str | None:
-    """Why a machine cannot take part, as the end of a sentence about it; None if it can."""
+def find_mismatch(here: Fingerprint, there: Fingerprint) -> str | None:
+    """Describe why a machine cannot take part, as the end of a sentence about it; None if it can."""
     for name, own in here.versions.items():
         other = there.versions.get(name, "none")
         if other != own:

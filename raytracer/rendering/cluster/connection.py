@@ -1,15 +1,15 @@
-"""The way to a Dask cluster."""
+"""The connection to a Dask cluster."""
 
 import logging
 from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Any
 
-from raytracer.cluster.engagement import Engagement, Waiting
-from raytracer.errors import InputError
+from raytracer.rendering.cluster.executor import ClusterExecutor, WaitPolicy
 from raytracer.scene.spec import SceneSpec
+from raytracer.util.errors import InputError
 
-PATIENCE = 60.0
+WAIT_SECONDS = 60.0
 """Seconds that a render waits for the first worker."""
 
 CONNECT_SECONDS = 10.0
@@ -25,8 +25,8 @@ class Cluster:
     ----------
     address : of the scheduler, "tcp://host:8786" or "tls://host:8786"; or a `distributed.Client`, or one of Dask's own
         clusters, such as `dask_jobqueue.SLURMCluster`.
-    patience : seconds that a render waits for the first worker.
-    say : told in a sentence what it is that takes so long.
+    patience (s) : time that a render waits for the first worker.
+    say : called with a sentence about what takes long.
 
     Raises
     ------
@@ -37,7 +37,7 @@ class Cluster:
         self,
         address: Any,
         *,
-        patience: float = PATIENCE,
+        patience: float = WAIT_SECONDS,
         say: Callable[[str], object] | None = None,
     ) -> None:
         require_dask()
@@ -46,24 +46,24 @@ class Cluster:
         self._patience = patience
         self._say = say or (lambda sentence: None)
         self._is_own = not isinstance(address, Client)
-        self.client: Any = address if isinstance(address, Client) else _connected(address)
+        self.client: Any = address if isinstance(address, Client) else _connect_client(address)
 
     def __enter__(self) -> "Cluster":
-        """This, to be closed at the end of the `with` block."""
+        """Return the cluster, to be closed at the end of the `with` block."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        """Close it."""
+        """Close the connection."""
         self.close()
 
     def close(self) -> None:
-        """Leave the scheduler, unless the client was given; what is under way there for this one is forgotten."""
+        """Disconnect from the scheduler, unless the client was given; jobs that are under way are forgotten."""
         if self._is_own:
             self.client.close()
 
-    def engage(
+    def connect(
         self,
         spec: SceneSpec,
         *,
@@ -71,21 +71,21 @@ class Cluster:
         denoise: bool = False,
         warn: Callable[[str], object] | None = None,
         strict: bool = False,
-    ) -> Engagement:
-        """Have the workers make a scene ready; see `scheduling.Workforce`.
+    ) -> ClusterExecutor:
+        """Have the workers prepare a scene; see `worker_pool.ClusterClient`.
 
-        Who cannot take part is found out when samples are taken, for the workers to be asked meanwhile.
+        Workers that cannot take part are found when samples are taken, so that all are asked meanwhile.
         """
-        waiting = Waiting(self._patience, self._say)
-        return Engagement(self.client, spec, waiting, aovs=aovs, denoise=denoise, warn=warn, strict=strict)
+        waiting = WaitPolicy(self._patience, self._say)
+        return ClusterExecutor(self.client, spec, waiting, aovs=aovs, denoise=denoise, warn=warn, strict=strict)
 
 
 def require_dask() -> None:
-    """Make sure that Dask is there.
+    """Check that Dask is installed.
 
     Raises
     ------
-    InputError : it is not installed.
+    InputError : it is not.
     """
     try:
         import distributed  # noqa: F401
@@ -95,7 +95,7 @@ def require_dask() -> None:
         ) from None
 
 
-def _connected(address: Any) -> Any:
+def _connect_client(address: Any) -> Any:
     import dask
     import distributed
 

@@ -1,4 +1,4 @@
-"""One scene rendered by a cluster: who of its workers is ready for it, and the errands that are out."""
+"""Render one scene on a cluster: prepare its workers, send them jobs, and receive the results."""
 
 import hashlib
 import time
@@ -11,91 +11,113 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from raytracer.cluster import worker
-from raytracer.cluster.fitness import fingerprint
-from raytracer.errands import Errand, Haul
-from raytracer.errors import InputError, OutputError, StrictError
-from raytracer.scene.inputs import bundle
+from raytracer.rendering.cluster import worker
+from raytracer.rendering.cluster.compatibility import fingerprint
+from raytracer.rendering.tile_job import TileJob, TileResult
+from raytracer.rendering.tile_scheduler import now
+from raytracer.rendering.worker_pool import WorkerPool
+from raytracer.scene.bundle import bundle
 from raytracer.scene.spec import SceneSpec
-from raytracer.scheduling import Crew, now
+from raytracer.util.errors import InputError, OutputError, StrictError
 
 # Dask's, whose methods are typed in part.
 Client: TypeAlias = Any
 Future: TypeAlias = Any
 
-_LOOK_SECONDS = 1.0
+_POLL_SECONDS = 1.0
 _TICK_SECONDS = 0.1
-_NAP_SECONDS = 0.005
+_SLEEP_SECONDS = 0.005
 
-# Errands that are with workers for each of their threads: one that is worked on, and one for the way.
-_WITH_A_THREAD = 2
+# Jobs that workers have for each of their threads: one that is worked on, and one on its way.
+_JOBS_PER_THREAD = 2
 
-# How often an errand is sent that comes back undone.  Dask by itself tries four workers that die each time.
+# Times that a failed job is sent.  Dask by itself tries four workers that die each time.
 _ATTEMPTS = 4
 
-# How long a render that has begun waits for workers when all are gone: those of a queue may come back.
-_PATIENCE_BETWEEN = 600.0
+# Seconds that a render that has begun waits for workers when all are gone: those of a queue may come back.
+_RECONNECT_SECONDS = 600.0
 
-# How soon it is said that one waits.
-SAY_AFTER = 2.0
+# Seconds after which the wait for workers is reported.
+REPORT_AFTER = 2.0
 
 _RESULT_SECONDS = 20.0
 
 
-class Waiting(NamedTuple):
-    """For how many seconds to wait for the first worker, and who is told so."""
+class WaitPolicy(NamedTuple):
+    """The wait for the first worker.
+
+    Attributes
+    ----------
+    patience (s) : longest wait.
+    say : called with a sentence about it.
+    """
 
     patience: float
     say: Callable[[str], object]
 
 
 @dataclass
-class _Hand:
-    """A worker: its threads; what it was asked, while it has not answered; whether it is ready, or why it never is."""
+class _WorkerState:
+    """The state of a worker.
+
+    Attributes
+    ----------
+    threads : of the worker.
+    request : its request to prepare the scene, while that has no reply.
+    is_ready : True once it has prepared the scene.
+    reason : why it cannot take part; None if it can.
+    """
 
     threads: int
-    asked: Future | None = None
+    request: Future | None = None
     is_ready: bool = False
     reason: str | None = None
 
 
-class _Sent(NamedTuple):
-    """An errand, how often it was sent, and the workers that may do it."""
+class _SubmittedJob(NamedTuple):
+    """A job, the number of its failures so far, and the workers that may do it."""
 
-    errand: Errand
+    job: TileJob
     attempt: int = 0
     workers: frozenset[str] = frozenset()
 
 
 @dataclass
-class _Run:
-    """Errands out, by what they will bring; those to be sent again; whether there are no others for now."""
-
-    out: dict[Future, _Sent] = field(default_factory=dict)
-    again: deque[_Sent] = field(default_factory=deque)
-    is_exhausted: bool = False
-
-
-class Engagement:
-    """Workers of a cluster who take samples of one scene: `scheduling.Elsewhere`.
+class _JobState:
+    """The jobs of one run.
 
     Attributes
     ----------
-    workers : addresses of those who have brought something.
+    in_flight : jobs that workers have, by the futures of their results.
+    retries : jobs to be sent again.
+    is_exhausted : True if there are no others for now.
+    """
+
+    in_flight: dict[Future, _SubmittedJob] = field(default_factory=dict)
+    retries: deque[_SubmittedJob] = field(default_factory=deque)
+    is_exhausted: bool = False
+
+
+class ClusterExecutor:
+    """The workers of a cluster, taking samples of one scene: a `worker_pool.RemoteExecutor`.
+
+    Attributes
+    ----------
+    workers : addresses of those that have returned a result.
     """
 
     def __init__(
         self,
         client: Client,
         spec: SceneSpec,
-        waiting: Waiting,
+        waiting: WaitPolicy,
         *,
         aovs: Sequence[str],
         denoise: bool,
         warn: Callable[[str], object] | None,
         strict: bool,
     ) -> None:
-        """Ask all workers that are there to make the scene ready.
+        """Request all workers that are there to prepare the scene.
 
         Parameters
         ----------
@@ -103,126 +125,128 @@ class Engagement:
 
         Raises
         ------
-        SceneError : a file of the scene cannot be taken along.
+        InputError : a file of the scene cannot be read.
         """
         self._client, self._waiting, self._warn, self._strict = client, waiting, warn, strict
         whole = bundle(spec)
-        digests = {name: worker.digest_of(content) for name, content in whole.files.items()}
+        digests = {name: worker.content_digest(content) for name, content in whole.files.items()}
         self._contents = {digests[name]: content for name, content in whole.files.items()}
-        order = worker.Order("", whole.text, whole.name, digests, tuple(aovs), denoise, fingerprint())
-        self._order = order._replace(key=hashlib.sha256(repr(order).encode()).hexdigest())
+        request = worker.PrepareRequest("", whole.text, whole.name, digests, tuple(aovs), denoise, fingerprint())
+        self._request = request._replace(key=hashlib.sha256(repr(request).encode()).hexdigest())
         self._files: dict[str, Future] = {}
-        self._hands: dict[str, _Hand] = {}
+        self._worker_states: dict[str, _WorkerState] = {}
         self._known_processors = {fingerprint().processor}
-        self._looked = -float("inf")
-        self._lonely: float | None = None
+        self._last_poll = -float("inf")
+        self._no_workers_since: float | None = None
         self._has_said = False
         self.workers: list[str] = []
-        self._look()
+        self._poll_workers()
 
     @property
     def threads(self) -> int:
-        """Of all workers that are ready; or while none is, of those who may become so."""
-        ready = sum(hand.threads for hand in self._hands.values() if hand.is_ready)
-        return max(1, ready or sum(hand.threads for hand in self._hands.values() if hand.reason is None))
+        """Count the threads of all workers that are ready; while none is, of those that may become so."""
+        states = self._worker_states.values()
+        ready = sum(state.threads for state in states if state.is_ready)
+        return max(1, ready or sum(state.threads for state in states if state.reason is None))
 
     def run(
         self,
-        draw: Callable[[], Errand | None],
-        bring: Callable[[Errand, Haul], object],
-        crew: Crew,
+        next_job: Callable[[], TileJob | None],
+        merge: Callable[[TileJob, TileResult], object],
+        pool: WorkerPool,
         deadline: float | None,
     ) -> None:
-        """See `scheduling.Elsewhere`.
+        """Run jobs until there are none, or the pool is stopped, or the deadline is past; see `RemoteExecutor.run`.
 
         Raises
         ------
         InputError : no worker can take part, or none came in time.
         StrictError : a worker's processor is another one, and that counts as an error.
-        OutputError : the cluster was lost, or an errand fails again and again.
+        OutputError : the cluster was lost, or a job fails again and again.
         """
-        state = _Run()
+        jobs = _JobState()
         ticked = now()
         try:
-            while not crew.stopped and (deadline is None or now() < deadline):
-                self._look()
-                self._send(state, draw)
-                if state.is_exhausted and not state.out and not state.again:
+            while not pool.is_stopped and (deadline is None or now() < deadline):
+                self._poll_workers()
+                self._send(jobs, next_job)
+                if jobs.is_exhausted and not jobs.in_flight and not jobs.retries:
                     return
-                if not self._receive(state, bring):
-                    self._check_company()
-                    time.sleep(_NAP_SECONDS)
+                if not self._receive(jobs, merge):
+                    self._check_workers()
+                    time.sleep(_SLEEP_SECONDS)
                 if now() - ticked >= _TICK_SECONDS:
                     ticked = now()
-                    crew.tick()
+                    pool.tick()
         finally:
-            for future in state.out:
+            for future in jobs.in_flight:
                 future.release()
 
-    # ---- Errands
+    # ---- Jobs
 
-    def _send(self, state: _Run, draw: Callable[[], Errand | None]) -> None:
-        """Give the workers that are ready as much as they need to be busy."""
-        ready = {address: hand.threads for address, hand in self._hands.items() if hand.is_ready}
-        while len(state.out) < _WITH_A_THREAD * sum(ready.values()):
-            if state.again:
-                sent = state.again.popleft()
+    def _send(self, jobs: _JobState, next_job: Callable[[], TileJob | None]) -> None:
+        """Send the workers that are ready as many jobs as keep them busy."""
+        ready = {address: state.threads for address, state in self._worker_states.items() if state.is_ready}
+        while len(jobs.in_flight) < _JOBS_PER_THREAD * sum(ready.values()):
+            if jobs.retries:
+                sent = jobs.retries.popleft()
             else:
-                errand = None if state.is_exhausted else draw()
-                if errand is None:
-                    state.is_exhausted = True
+                job = None if jobs.is_exhausted else next_job()
+                if job is None:
+                    jobs.is_exhausted = True
                     return
-                sent = _Sent(errand)
-            future = self._submit(worker.fetch, self._order.key, worker.packed(sent.errand), workers=list(ready))
+                sent = _SubmittedJob(job)
+            future = self._submit(worker.run_job, self._request.key, worker.pickle_job(sent.job), workers=list(ready))
             if future is None:
-                state.again.append(sent)
+                jobs.retries.append(sent)
                 return
-            state.out[future] = sent._replace(workers=frozenset(ready))
+            jobs.in_flight[future] = sent._replace(workers=frozenset(ready))
 
-    def _receive(self, state: _Run, bring: Callable[[Errand, Haul], object]) -> bool:
-        """Take what has come back; whether anything has."""
-        came = [future for future in state.out if future.status != "pending"]
-        for future in came:
-            sent = state.out.pop(future)
-            haul, trouble = self._opened(future)
+    def _receive(self, jobs: _JobState, merge: Callable[[TileJob, TileResult], object]) -> bool:
+        """Receive results, and return True if there were any."""
+        done = [future for future in jobs.in_flight if future.status != "pending"]
+        for future in done:
+            sent = jobs.in_flight.pop(future)
+            result, error = self._unpack_result(future)
             future.release()
-            if haul is not None:
-                bring(sent.errand, haul)
-                state.is_exhausted = False
-            elif trouble is None:
-                state.again.append(sent)
+            if result is not None:
+                merge(sent.job, result)
+                jobs.is_exhausted = False
+            elif error is None:
+                jobs.retries.append(sent)
             elif sent.attempt + 1 < _ATTEMPTS:
-                state.again.append(sent._replace(attempt=sent.attempt + 1))
+                jobs.retries.append(sent._replace(attempt=sent.attempt + 1))
             else:
-                raise OutputError(f"the cluster has failed {_ATTEMPTS} times to take the same samples: {trouble}")
+                raise OutputError(f"the cluster has failed {_ATTEMPTS} times to take the same samples: {error}")
 
-        # What nobody is left to do.
-        for future in [future for future, sent in state.out.items() if sent.workers.isdisjoint(self._hands)]:
-            state.again.append(state.out.pop(future))
+        # Jobs of which all workers are gone.
+        present = self._worker_states
+        for future in [future for future, sent in jobs.in_flight.items() if sent.workers.isdisjoint(present)]:
+            jobs.retries.append(jobs.in_flight.pop(future))
             future.release()
-        return bool(came)
+        return bool(done)
 
-    def _opened(self, future: Future) -> tuple[Haul | None, str | None]:
-        """What an errand has brought; None and why, if that is its own doing."""
+    def _unpack_result(self, future: Future) -> tuple[TileResult | None, str | None]:
+        """Return the result of a job; None and the error, if the job itself has failed."""
         if future.status not in ("finished", "error"):
             return None, None
         try:
-            address, haul = future.result(timeout=_RESULT_SECONDS)
+            address, result = future.result(timeout=_RESULT_SECONDS)
         except (TimeoutError, OSError, CancelledError):
-            # Who had it is gone, or the scheduler is.
+            # The worker that had it is gone, or the scheduler is.
             return None, None
         except Exception as error:  # noqa: BLE001
-            # Whatever a worker may run into; what killed several of them is one, too.
+            # Any error of a worker; a job that killed several of them raises one, too.
             return None, f"{type(error).__name__}: {error}"
-        if haul is None:
+        if result is None:
             # The worker has forgotten the scene.
-            self._ask(address)
+            self._request_prepare(address)
         elif address not in self.workers:
             self.workers.append(address)
-        return haul, None
+        return result, None
 
     def _submit(self, function: Callable[..., Any], *arguments: Any, workers: Sequence[str] | None) -> Future | None:
-        """Have a function called on one of some workers; None if the scheduler is not in reach."""
+        """Submit a call to one of some workers; return None if the scheduler cannot be reached."""
         if self._client.status != "running":
             return None
         name = f"rt-{function.__name__}-{uuid.uuid4().hex}"
@@ -230,16 +254,16 @@ class Engagement:
 
     # ---- Workers
 
-    def _look(self) -> None:
-        """Once a second, see who is there, ask who is new, and hear who has answered."""
-        for address, hand in self._hands.items():
-            if hand.asked is not None and hand.asked.status != "pending":
-                asked, hand.asked = hand.asked, None
-                self._hear(address, hand, asked)
-                asked.release()
-        if now() - self._looked < _LOOK_SECONDS:
+    def _poll_workers(self) -> None:
+        """Receive replies, and once a second update the list of workers and send requests to new ones."""
+        for address, state in self._worker_states.items():
+            if state.request is not None and state.request.status != "pending":
+                request, state.request = state.request, None
+                self._handle_reply(address, state, request)
+                request.release()
+        if now() - self._last_poll < _POLL_SECONDS:
             return
-        self._looked = now()
+        self._last_poll = now()
         if self._client.status == "closed":
             raise OutputError("the cluster is lost: its scheduler does not answer any more")
         try:
@@ -248,77 +272,78 @@ class Engagement:
             present = None
         if present is None:
             return
-        for address in self._hands.keys() - present.keys():
-            del self._hands[address]
-        for address in sorted(present.keys() - self._hands.keys()):
-            self._hands[address] = _Hand(present[address])
-            self._ask(address)
+        for address in self._worker_states.keys() - present.keys():
+            del self._worker_states[address]
+        for address in sorted(present.keys() - self._worker_states.keys()):
+            self._worker_states[address] = _WorkerState(present[address])
+            self._request_prepare(address)
 
-    def _ask(self, address: str, missing: Sequence[str] = ()) -> None:
-        """Ask a worker to make the scene ready, with what it lacks for that."""
-        hand = self._hands.get(address)
-        if hand is None or hand.asked is not None:
+    def _request_prepare(self, address: str, missing: Sequence[str] = ()) -> None:
+        """Request a worker to prepare the scene, and send the files that it lacks."""
+        state = self._worker_states.get(address)
+        if state is None or state.request is not None:
             return
-        hand.is_ready = False
+        state.is_ready = False
         files = {digest: self._file(digest) for digest in missing}
-        hand.asked = self._submit(worker.prepare, self._order, files, workers=[address])
-        if hand.asked is None:
-            # Met again when the scheduler is back.
-            del self._hands[address]
+        state.request = self._submit(worker.prepare, self._request, files, workers=[address])
+        if state.request is None:
+            # Asked again when the scheduler is back.
+            del self._worker_states[address]
 
     def _file(self, digest: str) -> Future:
-        """A file's content, which workers hand on to each other."""
+        """Publish a file's content, which workers hand on to each other."""
         if digest not in self._files or self._files[digest].status in ("cancelled", "lost", "error"):
             content = np.frombuffer(self._contents[digest], dtype=np.uint8)
-            self._files[digest] = self._client.submit(worker.hold, content, key=f"rt-hold-{uuid.uuid4().hex}")
+            self._files[digest] = self._client.submit(worker.publish_file, content, key=f"rt-hold-{uuid.uuid4().hex}")
         return self._files[digest]
 
-    def _hear(self, address: str, hand: _Hand, asked: Future) -> None:
-        """Take a worker's answer."""
+    def _handle_reply(self, address: str, state: _WorkerState, request: Future) -> None:
+        """Handle a worker's reply to the request to prepare the scene."""
         try:
-            answer = asked.result(timeout=_RESULT_SECONDS) if asked.status in ("finished", "error") else None
+            reply = request.result(timeout=_RESULT_SECONDS) if request.status in ("finished", "error") else None
         except (TimeoutError, OSError, CancelledError):
-            answer = None
+            reply = None
         except Exception as error:  # noqa: BLE001
-            hand.reason = f"cannot take part: {type(error).__name__}: {error}"
+            state.reason = f"cannot take part: {type(error).__name__}: {error}"
             return
-        if answer is None:
-            self._ask(address)
-        elif answer.missing:
-            self._ask(address, answer.missing)
-        elif answer.obstacle or answer.failure:
-            hand.reason = answer.obstacle or f"cannot make the scene ready: {answer.failure}"
-            if len(self._hands) > 1:
-                self._doubt(f"worker {address} {hand.reason}; it is left out")
+        if reply is None:
+            self._request_prepare(address)
+        elif reply.missing:
+            self._request_prepare(address, reply.missing)
+        elif reply.mismatch or reply.failure:
+            state.reason = reply.mismatch or f"cannot make the scene ready: {reply.failure}"
+            if len(self._worker_states) > 1:
+                self._warn_or_raise(f"worker {address} {state.reason}; it is left out")
         else:
-            hand.is_ready = True
-            if answer.processor not in self._known_processors:
-                self._known_processors.add(answer.processor)
-                self._doubt(
+            state.is_ready = True
+            if reply.processor not in self._known_processors:
+                self._known_processors.add(reply.processor)
+                self._warn_or_raise(
                     f"worker {address} has another instruction set than this machine, so that bits may differ from one "
                     "render to the next"
                 )
 
-    def _doubt(self, sentence: str) -> None:
+    def _warn_or_raise(self, sentence: str) -> None:
         if self._strict:
             raise StrictError([sentence])
         if self._warn is not None:
             self._warn(sentence)
 
-    def _check_company(self) -> None:
-        """Give up where nobody can take part, or nobody has come for long."""
-        able = [hand for hand in self._hands.values() if hand.reason is None]
+    def _check_workers(self) -> None:
+        """Give up if no worker can take part, or none has come for long."""
+        able = [state for state in self._worker_states.values() if state.reason is None]
         if able:
-            self._lonely, self._has_said = None, False
+            self._no_workers_since, self._has_said = None, False
             return
         error = OutputError if self.workers else InputError
-        for address, hand in self._hands.items():
-            raise error(f"worker {address} {hand.reason}")
-        self._lonely = self._lonely or now()
-        waited, patience = now() - self._lonely, _PATIENCE_BETWEEN if self.workers else self._waiting.patience
+        for address, state in self._worker_states.items():
+            raise error(f"worker {address} {state.reason}")
+        self._no_workers_since = self._no_workers_since or now()
+        waited = now() - self._no_workers_since
+        patience = _RECONNECT_SECONDS if self.workers else self._waiting.patience
         place = self._client.scheduler.address if self._client.scheduler is not None else "the scheduler"
         if waited > patience:
             raise error(f"{place} has had no workers for {patience:g} s; `dask worker {place}` starts one")
-        if waited > SAY_AFTER and not self._has_said:
+        if waited > REPORT_AFTER and not self._has_said:
             self._has_said = True
             self._waiting.say(f"{place} has no workers; waiting for one, up to {patience:g} s")

@@ -1,4 +1,4 @@
-"""What workers do: make scenes ready, and take samples of them.
+"""The functions that run on workers: prepare scenes, and take samples of them.
 
 Dask's scheduler imports this module too, so it loads nothing heavy by itself.
 """
@@ -17,25 +17,30 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.cluster.fitness import Fingerprint, fingerprint, obstacle
-from raytracer.errors import InputError, OutputError
+from raytracer.rendering.cluster.compatibility import Fingerprint, find_mismatch, fingerprint
+from raytracer.scene.bundle import Bundle, unbundle
+from raytracer.util.errors import InputError, OutputError
 
 if TYPE_CHECKING:
-    from raytracer.accumulation import FilmView
-    from raytracer.embree import Accel
-    from raytracer.errands import Errand, Haul
-    from raytracer.integrator import Scene
-    from raytracer.stock import Stock
+    from raytracer.core.embree import Accel
+    from raytracer.kernel.packed_scene import Scene
+    from raytracer.kernel.pixel_accumulator import FilmView
+    from raytracer.rendering.tile_job import TileJob, TileResult
+    from raytracer.scene.cache import RenderCache
 
-_SCENES_KEPT = 4
-_FOLDERS_KEPT = 8
+_MAX_SCENES = 4
+_MAX_FOLDERS = 8
 
 
-class Order(NamedTuple):
-    """A scene to be made ready.
+class PrepareRequest(NamedTuple):
+    """A request to prepare a scene.
 
-    key, by which errands name it; text, name, files, of its bundle (`scene.inputs.Bundle`), but of each file only the
-    sha256; aovs, denoise, what is gathered besides radiance; sender, who will merge what is sampled.
+    Attributes
+    ----------
+    key : by which jobs name the scene.
+    text, name, files : of its bundle (`scene.bundle.Bundle`), but of each file only the sha256.
+    aovs, denoise : what is recorded besides radiance.
+    sender : fingerprint of the machine that merges the results.
     """
 
     key: str
@@ -47,21 +52,25 @@ class Order(NamedTuple):
     sender: Fingerprint
 
 
-class Answer(NamedTuple):
-    """What a worker says to an order: nothing of the following, if it is ready.
+class PrepareReply(NamedTuple):
+    """A worker's reply to a request; it is ready if the first three fields are empty.
 
-    missing, the sha256 of the files that it lacks; obstacle, why it cannot take part (`fitness.obstacle`); failure,
-    what went wrong with the scene there; processor, its own.
+    Attributes
+    ----------
+    missing : sha256 of the files that it lacks.
+    mismatch : reason why it cannot take part (`compatibility.find_mismatch`).
+    failure : error with which it failed to prepare the scene.
+    processor : of the worker.
     """
 
     missing: tuple[str, ...] = ()
-    obstacle: str | None = None
+    mismatch: str | None = None
     failure: str | None = None
     processor: str = ""
 
 
-class _Ready(NamedTuple):
-    """A scene to take samples of, what it points into, and how to make a film of one tile for it."""
+class _WorkerScene(NamedTuple):
+    """A prepared scene, the structure that it points into, and a function that makes a film of one tile for it."""
 
     scene: "Scene"
     accel: "Accel"
@@ -69,116 +78,113 @@ class _Ready(NamedTuple):
 
 
 _lock = threading.Lock()
-_scenes: OrderedDict[str, _Ready] = OrderedDict()
-_preparing = threading.Lock()
-_stock: "Stock | None" = None
+_scenes: OrderedDict[str, _WorkerScene] = OrderedDict()
+_prepare_lock = threading.Lock()
+_cache: "RenderCache | None" = None
 
 
-def prepare(order: Order, files: Mapping[str, NDArray[np.uint8]]) -> Answer:
-    """Make a scene ready, unless it is; `files` are what was said to be missing, by sha256."""
-    reason = obstacle(order.sender, fingerprint())
+def prepare(request: PrepareRequest, files: Mapping[str, NDArray[np.uint8]]) -> PrepareReply:
+    """Prepare a scene, unless that is done; `files` are those that were reported missing, by sha256."""
+    reason = find_mismatch(request.sender, fingerprint())
     if reason is not None:
-        return Answer(obstacle=reason)
-    answer = Answer(processor=fingerprint().processor)
-    # Errands for other scenes go on meanwhile.
-    with _preparing:
+        return PrepareReply(mismatch=reason)
+    reply = PrepareReply(processor=fingerprint().processor)
+    # Jobs for other scenes go on meanwhile.
+    with _prepare_lock:
         with _lock:
-            if order.key in _scenes:
-                _scenes.move_to_end(order.key)
-                return answer
-        folder = _folder_of(order)
-        absent = {name: digest for name, digest in order.files.items() if not (folder / name).exists()}
+            if request.key in _scenes:
+                _scenes.move_to_end(request.key)
+                return reply
+        folder = _scene_folder(request)
+        absent = {name: digest for name, digest in request.files.items() if not (folder / name).exists()}
         lacking = set(absent.values()).difference(files)
         if lacking:
-            return answer._replace(missing=tuple(sorted(lacking)))
+            return reply._replace(missing=tuple(sorted(lacking)))
         try:
-            ready = _made(order, folder, {name: files[digest].tobytes() for name, digest in absent.items()})
+            prepared = _build_scene(request, folder, {name: files[digest].tobytes() for name, digest in absent.items()})
         except (InputError, OSError, MemoryError, OutputError) as error:
-            return answer._replace(failure=str(error) or type(error).__name__)
+            return reply._replace(failure=str(error) or type(error).__name__)
         with _lock:
-            _scenes[order.key] = ready
-            while len(_scenes) > _SCENES_KEPT:
+            _scenes[request.key] = prepared
+            while len(_scenes) > _MAX_SCENES:
                 _scenes.popitem(last=False)
-    return answer
+    return reply
 
 
 def dask_setup(worker: object) -> None:
     """Load the program when a worker starts, not with its first scene; Dask calls this for a `--preload`."""
     fingerprint()
-    importlib.import_module("raytracer.preparation")
+    importlib.import_module("raytracer.rendering.compilation")
 
 
-def packed(errand: "Errand") -> bytes:
-    """An errand as `fetch` takes it: the scheduler, which reads what passes through it, need not know its classes."""
-    return pickle.dumps(errand, pickle.HIGHEST_PROTOCOL)
+def pickle_job(job: "TileJob") -> bytes:
+    """Pickle a job for `run_job`: the scheduler, which reads what passes through it, need not know its classes."""
+    return pickle.dumps(job, pickle.HIGHEST_PROTOCOL)
 
 
-def fetch(key: str, errand: bytes) -> "tuple[str, Haul | None]":
-    """Take samples of a scene: who has, and what came of it, None if the scene is not ready here."""
+def run_job(key: str, pickled_job: bytes) -> "tuple[str, TileResult | None]":
+    """Run a job, and return the worker's address and the result; None if the scene is not prepared here."""
     from distributed import get_worker
 
-    from raytracer.errands import take
-    from raytracer.interior import ranks_of
-    from raytracer.paths import workspace
+    from raytracer.kernel.path_state import workspace as make_workspace
+    from raytracer.rendering.tile_job import run_tile_job
 
     with _lock:
-        ready = _scenes.get(key)
-        if ready is not None:
+        prepared = _scenes.get(key)
+        if prepared is not None:
             _scenes.move_to_end(key)
     name = str(get_worker().address)
-    if ready is None:
+    if prepared is None:
         return name, None
-    room = workspace(solids=ranks_of(ready.scene.interior))
-    return name, take(ready.scene, ready.scratch(), room, pickle.loads(errand))
+    workspace = make_workspace(prepared.scene)
+    return name, run_tile_job(prepared.scene, prepared.scratch(), workspace, pickle.loads(pickled_job))
 
 
-def hold(content: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The content of a file, as something that workers hand on to each other."""
+def publish_file(content: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the content of a file, as a Dask result that workers hand on to each other."""
     return content
 
 
-def digest_of(content: bytes) -> str:
-    """The name of a file's content."""
+def content_digest(content: bytes) -> str:
+    """Return the sha256 by which a file's content is named."""
     return hashlib.sha256(content).hexdigest()
 
 
-def _folder_of(order: Order) -> Path:
-    """A folder for a scene's files: the same one for all scenes that have the same, so that they are read but once.
+def _scene_folder(request: PrepareRequest) -> Path:
+    """Make a folder for a scene's files: one for all scenes that have the same files, so that these are read only once.
 
-    Dask takes it away when the worker ends, or where it could not, when the next one starts.
+    Dask removes it when the worker ends, or where it could not, when the next one starts.
     """
     from distributed import get_worker
 
-    names = repr(sorted(order.files.items())).encode()
+    names = repr(sorted(request.files.items())).encode()
     folders = Path(get_worker().local_directory) / "raytracer"
     folder = folders / hashlib.sha256(names).hexdigest()[:16]
     folder.mkdir(parents=True, exist_ok=True)
     os.utime(folder)
-    for old in sorted(folders.iterdir(), key=lambda path: path.stat().st_mtime_ns)[:-_FOLDERS_KEPT]:
+    for old in sorted(folders.iterdir(), key=lambda path: path.stat().st_mtime_ns)[:-_MAX_FOLDERS]:
         shutil.rmtree(old, ignore_errors=True)
     return folder
 
 
-def _made(order: Order, folder: Path, files: dict[str, bytes]) -> _Ready:
-    """The scene of an order; `files` are those that are not in its folder yet."""
-    from raytracer.accumulation import FilmView
-    from raytracer.development import recording_of
-    from raytracer.preparation import compile_for, film_for, view
-    from raytracer.scene.inputs import Bundle, unbundle
-    from raytracer.scene.pack import pack
-    from raytracer.scheduling import TILE
-    from raytracer.stock import Stock
+def _build_scene(request: PrepareRequest, folder: Path, files: dict[str, bytes]) -> _WorkerScene:
+    """Pack, build and compile a scene; `files` are those that are not in its folder yet."""
+    from raytracer.kernel.pixel_accumulator import FilmView
+    from raytracer.rendering.compilation import compile_kernel
+    from raytracer.rendering.film_region import empty_region
+    from raytracer.rendering.tile_scheduler import TILE_SIZE, Window
+    from raytracer.scene.cache import RenderCache
+    from raytracer.scene.pack.scene import pack
 
-    global _stock  # noqa: PLW0603
-    _stock = _stock or Stock()
-    spec = unbundle(Bundle(order.text, order.name, files), folder)
-    packed = pack(spec, supplies=_stock)
-    accel = packed.build(_stock)
+    global _cache  # noqa: PLW0603
+    _cache = _cache or RenderCache()
+    spec = unbundle(Bundle(request.text, request.name, files), folder)
+    packed = pack(spec, provider=_cache)
+    accel = packed.build(_cache)
     scene = packed.scene._replace(accel=accel.address)
 
     def scratch() -> FilmView:
-        recording = recording_of(packed.spec, packed, TILE, TILE, order.aovs, denoise=order.denoise)
-        return view(film_for(scene, TILE, TILE), aovs=None if recording is None else recording.view)
+        return empty_region(packed, Window(0, 0, TILE_SIZE, TILE_SIZE), request.aovs, denoise=request.denoise).view()
 
-    compile_for(scene, scratch())
-    return _Ready(scene, accel, scratch)
+    compile_kernel(scene, scratch())
+    return _WorkerScene(scene, accel, scratch)

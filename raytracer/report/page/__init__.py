@@ -1,8 +1,8 @@
-"""Pages of HTML that hold all they show: no request leaves them, and they work from the file system and in the dark.
+"""Self-contained pages of HTML: they make no requests, and work from the file system and in dark mode.
 
 A page `<name>` is made of files in this folder: `<name>.html` is its body, `<name>.css` and `<name>.js` its own style
-and script, if there are any; `style.css` and `base.js` are every page's, and the parts that it asks for (`wipe`) are a
-style and a script too.  The data that it shows are JSON beside them: scripts make text of them, and never HTML.
+and script, if there are any; `style.css` and `base.js` are those of every page, and the parts that it asks for (`wipe`)
+have a style and a script too.  The data that it shows are JSON beside them: scripts make text of them, and never HTML.
 """
 
 import base64
@@ -17,28 +17,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.errors import one_line
+from raytracer.util.errors import one_line
 
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 
-# What would end the element that holds the data, or begin a comment in it.
+# Characters that would end the element that holds the data, or begin a comment in it.
 _ESCAPES = str.maketrans({"<": "\\u003c", ">": "\\u003e", "&": "\\u0026"})
 
 
 def page(name: str, title: str, data: Mapping[str, Any], *, parts: Sequence[str] = ()) -> bytes:
-    """One self-contained HTML file (UTF-8).
+    """Make one self-contained HTML file (UTF-8).
 
     Parameters
     ----------
     name : of the page's files in this folder.
     title : of the window; its first heading is in the body.
-    data : what the scripts find as `data`: mappings, sequences, texts, numbers, NumPy's too; numbers that JSON cannot
-        hold become the texts "inf", "-inf" and "nan".
-    parts : what the page's script builds on: names of further scripts and styles in this folder, in order.
+    data : of the scripts, as `data`: mappings, sequences, strings, numbers, NumPy's too; numbers that JSON cannot hold
+        become the strings "inf", "-inf" and "nan".
+    parts : that the page's script builds on: names of further scripts and styles in this folder, in order.
 
     Raises
     ------
-    TypeError : something in `data` is none of these.
+    TypeError : a value in `data` is of another type.
     """
     sources = ("base", *parts, name)
     styles = ("style", *parts, name)
@@ -67,7 +67,7 @@ def page(name: str, title: str, data: Mapping[str, Any], *, parts: Sequence[str]
 
 
 def _texts(names: Sequence[str], suffix: str) -> Iterator[str]:
-    """The texts of those files in this folder that there are."""
+    """Read those of the files in this folder that exist."""
     for name in names:
         file = files(__name__).joinpath(name + suffix)
         if file.is_file():
@@ -75,11 +75,12 @@ def _texts(names: Sequence[str], suffix: str) -> Iterator[str]:
 
 
 def _json(data: Any) -> str:
-    """JSON in ASCII that may stand in HTML."""
+    """Write JSON in ASCII that may stand in HTML."""
     return json.dumps(_plain(data), allow_nan=False, separators=(",", ":")).translate(_ESCAPES)
 
 
 def _plain(value: Any) -> Any:
+    """Convert data to values of JSON."""
     if isinstance(value, Mapping):
         return {str(key): _plain(entry) for key, entry in value.items()}
     if isinstance(value, np.ndarray | np.generic):
@@ -92,19 +93,19 @@ def _plain(value: Any) -> Any:
 
 
 def data_uri(content: bytes, media_type: str) -> str:
-    """A file's content as an address, which asks nobody for it: `data:image/png;base64,...`."""
+    """Write a file's content as a data URI: `data:image/png;base64,...`."""
     return f"data:{media_type};base64,{base64.b64encode(content).decode()}"
 
 
 def png(pixels: NDArray[np.uint8]) -> str:
-    """A picture, uint8 (height, width[, 3 or 4]), as the address of a PNG: every pixel as it is."""
+    """Encode a picture, uint8 (height, width[, 3 or 4]), as the data URI of a PNG, lossless."""
     return _encoded(pixels, "PNG")
 
 
 def webp(pixels: NDArray[np.uint8], quality: int | None = None) -> str:
-    """A picture, uint8 (height, width[, 3 or 4]), as the address of a WebP of a quality in 0..100.
+    """Encode a picture, uint8 (height, width[, 3 or 4]), as the data URI of a WebP of a quality in 0..100.
 
-    Without a quality every pixel is as it is, which is smaller than a PNG.
+    Without a quality it is lossless, and smaller than a PNG.
     """
     if quality is None:
         return _encoded(pixels, "WEBP", lossless=True, quality=20, method=2, exact=True)
@@ -112,14 +113,15 @@ def webp(pixels: NDArray[np.uint8], quality: int | None = None) -> str:
 
 
 def jpeg(pixels: NDArray[np.uint8], quality: int = 90, *, full_colour: bool = False) -> str:
-    """A picture, uint8 (height, width[, 3]), as the address of a JPEG of a quality in 0..100.
+    """Encode a picture, uint8 (height, width[, 3]), as the data URI of a JPEG of a quality in 0..100.
 
-    Its colours are of half the picture's size, unless they are to be of the full one.
+    Its colours are subsampled to half the size, unless `full_colour` is set.
     """
     return _encoded(pixels, "JPEG", quality=quality, subsampling="4:4:4" if full_colour else "4:2:0")
 
 
 def _encoded(pixels: NDArray[np.uint8], kind: str, **settings: Any) -> str:
+    """Encode a picture in a format of Pillow's."""
     import PIL.Image
 
     buffer = io.BytesIO()

@@ -1,6 +1,6 @@
 "use strict";
 
-/* What every page has: its data, and how it makes elements and texts of them. */
+/* Shared by all pages: the data, and functions that make elements and strings of them. */
 
 const data = JSON.parse(document.getElementById("data").textContent);
 
@@ -8,7 +8,7 @@ const data = JSON.parse(document.getElementById("data").textContent);
 const find = (selector, within = document) => within.querySelector(selector);
 
 /* An element with attributes ("class", "aria-label", ...; those that are null are left out) and listeners ("onclick": a
-   function), holding texts and elements. */
+   function), holding strings and elements. */
 function make(tag, attributes = {}, ...children) {
   const element = document.createElement(tag);
   for (const [key, value] of Object.entries(attributes)) {
@@ -19,25 +19,27 @@ function make(tag, attributes = {}, ...children) {
   return element;
 }
 
-/* A number as it is read: so many significant digits, no zeros behind them; texts (inf, nan) as they are. */
+/* A number for reading: significant digits without trailing zeros; strings (inf, nan) stay. */
 function shortNumber(value, digits = 4) {
   if (typeof value !== "number") return value === null || value === undefined ? "" : String(value);
   if (value === 0) return "0";
   const size = Math.abs(value);
   if (size < 1e-4 || size >= 1e9) return value.toExponential(digits - 1).replace(/\.?0+e/, "e");
-  // Digits before the point are all told.
+  // Digits before the point are all written.
   const rounded = size >= 10 ** digits ? Math.round(value) : Number(value.toPrecision(digits));
   return rounded.toLocaleString("en-US", { maximumFractionDigits: 12, useGrouping: size >= 1e5 });
 }
 
-/* What keeps the page's address as a function says, so that it can be sent to others. */
+/* Returns a function that writes the page's state into its address, so that it can be shared. */
 function addressWriter(addressOf) {
   let written = null;
   return () => {
     clearTimeout(written);
+    const before = location.hash;
     // Browsers grow impatient with an address that changes all the time.
     written = setTimeout(() => {
-      if (location.hash.slice(1) !== addressOf()) history.replaceState(null, "", `#${addressOf()}`);
+      // An address that someone has set since then is about to be read: it stays.
+      if (location.hash === before && before.slice(1) !== addressOf()) history.replaceState(null, "", `#${addressOf()}`);
     }, 250);
   };
 }

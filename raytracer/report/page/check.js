@@ -3,12 +3,12 @@
 const CHANNELS = ["red", "green", "blue"];
 const TESTS = { means: "means of channels", tiles: "means of tiles", pixels: "single pixels", exceeding: "pixels beyond 2" };
 
-const SAID = { error: "cannot be checked", skipped: "left out" };
+const OUTCOMES = { error: "cannot be checked", skipped: "left out" };
 const FINE = new Set(["passed", "skipped"]);
 
-/* A text of a result's verdict, coloured. */
+/* Show a result's verdict in colour. */
 const badge = (result) =>
-  make("strong", { class: FINE.has(result.verdict) ? "good" : "bad" }, SAID[result.verdict] ?? result.verdict);
+  make("strong", { class: FINE.has(result.verdict) ? "good" : "bad" }, OUTCOMES[result.verdict] ?? result.verdict);
 
 function table(head, rows) {
   return make("div", { class: "scroll" }, make("table", {},
@@ -87,7 +87,7 @@ if (data.results.length > 1) {
   ])));
 }
 
-/* Let the pictures of a result be compared: once they are seen, since a wipe measures its place. */
+/* Add the wipe of a result once it is visible, since a wipe measures its place. */
 function wipe(section, result) {
   const place = find(".wiped", section);
   if (!place || place.childElementCount) return;
@@ -107,7 +107,7 @@ data.results.forEach((result, index) => {
   if (!FINE.has(result.verdict)) wipe(section, result);
 });
 
-/* Who follows a link to what has passed wants to see it. */
+/* Open the result that the address names. */
 function follow() {
   const section = location.hash && document.getElementById(location.hash.slice(1));
   const details = section && find("details", section);

@@ -6,7 +6,7 @@
 const SIZE_COLOURS = data.colours.size;
 const SIGNED_COLOURS = data.colours.signed;
 
-/* What the 65536 halves (IEEE 754) stand for. */
+/* Values of the 65536 halves (IEEE 754). */
 const HALVES = Float32Array.from({ length: 65536 }, (_, bits) => {
   const exponent = (bits >> 10) & 31;
   const fraction = bits & 1023;
@@ -74,7 +74,7 @@ class Pair {
       .then((pictures) => { this.pictures = pictures; });
   }
 
-  /* The views that there are of it. */
+  /* List the views of it. */
   get views() {
     return Object.keys(VIEWS).filter((view) => !["flip", "z"].includes(view) || view in this.maps);
   }
@@ -151,7 +151,7 @@ const signs = (value) => `${value > 0 ? "+" : value < 0 ? "\u2212" : "\u00b1"}${
 
 let asked = 0;
 
-/* Draw what is chosen. */
+/* Draw the chosen views. */
 async function show() {
   const turn = ++asked;
   const pair = shownPair;
@@ -189,7 +189,7 @@ function legend(pair, view) {
   return make("div", { class: "legend" }, canvas, make("div", {}, ...ends.map((end) => make("span", {}, end))), make("span", { class: "faint" }, caption));
 }
 
-/* Say how far apart the images of a pair are. */
+/* Show the metrics of a pair. */
 function tell(pair) {
   const verdict = find("#verdict");
   verdict.replaceChildren();
@@ -225,7 +225,7 @@ function tell(pair) {
   );
 }
 
-/* Turn to a pair. */
+/* Show a pair. */
 function turnTo(number) {
   shownPair = pairAt(number);
   find("#pair").value = String(number);

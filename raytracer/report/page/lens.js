@@ -2,7 +2,7 @@
 
 const SVG = "http://www.w3.org/2000/svg";
 
-/* A picture from its description: [name, attributes, ...children], children being the same or texts. */
+/* Draw a picture from its description: [name, attributes, ...children], children being the same or strings. */
 function draw([name, attributes, ...children]) {
   const element = document.createElementNS(SVG, name);
   for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
@@ -10,18 +10,18 @@ function draw([name, attributes, ...children]) {
   return element;
 }
 
-/* What is wider than a narrow window can be moved in its place, by keys too. */
+/* A region that scrolls where its content is wider than the window, by keys too. */
 const scrolled = (label, ...children) =>
   make("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": label }, ...children);
 
-/* Let a text be saved as a file. */
+/* Save a string as a file. */
 function save(name, type, text) {
   const address = URL.createObjectURL(new Blob([text], { type }));
   make("a", { href: address, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(address), 1000);
 }
 
-/* A picture as a file of its own: in black on white, whatever the page's colours are. */
+/* A picture as a file of its own: black on white, in light and dark mode. */
 function standalone(picture) {
   const copy = picture.cloneNode(true);
   const [, , width, height] = copy.getAttribute("viewBox").split(" ");
@@ -35,7 +35,7 @@ function standalone(picture) {
   return new XMLSerializer().serializeToString(copy);
 }
 
-/* A text as a cell of CSV. */
+/* A string as a cell of CSV. */
 const cell = (value) => (/[",\n]/.test(String(value)) ? `"${String(value).replaceAll('"', '""')}"` : String(value ?? ""));
 
 function numbers(chart) {
@@ -85,13 +85,13 @@ find("h1").textContent = data.name;
 find("#source").textContent = data.source;
 find("#setting").textContent = data.setting;
 
-section("drawing", "Section", ...data.drawings.flatMap((drawing, index) => {
+section("drawing", "Cross-section", ...data.drawings.flatMap((drawing, index) => {
   const picture = draw(drawing.picture);
   const caption = make("figcaption", {}, drawing.caption);
   return [
     ...(data.drawings.length > 1 ? [make("h3", {}, drawing.title)] : []),
     make("div", { class: "wide" }, scrolled(drawing.title, make("figure", {}, picture))),
-    make("figure", {}, caption, tools(`section-${index + 1}`, picture)),
+    make("figure", {}, caption, tools(`cross-section-${index + 1}`, picture)),
   ];
 }));
 
@@ -110,4 +110,4 @@ for (const content of data.tables_after) section(content.key, content.title, ...
 if (data.notes.length) {
   section("notes", "Notes", make("ul", {}, ...data.notes.map((note) => make("li", {}, make("strong", {}, note.topic), `: ${note.reason}`))));
 }
-find("#report").append(make("p", { class: "faint" }, `Made by rt ${data.version}. Rays follow geometrical optics: no diffraction, no tolerances of making, and glasses by their formulas.`));
+find("#report").append(make("p", { class: "faint" }, `Made by rt ${data.version}. Rays follow geometrical optics: no diffraction, no manufacturing tolerances, and glasses by their formulas.`));

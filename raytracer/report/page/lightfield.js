@@ -1,9 +1,9 @@
 "use strict";
 
-/* A light field: a click focuses, a drag looks around, a slider opens the aperture.
+/* A light field: a click focuses, a drag moves the viewpoint, a slider opens the aperture.
 
    The picture is the mean of the views that the aperture lets through, each shifted so that what is at the focus
-   distance 1 / w lies over itself: the view at u is taken at x - u (w - w0), as `raytracer.plenoptic.views` has it.  It
+   distance 1 / w lies over itself: the view at u is taken at x - u (w - w0), as `raytracer.film.light_field.views` has it.  It
    is made of linear light on the pixels of the views, and encoded as sRGB at last.
 
    data.views: {at: [right, up], share, picture}, the place in the plane of the views (m) and the part of the view that
@@ -22,7 +22,7 @@ const PLANES = 256;
 const CLOSED = 0;
 const EV_RANGE = 8;
 
-// ---- where the views are ----
+// ---- places of the views ----
 
 const seen = views.filter(({ share }) => share > 0);
 const extremes = (axis, of = seen) => [Math.min(...of.map(({ at }) => at[axis])), Math.max(...of.map(({ at }) => at[axis]))];
@@ -39,14 +39,14 @@ function widest(shape) {
   return shape === "round" ? [round, round] : extent;
 }
 
-/* Keep the eye where views are. */
+/* Clamp the viewpoint to the places of the views. */
 function within(eye) {
   const kept = eye.map((place, axis) => Math.min(bounds[axis][1], Math.max(bounds[axis][0], place)));
   const away = Math.hypot(...kept);
   return away > radius ? kept.map((place) => (place * radius) / away) : kept;
 }
 
-/* How much each view counts: the part of its cell that the aperture covers.  Of an aperture that is smaller than a cell
+/* Weights of the views: the part of its cell that the aperture covers.  Of an aperture that is smaller than a cell
    the views around share, so that nothing jumps when it moves; closed, that is linear interpolation between them. */
 function weightsOf(eye, opening, shape) {
   const half = widest(shape).map((size) => (0.5 * size * opening) || 0);
@@ -87,7 +87,7 @@ function weightsOf(eye, opening, shape) {
   return views.map((_, number) => Number(number === nearest));
 }
 
-// ---- how far things are ----
+// ---- depth ----
 
 const depth = data.depth && (() => {
   const bytes = bytesOf(data.depth.values);
@@ -111,7 +111,7 @@ function mapped(x, y) {
   return depth.values[row * depth.width + column];
 }
 
-/* One over the distance of what is seen at a place of the picture; NaN if that is not known.
+/* One over the distance of the point at a place of the picture; NaN if it is not known.
 
    From the nearest plane to the farthest: the first that lies behind what is in the map at its place. */
 function hit(x, y) {
@@ -131,7 +131,7 @@ function hit(x, y) {
   return last;
 }
 
-// ---- what is chosen ----
+// ---- state ----
 
 const start = { w: data.start, opening: 1, shape: data.aperture === null ? "square" : "round", eye: within([0, 0]), ev: data.exposure };
 const state = { ...start, eye: start.eye.slice() };
@@ -147,7 +147,7 @@ function choose(values) {
 
 let gliding = null;
 
-/* Go to a focus as a lens does: not all at once. */
+/* Move the focus smoothly, as a lens does. */
 function focusOn(w) {
   halt();
   if (Number.isNaN(w)) return;
@@ -405,7 +405,7 @@ async function load() {
 canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
 canvas.addEventListener("webglcontextrestored", () => { load(); });
 
-// ---- words ----
+// ---- texts ----
 
 const metric = data.unit === "m";
 
@@ -621,7 +621,7 @@ document.addEventListener("keydown", (event) => {
 // ---- the address ----
 
 const rounded = (value, digits = 5) => String(Number(value.toPrecision(digits)));
-// Lengths across are told in mm where they are known.
+// Lengths across are written in mm where they are known.
 const SCALE = metric ? 1000 : 1;
 
 function addressOf() {
@@ -633,7 +633,7 @@ function addressOf() {
 
 const writeAddress = addressWriter(addressOf);
 
-/* Choose what the address says; what it does not know stays as it is. */
+/* Set the state that the address holds; the rest stays. */
 function readAddress() {
   const said = new URLSearchParams(location.hash.slice(1));
   const number = (text) => (text === null || text.trim() === "" ? NaN : Number(text));

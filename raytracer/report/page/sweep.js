@@ -7,11 +7,9 @@
 
 const { axes, points, columns } = data;
 
-// Decoded pictures that are kept, in pixels: 4 bytes each.
-const KEPT_PIXELS = 96e6;
 const PLAY_MS = 160;
 
-// ---- what is chosen ----
+// ---- chosen points ----
 
 const state = { a: points[0].index.slice(), b: null, sides: axes.map((_, axis) => axis).slice(-2) };
 if (axes.length > 1) state.sides = [0, 1];
@@ -31,7 +29,7 @@ function choose(which, values) {
 }
 
 function compare(on) {
-  // The other end of the first axis is a telling start.
+  // Start at the other end of the first axis, where the difference is large.
   if (on && state.b === null) {
     const last = axes[0].labels.length - 1;
     state.b = [state.a[0] > last / 2 ? 0 : last, ...state.a.slice(1)];
@@ -46,62 +44,10 @@ function swap() {
 
 // ---- pictures ----
 
-/* Pictures that are decoded before they are asked for: those near what is seen first, as many as may be kept. */
-class Gallery {
-  #decoded = new Map();
-  #asked = new Map();
-  #pixels = 0;
-
-  /* The picture if it is at hand, else undefined; null where there is none. */
-  at(point) {
-    if (point.picture === null) return null;
-    const picture = this.#decoded.get(point);
-    if (picture !== undefined) {
-      this.#decoded.delete(point);
-      this.#decoded.set(point, picture);
-    }
-    return picture;
-  }
-
-  async decode(point) {
-    if (point.picture === null || this.#decoded.has(point)) return;
-    if (!this.#asked.has(point)) this.#asked.set(point, this.#load(point).finally(() => this.#asked.delete(point)));
-    await this.#asked.get(point);
-  }
-
-  async #load(point) {
-    const image = new Image();
-    image.src = point.picture;
-    await image.decode();
-    const picture = await createImageBitmap(image);
-    this.#decoded.set(point, picture);
-    this.#pixels += picture.width * picture.height;
-    for (const [other, oldest] of this.#decoded) {
-      if (this.#pixels <= KEPT_PIXELS || other === point) break;
-      this.#decoded.delete(other);
-      this.#pixels -= oldest.width * oldest.height;
-      oldest.close();
-    }
-  }
-
-  /* Decode what is near a point, nearest first, one after the other; a later call ends an earlier one. */
-  async near(index) {
-    const away = (point) => Math.hypot(...point.index.map((number, axis) => number - index[axis]));
-    const asked = (this.wanted = index);
-    let pixels = 0;
-    for (const point of points.filter(({ picture }) => picture !== null).sort((a, b) => away(a) - away(b))) {
-      await this.decode(point);
-      const picture = this.at(point);
-      pixels += picture === undefined ? 0 : picture.width * picture.height;
-      if (this.wanted !== asked || pixels > KEPT_PIXELS / 2) return;
-    }
-  }
-}
-
-const gallery = new Gallery();
+const gallery = new Gallery(points);
 const wipe = new Wipe(find("#wipe"));
 
-/* What stands for a picture that there is not. */
+/* Placeholder of a missing picture. */
 const hatched = (() => {
   const canvas = make("canvas", { width: data.size[0], height: data.size[1] });
   const context = canvas.getContext("2d");
@@ -201,8 +147,8 @@ function toggle(axis) {
 
 const valueOf = (point, { key }) => point.numbers[key];
 const textOf = (value, { digits }) => shortNumber(value, digits);
-const told = points.filter(({ status }) => status === "done");
-const differs = (column) => told.some((point) => valueOf(point, column) !== valueOf(told[0], column));
+const rendered = points.filter(({ status }) => status === "done");
+const differs = (column) => rendered.some((point) => valueOf(point, column) !== valueOf(rendered[0], column));
 const differing = columns.filter(differs);
 const constant = columns.filter((column) => !differs(column));
 
@@ -217,7 +163,7 @@ find("#differing").append(make("tr", { "data-key": "files" }, make("td", {}, "fi
 find("#same").hidden = constant.length === 0;
 find("#same summary").textContent = `The same at all points (${constant.length})`;
 for (const column of constant) {
-  const value = valueOf(told[0], column);
+  const value = valueOf(rendered[0], column);
   find("#same tbody").append(
     make("tr", { "data-key": column.key, title: column.key }, make("td", {}, column.words), make("td", { class: "number", title: value }, textOf(value, column)), make("td", {}, column.unit)),
   );
@@ -328,7 +274,7 @@ function buildTable() {
   const heads = axes.map(({ name, key }, axis) => ({
     words: name, key, value: (point) => point.index[axis], text: (point) => axes[axis].labels[point.index[axis]],
   }));
-  if (told.length < points.length) {
+  if (rendered.length < points.length) {
     const why = (point) => (point.status === "done" ? "" : point.reason || point.status);
     heads.push({ words: "status", key: "status", value: why, text: why });
   }
@@ -372,15 +318,15 @@ const addressOf = () => ["a", "b"].filter((which) => state[which] !== null).flat
 
 const writeAddress = addressWriter(addressOf);
 
-/* Choose what the address says; what it does not know stays as it is. */
+/* Choose the points of the address; an axis that it does not name stays as it is. */
 function readAddress() {
-  const said = new URLSearchParams(location.hash.slice(1).replaceAll("+", "%2B"));
+  const address = new URLSearchParams(location.hash.slice(1).replaceAll("+", "%2B"));
   const read = (prefix, from) => axes.map(({ key, labels }, axis) => {
-    const number = labels.indexOf(said.get(prefix + key) ?? "");
+    const number = labels.indexOf(address.get(prefix + key) ?? "");
     return number < 0 ? from[axis] : number;
   });
   state.a = read("", state.a);
-  state.b = [...said.keys()].some((key) => key.startsWith("vs.")) ? read("vs.", state.a) : state.b;
+  state.b = [...address.keys()].some((key) => key.startsWith("vs.")) ? read("vs.", state.a) : state.b;
   update();
 }
 
@@ -407,7 +353,7 @@ document.addEventListener("keydown", (event) => {
   else if (event.key === "p") toggle(running?.axis ?? (axes.length === 1 ? 0 : state.sides[1]));
 });
 
-// ---- all together ----
+// ---- page ----
 
 function update() {
   showSliders();

@@ -161,7 +161,7 @@ class Wipe {
     return this.#zoom !== "fit" && (view.scrollWidth > view.clientWidth + 1 || view.scrollHeight > view.clientHeight + 1);
   }
 
-  /* Put the divider where it belongs, which is a matter of what is seen, not of what is scrolled away. */
+  /* Place the divider within the visible part of the pictures. */
   #cut() {
     const [left] = this.#sides;
     const x = this.#position * this.#view.clientWidth;
@@ -172,7 +172,7 @@ class Wipe {
     left.style.clipPath = hidden > 0 ? `inset(0 ${hidden}px 0 0)` : "none";
   }
 
-  /* Zoom so that what is at a place of the view stays there. */
+  /* Zoom about a place of the view. */
   #zoomAt(zoom, x, y) {
     const view = this.#view;
     const before = [this.#stage.clientWidth, this.#stage.clientHeight];
@@ -192,7 +192,7 @@ class Wipe {
       this.position = (event.clientX - view.getBoundingClientRect().left) / view.clientWidth;
     };
 
-    // Pull the divider, or, where there is more than is seen, the picture.
+    // Drag the divider, or the picture where it is larger than the view.
     let pulled = null;
     const begin = (event, pull) => {
       if (event.button !== 0) return;
@@ -271,7 +271,7 @@ class Wipe {
     else if (direction < 0) this.zoom = "fit";
   }
 
-  /* Say which pixel is under the pointer, and its colours. */
+  /* Show the pixel under the pointer, and its colours. */
   #read(event) {
     const [width, height] = this.#size();
     const box = this.#stage.getBoundingClientRect();

@@ -1,15 +1,15 @@
-"""What scenes are made of besides their YAML: meshes, grids and the like, read from files."""
+"""Read the files that scenes name: meshes, images, grids, placements and lenses."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from raytracer.assets import gltf
-from raytracer.assets.grids import read_grid
-from raytracer.assets.images import Image, file_of, read_image
-from raytracer.assets.lenses import read_lens
-from raytracer.assets.meshes import Mesh, read_mesh, smooth_normals
-from raytracer.assets.placements import read_placements
+from raytracer.scene.assets import gltf
+from raytracer.scene.assets.grids import read_grid
+from raytracer.scene.assets.images import Image, file_of, read_image
+from raytracer.scene.assets.lenses import read_lens
+from raytracer.scene.assets.meshes import Mesh, read_mesh, smooth_normals
+from raytracer.scene.assets.placements import read_placements
 
 LOADERS: Mapping[str, Callable[[Path], Any]] = {
     "grid": read_grid,
@@ -18,35 +18,35 @@ LOADERS: Mapping[str, Callable[[Path], Any]] = {
     "mesh": read_mesh,
     "placements": read_placements,
 }
-"""How each kind of asset that a shape may ask for is read."""
+"""Reader of each kind of asset."""
 
 
-def companions(kind: str, path: Path) -> tuple[Path, ...]:
-    """The files that a file of this kind (of `LOADERS`) names in its turn, as far as they are there.
+def companion_files(kind: str, path: Path) -> tuple[Path, ...]:
+    """List the files that a file of this kind (of `LOADERS`) names in turn, as far as they exist.
 
-    They are those of glTF files; the materials of OBJ files are not read.
+    Only glTF files name any; the materials of OBJ files are not read.
     """
     path = file_of(path)
     return gltf.companions(path) if kind in ("mesh", "image") and path.suffix.lower() in (".gltf", ".glb") else ()
 
 
-def names_within(kind: str, path: Path) -> tuple[Path, ...]:
-    """The files that reading a file of this kind may open besides, be they there or not."""
+def referenced_files(kind: str, path: Path) -> tuple[Path, ...]:
+    """List the files that reading a file of this kind may open besides, whether they exist or not."""
     path = file_of(path)
-    return gltf.named(path) if kind in ("mesh", "image") and path.suffix.lower() in (".gltf", ".glb") else ()
+    return gltf.referenced_files(path) if kind in ("mesh", "image") and path.suffix.lower() in (".gltf", ".glb") else ()
 
 
 __all__ = [
     "LOADERS",
     "Image",
     "Mesh",
-    "companions",
+    "companion_files",
     "file_of",
-    "names_within",
     "read_grid",
     "read_image",
     "read_lens",
     "read_mesh",
     "read_placements",
+    "referenced_files",
     "smooth_normals",
 ]

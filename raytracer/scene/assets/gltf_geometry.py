@@ -1,6 +1,6 @@
-"""The triangles of glTF files, each where its node puts it.
+"""Read the triangles of glTF files, each transformed by its node.
 
-Every number that one part of a file says of another is held against it before anything is read: a file of a few bytes
+Every number that one part of a file states of another is checked before anything is read: a file of a few bytes
 can name the same data, or the same node, any number of times, and promise what it does not have.
 
 Reference: Khronos Group, "glTF 2.0 Specification", sec. 3.5 (scenes and nodes), 3.6 (buffers, views, accessors), 3.7
@@ -14,24 +14,24 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.assets.gltf import (
+from raytracer.scene.assets.gltf import (
     BrokenGltfError,
     Gltf,
     Json,
     buffer_view,
+    integer_entry,
     is_number,
     item,
-    listed,
+    list_entry,
     mapping,
-    whole_number,
 )
-from raytracer.errors import shown
+from raytracer.util.errors import format_value
 
 MAX_REPEATED = 2**24
-"""Vertices and triangles, each, of a file whose nodes or primitives share data; others have as many as they hold."""
+"""Most vertices and triangles, each, of a file whose nodes or primitives share data; others have what they hold."""
 
 MAX_PIECES = 2**16
-"""Primitives, each counted as often as nodes place it; or as many as the file has nodes and accessors."""
+"""Most primitives, each counted as often as nodes place it, unless the file has more nodes and accessors."""
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -46,8 +46,11 @@ Array = NDArray[Any]
 class Triangles(NamedTuple):
     """All triangles of a file.
 
-    vertices (n, 3), faces (m, 3); normals (n, 3), 0 where a part of the file has none, or None; uv (n, 2), v upwards,
-    likewise; kinds (m,), the number of each face's material, or that behind the last.
+    vertices : (n, 3).
+    faces : (m, 3).
+    normals : (n, 3), 0 where a part of the file has none; None if no part has any.
+    uv : (n, 2), v upwards, 0 where a part of the file has none; None if no part has any.
+    kinds : (m,), number of each face's material; the count of materials for none.
     """
 
     vertices: NDArray[np.float64]
@@ -58,7 +61,7 @@ class Triangles(NamedTuple):
 
 
 def read_triangles(gltf: Gltf, folder: Path) -> Triangles:
-    """The triangles of a file's scene, in `folder`.
+    """Read the triangles of the scene of a file in `folder`.
 
     Skins and morphs are left as they are at rest; points and lines are left out.
 
@@ -66,11 +69,11 @@ def read_triangles(gltf: Gltf, folder: Path) -> Triangles:
     ------
     BrokenGltfError : the file breaks the specification, holds compressed meshes, or no triangles, or too many.
     """
-    for name in listed(gltf.header, "extensionsRequired"):
+    for name in list_entry(gltf.header, "extensionsRequired"):
         if name in _COMPRESSIONS:
             raise BrokenGltfError(f"needs the extension {name}, which is not supported")
     reader = _Reader(gltf, folder)
-    most_pieces = max(MAX_PIECES, len(listed(gltf.header, "nodes")) + len(listed(gltf.header, "accessors")))
+    most_pieces = max(MAX_PIECES, len(list_entry(gltf.header, "nodes")) + len(list_entry(gltf.header, "accessors")))
     placed: list[tuple[_Piece, Array]] = []
     vertices = faces = 0
     for mesh, pose in _placed(gltf.header):
@@ -96,7 +99,7 @@ def read_triangles(gltf: Gltf, folder: Path) -> Triangles:
 
 
 class _Piece(NamedTuple):
-    """A primitive: as `Triangles`, of one kind."""
+    """A primitive of a mesh, as `Triangles` but of one material."""
 
     vertices: Array
     faces: Array
@@ -106,7 +109,7 @@ class _Piece(NamedTuple):
 
 
 def _filled(columns: list[Array | None], pieces: list[_Piece], width: int) -> Array | None:
-    """All rows of one attribute, zeros where a piece has none; None where no piece has it."""
+    """Concatenate the rows of one attribute, with zeros where a piece has none; None if no piece has it."""
     if all(rows is None for rows in columns):
         return None
     sizes = (len(piece.vertices) for piece in pieces)
@@ -131,14 +134,14 @@ def _moved(piece: _Piece, pose: Array) -> _Piece:
 
 
 def _placed(header: Json) -> Iterator[tuple[int, Array]]:
-    """The meshes of the file's scene, by number, and the matrix (4, 4) of each node that has one.
+    """Walk through the meshes of the file's scene, by number, with the matrices (4, 4) of their nodes.
 
     Raises
     ------
-    BrokenGltfError : a node is nowhere, or below two others or itself.
+    BrokenGltfError : a node is missing, or below two others or itself.
     """
     scene = item(header, "scenes", header.get("scene", 0)) if "scenes" in header else {"nodes": _roots(header)}
-    waiting = [(number, np.eye(4)) for number in reversed(listed(scene, "nodes"))]
+    waiting = [(number, np.eye(4)) for number in reversed(list_entry(scene, "nodes"))]
     seen: set[int] = set()
     while waiting:
         number, above = waiting.pop()
@@ -147,15 +150,15 @@ def _placed(header: Json) -> Iterator[tuple[int, Array]]:
             raise BrokenGltfError(f"has node {number} in more than one place of its tree")
         seen.add(number)
         pose = _pose(node, above, number)
-        waiting += [(child, pose) for child in reversed(listed(node, "children"))]
+        waiting += [(child, pose) for child in reversed(list_entry(node, "children"))]
         if "mesh" in node:
             yield node["mesh"], pose
 
 
 def _roots(header: Json) -> list[int]:
-    """Of a file without scenes, the nodes that are no other's child."""
-    nodes = [mapping(node, "a node") for node in listed(header, "nodes")]
-    below = {child for node in nodes for child in listed(node, "children") if isinstance(child, int)}
+    """List the nodes of a file without scenes that are no other's child."""
+    nodes = [mapping(node, "a node") for node in list_entry(header, "nodes")]
+    below = {child for node in nodes for child in list_entry(node, "children") if isinstance(child, int)}
     return [number for number in range(len(nodes)) if number not in below]
 
 
@@ -185,17 +188,17 @@ def _pose(node: Json, above: Array, number: int) -> Array:
 
 
 def _numbers(node: Json, key: str, count: int, number: int) -> Array:
-    found = listed(node, key)
-    if len(found) != count or not all(map(is_number, found)):
+    values = list_entry(node, key)
+    if len(values) != count or not all(map(is_number, values)):
         raise BrokenGltfError(f"has node {number} with a {key} that is not {count} finite numbers")
-    return np.array([float(value) for value in found])
+    return np.array([float(value) for value in values])
 
 
 # ---- Meshes
 
 
 class _Reader:
-    """Reads the meshes of one file, each once."""
+    """Reader of the meshes of one file, each once."""
 
     def __init__(self, gltf: Gltf, folder: Path) -> None:
         self._gltf = gltf
@@ -207,15 +210,15 @@ class _Reader:
 
     @property
     def size(self) -> int:
-        """Bytes of the buffers that were read."""
+        """Total size of the buffers that were read (bytes)."""
         return sum(map(len, self._buffers.values()))
 
     def mesh(self, number: Any) -> list[_Piece]:
-        """The primitives of a mesh that are made of triangles, and have any."""
+        """Read the primitives of a mesh that consist of triangles."""
         mesh = item(self._gltf.header, "meshes", number)
         if number not in self._meshes:
-            found = (self._piece(mapping(each, "a primitive"), number) for each in listed(mesh, "primitives"))
-            self._meshes[number] = [piece for piece in found if piece is not None]
+            pieces = (self._piece(mapping(each, "a primitive"), number) for each in list_entry(mesh, "primitives"))
+            self._meshes[number] = [piece for piece in pieces if piece is not None]
         return self._meshes[number]
 
     def _piece(self, primitive: Json, mesh: int) -> _Piece | None:
@@ -238,16 +241,16 @@ class _Reader:
             corners = np.arange(len(vertices))
         if not corners.size:
             return None
-        materials = len(listed(self._gltf.header, "materials"))
-        material = whole_number(primitive, "material", materials)
+        materials = len(list_entry(self._gltf.header, "materials"))
+        material = integer_entry(primitive, "material", materials)
         if material > materials:
-            raise BrokenGltfError(f"has mesh {mesh} of material {shown(material)}, which is not there")
+            raise BrokenGltfError(f"has mesh {mesh} of material {format_value(material)}, which is not there")
         # In glTF v runs down.
         turned = None if uv is None else uv * (1.0, -1.0) + (0.0, 1.0)
         return _Piece(vertices, _faces(corners, mode, mesh), normals, turned, material)
 
     def _accessor(self, number: Any, kind: str) -> Array:
-        """Rows (count, width) of an accessor of a type: float64, or int64 where they are whole numbers."""
+        """Read the rows (count, width) of an accessor of a type: float64, or int64 of scalar integers."""
         accessor = item(self._gltf.header, "accessors", number)
         if (number, kind) not in self._accessors:
             self._accessors[number, kind] = self._read(accessor, number, kind)
@@ -257,11 +260,11 @@ class _Reader:
         dtype = _dtype(accessor)
         if accessor.get("type") != kind or dtype is None:
             raise BrokenGltfError(f"has accessor {number}, which is not the {kind} that it is used as")
-        count, width = whole_number(accessor, "count"), _WIDTHS[kind]
+        count, width = integer_entry(accessor, "count"), _WIDTHS[kind]
         if "bufferView" in accessor:
             rows = self._rows(accessor, number, count, width, dtype)
         elif "sparse" in accessor:
-            # Zeros, where nothing takes their place.
+            # Zeros, but for the sparse values.
             rows = np.broadcast_to(np.zeros((), dtype), (count, width))
         else:
             raise BrokenGltfError(f"has accessor {number} without data")
@@ -271,7 +274,7 @@ class _Reader:
         values = rows.astype(np.float64 if dtype.kind == "f" or kind != "SCALAR" else np.int64)
         if "sparse" in accessor:
             sparse = mapping(accessor["sparse"], "a sparse accessor")
-            changed = whole_number(sparse, "count")
+            changed = integer_entry(sparse, "count")
             where, what = (mapping(sparse.get(key), f"sparse {key}") for key in ("indices", "values"))
             index_type = _dtype(where)
             if index_type is None or index_type.kind != "u" or not 0 < changed <= count:
@@ -285,10 +288,10 @@ class _Reader:
         return values
 
     def _rows(self, place: Json, number: int, count: int, width: int, dtype: np.dtype[Any]) -> Array:
-        """Rows (count, width) as they are in a view, not copied."""
+        """Get rows (count, width) of a view, without a copy."""
         view, data = buffer_view(self._gltf, self._folder, place.get("bufferView"), self._buffers)
         size = width * dtype.itemsize
-        start, stride = whole_number(place, "byteOffset", 0), whole_number(view, "byteStride", size)
+        start, stride = integer_entry(place, "byteOffset", 0), integer_entry(view, "byteStride", size)
         if stride < size:
             raise BrokenGltfError(f"has accessor {number} with a byteStride of {stride} for elements of {size} bytes")
         if count and start + (count - 1) * stride + size > len(data):
@@ -302,7 +305,7 @@ def _dtype(place: Json) -> np.dtype[Any] | None:
 
 
 def _faces(corners: Array, mode: int, mesh: int) -> Array:
-    """Triangles (m, 3) of vertices (n,) in the order of triangles, a strip or a fan."""
+    """Make triangles (m, 3) of corners (n,) in the order of triangles, a strip or a fan."""
     if mode == _TRIANGLES:
         if len(corners) % 3:
             raise BrokenGltfError(f"has mesh {mesh} with {len(corners)} corners, which are no triangles")

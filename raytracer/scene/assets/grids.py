@@ -1,4 +1,4 @@
-"""Grids of densities read from NumPy files."""
+"""Read grids of densities from NumPy files."""
 
 import math
 from pathlib import Path
@@ -7,8 +7,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.errors import InputError, one_line
-from raytracer.untrusted import BrokenArrayError, Stated, opened, stated_array
+from raytracer.util.errors import InputError, one_line
+from raytracer.util.safe_open import NpyError, NpyHeader, open_regular, read_npy_header
 
 MAX_VOXELS = 2**31
 
@@ -17,7 +17,7 @@ _MAX_BYTES = 8 * MAX_VOXELS + 2**16
 
 
 def read_grid(path: str | Path) -> NDArray[np.float32]:
-    """Densities of a .npy file: float32 (nx, ny, nz), C-contiguous, finite and not negative.
+    """Read the densities of a .npy file: float32 (nx, ny, nz), C-contiguous, finite and not negative.
 
     Raises
     ------
@@ -25,11 +25,11 @@ def read_grid(path: str | Path) -> NDArray[np.float32]:
     """
     path = Path(path)
     if path.suffix.lower() != ".npy":
-        found = f"unknown suffix {path.suffix!r}" if path.suffix else "no suffix"
-        raise InputError(f"{path}: {found} for a grid; known: .npy")
+        problem = f"unknown suffix {path.suffix!r}" if path.suffix else "no suffix"
+        raise InputError(f"{path}: {problem} for a grid; known: .npy")
     try:
-        with opened(path, _MAX_BYTES) as file:
-            stated = stated_array(file)
+        with open_regular(path, _MAX_BYTES) as file:
+            stated = read_npy_header(file)
             _check_shape(stated)
             order: Literal["C", "F"] = "F" if stated.is_fortran else "C"
             return _checked(np.memmap(file, stated.dtype, "r", stated.start, stated.shape, order))
@@ -37,22 +37,22 @@ def read_grid(path: str | Path) -> NDArray[np.float32]:
         raise InputError(f"{path}: no such file") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or one_line(str(error))}") from error
-    except (_BrokenGridError, BrokenArrayError) as error:
+    except (_BrokenGridError, NpyError) as error:
         raise InputError(f"{path}: {error}") from error
     except MemoryError as error:
         raise InputError(f"{path}: does not fit into memory") from error
 
 
 class _BrokenGridError(Exception):
-    """What a file holds is no grid of densities; a sentence without its subject."""
+    """Error of a file that is no grid of densities; its text completes the sentence "FILE: ..."."""
 
 
-def _check_shape(stated: Stated) -> None:
-    """Refuse what is no grid before its numbers are looked at."""
+def _check_shape(stated: NpyHeader) -> None:
+    """Reject an array that is no grid, before its numbers are read."""
     shape = stated.shape
     if len(shape) != 3 or 0 in shape:
-        found = f"shape {' x '.join(map(str, shape))}" if shape else "a single number"
-        raise _BrokenGridError(f"must hold an array of three dimensions (x, y, z), got {found}")
+        shown = f"shape {' x '.join(map(str, shape))}" if shape else "a single number"
+        raise _BrokenGridError(f"must hold an array of three dimensions (x, y, z), got {shown}")
     if stated.dtype.kind not in "fiub":
         raise _BrokenGridError(f"must hold real numbers, got {stated.dtype}")
     if math.prod(shape) > MAX_VOXELS:

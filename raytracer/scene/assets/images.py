@@ -1,4 +1,4 @@
-"""Images read from files, as textures need them: as they are stored, with what channels there are.
+"""Read image files for textures: as they are stored, with the channels that they have.
 
 | suffix | holds |
 |---|---|
@@ -16,11 +16,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.assets.gltf import read_image_bytes
-from raytracer.errors import InputError, shortened
-from raytracer.film import decoding, rgbe, srgb
-from raytracer.film.decoding import BrokenImageError
-from raytracer.untrusted import BrokenArrayError, array, contents
+from raytracer.film import srgb
+from raytracer.film.formats import hdr
+from raytracer.film.formats.base.limits import BrokenImageError, check_size
+from raytracer.film.formats.base.pillow import open_with_pillow
+from raytracer.film.formats.exr import read_exr
+from raytracer.scene.assets.gltf import read_image_bytes
+from raytracer.util.errors import InputError, abbreviate
+from raytracer.util.safe_open import NpyError, parse_npy, read_regular
 
 _MOST_UINT16 = 65535.0
 
@@ -30,9 +33,9 @@ _IN_GLTF = re.compile(r"(.+\.(?:gltf|glb))#(\d+)", re.IGNORECASE)
 class Image(NamedTuple):
     """An image as stored.
 
-    texels, uint8 or float32 (height, width, channels), row 0 at the top, with 1 (grey), 2 (grey, alpha), 3 (rgb) or
-    4 (rgb, alpha) channels; integers of 16 bits are float32 in 0..1.  integer, whether the file holds integers, which
-    are sRGB by custom where they stand for colours.
+    texels : uint8 or float32 (height, width, channels), row 0 at the top, with 1 (grey), 2 (grey, alpha), 3 (rgb) or
+        4 (rgb, alpha) channels; integers of 16 bits are float32 in 0..1.
+    integer : the file holds integers, which are sRGB by convention if they are colours.
     """
 
     texels: NDArray[np.uint8] | NDArray[np.float32]
@@ -40,12 +43,12 @@ class Image(NamedTuple):
 
     @staticmethod
     def curve(is_srgb: bool) -> NDArray[np.float64]:
-        """Linear values (256,) of bytes, in 0..1."""
+        """Table of the linear values (256,) of bytes, in 0..1."""
         values = np.arange(256) / 255.0
         return srgb.decode(values) if is_srgb else values
 
     def linear(self, is_srgb: bool) -> NDArray[np.float32]:
-        """The texels in 0..1, with the colours, but not the alpha, decoded from sRGB if they are in it."""
+        """Return the texels in 0..1, with the colours, but not the alpha, decoded if they are in sRGB."""
         values = self.texels if self.texels.dtype == np.float32 else self.texels / np.float32(255.0)
         if not is_srgb:
             return np.asarray(values, np.float32)
@@ -54,7 +57,7 @@ class Image(NamedTuple):
 
 
 def _decode_pillow(data: bytes) -> Image:
-    with decoding.pillow(data) as file:
+    with open_with_pillow(data) as file:
         if file.mode == "F":
             return Image(np.array(file, np.float32)[..., None], False)
         if file.mode.startswith("I"):
@@ -67,26 +70,26 @@ def _decode_pillow(data: bytes) -> Image:
 
 
 def _decode_exr(data: bytes) -> Image:
-    _, channels = decoding.exr(data)
+    _, channels = read_exr(data)
     names = next((names for names in ("RGBA", "RGB", "YA", "Y") if all(name in channels for name in names)), None)
     if names is None and len(channels) != 1:
-        raise BrokenImageError(f"has neither channels R, G, B nor Y, but {shortened(', '.join(channels)) or 'none'}")
+        raise BrokenImageError(f"has neither channels R, G, B nor Y, but {abbreviate(', '.join(channels)) or 'none'}")
     planes = [channels[name] for name in names or channels]
     return Image(np.stack([_single(plane) for plane in planes], axis=-1), False)
 
 
 def _decode_hdr(data: bytes) -> Image:
-    return Image(_single(rgbe.decode(data)), False)
+    return Image(_single(hdr.decode(data)), False)
 
 
 def _decode_npy(data: bytes) -> Image:
-    stored = array(data)
+    stored = parse_npy(data)
     shape, dtype = stored.shape, stored.dtype
     if len(shape) not in (2, 3) or (len(shape) == 3 and not 1 <= shape[2] <= 4):
         raise BrokenImageError(f"must be of shape (height, width) or (height, width, 1 to 4), and is of {shape}")
     if dtype.kind != "f" and dtype not in (np.uint8, np.uint16):
         raise BrokenImageError(f"must hold floats, uint8 or uint16, and holds {dtype}")
-    decoding.check_size(shape[1], shape[0], len(data))
+    check_size(shape[1], shape[0], len(data))
     texels = stored.reshape(shape[0], shape[1], -1)
     if dtype == np.uint8:
         return Image(texels, True)
@@ -108,7 +111,7 @@ _DECODERS: dict[str, Callable[[bytes], Image]] = {
 
 
 def decode_image(data: bytes, suffix: str) -> Image:
-    """The image in the bytes of a file with this suffix.
+    """Decode the image in the bytes of a file with this suffix.
 
     Raises
     ------
@@ -117,13 +120,13 @@ def decode_image(data: bytes, suffix: str) -> Image:
     """
     decode = _DECODERS.get(suffix.lower())
     if decode is None:
-        found = f"unknown suffix {suffix!r}" if suffix else "no suffix"
-        raise BrokenImageError(f"{found} for an image; known: {', '.join(_DECODERS)}")
+        problem = f"unknown suffix {suffix!r}" if suffix else "no suffix"
+        raise BrokenImageError(f"{problem} for an image; known: {', '.join(_DECODERS)}")
     try:
         image = decode(data)
     except BrokenImageError:
         raise
-    except BrokenArrayError as error:
+    except NpyError as error:
         raise BrokenImageError(str(error)) from error
     except MemoryError:
         raise BrokenImageError("does not fit into memory") from None
@@ -141,7 +144,7 @@ def decode_image(data: bytes, suffix: str) -> Image:
 
 
 def file_of(path: Path) -> Path:
-    """The file on the disk: of image N of a glTF file, `PATH#N`, what is before the #."""
+    """Return the file on the disk: for image N of a glTF file, `PATH#N`, the part before the #."""
     inside = _IN_GLTF.fullmatch(path.name)
     return path if inside is None else path.with_name(inside[1])
 
@@ -158,7 +161,7 @@ def read_image(path: str | Path) -> Image:
     try:
         if inside is not None:
             return decode_image(*read_image_bytes(path.with_name(inside[1]), int(inside[2])))
-        data = contents(path) if path.suffix.lower() in _DECODERS else b""
+        data = read_regular(path) if path.suffix.lower() in _DECODERS else b""
         return decode_image(data, path.suffix)
     except BrokenImageError as error:
         raise InputError(f"{path}: {error}") from error

@@ -1,26 +1,27 @@
-"""Lenses from files: prescriptions in YAML, and what other programs write."""
+"""Read lenses from files: prescriptions in YAML, and the formats of other programs."""
 
 from pathlib import Path
 
 from pydantic import ValidationError
 
-from raytracer.document import first_error, parse, read
-from raytracer.errors import SceneError
-from raytracer.lenses.importing import SUFFIXES, imported
-from raytracer.lenses.lens import Lens
-from raytracer.lenses.prescription import LensSpec
+from raytracer.optics.lens_system.importers import SUFFIXES, import_lens
+from raytracer.optics.lens_system.lens import Lens
+from raytracer.optics.lens_system.prescription import LensSpec
+from raytracer.schema.validation_errors import first_error
+from raytracer.schema.yaml_parser import parse, read
+from raytracer.util.errors import SceneError
 
 
 def read_prescription(path: Path) -> LensSpec:
-    """What a lens file says.
+    """Read the prescription of a lens file.
 
     Raises
     ------
-    SceneError : it cannot be read, or what it says is wrong; it names file, line and key.
+    SceneError : it cannot be read, or is wrong; the error names file, line and key.
     """
     file = str(path)
     if path.suffix.lower() in SUFFIXES:
-        return imported(path).spec
+        return import_lens(path).spec
     root = parse(read(file, "lens"), file)
     if root is None or (root.entries is None and root.value is None and root.items is None):
         raise SceneError("is empty; a lens needs at least name and surfaces", file=file)
@@ -31,10 +32,10 @@ def read_prescription(path: Path) -> LensSpec:
 
 
 def read_lens(path: Path) -> Lens:
-    """The lens of a file.
+    """Read the lens of a file.
 
     Raises
     ------
-    SceneError : it cannot be read, or what it says is wrong; it names file, line and key.
+    SceneError : it cannot be read, or is wrong; the error names file, line and key.
     """
-    return imported(path).lens() if path.suffix.lower() in SUFFIXES else read_prescription(path).lens()
+    return import_lens(path).lens() if path.suffix.lower() in SUFFIXES else read_prescription(path).lens()

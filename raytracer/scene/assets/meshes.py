@@ -1,4 +1,4 @@
-"""Triangle meshes read from files, checked and ready to be packed."""
+"""Read triangle meshes from files, check them and compute their normals."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.assets.readers import SUFFIXES, BrokenMeshError, Integers, Parts, read, weld
-from raytracer.errors import InputError
+from raytracer.scene.assets.readers import SUFFIXES, BrokenMeshError, Integers, RawMesh, read, weld
+from raytracer.util.errors import InputError
 
 _MOST_FACES = 2**31
 
@@ -18,7 +18,7 @@ _LARGEST = float(np.finfo(np.float32).max)
 # Texels are numbered by 64-bit integers; a float32 has no fraction from 2^24 on.
 _FARTHEST_UV = 2.0**31
 
-# Triangles worked on at once: what is computed for each stays in the cache, and takes little memory.
+# Triangles per block: intermediate results stay in the processor's cache, and take little memory.
 _BLOCK = 1 << 14
 
 Vectors = NDArray[np.float64]
@@ -34,7 +34,8 @@ class Mesh(NamedTuple):
     normals : float64 (n, 3), unit normals of the vertices, zero for a vertex in no face; None if the file has none.
     degenerate : how many triangles of zero area the file had besides.
     uv : float64 (n, 2), finite texture coordinates of the vertices, v upwards; None if the file has none.
-    kinds : int32 (m,), the number of each face's material in the file, see `gltf.read_materials`; None if it has none.
+    kinds : int32 (m,), the number of each face's material in the file, see `gltf_materials.read_materials`; None if it
+        has none.
     first_degenerate : the number of the first of the triangles of zero area, counted from 0 as the file has them; -1 if
         there is none.
     """
@@ -48,7 +49,7 @@ class Mesh(NamedTuple):
     first_degenerate: int = -1
 
     def vertex_normals(self) -> Vectors:
-        """The file's normals, or those of `smooth_normals` where it has none: float64 (n, 3)."""
+        """Return the file's normals, or those of `smooth_normals` if it has none: float64 (n, 3)."""
         return smooth_normals(self.vertices, self.faces) if self.normals is None else self.normals
 
 
@@ -57,17 +58,17 @@ def _blocks(faces: NDArray[Any]) -> Iterator[slice]:
 
 
 def _corners(vertices: Vectors, faces: NDArray[Any]) -> Vectors:
-    """Coordinates of the corners of `faces` (m, 3), as (axis, corner, m): one axis after the other is what is fast."""
+    """Gather the coordinates of the corners of `faces` (m, 3), as (axis, corner, m), the fastest order."""
     return np.ascontiguousarray(np.moveaxis(vertices.take(faces.T.astype(np.int64), axis=0), 2, 0))
 
 
 def _cross(a: Vectors, b: Vectors) -> Vectors:
-    """Cross products of vectors that are columns: (3, m)."""
+    """Compute cross products of column vectors: (3, m)."""
     return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def _has_area(vertices: Vectors, faces: NDArray[np.uint32]) -> NDArray[np.bool_]:
-    """Whether each triangle's area is not exactly zero.
+    """Find the triangles whose area is not exactly zero (m,).
 
     For coordinates that were float32 the edges and their products are exact, or nearly so, in float64: what is
     found to be zero is zero, and a sliver that is not is kept.
@@ -81,7 +82,7 @@ def _has_area(vertices: Vectors, faces: NDArray[np.uint32]) -> NDArray[np.bool_]
 
 
 def _corner_sums(vertices: Vectors, faces: Integers, owner: Integers, owners: int) -> Vectors:
-    """Sums over the corners that each owner has, of the triangles' unit normals weighted by the corners' angles."""
+    """Sum, over the corners of each owner, the triangles' unit normals weighted by the corners' angles."""
     sums = np.zeros((3, owners))
     for block in _blocks(faces):
         points = _corners(vertices, faces[block])
@@ -97,7 +98,7 @@ def _corner_sums(vertices: Vectors, faces: Integers, owner: Integers, owners: in
 
 
 def _normalized(vectors: Vectors) -> tuple[Vectors, NDArray[np.bool_]]:
-    """Unit vectors of `vectors` (n, 3), and which of them have one; the others become zero."""
+    """Normalize `vectors` (n, 3), and find those that can be; the others become zero."""
     # Scaled by the largest component before, so that no square over- or underflows.
     largest = np.abs(vectors).max(axis=1, keepdims=True)
     usable = (largest > 0.0) & np.isfinite(largest)
@@ -107,7 +108,7 @@ def _normalized(vectors: Vectors) -> tuple[Vectors, NDArray[np.bool_]]:
 
 
 def smooth_normals(vertices: Vectors, faces: Integers) -> Vectors:
-    """Unit normals of the vertices, float64 (n, 3): the mean of their triangles' normals, weighted by angle.
+    """Compute unit normals of the vertices, float64 (n, 3): the mean of their triangles' normals, weighted by angle.
 
     Vertices (n, 3) in exactly the same place, as at the seam of a texture, are taken as one.  Where their triangles
     cancel out, as on the two sides of a sheet, each vertex has the normal of its own.  A vertex whose normal is not
@@ -126,15 +127,15 @@ def smooth_normals(vertices: Vectors, faces: Integers) -> Vectors:
 
 
 def _check_finite(rows: Vectors, sentence: str, largest: float = _LARGEST) -> None:
-    """Raise BrokenMeshError for the first of `rows` (n, k) that has a value beyond `largest`, or none."""
+    """Raise BrokenMeshError for the first of `rows` (n, k) with a value that is not finite, or beyond `largest`."""
     with np.errstate(invalid="ignore"):
         usable = (np.abs(rows) <= largest).all(axis=1)
     if not usable.all():
         raise BrokenMeshError(sentence.format(int(np.argmin(usable))))
 
 
-def _checked(parts: Parts) -> Mesh:
-    """The mesh of `parts`, without its degenerate triangles.
+def _checked(parts: RawMesh) -> Mesh:
+    """Check a raw mesh, and remove its degenerate triangles.
 
     Raises
     ------
@@ -178,9 +179,9 @@ def _checked(parts: Parts) -> Mesh:
 def read_mesh(path: str | Path) -> Mesh:
     """Read the triangles of a .ply, .obj, .stl, .gltf or .glb file.
 
-    Polygons are cut into triangles as if they were convex.  Materials are read by `gltf.read_materials`; colours and
-    animations are left out.  Normals in the file are normalised, and those that are zero or not finite replaced by
-    `smooth_normals`.
+    Polygons are cut into triangles as if they were convex.  Materials are read by `gltf_materials.read_materials`;
+    colours and animations are left out.  Normals in the file are normalised, and those that are zero or not finite
+    replaced by `smooth_normals`.
 
     Raises
     ------
@@ -188,8 +189,8 @@ def read_mesh(path: str | Path) -> Mesh:
     """
     path = Path(path)
     if path.suffix.lower() not in SUFFIXES:
-        found = f"unknown suffix {path.suffix!r}" if path.suffix else "no suffix"
-        raise InputError(f"{path}: {found} for a mesh; known: {', '.join(SUFFIXES)}")
+        problem = f"unknown suffix {path.suffix!r}" if path.suffix else "no suffix"
+        raise InputError(f"{path}: {problem} for a mesh; known: {', '.join(SUFFIXES)}")
     try:
         return _checked(read(path))
     except BrokenMeshError as error:

@@ -1,4 +1,4 @@
-"""Placements of instances, read from files."""
+"""Read placements of instances from files."""
 
 import csv
 import io
@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.errors import InputError, one_line, shortened, shown, suggestion
-from raytracer.untrusted import array, contents
+from raytracer.util.errors import InputError, abbreviate, format_value, one_line, suggest_name
+from raytracer.util.safe_open import parse_npy, read_regular
 
 _PLACE = ("x", "y", "z")
 _SCALE = ("scale_x", "scale_y", "scale_z")
@@ -46,7 +46,7 @@ def read_placements(path: str | Path) -> Rows:
         raise InputError(f"{path}: holds no placements")
     with np.errstate(invalid="ignore"):
         usable = (np.abs(poses) <= np.finfo(np.float32).max).all(axis=(1, 2))
-    # Columns of one size, so that it is their directions that decide and not how much they scale.
+    # Normalised columns, so that their directions decide and not their scale.
     linear = np.where(usable[:, None, None], poses[:, :3, :3], 1.0)
     size = np.abs(linear).max(axis=1, keepdims=True)
     with np.errstate(all="ignore"):
@@ -58,14 +58,14 @@ def read_placements(path: str | Path) -> Rows:
 
 
 def _read_npy(path: Path) -> Rows:
-    found = array(contents(path))
-    if found.dtype.kind not in "fiu":
+    array = parse_npy(read_regular(path))
+    if array.dtype.kind not in "fiu":
         raise ValueError("holds no array of numbers")
-    if found.ndim != 3 or found.shape[1:] not in ((4, 4), (3, 4)):
-        raise ValueError(f"must hold an array of shape (n, 4, 4) or (n, 3, 4), got {found.shape}")
-    poses = np.zeros((len(found), 4, 4))
-    poses[:, : found.shape[1]] = found
-    if found.shape[1] == 4 and (poses[:, 3] != (0.0, 0.0, 0.0, 1.0)).any():
+    if array.ndim != 3 or array.shape[1:] not in ((4, 4), (3, 4)):
+        raise ValueError(f"must hold an array of shape (n, 4, 4) or (n, 3, 4), got {array.shape}")
+    poses = np.zeros((len(array), 4, 4))
+    poses[:, : array.shape[1]] = array
+    if array.shape[1] == 4 and (poses[:, 3] != (0.0, 0.0, 0.0, 1.0)).any():
         raise ValueError("must have 0, 0, 0, 1 as the last row of each matrix")
     poses[:, 3, 3] = 1.0
     return poses
@@ -74,11 +74,13 @@ def _read_npy(path: Path) -> Rows:
 def _read_csv(path: Path) -> Rows:
     from scipy.spatial.transform import Rotation
 
-    lines = list(csv.reader(io.StringIO(contents(path).decode("utf-8-sig"), newline="")))
+    lines = list(csv.reader(io.StringIO(read_regular(path).decode("utf-8-sig"), newline="")))
     names = [name.strip() for name in lines[0]] if lines else []
     for name in names:
         if name not in _COLUMNS:
-            raise ValueError(f"unknown column {shown(name)}; {suggestion(shortened(name), _COLUMNS, 'columns')}")
+            raise ValueError(
+                f"unknown column {format_value(name)}; {suggest_name(abbreviate(name), _COLUMNS, 'columns')}"
+            )
         if names.count(name) > 1:
             raise ValueError(f"has the column {name!r} twice")
     if missing := [name for name in _PLACE if name not in names]:
@@ -93,7 +95,9 @@ def _read_csv(path: Path) -> Rows:
             try:
                 values[number, column] = float(text)
             except ValueError:
-                raise ValueError(f"line {number + 2}: {names[column]} must be a number, got {shown(text)}") from None
+                raise ValueError(
+                    f"line {number + 2}: {names[column]} must be a number, got {format_value(text)}"
+                ) from None
     table = dict(zip(names, values.T, strict=True))
 
     def columns(wanted: tuple[str, ...], defaults: tuple[float, float, float]) -> Rows:

@@ -1,4 +1,4 @@
-"""Meshes as libraries read them, and what has to be done about what the libraries get wrong.
+"""Read mesh files with libraries, and correct what the libraries get wrong.
 
 trimesh reads PLY, OBJ and STL files, and meshio those PLY files that trimesh refuses: binary ones whose faces are not
 all of one size, as Blender writes them.  They say little about files that are broken, or ask for more than they read,
@@ -21,10 +21,10 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.assets.gltf import BrokenGltfError, parse
-from raytracer.assets.gltf_geometry import read_triangles
-from raytracer.errors import one_line, shown
-from raytracer.untrusted import opened
+from raytracer.scene.assets.gltf import BrokenGltfError, parse
+from raytracer.scene.assets.gltf_geometry import read_triangles
+from raytracer.util.errors import format_value, one_line
+from raytracer.util.safe_open import open_regular
 
 Integers = NDArray[np.integer[Any]]
 Floats = NDArray[np.floating[Any]]
@@ -66,11 +66,14 @@ _ROWS = {"v": "vertex", "vn": "normal"}
 _RELATIVE = re.compile(r"-|\b0+\b")
 
 
-class Parts(NamedTuple):
+class RawMesh(NamedTuple):
     """A mesh as a file has it, not yet checked.
 
-    vertices (n, 3), faces (m, 3), normals (n, 3) or None, uv (n, 2) or None; kinds (m,), the number of each face's
-    material in the file, or None if the file has none.
+    vertices : (n, 3).
+    faces : (m, 3).
+    normals : (n, 3), or None.
+    uv : (n, 2), or None.
+    kinds : (m,), number of each face's material in the file; None if it has none.
     """
 
     vertices: NDArray[np.float64]
@@ -81,21 +84,21 @@ class Parts(NamedTuple):
 
 
 class BrokenMeshError(ValueError):
-    """A mesh file that cannot be read; its text completes the sentence "FILE: ..."."""
+    """Error of a mesh file that cannot be read; its text completes the sentence "FILE: ..."."""
 
 
 def _parts(
     vertices: NDArray[Any], faces: NDArray[Any], normals: NDArray[Any] | None, uv: NDArray[Any] | None = None
-) -> Parts:
+) -> RawMesh:
     if faces.dtype.kind not in "iu":
         raise BrokenMeshError("has faces whose corners are not integers")
     vertices = np.ascontiguousarray(vertices, dtype=np.float64)
     normals, uv = (None if rows is None else np.asarray(rows, dtype=np.float64) for rows in (normals, uv))
-    return Parts(vertices, faces, normals, uv)
+    return RawMesh(vertices, faces, normals, uv)
 
 
 def weld(points: Floats) -> tuple[Integers, Integers]:
-    """Make equal `points` (n, 3) one: the index of a point of each kind (k,), and the kind of each point (n,).
+    """Weld equal `points` (n, 3): the index of a point of each kind (k,), and the kind of each point (n,).
 
     Equal means equal in every bit but the sign of zero; NaN equals nothing.
     """
@@ -109,7 +112,7 @@ def weld(points: Floats) -> tuple[Integers, Integers]:
 
 
 def _triangles(polygons: Integers | list[Integers]) -> Integers:
-    """Triangles (m, 3) of polygons, an array (p, corners) or a list of arrays."""
+    """Cut polygons, an array (p, corners) or a list of arrays, into triangles (m, 3)."""
     from trimesh.geometry import triangulate_quads
 
     if isinstance(polygons, np.ndarray) and polygons.shape[1:] == (3,):
@@ -118,8 +121,8 @@ def _triangles(polygons: Integers | list[Integers]) -> Integers:
     return triangles
 
 
-def _read_scene(text: str, format_name: str) -> Parts:
-    """The triangles of all parts of a text without further files; missing normals are (0, 0, 0)."""
+def _read_scene(text: str, format_name: str) -> RawMesh:
+    """Read the triangles of all parts of a text without further files; missing normals are (0, 0, 0)."""
     import trimesh
 
     scene = trimesh.load_scene(io.StringIO(text), file_type=format_name, process=False, skip_materials=True)
@@ -162,15 +165,15 @@ def _read_scene(text: str, format_name: str) -> Parts:
     )
 
 
-def _read_gltf(file: BinaryIO) -> Parts:
-    """The triangles of a .gltf or .glb file, with its materials' numbers if it has materials."""
+def _read_gltf(file: BinaryIO) -> RawMesh:
+    """Read the triangles of a .gltf or .glb file, with its materials' numbers if it has materials."""
     gltf = parse(file.read())
     vertices, faces, normals, uv, kinds = read_triangles(gltf, Path(file.name).parent)
     return _parts(vertices, faces, normals, uv)._replace(kinds=kinds if gltf.header.get("materials") else None)
 
 
-def _read_stl(file: BinaryIO) -> Parts:
-    """Equal corners become one vertex, since the format has no indices."""
+def _read_stl(file: BinaryIO) -> RawMesh:
+    """Read an STL file; equal corners become one vertex, since the format has no indices."""
     from trimesh.exchange.stl import HeaderError, load_stl_binary
 
     try:
@@ -194,13 +197,13 @@ def _read_stl(file: BinaryIO) -> Parts:
 
 
 def _ends_as_text(file: BinaryIO) -> bool:
-    """Whether the end of a solid is near the end of the file, which tells text from bytes without reading all."""
+    """Return True if a solid ends near the end of the file, as in text; the file is not read whole."""
     file.seek(max(0, file.seek(0, io.SEEK_END) - _LONGEST_HEADER))
     return b"endsolid" in file.read().lower()
 
 
 def _absolute(index: str, count: int) -> str:
-    """An OBJ index counted from 1, of one that may count back from the last of the `count` that precede its face."""
+    """Convert an OBJ index to one counted from 1; a negative one counts back from the `count` before its face."""
     if not index:
         return index
     absolute = int(index)
@@ -212,7 +215,7 @@ def _absolute(index: str, count: int) -> str:
 
 
 def _plain_obj(text: str) -> str:
-    """An OBJ file's vertices, normals and faces in those forms of the format that trimesh takes for what they are.
+    """Rewrite an OBJ file's vertices, normals and faces in the forms of the format that trimesh reads correctly.
 
     It counts negative indices from the end of the file, takes 0 for 1, and takes all of a material's faces with the
     same count of numbers to be written as the first is.  It overlooks lines that are indented or have tabs, joins
@@ -232,7 +235,9 @@ def _plain_obj(text: str) -> str:
                 raise BrokenMeshError("has a face with fewer than 3 corners")
             forms = set(_INDEX.sub("1", " ".join(corners)).split())
             if len(forms) > 1 or not forms <= _FORMS:
-                raise BrokenMeshError(f"has a face whose corners are no indices of one kind: {shown(line.strip())}")
+                raise BrokenMeshError(
+                    f"has a face whose corners are no indices of one kind: {format_value(line.strip())}"
+                )
             if _RELATIVE.search(line):
                 pairs = (zip(corner.split("/"), before.values(), strict=False) for corner in corners)
                 corners = ["/".join(_absolute(*pair) for pair in corner) for corner in pairs]
@@ -251,13 +256,13 @@ def _plain_obj(text: str) -> str:
     return "\n".join(data)
 
 
-def _read_obj(file: BinaryIO) -> Parts:
+def _read_obj(file: BinaryIO) -> RawMesh:
     with io.TextIOWrapper(file, encoding="latin-1") as text:
         return _read_scene(_plain_obj(text.read()), "obj")
 
 
 def _check_ply_size(file: BinaryIO, head: re.Match[bytes]) -> None:
-    """Refuse a file with fewer lines, or bytes, than it says to have elements: of text trimesh takes what is there.
+    """Reject a file with fewer lines, or bytes, than elements in its header: trimesh reads a text that is cut off.
 
     Raises
     ------
@@ -272,21 +277,21 @@ def _check_ply_size(file: BinaryIO, head: re.Match[bytes]) -> None:
 
 
 def _is_uneven(elements: Mapping[str, Any]) -> bool:
-    """Whether the lists of a binary file have different sizes, which trimesh infers from the length of the file.
+    """Return True if the lists of a binary file have different sizes, which trimesh infers from the file's length.
 
-    So for it a triangle and a pentagon behind a quad are two quads.
+    It would read a triangle and a pentagon behind a quad as two quads.
     """
     tables = (element["data"] for element in elements.values())
     sizes = (table[name]["f0"] for table in tables for name in table.dtype.names if table.dtype[name].names)
     return any((size != size[:1]).any() for size in sizes)
 
 
-def _read_mixed_ply(file: BinaryIO, head: re.Match[bytes]) -> Parts:
-    """What meshio makes of a binary file whose faces are not all of one size.
+def _read_mixed_ply(file: BinaryIO, head: re.Match[bytes]) -> RawMesh:
+    """Read a binary PLY file whose faces are not all of one size, with meshio.
 
     Raises
     ------
-    BrokenMeshError : the file ends early, or is of a kind that meshio takes for what it is not.
+    BrokenMeshError : the file ends early, or is of a kind that meshio misreads.
     """
     import meshio
 
@@ -307,14 +312,14 @@ def _read_mixed_ply(file: BinaryIO, head: re.Match[bytes]) -> Parts:
 
 
 def _ply_coordinates(columns: Mapping[str, Any]) -> NDArray[np.float64] | None:
-    """Texture coordinates among the columns of a PLY file's vertices, under any of the names in use for them."""
+    """Find texture coordinates among the columns of a PLY file's vertices, under any of their usual names."""
     for names in _PLY_COORDINATES:
         if all(name in columns for name in names):
             return np.stack([np.asarray(columns[name], np.float64).reshape(-1) for name in names], axis=1)
     return None
 
 
-def _read_ply(file: BinaryIO) -> Parts:
+def _read_ply(file: BinaryIO) -> RawMesh:
     from trimesh.exchange.ply import load_ply
 
     head = _PLY_HEADER.match(file.read(_LONGEST_HEADER))
@@ -347,12 +352,12 @@ def _read_ply(file: BinaryIO) -> Parts:
 
 
 def _columns(table: Any) -> Iterator[tuple[str, Any]]:
-    """The columns of a PLY element, as trimesh keeps them of text and of binary files."""
+    """Walk through the columns of a PLY element, which trimesh keeps differently for text and binary files."""
     names = table if isinstance(table, Mapping) else table.dtype.names
     return ((name, table[name]) for name in names)
 
 
-_READERS: Mapping[str, tuple[str, Callable[[BinaryIO], Parts]]] = {
+_READERS: Mapping[str, tuple[str, Callable[[BinaryIO], RawMesh]]] = {
     ".ply": ("PLY", _read_ply),
     ".obj": ("OBJ", _read_obj),
     ".stl": ("STL", _read_stl),
@@ -364,18 +369,18 @@ SUFFIXES = tuple(_READERS)
 """Suffixes of the files that `read` reads, in lower case."""
 
 
-def read(path: Path) -> Parts:
-    """What the library for the file's suffix finds in it: all its triangles, in one mesh.
+def read(path: Path) -> RawMesh:
+    """Read all triangles of a file into one mesh, with the library for its suffix.
 
     Raises
     ------
     BrokenMeshError : the file is broken, or holds no triangles.
     OSError : the file cannot be opened.
     """
-    from raytracer.jit import alone
+    from raytracer.core.compiler.lock import compiler_lock
 
     name, reader = _READERS[path.suffix.lower()]
-    with alone, opened(path) as file, warnings.catch_warnings(), np.errstate(all="ignore"):
+    with compiler_lock, open_regular(path) as file, warnings.catch_warnings(), np.errstate(all="ignore"):
         if not file.peek(1):
             raise BrokenMeshError("is empty")
 

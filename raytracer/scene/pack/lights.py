@@ -1,4 +1,4 @@
-"""What can be aimed at in a scene: its lights, its emitting objects, and its environment."""
+"""Pack the lights that next-event estimation samples: lights, emitting objects and the environment."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -6,20 +6,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.cameras.moving import camera_at
-from raytracer.instances import Glow, Instances
-from raytracer.lights.background import Background
-from raytracer.lights.emitters import ABSENT, Emitters
-from raytracer.lights.interface import AimedOnly, Lights, LightSpec, Unaimed
-from raytracer.lights.sun import Sun
-from raytracer.materials.interface import MaterialSpec
-from raytracer.primitives.interface import areas, section
-from raytracer.sampling.alias import build_alias
-from raytracer.scene.objects import Objects
+from raytracer.core.instancing import EmissiveInstances, Instances
+from raytracer.core.primitives.base.interface import areas, slice_rows
+from raytracer.core.sampling.alias import build_alias
+from raytracer.core.shutter.table import Pulses
+from raytracer.plugins.cameras.base.moving import camera_at_time
+from raytracer.plugins.lights.background import Background
+from raytracer.plugins.lights.base.interface import Lights, LightSamplingOnly, LightSpec, NoLightSampling
+from raytracer.plugins.lights.emitters import ABSENT, Emitters
+from raytracer.plugins.lights.sun import Sun
+from raytracer.plugins.materials.base.interface import MaterialSpec
+from raytracer.plugins.textures.base.interface import ParameterPacker
+from raytracer.scene.pack.objects import Objects
 from raytracer.scene.spec import SceneSpec
-from raytracer.shutter import Pulses
-from raytracer.spec import Vector
-from raytracer.textures.interface import Book
+from raytracer.schema.fields import Vector
 
 
 def pack_lights(
@@ -28,56 +28,63 @@ def pack_lights(
     objects: Objects,
     used: Sequence[MaterialSpec],
     references: Sequence[int],
-    book: Book,
+    packer: ParameterPacker,
     is_lit: bool,
     is_moving: bool,
-) -> tuple[Lights | Unaimed | None, Instances | None]:
-    """The lights of a scene, one table a kind, and the instances, with how those that emit are chosen.
+) -> tuple[Lights | NoLightSampling | None, Instances | None]:
+    """Pack the lights of a scene, one table a kind, and the probabilities of its emitting instances.
 
-    There are no lights, None, where there is none that could make a difference.
+    The lights are None if none of them could make a difference.
 
     Parameters
     ----------
     environment : the packed environment.
     used, references : each object's material, and the reference that its primitives have.
-    is_lit : whether anything can be lit by choice; mirrors and glass find lights only by being followed, so without it
-        only those remain that a ray may find: the discs of suns.
-    is_moving : whether anything moves while the shutter is open.
+    is_lit : a material in use allows next-event estimation; mirrors and glass find lights only by their paths, so
+        without one only lights remain that a ray may hit: the discs of suns.
+    is_moving : something moves while the shutter is open.
 
     Raises
     ------
-    SceneError : a light that shines in a pulse, and a shutter that is open for no time; or one that only aiming finds,
-        where nothing is aimed at.
+    SceneError : a light shines in a pulse, and the shutter is open for no time; or a light needs next-event estimation,
+        which is off.
     """
     tables: list[Any] = []
     instances = objects.instances
     how = spec.render.light_sampling
     is_aimed = is_lit and how != "paths"
     if is_aimed:
-        exitance = exitances(used, references, book)
-        variants, instances = glowing(objects, exitance)
+        exitance = emitted_powers(used, references, packer)
+        variants, instances = instance_emission(objects, exitance)
         tables.append(pack_emitters(objects, variants, exitance))
     kinds: dict[str, list[LightSpec]] = {}
-    for light in _fired(spec, [light for light in lights_of(spec) if is_lit or light.is_seen()], is_moving):
+    for light in _lights_in_exposure(
+        spec, [light for light in lights_of(spec) if is_lit or light.is_visible_to_paths()], is_moving
+    ):
         if not is_aimed:
-            _check_found(spec, light)
+            _check_reachable(spec, light)
         kinds.setdefault(light.type, []).append(light)
     tables += [type(kinds[kind][0]).pack(kinds[kind]) for kind in sorted(kinds)]
     unaimed = environment
-    if is_aimed and environment is not None and spec.environment is not None and spec.environment.can_be_drawn:
+    if (
+        is_aimed
+        and environment is not None
+        and spec.environment is not None
+        and spec.environment.has_importance_sampling
+    ):
         tables.append(Background())
         unaimed = None
     present = tuple(table for table in tables if table is not None)
     if not present:
         return None, instances
     if not is_aimed:
-        return Unaimed(present, unaimed), instances
-    return Lights(present, unaimed, AimedOnly() if how == "lights" else None), instances
+        return NoLightSampling(present, unaimed), instances
+    return Lights(present, unaimed, LightSamplingOnly() if how == "lights" else None), instances
 
 
-def _check_found(spec: SceneSpec, light: LightSpec) -> None:
-    """Refuse a light that is shining, and that no path can find, since without aiming the picture would lack it."""
-    if not light.is_seen() and type(light).pack([light]) is not None:
+def _check_reachable(spec: SceneSpec, light: LightSpec) -> None:
+    """Reject a shining light that no path can hit, since without next-event estimation the picture would lack it."""
+    if not light.is_visible_to_paths() and type(light).pack([light]) is not None:
         raise spec.error(
             f"paths never find a {light.type} light without extent, since no ray can meet it: use mis or lights",
             "render",
@@ -86,14 +93,14 @@ def _check_found(spec: SceneSpec, light: LightSpec) -> None:
 
 
 def lights_of(spec: SceneSpec) -> tuple[LightSpec, ...]:
-    """The lights that a scene names, and its sky's sun."""
-    disc = spec.environment.disc() if spec.environment is not None else None
+    """List the lights of a scene, with its sky's sun."""
+    disc = spec.environment.sun_disc() if spec.environment is not None else None
     sun = () if disc is None else (Sun(direction=disc.direction, irradiance=disc.irradiance, angle=disc.angle),)
     return (*spec.lights, *sun)
 
 
-def _fired(spec: SceneSpec, lights: Sequence[LightSpec], is_moving: bool) -> list[LightSpec]:
-    """The lights in the time of the shutter, without those whose pulse it does not see."""
+def _lights_in_exposure(spec: SceneSpec, lights: Sequence[LightSpec], is_moving: bool) -> list[LightSpec]:
+    """Convert the lights to shutter time, without those whose pulse the shutter misses."""
     timing = spec.camera.timing()
     span = timing.span()
     seen: list[tuple[LightSpec, float]] = []
@@ -111,25 +118,26 @@ def _fired(spec: SceneSpec, lights: Sequence[LightSpec], is_moving: bool) -> lis
         elif pulse[1] > span.open and pulse[0] < span.close:
             seen.append((light, pulse[0]))
     timed = is_moving or (timing.readout > 0.0 and any(light.pulse(timing) is not None for light, _ in seen))
-    return [light.fired(timing, _place(spec, time), timed) for light, time in seen]
+    return [light.at_exposure(timing, _place(spec, time), timed) for light, time in seen]
 
 
 def _place(spec: SceneSpec, time: float) -> Vector:
-    """Where the camera is at a time of the scene (s)."""
-    return camera_at(spec.camera, time).look_from
+    """Compute the position of the camera at a scene time (s)."""
+    return camera_at_time(spec.camera, time).look_from
 
 
-def pulses_of(lights: Lights | Unaimed | None) -> list[Pulses]:
-    """When the lights shine of which paths need to know that."""
-    found = [getattr(table, "pulse", None) for table in (lights.tables if lights is not None else ())]
-    return [pulses for pulses in found if pulses is not None]
+def light_pulses(lights: Lights | NoLightSampling | None) -> list[Pulses]:
+    """List the pulses of the lights whose contribution depends on the path's time."""
+    pulses = [getattr(table, "pulse", None) for table in (lights.tables if lights is not None else ())]
+    return [pulse for pulse in pulses if pulse is not None]
 
 
-class Variant(NamedTuple):
-    """What emits in the same way wherever it is placed.
+class EmitterVariant(NamedTuple):
+    """An emitter that is the same wherever instances place it.
 
-    group, -1 for what is in none; material, the reference in place of its primitives' own, or -1; size, by how much the
-    areas of all its instances are larger than its own.
+    group : -1 for what is in none.
+    material : reference that replaces its primitives' own, or -1.
+    size : areas of all its instances relative to its own.
     """
 
     group: int
@@ -137,26 +145,32 @@ class Variant(NamedTuple):
     size: float
 
 
-class Glowing(NamedTuple):
-    """variants, of which the first is what is in no instance; and the instances, with how they are chosen."""
+class InstanceEmission(NamedTuple):
+    """Emission of instances.
 
-    variants: Sequence[Variant]
+    variants : the first is what is in no instance.
+    instances : with the probabilities of those that emit.
+    """
+
+    variants: Sequence[EmitterVariant]
     instances: Instances | None
 
 
-def exitances(used: Sequence[MaterialSpec], references: Sequence[int], book: Book) -> NDArray[np.float64]:
-    """What a square metre radiates of the materials that primitives may have, by reference (n,)."""
+def emitted_powers(
+    used: Sequence[MaterialSpec], references: Sequence[int], packer: ParameterPacker
+) -> NDArray[np.float64]:
+    """Compute the exitance of the materials in use, the emitted power per area, by reference (n,)."""
     result = np.zeros(max(references) + 1)
-    result[list(references)] = [material.exitance(book) for material in used]
+    result[list(references)] = [material.emitted_power(packer) for material in used]
     return result
 
 
-def glowing(objects: Objects, exitance: NDArray[np.float64]) -> Glowing:
-    """Which instances emit, and how one of them is chosen: within a variant, in proportion to their sizes."""
-    variants = [Variant(-1, -1, 1.0)]
+def instance_emission(objects: Objects, exitance: NDArray[np.float64]) -> InstanceEmission:
+    """Find the instances that emit; within a variant, one is chosen in proportion to its size."""
+    variants = [EmitterVariant(-1, -1, 1.0)]
     instances = objects.instances
     if instances is None:
-        return Glowing(variants, None)
+        return InstanceEmission(variants, None)
     still = np.abs(np.linalg.det(instances.pose[:, :, :3]))
     moving = instances.trajectories
     # An estimate is enough here: it is exact for the same scale along all axes.
@@ -165,40 +179,42 @@ def glowing(objects: Objects, exitance: NDArray[np.float64]) -> Glowing:
     material = np.full(len(size), -1, np.int32) if instances.material is None else instances.material
     pairs, number = np.unique(np.stack([instances.group, material], axis=1), axis=0, return_inverse=True)
     number = number.ravel()
-    variant, chance = np.full(len(size), -1, np.int32), np.zeros(len(size))
+    variant, probability = np.full(len(size), -1, np.int32), np.zeros(len(size))
     members: list[NDArray[np.int64]] = [np.empty(0, np.int64)]
     for place, (group, override) in enumerate(pairs.tolist()):
         if not any(_emitting(objects, group, table, override, exitance).any() for table in range(len(objects.owners))):
             continue
         chosen = np.flatnonzero(number == place)
         total = float(size[chosen].sum())
-        variant[chosen], chance[chosen] = len(variants), size[chosen] / total
-        variants.append(Variant(group, override, total))
+        variant[chosen], probability[chosen] = len(variants), size[chosen] / total
+        variants.append(EmitterVariant(group, override, total))
         members.append(chosen)
     if len(variants) == 1:
-        return Glowing(variants, instances)
-    glow = Glow(
+        return InstanceEmission(variants, instances)
+    emissive = EmissiveInstances(
         variant=variant,
-        chance=chance,
+        probability=probability,
         first=np.cumsum([0, *map(len, members)]).astype(np.int32),
         member=np.concatenate(members).astype(np.int32),
-        cumulative=np.concatenate([np.cumsum(chance[chosen]) for chosen in members]),
+        cumulative=np.concatenate([np.cumsum(probability[chosen]) for chosen in members]),
     )
-    return Glowing(variants, instances._replace(glow=glow))
+    return InstanceEmission(variants, instances._replace(emissive=emissive))
 
 
 def _emitting(
     objects: Objects, group: int, table: int, material: int, exitance: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """What a square metre of each primitive radiates that a group, or what is in none, has in a table."""
+    """Look up the exitance of each primitive of a table in a group, or in none."""
     start, stop = objects.bounds[group + 1, table]
     if material >= 0:
         return np.full(stop - start, exitance[material])
     return np.asarray(exitance[objects.primitives[table].material[start:stop]])
 
 
-def pack_emitters(objects: Objects, variants: Sequence[Variant], exitance: NDArray[np.float64]) -> Emitters | None:
-    """The emitting primitives, chosen by power; None where there are none."""
+def pack_emitters(
+    objects: Objects, variants: Sequence[EmitterVariant], exitance: NDArray[np.float64]
+) -> Emitters | None:
+    """Pack the emitting primitives, chosen by power; None if there are none."""
     tables = len(objects.primitives)
     first = np.full((len(variants), tables), ABSENT, np.int32)
     rows: list[tuple[int, int, NDArray[np.int64], NDArray[np.int32]]] = []
@@ -209,10 +225,10 @@ def pack_emitters(objects: Objects, variants: Sequence[Variant], exitance: NDArr
             start, stop = (int(bound) for bound in objects.bounds[variant.group + 1, table])
             radiated = _emitting(objects, variant.group, table, variant.material, exitance)
             emitting = np.flatnonzero(radiated)
-            # Areas of a million triangles that do not emit would be the largest thing in memory.
+            # Areas of a million triangles that do not emit would be the largest arrays in memory.
             if not len(emitting):
                 continue
-            shown = section(objects.primitives[table], start, stop)
+            shown = slice_rows(objects.primitives[table], start, stop)
             powers.append(variant.size * areas(shown)[emitting] * radiated[emitting])
             own = np.full(len(emitting), variant.material) if variant.material >= 0 else shown.material[emitting]
             rows.append((number, table, start + emitting, own.astype(np.int32)))

@@ -1,4 +1,4 @@
-"""Materials that are made of others: from names to one packed table a kind."""
+"""Pack materials: resolve the names of their parts, and make one table a kind."""
 
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -7,108 +7,128 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from raytracer.assets.gltf import read_materials
-from raytracer.document import path_text
-from raytracer.errors import InputError
-from raytracer.kinds import MATERIALS
-from raytracer.materials.interface import MaterialSpec, Selectors, SelectorSpec
-from raytracer.scene.spec import SceneSpec, check_material
-from raytracer.shapes.interface import ShapeSpec
-from raytracer.spec import sentence
-from raytracer.textures.interface import Book
+from raytracer.plugins.materials.base.dispatch import Selectors
+from raytracer.plugins.materials.base.interface import MaterialSpec, SelectorSpec
+from raytracer.plugins.shapes.base.interface import ShapeSpec
+from raytracer.plugins.textures.base.interface import ParameterPacker
+from raytracer.scene.assets.gltf_materials import read_materials
+from raytracer.scene.kind_unions import check_material
+from raytracer.scene.spec import SceneSpec
+from raytracer.schema.registry import MATERIALS
+from raytracer.schema.validation_errors import error_sentence
+from raytracer.schema.yaml_nodes import path_text
+from raytracer.util.errors import InputError
 
 DEFAULT_MATERIAL = "lambertian"
-"""What an object is made of that names no material."""
+"""Material of an object that names none."""
 
 INVISIBLE = "boundary"
-"""What an object is made of that is no boundary, but for that of a medium."""
+"""Material of an object that is only the boundary of a medium."""
 
-_RELIEF = ("bump", "bump_height", "normal_map", "normal_scale")
+_NORMAL_MAPPING_KEYS = ("bump", "bump_height", "normal_map", "normal_scale")
 
 
-def resolved(material: MaterialSpec, named: Mapping[str, MaterialSpec]) -> MaterialSpec:
-    """The material with specs in place of names; what selects always the same child is that child.
+def resolve_material(material: MaterialSpec, named: Mapping[str, MaterialSpec]) -> MaterialSpec:
+    """Resolve names in a material to specs; a selector that always selects the same child becomes that child.
 
-    What is no boundary at all, as glass of the index that is around it, is an invisible one.  A selector's own relief
-    is that of its children, but for those that have one themselves.
+    A surface without an effect, as glass of the index around it, becomes an invisible one.  A selector's normal mapping
+    applies to its children, except to those that have their own.
     """
     if not isinstance(material, SelectorSpec):
-        return _invisible(material) if material.is_nothing() else material
+        return _invisible(material) if material.is_index_matched() else material
     children = []
     for child in material.children().values():
-        found = resolved(named[child] if isinstance(child, str) else child, named)
-        children.append(_with_relief_of(material, found))
+        resolved = resolve_material(named[child] if isinstance(child, str) else child, named)
+        children.append(_with_normal_mapping_of(material, resolved))
     return material.with_children(children)
 
 
+def object_material(spec: SceneSpec, item: ShapeSpec) -> MaterialSpec:
+    """Resolve an object's material: named, inline, or the default."""
+    if isinstance(item.material, str):
+        return resolve_material(spec.materials[item.material], spec.materials)
+    default = DEFAULT_MATERIAL if item.medium is None else INVISIBLE
+    material = item.material or MATERIALS.specs()[default]()
+    assert isinstance(material, MaterialSpec)
+    return resolve_material(material, spec.materials)
+
+
 def _invisible(material: MaterialSpec) -> MaterialSpec:
-    """What is no boundary, but for a medium that a material keeps out."""
-    found = MATERIALS.specs()[INVISIBLE](clear=material.holds_medium())
-    assert isinstance(found, MaterialSpec)
-    return found
+    """Make the invisible material in place of one, which keeps out a medium if that one does."""
+    invisible = MATERIALS.specs()[INVISIBLE](clear=material.has_interior())
+    assert isinstance(invisible, MaterialSpec)
+    return invisible
 
 
-def _with_relief_of(parent: MaterialSpec, child: MaterialSpec) -> MaterialSpec:
-    given = {key: getattr(parent, key) for key in _RELIEF if key in parent.model_fields_set}
-    if not given or any(key in child.model_fields_set for key in _RELIEF):
+def _with_normal_mapping_of(parent: MaterialSpec, child: MaterialSpec) -> MaterialSpec:
+    given = {key: getattr(parent, key) for key in _NORMAL_MAPPING_KEYS if key in parent.model_fields_set}
+    if not given or any(key in child.model_fields_set for key in _NORMAL_MAPPING_KEYS):
         return child
     if isinstance(child, SelectorSpec):
-        return child.with_children([_with_relief_of(parent, below) for below in child.children().values()])
+        return child.with_children([_with_normal_mapping_of(parent, below) for below in child.children().values()])
     return child.model_copy(update=given)
 
 
-def parts(materials: Iterable[MaterialSpec]) -> Iterator[MaterialSpec]:
-    """Resolved materials, and all that they are made of."""
+def collect_components(materials: Iterable[MaterialSpec]) -> Iterator[MaterialSpec]:
+    """Walk through resolved materials and all of their parts."""
     for material in materials:
         yield material
-        yield from parts(material.children().values())
+        yield from collect_components(material.children().values())
 
 
-class Brought(NamedTuple):
-    """What a mesh's file says it is made of: materials, resolved, and for each face the index of one (m,)."""
+class MeshMaterials(NamedTuple):
+    """The materials in a mesh's file.
+
+    materials : resolved.
+    faces : (m,), index of each face's material.
+    """
 
     materials: tuple[MaterialSpec, ...]
     faces: NDArray[np.int64]
 
 
-def brought(spec: SceneSpec, item: ShapeSpec, keys: tuple[str | int, ...], held: Mapping[str, Any]) -> Brought | None:
-    """The materials that an object's file brings, unless the object names one itself.
+def mesh_materials(
+    spec: SceneSpec, item: ShapeSpec, keys: tuple[str | int, ...], held: Mapping[str, Any]
+) -> MeshMaterials | None:
+    """Read the materials in an object's file, unless the object names one itself.
 
-    held : what the object's files hold.
+    held : contents of the object's files.
 
     Raises
     ------
-    SceneError : a material in the file is not as it should be.
+    SceneError : a material in the file is invalid.
     """
     path, (name, _) = next(iter(item.files().items()), ((), ("", "")))
     kinds = getattr(held.get(".".join(map(str, path))), "kinds", None)
     if kinds is None or item.material is not None or item.medium is not None:
         return None
     try:
-        found = read_materials(spec.base / name, name)
+        file_materials = read_materials(spec.base / name, name)
     except InputError as error:
         raise spec.error(str(error), *keys, *path) from None
     present, faces = np.unique(kinds, return_inverse=True)
     materials: list[MaterialSpec] = []
     for number in present:
         try:
-            checked = check_material(found[number])
+            checked = check_material(file_materials[number])
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
-            # pydantic names the kinds that it told apart, too.
+            # pydantic's path holds the names of kinds, too.
             below = path_text(tuple(step for step in first["loc"] if step not in MATERIALS.specs()))
-            wrong = f"{name}: has material {number}, counted from 0, whose {below} {sentence(first)}"
+            wrong = f"{name}: has material {number}, counted from 0, whose {below} {error_sentence(first)}"
             raise spec.error(wrong, *keys, *path) from None
         assert isinstance(checked, MaterialSpec)
-        materials.append(resolved(checked, {}))
-    return Brought(tuple(materials), faces.astype(np.int64))
+        materials.append(resolve_material(checked, {}))
+    return MeshMaterials(tuple(materials), faces.astype(np.int64))
 
 
 class Materials(NamedTuple):
     """Packed materials.
 
-    tables, one a kind, sorted by it; selectors, likewise, or None; references, of the materials packed; parts, every
-    material in the tables with its reference.
+    tables : one a kind, sorted by it.
+    selectors : one a kind, sorted by it, or None.
+    references : of the materials that were given.
+    parts : every material in the tables with its reference.
     """
 
     tables: tuple[Any, ...]
@@ -117,21 +137,21 @@ class Materials(NamedTuple):
     parts: list[tuple[MaterialSpec, int]]
 
 
-def pack_materials(used: Sequence[MaterialSpec], spaces: Sequence[Hashable], book: Book) -> Materials:
+def pack_materials(used: Sequence[MaterialSpec], interfaces: Sequence[Hashable], packer: ParameterPacker) -> Materials:
     """Pack resolved materials; a reference is row * kinds + kind, where the kinds of selectors come last.
 
-    A material between other media (`spaces`, one a material) has a row of its own, since media are looked up by its
+    A material between other media (`interfaces`, one a material) has a row of its own, since media are looked up by its
     reference.
     """
     rows: dict[str, dict[tuple[MaterialSpec, Hashable], int]] = {}
-    for material, space in zip(used, spaces, strict=True):
-        for part in parts([material]):
+    for material, space in zip(used, interfaces, strict=True):
+        for part in collect_components([material]):
             of_kind = rows.setdefault(part.type, {})
             of_kind.setdefault((part, space), len(of_kind))
-    # Boundaries alone make no table of materials, but kernels want one to choose from.
+    # Boundaries alone make no table of materials, but kernels need one.
     if all(_is_selector(of_kind) for of_kind in rows.values()):
         plain = MATERIALS.specs()[DEFAULT_MATERIAL]()
-        rows[plain.type] = {(plain, spaces[0]): 0}
+        rows[plain.type] = {(plain, interfaces[0]): 0}
     order = sorted(rows, key=lambda kind: (_is_selector(rows[kind]), kind))
 
     def reference(material: MaterialSpec, space: Hashable) -> int:
@@ -143,10 +163,10 @@ def pack_materials(used: Sequence[MaterialSpec], spaces: Sequence[Hashable], boo
         specs = [material for material, _ in rows[kind]]
         if isinstance(specs[0], SelectorSpec):
             children = [[reference(child, space) for child in item.children().values()] for item, space in rows[kind]]
-            selectors.append(specs[0].pack_selectors(specs, book, children))
+            selectors.append(specs[0].pack_selectors(specs, packer, children))
         else:
-            tables.append(specs[0].pack(specs, book))
-    packed = [reference(material, space) for material, space in zip(used, spaces, strict=True)]
+            tables.append(specs[0].pack(specs, packer))
+    packed = [reference(material, space) for material, space in zip(used, interfaces, strict=True)]
     real = [(part, reference(part, space)) for kind in order[: len(tables)] for part, space in rows[kind]]
     return Materials(tuple(tables), Selectors(tuple(selectors)) if selectors else None, packed, real)
 

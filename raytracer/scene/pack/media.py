@@ -1,4 +1,4 @@
-"""What fills the space of a scene: its media, and which of them lies on each side of an object."""
+"""Pack media, and find those on each side of an object."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -6,34 +6,34 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import ValidationError
 
-from raytracer.errors import InputError
-from raytracer.materials.interface import MaterialSpec
-from raytracer.media.interface import KEEP, NONE, Media
-from raytracer.scene.objects import Assets
+from raytracer.plugins.materials.base.interface import MaterialSpec
+from raytracer.plugins.media.base.interface import KEEP_MEDIUM, NO_MEDIUM, Media
+from raytracer.plugins.shapes.base.interface import ShapeSpec
+from raytracer.scene.scene_assets import SceneAssets
 from raytracer.scene.spec import SceneSpec
-from raytracer.shapes.interface import ShapeSpec
-from raytracer.spec import sentence
+from raytracer.schema.validation_errors import error_sentence
+from raytracer.util.errors import InputError
 
 
-class Space(NamedTuple):
-    """References of the media inside and outside of an object, or NONE; or KEEP twice for one that changes nothing."""
+class MediumInterface(NamedTuple):
+    """References of the media inside and outside of an object: NO_MEDIUM for none, KEEP_MEDIUM for no change."""
 
     inside: int
     outside: int
 
 
-KEEPING = Space(KEEP, KEEP)
+KEEP_MEDIA = MediumInterface(KEEP_MEDIUM, KEEP_MEDIUM)
 
 
-class Spaces:
-    """The media that a scene uses, packed, and what each object makes of them.
+class SceneMedia:
+    """The media that a scene uses, and the medium interfaces of its objects.
 
     Raises
     ------
     SceneError : the file of a medium cannot be read, or does not suit it.
     """
 
-    def __init__(self, spec: SceneSpec, files: Assets) -> None:
+    def __init__(self, spec: SceneSpec, files: SceneAssets) -> None:
         self._spec, self._files = spec, files
         objects = [name for _, item in spec.all_objects() for name in (item.medium, item.outside_medium)]
         used = sorted({name for name in (spec.medium, spec.camera.medium, *objects) if name is not None})
@@ -63,36 +63,36 @@ class Spaces:
         try:
             self._spec.media[name].check(assets)
         except ValidationError as error:
-            (found,) = error.errors(include_url=False)
-            raise self._spec.error(sentence(found), "media", name, *found["loc"]) from None
+            (detail,) = error.errors(include_url=False)
+            raise self._spec.error(error_sentence(detail), "media", name, *detail["loc"]) from None
 
     def _reference(self, name: str | None) -> int:
-        """That of a medium; NONE for one that is clear, or where there is none."""
-        return NONE if name is None else self._references.get(name, NONE)
+        """Return the reference of a medium; NO_MEDIUM for a clear one, or for none."""
+        return NO_MEDIUM if name is None else self._references.get(name, NO_MEDIUM)
 
-    def of(self, item: ShapeSpec, material: MaterialSpec) -> Space:
-        """What lies inside and outside of an object of this material.
+    def of(self, item: ShapeSpec, material: MaterialSpec) -> MediumInterface:
+        """Find the media inside and outside of an object of this material.
 
-        Without a medium of its own, what light is refracted into is clear; and other surfaces leave a ray in the
+        Without a medium of its own, a refracting object is clear inside; other surfaces leave a ray in the
         medium that it came through.
         """
         named = item.medium is not None or item.outside_medium is not None
-        if not self._tables or not (named or material.holds_medium()):
-            return KEEPING
+        if not self._tables or not (named or material.has_interior()):
+            return KEEP_MEDIA
         around = self._spec.medium if item.outside_medium is None else item.outside_medium
-        return Space(self._reference(item.medium), self._reference(around))
+        return MediumInterface(self._reference(item.medium), self._reference(around))
 
     def scatters(self) -> bool:
-        """Whether any medium sends light elsewhere, so that it is worth to aim at lights from within."""
+        """Return True if any medium scatters, so that next-event estimation is useful within it."""
         return any(self._spec.media[name].scatters() for name in self._references)
 
-    def pack(self, references: Sequence[int], spaces: Sequence[Space]) -> Media | None:
-        """The packed media, for objects whose materials have these references; None where all of space is clear."""
+    def pack(self, references: Sequence[int], interfaces: Sequence[MediumInterface]) -> Media | None:
+        """Pack the media, for objects whose materials have these references; None if all of space is clear."""
         if not self._tables:
             return None
-        inside = np.full(max(references) + 1, KEEP, np.int32)
+        inside = np.full(max(references) + 1, KEEP_MEDIUM, np.int32)
         outside = inside.copy()
-        for reference, space in zip(references, spaces, strict=True):
+        for reference, space in zip(references, interfaces, strict=True):
             inside[reference], outside[reference] = space
         camera = self._spec.camera.medium or self._spec.medium
         return Media(tuple(self._tables), inside, outside, self._reference(camera))

@@ -1,8 +1,8 @@
-"""Scenes that lie far from the origin are packed near it.
+"""Origin shift: scenes that lie far from the origin are packed near it.
 
-Embree works in float32, whose numbers are 0.0625 apart at a million metres.  All that is packed is in float64 first,
-and is moved there.  What a group holds far from the group's own origin, as a mesh in the coordinates of a map that is
-instanced or spins, is moved in the group, and its poses the other way.
+Embree works in float32, whose numbers are 0.0625 apart at a million metres.  Tables are computed in float64,
+and are moved there.  The objects of a group far from the group's own origin, as a mesh in map coordinates that is
+instanced or spins, are moved in the group, and its poses the other way.
 """
 
 import math
@@ -13,30 +13,37 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.cameras.moving import camera_at
-from raytracer.instances import TURN
-from raytracer.motion import Rows, Shift, Static, arm_of, compose, shifted, steadied
-from raytracer.origin import Origin
-from raytracer.scene.objects import Assets, Layout, Part, Placing
+from raytracer.core.instancing import ROTATION_ERROR
+from raytracer.core.motion.decomposition import Rows, compose
+from raytracer.core.motion.resolve import Shift, Static
+from raytracer.core.motion.trajectory import max_rotation_radius, recentre_rotation, translate_trajectory
+from raytracer.core.world_origin import Origin
+from raytracer.plugins.cameras.base.moving import camera_at_time
+from raytracer.scene.pack.layout import GroupInstances, Layout, Part
+from raytracer.scene.scene_assets import SceneAssets
 from raytracer.scene.spec import SceneSpec
+from raytracer.schema.transform import translation_matrix
 
 _LEAST_GAIN = 16.0
-"""How many times as exact a scene must get to be moved; with less it keeps its kernel and its bits.
+"""Least gain in accuracy for which a scene is moved; with less it keeps its kernel and its bits.
 
 Rays then leave surfaces by less than 4 * 2^-23 * 16 = 8e-6 of what is seen, a hundredth of one of a thousand pixels.
 """
 
 _MOST_CANDIDATES = 16
-"""Objects that are tried as the middle of the scene, those that fill the largest angles."""
+"""Most objects that are tried as the origin of the scene, those that fill the largest angles."""
 
 Points = NDArray[np.float64]
 
 
-class _Things(NamedTuple):
-    """What there is in the world, each object or instance by its box.
+class _ObjectBoxes(NamedTuple):
+    """The boxes of the objects and instances of the world.
 
-    middle (n, 3); half (n,), half the largest edge; distance (n,) from the camera to the box (m); group (n,), the
-    number of the group that is placed there, or -1; stretch (n,), by how much its pose stretches coordinates of it.
+    middle (m) : (n, 3).
+    half (m) : (n,), half the largest edge.
+    distance (m) : (n,), from the camera to the box.
+    group : (n,), number of the instance's group, or -1.
+    stretch : (n,), largest factor by which its pose stretches coordinates.
     """
 
     middle: Points
@@ -46,12 +53,12 @@ class _Things(NamedTuple):
     stretch: NDArray[np.float64]
 
     def reach(self, origin: Points) -> NDArray[np.float64]:
-        """How far the coordinates of each, and the rays to it, reach (n,) if the world has another origin (m)."""
+        """Compute the largest coordinates of each, and of rays to it (n,) (m), for another origin of the world."""
         return np.asarray(np.abs(self.middle - origin).max(axis=1) + self.half + self.distance)
 
 
-def recentred(spec: SceneSpec, layout: Layout, assets: Assets) -> tuple[Layout, Origin | None]:
-    """The layout of a scene as it is best packed, and the origin of that; None for one that is left as it is.
+def shift_origin(spec: SceneSpec, layout: Layout, assets: SceneAssets) -> tuple[Layout, Origin | None]:
+    """Move a layout to the origin at which float32 is most accurate, and return both; None if it stays as it is.
 
     Raises
     ------
@@ -59,7 +66,7 @@ def recentred(spec: SceneSpec, layout: Layout, assets: Assets) -> tuple[Layout, 
     """
     boxes = [_around(_boxes_of(spec, layout, parts, assets)) for parts in layout.groups]
     camera = np.array(_camera(spec))
-    things = _things(spec, layout, boxes, assets, camera)
+    things = _object_boxes(spec, layout, boxes, assets, camera)
     world = _world_origin(things, camera)
     reach = things.reach(world)
     origins = np.array(
@@ -67,25 +74,27 @@ def recentred(spec: SceneSpec, layout: Layout, assets: Assets) -> tuple[Layout, 
     ).reshape(-1, 3)
     if not world.any() and not origins.any():
         return layout, None
-    plain = [_part(part, -world) for part in layout.plain]
+    ungrouped = [_part(part, -world) for part in layout.ungrouped]
     groups = [[_part(part, -origin) for part in parts] for parts, origin in zip(layout.groups, origins, strict=True)]
-    placings = [_placing(placing, origins[placing.group], boxes[placing.group], world) for placing in layout.placings]
+    instances = [
+        _placing(instance, origins[instance.group], boxes[instance.group], world) for instance in layout.instances
+    ]
     x, y, z = world.tolist()
-    return layout._replace(plain=plain, groups=groups, placings=placings), Origin(
+    return layout._replace(ungrouped=ungrouped, groups=groups, instances=instances), Origin(
         (x, y, z), np.ascontiguousarray(origins) if origins.any() else None
     )
 
 
-# ---- Where things are
+# ---- Boxes of objects
 
 
 def _camera(spec: SceneSpec) -> tuple[float, float, float]:
-    """Where the camera is when the shutter opens."""
-    return camera_at(spec.camera, spec.camera.opening().open).look_from
+    """Compute the position of the camera when the shutter opens."""
+    return camera_at_time(spec.camera, spec.camera.shutter_interval().open).look_from
 
 
 def _moved(boxes: Points, matrices: Points) -> Points:
-    """The boxes (n, 2, 3) round boxes (n, 2, 3), or one (1, 2, 3), as matrices (n, 4, 4) move them."""
+    """Bound boxes (n, 2, 3), or one (1, 2, 3), as transformed by matrices (n, 4, 4): (n, 2, 3)."""
     middle, half = boxes.mean(axis=1), 0.5 * (boxes[:, 1] - boxes[:, 0])
     middles = np.einsum("nij,nj->ni", matrices[:, :3, :3], np.broadcast_to(middle, (len(matrices), 3)))
     middles += matrices[:, :3, 3]
@@ -94,17 +103,17 @@ def _moved(boxes: Points, matrices: Points) -> Points:
 
 
 def _around(boxes: Points) -> Points:
-    """The box (2, 3) round boxes (n, 2, 3)."""
+    """Bound boxes (n, 2, 3): (2, 3)."""
     return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
 
-def _boxes_of(spec: SceneSpec, layout: Layout, parts: Sequence[Part], assets: Assets) -> Points:
-    """The boxes (n, 2, 3) of parts in the space of what they are part of, from the shutter's opening to its closing."""
+def _boxes_of(spec: SceneSpec, layout: Layout, parts: Sequence[Part], assets: SceneAssets) -> Points:
+    """Bound parts (n, 2, 3) in the space of what they are part of, from the shutter's opening to its closing."""
     own, matrices, shifts = np.empty((len(parts), 2, 3)), np.empty((len(parts), 4, 4)), np.zeros((len(parts), 1, 3))
     for number, part in enumerate(parts):
         item = layout.items[part.item]
         try:
-            own[number] = item.spec.box(assets.of(item.spec, item.keys))
+            own[number] = item.spec.bounds(assets.of(item.spec, item.keys))
         except ValueError as error:
             raise spec.error(str(error), *item.keys) from None
         matrices[number] = part.placed.matrix
@@ -116,45 +125,47 @@ def _boxes_of(spec: SceneSpec, layout: Layout, parts: Sequence[Part], assets: As
     return boxes
 
 
-def _things(spec: SceneSpec, layout: Layout, boxes: Sequence[Points], assets: Assets, camera: Points) -> _Things:
-    """The scene's objects, one a part, and one an instance of a group, of which `boxes` has the box."""
-    found = [_boxes_of(spec, layout, layout.plain, assets)]
-    groups, stretch = [-1], [np.ones(len(layout.plain))]
-    for placing in layout.placings:
-        box = boxes[placing.group][None]
-        found.append(_moved(box, placing.poses))
-        stretch.append(_stretch(placing.poses))
-        for rows in placing.trajectories:
+def _object_boxes(
+    spec: SceneSpec, layout: Layout, boxes: Sequence[Points], assets: SceneAssets, camera: Points
+) -> _ObjectBoxes:
+    """Bound the scene's parts and its instances of groups, whose boxes are `boxes`."""
+    all_boxes = [_boxes_of(spec, layout, layout.ungrouped, assets)]
+    groups, stretch = [-1], [np.ones(len(layout.ungrouped))]
+    for instance in layout.instances:
+        box = boxes[instance.group][None]
+        all_boxes.append(_moved(box, instance.poses))
+        stretch.append(_stretch(instance.poses))
+        for rows in instance.trajectories:
             poses = np.array([compose(row) for row in rows])
-            found.append(_around(_moved(box, poses))[None])
+            all_boxes.append(_around(_moved(box, poses))[None])
             stretch.append(_stretch(poses).max(keepdims=True))
-        groups += [placing.group] * (1 + len(placing.trajectories))
-    low, high = np.moveaxis(np.concatenate(found), 1, 0)
+        groups += [instance.group] * (1 + len(instance.trajectories))
+    low, high = np.moveaxis(np.concatenate(all_boxes), 1, 0)
     middle, half = low + 0.5 * (high - low), 0.5 * (high - low).max(axis=1)
     distance = np.maximum(0.0, np.abs(middle - camera).max(axis=1) - half)
-    group = np.repeat(groups, [len(some) for some in found])
-    return _Things(middle, half, distance, group, np.concatenate(stretch))
+    group = np.repeat(groups, [len(some) for some in all_boxes])
+    return _ObjectBoxes(middle, half, distance, group, np.concatenate(stretch))
 
 
 def _stretch(matrices: Points) -> NDArray[np.float64]:
-    """How many times as far from their space's origin, at most, matrices (n, 4, 4) make coordinates reach (n,)."""
+    """Compute the largest factor by which matrices (n, 4, 4) stretch coordinates (n,)."""
     return np.asarray(np.abs(matrices[:, :3, :3]).sum(axis=2).max(axis=1))
 
 
-# ---- Which origin
+# ---- Choice of the origin
 
 
 def _rounded(point: Points, size: float) -> Points:
-    """A point with few digits, near to another at the scale of `size`: what is subtracted so keeps its last bits."""
+    """Round a point at the scale of `size`: differences to a point of few digits keep their last bits."""
     step = 2.0 ** math.floor(math.log2(size))
     return np.asarray(step * np.round(point / step))
 
 
-def _world_origin(things: _Things, camera: Points) -> Points:
-    """Where the packed scene has its origin, in the scene as it is; 0 where moving it gains little.
+def _world_origin(things: _ObjectBoxes, camera: Points) -> Points:
+    """Choose the origin of the packed scene, in scene coordinates; 0 if moving it gains little.
 
-    Float32 hits are wrong in proportion to how far coordinates and rays reach.  For an object of half the size h, d
-    away from the camera, and with its middle m away from the origin, that is m + h + d, of which the origin decides m
+    The error of float32 hits is proportional to the extent of coordinates and rays.  For an object of half the size h,
+    d away from the camera, and with its middle m away from the origin, that is m + h + d, of which the origin decides m
     alone.  Its mean over the objects is a geometric one, in which a huge ground or a lamp far away count as one among
     others; objects are weighed by h / (h + d), about the angle that they fill.
     """
@@ -175,7 +186,7 @@ def _world_origin(things: _Things, camera: Points) -> Points:
 
 
 def _median(points: Points, weight: NDArray[np.float64]) -> Points:
-    """The weighted medians of the coordinates (3,) of points (n, 3)."""
+    """Compute the weighted medians of the coordinates (3,) of points (n, 3)."""
     result = []
     for column in points.T:
         order = np.argsort(column, kind="stable")
@@ -185,11 +196,11 @@ def _median(points: Points, weight: NDArray[np.float64]) -> Points:
 
 
 def _group_origin(box: Points, stretch: NDArray[np.float64], reach: NDArray[np.float64]) -> Points:
-    """Where a group's space has its origin, in the space as it is; 0 where moving it gains little.
+    """Choose the origin of a group's space, in its coordinates; 0 if moving it gains little.
 
     Parameters
     ----------
-    box : (2, 3), round what the group holds.
+    box : (2, 3), round the objects of the group.
     stretch, reach : of each of its instances (n,), the latter in the world (m).
     """
     middle, half = box.mean(axis=0), 0.5 * float((box[1] - box[0]).max())
@@ -200,37 +211,30 @@ def _group_origin(box: Points, stretch: NDArray[np.float64], reach: NDArray[np.f
     return _rounded(middle, half) if np.any(own + reach >= _LEAST_GAIN * reach) else np.zeros(3)
 
 
-# ---- What is moved
-
-
-def translation(by: Points) -> Points:
-    """The matrix (4, 4) that displaces by a vector (3,)."""
-    result = np.eye(4)
-    result[:3, 3] = by
-    return result
+# ---- Shifts
 
 
 def _part(part: Part, by: Points) -> Part:
-    """A part whose space is moved; itself, with its bits, if it is not."""
+    """Shift a part; by zero it is itself, to the bit."""
     if not by.any():
         return part
-    placed: Static | Shift = part.placed._replace(matrix=translation(by) @ part.placed.matrix)
+    placed: Static | Shift = part.placed._replace(matrix=translation_matrix(by) @ part.placed.matrix)
     return part._replace(placed=placed)
 
 
-def _placing(placing: Placing, origin: Points, box: Points, world: Points) -> Placing:
-    """Instances whose group has another origin, in a world that has one too."""
+def _placing(instance: GroupInstances, origin: Points, box: Points, world: Points) -> GroupInstances:
+    """Shift instances, for the origins of their group and of the world."""
     if not origin.any() and not world.any():
-        return placing
-    poses = translation(-world) @ placing.poses @ translation(origin)
+        return instance
+    poses = translation_matrix(-world) @ instance.poses @ translation_matrix(origin)
     corners = np.array(list(product(*(box - origin).T)))
     size = float(np.linalg.norm(corners, axis=1).max())
-    trajectories = [_trajectory(rows, origin, world, size) for rows in placing.trajectories]
-    return placing._replace(poses=poses, trajectories=tuple(trajectories))
+    trajectories = [_trajectory(rows, origin, world, size) for rows in instance.trajectories]
+    return instance._replace(poses=poses, trajectories=tuple(trajectories))
 
 
 def _trajectory(rows: Rows, origin: Points, world: Points, size: float) -> Rows:
     before, after = tuple(origin.tolist()), tuple((-world).tolist())
-    moved = shifted(rows, before, after)
-    # A pivot far away from a small thing is what a float32 angle moves it by.
-    return steadied(moved, TURN) if arm_of(moved) > _LEAST_GAIN * size else moved
+    moved = translate_trajectory(rows, before, after)
+    # An error of a float32 angle moves a small thing by that angle times the distance of its pivot.
+    return recentre_rotation(moved, ROTATION_ERROR) if max_rotation_radius(moved) > _LEAST_GAIN * size else moved

@@ -1,29 +1,29 @@
-"""Cameras that stand where there is nothing to be seen."""
+"""Warn of cameras at positions where they see nothing."""
 
 from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.cameras.interface import defocus_of
-from raytracer.cameras.moving import MovingCamera
-from raytracer.geometry import OFFSET_ULPS
-from raytracer.primitives.spheres import Spheres
-from raytracer.scene.concerns.interface import Concern, concern
-from raytracer.scene.concerns.outlines import Points, normals, outline, reaches, resting
-from raytracer.scene.concerns.survey import Survey
+from raytracer.core.geometry import OFFSET_ULPS
+from raytracer.core.primitives.spheres import Spheres
+from raytracer.plugins.cameras.base.interface import camera_defocus
+from raytracer.plugins.cameras.base.moving import MovingCamera
+from raytracer.scene.warnings.primitive_points import Points, coordinate_extents, normals, outline, without_motion
+from raytracer.scene.warnings.record import WarningRecord, warning_at
+from raytracer.scene.warnings.survey import SceneSurvey
 
 _KIND = "cameras without a view"
 
-# Faces of an object that are looked at one by one.
+# Most faces of an object that are examined one by one.
 _MOST_FACES = 10_000
 
 _MOST_REACH = 5.0
 """How many times the largest coordinate the offset of a quad may count: its corner once, either edge twice."""
 
 
-def viewpoint(survey: Survey) -> Iterator[Concern]:
-    """Concerns about where the camera is."""
+def viewpoint_warnings(survey: SceneSurvey) -> Iterator[WarningRecord]:
+    """Find cameras on a surface, inside of an opaque object, or with pixels beyond float32."""
     yield from _pixels(survey)
     pieces = survey.pieces
     for piece in np.flatnonzero(
@@ -33,15 +33,15 @@ def viewpoint(survey: Survey) -> Iterator[Concern]:
         start, stop = int(pieces.start[piece]), int(pieces.stop[piece])
         offset = _offset_there(survey, table, start, stop)
         if offset is not None:
-            yield concern(
+            yield warning_at(
                 survey.spec,
                 _KIND,
                 ("camera", "look_from"),
                 f"lies on the surface of {survey.name_of(piece)}, to within {offset:.2g} m, so which side it sees is "
                 "left to rounding: move it by more than that",
             )
-        elif _is_in_the_dark(survey, piece):
-            yield concern(
+        elif _is_inside_opaque(survey, piece):
+            yield warning_at(
                 survey.spec,
                 _KIND,
                 ("camera", "look_from"),
@@ -49,12 +49,12 @@ def viewpoint(survey: Survey) -> Iterator[Concern]:
             )
 
 
-def _pixels(survey: Survey) -> Iterator[Concern]:
+def _pixels(survey: SceneSurvey) -> Iterator[WarningRecord]:
     """Find a camera whose pixels are smaller than float32 tells directions: edges are seen beside their place."""
     camera = survey.packed.scene.camera
-    defocus = defocus_of(camera.camera if isinstance(camera, MovingCamera) else camera)
+    defocus = camera_defocus(camera.camera if isinstance(camera, MovingCamera) else camera)
     if defocus is not None and defocus.pixel < OFFSET_ULPS:
-        yield concern(
+        yield warning_at(
             survey.spec,
             "pixels too small for float32",
             ("camera",),
@@ -63,17 +63,17 @@ def _pixels(survey: Survey) -> Iterator[Concern]:
         )
 
 
-def _near(survey: Survey) -> NDArray[np.bool_]:
-    """Which pieces have the camera in their box, or on it (n,)."""
+def _near(survey: SceneSurvey) -> NDArray[np.bool_]:
+    """Return True for the pieces that have the camera in their box, or on it (n,)."""
     pieces, camera = survey.pieces, survey.camera
     slack = _MOST_REACH * OFFSET_ULPS * pieces.reach[:, None]
     return np.asarray(((camera >= pieces.low - slack) & (camera <= pieces.high + slack)).all(axis=1))
 
 
-def _offset_there(survey: Survey, table: object, start: int, stop: int) -> float | None:
-    """The offset of rays that leave the surface that the camera is on, to within that (m); None if it is on none."""
-    base = resting(table)
-    offset = OFFSET_ULPS * reaches(table, start, stop)
+def _offset_there(survey: SceneSurvey, table: object, start: int, stop: int) -> float | None:
+    """Compute the ray offset (m) of the surface that the camera lies on, to within that offset; None if on none."""
+    base = without_motion(table)
+    offset = OFFSET_ULPS * coordinate_extents(table, start, stop)
     if isinstance(base, Spheres):
         height = abs(_away(base, start, survey.camera) - abs(float(base.radius[start])))
         return float(offset[0]) if height <= offset[0] else None
@@ -92,16 +92,18 @@ def _away(table: Spheres, row: int, point: Points) -> float:
     return float(np.linalg.norm(point - table.center[row]))
 
 
-def _is_in_the_dark(survey: Survey, piece: int) -> bool:
-    """Whether the camera is inside of a closed opaque object into which no light comes."""
-    look = survey.look_of(piece)
-    if look is None or look.passes() or look.transmits() or look.emits():
+def _is_inside_opaque(survey: SceneSurvey, piece: int) -> bool:
+    """Return True if the camera is inside of a closed opaque object without a light in it."""
+    look = survey.material_of(piece)
+    if look is None or look.has_passthrough() or look.is_transmissive() or look.is_emissive():
         return False
     low, high = survey.boxes
     middles = low + 0.5 * (high - low)
-    emitting = np.array([(found := survey.look_of(other)) is None or found.emits() for other in range(len(low))])
+    emitting = np.array(
+        [(material := survey.material_of(other)) is None or material.is_emissive() for other in range(len(low))]
+    )
     places = [light.position for light in survey.spec.lights if hasattr(light, "position")]
-    # A flash without a place of its own is at the camera.
+    # A flash without a position is at the camera.
     lit = [survey.camera if place is None else np.subtract(place, survey.shift) for place in places]
     points = np.concatenate([survey.camera[None], middles[emitting], np.reshape(lit, (-1, 3))])
     inside = survey.contains(piece, points)

@@ -1,6 +1,6 @@
-"""Faces of different objects that lie in one plane and overlap, and spheres that coincide.
+"""Warn of faces of different objects that overlap in one plane, and of spheres that coincide.
 
-Which of the two a ray meets is then left to float32.  Two surfaces are one to it if they are nearer than the offset of
+Which of the two a ray hits is then left to float32.  Two surfaces are one to it if they are nearer than the offset of
 the rays that leave them.
 
 References: Gottschalk, Lin, Manocha 1996, "OBBTree", SIGGRAPH (overlap by separating axes).
@@ -12,13 +12,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.geometry import OFFSET_ULPS
-from raytracer.materials.interface import MaterialSpec
-from raytracer.scene.concerns.faces import Faces, extremes, faces_of
-from raytracer.scene.concerns.interface import Concern, Keys, concern, named
-from raytracer.scene.concerns.outlines import Points, is_flat, resting
-from raytracer.scene.concerns.survey import Survey
-from raytracer.spec import TRANSFORM_ROUNDING
+from raytracer.core.geometry import OFFSET_ULPS
+from raytracer.plugins.materials.base.interface import MaterialSpec
+from raytracer.scene.warnings.flat_faces import Faces, extremes, flat_faces
+from raytracer.scene.warnings.primitive_points import Points, is_flat, without_motion
+from raytracer.scene.warnings.record import WarningRecord, object_label, warning_at
+from raytracer.scene.warnings.survey import SceneSurvey
+from raytracer.schema.transform import TRANSFORM_ROUNDING
+from raytracer.schema.yaml_nodes import KeyPath
 
 Indices = NDArray[np.int64]
 
@@ -28,36 +29,40 @@ _SLOPES = 64
 """Cells from 0 to 1 into which the slopes of planes are sorted: each more than twice `MOST_SLOPE` wide."""
 
 _ROUNDING = 64.0 * np.finfo(np.float64).eps
-"""By how much equal planes may differ in float64, after some transforms."""
+"""Difference of equal planes in float64, after some transforms."""
 
 _MOST_LAGS = 64
-"""Neighbours in its cell that a face is held against; the largest faces of a cell are held against all."""
+"""Most neighbours in its cell that a face is compared with; the largest faces of a cell are compared with all."""
 
 _LARGEST, _MOST_CELLS = 8, 1000
 
 _MOST_PAIRS = 1 << 21
-"""About how many neighbours are looked at in all."""
+"""Rough limit of all pairs of neighbours that are examined."""
 
 _PAIRS_AT_ONCE = 1 << 14
 
 _MOST_TRIES = 32
-"""Places where two objects, or copies of them, coincide that are looked at until one is a concern."""
+"""Most places where two objects, or copies of them, coincide that are examined for one that matters."""
 
 _MOST_SIDES = 256
-"""Pairs of bodies of which no more faces are looked at once two of them were found to coincide."""
+"""Most pairs of bodies that are skipped once two of their faces coincide."""
 
 _SLANTED = np.sqrt([2.0, 3.0, 5.0, 7.0]) / np.sqrt(17.0)
 """A unit vector, no part of which is a rational multiple of another."""
 
 
 class _Pair(NamedTuple):
-    """Two surfaces in one place.
+    """Two coincident surfaces.
 
-    keys, the paths of their objects; materials, references; solid, whether each is seen from outside alone; normals
-    (2, 3); point, one that both have; offset, of rays that leave them (m).
+    keys : paths of their objects.
+    materials : references.
+    solid : each is seen from outside alone.
+    normals : (2, 3).
+    point : one that both have.
+    offset (m) : of rays that leave them.
     """
 
-    keys: tuple[Keys, Keys]
+    keys: tuple[KeyPath, KeyPath]
     materials: tuple[int, int]
     solid: tuple[bool, bool]
     normals: Points
@@ -65,26 +70,26 @@ class _Pair(NamedTuple):
     offset: float
 
 
-def contacts(survey: Survey) -> Iterator[Concern]:
-    """Concerns about surfaces in the same place, one for each two objects."""
-    tried: dict[tuple[Keys, Keys], int] = {}
+def coincident_surface_warnings(survey: SceneSurvey) -> Iterator[WarningRecord]:
+    """Find coincident surfaces, one warning for each two objects."""
+    tried: dict[tuple[KeyPath, KeyPath], int] = {}
     for pair in (*_flat_pairs(survey), *_round_pairs(survey)):
         one, other = sorted(pair.keys, key=survey.order)
         tries = tried.get((one, other), 0)
-        found = _judged(survey, pair, one, other) if tries < _MOST_TRIES else None
-        tried[one, other] = tries + 1 if found is None else _MOST_TRIES
-        if found is not None:
-            yield found
+        warning = _pair_warning(survey, pair, one, other) if tries < _MOST_TRIES else None
+        tried[one, other] = tries + 1 if warning is None else _MOST_TRIES
+        if warning is not None:
+            yield warning
 
 
-# ---- What a pair means
+# ---- Warnings of pairs
 
 
-def _judged(survey: Survey, pair: _Pair, first: Keys, second: Keys) -> Concern | None:
-    """What is to be said of a pair, if anything: much that touches is never seen where it does."""
-    looks = [survey.packed.looks.get(material) for material in pair.materials]
+def _pair_warning(survey: SceneSurvey, pair: _Pair, first: KeyPath, second: KeyPath) -> WarningRecord | None:
+    """Make the warning of a pair, if it matters: many surfaces that touch are never seen there."""
+    looks = [survey.packed.resolved_materials.get(material) for material in pair.materials]
     alike = pair.materials[0] == pair.materials[1]
-    if any(look is not None and _lets_in(look) for look in looks):
+    if any(look is not None and _admits_light(look) for look in looks):
         if alike and first == second:
             return None
         remedy = (
@@ -95,13 +100,13 @@ def _judged(survey: Survey, pair: _Pair, first: Keys, second: Keys) -> Concern |
         return None
     else:
         remedy = "where they overlap: which of the two is seen is left to rounding; move one of them by more than that"
-    other = "another of its own" if first == second else f"one of {named(survey.spec, first)}"
+    other = "another of its own" if first == second else f"one of {object_label(survey.spec, first)}"
     message = f"a surface of it coincides with {other}, to within {pair.offset:.2g} m, {remedy}"
-    return concern(survey.spec, _KIND, second, message)
+    return warning_at(survey.spec, _KIND, second, message)
 
 
-def _is_seen(survey: Survey, pair: _Pair) -> bool:
-    """Whether two opaque surfaces can be seen where they coincide: not between two solids, nor from inside of one.
+def _is_seen(survey: SceneSurvey, pair: _Pair) -> bool:
+    """Return True if two opaque surfaces are visible where they coincide: not between two solids, nor inside one.
 
     A pair that lies within another solid is not seen either.
     """
@@ -111,16 +116,16 @@ def _is_seen(survey: Survey, pair: _Pair) -> bool:
     return not survey.is_buried(pair.point + 2.0 * pair.offset * np.sign(toward[0]) * pair.normals[0])
 
 
-def _lets_in(look: MaterialSpec) -> bool:
-    """Whether light goes into or through what has this material."""
-    return look.passes() or look.transmits()
+def _admits_light(look: MaterialSpec) -> bool:
+    """Return True if light goes into or through objects of this material."""
+    return look.has_passthrough() or look.is_transmissive()
 
 
 # ---- Flat faces that overlap
 
 
-def _flat_pairs(survey: Survey) -> Iterator[_Pair]:
-    faces = faces_of(survey)
+def _flat_pairs(survey: SceneSurvey) -> Iterator[_Pair]:
+    faces = flat_faces(survey)
     if faces is None:
         return
     body = _bodies(faces)
@@ -130,18 +135,18 @@ def _flat_pairs(survey: Survey) -> Iterator[_Pair]:
     side = 2 * body + seen
     matters = _matter(survey, faces, seen)
     sides = int(side.max()) + 1
-    told: set[int] = set()
+    reported: set[int] = set()
     for begin in range(0, len(first), _PAIRS_AT_ONCE):
         a, b = first[begin : begin + _PAIRS_AT_ONCE], second[begin : begin + _PAIRS_AT_ONCE]
-        fresh = ~np.isin(side[a] * sides + side[b], list(told))
+        fresh = ~np.isin(side[a] * sides + side[b], list(reported))
         a, b = a[fresh], b[fresh]
-        found = _overlap(faces, a, b)
-        found[found] = matters(a[found], b[found])
-        a, b = a[found], b[found]
+        overlapping = _overlap(faces, a, b)
+        overlapping[overlapping] = matters(a[overlapping], b[overlapping])
+        a, b = a[overlapping], b[overlapping]
         _, chosen = np.unique(side[a] * sides + side[b], return_index=True)
         for i, j in zip(a[chosen].tolist(), b[chosen].tolist(), strict=True):
-            if len(told) < _MOST_SIDES:
-                told.add(int(side[i]) * sides + int(side[j]))
+            if len(reported) < _MOST_SIDES:
+                reported.add(int(side[i]) * sides + int(side[j]))
             both = [(int(faces.piece[face]), int(faces.instance[face])) for face in (i, j)]
             yield _Pair(
                 survey.owners(*both),
@@ -153,14 +158,16 @@ def _flat_pairs(survey: Survey) -> Iterator[_Pair]:
             )
 
 
-def _matter(survey: Survey, faces: Faces, seen: NDArray[np.bool_]) -> Callable[[Indices, Indices], NDArray[np.bool_]]:
-    """What tells of pairs of faces in one plane whether they matter, as far as that can be told of thousands at once.
+def _matter(
+    survey: SceneSurvey, faces: Faces, seen: NDArray[np.bool_]
+) -> Callable[[Indices, Indices], NDArray[np.bool_]]:
+    """Make a fast test of whether pairs of faces in one plane matter, which runs on thousands at once.
 
-    seen (n,) : whether the camera is on the outer side of each face.
+    seen : (n,), the camera is on the outer side of the face.
     """
-    looks = survey.packed.looks
+    looks = survey.packed.resolved_materials
     clear = np.zeros(int(faces.material.max()) + 1, bool)
-    clear[[reference for reference, look in looks.items() if reference < len(clear) and _lets_in(look)]] = True
+    clear[[reference for reference, look in looks.items() if reference < len(clear) and _admits_light(look)]] = True
     closed = np.array([survey.is_solid(piece) for piece in range(len(survey.pieces.item))])
 
     def matters(a: Indices, b: Indices) -> NDArray[np.bool_]:
@@ -174,7 +181,7 @@ def _matter(survey: Survey, faces: Faces, seen: NDArray[np.bool_]) -> Callable[[
 
 
 def _middle(points: Points, other: Points, normal: Points) -> Points:
-    """A point (3,) inside of what two convex polygons (k, 3) share, in the plane of the second, with this normal.
+    """Find a point (3,) in the intersection of two convex polygons (k, 3), in the plane of the second, by its normal.
 
     References: Sutherland, Hodgman 1974, "Reentrant Polygon Clipping", Communications of the ACM 17(1).
     """
@@ -189,13 +196,13 @@ def _middle(points: Points, other: Points, normal: Points) -> Points:
                 clipped.append(left[k - 1] + before / (before - height) * (corner - left[k - 1]))
             if height > 0.0:
                 clipped.append(corner)
-        # Of edges without a length nothing is cut off.
+        # Edges without a length cut nothing off.
         left = clipped or left
     return np.asarray(np.mean(left, axis=0))
 
 
 def _bodies(faces: Faces) -> Indices:
-    """A number for each face (n,), the same for those of one object that have one material."""
+    """Number the bodies of faces (n,): faces of one object and one material share a number."""
     copies, kinds = int(faces.instance.max()) + 2, int(faces.material.max()) + 1
     number = (faces.piece * copies + faces.instance + 1) * kinds + faces.material
     # Pairs of these are numbered too.
@@ -203,7 +210,7 @@ def _bodies(faces: Faces) -> Indices:
 
 
 def _overlap(faces: Faces, first: Indices, second: Indices) -> NDArray[np.bool_]:
-    """Which pairs of faces lie in one plane, as float32 sees it, and overlap."""
+    """Find the pairs of faces that overlap in one plane, to within the precision of float32."""
     result = np.zeros(len(first), bool)
     offset = np.maximum(faces.offset[first], faces.offset[second])
     corners = [faces.points[face].astype(np.float64) for face in (first, second)]
@@ -226,7 +233,7 @@ def _overlap(faces: Faces, first: Indices, second: Indices) -> NDArray[np.bool_]
     frame = np.stack([across, np.cross(normal, across)], axis=2)
     flat = [(points - origin) @ frame for points in (inner, outer)]
 
-    # Convex polygons are apart if they are along the normal of an edge of one of them.
+    # Convex polygons are apart if they are separate along the normal of an edge of one of them.
     edges = np.concatenate([np.roll(points, -1, axis=1) - points for points in flat], axis=1)
     length = np.linalg.norm(edges, axis=2)
     axes = np.stack([-edges[:, :, 1], edges[:, :, 0]], axis=2)
@@ -239,11 +246,11 @@ def _overlap(faces: Faces, first: Indices, second: Indices) -> NDArray[np.bool_]
     return result
 
 
-# ---- Which faces may lie in one plane
+# ---- Candidates for one plane
 
 
 def _neighbours(faces: Faces, body: Indices) -> tuple[Indices, Indices]:
-    """Pairs of faces of different bodies that are in a cell of slopes and heights of planes."""
+    """List pairs of faces of different bodies in a cell of slopes and heights of planes."""
     cell, face = _cells(faces)
     order = np.argsort(cell, kind="stable")
     cell, face = cell[order], face[order]
@@ -265,7 +272,7 @@ def _neighbours(faces: Faces, body: Indices) -> tuple[Indices, Indices]:
         same = np.flatnonzero(same & (owner[lag:] != owner[:-lag]))
         pairs.append(np.stack([face[same], face[same + lag]]))
 
-    # In a crowded cell, the largest faces are held against all.
+    # In a crowded cell, the largest faces are compared with all.
     start = np.flatnonzero(np.diff(cell, prepend=cell[0] - 1))
     count = np.diff(start, append=len(cell))
     crowded = np.flatnonzero(count > len(pairs) + 1)
@@ -284,7 +291,7 @@ def _neighbours(faces: Faces, body: Indices) -> tuple[Indices, Indices]:
 
 
 def _cells(faces: Faces) -> tuple[Indices, Indices]:
-    """Cells of planes and the faces in them: each in all whose edges it may be across by its own inexactness.
+    """Sort faces into cells of planes: into all cells that a plane may be in within its uncertainty.
 
     Over the axis along which its normal is largest, a plane is its two slopes, within -1 and 1, and its height.
     """
@@ -294,7 +301,7 @@ def _cells(faces: Faces) -> tuple[Indices, Indices]:
     steep = np.abs(faces.normal)
     steepest = np.maximum(np.maximum(steep[:, 0], steep[:, 1]), steep[:, 2])
     room = 2.0 * (faces.offset / steepest + doubt * np.abs(out).max(axis=1))
-    # A cell is twice as large as what most are known to, so two cells hold each; the others are looked for no further.
+    # A cell is twice as large as the uncertainty of most, so two cells hold each; others are cut to that.
     step = max(4.0 * float(np.quantile(room, 0.99)), np.finfo(float).tiny)
     room = np.minimum(room, 0.49 * step)
     wide = 4 * _SLOPES
@@ -323,8 +330,8 @@ def _cells(faces: Faces) -> tuple[Indices, Indices]:
 # ---- Spheres that coincide
 
 
-def _round_pairs(survey: Survey) -> Iterator[_Pair]:
-    """Spheres with one centre and radius, to within the offset of rays that leave them."""
+def _round_pairs(survey: SceneSurvey) -> Iterator[_Pair]:
+    """Find spheres with one centre and radius, to within the offset of rays that leave them."""
     found = [_balls(survey, number) for number in range(len(survey.tables)) if not is_flat(survey.tables[number])]
     if not found:
         return
@@ -360,9 +367,9 @@ def _unit(vector: Points) -> Points:
     return vector / length if length > 0.0 else np.eye(3)[0]
 
 
-def _balls(survey: Survey, number: int) -> tuple[Points, Indices, Indices, Indices]:
-    """Centres and radii (n, 4) of a table's spheres in the scene, their pieces, instances, and materials (n,)."""
-    pieces, base = survey.pieces, resting(survey.tables[number])
+def _balls(survey: SceneSurvey, number: int) -> tuple[Points, Indices, Indices, Indices]:
+    """List centres and radii (n, 4) of a table's spheres in the scene, their pieces, instances, and materials (n,)."""
+    pieces, base = survey.pieces, without_motion(survey.tables[number])
     of = np.flatnonzero(pieces.table == number)
     owner = np.repeat(of, (pieces.stop - pieces.start)[of])
     rows, own = np.column_stack([base.center, np.abs(base.radius)]), base.material.astype(np.int64)

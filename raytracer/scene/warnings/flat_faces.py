@@ -1,37 +1,40 @@
-"""The flat faces of a scene that might lie in the plane of another object's."""
+"""Collect the flat faces of a scene that may lie in the plane of another object's."""
 
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.geometry import OFFSET_ULPS
-from raytracer.scene.concerns.outlines import Points, edges, is_flat, outline
-from raytracer.scene.concerns.survey import Survey
+from raytracer.core.geometry import OFFSET_ULPS
+from raytracer.scene.warnings.primitive_points import Points, edges, is_flat, outline
+from raytracer.scene.warnings.survey import SceneSurvey
 
 Indices = NDArray[np.int64]
 
-MOST_FACES = 2_000_000
-"""Faces that are looked at; what would make more, by its many copies, is left out."""
+MAX_FACES = 2_000_000
+"""Most faces that are examined; objects with so many copies that there would be more are left out."""
 
 _LARGE = 10_000
-"""Faces of an object from which on only those are looked at that reach into the box of another."""
+"""Objects with more faces than this are examined only where they reach into the box of another."""
 
 _MOST_BOXES = 256
-"""Boxes of others that are looked at, face by face; among more, all faces are taken."""
+"""Most boxes of others that each face is compared with; among more, all faces are taken."""
 
 _BLOCK = 1 << 14
 
-MOST_SLOPE = 1.0 / 256.0
-"""Tilt that the offset of its corners may give to a face; what is narrower has no plane to speak of."""
+MAX_SLOPE = 1.0 / 256.0
+"""Largest tilt that the offset of its corners may give to a face; a narrower face has no useful plane."""
 
 
 class Faces(NamedTuple):
     """Flat faces in the packed scene's space, of four corners at most.
 
-    points (n, 4, 3) float32, the corners, of triangles the last one twice; normal (n, 3), unit, to the outside; slope
-    (n,), by how much the plane may be tilted by the offset of the corners; piece (n,) and instance (n,), -1 for none,
-    whose they are; material (n,), references; offset (n,), of rays that leave them (m).
+    points : float32 (n, 4, 3), the corners; triangles have the last one twice.
+    normal : (n, 3), unit, to the outside.
+    slope : (n,), tilt of the plane by the offset of the corners.
+    piece, instance : (n,), that they belong to; no instance is -1.
+    material : (n,), references.
+    offset (m) : (n,), of rays that leave them.
     """
 
     points: NDArray[np.float32]
@@ -43,33 +46,33 @@ class Faces(NamedTuple):
     offset: Points
 
 
-def faces_of(survey: Survey) -> Faces | None:
-    """All flat faces, of large objects those that reach into the box of another; None where there are no two."""
+def flat_faces(survey: SceneSurvey) -> Faces | None:
+    """Collect all flat faces, of large objects those that reach into the box of another; None if fewer than two."""
     pieces = survey.pieces
-    found: list[Faces] = []
+    parts: list[Faces] = []
     flat = np.array([is_flat(table) for table in survey.tables])[pieces.table]
     rows = pieces.stop - pieces.start
     baked, grouped = flat & (pieces.group < 0), np.flatnonzero(flat & (pieces.group >= 0))
     small = baked & (rows <= _LARGE)
     tables = np.unique(pieces.table[small]).tolist()
-    found += [_of_small(survey, np.flatnonzero(small & (pieces.table == number))) for number in tables]
+    parts += [_of_small(survey, np.flatnonzero(small & (pieces.table == number))) for number in tables]
     for piece in np.flatnonzero(baked & (rows > _LARGE)).tolist():
-        found += _of_large(survey, piece)
-    room = MOST_FACES - sum(len(part.piece) for part in found)
+        parts += _of_large(survey, piece)
+    remaining = MAX_FACES - sum(len(part.piece) for part in parts)
     total = np.array([len(survey.placed(piece)) for piece in grouped.tolist()], np.int64) * rows[grouped]
     for piece, count in sorted(zip(grouped.tolist(), total.tolist(), strict=True), key=lambda pair: pair[1]):
-        room -= count
-        if room < 0:
+        remaining -= count
+        if remaining < 0:
             break
-        found.append(_of_copies(survey, piece))
-    if sum(len(part.piece) for part in found) < 2:
+        parts.append(_of_copies(survey, piece))
+    if sum(len(part.piece) for part in parts) < 2:
         return None
-    columns: list[Any] = [np.concatenate(column) for column in zip(*found, strict=True)]
+    columns: list[Any] = [np.concatenate(column) for column in zip(*parts, strict=True)]
     return Faces(*columns)
 
 
-def _of_small(survey: Survey, chosen: Indices) -> Faces:
-    """The faces of some objects of one table."""
+def _of_small(survey: SceneSurvey, chosen: Indices) -> Faces:
+    """Collect the faces of some objects of one table."""
     pieces = survey.pieces
     table = survey.tables[pieces.table[chosen[0]]]
     start, stop = pieces.start[chosen], pieces.stop[chosen]
@@ -82,8 +85,8 @@ def _of_small(survey: Survey, chosen: Indices) -> Faces:
     return _made(points, np.repeat(chosen, stop - start), table.material[row])
 
 
-def _of_large(survey: Survey, piece: int) -> list[Faces]:
-    """The faces of a large object that reach into the box of another object, or all if it is of several materials."""
+def _of_large(survey: SceneSurvey, piece: int) -> list[Faces]:
+    """Collect the faces of a large object that reach into another's box, or all if it has several materials."""
     pieces = survey.pieces
     table = survey.tables[pieces.table[piece]]
     start, stop = int(pieces.start[piece]), int(pieces.stop[piece])
@@ -94,7 +97,7 @@ def _of_large(survey: Survey, piece: int) -> list[Faces]:
     others = np.flatnonzero(near)
     own = table.material[start:stop]
     takes_all = len(others) > _MOST_BOXES or bool((own != own[0]).any())
-    found: list[Faces] = []
+    parts: list[Faces] = []
     for begin in range(start, stop, _BLOCK) if takes_all or len(others) else ():
         points = outline(table, begin, min(begin + _BLOCK, stop))
         kept = np.full(len(points), takes_all)
@@ -106,12 +109,12 @@ def _of_large(survey: Survey, piece: int) -> list[Faces]:
                 kept |= inside[0] & inside[1] & inside[2]
         rows = np.flatnonzero(kept)
         if len(rows):
-            found.append(_made(points[rows], np.full(len(rows), piece), table.material[begin + rows]))
-    return found
+            parts.append(_made(points[rows], np.full(len(rows), piece), table.material[begin + rows]))
+    return parts
 
 
 def extremes(points: Any) -> tuple[Any, Any]:
-    """The least and the greatest coordinates (n, 3) of the corners (n, k, 3), which numpy is slow to find by itself."""
+    """Find the least and greatest coordinates (n, 3) of corners (n, k, 3), faster than NumPy's min and max."""
     least, most = points[:, 0].copy(), points[:, 0].copy()
     for corner in range(1, points.shape[1]):
         np.minimum(least, points[:, corner], out=least)
@@ -119,8 +122,8 @@ def extremes(points: Any) -> tuple[Any, Any]:
     return least, most
 
 
-def _of_copies(survey: Survey, piece: int) -> Faces:
-    """The faces of an object wherever instances place it."""
+def _of_copies(survey: SceneSurvey, piece: int) -> Faces:
+    """Collect the faces of an object wherever instances place it."""
     pieces, instances = survey.pieces, survey.packed.scene.instances
     assert instances is not None
     shown = survey.placed(piece)
@@ -141,7 +144,7 @@ def _of_copies(survey: Survey, piece: int) -> Faces:
 
 
 def _made(points: Points, piece: Indices, material: NDArray[np.int32], instance: Indices | None = None) -> Faces:
-    """Faces of the corners (n, k, 3), those of more than four cut into such."""
+    """Make faces of corners (n, k, 3), cut into faces of four if they have more."""
     count, corners, _ = points.shape
     shown = np.full(count, -1) if instance is None else instance
     if corners > 4:
@@ -155,7 +158,7 @@ def _made(points: Points, piece: Indices, material: NDArray[np.int32], instance:
     least, most = extremes(points)
     offset = OFFSET_ULPS * np.maximum(most.max(axis=1), -least.min(axis=1))
     # The least height of a triangle is twice its area over its longest edge.
-    firm = np.flatnonzero(offset * longest < MOST_SLOPE * area)
+    firm = np.flatnonzero(offset * longest < MAX_SLOPE * area)
     held = np.empty((len(firm), 4, 3), np.float32)
     held[:, : points.shape[1]] = points[firm]
     held[:, points.shape[1] :] = points[firm, -1:]

@@ -15,59 +15,62 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.geometry import OFFSET_ULPS
-from raytracer.materials.interface import BLACK, ClearSpec, MaterialSpec
-from raytracer.primitives.spheres import Spheres
-from raytracer.scene.concerns.faces import extremes
-from raytracer.scene.concerns.interface import Concern, concern, named
-from raytracer.scene.concerns.outlines import Points, outline, resting
-from raytracer.scene.concerns.survey import Survey
-from raytracer.scene.materials import parts
-from raytracer.scene.spec import Render
+from raytracer.core.geometry import OFFSET_ULPS
+from raytracer.core.primitives.spheres import Spheres
+from raytracer.plugins.materials.base.clear import ClearSpec
+from raytracer.plugins.materials.base.interface import BLACK, MaterialSpec
+from raytracer.scene.pack.materials import collect_components
+from raytracer.scene.render_settings import Render
+from raytracer.scene.warnings.flat_faces import extremes
+from raytracer.scene.warnings.primitive_points import Points, outline, without_motion
+from raytracer.scene.warnings.record import WarningRecord, object_label, warning_at
+from raytracer.scene.warnings.survey import SceneSurvey
 
 _KIND = "clear objects without a priority in what has one"
 
 _NESTED = "clear objects nested too deep"
 
-MOST_INDEX = 1e13
+MAX_INDEX_PRODUCT = 1e13
 """Product of the indices of nested objects up to which light comes out again: float64 has 4.5e15 steps from 0 to 1.
 
 Measured in a furnace: at 1.6e13 and 2.4e13 a five-thousandth is lost at most, at 1e14 five times that, at 1e15 2 %.
 """
 
-_FEWEST_NESTED = math.ceil(math.log(MOST_INDEX) / math.log(5.0))
+_FEWEST_NESTED = math.ceil(math.log(MAX_INDEX_PRODUCT) / math.log(5.0))
 """Objects whose product may be larger: no index is above 5."""
 
 _USUAL_DEPTH = int(Render.model_fields["max_depth"].default)
-"""Who asks for paths of fewer segments than this knows that something is cut off."""
+"""Scenes with fewer path segments than this cut paths off on purpose."""
 
 _MOST_NESTED = 2048
-"""Clear objects that are held against each other: the largest, since what others are in is."""
+"""Most clear objects that are compared with each other: the largest ones, which others are in."""
 
 _MOST_TRIED = 32
-"""Objects that are looked at as the innermost."""
+"""Most objects that are examined as the innermost."""
 
 _MOST_ROWS = 64
-"""Faces of an object that are looked at."""
+"""Most faces of an object that are examined."""
 
 _MOST_COPIES = 64
 
 _BLOCK = 1 << 16
 
 _MOST_TESTS, _FEWEST_POINTS = 1 << 18, 4
-"""Triangles times points of another object that are looked at, and points at least."""
+"""Most products of triangles and points of another object that are examined, and the least number of points."""
 
 _RINGS = np.linspace(0.25, 1.0, 4)
-"""Where points of a face are, from its middle to its rim: what is long and thin has some where it goes through."""
+"""Positions of points of a face, from its centre to its rim, so that long thin faces have some where they cross."""
 
 _ALONG = np.array([0.577, 0.587, 0.568]) / np.linalg.norm([0.577, 0.587, 0.568])
-"""A direction along no axis, and in no plane that anyone builds by."""
+"""A direction along no axis, and in no plane that is common in scenes."""
 
 
 class _Copy(NamedTuple):
-    """A piece where an instance (-1: none) puts it.
+    """A piece as placed by an instance (-1 for none).
 
-    points (n, 3), of its surface, in the scene; low, high (3,), the box round them; pose (4, 4), from its own space.
+    points : (n, 3), of its surface, in the scene.
+    low, high : (3,), the box round them.
+    pose : (4, 4), from its own space.
     """
 
     piece: int
@@ -78,8 +81,8 @@ class _Copy(NamedTuple):
     pose: Points
 
 
-def nesting(survey: Survey) -> Iterator[Concern]:
-    """Concerns about clear objects without a priority, one for each that overlaps an object that has one."""
+def nesting_warnings(survey: SceneSurvey) -> Iterator[WarningRecord]:
+    """Find clear objects without a priority that overlap one with a priority, and nesting that is too deep."""
     bare, filled, hollows = _sorted(survey)
 
     @cache
@@ -95,24 +98,24 @@ def nesting(survey: Survey) -> Iterator[Concern]:
     for piece in bare:
         near = (low[piece] < high[holders]).all(axis=1) & (high[piece] > low[holders]).all(axis=1)
         for other in holders[near].tolist():
-            found = _met(survey, copies(piece), copies(other), inside_out)
-            if found is not None:
-                yield found
+            warning = _overlap_warning(survey, copies(piece), copies(other), inside_out)
+            if warning is not None:
+                yield warning
                 break
 
 
-def _sorted(survey: Survey) -> tuple[list[int], list[int], list[int]]:
-    """Pieces that are clear and have no priority, those that have one, and clear spheres that are inside out."""
-    if not any(look.transmits() for look in survey.packed.looks.values()):
+def _sorted(survey: SceneSurvey) -> tuple[list[int], list[int], list[int]]:
+    """Sort clear pieces into those without a priority, those with one, and spheres that are inside out."""
+    if not any(look.is_transmissive() for look in survey.packed.resolved_materials.values()):
         return [], [], []
     bare: list[int] = []
     filled: list[int] = []
     hollows: list[int] = []
     for piece in range(len(survey.pieces.item)):
-        look = survey.look_of(piece)
-        if look is None or not look.transmits():
+        look = survey.material_of(piece)
+        if look is None or not look.is_transmissive():
             continue
-        if look.filling() is not None:
+        if look.interior_medium() is not None:
             filled.append(piece)
         elif _boundaries(look):
             bare.append(piece)
@@ -124,33 +127,34 @@ def _sorted(survey: Survey) -> tuple[list[int], list[int], list[int]]:
 # ---- Deep nesting
 
 
-def _deep(survey: Survey, bare: list[int], copies: Callable[[int], list[_Copy]]) -> Iterator[Concern]:
-    """Find a concern about the innermost of clear objects without a priority, if light hardly comes out of it again."""
+def _deep(survey: SceneSurvey, bare: list[int], copies: Callable[[int], list[_Copy]]) -> Iterator[WarningRecord]:
+    """Warn of the innermost of clear objects without a priority, if light hardly comes out of it again."""
     if len(bare) < _FEWEST_NESTED:
         return
     bare = np.array(bare)[np.argsort(-survey.pieces.half[bare], kind="stable")[:_MOST_NESTED]].tolist()
     index = np.array([_relative_index(survey, piece) for piece in bare])
     around = _enclosing(np.column_stack([survey.boxes[0][bare], -survey.boxes[1][bare]]))
     most = survey.spec.render.max_depth
-    # What a box holds is in what is in the box at most.
+    # Boxes give an upper bound of the nesting of what is in them.
     by_boxes = around @ np.log(index)
-    doubtful = (by_boxes > math.log(MOST_INDEX)) | (2 * around.sum(axis=1) + 1 > max(most, _USUAL_DEPTH))
+    doubtful = (by_boxes > math.log(MAX_INDEX_PRODUCT)) | (2 * around.sum(axis=1) + 1 > max(most, _USUAL_DEPTH))
     for k in sorted(np.flatnonzero(doubtful).tolist(), key=lambda k: -float(by_boxes[k]))[:_MOST_TRIED]:
         own = copies(bare[k])[0]
         holders = [j for j in np.flatnonzero(around[k]).tolist() if j == k or _holds(survey, copies(bare[j]), own)]
         product, surfaces = float(np.log(index[holders]).sum()), 2 * len(holders)
-        if product > math.log(MOST_INDEX):
-            yield survey.concern(
+        if product > math.log(MAX_INDEX_PRODUCT):
+            yield survey.warning(
                 _NESTED,
                 bare[k],
                 f"lies within {len(holders) - 1} clear objects whose materials have no `priority`, each a boundary to "
                 f"its own `outside_ior`: so it acts as if its index were 1e{product / math.log(10.0):.0f}, and beyond "
-                f"{MOST_INDEX:.0e} rounding keeps light from coming out of it; give the materials a `priority`, or the "
+                f"{MAX_INDEX_PRODUCT:.0e} rounding keeps light from coming out of it; give the materials a "
+                f"`priority`, or the "
                 "`outside_ior` of what they are in",
             )
             return
         if surfaces + 1 > max(most, _USUAL_DEPTH):
-            yield survey.concern(
+            yield survey.warning(
                 _NESTED,
                 bare[k],
                 f"lies within {len(holders) - 1} clear objects, so light goes straight through {surfaces} surfaces, "
@@ -167,47 +171,49 @@ def _enclosing(ends: Points) -> NDArray[np.bool_]:
     return result
 
 
-def _holds(survey: Survey, holders: list[_Copy], own: _Copy) -> bool:
+def _holds(survey: SceneSurvey, holders: list[_Copy], own: _Copy) -> bool:
     return any(bool(_within(survey, own.points, holder).all()) for holder in holders)
 
 
-def _relative_index(survey: Survey, piece: int) -> float:
+def _relative_index(survey: SceneSurvey, piece: int) -> float:
     """Divide the index within a piece by that around it; the largest of what its material selects from."""
-    look = survey.look_of(piece)
+    look = survey.material_of(piece)
     assert look is not None
     ratio = max(part.eta() for part in _boundaries(look))
     return 1.0 / ratio if _is_inside_out(survey, piece) else ratio
 
 
 def _boundaries(look: MaterialSpec) -> list[ClearSpec]:
-    """What a material is, or selects from, that is the boundary of something clear."""
-    return [part for part in parts([look]) if isinstance(part, ClearSpec) and not part.is_nothing()]
+    """List the boundaries of clear media that a material is, or selects from."""
+    return [part for part in collect_components([look]) if isinstance(part, ClearSpec) and not part.is_index_matched()]
 
 
-def _is_inside_out(survey: Survey, piece: int) -> bool:
-    base = resting(survey.tables[survey.pieces.table[piece]])
+def _is_inside_out(survey: SceneSurvey, piece: int) -> bool:
+    base = without_motion(survey.tables[survey.pieces.table[piece]])
     return isinstance(base, Spheres) and float(base.radius[survey.pieces.start[piece]]) < 0.0
 
 
-def _met(survey: Survey, ones: list[_Copy], others: list[_Copy], hollows: list[_Copy]) -> Concern | None:
-    """What is to be said of an object without a priority and one with it, if copies of them overlap."""
+def _overlap_warning(
+    survey: SceneSurvey, ones: list[_Copy], others: list[_Copy], hollows: list[_Copy]
+) -> WarningRecord | None:
+    """Make the warning of an object without a priority and one with it, if copies of them overlap."""
     for one in ones:
         for other in others:
             if not ((one.low < other.high) & (one.high > other.low)).all():
                 continue
             inside = _inside(survey, one, other, hollows)
             if inside.all():
-                if not _fits(survey, one.piece, other.piece):
-                    return _told(survey, one, other, "lies within")
+                if not _is_made_for_index(survey, one.piece, other.piece):
+                    return _warning(survey, one, other, "lies within")
             elif inside.any() or _inside(survey, other, one, hollows).any():
-                return _told(survey, one, other, "overlaps")
+                return _warning(survey, one, other, "overlaps")
     return None
 
 
-def _fits(survey: Survey, piece: int, holder: int) -> bool:
-    """Whether what lies within another may do without a priority: made for its index, where nothing is absorbed."""
-    look, around = survey.look_of(piece), survey.look_of(holder)
-    filling = None if around is None else around.filling()
+def _is_made_for_index(survey: SceneSurvey, piece: int, holder: int) -> bool:
+    """Return True if an object within another needs no priority: it is made for that index, and nothing absorbs."""
+    look, around = survey.material_of(piece), survey.material_of(holder)
+    filling = None if around is None else around.interior_medium()
     assert look is not None
     assert filling is not None
     turned = _is_inside_out(survey, piece)
@@ -215,25 +221,26 @@ def _fits(survey: Survey, piece: int, holder: int) -> bool:
     return filling.absorption == BLACK and facing == {filling.ior}
 
 
-def _told(survey: Survey, one: _Copy, other: _Copy, how: str) -> Concern:
+def _warning(survey: SceneSurvey, one: _Copy, other: _Copy, how: str) -> WarningRecord:
     keys, holder = survey.owners((one.piece, one.instance), (other.piece, other.instance))
-    return concern(
+    return warning_at(
         survey.spec,
         _KIND,
         keys,
-        f"is clear, and {how} {named(survey.spec, holder)}, whose material has a `priority`, as its own has not: its "
+        f"is clear, and {how} {object_label(survey.spec, holder)}, whose material has a `priority`, as its own has "
+        f"not: its "
         "surface is one to its own `outside_ior` there, and the other goes on absorbing in it; give its material a "
         "`priority` too, a higher one if it takes the place of the other",
     )
 
 
-# ---- What is inside of what
+# ---- Tests of points
 
 
-def _inside(survey: Survey, one: _Copy, other: _Copy, hollows: list[_Copy]) -> NDArray[np.bool_]:
-    """Of points of one, which are inside of another by more than the offset of rays, and in none of the hollows (n,).
+def _inside(survey: SceneSurvey, one: _Copy, other: _Copy, hollows: list[_Copy]) -> NDArray[np.bool_]:
+    """Find the points of one copy that are inside of another by more than the ray offset, and in no hollow (n,).
 
-    Fewer points are looked at, the more triangles the other has.
+    Fewer points are tested, the more triangles the other has.
     """
     rows = int(survey.pieces.stop[other.piece] - survey.pieces.start[other.piece])
     points = one.points[:: math.ceil(len(one.points) / max(_FEWEST_POINTS, _MOST_TESTS // rows))]
@@ -246,10 +253,10 @@ def _inside(survey: Survey, one: _Copy, other: _Copy, hollows: list[_Copy]) -> N
     return result
 
 
-def _within(survey: Survey, points: Points, holder: _Copy) -> NDArray[np.bool_]:
-    """Which points (n, 3) of the scene are inside of a copy, by more than the offset of rays that leave it.
+def _within(survey: SceneSurvey, points: Points, holder: _Copy) -> NDArray[np.bool_]:
+    """Find the points (n, 3) of the scene that are inside of a copy by more than its ray offset (n,).
 
-    A mesh is left an odd number of times on the way out, to either side; what is open is not, to one of them.
+    From inside of a closed mesh, rays to either side cross it an odd number of times; of an open mesh, one does not.
     """
     piece = holder.piece
     reach = max(np.abs(holder.low).max(), np.abs(holder.high).max(), np.abs(points).max())
@@ -267,8 +274,8 @@ def _within(survey: Survey, points: Points, holder: _Copy) -> NDArray[np.bool_]:
     return result
 
 
-def _is_enclosed(survey: Survey, piece: int, points: Points, direction: Points) -> NDArray[np.bool_]:
-    """From which points (n, 3) a ray meets a mesh an odd number of times.
+def _is_enclosed(survey: SceneSurvey, piece: int, points: Points, direction: Points) -> NDArray[np.bool_]:
+    """Find the points (n, 3) from which a ray crosses a mesh an odd number of times (n,).
 
     References: Moeller, Trumbore 1997, "Fast, Minimum Storage Ray-Triangle Intersection", JGT 2(1).
     """
@@ -300,25 +307,25 @@ def _is_enclosed(survey: Survey, piece: int, points: Points, direction: Points) 
 # ---- Copies
 
 
-def _copies(survey: Survey, piece: int) -> list[_Copy]:
-    """A piece wherever it is placed, of many places the first."""
+def _copies(survey: SceneSurvey, piece: int) -> list[_Copy]:
+    """List a piece's copies, of many the first."""
     own = _surface(survey, piece)
     if survey.pieces.group[piece] < 0:
         placed = [(-1, np.eye(4))]
     else:
         placed = [(number, survey.poses[number]) for number in survey.placed(piece)[:_MOST_COPIES].tolist()]
-    found = []
+    copies = []
     for instance, pose in placed:
         points = own @ pose[:3, :3].T + pose[:3, 3]
-        found.append(_Copy(piece, instance, points, points.min(axis=0), points.max(axis=0), pose))
-    return found
+        copies.append(_Copy(piece, instance, points, points.min(axis=0), points.max(axis=0), pose))
+    return copies
 
 
-def _surface(survey: Survey, piece: int) -> Points:
-    """Points (n, 3) of a piece's surface, in its own space."""
+def _surface(survey: SceneSurvey, piece: int) -> Points:
+    """Sample points (n, 3) of a piece's surface, in its own space."""
     table = survey.tables[survey.pieces.table[piece]]
     start, stop = int(survey.pieces.start[piece]), int(survey.pieces.stop[piece])
-    base = resting(table)
+    base = without_motion(table)
     if isinstance(base, Spheres):
         return np.asarray(base.center[start] + abs(float(base.radius[start])) * _SPHERE)
     rows = np.unique(np.linspace(start, stop - 1, min(stop - start, _MOST_ROWS)).astype(np.int64))
@@ -329,8 +336,8 @@ def _surface(survey: Survey, piece: int) -> Points:
     return np.concatenate([middle.reshape(-1, 3), rings.reshape(-1, 3)])
 
 
-def _spiral(count: int) -> Points:
-    """Points (count + 6, 3) all over the unit sphere, the ends of its axes among them."""
+def _fibonacci_sphere(count: int) -> Points:
+    """Sample points (count + 6, 3) all over the unit sphere, the ends of its axes among them."""
     height = 1.0 - (2.0 * np.arange(count) + 1.0) / count
     angle = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count)
     radius = np.sqrt(1.0 - height * height)
@@ -338,4 +345,4 @@ def _spiral(count: int) -> Points:
     return np.concatenate([np.eye(3), -np.eye(3), turning])
 
 
-_SPHERE = _spiral(250)
+_SPHERE = _fibonacci_sphere(250)

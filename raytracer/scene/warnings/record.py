@@ -1,39 +1,40 @@
-"""What a concern is: something in a scene that is probably not meant, or that numbers cannot hold."""
+"""Records of warnings, and their sentences."""
 
 from collections.abc import Iterable
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
-from raytracer.document import path_text
-from raytracer.errors import SceneError
 from raytracer.scene.spec import SceneSpec
+from raytracer.schema.yaml_nodes import KeyPath, path_text
+from raytracer.util.errors import SceneError
 
-Keys: TypeAlias = tuple[str | int, ...]
-
-MOST_TOLD = 10
-"""Concerns of a kind that are told one by one."""
+MAX_PER_KIND = 10
+"""Most warnings of a kind that are printed one by one."""
 
 
-class Concern(NamedTuple):
+class WarningRecord(NamedTuple):
     """A warning.
 
-    kind, the same words for all concerns that are alike; keys, the path in the scene of what it is about; text, one
-    sentence that begins with file, line and object.
+    kind : the same words for all warnings that are alike.
+    keys : path in the scene of what it is about.
+    text : one sentence that begins with file, line and object.
     """
 
     kind: str
-    keys: Keys
+    keys: KeyPath
     text: str
 
 
-def concern(spec: SceneSpec, kind: str, keys: Keys, message: str) -> Concern:
-    """A concern about what the scene holds at a path, of which `message` says what is the matter."""
-    found = spec.error(message, *keys)
-    key = found.key.replace(path_text(keys), named(spec, keys), 1)
-    return Concern(kind, keys, str(SceneError(message, file=found.file, line=found.line, key=key, source=found.source)))
+def warning_at(spec: SceneSpec, kind: str, keys: KeyPath, message: str) -> WarningRecord:
+    """Make a warning about the value at a path of the scene."""
+    error = spec.error(message, *keys)
+    key = error.key.replace(path_text(keys), object_label(spec, keys), 1)
+    return WarningRecord(
+        kind, keys, str(SceneError(message, file=error.file, line=error.line, key=key, source=error.source))
+    )
 
 
-def named(spec: SceneSpec, keys: Keys) -> str:
-    """What a sentence calls an object: its path in the scene, and its name if it has one."""
+def object_label(spec: SceneSpec, keys: KeyPath) -> str:
+    """Format an object for messages: its path in the scene, and its name if it has one."""
     within, *rest = keys
     objects = spec.groups.get(str(rest[0]), ()) if within == "groups" and rest else spec.objects
     number = rest[-1] if within in ("objects", "groups") and rest else None
@@ -41,14 +42,14 @@ def named(spec: SceneSpec, keys: Keys) -> str:
     return path_text(keys) if name is None else f'{path_text(keys)} "{name}"'
 
 
-def told(found: Iterable[Concern]) -> list[str]:
-    """The sentences, at most `MOST_TOLD` of a kind, and for each kind how many more there are."""
+def warning_messages(warnings: Iterable[WarningRecord]) -> list[str]:
+    """List the sentences, at most `MAX_PER_KIND` of a kind, and for each kind how many more there are."""
     kinds: dict[str, list[str]] = {}
-    for item in found:
+    for item in warnings:
         kinds.setdefault(item.kind, []).append(item.text)
     lines = []
-    for kind, texts in kinds.items():
-        lines += texts[:MOST_TOLD]
-        if len(texts) > MOST_TOLD:
-            lines.append(f"and {len(texts) - MOST_TOLD:,} more {kind}")
+    for kind, sentences in kinds.items():
+        lines += sentences[:MAX_PER_KIND]
+        if len(sentences) > MAX_PER_KIND:
+            lines.append(f"and {len(sentences) - MAX_PER_KIND:,} more {kind}")
     return lines

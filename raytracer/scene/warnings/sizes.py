@@ -1,7 +1,7 @@
-"""Objects of sizes that float32 cannot hold side by side, or not where they are.
+"""Warn of objects whose sizes float32 cannot hold side by side, or not at their positions.
 
 A ray leaves a primitive by `OFFSET_ULPS` of how far its coordinates reach, which is what float32 hits are good to.  At
-`MOST_RADII` of its own radii that is a twentieth of an object's radius.
+`MAX_DISTANCE_IN_RADII` of its own radii that is a twentieth of an object's radius.
 """
 
 import math
@@ -11,57 +11,64 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.geometry import OFFSET_ULPS
-from raytracer.primitives.spheres import Spheres
-from raytracer.scene.concerns.aiming import Aiming
-from raytracer.scene.concerns.interface import Concern, concern
-from raytracer.scene.concerns.outlines import Points, is_flat, normals, outline, reaches, resting
-from raytracer.scene.concerns.slivers import slivers
-from raytracer.scene.concerns.survey import Survey
+from raytracer.core.geometry import OFFSET_ULPS
+from raytracer.core.primitives.spheres import Spheres
+from raytracer.scene.warnings.primitive_points import (
+    Points,
+    coordinate_extents,
+    is_flat,
+    normals,
+    outline,
+    without_motion,
+)
+from raytracer.scene.warnings.record import WarningRecord, warning_at
+from raytracer.scene.warnings.slivers import sliver_warnings
+from raytracer.scene.warnings.survey import SceneSurvey
+from raytracer.scene.warnings.unseen_lights import UnseenLightFinder
 
-MOST_RADII = 1e5
-"""How many of its radii an object may be away: at 1e6, Embree misses 15 % of the rays at 0.99 of a sphere's radius."""
+MAX_DISTANCE_IN_RADII = 1e5
+"""Largest distance of an object in its radii: at 1e6, Embree misses 15 % of the rays at 0.99 of a sphere's radius."""
 
-MOST_EXTENTS = 1e6
-"""How much larger than the smallest object the largest may be: float32 has 2^24 = 1.7e7 steps."""
+MAX_SIZE_RATIO = 1e6
+"""Largest ratio of the sizes of two objects: float32 has 2^24 = 1.7e7 steps."""
 
 _HULL = math.sqrt(3.0)
-"""How much farther than an object reaches along an axis its box does."""
+"""Extent of an object's box relative to the object's own along an axis."""
 
-# From where on a sentence says that an object was flattened.
+# Flattening from which on a message mentions it.
 _FLAT = 10.0
 
 # How many times the largest coordinate the offset of a quad may count: its corner once, either edge twice.
 _MOST_REACH = 5.0
 
-# Primitives of an object against each of which others are held; of one with more, its box is.
+# Most primitives of an object that others are compared with one by one; of one with more, its box is.
 _MOST_FACES = 4096
 
-# Objects so large that others may drown in their offset.
+# Most objects that are examined as grounds, whose ray offset may exceed the size of others.
 _MOST_GROUNDS = 256
 
 
-def sizes(survey: Survey) -> Iterator[Concern]:
-    """Concerns about sizes: degenerate triangles, far and tiny objects, and such as others swallow."""
+def size_warnings(survey: SceneSurvey) -> Iterator[WarningRecord]:
+    """Find degenerate triangles, objects too far or too small, and objects within the ray offset of others."""
     yield from _degenerate(survey)
-    aiming = Aiming(survey)
-    seen = _seen(survey)
-    yield from _far(survey, seen, aiming)
-    yield from slivers(survey, seen.scale(survey), aiming)
+    unseen_lights = UnseenLightFinder(survey)
+    seen = _relative_sizes(survey)
+    yield from _far(survey, seen, unseen_lights)
+    yield from sliver_warnings(survey, seen.scale(survey), unseen_lights)
     yield from _thin(survey)
-    drowned = list(_drowned(survey))
+    drowned = list(_within_ray_offset(survey))
     yield from drowned
     if not drowned:
-        yield from _extents(survey, seen.extent, aiming)
+        yield from _extents(survey, seen.extent, unseen_lights)
 
 
-def _degenerate(survey: Survey) -> Iterator[Concern]:
-    """Triangles without an area, in files or once they are rounded to float32."""
+def _degenerate(survey: SceneSurvey) -> Iterator[WarningRecord]:
+    """Find triangles without an area, in files or once they are rounded to float32."""
     packed, pieces = survey.packed, survey.pieces
     for item, (count, first) in packed.empty.items():
         keys = packed.items[item].keys
         plural = "s" if count > 1 else ""
-        yield concern(
+        yield warning_at(
             survey.spec,
             "triangles without an area",
             keys,
@@ -71,7 +78,7 @@ def _degenerate(survey: Survey) -> Iterator[Concern]:
     for piece in np.flatnonzero(pieces.empty).tolist():
         count, total = int(pieces.empty[piece]), int(pieces.stop[piece] - pieces.start[piece])
         what = f"{count:,} of its {total:,} faces have" if total > 1 else "it has"
-        yield survey.concern(
+        yield survey.warning(
             "faces that float32 cannot hold",
             piece,
             f"{what} no area once its coordinates are rounded to float32, in which rays are cast, so no ray can hit "
@@ -82,11 +89,12 @@ def _degenerate(survey: Survey) -> Iterator[Concern]:
 # ---- Far away
 
 
-class _Seen(NamedTuple):
-    """Of each piece, or of its instance that is worst off, in radii: how far its coordinates reach, and the camera is.
+class _RelativeSizes(NamedTuple):
+    """Largest coordinates and camera distances of pieces, or of their worst instances, relative to their radii.
 
-    extent : its own radius (m), in the scene.
-    flat : how many times thinner in one direction than in another its instance makes it.
+    reach, distance : (n,), in radii.
+    extent (m) : its own radius in the scene.
+    flat : factor by which its instance makes it thinner in one direction than in another.
     """
 
     reach: Points
@@ -94,16 +102,16 @@ class _Seen(NamedTuple):
     extent: Points
     flat: Points
 
-    def scale(self, survey: Survey) -> Points:
+    def scale(self, survey: SceneSurvey) -> Points:
         """Find the largest numbers (n,) at play where rays meet each piece, in its own space (m)."""
         return np.asarray(np.maximum(self.reach, self.distance) * survey.pieces.half)
 
 
-def _seen(survey: Survey) -> _Seen:
+def _relative_sizes(survey: SceneSurvey) -> _RelativeSizes:
     pieces, camera = survey.pieces, survey.camera
     half = np.maximum(pieces.half, np.finfo(float).tiny)
     away = np.maximum(0.0, np.linalg.norm(pieces.middle - camera, axis=1) - half)
-    result = _Seen(pieces.reach / half, away / half, pieces.half.copy(), np.ones(len(half)))
+    result = _RelativeSizes(pieces.reach / half, away / half, pieces.half.copy(), np.ones(len(half)))
     instances = survey.packed.scene.instances
     for group in np.unique(pieces.group[pieces.group >= 0]).tolist():
         assert instances is not None
@@ -114,10 +122,10 @@ def _seen(survey: Survey) -> _Seen:
         low, high = pieces.low[of].min(axis=0), pieces.high[of].max(axis=0)
         middle = pose[:, :3, :3] @ (low + 0.5 * (high - low)) + pose[:, :3, 3]
         radius = scale * 0.5 * float(np.linalg.norm(high - low))
-        # As rays are cast in the group's space: what is flattened there is as far away as it was made thin.
+        # Rays are intersected in the group's space, where flattening by a factor moves the camera away by that factor.
         own = np.linalg.solve(pose[:, :3, :3], (camera - middle)[:, :, None])[:, :, 0]
         away = np.maximum(0.0, np.linalg.norm(own, axis=1) - radius / scale)
-        # The nearest copy is the one that is seen; that which is farthest out is held the worst.
+        # The nearest copy is seen best; the one farthest out has the worst coordinates.
         nearest = int(np.argmin(away))
         result.distance[of] = away[nearest] / half[of]
         result.flat[of] = np.linalg.cond(pose[nearest, :3, :3])
@@ -127,43 +135,46 @@ def _seen(survey: Survey) -> _Seen:
     return result
 
 
-def _far(survey: Survey, seen: _Seen, aiming: Aiming) -> Iterator[Concern]:
-    """Objects that are too far away for their size, from the origin or from the camera."""
-    for piece in np.flatnonzero((seen.reach > MOST_RADII) | (seen.distance > MOST_RADII)).tolist():
-        if aiming.is_only_aimed_at(piece):
+def _far(survey: SceneSurvey, seen: _RelativeSizes, unseen_lights: UnseenLightFinder) -> Iterator[WarningRecord]:
+    """Find objects too far away for their size, from the origin or from the camera."""
+    for piece in np.flatnonzero(
+        (seen.reach > MAX_DISTANCE_IN_RADII) | (seen.distance > MAX_DISTANCE_IN_RADII)
+    ).tolist():
+        if unseen_lights.is_only_light_sampled(piece):
             continue
         radius = float(seen.extent[piece])
-        if seen.distance[piece] > MOST_RADII:
+        if seen.distance[piece] > MAX_DISTANCE_IN_RADII:
             where, times = "the camera", float(seen.distance[piece])
             if seen.flat[piece] > _FLAT:
                 where += f", as seen where its transform has not made it {seen.flat[piece]:.2g} times thinner"
         else:
             where, times = survey.origin_text(), float(seen.reach[piece])
-        yield survey.concern(
+        yield survey.warning(
             "objects too far away for their size",
             piece,
-            f"is {times:.2g} of its radii ({radius:.3g} m) away from {where}, and beyond {MOST_RADII:.0e} float32 is "
+            f"is {times:.2g} of its radii ({radius:.3g} m) away from {where}, and beyond "
+            f"{MAX_DISTANCE_IN_RADII:.0e} float32 is "
             "too coarse to hit it well: make it larger, bring it nearer, or leave it out",
         )
 
 
-def _thin(survey: Survey) -> Iterator[Concern]:
-    """Boxes that light goes into and that are thinner than the offset of rays: such a ray begins behind them."""
+def _thin(survey: SceneSurvey) -> Iterator[WarningRecord]:
+    """Find transmissive boxes thinner than the ray offset, behind which rays from their surfaces begin."""
     pieces = survey.pieces
-    # The sides of what is thin are narrow.
+    # The sides of thin boxes are narrow.
     for piece in np.flatnonzero(pieces.width < 4.0 * OFFSET_ULPS * _MOST_REACH * pieces.reach).tolist():
-        look, start, stop = survey.look_of(piece), int(pieces.start[piece]), int(pieces.stop[piece])
+        look, start, stop = survey.material_of(piece), int(pieces.start[piece]), int(pieces.stop[piece])
         table = survey.tables[pieces.table[piece]]
-        if look is None or not (look.transmits() or look.passes()) or stop - start > _MOST_FACES:
+        if look is None or not (look.is_transmissive() or look.has_passthrough()) or stop - start > _MOST_FACES:
             continue
-        # What has one face has no inside; round things are as thick as they are wide.
+        # A single face has no inside; round objects are as thick as they are wide.
         if not survey.is_solid(piece) or survey.spec_of(piece).faces is None or not is_flat(table):
             continue
         faces = outline(table, start, stop)
         thickness = float(np.ptp(faces.reshape(-1, 3) @ normals(faces).T, axis=0).min())
-        offset = OFFSET_ULPS * float(reaches(table, start, stop).max())
+        offset = OFFSET_ULPS * float(coordinate_extents(table, start, stop).max())
         if thickness < 2.0 * offset:
-            yield survey.concern(
+            yield survey.warning(
                 "clear things thinner than the offset of rays",
                 piece,
                 f"is {thickness:.2g} m thick, light goes into it, and rays leave its faces {offset:.2g} m off them "
@@ -172,20 +183,22 @@ def _thin(survey: Survey) -> Iterator[Concern]:
             )
 
 
-# ---- On a ground that swallows them
+# ---- Objects within the ray offset of a ground
 
 
-def _drowned(survey: Survey) -> Iterator[Concern]:
-    """Objects that lie on what is so large that the offset of rays which leave it is a good part of their size."""
+def _within_ray_offset(survey: SceneSurvey) -> Iterator[WarningRecord]:
+    """Find objects on grounds so large that the offset of rays from the ground is a good part of the objects' size."""
     pieces = survey.pieces
     half = pieces.half
-    grounds = np.flatnonzero((pieces.group < 0) & (3.0 * pieces.reach > MOST_RADII * half.min(initial=np.inf)))
-    told = np.zeros(len(half), bool)
+    grounds = np.flatnonzero(
+        (pieces.group < 0) & (3.0 * pieces.reach > MAX_DISTANCE_IN_RADII * half.min(initial=np.inf))
+    )
+    reported = np.zeros(len(half), bool)
     for ground in grounds[np.argsort(-pieces.reach[grounds], kind="stable")][:_MOST_GROUNDS].tolist():
-        small = np.flatnonzero(~told & (MOST_RADII * half < 3.0 * pieces.reach[ground]))
-        for piece, radius, reach in _on(survey, ground, small[small != ground]):
-            told[piece] = True
-            yield survey.concern(
+        small = np.flatnonzero(~reported & (MAX_DISTANCE_IN_RADII * half < 3.0 * pieces.reach[ground]))
+        for piece, radius, reach in _objects_within_offset(survey, ground, small[small != ground]):
+            reported[piece] = True
+            yield survey.warning(
                 "objects that drown in what they lie on",
                 piece,
                 f"is {2.0 * radius:.3g} m large and lies on {survey.name_of(ground)}, which rays leave "
@@ -194,37 +207,39 @@ def _drowned(survey: Survey) -> Iterator[Concern]:
             )
 
 
-def _on(survey: Survey, ground: int, small: NDArray[np.int64]) -> Iterator[tuple[int, float, float]]:
-    """Which of some objects, or copies of them, drown in one: their radii, and how far its coordinates reach (m)."""
+def _objects_within_offset(
+    survey: SceneSurvey, ground: int, small: NDArray[np.int64]
+) -> Iterator[tuple[int, float, float]]:
+    """Find small objects within the ray offset of a ground, their radii and the ground's largest coordinate (m)."""
     pieces = survey.pieces
     single = small[pieces.group[small] < 0]
     radius = pieces.half[single]
     reach = _reach_below(survey, ground, pieces.middle[single], radius)
-    lost = MOST_RADII * radius < reach
+    lost = MAX_DISTANCE_IN_RADII * radius < reach
     yield from zip(single[lost].tolist(), radius[lost].tolist(), reach[lost].tolist(), strict=True)
     for piece in small[pieces.group[small] >= 0].tolist():
         middle, radius = _copies(survey, piece)
         reach = _reach_below(survey, ground, middle, radius)
         worst = int(np.argmax(reach / radius))
-        if MOST_RADII * radius[worst] < reach[worst]:
+        if MAX_DISTANCE_IN_RADII * radius[worst] < reach[worst]:
             yield piece, float(radius[worst]), float(reach[worst])
 
 
-def _copies(survey: Survey, piece: int) -> tuple[Points, Points]:
-    """Middles (n, 3) and radii (n,) of a piece wherever it is placed."""
+def _copies(survey: SceneSurvey, piece: int) -> tuple[Points, Points]:
+    """Compute centres (n, 3) and radii (n,) of a piece wherever it is placed."""
     middle, half = survey.pieces.middle[piece], survey.pieces.half[piece]
     shown = survey.placed(piece)
     pose = survey.poses[shown]
     return pose[:, :3, :3] @ middle + pose[:, :3, 3], survey.scales[shown] * half
 
 
-def _reach_below(survey: Survey, ground: int, middle: Points, radius: Points) -> Points:
-    """How far the coordinates reach (n,) (m) of what balls lie on, of several faces the least; 0 for those beside."""
+def _reach_below(survey: SceneSurvey, ground: int, middle: Points, radius: Points) -> Points:
+    """Compute a ground's largest coordinate (n,) (m) where balls lie on it, of several faces the least; 0 beside."""
     pieces = survey.pieces
     table = survey.tables[pieces.table[ground]]
     start, stop = int(pieces.start[ground]), int(pieces.stop[ground])
-    reach = reaches(table, start, stop)
-    base = resting(table)
+    reach = coordinate_extents(table, start, stop)
+    base = without_motion(table)
     if isinstance(base, Spheres):
         away = np.linalg.norm(middle - base.center[start], axis=1)
         on = np.abs(away - abs(base.radius[start])) <= _HULL * radius + OFFSET_ULPS * reach
@@ -246,23 +261,23 @@ def _reach_below(survey: Survey, ground: int, middle: Points, radius: Points) ->
     return np.asarray(result)
 
 
-# ---- All of the scene
+# ---- The whole scene
 
 
-def _extents(survey: Survey, extent: Points, aiming: Aiming) -> Iterator[Concern]:
-    """A scene whose largest object is too much larger than its smallest; what is cut is nowhere too large for it."""
+def _extents(survey: SceneSurvey, extent: Points, unseen_lights: UnseenLightFinder) -> Iterator[WarningRecord]:
+    """Find a ratio of largest to smallest object that is too large; subdivided objects do not count as large."""
     whole = np.array([0.0 if survey.is_cut(piece) else size for piece, size in enumerate(extent.tolist())])
     small, large = int(np.argmin(extent)), int(np.argmax(whole))
-    if whole[large] > MOST_EXTENTS * extent[small]:
-        # Lamps are asked about only where there is a doubt.
-        aimed = np.array([aiming.is_only_aimed_at(piece) for piece in range(len(extent))])
+    if whole[large] > MAX_SIZE_RATIO * extent[small]:
+        # Lights are examined only if the ratio is too large.
+        aimed = np.array([unseen_lights.is_only_light_sampled(piece) for piece in range(len(extent))])
         small, large = int(np.argmin(np.where(aimed, np.inf, extent))), int(np.argmax(np.where(aimed, 0.0, whole)))
     ratio = float(whole[large] / max(extent[small], np.finfo(float).tiny))
-    if ratio > MOST_EXTENTS:
-        yield survey.concern(
+    if ratio > MAX_SIZE_RATIO:
+        yield survey.warning(
             "sizes that are too far apart",
             small,
             f"is {2.0 * extent[small]:.3g} m large, and {survey.name_of(large)} {2.0 * extent[large]:.3g} m, "
-            f"{ratio:.2g} times as much: beyond {MOST_EXTENTS:.0e} float32 cannot hold both, and rays from far away "
+            f"{ratio:.2g} times as much: beyond {MAX_SIZE_RATIO:.0e} float32 cannot hold both, and rays from far away "
             "miss what is small; make skies of an `environment` or a `sun`, and grounds no larger than is seen",
         )

@@ -1,4 +1,4 @@
-"""Faces that are narrower than float32 tells from where rays come: Embree takes its vertices less the ray's origin.
+"""Warn of slivers: faces narrower than float32 resolves, as Embree subtracts the ray's origin from its vertices.
 
 An edge then lies wrong by half an ulp of the distance, 3e-8 of it.  As measured with Embree 4.4, of the rays to a
 triangle of width w from a distance of 1, those that meet it are 7 % too many at w = 1e-7, 30 % at 3e-8, twice as many
@@ -11,34 +11,34 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.geometry import OFFSET_ULPS
-from raytracer.scene.concerns.aiming import Aiming
-from raytracer.scene.concerns.interface import Concern
-from raytracer.scene.concerns.outlines import Points, edges, outline, resting, squared
-from raytracer.scene.concerns.survey import Survey
+from raytracer.core.geometry import OFFSET_ULPS
+from raytracer.scene.warnings.primitive_points import Points, edges, outline, squared, without_motion
+from raytracer.scene.warnings.record import WarningRecord
+from raytracer.scene.warnings.survey import SceneSurvey
+from raytracer.scene.warnings.unseen_lights import UnseenLightFinder
 
 _MOST_SHARE = 0.01
-"""Part of an object's area that may be too narrow."""
+"""Largest part of an object's area that may be too narrow."""
 
 
-def slivers(survey: Survey, scale: Points, aiming: Aiming) -> Iterator[Concern]:
-    """Concerns about narrow faces, one for each object of which they are more than a hundredth.
+def sliver_warnings(survey: SceneSurvey, scale: Points, unseen_lights: UnseenLightFinder) -> Iterator[WarningRecord]:
+    """Find objects of which slivers are more than a hundredth.
 
-    scale (n,), of each piece, the largest numbers at play where rays meet it (m): its coordinates, or the distance to
+    scale (m) : (n,), of each piece, the largest numbers in intersections: its coordinates, or the distance to
     the camera, in its own space.
     """
     least = OFFSET_ULPS * scale
     # Rounding to float32 takes less than half of such a width.
     for piece in np.flatnonzero(survey.pieces.width < 2.0 * least).tolist():
-        # Huge quads are cut into parts, which have neighbours.
-        if survey.is_cut(piece) or aiming.is_only_aimed_at(piece):
+        # Huge quads are cut into parts with neighbours.
+        if survey.is_cut(piece) or unseen_lights.is_only_light_sampled(piece):
             continue
         count, share, width = _narrow(survey, piece, float(least[piece]))
         if share <= _MOST_SHARE:
             continue
         total = int(survey.pieces.stop[piece] - survey.pieces.start[piece])
         what = f"{count:,} of its {total:,} faces are" if total > 1 else "is"
-        yield survey.concern(
+        yield survey.warning(
             "slivers that float32 cannot tell",
             piece,
             f"{what} as narrow as {width:.2g} m, and below {least[piece]:.2g} m, {OFFSET_ULPS:.1e} of how far away the "
@@ -47,21 +47,21 @@ def slivers(survey: Survey, scale: Points, aiming: Aiming) -> Iterator[Concern]:
         )
 
 
-def _narrow(survey: Survey, piece: int, least: float) -> tuple[int, float, float]:
+def _narrow(survey: SceneSurvey, piece: int, least: float) -> tuple[int, float, float]:
     """Count faces without neighbours narrower than `least` (m): number, part of the area, and the least width (m)."""
-    table = resting(survey.tables[survey.pieces.table[piece]])
+    table = without_motion(survey.tables[survey.pieces.table[piece]])
     start, stop = int(survey.pieces.start[piece]), int(survey.pieces.stop[piece])
     u, v, w = edges(outline(table, start, stop))
     area = np.sqrt(squared(np.cross(u, v)))
     longest = np.sqrt(np.maximum(np.maximum(squared(u), squared(v)), squared(w)))
     rows = np.flatnonzero((area < least * longest) & (area > 0.0))
     if len(rows) and hasattr(table, "faces"):
-        rows = rows[_has_border(np.asarray(table.faces[start:stop], np.int64), rows)]
+        rows = rows[_has_open_edge(np.asarray(table.faces[start:stop], np.int64), rows)]
     share = float(area[rows].sum() / area.sum()) if len(rows) else 0.0
     return len(rows), share, float((area[rows] / longest[rows]).min(initial=np.inf))
 
 
-def _has_border(faces: NDArray[np.int64], chosen: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _has_open_edge(faces: NDArray[np.int64], chosen: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Find the chosen triangles with an edge that no other triangle of `faces` (n, 3) has (m,)."""
     sides = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1), axis=-1)
     keys = sides[..., 0] * (int(faces.max()) + 1) + sides[..., 1]

@@ -1,4 +1,4 @@
-"""What a packed scene holds, object by object: how large, where, and how many primitives vanish in float32."""
+"""Survey of a packed scene, object by object: sizes, positions, and primitives that vanish in float32."""
 
 from functools import cached_property, reduce
 from typing import NamedTuple
@@ -6,27 +6,30 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.cameras.moving import camera_at
-from raytracer.materials.interface import MaterialSpec
-from raytracer.motion import compose
-from raytracer.primitives.spheres import Spheres
-from raytracer.scene.concerns.interface import Concern, Keys, concern, named
-from raytracer.scene.concerns.outlines import Points, has_edges, normals, outline, resting, squared
-from raytracer.scene.pack import Packed
-from raytracer.shapes.interface import ShapeSpec
+from raytracer.core.motion.decomposition import compose
+from raytracer.core.primitives.spheres import Spheres
+from raytracer.plugins.cameras.base.moving import camera_at_time
+from raytracer.plugins.materials.base.interface import MaterialSpec
+from raytracer.plugins.shapes.base.interface import ShapeSpec
+from raytracer.scene.pack.scene import PackedScene
+from raytracer.scene.warnings.primitive_points import Points, has_edges, normals, outline, squared, without_motion
+from raytracer.scene.warnings.record import WarningRecord, object_label, warning_at
+from raytracer.schema.yaml_nodes import KeyPath
 
-# Rows worked on at once: what is computed for each stays in the cache, and takes little memory.
+# Rows per block: intermediate results stay in the processor's cache, and take little memory.
 _BLOCK = 1 << 14
 
 
 class Pieces(NamedTuple):
     """Ranges of rows of the tables, one for each object in the scene's space or in that of a group (n,).
 
-    table, start, stop : where its rows are.
-    item : of `Packed.items`; group : -1 for what is in none.
-    low, high : the box (n, 3) round it, in the space of its group or of the packed scene (m).
-    empty : how many of its rows have no area as float32 holds them, and first, the first of them (-1).
-    width : that of the narrowest of its other faces, as float32 holds it (n,) (m); infinite of what is round.
+    table, start, stop : range of rows.
+    item : of `PackedScene.items`.
+    group : -1 for what is in none.
+    low, high (m) : the box (n, 3) round it, in the space of its group or of the packed scene.
+    empty : number of rows without an area in float32.
+    first : the first of them, or -1.
+    width (m) : of the narrowest of its other faces in float32; infinite if round.
     """
 
     table: NDArray[np.int64]
@@ -42,27 +45,27 @@ class Pieces(NamedTuple):
 
     @property
     def half(self) -> Points:
-        """Half the largest edge of each box (n,) (m), which is the radius of a sphere."""
+        """Compute half the largest edge of each box (n,) (m): the radius of a sphere."""
         return np.asarray(0.5 * (self.high - self.low).max(axis=1))
 
     @property
     def middle(self) -> Points:
-        """The middle of each box (n, 3)."""
+        """Compute the centre of each box (n, 3)."""
         return np.asarray(self.low + 0.5 * (self.high - self.low))
 
     @property
     def reach(self) -> Points:
-        """How far the coordinates of each reach (n,) (m)."""
+        """Compute the largest coordinate of each piece (n,) (m)."""
         return np.asarray(np.maximum(np.abs(self.low), np.abs(self.high)).max(axis=1))
 
 
-class Survey:
-    """A packed scene, looked over.
+class SceneSurvey:
+    """A packed scene with the sizes and positions of its objects.
 
     shift (3,) : the origin of the packed scene in the scene as it was written.
     """
 
-    def __init__(self, packed: Packed) -> None:
+    def __init__(self, packed: PackedScene) -> None:
         self.packed, self.spec = packed, packed.spec
         origin = packed.scene.origin
         self.shift = np.zeros(3) if origin is None else np.array(origin.world)
@@ -72,13 +75,13 @@ class Survey:
 
     @cached_property
     def camera(self) -> Points:
-        """Where the camera is when the shutter opens (3,), in the packed scene."""
+        """Position of the camera (3,) in the packed scene when the shutter opens."""
         camera = self.spec.camera
-        return np.asarray(camera_at(camera, camera.opening().open).look_from - self.shift)
+        return np.asarray(camera_at_time(camera, camera.shutter_interval().open).look_from - self.shift)
 
     @cached_property
     def poses(self) -> Points:
-        """From the space of its group to the packed scene, for each instance: (n, 4, 4), at the shutter's opening."""
+        """Poses (n, 4, 4) of instances, from group space to the packed scene, at the shutter's opening."""
         instances = self.packed.scene.instances
         if instances is None:
             return np.empty((0, 4, 4))
@@ -93,7 +96,7 @@ class Survey:
 
     @cached_property
     def scales(self) -> Points:
-        """The largest factor of each instance's pose (n,)."""
+        """Largest scale of each instance's pose (n,)."""
         return np.asarray(np.linalg.norm(self.poses[:, :3, :3], axis=1).max(axis=1, initial=0.0))
 
     @cached_property
@@ -110,39 +113,39 @@ class Survey:
         return low, high
 
     def placed(self, piece: int) -> NDArray[np.int64]:
-        """The instances that show a piece (n,); none for what is in no group."""
+        """List the instances of a piece (n,); none for a piece in no group."""
         instances = self.packed.scene.instances
         if instances is None or self.pieces.group[piece] < 0:
             return np.empty(0, np.int64)
         return np.flatnonzero(instances.group == self.pieces.group[piece])
 
     def spec_of(self, piece: int) -> ShapeSpec:
-        """The object that a piece is, or is part of."""
+        """Return the object that a piece is, or is part of."""
         return self.packed.items[int(self.pieces.item[piece])].spec
 
-    def look_of(self, piece: int) -> MaterialSpec | None:
-        """Its resolved material; None if its faces, or its copies, have several."""
+    def material_of(self, piece: int) -> MaterialSpec | None:
+        """Return a piece's resolved material; None if its faces, or its copies, have several."""
         if piece not in self._looks:
-            self._looks[piece] = self._look_of(piece)
+            self._looks[piece] = self._material_of(piece)
         return self._looks[piece]
 
-    def _look_of(self, piece: int) -> MaterialSpec | None:
+    def _material_of(self, piece: int) -> MaterialSpec | None:
         pieces, instances = self.pieces, self.packed.scene.instances
         own = self.tables[pieces.table[piece]].material[pieces.start[piece] : pieces.stop[piece]]
-        found = np.unique(own) if own[0] != own[-1] else own[:1]
+        references = np.unique(own) if own[0] != own[-1] else own[:1]
         if instances is not None and instances.material is not None and pieces.group[piece] >= 0:
             given = np.unique(instances.material[self.placed(piece)])
-            found = np.concatenate([given[given >= 0], found if (given < 0).any() else found[:0]])
-        return self.packed.looks.get(int(found[0])) if len(found) == 1 else None
+            references = np.concatenate([given[given >= 0], references if (given < 0).any() else references[:0]])
+        return self.packed.resolved_materials.get(int(references[0])) if len(references) == 1 else None
 
-    def keys_of(self, piece: int) -> Keys:
-        """The path of that object in the scene."""
+    def keys_of(self, piece: int) -> KeyPath:
+        """Return the path in the scene of a piece's object."""
         return self.packed.items[int(self.pieces.item[piece])].keys
 
-    def owners(self, one: tuple[int, int], other: tuple[int, int]) -> tuple[Keys, Keys]:
-        """The paths of two objects, each told by its piece and instance (-1 for none).
+    def owners(self, one: tuple[int, int], other: tuple[int, int]) -> tuple[KeyPath, KeyPath]:
+        """Return the paths of two objects, each given by its piece and instance (-1 for none).
 
-        They are those that place the pieces; of two pieces that are placed by the same one, what they are in the group.
+        These objects place the pieces; if the same one places both, the paths are those of the pieces in the group.
         """
         placing = [-1 if instance < 0 else int(self.packed.instance_objects[instance]) for _, instance in (one, other)]
         inside = self.keys_of(one[0]), self.keys_of(other[0])
@@ -153,16 +156,16 @@ class Survey:
         )
         return first, second
 
-    def order(self, keys: Keys) -> tuple[bool, str, int]:
-        """What puts objects into the order in which they are written: those of groups come first."""
+    def order(self, keys: KeyPath) -> tuple[bool, str, int]:
+        """Make a key that sorts objects as they are written, those of groups first."""
         *path, number = keys
         return path == ["objects"], str(path), int(number)
 
     def contains(self, piece: int, points: Points) -> NDArray[np.bool_]:
-        """Which points (n, 3) of its space are inside of it, if it is a sphere or convex; none if it is not."""
+        """Find points (n, 3) of its space that are inside of a piece (n,); none unless it is a sphere or convex."""
         table = self.tables[self.pieces.table[piece]]
         start, stop = int(self.pieces.start[piece]), int(self.pieces.stop[piece])
-        base = resting(table)
+        base = without_motion(table)
         if isinstance(base, Spheres):
             away = np.linalg.norm(points - base.center[start], axis=1)
             return np.asarray(away < abs(float(base.radius[start])))
@@ -173,11 +176,11 @@ class Survey:
         return np.asarray((heights < 0.0).all(axis=1))
 
     def is_buried(self, point: Points) -> bool:
-        """Whether a point (3,) of the packed scene is inside of an opaque sphere or box."""
+        """Return True if a point (3,) of the packed scene is inside of an opaque sphere or box."""
         low, high = self.boxes
         for piece in np.flatnonzero(((point > low) & (point < high)).all(axis=1)).tolist():
-            look = self.look_of(piece)
-            if look is None or look.passes() or look.transmits():
+            look = self.material_of(piece)
+            if look is None or look.has_passthrough() or look.is_transmissive():
                 continue
             shown = self.placed(piece)
             if self.pieces.group[piece] < 0:
@@ -192,36 +195,36 @@ class Survey:
         return False
 
     def is_solid(self, piece: int) -> bool:
-        """Whether it is seen from the side of its normals alone, if it is closed as it should be."""
-        return self.spec_of(piece).closed
+        """Return True if a piece is closed, and so seen from the side of its normals alone."""
+        return self.spec_of(piece).is_closed
 
     def is_cut(self, piece: int) -> bool:
-        """Whether its faces were cut into parts that are as large as they are far away (`primitives.graded`)."""
+        """Return True if a piece's faces were cut into parts as large as they are far away (`subdivide_large`)."""
         rows, faces = int(self.pieces.stop[piece] - self.pieces.start[piece]), self.spec_of(piece).faces
         return faces is not None and rows > faces
 
     def name_of(self, piece: int) -> str:
-        """What a sentence calls it."""
-        return named(self.spec, self.keys_of(piece))
+        """Format a piece's object for messages."""
+        return object_label(self.spec, self.keys_of(piece))
 
-    def concern(self, kind: str, piece: int, message: str) -> Concern:
-        """A concern about an object."""
-        return concern(self.spec, kind, self.keys_of(piece), message)
+    def warning(self, kind: str, piece: int, message: str) -> WarningRecord:
+        """Make a warning about a piece's object."""
+        return warning_at(self.spec, kind, self.keys_of(piece), message)
 
     def origin_text(self) -> str:
-        """What a sentence calls the point from which coordinates are counted."""
+        """Name the origin of coordinates in messages."""
         return "the middle of the scene" if self.shift.any() else "the origin"
 
 
-def _pieces(packed: Packed) -> Pieces:
-    found: list[Pieces] = []
+def _pieces(packed: PackedScene) -> Pieces:
+    parts: list[Pieces] = []
     for number, (table, owners) in enumerate(zip(packed.scene.primitives, packed.owners, strict=True)):
         stop = np.append(owners.start[1:], len(table.material))
         used = stop > owners.start
         start, stop = owners.start[used], stop[used]
         item, group = owners.item[used].astype(np.int64), owners.group[used].astype(np.int64)
-        found.append(Pieces(np.full(len(start), number), start, stop, item, group, *_measured(table, start, stop)))
-    return Pieces(*(np.concatenate(column) for column in zip(*found, strict=True)))
+        parts.append(Pieces(np.full(len(start), number), start, stop, item, group, *_measured(table, start, stop)))
+    return Pieces(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 class _Measures(NamedTuple):
@@ -235,9 +238,9 @@ class _Measures(NamedTuple):
 
 
 def _measured(table: object, start: NDArray[np.int64], stop: NDArray[np.int64]) -> _Measures:
-    """What there is in ranges of a table's rows, which follow each other."""
+    """Measure ranges of a table's rows, which follow each other."""
     count = len(start)
-    found = _Measures(
+    measures = _Measures(
         np.full((count, 3), np.inf),
         np.full((count, 3), -np.inf),
         np.zeros(count, np.int64),
@@ -252,20 +255,20 @@ def _measured(table: object, start: NDArray[np.int64], stop: NDArray[np.int64]) 
         within = np.maximum(start[first:last] - begin, 0)
         corners = [points[:, k] for k in range(points.shape[1])]
         low, high = reduce(np.minimum, corners), reduce(np.maximum, corners)
-        found.low[first:last] = np.minimum(found.low[first:last], np.minimum.reduceat(low, within))
-        found.high[first:last] = np.maximum(found.high[first:last], np.maximum.reduceat(high, within))
+        measures.low[first:last] = np.minimum(measures.low[first:last], np.minimum.reduceat(low, within))
+        measures.high[first:last] = np.maximum(measures.high[first:last], np.maximum.reduceat(high, within))
 
         width = _widths(table, points)
         rows = np.flatnonzero(width == 0.0)
         width[rows] = np.inf
-        found.width[first:last] = np.minimum(found.width[first:last], np.minimum.reduceat(width, within))
+        measures.width[first:last] = np.minimum(measures.width[first:last], np.minimum.reduceat(width, within))
         piece, earliest, number = np.unique(
             np.searchsorted(within, rows, side="right") - 1 + first, return_index=True, return_counts=True
         )
-        fresh = found.empty[piece] == 0
-        found.first[piece[fresh]] = begin + rows[earliest[fresh]] - start[piece[fresh]]
-        found.empty[piece] += number
-    return found
+        fresh = measures.empty[piece] == 0
+        measures.first[piece[fresh]] = begin + rows[earliest[fresh]] - start[piece[fresh]]
+        measures.empty[piece] += number
+    return measures
 
 
 def _widths(table: object, points: Points) -> Points:

@@ -1,42 +1,44 @@
-"""Lamps that only next-event estimation finds, for which it is no matter how well float32 hits them."""
+"""Find lights that only next-event estimation reaches: the accuracy of float32 hits does not matter for them."""
 
 import math
 
 import numpy as np
 
-from raytracer.cameras.interface import project
-from raytracer.lights.interface import Lights
-from raytracer.scene.concerns.outlines import Points, resting
-from raytracer.scene.concerns.survey import Survey
+from raytracer.plugins.cameras.base.interface import project
+from raytracer.plugins.lights.base.interface import Lights
+from raytracer.scene.warnings.primitive_points import Points, without_motion
+from raytracer.scene.warnings.survey import SceneSurvey
 
 _MOST_COPIES = 256
-"""Places of a lamp that are looked at; one that is in more counts as seen."""
+"""Most instances of a light that are examined; one with more counts as seen."""
 
 _TIMES = (0.0, 0.5, 1.0)
 """Fractions of the exposure at which a camera that moves is asked what it sees."""
 
 
-class Aiming:
-    """Finds the lamps of a scene that are only aimed at: neither the camera's rays show them, nor those from a mirror.
+class UnseenLightFinder:
+    """Finder of lights that only next-event estimation reaches: neither camera rays nor mirrors show them.
 
-    What else meets them by chance counts for next to nothing: a lamp that is small in the sky is aimed at with a far
-    higher density than any rough surface scatters with.
+    Other rays that hit them weigh next to nothing in MIS: next-event estimation samples a light that is small in the
+    sky with a far higher density than any rough surface scatters with.
 
     References: Veach 1997, thesis, eq. 9.8 (the balance heuristic).
     """
 
-    def __init__(self, survey: Survey) -> None:
+    def __init__(self, survey: SceneSurvey) -> None:
         self._survey = survey
         lights = survey.packed.scene.lights
-        self._is_all = isinstance(lights, Lights) and not any(look.mirrors() for look in survey.packed.looks.values())
+        self._is_all = isinstance(lights, Lights) and not any(
+            look.has_delta_bsdf() for look in survey.packed.resolved_materials.values()
+        )
 
-    def is_only_aimed_at(self, piece: int) -> bool:
-        """Tell if a piece is a lamp that is aimed at, and seen in no other way."""
+    def is_only_light_sampled(self, piece: int) -> bool:
+        """Tell if a piece is a light that next-event estimation samples, and that is seen in no other way."""
         survey = self._survey
         if not self._is_all:
             return False
-        look, table = survey.look_of(piece), survey.tables[survey.pieces.table[piece]]
-        if look is None or not look.emits() or look.is_lit() or resting(table) is not table:
+        look, table = survey.material_of(piece), survey.tables[survey.pieces.table[piece]]
+        if look is None or not look.is_emissive() or look.has_non_delta_bsdf() or without_motion(table) is not table:
             return False
         places = _places(survey, piece)
         return len(places) <= _MOST_COPIES and not any(self._is_seen(place) for place in places)
@@ -55,7 +57,7 @@ class Aiming:
         return False
 
 
-def _places(survey: Survey, piece: int) -> Points:
+def _places(survey: SceneSurvey, piece: int) -> Points:
     """List the middles (n, 3) of a piece in the packed scene."""
     middle = survey.pieces.middle[piece]
     if survey.pieces.group[piece] < 0:

@@ -9,13 +9,13 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from raytracer import comparison
-from raytracer.comparison import compare, encode, show
-from raytracer.comparison.pictures import false_colour, false_colours, signed, signed_colours
-from raytracer.comparison.wipe import Views, halves
-from raytracer.errors import InputError
+from raytracer.analysis import compare as comparison
+from raytracer.analysis.compare import compare, encode, show
+from raytracer.analysis.compare.colour_maps import false_colour, false_colours, signed, signed_colours
+from raytracer.analysis.compare.wipe_page import WipePage, pack_halves
 from raytracer.film import srgb
 from raytracer.film.image import Image
+from raytracer.util.errors import InputError
 
 HEIGHT, WIDTH = 20, 30
 PICTURES = [kind for kind in comparison.KINDS if kind not in ("side-by-side", "wipe")]
@@ -154,11 +154,11 @@ def test_halves_are_the_values_to_a_part_in_256():
     values = np.concatenate([rng.lognormal(0, 3, 300), -rng.lognormal(0, 3, 297), [0.0, 65504.0, 1e9]]).reshape(
         20, 10, 3
     )
-    found = halves(values).astype(np.uint16)
+    found = pack_halves(values).astype(np.uint16)
     read = (found[:20] << 8 | found[20:]).view(np.float16).astype(np.float64)
     np.testing.assert_allclose(read, np.clip(values, -65504, 65504), rtol=2**-8 + 2**-11, atol=2**-17)
     assert np.isfinite(read).all()
-    broken = halves(np.full((1, 1, 3), np.nan)).astype(np.uint16)
+    broken = pack_halves(np.full((1, 1, 3), np.nan)).astype(np.uint16)
     assert np.isnan((broken[:1] << 8 | broken[1:]).view(np.float16)).all()
 
 
@@ -239,7 +239,7 @@ def test_the_divider_parts_a_from_b(tmp_path, open_page):
 
 
 def test_a_page_of_many_pairs_turns_to_each(tmp_path, open_page):
-    views = Views()
+    views = WipePage()
     for level in (50, 150):
         found = compare(np.full((16, 20, 3), level, np.uint8), np.full((16, 20, 3), 10, np.uint8))
         views.add(found, f"<b>{level}</b>")
@@ -256,7 +256,7 @@ def test_a_page_of_many_pairs_turns_to_each(tmp_path, open_page):
 
 
 def test_large_images_are_sent_as_a_display_shows_them(monkeypatch, pair):
-    monkeypatch.setattr("raytracer.comparison.wipe._LARGEST_LINEAR", HEIGHT * WIDTH - 1)
+    monkeypatch.setattr("raytracer.analysis.compare.wipe_page._LARGEST_LINEAR", HEIGHT * WIDTH - 1)
     text = encode(pair, "wipe").decode()
     data = json.loads(re.search(r'id="data">(.*?)</script>', text)[1])
     (sent,) = data["pairs"]

@@ -6,12 +6,12 @@ import math
 import numpy as np
 import pytest
 
-from raytracer import comparison
-from raytracer.comparison import compare, encode
-from raytracer.errors import InputError
+from raytracer.analysis import compare as comparison
+from raytracer.analysis.compare import compare, encode
 from raytracer.film import srgb
 from raytracer.film.image import Image
-from raytracer.film.output import save
+from raytracer.film.image_file import save
+from raytracer.util.errors import InputError
 
 SHAPE = (24, 32, 3)
 QUICK = ("mae", "mse", "psnr")
@@ -235,7 +235,7 @@ def test_the_z_test_of_pixels_that_are_not_finite_fails():
 
 
 def test_large_images_are_not_measured_by_flip_unless_it_is_asked_for(monkeypatch):
-    monkeypatch.setattr("raytracer.comparison.pairs._FLIP_UNASKED", 2 * 24 * 32 - 1)
+    monkeypatch.setattr("raytracer.analysis.compare.image_comparison._FLIP_UNASKED", 2 * 24 * 32 - 1)
     a, b = (image.radiance for image in (render(1), render(2)))
     found = compare(a, b)
     assert "flip" not in found.metrics
@@ -320,7 +320,7 @@ def folders(tmp_path):
 
 def test_folders_are_compared_by_name(folders):
     done = []
-    checks = comparison.Checks(above={"mae": 0.01}, test=False)
+    checks = comparison.PassCriteria(above={"mae": 0.01}, test=False)
     found = comparison.compare_folders(
         *folders, metrics=("mae",), checks=checks, done=lambda *progress: done.append((progress[0].name, *progress[1:]))
     )
@@ -339,7 +339,7 @@ def test_folders_are_compared_by_name(folders):
 def test_folders_that_are_alike_pass_or_were_asked_nothing(folders):
     a, _ = folders
     (a / "broken.png").unlink()
-    asked = comparison.compare_folders(a, a, metrics=("mae",), checks=comparison.Checks(above={"mae": 0.0}))
+    asked = comparison.compare_folders(a, a, metrics=("mae",), checks=comparison.PassCriteria(above={"mae": 0.0}))
     assert asked.passed is True
     assert asked.text().endswith("PASS\n")
     (a / "in" / "noise.exr").unlink()
@@ -351,7 +351,7 @@ def test_pixels_of_folders_are_let_go_of(folders):
     found = comparison.compare_folders(*folders, metrics=("mae",), done=lambda pair, *_: kept.append(pair.comparison))
     assert kept[0].pictures is not None
     assert all(pair.comparison is None or pair.comparison.pictures is None for pair in found.pairs)
-    with pytest.raises(InputError, match="let go of"):
+    with pytest.raises(InputError, match="released"):
         comparison.encode(found.pairs[0].comparison, "signed")
 
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from skimage import metrics as peer
 
-from raytracer import comparison as compare
-from raytracer.comparison.bands import over_bands
-from raytracer.comparison.metrics import exposures, flip_package, require_extra, sums
-from raytracer.errors import InputError
+from raytracer.analysis import compare
+from raytracer.analysis.compare.metrics import exposures, flip_package, require_extra, sums
+from raytracer.analysis.compare.row_bands import map_row_bands
+from raytracer.util.errors import InputError
 
 # Higher than a band of rows, and with a last band that is not full.
 SHAPE = (147, 38, 3)
@@ -139,7 +139,7 @@ def test_bands_are_kept_in_order_and_cover_everything():
         time.sleep(0.02 if top == 0 else 0.0)
         return top, bottom
 
-    assert over_bands(slow_first, 10, 4) == [(0, 4), (4, 8), (8, 10)]
+    assert map_row_bands(slow_first, 10, 4) == [(0, 4), (4, 8), (8, 10)]
 
 
 def test_sums_do_not_depend_on_where_bands_end(display):
@@ -158,7 +158,7 @@ def test_images_that_cannot_be_measured():
 
 
 def test_a_missing_extra_is_named(monkeypatch):
-    monkeypatch.setattr("raytracer.comparison.metrics.find_spec", lambda name: None)
+    monkeypatch.setattr("raytracer.analysis.compare.metrics.find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"flip needs flip-evaluator.*pip install 'raytracer\[compare\]'"):
         require_extra("flip")
     with pytest.raises(InputError, match="ssim needs scikit-image"):

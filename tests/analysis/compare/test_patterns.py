@@ -10,10 +10,10 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.ndimage import shift as shifted
 
-from raytracer.comparison import compare, patterns, z_test
-from raytracer.comparison.limits import POWER, symmetric_tail
-from raytracer.comparison.noisy_pair import noisy_pair
-from raytracer.comparison.patterns import PATTERNS, structure
+from raytracer.analysis.compare import compare, patterns, z_test
+from raytracer.analysis.compare.detection_limits import POWER, symmetric_tail
+from raytracer.analysis.compare.image_pair import make_image_pair
+from raytracer.analysis.compare.patterns import PATTERNS, find_structure
 from raytracer.film.image import Image
 
 HEIGHT, WIDTH = 45, 64
@@ -82,7 +82,7 @@ def test_the_amount_of_a_change_is_estimated(name, alike):
     change, amount = CHANGES[name]
     rng = np.random.default_rng(4)
     a, b = render(rng, change(SCENE), 0.02), render(rng, SCENE, 0.02)
-    found = structure(noisy_pair(*a, *b), 1.0, alike=alike, tile=16)
+    found = find_structure(make_image_pair(*a, *b), 1.0, alike=alike, tile=16)
     # Slopes and curvature by differences of pixels are too small where details are narrow: sigma is 2.5 px.
     assert found.whole.amounts()[PATTERNS.index(name)] == pytest.approx(amount, rel=0.2)
     assert not z_test(*a, *b, alike=alike).passed
@@ -135,10 +135,10 @@ def test_what_would_have_been_found_is_found_nine_times_of_ten(what):
 def test_bands_of_rows_are_one_picture(monkeypatch):
     rng = np.random.default_rng(8)
     scene = smooth_scene(150, 20)
-    pair = noisy_pair(*render(rng, scene), *render(rng, scene))
-    several = structure(pair, 1.0, alike=True, tile=16)
+    pair = make_image_pair(*render(rng, scene), *render(rng, scene))
+    several = find_structure(pair, 1.0, alike=True, tile=16)
     monkeypatch.setattr(patterns, "ROWS", 1024)
-    one = structure(pair, 1.0, alike=True, tile=16)
+    one = find_structure(pair, 1.0, alike=True, tile=16)
     for first, second in ((several.whole, one.whole), (several.tiles, one.tiles)):
         for values, expected in zip(first, second, strict=True):
             np.testing.assert_allclose(values, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())

@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from raytracer import comparison as compare
-from raytracer.errors import InputError
+from raytracer.analysis import compare
+from raytracer.util.errors import InputError
 
 HEIGHT, WIDTH = 45, 64
 

@@ -11,14 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.cost.measure import Bench
-from raytracer.integrator import Scene
-from raytracer.noise import FLOOR
-from raytracer.preparation import Patch
+from raytracer.analysis.cost.bench import Bench
+from raytracer.core.error_estimate import FLOOR
+from raytracer.kernel.packed_scene import Scene
+from raytracer.rendering.tile_renderer import RenderedTiles
+from raytracer.rendering.tile_scheduler import TILE_SIZE, Window
 from raytracer.scene.load import load
-from raytracer.scene.pack import Packed, pack
+from raytracer.scene.pack.scene import PackedScene, pack
 from raytracer.scene.spec import SceneSpec
-from raytracer.scheduling import TILE, Window
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ class MadeUp(NamedTuple):
     """A scene that is as good as prepared."""
 
     spec: SceneSpec
-    packed: Packed
+    packed: PackedScene
     accel: object
     scene: Scene
     seconds: dict[str, float]
@@ -80,7 +80,7 @@ class World:
     def bench(self) -> Bench:
         return Bench(self.prepare, self.render, lambda prepared, picture: 0.25)  # type: ignore[arg-type]
 
-    def prepare(self, spec: SceneSpec, packed: Packed | None) -> MadeUp:
+    def prepare(self, spec: SceneSpec, packed: PackedScene | None) -> MadeUp:
         packed = packed or pack(spec)
         accel = packed.built or object()
         return MadeUp(packed.spec, packed, accel, packed.scene, {"pack": 0.0, "build": 0.5, "compile": 8.0})
@@ -89,7 +89,7 @@ class World:
         """Factors of noise and time by tile, with a mean of about 1, the right half of the picture being worse."""
         if not self.uneven:
             return np.ones(len(windows))
-        return np.array([0.5 + 1.0 * ((w.left // TILE + 3 * (w.top // TILE)) % 11) / 10.0 for w in windows])
+        return np.array([0.5 + 1.0 * ((w.left // TILE_SIZE + 3 * (w.top // TILE_SIZE)) % 11) / 10.0 for w in windows])
 
     def mse(self, spp: float) -> float:
         return self.linear / spp + self.steep / spp**1.5
@@ -102,7 +102,7 @@ class World:
         seed: int,
         threads: int,
         keep: Sequence[int] = (),
-    ) -> Patch:
+    ) -> RenderedTiles:
         """Even grey with normal noise: its relative MSE is that of the pixels' weight, 1 / (b^2 (1 + FLOOR^2))."""
         self.calls.append((len(windows), spp, seed))
         if self.interrupt_after is not None and len(self.calls) > self.interrupt_after:
@@ -112,7 +112,7 @@ class World:
 
         def picture(n: int) -> Array:
             """The same noise for the same seed, whatever the scene, as with common random numbers."""
-            noise = np.random.default_rng((seed, n)).standard_normal((len(windows), TILE, TILE, 3))
+            noise = np.random.default_rng((seed, n)).standard_normal((len(windows), TILE_SIZE, TILE_SIZE, 3))
             mse = self.mse(n) * self.noisier(prepared) * factors
             deviation = self.brightness * math.sqrt(1.0 + FLOOR**2) * np.sqrt(mse)
             return value + deviation[:, None, None, None] * noise
@@ -120,8 +120,8 @@ class World:
         pixels = np.array([(w.right - w.left) * (w.bottom - w.top) for w in windows])
         shaken = np.exp(self.jitter * np.random.default_rng(len(self.calls)).standard_normal())
         busy = self.per_sample * spp * pixels * factors * self.slower(prepared) * shaken
-        count = np.full((len(windows), TILE, TILE), spp)
-        return Patch(
+        count = np.full((len(windows), TILE_SIZE, TILE_SIZE), spp)
+        return RenderedTiles(
             mean=picture(spp),
             count=count,
             rays=3 * spp * pixels,

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from raytracer.cost.results import UNKNOWN, Arm, PlanItem, Point, Prediction, Study
-from raytracer.noise.intervals import Interval
+from raytracer.analysis.cost.results import UNKNOWN, ConvergencePoint, PlanItem, Prediction, Study, VariantResult
+from raytracer.core.error_estimate.intervals import Interval
 
 NAN, INF = math.nan, math.inf
 NOWHERE = Interval(INF, INF, INF)
@@ -25,7 +25,7 @@ def around(value: float, by: float = 0.03) -> Interval:
 def predicted(**changes: Any) -> Prediction:
     """Of a picture that takes 0.3 s and 10 ms a sample, with MSE = 0.13 / N + 0.11 / N^1.5."""
     points = tuple(
-        Point(n, 0.3 + 0.01 * n, around(math.sqrt(LINEAR / n + STEEP / n**1.5), 0.02)) for n in (16, 64, 256)
+        ConvergencePoint(n, 0.3 + 0.01 * n, around(math.sqrt(LINEAR / n + STEEP / n**1.5), 0.02)) for n in (16, 64, 256)
     )
     made = Prediction(
         points=points,
@@ -50,8 +50,8 @@ def predicted(**changes: Any) -> Prediction:
     return replace(made, **changes)
 
 
-def arms() -> tuple[Arm, ...]:
-    scene = Arm(
+def variants() -> tuple[VariantResult, ...]:
+    scene = VariantResult(
         "scene",
         "scene",
         "the scene as it is",
@@ -98,7 +98,7 @@ def arms() -> tuple[Arm, ...]:
         control,
         defocus,
         replace(defocus, name=f"material {EVIL}", what=f"{EVIL} scatters evenly", time=around(12.34)),
-        Arm("media", "effect", "no fog", failed="the variant could not be packed: nothing is left to see"),
+        VariantResult("media", "effect", "no fog", failed="the variant could not be packed: nothing is left to see"),
         replace(control, name="accuracy=fast", group="setting", what="hits as Embree finds them"),
         replace(control, name="max_depth=4", group="setting", what="paths end after 4 segments", bias=UNKNOWN),
         replace(
@@ -112,7 +112,7 @@ def arms() -> tuple[Arm, ...]:
             target_seconds=INF,
             target_spp=INF,
         ),
-        Arm("roulette", "setting", "nobody knows"),
+        VariantResult("roulette", "setting", "nobody knows"),
     )
 
 
@@ -160,7 +160,7 @@ def study(width: int = 400, height: int = 225, part: float = 0.3, **changes: Any
         height=height,
         plan=PLAN,
         prediction=predicted(),
-        arms=arms(),
+        variants=variants(),
         seconds={"load": 0.05, "pack": 0.02, "build": 0.004, "compile": 7.1, "measure": 65.0},
         machine=MACHINE,
         warnings=(f"the load was 5.1 on 4 cores: times are uncertain {EVIL}",),
@@ -185,7 +185,7 @@ def nothing() -> Study:
     return study(
         plan=(),
         prediction=NO_PREDICTION,
-        arms=(),
+        variants=(),
         seconds={},
         machine={},
         warnings=(),
@@ -197,7 +197,7 @@ def nothing() -> Study:
 
 def black() -> Study:
     """Of a black picture, to which no error is relative."""
-    points = tuple(Point(n, 0.01 * n, UNKNOWN) for n in (16, 64))
+    points = tuple(ConvergencePoint(n, 0.01 * n, UNKNOWN) for n in (16, 64))
     return study(
         prediction=replace(
             NO_PREDICTION,
@@ -216,7 +216,7 @@ def black() -> Study:
 
 def still() -> Study:
     """Of a picture without any noise."""
-    points = tuple(Point(n, 0.01 * n, Interval(0.0, 0.0, 0.0)) for n in (16, 64))
+    points = tuple(ConvergencePoint(n, 0.01 * n, Interval(0.0, 0.0, 0.0)) for n in (16, 64))
     return study(
         prediction=predicted(points=points, linear=0.0, steep=0.0, halving=1.0, target_spp=around(1.0)),
         error_map=np.zeros((225, 400)),
@@ -240,7 +240,7 @@ ALL = {
     "still": still,
     "hopeless": hopeless,
     "one tile": lambda: study(width=9, height=5, part=1.0),
-    "no arms": lambda: study(arms=()),
+    "no variants": lambda: study(variants=()),
     "no budget": lambda: study(prediction=predicted(budget=None, budget_spp=None, budget_error=None)),
     "one point": lambda: study(prediction=predicted(points=predicted().points[:1])),
     "portrait": lambda: study(width=90, height=400, part=1.0),

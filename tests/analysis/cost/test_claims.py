@@ -13,22 +13,26 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.cost import study as steps
-from raytracer.cost.arms import CONTROL, Variant
-from raytracer.cost.measure import Bench
-from raytracer.cost.results import Arm, Study
-from raytracer.cost.study import study
-from raytracer.noise import mse_by_tile, weights
-from raytracer.preparation import Patch, Prepared, prepare, render_tiles
-from raytracer.rendering import Rendered, render
+from raytracer.analysis.cost import study as steps
+from raytracer.analysis.cost.bench import Bench
+from raytracer.analysis.cost.results import Study, VariantResult
+from raytracer.analysis.cost.study import study
+from raytracer.analysis.cost.study_options import StudyOptions
+from raytracer.analysis.cost.variant import Variant
+from raytracer.analysis.cost.variants import REPEAT
+from raytracer.core.error_estimate import error_weights, mse_by_tile
+from raytracer.rendering.compilation import CompiledScene, compile_scene
+from raytracer.rendering.render import render
+from raytracer.rendering.session import Rendered
+from raytracer.rendering.tile_renderer import RenderedTiles, render_tiles
+from raytracer.rendering.tile_scheduler import Window, split_into_tiles
 from raytracer.scene.load import load
 from raytracer.scene.spec import SceneSpec
-from raytracer.scheduling import Window, tiles
-from tests.rendering import scene
+from tests.small_scenes import scene
 
 Array = NDArray[np.float64]
 
-SCENES = Path(__file__).parents[2] / "scenes"
+SCENES = Path(__file__).parents[3] / "scenes"
 
 RAY = 1e-5
 """Seconds that a ray takes, on one thread; so slow that a minute of measuring is little work."""
@@ -54,33 +58,35 @@ def floor(albedo: float = 0.5, sampler: str = "sobol", size: int = 48) -> SceneS
     return scene(FLOOR.format(albedo=albedo), sampler=sampler, width=size, height=size, max_depth=2)
 
 
-def bench(ray: float = RAY, slower: Callable[[Prepared], float] = lambda prepared: 1.0) -> Bench:
+def bench(ray: float = RAY, slower: Callable[[CompiledScene], float] = lambda prepared: 1.0) -> Bench:
     """Pictures as they are, and times by the number of rays."""
 
     def rendered(
-        prepared: Prepared, windows: Sequence[Window], spp: int, seed: int, threads: int, keep: Sequence[int] = ()
-    ) -> Patch:
+        prepared: CompiledScene, windows: Sequence[Window], spp: int, seed: int, threads: int, keep: Sequence[int] = ()
+    ) -> RenderedTiles:
         patch = render_tiles(prepared, windows, spp, seed, 2, keep)
         busy = ray * slower(prepared) * patch.rays
         return patch._replace(busy=busy, seconds=float(busy.sum()) / threads)
 
-    return Bench(prepare, rendered, lambda prepared, picture: 0.0)
+    return Bench(compile_scene, rendered, lambda prepared, picture: 0.0)
 
 
 def planted(monkeypatch: pytest.MonkeyPatch, *others: SceneSpec) -> list[str]:
     """Make scenes the variants that the next study has, besides two controls; the names of those."""
-    control = Variant(CONTROL, "control", "the scene itself", same_mean=True)
-    again = Variant("again", "setting", "the scene itself, packed anew", packs_anew=True)
+    control = Variant(REPEAT, "control", "the scene itself", same_mean=True)
+    again = Variant("again", "setting", "the scene itself, packed anew", needs_repacking=True)
     rest = [
-        Variant(f"planted {i}", "setting", "another scene", respec=lambda _, other=other: other, packs_anew=True)
+        Variant(
+            f"planted {i}", "setting", "another scene", spec_variant=lambda _, other=other: other, needs_repacking=True
+        )
         for i, other in enumerate(others)
     ]
-    monkeypatch.setattr(steps, "variants", lambda spec, packed: [control, again, *rest])
+    monkeypatch.setattr(steps, "make_variants", lambda spec, packed: [control, again, *rest])
     return [variant.name for variant in rest]
 
 
-def arm_of(found: Study, name: str) -> Arm:
-    return next(arm for arm in found.arms if arm.name == name)
+def variant_of(found: Study, name: str) -> VariantResult:
+    return next(variant for variant in found.variants if variant.name == name)
 
 
 class Truth(NamedTuple):
@@ -100,7 +106,7 @@ class Truth(NamedTuple):
 
 def truth_of(spec: SceneSpec, spp: int = REFERENCE) -> Truth:
     picture = render(spec, spp=spp, seed=4_000_000_000).image.radiance
-    return Truth(picture, weights(picture), spp)
+    return Truth(picture, error_weights(picture), spp)
 
 
 def small(name: str, width: int, height: int) -> SceneSpec:
@@ -117,12 +123,12 @@ def truth_of_small(name: str, width: int, height: int) -> Truth:
 
 def slope(spec: SceneSpec, levels: Sequence[int] = (16, 64, 256), replicates: int = 16) -> float:
     """By how much the logarithm of the error falls for each of the samples."""
-    prepared = prepare(spec)
-    windows = tiles(Window(0, 0, spec.film.width, spec.film.height))
+    prepared = compile_scene(spec)
+    windows = split_into_tiles(Window(0, 0, spec.film.width, spec.film.height))
     patches = [render_tiles(prepared, windows, levels[-1], seed, 2, levels) for seed in range(replicates)]
     inside = patches[0].count > 0
     means = {n: np.stack([patch.levels[n][inside] for patch in patches]) for n in levels}
-    weight = weights(means[levels[-1]].mean(axis=0))
+    weight = error_weights(means[levels[-1]].mean(axis=0))
     owner = np.nonzero(inside)[0]
     mse = [mse_by_tile(means[n], weight, owner).mean for n in levels]
     return -float(np.polyfit(np.log(levels), 0.5 * np.log(mse), 1)[0])
@@ -144,14 +150,14 @@ def test_slopes_on_the_cover() -> None:
 # ---- Biases
 
 
-def test_a_planted_bias_is_found_with_its_size_and_equal_arms_have_none(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_planted_bias_is_found_with_its_size_and_equal_variants_have_none(monkeypatch: pytest.MonkeyPatch) -> None:
     planted(monkeypatch, floor(albedo=0.51))
-    found = study(floor(), seed=3, bench=bench(), tiles=9)
+    found = study(floor(), StudyOptions(seed=3, tiles=9), bench=bench())
 
     # The floor is all that is seen, and its radiance is in proportion to its albedo.
     picture = render(floor(), spp=4096, seed=5).image.radiance
-    size = 0.02 * math.sqrt(float(np.mean(weights(picture) * picture**2)))
-    brighter = arm_of(found, "planted 0")
+    size = 0.02 * math.sqrt(float(np.mean(error_weights(picture) * picture**2)))
+    brighter = variant_of(found, "planted 0")
     assert brighter.bias is not None
     assert brighter.brightness is not None
     assert brighter.bias_resolved
@@ -162,8 +168,8 @@ def test_a_planted_bias_is_found_with_its_size_and_equal_arms_have_none(monkeypa
     assert brighter.target_spp is None
     assert not brighter.time_differs
 
-    for name in (CONTROL, "again"):
-        same = arm_of(found, name)
+    for name in (REPEAT, "again"):
+        same = variant_of(found, name)
         assert not same.time_differs
         assert not same.noise_differs
         assert not same.bias_resolved
@@ -171,7 +177,7 @@ def test_a_planted_bias_is_found_with_its_size_and_equal_arms_have_none(monkeypa
 
 
 @pytest.mark.slow
-def test_equal_arms_have_no_bias_over_many_seeds_and_a_planted_one_has_its_size(
+def test_equal_variants_have_no_bias_over_many_seeds_and_a_planted_one_has_its_size(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     spec, brighter = small("cornell", 48, 48), small("cornell", 48, 48)
@@ -184,12 +190,14 @@ def test_equal_arms_have_no_bias_over_many_seeds_and_a_planted_one_has_its_size(
     first, second = truth_of(spec, 8192), truth_of(brighter, 16384)
     size = math.sqrt(float(np.mean(first.weight * (first.picture - second.picture) ** 2)))
 
-    found = [study(spec, seed=seed, bench=bench(RAY / 4), tiles=9) for seed in range(SEEDS)]
-    false = sum(arm_of(one, CONTROL).bias_resolved for one in found)
-    arms = [arm_of(one, "planted 0") for one in found]
+    found = [study(spec, StudyOptions(seed=seed, tiles=9), bench=bench(RAY / 4)) for seed in range(SEEDS)]
+    false = sum(variant_of(one, REPEAT).bias_resolved for one in found)
+    variants = [variant_of(one, "planted 0") for one in found]
     assert false <= SEEDS - HELD
-    assert all(arm.bias_resolved for arm in arms)
-    assert sum(arm.bias.low <= size <= arm.bias.high for arm in arms if arm.bias is not None) >= HELD
+    assert all(variant.bias_resolved for variant in variants)
+    assert (
+        sum(variant.bias.low <= size <= variant.bias.high for variant in variants if variant.bias is not None) >= HELD
+    )
 
 
 # ---- Effects that only take time
@@ -206,7 +214,7 @@ objects:
     spec = scene(text, sampler="sobol", width=32, height=32, max_depth=2)
     slow = bench(slower=lambda prepared: 1.0 if prepared.scene.media is None else 1.3)
 
-    without = arm_of(study(spec, seed=1, arms=["media"], bench=slow), "media")
+    without = variant_of(study(spec, StudyOptions(seed=1, variants=["media"]), bench=slow), "media")
     assert without.time_differs
     assert without.time == pytest.approx((1.0 / 1.3,) * 3)
     assert not without.noise_differs
@@ -224,7 +232,7 @@ STUDIED = (("cover", 64, 36), ("cornell", 48, 48))
 @pytest.mark.parametrize(("name", "width", "height"), STUDIED)
 def test_intervals_of_a_study_hold_the_truth(name: str, width: int, height: int) -> None:
     spec, truth = small(name, width, height), truth_of_small(name, width, height)
-    found = [study(spec, seed=seed, arms=[], bench=bench()).prediction for seed in range(SEEDS)]
+    found = [study(spec, StudyOptions(seed=seed, variants=[]), bench=bench()).prediction for seed in range(SEEDS)]
 
     # The error of a run of so many samples: the mean over renders, which tells it far better than one study does.
     spp = found[0].points[-1].spp
@@ -240,9 +248,11 @@ def test_intervals_of_a_study_hold_the_truth(name: str, width: int, height: int)
 @pytest.mark.slow
 def test_intervals_from_some_of_the_tiles_hold_the_truth_of_all() -> None:
     spec = small("cover", 192, 108)
-    found = [study(spec, seed=seed, arms=[], tiles=21, bench=bench()).prediction for seed in range(SEEDS)]
+    found = [
+        study(spec, StudyOptions(seed=seed, variants=[], tiles=21), bench=bench()).prediction for seed in range(SEEDS)
+    ]
     # All of them, with as many samples at least.
-    whole = study(spec, seed=SEEDS, arms=[], tiles=84, bench=bench(RAY / 16)).prediction
+    whole = study(spec, StudyOptions(seed=SEEDS, variants=[], tiles=84), bench=bench(RAY / 16)).prediction
     truths = {point.spp: point.error.value for point in whole.points}
     for i, point in enumerate(found[0].points):
         held = [one.points[i].error for one in found]
@@ -276,7 +286,9 @@ def test_samples_to_a_target_are_foretold() -> None:
         ("lecture/bokeh", 48, 32, 0.03),
     ):
         spec = small(name, width, height)
-        foretold = study(spec, seed=1, target=target, arms=[], bench=bench()).prediction.target_spp.value
+        foretold = study(
+            spec, StudyOptions(seed=1, target=target, variants=[]), bench=bench()
+        ).prediction.target_spp.value
         off[name] = foretold / samples_needed(spec, truth_of(spec, 32768), target, foretold) - 1.0
     assert sum(abs(error) <= 0.2 for error in off.values()) >= 4, off
 

@@ -18,14 +18,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from raytracer.cost import figures, phrases
-from raytracer.cost.export import convergence_csv, to_csv, to_json
-from raytracer.cost.page import check_report, page, write_report
-from raytracer.cost.results import UNKNOWN, PlanItem, Point, Study
-from raytracer.cost.table import text
-from raytracer.errors import InputError, OutputError
-from raytracer.noise.intervals import Interval
-from tests.cost import studies
+from raytracer.analysis.cost import formatting, plots
+from raytracer.analysis.cost.export import convergence_csv, to_csv, to_json
+from raytracer.analysis.cost.page import check_report, page, write_report
+from raytracer.analysis.cost.results import UNKNOWN, ConvergencePoint, PlanItem, Study
+from raytracer.analysis.cost.text import study_text
+from raytracer.core.error_estimate.intervals import Interval
+from raytracer.util.errors import InputError, OutputError
+from tests.analysis.cost import studies
 
 INF, NAN = math.inf, math.nan
 
@@ -39,15 +39,18 @@ def study(request: pytest.FixtureRequest) -> Study:
 
 
 def test_bias_too_small_to_matter_is_not_told_in_digits() -> None:
-    arm = studies.arms()[2]
-    assert phrases.bias_of(replace(arm, bias=Interval(8e-7, 5e-7, 1.2e-6))) == "< 0.001 %"
-    assert phrases.bias_of(replace(arm, bias=Interval(8e-6, 5e-6, 1.2e-5))) == "0.000800 % (0.000500 .. 0.001200)"
+    variant = studies.variants()[2]
+    assert formatting.format_bias(replace(variant, bias=Interval(8e-7, 5e-7, 1.2e-6))) == "< 0.001 %"
+    assert (
+        formatting.format_bias(replace(variant, bias=Interval(8e-6, 5e-6, 1.2e-5)))
+        == "0.000800 % (0.000500 .. 0.001200)"
+    )
 
 
 def test_kinds_of_a_family_with_one_reason_are_told_together() -> None:
     items = [("media", "none"), ("passage", "none"), ("shape.box", "0"), ("shape.disc", "0"), ("shape.quad", "2")]
     plan = tuple(PlanItem("left out", name, why) for name, why in [*items, ("light.sun", "0")])
-    assert phrases.plan(studies.study(plan=plan)) == [
+    assert formatting.plan_sections(studies.study(plan=plan)) == [
         (
             "Left out",
             [
@@ -61,8 +64,11 @@ def test_kinds_of_a_family_with_one_reason_are_told_together() -> None:
     ]
 
 
-def test_arms_keep_their_order_within_groups() -> None:
-    found = [(section.title, [arm.name for arm in section.arms]) for section in phrases.sections(studies.arms())]
+def test_variants_keep_their_order_within_groups() -> None:
+    found = [
+        (section.title, [variant.name for variant in section.variants])
+        for section in formatting.group_variants(studies.variants())
+    ]
     assert found == [
         ("", ["scene", "A/A"]),
         ("without", ["defocus", f"material {studies.EVIL}", "media"]),
@@ -76,7 +82,7 @@ def test_arms_keep_their_order_within_groups() -> None:
 
 @pytest.mark.parametrize("width", [60, 100, 160])
 def test_text_is_plain_and_fits(study: Study, width: int) -> None:
-    said = text(study, width)
+    said = study_text(study, width)
     assert said.isascii()
     assert said.endswith("\n")
     for line in said.splitlines():
@@ -86,16 +92,16 @@ def test_text_is_plain_and_fits(study: Study, width: int) -> None:
 
 
 def test_text_says_what_was_found() -> None:
-    said = text(studies.study())
+    said = study_text(studies.study())
     assert "error of 1 % takes         13.6 s (13.2 .. 14.0); 1,330 (1,290 .. 1,370) spp" in said
-    assert "60 s buy                   error of 0.470 % (0.456 .. 0.484); 5,970 spp" in said
+    assert "after 60 s the error is    0.470 % (0.456 .. 0.484); 5,970 spp" in said
     assert studies.EVIL in said
     lines = said.splitlines()
 
     def row(name: str) -> str:
         return next(line for line in lines if re.match(rf"\s*{re.escape(name)}\s+(\d|not )", line))
 
-    assert re.search(r"10\.0 ms +34\.2 ns +no measurable +the same +not resolved +as the$", row("A/A"))
+    assert re.search(r"10\.0 ms +34\.2 ns +no measurable +the same +not resolved +as the$", row("repeat of the same"))
     assert re.search(r"8\.40 ms +34\.2 ns +0\.839 +4\.21 % +15\.4 % +\[1\]$", row("defocus"))
     assert re.search(r"not measured \[2\]$", row("media"))
     assert row("sampler=independent").endswith("never")
@@ -106,33 +112,33 @@ def test_text_says_what_was_found() -> None:
 @pytest.mark.parametrize(
     ("interrupted", "rounds", "said"),
     [
-        (False, 9, "9 rounds, each of all arms in turn"),
+        (False, 9, "9 rounds, each of all variants in turn"),
         (True, 3, "interrupted after 3 rounds, of which this tells"),
         (True, 1, "interrupted after 1 round, of which this tells"),
-        (True, 0, "interrupted before the first round of the arms"),
+        (True, 0, "interrupted before the first round of the variants"),
     ],
 )
 def test_rounds(interrupted: bool, rounds: int, said: str) -> None:
-    found = studies.study(arms=studies.arms() if rounds else (), interrupted=interrupted, rounds=rounds)
-    assert said in text(found).splitlines()
+    found = studies.study(variants=studies.variants() if rounds else (), interrupted=interrupted, rounds=rounds)
+    assert said in study_text(found).splitlines()
     assert f"{said[1:]}." in page(replace(found, error_map=np.full((1, 1), NAN), prediction=studies.NO_PREDICTION))
 
 
 def test_colours_only_where_asked_for() -> None:
-    coloured = text(studies.study(), colour=True)
+    coloured = study_text(studies.study(), colour=True)
     assert "\x1b[" in coloured
-    assert re.sub(r"\x1b\[[0-9;]*m", "", coloured).split() == text(studies.study()).split()
+    assert re.sub(r"\x1b\[[0-9;]*m", "", coloured).split() == study_text(studies.study()).split()
 
 
-def test_noise_of_arms_with_different_samples_says_at_how_many() -> None:
-    scene, control, *rest = studies.arms()
-    said = text(studies.study(arms=(scene, control, replace(rest[0], spp=16))), width=200)
+def test_noise_of_variants_with_different_samples_says_at_how_many() -> None:
+    scene, control, *rest = studies.variants()
+    said = study_text(studies.study(variants=(scene, control, replace(rest[0], spp=16))), width=200)
     assert "4.64 % (4.50 .. 4.78) at 64 spp" in said
     assert "4.21 % (4.08 .. 4.34) at 16 spp" in said
 
 
 def test_what_a_terminal_would_act_upon_is_written_out() -> None:
-    assert "\x1b" not in text(studies.study(scene="a\x1b[2Jb.yaml", warnings=("\x1b]0;x\x07",)))
+    assert "\x1b" not in study_text(studies.study(scene="a\x1b[2Jb.yaml", warnings=("\x1b]0;x\x07",)))
 
 
 # ---- data
@@ -142,7 +148,7 @@ def test_json_is_strict_and_whole(study: Study) -> None:
     data = json.loads(json.dumps(to_json(study), allow_nan=False))
     assert data["scene"] == study.scene
     assert data["tiles_measured"] == study.tiles_measured
-    assert [arm["name"] for arm in data["arms"]] == [arm.name for arm in study.arms]
+    assert [variant["name"] for variant in data["arms"]] == [variant.name for variant in study.variants]
     assert len(data["prediction"]["points"]) == len(study.prediction.points)
     assert {"error_map", "picture"}.isdisjoint(data)
 
@@ -165,16 +171,16 @@ def test_json_takes_values_of_numpy() -> None:
     assert type(data["threads"]) is int
 
 
-def test_csv_has_a_row_for_each_arm(study: Study) -> None:
+def test_csv_has_a_row_for_each_variant(study: Study) -> None:
     rows = list(csv.DictReader(io.StringIO(to_csv(study))))
-    assert [row["arm"] for row in rows] == [arm.name for arm in study.arms]
-    for row, arm in zip(rows, study.arms, strict=True):
+    assert [row["arm"] for row in rows] == [variant.name for variant in study.variants]
+    for row, variant in zip(rows, study.variants, strict=True):
         assert None not in row
         assert None not in row.values()
-        for column, interval in (("time_ratio", arm.time), ("bias", arm.bias or UNKNOWN)):
+        for column, interval in (("time_ratio", variant.time), ("bias", variant.bias or UNKNOWN)):
             found = [row[column], row[f"{column}_low"], row[f"{column}_high"]]
             np.testing.assert_array_equal([float(cell or "nan") for cell in found], interval)
-        assert row["target_seconds"] == ("" if arm.target_seconds is None else repr(arm.target_seconds))
+        assert row["target_seconds"] == ("" if variant.target_seconds is None else repr(variant.target_seconds))
 
 
 def test_csv_of_the_plot() -> None:
@@ -187,7 +193,7 @@ def test_csv_of_the_plot() -> None:
 
 
 def _svg_of(study: Study) -> ET.Element | None:
-    svg = figures.convergence_svg(study)
+    svg = plots.convergence_svg(study)
     return None if svg is None else ET.fromstring(svg)
 
 
@@ -197,7 +203,7 @@ def test_plots_are_drawn_where_there_is_something_to_draw(name: str) -> None:
     shows_error = any(point.error.value > 0.0 for point in study.prediction.points)
     assert (_svg_of(study) is not None) == shows_error
     has_map = bool(np.nansum(study.error_map) > 0.0)
-    png = figures.error_map_png(study)
+    png = plots.error_map_png(study)
     assert (png is not None) == has_map
     if png is not None:
         with Image.open(io.BytesIO(png)) as image:
@@ -207,26 +213,26 @@ def test_plots_are_drawn_where_there_is_something_to_draw(name: str) -> None:
 
 def test_plots_are_the_same_each_time() -> None:
     study = studies.study(width=64, height=32)
-    assert figures.convergence_svg(study) == figures.convergence_svg(study)
-    assert figures.error_map_png(study) == figures.error_map_png(study)
+    assert plots.convergence_svg(study) == plots.convergence_svg(study)
+    assert plots.error_map_png(study) == plots.error_map_png(study)
 
 
 @pytest.mark.parametrize(
     ("points", "target"),
     [
-        ((Point(16, 0.5, Interval(0.1, NAN, NAN)), Point(64, 1.0, UNKNOWN)), UNKNOWN),
+        ((ConvergencePoint(16, 0.5, Interval(0.1, NAN, NAN)), ConvergencePoint(64, 1.0, UNKNOWN)), UNKNOWN),
         (
-            (Point(16, 0.5, Interval(0.1, 0.0, INF)), Point(64, 1.0, Interval(0.05, 0.06, 0.07))),
+            (ConvergencePoint(16, 0.5, Interval(0.1, 0.0, INF)), ConvergencePoint(64, 1.0, Interval(0.05, 0.06, 0.07))),
             Interval(5.0, NAN, INF),
         ),
         (
-            (Point(16, 0.5, Interval(1e-9, 1e-9, 2e-9)), Point(64, 1e6, Interval(1e3, 1e3, 1e3))),
+            (ConvergencePoint(16, 0.5, Interval(1e-9, 1e-9, 2e-9)), ConvergencePoint(64, 1e6, Interval(1e3, 1e3, 1e3))),
             Interval(1e30, 1e29, 1e31),
         ),
     ],
     ids=["unknown", "senseless", "wide"],
 )
-def test_plots_take_any_intervals(points: tuple[Point, ...], target: Interval) -> None:
+def test_plots_take_any_intervals(points: tuple[ConvergencePoint, ...], target: Interval) -> None:
     assert _svg_of(studies.study(prediction=studies.predicted(points=points, target_seconds=target))) is not None
 
 
@@ -241,7 +247,7 @@ def test_the_plot_holds_the_measurements_the_target_and_both_slopes() -> None:
     axes = figure.add_subplot()
     axes.set_xscale("log")
     axes.set_yscale("log")
-    figures._draw_convergence(axes, study, list(study.prediction.points), figures._FILE)
+    plots._draw_convergence(axes, study, list(study.prediction.points), plots._FILE)
     lines = {str(line.get_label()): line.get_xydata() for line in axes.get_lines()}
     for label, slope in (("slope -1/2: independent samples", -0.5), ("slope -3/4", -0.75)):
         (x0, y0), (x1, y1) = np.asarray(lines[label])
@@ -258,27 +264,27 @@ def test_the_plot_holds_the_measurements_the_target_and_both_slopes() -> None:
 
 
 def test_the_map_of_a_large_picture_is_reduced_by_mean_squares() -> None:
-    error = np.full((3, 2 * figures._LARGEST_EDGE), NAN)
+    error = np.full((3, 2 * plots._LARGEST_EDGE), NAN)
     error[0, :4] = [3.0, 4.0, 1.0, NAN]
     error[1, :2] = [0.0, 5.0]
-    reduced = figures._reduced(error)
-    assert reduced.shape == (2, figures._LARGEST_EDGE)
+    reduced = plots._downsample(error)
+    assert reduced.shape == (2, plots._LARGEST_EDGE)
     assert reduced[0, 0] == pytest.approx(math.sqrt((9.0 + 16.0 + 25.0) / 4.0))
     assert reduced[0, 1] == 1.0
     assert np.isnan(reduced[1]).all()
     small = np.array([[NAN, 1.0]])
-    assert figures._reduced(small) is small
+    assert plots._downsample(small) is small
 
 
 def test_the_picture_is_transparent_where_nothing_was_rendered() -> None:
     study = studies.study()
-    png = figures.picture_png(study)
+    png = plots.picture_png(study)
     assert png is not None
     with Image.open(io.BytesIO(png)) as image:
         pixels = np.asarray(image)
     np.testing.assert_array_equal(pixels[..., 3] == 255, np.isfinite(study.picture[..., 0]))
     assert pixels[pixels[..., 3] == 255][:, :3].max() == 255
-    assert figures.picture_png(studies.nothing()) is None
+    assert plots.picture_png(studies.nothing()) is None
 
 
 # ---- page
@@ -353,8 +359,8 @@ def test_the_page_is_whole_and_asks_nothing_of_the_network(name: str) -> None:
     # Names of XML vocabularies are all that looks like an address.
     addresses = set(re.findall(r"https?://[^\s\"'<]*", html))
     assert addresses <= {"http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"}
-    if study.arms:
-        assert found.rows[-len(study.arms) :] == [10] * len(study.arms)
+    if study.variants:
+        assert found.rows[-len(study.variants) :] == [10] * len(study.variants)
 
 
 def test_names_of_the_scene_are_text() -> None:
@@ -423,53 +429,56 @@ def test_a_folder_that_cannot_be_written_is_found_before_the_work(tmp_path: Path
 def test_a_missing_extra_is_found_before_the_work(
     missing: set[str], said: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    found = figures.find_spec
-    monkeypatch.setattr(figures, "find_spec", lambda name: None if name in missing else found(name))
+    found = plots.find_spec
+    monkeypatch.setattr(plots, "find_spec", lambda name: None if name in missing else found(name))
     with pytest.raises(InputError) as error:
         check_report(tmp_path)
     assert str(error.value) == f"a report with pictures needs {said}: pip install 'raytracer[report]'"
 
 
 def test_text_and_data_need_no_extra() -> None:
-    code = "import sys, raytracer.cost.table, raytracer.cost.export; print({'matplotlib', 'jinja2'} & set(sys.modules))"
+    code = (
+        "import sys, raytracer.analysis.cost.text, raytracer.analysis.cost.export; "
+        "print({'matplotlib', 'jinja2'} & set(sys.modules))"
+    )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "set()"
 
 
 def test_answers_come_first() -> None:
-    first, second = text(studies.study()).splitlines()[:2]
+    first, second = study_text(studies.study()).splitlines()[:2]
     assert first.startswith("scenes/")
-    assert second.startswith("A relative error of 1 % takes 13.6 s (13.2 .. 14.0), with 1,330 spp. 60 s buy an error")
-    said = " ".join(text(studies.black()).split())
+    assert second.startswith("A relative error of 1 % takes 13.6 s (13.2 .. 14.0), with 1,330 spp. After 60 s the")
+    said = " ".join(study_text(studies.black()).split())
     assert "How long a relative error of 1 % takes could not be told." in said
 
 
 def test_what_is_left_out_is_named_and_the_page_has_the_reasons() -> None:
     items = [("media", "no medium anywhere"), ("shape.box", "used by nothing"), ("shape.disc", "used by nothing")]
     found = studies.study(plan=tuple(PlanItem("left out", name, why) for name, why in items))
-    assert "media; shape box, disc" in " ".join(text(found).split())
-    assert "used by nothing" not in text(found)
+    assert "media; shape box, disc" in " ".join(study_text(found).split())
+    assert "used by nothing" not in study_text(found)
     assert "used by nothing" in page(found)
 
 
 def test_rays_have_a_column_where_there_is_room() -> None:
-    narrow, roomy = (text(studies.study(), width=width) for width in (100, 120))
+    narrow, roomy = (study_text(studies.study(), width=width) for width in (100, 120))
     assert "rays per" not in narrow
     assert re.search(r"^the scene +10\.0 ms +34\.2 ns +2\.70 ", roomy, re.MULTILINE)
 
 
-def test_an_arm_without_bias_by_construction_has_none_in_the_data() -> None:
-    control = studies.arms()[1]
+def test_a_variant_without_bias_by_construction_has_none_in_the_data() -> None:
+    control = studies.variants()[1]
     sampler = replace(control, name="sampler=independent", group="sampler", bias=None, unbiased=True)
-    assert phrases.bias_of(sampler) == "none"
-    assert phrases.bias_of(replace(control, bias=Interval(0.0, 0.0, 0.0))) == "none"
-    rows = list(csv.DictReader(io.StringIO(to_csv(studies.study(arms=(control, sampler))))))
+    assert formatting.format_bias(sampler) == "none"
+    assert formatting.format_bias(replace(control, bias=Interval(0.0, 0.0, 0.0))) == "none"
+    rows = list(csv.DictReader(io.StringIO(to_csv(studies.study(variants=(control, sampler))))))
     assert [(row["bias"], row["unbiased"]) for row in rows] == [("0.0", "False"), ("", "True")]
 
 
 def test_a_doubt_stands_beside_the_time_that_it_is_about() -> None:
-    doubtful = replace(studies.arms()[2], target_seconds=20.0, why_blank="its bias may exceed the target")
-    notes = phrases.Notes()
-    assert phrases.target_of(doubtful, notes) == "20.0 s [1]"
+    doubtful = replace(studies.variants()[2], target_seconds=20.0, why_blank="its bias may exceed the target")
+    notes = formatting.Footnotes()
+    assert formatting.format_target_cell(doubtful, notes) == "20.0 s [1]"
     assert notes.sentences == ["its bias may exceed the target"]
-    assert "its bias may exceed the target" in page(studies.study(arms=(*studies.arms()[:2], doubtful)))
+    assert "its bias may exceed the target" in page(studies.study(variants=(*studies.variants()[:2], doubtful)))

@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from raytracer.cost.plan import plan
+from raytracer.analysis.cost.plan import plan
 from raytracer.scene.effects import effects_of
 from raytracer.scene.load import load
-from raytracer.scene.pack import pack
-from raytracer.scene.spec import Render
+from raytracer.scene.pack.scene import pack
+from raytracer.scene.render_settings import Render
 
-SCENES = Path(__file__).parent.parent.parent / "scenes"
+SCENES = Path(__file__).parents[3] / "scenes"
 
 
 def test_every_effect_is_in_it_once_with_its_reason() -> None:
@@ -27,7 +27,7 @@ def test_it_says_what_no_variant_can_leave_out() -> None:
     packed = pack(load(SCENES / "smoke.yaml"))
     told = {item.name: item.why for item in plan(packed.spec, packed)}
     assert "all the light that there is" in told["material.emitter"]
-    assert "no arm" not in told["media"]
+    assert "no variant" not in told["media"]
 
 
 def test_every_setting_is_told_with_its_value() -> None:

@@ -5,23 +5,23 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.cost import predict as predicting
-from raytracer.cost.measure import Replicates
-from raytracer.cost.predict import Picture, Question, predict
-from raytracer.cost.results import Prediction
-from raytracer.cost.tiles import Tiles, choose
-from raytracer.noise import mse_by_tile, weights
-from raytracer.scheduling import TILE, Window, tiles
+from raytracer.analysis.cost import predict as predicting
+from raytracer.analysis.cost.predict import PictureCost, PredictionGoal, predict
+from raytracer.analysis.cost.replicates import Replicates
+from raytracer.analysis.cost.results import Prediction
+from raytracer.analysis.cost.tile_sample import TileSample, choose_tiles
+from raytracer.core.error_estimate import error_weights, mse_by_tile
+from raytracer.rendering.tile_scheduler import TILE_SIZE, Window, split_into_tiles
 
-WINDOWS = tiles(Window(0, 0, 16 * TILE, 8 * TILE))
-PIXELS = 16 * 8 * TILE * TILE
+WINDOWS = split_into_tiles(Window(0, 0, 16 * TILE_SIZE, 8 * TILE_SIZE))
+PIXELS = 16 * 8 * TILE_SIZE * TILE_SIZE
 
 # Noise and time by tile, as different as those of a lamp and a sky.
 LEVEL = np.random.default_rng(11).lognormal(0.0, 1.0, len(WINDOWS))
 LEVEL /= LEVEL.mean()
 
 
-def replicates(sample: Tiles, rng: np.random.Generator, *, drift: float = 0.0) -> Replicates:
+def replicates(sample: TileSample, rng: np.random.Generator, *, drift: float = 0.0) -> Replicates:
     """Of a picture of even brightness 1 with MSE = 0.2 / N (1 + 0.01), and 1e-6 s of a thread for a sample of LEVEL."""
     place = {window: number for number, window in enumerate(WINDOWS)}
     level = LEVEL[[place[window] for window in sample.windows]]
@@ -34,10 +34,10 @@ def replicates(sample: Tiles, rng: np.random.Generator, *, drift: float = 0.0) -
     return Replicates(sample, means, busy, 256.0 * np.tile(level, (4, 1)), 0)
 
 
-def predicted(sample: Tiles, seed: int, *, drift: float = 0.0, known: bool = True) -> Prediction:
+def predicted(sample: TileSample, seed: int, *, drift: float = 0.0, known: bool = True) -> Prediction:
     measured = replicates(sample, np.random.default_rng(seed), drift=drift)
-    picture = Picture(PIXELS, float(PIXELS) if known else math.nan, 2, 0.5)
-    return predict(measured, 1.0, picture, Question(0.01, None), 1.0, seed)
+    picture = PictureCost(PIXELS, float(PIXELS) if known else math.nan, 2, 0.5)
+    return predict(measured, 1.0, picture, PredictionGoal(0.01, None), 1.0, seed)
 
 
 @pytest.fixture(autouse=True)
@@ -52,7 +52,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(count: int) -> None:
         rng = np.random.default_rng(seed + 1000)
         # The pilot knows the noise of each tile but roughly.
         rough = 0.5 / len(WINDOWS) + 0.5 * LEVEL * rng.lognormal(0.0, 0.3, len(WINDOWS)) / len(WINDOWS)
-        prediction = predicted(choose(WINDOWS, count, rng, rough), seed, drift=0.02)
+        prediction = predicted(choose_tiles(WINDOWS, count, rng, rough), seed, drift=0.02)
         error = prediction.points[-1].error
         held_error += error.low <= math.sqrt(0.2 / 256) <= error.high
         # 0.2 / N = 1e-4.
@@ -67,7 +67,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(count: int) -> None:
 
 
 def test_seconds_come_from_rays_where_these_are_known() -> None:
-    sample = choose(WINDOWS, 40, np.random.default_rng(3))
+    sample = choose_tiles(WINDOWS, 40, np.random.default_rng(3))
     truth = PIXELS * 1e-6 / 2
     by_rays, by_pixels = (predicted(sample, 3, known=known).per_sample for known in (True, False))
     # Time is in proportion to rays here, so nothing is uncertain.
@@ -78,7 +78,7 @@ def test_seconds_come_from_rays_where_these_are_known() -> None:
 
 
 def test_replicates_that_differ_in_time_make_times_uncertain() -> None:
-    sample = choose(WINDOWS, len(WINDOWS), np.random.default_rng(4))
+    sample = choose_tiles(WINDOWS, len(WINDOWS), np.random.default_rng(4))
     steady, shaken = (predicted(sample, 4, drift=drift) for drift in (0.0, 0.2))
     assert steady.per_sample.high / steady.per_sample.low < 1.001
     assert shaken.per_sample.high / shaken.per_sample.low > 1.2
@@ -89,7 +89,7 @@ def test_replicates_that_differ_in_time_make_times_uncertain() -> None:
 
 
 def test_plain_guess_goes_by_the_last_point() -> None:
-    prediction = predicted(choose(WINDOWS, len(WINDOWS), np.random.default_rng(5)), 5)
+    prediction = predicted(choose_tiles(WINDOWS, len(WINDOWS), np.random.default_rng(5)), 5)
     assert prediction.plain_spp == pytest.approx(256 * (prediction.points[-1].error.value / 0.01) ** 2)
     assert prediction.plain_seconds == pytest.approx(0.5 + prediction.plain_spp * prediction.per_sample.value)
     assert prediction.halving == pytest.approx(1.0)
@@ -97,17 +97,17 @@ def test_plain_guess_goes_by_the_last_point() -> None:
 
 def test_what_is_bright_or_dark_by_chance_does_not_mislead() -> None:
     # A light that one sample in 100 finds: the MSE of N samples is (1 - p) / (p N), 62 % at 256.
-    sample = choose(WINDOWS, 40, np.random.default_rng(6))
+    sample = choose_tiles(WINDOWS, 40, np.random.default_rng(6))
     rng, p, pixels = np.random.default_rng(7), 0.01, len(sample.owner)
     found, means, before = np.zeros((4, pixels, 3)), {}, 0
     for n in (16, 32, 64, 128, 256):
         found += rng.binomial(n - before, p, size=found.shape)
         means[n], before = found / (p * n), n
     measured = Replicates(sample, means, np.ones((4, 40)), np.ones((4, 40)), 0)
-    prediction = predict(measured, 1.0, Picture(PIXELS, math.nan, 2, 0.0), Question(0.01, None), 1.0, 0)
+    prediction = predict(measured, 1.0, PictureCost(PIXELS, math.nan, 2, 0.0), PredictionGoal(0.01, None), 1.0, 0)
     for point in prediction.points:
         truth = math.sqrt((1.0 - p) / p / point.spp / 1.01)
         assert point.error.value == pytest.approx(truth, rel=0.03)
     # With the mean of all as it is, what is dark by chance would count for too much.
-    own = weights(means[256].mean(axis=0), 1.0)
+    own = error_weights(means[256].mean(axis=0), 1.0)
     assert mse_by_tile(means[256], own, sample.owner).mean * 1.01 > 1.08 * (1.0 - p) / p / 256

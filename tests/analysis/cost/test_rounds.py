@@ -5,36 +5,28 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raytracer.cost.arms import variants
-from raytracer.cost.compare import Floor, _differs, is_steady
-from raytracer.cost.measure import (
-    Purpose,
-    Subject,
-    casts_alike,
-    entered,
-    extent_of_replicates,
-    extent_of_round,
-    levels_of,
-    rotation,
-    seeds,
-    warm_up,
-)
-from raytracer.noise import Interval
+from raytracer.analysis.cost.bench import Purpose, Subject, seeds
+from raytracer.analysis.cost.compare import NoiseFloor, _differs, is_steady
+from raytracer.analysis.cost.pilot import warm_up
+from raytracer.analysis.cost.rounds import prepare_variant, shares_accel, variant_order
+from raytracer.analysis.cost.variants import make_variants
+from raytracer.analysis.cost.workload import replicate_workload, round_workload, sample_levels
+from raytracer.core.error_estimate import Interval
+from raytracer.rendering.tile_scheduler import Window, split_into_tiles
 from raytracer.scene.load import load
-from raytracer.scene.objects import Assets
-from raytracer.scene.pack import pack
+from raytracer.scene.pack.scene import pack
+from raytracer.scene.scene_assets import SceneAssets
 from raytracer.scene.spec import SceneSpec
-from raytracer.scheduling import Window, tiles
-from tests.cost.made_up import World, scene_of
+from tests.analysis.cost.made_up import World, scene_of
 
-LARGE = tiles(Window(0, 0, 1200, 675))
-SMALL = tiles(Window(0, 0, 64, 48))
+LARGE = split_into_tiles(Window(0, 0, 1200, 675))
+SMALL = split_into_tiles(Window(0, 0, 64, 48))
 
 
 @pytest.mark.parametrize("pace", [1e3, 1e4, 1e5, 1e6, 1e7])
 @pytest.mark.parametrize("windows", [LARGE, SMALL])
 def test_replicates_take_about_the_time_they_may(windows: list[Window], pace: float) -> None:
-    size = extent_of_replicates(windows, 60.0, pace, None)
+    size = replicate_workload(windows, 60.0, pace, None)
     assert size.spp & (size.spp - 1) == 0
     seconds = 4 * size.spp * size.tiles * 256 / pace
     assert seconds < 80.0
@@ -43,15 +35,15 @@ def test_replicates_take_about_the_time_they_may(windows: list[Window], pace: fl
 
 
 def test_a_number_of_tiles_that_is_given_is_kept() -> None:
-    assert extent_of_replicates(LARGE, 60.0, 1e6, 7).tiles == 7
-    assert extent_of_replicates(SMALL, 60.0, 1e6, 10**6).tiles == len(SMALL)
-    assert extent_of_round(LARGE, 1.0, 1e9, 7, 90).tiles == 7
+    assert replicate_workload(LARGE, 60.0, 1e6, 7).tiles == 7
+    assert replicate_workload(SMALL, 60.0, 1e6, 10**6).tiles == len(SMALL)
+    assert round_workload(LARGE, 1.0, 1e9, 7, 90).tiles == 7
 
 
 @pytest.mark.parametrize("tiles", [None, 500, 3225])
 @pytest.mark.parametrize("turns", [18, 300, 3000, 60_000])
 def test_the_means_of_all_rounds_fit_into_memory(tiles: int | None, turns: int) -> None:
-    size = extent_of_round(LARGE, 1.0, 1e9, tiles, turns)
+    size = round_workload(LARGE, 1.0, 1e9, tiles, turns)
     assert size.tiles >= 1
     # Three channels of 8 bytes.
     assert turns * size.tiles * 256 * 24 <= 2**30
@@ -60,13 +52,13 @@ def test_the_means_of_all_rounds_fit_into_memory(tiles: int | None, turns: int) 
 
 
 def test_levels_are_powers_of_two_or_of_four() -> None:
-    assert levels_of(256, is_progressive=True) == (16, 32, 64, 128, 256)
-    assert levels_of(256, is_progressive=False) == (16, 64, 256)
-    assert levels_of(16, is_progressive=True) == (8, 16)
+    assert sample_levels(256, is_progressive=True) == (16, 32, 64, 128, 256)
+    assert sample_levels(256, is_progressive=False) == (16, 64, 256)
+    assert sample_levels(16, is_progressive=True) == (8, 16)
 
 
-def test_every_arm_is_at_every_place_once() -> None:
-    square = np.array([rotation(7, turn) for turn in range(7)])
+def test_every_variant_is_at_every_place_once() -> None:
+    square = np.array([variant_order(7, turn) for turn in range(7)])
     for line in (*square, *square.T):
         assert sorted(line) == list(range(7))
 
@@ -79,7 +71,7 @@ def test_seeds_differ_by_purpose_and_go_on() -> None:
 def test_the_pace_is_that_of_the_whole_picture(tmp_path: Path) -> None:
     world = World(per_sample=1e-5)
     spec = scene_of(tmp_path, 640, 400)
-    windows = tiles(Window(0, 0, 640, 400))
+    windows = split_into_tiles(Window(0, 0, 640, 400))
     subject = Subject(world.prepare(spec, None), world.bench(), 4)  # type: ignore[arg-type]
     assert warm_up(subject, windows, 0) == pytest.approx(4e5 / world.unevenness(windows).mean(), rel=0.1)
     # The first look takes no longer than a look.
@@ -98,8 +90,8 @@ def test_the_pace_is_that_of_the_whole_picture(tmp_path: Path) -> None:
         (Interval(float("nan"), float("nan"), float("nan")), 0.0, False),
     ],
 )
-def test_a_difference_is_more_than_equal_arms_show(ratio: Interval, floor: float, *, differs: bool) -> None:
-    assert _differs(ratio, Floor(floor, floor).time) is differs
+def test_a_difference_is_more_than_equal_variants_show(ratio: Interval, floor: float, *, differs: bool) -> None:
+    assert _differs(ratio, NoiseFloor(floor, floor).time) is differs
 
 
 TRIANGLES = """\
@@ -127,25 +119,25 @@ def scene_with(folder: Path, material: str = "metal", accuracy: str = "robust", 
 
 def test_a_ray_caster_does_for_what_differs_in_materials_alone(tmp_path: Path) -> None:
     first = pack(scene_with(tmp_path))
-    assert casts_alike(pack(scene_with(tmp_path)), first)
-    assert casts_alike(pack(scene_with(tmp_path, material="lambertian")), first)
-    assert not casts_alike(pack(scene_with(tmp_path, accuracy="fast")), first)
-    assert not casts_alike(pack(scene_with(tmp_path, x=2.5)), first)
+    assert shares_accel(pack(scene_with(tmp_path)), first)
+    assert shares_accel(pack(scene_with(tmp_path, material="lambertian")), first)
+    assert not shares_accel(pack(scene_with(tmp_path, accuracy="fast")), first)
+    assert not shares_accel(pack(scene_with(tmp_path, x=2.5)), first)
 
 
-def test_arms_share_the_ray_caster_of_the_scene_where_they_can(tmp_path: Path) -> None:
+def test_variants_share_the_ray_caster_of_the_scene_where_they_can(tmp_path: Path) -> None:
     spec, world = scene_with(tmp_path), World()
     scene = Subject(world.prepare(spec, None), world.bench(), 1)  # type: ignore[arg-type]
-    windows = tiles(Window(0, 0, 32, 16))
+    windows = split_into_tiles(Window(0, 0, 32, 16))
     shared = {}
-    for variant in variants(scene.prepared.spec, scene.prepared.packed):
-        arm = entered(scene, variant, windows, Assets(spec))
-        shared[variant.name] = arm.prepared.accel is scene.prepared.accel
+    for variant in make_variants(scene.prepared.spec, scene.prepared.packed):
+        subject = prepare_variant(scene, variant, windows, SceneAssets(spec))
+        shared[variant.name] = subject.prepared.accel is scene.prepared.accel
     assert {name for name, is_shared in shared.items() if not is_shared} == {"accuracy=fast", "motion_blur"}
     assert {"material.metal", "light_sampling=paths", "roulette=off", "A/A"} <= shared.keys()
 
 
-def test_arms_that_are_equal_seldom_seem_to_take_another_time() -> None:
+def test_variants_that_are_equal_seldom_seem_to_take_another_time() -> None:
     rng = np.random.default_rng(8)
     times = np.exp(0.02 * rng.standard_normal((2000, 2, 9)))
     # Student's t with 8 degrees of freedom exceeds 3 in 1.7 % of cases.

@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.cost.results import Arm, Study
-from raytracer.cost.study import Progress, study
-from raytracer.cost.table import text
-from raytracer.errors import InputError
+from raytracer.analysis.cost.phase_timer import Progress
+from raytracer.analysis.cost.results import Study, VariantResult
+from raytracer.analysis.cost.study import study
+from raytracer.analysis.cost.study_options import StudyOptions
+from raytracer.analysis.cost.text import study_text
 from raytracer.scene.spec import SceneSpec
-from tests.cost.made_up import MadeUp, World, scene_of
+from raytracer.util.errors import InputError
+from tests.analysis.cost.made_up import MadeUp, World, scene_of
 
 
 @pytest.fixture
@@ -22,16 +24,17 @@ def spec(tmp_path: Path) -> SceneSpec:
 
 
 def studied(spec: SceneSpec, world: World, **options: Any) -> Study:
-    return study(spec, **{"threads": 2, "bench": world.bench(), **options})
+    own = {name: options.pop(name) for name in StudyOptions._fields if name in options}
+    return study(spec, StudyOptions(**{"threads": 2, **own}), **{"bench": world.bench(), **options})
 
 
-def arm(found: Study, name: str) -> Arm:
-    (only,) = (arm for arm in found.arms if arm.name == name)
+def variant(found: Study, name: str) -> VariantResult:
+    (only,) = (variant for variant in found.variants if variant.name == name)
     return only
 
 
 def holds(interval: tuple[float, float, float], truth: float, slack: float = 0.0) -> bool:
-    """Whether an interval, widened by `slack` of the truth, holds it."""
+    """Tell if an interval, widened by `slack` of the truth, holds it."""
     _, low, high = interval
     return low - slack * truth <= truth <= high + slack * truth
 
@@ -41,7 +44,7 @@ def holds(interval: tuple[float, float, float], truth: float, slack: float = 0.0
 
 def test_prediction_is_that_of_the_world(spec: SceneSpec) -> None:
     world = World()
-    found = studied(spec, world, arms=[], budget=10.0, load_seconds=0.5)
+    found = studied(spec, world, variants=[], budget=10.0, load_seconds=0.5)
     prediction = found.prediction
     for point in prediction.points:
         assert holds(point.error, math.sqrt(world.mse(point.spp)), slack=0.01)
@@ -64,15 +67,15 @@ def test_prediction_is_that_of_the_world(spec: SceneSpec) -> None:
 
 
 def tiles(spec: SceneSpec) -> list[Any]:
-    from raytracer.scheduling import Window
-    from raytracer.scheduling import tiles as tiles_of
+    from raytracer.rendering.tile_scheduler import Window
+    from raytracer.rendering.tile_scheduler import split_into_tiles as tiles_of
 
     return tiles_of(Window(0, 0, spec.film.width, spec.film.height))
 
 
 def test_mean_of_four_is_worse_than_an_unbroken_run(spec: SceneSpec) -> None:
     world = World(linear=0.05, steep=0.5)
-    prediction = studied(spec, world, arms=[]).prediction
+    prediction = studied(spec, world, variants=[]).prediction
     last = prediction.points[-1].spp
     assert prediction.halving == pytest.approx(world.mse(last) / 4 / world.mse(4 * last), rel=0.02)
     assert prediction.halving > 1.01
@@ -81,7 +84,7 @@ def test_mean_of_four_is_worse_than_an_unbroken_run(spec: SceneSpec) -> None:
 def test_slopes_are_bounded_by_those_of_the_sampler(tmp_path: Path) -> None:
     spec = scene_of(tmp_path)
     independent = spec.model_copy(update={"render": spec.render.model_copy(update={"sampler": "independent"})})
-    prediction = studied(independent, World(), arms=[]).prediction
+    prediction = studied(independent, World(), variants=[]).prediction
     assert (prediction.steep, prediction.early, prediction.exponent) == (0.0, 0.0, 1.0)
 
 
@@ -89,7 +92,7 @@ def test_the_stratified_sampler_is_rendered_anew_for_each_level(tmp_path: Path) 
     spec = scene_of(tmp_path)
     stratified = spec.model_copy(update={"render": spec.render.model_copy(update={"sampler": "stratified"})})
     world = World(linear=0.13, steep=0.0)
-    prediction = studied(stratified, world, arms=[]).prediction
+    prediction = studied(stratified, world, variants=[]).prediction
     levels = [point.spp for point in prediction.points]
     assert levels == [4**k for k in range(2, 2 + len(levels))]
     # Means on the way to more samples are none of fewer: their strata are not all filled.
@@ -98,7 +101,7 @@ def test_the_stratified_sampler_is_rendered_anew_for_each_level(tmp_path: Path) 
 
 def test_a_tenth_of_the_tiles_tell_of_all(tmp_path: Path) -> None:
     spec, world = scene_of(tmp_path, 1280, 800), World(per_sample=3e-5)
-    found = studied(spec, world, arms=[])
+    found = studied(spec, world, variants=[])
     assert found.tiles == 80 * 50
     assert found.tiles_measured < 400
     point = found.prediction.points[0]
@@ -117,7 +120,7 @@ def test_where_noise_is_rare_most_tiles_are_measured_where_it_is(tmp_path: Path)
             return np.array([40.0 if w.left < 64 and w.top < 64 else 0.6 for w in windows])
 
     spec, world = scene_of(tmp_path, 640, 640), Lamp(per_sample=3e-6)
-    found = studied(spec, world, arms=[], tiles=100)
+    found = studied(spec, world, variants=[], tiles=100)
     measured = np.isfinite(found.error_map)
     assert measured[:64, :64].all()
     # A tenth of the tiles would hold one or two of the sixteen that matter.
@@ -127,7 +130,7 @@ def test_where_noise_is_rare_most_tiles_are_measured_where_it_is(tmp_path: Path)
     )
 
 
-# ---- Arms
+# ---- Variants
 
 
 def is_fast(prepared: MadeUp) -> bool:
@@ -138,17 +141,17 @@ def is_short(prepared: MadeUp) -> bool:
     return prepared.scene.depth == 2
 
 
-def test_equal_arms_show_no_difference_and_a_planted_one_its_size(spec: SceneSpec) -> None:
+def test_equal_variants_show_no_difference_and_a_planted_one_its_size(spec: SceneSpec) -> None:
     world = World(
         slower=lambda prepared: 1.3 if is_fast(prepared) else 1.0,
         noisier=lambda prepared: 0.5 if is_short(prepared) else 1.0,
         brighter=lambda prepared: 0.98 if is_short(prepared) else 1.0,
     )
-    found = studied(spec, world, arms=["accuracy=fast", "max_depth=2", "roulette=off"], target=0.03)
+    found = studied(spec, world, variants=["accuracy=fast", "max_depth=2", "roulette=off"], target=0.03)
     scene, control, slow, short, same = (
-        arm(found, name) for name in ("scene", "A/A", "accuracy=fast", "max_depth=2", "roulette=off")
+        variant(found, name) for name in ("scene", "A/A", "accuracy=fast", "max_depth=2", "roulette=off")
     )
-    assert [a.name for a in found.arms[:2]] == ["scene", "A/A"]
+    assert [a.name for a in found.variants[:2]] == ["scene", "A/A"]
     assert found.rounds == 9
 
     # The scene's row is the prediction.
@@ -156,7 +159,7 @@ def test_equal_arms_show_no_difference_and_a_planted_one_its_size(spec: SceneSpe
     assert scene.noise.value == pytest.approx(found.prediction.error(scene.spp))
     assert scene.bias is None
 
-    # The control, with random numbers of its own, and an arm that is equal.
+    # The control, with random numbers of its own, and a variant that is equal.
     for equal in (control, same):
         assert not equal.time_differs
         assert not equal.noise_differs
@@ -197,7 +200,7 @@ def test_equal_arms_show_no_difference_and_a_planted_one_its_size(spec: SceneSpe
 
 def test_no_number_of_samples_reaches_a_target_below_the_bias(spec: SceneSpec) -> None:
     world = World(brighter=lambda prepared: 0.95 if is_short(prepared) else 1.0)
-    row = arm(studied(spec, world, arms=["max_depth=2"]), "max_depth=2")
+    row = variant(studied(spec, world, variants=["max_depth=2"]), "max_depth=2")
     assert row.target_spp is None
     assert row.target_seconds is None
     assert "bias" in row.why_blank
@@ -210,14 +213,14 @@ def test_a_bias_that_may_exceed_the_target_is_doubted(spec: SceneSpec) -> None:
         brighter=lambda prepared: 1.008 if is_short(prepared) else 1.0,
         noisier=lambda prepared: 4.0 if is_short(prepared) else 1.0,
     )
-    found = studied(spec, world, arms=["max_depth=2", "roulette=off"], tiles=16)
-    row = arm(found, "max_depth=2")
+    found = studied(spec, world, variants=["max_depth=2", "roulette=off"], tiles=16)
+    row = variant(found, "max_depth=2")
     assert row.bias is not None
     assert row.bias.value < 0.01 < row.bias.high
     assert row.target_seconds is not None
     assert row.why_blank == "its bias may exceed the target"
-    assert arm(found, "roulette=off").why_blank == arm(found, "A/A").why_blank == ""
-    assert "[1]  its bias may exceed the target" in text(found)
+    assert variant(found, "roulette=off").why_blank == variant(found, "A/A").why_blank == ""
+    assert "[1]  its bias may exceed the target" in study_text(found)
 
 
 def test_brightness_is_certain_where_all_tiles_are_measured(spec: SceneSpec) -> None:
@@ -231,7 +234,7 @@ def test_brightness_is_certain_where_all_tiles_are_measured(spec: SceneSpec) -> 
             factors = np.array([0.5 if (w.left // 16 + w.top // 16) % 2 else 1.5 for w in windows])
             return patch._replace(mean=patch.mean * factors[:, None, None, None])
 
-    row = arm(studied(spec, Lit(), arms=["max_depth=2"]), "max_depth=2")
+    row = variant(studied(spec, Lit(), variants=["max_depth=2"]), "max_depth=2")
     assert row.brightness is not None
     assert row.brightness.low <= 0.0 <= row.brightness.high
     assert row.brightness.high - row.brightness.low < 0.02
@@ -244,27 +247,27 @@ def test_another_sampler_has_a_slope_of_its_own(spec: SceneSpec) -> None:
             self.linear, self.steep = (0.5, 0.0) if independent else (0.05, 0.5)
             return super().render(prepared, windows, spp, *more)
 
-    found = studied(spec, Samplers(), arms=["sampler=independent"])
-    row = arm(found, "sampler=independent")
+    found = studied(spec, Samplers(), variants=["sampler=independent"])
+    row = variant(found, "sampler=independent")
     assert row.target_spp == pytest.approx(0.5 / 1e-4, rel=0.1)
     ratio = (0.5 / row.spp) / (0.05 / row.spp + 0.5 / row.spp**1.5)
     assert row.noise_ratio.value == pytest.approx(ratio, rel=0.05)
 
 
-def test_all_arms_of_a_round_have_one_seed_and_the_control_another(spec: SceneSpec) -> None:
+def test_all_variants_of_a_round_have_one_seed_and_the_control_another(spec: SceneSpec) -> None:
     world = World()
-    found = studied(spec, world, arms=["defocus"])
+    found = studied(spec, world, variants=["defocus"])
     last = world.calls[-27:-18]
-    assert {spp for _, spp, _ in last} == {found.arms[0].spp}
+    assert {spp for _, spp, _ in last} == {found.variants[0].spp}
     in_rounds = [[seed for _, _, seed in last[3 * r : 3 * r + 3]] for r in range(3)]
-    # Scene, control, arm; then each a place earlier.
+    # Scene, control, variant; then each a place earlier.
     assert in_rounds[0][0] == in_rounds[0][2] != in_rounds[0][1]
     assert in_rounds[1][2] == in_rounds[1][1] != in_rounds[1][0]
     assert in_rounds[2][0] == in_rounds[2][1] != in_rounds[2][2]
     assert len({seed for row in in_rounds for seed in row}) == 6
 
 
-def test_an_arm_that_cannot_be_packed_says_so_in_its_row(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_variant_that_cannot_be_packed_says_so_in_its_row(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> None:
     world = World()
     prepare = world.prepare
 
@@ -274,17 +277,17 @@ def test_an_arm_that_cannot_be_packed_says_so_in_its_row(spec: SceneSpec, monkey
         return prepare(scene, packed)
 
     monkeypatch.setattr(world, "prepare", broken)
-    found = studied(spec, world, arms=["accuracy=fast", "accuracy=robust"])
-    assert arm(found, "accuracy=fast").failed == "there is nothing left"
-    assert math.isnan(arm(found, "accuracy=fast").time.value)
-    assert arm(found, "accuracy=robust").failed == ""
-    assert arm(found, "accuracy=robust").time.value == pytest.approx(1.0, abs=0.1)
+    found = studied(spec, world, variants=["accuracy=fast", "accuracy=robust"])
+    assert variant(found, "accuracy=fast").failed == "there is nothing left"
+    assert math.isnan(variant(found, "accuracy=fast").time.value)
+    assert variant(found, "accuracy=robust").failed == ""
+    assert variant(found, "accuracy=robust").time.value == pytest.approx(1.0, abs=0.1)
 
 
 def test_the_same_seed_finds_the_same(spec: SceneSpec) -> None:
-    first, again, other = (studied(spec, World(), arms=["defocus"], seed=seed) for seed in (3, 3, 4))
+    first, again, other = (studied(spec, World(), variants=["defocus"], seed=seed) for seed in (3, 3, 4))
     assert first.prediction.points[0].error == again.prediction.points[0].error
-    assert first.arms[2].noise == again.arms[2].noise
+    assert first.variants[2].noise == again.variants[2].noise
     assert first.prediction.points[0].error != other.prediction.points[0].error
 
 
@@ -292,7 +295,7 @@ def test_the_same_seed_finds_the_same(spec: SceneSpec) -> None:
 
 
 def test_of_a_black_picture_nothing_can_be_told(spec: SceneSpec) -> None:
-    found = studied(spec, World(brightness=0.0), arms=["defocus"], budget=30.0)
+    found = studied(spec, World(brightness=0.0), variants=["defocus"], budget=30.0)
     prediction = found.prediction
     assert math.isnan(prediction.target_spp.value)
     assert math.isnan(prediction.target_seconds.value)
@@ -306,9 +309,9 @@ def test_of_a_black_picture_nothing_can_be_told(spec: SceneSpec) -> None:
     assert "black" in found.warnings[0]
     assert not any("no noise" in warning for warning in found.warnings)
     # There is nothing to compare.
-    assert found.arms == ()
+    assert found.variants == ()
     assert not found.interrupted
-    shown = text(found)
+    shown = study_text(found)
     assert "takes could not be told" in shown
     for misleading in ("error of 0", "0 %", " 1 spp", "power law", "halving"):
         assert misleading not in shown
@@ -327,7 +330,7 @@ class Lamp(World):
 
 @pytest.mark.parametrize("count", [30, None])
 def test_a_light_that_the_pilot_missed_is_no_black_picture(spec: SceneSpec, count: int | None) -> None:
-    found = studied(spec, Lamp(), arms=[], tiles=count)
+    found = studied(spec, Lamp(), variants=[], tiles=count)
     point = found.prediction.points[-1]
     assert point.error.value == pytest.approx(math.sqrt(World().mse(point.spp)), rel=0.15 if count else 0.03)
     assert found.prediction.target_spp.value == pytest.approx(1323.0, rel=0.3 if count else 0.06)
@@ -337,26 +340,26 @@ def test_a_light_that_the_pilot_missed_is_no_black_picture(spec: SceneSpec, coun
 def test_levels_that_missed_a_light_do_not_make_the_target_cheap(spec: SceneSpec) -> None:
     world = Lamp()
     world.first = 64
-    found = studied(spec, world, arms=["sampler=independent"])
+    found = studied(spec, world, variants=["sampler=independent"])
     assert found.prediction.points[0].error.value == 0.0
     for guess in (found.prediction.target_spp.value, found.prediction.power_spp, found.prediction.plain_spp):
         assert guess == pytest.approx(1323.0, rel=0.15)
     assert found.prediction.target_spp.low > 1000.0
-    assert arm(found, "sampler=independent").target_spp == pytest.approx(1323.0, rel=0.25)
+    assert variant(found, "sampler=independent").target_spp == pytest.approx(1323.0, rel=0.25)
 
 
 def test_a_picture_without_noise_takes_one_sample(spec: SceneSpec) -> None:
     noisier = World(linear=0.0, steep=0.0)
-    found = studied(spec, noisier, arms=["defocus"])
+    found = studied(spec, noisier, variants=["defocus"])
     assert found.prediction.target_spp.value == 1.0
     assert any("no noise: one sample per pixel is enough" in warning for warning in found.warnings)
-    shown = text(found)
+    shown = study_text(found)
     for misleading in ("power law", "halving", "< 0 %"):
         assert misleading not in shown
-    assert found.arms[2].target_spp == 1.0
+    assert found.variants[2].target_spp == 1.0
 
 
-def test_a_noisy_arm_of_a_scene_without_noise(spec: SceneSpec) -> None:
+def test_a_noisy_variant_of_a_scene_without_noise(spec: SceneSpec) -> None:
     class Lens(World):
         def mse(self, spp: float) -> float:
             return 0.0 if self.sharp else 0.01 / spp
@@ -365,14 +368,14 @@ def test_a_noisy_arm_of_a_scene_without_noise(spec: SceneSpec) -> None:
             self.sharp = prepared.scene.depth != 2
             return super().render(prepared, *more)
 
-    row = arm(studied(spec, Lens(), arms=["max_depth=2"]), "max_depth=2")
+    row = variant(studied(spec, Lens(), variants=["max_depth=2"]), "max_depth=2")
     assert row.noise.value == pytest.approx(math.sqrt(0.01 / row.spp), rel=0.05)
     assert row.target_spp == pytest.approx(100.0, rel=0.1)
 
 
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (16, 16), (5, 40)])
 def test_small_pictures(tmp_path: Path, width: int, height: int) -> None:
-    found = studied(scene_of(tmp_path, width, height), World(), arms=["defocus"])
+    found = studied(scene_of(tmp_path, width, height), World(), variants=["defocus"])
     assert found.tiles == -(-width // 16) * -(-height // 16)
     assert found.tiles_measured == found.tiles
     assert found.error_map.shape == (height, width)
@@ -385,16 +388,16 @@ def test_small_pictures(tmp_path: Path, width: int, height: int) -> None:
 def test_a_slow_scene_is_measured_on_few_tiles_and_says_so(tmp_path: Path) -> None:
     # 1000 samples a second: a sample in every pixel takes four minutes.
     world = World(per_sample=2e-3, linear=1.0)
-    found = studied(scene_of(tmp_path, 640, 400), world, arms=["defocus"])
+    found = studied(scene_of(tmp_path, 640, 400), world, variants=["defocus"])
     spent = sum(tiles * spp for tiles, spp, _ in world.calls) * 256 * 2e-3 / 2
     assert found.tiles_measured < 16
     assert any("tiles were measured" in warning for warning in found.warnings)
-    # A minute for the prediction, and what little tells anything of an arm.
+    # A minute for the prediction, and what little tells anything of a variant.
     assert spent < 4 * 60
 
 
 def test_a_budget_below_the_fixed_time_buys_nothing(spec: SceneSpec) -> None:
-    found = studied(spec, World(), arms=[], budget=0.2, load_seconds=1.0)
+    found = studied(spec, World(), variants=[], budget=0.2, load_seconds=1.0)
     assert found.prediction.budget_spp == 0.0
     assert found.prediction.budget_error is not None
     assert found.prediction.budget_error.value == math.inf
@@ -402,35 +405,35 @@ def test_a_budget_below_the_fixed_time_buys_nothing(spec: SceneSpec) -> None:
 
 
 def test_a_target_that_is_far_beyond_is_told_as_such(spec: SceneSpec) -> None:
-    found = studied(spec, World(), arms=[], target=1e-4)
+    found = studied(spec, World(), variants=[], target=1e-4)
     assert found.prediction.target_spp.value == pytest.approx(0.13 / 1e-8, rel=0.1)
     assert any("times as many samples as were measured" in warning for warning in found.warnings)
 
 
 def test_samples_that_are_not_finite_are_counted(spec: SceneSpec) -> None:
-    found = studied(spec, World(bad=2), arms=[])
+    found = studied(spec, World(bad=2), variants=[])
     assert any("8 samples were not finite" in warning for warning in found.warnings)
 
 
 def test_an_interrupt_leaves_what_there_is(spec: SceneSpec) -> None:
     whole = World()
-    studied(spec, whole, arms=["defocus"], rounds=9)
+    studied(spec, whole, variants=["defocus"], rounds=9)
     before_rounds = len(whole.calls) - 27
     # In round 5, of which 4 are whole.
-    found = studied(spec, replace(whole, calls=[], interrupt_after=before_rounds + 3 * 4 + 1), arms=["defocus"])
+    found = studied(spec, replace(whole, calls=[], interrupt_after=before_rounds + 3 * 4 + 1), variants=["defocus"])
     assert found.interrupted
     assert found.rounds == 4
-    assert arm(found, "defocus").time.value == pytest.approx(1.0, abs=0.1)
+    assert variant(found, "defocus").time.value == pytest.approx(1.0, abs=0.1)
     assert any("4 of 9 rounds" in warning for warning in found.warnings)
-    # Before a second round, or while arms are made ready.
+    # Before a second round, or while variants are made ready.
     for calls in (before_rounds + 4, before_rounds - 1):
-        found = studied(spec, replace(whole, calls=[], interrupt_after=calls), arms=["defocus"])
+        found = studied(spec, replace(whole, calls=[], interrupt_after=calls), variants=["defocus"])
         assert found.interrupted
-        assert found.arms == ()
+        assert found.variants == ()
         assert found.prediction.target_spp.value > 1.0
     # Before there is a prediction.
     with pytest.raises(KeyboardInterrupt):
-        studied(spec, replace(whole, calls=[], interrupt_after=5), arms=["defocus"])
+        studied(spec, replace(whole, calls=[], interrupt_after=5), variants=["defocus"])
 
 
 @pytest.mark.parametrize(
@@ -444,7 +447,7 @@ def test_an_interrupt_leaves_what_there_is(spec: SceneSpec) -> None:
         ({"rounds": 1001}, "rounds 1001: must be at most 1000"),
         ({"tiles": 0}, "tiles 0: must be at least 16"),
         ({"tiles": 15}, "tiles 15: must be at least 16"),
-        ({"arms": ["defocsu"]}, "did you mean 'defocus'?"),
+        ({"variants": ["defocsu"]}, "did you mean 'defocus'?"),
     ],
 )
 def test_questions_without_sense_are_refused_before_the_work(
@@ -458,10 +461,10 @@ def test_questions_without_sense_are_refused_before_the_work(
 
 def test_progress_goes_from_phase_to_phase(spec: SceneSpec) -> None:
     seen: list[Progress] = []
-    studied(spec, World(), arms=["defocus"], progress=seen.append)
+    studied(spec, World(), variants=["defocus"], progress=seen.append)
     phases = list(dict.fromkeys(progress.phase for progress in seen))
-    assert phases == ["pack", "plan", "prepare", "warm up", "predict", "develop", "compile arms", "compare"]
-    for phase in ("predict", "compile arms", "compare"):
+    assert phases == ["pack", "plan", "prepare", "warm up", "predict", "develop", "compile variants", "compare"]
+    for phase in ("predict", "compile variants", "compare"):
         fractions = [progress.fraction for progress in seen if progress.phase == phase]
         assert fractions == sorted(fractions)
         assert fractions[-1] == pytest.approx(1.0)

@@ -3,24 +3,30 @@
 import numpy as np
 import pytest
 
-from raytracer.cost.tiles import Tiles, choose, curve, inclusion, part
-from raytracer.scheduling import TILE, Window, tiles
+from raytracer.analysis.cost.tile_sample import (
+    TileSample,
+    choose_subset,
+    choose_tiles,
+    inclusion_probabilities,
+    morton_order,
+)
+from raytracer.rendering.tile_scheduler import TILE_SIZE, Window, split_into_tiles
 
-WINDOWS = tiles(Window(0, 0, 330, 200))
+WINDOWS = split_into_tiles(Window(0, 0, 330, 200))
 
 
 @pytest.mark.parametrize("count", [1, 5, 40, len(WINDOWS) - 1, len(WINDOWS), 10**6])
 def test_as_many_tiles_as_asked_for(count: int) -> None:
     size = np.random.default_rng(1).exponential(size=len(WINDOWS))
     for seed in range(20):
-        chosen = choose(WINDOWS, count, np.random.default_rng(seed), size)
+        chosen = choose_tiles(WINDOWS, count, np.random.default_rng(seed), size)
         assert len(chosen.windows) == len(set(chosen.windows)) == min(count, len(WINDOWS))
         assert np.all(chosen.weight >= 1.0)
 
 
 def test_chances_are_in_proportion_to_size_and_at_most_one() -> None:
     size = np.array([100.0, 50.0, 1.0, 2.0, 3.0, 4.0])
-    probability = inclusion(size, 3)
+    probability = inclusion_probabilities(size, 3)
     # Both large ones are sure, and the last place is shared by the rest.
     np.testing.assert_allclose(probability, [1.0, 1.0, 0.1, 0.2, 0.3, 0.4])
 
@@ -31,7 +37,7 @@ def test_weighted_sums_are_those_of_all_tiles_on_average() -> None:
     place = {window: number for number, window in enumerate(WINDOWS)}
     sums = []
     for seed in range(600):
-        chosen = choose(WINDOWS, 30, np.random.default_rng(seed), size)
+        chosen = choose_tiles(WINDOWS, 30, np.random.default_rng(seed), size)
         sums.append(chosen.weight @ value[[place[window] for window in chosen.windows]])
     error = np.std(sums) / np.sqrt(len(sums))
     assert np.mean(sums) == pytest.approx(value.sum(), abs=4.0 * error)
@@ -43,8 +49,8 @@ def test_a_part_of_a_sample_stands_for_the_picture_too() -> None:
     value = dict(zip(WINDOWS, rng.exponential(size=len(WINDOWS)), strict=True))
     sums = []
     for seed in range(600):
-        whole = choose(WINDOWS, 60, np.random.default_rng(seed), size)
-        some, pixels = part(whole, 20, np.random.default_rng(seed + 10**6))
+        whole = choose_tiles(WINDOWS, 60, np.random.default_rng(seed), size)
+        some, pixels = choose_subset(whole, 20, np.random.default_rng(seed + 10**6))
         assert pixels.sum() == some.pixels.sum()
         sums.append(some.weight @ [value[window] for window in some.windows])
     assert np.mean(sums) == pytest.approx(sum(value.values()), abs=4.0 * np.std(sums) / np.sqrt(len(sums)))
@@ -53,31 +59,31 @@ def test_a_part_of_a_sample_stands_for_the_picture_too() -> None:
 def test_what_is_in_proportion_to_size_is_known_without_error() -> None:
     size = np.random.default_rng(3).exponential(size=len(WINDOWS)) + 0.1
     place = {window: number for number, window in enumerate(WINDOWS)}
-    chosen = choose(WINDOWS, 25, np.random.default_rng(4), size)
+    chosen = choose_tiles(WINDOWS, 25, np.random.default_rng(4), size)
     assert chosen.weight @ size[[place[window] for window in chosen.windows]] == pytest.approx(size.sum())
 
 
 def test_tiles_are_spread_over_the_picture() -> None:
-    square = tiles(Window(0, 0, 16 * TILE, 16 * TILE))
-    chosen = choose(square, 64, np.random.default_rng(5))
+    square = split_into_tiles(Window(0, 0, 16 * TILE_SIZE, 16 * TILE_SIZE))
+    chosen = choose_tiles(square, 64, np.random.default_rng(5))
     # Every block of 4 x 4 tiles holds four of them.
     blocks = np.zeros((4, 4), dtype=int)
     for window in chosen.windows:
-        blocks[window.top // (4 * TILE), window.left // (4 * TILE)] += 1
+        blocks[window.top // (4 * TILE_SIZE), window.left // (4 * TILE_SIZE)] += 1
     np.testing.assert_array_equal(blocks, 4)
 
 
 def test_the_curve_visits_each_tile_once_and_goes_by_quarters() -> None:
-    square = tiles(Window(0, 0, 4 * TILE, 4 * TILE))
-    order = curve(square)
+    square = split_into_tiles(Window(0, 0, 4 * TILE_SIZE, 4 * TILE_SIZE))
+    order = morton_order(square)
     assert sorted(order) == list(range(16))
-    assert {square[tile].left < 2 * TILE and square[tile].top < 2 * TILE for tile in order[:4]} == {True}
+    assert {square[tile].left < 2 * TILE_SIZE and square[tile].top < 2 * TILE_SIZE for tile in order[:4]} == {True}
 
 
 def test_pixels_go_into_the_picture_where_they_came_from() -> None:
     film = np.arange(200 * 330 * 3, dtype=np.float64).reshape(200, 330, 3)
-    chosen = choose(WINDOWS, 40, np.random.default_rng(6))
-    patch = np.full((40, TILE, TILE, 3), np.nan)
+    chosen = choose_tiles(WINDOWS, 40, np.random.default_rng(6))
+    patch = np.full((40, TILE_SIZE, TILE_SIZE, 3), np.nan)
     for number, (left, top, right, bottom) in enumerate(chosen.windows):
         patch[number, : bottom - top, : right - left] = film[top:bottom, left:right]
     picture = np.full_like(film, np.nan)
@@ -89,7 +95,7 @@ def test_pixels_go_into_the_picture_where_they_came_from() -> None:
 
 
 def test_tiles_at_the_edges_are_smaller() -> None:
-    whole = Tiles.of(WINDOWS, np.ones(len(WINDOWS)))
+    whole = TileSample.of(WINDOWS, np.ones(len(WINDOWS)))
     assert whole.pixels.sum() == 330 * 200
     # 330 = 20 * 16 + 10, 200 = 12 * 16 + 8.
     assert whole.pixels[-1] == 10 * 8

@@ -9,24 +9,26 @@ import pytest
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
-from raytracer.cost.arms import CONTROL, Variant, kept, select, variants
-from raytracer.errors import InputError
-from raytracer.kinds import MATERIALS, MEDIA, SHAPES, TEXTURES
-from raytracer.lights.background import Background
-from raytracer.lights.interface import Lights
-from raytracer.materials.interface import MaterialSpec
-from raytracer.motion import matrix_at
-from raytracer.optics import REC709_LUMINANCE
-from raytracer.preparation import Prepared, prepare, render_tiles
+from raytracer.analysis.cost.variant import Variant
+from raytracer.analysis.cost.variants import REPEAT, make_variants, reasons_without_variant, select_variants
+from raytracer.core.fresnel import REC709_LUMINANCE
+from raytracer.core.motion.resolve import matrix_at
+from raytracer.plugins.lights.background import Background
+from raytracer.plugins.lights.base.interface import Lights
+from raytracer.plugins.materials.base.interface import MaterialSpec
+from raytracer.rendering.compilation import CompiledScene, compile_scene
+from raytracer.rendering.tile_renderer import render_tiles
+from raytracer.rendering.tile_scheduler import Window, split_into_tiles
 from raytracer.scene.effects import effects_of
 from raytracer.scene.load import build, load
-from raytracer.scene.pack import Packed, pack
+from raytracer.scene.pack.scene import PackedScene, pack
 from raytracer.scene.spec import SceneSpec
-from raytracer.scheduling import Window, tiles
-from raytracer.spec import matrix_of
-from tests.cameras.kernels import weighted_rays
+from raytracer.schema.registry import MATERIALS, MEDIA, SHAPES, TEXTURES
+from raytracer.schema.transform import matrix_of
+from raytracer.util.errors import InputError
+from tests.plugins.cameras.kernels import weighted_rays
 
-SCENES = Path(__file__).parent.parent.parent / "scenes"
+SCENES = Path(__file__).parents[3] / "scenes"
 
 # Of these, which have all families of effects between them, packing takes no time; of the others a while.
 QUICK = {"aperture", "cornell", "fan", "glass", "iso_noise", "shutter", "smoke", "textures", "train"}
@@ -76,19 +78,19 @@ def active(spec: SceneSpec, scene: Any) -> set[str]:
 def without(spec: SceneSpec, name: str) -> tuple[SceneSpec, Any]:
     """The checked and the packed scene of a variant."""
     packed = pack(spec)
-    (variant,) = [item for item in variants(packed.spec, packed) if item.name == name]
+    (variant,) = [item for item in make_variants(packed.spec, packed) if item.name == name]
     made = variant.pack(packed.spec)
-    return made.spec, variant.repack(made.scene)
+    return made.spec, variant.packed_variant(made.scene)
 
 
 @cache
-def of_file(path: Path) -> tuple[SceneSpec, Packed]:
+def of_file(path: Path) -> tuple[SceneSpec, PackedScene]:
     packed = pack(load(path))
     return packed.spec, packed
 
 
 def equal(a: Any, b: Any) -> bool:
-    """Whether packed values are of the same types, with the same bits."""
+    """Tell if packed values are of the same types, with the same bits."""
     if type(a) is not type(b):
         return False
     if isinstance(a, tuple):
@@ -112,10 +114,10 @@ every_scene = pytest.mark.parametrize(
 def test_each_variant_leaves_out_its_effect_and_nothing_else(path: Path) -> None:
     spec, packed = of_file(path)
     before = active(spec, packed.scene)
-    for variant in variants(spec, packed):
-        changed = variant.respec(spec)
-        again = variant.pack(spec) if variant.packs_anew else packed
-        after = active(changed, variant.repack(again.scene))
+    for variant in make_variants(spec, packed):
+        changed = variant.spec_variant(spec)
+        again = variant.pack(spec) if variant.needs_repacking else packed
+        after = active(changed, variant.packed_variant(again.scene))
         name = variant.name.partition("=")[0] if variant.name.startswith(("roulette", "max_depth")) else variant.name
         if variant.group == "effect":
             assert name in before
@@ -133,12 +135,12 @@ def test_each_variant_leaves_out_its_effect_and_nothing_else(path: Path) -> None
 @every_scene
 def test_what_need_not_be_packed_anew_is_what_packing_gives(path: Path) -> None:
     spec, packed = of_file(path)
-    shared = [variant for variant in variants(spec, packed) if not variant.packs_anew]
+    shared = [variant for variant in make_variants(spec, packed) if not variant.needs_repacking]
     assert {variant.group for variant in shared} >= {"control", "sampler"}
     for variant in shared:
-        scene, changed = variant.repack(packed.scene), variant.respec(spec)
+        scene, changed = variant.packed_variant(packed.scene), variant.spec_variant(spec)
         anew = packed.scene if changed is spec else pack(changed).scene
-        assert equal(scene, variant.repack(anew)), variant.name
+        assert equal(scene, variant.packed_variant(anew)), variant.name
         # Of settings the checked scene alone says all.
         assert variant.group == "effect" or equal(scene, anew), variant.name
 
@@ -146,8 +148,8 @@ def test_what_need_not_be_packed_anew_is_what_packing_gives(path: Path) -> None:
 @every_scene
 def test_every_active_effect_has_a_variant_or_a_reason(path: Path) -> None:
     spec, packed = of_file(path)
-    reasons = kept(spec, packed)
-    names = {variant.name for variant in variants(spec, packed)}
+    reasons = reasons_without_variant(spec, packed)
+    names = {variant.name for variant in make_variants(spec, packed)}
     of_settings = {name.partition("=")[0] for name in names if "=" in name}
     for effect in active(spec, packed.scene):
         assert (effect in names) + (effect in of_settings) + (effect in reasons) == 1, effect
@@ -157,11 +159,11 @@ def test_every_active_effect_has_a_variant_or_a_reason(path: Path) -> None:
 @every_scene
 def test_no_variant_changes_what_is_asked_of_the_picture(path: Path) -> None:
     spec, packed = of_file(path)
-    found = variants(spec, packed)
-    assert found[0].name == CONTROL
+    found = make_variants(spec, packed)
+    assert found[0].name == REPEAT
     assert len({variant.name for variant in found}) == len(found)
     for variant in found:
-        changed = variant.respec(spec)
+        changed = variant.spec_variant(spec)
         assert changed.film == spec.film
         assert (changed.render.spp, changed.render.seed) == (spec.render.spp, spec.render.seed)
         width, height = spec.film.width, spec.film.height
@@ -169,7 +171,7 @@ def test_no_variant_changes_what_is_asked_of_the_picture(path: Path) -> None:
             continue
         assert changed.camera.describe(width, height) == pytest.approx(spec.camera.describe(width, height), rel=1e-9)
         # Also for how long the film is exposed, and how.
-        before, after = (item.camera.photograph(width, height) for item in (spec, changed))
+        before, after = (item.camera.exposure_settings(width, height) for item in (spec, changed))
         assert (before is None) == (after is None)
         if before is not None and after is not None:
             assert after.seconds == pytest.approx(before.seconds, rel=1e-12)
@@ -179,34 +181,34 @@ def test_no_variant_changes_what_is_asked_of_the_picture(path: Path) -> None:
 def test_the_control_is_the_scene() -> None:
     spec = small()
     packed = pack(spec)
-    control = variants(spec, packed)[0]
+    control = make_variants(spec, packed)[0]
     assert (control.name, control.group) == ("A/A", "control")
-    assert control.respec(spec) is spec
-    assert control.repack(packed.scene) is packed.scene
+    assert control.spec_variant(spec) is spec
+    assert control.packed_variant(packed.scene) is packed.scene
 
 
 def test_what_is_the_same_picture_says_so() -> None:
     spec = small(environment="{type: sky}", render="{max_depth: 20}")
-    same = {variant.name for variant in variants(spec, pack(spec)) if variant.same_mean}
+    same = {variant.name for variant in make_variants(spec, pack(spec)) if variant.same_mean}
     ways = {"environment_sampling", "light_sampling=lights", "light_sampling=paths"}
-    assert same == {CONTROL, "roulette=off", "sampler=independent", "sampler=stratified", *ways}
+    assert same == {REPEAT, "roulette=off", "sampler=independent", "sampler=stratified", *ways}
 
 
 @pytest.mark.slow
 def test_what_is_the_same_picture_is() -> None:
     # A ball in the light of a sky: what differs is noise, of four independent pictures of each.
     spec = build(text(film="{width: 16, height: 16}", environment="{type: sky}", render="{spp: 128}"), "test.yaml")
-    scene = prepare(spec)
-    windows = tiles(Window(0, 0, 16, 16))
+    scene = compile_scene(spec)
+    windows = split_into_tiles(Window(0, 0, 16, 16))
 
-    def means(prepared: Prepared, seed: int) -> NDArray[np.float64]:
+    def means(prepared: CompiledScene, seed: int) -> NDArray[np.float64]:
         return np.array([render_tiles(prepared, windows, 128, seed + i, 2).mean.mean() for i in range(4)])
 
     expected = means(scene, 0)
-    for variant in variants(scene.spec, scene.packed):
+    for variant in make_variants(scene.spec, scene.packed):
         if variant.name in ("environment_sampling", "sampler=independent", "roulette=on", "roulette=off"):
-            changed = prepare(scene.spec, variant.pack(scene.spec))
-            found = means(changed._replace(scene=variant.repack(changed.scene)), 100)
+            changed = compile_scene(scene.spec, variant.pack(scene.spec))
+            found = means(changed._replace(scene=variant.packed_variant(changed.scene)), 100)
             deviation = np.sqrt((found.var(ddof=1) + expected.var(ddof=1)) / 4.0)
             assert abs(found.mean() - expected.mean()) < 5.0 * deviation
             assert deviation < 0.01 * expected.mean()
@@ -267,9 +269,9 @@ GLASS = (
 def test_a_lens_of_glass_goes_as_a_whole_or_by_what_it_does() -> None:
     spec = small(camera=GLASS)
     packed = pack(spec)
-    found = {item.name for item in variants(spec, packed) if item.group == "effect"}
+    found = {item.name for item in make_variants(spec, packed) if item.group == "effect"}
     assert {"real_lens", "dispersion", "flare", "aperture_shape"} <= found
-    reasons = kept(spec, packed)
+    reasons = reasons_without_variant(spec, packed)
     for name in ("defocus", "vignetting"):
         assert "see real_lens" in reasons[name]
     assert "projection" in reasons
@@ -380,15 +382,15 @@ def test_nothing_moves_in_the_middle_of_the_exposure() -> None:
 def test_a_mesh_of_frames_rests_in_the_nearest_one() -> None:
     frames = [{"time": float(time), "file": f"{name}.ply"} for time, name in enumerate("abc")]
     mesh = TypeAdapter(SHAPES.union()).validate_python({"type": "mesh", "frames": frames})
-    assert (mesh.at_rest(1.4).file, mesh.at_rest(1.4).frames) == ("b.ply", None)
-    assert mesh.at_rest(9.0).file == "c.ply"
+    assert (mesh.at_time(1.4).file, mesh.at_time(1.4).frames) == ("b.ply", None)
+    assert mesh.at_time(9.0).file == "c.ply"
 
 
 def test_a_shaking_camera_is_held_and_has_no_second_variant() -> None:
     spec = small(camera="{type: pinhole, shutter: 1/10 s, shake: {amplitude: 0.1, bandwidth: 10}}")
     _, scene = without(spec, "camera_shake")
     assert scene.shutter is None
-    assert "camera_shake" in kept(spec, pack(spec))["motion_blur"]
+    assert "camera_shake" in reasons_without_variant(spec, pack(spec))["motion_blur"]
 
 
 # ---- Light
@@ -397,12 +399,12 @@ def test_a_shaking_camera_is_held_and_has_no_second_variant() -> None:
 def test_light_that_is_all_there_is_stays() -> None:
     lamp = "[{type: quad, corner: [0, 4, 0], edges: [[1, 0, 0], [0, 0, 1]], material: {type: emitter, radiance: 3}}]"
     alone = small(environment="{type: constant, radiance: 0}", objects=lamp)
-    assert "all the light" in kept(alone, pack(alone))["material.emitter"]
+    assert "all the light" in reasons_without_variant(alone, pack(alone))["material.emitter"]
     both = small(objects=lamp)
-    reasons = kept(both, pack(both))
+    reasons = reasons_without_variant(both, pack(both))
     assert not {"environment", "material.emitter"} & set(reasons)
     sunny = small(environment="{type: sky, sun: true}")
-    reasons = kept(sunny, pack(sunny))
+    reasons = reasons_without_variant(sunny, pack(sunny))
     assert "all the light" in reasons["environment"]
     assert "light.sun" not in reasons
 
@@ -420,7 +422,7 @@ def test_an_environment_that_is_not_aimed_at_is_met_by_paths() -> None:
     _, scene = without(spec, "environment_sampling")
     assert isinstance(scene.lights, Lights)
     assert not any(isinstance(table, Background) for table in scene.lights.tables)
-    assert scene.lights.unaimed is scene.environment
+    assert scene.lights.background_tables is scene.environment
     assert len(scene.lights.tables) == len(before.lights.tables) - 1
     alone = without(small(environment="{type: sky}"), "environment_sampling")[1]
     assert alone.lights is None
@@ -429,7 +431,7 @@ def test_an_environment_that_is_not_aimed_at_is_met_by_paths() -> None:
 def test_paths_are_offered_where_they_find_all_light() -> None:
     def offered(**parts: str) -> set[str]:
         spec = small(**parts)
-        return {item.name for item in variants(spec, pack(spec)) if item.name.startswith("light_sampling")}
+        return {item.name for item in make_variants(spec, pack(spec)) if item.name.startswith("light_sampling")}
 
     both = {"light_sampling=lights", "light_sampling=paths"}
     assert offered() == set()
@@ -494,18 +496,18 @@ def test_clear_space_keeps_the_boundaries_of_its_media(tmp_path: Path) -> None:
 # ---- Materials and textures
 
 
-def recast(spec: SceneSpec, name: str) -> list[Any]:
+def replaced_materials(spec: SceneSpec, name: str) -> list[Any]:
     """The materials that are packed of a variant, in the order of the objects."""
     packed = pack(spec)
-    (variant,) = [item for item in variants(packed.spec, packed) if item.name == name]
+    (variant,) = [item for item in make_variants(packed.spec, packed) if item.name == name]
     made: list[Any] = []
 
     def noted(material: MaterialSpec, book: Any) -> MaterialSpec:
-        assert variant.recast is not None
-        made.append(variant.recast(material, book))
-        return variant.recast(material, book)
+        assert variant.material_variant is not None
+        made.append(variant.material_variant(material, book))
+        return variant.material_variant(material, book)
 
-    pack(spec, recast=noted)
+    pack(spec, material_variant=noted)
     return made
 
 
@@ -532,14 +534,14 @@ MEAN = (0.4, 0.6, 0.8)
 def test_a_material_becomes_a_matte_one_that_reflects_as_much(
     kind: str, values: str, albedo: tuple[float, ...]
 ) -> None:
-    (found,) = recast(of(f"{{type: {kind}, {values}}}"), f"material.{kind}")
+    (found,) = replaced_materials(of(f"{{type: {kind}, {values}}}"), f"material.{kind}")
     assert found.type == "lambertian"
     np.testing.assert_allclose(found.albedo, np.array(albedo), rtol=1e-12)
 
 
 def test_a_matte_stand_in_keeps_the_relief() -> None:
     spec = of(f"{{type: metal, albedo: 0.9, bump: {CHECKER}, bump_height: 2 mm}}")
-    (found,) = recast(spec, "material.metal")
+    (found,) = replaced_materials(spec, "material.metal")
     (original,) = [item.material for item in spec.objects]
     assert (found.bump, found.bump_height) == (original.bump, original.bump_height)
 
@@ -547,41 +549,41 @@ def test_a_matte_stand_in_keeps_the_relief() -> None:
 def test_a_selector_becomes_what_it_mostly_shows() -> None:
     first, second = "{type: metal, albedo: 0.9}", "{type: lambertian, albedo: 0.1}"
     for weight, kind in ((0.4, "metal"), (0.6, "lambertian"), ("{type: noise, low: 0.6, high: 1}", "lambertian")):
-        (found,) = recast(
+        (found,) = replaced_materials(
             of(f"{{type: mixture, materials: [{first}, {second}], weight: {weight}}}"), "material.mixture"
         )
         assert found.type == kind
-    (found,) = recast(of(f"{{type: two_sided, front: {first}, back: {second}}}"), "material.two_sided")
+    (found,) = replaced_materials(of(f"{{type: two_sided, front: {first}, back: {second}}}"), "material.two_sided")
     assert found.type == "metal"
     spec = of(f"{{type: cutout, material: {first}, opacity: 0.5}}")
-    (found,) = recast(spec, "material.cutout")
+    (found,) = replaced_materials(spec, "material.cutout")
     assert found.type == "metal"
-    assert without(spec, "material.cutout")[1].passage is None
+    assert without(spec, "material.cutout")[1].transparency is None
 
 
 def test_selectors_in_selectors_of_their_kind_go_too() -> None:
     inner = "{type: mixture, materials: [{type: metal}, {type: dielectric}], weight: 0.7}"
     spec = of(f"{{type: mixture, materials: [{inner}, {{type: lambertian}}], weight: 0.2}}")
-    (found,) = recast(spec, "material.mixture")
+    (found,) = replaced_materials(spec, "material.mixture")
     assert found.type == "dielectric"
     within = of(f"{{type: cutout, material: {inner}, opacity: 0.5}}")
-    (found,) = recast(within, "material.mixture")
+    (found,) = replaced_materials(within, "material.mixture")
     assert (found.type, found.material.type) == ("cutout", "dielectric")
 
 
 def test_what_a_selector_shows_is_replaced_in_it() -> None:
     spec = of("{type: mixture, materials: [{type: metal, albedo: 0.9}, {type: dielectric}], weight: 0.5}")
-    (found,) = recast(spec, "material.metal")
+    (found,) = replaced_materials(spec, "material.metal")
     assert [child.type for child in found.children().values()] == ["lambertian", "dielectric"]
     # A material of two equal ones is that one.
     spec = of("{type: mixture, materials: [{type: metal, albedo: 0.9}, {type: lambertian, albedo: 0.9}]}")
-    (found,) = recast(spec, "material.metal")
+    (found,) = replaced_materials(spec, "material.metal")
     assert (found.type, found.albedo) == ("lambertian", (0.9, 0.9, 0.9))
 
 
 def test_a_boundary_has_nothing_to_become() -> None:
     spec = of("{type: boundary}")
-    reasons = kept(spec, pack(spec))
+    reasons = reasons_without_variant(spec, pack(spec))
     assert {"material.boundary", "passage"} <= set(reasons)
 
 
@@ -590,19 +592,19 @@ def test_textures_become_their_means_and_reliefs_nothing() -> None:
         f"{{type: principled, base_color: {CHECKER}, roughness: {CHECKER}, bump: {CHECKER}, bump_height: 1 mm, "
         "metallic: {type: noise, low: 0.2, high: 0.6}}",
     )
-    (found,) = recast(spec, "texture.checker")
+    (found,) = replaced_materials(spec, "texture.checker")
     np.testing.assert_allclose(found.base_color, np.array(MEAN))
     np.testing.assert_allclose(found.roughness, np.dot(MEAN, REC709_LUMINANCE))
     assert found.bump is None
     assert found.metallic.type == "noise"
     scene = without(spec, "texture.checker")[1]
-    assert scene.relief is None
+    assert scene.normal_mapping is None
     assert len(scene.textures) == 1
 
 
 def test_holes_become_as_many_on_average() -> None:
     opacity = "{type: checker, scale: 1, even: 0.0, odd: 0.8}"
-    (found,) = recast(
+    (found,) = replaced_materials(
         of(f"{{type: cutout, material: {{type: metal}}, opacity: {opacity}, threshold: 0.5}}"), "texture.checker"
     )
     assert found.opacity == pytest.approx(0.4)
@@ -611,29 +613,33 @@ def test_holes_become_as_many_on_average() -> None:
 
 def test_materials_of_a_files_own_are_replaced_too() -> None:
     spec, packed = of_file(SCENES / "studio.yaml")
-    (variant,) = [item for item in variants(spec, packed) if item.name == "material.principled"]
+    (variant,) = [item for item in make_variants(spec, packed) if item.name == "material.principled"]
     radio = spec.model_copy(update={"objects": tuple(item for item in spec.objects if item.name == "radio")})
     kinds = {type(table).__module__ for table in pack(radio).scene.materials}
-    assert "raytracer.materials.principled" in kinds
+    assert "raytracer.plugins.materials.principled" in kinds
     after = {type(table).__module__ for table in variant.pack(radio).scene.materials}
-    assert after == {"raytracer.materials.lambertian"}
+    assert after == {"raytracer.plugins.materials.lambertian"}
 
 
 # ---- Names
 
 
 def named(*names: str) -> list[Variant]:
-    return [Variant(CONTROL, "control", "."), *(Variant(name, "effect", ".") for name in names)]
+    return [Variant(REPEAT, "control", "."), *(Variant(name, "effect", ".") for name in names)]
 
 
 def test_variants_are_chosen_by_name_with_the_control() -> None:
     found = named("defocus", "accuracy=fast", "max_depth=4")
-    assert [item.name for item in select(found, ["max_depth=4", "defocus"])] == [CONTROL, "defocus", "max_depth=4"]
-    assert [item.name for item in select(found, [])] == [CONTROL]
+    assert [item.name for item in select_variants(found, ["max_depth=4", "defocus"])] == [
+        REPEAT,
+        "defocus",
+        "max_depth=4",
+    ]
+    assert [item.name for item in select_variants(found, [])] == [REPEAT]
 
 
 def test_an_unknown_name_is_refused_with_the_nearest() -> None:
-    with pytest.raises(InputError, match="unknown arm 'defokus'; did you mean 'defocus'"):
-        select(named("defocus"), ["defokus"])
-    with pytest.raises(InputError, match="no arm without environment: it is all the light that there is"):
-        select(named("defocus"), ["environment"], {"environment": "it is all the light that there is"})
+    with pytest.raises(InputError, match="unknown variant 'defokus'; did you mean 'defocus'"):
+        select_variants(named("defocus"), ["defokus"])
+    with pytest.raises(InputError, match="no variant without environment: it is all the light that there is"):
+        select_variants(named("defocus"), ["environment"], {"environment": "it is all the light that there is"})

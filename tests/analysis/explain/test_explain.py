@@ -7,18 +7,18 @@ from typing import Any
 
 import pytest
 
-from raytracer.cameras.pinhole import Pinhole
-from raytracer.cli.main import main
-from raytracer.errors import InputError
-from raytracer.explanation import Circle, Explanation, explain, parse_circle
-from raytracer.integrator import render_tile
-from raytracer.motion import row_at
+from raytracer.analysis.explain import Circle, Explanation, explain, parse_circle
+from raytracer.cli.base.app import main
+from raytracer.core.motion.trajectory import row_at
+from raytracer.kernel.path_tracer import render_tile
+from raytracer.plugins.cameras.pinhole import Pinhole
+from raytracer.scene.json_schema import nested_mappings, properties_of, scene_schema
 from raytracer.scene.load import load
-from raytracer.scene.pack import pack
-from raytracer.scene.schema import nested_mappings, properties_of, schema
-from tests.rendering import scene
+from raytracer.scene.pack.scene import pack
+from raytracer.util.errors import InputError
+from tests.small_scenes import scene
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 SCENES = ROOT / "scenes"
 
 FULL_FRAME = "sensor: {width: 36 mm, height: 24 mm}"
@@ -595,7 +595,7 @@ def test_keys_have_their_meaning_at_any_depth_whether_given_or_not() -> None:
     assert (keys["render.seed"].value, keys["render.seed"].is_given) == (0, False)
     assert keys["camera.shake.amplitude"].meaning.startswith("root mean square (deg) of the angle about each axis")
     # All that stands within others in the schema is there, where this camera, its film or an object may have it.
-    for nested in nested_mappings(schema()):
+    for nested in nested_mappings(scene_schema()):
         wanted = [place for place in nested.places if place.startswith("camera.") and place.split(".")[1] in PINHOLE]
         for place, form in ((place, form) for place in wanted for form in nested.forms):
             assert {f"{place}.{key}" for key in form["properties"]} <= set(keys)

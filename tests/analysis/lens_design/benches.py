@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from raytracer.glass import AIR, Glass, constant
-from raytracer.lens_report.analysis.bench import Bench
-from raytracer.lens_report.analysis.paraxial import crossing, marginal_ray
-from raytracer.lens_report.analysis.results import Settings
-from raytracer.lenses.first_order import entrance_pupil
-from raytracer.lenses.lens import Element, Lens
+from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench
+from raytracer.analysis.lens_design.performance.paraxial import crossing, marginal_ray
+from raytracer.analysis.lens_design.performance.results import Settings
+from raytracer.optics.glass import AIR, Glass, constant_index_glass
+from raytracer.optics.lens_system.first_order import entrance_pupil
+from raytracer.optics.lens_system.lens import Element, Lens
 
-SHIPPED = sorted((Path(__file__).parents[2] / "scenes" / "lenses").glob("*.yaml"))
+SHIPPED = sorted((Path(__file__).parents[3] / "scenes" / "lenses").glob("*.yaml"))
 
 THIN = 1e-9
 """A thickness (mm) that is none, but keeps surfaces in order."""
@@ -37,19 +37,19 @@ def thin_lens(focal_length: float, shape: float, glass: Glass, radius: float) ->
 
 def symmetric_lens() -> Lens:
     """Two equal menisci on both sides of a stop."""
-    glass = constant(1.6)
+    glass = constant_index_glass(1.6)
     front = [(1.0 / 20.0, 3.0, glass, 9.0), (1.0 / 28.0, 5.0, AIR, 8.0)]
     rear = [(-1.0 / 28.0, 3.0, glass, 8.0), (-1.0 / 20.0, 0.0, AIR, 9.0)]
     return lens_of(*front, stop(5.0, 2.5), *rear)
 
 
 def plano_convex(radius: float = 10.0) -> Lens:
-    return lens_of((0.0, 5.0, constant(1.5), 12.5, {"kind": "flat"}), (-1.0 / 50.0, 0.0, AIR, radius))
+    return lens_of((0.0, 5.0, constant_index_glass(1.5), 12.5, {"kind": "flat"}), (-1.0 / 50.0, 0.0, AIR, radius))
 
 
 def aspheric_pair() -> Lens:
     """Without any symmetry or correction, with a conic, coefficients, and the stop between."""
-    glass, other = constant(1.5), constant(1.7)
+    glass, other = constant_index_glass(1.5), constant_index_glass(1.7)
     return lens_of(
         (0.02, 4.0, glass, 14.0, {"kind": "asphere", "conic": -0.6, "coefficients": (1e-6, -2e-9)}),
         (-0.008, 6.0, AIR, 14.0),
@@ -63,7 +63,7 @@ def aspheric_pair() -> Lens:
 
 def cylinder_pair() -> Lens:
     """Two crossed cylinders around the stop, the second twice as strong and half as far, so that both planes focus."""
-    glass = constant(1.5)
+    glass = constant_index_glass(1.5)
     return lens_of(
         (1.0 / 50.0, 3.0, glass, 12.0, {"kind": "cylindrical", "axis": "x"}),
         (0.0, 20.0, AIR, 12.0, {"kind": "flat"}),
@@ -73,14 +73,14 @@ def cylinder_pair() -> Lens:
     )
 
 
-def bench_at(lens: Lens, film: float | None = None, **settings: Any) -> Bench:
+def bench_at(lens: Lens, film: float | None = None, **settings: Any) -> OpticalBench:
     """With the film at the paraxial focus, if no other place is given."""
     number = lens.stop()
     surfaces = lens.packed()
     pupil = entrance_pupil(surfaces).z
-    bench = Bench(lens, Settings(**settings), number, lens.elements[number].radius, 0.0, pupil)
+    bench = OpticalBench(lens, Settings(**settings), number, lens.elements[number].radius, 0.0, pupil)
     focus = crossing(surfaces, marginal_ray(bench, surfaces)) if film is None else film
-    return Bench(lens, bench.settings, number, bench.stop_radius, focus, pupil)
+    return OpticalBench(lens, bench.settings, number, bench.stop_radius, focus, pupil)
 
 
 def sensor(largest: float) -> tuple[float, float]:
@@ -89,7 +89,7 @@ def sensor(largest: float) -> tuple[float, float]:
 
 
 def limit(sizes: Sequence[float], ratios: Any) -> float:
-    """What ratios tend to that are off by the square of a size: of the two smallest sizes."""
+    """Extrapolate ratios that are off by the square of a size, from the two smallest sizes."""
     (a, b), (p, q) = sizes[-2:], tuple(ratios)[-2:]
     weight = (b / a) ** 2
     return float((q - weight * p) / (1.0 - weight))
@@ -105,7 +105,7 @@ def rays_close_to(origin: Any, direction: Any, along: Any, apart: float, *, para
 
 
 def closest(points: Any, directions: Any) -> Any:
-    """Where two rays (2, 3) come closest: the middle of the shortest way between them."""
+    """Find the point where two rays (2, 3) come closest: the middle of the shortest way between them."""
     between = points[1] - points[0]
     a, b = directions
     product = a @ b

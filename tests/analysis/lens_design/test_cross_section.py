@@ -7,17 +7,26 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from raytracer.assets.lenses import read_lens
-from raytracer.glass import AIR, constant
-from raytracer.lens_report import drawing, svg
-from raytracer.lens_report.analysis.results import Settings
-from raytracer.lens_report.analysis.study import study
-from raytracer.lens_report.drawing import Arc, Cubic, Line, fan, picture, profile, reversed_pieces
-from raytracer.lenses.first_order import cardinal_points
-from raytracer.lenses.lens import Element
-from tests.lens_report.benches import SHIPPED, cylinder_pair, lens_of, plano_convex, symmetric_lens
+from raytracer.analysis.lens_design.cross_section.drawing import (
+    SectionSetup,
+    build_cross_section,
+    cross_sections,
+    stack_labels,
+)
+from raytracer.analysis.lens_design.cross_section.fans import trace_fan
+from raytracer.analysis.lens_design.cross_section.outlines import Arc, Cubic, Line, reversed_pieces, surface_outline
+from raytracer.analysis.lens_design.cross_section.to_matplotlib import arc_to_cubics, plot_on_axes
+from raytracer.analysis.lens_design.cross_section.to_svg import document, render_svg
+from raytracer.analysis.lens_design.performance.lens_study import study_lens
+from raytracer.analysis.lens_design.performance.results import Settings
+from raytracer.optics.glass import AIR, constant_index_glass
+from raytracer.optics.lens_system.first_order import cardinal_points
+from raytracer.optics.lens_system.lens import Element
+from raytracer.report import svg
+from raytracer.scene.assets.lenses import read_lens
+from tests.analysis.lens_design.benches import SHIPPED, cylinder_pair, lens_of, plano_convex, symmetric_lens
 
-GLASS = constant(1.5)
+GLASS = constant_index_glass(1.5)
 QUICK = Settings(steps=5, rays=8, fields=(0.0, 1.0))
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -31,14 +40,14 @@ def bezier(start: tuple[float, float], cubic: Cubic) -> np.ndarray:
 
 @pytest.mark.parametrize("radius", [20.0, -35.0])
 def test_a_sphere_is_an_arc_of_its_radius(radius: float) -> None:
-    start, (arc,) = profile(Element(1.0 / radius, 1.0, GLASS, 15.0), 3.0, 15.0)
+    start, (arc,) = surface_outline(Element(1.0 / radius, 1.0, GLASS, 15.0), 3.0, 15.0)
     assert isinstance(arc, Arc)
     assert (arc.half_z, arc.half_height) == pytest.approx((abs(radius), abs(radius)))
     for z, height in (start, arc.end):
         assert math.hypot(z - 3.0 - radius, height) == pytest.approx(abs(radius))
     # The centre of an arc upwards is on its left if the pen turns anticlockwise.
     assert arc.anticlockwise == (radius < 0.0)
-    for (z, height), cubic in pairwise_cubics(start, drawing._cubics(start, arc)):
+    for (z, height), cubic in pairwise_cubics(start, arc_to_cubics(start, arc)):
         points = bezier((z, height), cubic)
         np.testing.assert_allclose(np.hypot(points[:, 0] - 3.0 - radius, points[:, 1]), abs(radius), rtol=1e-8)
 
@@ -60,8 +69,8 @@ def pairwise_cubics(start: tuple[float, float], cubics: list[Cubic]) -> list[tup
 )
 def test_points_of_a_curve_lie_on_the_surface(changes: dict[str, float]) -> None:
     surface = Element(0.02, 1.0, GLASS, 18.0, kind="asphere")._replace(**changes)
-    start, pieces = profile(surface, -4.0, 18.0)
-    cubics = drawing._cubics(start, pieces[0]) if isinstance(pieces[0], Arc) else list(pieces)
+    start, pieces = surface_outline(surface, -4.0, 18.0)
+    cubics = arc_to_cubics(start, pieces[0]) if isinstance(pieces[0], Arc) else list(pieces)
     for place, cubic in pairwise_cubics(start, cubics):
         for z, height in bezier(place, cubic):
             expected = -4.0 + float(surface.sag(0.0, height))
@@ -70,13 +79,16 @@ def test_points_of_a_curve_lie_on_the_surface(changes: dict[str, float]) -> None
 
 def test_a_cylinder_is_straight_along_its_axis() -> None:
     surface = Element(0.02, 1.0, GLASS, 10.0, kind="cylindrical", axis="x")
-    assert isinstance(profile(surface, 0.0, 10.0, "x")[1][0], Line)
-    assert isinstance(profile(surface, 0.0, 10.0, "y")[1][0], Arc)
+    assert isinstance(surface_outline(surface, 0.0, 10.0, "x")[1][0], Line)
+    assert isinstance(surface_outline(surface, 0.0, 10.0, "y")[1][0], Arc)
 
 
 def test_a_curve_turned_round_is_the_same_curve() -> None:
     surface = Element(0.02, 1.0, GLASS, 18.0, kind="asphere", coefficients=(1e-5,))
-    for start, pieces in (profile(surface, 0.0, 18.0), profile(surface._replace(coefficients=()), 0.0, 18.0)):
+    for start, pieces in (
+        surface_outline(surface, 0.0, 18.0),
+        surface_outline(surface._replace(coefficients=()), 0.0, 18.0),
+    ):
         assert reversed_pieces(*reversed_pieces(start, pieces)) == (start, pieces)
         assert reversed_pieces(start, pieces)[0] == pieces[-1].end
 
@@ -85,7 +97,7 @@ def test_rays_of_a_far_point_are_parallel_and_meet_every_surface() -> None:
     lens = plano_convex()
     surfaces = lens.packed()
     film = cardinal_points(surfaces).rear_focus
-    found = fan(surfaces, film, -10.0)
+    found = trace_fan(surfaces, film, -10.0)
     assert found is not None
     rays, angle = found
     assert rays.shape == (7, 4, 2)
@@ -102,7 +114,7 @@ def test_rays_of_a_far_point_are_parallel_and_meet_every_surface() -> None:
 def test_the_outer_rays_of_a_singlet_cross_the_axis_before_the_film() -> None:
     surfaces = plano_convex().packed()
     film = cardinal_points(surfaces).rear_focus
-    found = fan(surfaces, film, 0.0)
+    found = trace_fan(surfaces, film, 0.0)
     assert found is not None
     heights = found[0][:, :, 1]
     # Spherical aberration: they land on the other side, the outermost the farthest.
@@ -113,7 +125,7 @@ def test_the_outer_rays_of_a_singlet_cross_the_axis_before_the_film() -> None:
 
 def test_rays_of_a_near_point_come_from_it() -> None:
     surfaces = plano_convex().packed()
-    found = fan(surfaces, 200.0, -5.0, plane=-190.0)
+    found = trace_fan(surfaces, 200.0, -5.0, object_z=-190.0)
     assert found is not None
     starts, seconds = found[0][:, 0], found[0][:, 1]
     slopes = (seconds - starts)[:, 1] / (seconds - starts)[:, 0]
@@ -122,7 +134,7 @@ def test_rays_of_a_near_point_come_from_it() -> None:
 
 
 def test_no_light_makes_no_fan() -> None:
-    assert fan(symmetric_lens().packed(), 40.0, 500.0) is None
+    assert trace_fan(symmetric_lens().packed(), 40.0, 500.0) is None
 
 
 @pytest.mark.parametrize(
@@ -130,17 +142,17 @@ def test_no_light_makes_no_fan() -> None:
 )
 def test_a_shipped_lens_in_section(path: object) -> None:
     lens = read_lens(path)
-    found = study(lens, QUICK)
-    (shown,) = drawing.sections(lens, found)
+    found = study_lens(lens, QUICK)
+    (shown,) = cross_sections(lens, found)
     glasses = sum(float(one.glass.ior()) != 1.0 for one in lens.elements[:-1])
     assert len(shown.outlines) == glasses
     assert len(shown.fields) == 3
-    root = ET.fromstring(svg.document(picture(shown)))
+    root = ET.fromstring(svg.document(render_svg(shown)))
     assert root.tag == f"{SVG}svg"
     paths = [node.get("d", "") for node in root.iter(f"{SVG}path")]
     assert sum(d.endswith("Z") for d in paths) == glasses
     # No name covers another.
-    placed, _ = drawing._rows(shown, 5.0, 0.0)
+    placed, _ = stack_labels(shown, 5.0, 0.0)
     for row in {row for _, _, row in placed}:
         names = [(x, len(mark.name)) for mark, x, number in placed if number == row]
         assert all(b - a > 3.0 * (long + wide) for (a, long), (b, wide) in pairwise(names))
@@ -148,16 +160,16 @@ def test_a_shipped_lens_in_section(path: object) -> None:
 
 def test_a_lens_with_cylinders_is_drawn_in_both_planes() -> None:
     lens = cylinder_pair()
-    shown = drawing.sections(lens, study(lens, QUICK))
+    shown = cross_sections(lens, study_lens(lens, QUICK))
     assert [one.title[-1] for one in shown] == ["y", "x"]
-    root = ET.fromstring(drawing.document(shown))
+    root = ET.fromstring(document(shown))
     assert len(root.findall(f"{SVG}svg")) == 2
 
 
 def test_glass_is_told_from_air() -> None:
     lens = plano_convex()
     film = cardinal_points(lens.packed()).rear_focus
-    shown = drawing.drawing(lens, lens.packed(), film, [0.0], half_film=12.0)
+    shown = build_cross_section(lens, lens.packed(), SectionSetup(film, 12.0, [0.0]))
     (outline,) = shown.outlines
     assert outline.title == "n = 1.5000"
     assert all(element.glass == AIR for element in lens.elements[1:])
@@ -168,10 +180,10 @@ def test_glass_is_told_from_air() -> None:
 
 def test_rays_astray_do_not_make_all_else_small() -> None:
     """A ball of dense glass throws rays of its rim far to the side."""
-    ball = lens_of((0.1, 20.0, constant(1.8), 9.95), (-0.1, 0.0, AIR, 9.95))
-    shown = drawing.drawing(ball, ball.packed(), 21.0, [0.0, 6.0, 8.0], half_film=8.0)
+    ball = lens_of((0.1, 20.0, constant_index_glass(1.8), 9.95), (-0.1, 0.0, AIR, 9.95))
+    shown = build_cross_section(ball, ball.packed(), SectionSetup(21.0, 8.0, [0.0, 6.0, 8.0]))
     assert all(abs(ray.points[-1, 1]) <= 1.4 * 12.5 for ray in shown.rays)
-    whole = fan(ball.packed(), 21.0, -8.0)
+    whole = trace_fan(ball.packed(), 21.0, -8.0)
     assert whole is not None
     drawn = [ray.points for ray in shown.rays if ray.field == 2]
     # What is left of a ray lies on it.
@@ -186,10 +198,10 @@ def test_rays_astray_do_not_make_all_else_small() -> None:
 def test_names_of_points_are_clear_of_the_legend_on_paper() -> None:
     figures = pytest.importorskip("matplotlib.figure")
     lens = read_lens(next(path for path in SHIPPED if path.stem == "anamorphic-75mm"))
-    shown = drawing.sections(lens, study(lens, Settings(steps=3, rays=4, fields=(0.0, 1.0))))
+    shown = cross_sections(lens, study_lens(lens, Settings(steps=3, rays=4, fields=(0.0, 1.0))))
     figure = figures.Figure(figsize=(10.0, 5.2 * len(shown)))
     for one, axes in zip(shown, figure.subplots(len(shown), squeeze=False)[:, 0], strict=True):
-        drawing.draw(one, axes)
+        plot_on_axes(one, axes)
         figure.draw_without_rendering()
         bottom = min(name.get_window_extent().y0 for name in axes.texts)
         assert axes.get_legend().get_window_extent().y1 < bottom

@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.assets.lenses import read_lens
-from raytracer.lens_report import maps
-from raytracer.lens_report.analysis import chief
-from raytracer.lens_report.analysis.bench import Bench, bench_of
-from raytracer.lens_report.analysis.results import Settings
-from tests.lens_report.benches import SHIPPED, cylinder_pair
+from raytracer.analysis.lens_design.distortion_maps import files
+from raytracer.analysis.lens_design.distortion_maps.distortion_map import DistortionMap, trace_distortion_map
+from raytracer.analysis.lens_design.distortion_maps.pixel_grid import fitted_points
+from raytracer.analysis.lens_design.performance import chief_rays as chief
+from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench, set_up_bench
+from raytracer.analysis.lens_design.performance.results import Settings
+from raytracer.scene.assets.lenses import read_lens
+from tests.analysis.lens_design.benches import SHIPPED, cylinder_pair
 
 cv2 = pytest.importorskip("cv2")
 
@@ -21,16 +23,16 @@ LENSES = {path.stem: path for path in SHIPPED}
 WIDTH = 300
 
 
-def bench(name: str, **settings: Any) -> Bench:
+def bench(name: str, **settings: Any) -> OpticalBench:
     lens = cylinder_pair() if name == "cylinders" else read_lens(LENSES[name])
     side = min(43.3, lens.image_circle or 43.3) / math.hypot(3.0, 2.0)
-    return bench_of(lens, Settings(sensor_mm=(3.0 * side, 2.0 * side), **settings))
+    return set_up_bench(lens, Settings(sensor_mm=(3.0 * side, 2.0 * side), **settings))
 
 
-def mapped(name: str, **settings: Any) -> maps.Distortion:
+def mapped(name: str, **settings: Any) -> DistortionMap:
     size = {"sensor_mm": (12.0, 8.0)} if name == "cylinders" else {}
     made = bench(name)
-    return maps.distortion(bench_of(made.lens, made.settings._replace(**{**size, **settings})), WIDTH)
+    return trace_distortion_map(set_up_bench(made.lens, made.settings._replace(**{**size, **settings})), WIDTH)
 
 
 NAMES = ("double-gauss-50mm", "fisheye-10mm", "phone-3.7mm", "wide-22mm", "cylinders")
@@ -51,10 +53,10 @@ def test_the_inverse_undoes_the_map(name: str) -> None:
 @pytest.mark.parametrize("distance", [math.inf, 1500.0])
 def test_points_lie_where_their_chief_rays_land(name: str, distance: float) -> None:
     made = bench(name, focus_distance_mm=distance)
-    found = maps.distortion(made, WIDTH)
+    found = trace_distortion_map(made, WIDTH)
     half = 0.5 * math.hypot(*made.settings.sensor_mm)
     fields = np.degrees(np.arctan(np.linspace(0.05, 0.95, 7) * half / found.scale[0]))
-    heights = chief.of_fields(made, "y", made.primary, fields).height
+    heights = chief.chief_rays_at_fields(made, "y", made.primary, fields).height
     turned = np.array([math.cos(0.7), math.sin(0.7)])
     ideal = (found.scale[0] * np.tan(np.radians(fields)))[:, None] * turned
     np.testing.assert_allclose(found.distorted(ideal), heights[:, None] * turned, atol=1e-6 * half)
@@ -62,10 +64,10 @@ def test_points_lie_where_their_chief_rays_land(name: str, distance: float) -> N
 
 def test_cylinders_are_traced_across_both_planes() -> None:
     found = mapped("cylinders")
-    made = bench_of(cylinder_pair(), Settings(sensor_mm=(12.0, 8.0)))
+    made = set_up_bench(cylinder_pair(), Settings(sensor_mm=(12.0, 8.0)))
     for axis, meridian in enumerate(("x", "y")):
         fields = np.array([1.0, 2.0])
-        heights = chief.of_fields(made, meridian, made.primary, fields).height
+        heights = chief.chief_rays_at_fields(made, meridian, made.primary, fields).height
         ideal = np.zeros((2, 2))
         ideal[:, axis] = found.scale[axis] * np.tan(np.radians(fields))
         np.testing.assert_allclose(found.distorted(ideal)[:, axis], heights, atol=1e-7)
@@ -90,7 +92,7 @@ def test_a_barrel_draws_points_inwards() -> None:
 def test_pinhole_models_are_opencv_s(name: str) -> None:
     """Each puts the points of the film where OpenCV puts them, as far from the traced ones as it says."""
     found = mapped(name)
-    film = maps._fitted_points(found.grid)
+    film = fitted_points(found.grid)
     seen = found.undistorted(film) / found.scale[0]
     lit = np.isfinite(seen).all(axis=1)
     world = np.column_stack([seen[lit], np.ones(lit.sum())])
@@ -108,7 +110,7 @@ def test_the_fisheye_model_is_opencv_s() -> None:
     found = mapped("fisheye-10mm")
     model = found.models[0]
     assert (model.name, found.ideal) == ("fisheye", "equidistant")
-    film = maps._fitted_points(found.grid)
+    film = fitted_points(found.grid)
     seen = found.undistorted(film) / found.scale[0]
     angles = np.linalg.norm(seen, axis=1)
     lit = angles < math.radians(85.0)
@@ -144,7 +146,7 @@ def test_the_map_straightens_a_picture() -> None:
 def test_opencv_reads_the_file(tmp_path: Path) -> None:
     found = mapped("wide-22mm")
     path = tmp_path / "wide.yaml"
-    path.write_bytes(maps.opencv_yaml(found))
+    path.write_bytes(files.to_opencv_yaml(found))
     stored = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
     np.testing.assert_array_equal(stored.getNode("camera_matrix").mat(), found.camera_matrix())
     coefficients = stored.getNode("distortion_coefficients").mat()
@@ -156,13 +158,13 @@ def test_opencv_reads_the_file(tmp_path: Path) -> None:
 def test_the_archive_holds_the_maps(tmp_path: Path) -> None:
     found = mapped("double-gauss-50mm")
     path = tmp_path / "map.npz"
-    path.write_bytes(maps.npz(found))
+    path.write_bytes(files.to_npz(found))
     with np.load(path) as arrays:
         there, back = found.maps()
         np.testing.assert_array_equal(arrays["map_x"], there[..., 0])
         np.testing.assert_array_equal(arrays["inverse_y"], back[..., 1])
         about = json.loads(str(arrays["about"]))
-    assert about == json.loads(json.dumps(maps.as_dict(found)))
+    assert about == json.loads(json.dumps(files.as_dict(found)))
     assert about["models"][0]["rms_px"] == found.models[0].rms_px
 
 

@@ -13,15 +13,17 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from raytracer.assets.lenses import read_lens
-from raytracer.errors import InputError
-from raytracer.lens_report import charts, pdf, plots, svg
-from raytracer.lens_report.analysis.results import Settings
-from raytracer.lens_report.analysis.study import Study, study
-from raytracer.lens_report.charts import Chart, Series
-from raytracer.lens_report.page import page
-from raytracer.lenses.lens import Lens
-from tests.lens_report.benches import SHIPPED, cylinder_pair, plano_convex
+from raytracer.analysis.lens_design import pdf, plots
+from raytracer.analysis.lens_design.page import page
+from raytracer.analysis.lens_design.performance.lens_study import LensStudy, study_lens
+from raytracer.analysis.lens_design.performance.results import Settings
+from raytracer.optics.lens_system.lens import Lens
+from raytracer.report import chart as charts
+from raytracer.report import svg
+from raytracer.report.chart import Chart, Series
+from raytracer.scene.assets.lenses import read_lens
+from raytracer.util.errors import InputError
+from tests.analysis.lens_design.benches import SHIPPED, cylinder_pair, plano_convex
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -33,23 +35,23 @@ GAUSS = next(path for path in SHIPPED if path.stem == "double-gauss-50mm")
 
 
 @pytest.fixture(scope="module")
-def gauss() -> tuple[Lens, Study]:
+def gauss() -> tuple[Lens, LensStudy]:
     lens = read_lens(GAUSS)
-    return lens, study(lens, QUICK)
+    return lens, study_lens(lens, QUICK)
 
 
 @pytest.fixture
-def report(gauss: tuple[Lens, Study], tmp_path: Path) -> Path:
+def report(gauss: tuple[Lens, LensStudy], tmp_path: Path) -> Path:
     path = tmp_path / "gauss.html"
     path.write_bytes(page(*gauss))
     return path
 
 
-def test_all_of_the_study_is_on_the_page(report: Path, gauss: tuple[Lens, Study], open_page: Open) -> None:
+def test_all_of_the_study_is_on_the_page(report: Path, gauss: tuple[Lens, LensStudy], open_page: Open) -> None:
     shown = open_page(report)
     assert shown.locator("h1").inner_text() == "Double Gauss 50 mm f/2"
     titles = shown.locator("h2").all_inner_texts()
-    assert titles[:4] == ["Section", "First order", "Surfaces", "Spot diagrams"]
+    assert titles[:4] == ["Cross-section", "First order", "Surfaces", "Spot diagrams"]
     assert {"Field curvature and astigmatism", "Distortion", "Relative illumination", "Seidel sums"} <= set(titles)
     # Each place of the contents is there.
     targets = shown.eval_on_selector_all("#contents a", "links => links.map((a) => a.getAttribute('href'))")
@@ -67,7 +69,7 @@ def test_the_page_can_be_read_on_a_narrow_screen(report: Path, open_page: Open) 
     shown = open_page(report, size=(360, 700), color_scheme="dark")
     assert shown.evaluate("document.documentElement.scrollWidth <= innerWidth")
     # What is wider is moved in its place, by keys too.
-    region = shown.get_by_role("region", name="Double Gauss 50 mm f/2, in section")
+    region = shown.get_by_role("region", name="Double Gauss 50 mm f/2, cross-section")
     region.focus()
     assert region.evaluate("one => one.scrollWidth > one.clientWidth")
     shown.keyboard.press("ArrowRight")
@@ -76,10 +78,10 @@ def test_the_page_can_be_read_on_a_narrow_screen(report: Path, open_page: Open) 
             break
         shown.wait_for_timeout(20)
     else:
-        pytest.fail("the section does not move")
+        pytest.fail("the cross-section does not move")
 
 
-def test_charts_can_be_saved(report: Path, open_page: Open, gauss: tuple[Lens, Study]) -> None:
+def test_charts_can_be_saved(report: Path, open_page: Open, gauss: tuple[Lens, LensStudy]) -> None:
     shown = open_page(report)
     with shown.expect_download() as waiting:
         shown.get_by_role("button", name="Save CSV, Distortion").click()
@@ -95,7 +97,7 @@ def test_charts_can_be_saved(report: Path, open_page: Open, gauss: tuple[Lens, S
     assert "#ffffff" in text
 
 
-def test_a_hostile_name_is_text(gauss: tuple[Lens, Study], tmp_path: Path, open_page: Open) -> None:
+def test_a_hostile_name_is_text(gauss: tuple[Lens, LensStudy], tmp_path: Path, open_page: Open) -> None:
     evil = '</script><img src="http://example.org/x.png"><b>'
     path = tmp_path / "evil.html"
     path.write_bytes(page(gauss[0], gauss[1]._replace(name=evil, source=evil)))
@@ -107,14 +109,14 @@ def test_a_hostile_name_is_text(gauss: tuple[Lens, Study], tmp_path: Path, open_
 def test_a_lens_with_cylinders_has_both_planes_on_its_page(tmp_path: Path, open_page: Open) -> None:
     lens = cylinder_pair()
     path = tmp_path / "cylinders.html"
-    path.write_bytes(page(lens, study(lens, QUICK)))
+    path.write_bytes(page(lens, study_lens(lens, QUICK)))
     shown = open_page(path)
     assert shown.locator("#drawing svg").count() == 2
     assert "First order, in the plane of x" in shown.locator("h2").all_inner_texts()
     assert shown.locator("#seidel-sums").count() == 0
 
 
-def test_the_book_is_the_same_each_time(gauss: tuple[Lens, Study]) -> None:
+def test_the_book_is_the_same_each_time(gauss: tuple[Lens, LensStudy]) -> None:
     lens, found = gauss
     few = found._replace(fans=(), spots=found.spots[:1], spherical=(), illumination=(), mtf=(), mtf_over_field=())
     few = few._replace(tolerances=())
@@ -125,7 +127,7 @@ def test_the_book_is_the_same_each_time(gauss: tuple[Lens, Study]) -> None:
     assert pdf.pdf(lens, few) == first
 
 
-def test_a_drawing_in_pixels(gauss: tuple[Lens, Study]) -> None:
+def test_a_drawing_in_pixels(gauss: tuple[Lens, LensStudy]) -> None:
     with PIL.Image.open(io.BytesIO(pdf.png(*gauss))) as picture:
         assert picture.width > 1200
         values = np.asarray(picture.convert("RGB"), np.float64)
@@ -135,7 +137,7 @@ def test_a_drawing_in_pixels(gauss: tuple[Lens, Study]) -> None:
     assert (np.abs(values - (226, 202, 168)).max(axis=2) < 25).mean() > 0.02
 
 
-def test_a_name_is_no_formula(gauss: tuple[Lens, Study]) -> None:
+def test_a_name_is_no_formula(gauss: tuple[Lens, LensStudy]) -> None:
     # Matplotlib would read what is between two dollars as TeX, and raise.
     lens, found = gauss
     assert pdf.png(lens, found._replace(name=r"$\frac{$")).startswith(b"\x89PNG")
@@ -150,7 +152,7 @@ def test_without_matplotlib_it_is_said_which_extra_is_missing(monkeypatch: pytes
 def test_lines_are_where_their_points_are() -> None:
     x = np.array([0.0, 1.0, np.nan, 3.0, 4.0])
     chart = Chart("c", "title", "x", "y", (Series("a", x, 2.0 * x), Series("b", x, -x)), (0.0, 4.0), (-4.0, 8.0))
-    drawn = [node for node in svg_paths(charts.picture(chart)) if "a" in node[2:][0][2:]]
+    drawn = [node for node in svg_paths(charts.render_svg(chart)) if "a" in node[2:][0][2:]]
     (line,) = drawn
     pieces = line[1]["d"].split("M")[1:]
     # A gap in the data is a gap in the line.
@@ -175,16 +177,16 @@ def svg_paths(node: svg.Node) -> list[svg.Node]:
 
 def test_every_chart_of_every_shipped_kind_can_be_drawn() -> None:
     for lens in (plano_convex(), cylinder_pair()):
-        for group in plots.groups(study(lens, QUICK)):
+        for group in plots.chart_groups(study_lens(lens, QUICK)):
             keys = [chart.key for chart in group.charts]
             assert len(set(keys)) == len(keys)
             for chart in group.charts:
-                json.dumps(charts.picture(chart), allow_nan=False)
+                json.dumps(charts.render_svg(chart), allow_nan=False)
 
 
 def test_texts_name_lines_as_they_are_drawn() -> None:
     named = 0
-    for group in plots.groups(study(plano_convex(), QUICK)):
+    for group in plots.chart_groups(study_lens(plano_convex(), QUICK)):
         for look in re.findall(r"the (dotted|dashed|solid|grey|black) line", group.text):
             named += 1
             wanted = {"dotted": charts.DOTTED, "dashed": charts.DASHED}[look]
@@ -194,7 +196,7 @@ def test_texts_name_lines_as_they_are_drawn() -> None:
 
 def test_what_comes_from_outside_is_escaped_in_files() -> None:
     evil = '<script>"&'
-    node: Any = svg.picture(10.0, 10.0, evil, svg.element("text", {"x": 1.0}, evil))
+    node: Any = svg.render_svg(10.0, 10.0, evil, svg.element("text", {"x": 1.0}, evil))
     written = svg.document(node).decode()
     assert "<script>" not in written
     assert written.count("&lt;script&gt;") == 3

@@ -4,20 +4,20 @@ import re
 
 import pytest
 
-from raytracer.assets.lenses import read_lens
-from raytracer.lens_report import text
-from raytracer.lens_report.analysis.results import Settings
-from raytracer.lens_report.analysis.study import Study, study
-from raytracer.lens_report.charts import tick_text, ticks
-from tests.lens_report.benches import SHIPPED, cylinder_pair
+from raytracer.analysis.lens_design import text
+from raytracer.analysis.lens_design.performance.lens_study import LensStudy, study_lens
+from raytracer.analysis.lens_design.performance.results import Settings
+from raytracer.report.chart import tick_text, ticks
+from raytracer.scene.assets.lenses import read_lens
+from tests.analysis.lens_design.benches import SHIPPED, cylinder_pair
 
 QUICK = Settings(steps=9, rays=12, fields=(0.0, 0.7, 1.0))
 GAUSS = next(path for path in SHIPPED if path.stem == "double-gauss-50mm")
 
 
 @pytest.fixture(scope="module")
-def gauss() -> Study:
-    return study(read_lens(GAUSS), QUICK)
+def gauss() -> LensStudy:
+    return study_lens(read_lens(GAUSS), QUICK)
 
 
 def number(line: str) -> float:
@@ -26,7 +26,7 @@ def number(line: str) -> float:
     return float(found[0].replace("−", "-"))
 
 
-def test_the_summary_says_the_first_order(gauss: Study) -> None:
+def test_the_summary_says_the_first_order(gauss: LensStudy) -> None:
     first = gauss.first_order[0]
     rows = (re.split(r"  +", line.strip(), maxsplit=1) for line in text.summary(gauss).splitlines())
     lines = {row[0]: row[1] for row in rows if len(row) > 1}
@@ -38,7 +38,7 @@ def test_the_summary_says_the_first_order(gauss: Study) -> None:
     assert number(lines["field of view, diagonal"]) == pytest.approx(first.field_of_view_diagonal_deg, abs=0.006)
 
 
-def test_the_summary_says_the_aberrations(gauss: Study) -> None:
+def test_the_summary_says_the_aberrations(gauss: LensStudy) -> None:
     rows = {row[0]: number(row[1]) for row in text.aberrations(gauss)}
     assert rows["longitudinal colour"] == pytest.approx(gauss.colour[0].axial_between_ends_mm, rel=0.01)
     assert rows["distortion"] == pytest.approx(gauss.distortion[0].percent[-1], rel=0.01)
@@ -49,7 +49,7 @@ def test_the_summary_says_the_aberrations(gauss: Study) -> None:
     assert number(spots[1][head.index("RMS")]) == pytest.approx(gauss.spots[1].rms_um, rel=0.01)
 
 
-def test_the_sums_are_under_their_surfaces(gauss: Study) -> None:
+def test_the_sums_are_under_their_surfaces(gauss: LensStudy) -> None:
     table = text.seidel(gauss)
     assert table is not None
     columns = [[number(row.cells[column]) for row in table.rows] for column in range(7)]
@@ -60,7 +60,7 @@ def test_the_sums_are_under_their_surfaces(gauss: Study) -> None:
 
 
 def test_a_lens_with_cylinders_has_two_of_each_but_no_sums() -> None:
-    found = study(cylinder_pair(), QUICK)
+    found = study_lens(cylinder_pair(), QUICK)
     assert [table.title[-1] for table in text.first_order(found)] == ["y", "x"]
     assert text.seidel(found) is None
     said = text.summary(found)

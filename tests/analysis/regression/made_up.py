@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.analysis.regression import check, render_reference
+from raytracer.analysis.regression.reference_file import save_reference
 from raytracer.film.image import Image
-from raytracer.regression import checking, making
-from raytracer.regression.references import save_reference
 
 WIDTH, HEIGHT = 48, 32
 
@@ -57,7 +57,7 @@ class MadeUp:
 
     def install(self, monkeypatch: Any) -> "MadeUp":
         """Let references and checks be made of it."""
-        for module in (making, checking):
+        for module in (render_reference, check):
             monkeypatch.setattr(module, "render", self)
         return self
 
@@ -66,7 +66,7 @@ def reference(folder: Path, name: str = "ball", spp: int = 4096, width: int | No
     """A scene in `folder`, and its reference in `folder`/references."""
     scene = folder / f"{name}.yaml"
     scene.write_text(SCENE, encoding="utf-8")
-    found = making.source(scene, folder / "references", {}, width)
+    found = render_reference.prepare_reference_scene(scene, folder / "references", {}, width)
     path = folder / "references" / f"{name}.npz"
-    save_reference(path, *making.make(found, spp=spp))
+    save_reference(path, *render_reference.render_reference(found, spp=spp))
     return path

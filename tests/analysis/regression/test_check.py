@@ -8,12 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raytracer.errors import InputError
-from raytracer.regression import making
-from raytracer.regression.checking import check, finds, references_in, samples_to_find
-from raytracer.regression.references import Recipe, Reference, load_reference, save_reference
+from raytracer.analysis.regression import render_reference
+from raytracer.analysis.regression.check import (
+    CheckOptions,
+    check_reference,
+    detectable_change,
+    find_references,
+    samples_to_detect,
+)
+from raytracer.analysis.regression.reference_file import Recipe, Reference, load_reference, save_reference
 from raytracer.scene.load import load
-from tests.regression.made_up import HEIGHT, SCENE, WIDTH, MadeUp, reference, truth
+from raytracer.util.errors import InputError
+from tests.analysis.regression.made_up import HEIGHT, SCENE, WIDTH, MadeUp, reference, truth
 
 
 @pytest.fixture
@@ -54,7 +60,7 @@ def test_a_planted_fault_fails_and_is_named(fault: str, renders: MadeUp, tmp_pat
     path = reference(tmp_path)
     renders.change, reason = FAULTS[fault]
     for seed in range(5):
-        result = check(path, seed=seed)
+        result = check_reference(path, CheckOptions(seed=seed))
         assert not result.passed
         assert not result.error
         assert re.search(reason, result.reason), result.reason
@@ -63,7 +69,7 @@ def test_a_planted_fault_fails_and_is_named(fault: str, renders: MadeUp, tmp_pat
 def test_the_wrong_tile_is_the_farthest(renders: MadeUp, tmp_path: Path) -> None:
     path = reference(tmp_path)
     renders.change = wrong_tile
-    verdict = check(path).verdict
+    verdict = check_reference(path).verdict
     assert verdict is not None
     farthest = np.abs(verdict.tile_z).max(axis=2)
     assert np.unravel_index(np.argmax(farthest), farthest.shape) == (1, 3)
@@ -71,7 +77,7 @@ def test_the_wrong_tile_is_the_farthest(renders: MadeUp, tmp_path: Path) -> None
 
 def test_of_two_hundred_other_seeds_hardly_one_fails(renders: MadeUp, tmp_path: Path) -> None:
     path = reference(tmp_path)
-    assert sum(not check(path, spp=256, seed=seed).passed for seed in range(200)) <= 2
+    assert sum(not check_reference(path, CheckOptions(spp=256, seed=seed)).passed for seed in range(200)) <= 2
 
 
 # ---- What can be found
@@ -83,38 +89,38 @@ def test_what_a_check_finds_is_what_its_normal_law_says() -> None:
     # exceeds in one of three channels with a probability of 1e-3 / 8, and another 2.3263 that leave 1 % undetected.
     kept = flat(0.5, 4e-4 / 4096)
     deviation = math.sqrt(17 * 4e-4 / 4096 / 96)
-    needed = finds(kept, 256, 1e-3) * 0.5 / deviation - 2.3263
+    needed = detectable_change(kept, 256, 1e-3) * 0.5 / deviation - 2.3263
     assert 1.0 - (1.0 - math.erfc(needed / math.sqrt(2.0))) ** 3 == pytest.approx(1e-3 / 8, rel=1e-3)
 
 
 def test_a_shift_that_means_do_not_show_is_found_and_what_would_be_is_said(renders: MadeUp, tmp_path: Path) -> None:
     path = reference(tmp_path)
-    passed = check(path)
+    passed = check_reference(path)
     assert "more or less light, and " in passed.sentence()
     assert re.search(r"in a tile of 16 px \(half of the tiles\), a shift over 0\.0\d+ px", passed.sentence())
     found = passed.json()["would_have_found"]
     assert found["shift"] < 0.1
     renders.change = lambda picture: 0.9 * picture + 0.1 * np.roll(picture, 1, axis=1)
-    moved = check(path)
+    moved = check_reference(path)
     assert not moved.passed
     assert any("the whole is shifted to the right by 0." in finding for finding in moved.json()["findings"])
 
 
 def test_samples_are_as_many_as_the_change_takes() -> None:
     kept = flat(0.5, 0.25 / 4096)
-    spp = samples_to_find(kept, 0.03)
+    spp = samples_to_detect(kept, 0.03)
     assert 256 < spp < 4096
-    assert finds(kept, spp) <= 0.03 < finds(kept, spp - 1)
+    assert detectable_change(kept, spp) <= 0.03 < detectable_change(kept, spp - 1)
 
 
 def test_samples_have_their_bounds() -> None:
     # Without noise a few do; where the reference's own noise hides the change, as many as it has are the most.
-    assert samples_to_find(flat(0.5, 0.0)) == 256
-    assert finds(flat(0.5, 0.0), 256) == 0.0
-    assert samples_to_find(flat(0.5, 1.0)) == 4096
-    assert finds(flat(0.5, 1.0), 4096) > 0.01
-    assert samples_to_find(flat(0.0, 0.0)) == 4096
-    assert finds(flat(0.0, 0.0), 256) == math.inf
+    assert samples_to_detect(flat(0.5, 0.0)) == 256
+    assert detectable_change(flat(0.5, 0.0), 256) == 0.0
+    assert samples_to_detect(flat(0.5, 1.0)) == 4096
+    assert detectable_change(flat(0.5, 1.0), 4096) > 0.01
+    assert samples_to_detect(flat(0.0, 0.0)) == 4096
+    assert detectable_change(flat(0.0, 0.0), 256) == math.inf
 
 
 def test_what_a_check_is_to_find_it_finds_nearly_always(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -122,14 +128,14 @@ def test_what_a_check_is_to_find_it_finds_nearly_always(monkeypatch: pytest.Monk
     renders = MadeUp(sigma=1.8).install(monkeypatch)
     path = reference(tmp_path)
     kept = load_reference(path)
-    spp = samples_to_find(kept)
+    spp = samples_to_detect(kept)
     assert 400 < spp < 4096
-    renders.change = lambda picture: (1.0 + finds(kept, spp)) * picture
-    missed = sum(check(path, seed=seed).passed for seed in range(200))
+    renders.change = lambda picture: (1.0 + detectable_change(kept, spp)) * picture
+    missed = sum(check_reference(path, CheckOptions(seed=seed)).passed for seed in range(200))
     # Binomial, of 200 with 1 % each, but for the reference's own noise, which is the same in all.
     assert missed <= 20
-    renders.change = lambda picture: (1.0 + 0.2 * finds(kept, spp)) * picture
-    assert sum(check(path, seed=seed).passed for seed in range(50)) > 25
+    renders.change = lambda picture: (1.0 + 0.2 * detectable_change(kept, spp)) * picture
+    assert sum(check_reference(path, CheckOptions(seed=seed)).passed for seed in range(50)) > 25
 
 
 # ---- How it is rendered
@@ -137,7 +143,7 @@ def test_what_a_check_is_to_find_it_finds_nearly_always(monkeypatch: pytest.Monk
 
 def test_it_is_rendered_as_the_reference_was_with_other_random_numbers(renders: MadeUp, tmp_path: Path) -> None:
     path = reference(tmp_path, width=24)
-    result = check(path)
+    result = check_reference(path)
     first, second = renders.calls
     assert (first["spp"], first["seed"]) == (4096, 12345)
     assert (second["spp"], second["seed"]) == (256, 12346)
@@ -152,23 +158,23 @@ def test_it_is_rendered_as_the_reference_was_with_other_random_numbers(renders: 
 def test_the_seed_of_the_reference_is_refused(renders: MadeUp, tmp_path: Path) -> None:
     path = reference(tmp_path)
     with pytest.raises(InputError, match="was rendered with the seed 12345 itself"):
-        check(path, seed=12345)
+        check_reference(path, CheckOptions(seed=12345))
     with pytest.raises(InputError, match="at least 16 samples per pixel"):
-        check(path, spp=15)
+        check_reference(path, CheckOptions(spp=15))
 
 
 def test_the_seed_behind_the_last_is_the_first(renders: MadeUp, tmp_path: Path) -> None:
     path = reference(tmp_path)
     kept = load_reference(path)
     save_reference(path, kept.mean, kept.variance, kept.recipe._replace(seed=2**32 - 1))
-    assert check(path).seed == 0
+    assert check_reference(path).seed == 0
 
 
 def test_an_interrupt_ends_it(renders: MadeUp, tmp_path: Path) -> None:
     path = reference(tmp_path)
     renders.interrupted = True
     with pytest.raises(KeyboardInterrupt):
-        check(path)
+        check_reference(path)
     with pytest.raises(KeyboardInterrupt):
         reference(tmp_path, "other")
     assert [item.name for item in path.parent.iterdir()] == ["ball.npz"]
@@ -177,10 +183,10 @@ def test_an_interrupt_ends_it(renders: MadeUp, tmp_path: Path) -> None:
 def test_samples_that_are_not_finite_fail_unless_the_reference_had_some(renders: MadeUp, tmp_path: Path) -> None:
     path = reference(tmp_path)
     renders.nan_samples = 2
-    result = check(path)
+    result = check_reference(path)
     assert not result.passed
     assert result.reason == "2 samples are not finite, as none of the reference is"
-    assert check(reference(tmp_path, "other")).passed
+    assert check_reference(reference(tmp_path, "other")).passed
 
 
 @pytest.mark.parametrize(
@@ -196,8 +202,8 @@ def test_gains_that_are_measured_do_not_fail_by_their_own_noise(
     scene = tmp_path / "ball.yaml"
     scene.write_text(SCENE, encoding="utf-8")
     renders.settings = image
-    found = making.source(scene, tmp_path, {keys: "auto"}, None)
-    made = making.make(found)
+    found = render_reference.prepare_reference_scene(scene, tmp_path, {keys: "auto"}, None)
+    made = render_reference.render_reference(found)
     save_reference(tmp_path / "ball.npz", *made)
     gains = np.array([2.0] * 3 if "exposure_gain" in image else [0.5, 1.0, 2.0])
     assert made.recipe.gains == tuple(gains)
@@ -208,16 +214,16 @@ def test_gains_that_are_measured_do_not_fail_by_their_own_noise(
         for name in image
         if name != "metering"
     } | ({"metering": "average"} if "metering" in image else {})
-    first = check(tmp_path / "ball.npz")
+    first = check_reference(tmp_path / "ball.npz")
     assert first.passed
     # Brought to the gains of the reference, it is as noisy: variance goes with the square of light.
     renders.change, renders.settings = lambda picture: picture, image
-    second = check(tmp_path / "ball.npz")
+    second = check_reference(tmp_path / "ball.npz")
     np.testing.assert_allclose(first.image.variance, second.image.variance)
     # It is not the gain.
     renders.change = lambda picture: 1.05 * picture
     renders.settings = image
-    assert not check(tmp_path / "ball.npz").passed
+    assert not check_reference(tmp_path / "ball.npz").passed
 
 
 # ---- What is wrong
@@ -228,10 +234,10 @@ def test_what_has_changed_is_named(renders: MadeUp, tmp_path: Path) -> None:
     scene = tmp_path / "ball.yaml"
     # Only how it is written.
     scene.write_text("# A ball.\n" + SCENE.replace("radius: 1,", "radius:   1.0,"), encoding="utf-8")
-    assert check(path).changes == ()
+    assert check_reference(path).changes == ()
     scene.write_text(SCENE.replace("albedo: 0.5", "albedo: 0.4"), encoding="utf-8")
     renders.change = lambda picture: 0.9 * picture
-    result = check(path)
+    result = check_reference(path)
     assert result.changes == ("the scene",)
     assert result.sentence().endswith("; the scene has changed since the reference was rendered")
 
@@ -242,10 +248,10 @@ def test_a_file_of_the_scene_that_has_changed_is_named(renders: MadeUp, tmp_path
     scene = tmp_path / "ball.yaml"
     scene.write_text(SCENE + "  - {type: mesh, file: mesh.obj, material: {type: lambertian}}\n", encoding="utf-8")
     path = tmp_path / "ball.npz"
-    save_reference(path, *making.make(making.source(scene, tmp_path)))
-    assert check(path).changes == ()
+    save_reference(path, *render_reference.render_reference(render_reference.prepare_reference_scene(scene, tmp_path)))
+    assert check_reference(path).changes == ()
     (tmp_path / "mesh.obj").write_text(mesh.replace("1 0 0", "2 0 0"))
-    assert check(path).changes == ("mesh.obj",)
+    assert check_reference(path).changes == ("mesh.obj",)
 
 
 def test_what_cannot_be_checked_says_why(renders: MadeUp, tmp_path: Path) -> None:
@@ -253,26 +259,26 @@ def test_what_cannot_be_checked_says_why(renders: MadeUp, tmp_path: Path) -> Non
     scene = tmp_path / "ball.yaml"
 
     scene.write_text(SCENE.replace("pinhole", "pinhloe"), encoding="utf-8")
-    result = check(path)
+    result = check_reference(path)
     assert result.error
     assert "did you mean 'pinhole'" in result.reason
 
     scene.unlink()
-    result = check(path)
+    result = check_reference(path)
     assert result.error
     assert result.reason == f"{scene}: no such file"
     assert result.sentence() == f"ball: cannot be checked: {scene}: no such file"
 
     path.write_bytes(b"text")
-    assert "broken, or not a reference image" in check(path).reason
+    assert "broken, or not a reference image" in check_reference(path).reason
     path.unlink()
-    assert "no such file" in check(path).reason
+    assert "no such file" in check_reference(path).reason
 
 
 def test_a_picture_of_another_size_cannot_be_checked(renders: MadeUp, tmp_path: Path) -> None:
     path = reference(tmp_path)
     (tmp_path / "ball.yaml").write_text(SCENE.replace(f"width: {WIDTH}", "width: 40"), encoding="utf-8")
-    result = check(path)
+    result = check_reference(path)
     assert result.error
     assert f"has 40 x {HEIGHT} pixels, and the reference {WIDTH} x {HEIGHT}" in result.reason
 
@@ -280,16 +286,16 @@ def test_a_picture_of_another_size_cannot_be_checked(renders: MadeUp, tmp_path: 
 def test_a_scene_that_is_built_in_code_is_checked_by_code_alone(renders: MadeUp, tmp_path: Path) -> None:
     (tmp_path / "ball.yaml").write_text(SCENE, encoding="utf-8")
     spec = load(tmp_path / "ball.yaml")
-    found = making.source(spec, tmp_path, {"camera.vfov": 30}, 24)
+    found = render_reference.prepare_reference_scene(spec, tmp_path, {"camera.vfov": 30}, 24)
     assert (found.spec.film.width, found.spec.camera.vfov) == (24, 30)
     path = tmp_path / "ball.npz"
-    save_reference(path, *making.make(found))
-    assert check(path, found=found).passed
-    result = check(path)
+    save_reference(path, *render_reference.render_reference(found))
+    assert check_reference(path, scene=found).passed
+    result = check_reference(path)
     assert result.outcome == "skipped"
     assert result.sentence() == "ball: left out: its scene is built by a test, which checks it"
     with pytest.raises(InputError, match="built by a test"):
-        making.source_of(load_reference(path).recipe, tmp_path)
+        render_reference.load_recipe_scene(load_reference(path).recipe, tmp_path)
 
 
 def test_the_noise_behind_a_mosaic_is_not_known(
@@ -302,8 +308,8 @@ def test_the_noise_behind_a_mosaic_is_not_known(
         rendered.image = dataclasses.replace(rendered.image, variance=None)
         return rendered
 
-    monkeypatch.setattr("raytracer.regression.checking.render", without_variance)
-    result = check(path)
+    monkeypatch.setattr("raytracer.analysis.regression.check.render", without_variance)
+    result = check_reference(path)
     assert result.error
     assert "Bayer mosaic is not known" in result.reason
 
@@ -314,8 +320,8 @@ def test_the_noise_behind_a_mosaic_is_not_known(
 def test_a_picture_is_made_small_and_never_larger(tmp_path: Path) -> None:
     scene = tmp_path / "ball.yaml"
     scene.write_text(SCENE, encoding="utf-8")
-    assert making.source(scene, tmp_path).overrides == {"render.sampler": "independent"}
-    small = making.source(scene, tmp_path / "a" / "b", {"camera.vfov": 30}, 10)
+    assert render_reference.prepare_reference_scene(scene, tmp_path).overrides == {"render.sampler": "independent"}
+    small = render_reference.prepare_reference_scene(scene, tmp_path / "a" / "b", {"camera.vfov": 30}, 10)
     assert small.overrides == {
         "render.sampler": "independent",
         "camera.vfov": 30,
@@ -324,10 +330,13 @@ def test_a_picture_is_made_small_and_never_larger(tmp_path: Path) -> None:
     }
     assert small.scene == "../../ball.yaml"
     (tmp_path / "linked").symlink_to(tmp_path, target_is_directory=True)
-    assert making.source(tmp_path / "linked" / "ball.yaml", tmp_path).scene == "linked/ball.yaml"
+    assert (
+        render_reference.prepare_reference_scene(tmp_path / "linked" / "ball.yaml", tmp_path).scene
+        == "linked/ball.yaml"
+    )
     scene.write_text(SCENE.replace(f"width: {WIDTH}", "width: 200"), encoding="utf-8")
     with pytest.raises(InputError, match="200 pixels wide is too large to be kept with the sources: at most 128"):
-        making.source(scene, tmp_path, width=None)
+        render_reference.prepare_reference_scene(scene, tmp_path, width=None)
 
 
 def test_a_reference_takes_samples(renders: MadeUp, tmp_path: Path) -> None:
@@ -339,17 +348,17 @@ def test_references_are_found_by_name(renders: MadeUp, tmp_path: Path) -> None:
     for name in ("cube", "ball"):
         reference(tmp_path, name)
     folder = tmp_path / "references"
-    assert [path.name for path in references_in(folder)] == ["ball.npz", "cube.npz"]
-    assert [path.name for path in references_in(folder, ["cube"])] == ["cube.npz"]
+    assert [path.name for path in find_references(folder)] == ["ball.npz", "cube.npz"]
+    assert [path.name for path in find_references(folder, ["cube"])] == ["cube.npz"]
     with pytest.raises(InputError, match="no reference 'bal': did you mean 'ball'"):
-        references_in(folder, ["bal"])
+        find_references(folder, ["bal"])
     with pytest.raises(InputError, match="nowhere: no such folder"):
-        references_in(tmp_path / "nowhere")
+        find_references(tmp_path / "nowhere")
     with pytest.raises(InputError, match="is no folder"):
-        references_in(folder / "ball.npz")
+        find_references(folder / "ball.npz")
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match="has no references: rt reference SCENE -o"):
-        references_in(tmp_path / "empty")
+        find_references(tmp_path / "empty")
 
 
 def test_the_made_up_picture_is_not_grey() -> None:

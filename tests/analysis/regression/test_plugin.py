@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from raytracer import pytest_plugin
-from raytracer.regression.checking import check
-from raytracer.regression.report import report
-from tests.regression.made_up import SCENE, MadeUp
-from tests.regression.made_up import reference as made_reference
+from raytracer.analysis.regression import pytest_plugin
+from raytracer.analysis.regression.check import check_reference
+from raytracer.analysis.regression.report import check_page
+from tests.analysis.regression.made_up import SCENE, MadeUp
+from tests.analysis.regression.made_up import reference as made_reference
 
 pytest_plugins = ["pytester"]
 
@@ -28,7 +28,7 @@ def _imported(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Import what a check does only when it needs it: Pytester forgets modules, and NumPy cannot be imported twice."""
     with pytest.MonkeyPatch.context() as patch:
         MadeUp().install(patch)
-        report([check(made_reference(tmp_path_factory.mktemp("imported")))])
+        check_page([check_reference(made_reference(tmp_path_factory.mktemp("imported")))])
 
 
 @pytest.fixture
@@ -45,7 +45,16 @@ def write(project: pytest.Pytester, test: str) -> None:
 
 
 def run(project: pytest.Pytester, *arguments: str) -> pytest.RunResult:
-    settings = ("-p", "raytracer.pytest_plugin", "-p", "no:cacheprovider", "-p", "no:xdist", "-o", "addopts=")
+    settings = (
+        "-p",
+        "raytracer.pytest_plugin",
+        "-p",
+        "no:cacheprovider",
+        "-p",
+        "no:xdist",
+        "-o",
+        "addopts=",
+    )
     return project.runpytest_inprocess(*settings, *arguments)
 
 
@@ -54,13 +63,14 @@ def reference(project: pytest.Pytester, name: str = "ball") -> Path:
 
 
 def test_it_is_found_by_pytest_once_rt_is_installed() -> None:
-    found = [entry.value for entry in importlib.metadata.entry_points(group="pytest11")]
-    assert "raytracer.pytest_plugin" in found
+    plugins = {entry.name: entry.value for entry in importlib.metadata.entry_points(group="pytest11")}
+    assert plugins["raytracer.pytest_plugin"] == "raytracer.analysis.regression.pytest_plugin"
 
 
 def test_it_costs_nothing_before_it_is_used() -> None:
     program = (
-        "import sys, raytracer.pytest_plugin as p; print(*(m for m in ('numpy', 'numba', 'yaml') if m in sys.modules))"
+        "import sys, raytracer.analysis.regression.pytest_plugin as p; "
+        "print(*(m for m in ('numpy', 'numba', 'yaml') if m in sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
@@ -100,7 +110,7 @@ def test_a_picture_that_has_changed_fails_and_is_shown(project: pytest.Pytester,
     page = Path(line.partition(":")[2].strip())
     assert page.read_bytes().startswith(b"<!doctype html>")
     # No more of the program than that is shown.
-    assert "raytracer/pytest_plugin.py" not in result.stdout.str()
+    assert "raytracer/analysis/regression/pytest_plugin.py" not in result.stdout.str()
 
     result = run(project, "--rt-report", "pages")
     result.assert_outcomes(failed=1)
@@ -174,7 +184,7 @@ def test_a_scene_that_the_test_builds_has_a_name(project: pytest.Pytester, rende
 
 
 def test_tests_that_run_at_once_share_the_processors(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytracer.scheduling.available_threads", lambda: 8)
+    monkeypatch.setattr("raytracer.rendering.worker_pool.available_threads", lambda: 8)
     monkeypatch.delenv("PYTEST_XDIST_WORKER_COUNT", raising=False)
     assert pytest_plugin._threads() is None
     monkeypatch.setenv("PYTEST_XDIST_WORKER_COUNT", "3")

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raytracer.errors import InputError
-from raytracer.regression.references import Recipe, load_reference, save_reference
+from raytracer.analysis.regression.reference_file import Recipe, load_reference, save_reference
+from raytracer.util.errors import InputError
 
 RECIPE = Recipe(
     scene="../Köln.yaml",

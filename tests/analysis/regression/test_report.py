@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from raytracer.comparison import z_test
+from raytracer.analysis.compare import z_test
+from raytracer.analysis.regression.check import TILE, CheckResult
+from raytracer.analysis.regression.reference_file import Recipe, Reference
+from raytracer.analysis.regression.report import check_page
 from raytracer.film.image import Image
-from raytracer.regression.checking import TILE, Checked
-from raytracer.regression.references import Recipe, Reference
-from raytracer.regression.report import report
-from tests.regression.made_up import HEIGHT, WIDTH, truth
+from tests.analysis.regression.made_up import HEIGHT, WIDTH, truth
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 
-def result(name: str, change: float = 1.0, light: float = 1.0, **settings: Any) -> Checked:
-    """What a check has found of a picture that is brighter by a factor, of so much light."""
+def result(name: str, change: float = 1.0, light: float = 1.0, **settings: Any) -> CheckResult:
+    """Make the result of a check of a picture that is brighter by a factor, of so much light."""
     rng = np.random.default_rng(len(name))
     recipe = Recipe("../scene.yaml", {"film.width": WIDTH}, 4096, 12345, "0.1.0", {})
     mean = light * truth()
@@ -27,7 +27,7 @@ def result(name: str, change: float = 1.0, light: float = 1.0, **settings: Any) 
     variance = (0.3 * mean) ** 2 / 256
     image = Image(change * (mean + np.sqrt(variance) * rng.standard_normal(mean.shape)), change**2 * variance, 256)
     verdict = z_test(image.radiance, image.variance, kept.mean, kept.variance, TILE)
-    return Checked(
+    return CheckResult(
         name,
         Path("references") / f"{name}.npz",
         verdict.passed,
@@ -35,7 +35,7 @@ def result(name: str, change: float = 1.0, light: float = 1.0, **settings: Any) 
         scene="../scene.yaml",
         spp=256,
         seed=12346,
-        finds=0.01,
+        detectable_change=0.01,
         reference=kept,
         image=image,
         verdict=verdict,
@@ -45,9 +45,9 @@ def result(name: str, change: float = 1.0, light: float = 1.0, **settings: Any) 
 
 @pytest.fixture
 def shown(tmp_path: Path, open_page: "Callable[..., Page]") -> "Callable[..., Page]":
-    def show(*results: Checked, fragment: str = "") -> "Page":
+    def show(*results: CheckResult, fragment: str = "") -> "Page":
         path = tmp_path / "check.html"
-        path.write_bytes(report(results))
+        path.write_bytes(check_page(results))
         return open_page(path, fragment)
 
     return show
@@ -68,7 +68,7 @@ MEAN_COLOUR = """async (image) => {
 
 def test_what_failed_comes_first_with_its_pictures_and_numbers(shown: "Callable[..., Page]") -> None:
     good, bad = result("good"), result("bad", 1.01, changes=("the scene",))
-    gone = Checked("gone", Path("gone.npz"), passed=False, reason="gone.yaml: no such file", error=True)
+    gone = CheckResult("gone", Path("gone.npz"), passed=False, reason="gone.yaml: no such file", error=True)
     page = shown(good, bad, gone)
     assert page.title() == "rt check: 2 of 3 failed"
     assert page.locator("h1").inner_text() == "2 of 3 failed"
@@ -126,7 +126,7 @@ def test_dark_pictures_are_brightened_and_bright_ones_dimmed(shown: "Callable[..
 
 def test_names_are_text_and_no_html(shown: "Callable[..., Page]") -> None:
     name = "<img src=x onerror=alert(1)></script><b>"
-    bad = Checked(name, Path("a.npz"), passed=False, reason=name, error=True)
+    bad = CheckResult(name, Path("a.npz"), passed=False, reason=name, error=True)
     page = shown(bad, result("good"))
     assert page.locator("section.result h2").first.inner_text().startswith(name)
     assert page.locator("b").count() == 0
@@ -140,7 +140,7 @@ def test_values_that_are_not_finite_are_shown(shown: "Callable[..., Page]") -> N
     verdict = z_test(bad.image.radiance, bad.image.variance, *bad.reference[:2], TILE)
     assert not verdict.passed
     page = shown(
-        Checked("bad", bad.path, False, verdict.reason, reference=bad.reference, image=bad.image, verdict=verdict)
+        CheckResult("bad", bad.path, False, verdict.reason, reference=bad.reference, image=bad.image, verdict=verdict)
     )
     assert "not finite" in page.locator("section.result").inner_text()
     assert page.locator("section.result figure > img").count() == 5

@@ -6,7 +6,7 @@ import numpy as np
 import PIL.Image
 from numpy.typing import NDArray
 
-from raytracer.sweeping.points import Axis, Point, Sweep, Taken
+from raytracer.analysis.sweep.results import Axis, PointResult, Sweep, SweepPoint
 
 WIDTH, HEIGHT = 48, 32
 
@@ -15,13 +15,13 @@ FOCUS = Axis("camera.focus_distance", (2.0, 5.0, 10.0), ("2", "5", "10"))
 ALBEDO = Axis("materials.<b>&amp;.albedo", ([1, 0, 0], [0, 1, 0]), ("[1,0,0]", "[0,1,0]"))
 
 
-def picture(point: Point) -> NDArray[np.uint8]:
+def picture(point: SweepPoint) -> NDArray[np.uint8]:
     """Noise of the point's own."""
     seed = sum(number * 10**place for place, number in enumerate(point.index))
     return np.random.default_rng(seed).integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
 
 
-def images(taken: Taken) -> NDArray[np.uint8] | None:
+def images(taken: PointResult) -> NDArray[np.uint8] | None:
     return picture(taken.point) if taken.status == "done" else None
 
 
@@ -40,11 +40,11 @@ def made_up(
         index = place * len(axes) if zipped else place
         values = {axis.key: axis.values[end] for axis, end in zip(axes, index, strict=True)}
         name = " ".join(f"{axis.key.split('.')[-1]}={axis.labels[end]}" for axis, end in zip(axes, index, strict=True))
-        point = Point(index, values, name, f"{number:064x}")
+        point = SweepPoint(index, values, name, f"{number:064x}")
         if index in failed:
-            taken.append(Taken(point, "failed", "camera: <i>no</i> & never"))
+            taken.append(PointResult(point, "failed", "camera: <i>no</i> & never"))
         elif index in missing:
-            taken.append(Taken(point, "missing"))
+            taken.append(PointResult(point, "missing"))
         else:
             taken.append(_done(point, number))
             if folder is not None:
@@ -52,8 +52,8 @@ def made_up(
     return Sweep("scene.yaml", axes, zipped, tuple(taken), folder)
 
 
-def _done(point: Point, number: int) -> Taken:
-    return Taken(
+def _done(point: SweepPoint, number: int) -> PointResult:
+    return PointResult(
         point,
         "done",
         files=(f"{point.name}.png", f"{point.name}.exr"),

@@ -10,10 +10,10 @@ import PIL.Image
 import PIL.ImageSequence
 import pytest
 
-from raytracer.errors import InputError
-from raytracer.sweeping.animation import KINDS, animate, path_of_indices, write_animation
-from raytracer.sweeping.points import Axis, Sweep
-from tests.sweeping.made_up import F_NUMBER, FOCUS, HEIGHT, WIDTH, images, made_up, picture
+from raytracer.analysis.sweep.animation import KINDS, encode_animation, gray_code_indices, write_animation
+from raytracer.analysis.sweep.results import Axis, Sweep
+from raytracer.util.errors import InputError
+from tests.analysis.sweep.made_up import F_NUMBER, FOCUS, HEIGHT, WIDTH, images, made_up, picture
 
 
 def frames(data: bytes) -> list[np.ndarray]:
@@ -35,13 +35,13 @@ def durations(data: bytes) -> list[float]:
 def by_path(sweep: Sweep) -> list[np.ndarray]:
     """The pictures in the order of the path, worked out by hand for 4 x 3 points."""
     order = [(0, 0), (0, 1), (0, 2), (1, 2), (1, 1), (1, 0), (2, 0), (2, 1), (2, 2), (3, 2), (3, 1), (3, 0)]
-    points = {taken.point.index: taken for taken in sweep.taken}
+    points = {taken.point.index: taken for taken in sweep.results}
     return [picture(points[index].point) for index in order if points[index].status == "done"]
 
 
 @pytest.mark.parametrize("shape", [(), (1,), (4, 3), (2, 1, 3, 2)])
 def test_the_path_goes_to_all_in_steps_of_one(shape: tuple[int, ...]) -> None:
-    path = list(path_of_indices(shape))
+    path = list(gray_code_indices(shape))
     assert sorted(path) == list(product(*map(range, shape)))
     assert all(sum(abs(x - y) for x, y in zip(a, b, strict=True)) == 1 for a, b in pairwise(path))
 
@@ -50,15 +50,15 @@ def test_a_png_holds_every_pixel_there_and_back() -> None:
     sweep = made_up(None, failed=((1, 1),))
     there = by_path(sweep)
     assert len(there) == 11
-    np.testing.assert_array_equal(frames(animate(sweep, images, "png")), there + there[-2:0:-1])
-    np.testing.assert_array_equal(frames(animate(sweep, images, "png", boomerang=False)), there)
+    np.testing.assert_array_equal(frames(encode_animation(sweep, images, "png")), there + there[-2:0:-1])
+    np.testing.assert_array_equal(frames(encode_animation(sweep, images, "png", boomerang=False)), there)
 
 
 def test_a_gif_has_one_palette_that_serves_all_frames() -> None:
     """Each picture is of one colour, which a palette of the first frame alone would not hold."""
     axis = Axis("camera.iso", tuple(range(6)), tuple("012345"))
     colors = [(250, 10, 10), (10, 250, 10), (10, 10, 250), (250, 250, 10), (10, 250, 250), (120, 60, 200)]
-    data = animate(
+    data = encode_animation(
         made_up(None, (axis,)),
         lambda taken: np.full((HEIGHT, WIDTH, 3), colors[taken.point.index[0]], dtype=np.uint8),
         "gif",
@@ -70,7 +70,7 @@ def test_a_gif_has_one_palette_that_serves_all_frames() -> None:
 
 
 def _tables_of_colors(data: bytes) -> list[bool]:
-    """Whether the file has a table of colours for all frames, and each frame, but the first, one of its own.
+    """Tell if the file has a table of colours for all frames, and each frame, but the first, one of its own.
 
     By the blocks of a GIF89a: a screen of 13 bytes, whose flags say if a table follows; extensions (21h) and images
     (2Ch), each with blocks of up to 255 bytes to its end.
@@ -92,7 +92,7 @@ def _tables_of_colors(data: bytes) -> list[bool]:
 def test_a_webp_is_near_its_pictures() -> None:
     sweep = made_up(None, (FOCUS,))
     smooth = np.linspace(0, 255, WIDTH * HEIGHT * 3).reshape(HEIGHT, WIDTH, 3).astype(np.uint8)
-    got = frames(animate(sweep, lambda taken: np.roll(smooth, 8 * taken.point.index[0], axis=0), "webp"))
+    got = frames(encode_animation(sweep, lambda taken: np.roll(smooth, 8 * taken.point.index[0], axis=0), "webp"))
     for frame, number in zip(got, (0, 1, 2, 1), strict=True):
         assert np.abs(frame.astype(int) - np.roll(smooth, 8 * number, axis=0)).mean() < 8
 
@@ -100,13 +100,13 @@ def test_a_webp_is_near_its_pictures() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("fps", "expected"), [(5.0, 200), (12.5, 80), (50.0, 20), (0.5, 2000)])
 def test_frames_last_as_long_as_asked_for(kind: str, fps: float, expected: int) -> None:
-    assert durations(animate(made_up(None, (F_NUMBER,)), images, kind, fps=fps)) == [expected] * 6
+    assert durations(encode_animation(made_up(None, (F_NUMBER,)), images, kind, fps=fps)) == [expected] * 6
 
 
 def test_frames_are_bounded_and_of_one_size() -> None:
     """The first picture's size is that of all; what is beside a narrower one is paper."""
     sizes = {1.4: (1500, 3000), 2.0: (300, 300), 2.8: (1500, 3000), 4.0: (1500, 3000)}
-    data = animate(
+    data = encode_animation(
         made_up(None, (F_NUMBER,), failed=((2,), (3,))),
         lambda taken: (
             np.full((*sizes[taken.point.values["camera.f_number"]], 3), 9, dtype=np.uint8)
@@ -125,14 +125,14 @@ def test_frames_are_bounded_and_of_one_size() -> None:
 
 
 def test_many_frames_are_smaller(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytracer.sweeping.animation._MOST_PIXELS", 4 * WIDTH * HEIGHT / 4)
-    with PIL.Image.open(io.BytesIO(animate(made_up(None, (F_NUMBER,)), images, "webp"))) as file:
+    monkeypatch.setattr("raytracer.analysis.sweep.animation._MOST_PIXELS", 4 * WIDTH * HEIGHT / 4)
+    with PIL.Image.open(io.BytesIO(encode_animation(made_up(None, (F_NUMBER,)), images, "webp"))) as file:
         assert (file.width, file.height) == (WIDTH // 2, HEIGHT // 2 + 20)
 
 
 def test_a_caption_says_the_values() -> None:
     """Where values differ, so do the words below the pictures; they are dark on white."""
-    data = animate(made_up(None, (F_NUMBER,)), images, "png", boomerang=False)
+    data = encode_animation(made_up(None, (F_NUMBER,)), images, "png", boomerang=False)
     with PIL.Image.open(io.BytesIO(data)) as file:
         words = [np.asarray(frame.convert("L"))[HEIGHT:] for frame in PIL.ImageSequence.Iterator(file)]
     assert all((word < 100).any() and word.max() == 255 for word in words)
@@ -142,12 +142,12 @@ def test_a_caption_says_the_values() -> None:
 @pytest.mark.parametrize(("kind", "fps"), [("avi", 5.0), ("gif", 0.0), ("gif", 51.0), ("gif", math.nan), ("gif", -1.0)])
 def test_what_cannot_be_is_refused(kind: str, fps: float) -> None:
     with pytest.raises(InputError, match=r"--(animate|fps) \S+: must be"):
-        animate(made_up(None), images, kind, fps=fps)
+        encode_animation(made_up(None), images, kind, fps=fps)
 
 
 def test_nothing_moves_without_a_picture() -> None:
     with pytest.raises(InputError, match="needs a picture"):
-        animate(made_up(None, (F_NUMBER,), failed=((0,), (1,), (2,), (3,))), images, "gif")
+        encode_animation(made_up(None, (F_NUMBER,), failed=((0,), (1,), (2,), (3,))), images, "gif")
 
 
 def test_it_is_written_beside_the_pictures(tmp_path: Path) -> None:

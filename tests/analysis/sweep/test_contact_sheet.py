@@ -7,13 +7,13 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from raytracer.sweeping import sheet
-from raytracer.sweeping.points import Axis, Sweep, Taken
-from tests.sweeping.made_up import ALBEDO, F_NUMBER, FOCUS, HEIGHT, WIDTH, images, made_up, picture
+from raytracer.analysis.sweep import contact_sheet
+from raytracer.analysis.sweep.results import Axis, PointResult, Sweep
+from tests.analysis.sweep.made_up import ALBEDO, F_NUMBER, FOCUS, HEIGHT, WIDTH, images, made_up, picture
 
 
 def drawn(sweep: Sweep) -> np.ndarray:
-    with PIL.Image.open(io.BytesIO(sheet.contact_sheet(sweep, images))) as file:
+    with PIL.Image.open(io.BytesIO(contact_sheet.contact_sheet(sweep, images))) as file:
         return np.asarray(file)
 
 
@@ -21,7 +21,7 @@ def places(sweep: Sweep) -> dict[tuple[int, ...], tuple[int, int]]:
     """Row and column where each picture is found, pixel for pixel."""
     whole = drawn(sweep)
     found = {}
-    for taken in sweep.taken:
+    for taken in sweep.results:
         if taken.status != "done":
             continue
         own = picture(taken.point)
@@ -91,15 +91,15 @@ def test_long_names_are_cut_and_lines_are_one(text: str) -> None:
 
 
 def test_a_sheet_of_many_large_pictures_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sheet, "_AREA", 1.0e6)
+    monkeypatch.setattr(contact_sheet, "_AREA", 1.0e6)
     axes = tuple(Axis(f"a.{name}", tuple(range(10)), tuple("0123456789")) for name in "xy")
     large = np.zeros((480, 640, 3), dtype=np.uint8)
-    size = sheet.draw_sheet(made_up(None, axes), lambda taken: large).size
+    size = contact_sheet.draw_sheet(made_up(None, axes), lambda taken: large).size
     assert 0.7e6 < size[0] * size[1] <= 1.0e6
 
     # Words need their room, whatever the bounds.
-    monkeypatch.setattr(sheet, "_AREA", 1.0)
-    assert sheet.draw_sheet(made_up(None, axes), lambda taken: large).width > 10 * 96
+    monkeypatch.setattr(contact_sheet, "_AREA", 1.0)
+    assert contact_sheet.draw_sheet(made_up(None, axes), lambda taken: large).width > 10 * 96
 
 
 def test_pictures_of_other_sizes_keep_their_shape() -> None:
@@ -107,11 +107,11 @@ def test_pictures_of_other_sizes_keep_their_shape() -> None:
     sizes = {1.4: (90, 160), 2.0: (160, 90), 2.8: (20, 20), 4.0: (45, 80)}
     colors = {1.4: (200, 0, 0), 2.0: (0, 200, 0), 2.8: (0, 0, 200), 4.0: (200, 0, 200)}
 
-    def of_its_size(taken: Taken) -> np.ndarray:
+    def of_its_size(taken: PointResult) -> np.ndarray:
         f_number = taken.point.values["camera.f_number"]
         return np.full((*sizes[f_number], 3), colors[f_number], dtype=np.uint8)
 
-    whole = np.asarray(sheet.draw_sheet(made_up(None, (F_NUMBER,)), of_its_size))
+    whole = np.asarray(contact_sheet.draw_sheet(made_up(None, (F_NUMBER,)), of_its_size))
     seen = {f_number: np.all(whole == color, axis=-1) for f_number, color in colors.items()}
     shapes = {key: (int(at.any(axis=1).sum()), int(at.any(axis=0).sum())) for key, at in seen.items()}
     assert shapes == {1.4: (90, 160), 2.0: (90, 51), 2.8: (90, 90), 4.0: (90, 160)}

@@ -5,12 +5,12 @@ import math
 
 import pytest
 
-from raytracer.sweeping.stops import SCALES, stops
-from raytracer.sweeping.values import read_text
+from raytracer.analysis.sweep.exposure_stops import STOP_SCALES, stops
+from raytracer.analysis.sweep.parse_values import parse_value_text
 
 
 def _axis(text: str, key: str) -> tuple[tuple[float, ...], tuple[str, ...]]:
-    axis = read_text(key, text, "").axis
+    axis = parse_value_text(key, text, "").axis
     return axis.values, axis.labels
 
 
@@ -80,7 +80,7 @@ def test_what_is_not_engraved_counts_from_its_start() -> None:
 @pytest.mark.parametrize("parts", [1, 2, 3])
 def test_what_is_engraved_is_near_what_it_stands_for(key: str, parts: int) -> None:
     """Within a seventh of a stop by the standards' roundings, and in rising order: a slip in a table would show."""
-    scale = SCALES[key]
+    scale = STOP_SCALES[key]
     first, marks = scale.marks[parts]
     numbers = [eval(mark) for mark in marks.split()]
     assert all(a < b for a, b in itertools.pairwise(numbers))
@@ -94,7 +94,7 @@ def test_what_is_engraved_is_near_what_it_stands_for(key: str, parts: int) -> No
 @pytest.mark.parametrize(
     ("text", "key", "says"),
     [
-        ("1.4..20", "camera.f_number", "7.67 stops, which is no whole number of full stops; end at 16 or 22"),
+        ("1.4..20", "camera.f_number", "7.67 stops, which is not an integer number of full stops; end at 16 or 22"),
         ("2..3", "camera.f_number", "end at 2.8 or 4"),
         ("1.4..22/5", "camera.f_number", "halves or thirds"),
         ("2..2", "camera.f_number", "ends are equal"),
@@ -109,10 +109,10 @@ def test_what_is_engraved_is_near_what_it_stands_for(key: str, parts: int) -> No
 )
 def test_ranges_that_are_no_stops(text: str, key: str, says: str) -> None:
     with pytest.raises(ValueError, match=says):
-        read_text(key, text, "")
+        parse_value_text(key, text, "")
 
 
 def test_neighbours_are_half_the_light() -> None:
-    found = stops(SCALES["f_number"], 1.4, 22.0, 1)
+    found = stops(STOP_SCALES["f_number"], 1.4, 22.0, 1)
     light = [1.0 / value**2 for value in found.values]
     assert [a / b for a, b in itertools.pairwise(light)] == pytest.approx([2.0] * 8, rel=1e-14)

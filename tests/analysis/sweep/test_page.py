@@ -11,13 +11,14 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from raytracer.sweeping.manifest import write_manifest
-from raytracer.sweeping.page import numbers as numbers_of
-from raytracer.sweeping.page import page as page_of
-from raytracer.sweeping.page import write_page
-from raytracer.sweeping.points import Axis, Sweep, Taken, points_of
-from raytracer.sweeping.run import sweep as rendered
-from tests.sweeping.made_up import ALBEDO, F_NUMBER, FOCUS, HEIGHT, WIDTH, images, made_up
+from raytracer.analysis.sweep.manifest import write_manifest
+from raytracer.analysis.sweep.page import page as page_of
+from raytracer.analysis.sweep.page import point_numbers as numbers_of
+from raytracer.analysis.sweep.page import write_page
+from raytracer.analysis.sweep.points import enumerate_points
+from raytracer.analysis.sweep.results import Axis, PointResult, Sweep
+from raytracer.analysis.sweep.run import sweep as rendered
+from tests.analysis.sweep.made_up import ALBEDO, F_NUMBER, FOCUS, HEIGHT, WIDTH, images, made_up
 
 Open = Callable[..., Any]
 
@@ -43,8 +44,8 @@ def opened(sweep: Sweep, open_page: Open) -> Callable[..., Any]:
     return opened
 
 
-def at(sweep: Sweep, *index: int) -> Taken:
-    return next(taken for taken in sweep.taken if taken.point.index == index)
+def at(sweep: Sweep, *index: int) -> PointResult:
+    return next(taken for taken in sweep.results if taken.point.index == index)
 
 
 def seen(page: Any, side: str = "left") -> np.ndarray:
@@ -66,14 +67,14 @@ def in_file(sweep: Sweep, *index: int) -> np.ndarray:
         return np.asarray(file)
 
 
-def wait(page: Any, *points: Taken) -> None:
+def wait(page: Any, *points: PointResult) -> None:
     """Until the pictures of these points are shown."""
     names = " | ".join(taken.point.name for taken in points)
     page.locator(f'body[data-shown="{names}"]').wait_for()
 
 
 def numbers(page: Any, side: str = "a") -> dict[str, str]:
-    """What the table beside the picture says, in full, by the numbers' keys."""
+    """Read the table beside the picture, in full, by the numbers' keys."""
     return page.evaluate(
         """(side) => Object.fromEntries([...document.querySelectorAll("#differing tr[data-key], #same tr[data-key]")]
           .map((row) => [row.dataset.key, (row.querySelector(`td.${side}`) ?? row.cells[1]).title]))""",
@@ -135,8 +136,10 @@ def labels(index: tuple[int, ...]) -> tuple[str, ...]:
 
 def test_a_metered_picture_has_the_light_that_was_metered() -> None:
     # f/2 and 1/125 s at ISO 1600, which the metering chose: log2(4 * 125 * 100 / 1600), where at ISO 100 it were 8.97.
-    point = points_of([Axis("camera.f_number", (2.0,), ("2",))])[0]
-    taken = Taken(point, "done", camera={"ev100": 8.966, "vfov_deg": 20.0}, exposure={"iso": 1600.0, "ev100": 4.966})
+    point = enumerate_points([Axis("camera.f_number", (2.0,), ("2",))])[0]
+    taken = PointResult(
+        point, "done", camera={"ev100": 8.966, "vfov_deg": 20.0}, exposure={"iso": 1600.0, "ev100": 4.966}
+    )
     assert numbers_of(taken)["ev100"] == 4.966
     assert numbers_of(taken)["vfov_deg"] == 20.0
 
@@ -245,7 +248,7 @@ def test_the_table_of_all_points_is_sorted(opened: Callable[..., Any], sweep: Sw
     head.click()
     column = [row.split("\t") for row in page.locator("#all tbody tr").all_inner_texts()]
     limits = [float(row[8]) for row in column if row[2] == ""]
-    known = sorted(taken.camera["far_limit_m"] for taken in sweep.taken if taken.status == "done")
+    known = sorted(taken.camera["far_limit_m"] for taken in sweep.results if taken.status == "done")
     np.testing.assert_allclose(limits, known, rtol=1e-3)
     head.click()
     assert page.locator("#all tbody tr").nth(0).inner_text().split("\t")[8] == "inf"
@@ -324,7 +327,7 @@ def test_a_sweep_that_was_rendered(open_page: Open, tmp_path: Path) -> None:
     page = open_page(tmp_path / "out" / "index.html")
     points = json.loads((tmp_path / "out" / "manifest.json").read_bytes())["points"]
     assert [point["status"] for point in points] == ["done"] * 4
-    for taken, point in zip(made.taken, points, strict=True):
+    for taken, point in zip(made.results, points, strict=True):
         page.get_by_role("slider", name="f_number, point A").fill(str(point["index"][0]))
         page.get_by_role("slider", name="focus_distance, point A").fill(str(point["index"][1]))
         wait(page, taken)
@@ -343,8 +346,8 @@ def test_many_pixels_are_held_smaller(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a browser could not hold becomes as many pixels as it can, and the page says so."""
     made = made_up(None)
     exact = page_of(made, images)
-    monkeypatch.setattr("raytracer.sweeping.page._EXACT_PIXELS", 1.0)
-    monkeypatch.setattr("raytracer.sweeping.page._MOST_PIXELS", 12 * WIDTH * HEIGHT / 4)
+    monkeypatch.setattr("raytracer.analysis.sweep.page._EXACT_PIXELS", 1.0)
+    monkeypatch.setattr("raytracer.analysis.sweep.page._MOST_PIXELS", 12 * WIDTH * HEIGHT / 4)
     smaller = page_of(made, images)
     assert len(smaller) < len(exact)
     assert b"scaled to 50 % and compressed" in smaller

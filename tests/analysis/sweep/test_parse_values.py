@@ -5,16 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.errors import SceneError
-from raytracer.sweeping.values import read_text, read_value
+from raytracer.analysis.sweep.parse_values import parse_value, parse_value_text
+from raytracer.util.errors import SceneError
 
 
 def _values(text: str, key: str = "camera.focus_distance") -> tuple[object, ...]:
-    return read_text(key, text, f"-D {key}={text}").axis.values
+    return parse_value_text(key, text, f"-D {key}={text}").axis.values
 
 
 def _labels(text: str, key: str = "camera.focus_distance") -> tuple[str, ...]:
-    return read_text(key, text, f"-D {key}={text}").axis.labels
+    return parse_value_text(key, text, f"-D {key}={text}").axis.labels
 
 
 @pytest.mark.parametrize(
@@ -52,12 +52,12 @@ def test_a_text_stands_for_these_values(text: str, values: tuple[object, ...]) -
 
 @pytest.mark.parametrize("text", ["2", "ball", "[1, 0, 0]", "{type: box}", "1/125 s", ""])
 def test_one_value_is_no_axis(text: str) -> None:
-    assert read_text("camera.vfov", text, "").fixed
+    assert parse_value_text("camera.vfov", text, "").fixed
 
 
 @pytest.mark.parametrize("text", ["2,3", "2:2:1", "1:2:2"])
 def test_several_values_or_a_range_are_an_axis(text: str) -> None:
-    assert not read_text("camera.vfov", text, "").fixed
+    assert not parse_value_text("camera.vfov", text, "").fixed
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_labels_of_long_values_differ() -> None:
         ("2:10:5:lin", "only 'log' may follow"),
         ("2:10:1", "different ends but a count of 1"),
         ("2:10:0", "empty range"),
-        ("2:10:2.5", "must be a whole number"),
+        ("2:10:2.5", "must be an integer"),
         ("2:2:3", "equal ends"),
         ("2:x:5", "'x' is no finite number"),
         ("2:inf:5", "'inf' is no finite number"),
@@ -124,13 +124,13 @@ def test_a_value_that_is_not_yaml_names_its_option() -> None:
 
 
 def test_lists_arrays_and_ranges_of_python_are_axes() -> None:
-    assert read_value("k", np.linspace(0.0, 1.0, 3), "k").axis.values == (0.0, 0.5, 1.0)
-    assert read_value("k", range(3), "k").axis.values == (0, 1, 2)
-    assert read_value("k", ("2 m", [1, 0, 0], None), "k").axis.labels == ("2 m", "[1, 0, 0]", "null")
-    assert read_value("k", 1.0 / 3.0, "k").fixed
+    assert parse_value("k", np.linspace(0.0, 1.0, 3), "k").axis.values == (0.0, 0.5, 1.0)
+    assert parse_value("k", range(3), "k").axis.values == (0, 1, 2)
+    assert parse_value("k", ("2 m", [1, 0, 0], None), "k").axis.labels == ("2 m", "[1, 0, 0]", "null")
+    assert parse_value("k", 1.0 / 3.0, "k").fixed
     with pytest.raises(ValueError, match="no values"):
-        read_value("k", [], "k")
+        parse_value("k", [], "k")
 
 
 def test_a_list_of_python_holds_values_and_no_ranges() -> None:
-    assert read_value("k", ["1:2:3", "a,b"], "k").axis.values == ("1:2:3", "a,b")
+    assert parse_value("k", ["1:2:3", "a,b"], "k").axis.values == ("1:2:3", "a,b")

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from raytracer.errors import InputError, SceneError
+from raytracer.analysis.sweep.plan import make_plan, parse_definitions
 from raytracer.scene.load import load
-from raytracer.sweeping.plan import parse_definitions, planned
+from raytracer.util.errors import InputError, SceneError
 
 SCENE = """\
 camera: {type: thin_lens, look_from: [0, 0, 5], look_at: [0, 0, 0], sensor: full_frame, focal_length: 50 mm}
@@ -30,14 +30,14 @@ def _sweep(scene: Path, text: str) -> Path:
 
 
 def test_single_values_are_the_same_for_all_points(scene: Path) -> None:
-    plan = planned(scene, {"camera.f_number": "2,4", "film.width": "16", "film.height": 12})
+    plan = make_plan(scene, {"camera.f_number": "2,4", "film.width": "16", "film.height": 12})
     assert [axis.key for axis in plan.axes] == ["camera.f_number"]
     assert (plan.spec.film.width, plan.spec.film.height) == (16, 12)
     assert plan.name == str(scene)
 
 
 def test_a_scene_in_memory(scene: Path) -> None:
-    plan = planned(load(scene), {"camera.f_number": [2, 4], "film.width": 16})
+    plan = make_plan(load(scene), {"camera.f_number": [2, 4], "film.width": 16})
     assert plan.spec.film.width == 16
     assert plan.axes[0].values == (2, 4)
 
@@ -54,7 +54,7 @@ sweep:
 zip: false
 """,
     )
-    plan = planned(path, {})
+    plan = make_plan(path, {})
     assert plan.spec.film.width == 16
     assert plan.spec.camera.look_at == (0.0, 1.0, 0.0)
     assert [axis.labels for axis in plan.axes] == [("1.4", "2", "2.8", "4"), ("4", "1/2 m", "inf")]
@@ -64,7 +64,7 @@ zip: false
 
 def test_options_stand_in_place_of_what_the_file_says(scene: Path) -> None:
     path = _sweep(scene, "{scene: scene.yaml, sweep: {camera.f_number: '1.4,2'}, zip: true}")
-    plan = planned(path, {"camera.f_number": "8,11", "camera.focus_distance": "1,2"})
+    plan = make_plan(path, {"camera.f_number": "8,11", "camera.focus_distance": "1,2"})
     assert [axis.values for axis in plan.axes] == [(8, 11), (1, 2)]
     assert plan.zipped
 
@@ -88,7 +88,7 @@ def test_options_stand_in_place_of_what_the_file_says(scene: Path) -> None:
 )
 def test_errors_name_file_and_line(scene: Path, text: str, says: str) -> None:
     with pytest.raises(SceneError, match=says):
-        planned(_sweep(scene, text), {})
+        make_plan(_sweep(scene, text), {})
 
 
 @pytest.mark.parametrize("section", ["sweep", "define"])
@@ -97,19 +97,19 @@ def test_a_file_of_thousands_of_keys_is_refused_at_once(scene: Path, section: st
     other = "define" if section == "sweep" else "sweep"
     path = _sweep(scene, f"scene: scene.yaml\n{section}: {{{keys}}}\n{other}: {{camera.f_number: [2, 4]}}\n")
     with pytest.raises(SceneError, match=rf"sweep\.yaml:2: {section}: must hold at most 1000 values"):
-        planned(path, {})
+        make_plan(path, {})
 
 
 def test_a_scene_that_needs_a_key_may_get_it_from_an_axis(scene: Path) -> None:
     scene.write_text(SCENE.replace("width: 8, ", ""))
     with pytest.raises(SceneError, match=r"film\.width: is missing"):
         load(scene)
-    assert planned(scene, {"film.width": "8,16"}).spec.film.width == 8
+    assert make_plan(scene, {"film.width": "8,16"}).spec.film.width == 8
 
 
 def test_the_first_value_may_be_wrong_where_others_are_not(scene: Path) -> None:
     """It fails as a point, and the others are rendered."""
-    assert planned(scene, {"camera.f_number": "-1,2"}).axes[0].values == (-1, 2)
+    assert make_plan(scene, {"camera.f_number": "-1,2"}).axes[0].values == (-1, 2)
 
 
 @pytest.mark.parametrize(
@@ -126,6 +126,6 @@ def test_options_that_are_none(definitions: list[str], says: str) -> None:
 
 def test_an_option_with_a_wrong_text_is_named(scene: Path) -> None:
     with pytest.raises(InputError, match=r"^-D camera.f_number=2:10: is a range without a count"):
-        planned(scene, {"camera.f_number": "2:10"})
+        make_plan(scene, {"camera.f_number": "2:10"})
     with pytest.raises(InputError, match=r"^-D camera..f_number=2,3: 'camera..f_number' is not a path"):
-        planned(scene, {"camera..f_number": "2,3"})
+        make_plan(scene, {"camera..f_number": "2,3"})

@@ -2,50 +2,51 @@
 
 import pytest
 
-from raytracer.errors import InputError
-from raytracer.sweeping.points import Axis, Sweep, Taken, points_of
-from raytracer.sweeping.values import read_text
+from raytracer.analysis.sweep.parse_values import parse_value_text
+from raytracer.analysis.sweep.points import enumerate_points
+from raytracer.analysis.sweep.results import Axis, PointResult, Sweep
+from raytracer.util.errors import InputError
 
 
 def _axes(**texts: str) -> list[Axis]:
-    return [read_text(key.replace("__", "."), text, "").axis for key, text in texts.items()]
+    return [parse_value_text(key.replace("__", "."), text, "").axis for key, text in texts.items()]
 
 
 def test_all_combinations_the_last_axis_fastest() -> None:
-    points = points_of(_axes(camera__f_number="1.4,2", camera__focus_distance="1,2,3"))
+    points = enumerate_points(_axes(camera__f_number="1.4,2", camera__focus_distance="1,2,3"))
     assert [point.index for point in points] == [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2)]
     assert points[4].values == {"camera.f_number": 2, "camera.focus_distance": 2}
     assert points[4].name == "f_number=2_focus_distance=2"
 
 
 def test_pairs() -> None:
-    points = points_of(_axes(camera__shutter="1/1000..1/125", camera__iso="800..100"), zipped=True)
+    points = enumerate_points(_axes(camera__shutter="1/1000..1/125", camera__iso="800..100"), zipped=True)
     assert [point.index for point in points] == [(0, 0), (1, 1), (2, 2), (3, 3)]
     assert points[3].name == "shutter=1-125s_iso=100"
 
 
 def test_pairs_need_as_many_values_each() -> None:
     with pytest.raises(InputError, match=r"a has 2, b has 3"):
-        points_of(_axes(a="1,2", b="1,2,3"), zipped=True)
+        enumerate_points(_axes(a="1,2", b="1,2,3"), zipped=True)
 
 
 def test_nothing_to_sweep_and_too_much() -> None:
     with pytest.raises(InputError, match="nothing to sweep"):
-        points_of([])
+        enumerate_points([])
     with pytest.raises(InputError, match=r"1,001 points, more than the 1,000 that --max-points allows"):
-        points_of(_axes(a="1:2:1001"))
+        enumerate_points(_axes(a="1:2:1001"))
     with pytest.raises(InputError, match=r"10,000 points \(100 x 100\)"):
-        points_of(_axes(a="1:2:100", b="1:2:100"))
-    assert len(points_of(_axes(a="1:2:1001"), most=1001)) == 1001
+        enumerate_points(_axes(a="1:2:100", b="1:2:100"))
+    assert len(enumerate_points(_axes(a="1:2:1001"), most=1001)) == 1001
 
 
 def test_names_are_of_letters_that_every_file_system_takes() -> None:
-    points = points_of([Axis("a.b", (1, 2, 3, 4), ("[-1, 0, 2.5]", "C:\\x/y?*", "..", "-inf m"))])
+    points = enumerate_points([Axis("a.b", (1, 2, 3, 4), ("[-1, 0, 2.5]", "C:\\x/y?*", "..", "-inf m"))])
     assert [point.name for point in points] == ["b=-1,0,2.5", "b=C-x-y", "b=.3", "b=-infm"]
 
 
 def test_names_differ_where_case_or_signs_do_not_count() -> None:
-    points = points_of([Axis("camera.focus_on", ("Ball", "ball", "a/b", "a-b"), ("Ball", "ball", "a/b", "a-b"))])
+    points = enumerate_points([Axis("camera.focus_on", ("Ball", "ball", "a/b", "a-b"), ("Ball", "ball", "a/b", "a-b"))])
     assert len({point.name.casefold() for point in points}) == 4
 
 
@@ -57,26 +58,28 @@ def test_names_differ_where_case_or_signs_do_not_count() -> None:
     ],
 )
 def test_names_differ_whatever_values_are_called(axes: list[Axis]) -> None:
-    names = [point.name.casefold() for point in points_of(axes)]
+    names = [point.name.casefold() for point in enumerate_points(axes)]
     assert len(set(names)) == len(names)
 
 
 def test_keys_that_end_alike_are_named_in_full() -> None:
-    (point, *_) = points_of([Axis(f"objects[{i}].radius", (1,), ("1",)) for i in (3, 4)] + [Axis("x.y", (2,), ("2",))])
+    (point, *_) = enumerate_points(
+        [Axis(f"objects[{i}].radius", (1,), ("1",)) for i in (3, 4)] + [Axis("x.y", (2,), ("2",))]
+    )
     assert point.name == "objects.3.radius=1_objects.4.radius=1_y=2"
 
 
 def test_names_that_no_file_could_have_are_numbers() -> None:
     axes = [Axis(f"camera.key_{i}", ("x", "y"), ("x" * 40, "y" * 40)) for i in range(5)]
-    points = points_of(axes)
+    points = enumerate_points(axes)
     assert points[1].name == "point_1_1_1_1_2"
     assert len({point.name for point in points}) == 32
 
 
 def test_a_sweep_says_in_a_line_what_it_is() -> None:
     axes = (Axis("camera.f_number", (1.4, 2), ("1.4", "2")), Axis("camera.vfov", (20,), ("20",)))
-    first, second = points_of(axes)
-    taken = (Taken(first, "done"), Taken(second, "failed", "no lens"))
+    first, second = enumerate_points(axes)
+    taken = (PointResult(first, "done"), PointResult(second, "failed", "no lens"))
     assert repr(Sweep("a.yaml", axes, False, taken)) == (
         "<rt.Sweep of a.yaml: 2 camera.f_number x 1 camera.vfov, 1 done, 1 failed>"
     )

@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+import os
 import signal
 import subprocess
 import sys
@@ -16,18 +17,23 @@ import numpy as np
 import pytest
 
 import raytracer as rt
-from raytracer import scheduling, wholefiles
-from raytracer.errors import InputError, OutputError, SceneWarning, StrictError
-from raytracer.film import output
+from raytracer.analysis.sweep import output_layout, prepare_points, run
+from raytracer.analysis.sweep.output_layout import stale_images
+from raytracer.analysis.sweep.progress_bar import SweepProgress
+from raytracer.analysis.sweep.run import sweep
+from raytracer.film import image_file
 from raytracer.film.image import Image
-from raytracer.rendering import Progress, Rendered, Stats
+from raytracer.rendering import worker_pool
+from raytracer.rendering.options import RenderOptions
+from raytracer.rendering.progress import Progress
+from raytracer.rendering.session import Rendered
+from raytracer.rendering.statistics import Stats
+from raytracer.scene.cache import RenderCache
 from raytracer.scene.load import load
-from raytracer.scene.pack import pack
-from raytracer.stock import Stock
-from raytracer.sweeping import home, run
-from raytracer.sweeping.home import strangers
-from raytracer.sweeping.run import Done, sweep
-from tests.sweeping.test_plan import SCENE
+from raytracer.scene.pack.scene import pack
+from raytracer.util import atomic_write
+from raytracer.util.errors import InputError, OutputError, SceneWarning, StrictError
+from tests.analysis.sweep.test_plan import SCENE
 
 VALUES = {"camera.f_number": "1.4,2,2.8", "camera.focus_distance": "2,5"}
 
@@ -47,7 +53,7 @@ class FakeReady:
         self.settings = settings
         self._behave = behave
 
-    def render(self, *, progress: Callable[[Progress], None], keeper: Any = None) -> Rendered:
+    def render(self, *, progress: Callable[[Progress], None], checkpoint_writer: Any = None) -> Rendered:
         progress(Progress(1, 2, 0.0))
         camera = self.packed.spec.camera
         interrupted = False
@@ -72,8 +78,8 @@ class Bench:
         self.settings: list[dict[str, Any]] = []
         self.behave: Callable[[Any], None] | None = None
 
-    def ready(self, spec: Any, **settings: Any) -> FakeReady:
-        self.settings.append(settings)
+    def ready(self, spec: Any, options: RenderOptions, **settings: Any) -> FakeReady:
+        self.settings.append({**vars(options), **settings})
 
         def noted(camera: Any) -> None:
             if self.behave is not None:
@@ -86,7 +92,8 @@ class Bench:
 @pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
     made = Bench()
-    monkeypatch.setattr(run, "ready", made.ready)
+    monkeypatch.setattr(prepare_points, "prepare_scene", made.ready)
+    monkeypatch.setattr(run, "render_prepared", lambda prepared, **keys: prepared.render(**keys))
     return made
 
 
@@ -104,9 +111,9 @@ def test_a_folder_holds_pictures_numbers_sheet_and_page(scene: Path, tmp_path: P
     images = {f"{name}.{suffix}" for name in names for suffix in ("png", "exr")}
     others = {"manifest.csv", "manifest.json", "contact_sheet.png", "index.html", "sweep.gif", "points"}
     assert {path.name for path in folder.iterdir()} == images | others
-    assert result.taken[0].files == ("f_number=1.4_focus_distance=2.png", "f_number=1.4_focus_distance=2.exr")
-    assert strangers(result) == []
-    assert output.load(folder / "f_number=2_focus_distance=5.exr") == pytest.approx(0.25)
+    assert result.results[0].files == ("f_number=1.4_focus_distance=2.png", "f_number=1.4_focus_distance=2.exr")
+    assert stale_images(result) == []
+    assert image_file.load(folder / "f_number=2_focus_distance=5.exr") == pytest.approx(0.25)
 
 
 def test_the_manifest_tells_values_and_numbers(scene: Path, tmp_path: Path, bench: Bench) -> None:
@@ -134,7 +141,7 @@ def test_in_memory_images_are_in_the_order_of_the_axes(scene: Path, bench: Bench
     assert result.images.shape == result.shape == (3, 2)
     assert result.images[2, 1].radiance == pytest.approx(0.28 + 0.05)
     assert result.folder is None
-    assert strangers(result) == []
+    assert stale_images(result) == []
 
 
 def test_pairs(scene: Path, bench: Bench) -> None:
@@ -155,8 +162,8 @@ def test_settings_reach_every_point(scene: Path, bench: Bench) -> None:
     for settings in bench.settings:
         expected = {"seed": 7, "noise": 0.02, "time_limit": 3.0, "crop": (0, 0, 2, 2), "threads": 2, "spp": 64}
         assert expected.items() <= settings.items()
-    stocks = {id(settings["stock"]) for settings in bench.settings}
-    assert len(stocks) == 1
+    caches = {id(settings["cache"]) for settings in bench.settings}
+    assert len(caches) == 1
 
 
 def test_so_do_a_cluster_and_what_else_is_asked_for(scene: Path, bench: Bench) -> None:
@@ -170,7 +177,7 @@ def test_so_do_a_cluster_and_what_else_is_asked_for(scene: Path, bench: Bench) -
 def test_a_preview_is_small_and_has_few_samples(scene: Path, bench: Bench) -> None:
     result = sweep(scene, VALUES | {"film.width": 960, "film.height": 480}, preview=True)
     assert {settings["spp"] for settings in bench.settings} == {16}
-    assert len(result.taken) == 6
+    assert len(result.results) == 6
 
 
 # ---- Going on
@@ -183,7 +190,7 @@ def test_run_again_it_renders_nothing_and_changes_nothing(scene: Path, tmp_path:
     bench.rendered.clear()
     result = sweep(scene, VALUES, folder=folder, animate=["webp"])
     assert bench.rendered == []
-    assert result.kept == 6
+    assert result.reused == 6
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
@@ -227,9 +234,9 @@ def test_a_changed_scene_is_rendered_again_and_a_comment_is_no_change(
     sweep(scene, VALUES, folder=folder)
     bench.rendered.clear()
     scene.write_text("# A comment.\n" + SCENE.replace("radius: 1,", "radius: 1.0,"))
-    assert sweep(scene, VALUES, folder=folder).kept == 6
+    assert sweep(scene, VALUES, folder=folder).reused == 6
     scene.write_text(SCENE.replace("radius: 1,", "radius: 2,"))
-    assert sweep(scene, VALUES, folder=folder).kept == 0
+    assert sweep(scene, VALUES, folder=folder).reused == 0
     assert len(bench.rendered) == 6
 
 
@@ -249,22 +256,22 @@ def test_a_file_that_changes_during_a_sweep_and_back_is_rendered_again(
 
     made, reads = bench.ready, []
 
-    def ready(spec: Any, **settings: Any) -> FakeReady:
+    def ready(spec: Any, options: RenderOptions, **settings: Any) -> FakeReady:
         reads.append(spec.camera.f_number)
         if spec.camera.f_number == 2.0:
             np.save(sky, after)
         elif spec.camera.f_number == 4.0:
             np.save(sky, before)
-        return made(spec, **settings)
+        return made(spec, options, **settings)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run, "ready", ready)
+        patch.setattr(prepare_points, "prepare_scene", ready)
         told: list[str] = []
         found = sweep(scene, values, folder=folder, warn=told.append)
-    assert [taken.status for taken in found.taken] == ["done"] * 4
+    assert [taken.status for taken in found.results] == ["done"] * 4
     assert [sentence.partition(":")[0] for sentence in told] == ["f_number=2", "f_number=4"]
     bench.rendered.clear()
-    assert sweep(scene, values, folder=folder).kept == 1
+    assert sweep(scene, values, folder=folder).reused == 1
     assert [f_number for f_number, _ in bench.rendered] == [2.0, 2.8, 4.0]
 
 
@@ -276,10 +283,10 @@ def test_the_manifest_is_not_written_after_every_point(
     write = run.write_manifest
 
     def counted(result: Any, folder: Path) -> None:
-        told.append(sum(taken.status == "done" for taken in result.taken))
+        told.append(sum(taken.status == "done" for taken in result.results))
         write(result, folder)
 
-    for module in (run, home):
+    for module in (run, output_layout):
         monkeypatch.setattr(module, "write_manifest", counted)
     sweep(scene, {"camera.f_number": "1:9:9", "camera.focus_distance": 2}, folder=tmp_path / "out")
     assert told == [1, 2, 4, 8, 9]
@@ -288,8 +295,8 @@ def test_the_manifest_is_not_written_after_every_point(
 def test_another_format_is_rendered_for(scene: Path, tmp_path: Path, bench: Bench) -> None:
     folder = tmp_path / "out"
     sweep(scene, VALUES, folder=folder)
-    assert sweep(scene, VALUES, folder=folder, formats=["exr"]).kept == 0
-    assert sweep(scene, VALUES, folder=folder, formats=["png"]).kept == 6
+    assert sweep(scene, VALUES, folder=folder, formats=["exr"]).reused == 0
+    assert sweep(scene, VALUES, folder=folder, formats=["png"]).reused == 6
 
 
 class _Killed(BaseException):
@@ -301,7 +308,7 @@ def test_killed_at_any_write_it_ends_in_the_same_files(
 ) -> None:
     values = {"camera.f_number": "1.4,2", "camera.focus_distance": 2}
     sweep(scene, values, folder=tmp_path / "whole")
-    replace, killed = output.os.replace, 0
+    replace, killed = os.replace, 0
     for last in range(100):
         folder = tmp_path / f"killed_{last}"
         count = 0
@@ -314,7 +321,7 @@ def test_killed_at_any_write_it_ends_in_the_same_files(
             replace(source, target)
 
         with monkeypatch.context() as patch:
-            patch.setattr(output.os, "replace", dying)
+            patch.setattr(os, "replace", dying)
             patch.setattr(Path, "unlink", lambda path, missing_ok=False: None)
             try:
                 sweep(scene, values, folder=folder)
@@ -322,7 +329,7 @@ def test_killed_at_any_write_it_ends_in_the_same_files(
                 killed += 1
             else:
                 break
-        monkeypatch.setattr(wholefiles, "_swept", set())
+        monkeypatch.setattr(atomic_write, "_swept", set())
         bench.rendered.clear()
         done = len(list((folder / "points").glob("*.json"))) if (folder / "points").is_dir() else 0
         sweep(scene, values, folder=folder)
@@ -341,8 +348,8 @@ def test_a_failed_point_is_told_and_does_not_end_the_others(scene: Path, tmp_pat
     result = sweep(
         scene, {"camera.f_number": "-1,2,4", "camera.focus_distance": "2"}, folder=folder, report=told.append
     )
-    assert [taken.status for taken in result.taken] == ["failed", "done", "done"]
-    assert told == list(result.taken)
+    assert [taken.status for taken in result.results] == ["failed", "done", "done"]
+    assert told == list(result.results)
     row = next(csv.DictReader((folder / "manifest.csv").read_text().splitlines()))
     assert row["status"] == "failed"
     assert "camera.f_number: must be greater than 0" in row["reason"]
@@ -356,13 +363,13 @@ def test_a_failed_render_is_tried_again(scene: Path, tmp_path: Path, bench: Benc
 
     bench.behave = fail
     result = sweep(scene, VALUES, folder=tmp_path / "out")
-    failed = [taken for taken in result.taken if taken.status == "failed"]
+    failed = [taken for taken in result.results if taken.status == "failed"]
     assert [taken.point.values["camera.f_number"] for taken in failed] == [2]
     assert failed[0].reason == "internal error, RuntimeError: no luck"
     assert failed[0].camera["f_number"] == 2.0
     bench.behave = None
     bench.rendered.clear()
-    assert sweep(scene, VALUES, folder=tmp_path / "out").kept == 5
+    assert sweep(scene, VALUES, folder=tmp_path / "out").reused == 5
     assert bench.rendered == [(2.0, 5.0)]
 
 
@@ -378,7 +385,7 @@ def test_what_cannot_be_saved_has_failed(
 
     monkeypatch.setattr(Image, "save", full)
     result = sweep(scene, VALUES, folder=tmp_path / "out")
-    assert [taken.status for taken in result.taken] == ["done", "done", "failed", "failed", "done", "done"]
+    assert [taken.status for taken in result.results] == ["done", "done", "failed", "failed", "done", "done"]
 
 
 def test_where_every_point_fails_there_is_one_error_and_no_folder(scene: Path, tmp_path: Path, bench: Bench) -> None:
@@ -398,7 +405,7 @@ def test_an_interrupt_keeps_what_is_done(scene: Path, tmp_path: Path, bench: Ben
     folder = tmp_path / "out"
     result = sweep(scene, VALUES, folder=folder)
     assert result.interrupted
-    assert [taken.status for taken in result.taken] == ["done", "done", *["missing"] * 4]
+    assert [taken.status for taken in result.results] == ["done", "done", *["missing"] * 4]
     assert json.loads((folder / "manifest.json").read_text())["interrupted"] is True
     assert len(_pictures(folder)) == 3
     bench.behave = None
@@ -412,12 +419,12 @@ def test_a_point_that_was_broken_off_is_gone_on_with(
     scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its samples so far lie beside the records, until it is done; of a point that has changed they are not taken."""
-    monkeypatch.setattr(scheduling, "_WAKE_UP_SECONDS", 1e-3)
+    monkeypatch.setattr(worker_pool, "_POLL_SECONDS", 1e-3)
     values, folder, seen = {"camera.f_number": "2,4"}, tmp_path / "out", list[Stats]()
     spp = 20_000
     whole = sweep(scene, values, spp=spp).images
 
-    def interrupt(done: Done) -> None:
+    def interrupt(done: SweepProgress) -> None:
         if done.share > 0.6:
             raise KeyboardInterrupt
 
@@ -425,27 +432,19 @@ def test_a_point_that_was_broken_off_is_gone_on_with(
     (kept,) = (folder / "points").glob("*.checkpoint")
     assert kept.name.startswith("f_number=4")
 
-    ready = run.ready
+    render_prepared = run.render_prepared
 
-    def noted(*args: Any, **keys: Any) -> Any:
-        made = ready(*args, **keys)
+    def noted(*args: Any, **keys: Any) -> Rendered:
+        result = render_prepared(*args, **keys)
+        seen.append(result.stats)
+        return result
 
-        class Noted:
-            packed = made.packed
-
-            def render(self, **keys: Any) -> Rendered:
-                result = made.render(**keys)
-                seen.append(result.stats)
-                return result
-
-        return Noted()
-
-    monkeypatch.setattr(run, "ready", noted)
+    monkeypatch.setattr(run, "render_prepared", noted)
     result = sweep(scene, values, folder=folder, spp=spp, formats=["npy"])
     assert not result.interrupted
     (stats,) = seen
     assert 0 < stats.resumed["samples"] < stats.samples
-    for number, taken in enumerate(result.taken):
+    for number, taken in enumerate(result.results):
         (file,) = (name for name in taken.files if name.endswith(".npy"))
         np.testing.assert_array_equal(np.load(folder / file), whole[number].radiance)
     assert not kept.exists()
@@ -455,11 +454,11 @@ def test_a_point_whose_checkpoint_is_of_no_use_begins_anew(
     scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nobody has asked to go on from there: it may be damaged, or from another machine."""
-    monkeypatch.setattr(scheduling, "_WAKE_UP_SECONDS", 1e-3)
+    monkeypatch.setattr(worker_pool, "_POLL_SECONDS", 1e-3)
     values, folder, sentences = {"camera.f_number": "2,4"}, tmp_path / "out", list[str]()
     spp = 5000
 
-    def interrupt(done: Done) -> None:
+    def interrupt(done: SweepProgress) -> None:
         if done.share > 0.1:
             raise KeyboardInterrupt
 
@@ -467,7 +466,7 @@ def test_a_point_whose_checkpoint_is_of_no_use_begins_anew(
     (kept,) = (folder / "points").glob("*.checkpoint")
     kept.write_bytes(kept.read_bytes()[:-1])
     result = sweep(scene, values, folder=folder, spp=spp, warn=sentences.append)
-    assert [taken.status for taken in result.taken] == ["done", "done"]
+    assert [taken.status for taken in result.results] == ["done", "done"]
     (sentence,) = (text for text in sentences if "checkpoint" in text)
     assert sentence.startswith(f"{kept}: is damaged: ")
     assert sentence.endswith("; there is no other to go on from; f_number=2 begins anew")
@@ -484,7 +483,7 @@ def test_an_interrupt_before_there_is_anything_leaves_nothing(scene: Path, tmp_p
     result = sweep(scene, VALUES, folder=folder)
     assert result.interrupted
     assert not folder.exists()
-    assert strangers(result) == []
+    assert stale_images(result) == []
 
 
 def test_a_lost_cluster_ends_the_sweep(
@@ -492,7 +491,7 @@ def test_a_lost_cluster_ends_the_sweep(
 ) -> None:
     render = FakeReady.render
 
-    def lose(self: FakeReady, *, progress: Callable[[Progress], None], keeper: Any) -> Rendered:
+    def lose(self: FakeReady, *, progress: Callable[[Progress], None], checkpoint_writer: Any) -> Rendered:
         rendered = render(self, progress=progress)
         lost = self.packed.spec.camera.f_number == 2.0
         return rendered._replace(failure="the scheduler has gone") if lost else rendered
@@ -508,8 +507,8 @@ def test_pictures_of_another_sweep_are_left_and_told(scene: Path, tmp_path: Path
     folder = tmp_path / "out"
     sweep(scene, VALUES, folder=folder)
     result = sweep(scene, {"camera.f_number": "1.4,2", "camera.focus_distance": "2,5"}, folder=folder)
-    assert result.kept == 4
-    assert strangers(result) == ["f_number=2.8_focus_distance=2.png", "f_number=2.8_focus_distance=5.png"]
+    assert result.reused == 4
+    assert stale_images(result) == ["f_number=2.8_focus_distance=2.png", "f_number=2.8_focus_distance=5.png"]
     rows = list(csv.DictReader((folder / "manifest.csv").read_text().splitlines()))
     assert len(rows) == 4
 
@@ -538,7 +537,7 @@ def test_a_setting_does_not_stand_in_place_of_values(scene: Path, bench: Bench, 
     with pytest.raises(InputError, match=f"--{name} stands in place of {key}"):
         sweep(scene, fixed | {key: "1,2"}, **{name: 3})
     assert bench.settings == []
-    assert len(sweep(scene, fixed | {key: "1,2"}).taken) == 2
+    assert len(sweep(scene, fixed | {key: "1,2"}).results) == 2
 
 
 def test_a_file_is_no_folder(scene: Path, bench: Bench) -> None:
@@ -581,11 +580,11 @@ def test_points_that_are_packed_anew_are_made_ready_beside_a_render(
     beside: list[bool] = []
     made = bench.ready
 
-    def ready(spec: Any, **settings: Any) -> FakeReady:
+    def ready(spec: Any, options: RenderOptions, **settings: Any) -> FakeReady:
         begun[spec.camera.f_number].set()
         world = spec.camera.f_number if packs_anew else 0.0
-        settings["stock"].kept((world,), lambda: world, lambda _: True)
-        return made(spec, **settings)
+        settings["cache"].get_or_create((world,), lambda: world, lambda _: True)
+        return made(spec, options, **settings)
 
     def behave(camera: Any) -> None:
         following = stops.index(camera.f_number) + 1
@@ -595,14 +594,14 @@ def test_points_that_are_packed_anew_are_made_ready_beside_a_render(
 
     bench.behave = behave
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run, "ready", ready)
+        patch.setattr(prepare_points, "prepare_scene", ready)
         sweep(scene, {"camera.f_number": stops, "camera.focus_distance": 2})
     assert beside == [False, packs_anew, packs_anew]
 
 
 def test_progress_rises_to_the_end_and_counts_by_work(scene: Path, bench: Bench) -> None:
     """Points of 1, 2 and 5 samples are 1/8, 2/8 and 5/8 of the work; half of each is told."""
-    told: list[Done] = []
+    told: list[SweepProgress] = []
     values = {"camera.f_number": 2, "camera.focus_distance": 2, "render.spp": "1,2,5"}
     sweep(scene, values, progress=told.append)
     assert [done.share for done in told] == pytest.approx([0.5 / 8, 2 / 8, 5.5 / 8])
@@ -611,34 +610,34 @@ def test_progress_rises_to_the_end_and_counts_by_work(scene: Path, bench: Bench)
 
 def test_progress_is_a_number_where_a_value_is_none(scene: Path, bench: Bench) -> None:
     """A film of infinite width is no infinite part of the work."""
-    told: list[Done] = []
+    told: list[SweepProgress] = []
     values = {"camera.f_number": 2, "camera.focus_distance": 2, "film.width": [math.inf, 8]}
-    assert [taken.status for taken in sweep(scene, values, progress=told.append).taken] == ["failed", "done"]
+    assert [taken.status for taken in sweep(scene, values, progress=told.append).results] == ["failed", "done"]
     assert [0.0 <= done.share <= 1.0 for done in told] == [True]
 
 
 def test_a_doubt_is_told_once(scene: Path, bench: Bench) -> None:
     made = bench.ready
 
-    def ready(spec: Any, **settings: Any) -> FakeReady:
+    def ready(spec: Any, options: RenderOptions, **settings: Any) -> FakeReady:
         settings["warn"]("there is a doubt")
-        return made(spec, **settings)
+        return made(spec, options, **settings)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run, "ready", ready)
+        patch.setattr(prepare_points, "prepare_scene", ready)
         with pytest.warns(SceneWarning) as found:
             result = sweep(scene, VALUES)
     assert [str(warning.message) for warning in found] == ["there is a doubt"]
     assert found[0].filename == __file__
-    assert all(taken.warnings == ("there is a doubt",) for taken in result.taken)
+    assert all(taken.warnings == ("there is a doubt",) for taken in result.results)
 
 
 def test_strict_fails_points(scene: Path, bench: Bench) -> None:
-    def ready(spec: Any, **settings: Any) -> Any:
+    def ready(spec: Any, options: RenderOptions, **settings: Any) -> Any:
         raise StrictError(["a doubt"])
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run, "ready", ready)
+        patch.setattr(prepare_points, "prepare_scene", ready)
         with pytest.raises(StrictError):
             sweep(scene, VALUES, strict=True)
 
@@ -661,18 +660,18 @@ def test_a_sweep_has_the_bits_of_single_renders(tmp_path: Path) -> None:
     """And the world is packed once for each place of the camera, and its structure built once for all."""
     path = tmp_path / "ball.yaml"
     path.write_text(BALL)
-    stock = Stock()
+    cache = RenderCache()
     values = {"camera.vfov": [30, 40], "camera.look_from": [[0, 0, 4], [0, 1, 4]]}
-    result = sweep(path, values, stock=stock, threads=2)
+    result = sweep(path, values, cache=cache, threads=2)
     alone = rt.render(rt.load(path, {"camera.vfov": 40, "camera.look_from": [0, 0, 4]}), threads=2)
     assert np.array_equal(result.images[1, 0].radiance, alone.radiance)
     assert len({image.radiance.tobytes() for image in result.images.flat}) == 4
-    assert (stock.counts.worlds_packed, stock.counts.structures_built) == (2, 1)
-    assert all(math.isfinite(taken.seconds["total"]) for taken in result.taken)
+    assert (cache.counts.worlds_packed, cache.counts.structures_built) == (2, 1)
+    assert all(math.isfinite(taken.seconds["total"]) for taken in result.results)
 
 
 # What a process does that is told to sweep in its arguments.
-_COMMAND = "import sys; from raytracer.cli.main import main; sys.exit(main(sys.argv[1:]))"
+_COMMAND = "import sys; from raytracer.cli.base.app import main; sys.exit(main(sys.argv[1:]))"
 
 
 @pytest.mark.slow

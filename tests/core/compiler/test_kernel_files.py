@@ -13,31 +13,31 @@ import numba
 import numpy as np
 import pytest
 
-from raytracer import kernel_files
-from raytracer.jit import entry
-from raytracer.kernel_files import CacheWarning, KernelFiles
-from raytracer.signing_key import FILE_NAME
+from raytracer.core.compiler import kernel_files
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.compiler.kernel_files import CacheWarning, KernelFiles
+from raytracer.core.compiler.signing_key import FILE_NAME
 
 KEY = ("float64", ("x86", "+avx2"), ("code", ""))
 
 
 def files(folder: Path) -> KernelFiles:
-    return KernelFiles(folder / "kernels", "integrator.render_tile-1", pickle.dumps)
+    return KernelFiles(folder / "kernels", "path_tracer.render_tile-1", pickle.dumps)
 
 
 def file_of(store: KernelFiles, key: object = KEY) -> Path:
-    """The file that was saved for a key; its name tells the signing key's too."""
+    """Find the file that was saved for a key; its name also depends on the signing key."""
     path = store.path(key)
-    (found,) = path.parent.glob(f"{path.stem}.*.nbc")
-    return found
+    (file,) = path.parent.glob(f"{path.stem}.*.nbc")
+    return file
 
 
 @pytest.fixture(autouse=True)
 def keys(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder for the signing key, where there is none yet; nothing has been warned of."""
+    """Use an empty folder for the signing key, and forget earlier warnings."""
     folder = tmp_path_factory.mktemp("keys")
     monkeypatch.setenv("RAYTRACER_KEY_DIR", str(folder))
-    monkeypatch.setattr(kernel_files, "_told", set())
+    monkeypatch.setattr(kernel_files, "_warned", set())
     return folder
 
 
@@ -85,7 +85,7 @@ def test_a_signed_file_is_not_taken_in_the_place_of_another(tmp_path: Path) -> N
     assert store.load(other) is None
     store.save(KEY, _Trap(tmp_path / "sprung"))
     (tmp_path / "kernels").rename(tmp_path / "later")
-    later = KernelFiles(tmp_path / "later", "integrator.render_tile-1", pickle.dumps)
+    later = KernelFiles(tmp_path / "later", "path_tracer.render_tile-1", pickle.dumps)
     assert later.load(KEY) is None
     assert not (tmp_path / "sprung").exists()
 
@@ -117,7 +117,7 @@ def test_no_flipped_bit_gets_into_what_is_executed(tmp_path: Path) -> None:
 
 
 class _Trap:
-    """Leaves a file where it was unpickled."""
+    """An object that makes a file when it is unpickled."""
 
     def __init__(self, sprung: Path) -> None:
         self.sprung = sprung
@@ -127,7 +127,7 @@ class _Trap:
 
 
 def _trapped(folder: Path) -> KernelFiles:
-    """Files, one of which does something when it is loaded."""
+    """Make files, one of which runs code when it is loaded."""
     store = files(folder)
     store.save(KEY, _Trap(folder / "sprung"))
     return store
@@ -137,24 +137,24 @@ _POSIX = pytest.mark.skipif(sys.platform == "win32", reason="modes say nothing t
 
 
 def test_what_is_trusted_is_executed(tmp_path: Path) -> None:
-    # Else the tests below could not fail.
+    # Otherwise the tests below could not fail.
     _trapped(tmp_path).load(KEY)
     assert (tmp_path / "sprung").exists()
 
 
 def _unsigned(path: Path, content: bytes) -> bytes:
-    """A file as it was before files were signed: a checksum stands before it, which anybody can make."""
+    """Make a file of the unsigned format: a checksum stands before it, which anybody can make."""
     return b"rt kernel 1\n" + hashlib.sha256(content).digest() + content
 
 
 def _with_a_checksum(path: Path, content: bytes) -> bytes:
-    """As a signed file, but for the key that made the signature: there is none."""
+    """Make a file like a signed one, but with a checksum, which needs no key."""
     return b"rt kernel 2\n" + hashlib.sha256(content).digest() + content
 
 
 def _by_another_key(path: Path, content: bytes) -> bytes:
-    """A file that is right in all but whose key has signed it."""
-    return kernel_files._head(path, content, bytes(32)) + content
+    """Make a file that is right but for the key that signed it."""
+    return kernel_files._signed_header(path, content, bytes(32)) + content
 
 
 @pytest.mark.parametrize("forged", [_unsigned, _with_a_checksum, _by_another_key])
@@ -163,16 +163,16 @@ def test_a_cache_that_came_with_an_archive_runs_nothing(
 ) -> None:
     """It belongs to the user who has unpacked it, and nobody else can write to it: modes do not tell."""
     folder = tmp_path / "unpacked" / "kernels"
-    monkeypatch.setattr("raytracer.jit.CACHE_FOLDER", folder)
+    monkeypatch.setattr("raytracer.core.compiler.cache.CACHE_FOLDER", folder)
 
     def halve(x: float) -> float:
         return x / 2.0
 
-    def found() -> tuple[float, int]:
+    def run() -> tuple[float, int]:
         compiled = entry(halve)
         return compiled(3.0), sum(compiled.stats.cache_hits.values())
 
-    assert [found(), found()] == [(1.5, 0), (1.5, 1)]
+    assert [run(), run()] == [(1.5, 0), (1.5, 1)]
     (path,) = folder.glob("*.nbc")
     sprung = tmp_path / "sprung"
     attack = forged(path, pickle.dumps(_Trap(sprung)))
@@ -180,11 +180,11 @@ def test_a_cache_that_came_with_an_archive_runs_nothing(
     unkeyed = path.with_name(f"{path.name.rsplit('.', 2)[0]}.nbc")
     path.write_bytes(attack)
     unkeyed.write_bytes(attack)
-    assert found() == (1.5, 0)
+    assert run() == (1.5, 0)
     assert not sprung.exists()
     # What was compiled anew has taken its place.
     assert path.read_bytes() != attack
-    assert found() == (1.5, 1)
+    assert run() == (1.5, 1)
 
 
 def test_keys_that_share_a_folder_do_not_undo_each_others_work(
@@ -230,8 +230,8 @@ def test_without_a_key_to_trust_nothing_is_taken_or_kept(
     store = _trapped(cache)
     before = sorted(cache.rglob("*"))
     monkeypatch.setenv("RAYTRACER_KEY_DIR", place(cache))
-    told = pytest.warns(CacheWarning, match=f"{words}.*compiles anew; RAYTRACER_KEY_DIR names another")
-    with told, store.alone(KEY):
+    warned = pytest.warns(CacheWarning, match=f"{words}.*compiles anew; RAYTRACER_KEY_DIR names another")
+    with warned, store.compile_lock(KEY):
         assert store.load(KEY) is None
     # Said once.
     store.save(KEY, "machine code")
@@ -254,10 +254,10 @@ def test_a_folder_that_others_may_write_to_is_not_trusted(mode: int, tmp_path: P
     store = _trapped(tmp_path)
     store.path(KEY).parent.chmod(mode)
     before = sorted((tmp_path / "kernels").iterdir())
-    with pytest.warns(CacheWarning, match="can be written by other users"), store.alone(KEY):
+    with pytest.warns(CacheWarning, match="can be written by other users"), store.compile_lock(KEY):
         assert store.load(KEY) is None
     # Said once; and nothing is written there, nor locked.
-    with store.alone(("int64", *KEY[1:])):
+    with store.compile_lock(("int64", *KEY[1:])):
         store.save(("int64", *KEY[1:]), "machine code")
     assert sorted((tmp_path / "kernels").iterdir()) == before
     assert not (tmp_path / "sprung").exists()
@@ -328,7 +328,7 @@ def test_a_damaged_file_is_compiled_by_one_alone(tmp_path: Path) -> None:
 
     def want(number: int) -> None:
         together.wait()
-        with files(tmp_path).alone(KEY):
+        with files(tmp_path).compile_lock(KEY):
             if files(tmp_path).load(KEY) is None:
                 compiled.append(number)
                 files(tmp_path).save(KEY, "machine code")
@@ -360,8 +360,8 @@ def test_what_the_killed_have_left_is_removed_in_time(tmp_path: Path) -> None:
 _HOLDS = """
 import pickle, sys, time
 from pathlib import Path
-from raytracer.kernel_files import KernelFiles
-with KernelFiles(Path(sys.argv[1]) / "kernels", "integrator.render_tile-1", pickle.dumps).alone(%r):
+from raytracer.core.compiler.kernel_files import KernelFiles
+with KernelFiles(Path(sys.argv[1]) / "kernels", "path_tracer.render_tile-1", pickle.dumps).compile_lock(%r):
     print("held", flush=True)
     time.sleep(600)
 """
@@ -373,7 +373,7 @@ def test_who_is_killed_while_compiling_holds_nobody_up(tmp_path: Path, monkeypat
     assert holder.stdout.readline() == "held\n"
     # It is waited for as long as it lives...
     with monkeypatch.context() as patch:
-        patch.setattr(kernel_files, "_LONGEST_WAIT", 0.1)
+        patch.setattr(kernel_files, "_MAX_WAIT", 0.1)
         lock = files(tmp_path)._lock(KEY)
     with pytest.raises(TimeoutError), lock:
         pass
@@ -381,7 +381,7 @@ def test_who_is_killed_while_compiling_holds_nobody_up(tmp_path: Path, monkeypat
     holder.kill()
     holder.wait()
     holder.stdout.close()
-    with files(tmp_path).alone(KEY):
+    with files(tmp_path).compile_lock(KEY):
         files(tmp_path).save(KEY, "machine code")
     assert files(tmp_path).load(KEY) == "machine code"
 
@@ -393,7 +393,7 @@ def test_one_compiles_and_the_others_wait(tmp_path: Path) -> None:
     def want(number: int) -> None:
         store = files(tmp_path)
         together.wait()
-        with store.alone(KEY):
+        with store.compile_lock(KEY):
             if store.load(KEY) is None:
                 compiled.append(number)
                 store.save(KEY, "machine code")
@@ -409,14 +409,14 @@ def test_one_compiles_and_the_others_wait(tmp_path: Path) -> None:
 def test_those_who_find_it_there_hold_nothing_up(tmp_path: Path) -> None:
     store = files(tmp_path)
     store.save(KEY, "machine code")
-    with store.alone(KEY), files(tmp_path).alone(KEY):
+    with store.compile_lock(KEY), files(tmp_path).compile_lock(KEY):
         assert files(tmp_path).load(KEY) == "machine code"
 
 
 def test_a_folder_that_cannot_be_made_is_no_error(tmp_path: Path) -> None:
     (tmp_path / "kernels").touch()
     store = files(tmp_path)
-    with store.alone(KEY):
+    with store.compile_lock(KEY):
         store.save(KEY, "machine code")
         assert store.load(KEY) is None
 
@@ -424,16 +424,16 @@ def test_a_folder_that_cannot_be_made_is_no_error(tmp_path: Path) -> None:
 def test_an_edited_module_outside_of_the_package_is_compiled_anew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("raytracer.jit.CACHE_FOLDER", tmp_path / "cache" / "kernels")
+    monkeypatch.setattr("raytracer.core.compiler.cache.CACHE_FOLDER", tmp_path / "cache" / "kernels")
     # Another constant is neither in the types nor in the bytecode, by which a kernel is called.
     path = tmp_path / "probe.py"
-    found = []
+    results = []
     for factor in (2.5, 3.5, 2.5):
         path.write_text(f"@entry\ndef times(x):\n    return {factor} * x\n")
         module = {"entry": entry, "__name__": "probe"}
         exec(compile(path.read_text(), path, "exec"), module)
-        found.append((module["times"](2.0), sum(module["times"].stats.cache_hits.values())))  # type: ignore[attr-defined,operator]
-    assert found == [(5.0, 0), (7.0, 0), (5.0, 1)]
+        results.append((module["times"](2.0), sum(module["times"].stats.cache_hits.values())))  # type: ignore[attr-defined,operator]
+    assert results == [(5.0, 0), (7.0, 0), (5.0, 1)]
 
 
 def test_an_entry_without_the_compiler_is_the_function_itself(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from raytracer.signing_key import FILE_NAME, KEY_BYTES, NoKeyError, key_folder, signing_key
+from raytracer.core.compiler.signing_key import FILE_NAME, KEY_BYTES, NoKeyError, key_folder, signing_key
 
 _POSIX = pytest.mark.skipif(sys.platform == "win32", reason="modes say nothing there")
 
@@ -30,21 +30,21 @@ def test_a_key_is_made_once_and_is_its_owners_alone(tmp_path: Path) -> None:
 
 
 def test_all_who_make_it_at_once_have_the_same(tmp_path: Path) -> None:
-    found: set[bytes] = set()
+    keys: set[bytes] = set()
     together = threading.Barrier(16)
 
     def make(folder: Path) -> None:
         together.wait()
-        found.add(signing_key(folder))
+        keys.add(signing_key(folder))
 
     for turn in range(8):
-        found.clear()
+        keys.clear()
         threads = [threading.Thread(target=make, args=(tmp_path / f"{turn}",)) for _ in range(together.parties)]
         for thread in threads:
             thread.start()
         for thread in threads:
             thread.join()
-        assert found == {(tmp_path / f"{turn}" / FILE_NAME).read_bytes()}
+        assert keys == {(tmp_path / f"{turn}" / FILE_NAME).read_bytes()}
         assert len(list((tmp_path / f"{turn}").iterdir())) == 1
 
 

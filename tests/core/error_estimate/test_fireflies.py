@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.noise.fireflies import FEWEST, find_fireflies
+from raytracer.core.error_estimate.fireflies import MIN_SAMPLES, find_fireflies
 
 Array = NDArray[np.float64]
 Statistics = tuple[Array, Array, NDArray[np.int64]]
@@ -33,34 +33,34 @@ def test_noise_is_no_firefly() -> None:
 def test_one_sample_is_found_and_accounted_for() -> None:
     samples = noise()
     samples[7, 5, 9] = 6400.0
-    found = find_fireflies(*picture(samples))
-    assert found is not None
-    assert np.argwhere(found.where).tolist() == [[5, 9]]
-    assert found.brightest == (5, 9)
+    fireflies = find_fireflies(*picture(samples))
+    assert fireflies is not None
+    assert np.argwhere(fireflies.where).tolist() == [[5, 9]]
+    assert fireflies.brightest == (5, 9)
     # It adds 6400 / 64 = 100 to what else is 0.5 * 24 * 32 = 384 of light.
-    assert found.light == pytest.approx(100.0 / 484.0, rel=0.01)
+    assert fireflies.light == pytest.approx(100.0 / 484.0, rel=0.01)
     # A sample at the limit adds a quarter of what is around, 0.5: limit / 64 = 0.125.
-    assert found.limit == pytest.approx(8.0, rel=0.2)
+    assert fireflies.limit == pytest.approx(8.0, rel=0.2)
 
 
 def test_the_corner_and_all_of_several_are_found() -> None:
     samples = noise()
     for place in ((0, 0), (23, 31), (12, 16)):
         samples[3, *place] = 6400.0
-    found = find_fireflies(*picture(samples))
-    assert found is not None
-    assert np.argwhere(found.where).tolist() == [[0, 0], [12, 16], [23, 31]]
+    fireflies = find_fireflies(*picture(samples))
+    assert fireflies is not None
+    assert np.argwhere(fireflies.where).tolist() == [[0, 0], [12, 16], [23, 31]]
 
 
 def test_what_is_around_may_be_black() -> None:
     samples = np.zeros((64, *SIZE))
     samples[0, 10, 10] = 5.0
-    found = find_fireflies(*picture(samples))
-    assert found is not None
-    assert found.pixels == 1
-    assert found.light == 1.0
+    fireflies = find_fireflies(*picture(samples))
+    assert fireflies is not None
+    assert fireflies.pixels == 1
+    assert fireflies.light == 1.0
     # There is nothing to tell a limit by.
-    assert found.limit is None
+    assert fireflies.limit is None
 
 
 def test_an_edge_of_a_lamp_is_none() -> None:
@@ -82,22 +82,22 @@ def test_rare_light_everywhere_is_noise_and_no_firefly() -> None:
     samples = noise()
     rare = random.random(SIZE) < 1.0 / 6.0
     samples[0] += np.where(rare, 3000.0, 0.0)
-    found = find_fireflies(*picture(samples))
-    assert found is None or found.pixels <= 0.05 * rare.sum()
+    fireflies = find_fireflies(*picture(samples))
+    assert fireflies is None or fireflies.pixels <= 0.05 * rare.sum()
     # One in three hundred: 17 deviations.
     samples = noise()
     rare = random.random(SIZE) < 1.0 / 300.0
     samples[0] += np.where(rare, 3000.0, 0.0)
-    found = find_fireflies(*picture(samples))
-    assert found is not None
-    np.testing.assert_array_equal(found.where, rare)
+    fireflies = find_fireflies(*picture(samples))
+    assert fireflies is not None
+    np.testing.assert_array_equal(fireflies.where, rare)
 
 
 def test_few_samples_tell_nothing() -> None:
-    samples = noise(FEWEST - 1)
+    samples = noise(MIN_SAMPLES - 1)
     samples[0, 5, 5] = 3200.0
     assert find_fireflies(*picture(samples)) is None
-    samples = noise(FEWEST)
+    samples = noise(MIN_SAMPLES)
     samples[0, 5, 5] = 3200.0
     assert find_fireflies(*picture(samples)) is not None
 
@@ -114,9 +114,9 @@ def test_one_channel_is_enough() -> None:
     mean, m2, count = picture(noise())
     mean[5, 5, 1] += 100.0
     m2[5, 5, 1] += 100.0**2 * 64 * 63
-    found = find_fireflies(mean, m2, count)
-    assert found is not None
-    assert np.argwhere(found.where).tolist() == [[5, 5]]
+    fireflies = find_fireflies(mean, m2, count)
+    assert fireflies is not None
+    assert np.argwhere(fireflies.where).tolist() == [[5, 5]]
 
 
 def test_values_beyond_all_bounds_raise_nothing() -> None:

@@ -1,14 +1,14 @@
-"""What one unbroken run tells of its error, against the errors of pictures whose truth is known."""
+"""Error estimates of one unbroken run, against the errors of pictures whose truth is known."""
 
 import math
 
 import numpy as np
 import pytest
 
-from raytracer.noise import Tally, relative_error, steepest_of, weights
-from raytracer.noise.rates import Rate
-from raytracer.sampling.sobol import Sobol
-from tests.sampling.draws import draw_2d
+from raytracer.core.error_estimate import ErrorEstimator, error_weights, relative_error, sampler_exponent
+from raytracer.core.error_estimate.rates import ConvergenceRate
+from raytracer.core.sampling.sobol import Sobol
+from tests.core.sampling.draws import draw_2d
 
 SEEDS = 40
 
@@ -21,15 +21,15 @@ def _windows(width, height, edge=16):
     ]
 
 
-def _told(means, windows, counts, steepest=1.5):
+def _estimator_of(means, windows, counts, steepest=1.5):
     """The tally of a render, from means (height, width, 3) at 8, 16, 32, ... of the whole picture."""
-    tally = Tally(windows, steepest)
+    estimator = ErrorEstimator(windows, steepest)
     for n, mean in sorted(means.items()):
         for i, (left, top, right, bottom) in enumerate(windows):
             if n <= counts[i]:
-                tally.record(i, mean[top:bottom, left:right], n)
-    tally.settle(means[8])
-    return tally
+                estimator.record(i, mean[top:bottom, left:right], n)
+    estimator.set_scale(means[8])
+    return estimator
 
 
 def _scene(width, height):
@@ -61,20 +61,20 @@ SAMPLES = {
 def test_the_interval_of_independent_samples_holds_the_error_of_the_picture(sample):
     truth, windows = _scene(48, 40), _windows(48, 40)
     spp = 64 if sample == "even" else 512
-    held, told, errors = 0, [], []
+    covered, estimates, errors = 0, [], []
     for seed in range(SEEDS):
         means = _independent_means(np.random.default_rng(seed), truth, spp, SAMPLES[sample])
-        estimate = _told(means, windows, [spp] * len(windows), steepest_of("independent")).estimate(
+        estimate = _estimator_of(means, windows, [spp] * len(windows), sampler_exponent("independent")).estimate(
             [spp] * len(windows)
         )
         error = relative_error(means[spp], truth)
-        held += estimate.low <= error <= estimate.high
-        told.append(estimate.error)
+        covered += estimate.low <= error <= estimate.high
+        estimates.append(estimate.error)
         errors.append(error)
         assert estimate.exponent == 1.0
         assert estimate.samples == spp
-    assert held >= 34
-    assert np.mean(told) == pytest.approx(np.mean(errors), rel=0.05)
+    assert covered >= 34
+    assert np.mean(estimates) == pytest.approx(np.mean(errors), rel=0.05)
 
 
 def _sobol_means(seed, truth, spp, integrand):
@@ -101,24 +101,24 @@ def _edge(points, place):
 def test_the_interval_of_the_sampler_of_renders_holds_the_error_of_the_picture(integrand, spp):
     truth, windows = _scene(40, 24), _windows(40, 24)
     many = np.mean([_sobol_means(1000 + i, truth, 1024, integrand)[1024] for i in range(4)], axis=0)
-    held, told, errors = 0, [], []
+    covered, estimates, errors = 0, [], []
     for seed in range(SEEDS):
         means = _sobol_means(seed, truth, spp, integrand)
-        estimate = _told(means, windows, [spp] * len(windows)).estimate([spp] * len(windows))
+        estimate = _estimator_of(means, windows, [spp] * len(windows)).estimate([spp] * len(windows))
         error = relative_error(means[spp], many)
-        held += estimate.low <= error <= estimate.high
-        told.append(estimate.error)
+        covered += estimate.low <= error <= estimate.high
+        estimates.append(estimate.error)
         errors.append(error)
-    assert held >= 34
+    assert covered >= 34
     # What noise in the weights may do grows with the error.
     expected = np.sqrt(np.mean(np.square(errors)))
-    assert np.mean(told) == pytest.approx(expected, rel=0.05 + 0.25 * expected)
+    assert np.mean(estimates) == pytest.approx(expected, rel=0.05 + 0.25 * expected)
 
 
 def test_the_slope_of_a_smooth_picture_is_found():
     truth, windows = _scene(40, 24), _windows(40, 24)
-    tally = _told(_sobol_means(1, truth, 256, _edge), windows, [256] * len(windows))
-    assert tally.estimate([256] * len(windows)).exponent > 1.35
+    estimator = _estimator_of(_sobol_means(1, truth, 256, _edge), windows, [256] * len(windows))
+    assert estimator.estimate([256] * len(windows)).exponent > 1.35
 
 
 def _means_by_rate(rng, truth, rate, spp):
@@ -129,7 +129,7 @@ def _means_by_rate(rng, truth, rate, spp):
     mean = truth * (1.0 + math.sqrt(rate.mse(spp)) * rng.standard_normal(truth.shape[:2])[..., None])
     means, n = {spp: mean}, spp
     while n > 8:
-        mean = mean + truth * math.sqrt(rate.drop(n)) * rng.standard_normal(truth.shape[:2])[..., None]
+        mean = mean + truth * math.sqrt(rate.half_difference(n)) * rng.standard_normal(truth.shape[:2])[..., None]
         n //= 2
         means[n] = mean
     return dict(sorted(means.items()))
@@ -137,23 +137,23 @@ def _means_by_rate(rng, truth, rate, spp):
 
 def test_tiles_may_stop_anywhere():
     """Left tiles with 24 samples, others with 64 and 200: what the prefix formula makes of 16, 64 and 128."""
-    rate = Rate(0.05, 0.4)
+    rate = ConvergenceRate(0.05, 0.4)
     truth, windows = np.ones((96, 96, 3)), _windows(96, 96)
     counts = np.array([24 if w[0] < 32 else 64 if w[0] < 64 else 200 for w in windows])
-    told = []
+    estimates = []
     for seed in range(10):
         means = _means_by_rate(np.random.default_rng(seed), truth, rate, 128)
-        told.append(_told(means, windows, counts).estimate(counts))
+        estimates.append(_estimator_of(means, windows, counts).estimate(counts))
     # Weights of an even picture: 1 / 1.01.
     last = [rate.mse(64), rate.mse(128) * rate.mse(200) / rate.mse(128)]
     # With a single difference the steep term is taken to be a quarter.
-    guess = Rate(0.75 * 16, 0.25 * 64.0)
-    first = rate.drop(16) / guess.drop(16) * guess.mse(24)
+    guess = ConvergenceRate(0.75 * 16, 0.25 * 64.0)
+    first = rate.half_difference(16) / guess.half_difference(16) * guess.mse(24)
     expected = math.sqrt((first + sum(last)) / 3.0 / 1.01)
-    assert np.mean([t.error for t in told]) == pytest.approx(expected, rel=0.03)
-    assert told[0].samples == pytest.approx((24 + 64 + 200) / 3)
+    assert np.mean([t.error for t in estimates]) == pytest.approx(expected, rel=0.03)
+    assert estimates[0].samples == pytest.approx((24 + 64 + 200) / 3)
     truly = math.sqrt((rate.mse(24) + sum(last)) / 3.0 / 1.01)
-    assert all(t.low <= truly <= t.high for t in told)
+    assert all(t.low <= truly <= t.high for t in estimates)
 
 
 def test_errors_by_tile_add_up_to_the_whole():
@@ -161,18 +161,18 @@ def test_errors_by_tile_add_up_to_the_whole():
     truth = _scene(40, 40)
     windows = _windows(40, 40)
     counts = np.full(len(windows), 64)
-    tally = _told(_means_by_rate(rng, truth, Rate(0.05, 0.4), 64), windows, counts)
+    estimator = _estimator_of(_means_by_rate(rng, truth, ConvergenceRate(0.05, 0.4), 64), windows, counts)
     pixels = np.array([(right - left) * (bottom - top) for left, top, right, bottom in windows])
-    by_tile = tally.tile_mse(counts)
+    by_tile = estimator.tile_mse(counts)
     total = math.sqrt(np.sum(by_tile * pixels) / pixels.sum())
-    assert tally.estimate(counts).error == pytest.approx(total, rel=1e-9)
+    assert estimator.estimate(counts).error == pytest.approx(total, rel=1e-9)
 
     # And each is that of its tile, within the noise of 64 to 256 pixels.
-    w = weights(truth) * truth**2 * Rate(0.05, 0.4).mse(64)
+    w = error_weights(truth) * truth**2 * ConvergenceRate(0.05, 0.4).mse(64)
     expected = [w[top:bottom, left:right].mean() for left, top, right, bottom in windows]
     np.testing.assert_allclose(by_tile, expected, rtol=0.6)
     counts[4] = 8
-    assert np.isnan(tally.tile_mse(counts)).tolist() == (counts == 8).tolist()
+    assert np.isnan(estimator.tile_mse(counts)).tolist() == (counts == 8).tolist()
 
 
 @pytest.mark.parametrize("exposure", [1e-12, 1e-5, 1e9])
@@ -180,7 +180,9 @@ def test_the_estimate_does_not_depend_on_exposure(exposure):
     truth, windows = _scene(40, 24), _windows(40, 24)
     counts = [32] * len(windows)
     plain, exposed = (
-        _told(_means_by_rate(np.random.default_rng(4), k * truth, Rate(0.2, 0.4), 32), windows, counts).estimate(counts)
+        _estimator_of(
+            _means_by_rate(np.random.default_rng(4), k * truth, ConvergenceRate(0.2, 0.4), 32), windows, counts
+        ).estimate(counts)
         for k in (1.0, exposure)
     )
     np.testing.assert_allclose(exposed, plain, rtol=1e-4)
@@ -192,32 +194,34 @@ def test_bright_errors_do_not_hide_in_their_own_weights():
     rng = np.random.default_rng(11)
     means = _independent_means(rng, truth, 128, lambda rng, shape: 500.0 * (rng.random(shape) < 1 / 500))
     error = relative_error(means[128], truth)
-    hidden = math.sqrt(np.mean(weights(means[128]) * (means[64] - means[128]) ** 2))
-    told = _told(means, windows, [128] * 16, steepest=1.0).estimate([128] * 16)
+    hidden = math.sqrt(np.mean(error_weights(means[128]) * (means[64] - means[128]) ** 2))
+    estimate = _estimator_of(means, windows, [128] * 16, steepest=1.0).estimate([128] * 16)
     assert hidden < 0.4 * error
-    assert told.error == pytest.approx(error, rel=0.35)
+    assert estimate.error == pytest.approx(error, rel=0.35)
 
 
 def test_few_samples_tell_nothing():
     truth, windows = _scene(40, 24), _windows(40, 24)
-    tally = _told(_means_by_rate(np.random.default_rng(5), truth, Rate(0.2, 0.4), 32), windows, [32] * len(windows))
-    assert tally.estimate([32] * 5 + [15]) is None
-    assert tally.estimate([32] * 6) is not None
+    estimator = _estimator_of(
+        _means_by_rate(np.random.default_rng(5), truth, ConvergenceRate(0.2, 0.4), 32), windows, [32] * len(windows)
+    )
+    assert estimator.estimate([32] * 5 + [15]) is None
+    assert estimator.estimate([32] * 6) is not None
     # Not recorded yet.
-    assert tally.estimate([32] * 5 + [64]) is None
-    assert Tally(windows).estimate([32] * 6) is None
+    assert estimator.estimate([32] * 5 + [64]) is None
+    assert ErrorEstimator(windows).estimate([32] * 6) is None
 
 
 def test_a_level_left_out_is_lost_and_no_other():
     truth, windows = _scene(16, 16), _windows(16, 16)
-    means = _means_by_rate(np.random.default_rng(6), truth, Rate(0.2, 0.4), 128)
-    whole = _told(means, windows, [128])
+    means = _means_by_rate(np.random.default_rng(6), truth, ConvergenceRate(0.2, 0.4), 128)
+    whole = _estimator_of(means, windows, [128])
     del means[16]
-    gap = _told(means | {12: truth, 24: truth}, windows, [128])
+    gap = _estimator_of(means | {12: truth, 24: truth}, windows, [128])
     assert gap.estimate([128]).error == pytest.approx(whole.estimate([128]).error, rel=0.3)
     assert gap.estimate([128]) is not None
-    late = Tally(windows)
-    late.settle(truth)
+    late = ErrorEstimator(windows)
+    late.set_scale(truth)
     late.record(0, means[64], 64)
     assert late.estimate([64]) is None
     late.record(0, means[128], 128)
@@ -227,25 +231,25 @@ def test_a_level_left_out_is_lost_and_no_other():
 def test_black_pictures():
     windows = _windows(16, 16)
     black = {n: np.zeros((16, 16, 3)) for n in (8, 16, 32)}
-    assert _told(black, windows, [32]).estimate([32])[:3] == (0.0, 0.0, 0.0)
+    assert _estimator_of(black, windows, [32]).estimate([32])[:3] == (0.0, 0.0, 0.0)
 
     # Light that comes late: unknown until the scale is settled anew.
     lit = black | {32: np.eye(16)[..., None] * np.ones(3)}
-    tally = _told(lit, windows, [32])
-    assert tally.estimate([32]) is None
-    tally.settle(lit[32])
-    assert tally.estimate([32]).error > 0.5
-    assert tally.estimate([32]).high > tally.estimate([32]).error
+    estimator = _estimator_of(lit, windows, [32])
+    assert estimator.estimate([32]) is None
+    estimator.set_scale(lit[32])
+    assert estimator.estimate([32]).error > 0.5
+    assert estimator.estimate([32]).high > estimator.estimate([32]).error
 
 
 def test_pictures_without_noise_have_no_error():
     same = {n: _scene(16, 16) for n in (8, 16, 32)}
-    assert _told(same, _windows(16, 16), [32]).estimate([32])[:3] == (0.0, 0.0, 0.0)
+    assert _estimator_of(same, _windows(16, 16), [32]).estimate([32])[:3] == (0.0, 0.0, 0.0)
 
 
 def test_values_beyond_all_measure_leave_the_error_unknown():
     wild = {8: np.ones((16, 16, 3)), 16: np.full((16, 16, 3), 1e80)}
-    assert _told(wild, _windows(16, 16), [16]).estimate([16]) is None
+    assert _estimator_of(wild, _windows(16, 16), [16]).estimate([16]) is None
 
 
 def test_the_first_half_of_a_stratified_run_tells_an_upper_bound():
@@ -256,17 +260,17 @@ def test_the_first_half_of_a_stratified_run_tells_an_upper_bound():
     strata = np.argsort(rng.random((32 * 32, spp)), axis=1)
     values = 0.5 + (strata + rng.random(strata.shape)) / spp
     means = {n: truth * values[:, :n].mean(axis=1).reshape(32, 32, 1) for n in (8, 16, 32, 64)}
-    assert _told(means, windows, [spp] * 4).estimate([spp] * 4).error > relative_error(means[spp], truth)
+    assert _estimator_of(means, windows, [spp] * 4).estimate([spp] * 4).error > relative_error(means[spp], truth)
 
 
 def test_a_single_pixel_tells_little() -> None:
     # The square of one normal difference is chi-square of one degree.
     rng = np.random.default_rng(5)
     samples = 1.0 + 0.5 * rng.standard_normal(64)
-    tally = Tally([(0, 0, 1, 1)], steepest_of("independent"))
+    estimator = ErrorEstimator([(0, 0, 1, 1)], sampler_exponent("independent"))
     for n in (8, 16, 32, 64):
-        tally.record(0, np.full((1, 1, 3), samples[:n].mean()), n)
-    tally.settle(np.full((1, 1, 3), samples.mean()))
-    estimate = tally.estimate([64])
+        estimator.record(0, np.full((1, 1, 3), samples[:n].mean()), n)
+    estimator.set_scale(np.full((1, 1, 3), samples.mean()))
+    estimate = estimator.estimate([64])
     assert estimate is not None
     assert estimate.high > 2.0 * estimate.error > 4.0 * estimate.low

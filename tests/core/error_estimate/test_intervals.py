@@ -5,31 +5,31 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.noise import (
+from raytracer.core.error_estimate import (
     UNKNOWN,
     Interval,
     bootstrap_intervals,
     fit_rate,
-    mapped,
+    map_interval,
     median_interval,
     mse_by_tile,
     ratio_interval,
     ratio_of_sums,
-    root,
+    sqrt_interval,
 )
 
 
 def test_ratios_of_sums_of_uneven_tiles_hold_the_truth():
     """Tiles with lognormal errors and lognormal sizes, whose ratio of expectations is known."""
-    held = 0
+    covered = 0
     for seed in range(200):
         rng = np.random.default_rng(seed)
         size = rng.lognormal(0.0, 0.5, 80)
         error = size * rng.lognormal(0.0, 1.0, 80)
         interval = ratio_of_sums(error, size, seed)
-        held += interval.low <= math.exp(0.5) <= interval.high
+        covered += interval.low <= math.exp(0.5) <= interval.high
     # 95 % less what the bootstrap loses to heavy tails; 200 seeds spread by 3.
-    assert 174 <= held <= 198
+    assert 174 <= covered <= 198
 
 
 def test_the_interval_is_the_library_s():
@@ -85,12 +85,12 @@ def test_little_data():
 @pytest.mark.parametrize("rounds", [9, 15])
 def test_medians_hold_the_truth_whatever_the_tails(rounds):
     """Times of rounds on a machine that is sometimes busy: Cauchy's distribution, whose median is 1."""
-    held = 0
+    covered = 0
     for seed in range(200):
         times = 1.0 + 0.01 * np.random.default_rng(seed).standard_cauchy(rounds)
         interval = median_interval(times, seed)
-        held += interval.low <= 1.0 <= interval.high
-    assert 180 <= held <= 200
+        covered += interval.low <= 1.0 <= interval.high
+    assert 180 <= covered <= 200
 
 
 def test_paired_ratios_do_not_feel_what_the_machine_does():
@@ -105,9 +105,9 @@ def test_paired_ratios_do_not_feel_what_the_machine_does():
 
 
 def test_functions_of_intervals():
-    assert mapped(Interval(2.0, 1.0, 4.0), lambda x: 1.0 / x) == (0.5, 0.25, 1.0)
-    assert root(Interval(4.0, -1.0, 9.0)) == (2.0, 0.0, 3.0)
-    assert all(map(math.isnan, root(UNKNOWN)))
+    assert map_interval(Interval(2.0, 1.0, 4.0), lambda x: 1.0 / x) == (0.5, 0.25, 1.0)
+    assert sqrt_interval(Interval(4.0, -1.0, 9.0)) == (2.0, 0.0, 3.0)
+    assert all(map(math.isnan, sqrt_interval(UNKNOWN)))
 
 
 @pytest.mark.parametrize("heavy", [False, True])

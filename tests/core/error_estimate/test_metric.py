@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.comparison import relmse
-from raytracer.noise import FLOOR, relative_error, scale_of, weights
+from raytracer.analysis.compare import relmse
+from raytracer.core.error_estimate import FLOOR, error_weights, mean_scale, relative_error
 
 RNG = np.random.default_rng(1)
 PICTURE = RNG.random((12, 9, 3)) ** 3
@@ -32,15 +32,15 @@ def test_black_pictures_have_no_error_and_others_are_infinitely_far_from_black()
     black = np.zeros((2, 2, 3))
     assert relative_error(black, black) == 0.0
     assert relative_error(PICTURE[:2, :2], black) == math.inf
-    assert not weights(black).any()
+    assert not error_weights(black).any()
 
 
 def test_a_black_pixel_counts_as_a_tenth_of_the_mean():
     picture = np.array([[[0.0, 0.0, 0.0], [2.0, 2.0, 2.0]]])
-    np.testing.assert_allclose(weights(picture)[0, :, 0], [100.0, 1.0 / 4.01])
+    np.testing.assert_allclose(error_weights(picture)[0, :, 0], [100.0, 1.0 / 4.01])
 
 
 def test_the_scale_may_come_from_elsewhere():
-    np.testing.assert_allclose(weights(PICTURE, scale_of(PICTURE)), weights(PICTURE))
-    np.testing.assert_allclose(weights(PICTURE, 2.0), 1.0 / (PICTURE**2 + 0.04))
-    assert scale_of(-PICTURE) == scale_of(PICTURE) > 0.0
+    np.testing.assert_allclose(error_weights(PICTURE, mean_scale(PICTURE)), error_weights(PICTURE))
+    np.testing.assert_allclose(error_weights(PICTURE, 2.0), 1.0 / (PICTURE**2 + 0.04))
+    assert mean_scale(-PICTURE) == mean_scale(PICTURE) > 0.0

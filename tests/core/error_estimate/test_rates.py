@@ -1,20 +1,34 @@
-"""How error falls with samples: nets cut short, fits, and what they foretell."""
+"""Convergence rates: partial nets, fits, and predictions."""
 
 import math
 
 import numpy as np
 import pytest
 
-from raytracer.noise import PowerLaw, Rate, fit_power_law, fit_rate, halving, prefix_mse, steepest_of
-from raytracer.noise.rates import fit_drops
-from raytracer.sampling.sobol import Sobol
-from tests.sampling.draws import draw_1d, draw_2d
+from raytracer.core.error_estimate import (
+    ConvergenceRate,
+    PowerLaw,
+    fit_power_law,
+    fit_rate,
+    prefix_mse,
+    sampler_exponent,
+    split_run_penalty,
+)
+from raytracer.core.error_estimate.rates import fit_differences
+from raytracer.core.sampling.sobol import Sobol
+from tests.core.sampling.draws import draw_1d, draw_2d
 
 # Relative standard error of a variance of so many normal means: sqrt(2 / RUNS) is 0.6 %.
 RUNS = 50_000
 WITHIN = 0.04
 
-RATES = [Rate(3.0, 0.0), Rate(0.0, 2.0), Rate(0.4, 1.1), Rate(0.4, 0.2, 4.0), Rate(0.0, 0.0, 1.0)]
+RATES = [
+    ConvergenceRate(3.0, 0.0),
+    ConvergenceRate(0.0, 2.0),
+    ConvergenceRate(0.4, 1.1),
+    ConvergenceRate(0.4, 0.2, 4.0),
+    ConvergenceRate(0.0, 0.0, 1.0),
+]
 
 
 def _prefix_variances(values):
@@ -71,8 +85,8 @@ def test_halves_of_the_sampler_of_renders_differ_by_what_the_error_drops_by():
 @pytest.mark.parametrize("rate", RATES)
 def test_a_rate_between_powers_of_two_is_the_prefix_formula(rate):
     for n in (1, 2, 3, 5, 96, 1000):
-        assert rate.mse(n) == pytest.approx(prefix_mse(lambda k: rate.smooth(2.0**k), n), rel=1e-12)
-    assert rate.mse(64) == pytest.approx(rate.smooth(64), rel=1e-12)
+        assert rate.mse(n) == pytest.approx(prefix_mse(lambda k: rate.mse_at_power(2.0**k), n), rel=1e-12)
+    assert rate.mse(64) == pytest.approx(rate.mse_at_power(64), rel=1e-12)
     assert rate.mse(5.25) == pytest.approx(
         rate.linear / 5.25 + 0.75 * (rate.mse(5) - rate.linear / 5) + 0.25 * (rate.mse(6) - rate.linear / 6)
     )
@@ -89,40 +103,40 @@ def test_the_samples_reach_the_error_and_fewer_do_not(rate, mse):
 
 @pytest.mark.parametrize("n", [1, 2, 64, 4096])
 def test_the_samples_of_a_power_of_two_are_that(n):
-    rate = Rate(0.4, 1.1, 3.0)
+    rate = ConvergenceRate(0.4, 1.1, 3.0)
     assert rate.samples(rate.mse(n)) == pytest.approx(n, rel=1e-9)
 
 
 def test_no_number_of_samples_reaches_nothing():
-    assert Rate(1.0, 1.0).samples(0.0) == math.inf
-    assert Rate(1.0, 1.0).samples(-1.0) == math.inf
-    assert Rate(0.0, 0.0).samples(1e-9) == 1.0
-    assert Rate(1.0, 0.0).samples(1e-30) == pytest.approx(1e30)
+    assert ConvergenceRate(1.0, 1.0).samples(0.0) == math.inf
+    assert ConvergenceRate(1.0, 1.0).samples(-1.0) == math.inf
+    assert ConvergenceRate(0.0, 0.0).samples(1e-9) == 1.0
+    assert ConvergenceRate(1.0, 0.0).samples(1e-30) == pytest.approx(1e30)
     assert PowerLaw(1.0, 1.2).samples(0.0) == math.inf
     assert PowerLaw(1.0, 1.2).samples(2.0) == 1.0
 
 
 def test_slopes_lie_between_those_of_the_terms():
-    assert Rate(2.0, 0.0).slope(64) == 1.0
-    assert Rate(0.0, 2.0).slope(64) == 1.5
-    assert Rate(0.0, 0.0).slope(64) == 1.0
-    mixed, h = Rate(0.4, 1.1, 2.0), 1e-5
-    local = -math.log(mixed.smooth(64 * (1 + h)) / mixed.smooth(64)) / math.log1p(h)
-    assert mixed.slope(64) == pytest.approx(local, rel=1e-4)
+    assert ConvergenceRate(2.0, 0.0).exponent_at(64) == 1.0
+    assert ConvergenceRate(0.0, 2.0).exponent_at(64) == 1.5
+    assert ConvergenceRate(0.0, 0.0).exponent_at(64) == 1.0
+    mixed, h = ConvergenceRate(0.4, 1.1, 2.0), 1e-5
+    local = -math.log(mixed.mse_at_power(64 * (1 + h)) / mixed.mse_at_power(64)) / math.log1p(h)
+    assert mixed.exponent_at(64) == pytest.approx(local, rel=1e-4)
 
 
 @pytest.mark.parametrize("rate", RATES)
 def test_fits_find_the_rate_that_made_the_points(rate):
     spp = 2.0 ** np.arange(4, 10)
-    found = fit_rate(spp, [rate.smooth(n) for n in spp])
-    np.testing.assert_allclose(found, rate, atol=1e-9)
-    found = fit_drops(spp, [rate.drop(n) for n in spp])
-    np.testing.assert_allclose(found, rate, atol=1e-9)
+    fitted = fit_rate(spp, [rate.mse_at_power(n) for n in spp])
+    np.testing.assert_allclose(fitted, rate, atol=1e-9)
+    fitted = fit_differences(spp, [rate.half_difference(n) for n in spp])
+    np.testing.assert_allclose(fitted, rate, atol=1e-9)
 
 
 def test_three_points_decide_on_two_terms_and_one_on_one():
-    rate = Rate(0.4, 1.1)
-    np.testing.assert_allclose(fit_rate([16, 64, 256], [rate.smooth(n) for n in (16, 64, 256)]), rate, atol=1e-9)
+    rate = ConvergenceRate(0.4, 1.1)
+    np.testing.assert_allclose(fit_rate([16, 64, 256], [rate.mse_at_power(n) for n in (16, 64, 256)]), rate, atol=1e-9)
     np.testing.assert_allclose(fit_rate([16], [0.5]), (8.0, 0.0, 0.0))
 
 
@@ -139,18 +153,18 @@ def test_fits_are_the_library_s_nonnegative_least_squares():
 
 
 def test_independent_samples_have_no_steep_term():
-    assert steepest_of("independent") == 1.0
-    assert steepest_of("sobol") == steepest_of("stratified") == 1.5
+    assert sampler_exponent("independent") == 1.0
+    assert sampler_exponent("sobol") == sampler_exponent("stratified") == 1.5
     noisy = fit_rate([16, 64, 256], [1 / 15, 1 / 66, 1 / 270], steepest=1.0)
     assert noisy.steep == noisy.early == 0.0
     assert noisy.linear == pytest.approx(1.0, rel=0.06)
 
 
 def test_no_rate_without_an_error():
-    assert fit_rate([16, 64], [0.0, 0.0]) == Rate(0.0, 0.0)
+    assert fit_rate([16, 64], [0.0, 0.0]) == ConvergenceRate(0.0, 0.0)
     assert fit_power_law([16, 64], [0.0, 0.0]) == PowerLaw(0.0, 1.0)
-    assert Rate(0.0, 0.0).samples(1e-9) == 1.0
-    assert Rate(0.0, 0.0).slope(16) == 1.0
+    assert ConvergenceRate(0.0, 0.0).samples(1e-9) == 1.0
+    assert ConvergenceRate(0.0, 0.0).exponent_at(16) == 1.0
 
 
 @pytest.mark.parametrize("unknown", [math.nan, math.inf, -1e-9])
@@ -160,8 +174,8 @@ def test_of_an_error_that_is_unknown_nothing_is_foretold(unknown):
         assert math.isnan(fit.mse(100.0))
         assert math.isnan(fit.samples(1e-4))
     unknown_rate = fit_rate([16], [unknown])
-    assert math.isnan(unknown_rate.slope(16))
-    assert math.isnan(halving(unknown_rate, 4, 256))
+    assert math.isnan(unknown_rate.exponent_at(16))
+    assert math.isnan(split_run_penalty(unknown_rate, 4, 256))
 
 
 def test_levels_before_rare_light_came_tell_nothing():
@@ -189,22 +203,25 @@ def test_errors_that_take_more_samples_than_floats_hold_are_out_of_reach(rate):
     assert rate.mse(math.inf) == 0.0
 
 
-@pytest.mark.parametrize(("made_by", "found"), [(0.8, 1.0), (1.0, 1.0), (1.23, 1.23), (1.5, 1.5), (2.4, 1.5)])
-def test_power_laws_are_clamped(made_by, found):
+@pytest.mark.parametrize(("made_by", "fitted"), [(0.8, 1.0), (1.0, 1.0), (1.23, 1.23), (1.5, 1.5), (2.4, 1.5)])
+def test_power_laws_are_clamped(made_by, fitted):
     spp = np.array([16.0, 64.0, 256.0])
     law = fit_power_law(spp, 3.0 * spp**-made_by)
-    assert law.exponent == pytest.approx(found, rel=1e-12)
+    assert law.exponent == pytest.approx(fitted, rel=1e-12)
     # The clamped line goes through the middle of the points.
     assert law.mse(64.0) == pytest.approx(3.0 * 64.0**-made_by, rel=1e-12)
     assert law.samples(law.mse(100.0)) == pytest.approx(100.0)
     assert fit_power_law(spp, spp**-1.4, steepest=1.0).exponent == 1.0
 
 
-@pytest.mark.parametrize(("rate", "b"), [(Rate(2.0, 0.0), 1.0), (Rate(0.0, 2.0), 1.5), (Rate(0.0, 0.0, 2.0), 2.0)])
+@pytest.mark.parametrize(
+    ("rate", "b"),
+    [(ConvergenceRate(2.0, 0.0), 1.0), (ConvergenceRate(0.0, 2.0), 1.5), (ConvergenceRate(0.0, 0.0, 2.0), 2.0)],
+)
 def test_halving_is_the_power_of_the_replicates(rate, b):
-    assert halving(rate, 4, 256) == pytest.approx(4.0 ** (b - 1.0), rel=1e-12)
-    assert halving(rate, 4, 256) == pytest.approx((2.0 ** (b - 1.0)) ** 2, rel=1e-12)
-    assert halving(Rate(0.0, 0.0), 4, 256) == 1.0
+    assert split_run_penalty(rate, 4, 256) == pytest.approx(4.0 ** (b - 1.0), rel=1e-12)
+    assert split_run_penalty(rate, 4, 256) == pytest.approx((2.0 ** (b - 1.0)) ** 2, rel=1e-12)
+    assert split_run_penalty(ConvergenceRate(0.0, 0.0), 4, 256) == 1.0
 
 
 def test_the_mean_of_replicates_of_the_sampler_of_renders_is_worse_by_the_halving():
@@ -214,5 +231,5 @@ def test_the_mean_of_replicates_of_the_sampler_of_renders_is_worse_by_the_halvin
     spp = 2 ** np.arange(3, 9)
     mse = np.array([np.mean(values[:, :n].mean(axis=1) ** 2) for n in spp])
     of_four = np.mean(values[:, :64].mean(axis=1).reshape(-1, 4).mean(axis=1) ** 2)
-    assert of_four / mse[-1] == pytest.approx(halving(fit_rate(spp, mse), 4, 64), rel=0.06)
+    assert of_four / mse[-1] == pytest.approx(split_run_penalty(fit_rate(spp, mse), 4, 64), rel=0.06)
     assert of_four / mse[-1] > 1.7

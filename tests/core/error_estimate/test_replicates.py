@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from raytracer.noise import (
+from raytracer.core.error_estimate import (
     brightness_by_tile,
+    error_weights,
     mse_by_tile,
     ratio_of_sums,
     relative_error,
-    root,
+    sqrt_interval,
     squared_bias_by_tile,
-    top_share,
-    weights,
+    worst_pixel_share,
 )
 
 TILES, PIXELS = 60, 64
@@ -36,36 +36,36 @@ def test_the_mse_is_that_of_one_replicate(heavy):
     rng = np.random.default_rng(3)
     truth = _picture(rng)
     renders = truth + 0.1 * truth * _noise(rng, (4, *truth.shape), heavy)
-    w = weights(truth)
+    w = error_weights(truth)
     expected = np.mean(w * (0.1 * truth) ** 2)
-    found = mse_by_tile(renders, w, TILE)
-    assert found.mean == pytest.approx(expected, rel=0.1)
-    assert found.mean == pytest.approx(np.mean([relative_error(a, truth) ** 2 for a in renders]), rel=0.1)
-    np.testing.assert_array_equal(found.pixels, np.full(TILES, PIXELS))
+    sums = mse_by_tile(renders, w, TILE)
+    assert sums.mean == pytest.approx(expected, rel=0.1)
+    assert sums.mean == pytest.approx(np.mean([relative_error(a, truth) ** 2 for a in renders]), rel=0.1)
+    np.testing.assert_array_equal(sums.pixels, np.full(TILES, PIXELS))
 
 
 def test_sums_are_over_pixels_of_the_mean_over_channels():
     renders = np.array([[[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]], [[2.0, 0.0, 0.0], [1.0, 1.0, 4.0]]])
-    found = mse_by_tile(renders, np.ones((2, 3)), [1, 0])
-    np.testing.assert_allclose(found.sums, [4.5 / 3.0, 2.0 / 3.0])
-    np.testing.assert_allclose(found.pixels, [1.0, 1.0])
-    assert found.mean == pytest.approx(6.5 / 6.0)
+    sums = mse_by_tile(renders, np.ones((2, 3)), [1, 0])
+    np.testing.assert_allclose(sums.sums, [4.5 / 3.0, 2.0 / 3.0])
+    np.testing.assert_allclose(sums.pixels, [1.0, 1.0])
+    assert sums.mean == pytest.approx(6.5 / 6.0)
 
 
 @pytest.mark.parametrize("heavy", [False, True])
 def test_a_planted_bias_far_below_the_noise_is_found(heavy):
     """2 % too bright, of noise of 30 %, from 9 replicates: within its interval in 34 or more of 40 seeds."""
-    found, resolved = 0, 0
+    detected, resolved = 0, 0
     for seed in range(40):
         rng = np.random.default_rng(seed)
         truth = _picture(np.random.default_rng(100))
         r, a = (truth + 0.3 * truth * _noise(rng, (9, *truth.shape), heavy) for _ in range(2))
-        w = weights(truth)
-        bias = root(ratio_of_sums(*squared_bias_by_tile(a + 0.02 * truth, r, w, TILE), seed=seed))
+        w = error_weights(truth)
+        bias = sqrt_interval(ratio_of_sums(*squared_bias_by_tile(a + 0.02 * truth, r, w, TILE), seed=seed))
         planted = relative_error(1.02 * truth, truth)
-        found += bias.low <= planted <= bias.high
+        detected += bias.low <= planted <= bias.high
         resolved += bias.low > 0.0
-    assert found >= 34
+    assert detected >= 34
     assert resolved <= 36  # 2 % against 30 % / sqrt(9 * 11520 / 2) of the mean square: some 2 standard deviations
 
 
@@ -73,7 +73,7 @@ def test_common_random_numbers_sharpen_the_bias():
     rng = np.random.default_rng(5)
     truth = _picture(rng)
     r = truth * (1.0 + 0.3 * rng.standard_normal((9, *truth.shape)))
-    bias = root(ratio_of_sums(*squared_bias_by_tile(1.02 * r, r, weights(truth), TILE)))
+    bias = sqrt_interval(ratio_of_sums(*squared_bias_by_tile(1.02 * r, r, error_weights(truth), TILE)))
     planted = relative_error(1.02 * truth, truth)
     assert bias.low > 0.0
     assert bias.low <= planted <= bias.high
@@ -81,14 +81,14 @@ def test_common_random_numbers_sharpen_the_bias():
 
 
 def test_equal_arms_have_no_bias():
-    """The same renders exactly none; others of the same scene one whose interval holds 0 in nearly all seeds."""
+    """Equal renders have no bias; others of the same scene one whose interval holds 0 in nearly all seeds."""
     resolved = 0
     for seed in range(40):
         rng = np.random.default_rng(seed)
         truth = _picture(rng)
         r, a = (truth * (1.0 + 0.3 * rng.standard_normal((9, *truth.shape))) for _ in range(2))
-        resolved += ratio_of_sums(*squared_bias_by_tile(a, r, weights(truth), TILE), seed=seed).low > 0.0
-        assert tuple(ratio_of_sums(*squared_bias_by_tile(r, r, weights(truth), TILE))) == (0.0, 0.0, 0.0)
+        resolved += ratio_of_sums(*squared_bias_by_tile(a, r, error_weights(truth), TILE), seed=seed).low > 0.0
+        assert tuple(ratio_of_sums(*squared_bias_by_tile(r, r, error_weights(truth), TILE))) == (0.0, 0.0, 0.0)
     assert resolved <= 4
 
 
@@ -108,9 +108,11 @@ def test_the_share_of_the_worst_pixels():
     sigma = np.ones(5000)
     sigma[:5] = 100.0
     renders = np.stack([sigma, -sigma])[:, :, None] * np.ones(3)
-    assert top_share(renders, np.ones((5000, 3))) == pytest.approx(50_000 / (50_000 + 4995))
-    assert top_share(np.abs(renders) / sigma[:, None] * [[[1]], [[-1]]], np.ones((5000, 3))) == pytest.approx(1e-3)
-    assert top_share(np.zeros((2, 10, 3)), np.ones((10, 3))) == 0.0
+    assert worst_pixel_share(renders, np.ones((5000, 3))) == pytest.approx(50_000 / (50_000 + 4995))
+    assert worst_pixel_share(np.abs(renders) / sigma[:, None] * [[[1]], [[-1]]], np.ones((5000, 3))) == pytest.approx(
+        1e-3
+    )
+    assert worst_pixel_share(np.zeros((2, 10, 3)), np.ones((10, 3))) == 0.0
 
 
 def test_pixels_may_stand_for_many():
@@ -119,8 +121,8 @@ def test_pixels_may_stand_for_many():
     stands[np.argmax(sigma)] = 1
     few = np.stack([sigma, -sigma])[:, :, None] * np.ones(3)
     many = np.repeat(few, stands, axis=1)
-    told = top_share(few, np.ones((400, 3)), 1.0 / stands.sum(), stands)
-    assert told == pytest.approx(top_share(many, np.ones((many.shape[1], 3)), 1.0 / stands.sum()))
+    told = worst_pixel_share(few, np.ones((400, 3)), 1.0 / stands.sum(), stands)
+    assert told == pytest.approx(worst_pixel_share(many, np.ones((many.shape[1], 3)), 1.0 / stands.sum()))
 
 
 def test_one_replicate_tells_nothing_of_its_noise():

@@ -1,11 +1,11 @@
-"""How numbers are said."""
+"""Formats of numbers, intervals and durations."""
 
 import math
 
 import pytest
 
-from raytracer.noise import UNKNOWN, wording
-from raytracer.noise.intervals import Interval
+from raytracer.core.error_estimate import UNKNOWN, wording
+from raytracer.core.error_estimate.intervals import Interval
 
 INF, NAN = math.inf, math.nan
 
@@ -32,7 +32,7 @@ INF, NAN = math.inf, math.nan
     ],
 )
 def test_durations(seconds: float, said: str) -> None:
-    assert wording.duration(seconds) == said
+    assert wording.format_duration(seconds) == said
 
 
 @pytest.mark.parametrize(
@@ -52,19 +52,19 @@ def test_durations(seconds: float, said: str) -> None:
     ],
 )
 def test_percentages_with_intervals(interval: Interval, said: str) -> None:
-    assert wording.percent_interval(interval) == said
+    assert wording.format_percent_interval(interval) == said
 
 
 @pytest.mark.parametrize(("value", "said"), [(0.09999, "10.0 %"), (0.00000814, "0.000814 %"), (NAN, "unknown")])
 def test_percentages(value: float, said: str) -> None:
-    assert wording.percent(value) == said
+    assert wording.format_percent(value) == said
 
 
 def test_intervals_of_times_are_in_one_unit() -> None:
-    assert wording.duration_interval(Interval(61.2, 58.0, 65.1)) == "61.2 s (58.0 .. 65.1)"
-    assert wording.duration_interval(Interval(0.9, 0.8, 1.1)) == "900 ms (800 .. 1,100)"
-    assert wording.duration_interval(Interval(448.8, 325.8, 649.8)) == "7.48 min (5.43 .. 10.83)"
-    assert wording.duration_interval(Interval(110.0, 90.0, INF)) == "110 s (90.0 .. inf)"
-    assert wording.duration_interval(Interval(2.0, 2.0, 2.0)) == "2.00 s"
-    assert wording.duration_interval(UNKNOWN) == "unknown"
-    assert wording.duration_interval(Interval(INF, INF, INF)) == "never"
+    assert wording.format_duration_interval(Interval(61.2, 58.0, 65.1)) == "61.2 s (58.0 .. 65.1)"
+    assert wording.format_duration_interval(Interval(0.9, 0.8, 1.1)) == "900 ms (800 .. 1,100)"
+    assert wording.format_duration_interval(Interval(448.8, 325.8, 649.8)) == "7.48 min (5.43 .. 10.83)"
+    assert wording.format_duration_interval(Interval(110.0, 90.0, INF)) == "110 s (90.0 .. inf)"
+    assert wording.format_duration_interval(Interval(2.0, 2.0, 2.0)) == "2.00 s"
+    assert wording.format_duration_interval(UNKNOWN) == "unknown"
+    assert wording.format_duration_interval(Interval(INF, INF, INF)) == "never"

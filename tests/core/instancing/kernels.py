@@ -6,14 +6,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer import embree
-from raytracer.embree import GEOMETRY, INSTANCE, MISS, PLACEMENT, PRIMITIVE, TFAR, TIME, Accel, Placements
-from raytracer.geometry import Exact, spawn_point
-from raytracer.instances import Instances, find, meet, pdf_placed, sample_placed
-from raytracer.jit import entry
-from raytracer.motion import pack_trajectories
-from raytracer.primitives.interface import geometry, row_of_any
-from tests.shapes.kernels import Points
+from raytracer.core import embree
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.embree import GEOMETRY, INSTANCE, MISS, PLACEMENT, PRIMITIVE, TFAR, TIME, Accel, InstanceArray
+from raytracer.core.geometry import Exact, spawn_point
+from raytracer.core.instancing import (
+    Instances,
+    intersect_instance,
+    pdf_instance_point,
+    resolve_instance,
+    sample_instance_point,
+)
+from raytracer.core.motion.interpolation import pack_trajectories
+from raytracer.core.primitives.base.interface import geometry, row_of_any
+from tests.plugins.shapes.kernels import Points
 
 Array = NDArray[np.float64]
 
@@ -27,7 +33,7 @@ class Stage(NamedTuple):
 
 
 class Hits(NamedTuple):
-    """What rays met: instance, -1 for none, table, -1 for nothing, and primitive (n,); near, Embree's distance; point,
+    """Hits of rays: instance, -1 for none, table, -1 for nothing, and primitive (n,); near, Embree's distance; point,
     normal, shading normal, tangent, bitangent and local (n, 3); offset, material (n,); and where a ray goes on that
     leaves along a given direction (n, 3)."""
 
@@ -60,9 +66,11 @@ def _cast(accel, packet, stage, origins, directions, onwards, times, hits):
             continue
         ids = packet.ints
         row = row_of_any(stage.primitives, table, ids[PRIMITIVE, 0])
-        instance, primitive = find(stage.instances, table, row, ids[INSTANCE, 0], ids[PLACEMENT, 0])
+        instance, primitive = resolve_instance(stage.instances, table, row, ids[INSTANCE, 0], ids[PLACEMENT, 0])
         near = float(packet.floats[TFAR, 0])
-        hit = meet(stage.instances, stage, instance, table, primitive, origin, direction, near, times[ray])
+        hit = intersect_instance(
+            stage.instances, stage, instance, table, primitive, origin, direction, near, times[ray]
+        )
         hits.instance[ray] = instance
         hits.table[ray] = table
         hits.primitive[ray] = primitive
@@ -83,12 +91,12 @@ def _cast(accel, packet, stage, origins, directions, onwards, times, hits):
 @entry
 def _sample(stage, instance, table, primitive, reference, time, u, points):
     for index in range(len(u)):
-        drawn = sample_placed(
+        drawn = sample_instance_point(
             stage.instances, stage, instance, table, primitive, reference, u[index, 0], u[index, 1], time
         )
         points.pdf[index] = drawn.pdf
         points.gap[index] = drawn.gap
-        points.twin[index] = pdf_placed(
+        points.twin[index] = pdf_instance_point(
             stage.instances, stage, instance, table, primitive, reference, drawn.point, drawn.normal, time
         )
         for axis in range(3):
@@ -113,7 +121,7 @@ def _instances(tables: int, pose: Array, trajectories: Any, arrays: list[int], m
         rows=np.zeros((1, tables), np.int32),
         arrays=np.array(arrays, np.int32),
         base=tables,
-        glow=None,
+        emissive=None,
     )
 
 
@@ -124,7 +132,7 @@ def placed(tables: tuple[Any, ...], matrices: Any, *, material: Any = None, exac
     accel = Accel(
         {},
         [{number: geometry(table) for number, table in enumerate(tables)}],
-        [Placements(np.zeros(len(poses), np.uint32), (np.float32(poses.reshape(-1, 12)),))],
+        [InstanceArray(np.zeros(len(poses), np.uint32), (np.float32(poses.reshape(-1, 12)),))],
         first_instance=len(tables),
     )
     return Scenery(Stage(tables, Exact() if exact else None, instances), accel)
@@ -138,7 +146,7 @@ def moving(tables: tuple[Any, ...], trajectories: Sequence[Array]) -> Scenery:
     accel = Accel(
         {},
         [{number: geometry(table) for number, table in enumerate(tables)}],
-        [Placements(np.zeros(len(trajectories), np.uint32), steps)],
+        [InstanceArray(np.zeros(len(trajectories), np.uint32), steps)],
         first_instance=len(tables),
     )
     return Scenery(Stage(tables, Exact(), instances), accel)

@@ -1,4 +1,4 @@
-"""What is placed by an instance is what is baked into the world: hits, normals, offsets, and light drawn from it."""
+"""Instances are equal to geometry in world space: hits, normals, offsets, and sampled light."""
 
 from typing import Any
 
@@ -6,18 +6,22 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.geometry import padded
-from raytracer.motion import Motion, Spin, composed, decompose, pack_trajectories, place, pose_at
-from raytracer.primitives.discs import Discs
-from raytracer.primitives.parallelograms import Parallelograms
-from raytracer.primitives.spheres import Spheres
-from raytracer.primitives.translated import translated
-from raytracer.primitives.triangles import SmoothTriangles
-from raytracer.shutter import Shutter
-from tests.instances.kernels import cast, moving, placed, sample
-from tests.shapes.kernels import cast as cast_plain
-from tests.shapes.kernels import occluded, uniform_directions, unit
-from tests.shapes.test_offsets import flat, spheres
+from raytracer.core.geometry import pad_buffer
+from raytracer.core.motion.decomposition import decompose
+from raytracer.core.motion.interpolation import pack_trajectories, pose_at
+from raytracer.core.motion.resolve import resolve_motion
+from raytracer.core.motion.spec import Motion, Spin
+from raytracer.core.motion.trajectory import compose_trajectories
+from raytracer.core.primitives.discs import Discs
+from raytracer.core.primitives.parallelograms import Parallelograms
+from raytracer.core.primitives.spheres import Spheres
+from raytracer.core.primitives.translated import translate_table
+from raytracer.core.primitives.triangles import SmoothTriangles
+from raytracer.core.shutter.table import Shutter
+from tests.core.instancing.kernels import cast, moving, placed, sample
+from tests.plugins.shapes.kernels import cast as cast_plain
+from tests.plugins.shapes.kernels import occluded, uniform_directions, unit
+from tests.plugins.shapes.test_offsets import flat, spheres
 
 Array = NDArray[np.float64]
 
@@ -62,7 +66,7 @@ def parallelograms(count: int, seed: int) -> Parallelograms:
 
 
 def baked(table: Parallelograms, matrix: Array) -> Parallelograms:
-    """The same parallelograms in world space; a mirror image swaps the edges, so that u x v stays outside."""
+    """Transform parallelograms to world space; a mirror image swaps the edges, so that u x v stays outside."""
     linear = matrix[:3, :3]
     corner, u, v = table.corner @ linear.T + matrix[:3, 3], table.u @ linear.T, table.v @ linear.T
     return Parallelograms(corner, *((u, v) if np.linalg.det(linear) > 0.0 else (v, u)), table.material)
@@ -132,7 +136,11 @@ def test_smooth_normals_and_mirrors_keep_the_outside(matrix: Array) -> None:
     vertices = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
     faces = np.array([[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]], np.int64)
     table = SmoothTriangles(
-        padded(vertices, np.float32), padded(faces, np.uint32), np.zeros(8, np.int32), None, np.float32(vertices)
+        pad_buffer(vertices, np.float32),
+        pad_buffer(faces, np.uint32),
+        np.zeros(8, np.int32),
+        None,
+        np.float32(vertices),
     )
     origins, directions = rays(matrix, 10_000, 4)
     hits = cast(placed((table,), matrix), origins, directions)
@@ -232,7 +240,7 @@ def test_rays_leave_what_turns_for_good(rate: float, arm: float) -> None:
         size = float(np.linalg.norm(matrix[:3, :3], 2))
         center = matrix[:3, :3] @ middle + matrix[:3, 3] + arm * size * unit([1.0, 2.0, 0.5])[0]
         motion = Motion(spin=Spin(axis=(1.0, -2.0, 0.5), rate=rate, center=tuple(map(float, center))))
-        trajectory = place(motion, matrix, Shutter(0.0, 1.0)).trajectory
+        trajectory = resolve_motion(motion, matrix, Shutter(0.0, 1.0)).trajectory
         packed = pack_trajectories([trajectory])
         times = np.float64(np.float32(np.random.default_rng(seed).random(count)))
         poses = np.array([pose_at(packed, 0, float(time)) for time in times])
@@ -272,7 +280,7 @@ def emitter(kind: str) -> Any:
 @every_matrix
 def test_points_on_placed_emitters_have_their_density(kind: str, matrix: Array) -> None:
     # The mean of 1 / pdf is the solid angle in view, which rays in all directions measure too; and what is drawn lies
-    # on the emitter, with the density that `pdf_placed` gives it.
+    # on the emitter, with the density that `pdf_instance_point` gives it.
     scenery = placed((emitter(kind),), matrix)
     reference = matrix[:3, :3] @ [1.4, 1.9, 1.2] + matrix[:3, 3]
     points = sample(scenery, 0, reference, np.random.default_rng(1).random((40_000, 2)))
@@ -288,9 +296,9 @@ def test_points_on_placed_emitters_have_their_density(kind: str, matrix: Array) 
     directions = uniform_directions(400_000, 2)
     seen = (cast(scenery, np.tile(reference, (len(directions), 1)), directions).table == 0).mean()
     solid_angle, noise = 4.0 * np.pi * seen, 4.0 * np.pi * np.sqrt(seen / len(directions))
-    found = 1.0 / points.pdf
-    spread = found.std() / np.sqrt(len(found))
-    assert abs(found.mean() - solid_angle) <= 4.0 * (spread + noise)
+    solid_angles = 1.0 / points.pdf
+    spread = solid_angles.std() / np.sqrt(len(solid_angles))
+    assert abs(solid_angles.mean() - solid_angle) <= 4.0 * (spread + noise)
 
 
 @pytest.mark.parametrize("kind", ["sphere", "disc", "parallelogram", "triangle"])
@@ -311,7 +319,7 @@ def test_shadow_rays_end_before_the_placed_emitter(kind: str, matrix: Array) -> 
 def test_points_on_an_emitter_that_moves_are_where_it_is() -> None:
     matrix = MATRICES["stretched"]
     motion = Motion(spin=Spin(axis=(0.0, 1.0, 0.0), rate=90.0, center=(1.0, 0.0, 0.0)))
-    trajectory = place(motion, matrix, Shutter(0.0, 1.0)).trajectory
+    trajectory = resolve_motion(motion, matrix, Shutter(0.0, 1.0)).trajectory
     packed = pack_trajectories([trajectory])
     scenery = moving((emitter("parallelogram"),), [trajectory])
     u = np.random.default_rng(4).random((2000, 2))
@@ -334,24 +342,24 @@ SPIN = Motion(spin=Spin(axis=(1.0, 2.0, -1.0), rate=200.0, center=(0.5, -1.0, 2.
 @pytest.mark.parametrize("time", [0.0, 0.17, 0.5, 0.83, 1.0])
 @pytest.mark.parametrize("name", ["turned and moved", "scaled", "mirrored", "stretched"])
 def test_what_is_placed_in_what_moves_moves_along(name: str, time: float) -> None:
-    inner, outer = MATRICES[name], place(SPIN, MATRICES["turned and moved"], Shutter(0.0, 1.0)).trajectory
-    both = composed(outer, decompose(inner)[None])
+    inner, outer = MATRICES[name], resolve_motion(SPIN, MATRICES["turned and moved"], Shutter(0.0, 1.0)).trajectory
+    both = compose_trajectories(outer, decompose(inner)[None])
     assert len(both) == len(outer)
-    found, expected = pose_at(pack_trajectories([both]), 0, time), pose_at(pack_trajectories([outer]), 0, time)
+    pose, expected = pose_at(pack_trajectories([both]), 0, time), pose_at(pack_trajectories([outer]), 0, time)
     whole = np.array([*expected, (0.0, 0.0, 0.0, 1.0)]) @ inner
-    np.testing.assert_allclose(np.array(found), whole[:3], rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(np.array(pose), whole[:3], rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("time", [0.0, 0.17, 0.5, 0.83, 1.0])
 @pytest.mark.parametrize("name", ["turned and moved", "scaled", "mirrored", "stretched"])
 def test_what_moves_in_what_is_placed_is_placed_along(name: str, time: float) -> None:
-    outer, inner = MATRICES[name], place(SPIN, MATRICES["turned and moved"], Shutter(0.0, 1.0)).trajectory
-    both = composed(decompose(outer)[None], inner)
-    found, expected = pose_at(pack_trajectories([both]), 0, time), pose_at(pack_trajectories([inner]), 0, time)
+    outer, inner = MATRICES[name], resolve_motion(SPIN, MATRICES["turned and moved"], Shutter(0.0, 1.0)).trajectory
+    both = compose_trajectories(decompose(outer)[None], inner)
+    pose, expected = pose_at(pack_trajectories([both]), 0, time), pose_at(pack_trajectories([inner]), 0, time)
     whole = outer @ np.array([*expected, (0.0, 0.0, 0.0, 1.0)])
     # A turn is no turn once it is stretched: then the 129 steps are exact, and between them it is as good as they are.
     exact = name != "stretched" or (128.0 * time).is_integer()
-    np.testing.assert_allclose(np.array(found), whole[:3], rtol=0.0, atol=1e-12 if exact else 1e-3)
+    np.testing.assert_allclose(np.array(pose), whole[:3], rtol=0.0, atol=1e-12 if exact else 1e-3)
 
 
 def test_no_instances_take_what_they_took() -> None:
@@ -373,7 +381,7 @@ def test_no_instances_take_what_they_took() -> None:
 def test_what_moves_in_a_group_is_met_where_it_is_at_the_time(matrix: Array) -> None:
     # A sphere that flies by three of its radii, in a group that stands still: at each time the ellipsoid there.
     center, way = np.array([0.2, -0.1, 0.3]), np.array([1.5, 0.5, -2.0])
-    table = translated(spheres(center, 0.8), way)
+    table = translate_table(spheres(center, 0.8), way)
     times = np.float64(np.float32(np.random.default_rng(11).random(20_000)))
     origins, directions = rays(matrix, 20_000, 12)
     origins += times[:, None] * (matrix[:3, :3] @ way)

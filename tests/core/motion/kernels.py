@@ -5,30 +5,31 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer import embree
-from raytracer.cameras.interface import project, rays_together
-from raytracer.embree import GEOMETRY, MISS, PRIMITIVE, TFAR, TIME, Accel
-from raytracer.geometry import Exact, spawn_point
-from raytracer.instances import meet
-from raytracer.jit import entry
-from raytracer.materials.interface import Draws
-from raytracer.motion import (
-    Rows,
-    Trajectories,
-    apply_normal,
-    apply_point,
-    apply_vector,
-    invert,
-    pack_trajectories,
-    pose_at,
+from raytracer.core import embree
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.embree import GEOMETRY, MISS, PRIMITIVE, TFAR, TIME, Accel
+from raytracer.core.geometry import Exact, spawn_point
+from raytracer.core.instancing import intersect_instance
+from raytracer.core.motion.affine import apply_normal, apply_point, apply_vector, invert
+from raytracer.core.motion.decomposition import Rows
+from raytracer.core.motion.interpolation import Trajectories, pack_trajectories, pose_at
+from raytracer.core.primitives.base.interface import (
+    geometry,
+    hit_any,
+    pdf_point_any,
+    reproject_at_time_any,
+    row_of_any,
+    sample_point_any,
 )
-from raytracer.paths import found_in, sample_time
-from raytracer.primitives.interface import carry_any, geometry, hit_any, pdf_point_any, row_of_any, sample_point_any
-from raytracer.sampling import SAMPLERS
-from raytracer.scene.pack import Packed
-from raytracer.shutter import Shutter
-from raytracer.vec import dot, neg
-from tests.cameras.kernels import packet_rows, single_ray
+from raytracer.core.sampling import SAMPLERS
+from raytracer.core.shutter.table import Shutter
+from raytracer.core.vec import dot, neg
+from raytracer.kernel.interaction import resolve_hit
+from raytracer.kernel.ray_time import sample_time
+from raytracer.plugins.cameras.base.interface import packet_rays, project
+from raytracer.plugins.materials.base.interface import Draws
+from raytracer.scene.pack.scene import PackedScene
+from tests.plugins.cameras.kernels import packet_rows, single_ray
 
 Array = NDArray[np.float64]
 
@@ -73,7 +74,7 @@ def applied(trajectory: Rows, time: float, vector: Any) -> Array:
 
 
 class Hits(NamedTuple):
-    """What rays met: primitive, -1 for nothing, (n,); near, Embree's distance (n,); point, normal, shading normal and
+    """Hits of rays: primitive, -1 for nothing, (n,); near, Embree's distance (n,); point, normal, shading normal and
     local (n, 3); offset (n,); later, where the point is at the end of the shutter's time (n, 3)."""
 
     primitive: NDArray[np.int64]
@@ -101,7 +102,7 @@ def _cast(accel, packet, tables, origins, directions, times, hits):
         primitive = np.int64(row_of_any(tables, table, packet.ints[PRIMITIVE, 0]))
         near = float(packet.floats[TFAR, 0])
         hit = hit_any(tables, table, primitive, origin, direction, near, times[ray], Exact())
-        later = carry_any(tables, table, primitive, hit, 1.0)
+        later = reproject_at_time_any(tables, table, primitive, hit, 1.0)
         hits.primitive[ray], hits.near[ray], hits.offset[ray] = primitive, near, hit.offset
         for axis in range(3):
             hits.point[ray, axis] = hit.point[axis]
@@ -128,7 +129,7 @@ def cast(tables: tuple[Any, ...], only: int, origins: Any, directions: Any, time
 
 
 @entry
-def _self_hits(accel, packet, tables, origins, directions, onwards, times, found):
+def _self_hits(accel, packet, tables, origins, directions, onwards, times, self_hit):
     for ray in range(len(origins)):
         origin = (origins[ray, 0], origins[ray, 1], origins[ray, 2])
         direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
@@ -138,7 +139,7 @@ def _self_hits(accel, packet, tables, origins, directions, onwards, times, found
         embree.intersect(accel, packet, 1)
         table = packet.ints[GEOMETRY, 0]
         if table == MISS:
-            found[ray] = -1
+            self_hit[ray] = -1
             continue
         near = float(packet.floats[TFAR, 0])
         primitive = row_of_any(tables, table, packet.ints[PRIMITIVE, 0])
@@ -150,18 +151,18 @@ def _self_hits(accel, packet, tables, origins, directions, onwards, times, found
         embree.set_ray(packet, 0, spawn_point(hit, onward), onward, np.inf)
         packet.floats[TIME, 0] = times[ray]
         embree.intersect(accel, packet, 1)
-        found[ray] = packet.ints[GEOMETRY, 0] != MISS
+        self_hit[ray] = packet.ints[GEOMETRY, 0] != MISS
 
 
 def self_hits(
     tables: tuple[Any, ...], only: int, origins: Any, directions: Any, onwards: Any, times: Any
 ) -> NDArray[np.int64]:
-    """Whether a ray that leaves a convex body outwards meets it again (n,); -1 for those that met nothing."""
-    found = np.zeros(len(origins), np.int64)
+    """Tell if rays that leave a convex body outwards hit it again (n,), 0 or 1; -1 for rays that missed it."""
+    self_hit = np.zeros(len(origins), np.int64)
     accel = Accel({only: geometry(tables[only])})
     moments = np.asarray(times, np.float32).astype(np.float64)
-    _self_hits(accel.address, embree.packet(), tables, origins, directions, onwards, moments, found)
-    return found
+    _self_hits(accel.address, embree.packet(), tables, origins, directions, onwards, moments, self_hit)
+    return self_hit
 
 
 class Points(NamedTuple):
@@ -199,7 +200,7 @@ def sample(tables: tuple[Any, ...], only: int, reference: Any, u: Array, time: f
 def _camera_rays(camera, sampler, rows, x, y, times, origins, directions, seen):
     for index in range(len(x)):
         draws = Draws(sampler, np.uint64(7), index, 0)
-        together = rays_together(camera)
+        together = packet_rays(camera)
         origin, direction, _ = single_ray(together, camera, rows, x[index], y[index], times[index], draws)
         at = (
             origin[0] + 2.0 * direction[0],
@@ -232,16 +233,18 @@ def _meet(scene, packet, origins, directions, times, points, normals, instances)
         table = packet.ints[GEOMETRY, 0]
         if table == MISS:
             continue
-        instance, primitive = found_in(scene, packet, 0)
+        instance, primitive = resolve_hit(scene, packet, 0)
         near = float(packet.floats[TFAR, 0])
-        hit = meet(scene.instances, scene, instance, table, primitive, origin, direction, near, times[ray])
+        hit = intersect_instance(
+            scene.instances, scene, instance, table, primitive, origin, direction, near, times[ray]
+        )
         instances[ray] = instance
         for axis in range(3):
             points[ray, axis] = hit.point[axis]
             normals[ray, axis] = hit.normal[axis]
 
 
-def met(packed: Packed, origins: Any, directions: Any, times: Any) -> tuple[Array, Array, NDArray[np.int64]]:
+def met(packed: PackedScene, origins: Any, directions: Any, times: Any) -> tuple[Array, Array, NDArray[np.int64]]:
     """Points and normals (n, 3) where rays meet a scene, NaN for nothing, and in which instance (n,), -1 for none."""
     accel = packed.build()
     scene = packed.scene._replace(accel=accel.address)
@@ -278,7 +281,7 @@ def times_of(sampler: str, count: int, pixel: int = 5) -> Array:
 
 
 @entry
-def _leave(scene, packet, origins, directions, onwards, times, found):
+def _leave(scene, packet, origins, directions, onwards, times, self_hit):
     for ray in range(len(origins)):
         origin = (origins[ray, 0], origins[ray, 1], origins[ray, 2])
         direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
@@ -288,24 +291,26 @@ def _leave(scene, packet, origins, directions, onwards, times, found):
         embree.intersect(scene.accel, packet, 1)
         table = packet.ints[GEOMETRY, 0]
         if table == MISS:
-            found[ray] = -1
+            self_hit[ray] = -1
             continue
-        instance, primitive = found_in(scene, packet, 0)
+        instance, primitive = resolve_hit(scene, packet, 0)
         near = float(packet.floats[TFAR, 0])
-        hit = meet(scene.instances, scene, instance, table, primitive, origin, direction, near, times[ray])
+        hit = intersect_instance(
+            scene.instances, scene, instance, table, primitive, origin, direction, near, times[ray]
+        )
         if dot(onward, hit.normal) < 0.0:
             onward = neg(onward)
         embree.set_ray(packet, 0, spawn_point(hit, onward), onward, np.inf)
         packet.floats[TIME, 0] = times[ray]
         embree.intersect(scene.accel, packet, 1)
-        found[ray] = packet.ints[GEOMETRY, 0] != MISS
+        self_hit[ray] = packet.ints[GEOMETRY, 0] != MISS
 
 
-def leave(packed: Packed, origins: Any, directions: Any, onwards: Any, times: Any) -> NDArray[np.int64]:
-    """As `self_hits`, for the convex bodies of a scene."""
+def leave(packed: PackedScene, origins: Any, directions: Any, onwards: Any, times: Any) -> NDArray[np.int64]:
+    """Find self-hits as `self_hits` does, for the convex bodies of a scene."""
     accel = packed.build()
-    found = np.zeros(len(origins), np.int64)
+    self_hit = np.zeros(len(origins), np.int64)
     moments = np.asarray(times, np.float32).astype(np.float64)
     scene = packed.scene._replace(accel=accel.address)
-    _leave(scene, embree.packet(), origins, directions, onwards, moments, found)
-    return found
+    _leave(scene, embree.packet(), origins, directions, onwards, moments, self_hit)
+    return self_hit

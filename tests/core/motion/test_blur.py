@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.primitives.deforming import DeformingTriangles
-from raytracer.primitives.translated import Translated
-from raytracer.rendering import render
+from raytracer.core.primitives.deforming import DeformingTriangles
+from raytracer.core.primitives.translated import Translated
+from raytracer.rendering.render import render
 from raytracer.scene.effects import effects_of
-from raytracer.scene.pack import Packed, pack
-from raytracer.spec import Rotate, Step
-from tests.motion.kernels import leave, met, times_of
-from tests.rendering import mean, scene
-from tests.shapes.kernels import uniform_directions, unit
+from raytracer.scene.pack.scene import PackedScene, pack
+from raytracer.schema.transform import Rotate, Step
+from tests.core.motion.kernels import leave, met, times_of
+from tests.plugins.shapes.kernels import uniform_directions, unit
+from tests.small_scenes import mean, scene
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ WINDOW = (
 )
 
 
-def packed_of(text: str, **keys: object) -> Packed:
+def packed_of(text: str, **keys: object) -> PackedScene:
     return pack(scene(text, filled=False, **keys))  # type: ignore[arg-type]
 
 
@@ -128,9 +128,9 @@ objects:
     center = arm * np.column_stack([np.cos(turn), np.sin(turn), np.zeros(n)])
     origins = 3 * uniform_directions(n, 2)
     directions = unit(0.3 * uniform_directions(n, 3) - origins)
-    found = leave(packed_of(text), origins + center, directions, uniform_directions(n, 4), times)
-    assert (found >= 0).all()
-    assert (found == 1).sum() <= 1e-5 * n
+    self_hit = leave(packed_of(text), origins + center, directions, uniform_directions(n, 4), times)
+    assert (self_hit >= 0).all()
+    assert (self_hit == 1).sum() <= 1e-5 * n
 
 
 def test_keyframes_turn_and_scale_in_a_picture_as_by_their_formula() -> None:
@@ -191,7 +191,7 @@ def bytes_of(value: object) -> list[bytes]:
 
 @pytest.mark.parametrize("name", STILL_KEYS)
 def test_what_moves_nothing_is_packed_as_without_the_keys(name: str) -> None:
-    """The same type, so the same kernel, and the same bits in it: the picture is then the same, bit for bit."""
+    """Check that both have the same type, so the same kernel, and the same bits: pictures are then bit-identical."""
     camera, motion = STILL_KEYS[name]
     plain = packed_of(f"{STILL_CAMERA}}}\nobjects:\n" + "".join(f"{item}}}\n" for item in OBJECTS))
     keyed = packed_of(
@@ -347,7 +347,7 @@ def test_frames_that_do_not_differ_in_the_shutter_are_a_mesh(tmp_path: Path) -> 
 
 
 def test_the_bouncing_scene_is_what_its_script_writes(tmp_path: Path) -> None:
-    scenes = Path(__file__).parents[2] / "scenes"
+    scenes = Path(__file__).parents[3] / "scenes"
     script = scenes / "generate" / "bouncing.py"
     subprocess.run([sys.executable, str(script), str(tmp_path / "again.yaml")], check=True)
     assert (tmp_path / "again.yaml").read_bytes() == (scenes / "bouncing.yaml").read_bytes()

@@ -7,23 +7,14 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from raytracer.motion import (
-    MOST_STEPS,
-    Motion,
-    Moving,
-    Shift,
-    Static,
-    compose,
-    decompose,
-    matrix_at,
-    pack_trajectories,
-    place,
-    trajectory_of,
-    uniform_grid,
-)
-from raytracer.shutter import Shutter
-from raytracer.spec import Rotate, Step, matrix_of
-from tests.motion.kernels import applied, poses
+from raytracer.core.motion.decomposition import compose, decompose
+from raytracer.core.motion.interpolation import pack_trajectories
+from raytracer.core.motion.resolve import Moving, Shift, Static, matrix_at, resolve_motion, trajectory_of
+from raytracer.core.motion.spec import Motion
+from raytracer.core.motion.time_grid import MAX_STEPS, uniform_grid
+from raytracer.core.shutter.table import Shutter
+from raytracer.schema.transform import Rotate, Step, matrix_of
+from tests.core.motion.kernels import applied, poses
 
 EYE = np.eye(4)
 
@@ -121,20 +112,20 @@ RESTING: list[tuple[str, Motion | None, Shutter]] = [
 def test_what_moves_nothing_hands_back_the_transform_with_its_bits(
     name: str, moving: Motion | None, shutter: Shutter
 ) -> None:
-    placed = place(moving, TURNED, shutter)
+    placed = resolve_motion(moving, TURNED, shutter)
     assert isinstance(placed, Static)
     assert placed.matrix.tobytes() == TURNED.tobytes()
 
 
 def test_a_pose_that_is_held_is_baked() -> None:
     moving = keyed((0.0, [{"translate": [1, 0, 0]}]), (1.0, [{"rotate": {"axis": [0, 0, 1], "angle": 90}}]))
-    placed = place(moving, TURNED, Shutter(1.0, 2.0))
+    placed = resolve_motion(moving, TURNED, Shutter(1.0, 2.0))
     assert isinstance(placed, Static)
     np.testing.assert_array_equal(placed.matrix, rotation([0, 0, 1], 90) @ TURNED)
 
 
 def test_a_velocity_is_a_shift_from_where_the_shutter_opens() -> None:
-    placed = place(motion(velocity=[1, 2, 3]), TURNED, Shutter(2.0, 2.5))
+    placed = resolve_motion(motion(velocity=[1, 2, 3]), TURNED, Shutter(2.0, 2.5))
     assert isinstance(placed, Shift)
     np.testing.assert_array_equal(placed.matrix, translation(2, 4, 6) @ TURNED)
     np.testing.assert_allclose(placed.shift, [0.5, 1.0, 1.5], rtol=1e-15)
@@ -142,10 +133,10 @@ def test_a_velocity_is_a_shift_from_where_the_shutter_opens() -> None:
 
 def test_keyframes_on_a_line_at_one_speed_are_a_shift() -> None:
     steady = keyed(*((time, [{"translate": [time, 0.5 * time, 0]}]) for time in (0.0, 0.3, 0.7, 1.0)))
-    assert isinstance(place(steady, TURNED, Shutter(0.1, 0.9)), Shift)
+    assert isinstance(resolve_motion(steady, TURNED, Shutter(0.1, 0.9)), Shift)
     halting = keyed(*((time, [{"translate": [where, 0, 0]}]) for time, where in ((0.0, 0.0), (0.5, 0.1), (1.0, 1.0))))
-    assert isinstance(place(halting, TURNED, Shutter(0.0, 1.0)), Moving)
-    assert isinstance(place(halting, TURNED, Shutter(0.6, 1.0)), Shift)
+    assert isinstance(resolve_motion(halting, TURNED, Shutter(0.0, 1.0)), Moving)
+    assert isinstance(resolve_motion(halting, TURNED, Shutter(0.6, 1.0)), Shift)
 
 
 SPIN = motion(velocity=[0.3, 0.2, -1.0], spin={"axis": [1, 1, 0], "rate": "1 turn/s", "center": [1, -2, 0.5]})
@@ -162,21 +153,21 @@ SHUTTER = Shutter(0.0, 1.25)
 @pytest.mark.parametrize("moving", [SPIN, TUMBLE], ids=["spin", "keyframes"])
 def test_kernels_see_the_pose_times_the_transform(moving: Motion, transform: np.ndarray) -> None:
     """At any time, not only at the steps: with a transform that scales and skews, too."""
-    placed = place(moving, transform, SHUTTER)
+    placed = resolve_motion(moving, transform, SHUTTER)
     assert isinstance(placed, Moving)
-    assert 2 <= len(placed.trajectory) <= MOST_STEPS
+    assert 2 <= len(placed.trajectory) <= MAX_STEPS
     times = np.random.default_rng(1).random(40)
     expected = [(matrix_at(moving, 1.25 * time) @ transform)[:3] for time in times]
     np.testing.assert_allclose(poses(placed.trajectory, times), expected, atol=1e-13)
 
 
 def test_poses_of_a_changing_scale_come_close_to_their_product_with_a_transform() -> None:
-    placed = place(GROW, TURNED, Shutter(0.0, 0.5))
+    placed = resolve_motion(GROW, TURNED, Shutter(0.0, 0.5))
     assert isinstance(placed, Moving)
     times = np.linspace(0, 1, 57)
     expected = [(matrix_at(GROW, 0.5 * time) @ TURNED)[:3] for time in times]
     np.testing.assert_allclose(poses(placed.trajectory, times), expected, atol=2e-4)
-    exact = place(GROW, EYE, Shutter(0.0, 0.5))
+    exact = resolve_motion(GROW, EYE, Shutter(0.0, 0.5))
     np.testing.assert_allclose(
         poses(trajectory_of(exact), times), [matrix_at(GROW, 0.5 * time)[:3] for time in times], atol=1e-13
     )
@@ -185,7 +176,7 @@ def test_poses_of_a_changing_scale_come_close_to_their_product_with_a_transform(
 def test_a_point_that_spins_keeps_its_distance() -> None:
     """Unlike on 16 straight pieces, where it comes nearer by 1 - cos(11.25 deg) = 1.9 %."""
     spinning = motion(spin={"axis": [0, 0, 1], "rate": 360})
-    placed = place(spinning, EYE, Shutter(0.0, 1.0))
+    placed = resolve_motion(spinning, EYE, Shutter(0.0, 1.0))
     assert isinstance(placed, Moving)
     times = np.random.default_rng(2).random(200)
     matrices = poses(placed.trajectory, times)
@@ -199,18 +190,18 @@ def test_a_point_that_spins_keeps_its_distance() -> None:
 def test_more_turns_than_steps_can_tell_apart_are_refused(turns: float) -> None:
     spinning = motion(spin={"axis": [0, 0, 1], "rate": f"{turns} turn/s"})
     if turns < 128 / 3:
-        placed = place(spinning, EYE, Shutter(0.0, 1.0))
+        placed = resolve_motion(spinning, EYE, Shutter(0.0, 1.0))
         angle = 2 * math.pi * turns * 0.123
-        found = poses(trajectory_of(placed), 0.123)[0]
-        np.testing.assert_allclose(found[:2, 0], [math.cos(angle), math.sin(angle)], atol=1e-11)
+        pose = poses(trajectory_of(placed), 0.123)[0]
+        np.testing.assert_allclose(pose[:2, 0], [math.cos(angle), math.sin(angle)], atol=1e-11)
     else:
         with pytest.raises(ValueError, match=rf"turns {turns:.4g} times .* fewer than 42.67 turns"):
-            place(spinning, EYE, Shutter(0.0, 1.0))
+            resolve_motion(spinning, EYE, Shutter(0.0, 1.0))
 
 
 def test_a_spin_late_in_the_scene_is_as_exact_as_an_early_one() -> None:
     spinning = motion(spin={"axis": [0, 0, 1], "rate": "20 turn/s"})
-    placed = place(spinning, EYE, Shutter(1000.0, 1000.0 + 1 / 64))
+    placed = resolve_motion(spinning, EYE, Shutter(1000.0, 1000.0 + 1 / 64))
     matrix = poses(trajectory_of(placed), 0.0)[0]
     np.testing.assert_allclose(matrix[:, :3], np.eye(3), atol=1e-11)
 
@@ -224,16 +215,16 @@ def test_a_spin_of_any_rate_is_a_rotation_at_any_time(rate: float, time: float) 
 
 
 def test_outside_the_shutter_the_pose_is_that_of_its_nearer_end() -> None:
-    placed = place(SPIN, EYE, SHUTTER)
-    found = poses(trajectory_of(placed), [-3.0, 0.0, 1.0, 1.5, -math.inf, math.inf])
-    np.testing.assert_array_equal(found[:2], found[[1, 4]])
-    np.testing.assert_array_equal(found[[2, 5]], found[[3, 3]])
+    placed = resolve_motion(SPIN, EYE, SHUTTER)
+    matrices = poses(trajectory_of(placed), [-3.0, 0.0, 1.0, 1.5, -math.inf, math.inf])
+    np.testing.assert_array_equal(matrices[:2], matrices[[1, 4]])
+    np.testing.assert_array_equal(matrices[[2, 5]], matrices[[3, 3]])
     # What is no time has a pose, too: no row outside of the trajectory is read.
     assert np.isfinite(poses(trajectory_of(placed), math.nan)).all()
 
 
 def test_trajectories_in_a_table_are_the_same_as_alone() -> None:
-    rows = [trajectory_of(place(moving, TURNED, SHUTTER)) for moving in (SPIN, None, TUMBLE)]
+    rows = [trajectory_of(resolve_motion(moving, TURNED, SHUTTER)) for moving in (SPIN, None, TUMBLE)]
     table = pack_trajectories(rows)
     times = np.linspace(0, 1, 9)
     for index, alone in enumerate(rows):
@@ -241,7 +232,7 @@ def test_trajectories_in_a_table_are_the_same_as_alone() -> None:
 
 
 def test_normals_stay_perpendicular_and_inverses_lead_back() -> None:
-    rows = trajectory_of(place(TUMBLE, TURNED, SHUTTER))
+    rows = trajectory_of(resolve_motion(TUMBLE, TURNED, SHUTTER))
     time, vector = 0.31, np.array([0.3, -0.5, 0.8])
     along = np.cross(vector, [1.0, 0.2, 0.0])
     matrix = poses(rows, time)[0]
@@ -260,7 +251,7 @@ def test_normals_stay_perpendicular_and_inverses_lead_back() -> None:
 def test_steps_fall_on_the_keyframes(times: list[float], steps: int) -> None:
     grid = uniform_grid(sorted(times), Shutter(0.0, 1.0))
     assert len(grid) == steps
-    assert steps == MOST_STEPS or {time for time in times if 0 <= time <= 1} <= set(grid)
+    assert steps == MAX_STEPS or {time for time in times if 0 <= time <= 1} <= set(grid)
 
 
 @pytest.mark.parametrize(

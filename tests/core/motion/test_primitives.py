@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.geometry import padded
-from raytracer.primitives.deforming import DeformingSmoothTriangles, DeformingTriangles
-from raytracer.primitives.discs import Discs
-from raytracer.primitives.interface import areas, concatenate, geometry, group_key
-from raytracer.primitives.parallelograms import Parallelograms
-from raytracer.primitives.spheres import Spheres
-from raytracer.primitives.translated import translated
-from raytracer.primitives.triangles import SmoothTriangles, Triangles
-from tests.motion.kernels import cast, sample, self_hits
-from tests.shapes.kernels import uniform_directions, unit
+from raytracer.core.geometry import pad_buffer
+from raytracer.core.primitives.base.interface import areas, concatenate, geometry, group_key
+from raytracer.core.primitives.deforming import DeformingSmoothTriangles, DeformingTriangles
+from raytracer.core.primitives.discs import Discs
+from raytracer.core.primitives.parallelograms import Parallelograms
+from raytracer.core.primitives.spheres import Spheres
+from raytracer.core.primitives.translated import translate_table
+from raytracer.core.primitives.triangles import SmoothTriangles, Triangles
+from tests.core.motion.kernels import cast, sample, self_hits
+from tests.plugins.shapes.kernels import uniform_directions, unit
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def disc(offset: Any = (0, 0, 0)) -> Discs:
 
 
 def triangle(offset: Any = (0, 0, 0)) -> Triangles:
-    return Triangles(padded(CORNERS + offset, np.float32), padded(np.array([[0, 1, 2]]), np.uint32), ROW)
+    return Triangles(pad_buffer(CORNERS + offset, np.float32), pad_buffer(np.array([[0, 1, 2]]), np.uint32), ROW)
 
 
 def smooth(offset: Any = (0, 0, 0)) -> SmoothTriangles:
@@ -55,12 +55,12 @@ RESTING = tuple(make() for make in KINDS.values())
 STEPS = 5
 FRAMES = np.stack([CORNERS + step * np.array([[0.3, 0, 0], [0, 0.2, 0.1], [0.1, 0, -0.3]]) for step in range(STEPS)])
 FRAMES[2] += [0.0, 0.4, 0.2]
-FACE = padded(np.array([[0, 1, 2]]), np.uint32)
+FACE = pad_buffer(np.array([[0, 1, 2]]), np.uint32)
 NORMALS = np.stack([unit(BENT + 0.1 * step) for step in range(STEPS)]).astype(np.float32)
 
 
 def deforming(frames: Array = FRAMES) -> DeformingTriangles:
-    return DeformingTriangles(padded(frames, np.float32), FACE, ROW)
+    return DeformingTriangles(pad_buffer(frames, np.float32), FACE, ROW)
 
 
 DEFORMING = (deforming(), DeformingSmoothTriangles(*deforming(), NORMALS))
@@ -69,7 +69,7 @@ FLAT, BENDING = len(RESTING), len(RESTING) + 1
 
 def moving_by(shift: Any) -> tuple[Any, ...]:
     """A table of each kind, and the deforming triangles, so that one compiled loop serves all tests."""
-    return tuple(translated(table, shift) for table in RESTING) + DEFORMING
+    return tuple(translate_table(table, shift) for table in RESTING) + DEFORMING
 
 
 def rays_at(times: Array, seed: int = 1) -> tuple[Array, Array]:
@@ -125,15 +125,15 @@ def test_rays_that_leave_what_moves_do_not_meet_it_again(kind: str, shift: float
     way = shift * unit([1, 2, -0.5])[0]
     origins = 3.0 * uniform_directions(n, 6)
     directions = unit(0.5 * uniform_directions(n, 7) - origins)
-    found = self_hits(
+    self_hit = self_hits(
         moving_by(way), NUMBERS[kind], origins + times[:, None] * way, directions, uniform_directions(n, 8), times
     )
-    assert (found >= 0).sum() > n / 20
-    assert (found == 1).sum() <= 1e-5 * n
+    assert (self_hit >= 0).sum() > n / 20
+    assert (self_hit == 1).sum() <= 1e-5 * n
 
 
 def test_translated_tables_join_with_their_shifts() -> None:
-    one, other = translated(triangle(), SHIFT), translated(triangle((0, 0, 5)), -SHIFT)
+    one, other = translate_table(triangle(), SHIFT), translate_table(triangle((0, 0, 5)), -SHIFT)
     joined = concatenate(one, [one, other])
     buffers = geometry(joined)
     assert len(buffers.vertices) == 2
@@ -141,7 +141,7 @@ def test_translated_tables_join_with_their_shifts() -> None:
     np.testing.assert_allclose(buffers.vertices[1][3:], np.add(CORNERS, [0, 0, 5]) - SHIFT, rtol=1e-6)
     assert list(joined.material) == [0, 0]
     np.testing.assert_allclose(areas(joined), areas(triangle())[0], rtol=1e-6)
-    keys = [group_key(table) for table in (one, translated(smooth(), SHIFT), triangle())]
+    keys = [group_key(table) for table in (one, translate_table(smooth(), SHIFT), triangle())]
     assert group_key(one) == group_key(other)
     assert len(set(keys)) == 3
     assert sorted(keys)
@@ -151,7 +151,7 @@ def test_translated_tables_join_with_their_shifts() -> None:
 
 
 def at(frames: Array, time: float) -> Array:
-    """What lies between two frames, which are float32 numbers."""
+    """Interpolate between two frames, which are float32 numbers."""
     where = time * (STEPS - 1)
     step = min(int(where), STEPS - 2)
     low, high = (frames[i].astype(np.float32).astype(np.float64) for i in (step, step + 1))
@@ -208,7 +208,7 @@ def test_deforming_tables_join_if_their_steps_agree() -> None:
     np.testing.assert_array_equal(joined.faces, [[0, 1, 2], [3, 4, 5]])
     assert len(geometry(joined).vertices) == STEPS
     assert group_key(one) == group_key(other) != group_key(deforming(FRAMES[:3]))
-    moved = geometry(translated(joined, SHIFT)).vertices
+    moved = geometry(translate_table(joined, SHIFT)).vertices
     np.testing.assert_allclose(moved[-1], joined.vertices[-1] + SHIFT, rtol=1e-6)
     np.testing.assert_allclose(moved[1], joined.vertices[1] + SHIFT / 4, rtol=1e-6)
 
@@ -218,6 +218,6 @@ def test_rays_that_leave_a_deforming_triangle_do_not_meet_it_again() -> None:
     times = np.random.default_rng(5).random(n).astype(np.float32).astype(np.float64)
     origins = 3.0 * uniform_directions(n, 6) + [0.5, 0.8, 0]
     directions = unit(0.8 * uniform_directions(n, 7) + [0.5, 0.8, 0] - origins)
-    found = self_hits(moving_by(SHIFT), FLAT, origins, directions, uniform_directions(n, 8), times)
-    assert (found >= 0).sum() > n / 20
-    assert (found == 1).sum() == 0
+    self_hit = self_hits(moving_by(SHIFT), FLAT, origins, directions, uniform_directions(n, 8), times)
+    assert (self_hit >= 0).sum() > n / 20
+    assert (self_hit == 1).sum() == 0

@@ -9,13 +9,16 @@ import pytest
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
-from raytracer.explanation import explain
-from raytracer.rendering import render
-from raytracer.scene.pack import pack
-from raytracer.shutter import Pulses, Shutter, ShutterField, Timing, pack_shutter, pulse_of, timing_of
-from tests.motion.kernels import drawn_times
-from tests.motion.test_blur import OBJECTS, STILL_CAMERA, bytes_of, packed_of
-from tests.rendering import scene
+from raytracer.analysis.explain import explain
+from raytracer.core.shutter.pack import pack_shutter
+from raytracer.core.shutter.spec import ShutterField, exposure_timing
+from raytracer.core.shutter.table import Pulses, Shutter, pulse_interval
+from raytracer.core.shutter.timing import Timing
+from raytracer.rendering.render import render
+from raytracer.scene.pack.scene import pack
+from tests.core.motion.kernels import drawn_times
+from tests.core.motion.test_blur import OBJECTS, STILL_CAMERA, bytes_of, packed_of
+from tests.small_scenes import scene
 
 Array = NDArray[np.float64]
 
@@ -31,7 +34,7 @@ CURVES: dict[str, Any] = {
 
 
 def timing(keys: Any, time: float | None = None) -> Timing:
-    return timing_of(SHUTTER.validate_python(keys), time)
+    return exposure_timing(SHUTTER.validate_python(keys), time)
 
 
 def transmission(profile: Any, times: Array) -> Array:
@@ -60,20 +63,20 @@ def transmission(profile: Any, times: Array) -> Array:
 def test_exposure_time_is_the_integral_of_the_opening(
     keys: Any, seconds: float, span: tuple[float, float], full: tuple[float, float]
 ) -> None:
-    found = timing(keys, time=2.0)
-    assert found.seconds() == pytest.approx(seconds, rel=1e-13)
-    np.testing.assert_allclose(found.span()[:2], span, rtol=1e-15)
-    np.testing.assert_allclose(found.full(), full, rtol=1e-15)
+    exposure = timing(keys, time=2.0)
+    assert exposure.seconds() == pytest.approx(seconds, rel=1e-13)
+    np.testing.assert_allclose(exposure.span()[:2], span, rtol=1e-15)
+    np.testing.assert_allclose(exposure.full(), full, rtol=1e-15)
 
 
 @pytest.mark.parametrize("name", CURVES)
 def test_what_is_transmitted_between_two_times_is_the_integral(name: str) -> None:
-    found = timing(CURVES[name], time=3.0)
-    profile = found.profile or ((0.0, 1.0), (0.5, 1.0))
+    exposure = timing(CURVES[name], time=3.0)
+    profile = exposure.profile or ((0.0, 1.0), (0.5, 1.0))
     for begin, end in ((2.0, 3.05), (3.05, 3.33), (3.25, 9.0), (3.3, 3.3), (5.0, 6.0), (1.0, 2.0), (3.2, 3.1)):
         midpoints = begin + max(0.0, end - begin) * (np.arange(200_000) + 0.5) / 200_000
         expected = transmission(profile, midpoints - 3.0).mean() * max(0.0, end - begin)
-        assert found.transmitted(begin, end) == pytest.approx(expected, abs=2e-5)
+        assert exposure.transmitted(begin, end) == pytest.approx(expected, abs=2e-5)
 
 
 @pytest.mark.parametrize(
@@ -135,11 +138,11 @@ def cumulative(profile: Any, times: Array) -> Array:
 
 @pytest.mark.parametrize("name", CURVES)
 def test_times_are_drawn_in_proportion_to_the_transmission(name: str) -> None:
-    found = timing(CURVES[name])
-    times, weights = drawn_times(pack_shutter(found, 4, 3), COUNT)
+    exposure = timing(CURVES[name])
+    times, weights = drawn_times(pack_shutter(exposure, 4, 3), COUNT)
     assert (weights == 1.0).all()
-    profile = found.profile or ((0.0, 1.0), (0.5, 1.0))
-    share = np.sort(cumulative(profile, found.closes * times))
+    profile = exposure.profile or ((0.0, 1.0), (0.5, 1.0))
+    share = np.sort(cumulative(profile, exposure.closes * times))
     # Stratified: one of n samples in each n-th of the light.
     np.testing.assert_allclose(share, (np.arange(COUNT) + 0.5) / COUNT, atol=0.6 / COUNT + 1e-5)
 
@@ -162,8 +165,8 @@ def test_lines_are_exposed_one_after_another(
 ) -> None:
     # Line k of n starts at readout k / n; with a slit the place itself counts, clamped to the film.
     keys = {"duration": 0.5, "readout": 1.5, "direction": direction, "curtain": curtain}
-    found = timing(keys)
-    times, _ = drawn_times(pack_shutter(found, 4, 3), COUNT, *place)
+    exposure = timing(keys)
+    times, _ = drawn_times(pack_shutter(exposure, 4, 3), COUNT, *place)
     lines = 4 if direction in ("left", "right") else 3
     start = line if curtain == "focal_plane" else min(math.floor(line * lines + 1e-9), lines - 1) / lines
     seconds = np.sort(2.0 * times)
@@ -171,10 +174,10 @@ def test_lines_are_exposed_one_after_another(
 
 
 def test_a_scanned_curve_is_the_curve_of_every_line() -> None:
-    found = timing({**CURVES["trapezoid"], "readout": 0.3, "curtain": "focal_plane"})
-    assert found.profile is not None
-    times, _ = drawn_times(pack_shutter(found, 4, 3), COUNT, 1.0, 1.5)
-    share = np.sort(cumulative(found.profile, times - 0.15))
+    exposure = timing({**CURVES["trapezoid"], "readout": 0.3, "curtain": "focal_plane"})
+    assert exposure.profile is not None
+    times, _ = drawn_times(pack_shutter(exposure, 4, 3), COUNT, 1.0, 1.5)
+    share = np.sort(cumulative(exposure.profile, times - 0.15))
     np.testing.assert_allclose(share, (np.arange(COUNT) + 0.5) / COUNT, atol=0.6 / COUNT + 1e-5)
 
 
@@ -183,39 +186,39 @@ def test_a_scanned_curve_is_the_curve_of_every_line() -> None:
 
 def with_pulses(keys: Any, *pulses: tuple[float, float]) -> tuple[Timing, Shutter]:
     """A shutter that opens at 0, and flashes (s)."""
-    found = timing(keys)
-    rows = np.array([pulse_of(found.span(), *pulse) for pulse in pulses])
-    return found, pack_shutter(found, 4, 3, [Pulses(rows[:, 0].copy(), rows[:, 1].copy())])
+    exposure = timing(keys)
+    rows = np.array([pulse_interval(exposure.span(), *pulse) for pulse in pulses])
+    return exposure, pack_shutter(exposure, 4, 3, [Pulses(rows[:, 0].copy(), rows[:, 1].copy())])
 
 
 @pytest.mark.parametrize("pulses", [[(0.3, 0.3001)], [(0.21, 0.24), (0.22, 0.5)], [(-0.1, 0.05)], [(0.0, 2.0)]])
 @pytest.mark.parametrize("name", ["instant", "custom"])
 def test_times_for_flashes_are_weighted_to_the_same_mean(name: str, pulses: list[tuple[float, float]]) -> None:
-    found, shutter = with_pulses(CURVES[name], *pulses)
+    exposure, shutter = with_pulses(CURVES[name], *pulses)
     times, weights = drawn_times(shutter, 65536)
-    profile = found.profile or ((0.0, 1.0), (0.5, 1.0))
+    profile = exposure.profile or ((0.0, 1.0), (0.5, 1.0))
     assert weights.max() <= 2.0 + 1e-12
 
     # Of a smooth function of time, and of what shines in a pulse alone.
-    fine = found.closes * (np.arange(400_000) + 0.5) / 400_000
+    fine = exposure.closes * (np.arange(400_000) + 0.5) / 400_000
     density = transmission(profile, fine)
     expected = (density * np.cos(7.0 * fine)).sum() / density.sum()
-    assert (weights * np.cos(7.0 * found.closes * times)).mean() == pytest.approx(expected, abs=1e-3)
-    span = found.span()
+    assert (weights * np.cos(7.0 * exposure.closes * times)).mean() == pytest.approx(expected, abs=1e-3)
+    span = exposure.span()
     for begin, end in pulses:
-        first, last = pulse_of(span, begin, end)
+        first, last = pulse_interval(span, begin, end)
         lit = (first <= times) & (times <= last)
-        share = found.transmitted(first * span.close, last * span.close) / found.seconds()
+        share = exposure.transmitted(first * span.close, last * span.close) / exposure.seconds()
         assert (weights * lit).mean() == pytest.approx(share, rel=1e-3)
 
 
 def test_a_short_pulse_takes_half_of_the_samples_of_the_lines_that_see_it() -> None:
     """1/10000 s of 2 s, seen by the lines that are open at 1.2 s: those that began to open between 0.2 s and 1.2 s."""
     keys = {"duration": 1.0, "readout": 3.0, "curtain": "focal_plane"}
-    found, shutter = with_pulses(keys, (1.2, 1.2001))
+    exposure, shutter = with_pulses(keys, (1.2, 1.2001))
     for y, sees in ((0.1, False), (0.3, True), (1.1, True), (1.3, False)):
         times, weights = drawn_times(shutter, COUNT, 0.5, y)
-        first, last = pulse_of(found.span(), 1.2, 1.2001)
+        first, last = pulse_interval(exposure.span(), 1.2, 1.2001)
         lit = (first <= times) & (times <= last)
         assert lit.mean() == pytest.approx(0.5 if sees else 0.0, abs=1e-3)
         assert (weights * lit).mean() == pytest.approx(1e-4 if sees else 0.0, rel=2e-3)
@@ -224,7 +227,7 @@ def test_a_short_pulse_takes_half_of_the_samples_of_the_lines_that_see_it() -> N
 
 
 def test_a_pulse_shorter_than_times_are_apart_keeps_its_place() -> None:
-    first, last = pulse_of(Shutter(0.0, 30.0), 20.0, 20.0 + 1e-7)
+    first, last = pulse_interval(Shutter(0.0, 30.0), 20.0, 20.0 + 1e-7)
     assert first < last
     assert first == np.float32(2 / 3)
     _, shutter = with_pulses({"duration": 30.0}, (20.0, 20.0 + 1e-7))
@@ -236,7 +239,7 @@ def test_a_pulse_shorter_than_times_are_apart_keeps_its_place() -> None:
 @pytest.mark.parametrize("duration", [0.0, 1e-30, 1e-8])
 @pytest.mark.parametrize("curtain", ["electronic", "focal_plane"])
 def test_lines_that_are_open_for_no_time_see_a_flash_or_not(duration: float, curtain: str) -> None:
-    """Of 16 lines in 1 s, those that open between 0.2 s and 0.3 s; each has a single time, so all weights are 1."""
+    """Lines that open between 0.2 s and 0.3 s, of 16 in 1 s, have a single time each, so all weights are 1."""
     flash = Pulses(np.array([0.2]), np.array([0.3]))
     shutter = pack_shutter(timing({"duration": duration, "readout": 1.0, "curtain": curtain}), 16, 16, [flash])
     for y in (3.1, 3.9, 4.1, 4.9):
@@ -283,8 +286,8 @@ def test_a_moving_box_is_a_trapezoid_by_the_shutters_curve(name: str) -> None:
         "custom": {"opening": [[0, 1], [0.4, 1], [0.8, 0], [1.2, 0.5]]},
     }
     shutter = str(keys[name]).replace("'", "")
-    found = picture(f"shutter: {shutter}", box(", motion: {velocity: [10, 0, 0]}"), height=8, spp=2048)
-    rows = found.mean(axis=0)
+    pixels = picture(f"shutter: {shutter}", box(", motion: {velocity: [10, 0, 0]}"), height=8, spp=2048)
+    rows = pixels.mean(axis=0)
     expected = swept(timing(keys[name]).profile or ((0.0, 1.0), (1.0, 1.0)))
     np.testing.assert_allclose(rows, expected, atol=0.01)
     # The energy of a streak is that of the thing at rest.
@@ -300,8 +303,8 @@ def test_a_moving_box_is_a_trapezoid_by_the_shutters_curve(name: str) -> None:
 def test_a_rolling_shutter_skews_what_moves_across(direction: str, curtain: str) -> None:
     """A bar at 16 px/s through a readout of 1/2 s leans by v T = 8 px from top to bottom."""
     shutter = f"{{duration: 0.01, readout: 0.5, direction: {direction}, curtain: {curtain}}}"
-    found = picture(f"shutter: {shutter}", box(", motion: {velocity: [16, 0, 0]}"), spp=64)
-    middles = (found * (np.arange(32) + 0.5)).sum(axis=1) / found.sum(axis=1)
+    pixels = picture(f"shutter: {shutter}", box(", motion: {velocity: [16, 0, 0]}"), spp=64)
+    middles = (pixels * (np.arange(32) + 0.5)).sum(axis=1) / pixels.sum(axis=1)
     lean = np.polyfit(np.arange(32), middles, 1)[0] * 32
     assert lean == pytest.approx(8.0 if direction == "down" else -8.0, abs=0.1)
     # The first row starts at time 0 (by whole rows) with the bar's middle at 11 m, and its mean is half a streak later.
@@ -309,15 +312,15 @@ def test_a_rolling_shutter_skews_what_moves_across(direction: str, curtain: str)
     begin = 0.0 if curtain == "electronic" else 0.5 * 8.0 / 32
     assert first == pytest.approx(11.0 + 0.08 + begin, abs=0.1)
     # A line of pixels is exposed for 1/100 s: 0.16 px of blur on either side.
-    np.testing.assert_allclose(found.sum(axis=1), 6.0, rtol=0.02)
+    np.testing.assert_allclose(pixels.sum(axis=1), 6.0, rtol=0.02)
 
 
 @pytest.mark.parametrize(("direction", "length"), [("right", 6 / (1 - 8 / 32)), ("left", 6 / (1 + 8 / 32))])
 def test_a_rolling_shutter_along_the_motion_stretches_or_squeezes(direction: str, length: float) -> None:
     """Read along the motion, an edge at x is met when x0 + v t = x with t = T x / n: x0 / (1 - v T / n)."""
     shutter = f"{{duration: 1e-4, readout: 0.5, direction: {direction}}}"
-    found = picture(f"shutter: {shutter}", box(", motion: {velocity: [16, 0, 0]}"), spp=64)
-    assert found.sum(axis=1).mean() == pytest.approx(length, abs=0.4)
+    pixels = picture(f"shutter: {shutter}", box(", motion: {velocity: [16, 0, 0]}"), spp=64)
+    assert pixels.sum(axis=1).mean() == pytest.approx(length, abs=0.4)
 
 
 # ---- Nothing of all this

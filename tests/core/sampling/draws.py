@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from raytracer.jit import entry
-from raytracer.sampling import pixel_key, sample_1d, sample_2d
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.sampling import pixel_key, sample_1d, sample_2d
 
 
 @entry

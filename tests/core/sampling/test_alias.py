@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from raytracer.sampling.alias import build_alias, sample_alias
+from raytracer.core.sampling.alias import build_alias, sample_alias
 from tests.statistics import chi2_test
 
 WEIGHTS = {
@@ -21,7 +21,7 @@ each = pytest.mark.parametrize("weights", WEIGHTS.values(), ids=WEIGHTS)
 
 
 def drawn_probability(table):
-    """How likely each bin is drawn from the table: of n equal parts, what it keeps and what others pass on."""
+    """Compute the probability of each bin: of n equal parts, the part that it keeps and those that others pass on."""
     n = len(table.pmf)
     result = table.probability / n
     np.add.at(result, table.alias, (1.0 - table.probability) / n)

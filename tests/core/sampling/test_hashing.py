@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from raytracer.sampling.hashing import BELOW_ONE, mix32, philox2x32, unit_interval
-from raytracer.sampling.independent import Independent
-from tests.sampling.draws import keys
+from raytracer.core.sampling.hashing import ONE_MINUS_EPSILON, mix32, philox2x32, unit_interval
+from raytracer.core.sampling.independent import Independent
+from tests.core.sampling.draws import keys
 
 
 @pytest.mark.parametrize(
@@ -35,7 +35,7 @@ def test_mix32_flips_each_bit_half_of_the_time():
 def test_the_unit_interval_excludes_its_ends():
     assert unit_interval(0) == 2.0**-33
     assert unit_interval(2**32 - 1) == 1.0 - 2.0**-33
-    assert np.nextafter(BELOW_ONE, 2.0) == 1.0
+    assert np.nextafter(ONE_MINUS_EPSILON, 2.0) == 1.0
 
 
 @pytest.mark.parametrize(("left", "top"), [(0, 0), (65536 - 512, 0), (0, 65536 - 512), (65536 - 512, 65536 - 512)])

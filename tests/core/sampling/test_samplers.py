@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.stats import norm, qmc
 
-from raytracer.sampling import SAMPLERS, pixel_key, sample_1d, sample_2d
-from raytracer.sampling.independent import Independent
-from raytracer.sampling.sobol import _SOBOL, Sobol, _seeds, nested_scramble
-from raytracer.sampling.stratified import Stratified, permute
-from tests.sampling.draws import draw_1d, draw_2d, keys
+from raytracer.core.sampling import SAMPLERS, pixel_key, sample_1d, sample_2d
+from raytracer.core.sampling.independent import Independent
+from raytracer.core.sampling.sobol import _SOBOL, Sobol, _seeds, nested_scramble
+from raytracer.core.sampling.stratified import Stratified, permute
+from tests.core.sampling.draws import draw_1d, draw_2d, keys
 from tests.statistics import chi2_counts, chi2_test, sidak
 
 ALL = [Independent(7), Stratified.of(7, 16), Stratified.of(7, 13), Sobol(7)]
@@ -21,7 +21,7 @@ NAMES = ["independent", "stratified16", "stratified13", "sobol"]
 each_sampler = pytest.mark.parametrize("sampler", ALL, ids=NAMES)
 
 VARIANCE_OF_PRODUCT = 7.0 / 144.0
-"""Of u v for independent uniform numbers: E[u^2] E[v^2] - E[u]^2 E[v]^2 = 1/9 - 1/16."""
+"""The variance of u v for independent uniform numbers: E[u^2] E[v^2] - E[u]^2 E[v]^2 = 1/9 - 1/16."""
 
 
 # ---- What every sampler does
@@ -101,7 +101,7 @@ def test_a_number_depends_on_what_it_is_asked_for_and_on_nothing_else(name):
 
 _PROGRAM = """
 import sys
-from raytracer.sampling import SAMPLERS, pixel_key, sample_1d, sample_2d
+from raytracer.core.sampling import SAMPLERS, pixel_key, sample_1d, sample_2d
 for name in sorted(SAMPLERS):
     sampler = SAMPLERS[name](2**62 + 5, 7)
     for x, y, index, dimension in ((0, 0, 0, 0), (70000, 3, 12, 9), (5, 80000, 200000, 2**20), (1, 2, 2**31 - 1, 77)):
@@ -148,7 +148,7 @@ def test_the_points_before_scrambling_are_sobols():
 
 
 def _is_net(points, m):
-    """Whether 2^m points put one in each elementary interval of area 2^-m."""
+    """Return True if 2^m points put one in each elementary interval of area 2^-m."""
     for k in range(m + 1):
         cell = np.floor(points[:, 0] * 2**k) * 2 ** (m - k) + np.floor(points[:, 1] * 2 ** (m - k))
         if len(np.unique(cell)) != 2**m:

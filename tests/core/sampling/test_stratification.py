@@ -6,17 +6,17 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from raytracer.materials.interface import Draws, scatter
-from raytracer.materials.lambertian import LambertianRow
-from raytracer.media.phase import sample_henyey_greenstein
-from raytracer.primitives.interface import sample_point
-from raytracer.primitives.spheres import Spheres
-from raytracer.sampling import Sobol, Stratified, pixel_key, sample_2d
-from raytracer.vec import Vec3, neg, normalize
+from raytracer.core.primitives.base.interface import sample_point
+from raytracer.core.primitives.spheres import Spheres
+from raytracer.core.sampling import Sobol, Stratified, pixel_key, sample_2d
+from raytracer.core.vec import Vec3, neg, normalize
+from raytracer.plugins.materials.base.interface import Draws, scatter
+from raytracer.plugins.materials.lambertian import LambertianRow
+from raytracer.plugins.media.base.phase import sample_henyey_greenstein
 
 SPP = 64
 SIZE = 0.04
-"""Of a pixel, as a length on a floor and as an angle between normals."""
+"""Size of a pixel, as a length on a floor and as an angle between normals."""
 
 RADIUS = 0.05
 LAMP = Spheres(np.array([[0.0, 1.0, 0.0]]), np.array([RADIUS]), np.zeros(1, np.int32))

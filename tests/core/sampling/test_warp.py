@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from raytracer.sampling import warp
+from raytracer.core.sampling import warp
 from tests.statistics import CYLINDER, cell_integrals, chi2_test, cylinder
 
 ENDS = (0.0, 2.0**-33, 0.25, 0.5, 0.75, np.nextafter(1.0, 0.0))

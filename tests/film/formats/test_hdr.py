@@ -6,11 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from raytracer.film import rgbe
+from raytracer.film import load
+from raytracer.film.formats import hdr
 
 
 def pixel(*rgb):
-    return rgbe.to_rgbe(np.array(rgb, dtype=np.float64).reshape(1, 1, 3)).ravel().tolist()
+    return hdr.to_rgbe(np.array(rgb, dtype=np.float64).reshape(1, 1, 3)).ravel().tolist()
 
 
 def test_the_value_of_a_pixel_is_its_mantissas_times_its_power_of_two():
@@ -32,7 +33,7 @@ def test_what_cannot_be_held_is_made_the_nearest_that_can():
 
 def test_the_error_is_at_most_half_a_step_of_the_largest_component():
     linear = np.exp(np.random.default_rng(3).uniform(-30, 30, (50, 60, 3)))
-    error = np.abs(rgbe.from_rgbe(rgbe.to_rgbe(linear)) - linear)
+    error = np.abs(hdr.from_rgbe(hdr.to_rgbe(linear)) - linear)
     assert (error <= linear.max(axis=2, keepdims=True) / 128 / 2).all()
 
 
@@ -41,12 +42,12 @@ def test_every_pixel_that_a_file_can_hold_is_encoded_as_it_was():
     pixels = rng.integers(0, 256, (40, 50, 4), dtype=np.uint8)
     pixels[..., 0] |= 128
     pixels[..., 3] |= 1
-    np.testing.assert_array_equal(rgbe.to_rgbe(rgbe.from_rgbe(pixels)), pixels)
+    np.testing.assert_array_equal(hdr.to_rgbe(hdr.from_rgbe(pixels)), pixels)
 
 
 def roundtrip(linear):
-    expected = rgbe.from_rgbe(rgbe.to_rgbe(linear))
-    np.testing.assert_array_equal(rgbe.decode(rgbe.encode(linear, {})), expected)
+    expected = hdr.from_rgbe(hdr.to_rgbe(linear))
+    np.testing.assert_array_equal(hdr.decode(hdr.encode(linear, {})), expected)
 
 
 @given(
@@ -70,7 +71,7 @@ def test_packets_end_where_their_length_bytes_do(width, kind):
 
 def test_a_run_is_two_bytes():
     # Four components of 127 equal bytes: a packet of two bytes each, after the four that begin the scanline.
-    data = rgbe.encode(np.ones((1, 127, 3)), {})
+    data = hdr.encode(np.ones((1, 127, 3)), {})
     assert data.endswith(b"-Y 1 +X 127\n" + bytes([2, 2, 0, 127]) + bytes([255, 128] * 3 + [255, 129]))
 
 
@@ -79,29 +80,29 @@ def test_an_image_of_many_blocks_of_scanlines():
 
 
 def test_the_header_names_settings_and_no_line_of_theirs_ends_it():
-    data = rgbe.encode(np.ones((1, 9, 3)), {"scene": "two\n\nlines", "spp": "64"})
+    data = hdr.encode(np.ones((1, 9, 3)), {"scene": "two\n\nlines", "spp": "64"})
     assert b"\nrt.spp=64\n" in data
-    assert rgbe.decode(data).shape == (1, 9, 3)
+    assert hdr.decode(data).shape == (1, 9, 3)
 
 
 def test_exposure_lines_are_divided_out():
-    data = rgbe.encode(np.ones((1, 9, 3)), {}).replace(b"\nFORMAT", b"\nEXPOSURE=4\nEXPOSURE= 0.5\nFORMAT")
-    np.testing.assert_array_equal(rgbe.decode(data), 0.5)
+    data = hdr.encode(np.ones((1, 9, 3)), {}).replace(b"\nFORMAT", b"\nEXPOSURE=4\nEXPOSURE= 0.5\nFORMAT")
+    np.testing.assert_array_equal(hdr.decode(data), 0.5)
 
 
 @pytest.mark.parametrize("keep", [0, 5, 40, 140, 170, -1])
 @pytest.mark.parametrize("width", [5, 40])
 def test_a_file_that_ends_early_is_refused(keep, width):
-    data = rgbe.encode(np.random.default_rng(6).random((4, width, 3)), {})
+    data = hdr.encode(np.random.default_rng(6).random((4, width, 3)), {})
     with pytest.raises((ValueError, IndexError)):
-        rgbe.decode(data[:keep])
+        hdr.decode(data[:keep])
 
 
 @pytest.mark.parametrize("packet", [[0, 1, 2], [137, 1], [129 + 9, 1]])
 def test_a_packet_without_bytes_or_beyond_the_scanline_is_refused(packet):
     data = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 8\n" + bytes([2, 2, 0, 8, *packet] + [128 + 8, 1] * 4)
     with pytest.raises((ValueError, IndexError)):
-        rgbe.decode(data[: data.index(b"\x02\x02") + 4] + bytes(packet * 20))
+        hdr.decode(data[: data.index(b"\x02\x02") + 4] + bytes(packet * 20))
 
 
 @pytest.mark.parametrize(
@@ -109,4 +110,10 @@ def test_a_packet_without_bytes_or_beyond_the_scanline_is_refused(packet):
 )
 def test_a_size_that_the_file_cannot_hold_takes_no_memory(side, reason):
     with pytest.raises(ValueError, match=reason):
-        rgbe.decode(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y %d +X %d\n" % (side, side) + bytes(100))
+        hdr.decode(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y %d +X %d\n" % (side, side) + bytes(100))
+
+
+def test_hdr_keeps_eight_bits_of_the_largest_component(image, tmp_path):
+    image.save(tmp_path / "a.hdr")
+    error = np.abs(load(tmp_path / "a.hdr") - image.radiance)
+    assert (error <= image.radiance.max(axis=2, keepdims=True) / 256).all()

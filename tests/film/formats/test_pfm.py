@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from raytracer.film import pfm
+from raytracer.film.formats import pfm
 
 
 @pytest.mark.parametrize("shape", [(3, 4), (3, 4, 3), (1, 1)])

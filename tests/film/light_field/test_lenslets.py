@@ -8,10 +8,10 @@ import pytest
 from numpy.typing import NDArray
 
 from raytracer.film.image import Image
-from raytracer.plenoptic.disc_coverage import disc_share
-from raytracer.plenoptic.lenslets import Lenslets
-from raytracer.plenoptic.resampling import Lattice
-from raytracer.plenoptic.views import Views
+from raytracer.film.light_field.disc_coverage import disc_coverage
+from raytracer.film.light_field.lattice import Lattice
+from raytracer.film.light_field.lenslets import Lenslets
+from raytracer.film.light_field.views import Views
 
 ROW = math.sqrt(3.0) / 2.0
 TURN = math.radians(4.0)
@@ -29,7 +29,7 @@ def lenslets(name: str, **keys: Any) -> Lenslets:
 
 
 def seen(layout: Lenslets, inverse_distance: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where rays of pixels go through the main lens (m), and their tangents in a plane: (height, width, 2) right, up.
+    """Compute points on the main lens (m) of pixels' rays, and their tangents: (height, width, 2) right, up.
 
     By the nearest of all microlenses, whichever they are.
     """
@@ -152,16 +152,16 @@ def test_a_picture_smaller_than_a_sub_image_holds_no_views() -> None:
 
 
 def test_a_disc_in_a_square_covers_a_quarter_of_pi() -> None:
-    assert disc_share(-3.0, -3.0, 6.0, 6.0, 3.0) == pytest.approx(math.pi / 4.0)
-    assert disc_share(-3.0, 0.0, 6.0, 3.0, 3.0) == pytest.approx(math.pi / 4.0)
-    assert disc_share(-1.0, -1.0, 2.0, 2.0, 3.0) == pytest.approx(1.0)
-    assert disc_share(3.0, -1.0, 2.0, 2.0, 3.0) == pytest.approx(0.0)
+    assert disc_coverage(-3.0, -3.0, 6.0, 6.0, 3.0) == pytest.approx(math.pi / 4.0)
+    assert disc_coverage(-3.0, 0.0, 6.0, 3.0, 3.0) == pytest.approx(math.pi / 4.0)
+    assert disc_coverage(-1.0, -1.0, 2.0, 2.0, 3.0) == pytest.approx(1.0)
+    assert disc_coverage(3.0, -1.0, 2.0, 2.0, 3.0) == pytest.approx(0.0)
 
 
 def test_parts_of_rectangles_are_those_of_points_in_them() -> None:
     rng = np.random.default_rng(4)
     left, bottom = rng.uniform(-2.0, 1.0, (2, 40))
-    found = disc_share(left, bottom, 0.9, 0.4, 1.3)
+    found = disc_coverage(left, bottom, 0.9, 0.4, 1.3)
     steps = (np.arange(400) + 0.5) / 400
     x, y = left[:, None, None] + 0.9 * steps, bottom[:, None, None] + 0.4 * steps[:, None]
     counted = (x * x + y * y < 1.3**2).mean(axis=(1, 2))

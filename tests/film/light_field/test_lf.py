@@ -14,10 +14,10 @@ import h5py
 import numpy as np
 import pytest
 
-from raytracer.errors import InputError, OutputError
-from raytracer.plenoptic import lf
-from raytracer.plenoptic.field import LightField, Rays
-from raytracer.plenoptic.views import Plane, Pose, Views
+from raytracer.film.light_field import lf
+from raytracer.film.light_field.field import LightField, Rays
+from raytracer.film.light_field.views import Plane, Pose, Views
+from raytracer.util.errors import InputError, OutputError
 
 POSE = Pose((1.0, 2.0, 3.0), (1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, 0.6, -0.8))
 
@@ -324,11 +324,11 @@ WRONG = {
     "nan pose": (attribute("pose", np.full((4, 3), np.nan)), "its pose must be of finite numbers"),
     "pixels without a size": (attribute("pixel", 0.0), "have a size"),
     "negative pixels": (attribute("pixel", -1.0), "have a size"),
-    "whole numbers": (
+    "integers": (
         replace("radiance", np.zeros((2, 3, 15, 20, 3), int)),
         "must be of floating-point numbers, not of int64",
     ),
-    "texts": (replace("radiance", np.zeros((2, 3, 15, 20, 3), "S4")), "must be of floating-point numbers"),
+    "strings": (replace("radiance", np.zeros((2, 3, 15, 20, 3), "S4")), "must be of floating-point numbers"),
     "compounds": (
         replace("radiance", np.zeros((2, 3, 15, 20, 3), [("a", "f4")])),
         "must be of floating-point numbers",
@@ -357,7 +357,7 @@ WRONG = {
     "a link": (linked, "radiance must be in the file itself, and is a link"),
     "parts of other files": (virtual, "must be in the file itself"),
     "another file's bytes": (elsewhere, "must be in the file itself"),
-    "texts that HDF5 may hang in": (attribute("format", "rt light field"), "format must be of fixed length"),
+    "strings that HDF5 may hang in": (attribute("format", "rt light field"), "format must be of fixed length"),
 }
 
 
@@ -514,10 +514,10 @@ def test_a_full_disk_is_told_and_nothing_is_left(tmp_path, compress):
     script = f"""
         import resource
         import numpy as np
-        from raytracer.errors import OutputError
-        from raytracer.plenoptic import lf
-        from raytracer.plenoptic.field import LightField
-        from raytracer.plenoptic.views import Plane, Views
+        from raytracer.util.errors import OutputError
+        from raytracer.film.light_field import lf
+        from raytracer.film.light_field.field import LightField
+        from raytracer.film.light_field.views import Plane, Views
 
         views = Views(np.zeros((2, 2, 2)), Plane(0.1, 0.0, 0.0), 200, 200)
         resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))

@@ -223,7 +223,7 @@ class Grammar:
 
 
 def _type_of(schema: Schema) -> str | None:
-    """What a definition of a kind of something has as its type."""
+    """Return the type that the definition of a kind has."""
     return schema.get("properties", {}).get("type", {}).get("const")
 
 

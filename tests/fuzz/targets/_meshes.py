@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from raytracer.assets import read_mesh
+from raytracer.scene.assets import read_mesh
 
 
 def load(path: Path, data: bytes) -> None:

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from raytracer import snapshots
-from raytracer.snapshots import DamagedError, Snapshot
+from raytracer.util import array_snapshot
+from raytracer.util.array_snapshot import DamagedError, Snapshot
 
 MAX_LENGTH = 4096
 
@@ -35,9 +35,9 @@ _ABOUT = {"format": 1, "identity": {"scene": {"camera": {"vfov": 40.0}}, "seed":
 def seeds() -> Iterator[bytes]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "seed.checkpoint")
-        snapshots.write(path, Snapshot(_ABOUT, _arrays()), keep=False)
+        array_snapshot.write(path, Snapshot(_ABOUT, _arrays()), keep=False)
         yield path.read_bytes()
-        snapshots.write(path, Snapshot({}, {"count": np.zeros(_SIZE, np.int64)}), keep=False)
+        array_snapshot.write(path, Snapshot({}, {"count": np.zeros(_SIZE, np.int64)}), keep=False)
         yield path.read_bytes()
 
 
@@ -68,7 +68,7 @@ def run(data: bytes, folder: Path) -> None:
             return targets  # noqa: B023
 
         try:
-            about = snapshots.read(path, accept)
+            about = array_snapshot.read(path, accept)
         except DamagedError:
             continue
         # What a checksum lets through is what was written: another list of files, or none of it.

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from raytracer.film import pfm
-from raytracer.lightfield.foreign import geometry, hci, import_views
-from raytracer.plenoptic.views import Plane, Views
+from raytracer.film.formats import pfm
+from raytracer.film.light_field.views import Plane, Views
+from raytracer.lightfield.formats import geometry, hci
+from raytracer.lightfield.formats.importer import import_views
 from tests.fuzz.targets.views import SIDE, picture
 
 MAX_LENGTH = 256
@@ -23,8 +24,8 @@ def seeds() -> Iterator[bytes]:
 def run(data: bytes, folder: Path) -> None:
     for number in range(4):
         (folder / f"input_Cam{number:03d}.npy").write_bytes(picture(".npy"))
-    views = Views(0.1 * geometry.regular(2, 2), Plane(0.1, -0.1, 0.1), SIDE, SIDE, 0.5)
-    (folder / hci.FILE).write_bytes(hci.text(views, "given", None))
+    views = Views(0.1 * geometry.regular_grid(2, 2), Plane(0.1, -0.1, 0.1), SIDE, SIDE, 0.5)
+    (folder / hci.FILE).write_bytes(hci.to_cfg(views, "given", None))
     (folder / "gt_disp_lowres.pfm").write_bytes(data)
     (folder / "gt_depth_lowres_Cam000.pfm").write_bytes(data)
     field = import_views(folder)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from raytracer.assets import read_grid
+from raytracer.scene.assets import read_grid
 from tests.fuzz.targets._parts import npy, with_header
 
 MAX_LENGTH = 1024

@@ -8,10 +8,10 @@ import numpy as np
 import OpenEXR
 import PIL.Image
 
-from raytracer.assets.images import decode_image
-from raytracer.errors import InputError
-from raytracer.film import rgbe
-from raytracer.film.decoding import MAX_PIXELS
+from raytracer.film.formats import hdr
+from raytracer.film.formats.base.limits import MAX_PIXELS
+from raytracer.scene.assets.images import decode_image
+from raytracer.util.errors import InputError
 from tests.fuzz.targets._parts import npy, with_header, with_sums
 
 MAX_LENGTH = 2048
@@ -80,7 +80,7 @@ def seeds() -> Iterator[bytes]:
     for data in exr_files():
         yield bytes([SUFFIXES.index(".exr")]) + data
     values = np.linspace(0, 2, 2 * 9 * 3).reshape(2, 9, 3)
-    for data in (rgbe.encode(values, {"a": "b"}), rgbe.encode(values[:, :3], {})):
+    for data in (hdr.encode(values, {"a": "b"}), hdr.encode(values[:, :3], {})):
         yield bytes([SUFFIXES.index(".hdr")]) + data
     for array in (values, _PIXELS, values[..., 0].astype(np.float32)):
         yield bytes([SUFFIXES.index(".npy")]) + npy(array)

@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from raytracer.assets import read_lens
-from raytracer.document import first_error, parse
-from raytracer.errors import InputError
-from raytracer.lenses.first_order import cardinal_points
-from raytracer.lenses.lens import Lens
-from raytracer.lenses.prescription import LensSpec
-from raytracer.scene.schema import lens_schema
+from raytracer.optics.lens_system.first_order import cardinal_points
+from raytracer.optics.lens_system.lens import Lens
+from raytracer.optics.lens_system.prescription import LensSpec
+from raytracer.scene.assets import read_lens
+from raytracer.scene.json_schema import lens_schema
+from raytracer.schema.validation_errors import first_error
+from raytracer.schema.yaml_parser import parse
+from raytracer.util.errors import InputError
 from tests.fuzz.targets._grammar import Choices, Grammar, written
 
 DICTIONARY = (

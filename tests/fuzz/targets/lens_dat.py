@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from raytracer.assets import read_lens
+from raytracer.scene.assets import read_lens
 from tests.fuzz.targets.lens import check
 
 DICTIONARY = (b"# ", b"radius", b"axpos", b"1e308", b"nan", b"inf", b"-0", b"1_0")

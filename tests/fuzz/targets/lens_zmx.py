@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from raytracer.assets import read_lens
+from raytracer.scene.assets import read_lens
 from tests.fuzz.targets.lens import check
 
 DICTIONARY = tuple(

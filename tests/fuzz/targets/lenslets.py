@@ -5,8 +5,8 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
-from raytracer.lightfield.decoding.calibration import Grid, read_grid
-from raytracer.plenoptic.resampling import Lattice
+from raytracer.film.light_field.lattice import Lattice
+from raytracer.lightfield.decoding.microlens_grid import Grid, read_grid
 
 DICTIONARY = (b'"offset"', b'"along"', b'"across"', b'"width"', b'"diameter"', b"NaN", b"Infinity", b"1e999")
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from raytracer.plenoptic import lf
-from raytracer.plenoptic.field import LightField, Rays
-from raytracer.plenoptic.views import Plane, Pose, Views
+from raytracer.film.light_field import lf
+from raytracer.film.light_field.field import LightField, Rays
+from raytracer.film.light_field.views import Plane, Pose, Views
 
 MAX_LENGTH = 16384
 # HDF5 makes room for a header of a size of 32 bits before it looks whether the file has so much; it is not written to.

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from raytracer.assets import companions, gltf, read_image
-from raytracer.errors import InputError
+from raytracer.scene.assets import companion_files, read_image
+from raytracer.scene.assets.gltf_materials import read_materials
+from raytracer.util.errors import InputError
 from tests.fuzz.targets import _meshes
 from tests.fuzz.targets._parts import CORNERS, TRIANGLES, altered, glb, uri
 
@@ -104,9 +105,9 @@ def run(data: bytes, folder: Path) -> None:
         _meshes.load(path, data)
         return
     path.write_bytes(data)
-    for found in companions("mesh", path):
+    for found in companion_files("mesh", path):
         assert found.is_file()
     with contextlib.suppress(InputError):
-        gltf.read_materials(path, "a.glb")
+        read_materials(path, "a.glb")
     image = read_image(f"{path}#0")
     assert image.texels.size > 0

@@ -6,12 +6,12 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from raytracer.cli import options
-from raytracer.explanation import parse_circle
-from raytracer.scene.edit import overridden
-from raytracer.scene.load import build, load, parse_overrides
+from raytracer.analysis.explain import parse_circle
+from raytracer.cli.base import options
+from raytracer.scene.load import build, load
+from raytracer.scene.overrides import apply_overrides, parse_overrides
 from raytracer.scene.spec import SceneSpec
-from raytracer.units import parse_bytes, parse_duration, parse_share
+from raytracer.schema.units import parse_bytes, parse_duration, parse_percentage
 
 DICTIONARY = tuple(
     word.encode()
@@ -47,10 +47,10 @@ objects: [{type: sphere, name: ball, center: [0, 0, 0], radius: 1, material: red
 """
 
 _OPTIONS: tuple[Callable[[str], Any], ...] = (
-    options.crop,
-    partial(options.number, "--time-limit", parse=parse_duration),
-    partial(options.number, "--noise", parse=parse_share),
-    partial(options.number, "--memory", parse=parse_bytes),
+    options.parse_crop,
+    partial(options.parse_number, "--time-limit", parse=parse_duration),
+    partial(options.parse_number, "--noise", parse=parse_percentage),
+    partial(options.parse_number, "--memory", parse=parse_bytes),
     parse_circle,
 )
 
@@ -75,6 +75,6 @@ def run(data: bytes, folder: Path) -> None:
         assert not isinstance(number, float) or math.isfinite(number)
         return
     overrides = parse_overrides(text.split("\n"))
-    overridden(_scene(), overrides)
+    apply_overrides(_scene(), overrides)
     (folder / "scene.yaml").write_text(_SCENE)
     load(folder / "scene.yaml", overrides)

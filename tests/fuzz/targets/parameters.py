@@ -4,8 +4,8 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
-from raytracer.lightfield.foreign import geometry, hci
-from raytracer.plenoptic.views import Plane, Pose, Views
+from raytracer.film.light_field.views import Plane, Pose, Views
+from raytracer.lightfield.formats import geometry, hci
 
 PARSERS = ("configparser",)
 DICTIONARY = (b"[intrinsics]", b"[extrinsics]", b"[DEFAULT]", b"num_cams_x = ", b"baseline_mm = ", b"1e308", b"1e-320")
@@ -14,7 +14,8 @@ DICTIONARY = (b"[intrinsics]", b"[extrinsics]", b"[DEFAULT]", b"num_cams_x = ", 
 def seeds() -> Iterator[bytes]:
     turned = Pose((0.0, 1.0, 2.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0))
     for pose in (None, turned):
-        yield hci.text(Views(0.1 * geometry.regular(2, 2), Plane(0.1, -0.2, 0.2), 4, 4, 0.5, pose=pose), "seed", None)
+        views = Views(0.1 * geometry.regular_grid(2, 2), Plane(0.1, -0.2, 0.2), 4, 4, 0.5, pose=pose)
+        yield hci.to_cfg(views, "seed", None)
 
 
 def run(data: bytes, folder: Path) -> None:

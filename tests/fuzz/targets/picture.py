@@ -5,9 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from raytracer.film import load, load_layers, rgbe
-from raytracer.film.decoding import MAX_PIXELS
-from raytracer.film.output import DISPLAY_SUFFIXES, SUFFIXES, load_encoded
+from raytracer.film import load, load_layers
+from raytracer.film.formats import hdr
+from raytracer.film.formats.base.limits import MAX_PIXELS
+from raytracer.film.formats.registry import display_suffixes, image_suffixes
+from raytracer.film.image_file import load_encoded
 from tests.fuzz.targets import image as images
 from tests.fuzz.targets._parts import npy, with_header, with_sums
 
@@ -18,17 +20,17 @@ _REPAIRED, _OTHERWISE = 0x80, 0x40
 
 def seeds() -> Iterator[bytes]:
     for suffix, data in images.pillow_files():
-        if suffix in SUFFIXES:
-            yield bytes([SUFFIXES.index(suffix) | _REPAIRED]) + data
-    exr = SUFFIXES.index(".exr")
+        if suffix in image_suffixes():
+            yield bytes([image_suffixes().index(suffix) | _REPAIRED]) + data
+    exr = image_suffixes().index(".exr")
     for data in images.exr_files():
         yield bytes([exr]) + data
         yield bytes([exr | _OTHERWISE]) + data
     values = np.linspace(0, 2, 2 * 9 * 3).reshape(2, 9, 3)
-    yield bytes([SUFFIXES.index(".hdr")]) + rgbe.encode(values, {"EXPOSURE": "2"})
-    yield bytes([SUFFIXES.index(".npy")]) + npy(values)
+    yield bytes([image_suffixes().index(".hdr")]) + hdr.encode(values, {"EXPOSURE": "2"})
+    yield bytes([image_suffixes().index(".npy")]) + npy(values)
     yield (
-        bytes([SUFFIXES.index(".npy") | _REPAIRED])
+        bytes([image_suffixes().index(".npy") | _REPAIRED])
         + b"{'descr': '<f2', 'fortran_order': True, 'shape': (1, 2, 3), }\x00"
         + bytes(12)
     )
@@ -36,7 +38,7 @@ def seeds() -> Iterator[bytes]:
 
 def run(data: bytes, folder: Path) -> None:
     choice, data = data[0] if data else 0, data[1:]
-    suffix = SUFFIXES[(choice & 0x3F) % len(SUFFIXES)]
+    suffix = image_suffixes()[(choice & 0x3F) % len(image_suffixes())]
     if choice & _REPAIRED and suffix == ".png":
         data = with_sums(data)
     elif choice & _REPAIRED and suffix == ".npy":
@@ -48,7 +50,7 @@ def run(data: bytes, folder: Path) -> None:
         assert all(layer.dtype == np.float64 and layer.ndim in (2, 3) for layer in layers.values())
         assert all(isinstance(value, str) for value in settings.values())
         return
-    found = load_encoded(path) if choice & _OTHERWISE and suffix in DISPLAY_SUFFIXES else load(path)
+    found = load_encoded(path) if choice & _OTHERWISE and suffix in display_suffixes() else load(path)
     height, width, channels = found.shape
     assert found.dtype == np.float64
     assert channels == 3

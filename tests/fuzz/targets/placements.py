@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from raytracer.assets import read_placements
+from raytracer.scene.assets import read_placements
 from tests.fuzz.targets._parts import npy, with_header
 
 MAX_LENGTH = 1024

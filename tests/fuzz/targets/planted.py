@@ -4,7 +4,7 @@ import mmap
 from collections.abc import Iterator
 from pathlib import Path
 
-from raytracer.errors import InputError
+from raytracer.util.errors import InputError
 
 
 def seeds() -> Iterator[bytes]:

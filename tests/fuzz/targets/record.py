@@ -5,12 +5,12 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from raytracer.sweeping.manifest import RECORDS, find_record, to_csv, to_json, write_record
-from raytracer.sweeping.points import Axis, Point, Sweep, Taken
+from raytracer.analysis.sweep.manifest import RECORDS, load_record, to_csv, to_json, write_record
+from raytracer.analysis.sweep.results import Axis, PointResult, Sweep, SweepPoint
 
 DICTIONARY = (b'"inf"', b'"done"', b'"status"', b'"warnings"', b'"seconds"', b'"sha256"', b"NaN", b"1e999", b"null")
 
-_POINT = Point((0,), {"camera.vfov": 40}, "vfov=40", "0" * 8)
+_POINT = SweepPoint((0,), {"camera.vfov": 40}, "vfov=40", "0" * 8)
 
 
 def seeds() -> Iterator[bytes]:
@@ -19,14 +19,14 @@ def seeds() -> Iterator[bytes]:
     for rest in ({}, {**full, "samples": 16.0, "rays": 1000, "warnings": ("a sentence",)}):
         with tempfile.TemporaryDirectory() as folder:
             (Path(folder) / RECORDS).mkdir()
-            write_record(Taken(_POINT, "done", **rest), Path(folder))
+            write_record(PointResult(_POINT, "done", **rest), Path(folder))
             yield (Path(folder) / RECORDS / f"{_POINT.name}.json").read_bytes()
 
 
 def run(data: bytes, folder: Path) -> None:
     (folder / RECORDS).mkdir()
     (folder / RECORDS / f"{_POINT.name}.json").write_bytes(data)
-    found = find_record(_POINT, (), folder)
+    found = load_record(_POINT, (), folder)
     if found is not None:
         assert found.point is _POINT
         # All of it can be told.

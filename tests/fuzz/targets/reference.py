@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from raytracer.regression.references import Recipe, load_reference, save_reference
+from raytracer.analysis.regression.reference_file import Recipe, load_reference, save_reference
 
 PARSERS = ("zipfile",)
 DICTIONARY = (b"PK\x01\x02", b"PK\x03\x04", b"PK\x05\x06", b"\x93NUMPY", b"'shape': (", b"'<U9'", b'"gains"', b'"spp"')

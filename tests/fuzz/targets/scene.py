@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from raytracer.document import parse
-from raytracer.errors import InputError
-from raytracer.scene.concerns import concerns, told
+from raytracer.scene.json_schema import scene_schema
 from raytracer.scene.load import build
-from raytracer.scene.pack import Packed, pack
-from raytracer.scene.schema import schema
+from raytracer.scene.pack.scene import PackedScene, pack
+from raytracer.scene.warnings import find_warnings, warning_messages
+from raytracer.schema.yaml_parser import parse
+from raytracer.util.errors import InputError
 from tests.fuzz.targets._grammar import Choices, Grammar, written
 
 DICTIONARY = tuple(
@@ -86,7 +86,7 @@ def _folder() -> Path:
 
 @cache
 def _grammar() -> Grammar:
-    return Grammar(schema(), _WORDS, _LIMITS)
+    return Grammar(scene_schema(), _WORDS, _LIMITS)
 
 
 _BASES = (
@@ -193,7 +193,7 @@ def run(data: bytes, folder: Path) -> None:
         return
     packed = pack(scene)
     check(packed)
-    for sentence in told(concerns(packed)):
+    for sentence in warning_messages(find_warnings(packed)):
         assert sentence.isprintable(), sentence
 
 
@@ -201,7 +201,7 @@ def _copies(item: Any) -> int:
     return getattr(item, "count", None) or 1
 
 
-def check(packed: Packed) -> None:
+def check(packed: PackedScene) -> None:
     """Raise where a packed scene holds what is no number, or geometry that is not finite."""
     for name, value in _leaves(packed.scene, "scene"):
         assert name.endswith(_ABSENT) or not np.isnan(value).any(), f"{name} holds what is no number"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from raytracer.lightfield.foreign import import_views
+from raytracer.lightfield.formats.importer import import_views
 from tests.fuzz.targets.views import check
 
 MAX_LENGTH = 2048

@@ -7,11 +7,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from raytracer.errors import InputError
+from raytracer.analysis.sweep.plan import make_plan
+from raytracer.analysis.sweep.points import enumerate_points
 from raytracer.scene.load import build
 from raytracer.scene.spec import SceneSpec
-from raytracer.sweeping.plan import planned
-from raytracer.sweeping.points import points_of
+from raytracer.util.errors import InputError
 
 DICTIONARY = tuple(
     word.encode()
@@ -65,19 +65,19 @@ def _scene() -> SceneSpec:
 def run(data: bytes, folder: Path) -> None:
     if data[:1] == b"\0":
         key, text = _KEYS[data[1] % len(_KEYS)] if data[1:] else _KEYS[0], data[2:].decode("utf-8", errors="replace")
-        plan = planned(_scene(), {key: text})
+        plan = make_plan(_scene(), {key: text})
     else:
         (folder / "scene.yaml").write_text(_SCENE)
         (folder / "sweep.yaml").write_bytes(data)
-        plan = planned(folder / "sweep.yaml", {})
+        plan = make_plan(folder / "sweep.yaml", {})
     for axis in plan.axes:
         assert len(set(axis.labels)) == len(axis.values) <= 100_000
         assert not any(isinstance(value, float) and math.isnan(value) for value in axis.values if _is_range(value))
-    for point in points_of(plan.axes, zipped=plan.zipped, most=_MOST_POINTS)[:3]:
+    for point in enumerate_points(plan.axes, zipped=plan.zipped, most=_MOST_POINTS)[:3]:
         with contextlib.suppress(InputError):
             plan.spec.replace(point.values)
 
 
 def _is_range(value: Any) -> bool:
-    """Whether a value may be of a range, whose numbers are finite; `.nan` may stand in a list."""
+    """Tell if a value may be of a range, whose numbers are finite; `.nan` may stand in a list."""
     return isinstance(value, float) and not math.isnan(value)

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from raytracer.document import parse
-from raytracer.errors import InputError
-from raytracer.glass import MOST_INDEX, glass_of
-from raytracer.spec import MOST, Quantity
-from raytracer.units import Dimension, parse_quantity
+from raytracer.optics.glass import MAX_INDEX, parse_glass
+from raytracer.schema.fields import MAX_MAGNITUDE, Quantity
+from raytracer.schema.units import Dimension, parse_quantity
+from raytracer.schema.yaml_parser import parse
+from raytracer.util.errors import InputError
 
 DICTIONARY = tuple(
     word.encode()
@@ -62,13 +62,13 @@ def run(data: bytes, folder: Path) -> None:
             dimension = _DIMENSIONS[(data[0] if data else 0) % len(_DIMENSIONS)]
             assert not math.isnan(parse_quantity(text, dimension))
             number = Quantity(dimension)(text)
-            assert number == 0.0 or 1.0 / MOST <= abs(number) <= MOST
+            assert number == 0.0 or 1.0 / MAX_MAGNITUDE <= abs(number) <= MAX_MAGNITUDE
     except ValueError as error:
         raise InputError(str(error)) from None
 
 
 def _check_glass(value: object) -> None:
     waves = np.arange(360.0, 831.0)
-    ior = glass_of(value).ior(waves)
+    ior = parse_glass(value).ior(waves)
     assert np.isfinite(ior).all()
-    assert ((ior > 0.0) & (ior <= MOST_INDEX)).all()
+    assert ((ior > 0.0) & (ior <= MAX_INDEX)).all()

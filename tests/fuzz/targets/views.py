@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 import PIL.Image
 
-from raytracer.film import pfm
-from raytracer.lightfield.foreign import geometry, hci, import_views
-from raytracer.plenoptic.field import LightField
-from raytracer.plenoptic.views import Plane, Pose, Views
+from raytracer.film.formats import pfm
+from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.views import Plane, Pose, Views
+from raytracer.lightfield.formats import geometry, hci
+from raytracer.lightfield.formats.importer import import_views
 
 MAX_LENGTH = 4096
 PARSERS = ("configparser",)
@@ -47,7 +48,7 @@ def _joined(files: dict[str, bytes]) -> bytes:
 
 def _views() -> Views:
     pose = Pose((0.0, 1.0, 2.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0))
-    position = 0.1 * geometry.regular(2, 2)
+    position = 0.1 * geometry.regular_grid(2, 2)
     return Views(position, Plane(0.1, -0.1, 0.1), SIDE, SIDE, 0.5, (0.1, 0.1), 0.3, 50.0, pose)
 
 
@@ -55,12 +56,12 @@ def seeds() -> Iterator[bytes]:
     grid = {f"view_{row:02d}_{column:02d}.png": b"" for row in range(2) for column in range(2)}
     yield _joined(grid)
     yield _joined({name.replace(".png", ".npy"): b"" for name in grid})
-    yield _joined({**grid, geometry.FILE: geometry.text(_views(), None)})
+    yield _joined({**grid, geometry.FILE: geometry.to_json(_views(), None)})
     yield _joined({f"{number}.png": b"" for number in range(4)})
     places = ((0, 0), (0, 12.5), (-3.25e1, 0), (-32.5, 12.5))
     yield _joined({f"out_{i // 2:02d}_{i % 2:02d}_{y}_{x}_.png": b"" for i, (y, x) in enumerate(places)})
     cameras = {f"input_Cam{number:03d}.png": b"" for number in range(4)}
-    cfg = hci.text(_views(), "seed", None)
+    cfg = hci.to_cfg(_views(), "seed", None)
     yield _joined(cameras)
     # The file has no zero bytes, which stand between names.
     depths = pfm.encode(np.full((SIDE, SIDE), 2.1))
@@ -86,7 +87,7 @@ def check(field: LightField) -> None:
     for layer in field.layers.values():
         assert np.asarray(layer[0, 0]).shape == (views.height, views.width)
     # What was read can be written again.
-    geometry.text(views, None)
+    geometry.to_json(views, None)
 
 
 def run(data: bytes, folder: Path) -> None:

@@ -9,18 +9,19 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from raytracer.aovs.interface import Identities, Seen, measure
-from raytracer.errors import InputError
+from raytracer.core.geometry import Hit, Interaction, Site
 from raytracer.film import load_layers
 from raytracer.film.image import Image
-from raytracer.geometry import Hit
-from raytracer.kinds import AOVS
-from raytracer.rendering import render
+from raytracer.kernel.aovs.base.interface import SceneIds
+from raytracer.kernel.aovs.base.layers import measure
+from raytracer.rendering.render import render
 from raytracer.scene.load import build
-from tests.rendering import scene
+from raytracer.schema.registry import AOVS
+from raytracer.util.errors import InputError
+from tests.small_scenes import scene
 
 # One compiled kernel a scene, whatever a test is about.
-ALL = tuple(name for name, spec in AOVS.specs().items() if not spec.is_by_sample)
+ALL = tuple(name for name, spec in AOVS.specs().items() if not spec.is_per_sample)
 
 SIZE = 24
 VFOV = 40.0
@@ -110,8 +111,9 @@ def test_normals_face_the_camera_and_only_one_of_them_is_bent() -> None:
     up, bent = (0.0, 1.0, 0.0), (0.0, 0.8, 0.6)
     zero = (0.0, 0.0, 0.0)
     hit = Hit(zero, up, bent, 0.0, 0.0, 0.0, 0, zero, zero, zero)
-    seen = Seen((0.0, -2.0, 0.0), up, hit, None, (0.0, -0.8, -0.6), False, 0, -1, 0, 0, None)
-    nobody = Identities((), *(np.zeros(1, np.int64),) * 3, np.zeros(0, np.int32), (), np.zeros(1, np.int32))  # type: ignore[arg-type]
+    site = Site(zero, 0.0, 0.0, 2.0)
+    seen = Interaction(-1, 0, 0, hit, site, 0, False, (0.0, -0.8, -0.6), (0.0, -2.0, 0.0), up, 2.0, None)
+    nobody = SceneIds((), *(np.zeros(1, np.int64),) * 3, np.zeros(0, np.int32), (), np.zeros(1, np.int32))  # type: ignore[arg-type]
     assert measure(AOVS.specs()["geometric_normal"]().quantity(nobody), None, seen) == (0.0, -1.0, 0.0)
     assert measure(AOVS.specs()["normal"]().quantity(nobody), None, seen) == (0.0, -0.8, -0.6)
     assert measure(AOVS.specs()["distance"]().quantity(nobody), None, seen)[0] == 2.0
@@ -224,10 +226,10 @@ def test_an_exr_file_holds_the_layers_under_names_that_others_read(ball: Image, 
         assert file.channels()["object_id.ID"].pixels.dtype == np.uint32
         assert file.channels()["depth.Z"].pixels.dtype == np.float32
         assert json.loads(file.header()["rt.object_id_names"])["1"] == "ball"
-    found, settings = load_layers(path)
-    assert set(found) == {"radiance", *ALL}
+    loaded, settings = load_layers(path)
+    assert set(loaded) == {"radiance", *ALL}
     for name in ALL:
-        np.testing.assert_array_equal(found[name], ball.layers[name].astype(np.float32))
+        np.testing.assert_array_equal(loaded[name], ball.layers[name].astype(np.float32))
     assert json.loads(settings["material_id_names"])["2"] == "grey"
     # Other formats hold the picture, and no layers.
     for suffix in (".png", ".npy", ".hdr", ".jpg"):
@@ -247,8 +249,8 @@ def test_an_unknown_aov_is_told_with_the_nearest() -> None:
 def test_every_aov_says_what_it_is() -> None:
     for name, spec in AOVS.specs().items():
         assert spec.__doc__
-        assert 1 <= len(spec.channels) <= 3 or spec.is_by_sample
-        assert f"`{name}`" in (Path(__file__).parents[2] / "docs" / "aovs.md").read_text("utf-8")
+        assert 1 <= len(spec.channels) <= 3 or spec.is_per_sample
+        assert f"`{name}`" in (Path(__file__).parents[3] / "docs" / "aovs.md").read_text("utf-8")
 
 
 # ---- What other effects make of it

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.rendering import render
-from tests.cameras.kernels import projected
-from tests.rendering import scene
+from raytracer.rendering.render import render
+from tests.plugins.cameras.kernels import projected
+from tests.small_scenes import scene
 
 SIZE = 24
 VFOV = 40.0
@@ -44,8 +44,8 @@ def layers(camera: str, objects: str, **settings: Any) -> Any:
 def test_a_wall_that_slides_moves_all_of_the_picture_alike(camera: str, wall: str, expected: list[float]) -> None:
     # 4 m away, a pixel is 4 PIXEL wide; rows count downwards.  A camera's motion is the opposite of the wall's.
     camera = f"type: pinhole, vfov: {VFOV}" + (f", {camera}" if camera else "")
-    found = layers(camera, f"  - {WALL}{', ' + wall if wall else ''}}}\n")["motion"]
-    np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape) / (4.0 * PIXEL), rtol=0.0, atol=1e-9)
+    motion = layers(camera, f"  - {WALL}{', ' + wall if wall else ''}}}\n")["motion"]
+    np.testing.assert_allclose(motion, np.broadcast_to(expected, motion.shape) / (4.0 * PIXEL), rtol=0.0, atol=1e-9)
 
 
 def test_motion_is_the_difference_of_what_project_says() -> None:
@@ -54,10 +54,10 @@ def test_motion_is_the_difference_of_what_project_says() -> None:
     velocity = np.array([0.02, 0.01, 0.03])
     camera = f"type: pinhole, vfov: {VFOV}"
     ball = f"  - {{type: sphere, center: [0, 0, 0], radius: 1, motion: {{velocity: {velocity.tolist()}}}}}\n"
-    found = layers(camera, ball, spp=256)
+    aovs = layers(camera, ball, spp=256)
     x, y = np.meshgrid(*2 * [(np.arange(SIZE) + 0.5 - SIZE / 2.0) * PIXEL])
     seen = np.hypot(x, y) < 1.0 / math.sqrt(15.0) - 2.0 * PIXEL
-    middle = found["position"][seen]
+    middle = aovs["position"][seen]
     spec = scene(
         f"camera: {{{camera}, look_from: [0, 0, 4], look_at: [0, 0, 0]}}\nobjects: []\n",
         width=SIZE,
@@ -69,7 +69,7 @@ def test_motion_is_the_difference_of_what_project_says() -> None:
     before, after = (projected(packed, middle + fraction * velocity)[:, :2] for fraction in (-0.5, 0.5))
     expected = after - before
     assert np.abs(expected).max() > 0.1
-    np.testing.assert_allclose(found["motion"][seen], expected, rtol=0.0, atol=2e-3 * np.abs(expected).max())
+    np.testing.assert_allclose(aovs["motion"][seen], expected, rtol=0.0, atol=2e-3 * np.abs(expected).max())
 
 
 def test_a_turning_disc_moves_by_its_angle_times_the_radius() -> None:
@@ -80,21 +80,21 @@ def test_a_turning_disc_moves_by_its_angle_times_the_radius() -> None:
         "  - {type: disc, center: [0, 0, 0], normal: [0, 0, 1], radius: 9,"
         " motion: {spin: {axis: [0, 0, 1], rate: 20, center: [0, 0, 0]}}}\n"
     )
-    found = layers(f"type: pinhole, vfov: {VFOV}", disc, spp=256)["motion"]
+    motion = layers(f"type: pinhole, vfov: {VFOV}", disc, spp=256)["motion"]
     middle = np.arange(SIZE) + 0.5 - SIZE / 2.0
     right, up = np.meshgrid(middle, -middle)
     size = 2.0 * (1.0 - math.cos(w)) / w
-    np.testing.assert_allclose(found[..., 0], -size * up, rtol=0.0, atol=0.02)
-    np.testing.assert_allclose(found[..., 1], -size * right, rtol=0.0, atol=0.02)
+    np.testing.assert_allclose(motion[..., 0], -size * up, rtol=0.0, atol=0.02)
+    np.testing.assert_allclose(motion[..., 1], -size * right, rtol=0.0, atol=0.02)
 
 
 def test_what_passes_behind_the_camera_is_left_out() -> None:
     # At the opening 1 m away and at the closing 1 m behind: no film position there, so no motion, but a depth.
-    found = layers(
+    aovs = layers(
         f"type: pinhole, vfov: {VFOV}",
         "  - {type: quad, corner: [-9, -9, 3], edges: [[18, 0, 0], [0, 18, 0]], motion: {velocity: [0, 0, 2]}}\n",
     )
-    np.testing.assert_array_equal(found["motion"], 0.0)
-    seen = np.isfinite(found["depth"])
+    np.testing.assert_array_equal(aovs["motion"], 0.0)
+    seen = np.isfinite(aovs["depth"])
     assert seen.all()
-    assert (found["depth"] < 1.0).all()
+    assert (aovs["depth"] < 1.0).all()

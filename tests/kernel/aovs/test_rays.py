@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from raytracer.errors import InputError
 from raytracer.film.image import Image
-from raytracer.rendering import render
-from tests.rendering import scene
+from raytracer.rendering.render import render
+from raytracer.util.errors import InputError
+from tests.small_scenes import scene
 
 WIDTH, HEIGHT, SPP, RADIUS, FOCUS = 8, 6, 5, 0.05, 2.0
 
@@ -60,8 +60,8 @@ def test_what_is_far_from_the_origin_has_the_same_rays(picture: Image) -> None:
     text = (_SCENE % "").replace("[1, 2, 5]", f"[{1 + away}, 2, 5]").replace("[0, 1, 1]", f"[{away}, 1, 1]")
     text = text.replace("center: [0, 0, 0]", f"center: [{away}, 0, 0]")
     spec = scene(text, width=WIDTH, height=HEIGHT, spp=SPP, max_depth=1, filled=False)
-    found = render(spec, threads=1, aovs=("rays",)).image
-    np.testing.assert_allclose(_samples(found)[..., :4], _samples(picture)[..., :4], rtol=1e-9, atol=1e-12)
+    rendered = render(spec, threads=1, aovs=("rays",)).image
+    np.testing.assert_allclose(_samples(rendered)[..., :4], _samples(picture)[..., :4], rtol=1e-9, atol=1e-12)
 
 
 def test_crops_hold_their_part(picture: Image) -> None:

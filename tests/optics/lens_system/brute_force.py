@@ -1,4 +1,4 @@
-"""What the film behind a lens gets, without any bounds of the pupil."""
+"""Light on the film behind a lens by brute force, without bounds of the pupil."""
 
 import math
 from typing import Any
@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.jit import entry
-from raytracer.lenses.surfaces import trace
+from raytracer.core.compiler.dispatch import entry
+from raytracer.optics.lens_system.ray_tracing import trace
 
 Array = NDArray[np.float64]
 

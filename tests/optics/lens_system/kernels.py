@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.jit import entry
-from raytracer.lenses.surfaces import LensSurfaces, Surface, meet_surface, pack_surfaces, trace
+from raytracer.core.compiler.dispatch import entry
+from raytracer.optics.lens_system.ray_tracing import intersect_sphere, trace
+from raytracer.optics.lens_system.surfaces import LensSurfaces, Surface, pack_surfaces
 
 Array = NDArray[np.float64]
 
@@ -71,7 +72,7 @@ def _met(curvature, origins, directions, side, distances, cosines):
     for ray in range(len(distances)):
         origin = (origins[ray, 0], origins[ray, 1], origins[ray, 2])
         direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
-        distances[ray], _, cosines[ray] = meet_surface(curvature, 0.0, origin, direction, side)
+        distances[ray], _, cosines[ray] = intersect_sphere(curvature, 0.0, origin, direction, side)
 
 
 def met(curvature: float, origins: Any, directions: Any, *, side: float = 1.0) -> tuple[Array, Array]:

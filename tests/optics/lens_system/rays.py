@@ -1,13 +1,14 @@
-"""Rays through lenses as tests ask for them."""
+"""Bundles of rays through lenses for tests."""
 
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.glass import LINE_D
-from raytracer.lenses.lens import Lens
-from raytracer.lenses.surfaces import LensSurfaces, trace_rays
+from raytracer.optics.glass import LINE_D
+from raytracer.optics.lens_system.lens import Lens
+from raytracer.optics.lens_system.ray_tracing import trace_rays
+from raytracer.optics.lens_system.surfaces import LensSurfaces
 
 Array = NDArray[np.float64]
 
@@ -56,7 +57,7 @@ def parallel(
 
 
 def backs(lens: Lens, heights: Array, *, wavelength: float = LINE_D) -> Array:
-    """Where parallel light at these heights (mm) crosses the axis behind the last vertex (mm)."""
+    """Find where parallel light at these heights (mm) crosses the axis, behind the last vertex (mm)."""
     found = gone_through(lens, *parallel(heights, 100.0), wavelength=wavelength)
     assert found.weights.all()
     crossing = found.points[:, 2] - found.points[:, 0] * found.directions[:, 2] / found.directions[:, 0]

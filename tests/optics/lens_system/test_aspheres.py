@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.glass import AIR, constant
-from raytracer.lenses.lens import Element, Lens
-from raytracer.lenses.surfaces import LensSurfaces, part, trace_rays
-from tests.lenses.rays import Array, unit
+from raytracer.optics.glass import AIR, constant_index_glass
+from raytracer.optics.lens_system.lens import Element, Lens
+from raytracer.optics.lens_system.ray_tracing import trace_rays
+from raytracer.optics.lens_system.surfaces import LensSurfaces, slice_surfaces
+from tests.optics.lens_system.rays import Array, unit
 
-GLASS = constant(1.5)
+GLASS = constant_index_glass(1.5)
 
 
 def alone(element: Element) -> LensSurfaces:
@@ -19,7 +20,7 @@ def alone(element: Element) -> LensSurfaces:
 
 
 def crossing(points: Array, directions: Array) -> Array:
-    """Where rays in the plane x = 0 meet the axis (n,)."""
+    """Find where rays in the plane x = 0 meet the axis (n,)."""
     return np.asarray(points[:, 2] - points[:, 1] * directions[:, 2] / directions[:, 1])
 
 
@@ -128,7 +129,7 @@ def test_spheres_among_other_shapes_are_spheres() -> None:
     plain = trace_rays(alone(sphere), starts, ways)
     mixed = Lens("mixed", (sphere, hyperbola)).packed()
     assert mixed.shapes is not None
-    first = trace_rays(part(mixed, 0, 1), starts, ways)
+    first = trace_rays(slice_surfaces(mixed, 0, 1), starts, ways)
     for one, other in zip(plain, first, strict=True):
         np.testing.assert_allclose(other, one, rtol=0.0, atol=2e-14)
     # A tiny coefficient takes the other way to the same surface.

@@ -1,4 +1,4 @@
-"""Thin layers: the formulas of the textbooks, and what is left where the layer does nothing."""
+"""Coatings: textbook formulas of thin layers, and bare surfaces."""
 
 import cmath
 import math
@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.jit import entry
-from raytracer.lenses.coatings import MGF2, Coating, pack_coatings, reflectance
-from raytracer.optics import fresnel_dielectric
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.fresnel import fresnel_dielectric
+from raytracer.optics.lens_system.coatings import MGF2, Coating, pack_coatings, reflectance
 
 Array = NDArray[np.float64]
 

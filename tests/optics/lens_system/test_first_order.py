@@ -1,4 +1,4 @@
-"""Pupils and f-numbers: where lens formulas put them, and where rays go."""
+"""Pupils and f-numbers: lens formulas against traced rays."""
 
 import math
 from typing import Any
@@ -6,25 +6,28 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.glass import AIR, constant
-from raytracer.lenses.first_order import cardinal_points, entrance_pupil, exit_pupil, ray_transfer_matrix
-from raytracer.lenses.lens import Element, Lens
-from raytracer.lenses.stops import f_number_of, stop_radius_for, widest_f_number
-from raytracer.lenses.surfaces import part, trace_paths, trace_rays
-from tests.lenses.kernels import DOUBLE_GAUSS
-from tests.lenses.rays import unit
+from raytracer.optics.glass import AIR, constant_index_glass
+from raytracer.optics.lens_system.first_order import cardinal_points, entrance_pupil, exit_pupil, ray_transfer_matrix
+from raytracer.optics.lens_system.lens import Element, Lens
+from raytracer.optics.lens_system.ray_tracing import trace_paths, trace_rays
+from raytracer.optics.lens_system.stops import f_number_of, stop_radius_for, widest_f_number
+from raytracer.optics.lens_system.surfaces import slice_surfaces
+from tests.optics.lens_system.kernels import DOUBLE_GAUSS
+from tests.optics.lens_system.rays import unit
 
 F, APART = 100.0, 20.0
 STOP = Element(0.0, APART, AIR, 5.0, "stop", is_stop=True)
 
 
 def lens_of(rows: Any) -> Lens:
-    return Lens("rows", tuple(Element(1 / r if r else 0.0, t, constant(n), a, is_stop=not r) for r, t, n, a in rows))
+    return Lens(
+        "rows", tuple(Element(1 / r if r else 0.0, t, constant_index_glass(n), a, is_stop=not r) for r, t, n, a in rows)
+    )
 
 
 def thin(f: float, behind: float = 0.0, radius: float = 30.0) -> tuple[Element, Element]:
     """A biconvex lens without thickness: 1/f = (n - 1) 2 / R."""
-    return Element(1.0 / f, 0.0, constant(1.5), radius), Element(-1.0 / f, behind, AIR, radius)
+    return Element(1.0 / f, 0.0, constant_index_glass(1.5), radius), Element(-1.0 / f, behind, AIR, radius)
 
 
 # ---- Pupils
@@ -68,7 +71,7 @@ def test_parts_of_a_lens_are_the_lens() -> None:
     count = len(packed.vertex)
     whole = ray_transfer_matrix(packed)
     for cut in (0, 3, 5, count):
-        front, back = part(packed, 0, cut), part(packed, cut, count)
+        front, back = slice_surfaces(packed, 0, cut), slice_surfaces(packed, cut, count)
         assert (front.stop, back.stop) == ((5, -1) if cut > 5 else (-1, 5 - cut))
         way = packed.vertex[cut] - packed.vertex[cut - 1] if 0 < cut < count else 0.0
         between = np.array([[1.0, way / packed.ior[cut]], [0.0, 1.0]])
@@ -77,15 +80,15 @@ def test_parts_of_a_lens_are_the_lens() -> None:
         )
     start, way = np.array([0.5, 2.0, -5.0]), unit([0.02, -0.03, 1.0])[0]
     _, (point,), (onward,) = trace_rays(packed, start, way)
-    _, (first,), (between,) = trace_rays(part(packed, 0, 4), start, way)
-    _, (second,), (behind,) = trace_rays(part(packed, 4, count), first, between)
+    _, (first,), (between,) = trace_rays(slice_surfaces(packed, 0, 4), start, way)
+    _, (second,), (behind,) = trace_rays(slice_surfaces(packed, 4, count), first, between)
     np.testing.assert_array_equal((second, behind), (point, onward))
 
 
 def test_cylinders_have_power_across_their_axis_only() -> None:
     c, n = 0.02, 1.5
     for axis, other in (("x", "y"), ("y", "x")):
-        surface = Element(c, 1.0, constant(n), 9.0, "cylindrical", axis=axis)
+        surface = Element(c, 1.0, constant_index_glass(n), 9.0, "cylindrical", axis=axis)
         packed = Lens("cylinder", (surface, Element(0.0, 0.0, AIR, 9.0))).packed()
         assert cardinal_points(packed, other).focal_length == pytest.approx(1.0 / ((n - 1.0) * c))
         with pytest.raises(ValueError, match="no power"):
@@ -97,7 +100,7 @@ def test_cylinders_have_power_across_their_axis_only() -> None:
 
 def test_without_a_stop_the_rim_that_light_of_the_axis_fills_is_one() -> None:
     assert Lens("singlet", thin(F)).stop() == 0
-    narrow = (*thin(F, 10.0), Element(0.0, 3.0, constant(1.5), 7.0), Element(0.0, 0.0, AIR, 9.0))
+    narrow = (*thin(F, 10.0), Element(0.0, 3.0, constant_index_glass(1.5), 7.0), Element(0.0, 0.0, AIR, 9.0))
     assert Lens("narrow behind", narrow).stop() == 2
     # At 10 mm the cone has 0.9 of its width: a rim of 27.1 mm does not touch it, and one of 26.9 mm does.
     wide = (*thin(F, 10.0), Element(0.0, 0.0, AIR, 27.1))
@@ -110,7 +113,7 @@ def test_the_stop_closes_to_the_f_number_asked_for(f_number: float) -> None:
     lens = lens_of(DOUBLE_GAUSS)
     radius = stop_radius_for(lens, f_number)
     assert f_number_of(lens.packed(stop_radius=radius)) == pytest.approx(f_number, rel=1e-12)
-    assert f_number_of(lens.stopped(radius).packed()) == pytest.approx(f_number, rel=1e-12)
+    assert f_number_of(lens.stopped_down(radius).packed()) == pytest.approx(f_number, rel=1e-12)
     # Light at the height f / 2N grazes it: what is a little nearer to the axis passes, and what is farther does not.
     height = cardinal_points(lens.packed()).focal_length / (2.0 * f_number)
     starts = np.array([[0.0, height * (1.0 - 1e-9), -9.0], [height * (1.0 + 1e-9), 0.0, -9.0]])

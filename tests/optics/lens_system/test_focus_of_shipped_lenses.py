@@ -6,17 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raytracer.assets.lenses import read_lens
-from raytracer.lenses.first_order import entrance_pupil
-from raytracer.lenses.focusing import HOW, focus_shift, nearest_distance
-from raytracer.lenses.lens import Lens
-from raytracer.lenses.stops import stop_radius_for, widest_f_number
-from tests.lenses.rays import gone_through, unit
+from raytracer.optics.lens_system.first_order import entrance_pupil
+from raytracer.optics.lens_system.focusing import FOCUS_CRITERIA, focus_shift, nearest_distance
+from raytracer.optics.lens_system.lens import Lens
+from raytracer.optics.lens_system.stops import stop_radius_for, widest_f_number
+from raytracer.scene.assets.lenses import read_lens
+from tests.optics.lens_system.rays import gone_through, unit
 from tests.repository import SCENES
 
 SHIPPED = sorted((SCENES / "lenses").glob("*.yaml"))
 every_lens = pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
-every_way = pytest.mark.parametrize("how", HOW)
+every_way = pytest.mark.parametrize("how", FOCUS_CRITERIA)
 
 
 def stops(lens: Lens, number: int) -> list[float]:

@@ -6,17 +6,26 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.glass import AIR, constant
-from raytracer.lenses.first_order import cardinal_points, entrance_pupil
-from raytracer.lenses.focusing import HOW, _first_root, film_place, focus, focus_shift, focused, nearest_distance
-from raytracer.lenses.lens import Element, Focus, Lens
-from raytracer.lenses.surfaces import LensSurfaces, trace_rays
-from tests.lenses.kernels import DOUBLE_GAUSS
-from tests.lenses.rays import Array
-from tests.lenses.test_first_order import lens_of, thin
+from raytracer.optics.glass import AIR, constant_index_glass
+from raytracer.optics.lens_system.first_order import cardinal_points, entrance_pupil
+from raytracer.optics.lens_system.focusing import (
+    FOCUS_CRITERIA,
+    _find_root,
+    film_position,
+    focus,
+    focus_lens,
+    focus_shift,
+    nearest_distance,
+)
+from raytracer.optics.lens_system.lens import Element, Focus, Lens
+from raytracer.optics.lens_system.ray_tracing import trace_rays
+from raytracer.optics.lens_system.surfaces import LensSurfaces
+from tests.optics.lens_system.kernels import DOUBLE_GAUSS
+from tests.optics.lens_system.rays import Array
+from tests.optics.lens_system.test_first_order import lens_of, thin
 
 WHOLE = lens_of(DOUBLE_GAUSS)
-SINGLET = Lens("plano-convex", (Element(0.0, 5.0, constant(1.5), 15.0), Element(-0.02, 0.0, AIR, 10.0)))
+SINGLET = Lens("plano-convex", (Element(0.0, 5.0, constant_index_glass(1.5), 15.0), Element(-0.02, 0.0, AIR, 10.0)))
 
 # A thin lens of 100 mm before one of -150 mm, 40 mm apart: a telephoto lens that focuses by its rear.
 INNER = Lens("inner focus", (*thin(100.0, 40.0, 10.0), *thin(-150.0, 0.0, 20.0)), focus=Focus("group", 3, 4))
@@ -58,17 +67,17 @@ def test_the_least_spot_is_least(lens: Lens, distance: float) -> None:
 @pytest.mark.parametrize("h", [10.0, 4.0])
 def test_the_marginal_focus_is_that_of_the_zone_that_halves_the_area(h: float) -> None:
     # The worked number of the plano-convex lens, at 1 / sqrt(2) of the widest h.
-    lens = SINGLET.stopped(h)
+    lens = SINGLET.stopped_down(h)
     zone = h * math.sqrt(0.5)
     bent = math.asin(1.5 * zone / 50.0) - math.asin(zone / 50.0)
     expected = zone / math.tan(bent) - (50.0 - math.sqrt(2500.0 - zone * zone))
-    assert film_place(lens) - 5.0 == pytest.approx(expected, abs=1e-10)
+    assert film_position(lens) - 5.0 == pytest.approx(expected, abs=1e-10)
 
 
-@pytest.mark.parametrize("how", HOW)
+@pytest.mark.parametrize("how", FOCUS_CRITERIA)
 @pytest.mark.parametrize("lens", [INNER, FRONT], ids=["rear moves", "front moves"])
 def test_a_group_that_moves_brings_planes_to_the_same_film(lens: Lens, how: str) -> None:
-    film = film_place(lens, how)
+    film = film_position(lens, how)
     nearest = nearest_distance(lens, how)
     assert 100.0 < nearest < 2000.0
     shifts = []
@@ -77,7 +86,7 @@ def test_a_group_that_moves_brings_planes_to_the_same_film(lens: Lens, how: str)
         assert found.film == film
         shifts.append(found.shift)
         # Focused so, the lens makes its image there.
-        fixed, place = focused(lens, distance, how)
+        fixed, place = focus_lens(lens, distance, how)
         packed = fixed.packed()
         image = focus(packed, distance - entrance_pupil(packed).z, 1e5, how) + packed.vertex[-1]
         assert image == pytest.approx(place, abs=0.02 if distance == nearest else 1e-7)
@@ -92,7 +101,7 @@ def test_a_group_that_moves_brings_planes_to_the_same_film(lens: Lens, how: str)
 
 def test_newtons_equation_of_a_front_that_moves() -> None:
     # A front of focal length f that images a plane at f + f^2 / e must go out by e, to leave its image where it was.
-    lens = FRONT.stopped(0.01)
+    lens = FRONT.stopped_down(0.01)
     extension = 8.0
     shift, _ = focus_shift(lens, 100.0 + 100.0**2 / extension)
     assert shift == pytest.approx(extension, rel=1e-6)
@@ -100,7 +109,7 @@ def test_newtons_equation_of_a_front_that_moves() -> None:
 
 def test_a_plane_nearer_than_a_lens_focuses_is_refused_with_the_nearest() -> None:
     for lens in (WHOLE, INNER, FRONT):
-        for how in HOW:
+        for how in FOCUS_CRITERIA:
             nearest = nearest_distance(lens, how)
             for distance in (0.99 * nearest, 0.0, -5.0, math.nan, -math.inf):
                 with pytest.raises(ValueError, match=rf"cannot focus at .*: the nearest .* is {nearest:g} mm before"):
@@ -108,7 +117,7 @@ def test_a_plane_nearer_than_a_lens_focuses_is_refused_with_the_nearest() -> Non
     # A lens that moves as a whole ends where the image is as large as the object: 2 f from the principal plane.
     points = cardinal_points(WHOLE.packed())
     expected = 2.0 * points.focal_length - points.front_principal + entrance_pupil(WHOLE.packed()).z
-    assert nearest_distance(WHOLE.stopped(0.01)) == pytest.approx(expected, rel=1e-4)
+    assert nearest_distance(WHOLE.stopped_down(0.01)) == pytest.approx(expected, rel=1e-4)
 
 
 def test_what_has_no_focus_is_named() -> None:
@@ -135,13 +144,13 @@ def test_a_root_is_looked_for_by_so_many_images_at_most() -> None:
         return 1.0 / math.sin(math.pi * (place + 0.3))
 
     with pytest.raises(ValueError, match="no steady focus: its image jumps past the film at 32 places, and 4 are"):
-        _first_root(jumping, np.arange(33.0))
+        _find_root(jumping, np.arange(33.0))
     assert len(asked) <= 33 + 4 * 102
 
     # After one pole a root is found.
     asked.clear()
-    assert _first_root(lambda x: jumping(x) if x < 1.0 else 1.5 - x, np.arange(3.0)) == pytest.approx(1.5)
+    assert _find_root(lambda x: jumping(x) if x < 1.0 else 1.5 - x, np.arange(3.0)) == pytest.approx(1.5)
 
 
 def test_places_without_light_between_two_with_some_are_no_root() -> None:
-    assert _first_root(lambda place: place - 0.5 if place in (0.0, 1.0) else math.nan, np.arange(2.0)) is None
+    assert _find_root(lambda place: place - 0.5 if place in (0.0, 1.0) else math.nan, np.arange(2.0)) is None

@@ -1,4 +1,4 @@
-"""Reflections inside lenses: formulas of plates, matrices of mirrors, and light that takes its way by chance."""
+"""Ghosts: formulas of plates, matrices of mirrors, and paths that are sampled."""
 
 import math
 from itertools import combinations
@@ -9,29 +9,33 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.cameras.lens import RealLens
-from raytracer.glass import constant, of_abbe
-from raytracer.jit import entry
-from raytracer.lenses.coatings import MGF2, reflectance
-from raytracer.lenses.ghosts import aim_ghost, choose, flare_of, nanometres, trace_way
-from raytracer.lenses.lens import Element, Lens
-from raytracer.lenses.surfaces import (
-    LensSurfaces,
-    Surface,
-    bend,
-    index_of,
-    meet,
-    pack_surfaces,
-    passed,
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.sampling import Independent, pixel_key, sample_1d
+from raytracer.core.sampling.warp import sample_disc
+from raytracer.core.vec import madd, normalize, sub
+from raytracer.optics.glass import constant_index_glass, glass_from_abbe
+from raytracer.optics.lens_system.coatings import MGF2, reflectance
+from raytracer.optics.lens_system.ghosts import (
+    aim_ghost_ray,
+    build_ghost_paths,
+    sample_ghost_path,
+    trace_ghost_path,
+    wavelength_or_d_line,
+)
+from raytracer.optics.lens_system.lens import Element, Lens
+from raytracer.optics.lens_system.ray_tracing import (
+    intersect_surface,
+    refract,
+    refractive_index,
+    rim_transmission,
     trace,
     trace_rays,
 )
-from raytracer.rendering import render
-from raytracer.sampling import Independent, pixel_key, sample_1d
-from raytracer.sampling.warp import sample_disc
-from raytracer.vec import madd, normalize, sub
-from tests.lenses.kernels import DOUBLE_GAUSS
-from tests.rendering import scene
+from raytracer.optics.lens_system.surfaces import LensSurfaces, Surface, pack_surfaces
+from raytracer.plugins.cameras.lens import RealLens
+from raytracer.rendering.render import render
+from tests.optics.lens_system.kernels import DOUBLE_GAUSS
+from tests.small_scenes import scene
 
 Array = NDArray[np.float64]
 
@@ -44,7 +48,7 @@ def double_gauss(*, coated: bool = False, dispersion: bool = False) -> LensSurfa
     """The f/2 lens, its surfaces towards air coated or bare."""
     elements, before = [], 1.0
     for radius, thickness, index, aperture in DOUBLE_GAUSS:
-        glass = of_abbe(index, ABBE[index]) if index > 1.0 else constant(1.0)
+        glass = glass_from_abbe(index, ABBE[index]) if index > 1.0 else constant_index_glass(1.0)
         coating = MGF2 if coated and radius and 1.0 in (before, index) else None
         curvature = 1.0 / radius if radius else 0.0
         elements.append(Element(curvature, thickness, glass, aperture, coating=coating, is_stop=radius == 0.0))
@@ -58,7 +62,7 @@ def double_gauss(*, coated: bool = False, dispersion: bool = False) -> LensSurfa
 @entry
 def _followed(lens, origin, direction, firsts, lasts, wavelength, out):
     for way in range(len(firsts)):
-        weight, point, onward = trace_way(lens, origin, direction, firsts[way], lasts[way], wavelength)
+        weight, point, onward = trace_ghost_path(lens, origin, direction, firsts[way], lasts[way], wavelength)
         out[way, 0] = weight
         for axis in range(3):
             out[way, 1 + axis] = point[axis]
@@ -68,14 +72,14 @@ def _followed(lens, origin, direction, firsts, lasts, wavelength, out):
 @entry
 def _chosen(flare, numbers, out):
     for i in range(len(numbers)):
-        _, out[i, 0], out[i, 1], out[i, 2] = choose(flare, numbers[i])
+        _, out[i, 0], out[i, 1], out[i, 2] = sample_ghost_path(flare, numbers[i])
 
 
 @entry
 def _aimed(flare, pair, x, y, numbers, out):
     for i in range(len(numbers)):
         u, v = sample_disc(numbers[i, 0], numbers[i, 1])
-        out[i, 0], out[i, 1], out[i, 2] = aim_ghost(flare, pair, x, y, u, v, numbers[i, 2])
+        out[i, 0], out[i, 1], out[i, 2] = aim_ghost_ray(flare, pair, x, y, u, v, numbers[i, 2])
 
 
 @entry
@@ -85,13 +89,13 @@ def _estimates(lens, flare, start, wavelength, numbers, out):
     rear, rim = lens.vertex[len(lens.vertex) - 1], lens.radius[len(lens.radius) - 1]
     for i in range(len(numbers)):
         x, y = sample_disc(numbers[i, 0], numbers[i, 1])
-        pair, first, last, probability = choose(flare, numbers[i, 2])
+        pair, first, last, probability = sample_ghost_path(flare, numbers[i, 2])
         right, up = rim * x, rim * y
         if pair >= 0:
-            right, up, area = aim_ghost(flare, pair, start[0], start[1], x, y, numbers[i, 3])
+            right, up, area = aim_ghost_ray(flare, pair, start[0], start[1], x, y, numbers[i, 3])
             probability *= math.pi * rim * rim / area
         direction = normalize(sub((right, up, rear), start))
-        weight, _, onward = trace_way(lens, start, direction, first, last, wavelength)
+        weight, _, onward = trace_ghost_path(lens, start, direction, first, last, wavelength)
         column = 0 if first < 0 else 2
         out[i, column] = weight / probability
         out[i, column + 1] = weight / probability if onward[0] > 0.1 else 0.0
@@ -109,22 +113,22 @@ def _walks(lens, start, wavelength, numbers, sampler, out, ends):
         direction = normalize(sub((rim * x, rim * y, rear), start))
         surface, side, turns, met = count - 1, -1, 0, 0
         while 0 <= surface < count:
-            distance, normal, cosine = meet(lens, surface, origin, direction, float(side))
+            distance, normal, cosine = intersect_surface(lens, surface, origin, direction, float(side))
             if cosine == 0.0 or (turns > 0 and distance < 0.0):
                 break
             origin = madd(origin, distance, direction)
-            if passed(lens, surface, origin) == 0.0:
+            if rim_transmission(lens, surface, origin) == 0.0:
                 break
-            near = index_of(lens, surface if side > 0 else surface + 1, wavelength)
-            far = index_of(lens, surface + 1 if side > 0 else surface, wavelength)
-            part, _ = reflectance(lens.coatings, surface, abs(cosine), near, far, nanometres(wavelength))
+            near = refractive_index(lens, surface if side > 0 else surface + 1, wavelength)
+            far = refractive_index(lens, surface + 1 if side > 0 else surface, wavelength)
+            part, _ = reflectance(lens.coatings, surface, abs(cosine), near, far, wavelength_or_d_line(wavelength))
             met += 1
             if sample_1d(sampler, key, i, met) < part:
                 direction = madd(direction, -2.0 * cosine, normal)
                 side = -side
                 turns += 1
             else:
-                _, direction = bend(direction, normal, cosine, near / far)
+                _, direction = refract(direction, normal, cosine, near / far)
             surface += side
         ends[0 if surface < 0 else 1 if surface == count else 2] += 1
         if surface < 0 and turns <= 2:
@@ -276,7 +280,7 @@ def test_ghosts_near_the_axis_go_where_matrices_send_them() -> None:
 
 def test_ways_are_drawn_as_often_as_is_said() -> None:
     lens = double_gauss()
-    flare = flare_of(lens, 21.6, 36.0)
+    flare = build_ghost_paths(lens, 21.6, 36.0)
     # All pairs of the ten surfaces with glass; the stop has none.
     pairs = [pair for pair in combinations(range(11), 2) if 5 not in pair]
     assert list(zip(flare.first, flare.last, strict=True)) == pairs
@@ -299,7 +303,7 @@ def test_ways_are_drawn_as_often_as_is_said() -> None:
 
 def test_what_does_not_reflect_has_no_ghosts() -> None:
     for lens in (plates(1.0), plates(1.5)):
-        flare = flare_of(lens, 1.0, 10.0)
+        flare = build_ghost_paths(lens, 1.0, 10.0)
         assert len(flare.first) == 0
         out = np.empty((1, 3))
         _chosen(flare, np.array([0.999]), out)
@@ -311,7 +315,7 @@ def test_light_that_takes_its_way_by_chance_brings_as_much(coated: bool, wavelen
     lens = double_gauss(coated=coated, dispersion=wavelength is not None)
     start = (x, 4.0, float(lens.vertex[-1]) + 36.0)
     rng = np.random.default_rng(7)
-    flare = flare_of(lens, 21.6, 36.0)
+    flare = build_ghost_paths(lens, 21.6, 36.0)
     found, walked = np.zeros((COUNT, 4)), np.zeros((4 * COUNT, 4))
     ends = np.zeros(3, np.int64)
     _estimates(lens, flare, start, wavelength, rng.random((COUNT, 4)), found)
@@ -330,7 +334,7 @@ def test_any_shares_of_the_ways_give_the_same_light() -> None:
     lens = double_gauss()
     start = (8.0, 0.0, float(lens.vertex[-1]) + 36.0)
     numbers = np.random.default_rng(8).random((COUNT, 4))
-    drawn = flare_of(lens, 21.6, 36.0)
+    drawn = build_ghost_paths(lens, 21.6, 36.0)
     alike = drawn._replace(cumulative=np.append(0.2, 0.2 + 0.8 * np.arange(1, 46) / 45.0))
     anywhere = drawn._replace(ellipses=np.zeros_like(drawn.ellipses))
     means, errors = [], []
@@ -348,7 +352,7 @@ def test_any_shares_of_the_ways_give_the_same_light() -> None:
 def test_ghosts_of_many_surfaces_are_aimed_anywhere() -> None:
     # Twenty plates have 780 ghosts, of too many to look for where each passes.
     rows = [Surface(0.0, 0.5, index, 12.0) for _ in range(20) for index in (1.5, 1.0)]
-    flare = flare_of(pack_surfaces(rows), 5.0, 10.0)
+    flare = build_ghost_paths(pack_surfaces(rows), 5.0, 10.0)
     assert len(flare.first) == 780
     assert flare.cumulative[-1] == 1.0
     assert (np.diff(flare.cumulative) >= 0.2499 / 780.0).all()
@@ -361,7 +365,7 @@ def test_ghosts_of_many_surfaces_are_aimed_anywhere() -> None:
 def test_ghosts_are_aimed_with_the_density_that_is_said(place: tuple[float, float]) -> None:
     # Areas over the density are areas: of the surface, and of its half to one side.
     lens = double_gauss()
-    flare = flare_of(lens, 21.6, 36.0)
+    flare = build_ghost_paths(lens, 21.6, 36.0)
     numbers = np.random.default_rng(9).random((COUNT, 3))
     for pair in range(0, len(flare.first), 7):
         out = np.empty((COUNT, 3))
@@ -383,7 +387,7 @@ def test_through_a_small_stop_few_ghosts_are_aimed_in_vain() -> None:
     lens = lens._replace(radius=radius)
     start = (8.0, 0.0, float(lens.vertex[-1]) + 36.0)
     numbers = np.random.default_rng(8).random((COUNT, 4))
-    aimed = flare_of(lens, 21.6, 36.0)
+    aimed = build_ghost_paths(lens, 21.6, 36.0)
     means, errors = [], []
     for flare in (aimed, aimed._replace(ellipses=np.zeros_like(aimed.ellipses))):
         out = np.zeros((COUNT, 4))
@@ -406,7 +410,7 @@ def _of_even_light(lens, start, numbers, out):
         out[i, 0] = passes * square * square
         for first in range(-1, len(lens.curvature)):
             for last in range(-1 if first < 0 else first + 1, 0 if first < 0 else len(lens.curvature)):
-                weight, _, _ = trace_way(lens, start, direction, first, last, None)
+                weight, _, _ = trace_ghost_path(lens, start, direction, first, last, None)
                 out[i, 1 if first < 0 else 2] += weight * square * square
 
 
@@ -414,7 +418,7 @@ def _of_even_light(lens, start, numbers, out):
 @pytest.mark.parametrize("f_number", [2, 5.6])
 def test_the_camera_gathers_direct_light_and_ghosts(f_number: float) -> None:
     # An even scene of radiance 1 is as bright as its light that gets through, over what a lens without losses passes.
-    file = Path(__file__).parents[2] / "scenes" / "lenses" / "double-gauss-50mm.yaml"
+    file = Path(__file__).parents[3] / "scenes" / "lenses" / "double-gauss-50mm.yaml"
     text = f"""
 camera: {{type: lens, lens: '{file}', f_number: {f_number}, focus_distance: .inf, dispersion: false, flare: true,
           sensor: {{width: 0.8 mm, height: 0.8 mm}}}}
@@ -425,7 +429,7 @@ objects:
     spec = scene(text, width=8, height=8, spp=1 << 15, filled=False)
     found = render(spec, threads=2).image.radiance[..., 1]
     assert isinstance(spec.camera, RealLens)
-    setting = spec.camera.setting()
+    setting = spec.camera.lens_setup()
     brought = np.zeros((COUNT, 3))
     start = (0.0, 0.0, float(setting.film))
     _of_even_light(setting.surfaces, start, np.random.default_rng(3).random((COUNT, 2)), brought)

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from raytracer.assets.lenses import read_lens, read_prescription
-from raytracer.errors import SceneError
-from raytracer.glass import AIR, CATALOGUE, constant
-from raytracer.lenses.first_order import cardinal_points
-from raytracer.lenses.importing import Choices, Imported, as_yaml, checked_glasses, imported
+from raytracer.optics.glass import AIR, CATALOGUE, constant_index_glass
+from raytracer.optics.lens_system.first_order import cardinal_points
+from raytracer.optics.lens_system.importers import Choices, Imported, as_yaml, import_lens, parse_glasses
+from raytracer.scene.assets.lenses import read_lens, read_prescription
+from raytracer.util.errors import SceneError
 
 TABLE = """\
 # Double Gauss f/2
@@ -96,7 +96,7 @@ def written(folder: Path, name: str, text: str, encoding: str = "utf-8") -> Path
 
 def complaint(path: Path) -> str:
     with pytest.raises(SceneError) as caught:
-        imported(path)
+        import_lens(path)
     told = str(caught.value)
     assert "\n" not in told
     assert told.startswith(str(path))
@@ -105,7 +105,7 @@ def complaint(path: Path) -> str:
 
 def outcome(path: Path) -> Imported | str:
     try:
-        return imported(path)
+        return import_lens(path)
     except SceneError as error:
         return str(error)
 
@@ -114,7 +114,7 @@ def outcome(path: Path) -> Imported | str:
 
 
 def test_a_table_of_pbrt(tmp_path: Path) -> None:
-    spec = imported(written(tmp_path, "dgauss.dat", TABLE)).spec
+    spec = import_lens(written(tmp_path, "dgauss.dat", TABLE)).spec
     assert (spec.name, spec.source) == ("Double Gauss f/2", "US patent 2,673,491")
     lens = spec.lens()
     assert [element.kind for element in lens.elements].index("stop") == 5
@@ -164,7 +164,7 @@ def test_what_is_no_table(tmp_path: Path, text: str, expected: str) -> None:
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1"])
 def test_a_prescription_of_zemax(tmp_path: Path, encoding: str) -> None:
     text = COOKE.replace("A simple", "A naïve") if encoding == "latin-1" else COOKE
-    spec = imported(written(tmp_path, "cooke.zmx", text.replace("\n", "\r\n"), encoding)).spec
+    spec = import_lens(written(tmp_path, "cooke.zmx", text.replace("\n", "\r\n"), encoding)).spec
     assert spec.name == ("A naïve triplet" if encoding == "latin-1" else "A simple triplet")
     lens = spec.lens()
     assert len(lens.elements) == 6
@@ -184,44 +184,44 @@ def changed(folder: Path, old: str, new: str, count: int = 1) -> Path:
 
 
 def test_inches_are_made_millimetres(tmp_path: Path) -> None:
-    lens = imported(changed(tmp_path, "UNIT MM", "UNIT IN")).lens()
+    lens = import_lens(changed(tmp_path, "UNIT MM", "UNIT IN")).lens()
     assert cardinal_points(lens.packed()).focal_length == pytest.approx(25.4 * 50.0, rel=1e-3)
     assert lens.elements[0].radius == pytest.approx(25.4 * 9.5)
 
 
 def test_a_model_glass_and_one_that_an_option_names(tmp_path: Path) -> None:
     path = changed(tmp_path, "GLAS F2 0 0 0 0", "GLAS ___BLANK 1 0 1.62 36.4")
-    assert imported(path).lens().elements[2].glass.told == (1.62, 36.4)
+    assert import_lens(path).lens().elements[2].glass.source_values == (1.62, 36.4)
     path = changed(tmp_path, "GLAS F2", "GLAS E-F2")
-    given_glasses = checked_glasses(["E-F2=1.62/36.3", "SK16=N-SK5", "OTHER=1.7"])
-    lens = imported(path, Choices(given_glasses)).lens()
-    assert lens.elements[2].glass.told == (1.62, 36.3)
+    given_glasses = parse_glasses(["E-F2=1.62/36.3", "SK16=N-SK5", "OTHER=1.7"])
+    lens = import_lens(path, Choices(given_glasses)).lens()
+    assert lens.elements[2].glass.source_values == (1.62, 36.3)
     assert lens.elements[0].glass is CATALOGUE["N-SK5"]
     assert given_glasses["OTHER"] == "1.7"
 
 
 def test_conics_and_even_aspheres(tmp_path: Path) -> None:
-    conic = imported(changed(tmp_path, "  CURV -2.29", "  CONI -1.5\n  CURV -2.29")).lens().elements[1]
+    conic = import_lens(changed(tmp_path, "  CURV -2.29", "  CONI -1.5\n  CURV -2.29")).lens().elements[1]
     assert (conic.kind, conic.conic) == ("conic", -1.5)
     told = complaint(changed(tmp_path, "  CURV -2.29", "  CONI 1e40\n  CURV -2.29"))
     assert told.startswith(":21: conic: must be 0, or of a magnitude")
     terms = "  TYPE EVENASPH\n  PARM 1 0\n  PARM 2 1E-5\n  PARM 3 -2E-8\n  PARM 4 0\n  CURV -2.29"
     path = changed(tmp_path, "  TYPE STANDARD\n  CURV -2.29", terms)
-    asphere = imported(path).lens().elements[1]
+    asphere = import_lens(path).lens().elements[1]
     assert (asphere.kind, asphere.coefficients) == ("asphere", (1e-5, -2e-8))
     # In inches a coefficient of the fourth power is 1 / inch^3.
     path.write_text(path.read_text().replace("UNIT MM", "UNIT IN"))
-    assert imported(path).lens().elements[1].coefficients[0] == pytest.approx(1e-5 / 25.4**3, rel=1e-9)
+    assert import_lens(path).lens().elements[1].coefficients[0] == pytest.approx(1e-5 / 25.4**3, rel=1e-9)
 
 
 def test_a_surface_in_air_that_does_nothing_is_left_out(tmp_path: Path) -> None:
     dummy = "SURF 9\n  TYPE STANDARD\n  CURV 0\n  DISZ -2\n  DIAM 3\nSURF 3\n"
-    lens = imported(changed(tmp_path, "SURF 3\n", dummy)).lens()
+    lens = import_lens(changed(tmp_path, "SURF 3\n", dummy)).lens()
     assert len(lens.elements) == 6
     assert lens.elements[1].thickness == pytest.approx(4.0075511)
     stop = "SURF 9\n  STOP\n  TYPE STANDARD\n  CURV 0\n  DISZ 2\n  DIAM 3\nSURF 3\n"
     path = written(tmp_path, "stop.zmx", COOKE.replace("  STOP\n", "").replace("SURF 3\n", stop))
-    assert [element.kind for element in imported(path).lens().elements][2] == "stop"
+    assert [element.kind for element in import_lens(path).lens().elements][2] == "stop"
 
 
 @pytest.mark.parametrize(
@@ -265,7 +265,7 @@ def test_what_is_no_prescription(tmp_path: Path, text: str, expected: str) -> No
 @pytest.mark.parametrize("definition", ["", "SK16", "=1.5", "SK16=", "SK16=1.6/", "SK16=a/b", "SK16=1.6/1", "SK16=NN"])
 def test_what_is_no_glass_option(definition: str) -> None:
     with pytest.raises(ValueError, match=r"^[^\n]+$"):
-        checked_glasses([definition])
+        parse_glasses([definition])
 
 
 # ---- Files
@@ -288,13 +288,13 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path, name: str) -> None:
 def test_any_number_of_lines_of_fields_is_read_in_its_time(tmp_path: Path) -> None:
     # Each line once copied all fields before it: these took an hour.
     text = COOKE.replace("YFLN", "XFLN 1\n" * 200_000 + "YFLN")
-    assert imported(written(tmp_path, "fields.zmx", text)) == imported(written(tmp_path, "cooke.zmx", COOKE))
+    assert import_lens(written(tmp_path, "fields.zmx", text)) == import_lens(written(tmp_path, "cooke.zmx", COOKE))
 
 
 @pytest.mark.parametrize(("name", "text"), [("dgauss.dat", TABLE), ("cooke.zmx", COOKE)])
 def test_what_is_imported_is_written_and_read_as_the_same_lens(tmp_path: Path, name: str, text: str) -> None:
     path = written(tmp_path, name, text)
-    spec = imported(path).spec
+    spec = import_lens(path).spec
     again = written(tmp_path, "again.yaml", as_yaml(spec))
     assert read_prescription(again) == spec == read_prescription(path)
     assert read_lens(again) == read_lens(path) == spec.lens()
@@ -317,6 +317,6 @@ def test_damage_anywhere_is_a_sentence_at_worst(name: str, text: str, tmp_path_f
         if isinstance(found, str):
             assert "\n" not in found
         else:
-            assert constant(1.0) == found.lens().elements[-1].glass
+            assert constant_index_glass(1.0) == found.lens().elements[-1].glass
 
     damage()

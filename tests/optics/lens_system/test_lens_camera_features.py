@@ -1,4 +1,4 @@
-"""The lens camera with what else there is: crops, noise limits, layers, shutters, media, sweeps, bundles, files."""
+"""The lens camera with other features: crops, noise limits, layers, shutters, media, sweeps, bundles, files."""
 
 import json
 import math
@@ -11,16 +11,19 @@ import pytest
 import yaml
 
 import raytracer as rt
-from raytracer.cli.main import main
-from raytracer.dump import plain
-from raytracer.errors import SceneError
-from raytracer.explanation import explain
-from raytracer.rendering import Rendered, render
-from raytracer.scene.inputs import bundle, digest, files_of, unbundle
+from raytracer.analysis.explain import explain
+from raytracer.analysis.sweep.run import sweep
+from raytracer.cli.base.app import main
+from raytracer.optics.to_yaml import spec_to_plain
+from raytracer.rendering.render import render
+from raytracer.rendering.session import Rendered
+from raytracer.scene.bundle import bundle, unbundle
+from raytracer.scene.digest import digest
+from raytracer.scene.input_files import input_files
 from raytracer.scene.load import build, build_plain, load
-from raytracer.scene.pack import pack
+from raytracer.scene.pack.scene import pack
 from raytracer.scene.spec import SceneSpec
-from raytracer.sweeping.run import sweep
+from raytracer.util.errors import SceneError
 from tests.repository import SCENES
 
 LENS = SCENES / "lenses" / "double-gauss-50mm.yaml"
@@ -67,7 +70,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_the_lens_is_among_the_files_of_the_scene(folder: Path) -> None:
-    (found,) = files_of(load(folder / "scene.yaml"))
+    (found,) = input_files(load(folder / "scene.yaml"))
     assert (found.keys, found.name, found.kind) == (("camera", "lens"), "glass.yaml", "lens")
 
 
@@ -109,7 +112,7 @@ def test_a_scene_in_code_is_the_scene_of_its_file(folder: Path, monkeypatch: pyt
 
 def test_what_is_dumped_is_loaded_again(folder: Path) -> None:
     spec = load(folder / "scene.yaml")
-    values = plain(spec)
+    values = spec_to_plain(spec)
     assert values["camera"]["lens"] == "glass.yaml"
     json.dumps(values)
     again = build_plain(yaml.safe_load(yaml.safe_dump(values)), base=folder)
@@ -330,10 +333,10 @@ def test_a_stop_with_blades_blurs_as_one() -> None:
 def test_a_sweep_is_its_single_renders(folder: Path) -> None:
     values = {"camera.f_number": [2.8, 8.0], "camera.focus_distance": [2.0, math.inf], "camera.flare": [False]}
     done = sweep(folder / "scene.yaml", values, folder=folder / "out", threads=2)
-    assert [item.status for item in done.taken] == ["done"] * 4
+    assert [item.status for item in done.results] == ["done"] * 4
     manifest = json.loads((folder / "out" / "manifest.json").read_text())
     assert len(manifest["points"]) == 4
     # Once more takes nothing anew, until the lens has changed.
-    assert sweep(folder / "scene.yaml", values, folder=folder / "out").kept == 4
+    assert sweep(folder / "scene.yaml", values, folder=folder / "out").reused == 4
     (folder / "glass.yaml").write_text((folder / "glass.yaml").read_text().replace("29.475", "29.48"))
-    assert sweep(folder / "scene.yaml", values, folder=folder / "out").kept == 0
+    assert sweep(folder / "scene.yaml", values, folder=folder / "out").reused == 0

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.rendering import Rendered, render
+from raytracer.rendering.render import render
+from raytracer.rendering.session import Rendered
 from raytracer.scene.load import build
-from raytracer.scene.pack import pack
-from tests.cameras.kernels import weighted_rays
-from tests.lenses.brute import by_brute_force
-from tests.lenses.files import thin
+from raytracer.scene.pack.scene import pack
+from tests.optics.lens_system.brute_force import by_brute_force
+from tests.optics.lens_system.lens_files import thin
+from tests.plugins.cameras.kernels import weighted_rays
 from tests.repository import SCENES
 
 DOUBLE_GAUSS = SCENES / "lenses" / "double-gauss-50mm.yaml"

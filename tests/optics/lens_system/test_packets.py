@@ -1,4 +1,4 @@
-"""Rays eight at a time go the way of single ones."""
+"""Packets of eight rays agree with single rays."""
 
 from pathlib import Path
 from typing import Any
@@ -6,18 +6,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.apertures.polygon import PolygonAperture
-from raytracer.assets.lenses import read_lens
-from raytracer.glass import AIR, constant
-from raytracer.jit import entry
-from raytracer.lanes import WIDTH
-from raytracer.lenses.first_order import exit_pupil
-from raytracer.lenses.focusing import film_place
-from raytracer.lenses.lens import Element, Lens
-from raytracer.lenses.packets import DIRECTION, ORIGIN, ROWS, WAVELENGTH, WEIGHT, trace_packet
-from raytracer.lenses.surfaces import LensSurfaces, trace_rays
-from tests.lenses.rays import Array
-from tests.lenses.test_aspheres import ASPHERES
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.simd import WIDTH
+from raytracer.optics.glass import AIR, constant_index_glass
+from raytracer.optics.lens_system.first_order import exit_pupil
+from raytracer.optics.lens_system.focusing import film_position
+from raytracer.optics.lens_system.lens import Element, Lens
+from raytracer.optics.lens_system.packets import DIRECTION, ORIGIN, ROWS, WAVELENGTH, WEIGHT, trace_packet
+from raytracer.optics.lens_system.ray_tracing import trace_rays
+from raytracer.optics.lens_system.surfaces import LensSurfaces
+from raytracer.plugins.apertures.polygon import PolygonAperture
+from raytracer.scene.assets.lenses import read_lens
+from tests.optics.lens_system.rays import Array
+from tests.optics.lens_system.test_aspheres import ASPHERES
 from tests.repository import SCENES
 
 SHIPPED = sorted((SCENES / "lenses").glob("*.yaml"))
@@ -54,7 +55,7 @@ def assert_alike(lens: LensSurfaces, starts: Array, ways: Array, *, lit: float) 
 def to_the_pupil(lens: Lens, packed: LensSurfaces, count: int) -> tuple[Array, Array]:
     """Rays from the middle half of the film towards the exit pupil and a bit beside it."""
     rng = np.random.default_rng(1)
-    film, pupil = film_place(lens), exit_pupil(packed)
+    film, pupil = film_position(lens), exit_pupil(packed)
     size = 0.25 * (lens.image_circle or 10.0)
     starts = np.stack([*rng.uniform(-size, size, (2, count)), np.full(count, film)], axis=1)
     aims = np.stack([*rng.uniform(-1.2, 1.2, (2, count)) * pupil.radius, np.full(count, pupil.z)], axis=1)
@@ -78,7 +79,7 @@ def test_packets_meet_surfaces_of_all_shapes_as_single_rays_do(name: str) -> Non
     ways = np.stack([*rng.uniform(-0.8, 0.8, (2, count)), rng.uniform(-1.0, -0.1, count)], axis=1)
     ways /= np.linalg.norm(ways, axis=1)[:, None]
     starts = aims - ways * (3.0 * radius / -ways[:, 2:])
-    lens = Lens("a surface", (element, Element(0.0, 0.0, constant(1.5), 1e3)))
+    lens = Lens("a surface", (element, Element(0.0, 0.0, constant_index_glass(1.5), 1e3)))
     assert_alike(lens.packed(), starts, ways, lit=0.05)
 
 
@@ -91,7 +92,7 @@ def test_packets_know_the_shape_of_the_diaphragm(aperture: Any) -> None:
 
 
 def test_what_is_lost_stays_lost_and_is_no_danger_to_the_others() -> None:
-    lens = Lens("ball", (Element(0.1, 20.0, constant(1.5), 10.0), Element(-0.1, 0.0, AIR, 10.0))).packed()
+    lens = Lens("ball", (Element(0.1, 20.0, constant_index_glass(1.5), 10.0), Element(-0.1, 0.0, AIR, 10.0))).packed()
     rays = np.zeros((WEIGHT + 1, WIDTH))
     rays[ORIGIN + 2], rays[DIRECTION + 2], rays[WAVELENGTH], rays[WEIGHT] = 30.0, -1.0, 550.0, 1.0
     rays[ORIGIN] = [0.0, 1.0, np.nan, np.inf, 50.0, 2.0, 1e300, 0.0]

@@ -9,16 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from raytracer.assets import LOADERS
-from raytracer.assets.lenses import read_lens, read_prescription
-from raytracer.cli.main import main
-from raytracer.document import parse
-from raytracer.errors import SceneError
-from raytracer.glass import AIR, CATALOGUE, constant
-from raytracer.lenses.importing import as_yaml
-from raytracer.lenses.lens import Element, Focus, Lens
-from raytracer.lenses.prescription import LensSpec
-from raytracer.scene.schema import lens_schema
+from raytracer.cli.base.app import main
+from raytracer.optics.glass import AIR, CATALOGUE, constant_index_glass
+from raytracer.optics.lens_system.importers import as_yaml
+from raytracer.optics.lens_system.lens import Element, Focus, Lens
+from raytracer.optics.lens_system.prescription import LensSpec
+from raytracer.scene.assets import LOADERS
+from raytracer.scene.assets.lenses import read_lens, read_prescription
+from raytracer.scene.json_schema import lens_schema
+from raytracer.schema.yaml_parser import parse
+from raytracer.util.errors import SceneError
 from tests.repository import SCENES
 
 LENSES = SCENES / "lenses"
@@ -69,7 +69,7 @@ def test_what_a_file_says_is_what_the_lens_is(tmp_path: Path) -> None:
     assert (stop.kind, stop.is_stop, stop.radius, stop.glass) == ("stop", True, 5.0, AIR)
     assert (cylinder.kind, cylinder.axis, cylinder.curvature) == ("cylindrical", "y", -1 / 60)
     assert (float(cylinder.glass.ior()), cylinder.glass.abbe()) == pytest.approx((1.62, 36.4))
-    assert (flat.kind, flat.curvature, flat.glass) == ("flat", 0.0, constant(1.5))
+    assert (flat.kind, flat.curvature, flat.glass) == ("flat", 0.0, constant_index_glass(1.5))
     assert (sphere.kind, sphere.curvature, sphere.thickness, sphere.glass) == ("spherical", -1 / 70, 0.0, AIR)
     coatings = [element.coating and element.coating.wavelength for element in lens.elements]
     assert coatings == [None, 550.0, None, None, None, 480.0]
@@ -280,7 +280,7 @@ def test_schema_and_check_are_of_one_mind(tmp_path: Path, validator: Any, old: s
 def test_surfaces_that_go_through_each_other_are_found() -> None:
     # Two spheres of 50 mm that face each other: the gap at the height h is t - 2 (R - sqrt(R^2 - h^2)).
     def lens(thickness: float) -> Lens:
-        front = Element(curvature=1.0 / 50.0, thickness=thickness, glass=constant(1.5), radius=10.0)
+        front = Element(curvature=1.0 / 50.0, thickness=thickness, glass=constant_index_glass(1.5), radius=10.0)
         return Lens("biconvex", (front, Element(curvature=-1.0 / 50.0, thickness=0.0, glass=AIR, radius=10.0)))
 
     least = 2.0 * (50.0 - math.sqrt(50.0**2 - 10.0**2))

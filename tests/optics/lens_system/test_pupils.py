@@ -1,4 +1,4 @@
-"""Bounds of the pupil: they hold all of it, are hardly larger, and are in no picture."""
+"""Bounds of the pupil: they hold all of it, are hardly larger, and do not change pictures."""
 
 import itertools
 import math
@@ -8,17 +8,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.apertures.polygon import PolygonAperture
-from raytracer.assets.lenses import read_lens
-from raytracer.glass import LINE_D
-from raytracer.jit import entry
-from raytracer.lenses import pupils as module
-from raytracer.lenses.focusing import focus_shift
-from raytracer.lenses.lens import Lens
-from raytracer.lenses.pupils import RoundPupils, SquarePupils, aim, aiming_plane, light_on_axis, pupils_of, transmitted
-from raytracer.lenses.stops import stop_radius_for, widest_f_number
-from raytracer.lenses.surfaces import LensSurfaces
-from tests.lenses.rays import Array
+from raytracer.core.compiler.dispatch import entry
+from raytracer.optics.glass import LINE_D
+from raytracer.optics.lens_system.focusing import focus_shift
+from raytracer.optics.lens_system.lens import Lens
+from raytracer.optics.lens_system.pupils import build, search, transmission
+from raytracer.optics.lens_system.pupils.build import load_pupil_table
+from raytracer.optics.lens_system.pupils.solid_angle import on_axis_solid_angle
+from raytracer.optics.lens_system.pupils.tables import QuadrantPupilTable, RadialPupilTable, sample_exit_pupil
+from raytracer.optics.lens_system.pupils.transmission import exit_pupil_plane, transmitted_fraction
+from raytracer.optics.lens_system.stops import stop_radius_for, widest_f_number
+from raytracer.optics.lens_system.surfaces import LensSurfaces
+from raytracer.plugins.apertures.polygon import PolygonAperture
+from raytracer.scene.assets.lenses import read_lens
+from tests.optics.lens_system.rays import Array
 from tests.repository import SCENES
 
 SHIPPED = {path.stem: path for path in sorted((SCENES / "lenses").glob("*.yaml"))}
@@ -29,7 +32,7 @@ SEEN = (380.0, 500.0, 780.0)
 @entry
 def _aims(pupils, x, y, discs, out):
     for index in range(len(discs)):
-        out[index, 0], out[index, 1], out[index, 2] = aim(pupils, x, y, discs[index, 0], discs[index, 1])
+        out[index, 0], out[index, 1], out[index, 2] = sample_exit_pupil(pupils, x, y, discs[index, 0], discs[index, 1])
 
 
 def aims(pupils: Any, x: float, y: float, discs: Array) -> tuple[Array, float]:
@@ -65,7 +68,7 @@ def check_bounds(name: str, f_number: float | None, distance: float, places: int
     """What passes lies within the bounds, from random places of the film and at random wavelengths."""
     lens, surfaces, film = set_up(name, f_number, distance)
     half = half_of(lens)
-    pupils = pupils_of(surfaces, film, half, SEEN, is_round=lens.is_round())
+    pupils = load_pupil_table(surfaces, film, half, SEEN, is_round=lens.is_round())
     rng = np.random.default_rng(7)
     discs = disc(20_000, reach=1.25)
     away = np.hypot(*discs.T)
@@ -75,9 +78,9 @@ def check_bounds(name: str, f_number: float | None, distance: float, places: int
         points, area = aims(pupils, x, y, discs)
         if area == 0.0:
             wide = disc(20_000, reach=2.0 * float(surfaces.radius.max()))
-            assert transmitted(surfaces, (x, y, film), wide, LINE_D).mean() < 1e-3
+            assert transmitted_fraction(surfaces, (x, y, film), wide, LINE_D).mean() < 1e-3
             continue
-        passes = transmitted(surfaces, (x, y, film), points, rng.uniform(380.0, 780.0)) > 0.0
+        passes = transmitted_fraction(surfaces, (x, y, film), points, rng.uniform(380.0, 780.0)) > 0.0
         assert away[passes].max(initial=0.0) <= 1.0, (x, y)
         if passes.any():
             filled.append(passes.mean() * 1.25**2)
@@ -102,7 +105,7 @@ def test_bounds_hold_the_pupil_of_all_lenses(name: str) -> None:
 
 def test_bounds_of_a_lens_with_cylinders_are_on_the_side_of_the_place() -> None:
     # What is mirrored is the place, so the middle of the ellipse is too, on whichever side of the axis it lies.
-    pupils = SquarePupils(np.broadcast_to([-0.5, 0.25, 2.0, 3.0], (2, 2, 4)).copy(), 0.1, 0.1)
+    pupils = QuadrantPupilTable(np.broadcast_to([-0.5, 0.25, 2.0, 3.0], (2, 2, 4)).copy(), 0.1, 0.1)
     for x, y in itertools.product((-3.0, 3.0), (-4.0, 4.0)):
         points, area = aims(pupils, x, y, np.zeros((1, 2)))
         middle = (-0.5 * math.copysign(1.0, x), 0.25 * math.copysign(1.0, y))
@@ -113,17 +116,21 @@ def test_bounds_of_a_lens_with_cylinders_are_on_the_side_of_the_place() -> None:
 def test_bounds_of_a_stop_that_is_not_round_hold_its_corners() -> None:
     _, round_stop, film = set_up("double-gauss-50mm", 5.6, math.inf)
     shaped = round_stop._replace(diaphragm=PolygonAperture(blades=5).pack({}))
-    pupils = pupils_of(shaped, film, (18.0, 12.0), SEEN, is_round=True)
+    pupils = load_pupil_table(shaped, film, (18.0, 12.0), SEEN, is_round=True)
     discs = disc(20_000, reach=1.25)
     for x, y in ((0.0, 0.0), (3.0, -9.0), (-16.0, 10.0)):
         points, _ = aims(pupils, x, y, discs)
-        passes = transmitted(shaped, (x, y, film), points, LINE_D) > 0.0
+        passes = transmitted_fraction(shaped, (x, y, film), points, LINE_D) > 0.0
         assert np.hypot(*discs[passes].T).max() <= 1.0
     # On the axis they touch the corners of the pentagon, which is as large as the round stop, at all wavelengths.
     points, area = aims(pupils, 0.0, 0.0, disc(100_000))
-    seen = transmitted(shaped, (0.0, 0.0, film), points, LINE_D).mean() * area
-    whole, of_round = aims(pupils_of(round_stop, film, (18.0, 12.0), SEEN, is_round=True), 0.0, 0.0, disc(100_000))
-    assert seen == pytest.approx(transmitted(round_stop, (0.0, 0.0, film), whole, LINE_D).mean() * of_round, rel=5e-3)
+    seen = transmitted_fraction(shaped, (0.0, 0.0, film), points, LINE_D).mean() * area
+    whole, of_round = aims(
+        load_pupil_table(round_stop, film, (18.0, 12.0), SEEN, is_round=True), 0.0, 0.0, disc(100_000)
+    )
+    assert seen == pytest.approx(
+        transmitted_fraction(round_stop, (0.0, 0.0, film), whole, LINE_D).mean() * of_round, rel=5e-3
+    )
     assert area == pytest.approx(seen * 2.0 * math.pi / 5.0 / math.sin(2.0 * math.pi / 5.0), rel=0.04)
 
 
@@ -134,8 +141,8 @@ def test_light_does_not_depend_on_the_bounds() -> None:
     areas that changed from bin to bin and were not in the weight had steps; pbrt-v3 issue 162.
     """
     lens, surfaces, film = set_up("double-gauss-50mm", None, math.inf)
-    pupils = pupils_of(surfaces, film, (18.0, 12.0), SEEN, is_round=lens.is_round())
-    assert isinstance(pupils, RoundPupils)
+    pupils = load_pupil_table(surfaces, film, (18.0, 12.0), SEEN, is_round=lens.is_round())
+    assert isinstance(pupils, RadialPupilTable)
     step = 1.0 / pupils.per_mm
     radii = step * np.arange(0.0, 22.0, 0.125)
     area = np.array([_area(surfaces, film, pupils, float(radius)) for radius in radii])
@@ -152,54 +159,54 @@ def test_light_does_not_depend_on_the_bounds() -> None:
 
 def _area(surfaces: LensSurfaces, film: float, pupils: Any, radius: float) -> float:
     points, area = aims(pupils, radius, 0.0, disc(40_000))
-    return area * float(transmitted(surfaces, (radius, 0.0, film), points, LINE_D).mean())
+    return area * float(transmitted_fraction(surfaces, (radius, 0.0, film), points, LINE_D).mean())
 
 
 def _brute(surfaces: LensSurfaces, film: float, radius: float) -> float:
     size = 1.6 * float(surfaces.radius.max())
     points = disc(400_000, reach=size)
-    return math.pi * size**2 * float(transmitted(surfaces, (radius, 0.0, film), points, LINE_D).mean())
+    return math.pi * size**2 * float(transmitted_fraction(surfaces, (radius, 0.0, film), points, LINE_D).mean())
 
 
 def test_light_on_the_axis_is_that_of_the_cone() -> None:
     # pi sin^2 for a round pupil; for any other the integral, here of what is round too.
     _, surfaces, film = set_up("double-gauss-50mm", 2.8, math.inf)
-    closed = light_on_axis(surfaces, film, LINE_D, is_round=True)
-    added = light_on_axis(surfaces, film, LINE_D, is_round=False)
+    closed = on_axis_solid_angle(surfaces, film, LINE_D, is_round=True)
+    added = on_axis_solid_angle(surfaces, film, LINE_D, is_round=False)
     assert added == pytest.approx(closed, rel=1e-3)
     assert closed == pytest.approx(math.pi / (4.0 * 2.8**2), rel=0.01)
 
 
 def test_tables_are_kept_and_a_damaged_one_is_made_again(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(module, "CACHE_FOLDER", tmp_path / "not yet there")
+    monkeypatch.setattr(build, "CACHE_FOLDER", tmp_path / "not yet there")
     lens, surfaces, film = set_up("plano-convex-100mm", None, math.inf)
-    first = pupils_of(surfaces, film, (2.0, 1.0), (LINE_D,), is_round=lens.is_round())
+    first = load_pupil_table(surfaces, film, (2.0, 1.0), (LINE_D,), is_round=lens.is_round())
     (file,) = (tmp_path / "not yet there").iterdir()
     made = []
-    monkeypatch.setattr(module, "_round_pupils", lambda *given: made.append(given) or first)
-    again = pupils_of(surfaces, film, (2.0, 1.0), (LINE_D,), is_round=True)
+    monkeypatch.setattr(build, "_build_radial_table", lambda *given: made.append(given) or first)
+    again = load_pupil_table(surfaces, film, (2.0, 1.0), (LINE_D,), is_round=True)
     assert not made
     np.testing.assert_array_equal(again.ellipses, first.ellipses)
     assert again[1:] == first[1:]
     file.write_bytes(file.read_bytes()[:200])
-    pupils_of(surfaces, film, (2.0, 1.0), (LINE_D,), is_round=True)
+    load_pupil_table(surfaces, film, (2.0, 1.0), (LINE_D,), is_round=True)
     assert len(made) == 1
     # Another film, stop or focus has its own.
-    pupils_of(surfaces, film + 0.1, (2.0, 1.0), (LINE_D,), is_round=True)
+    load_pupil_table(surfaces, film + 0.1, (2.0, 1.0), (LINE_D,), is_round=True)
     assert len(made) == 2
 
 
 def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Count the rays that each search traces from here on, without tables on the disk."""
-    rays, trace = [], module._through
+    rays, trace = [], transmission._trace_to_plane
 
     def through(lens: Any, film: Any, plane: Any, wavelength: Any, targets: Array, *rest: Any) -> None:
         rays.append(len(targets))
         trace(lens, film, plane, wavelength, targets, *rest)
 
-    monkeypatch.setattr(module, "_through", through)
-    monkeypatch.setattr(module, "_read", lambda name: None)
-    monkeypatch.setattr(module, "_write", lambda name, made: None)
+    monkeypatch.setattr(transmission, "_trace_to_plane", through)
+    monkeypatch.setattr(build, "_read_table", lambda name: None)
+    monkeypatch.setattr(build, "_write_table", lambda name, made: None)
     return rays
 
 
@@ -208,7 +215,7 @@ def test_how_far_a_pupil_reaches_is_found_by_few_rays(monkeypatch: pytest.Monkey
     # was looked at to 1.6 times its size.
     _, surfaces, film = set_up("double-gauss-50mm", None, math.inf)
     rays = counted(monkeypatch)
-    pupils_of(surfaces._replace(indices=None), film, (18.0, 12.0), (LINE_D,), is_round=True)
+    load_pupil_table(surfaces._replace(indices=None), film, (18.0, 12.0), (LINE_D,), is_round=True)
     assert 10_000 < sum(rays) < 500_000
 
 
@@ -216,29 +223,29 @@ def test_how_far_a_pupil_reaches_is_found_by_few_rays(monkeypatch: pytest.Monkey
 def test_the_pupil_of_a_lens_with_cylinders_is_within_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     _, surfaces, film = set_up("anamorphic-75mm", None, 2000.0)
     rays = counted(monkeypatch)
-    pupils_of(surfaces, film, (12.45, 9.35), SEEN, is_round=False)
-    assert sum(rays) * len(surfaces.vertex) < 0.5 * module._MOST_CROSSINGS
+    load_pupil_table(surfaces, film, (12.45, 9.35), SEEN, is_round=False)
+    assert sum(rays) * len(surfaces.vertex) < 0.5 * search.MAX_CROSSINGS
 
 
 @pytest.mark.parametrize("name", ["double-gauss-50mm", "anamorphic-75mm"])
 def test_the_search_for_a_pupil_ends_at_its_limit(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     lens, surfaces, film = set_up(name, None, 2000.0)
     rays = counted(monkeypatch)
-    monkeypatch.setattr(module, "_MOST_CROSSINGS", 1_000_000)
+    monkeypatch.setattr(search, "MAX_CROSSINGS", 1_000_000)
     with pytest.raises(ValueError, match=r"not found by rays that cross surfaces 1,000,000 times, the limit: its pup"):
-        pupils_of(surfaces, film, (12.0, 9.0), SEEN, is_round=lens.is_round())
+        load_pupil_table(surfaces, film, (12.0, 9.0), SEEN, is_round=lens.is_round())
     assert 500_000 < sum(rays) * len(surfaces.vertex) <= 1_000_000
 
 
 def test_a_pupil_that_ellipses_never_hold_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     lens, surfaces, film = set_up("plano-convex-100mm", None, math.inf)
     counted(monkeypatch)
-    monkeypatch.setattr(module._Places, "excess", lambda *given: 1.01)
+    monkeypatch.setattr(search.PupilSampler, "growth_factor", lambda *given: 1.01)
     with pytest.raises(ValueError, match="not found in 12 rounds, the limit: its pupil is too irregular at 257 places"):
-        pupils_of(surfaces, film, (2.0, 1.0), (LINE_D,), is_round=lens.is_round())
+        load_pupil_table(surfaces, film, (2.0, 1.0), (LINE_D,), is_round=lens.is_round())
 
 
 def test_the_plane_is_before_the_film_wherever_the_exit_pupil_is() -> None:
     for name in SHIPPED:
         _, surfaces, film = set_up(name, None, math.inf)
-        assert aiming_plane(surfaces, film) < film
+        assert exit_pupil_plane(surfaces, film) < film

@@ -1,4 +1,4 @@
-"""Wavelengths that share a camera's rays: nothing is gained or lost by it, and there is less noise in colours."""
+"""Wavelengths that share a camera's rays: the mean is unbiased, and colours have less noise."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -6,25 +6,41 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from raytracer.assets.lenses import read_lens
-from raytracer.cameras.interface import FILTER, lane_ray, set_lane, share_lanes, trace_lanes
-from raytracer.cameras.lens import LensCamera, RealLens
-from raytracer.glass import LINE_D
-from raytracer.hues import COLUMNS, LENS_ROWS, LensSpectrum, Spectrum, finished, share_hues, start_hue
-from raytracer.jit import entry
-from raytracer.lanes import WIDTH
-from raytracer.lenses.packets import DIRECTION, EXTENT, ORIGIN, ROWS, WAVELENGTH, WEIGHT, trace_packet
-from raytracer.lenses.pupils import light_on_axis
-from raytracer.lenses.surfaces import trace_rays, turned
-from raytracer.materials.interface import Draws
-from raytracer.sampling import SAMPLERS, pixel_key, sample_2d
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.sampling import SAMPLERS, pixel_key, sample_2d
+from raytracer.core.simd import WIDTH
+from raytracer.core.spectra import FIRST, LAST, response
+from raytracer.kernel.hero_wavelength import (
+    DispersiveLens,
+    DispersiveMaterials,
+    start_rgb_path,
+    wavelength_rows,
+)
+from raytracer.kernel.lens_dispersion import LENS_ROWS, apply_lens_color, share_lens_rays
+from raytracer.optics.glass import LINE_D
+from raytracer.optics.lens_system.packets import (
+    DIRECTION,
+    EXTENT,
+    ORIGIN,
+    ROWS,
+    WAVELENGTH,
+    WEIGHT,
+    trace_packet,
+)
+from raytracer.optics.lens_system.pupils.solid_angle import on_axis_solid_angle
+from raytracer.optics.lens_system.ray_tracing import trace_rays
+from raytracer.optics.lens_system.surfaces import reverse_lens
+from raytracer.plugins.cameras.base.interface import FILTER, lane_ray, set_lane, share_wavelengths, trace_lanes
+from raytracer.plugins.cameras.base.lens_camera import LensCamera
+from raytracer.plugins.cameras.lens import RealLens
+from raytracer.plugins.materials.base.interface import Draws
+from raytracer.scene.assets.lenses import read_lens
 from raytracer.scene.load import build
-from raytracer.scene.pack import pack
-from raytracer.scene.spectrum import pack_spectrum
-from raytracer.spectra import FIRST, LAST, response
-from tests.lenses.rays import Array
-from tests.lenses.test_packets import to_the_pupil
+from raytracer.scene.pack.scene import pack
+from raytracer.scene.pack.spectrum import pack_spectrum
 from tests.moving import pictured
+from tests.optics.lens_system.rays import Array
+from tests.optics.lens_system.test_packets import to_the_pupil
 from tests.repository import SCENES
 
 LENSES = SCENES / "lenses"
@@ -34,13 +50,13 @@ EDGE = ((1.0, 0.1, 0.0), (0.0, 0.3, 1.0))
 class Room(NamedTuple):
     """What of a workspace is used here."""
 
-    hues: Array
+    wavelengths: Any
     lens: Array
 
 
 def camera_of(name: str, width: int, **keys: Any) -> RealLens:
     keys = {"lens": name, "look_from": (0.0, 0.0, 5.0), "look_at": (0.0, 0.0, 0.0), **keys}
-    return RealLens(**keys).bound({"lens": read_lens(LENSES / f"{name}.yaml")})
+    return RealLens(**keys).bind_assets({"lens": read_lens(LENSES / f"{name}.yaml")})
 
 
 @entry
@@ -53,13 +69,13 @@ def _estimate(camera, spectrum, sampler, work, x, y, count, slope, edge, moments
             u, v = sample_2d(sampler, key, first + lane, FILTER)
             set_lane(camera, work.lens, lane, x + u, y + v, draws)
         trace_lanes(camera, work.lens)
-        share_hues(spectrum, camera, work, x, y, WIDTH)
+        share_lens_rays(spectrum, camera, work, x, y, WIDTH)
         for lane in range(WIDTH):
             draws = Draws(sampler, key, first + lane, 0)
             origin, way, weight = lane_ray(camera, work.lens, lane, 0.0, 0.0, None, draws)
-            start_hue(spectrum, work, lane, draws, origin, way)
+            start_rgb_path(spectrum, work, lane, draws, origin, way)
             if weight > 0.0:
-                value = finished(spectrum, work, lane, edge[0] if way[0] > -slope * way[2] else edge[1])
+                value = apply_lens_color(spectrum, work, lane, edge[0] if way[0] > -slope * way[2] else edge[1])
                 for channel in range(3):
                     moments[0, channel] += weight * value[channel]
                     moments[1, channel] += (weight * value[channel]) ** 2
@@ -70,7 +86,7 @@ def estimated(
 ) -> tuple[Array, Array]:
     """Mean and variance by channel of a pixel's samples."""
     moments = np.zeros((2, 3))
-    room = Room(np.zeros((WIDTH, COLUMNS)), np.zeros((LENS_ROWS, WIDTH)))
+    room = Room(wavelength_rows(spectrum), np.zeros((LENS_ROWS, WIDTH)))
     sampler = SAMPLERS["independent"](seed, 1)
     _estimate(camera, spectrum, sampler, room, *pixel, count, slope, edge, moments)
     mean = moments[0] / count
@@ -93,8 +109,8 @@ def test_shared_rays_show_what_rays_of_one_wavelength_do(name: str, width: int, 
     lens = camera_of(name, width)
     camera = lens.pack(width, height)
     spectrum = pack_spectrum(None, camera, 1.0, None)
-    assert isinstance(spectrum, LensSpectrum)
-    _, way = lens.sight((x + 0.5) / width, (y + 0.5) / height, width, height)
+    assert isinstance(spectrum, DispersiveLens)
+    _, way = lens.film_to_ray((x + 0.5) / width, (y + 0.5) / height, width, height)
     count, slope = 1 << 18, float(way[0] / way[2])
     alone, alone_spread = estimated(camera, spectrum._replace(sharing=None), (x, y), slope, count, seed=1)
     shared, spread = estimated(camera, spectrum, (x, y), slope, count, seed=2)
@@ -109,8 +125,10 @@ def test_a_white_furnace_shows_how_wide_the_pupil_is_at_each_wavelength(width: i
     camera = camera_of("double-gauss-50mm", width, f_number=8).pack(width, 161)
     spectrum = pack_spectrum(None, camera, 1.0, None)
     wavelengths = np.linspace(FIRST, LAST, 21)
-    light = [light_on_axis(camera.surfaces, camera.film.z, wavelength, is_round=True) for wavelength in wavelengths]
-    relative = np.array(light) / light_on_axis(camera.surfaces, camera.film.z, LINE_D, is_round=True)
+    light = [
+        on_axis_solid_angle(camera.surfaces, camera.film.z, wavelength, is_round=True) for wavelength in wavelengths
+    ]
+    relative = np.array(light) / on_axis_solid_angle(camera.surfaces, camera.film.z, LINE_D, is_round=True)
     np.testing.assert_allclose(relative, 1.0, atol=0.05)
     fine = np.arange(FIRST, LAST + 0.5)
     expected = np.trapezoid(response(fine) * np.interp(fine, wavelengths, relative)[:, None], fine, axis=0)
@@ -133,14 +151,14 @@ def _back(camera, sharing, sampler, rows, others, x, y, by, found):
     trace_lanes(camera, rows)
     for lane in range(WIDTH):
         others[WAVELENGTH, lane] = rows[WAVELENGTH, lane] + by
-    share_lanes(camera, sharing, rows, others, x, y)
+    share_wavelengths(camera, sharing, rows, others, x, y)
 
 
 @pytest.mark.parametrize("name", ["double-gauss-50mm", "flint-100mm"])
 def test_a_ray_of_the_same_wavelength_comes_back_to_where_it_began(name: str) -> None:
     camera = camera_of(name, 240).pack(240, 160)
     spectrum = pack_spectrum(None, camera, 1.0, None)
-    assert isinstance(spectrum, LensSpectrum)
+    assert isinstance(spectrum, DispersiveLens)
     rows, others, began = np.zeros((16, WIDTH)), np.zeros((16, WIDTH)), np.zeros((2, WIDTH))
     _back(camera, spectrum.sharing, SAMPLERS["independent"](1, 1), rows, others, 60, 40, 0.0, began)
     lit = rows[WEIGHT] > 0.0
@@ -176,7 +194,7 @@ def test_through_a_turned_lens_rays_go_as_to_the_film(path: Path) -> None:
     mirror = np.array([1.0, 1.0, -1.0])
     rays[ORIGIN : ORIGIN + 3], rays[DIRECTION : DIRECTION + 3] = (points * mirror).T, (-onward * mirror).T
     rays[WAVELENGTH], rays[WEIGHT] = wavelengths, 1.0
-    _trace(turned(packed), rays, np.zeros((ROWS, WIDTH)))
+    _trace(reverse_lens(packed), rays, np.zeros((ROWS, WIDTH)))
     weights, points, onward = trace_rays(packed, points, -onward, True, wavelengths)
     np.testing.assert_array_equal(rays[WEIGHT], weights)
     passed = weights > 0.0
@@ -204,13 +222,13 @@ def spectrum_of(*, pixels: str = "box", camera: str = "", material: str = "{type
 
 def test_rays_are_shared_only_where_all_that_differs_is_the_place_in_a_pixel() -> None:
     moving = ", motion: {velocity: [1, 0, 0]}, shutter: "
-    assert spectrum_of().sharing.edge == 1.0
+    assert spectrum_of().sharing.tolerance == 1.0
     assert spectrum_of(camera=moving + "1/10 s").sharing is not None
     assert spectrum_of(pixels="gaussian").sharing is None
     assert spectrum_of(camera=", flare: true").sharing is None
     assert spectrum_of(camera=moving + "{duration: 1/10 s, readout: 1/10 s}").sharing is None
     assert spectrum_of(camera=", dispersion: false") is None
-    assert isinstance(spectrum_of(material="{type: dielectric, ior: N-SF11}"), Spectrum)
+    assert isinstance(spectrum_of(material="{type: dielectric, ior: N-SF11}"), DispersiveMaterials)
 
 
 @pytest.mark.slow

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raytracer.assets.lenses import read_lens
-from raytracer.glass import LINE_C, LINE_D, LINE_F
-from raytracer.lenses.first_order import cardinal_points, entrance_pupil
-from raytracer.lenses.focusing import film_place
-from raytracer.lenses.lens import Lens
-from raytracer.lenses.stops import widest_f_number
-from raytracer.lenses.surfaces import trace_rays
+from raytracer.optics.glass import LINE_C, LINE_D, LINE_F
+from raytracer.optics.lens_system.first_order import cardinal_points, entrance_pupil
+from raytracer.optics.lens_system.focusing import film_position
+from raytracer.optics.lens_system.lens import Lens
+from raytracer.optics.lens_system.ray_tracing import trace_rays
+from raytracer.optics.lens_system.stops import widest_f_number
+from raytracer.scene.assets.lenses import read_lens
 from tests.repository import ROOT, SCENES
 
 SHIPPED = {path.stem: path for path in sorted((SCENES / "lenses").glob("*.yaml"))}
@@ -47,7 +47,7 @@ def test_the_f_number_of_the_file_is_that_which_light_finds(path: Path) -> None:
 def test_light_reaches_the_whole_picture(path: Path) -> None:
     lens = read_lens(path)
     assert lens.image_circle is not None
-    film, edge = film_place(lens), 0.5 * lens.image_circle
+    film, edge = film_position(lens), 0.5 * lens.image_circle
     packed = lens.packed()
     for place in ((0.0, 0.0), (0.0, edge), (0.6 * edge, 0.8 * edge)):
         weights, _, _ = trace_rays(packed, *rays_from_film(lens, film, place, 161), towards_film=False)
@@ -70,7 +70,7 @@ def test_the_middle_is_sharp(path: Path) -> None:
     if path.stem in SINGLE:
         pytest.skip("it is there for its faults")
     radius = 0.5 * lens.elements[lens.stop()].radius
-    film = film_place(lens, stop_radius=radius)
+    film = film_position(lens, stop_radius=radius)
     packed = lens.packed(stop_radius=radius)
     steps = np.linspace(-1.0, 1.0, 41) * entrance_pupil(packed).radius
     x, y = (values.ravel() for values in np.meshgrid(steps, steps))
@@ -118,7 +118,7 @@ def test_the_double_gauss_is_that_of_the_patent() -> None:
 def test_the_achromat_has_the_back_focus_of_its_data_sheet() -> None:
     # 97.1 mm, where light of the pupil's half comes together.
     lens = read_lens(SHIPPED["achromat-100mm"])
-    assert film_place(lens) - lens.packed().vertex[-1] == pytest.approx(97.1, abs=0.05)
+    assert film_position(lens) - lens.packed().vertex[-1] == pytest.approx(97.1, abs=0.05)
 
 
 ROW = re.compile(r"^\| \[([\w.-]+)\]\(\S+\) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \|", re.MULTILINE)

@@ -1,4 +1,4 @@
-"""Lenses of glass: known prescriptions, formulas of single surfaces, and rays that come back the way they went."""
+"""Surfaces and ray tracing: known prescriptions, formulas of single surfaces, and reversed rays."""
 
 import math
 from typing import Any
@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.lenses.first_order import cardinal_points, ray_transfer_matrix
-from raytracer.lenses.focusing import focus, nearest_focus
-from raytracer.lenses.surfaces import Surface, bend, pack_surfaces
-from tests.lenses.kernels import DOUBLE_GAUSS, DOUBLET, lens_of, met, traced
+from raytracer.optics.lens_system.first_order import cardinal_points, ray_transfer_matrix
+from raytracer.optics.lens_system.focusing import focus, nearest_focus
+from raytracer.optics.lens_system.ray_tracing import refract
+from raytracer.optics.lens_system.surfaces import Surface, pack_surfaces
+from tests.optics.lens_system.kernels import DOUBLE_GAUSS, DOUBLET, lens_of, met, traced
 
 AXIS = (0.0, 0.0, 1.0)
 
@@ -20,7 +21,7 @@ def unit(rows: Any) -> Any:
 
 
 def crossing(points: Any, directions: Any) -> Any:
-    """Where rays in the plane x = 0 meet the axis (n,)."""
+    """Find where rays in the plane x = 0 meet the axis (n,)."""
     return points[:, 2] - points[:, 1] * directions[:, 2] / directions[:, 1]
 
 
@@ -127,7 +128,7 @@ def test_snells_law_in_longer_numbers() -> None:
             cosine = float(direction @ normal)
             if cosine == 0.0:
                 continue
-            found, onward = bend(tuple(direction), tuple(normal), cosine, mu)
+            found, onward = refract(tuple(direction), tuple(normal), cosine, mu)
             d, n, m = np.asarray(direction, np.longdouble), np.asarray(normal, np.longdouble), np.longdouble(mu)
             # Of directions that are units to rounding the truth is that of their own product.
             square = 1 - m * m * (1 - np.longdouble(cosine) ** 2)

@@ -1,4 +1,4 @@
-"""What lenses do, by the formulas of textbooks: Snell's law, focal lengths, colour, and worked numbers of a singlet."""
+"""Lenses against textbook formulas: Snell's law, focal lengths, dispersion, and worked numbers of a singlet."""
 
 import math
 from pathlib import Path
@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.assets.lenses import read_lens
-from raytracer.glass import AIR, CATALOGUE, LINE_C, LINE_D, LINE_F, constant, of_abbe
-from raytracer.lenses.lens import Element, Lens
-from tests.lenses.rays import Array, backs, gone_through, parallel, unit
+from raytracer.optics.glass import AIR, CATALOGUE, LINE_C, LINE_D, LINE_F, constant_index_glass, glass_from_abbe
+from raytracer.optics.lens_system.lens import Element, Lens
+from raytracer.scene.assets.lenses import read_lens
+from tests.optics.lens_system.rays import Array, backs, gone_through, parallel, unit
 from tests.repository import SCENES
 
 SHIPPED = sorted((SCENES / "lenses").glob("*.yaml"))
@@ -29,14 +29,16 @@ def test_what_is_shipped() -> None:
 # ---- Snell's law
 
 SURFACES = {
-    "flat": Element(0.0, 0.0, constant(1.7), 9.0, "flat"),
-    "spherical": Element(0.05, 0.0, constant(1.7), 9.0),
-    "hollow": Element(-0.08, 0.0, constant(1.4), 9.0),
-    "conic": Element(0.06, 0.0, constant(1.9), 9.0, "conic", conic=-2.3),
-    "oblate": Element(-0.04, 0.0, constant(1.6), 9.0, "conic", conic=1.5),
-    "asphere": Element(0.03, 0.0, constant(1.5), 9.0, "asphere", conic=-0.6, coefficients=(1e-5, -3e-8, 2e-10)),
-    "cylindrical along x": Element(0.05, 0.0, constant(1.7), 9.0, "cylindrical", axis="x"),
-    "cylindrical along y": Element(-0.05, 0.0, constant(1.7), 9.0, "cylindrical", axis="y"),
+    "flat": Element(0.0, 0.0, constant_index_glass(1.7), 9.0, "flat"),
+    "spherical": Element(0.05, 0.0, constant_index_glass(1.7), 9.0),
+    "hollow": Element(-0.08, 0.0, constant_index_glass(1.4), 9.0),
+    "conic": Element(0.06, 0.0, constant_index_glass(1.9), 9.0, "conic", conic=-2.3),
+    "oblate": Element(-0.04, 0.0, constant_index_glass(1.6), 9.0, "conic", conic=1.5),
+    "asphere": Element(
+        0.03, 0.0, constant_index_glass(1.5), 9.0, "asphere", conic=-0.6, coefficients=(1e-5, -3e-8, 2e-10)
+    ),
+    "cylindrical along x": Element(0.05, 0.0, constant_index_glass(1.7), 9.0, "cylindrical", axis="x"),
+    "cylindrical along y": Element(-0.05, 0.0, constant_index_glass(1.7), 9.0, "cylindrical", axis="y"),
 }
 
 
@@ -147,7 +149,7 @@ def test_traced_focal_lengths_go_to_the_paraxial_ones(path: Path, axis: int) -> 
 
 @every_lens
 def test_first_order_data_are_those_of_rays(path: Path) -> None:
-    from raytracer.lenses.first_order import cardinal_points
+    from raytracer.optics.lens_system.first_order import cardinal_points
 
     lens = read_lens(path)
     if not lens.is_round():
@@ -191,7 +193,7 @@ def test_longitudinal_colour_of_a_singlet_is_f_over_v(glass: str) -> None:
 
 def test_a_doublet_by_the_formulas_of_achromats_has_one_focus_for_two_colours() -> None:
     """phi_a = phi V_a / (V_a - V_b), phi_b = -phi V_b / (V_a - V_b): Kingslake, Johnson 2010, sec. 5.2."""
-    crown, flint, f = of_abbe(1.5168, 64.17), of_abbe(1.6200, 36.37), 100.0
+    crown, flint, f = glass_from_abbe(1.5168, 64.17), glass_from_abbe(1.6200, 36.37), 100.0
     apart = crown.abbe() - flint.abbe()
     powers = crown.abbe() / apart / f, -flint.abbe() / apart / f
     first = powers[0] / 2.0 / (float(crown.ior()) - 1.0)
@@ -211,12 +213,13 @@ def test_a_doublet_by_the_formulas_of_achromats_has_one_focus_for_two_colours() 
 
 RADIUS, INDEX = 50.0, 1.5
 SINGLET = Lens(
-    "plano-convex", (Element(0.0, 5.0, constant(INDEX), 12.0, "flat"), Element(-1.0 / RADIUS, 0.0, AIR, 12.0))
+    "plano-convex",
+    (Element(0.0, 5.0, constant_index_glass(INDEX), 12.0, "flat"), Element(-1.0 / RADIUS, 0.0, AIR, 12.0)),
 )
 
 
 def back_focus(h: Any) -> Any:
-    """Where parallel light at the height h crosses the axis behind the vertex of the round side (mm)."""
+    """Find where parallel light at the height h crosses the axis, behind the vertex of the round side (mm)."""
     bent = np.arcsin(INDEX * h / RADIUS) - np.arcsin(h / RADIUS)
     return h / np.tan(bent) - (RADIUS - np.sqrt(RADIUS**2 - h**2))
 
@@ -233,7 +236,9 @@ def test_the_plano_convex_singlet() -> None:
     expected = INDEX**2 / (2.0 * (INDEX - 1.0) ** 2) * small**2 / axis
     assert axis - backs(SINGLET, np.array([small]))[0] == pytest.approx(expected, rel=2e-3)
     # The flat side first is the worse way round.
-    turned = Lens("turned", (Element(1.0 / RADIUS, 5.0, constant(INDEX), 12.0), Element(0.0, 0.0, AIR, 12.0, "flat")))
+    turned = Lens(
+        "turned", (Element(1.0 / RADIUS, 5.0, constant_index_glass(INDEX), 12.0), Element(0.0, 0.0, AIR, 12.0, "flat"))
+    )
     spread = np.ptp(backs(turned, np.array([1e-3, 10.0])))
     assert spread < 0.3 * 4.582
 

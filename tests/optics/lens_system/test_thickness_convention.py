@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from raytracer.assets.lenses import read_lens, read_prescription
-from raytracer.errors import SceneError
-from raytracer.lenses.doubts import doubts
-from raytracer.lenses.first_order import cardinal_points
-from raytracer.lenses.importing import Choices, imported
-from tests.lenses.test_importing import TABLE, written
+from raytracer.optics.lens_system.first_order import cardinal_points
+from raytracer.optics.lens_system.importers import Choices, import_lens
+from raytracer.optics.lens_system.plausibility import lens_warnings
+from raytracer.scene.assets.lenses import read_lens, read_prescription
+from raytracer.util.errors import SceneError
+from tests.optics.lens_system.test_importers import TABLE, written
 from tests.repository import SCENES
 
 Rows = list[tuple[float, float, float, float]]
@@ -79,7 +79,7 @@ def test_tables_of_pbrt_have_the_focal_lengths_that_they_should(
     path = table(tmp_path, f"{name}.dat", rows, comments)
     lens = read_lens(path)
     assert cardinal_points(lens.packed()).focal_length == pytest.approx(expected, abs=6e-4)
-    assert doubts(lens) == []
+    assert lens_warnings(lens) == []
     assert lens.reading is not None
     assert f"thickness is read as that {place} each surface" in lens.reading.text
     assert not lens.reading.is_guess
@@ -89,7 +89,7 @@ def test_tables_of_pbrt_have_the_focal_lengths_that_they_should(
     assert guessed.elements[:-1] == lens.elements[:-1]
     assert guessed.reading is not None
     assert guessed.reading.is_guess
-    (doubt,) = doubts(guessed)
+    (doubt,) = lens_warnings(guessed)
     assert f"is read as that {place} each surface" in doubt
     assert "go through each other" in doubt
 
@@ -104,15 +104,15 @@ def read_rows(rows: Rows, place: str) -> Rows:
 
 def test_the_wrong_reading_is_warned_of(tmp_path: Path) -> None:
     path = table(tmp_path, "dgauss.50mm.dat", DGAUSS)
-    wrong = imported(path, Choices(thickness="before")).lens()
+    wrong = import_lens(path, Choices(thickness="before")).lens()
     assert cardinal_points(wrong.packed()).focal_length == pytest.approx(48.571, abs=6e-4)
-    assert "surfaces 1 and 2 go through each other within their apertures" in doubts(wrong)
+    assert "surfaces 1 and 2 go through each other within their apertures" in lens_warnings(wrong)
 
 
 @pytest.mark.parametrize("place", ["after", "before"])
 def test_the_name_decides_where_surfaces_do_not(place: str, tmp_path: Path) -> None:
     choices = Choices(thickness="after" if place == "after" else "before")
-    expected = cardinal_points(imported(table(tmp_path, "a.dat", PAIR), choices).lens().packed()).focal_length
+    expected = cardinal_points(import_lens(table(tmp_path, "a.dat", PAIR), choices).lens().packed()).focal_length
     engraved = f"{1.02 * expected:.1f}"
     heading = "radius axpos N aperture"
     named = [
@@ -123,13 +123,13 @@ def test_the_name_decides_where_surfaces_do_not(place: str, tmp_path: Path) -> N
     alone = written(tmp_path, "d.dat", f"{engraved}\n" + named[0].read_text())
     for path in (*named, alone):
         assert focal_length(path) == expected
-        assert place in "; ".join(doubts(read_lens(path)))
+        assert place in "; ".join(lens_warnings(read_lens(path)))
     assert read_lens(alone).focal_length == float(engraved)
 
 
 def test_a_table_that_may_be_two_lenses_is_refused_with_both(tmp_path: Path) -> None:
     path = table(tmp_path, "pair.dat", PAIR)
-    both = [imported(path, Choices(thickness=place)).lens() for place in ("after", "before")]
+    both = [import_lens(path, Choices(thickness=place)).lens() for place in ("after", "before")]
     lengths = [cardinal_points(lens.packed()).focal_length for lens in both]
     assert abs(lengths[1] - lengths[0]) > 0.1 * lengths[0]
     with pytest.raises(SceneError) as caught:
@@ -148,7 +148,7 @@ def test_a_0_that_surfaces_gainsay_is_no_proof(tmp_path: Path) -> None:
     rows: Rows = [(15, 1, 1.5, 16), (-15, 8, 1, 16), (0, 0, 0, 10)]
     with pytest.raises(SceneError, match=r"may be two lenses, .* surfaces 1 and 2 that go through each other, with"):
         read_lens(table(tmp_path, "stop.dat", rows))
-    lens = imported(table(tmp_path, "stop.dat", rows), Choices(thickness="before")).lens()
+    lens = import_lens(table(tmp_path, "stop.dat", rows), Choices(thickness="before")).lens()
     assert [element.thickness for element in lens.elements] == [8.0, 0.0, 0.0]
 
 
@@ -157,5 +157,5 @@ def test_ways_that_are_all_alike_are_one_lens_either_way(tmp_path: Path) -> None
     rows: Rows = [(50, 4, 1.5, 10), (-50, 4, 1, 10)]
     lens = read_lens(table(tmp_path, "single.dat", rows))
     assert cardinal_points(lens.packed()).focal_length == pytest.approx(1 / (0.5 * (2 / 50 - 0.5 * 4 / (1.5 * 2500))))
-    assert not doubts(lens)
+    assert not lens_warnings(lens)
     assert lens.name == "single"

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from raytracer.apertures.polygon import PolygonAperture
-from raytracer.glass import AIR, CATALOGUE, LINE_D, constant
-from raytracer.lenses.coatings import MGF2, Coatings
-from raytracer.lenses.lens import FIRST_WAVELENGTH, LAST_WAVELENGTH, STEP, Element, Lens
-from raytracer.lenses.surfaces import trace_rays
-from tests.lenses.rays import unit
-from tests.lenses.test_first_order import STOP, thin
+from raytracer.optics.glass import AIR, CATALOGUE, LINE_D, constant_index_glass
+from raytracer.optics.lens_system.coatings import MGF2, Coatings
+from raytracer.optics.lens_system.lens import FIRST_WAVELENGTH, LAST_WAVELENGTH, STEP, Element, Lens
+from raytracer.optics.lens_system.ray_tracing import trace_rays
+from raytracer.plugins.apertures.polygon import PolygonAperture
+from tests.optics.lens_system.rays import unit
+from tests.optics.lens_system.test_first_order import STOP, thin
 
 
 def slab(name: str) -> Lens:
@@ -56,7 +56,9 @@ def test_what_a_lens_does_not_have_is_not_packed() -> None:
     plain = Lens("plain", (*thin(50.0, 5.0), STOP))
     packed = plain.packed(dispersion=True, coatings=True)
     assert packed[5:] == (None, None, None, None)
-    coated = Lens("coated", (Element(0.01, 5.0, constant(1.6), 9.0, coating=MGF2), Element(0.0, 0.0, AIR, 9.0)))
+    coated = Lens(
+        "coated", (Element(0.01, 5.0, constant_index_glass(1.6), 9.0, coating=MGF2), Element(0.0, 0.0, AIR, 9.0))
+    )
     assert coated.packed().coatings is None
     assert isinstance(coated.packed(coatings=True).coatings, Coatings)
     with pytest.raises(ValueError, match="surface 2 has a coating, but no glass"):

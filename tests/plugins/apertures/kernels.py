@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.apertures.interface import sample_aperture, unvignetted
-from raytracer.jit import entry
-from raytracer.lenses.diaphragm import covers
+from raytracer.core.compiler.dispatch import entry
+from raytracer.optics.lens_system.diaphragm import aperture_transmission
+from raytracer.plugins.apertures.base.interface import rim_visibility, sample_aperture
 
 Array = NDArray[np.float64]
 
@@ -21,13 +21,13 @@ def _sample(aperture, numbers, out):
 @entry
 def _unvignetted(rim, points, right, up, out):
     for i in range(len(points)):
-        out[i] = unvignetted(rim, points[i, 0], points[i, 1], right, up)
+        out[i] = rim_visibility(rim, points[i, 0], points[i, 1], right, up)
 
 
 @entry
 def _covers(diaphragm, points, out):
     for i in range(len(points)):
-        out[i] = covers(diaphragm, points[i, 0], points[i, 1])
+        out[i] = aperture_transmission(diaphragm, points[i, 0], points[i, 1])
 
 
 def sampled(aperture: Any, numbers: Any) -> Array:

@@ -8,12 +8,12 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 from pydantic import ValidationError
 
-from raytracer.apertures.interface import ApertureSpec
-from raytracer.assets import Image
-from raytracer.kinds import APERTURES
-from raytracer.sampling import warp
-from raytracer.spec import Spec
-from tests.apertures.kernels import sampled
+from raytracer.core.sampling import warp
+from raytracer.plugins.apertures.base.interface import ApertureSpec
+from raytracer.scene.assets import Image
+from raytracer.schema.registry import APERTURES
+from raytracer.schema.spec import Spec
+from tests.plugins.apertures.kernels import sampled
 from tests.statistics import chi2_counts, chi2_test
 
 EXAMPLES: dict[str, list[dict[str, Any]]] = {
@@ -70,7 +70,7 @@ def outline(aperture: Any, steps: int = 20_000) -> NDArray[np.float64]:
 
 
 def area(points: NDArray[np.float64]) -> float:
-    """Of a polygon with these corners, anticlockwise: the shoelace formula."""
+    """Return the area of a polygon with these corners, anticlockwise, by the shoelace formula."""
     (x, y), (next_x, next_y) = points.T, np.roll(points, -1, axis=0).T
     return 0.5 * float((x * next_y - y * next_x).sum())
 
@@ -143,7 +143,7 @@ def test_stretched_round_is_an_ellipse_of_the_same_area() -> None:
 
 
 def corner_radius(blades: int, curvature: float) -> float:
-    """Of the polygon of area pi: n triangles, and n segments of circles of the radius R / curvature.
+    """Return the radius of the polygon of area pi: n triangles, and n segments of circles of the radius R / curvature.
 
     References: https://mathworld.wolfram.com/CircularSegment.html
     """
@@ -162,7 +162,7 @@ def directions(keys: dict[str, Any]) -> NDArray[np.float64]:
 
 
 def is_inside(keys: dict[str, Any], points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether points (n, 2) are in the polygon: of every edge, within its circle, or on its side of the line."""
+    """Tell if points (n, 2) are in the polygon: for every edge within its circle, or on its side of the line."""
     blades, curvature = keys["blades"], keys.get("curvature", 0.0)
     radius = corner_radius(blades, curvature)
     height = math.sqrt(keys.get("anamorphic", 1.0))
@@ -197,12 +197,12 @@ def test_polygon_has_the_area_of_the_disc(keys: dict[str, Any]) -> None:
 def test_corners_are_where_the_rotation_puts_them(keys: dict[str, Any]) -> None:
     points = outline(packed(type="polygon", **keys), 50_000)
     radius = np.hypot(*points.T)
-    found = np.arctan2(points[:, 1], points[:, 0])
+    result = np.arctan2(points[:, 1], points[:, 0])
     assert radius.max() == pytest.approx(corner_radius(keys["blades"], keys.get("curvature", 0.0)), rel=1e-8)
     # One local maximum of the radius a corner, there.
-    around = np.argsort(found)
+    around = np.argsort(result)
     peaks = around[(radius[around] > np.roll(radius[around], 1)) & (radius[around] >= np.roll(radius[around], -1))]
-    np.testing.assert_allclose(found[peaks], directions(keys), rtol=0.0, atol=1e-4)
+    np.testing.assert_allclose(result[peaks], directions(keys), rtol=0.0, atol=1e-4)
 
 
 def test_a_polygon_stands_on_its_edge_and_turns_anticlockwise() -> None:

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.lenses.diaphragm import reach
-from tests.apertures.kernels import covered, sampled
-from tests.apertures.test_apertures import CASES, COUNT, LETTER, POLYGONS, is_inside, packed, uniform
+from raytracer.optics.lens_system.diaphragm import aperture_extent
+from tests.plugins.apertures.kernels import covered, sampled
+from tests.plugins.apertures.test_apertures import CASES, COUNT, LETTER, POLYGONS, is_inside, packed, uniform
 
 SHAPES = [*CASES, pytest.param({"type": "round"}, id="disc")]
 
@@ -22,7 +22,7 @@ def grid(half: float, count: int = 1200) -> Any:
 @pytest.mark.parametrize("keys", SHAPES)
 def test_as_much_light_gets_through_as_through_the_disc(keys: dict[str, Any]) -> None:
     shape = packed(**keys)
-    half = 1.01 * reach(shape)
+    half = 1.01 * aperture_extent(shape)
     passed = covered(shape, grid(half))
     assert passed.min() == 0.0
     assert passed.max() <= 1.0
@@ -34,7 +34,7 @@ def test_what_is_drawn_is_let_through_and_within_reach(keys: dict[str, Any]) -> 
     shape = packed(**keys)
     points = sampled(shape, uniform(20_000))
     assert covered(shape, points * (1.0 - 1e-12)).min() > 0.0
-    assert np.hypot(*points.T).max() <= reach(shape) * (1.0 + 1e-15)
+    assert np.hypot(*points.T).max() <= aperture_extent(shape) * (1.0 + 1e-15)
 
 
 @pytest.mark.parametrize("keys", SHAPES)
@@ -43,7 +43,7 @@ def test_out_of_reach_all_is_dark(keys: dict[str, Any]) -> None:
     angle = np.linspace(0.0, 2.0 * math.pi, 1000)
     for factor in (1.0 + 1e-12, 3.0, 1e9, math.inf):
         with np.errstate(invalid="ignore"):
-            circle = factor * reach(shape) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            circle = factor * aperture_extent(shape) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         np.testing.assert_array_equal(covered(shape, circle), 0.0)
     np.testing.assert_array_equal(covered(shape, [[math.nan, 0.0], [0.0, math.nan]]), 0.0)
 
@@ -69,6 +69,6 @@ def test_mask_lets_through_what_its_pixels_do(stretch: float) -> None:
     x, y = side * (columns - 1.0) / math.sqrt(stretch), side * (2.0 - rows) * math.sqrt(stretch)
     for shift in (-0.49, 0.0, 0.49):
         at = np.stack([x + shift * side / math.sqrt(stretch), y + shift * side * math.sqrt(stretch)], axis=-1)
-        found = covered(packed(type="image", file="x", anamorphic=stretch), at.reshape(-1, 2))
+        result = covered(packed(type="image", file="x", anamorphic=stretch), at.reshape(-1, 2))
         # The picture is float32.
-        np.testing.assert_allclose(found.reshape(LETTER.shape), LETTER, rtol=0.0, atol=1e-7)
+        np.testing.assert_allclose(result.reshape(LETTER.shape), LETTER, rtol=0.0, atol=1e-7)

@@ -1,4 +1,4 @@
-"""What a lens with an aperture makes of lights out of focus: measured on pictures."""
+"""Lights out of focus behind lenses with apertures, measured on pictures."""
 
 import math
 from pathlib import Path
@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.cameras.thin_lens import ThinLens
-from tests.apertures.test_apertures import LETTER
-from tests.apertures.test_vignetting import overlap
-from tests.cameras.kernels import weighted_rays
-from tests.rendering import image
+from raytracer.plugins.cameras.thin_lens import ThinLens
+from tests.plugins.apertures.test_apertures import LETTER
+from tests.plugins.apertures.test_vignetting import overlap
+from tests.plugins.cameras.kernels import weighted_rays
+from tests.small_scenes import image
 
 FOCUS, APERTURE = 10.0, 0.1
 
@@ -45,7 +45,7 @@ objects:
 
 
 LIGHT = math.pi
-"""What the pixels of `bokeh` add up to: the light's own image is a disc a pixel in radius."""
+"""Sum of the pixels of `bokeh`: the light's own image is a disc a pixel in radius."""
 
 
 @pytest.mark.parametrize("curvature", [0.0, 0.4])

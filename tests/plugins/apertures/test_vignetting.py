@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from raytracer.apertures.vignetting import Vignetting
-from tests.apertures.kernels import passed, sampled
+from raytracer.plugins.apertures.base.vignetting import Vignetting
+from tests.plugins.apertures.kernels import passed, sampled
 
 COUNT = 1 << 18
 

@@ -5,43 +5,38 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.cameras.interface import (
-    Together,
+from raytracer.core.compiler.dispatch import entry, optional
+from raytracer.core.sampling import SAMPLERS, pixel_key
+from raytracer.core.simd import WIDTH
+from raytracer.plugins.cameras.base.interface import (
+    PacketRays,
     camera_ray,
     lane_ray,
+    packet_rays,
     project,
-    rays_together,
     set_lane,
     trace_lanes,
 )
-from raytracer.jit import entry, generic
-from raytracer.lanes import WIDTH
-from raytracer.materials.interface import Draws
-from raytracer.sampling import SAMPLERS, pixel_key
+from raytracer.plugins.materials.base.interface import Draws
 
 Array = NDArray[np.float64]
 
 
-@generic
+@optional
 def single_ray(together, camera, rows, x, y, time, draws):
     """`camera_ray` of any camera, also of those that make the rays of a packet together: then the first lane's."""
-    raise NotImplementedError
-
-
-@single_ray.register(type(None))
-def _(together, camera, rows, x, y, time, draws):
     return camera_ray(camera, x, y, time, draws)
 
 
-@single_ray.register(Together)
-def _(together, camera, rows, x, y, time, draws):
+@single_ray.register(PacketRays)
+def single_ray_packet_rays(together, camera, rows, x, y, time, draws):
     set_lane(camera, rows, 0, x, y, draws)
     trace_lanes(camera, rows)
     return lane_ray(camera, rows, 0, x, y, time, draws)
 
 
 def packet_rows() -> Array:
-    """Room for the packet of `single_ray`."""
+    """Make the rows of the packet of `single_ray`."""
     return np.zeros((16, WIDTH))
 
 
@@ -51,7 +46,7 @@ def _camera_rays(camera, sampler, rows, x, y, origins, directions, weights):
     for index in range(len(x)):
         draws = Draws(sampler, key, index, 0)
         origin, direction, weights[index] = single_ray(
-            rays_together(camera), camera, rows, x[index], y[index], None, draws
+            packet_rays(camera), camera, rows, x[index], y[index], None, draws
         )
         for axis in range(3):
             origins[index, axis] = origin[axis]

@@ -10,23 +10,24 @@ import yaml
 from numpy.typing import NDArray
 from scipy import stats
 
-from raytracer.cameras.camera_array import CameraArray
-from raytracer.cameras.interface import film_corner, place_in_view
-from raytracer.cameras.light_slab import LightSlab
-from raytracer.cameras.moving import MovingCamera, pack_camera
-from raytracer.cameras.thin_lens import ThinLens
-from raytracer.comparison import z_test
-from raytracer.development import _views_in, layout_of
-from raytracer.errors import InputError, SceneError
-from raytracer.film.exposure import Frame, metering_weights
+from raytracer.analysis.compare import z_test
+from raytracer.film.exposure import CropWindow, metering_weights
 from raytracer.film.image import Image
-from raytracer.photography import Metering
-from raytracer.rendering import Rendered, render
+from raytracer.optics.thin_lens import Metering
+from raytracer.plugins.cameras.base.interface import film_corner, film_to_view
+from raytracer.plugins.cameras.base.moving import MovingCamera, pack_camera
+from raytracer.plugins.cameras.camera_array import CameraArray
+from raytracer.plugins.cameras.light_slab import LightSlab
+from raytracer.plugins.cameras.thin_lens import ThinLens
+from raytracer.rendering.develop import _view_slices, light_field_layout
+from raytracer.rendering.render import render
+from raytracer.rendering.session import Rendered
+from raytracer.rendering.tile_scheduler import Window
 from raytracer.scene.load import build
 from raytracer.scene.spec import SceneSpec
-from raytracer.scheduling import Window
-from tests.cameras.kernels import camera_rays, projected, weighted_rays
+from raytracer.util.errors import InputError, SceneError
 from tests.moving import checked, moved
+from tests.plugins.cameras.kernels import camera_rays, projected, weighted_rays
 
 Array = NDArray[np.float64]
 
@@ -120,15 +121,15 @@ def test_the_highest_row_comes_first_and_the_leftmost_column() -> None:
 
 @pytest.mark.parametrize("size", [(40, 30), (1, 1), (7, 300)])
 def test_film_positions_of_one_view_never_reach_another(size: tuple[int, int]) -> None:
-    """As far as the margin beyond the edges of a view, where filters draw."""
+    """Film positions up to the margin beyond the edges of a view, where filters draw."""
     spec, (width, height) = array(), size
-    packed, margin = spec.pack(*size), spec.margin(*size)
+    packed, margin = spec.pack(*size), spec.film_margin(*size)
     for row in range(ROWS):
         for column in range(COLUMNS):
             left, top = film_corner(packed, column * width, row * height)
             for x in (-margin + 0.5, -0.25, 0.0, width - 1.0, width + margin - 0.5):
                 for y in (-margin + 0.5, 0.5, height + margin - 0.5):
-                    assert place_in_view(packed, left + x, top + y) == (x, y)
+                    assert film_to_view(packed, left + x, top + y) == (x, y)
 
 
 def test_pixels_of_a_view_are_beside_one_another() -> None:
@@ -185,7 +186,7 @@ def test_a_camera_of_an_array_is_exposed_as_a_single_one_is() -> None:
     ours, theirs = (weighted_rays(each.pack(WIDTH, HEIGHT), x, y) for each in (spec, lens))
     for one, other in zip(ours, theirs, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12)
-    assert spec.photograph(WIDTH, HEIGHT) == lens.photograph(WIDTH, HEIGHT)
+    assert spec.exposure_settings(WIDTH, HEIGHT) == lens.exposure_settings(WIDTH, HEIGHT)
 
 
 def test_the_cell_of_a_view_is_what_its_opening_gathers_from() -> None:
@@ -240,7 +241,7 @@ def test_rays_of_a_slab_meet_both_planes_where_they_say(fill: bool) -> None:
 
 
 def test_a_slab_keeps_pixels_square() -> None:
-    """Of a second plane that is not of the film's shape, the largest part that is."""
+    """A second plane that is not of the film's shape shows the largest part that is."""
     wide = LightSlab.model_validate({**LOOK, "rows": 1, "columns": 1, "uv": 0.1, "st": [9.0, 1.5], "separation": 3.0})
     plane = wide.pack(WIDTH, HEIGHT).plane
     assert (plane.pixel, plane.left, plane.top) == pytest.approx((1.5 / HEIGHT / 3.0, -1.0 / 3.0, 0.25))
@@ -332,7 +333,7 @@ def test_a_view_is_what_a_pinhole_in_its_place_sees(whole: Rendered) -> None:
 
 
 def test_noise_of_views_is_independent(whole: Rendered) -> None:
-    """What two seeds differ by in the same pixels of two views, over how uncertain they are."""
+    """Return the differences of two seeds in the same pixels of two views, over their standard deviations."""
     other = render(scene(), threads=2, seed=9).image
     assert whole.image.variance is not None
     assert other.variance is not None
@@ -391,8 +392,8 @@ def test_the_mean_of_views_that_fill_a_lens_is_its_photograph() -> None:
 
 @pytest.mark.slow
 def test_an_array_a_million_metres_away_sees_the_same(tmp_path: Path) -> None:
-    found = yaml.safe_load(SCENE.format(camera="", film="", spp=128))
-    here, there = (render(checked(each, tmp_path), threads=2) for each in (found, moved(found, (1e6, -1e6, 1e6))))
+    result = yaml.safe_load(SCENE.format(camera="", film="", spp=128))
+    here, there = (render(checked(each, tmp_path), threads=2) for each in (result, moved(result, (1e6, -1e6, 1e6))))
     one, other = here.image, there.image
     assert "recentring" in there.stats.effects
     assert one.variance is not None
@@ -409,25 +410,25 @@ def test_an_array_a_million_metres_away_sees_the_same(tmp_path: Path) -> None:
 
 def test_each_view_has_its_own_metering_circle() -> None:
     spot = Metering("spot", 0.25, 0.5, 0.3)
-    one = metering_weights(spot, Frame(24, 20, 0, 0), 20, 24)
-    many = metering_weights(spot, Frame(48, 60, 0, 0, (24, 20)), 60, 48)
+    one = metering_weights(spot, CropWindow(24, 20, 0, 0), 20, 24)
+    many = metering_weights(spot, CropWindow(48, 60, 0, 0, (24, 20)), 60, 48)
     np.testing.assert_allclose(many, np.tile(one, (3, 2)) / 6.0, atol=1e-18)
 
 
 def test_every_view_is_denoised_by_itself() -> None:
     spec = scene()
     seen = np.zeros((60, 48), dtype=int)
-    parts = _views_in(spec, None)
+    parts = _view_slices(spec, None)
     assert len(parts) == 6
     for part in parts:
         assert seen[part].shape == (20, 24)
         seen[part] += 1
     assert np.all(seen == 1)
     cropped = np.zeros((35, 20), dtype=int)
-    for part in _views_in(spec, Window(20, 15, 40, 50)):
+    for part in _view_slices(spec, Window(20, 15, 40, 50)):
         cropped[part] += 1
     assert np.all(cropped == 1)
-    assert [cropped[part].shape for part in _views_in(spec, Window(20, 15, 40, 50))] == [
+    assert [cropped[part].shape for part in _view_slices(spec, Window(20, 15, 40, 50))] == [
         (5, 4), (5, 16), (20, 4), (20, 16), (10, 4), (10, 16),
     ]  # fmt: skip
 
@@ -437,11 +438,11 @@ def test_lines_of_a_rolling_shutter_are_those_of_each_view() -> None:
     packed = pack_camera(spec, WIDTH, HEIGHT)
     assert isinstance(packed, MovingCamera)
     left, top = film_corner(packed, 3 * WIDTH + 7, 2 * HEIGHT + 29)
-    assert place_in_view(packed, left + 0.5, top + 0.25) == (7.5, 29.25)
+    assert film_to_view(packed, left + 0.5, top + 0.25) == (7.5, 29.25)
 
 
 def test_the_pose_is_where_a_moving_array_is_in_the_middle_of_the_exposure() -> None:
-    layout = layout_of(scene(", shutter: {open: 0, close: 2}, motion: {velocity: [0.1, 0, 0]}"))
+    layout = light_field_layout(scene(", shutter: {open: 0, close: 2}, motion: {velocity: [0.1, 0, 0]}"))
     assert layout is not None
     assert layout.views.pose is not None
     np.testing.assert_allclose(layout.views.pose.origin, [0.1, 0.5, 3.0], atol=1e-15)

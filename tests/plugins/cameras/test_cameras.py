@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from raytracer.assets import LOADERS
-from raytracer.cameras.pinhole import Pinhole
-from raytracer.cameras.pupil import Lens
-from raytracer.cameras.thin_lens import ThinLens
-from raytracer.kinds import CAMERAS
-from raytracer.spec import Spec
-from tests.cameras.kernels import camera_rays, projected, weighted_rays
-from tests.rendering import image, rendered
+from raytracer.plugins.cameras.base.thin_lens_ray import ThinLensPupil
+from raytracer.plugins.cameras.pinhole import Pinhole
+from raytracer.plugins.cameras.thin_lens import ThinLens
+from raytracer.scene.assets import LOADERS
+from raytracer.schema.registry import CAMERAS
+from raytracer.schema.spec import Spec
+from tests.plugins.cameras.kernels import camera_rays, projected, weighted_rays
 from tests.repository import SCENES
+from tests.small_scenes import image, rendered
 
 _GLASS = str(SCENES / "lenses" / "double-gauss-50mm.yaml")
 
@@ -164,7 +164,7 @@ SHARP = [case for case in IMAGING if "diameter" not in case.values[0] and case.v
 def camera(**keys: Any) -> Any:
     spec = CAMERAS.specs()[keys.get("type", "pinhole")].model_validate(keys)
     files = {".".join(map(str, place)): LOADERS[kind](Path(name)) for place, (name, kind) in spec.files().items()}
-    return spec.bound(files)
+    return spec.bind_assets(files)
 
 
 # ---- Every kind
@@ -236,7 +236,7 @@ def test_film_is_upright_and_its_middle_is_what_the_camera_looks_at(keys: dict[s
 
 @pytest.mark.parametrize("keys", [case for case in IMAGING if case.values[0]["type"] in ("pinhole", "thin_lens")])
 def test_fields_of_view_are_what_the_film_shows(keys: dict[str, Any]) -> None:
-    """Of points at half the angles that a camera says it sees, the pictures are at the edges and in a corner."""
+    """Points at half the angles that a camera says it sees are at the edges and in a corner of the picture."""
     spec = camera(**keys)
     numbers, frame = spec.describe(40, 30), spec.frame()
     half = {name: math.tan(math.radians(numbers[f"{name}_deg"]) / 2.0) for name in ("hfov", "vfov", "dfov")}
@@ -377,8 +377,8 @@ def lens_spec(**keys: Any) -> ThinLens:
 
 def test_defocus_angle_is_the_cone_from_focus_to_lens() -> None:
     # Camera truths: F = 10, delta = 0.6 deg: A = 2 F tan(delta / 2) = 0.104720 m.
-    assert lens_spec(defocus_angle=0.6).diameter(40, 30) == pytest.approx(0.104720, abs=1e-6)
-    assert lens_spec(aperture=104.72).diameter(40, 30) == pytest.approx(0.10472)
+    assert lens_spec(defocus_angle=0.6).pupil_diameter(40, 30) == pytest.approx(0.104720, abs=1e-6)
+    assert lens_spec(aperture=104.72).pupil_diameter(40, 30) == pytest.approx(0.10472)
 
 
 @pytest.mark.parametrize("focus", [0.5, 10.0, 1e4])
@@ -406,7 +406,7 @@ def test_an_aperture_is_a_name_where_its_defaults_will_do() -> None:
 def test_focus_at_infinity_sends_parallel_rays() -> None:
     # Hard case 24: o + inf * d is not a number.
     packed = lens_spec(focus_distance=math.inf, aperture=100).pack(40, 30)
-    assert packed.lens == Lens(0.05, 0.0)
+    assert packed.lens == ThinLensPupil(0.05, 0.0)
     origins, directions = camera_rays(packed, np.full(500, 5.0), 5.0)
     assert np.isfinite(directions).all()
     assert (directions == directions[0]).all()

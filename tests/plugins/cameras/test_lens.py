@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 import raytracer as rt
-from raytracer.cameras.interface import moved
-from raytracer.cameras.moving import MovingCamera, pack_camera
-from raytracer.errors import SceneError
-from raytracer.explanation.numbers import View
-from raytracer.lenses import pupils
-from raytracer.lenses.equivalent import thin_equivalent
-from raytracer.lenses.first_order import cardinal_points
+from raytracer.analysis.explain.camera_numbers import CameraView
+from raytracer.optics.lens_system.equivalent_thin_lens import equivalent_thin_lens
+from raytracer.optics.lens_system.first_order import cardinal_points
+from raytracer.optics.lens_system.pupils import search
+from raytracer.plugins.cameras.base.interface import translate_camera
+from raytracer.plugins.cameras.base.moving import MovingCamera, pack_camera
 from raytracer.scene.load import build, build_plain, load
-from raytracer.scene.pack import pack
-from tests.cameras.kernels import projected, weighted_rays
-from tests.lenses.files import thin, written
-from tests.lenses.rays import Array
+from raytracer.scene.pack.scene import pack
+from raytracer.util.errors import SceneError
+from tests.optics.lens_system.lens_files import thin, written
+from tests.optics.lens_system.rays import Array
+from tests.plugins.cameras.kernels import projected, weighted_rays
 from tests.repository import SCENES
 
 LENSES = SCENES / "lenses"
@@ -47,7 +47,7 @@ def camera(lens: Path | str = DOUBLE_GAUSS, **keys: Any) -> Any:
 
 
 def met(origins: Array, directions: Array, distance: float) -> Array:
-    """Where rays (n, 3) are at a distance before the camera of `SCENE`."""
+    """Return the points of rays (n, 3) at a distance before the camera of `SCENE`."""
     way = (3.0 - distance - origins[:, 2:]) / directions[:, 2:]
     return origins + way * directions
 
@@ -67,9 +67,9 @@ def test_rays_of_a_place_of_the_film_meet_where_it_is_sharp(name: str) -> None:
         # A pixel's image there, of which the spot is a small part.
         pixel = distance * packed.thin.pixel
         assert np.hypot(*(points - middle)[:, :2].T).mean() < 0.5 * pixel
-        found = projected(packed, middle)[0]
-        np.testing.assert_allclose(found[:2], (x, y), rtol=0.0, atol=0.15)
-        assert found[2] == pytest.approx(distance)
+        result = projected(packed, middle)[0]
+        np.testing.assert_allclose(result[:2], (x, y), rtol=0.0, atol=0.15)
+        assert result[2] == pytest.approx(distance)
     # To the right and up is right and up.
     right, up = projected(packed, [(1.1, 2.0, 3.0 - distance), (1.0, 2.1, 3.0 - distance)])[:, :2] - (180.0, 120.0)
     assert right[0] > 0.0
@@ -96,7 +96,7 @@ def test_a_camera_in_a_recentred_world_sees_the_same() -> None:
     packed = camera(focus_distance=3, f_number=4)
     by = (10.0, -20.0, 30.0)
     origins, directions, weights = weighted_rays(packed, np.full(20, 100.0), 70.0)
-    there = weighted_rays(moved(packed, by), np.full(20, 100.0), 70.0)
+    there = weighted_rays(translate_camera(packed, by), np.full(20, 100.0), 70.0)
     np.testing.assert_allclose(there[0], origins + by, rtol=0.0, atol=1e-12)
     np.testing.assert_array_equal(there[1], directions)
     np.testing.assert_array_equal(there[2], weights)
@@ -108,9 +108,9 @@ def test_the_camera_moves_with_its_lens() -> None:
     assert isinstance(packed, MovingCamera)
     still = pack(scene(focus_distance=3, f_number=4)).scene.camera
     # In the middle of its way it stands half a metre to the right.
-    here, there = View(scene(focus_distance=3), still), View(spec, packed)
-    assert there.place(np.array([1.5, 2.0, 0.0]), 0.5)[0] == pytest.approx(
-        View(spec, packed._replace(camera=packed.camera)).place(np.array([1.0, 2.0, 0.0]), 0.0)[0], abs=1e-6
+    here, there = CameraView(scene(focus_distance=3), still), CameraView(spec, packed)
+    assert there.project(np.array([1.5, 2.0, 0.0]), 0.5)[0] == pytest.approx(
+        CameraView(spec, packed._replace(camera=packed.camera)).project(np.array([1.0, 2.0, 0.0]), 0.0)[0], abs=1e-6
     )
     assert here.pupil() == pytest.approx(there.pupil())
 
@@ -133,9 +133,9 @@ def test_the_sensor_moves_back_for_what_is_near() -> None:
     films = [camera(focus_distance=distance, f_number=8).film.z for distance in (math.inf, 10, 1, 0.5)]
     assert (np.diff(films) > 0.0).all()
     # Newton: x x' = f^2 by distances from the focal points.
-    lens = scene(f_number=8).camera.setting().surfaces
+    lens = scene(f_number=8).camera.lens_setup().surfaces
     points, away = cardinal_points(lens), 1e3 * 0.5
-    pupil = scene(f_number=8).camera.setting().thin.pupil
+    pupil = scene(f_number=8).camera.lens_setup().thin.pupil
     way = away - pupil + points.front_focus
     assert films[-1] - films[0] == pytest.approx(points.focal_length**2 / way, rel=0.01)
 
@@ -146,22 +146,22 @@ def test_the_sensor_moves_back_for_what_is_near() -> None:
 def test_the_thin_lens_of_a_thin_piece_of_glass_is_that_glass(tmp_path: Path) -> None:
     path = thin(tmp_path, 50.0, 8.0)
     for distance in (math.inf, 2.0, 0.3):
-        setting = scene(path, f_number=16, focus_distance=distance).camera.setting()
-        found = thin_equivalent(setting.surfaces, setting.film, 1e3 * distance)
-        assert found.focal_length == pytest.approx(50.0, rel=1e-3)
-        assert found.aperture == pytest.approx(50.0 / 16.0, rel=1e-3)
-        assert found.f_number == pytest.approx(16.0, rel=1e-3)
+        setting = scene(path, f_number=16, focus_distance=distance).camera.lens_setup()
+        result = equivalent_thin_lens(setting.surfaces, setting.film, 1e3 * distance)
+        assert result.focal_length == pytest.approx(50.0, rel=1e-3)
+        assert result.aperture == pytest.approx(50.0 / 16.0, rel=1e-3)
+        assert result.f_number == pytest.approx(16.0, rel=1e-3)
 
 
 def test_the_thin_lens_sees_as_much_and_blurs_as_much() -> None:
     spec = scene(f_number=4, focus_distance=2, iso=100, shutter="1/100 s", sensor="full_frame")
-    keys = spec.camera.equivalent(360, 240)
+    keys = spec.camera.thin_lens_equivalent(360, 240)
     thin_scene = build_plain({"camera": keys, "film": spec.film, "objects": spec.objects})
     assert thin_scene.camera.type == "thin_lens"
-    ours, theirs = (View(each, pack(each).scene.camera) for each in (spec, thin_scene))
+    ours, theirs = (CameraView(each, pack(each).scene.camera) for each in (spec, thin_scene))
     # Near the axis, where a lens has no distortion.
     point = np.array([1.01, 2.005, 1.0])
-    np.testing.assert_allclose(ours.place(point, 0.0), theirs.place(point, 0.0), rtol=0.0, atol=0.01)
+    np.testing.assert_allclose(ours.project(point, 0.0), theirs.project(point, 0.0), rtol=0.0, atol=0.01)
     assert ours.blur(4.0) == pytest.approx(theirs.blur(4.0), rel=1e-9)
     assert ours.blur(2.0) == pytest.approx(0.0, abs=1e-12)
     for name in ("pixel_pitch_um", "focus_distance_m", "aperture_diameter_mm", "blur_at_infinity_px", "film_height_mm"):
@@ -175,14 +175,14 @@ def test_the_thin_lens_sees_as_much_and_blurs_as_much() -> None:
 
 
 def test_a_scene_with_the_lens_is_explained() -> None:
-    found = rt.explain(scene(f_number=2.8, focus_distance=2))
-    assert found.camera["f_number"] == pytest.approx(2.8, rel=1e-3)
-    assert found.camera["focal_length_mm"] == pytest.approx(50.0, rel=5e-3)
-    assert found.camera["near_limit_m"] < 2.0 < found.camera["far_limit_m"]
-    text = found.text()
+    result = rt.explain(scene(f_number=2.8, focus_distance=2))
+    assert result.camera["f_number"] == pytest.approx(2.8, rel=1e-3)
+    assert result.camera["focal_length_mm"] == pytest.approx(50.0, rel=5e-3)
+    assert result.camera["near_limit_m"] < 2.0 < result.camera["far_limit_m"]
+    text = result.text()
     assert "Thin lens in its place" in text
     assert "thin_lens" in text
-    assert found.json()["thin_lens"]["type"] == "thin_lens"
+    assert result.json()["thin_lens"]["type"] == "thin_lens"
 
 
 # ---- Mistakes
@@ -251,8 +251,8 @@ def test_an_object_too_near_for_the_lens_is_told_when_the_scene_is_packed() -> N
 def test_the_widest_stop_is_what_is_engraved() -> None:
     # f/2 is the engraved number; a lens whose rims make it f/2.003 is still set to f/2.
     spec = scene(f_number=2)
-    assert spec.camera.setting().f_number == pytest.approx(2.0, rel=0.02)
-    assert scene().camera.setting().f_number == pytest.approx(2.0, rel=0.02)
+    assert spec.camera.lens_setup().f_number == pytest.approx(2.0, rel=0.02)
+    assert scene().camera.lens_setup().f_number == pytest.approx(2.0, rel=0.02)
 
 
 def test_a_sensor_beyond_the_image_circle_is_warned_of() -> None:
@@ -276,13 +276,13 @@ def test_a_lens_that_nobody_could_grind_is_warned_of(tmp_path: Path) -> None:
 
 
 def test_a_pupil_that_takes_too_long_is_an_error_of_the_lens(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pupils, "_MOST_CROSSINGS", 1000)
+    monkeypatch.setattr(search, "MAX_CROSSINGS", 1000)
     with pytest.raises(SceneError, match=r"^test.yaml:2: camera.lens: where light passes the lens is not found"):
         camera(f_number=3.1)
 
 
 def test_a_lens_file_is_part_of_what_a_picture_depends_on(tmp_path: Path) -> None:
-    from raytracer.scene.inputs import digest
+    from raytracer.scene.digest import digest
 
     path = tmp_path / "lens.yaml"
     path.write_text(DOUBLE_GAUSS.read_text(encoding="utf-8"), encoding="utf-8")

@@ -8,19 +8,19 @@ import pytest
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from raytracer.cameras.light_field import LightField
-from raytracer.cameras.thin_lens import ThinLens
-from raytracer.errors import SceneError
-from raytracer.explanation.report import explain
+from raytracer.analysis.explain.explanation import explain
 from raytracer.film.image import Image
-from raytracer.kinds import CAMERAS
-from raytracer.lenses.surfaces import trace_rays
-from raytracer.plenoptic.lenslets import Lenslets
+from raytracer.film.light_field.lenslets import Lenslets
+from raytracer.optics.lens_system.ray_tracing import trace_rays
+from raytracer.plugins.cameras.light_field import LightField
+from raytracer.plugins.cameras.thin_lens import ThinLens
 from raytracer.scene.load import build
-from tests.cameras.kernels import weighted_rays
-from tests.cameras.test_cameras import camera
-from tests.rendering import scene, scene_text
+from raytracer.schema.registry import CAMERAS
+from raytracer.util.errors import SceneError
+from tests.plugins.cameras.kernels import weighted_rays
+from tests.plugins.cameras.test_cameras import camera
 from tests.repository import SCENES
+from tests.small_scenes import scene, scene_text
 
 Floats = NDArray[np.float64]
 
@@ -118,12 +118,12 @@ def test_light_goes_through_all_of_a_microlens_evenly() -> None:
 
 
 def test_rays_through_glass_leave_it_as_they_come_from_the_array() -> None:
-    """What the packed camera makes, sent back through the surfaces of the lens, goes through its own microlens."""
+    """Rays of the packed camera, traced back through the surfaces of the lens, go through their own microlens."""
     spec = camera(
         type="light_field", lens=str(SCENES / "lenses" / "double-gauss-50mm.yaml"), f_number=4, focus_distance=2,
         sensor={"width": 12, "height": 12}, dispersion=False, microlenses={"pixels": 10},
     )  # fmt: skip
-    array, setting, lattice = spec.arrangement(WIDTH, WIDTH), spec.setting(), spec.lenslets(WIDTH, WIDTH).lattice
+    array, setting, lattice = spec.arrangement(WIDTH, WIDTH), spec.lens_setup(), spec.lenslets(WIDTH, WIDTH).lattice
     x, y, origins, directions, weights = rays_of(spec, 400)
     lit = weights > 0.0
     # Three quarters of square sub-images are the image of a round pupil.
@@ -210,7 +210,7 @@ objects:
 
 
 def picture(text: str, spp: int, width: int) -> Image:
-    from raytracer.rendering import render
+    from raytracer.rendering.render import render
 
     checked = build(scene_text(text, width=width, height=width, spp=spp, max_depth=1, filled=False), "test.yaml")
     return render(checked, seed=spp, threads=2).image
@@ -264,7 +264,7 @@ def test_pixels_in_the_middle_of_sub_images_are_the_pinhole_view(raw: Image) -> 
 
 
 def test_views_see_from_where_they_are_said_to_be(raw: Image) -> None:
-    """What is before the plane of focus goes left as the view goes right, by the one formula of `Views`."""
+    """Points before the plane of focus go left as the view goes right, by the one formula of `Views`."""
     layout: Any = raw.layout
     field, views = layout.light_field(raw), layout.views
     shift = views.shift(1.0 / 1.2)
@@ -273,10 +273,10 @@ def test_views_see_from_where_they_are_said_to_be(raw: Image) -> None:
         position = np.array([0.02, 0.03])
         ball = field.view(row, column)[..., 1] * (field.view(row, column)[..., 0] < 0.35)
         ball = np.where(ball > 1.2, ball, 0.0)
-        found = np.array([(ball * columns).sum(), (ball * rows).sum()]) / ball.sum()
+        result = np.array([(ball * columns).sum(), (ball * rows).sum()]) / ball.sum()
         plane = views.plane
         expected = [(position[0] / 1.2 - plane.left) / plane.pixel, (plane.top - position[1] / 1.2) / plane.pixel]
-        np.testing.assert_allclose(found, np.array(expected) + shift[row, column], atol=0.25)
+        np.testing.assert_allclose(result, np.array(expected) + shift[row, column], atol=0.25)
 
 
 def test_exposed_sensors_get_the_irradiance_of_the_photograph_spread_over_sub_images() -> None:
@@ -317,12 +317,12 @@ def test_small_microlenses_give_sharp_views_and_large_ones_many() -> None:
 
 def test_explain_prints_the_trade_off() -> None:
     text = scene_text(_TEXT.format(camera="microlenses: {pixels: 15}"), width=WIDTH, height=WIDTH, filled=False)
-    found = explain(build(text, "test.yaml"))
-    text = found.text()
+    result = explain(build(text, "test.yaml"))
+    text = result.text()
     assert "Microlenses of other sizes before the same sensor" in text
     assert [line.split()[:2] for line in text.splitlines() if line.endswith("  these")] == [["291.3", "15"]]
-    assert found.json()["trade_off"][2]["view_columns"] == 15
-    assert not found.warnings
+    assert result.json()["trade_off"][2]["view_columns"] == 15
+    assert not result.warnings
 
 
 @pytest.mark.parametrize(
@@ -336,15 +336,15 @@ def test_explain_prints_the_trade_off() -> None:
     ],
 )
 def test_what_does_not_suit_the_main_lens_is_doubted(keys: dict[str, Any], message: str | None) -> None:
-    found = LightField.model_validate({**THIN, **keys}).doubts(WIDTH, WIDTH)
-    assert [key for key, _ in found] == ([] if message is None else ["microlenses"])
-    assert message is None or message in found[0][1]
+    result = LightField.model_validate({**THIN, **keys}).warnings(WIDTH, WIDTH)
+    assert [key for key, _ in result] == ([] if message is None else ["microlenses"])
+    assert message is None or message in result[0][1]
 
 
 def test_a_picture_without_room_for_a_sub_image_holds_no_views() -> None:
     spec = spec_of(pixels=30)
     assert spec.layout(29, 60) is None
-    assert [key for key, message in spec.doubts(29, 60) if "holds no views" in message] == ["microlenses"]
+    assert [key for key, message in spec.warnings(29, 60) if "holds no views" in message] == ["microlenses"]
     assert "views" not in spec.describe(29, 60)
 
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from raytracer.assets import LOADERS
-from raytracer.cameras.interface import CameraSpec
-from raytracer.cameras.moving import MovingCamera, pack_camera
-from raytracer.kinds import CAMERAS
-from raytracer.motion import matrix_at
-from raytracer.shutter import Shutter
-from tests.motion.kernels import camera_rays
+from raytracer.core.motion.resolve import matrix_at
+from raytracer.core.shutter.table import Shutter
+from raytracer.plugins.cameras.base.interface import CameraSpec
+from raytracer.plugins.cameras.base.moving import MovingCamera, pack_camera
+from raytracer.scene.assets import LOADERS
+from raytracer.schema.registry import CAMERAS
+from tests.core.motion.kernels import camera_rays
 from tests.repository import SCENES
 
 CAMERA: TypeAdapter[CameraSpec] = TypeAdapter(CAMERAS.union())
@@ -32,7 +32,7 @@ X, Y = np.meshgrid(np.linspace(4.5, 12, 5), np.linspace(3, 8, 4))
 
 def camera(kind: str = "pinhole", **keys: Any) -> CameraSpec:
     spec = CAMERA.validate_python({"type": kind, **VIEW, **SIZES.get(kind, {}), **keys})
-    return spec.bound({str(place[0]): LOADERS[held](Path(name)) for place, (name, held) in spec.files().items()})
+    return spec.bind_assets({str(place[0]): LOADERS[held](Path(name)) for place, (name, held) in spec.files().items()})
 
 
 @pytest.mark.parametrize("kind", list(CAMERAS.specs()))
@@ -91,7 +91,7 @@ def test_a_camera_is_posed_where_it_is_at_the_moment() -> None:
     ],
 )
 def test_a_shutter_is_an_interval_or_a_duration(keys: dict[str, Any], expected: Shutter) -> None:
-    assert camera(**keys).opening() == expected
+    assert camera(**keys).shutter_interval() == expected
 
 
 @pytest.mark.parametrize(

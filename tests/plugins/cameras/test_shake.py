@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.cameras.moving import MovingCamera, pack_camera
-from raytracer.motion import matrix_at
-from raytracer.shake import Shake
-from tests.cameras.test_moving import TURN, camera
-from tests.motion.kernels import camera_rays
+from raytracer.core.camera_shake import Shake
+from raytracer.core.motion.resolve import matrix_at
+from raytracer.plugins.cameras.base.moving import MovingCamera, pack_camera
+from tests.core.motion.kernels import camera_rays
+from tests.plugins.cameras.test_moving import TURN, camera
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def turned(packed: Any, times: Array) -> Array:
 
 
 def test_the_noise_has_its_root_mean_square_about_each_axis() -> None:
-    """Of 128 sinusoids over 20,000 s, within their beats."""
+    """Root mean square of 128 sinusoids over 20,000 s, within their beats."""
     angles = np.degrees(shake(bandwidth=5).angles(np.random.default_rng(0).uniform(0, 20_000, 200_000)))
     np.testing.assert_allclose(np.sqrt((angles**2).mean(axis=0)), 0.2, rtol=0.01)
     np.testing.assert_allclose(angles.mean(axis=0), 0.0, atol=0.002)
@@ -61,20 +61,20 @@ def test_a_shaking_camera_turns_by_its_noise(bandwidth: float) -> None:
     packed = pack_camera(spec, WIDTH, HEIGHT)
     assert isinstance(packed, MovingCamera)
     times = np.arange(4096) / 4096
-    found = turned(packed, times)
+    result = turned(packed, times)
     assert spec.shake is not None
     expected = np.degrees(spec.shake.angles(16.0 * times))
     # But for what is of second order in the angles, and lost between 32 steps a period, 1 - cos(pi / 32).
-    np.testing.assert_allclose(found, expected, atol=0.02 * 0.2)
+    np.testing.assert_allclose(result, expected, atol=0.02 * 0.2)
 
     window = np.hanning(4096)[:, None]
-    power = (np.abs(np.fft.rfft(found * window, axis=0)) ** 2).sum(axis=1)
+    power = (np.abs(np.fft.rfft(result * window, axis=0)) ** 2).sum(axis=1)
     frequency = np.arange(len(power)) / 16.0
     inside = frequency <= bandwidth + 4 / 16
     assert power[~inside].sum() < 1e-3 * power.sum()
     # Even up to there: half of the power is below half of the band, as far as 16 s tell.
     assert power[frequency <= bandwidth / 2].sum() == pytest.approx(power.sum() / 2, rel=0.5)
-    assert math.sqrt((found**2).mean()) == pytest.approx(0.2, rel=0.25)
+    assert math.sqrt((result**2).mean()) == pytest.approx(0.2, rel=0.25)
 
 
 @pytest.mark.parametrize("motion", [{"velocity": [0.5, 0, -1]}, TURN])
@@ -94,10 +94,10 @@ def test_a_camera_shakes_where_its_motion_has_brought_it(motion: dict[str, Any])
 def test_a_short_exposure_is_shaken_little() -> None:
     """Within 1/500 s at most 2 pi B t of the amplitude of 0.1 degrees, to which the picture as a whole is moved."""
     packed = pack_camera(camera(shutter="1/500 s", time=7, shake={"amplitude": 0.1}), WIDTH, HEIGHT)
-    found = turned(packed, np.array([0.0, 1.0]))
-    assert 0.0 < np.abs(found[1] - found[0]).max() < 4 * 0.1 * 2 * math.pi * 10 / 500
+    result = turned(packed, np.array([0.0, 1.0]))
+    assert 0.0 < np.abs(result[1] - result[0]).max() < 4 * 0.1 * 2 * math.pi * 10 / 500
     expected = np.degrees(shake(amplitude=0.1).angles([7.0, 7.002]))
-    np.testing.assert_allclose(found, expected, atol=1e-3)
+    np.testing.assert_allclose(result, expected, atol=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -5,12 +5,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.environments.interface import background, background_with_pdf, sample_background
-from raytracer.jit import entry
+from raytracer.core.compiler.dispatch import entry
+from raytracer.plugins.environments.base.interface import background, background_with_pdf, sample_background
 
 
 class Drawn(NamedTuple):
-    """What `sample_background` draws: direction and radiance (n, 3), pdf (n,)."""
+    """Draw by `sample_background`: direction and radiance (n, 3), pdf (n,)."""
 
     direction: NDArray[np.float64]
     radiance: NDArray[np.float64]

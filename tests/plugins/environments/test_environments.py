@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.assets.images import Image
-from raytracer.kinds import ENVIRONMENTS
-from tests.environments.kernels import seen
-from tests.rendering import image
+from raytracer.scene.assets.images import Image
+from raytracer.schema.registry import ENVIRONMENTS
+from tests.plugins.environments.kernels import seen
+from tests.small_scenes import image
 
 EXAMPLES: dict[str, list[dict[str, Any]]] = {
     "constant": [{"radiance": 1.0}, {"radiance": [0.1, 0.2, 3.0]}],

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.assets.images import Image
-from raytracer.environments.equirectangular import equirectangular
-from raytracer.kinds import ENVIRONMENTS
-from raytracer.scene.pack import pack
-from tests.environments.kernels import density, drawn, seen
-from tests.rendering import assert_mean, image, mean, scene
+from raytracer.plugins.environments.base.equirectangular import equirectangular
+from raytracer.scene.assets.images import Image
+from raytracer.scene.pack.scene import pack
+from raytracer.schema.registry import ENVIRONMENTS
+from tests.plugins.environments.kernels import density, drawn, seen
+from tests.small_scenes import assert_mean, image, mean, scene
 from tests.statistics import chi2_test
 
 RNG = np.random.default_rng(11)
@@ -276,7 +276,7 @@ def test_aiming_changes_no_picture(tmp_path: Path) -> None:
     aimed = image(text_of(file, 0.7), base=tmp_path, spp=512, seed=1)
     kind = ENVIRONMENTS.specs()["image"]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(kind, "can_be_drawn", False)
+        patch.setattr(kind, "has_importance_sampling", False)
         followed = image(text_of(file, 0.7), base=tmp_path, spp=2048, seed=2)
     (value, deviation), (other, other_deviation) = mean(aimed), mean(followed)
     np.testing.assert_array_less(np.abs(value - other), 4.0 * np.hypot(deviation, other_deviation))

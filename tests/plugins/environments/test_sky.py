@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.environments.sky import (
+from raytracer.optics.thin_lens import WHITE_EFFICACY
+from raytracer.plugins.environments.sky import (
     HEIGHT,
     SUN_ANGLE,
     color_matching,
@@ -16,11 +17,10 @@ from raytracer.environments.sky import (
     sunlight,
     zenith,
 )
-from raytracer.kinds import ENVIRONMENTS
-from raytracer.photography import WHITE_EFFICACY
-from raytracer.scene.pack import pack
-from tests.environments.kernels import seen
-from tests.rendering import scene
+from raytracer.scene.pack.scene import pack
+from raytracer.schema.registry import ENVIRONMENTS
+from tests.plugins.environments.kernels import seen
+from tests.small_scenes import scene
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
@@ -111,7 +111,7 @@ def test_ground_reflects_what_falls_on_it() -> None:
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     directions[:, 1] = np.abs(directions[:, 1])
     sky = 2.0 * math.pi * (seen(spec.pack({}), directions) * directions[:, 1:2]).mean(axis=0)
-    disc = spec.disc()
+    disc = spec.sun_disc()
     falling = sky + np.array(disc.irradiance) * math.sin(math.radians(35.0))
     for below in (-1.0, -30.0, -90.0):
         np.testing.assert_allclose(
@@ -123,7 +123,7 @@ def test_ground_reflects_what_falls_on_it() -> None:
 
 def test_sun_outside_the_haze_is_about_a_hundred_kilolux() -> None:
     # Direct sunlight at the ground on a clear day, sun high: 90 to 110 klx (Illuminating Engineering Society).
-    disc = spec_of(sun_elevation=70, turbidity=2, sun=True).disc()
+    disc = spec_of(sun_elevation=70, turbidity=2, sun=True).sun_disc()
     lux = float(np.array(disc.irradiance) @ LUMINANCE) * WHITE_EFFICACY
     assert 85e3 < lux < 115e3
     assert disc.angle == SUN_ANGLE
@@ -132,7 +132,7 @@ def test_sun_outside_the_haze_is_about_a_hundred_kilolux() -> None:
 
 def test_sun_reddens_towards_the_horizon() -> None:
     def ratio(elevation: float) -> float:
-        red, _, blue = spec_of(sun_elevation=elevation, sun=True).disc().irradiance
+        red, _, blue = spec_of(sun_elevation=elevation, sun=True).sun_disc().irradiance
         return red / blue
 
     assert 1.0 < ratio(60.0) < ratio(30.0) < ratio(10.0)

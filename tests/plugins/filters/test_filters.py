@@ -9,13 +9,13 @@ from pydantic import ValidationError
 from scipy.integrate import dblquad, quad
 from scipy.stats import norm
 
-from raytracer.filters.box import Box
-from raytracer.filters.gaussian import Gaussian
-from raytracer.filters.interface import sample_filter
-from raytracer.filters.mitchell import Mitchell
-from raytracer.jit import entry
-from raytracer.kinds import FILTERS
-from raytracer.sampling import Sobol, pixel_key, sample_2d
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.sampling import Sobol, pixel_key, sample_2d
+from raytracer.plugins.filters.base.interface import sample_filter
+from raytracer.plugins.filters.box import Box
+from raytracer.plugins.filters.gaussian import Gaussian
+from raytracer.plugins.filters.mitchell import Mitchell
+from raytracer.schema.registry import FILTERS
 from tests.statistics import cell_integrals, chi2_test
 
 COUNT = 1 << 18

@@ -5,14 +5,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.embree import MISS
-from raytracer.jit import entry
-from raytracer.kinds import LIGHTS
-from raytracer.lights.interface import pdf_light, sample_lights, surroundings
-from raytracer.materials.interface import Draws
-from raytracer.sampling import SAMPLERS, pixel_key
-from raytracer.shutter import Timing
-from raytracer.vec import Vec3
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.embree import MISS
+from raytracer.core.geometry import Hit, Interaction, Site
+from raytracer.core.sampling import SAMPLERS, pixel_key
+from raytracer.core.shutter.timing import Timing
+from raytracer.core.vec import Vec3
+from raytracer.plugins.lights.base.interface import escaped_radiance, pdf_light, sample_lights
+from raytracer.plugins.materials.base.interface import Draws
+from raytracer.schema.registry import LIGHTS
 
 
 class Aimed(NamedTuple):
@@ -59,15 +60,22 @@ def _pdf(scene, table, primitive, origin, points, normals, pdf):
     for index in range(len(pdf)):
         point = (points[index, 0], points[index, 1], points[index, 2])
         normal = (normals[index, 0], normals[index, 1], normals[index, 2])
-        pdf[index] = pdf_light(scene.lights, scene, MISS, table[index], primitive[index], origin, point, normal, None)
+        hit = Hit(point, normal, normal, 0.0, 0.0, 0.0, 0, normal, normal, point)
+        site = Site(point, 0.0, 0.0, 1.0)
+        surface = Interaction(
+            MISS, table[index], primitive[index], hit, site, 0, True, normal, origin, normal, 1.0, None
+        )
+        pdf[index] = pdf_light(scene.lights, scene, surface)
 
 
 @entry
 def _escape(lights, scene, directions, pdf, radiance):
     for index in range(len(directions)):
-        found = surroundings(lights, scene, (directions[index, 0], directions[index, 1], directions[index, 2]), pdf)
+        result = escaped_radiance(
+            lights, scene, (directions[index, 0], directions[index, 1], directions[index, 2]), pdf
+        )
         for axis in range(3):
-            radiance[index, axis] = found[axis]
+            radiance[index, axis] = result[axis]
 
 
 def aim(lights: Any, scene: Any, point: Vec3, count: int, *, seed: int = 3) -> Aimed:
@@ -85,7 +93,7 @@ def pdf_of(scene: Any, table: Any, primitive: Any, origin: Vec3, points: Any, no
 
 
 def escaped(lights: Any, directions: NDArray[np.float64], pdf: float) -> NDArray[np.float64]:
-    """`surroundings` along directions (n, 3) drawn with a density, of lights with nothing else about them: (n, 3)."""
+    """`escaped_radiance` along directions (n, 3) drawn with a density, of lights alone: (n, 3)."""
     radiance = np.empty((len(directions), 3))
     _escape(lights, None, np.ascontiguousarray(directions), pdf, radiance)
     return radiance
@@ -95,4 +103,4 @@ def table_of(kind: str, *items: dict[str, Any]) -> Any:
     """The packed table of lights of a kind, from their keys; the shutter is open for a second, and nothing moves."""
     cls = LIGHTS.specs()[kind]
     lights = [cls.model_validate({"type": kind, **keys}) for keys in items]
-    return cls.pack([light.fired(Timing(0.0, 1.0), (0.0, 0.0, 9.0), False) for light in lights])
+    return cls.pack([light.at_exposure(Timing(0.0, 1.0), (0.0, 0.0, 9.0), False) for light in lights])

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raytracer.geometry import Exact
-from raytracer.scene.pack import pack
-from tests.lights.kernels import aim, pdf_of
-from tests.rendering import image, mean, scene
-from tests.shapes.kernels import built, cast
+from raytracer.core.geometry import Exact
+from raytracer.scene.pack.scene import pack
+from tests.plugins.lights.kernels import aim, pdf_of
+from tests.plugins.shapes.kernels import built, cast
+from tests.small_scenes import image, mean, scene
 
 CAMERA = "camera: {type: pinhole, look_from: [0, 0, 9], look_at: [0, 0, 0], vfov: 40}\n"
 
@@ -79,7 +79,7 @@ def test_samples_fall_on_the_lights_as_often_as_they_are_chosen() -> None:
     start = target - 10.0 * gap[:, None] * direction
     hits = cast(scene_.primitives, start, direction, accel=accel)
     names = [type(table).__name__ for table in scene_.primitives]
-    found = Counter(
+    result = Counter(
         (names[table], int(primitive))
         for table, primitive in zip(hits.table, hits.primitive, strict=True)
         if table >= 0
@@ -87,7 +87,7 @@ def test_samples_fall_on_the_lights_as_often_as_they_are_chosen() -> None:
     total = sum(POWERS.values())
     for row, power in POWERS.items():
         expected = count * power / total
-        assert found[row] == pytest.approx(expected, abs=5.0 * math.sqrt(expected) + 1e-3 * count)
+        assert result[row] == pytest.approx(expected, abs=5.0 * math.sqrt(expected) + 1e-3 * count)
 
 
 def test_density_of_a_sample_is_that_of_the_hit_it_aims_at() -> None:

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.errors import SceneError
-from raytracer.explanation import explain
-from raytracer.kinds import LIGHTS
-from raytracer.lights.flash import Flashes, FlashLight
-from raytracer.lights.interface import Lights
-from raytracer.rendering import render
-from raytracer.scene.pack import pack
-from raytracer.shutter import Timing
-from tests.lights.kernels import arriving_at_times
-from tests.rendering import scene
+from raytracer.analysis.explain import explain
+from raytracer.core.shutter.timing import Timing
+from raytracer.plugins.lights.base.interface import Lights
+from raytracer.plugins.lights.flash import Flashes, FlashLight
+from raytracer.rendering.render import render
+from raytracer.scene.pack.scene import pack
+from raytracer.schema.registry import LIGHTS
+from raytracer.util.errors import SceneError
+from tests.plugins.lights.kernels import arriving_at_times
+from tests.small_scenes import scene
 
 Array = NDArray[np.float64]
 
@@ -30,9 +30,9 @@ def flash(**keys: Any) -> Any:
 
 
 def table(timing: Timing, timed: bool, **keys: Any) -> Flashes:
-    found = FLASH.pack([flash(**keys).fired(timing, PLACE, timed)])
-    assert isinstance(found, Flashes)
-    return found
+    result = FLASH.pack([flash(**keys).at_exposure(timing, PLACE, timed)])
+    assert isinstance(result, Flashes)
+    return result
 
 
 # ---- When
@@ -64,21 +64,21 @@ def test_a_flash_shines_when_its_curtain_says(timing: Timing, keys: dict[str, An
 def test_energy_is_intensity_by_time(timed: bool, duration: str) -> None:
     # Over its pulse, or as a mean over the exposure of 0.5 s.
     for timing in (Timing(2.0, 2.5), RAMPED):
-        found = table(timing, timed, duration=duration)
+        result = table(timing, timed, duration=duration)
         seconds = 0.5
         if timed:
-            seconds = float(found.pulse.end[0] - found.pulse.begin[0]) * (timing.closes - timing.opens)
+            seconds = float(result.pulse.end[0] - result.pulse.begin[0]) * (timing.closes - timing.opens)
         # A time of 2 s has 4e-16, of which 1/20000 s has 1e-11.
-        np.testing.assert_allclose(found.intensity * seconds, [[3.0, 2.0, 0.0]], rtol=1e-11)
+        np.testing.assert_allclose(result.intensity * seconds, [[3.0, 2.0, 0.0]], rtol=1e-11)
 
 
 def test_the_shutter_cuts_off_what_shines_while_it_is_not_fully_open() -> None:
     # From 0.1 s before the ramp's end on, for 0.1 s: transmission 0.5 to 1, so three quarters.
-    found = table(RAMPED, False, duration="0.1 s", offset="-0.1 s")
-    np.testing.assert_allclose(found.intensity * 0.5, [[2.25, 1.5, 0.0]], rtol=1e-12)
+    result = table(RAMPED, False, duration="0.1 s", offset="-0.1 s")
+    np.testing.assert_allclose(result.intensity * 0.5, [[2.25, 1.5, 0.0]], rtol=1e-12)
     # A flash that outlasts a shutter of 0.5 s by as much again.
-    found = table(Timing(0.0, 0.5), False, duration="1 s")
-    np.testing.assert_allclose(found.intensity * 0.5, [[1.5, 1.0, 0.0]], rtol=1e-12)
+    result = table(Timing(0.0, 0.5), False, duration="1 s")
+    np.testing.assert_allclose(result.intensity * 0.5, [[1.5, 1.0, 0.0]], rtol=1e-12)
 
 
 def test_a_flash_is_at_the_camera_unless_placed() -> None:
@@ -89,17 +89,17 @@ camera: {look_from: [0, 0, 5], type: pinhole, shutter: 1, motion: {velocity: [2,
 lights: [{type: flash, energy: 1, curtain: second, duration: 0.25}]
 objects: [{type: sphere, center: [0, 0, 0], radius: 1, material: {type: lambertian}}]
 """
-    (found,) = pack(scene(text, filled=False)).scene.lights.tables
-    np.testing.assert_allclose(found.position, [[1.5, 0, 5]], rtol=1e-15)
+    (result,) = pack(scene(text, filled=False)).scene.lights.tables
+    np.testing.assert_allclose(result.position, [[1.5, 0, 5]], rtol=1e-15)
 
 
 def test_of_many_flashes_those_are_chosen_that_shine() -> None:
     """A stroboscope of ten, each for a tenth of the time but the last, which overlaps the first: no sample is lost."""
     strobe = [flash(position=[0, 2, 0], energy=4.0 * (n + 1), duration="0.1 s", offset=n / 10) for n in range(10)]
     strobe.append(flash(position=[0, 2, 0], energy=[0.0, 400.0, 0.0], duration="0.1 s"))
-    found = FLASH.pack([light.fired(Timing(0.0, 1.25), PLACE, True) for light in strobe])
+    result = FLASH.pack([light.at_exposure(Timing(0.0, 1.25), PLACE, True) for light in strobe])
     times = np.random.default_rng(0).uniform(0, 1.25, 200_000)
-    weight = arriving_at_times(Lights((found,), None), (0.0, 0.0, 0.0), times)
+    weight = arriving_at_times(Lights((result,), None), (0.0, 0.0, 0.0), times)
     number = np.floor(12.5 * times).astype(int)
     for n in range(1, 10):
         # Energy over time and distance squared, without noise.
@@ -136,13 +136,13 @@ ON = "{type: flash, energy: 1, duration: 1 ms}"
     ],
 )
 def test_paths_have_a_time_only_where_the_flash_needs_it(shutter: str, lights: str, motion: str, timed: bool) -> None:
-    found = pack(scene(text_of(shutter, lights, motion), filled=False)).scene
-    assert (found.shutter is not None) == timed
+    result = pack(scene(text_of(shutter, lights, motion), filled=False)).scene
+    assert (result.shutter is not None) == timed
     if timed:
-        assert found.shutter.pulses is not None
-        assert found.lights.tables[0].pulse is not None
+        assert result.shutter.pulses is not None
+        assert result.lights.tables[0].pulse is not None
     else:
-        assert found.lights is None or found.lights.tables[0].pulse is None
+        assert result.lights is None or result.lights.tables[0].pulse is None
 
 
 def test_what_no_surface_is_lit_by_is_left_out() -> None:
@@ -161,7 +161,7 @@ def test_flashes_are_explained() -> None:
     assert effects["light.flash"].active
     assert effects["rolling_shutter"].active
     assert not effects["motion_blur"].active
-    assert effects["light_sampling"].why == "surfaces aim at 1 flash light"
+    assert effects["light_sampling"].why == "next-event estimation samples 1 flash light"
 
 
 # ---- Pictures
@@ -182,9 +182,9 @@ def test_flashes_freeze_what_moves_at_either_end() -> None:
         f"{{type: flash, {FAR}, energy: {energy}, duration: 1/10000 s, curtain: {curtain}}}"
         for energy, curtain in (("[3, 0, 0]", "first"), ("[0, 3, 0]", "second"))
     )
-    found = picture(text_of("shutter: 2", lights, "{velocity: [0.75, 0, 0]}"), spp=256)
+    result = picture(text_of("shutter: 2", lights, "{velocity: [0.75, 0, 0]}"), spp=256)
     for channel, left in ((0, 4), (1, 16)):
-        columns = found[4:28, :, channel].mean(axis=0)
+        columns = result[4:28, :, channel].mean(axis=0)
         right = min(32, left + 24)
         assert not columns[: left - 1].any()
         assert not columns[right + 1 :].any()
@@ -192,15 +192,15 @@ def test_flashes_freeze_what_moves_at_either_end() -> None:
         np.testing.assert_allclose(columns[left + 1 : right - 1], WHITE / 2.0, rtol=0.05)
         assert columns[left + 1 : right - 1].mean() == pytest.approx(WHITE / 2.0, rel=5e-3)
         assert columns[left - 1] < 0.01 * WHITE
-    assert not found[..., 2].any()
+    assert not result[..., 2].any()
 
 
 @pytest.mark.slow
 def test_a_flash_alone_lights_what_rests_as_a_lamp_of_the_same_energy() -> None:
     """In all shutters; the same kernel, in which nothing has a time."""
     for shutter in ("shutter: 0.5", "shutter: {duration: 0.5, opening: trapezoid, ramp: 0.25}"):
-        found = picture(text_of(shutter, f"{{type: flash, {FAR}, energy: 3}}"), spp=16)
-        assert found[8:24, 8:24].mean() == pytest.approx(WHITE / 0.5, rel=1e-3)
+        result = picture(text_of(shutter, f"{{type: flash, {FAR}, energy: 3}}"), spp=16)
+        assert result[8:24, 8:24].mean() == pytest.approx(WHITE / 0.5, rel=1e-3)
 
 
 @pytest.mark.slow
@@ -209,21 +209,21 @@ def test_a_slit_that_is_narrower_than_the_film_shows_the_flash_as_a_band() -> No
     shutter = "shutter: {duration: 0.05, readout: 0.2, curtain: focal_plane, direction: DIRECTION}"
     for direction, rows in (("down", slice(8, 16)), ("up", slice(16, 24))):
         lights = f"{{type: flash, {FAR}, energy: 3, duration: 1 us, offset: -0.1}}"
-        found = picture(text_of(shutter.replace("DIRECTION", direction), lights))[:, 4:28].mean(axis=(1, 2))
+        result = picture(text_of(shutter.replace("DIRECTION", direction), lights))[:, 4:28].mean(axis=(1, 2))
         expected = np.zeros(32)
         expected[rows] = WHITE / 0.05
-        np.testing.assert_allclose(found, expected, rtol=5e-3, atol=0.01 * WHITE / 0.05)
+        np.testing.assert_allclose(result, expected, rtol=5e-3, atol=0.01 * WHITE / 0.05)
     # Where the whole frame is open at once, all of it sees the flash.
     lights = f"{{type: flash, {FAR}, energy: 3, duration: 1 us}}"
-    found = picture(text_of("shutter: {duration: 0.25, readout: 0.2}", lights))
-    np.testing.assert_allclose(found[8:24, 8:24], WHITE / 0.25, rtol=2e-2)
+    result = picture(text_of("shutter: {duration: 0.25, readout: 0.2}", lights))
+    np.testing.assert_allclose(result[8:24, 8:24], WHITE / 0.25, rtol=2e-2)
 
 
 def test_a_flash_outlasts_the_shortest_of_shutters() -> None:
     # It shines all the time that the shutter is open, with its energy over its own duration; in float32 fractions of
     # the shutter's time it would end beyond all numbers.
     flash = FlashLight(position=(0.0, 0.0, 0.0), energy=(2.0, 2.0, 2.0), duration=1e-4)
-    fired = flash.fired(Timing(0.0, 1e-300), (0.0, 0.0, 0.0), timed=True)
+    fired = flash.at_exposure(Timing(0.0, 1e-300), (0.0, 0.0, 0.0), timed=True)
     table = FlashLight.pack([fired])
     assert table is not None
     assert table.pulse is not None

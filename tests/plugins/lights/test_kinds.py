@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.explanation import explain
-from raytracer.kinds import LIGHTS
-from raytracer.lights.interface import Lights, power_heuristic
-from raytracer.scene.pack import pack
-from tests.lights.kernels import aim, escaped, table_of
-from tests.rendering import image, scene
+from raytracer.analysis.explain import explain
+from raytracer.plugins.lights.base.interface import Lights, power_heuristic
+from raytracer.scene.pack.scene import pack
+from raytracer.schema.registry import LIGHTS
+from tests.plugins.lights.kernels import aim, escaped, table_of
+from tests.small_scenes import image, scene
 from tests.statistics import CYLINDER, chi2_test, cylinder
 
 EXAMPLES: dict[str, list[dict[str, Any]]] = {
@@ -225,8 +225,12 @@ def test_both_ways_to_a_disc_share_it() -> None:
 
 def test_only_a_disc_without_a_size_is_parallel_light() -> None:
     spec = LIGHTS.specs()["sun"]
-    assert not spec.model_validate({"type": "sun", "direction": [0, 1, 0], "irradiance": 1, "angle": 0}).is_seen()
-    assert spec.model_validate({"type": "sun", "direction": [0, 1, 0], "irradiance": 1, "angle": 1e-30}).is_seen()
+    assert not spec.model_validate(
+        {"type": "sun", "direction": [0, 1, 0], "irradiance": 1, "angle": 0}
+    ).is_visible_to_paths()
+    assert spec.model_validate(
+        {"type": "sun", "direction": [0, 1, 0], "irradiance": 1, "angle": 1e-30}
+    ).is_visible_to_paths()
 
 
 # ---- In a scene
@@ -312,7 +316,8 @@ def test_explanation_says_what_is_aimed_at() -> None:
         return explain(scene(CAMERA + background + lights + FLOOR, filled=False)).effects
 
     three = effects(THREE, "environment: {type: sky}\n")
-    assert three["light_sampling"].why == "surfaces aim at 1 point light, 1 spot light, 1 sun light, the environment"
+    lights = "1 point light, 1 spot light, 1 sun light, the environment"
+    assert three["light_sampling"].why == f"next-event estimation samples {lights}"
     assert three["environment_sampling"].active
     assert {kind for kind in EXAMPLES if three[f"light.{kind}"].active} == {"point", "spot", "sun"}
     assert three["light.sun"].why == "1 light of 3"

@@ -12,15 +12,21 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.errors import SceneError
-from raytracer.explanation import explain
+from raytracer.analysis.explain import explain
 from raytracer.film.image import Image
-from raytracer.lights.interface import AimedOnly, Lights, Unaimed, weight_aimed, weight_found
-from raytracer.rendering import render
+from raytracer.plugins.lights.base.interface import (
+    Lights,
+    LightSamplingOnly,
+    NoLightSampling,
+    mis_weight_light_sample,
+    mis_weight_path,
+)
+from raytracer.rendering.render import render
 from raytracer.scene.load import build
-from raytracer.scene.pack import pack
+from raytracer.scene.pack.scene import pack
 from raytracer.scene.spec import SceneSpec
-from tests.lights.kernels import escaped, table_of
+from raytracer.util.errors import SceneError
+from tests.plugins.lights.kernels import escaped, table_of
 from tests.repository import REFERENCES
 
 MODES = ("mis", "lights", "paths")
@@ -39,12 +45,12 @@ def spec_of(text: str, mode: str, base: Path | None = None, **settings: Any) -> 
 
 def pictures(text: str, modes: tuple[str, ...] = MODES, base: Path | None = None, **settings: Any) -> dict[str, Image]:
     """The same scene by each of the settings, from random numbers of their own."""
-    found = {}
+    measured = {}
     for seed, mode in enumerate(modes):
         result = render(spec_of(text, mode, base, render__seed=seed, **settings), threads=2)
         assert result.stats.nan_samples == 0
-        found[mode] = result.image
-    return found
+        measured[mode] = result.image
+    return measured
 
 
 def mean(picture: Image) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -56,10 +62,10 @@ def mean(picture: Image) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return value.ravel(), picture.variance.reshape(quarters).sum(axis=(1, 3)).ravel() / (height * width / 4) ** 2
 
 
-def assert_one_mean(found: dict[str, Image], *, noise: float) -> None:
+def assert_one_mean(measured: dict[str, Image], *, noise: float) -> None:
     """All pictures have the same mean within their noise, which is at most this part of it, in each quarter."""
-    for one, other in itertools.combinations(found, 2):
-        (a, variance_a), (b, variance_b) = mean(found[one]), mean(found[other])
+    for one, other in itertools.combinations(measured, 2):
+        (a, variance_a), (b, variance_b) = mean(measured[one]), mean(measured[other])
         deviation = np.sqrt(variance_a + variance_b)
         assert (deviation <= noise * b).all(), f"{one}, {other}: too noisy to tell: {deviation / b}"
         z = (a - b) / (deviation + 1e-9 * b)
@@ -69,23 +75,26 @@ def assert_one_mean(found: dict[str, Image], *, noise: float) -> None:
 # ---- Weights
 
 
-@pytest.mark.parametrize("heuristic", [None, AimedOnly()])
+@pytest.mark.parametrize("heuristic", [None, LightSamplingOnly()])
 def test_light_that_both_ways_find_counts_once(heuristic: Any) -> None:
     for by_light, by_path in ((2.0, 3.0), (1e-300, 1e300), (5.0, 1e-9)):
-        aimed, found = weight_aimed(heuristic, by_light, by_path), weight_found(heuristic, by_path, by_light)
-        assert aimed + found == pytest.approx(1.0)
+        aimed, measured = (
+            mis_weight_light_sample(heuristic, by_light, by_path),
+            mis_weight_path(heuristic, by_path, by_light),
+        )
+        assert aimed + measured == pytest.approx(1.0)
     # Neither infinite densities nor those that rounding has left at 0 make a weight that is no number; what a path
     # finds without choice is its own, even where light samples are as sure of it.
     for pdf in (0.0, 1e-320, 1.0, 1e308, math.inf):
         for other in (0.0, 1e-320, 1.0, 1e308, math.inf):
-            assert 0.0 <= weight_aimed(heuristic, pdf, other) <= 1.0
-            assert 0.0 <= weight_found(heuristic, pdf, other) <= 1.0
-    assert weight_found(heuristic, math.inf, math.inf) == 1.0
+            assert 0.0 <= mis_weight_light_sample(heuristic, pdf, other) <= 1.0
+            assert 0.0 <= mis_weight_path(heuristic, pdf, other) <= 1.0
+    assert mis_weight_path(heuristic, math.inf, math.inf) == 1.0
     # What only one way finds is all its own: light in a mirror, that which is never aimed at, and that of a point.
-    assert weight_found(heuristic, math.inf, 2.0) == 1.0
-    assert weight_found(heuristic, 2.0, 0.0) == 1.0
-    assert weight_aimed(heuristic, math.inf, 2.0) == 1.0
-    assert weight_aimed(heuristic, 2.0, 0.0) == 1.0
+    assert mis_weight_path(heuristic, math.inf, 2.0) == 1.0
+    assert mis_weight_path(heuristic, 2.0, 0.0) == 1.0
+    assert mis_weight_light_sample(heuristic, math.inf, 2.0) == 1.0
+    assert mis_weight_light_sample(heuristic, 2.0, 0.0) == 1.0
 
 
 def test_rays_see_a_disc_by_how_light_is_sampled() -> None:
@@ -93,8 +102,8 @@ def test_rays_see_a_disc_by_how_light_is_sampled() -> None:
     up, bright = np.array([[0.0, 1.0, 0.0]]), 1.0 / (math.pi * math.sin(math.radians(1.0)) ** 2)
     whole = [[bright, 2.0 * bright, 0.0]]
     for pdf in (1e-3, 10.0, 1e6, math.inf):
-        np.testing.assert_allclose(escaped(Unaimed((suns,), None), up, pdf), whole, rtol=1e-12)
-        aimed = escaped(Lights((suns,), None, AimedOnly()), up, pdf)
+        np.testing.assert_allclose(escaped(NoLightSampling((suns,), None), up, pdf), whole, rtol=1e-12)
+        aimed = escaped(Lights((suns,), None, LightSamplingOnly()), up, pdf)
         np.testing.assert_allclose(aimed, whole if math.isinf(pdf) else np.zeros((1, 3)), rtol=1e-12)
 
 
@@ -114,20 +123,20 @@ def test_the_setting_is_part_of_the_type() -> None:
     text = CAMERA + SUN + "environment: {type: sky}\nobjects:\n" + FLOOR + LAMP
     packed = {mode: pack(spec_of(text, mode)).scene for mode in MODES}
     assert packed["mis"].lights.heuristic is None
-    assert isinstance(packed["lights"].lights.heuristic, AimedOnly)
+    assert isinstance(packed["lights"].lights.heuristic, LightSamplingOnly)
     assert [type(table).__name__ for table in packed["lights"].lights.tables] == ["Emitters", "Suns", "Background"]
     # Only what lies at infinity is not in the scene that paths are traced through.
-    assert isinstance(packed["paths"].lights, Unaimed)
+    assert isinstance(packed["paths"].lights, NoLightSampling)
     assert [type(table).__name__ for table in packed["paths"].lights.tables] == ["Suns"]
-    assert packed["paths"].lights.unaimed is packed["paths"].environment
+    assert packed["paths"].lights.background_tables is packed["paths"].environment
     assert pack(spec_of(CAMERA + "objects:\n" + FLOOR + LAMP, "paths")).scene.lights is None
 
 
 @pytest.mark.parametrize("mode", MODES)
 def test_where_nothing_can_be_lit_nothing_is_aimed_at(mode: str) -> None:
     mirror = "  - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: metal, fuzz: 0}}\n"
-    found = pack(spec_of(CAMERA + SUN + "objects:\n" + mirror, mode))
-    assert isinstance(found.scene.lights, Unaimed)
+    measured = pack(spec_of(CAMERA + SUN + "objects:\n" + mirror, mode))
+    assert isinstance(measured.scene.lights, NoLightSampling)
     # And lights that make no difference there are no reason to refuse the scene.
     for lights in (SPOTLIT, PARALLEL):
         assert pack(spec_of(CAMERA + lights + "objects:\n" + mirror, mode)).scene.lights is None
@@ -155,13 +164,13 @@ def test_paths_that_would_miss_a_light_are_refused(text: str, kind: str) -> None
 def test_explanation_says_how_light_is_found() -> None:
     text = CAMERA + "environment: {type: sky, sun: true}\nobjects:\n" + FLOOR + LAMP
     effects = {mode: explain(spec_of(text, mode)).effects for mode in MODES}
-    assert {mode: found["light_sampling"].active for mode, found in effects.items()} == {
+    assert {mode: active["light_sampling"].active for mode, active in effects.items()} == {
         "mis": True,
         "lights": True,
         "paths": False,
     }
     assert "by chance do not count" in effects["lights"]["light_sampling"].why
-    assert "nothing is aimed at" in effects["paths"]["light_sampling"].why
+    assert "no next-event estimation" in effects["paths"]["light_sampling"].why
     assert not effects["paths"]["environment_sampling"].active
     assert "light_sampling is paths" in effects["paths"]["environment_sampling"].why
     assert effects["paths"]["light.sun"].active

@@ -6,13 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.geometry import Site
-from raytracer.jit import entry
-from raytracer.materials.interface import Draws, emission, evaluate, row, scatter
-from raytracer.sampling import SAMPLERS, pixel_key
-from raytracer.spec import Spec
-from raytracer.textures.interface import Book
-from raytracer.vec import Vec3
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.geometry import Site
+from raytracer.core.sampling import SAMPLERS, pixel_key
+from raytracer.core.vec import Vec3
+from raytracer.plugins.materials.base.interface import Draws, emission, evaluate, row, scatter
+from raytracer.plugins.textures.base.interface import ParameterPacker
+from raytracer.schema.spec import Spec
 
 UP = (0.0, 0.0, 1.0)
 SITE = Site((0.1, 0.2, 0.3), 0.25, 0.75, 1.5)
@@ -46,7 +46,7 @@ def _emission(table, front, site):
 
 def packed_row(spec: Spec, site: Site = SITE):
     """The record that the kernels take for one material, at a site."""
-    return row(type(spec).pack([spec], Book()), 0, None, site)
+    return row(type(spec).pack([spec], ParameterPacker()), 0, None, site)
 
 
 def incoming(degrees: float, azimuth: float = 0.4) -> Vec3:
@@ -75,7 +75,7 @@ def evaluate_many(
 def evaluate_row(
     material: NamedTuple, direction: Vec3, outgoing: NDArray[np.float64], *, front: bool = True, normal: Vec3 = UP
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """As `evaluate_many`, of a row."""
+    """Evaluate a row as `evaluate_many` does."""
     value, pdf = np.empty((len(outgoing), 3)), np.empty(len(outgoing))
     _evaluate_many(material, direction, normal, front, np.ascontiguousarray(outgoing), value, pdf)
     return value, pdf
@@ -83,7 +83,7 @@ def evaluate_row(
 
 def emitted(spec: Spec, front: bool) -> Vec3:
     """`emission`."""
-    return tuple(_emission(type(spec).pack([spec], Book()), front, SITE))
+    return tuple(_emission(type(spec).pack([spec], ParameterPacker()), front, SITE))
 
 
 def mirrored(direction: Vec3) -> NDArray[np.float64]:

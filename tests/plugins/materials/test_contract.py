@@ -1,4 +1,4 @@
-"""What every kind of material promises, for each kind that there is."""
+"""Contract of materials, tested for every kind that there is."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.kinds import MATERIALS
-from raytracer.materials.interface import MaterialSpec, SelectorSpec, row
-from raytracer.microfacet import Rows
-from raytracer.textures.interface import Book
-from raytracer.vec import Vec3
-from tests.materials.kernels import (
+from raytracer.core.microfacet import CellBlend
+from raytracer.core.vec import Vec3
+from raytracer.plugins.materials.base.interface import MaterialSpec, SelectorSpec, row
+from raytracer.plugins.textures.base.interface import ParameterPacker
+from raytracer.schema.registry import MATERIALS
+from tests.plugins.materials.kernels import (
     SITE,
     emitted,
     evaluate_many,
@@ -89,8 +89,10 @@ CASES = [
 ]
 
 every_material = pytest.mark.parametrize("spec", CASES)
-every_lit_material = pytest.mark.parametrize("spec", [case for case in CASES if case.values[0].is_lit()])
-every_other_material = pytest.mark.parametrize("spec", [case for case in CASES if not case.values[0].is_lit()])
+every_lit_material = pytest.mark.parametrize("spec", [case for case in CASES if case.values[0].has_non_delta_bsdf()])
+every_other_material = pytest.mark.parametrize(
+    "spec", [case for case in CASES if not case.values[0].has_non_delta_bsdf()]
+)
 every_angle = pytest.mark.parametrize("degrees", ANGLES)
 
 
@@ -100,7 +102,7 @@ def test_every_kind_has_an_example() -> None:
 
 @every_material
 def test_tables_are_contiguous_float64(spec: MaterialSpec) -> None:
-    table = type(spec).pack([spec, spec, spec], Book())
+    table = type(spec).pack([spec, spec, spec], ParameterPacker())
     for column in columns(table):
         assert column.flags.c_contiguous
         assert column.dtype in (np.dtype(np.float64), np.dtype(np.int32), np.dtype(np.bool_))
@@ -267,7 +269,11 @@ def test_normal_and_frame_do_not_matter_but_for_turning_along(spec: MaterialSpec
 @every_material
 def test_only_emitters_emit(spec: MaterialSpec) -> None:
     radiance = {front: emitted(spec, front) for front in (True, False)}
-    assert (spec.exitance(Book()) > 0.0) == spec.emits() == any(any(value) for value in radiance.values())
+    assert (
+        (spec.emitted_power(ParameterPacker()) > 0.0)
+        == spec.is_emissive()
+        == any(any(value) for value in radiance.values())
+    )
     if spec.type == "emitter":
         assert radiance[True] == spec.radiance
         assert radiance[False] == (spec.radiance if spec.two_sided else (0.0, 0.0, 0.0))
@@ -277,14 +283,14 @@ def test_a_row_is_that_of_its_material() -> None:
     kinds = {case.values[0].type for case in CASES}
     for kind in sorted(kinds):
         specs = [case.values[0] for case in CASES if case.values[0].type == kind]
-        table = type(specs[0]).pack(specs, Book())
+        table = type(specs[0]).pack(specs, ParameterPacker())
         for number, spec in enumerate(specs):
             assert_same(row(table, number, None, SITE), packed_row(spec))
 
 
 def assert_same(a: Any, b: Any) -> None:
     """Rows are equal in all but where they stand in tables."""
-    if isinstance(a, Rows):
+    if isinstance(a, CellBlend):
         assert a.blend == b.blend
     elif isinstance(a, tuple) and hasattr(a, "_fields"):
         for x, y in zip(a, b, strict=True):

@@ -5,25 +5,26 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.geometry import Site
-from raytracer.glass import CATALOGUE, glass_of
-from raytracer.materials.dielectric import Dielectric, DielectricRow
-from raytracer.materials.interface import Draws, eta_at, pack_dispersion, row, scatter
-from raytracer.materials.rough_dielectric import RoughDielectric
-from raytracer.materials.thin_dielectric import ThinDielectric
-from raytracer.optics import fresnel_dielectric
-from raytracer.sampling import SAMPLERS, pixel_key
-from raytracer.spectra import ALONE, TOGETHER, Hue, basis_at, spectra
-from raytracer.textures.interface import Book
-from tests.materials.kernels import UP, _scatter_many, evaluate_row, incoming
+from raytracer.core.fresnel import fresnel_dielectric
+from raytracer.core.geometry import Site
+from raytracer.core.sampling import SAMPLERS, pixel_key
+from raytracer.core.spectra import TERMINATE_ON_HIT, TERMINATE_ON_REFRACTION, PathWavelengths, basis_at, spectra
+from raytracer.optics.glass import CATALOGUE, parse_glass
+from raytracer.plugins.materials.base.clear import eta_at, pack_dispersion
+from raytracer.plugins.materials.base.interface import Draws, row, scatter
+from raytracer.plugins.materials.dielectric import Dielectric, DielectricRow
+from raytracer.plugins.materials.rough_dielectric import RoughDielectric
+from raytracer.plugins.materials.thin_dielectric import ThinDielectric
+from raytracer.plugins.textures.base.interface import ParameterPacker
+from tests.plugins.materials.kernels import UP, _scatter_many, evaluate_row, incoming
 
 WAVES = (450.0, 550.0, 650.0)
 
 
-def hue_of(*wavelengths: float, number: int = 0) -> Hue:
+def hue_of(*wavelengths: float, number: int = 0) -> PathWavelengths:
     """Light of one wavelength or three (nm), of which one is refracted."""
     waves = (*wavelengths, *wavelengths, *wavelengths)[:3]
-    return Hue(
+    return PathWavelengths(
         float(len(wavelengths)), np.int64(number), waves, *(basis_at(spectra(), wavelength) for wavelength in waves)
     )
 
@@ -33,7 +34,7 @@ def site_of(*wavelengths: float, distance: float = 1.0, number: int = 0) -> Site
 
 
 def row_of(spec: Dielectric | RoughDielectric, site: Site, *others: Dielectric | RoughDielectric):
-    return row(type(spec).pack([spec, *others], Book()), 0, None, site)
+    return row(type(spec).pack([spec, *others], ParameterPacker()), 0, None, site)
 
 
 def scattered(material, direction, count: int, front: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -55,8 +56,8 @@ def test_a_prism_bends_light_by_the_formula_of_least_deviation(wavelength: float
     draws = Draws(SAMPLERS["independent"](7, 1), pixel_key(SAMPLERS["independent"](7, 1), 0, 0), 0, 8)
     inwards = tuple(-component for component in second)
     assert np.dot(within, inwards) > 0.0
-    found = [scatter(prism, within, second, False, draws._replace(index=index)) for index in range(50)]
-    out = next(one.direction for one in found if np.dot(one.direction, second) < 0.0)
+    result = [scatter(prism, within, second, False, draws._replace(index=index)) for index in range(50)]
+    out = next(one.direction for one in result if np.dot(one.direction, second) < 0.0)
     deviation = math.acos(np.clip(np.dot(direction, out), -1.0, 1.0))
     # The table of indices is linear between half nanometres.
     assert deviation == pytest.approx(2.0 * incidence - apex, abs=3e-6)
@@ -67,8 +68,8 @@ def test_indices_between_those_of_the_table_are_right_to_a_millionth(name: str) 
     dispersion = pack_dispersion([Dielectric(ior=name)])
     assert dispersion is not None
     wavelengths = np.random.default_rng(2).uniform(380.0, 780.0, 2000)
-    found = [eta_at(dispersion, 0, wavelength) for wavelength in wavelengths]
-    np.testing.assert_allclose(found, CATALOGUE[name].ior(wavelengths), rtol=0.0, atol=1e-6)
+    result = [eta_at(dispersion, 0, wavelength) for wavelength in wavelengths]
+    np.testing.assert_allclose(result, CATALOGUE[name].ior(wavelengths), rtol=0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize("front", [True, False])
@@ -81,8 +82,8 @@ def test_each_wavelength_is_reflected_as_often_as_fresnel_says(degrees: float, n
     expected = np.array([fresnel_dielectric(abs(direction[2]), eta)[0] for eta in etas])
     back = outgoing[:, 2] > 0.0
     assert np.isinf(pdf).all()
-    found = np.where(back[:, None], weight, 0.0).mean(axis=0)
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=5.0 * math.sqrt(0.25 / count))
+    result = np.where(back[:, None], weight, 0.0).mean(axis=0)
+    np.testing.assert_allclose(result, expected, rtol=0.0, atol=5.0 * math.sqrt(0.25 / count))
     # Each has a way of its own where it is refracted.
     through = weight[~back]
     assert not np.delete(through, number, axis=1).any()
@@ -101,7 +102,7 @@ def test_light_of_one_wavelength_is_met_as_by_plain_glass() -> None:
 def test_what_has_one_index_takes_no_part_in_it() -> None:
     plain, flint = Dielectric(ior=1.5, absorption=[1.0, 2.0, 3.0]), Dielectric(ior="N-SF11")
     beside = row_of(plain, site_of(*WAVES), flint)
-    alone = row(Dielectric.pack([plain], Book()), 0, None, Site((0.0, 0.0, 0.0), 0.0, 0.0, 1.0))
+    alone = row(Dielectric.pack([plain], ParameterPacker()), 0, None, Site((0.0, 0.0, 0.0), 0.0, 0.0, 1.0))
     assert isinstance(alone, DielectricRow)
     for front in (True, False):
         for one, other in zip(*(scattered(one, incoming(40.0), 1000, front) for one in (beside, alone)), strict=True):
@@ -110,9 +111,9 @@ def test_what_has_one_index_takes_no_part_in_it() -> None:
 
 def test_coloured_glass_takes_of_each_wavelength_what_its_colour_says() -> None:
     spec = Dielectric(ior="N-BK7", attenuation_color=[0.9, 0.3, 0.1], attenuation_distance=0.5)
-    found = row_of(spec, site_of(*WAVES, distance=0.5)).kept_inside
+    result = row_of(spec, site_of(*WAVES, distance=0.5)).transmittance_inside
     expected = [basis_at(spectra(), wavelength) @ np.array([0.9, 0.3, 0.1]) for wavelength in WAVES]
-    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    np.testing.assert_allclose(result, expected, rtol=1e-12)
 
 
 def test_rough_glass_draws_by_its_pdf_at_each_wavelength() -> None:
@@ -128,7 +129,7 @@ def test_rough_glass_draws_by_its_pdf_at_each_wavelength() -> None:
 
 def test_rough_glass_between_one_index_and_many_keeps_its_own_deficits() -> None:
     plain, flint = RoughDielectric(ior=1.5, roughness=0.5), RoughDielectric(ior="N-SF11", roughness=0.5)
-    table = RoughDielectric.pack([flint, plain], Book())
+    table = RoughDielectric.pack([flint, plain], ParameterPacker())
     site = site_of(420.0)
     beside, alone = row(table, 1, None, site), row_of(plain, site)
     outgoing, _, pdf = scattered(alone, incoming(30.0), 100)
@@ -137,25 +138,25 @@ def test_rough_glass_between_one_index_and_many_keeps_its_own_deficits() -> None
 
 
 def test_materials_say_how_they_part_wavelengths() -> None:
-    assert Dielectric(ior="N-SF11").parting() == TOGETHER
-    assert RoughDielectric(ior="N-SF11").parting() == ALONE
-    assert Dielectric(ior=1.3, outside_ior="water").parting() == TOGETHER
-    assert Dielectric(ior=1.5, outside_ior=1.3).parting() == 0
+    assert Dielectric(ior="N-SF11").dispersion_mode() == TERMINATE_ON_REFRACTION
+    assert RoughDielectric(ior="N-SF11").dispersion_mode() == TERMINATE_ON_HIT
+    assert Dielectric(ior=1.3, outside_ior="water").dispersion_mode() == TERMINATE_ON_REFRACTION
+    assert Dielectric(ior=1.5, outside_ior=1.3).dispersion_mode() == 0
 
 
 def test_boundaries_between_what_disperses() -> None:
     flint, water = CATALOGUE["N-SF11"], CATALOGUE["water"]
     solid = Dielectric(ior="N-SF11", priority=2)
-    filling = solid.filling()
+    filling = solid.interior_medium()
     assert filling is not None
     assert filling.ior == flint
     # The same glass on both sides is no boundary.
-    assert solid.against(flint) is None
-    assert Dielectric(ior="N-SF11", outside_ior="N-SF11").is_nothing()
-    wet = solid.against(water)
+    assert solid.as_boundary_to(flint) is None
+    assert Dielectric(ior="N-SF11", outside_ior="N-SF11").is_index_matched()
+    wet = solid.as_boundary_to(water)
     assert isinstance(wet, Dielectric)
     assert wet.eta(450.0) == pytest.approx(float(flint.ior(450.0)) / float(water.ior(450.0)), rel=1e-15)
-    assert wet.against(glass_of(1.0)).eta(450.0) == float(flint.ior(450.0))
+    assert wet.as_boundary_to(parse_glass(1.0)).eta(450.0) == float(flint.ior(450.0))
 
 
 def test_a_plain_number_is_the_index_that_it_was() -> None:

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.materials.dielectric import Dielectric
-from raytracer.materials.emitter import Emitter
-from raytracer.materials.lambertian import Lambertian
-from raytracer.materials.metal import Metal, pdf_fuzz
-from raytracer.textures.interface import Book
-from tests.materials.kernels import emitted, evaluate_many, incoming, mirrored, scatter_many
+from raytracer.plugins.materials.dielectric import Dielectric
+from raytracer.plugins.materials.emitter import Emitter
+from raytracer.plugins.materials.lambertian import Lambertian
+from raytracer.plugins.materials.metal import Metal, pdf_fuzz
+from raytracer.plugins.textures.base.interface import ParameterPacker
+from tests.plugins.materials.kernels import emitted, evaluate_many, incoming, mirrored, scatter_many
 
 RNG = np.random.default_rng(11)
 
@@ -180,4 +180,4 @@ def test_emitter_by_its_sides() -> None:
     assert emitted(Emitter(radiance=(1.0, 2.0, 3.0)), False) == (0.0, 0.0, 0.0)
     assert emitted(Emitter(radiance=(1.0, 2.0, 3.0), two_sided=True), False) == (1.0, 2.0, 3.0)
     # Twice the sides, twice the power: how often the light is chosen.
-    assert Emitter(radiance=(1.0, 2.0, 3.0), two_sided=True).exitance(Book()) == 12.0
+    assert Emitter(radiance=(1.0, 2.0, 3.0), two_sided=True).emitted_power(ParameterPacker()) == 12.0

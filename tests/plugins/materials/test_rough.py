@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.materials.dielectric import Dielectric
-from raytracer.materials.interface import row
-from raytracer.materials.rough_conductor import METALS, RoughConductor
-from raytracer.materials.rough_dielectric import RoughDielectric
-from raytracer.microfacet import SMOOTH_ALPHA
-from raytracer.optics import fresnel_conductor, fresnel_dielectric
-from raytracer.textures.checker import Checker
-from raytracer.textures.interface import Book, textures_of
-from tests.materials.kernels import (
+from raytracer.core.fresnel import fresnel_conductor, fresnel_dielectric
+from raytracer.core.microfacet import SMOOTH_ALPHA
+from raytracer.plugins.materials.base.interface import row
+from raytracer.plugins.materials.dielectric import Dielectric
+from raytracer.plugins.materials.rough_conductor import METALS, RoughConductor
+from raytracer.plugins.materials.rough_dielectric import RoughDielectric
+from raytracer.plugins.textures.base.interface import ParameterPacker, textures_of
+from raytracer.plugins.textures.checker import Checker
+from tests.plugins.materials.kernels import (
     SITE,
     evaluate_many,
     evaluate_row,
@@ -156,7 +156,7 @@ def test_white_furnace_of_a_textured_roughness_closes(roughness: float) -> None:
     grey = Checker(even=(roughness,) * 3, odd=(roughness,) * 3)
     for kind, more in ((RoughConductor, WHITE_METAL), (RoughDielectric, {})):
         spec = kind(**more, roughness=grey)
-        book = Book(used=textures_of(spec))
+        book = ParameterPacker(used=textures_of(spec))
         material = row(type(spec).pack([spec], book), 0, book.tables, SITE)
         assert material.alpha == pytest.approx(roughness**2, rel=1e-12)
         for degrees in (0.0, 60.0, 85.0):
@@ -245,9 +245,9 @@ def test_glass_at_no_roughness_is_smooth_glass(front: bool) -> None:
             expected, _, _ = scatter_many(Dielectric(ior=1.5), direction, 20_000, front=front)
             # The same directions, and as often.
             for sign in (1.0, -1.0):
-                found, wanted = outgoing[sign * outgoing[:, 2] > 0.0], expected[sign * expected[:, 2] > 0.0]
-                assert abs(len(found) - len(wanted)) < 5.0 * math.sqrt(2.0 * (1.0 + len(wanted)))
-                np.testing.assert_allclose(found, np.broadcast_to(wanted[:1], found.shape), rtol=0.0, atol=1e-12)
+                result, wanted = outgoing[sign * outgoing[:, 2] > 0.0], expected[sign * expected[:, 2] > 0.0]
+                assert abs(len(result) - len(wanted)) < 5.0 * math.sqrt(2.0 * (1.0 + len(wanted)))
+                np.testing.assert_allclose(result, np.broadcast_to(wanted[:1], result.shape), rtol=0.0, atol=1e-12)
             assert (weight == 1.0).all()
             assert np.isinf(pdf).all()
 

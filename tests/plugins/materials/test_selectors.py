@@ -7,26 +7,19 @@ import numba
 import numpy as np
 import pytest
 
-from raytracer.geometry import Site
-from raytracer.jit import entry
-from raytracer.materials.cutout import Cutout
-from raytracer.materials.emitter import Emitter
-from raytracer.materials.interface import (
-    PASS,
-    Draws,
-    MaterialSpec,
-    chance,
-    emission_shown,
-    select_again,
-    select_at,
-)
-from raytracer.materials.lambertian import Lambertian
-from raytracer.materials.mixture import Mixture
-from raytracer.sampling import pixel_key
-from raytracer.scene.materials import pack_materials, parts, resolved
-from raytracer.scene.pack import pack
-from raytracer.textures.interface import Book
-from tests.rendering import scene
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.geometry import Site
+from raytracer.core.sampling import pixel_key
+from raytracer.plugins.materials.base.dispatch import select_at, select_for_shadow_ray, selected_emission
+from raytracer.plugins.materials.base.interface import PASSTHROUGH, Draws, MaterialSpec, split_random_number
+from raytracer.plugins.materials.cutout import Cutout
+from raytracer.plugins.materials.emitter import Emitter
+from raytracer.plugins.materials.lambertian import Lambertian
+from raytracer.plugins.materials.mixture import Mixture
+from raytracer.plugins.textures.base.interface import ParameterPacker
+from raytracer.scene.pack.materials import collect_components, pack_materials, resolve_material
+from raytracer.scene.pack.scene import pack
+from tests.small_scenes import scene
 
 HEAD = """
 camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0]}
@@ -47,7 +40,7 @@ def _chosen(scene, reference, front, site, again, result):
     for index in range(len(result)):
         draws = Draws(scene.sampler, key, index, 8)
         if again:
-            result[index] = select_again(scene.selectors, scene, reference, front, site, draws)
+            result[index] = select_for_shadow_ray(scene.selectors, scene, reference, front, site, draws)
         else:
             result[index] = select_at(scene.selectors, scene, reference, front, site, draws)
 
@@ -57,7 +50,7 @@ def _shown(scene, reference, front, site, result):
     key = pixel_key(scene.sampler, 0, 0)
     for index in range(len(result)):
         draws = Draws(scene.sampler, key, index, 8)
-        red, green, blue = emission_shown(scene.selectors, scene, reference, front, site, draws)
+        red, green, blue = selected_emission(scene.selectors, scene, reference, front, site, draws)
         result[index, 0], result[index, 1], result[index, 2] = red, green, blue
 
 
@@ -72,23 +65,23 @@ def packed(material: str) -> tuple[Any, int]:
 
 
 def shares(material: str, *, front: bool = True) -> dict[Any, float]:
-    """How often which material shows: by albedo or radiance of its red, None for nothing."""
+    """Count how often each material shows: by albedo or radiance of its red, None for nothing."""
     world, reference = packed(material)
-    found: list[dict[Any, float]] = []
+    measured: list[dict[Any, float]] = []
     for again in (False, True):
         result = np.empty(COUNT, np.int64)
         _chosen(world, reference, front, SITE, again, result)
         kinds = len(world.materials) + len(world.selectors.tables)
         counts = Counter(result.tolist())
-        found.append({})
+        measured.append({})
         for chosen, count in counts.items():
-            table = world.materials[chosen % kinds] if chosen != PASS else None
+            table = world.materials[chosen % kinds] if chosen != PASSTHROUGH else None
             name = None if table is None else float(next(iter(table)).values[chosen // kinds, 0])
-            found[-1][name] = count / COUNT
-    for name, share in found[0].items():
+            measured[-1][name] = count / COUNT
+    for name, share in measured[0].items():
         # A path and a light that is aimed at choose alike, by other numbers.
-        assert found[1][name] == pytest.approx(share, abs=6.0 / np.sqrt(COUNT))
-    return found[0]
+        assert measured[1][name] == pytest.approx(share, abs=6.0 / np.sqrt(COUNT))
+    return measured[0]
 
 
 def about(expected: dict[Any, float]) -> Any:
@@ -154,19 +147,19 @@ def test_without_a_choice_there_is_no_selector(material: str) -> None:
     world, reference = packed(material)
     plain, of_plain = packed("clay")
     assert reference == of_plain
-    assert (world.selectors, world.passage) == (None, None)
+    assert (world.selectors, world.transparency) == (None, None)
     assert numba.typeof(world) == numba.typeof(plain)
     assert np.array_equal(world.materials[0].albedo.values, plain.materials[0].albedo.values)
 
 
 def test_only_what_has_holes_lets_pass() -> None:
-    assert packed("{type: mixture, materials: [clay, chalk]}")[0].passage is None
-    assert packed("{type: mixture, materials: [clay, {type: cutout, material: chalk}]}")[0].passage is not None
+    assert packed("{type: mixture, materials: [clay, chalk]}")[0].transparency is None
+    assert packed("{type: mixture, materials: [clay, {type: cutout, material: chalk}]}")[0].transparency is not None
 
 
 def test_relief_of_a_selector_is_its_childrens() -> None:
     own = Lambertian(bump="waves", bump_height=0.3)
-    mixed = resolved(Mixture(materials=("a", own), bump="sand", bump_height=0.1), {"a": Lambertian()})
+    mixed = resolve_material(Mixture(materials=("a", own), bump="sand", bump_height=0.1), {"a": Lambertian()})
     children = list(mixed.children().values())
     assert [(child.bump, child.bump_height) for child in children] == [("sand", 0.1), ("waves", 0.3)]
 
@@ -174,29 +167,29 @@ def test_relief_of_a_selector_is_its_childrens() -> None:
 def test_exitance_is_the_weighted_one() -> None:
     lamp = Emitter(radiance=(1.0, 2.0, 3.0))
     clay = Lambertian()
-    assert Mixture(materials=(clay, lamp), weight=0.25).exitance(Book()) == pytest.approx(1.5)
-    assert Cutout(material=lamp, opacity=0.5).exitance(Book()) == pytest.approx(3.0)
+    assert Mixture(materials=(clay, lamp), weight=0.25).emitted_power(ParameterPacker()) == pytest.approx(1.5)
+    assert Cutout(material=lamp, opacity=0.5).emitted_power(ParameterPacker()) == pytest.approx(3.0)
 
 
 def test_equal_parts_are_packed_once() -> None:
     used: list[MaterialSpec] = [
-        resolved(Mixture(materials=(Lambertian(), Emitter(radiance=(1.0, 1.0, 1.0))), weight=0.25), {}),
-        resolved(Cutout(material=Lambertian(), opacity=0.5), {}),
+        resolve_material(Mixture(materials=(Lambertian(), Emitter(radiance=(1.0, 1.0, 1.0))), weight=0.25), {}),
+        resolve_material(Cutout(material=Lambertian(), opacity=0.5), {}),
         Lambertian(),
     ]
-    assert len(list(parts(used))) == 6
-    tables = pack_materials(used, [None] * 3, Book()).tables
+    assert len(list(collect_components(used))) == 6
+    tables = pack_materials(used, [None] * 3, ParameterPacker()).tables
     assert [len(next(iter(table)).values) for table in tables] == [1, 1]
 
 
 def test_what_is_left_of_a_number_is_uniform() -> None:
     u = (np.arange(1000) + 0.5) / 1000
-    hits = [chance(float(value), 0.3) for value in u]
+    hits = [split_random_number(float(value), 0.3) for value in u]
     there = np.array([rest for hit, rest in hits if hit])
     gone = np.array([rest for hit, rest in hits if not hit])
     assert len(there) == 300
     for rest in (there, gone):
         np.testing.assert_allclose(rest, (np.arange(len(rest)) + 0.5) / len(rest), rtol=1e-9)
-    assert not chance(0.0, 0.0)[0]
-    assert chance(1.0 - 2.0**-53, 1.0)[0]
-    assert chance(1.0 - 2.0**-53, 0.5)[1] < 1.0
+    assert not split_random_number(0.0, 0.0)[0]
+    assert split_random_number(1.0 - 2.0**-53, 1.0)[0]
+    assert split_random_number(1.0 - 2.0**-53, 0.5)[1] < 1.0

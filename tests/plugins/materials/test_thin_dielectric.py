@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.geometry import Site
-from raytracer.materials.dielectric import Dielectric
-from raytracer.materials.interface import row
-from raytracer.materials.thin_dielectric import ThinDielectric, pane_reflectance
-from raytracer.optics import fresnel_dielectric
-from raytracer.textures.interface import Book
-from tests.materials.kernels import incoming, mirrored, scatter_many
-from tests.rendering import image, mean
+from raytracer.core.fresnel import fresnel_dielectric
+from raytracer.core.geometry import Site
+from raytracer.plugins.materials.base.interface import row
+from raytracer.plugins.materials.dielectric import Dielectric
+from raytracer.plugins.materials.thin_dielectric import ThinDielectric, pane_reflectance
+from raytracer.plugins.textures.base.interface import ParameterPacker
+from tests.plugins.materials.kernels import incoming, mirrored, scatter_many
+from tests.small_scenes import image, mean
 
 
 @pytest.mark.parametrize("ior", [1.33, 1.5, 2.4])
@@ -54,23 +54,25 @@ def test_a_pane_of_nothing_is_not_seen() -> None:
 
 def test_absorption_is_by_the_way_inside() -> None:
     glass = Dielectric(absorption=(0.0, 1.0, 10.0), outside_absorption=(3.0, 0.0, 0.0))
-    table = Dielectric.pack([glass], Book())
+    table = Dielectric.pack([glass], ParameterPacker())
     for distance in (0.0, 0.25, 2.0):
         material = row(table, 0, None, Site((0.0, 0.0, 0.0), 0.0, 0.0, distance))
-        np.testing.assert_allclose(material.kept_inside, np.exp(-np.array([0.0, 1.0, 10.0]) * distance), rtol=1e-15)
-        np.testing.assert_allclose(material.kept_outside, (math.exp(-3.0 * distance), 1.0, 1.0), rtol=1e-15)
+        np.testing.assert_allclose(
+            material.transmittance_inside, np.exp(-np.array([0.0, 1.0, 10.0]) * distance), rtol=1e-15
+        )
+        np.testing.assert_allclose(material.transmittance_outside, (math.exp(-3.0 * distance), 1.0, 1.0), rtol=1e-15)
 
 
 def test_attenuation_has_its_color_after_its_distance() -> None:
     glass = Dielectric(attenuation_color=(0.25, 0.5, 1.0), attenuation_distance=0.02)
-    table = Dielectric.pack([glass], Book())
+    table = Dielectric.pack([glass], ParameterPacker())
     for distance, power in ((0.02, 1.0), (0.06, 3.0)):
         material = row(table, 0, None, Site((0.0, 0.0, 0.0), 0.0, 0.0, distance))
-        np.testing.assert_allclose(material.kept_inside, (0.25**power, 0.5**power, 1.0), rtol=1e-14)
+        np.testing.assert_allclose(material.transmittance_inside, (0.25**power, 0.5**power, 1.0), rtol=1e-14)
 
 
 def test_clear_glass_has_no_absorption_compiled_in() -> None:
-    assert Dielectric.pack([Dielectric(), Dielectric(absorption=(0.0, 0.0, 0.0))], Book()).absorption is None
+    assert Dielectric.pack([Dielectric(), Dielectric(absorption=(0.0, 0.0, 0.0))], ParameterPacker()).absorption is None
 
 
 @pytest.mark.slow

@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.jit import entry
-from raytracer.materials.interface import SLOTS, Draws
-from raytracer.media.interface import (
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.sampling import SAMPLERS, pixel_key
+from raytracer.core.vec import Vec3
+from raytracer.plugins.materials.base.interface import DIMENSIONS_PER_SEGMENT, Draws
+from raytracer.plugins.media.base.interface import (
     MediumSpec,
     evaluate_phase,
-    fly,
     row,
-    scatter_phase,
+    sample_distance,
+    sample_phase,
     transmittance,
 )
-from raytracer.sampling import SAMPLERS, pixel_key
-from raytracer.vec import Vec3
 
 WHITE = (1.0, 1.0, 1.0)
 
@@ -27,8 +27,8 @@ WHITE = (1.0, 1.0, 1.0)
 def _fly_many(table, index, origin, direction, distance, throughput, sampler, far, weight, numbers):
     key = pixel_key(sampler, 0, 0)
     for number in range(len(far)):
-        draws = Draws(sampler, key, number, SLOTS)
-        flight = fly(row(table, index), origin, direction, distance, throughput, draws, 0)
+        draws = Draws(sampler, key, number, DIMENSIONS_PER_SEGMENT)
+        flight = sample_distance(row(table, index), origin, direction, distance, throughput, draws, 0)
         far[number] = flight.distance
         for channel in range(3):
             weight[number, channel] = flight.weight[channel]
@@ -39,7 +39,7 @@ def _fly_many(table, index, origin, direction, distance, throughput, sampler, fa
 def _transmittance_many(table, index, origin, direction, distance, sampler, out):
     key = pixel_key(sampler, 0, 0)
     for number in range(len(out)):
-        draws = Draws(sampler, key, number, SLOTS)
+        draws = Draws(sampler, key, number, DIMENSIONS_PER_SEGMENT)
         through, _ = transmittance(row(table, index), origin, direction, distance, draws, 0)
         for channel in range(3):
             out[number, channel] = through[channel]
@@ -49,7 +49,7 @@ def _transmittance_many(table, index, origin, direction, distance, sampler, out)
 def _scatter_many(table, index, direction, u, outgoing, pdf, again):
     medium = row(table, index)
     for number in range(len(pdf)):
-        out, pdf[number] = scatter_phase(medium, direction, u[number, 0], u[number, 1])
+        out, pdf[number] = sample_phase(medium, direction, u[number, 0], u[number, 1])
         again[number] = evaluate_phase(medium, direction, out)
         for axis in range(3):
             outgoing[number, axis] = out[axis]

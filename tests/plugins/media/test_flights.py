@@ -8,11 +8,12 @@ import pytest
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from raytracer.media.grid import BLOCK, MOST_THICK, Grid, block_maxima
-from raytracer.media.homogeneous import Homogeneous
-from raytracer.media.interface import FLIGHT_NUMBERS
-from raytracer.vec import Vec3
-from tests.media.kernels import fly_many, packed, transmittance_many
+from raytracer.core.vec import Vec3
+from raytracer.plugins.media.base.interface import NUMBERS_PER_DISTANCE
+from raytracer.plugins.media.base.voxel_traversal import BLOCK
+from raytracer.plugins.media.grid import MAX_OPTICAL_THICKNESS, Grid, block_majorants
+from raytracer.plugins.media.homogeneous import Homogeneous
+from tests.plugins.media.kernels import fly_many, packed, transmittance_many
 
 COUNT = 200_000
 
@@ -63,8 +64,8 @@ def test_a_slab_lets_through_and_scatters_what_beers_law_says(
 def test_transmittance_is_exact(spec: Homogeneous) -> None:
     extinction, _ = coefficients(spec)
     for distance in (0.0, 1.3, 1e5):
-        found = transmittance_many(packed(spec), 2, distance=distance)
-        np.testing.assert_allclose(found[0], np.exp(-extinction * distance), rtol=1e-14)
+        result = transmittance_many(packed(spec), 2, distance=distance)
+        np.testing.assert_allclose(result[0], np.exp(-extinction * distance), rtol=1e-14)
     # To infinity, nothing comes through but what nothing is taken from.
     np.testing.assert_array_equal(transmittance_many(packed(spec), 1)[0], extinction == 0.0)
 
@@ -108,8 +109,8 @@ def test_extreme_coefficients_make_no_nan(extinction: float, distance: float) ->
 def test_a_row_is_that_of_its_medium() -> None:
     table = packed(GREY, COLOURED)
     for index, spec in enumerate((GREY, COLOURED)):
-        found = transmittance_many(table, 1, index=index, distance=0.4)[0]
-        np.testing.assert_allclose(found, np.exp(-0.4 * coefficients(spec)[0]), rtol=1e-14)
+        result = transmittance_many(table, 1, index=index, distance=0.4)[0]
+        np.testing.assert_allclose(result, np.exp(-0.4 * coefficients(spec)[0]), rtol=1e-14)
 
 
 # ---- Grid
@@ -155,8 +156,8 @@ def test_a_grids_transmittance_is_that_of_its_integral(ray: str) -> None:
     table = grid(RANDOM, extinction=4.0, albedo=(0.9, 0.5, 0.1))
     for distance in (0.9, math.inf):
         expected = math.exp(-4.0 * thickness(RANDOM, origin, direction, min(distance, 4.0)))
-        found = transmittance_many(table, COUNT, origin=origin, direction=direction, distance=distance)
-        assert_means(found, np.full(3, expected))
+        result = transmittance_many(table, COUNT, origin=origin, direction=direction, distance=distance)
+        assert_means(result, np.full(3, expected))
         far, weight, _ = fly_many(table, COUNT, origin=origin, direction=direction, distance=distance)
         scattered = np.isfinite(far)
         assert_means(1.0 - scattered[:, None], np.full(1, expected))
@@ -171,8 +172,8 @@ def test_a_linear_density_is_interpolated_exactly() -> None:
     ramp = np.broadcast_to((np.arange(n) + 0.5) / n, (2, 2, n))
     for z0, z1 in ((0.1, 0.9), (0.25, 0.3)):
         origin = (0.5, 0.5, z0)
-        found = transmittance_many(grid(ramp, extinction=3.0), COUNT, origin=origin, distance=z1 - z0)
-        assert_means(found, np.full(3, math.exp(-1.5 * (z1**2 - z0**2))))
+        result = transmittance_many(grid(ramp, extinction=3.0), COUNT, origin=origin, distance=z1 - z0)
+        assert_means(result, np.full(3, math.exp(-1.5 * (z1**2 - z0**2))))
 
 
 def test_flights_end_where_the_density_is() -> None:
@@ -197,8 +198,8 @@ def test_a_constant_grid_is_homogeneous() -> None:
     # All collisions are real, so one number a flight is enough; and ratio tracking knows it at once.
     _, _, numbers = fly_many(table, 1000, distance=0.8)
     assert (numbers == 1).all()
-    found = transmittance_many(table, 1000, distance=0.8)
-    assert set(np.unique(found).tolist()) <= {0.0, 1.0}
+    result = transmittance_many(table, 1000, distance=0.8)
+    assert set(np.unique(result).tolist()) <= {0.0, 1.0}
 
 
 def test_the_box_may_be_anywhere() -> None:
@@ -216,12 +217,12 @@ def test_the_box_may_be_anywhere() -> None:
         extinction=0.3,
     )
     # Voxels' middles are at 2 and 6 of its z: none before 12 in x, then a ramp to 16, all of it to 18.
-    found = transmittance_many(table, COUNT, origin=(0.0, 1.0, -1.0), direction=(1.0, 0.0, 0.0))
-    assert_means(found, np.full(3, math.exp(-0.3 * (0.5 * 4.0 + 2.0))))
+    result = transmittance_many(table, COUNT, origin=(0.0, 1.0, -1.0), direction=(1.0, 0.0, 0.0))
+    assert_means(result, np.full(3, math.exp(-0.3 * (0.5 * 4.0 + 2.0))))
 
 
 def test_blocks_bound_what_is_interpolated_in_them() -> None:
-    bound = block_maxima(RANDOM)
+    bound = block_majorants(RANDOM)
     assert bound.shape == (3, 1, 3)
     assert bound.dtype == np.float32
     for x, y, z in np.ndindex(*bound.shape):
@@ -247,7 +248,7 @@ def test_flights_from_far_away_end(away: float) -> None:
     # thousandth of that would not have been any.
     table = grid(np.pad(np.ones((2, 2, 2)), 4), extinction=3000.0)
     far, weight, numbers = fly_many(table, 500, origin=(0.5, 0.5, -away))
-    assert (numbers < FLIGHT_NUMBERS).all()
+    assert (numbers < NUMBERS_PER_DISTANCE).all()
     assert np.isfinite(weight).all()
     # Within a voxel's tenth of where the density begins.
     error = 0.02 + 4.0 * 2.0**-52 * away
@@ -260,7 +261,7 @@ def test_grids_that_no_flight_would_get_through_are_refused() -> None:
     density = np.pad(np.full((2, 2, 2), 2.0), 7)
     for transform, metres in ((None, 1.0), ([{"scale": [1.0, 3.0, 1.0]}], 3.0)):
         # 16 voxels an edge, so the longest edge of one is metres / 16.
-        most = MOST_THICK * 16.0 / (2.0 * metres)
+        most = MAX_OPTICAL_THICKNESS * 16.0 / (2.0 * metres)
         Grid(file="x", extinction=0.999 * most, transform=transform).check({"file": density})
         with pytest.raises(ValidationError, match="1182 are the most"):
             Grid(file="x", extinction=1.001 * most, transform=transform).check({"file": density})
@@ -268,7 +269,7 @@ def test_grids_that_no_flight_would_get_through_are_refused() -> None:
     table = grid(density, extinction=0.99 * most * metres)
     for origin, direction in (((0.5, 0.5, -1.0), (0.0, 0.0, 1.0)), ((0.3, 0.3, 0.0), (0.0, 0.0, 1.0))):
         _, _, numbers = fly_many(table, 200, origin=origin, direction=direction)
-        assert numbers.max() < 2 * FLIGHT_NUMBERS
+        assert numbers.max() < 2 * NUMBERS_PER_DISTANCE
 
 
 def test_samplers_agree_on_a_grid() -> None:

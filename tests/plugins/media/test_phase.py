@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.media.homogeneous import Homogeneous
-from raytracer.vec import Vec3
-from tests.media.kernels import evaluate_many, packed, scatter_many
+from raytracer.core.vec import Vec3
+from raytracer.plugins.media.homogeneous import Homogeneous
+from tests.plugins.media.kernels import evaluate_many, packed, scatter_many
 from tests.statistics import CYLINDER, chi2_test, cylinder, directions
 
 UP = (0.0, 0.0, 1.0)

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import raytracer.rendering
+import raytracer.rendering.render
 from raytracer.scene.load import build
-from raytracer.scene.pack import Packed, pack
+from raytracer.scene.pack.scene import PackedScene, pack
 from raytracer.scene.spec import SceneSpec
-from tests.rendering import image, mean
+from tests.small_scenes import image, mean
 
 DARK = 1e-30
 """A radiance of the environment or of a lamp that is no light but is there for the compiler."""
@@ -62,9 +62,9 @@ def picture(
     return image(scene, filled=False, spp=spp, max_depth=max_depth, rr_depth=rr_depth, seed=seed)
 
 
-def assert_channels(found: Any, expected: NDArray[np.float64] | list[float], *, noise: float = 0.01) -> None:
+def assert_channels(result: Any, expected: NDArray[np.float64] | list[float], *, noise: float = 0.01) -> None:
     """Each channel's mean is what is expected, within 4.5 standard deviations, which are at most `noise` of it."""
-    value, deviation = mean(found)
+    value, deviation = mean(result)
     expected = np.array(expected)
     assert (deviation <= noise * expected + 1e-6).all(), f"too noisy to tell: {deviation / expected}"
     # Embree's distances are good to 1e-6 of themselves.
@@ -81,21 +81,23 @@ FOG = "fog: {type: homogeneous, absorption: [0.1, 0.5, 2.0]}"
 
 def test_absorption_along_a_chord_is_beers_law() -> None:
     # The environment, seen through a ball of 2 m; whatever does the tracing draws no random number for it.
-    found = picture("  - {type: sphere, center: [0, 0, 0], radius: 1, medium: fog}", FOG, environment=3.0, spp=8)
-    np.testing.assert_allclose(found.radiance, np.broadcast_to(3.0 * np.exp(-2.0 * ABSORPTION), (16, 16, 3)), rtol=1e-5)
+    result = picture("  - {type: sphere, center: [0, 0, 0], radius: 1, medium: fog}", FOG, environment=3.0, spp=8)
+    np.testing.assert_allclose(
+        result.radiance, np.broadcast_to(3.0 * np.exp(-2.0 * ABSORPTION), (16, 16, 3)), rtol=1e-5
+    )
 
 
 def test_what_emits_is_seen_through_fog() -> None:
     lamp = "  - {type: sphere, center: [0, 0, -6], radius: 2, material: {type: emitter, radiance: [1, 2, 3]}}"
-    found = picture(lamp, FOG, scene="medium: fog", spp=8)
+    result = picture(lamp, FOG, scene="medium: fog", spp=8)
     expected = np.array([1.0, 2.0, 3.0]) * np.exp(-8.0 * ABSORPTION)
-    np.testing.assert_allclose(found.radiance, np.broadcast_to(expected, (16, 16, 3)), rtol=1e-5)
+    np.testing.assert_allclose(result.radiance, np.broadcast_to(expected, (16, 16, 3)), rtol=1e-5)
 
 
 def test_endless_fog_hides_the_environment_but_where_it_takes_nothing() -> None:
     # Transmittance over an infinite distance: 0, or 1 in a channel that is not absorbed.
-    found = picture("", "fog: {type: homogeneous, absorption: [0, 0.001, 2]}", scene="medium: fog", environment=3.0)
-    np.testing.assert_array_equal(found.radiance, np.broadcast_to([3.0, 0.0, 0.0], (16, 16, 3)))
+    result = picture("", "fog: {type: homogeneous, absorption: [0, 0.001, 2]}", scene="medium: fog", environment=3.0)
+    np.testing.assert_array_equal(result.radiance, np.broadcast_to([3.0, 0.0, 0.0], (16, 16, 3)))
 
 
 def test_nested_media_take_turns() -> None:
@@ -105,9 +107,9 @@ def test_nested_media_take_turns() -> None:
   - {type: sphere, center: [0, 0, 0.2], radius: 0.25, medium: air, outside_medium: ink}
 """
     media = f"{FOG}\n  ink: {{type: homogeneous, absorption: [3, 1, 0.5]}}\n  air: {{type: homogeneous, absorption: 0}}"
-    found = picture(objects, media, environment=1.0, spp=8)
+    result = picture(objects, media, environment=1.0, spp=8)
     expected = np.exp(-1.0 * ABSORPTION - 0.5 * np.array([3.0, 1.0, 0.5]))
-    np.testing.assert_allclose(found.radiance, np.broadcast_to(expected, (16, 16, 3)), rtol=1e-5)
+    np.testing.assert_allclose(result.radiance, np.broadcast_to(expected, (16, 16, 3)), rtol=1e-5)
 
 
 def test_a_clear_object_in_fog_is_clear_inside() -> None:
@@ -116,15 +118,15 @@ def test_a_clear_object_in_fog_is_clear_inside() -> None:
   - {type: sphere, center: [0, 0, 0], radius: 1, material: {type: dielectric, ior: 1}}
   - {type: sphere, center: [0, 0, -6], radius: 2, material: {type: emitter, radiance: 1}}
 """
-    found = picture(objects, FOG, scene="medium: fog", spp=8)
-    np.testing.assert_allclose(found.radiance, np.broadcast_to(np.exp(-6.0 * ABSORPTION), (16, 16, 3)), rtol=1e-5)
+    result = picture(objects, FOG, scene="medium: fog", spp=8)
+    np.testing.assert_allclose(result.radiance, np.broadcast_to(np.exp(-6.0 * ABSORPTION), (16, 16, 3)), rtol=1e-5)
 
 
 def test_a_camera_may_stand_in_a_medium() -> None:
     objects = "  - {type: sphere, center: [0, 0, 4], radius: 1.5, medium: fog}"
     camera = "look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 0.01, medium: fog"
-    found = picture(objects, FOG, camera=camera, environment=1.0, spp=8)
-    np.testing.assert_allclose(found.radiance, np.broadcast_to(np.exp(-1.5 * ABSORPTION), (16, 16, 3)), rtol=1e-5)
+    result = picture(objects, FOG, camera=camera, environment=1.0, spp=8)
+    np.testing.assert_allclose(result.radiance, np.broadcast_to(np.exp(-1.5 * ABSORPTION), (16, 16, 3)), rtol=1e-5)
 
 
 # ---- Scattering
@@ -136,12 +138,12 @@ def test_white_furnace() -> None:
     ball = "  - {type: sphere, center: [0, 0, 0], radius: 1, medium: milk}"
     for extinction, g in (("[0.5, 1, 3]", 0.3), ("2", -0.6), ("4", 0.9)):
         milk = f"milk: {{type: homogeneous, extinction: {extinction}, albedo: 1, g: {g}}}"
-        found = picture(ball, milk, environment=1.0, max_depth=100_000)
-        np.testing.assert_allclose(found.radiance.sum(axis=2), 3.0, rtol=1e-11)
+        result = picture(ball, milk, environment=1.0, max_depth=100_000)
+        np.testing.assert_allclose(result.radiance.sum(axis=2), 3.0, rtol=1e-11)
         if "[" not in extinction:
-            np.testing.assert_allclose(found.radiance, 1.0, rtol=1e-12)
+            np.testing.assert_allclose(result.radiance, 1.0, rtol=1e-12)
         else:
-            assert_channels(found, [1.0, 1.0, 1.0])
+            assert_channels(result, [1.0, 1.0, 1.0])
 
 
 @pytest.mark.parametrize("g", [1.0, -1.0])
@@ -149,8 +151,8 @@ def test_scattering_without_choice(g: float) -> None:
     # Hard case 45.  Forwards only: as if nothing were there; back only: back and forth, and out again.
     ball = "  - {type: sphere, center: [0, 0, 0], radius: 1, medium: milk}"
     milk = f"milk: {{type: homogeneous, extinction: 2, albedo: 1, g: {g}}}"
-    found = picture(ball, milk, environment=1.0, max_depth=100_000)
-    np.testing.assert_allclose(found.radiance, 1.0, rtol=1e-12)
+    result = picture(ball, milk, environment=1.0, max_depth=100_000)
+    np.testing.assert_allclose(result.radiance, 1.0, rtol=1e-12)
 
 
 def single_scattering(
@@ -206,8 +208,8 @@ def test_single_scattering_of_an_environment(g: float) -> None:
     toward, weights = sphere_of_directions(-1.0, (0.0, 0.0, 1.0))
     once = single_scattering(EXTINCTION, EXTINCTION * ALBEDO, g, toward, weights)
     expected = np.exp(-2.0 * EXTINCTION) + once
-    found = picture(BALL, SMOKE.format(g=g), environment=1.0, max_depth=2, spp=512)
-    assert_channels(found, expected)
+    result = picture(BALL, SMOKE.format(g=g), environment=1.0, max_depth=2, spp=512)
+    assert_channels(result, expected)
 
 
 @pytest.mark.parametrize("g", [0.0, 0.7, -0.4])
@@ -218,8 +220,8 @@ def test_single_scattering_of_a_lamp(g: float) -> None:
     expected = 50.0 * single_scattering(EXTINCTION, EXTINCTION * ALBEDO, g, toward, weights)
     center = [round(float(x), 6) for x in far * axis]
     lamp = f"  - {{type: sphere, center: {center}, radius: {radius}, material: {{type: emitter, radiance: 50}}}}"
-    found = picture(BALL + lamp, SMOKE.format(g=g), max_depth=2, spp=512)
-    assert_channels(found, expected)
+    result = picture(BALL + lamp, SMOKE.format(g=g), max_depth=2, spp=512)
+    assert_channels(result, expected)
 
 
 def test_depth_counts_what_scatters_but_no_boundaries() -> None:
@@ -228,12 +230,12 @@ def test_depth_counts_what_scatters_but_no_boundaries() -> None:
         f"  - {{type: sphere, center: [0, 0, 0], radius: {radius}, medium: smoke, outside_medium: smoke}}\n"
         for radius in (0.9, 0.7, 0.5, 0.3)
     )
-    found = picture(BALL + shells, SMOKE.format(g=0), environment=1.0, max_depth=1, spp=256)
-    assert_channels(found, np.exp(-2.0 * EXTINCTION))
+    result = picture(BALL + shells, SMOKE.format(g=0), environment=1.0, max_depth=1, spp=256)
+    assert_channels(result, np.exp(-2.0 * EXTINCTION))
     toward, weights = sphere_of_directions(-1.0, (0.0, 0.0, 1.0))
     once = single_scattering(EXTINCTION, EXTINCTION * ALBEDO, 0.0, toward, weights)
-    found = picture(BALL + shells, SMOKE.format(g=0), environment=1.0, max_depth=2, spp=512)
-    assert_channels(found, np.exp(-2.0 * EXTINCTION) + once)
+    result = picture(BALL + shells, SMOKE.format(g=0), environment=1.0, max_depth=2, spp=512)
+    assert_channels(result, np.exp(-2.0 * EXTINCTION) + once)
 
 
 ROOM = """
@@ -248,11 +250,11 @@ def both_ways(monkeypatch: pytest.MonkeyPatch, *arguments: Any, **settings: Any)
     """The same picture with light sampling and without."""
     a, deviation_a = mean(picture(*arguments, **settings))
 
-    def without_lights(spec: SceneSpec, **settings: Any) -> Packed:
+    def without_lights(spec: SceneSpec, **settings: Any) -> PackedScene:
         packed = pack(spec, **settings)
         return packed._replace(scene=packed.scene._replace(lights=None))
 
-    monkeypatch.setattr(raytracer.rendering, "pack", without_lights)
+    monkeypatch.setattr(raytracer.rendering.render, "pack", without_lights)
     b, deviation_b = mean(picture(*arguments, seed=2, **settings))
     monkeypatch.undo()
     deviation = np.hypot(deviation_a, deviation_b)
@@ -337,8 +339,8 @@ def test_a_light_seen_edge_on_is_not_brighter_through_fog() -> None:
 """
     smoke = "smoke: {type: homogeneous, extinction: 5, albedo: 0.99}"
     camera = "look_from: [0, 0.001, 4], look_at: [0, -1, 0], vfov: 60, medium: smoke"
-    found = picture(lamp, smoke, camera=camera, max_depth=30, spp=256)
-    assert found.radiance.max() < 10.0
+    result = picture(lamp, smoke, camera=camera, max_depth=30, spp=256)
+    assert result.radiance.max() < 10.0
 
 
 def test_values_of_a_medium_are_not_part_of_the_type() -> None:

@@ -5,15 +5,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer import embree
-from raytracer.embree import GEOMETRY, MISS, PRIMITIVE, TFAR, Accel
-from raytracer.geometry import Exact, spawn_point
-from raytracer.jit import entry
-from raytracer.primitives.interface import geometry, hit_any, pdf_point_any, row_of_any, sample_point_any
+from raytracer.core import embree
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.embree import GEOMETRY, MISS, PRIMITIVE, TFAR, Accel
+from raytracer.core.geometry import Exact, spawn_point
+from raytracer.core.primitives.base.interface import geometry, hit_any, pdf_point_any, row_of_any, sample_point_any
 
 
 class Hits(NamedTuple):
-    """What rays met: table, -1 for nothing, and primitive (n,); near, Embree's distance; point, normal and shading
+    """Hits of rays: table, -1 for nothing, and primitive (n,); near, Embree's distance; point, normal and shading
     normal (n, 3); uv (n, 2); offset (n,); material (n,)."""
 
     table: NDArray[np.int64]
@@ -105,13 +105,13 @@ def _pdf(tables, table, primitive, reference, point, normal, pdf):
 
 
 @entry
-def _occluded(accel, packet, origins, directions, tfar, found):
+def _occluded(accel, packet, origins, directions, tfar, result):
     for ray in range(len(origins)):
         origin = (origins[ray, 0], origins[ray, 1], origins[ray, 2])
         direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
         embree.set_ray(packet, 0, origin, direction, tfar[ray])
         embree.occluded(accel, packet, 1)
-        found[ray] = packet.floats[TFAR, 0] < 0.0
+        result[ray] = packet.floats[TFAR, 0] < 0.0
 
 
 def built(*tables: Any, robust: bool = True) -> Accel:
@@ -139,7 +139,7 @@ def cast(
 
 
 def spawn(tables: tuple[Any, ...], origins: Any, directions: Any, onwards: Any, *, accel: Accel) -> NDArray[np.float64]:
-    """Where rays go on along `onwards` (n, 3) from what rays meet; NaN where they meet nothing."""
+    """Return the points where rays go on along `onwards` (n, 3) from their hits; NaN where there is none."""
     starts = np.empty((len(origins), 3))
     rays = _rows(origins), _rows(directions), _rows(onwards)
     _spawn(accel.address, embree.packet(), tables, Exact(), *rays, starts)
@@ -164,12 +164,12 @@ def pdf_of(
 
 
 def occluded(accel: Accel, origins: Any, directions: Any, tfar: Any) -> NDArray[np.bool_]:
-    """Whether rays (n, 3) meet anything before `tfar`."""
+    """Tell for rays (n, 3) if they meet anything before `tfar`."""
     starts = _rows(origins)
-    found = np.zeros(len(starts), np.bool_)
+    result = np.zeros(len(starts), np.bool_)
     far = np.ascontiguousarray(np.broadcast_to(np.asarray(tfar, np.float64), len(starts)))
-    _occluded(accel.address, embree.packet(), starts, _rows(directions), far, found)
-    return found
+    _occluded(accel.address, embree.packet(), starts, _rows(directions), far, result)
+    return result
 
 
 def unit(vectors: Any) -> NDArray[np.float64]:

@@ -10,25 +10,27 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer import embree
-from raytracer.embree import GEOMETRY, MISS, PACKET, TFAR, TIME, Accel, Packet
-from raytracer.geometry import Exact, spawn_point
-from raytracer.instances import Instances, meet, pose_of
-from raytracer.jit import entry, generic, kernel
-from raytracer.optics import fresnel_dielectric, refract
-from raytracer.paths import found_in
-from raytracer.primitives.spheres import Spheres
-from raytracer.primitives.translated import Translated
+from raytracer.core import embree
+from raytracer.core.compiler.dispatch import entry, generic, kernel
+from raytracer.core.embree import GEOMETRY, MISS, PACKET, TFAR, TIME, Accel, Packet
+from raytracer.core.fresnel import fresnel_dielectric, refract
+from raytracer.core.geometry import Exact, spawn_point
+from raytracer.core.instancing import Instances, intersect_instance, pose_of
+from raytracer.core.primitives.spheres import Spheres
+from raytracer.core.primitives.translated import Translated
+from raytracer.core.vec import basis, dot, neg, reflect, to_world
+from raytracer.kernel.interaction import resolve_hit
 from raytracer.scene.load import build
-from raytracer.scene.objects import Assets, Objects, lay_out, pack_objects
-from raytracer.vec import basis, dot, neg, reflect, to_world
-from tests.shapes.kernels import unit
+from raytracer.scene.pack.layout import lay_out
+from raytracer.scene.pack.objects import Objects, pack_objects
+from raytracer.scene.scene_assets import SceneAssets
+from tests.plugins.shapes.kernels import unit
 
 Array = NDArray[np.float64]
 
 WAYS = ("any", "mirror", "refraction", "grazing", "straight on")
-"""How rays leave: in any direction; as from a mirror; as through glass of 1.5 to 1; at a slant down to 1e-8; and as
-through what lets them pass."""
+"""Ways in which rays leave: in any direction; as from a mirror; as through glass of 1.5 to 1; at a slant down to 1e-8;
+and as through what lets them pass."""
 
 ANY, MIRROR, REFRACTION, GRAZING, STRAIGHT = range(len(WAYS))
 
@@ -89,7 +91,7 @@ def _pose(instances, instance, time, row, out):
 
 
 @_pose.register(Instances)
-def _(instances, instance, time, row, out):
+def _pose_instances(instances, instance, time, row, out):
     if instance < 0:
         return
     pose = pose_of(instances, instance, time)
@@ -118,9 +120,11 @@ def _leave(accel, packet, stage, bare, origins, directions, times, ways, u, left
             if table != MISS:
                 origin = (origins[ray, 0], origins[ray, 1], origins[ray, 2])
                 direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
-                instance, primitive = found_in(stage, packet, lane)
+                instance, primitive = resolve_hit(stage, packet, lane)
                 near = np.float64(packet.floats[TFAR, lane])
-                hit = meet(stage.instances, stage, instance, table, primitive, origin, direction, near, times[ray])
+                hit = intersect_instance(
+                    stage.instances, stage, instance, table, primitive, origin, direction, near, times[ray]
+                )
                 onward = _onward(ways[ray], direction, hit.normal, u[ray, 0], u[ray, 1])
                 start = hit.point if bare else spawn_point(hit, onward)
                 left.table[ray, 0] = table
@@ -142,7 +146,7 @@ def _leave(accel, packet, stage, bare, origins, directions, times, ways, u, left
             table = packet.ints[GEOMETRY, lane]
             left.table[ray, 1] = -1
             if table != MISS:
-                instance, primitive = found_in(stage, packet, lane)
+                instance, primitive = resolve_hit(stage, packet, lane)
                 left.table[ray, 1] = table
                 left.instance[ray, 1] = instance
                 left.primitive[ray, 1] = primitive
@@ -254,7 +258,7 @@ def scenery(folder: Path, size: float, away: float, seed: int) -> Scenery:
             velocities.append(velocity)
     _write_meshes(folder, len(names))
     spec = build(_HEAD + "\n".join(lines) + "\n", "every shape.yaml", base=folder)
-    assets = Assets(spec)
+    assets = SceneAssets(spec)
     layout = lay_out(spec, assets)
     objects = pack_objects(spec, layout, [0] * len(layout.items), assets, textured=False, eye=np.zeros(3))
     accel = Accel(
@@ -297,12 +301,12 @@ def objects_met(place: Scenery, left: Left) -> NDArray[np.int64]:
         baked = (left.table == number) & (left.instance < 0)
         result[baked] = owners.number[np.searchsorted(owners.start, left.primitive[baked], side="right") - 1]
     placed = left.instance >= 0
-    result[placed] = place.objects.placed[left.instance[placed]]
+    result[placed] = place.objects.instance_objects[left.instance[placed]]
     return result
 
 
 def _chord(place: Scenery, left: Left, rays: NDArray[np.int64], times: Array) -> Array:
-    """How far it truly is from where rays go on to the far side of the spheres that they have met, 0 if outside."""
+    """Return the true distance from the points where rays go on to the far side of their spheres, 0 if outside."""
     result = np.zeros(len(rays))
     for number, table in enumerate(place.stage.primitives):
         base, shift = (table.base, table.shift) if isinstance(table, Translated) else (table, None)

@@ -1,4 +1,4 @@
-"""What every kind of shape promises, for each kind that there is, under transforms of every sort.
+"""Contract of shapes, tested for every kind that there is, under transforms of every sort.
 
 Each shape is lowered to its table, built into Embree, and shot at; the answers are checked against the shape's own
 definition in float64, carried to world space by its matrix.
@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.assets import LOADERS
-from raytracer.kinds import SHAPES
-from raytracer.primitives.interface import areas, geometry
-from raytracer.shapes.interface import PlacingSpec
-from raytracer.spec import matrix_of
-from tests.shapes.kernels import cast, pdf_of, sample, uniform_directions, unit
+from raytracer.core.primitives.base.interface import areas, geometry
+from raytracer.plugins.shapes.base.interface import PlacementSpec
+from raytracer.scene.assets import LOADERS
+from raytracer.schema.registry import SHAPES
+from raytracer.schema.transform import matrix_of
+from tests.plugins.shapes.kernels import cast, pdf_of, sample, uniform_directions, unit
 
 Array = NDArray[np.float64]
 
@@ -208,7 +208,7 @@ def lower(tmp_path: Any) -> Callable[..., tuple[Any, Array]]:
 
 
 def _extent(matrix: Array) -> float:
-    """How large coordinates are about a shape that lies within 2 of the origin before its transform."""
+    """Return the size of coordinates about a shape that lies within 2 of the origin before its transform."""
     return float(np.abs(matrix[:3, 3]).max() + 2.0 * np.linalg.norm(matrix[:3, :3], 2))
 
 
@@ -234,7 +234,7 @@ def _expected_normals(name: str, matrix: Array, points: Array) -> Array:
 
 def test_every_kind_has_an_example() -> None:
     # Those that place others have no primitives of their own.
-    kinds = {name for name, spec in SHAPES.specs().items() if not issubclass(spec, PlacingSpec)}
+    kinds = {name for name, spec in SHAPES.specs().items() if not issubclass(spec, PlacementSpec)}
     assert {example.keys["type"] for example in EXAMPLES.values()} == kinds
 
 
@@ -397,7 +397,7 @@ def test_what_cannot_take_a_transform_says_so() -> None:
         for transforms, suits in ((UNIFORM, True), (ANY, not example.uniform)):
             for transform in transforms.values():
                 spec = SHAPES.specs()[example.keys["type"]].model_validate({**example.keys, "transform": transform})
-                assert spec.takes(matrix_of(spec.transform)) == suits
+                assert spec.supports_transform(matrix_of(spec.transform)) == suits
 
 
 def test_smooth_normals_turn_with_the_mesh(lower: Any) -> None:

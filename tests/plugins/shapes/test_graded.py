@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.geometry import OFFSET_ULPS
-from raytracer.primitives.interface import areas, geometry, graded
-from raytracer.primitives.parallelograms import Parallelograms, extents
+from raytracer.core.geometry import OFFSET_ULPS
+from raytracer.core.primitives.base.interface import areas, geometry, subdivide_large
+from raytracer.core.primitives.parallelograms import Parallelograms, extents
 from raytracer.scene.load import build
-from raytracer.scene.pack import pack
-from tests.shapes.kernels import built, cast, spawn, uniform_directions, unit
+from raytracer.scene.pack.scene import pack
+from tests.plugins.shapes.kernels import built, cast, spawn, uniform_directions, unit
 
 Array = NDArray[np.float64]
 EYE = np.array([0.3, 1.5, -0.2])
@@ -37,7 +37,7 @@ every_ground = pytest.mark.parametrize("kind", EDGES)
 @every_ground
 def test_parts_are_the_whole(kind: str) -> None:
     table = ground(kind)
-    parts = graded(table, EYE)
+    parts = subdivide_large(table, EYE)
     assert areas(parts).sum() == pytest.approx(areas(table).sum(), rel=1e-12)
     assert (areas(parts) > 0.0).all()
     normal = unit(np.cross(table.u, table.v))[0]
@@ -49,7 +49,7 @@ def test_parts_are_the_whole(kind: str) -> None:
 @every_ground
 def test_parts_share_their_corners_to_the_bit(kind: str) -> None:
     # A grid of n x m parts has (n + 1) (m + 1) corners; any that differed by a bit would add to them.
-    parts = graded(ground(kind), EYE)
+    parts = subdivide_large(ground(kind), EYE)
     vertices = np.unique(geometry(parts).vertices[0], axis=0)
     m = int(np.argmax((parts.u != parts.u[0]).any(axis=1)))
     n = len(parts.corner) // m
@@ -61,7 +61,7 @@ def test_parts_share_their_corners_to_the_bit(kind: str) -> None:
 def test_rays_leave_as_near_as_the_eye_can_tell(kind: str) -> None:
     # At the eye's distance d the offset is below d / 256; the whole's would be 0.5 m and more.
     table = ground(kind)
-    parts = graded(table, EYE)
+    parts = subdivide_large(table, EYE)
     hits = cast((parts,), np.tile(EYE, (2000, 1)), unit(uniform_directions(2000, 1) - [0.0, 1.0, 0.0]))
     met = hits.table == 0
     assert met.mean() > 0.8
@@ -75,7 +75,7 @@ def test_rays_leave_as_near_as_the_eye_can_tell(kind: str) -> None:
 def test_no_ray_passes_between_parts_nor_meets_them_again(kind: str) -> None:
     # From the eye and from far up, at the corners and edges of parts and anywhere; and on to any side.
     rng = np.random.default_rng(2)
-    parts = graded(ground(kind), EYE)
+    parts = subdivide_large(ground(kind), EYE)
     accel = built(parts)
     count = 100_000
     row = rng.integers(0, len(parts.corner), count)
@@ -106,16 +106,16 @@ def test_what_is_no_larger_than_one_sees_is_left_alone() -> None:
     table = Parallelograms(
         np.array([[-5e3, 0.0, -5e3]]), np.array([[0.0, 0.0, 1e4]]), np.array([[1e4, 0.0, 0.0]]), np.zeros(1, np.int32)
     )
-    assert graded(table, np.array([0.0, 2.0, 0.0])) is table
-    assert len(graded(table, np.array([0.0, 0.5, 0.0])).corner) > 1
+    assert subdivide_large(table, np.array([0.0, 2.0, 0.0])) is table
+    assert len(subdivide_large(table, np.array([0.0, 0.5, 0.0])).corner) > 1
     # Seen from on it, at the origin, there is no distance to be exact at.
-    assert graded(table, np.zeros(3)) is table
+    assert subdivide_large(table, np.zeros(3)) is table
     # The corners of a tilted one are not equally high in float32.
     tilted = table._replace(u=table.u + np.array([0.0, 1e3, 0.0]), corner=table.corner - np.array([0.0, 500.0, 0.0]))
-    assert graded(tilted, np.array([0.0, 0.5, 0.0])) is tilted
+    assert subdivide_large(tilted, np.array([0.0, 0.5, 0.0])) is tilted
     # But a quarter turn leaves an ulp of the size.
     turned = table._replace(u=table.u + np.array([0.0, 1e-12, 0.0]))
-    assert len(graded(turned, np.array([0.0, 0.5, 0.0])).corner) > 1
+    assert len(subdivide_large(turned, np.array([0.0, 0.5, 0.0])).corner) > 1
 
 
 def _packed(objects: str) -> Any:
@@ -132,13 +132,13 @@ _GROUND = "{type: quad, corner: [-5e+5, 0, -5e+5], edges: [[0, 0, 1e+6], [1e+6, 
 
 def test_a_pebble_on_a_vast_ground_casts_its_shadow() -> None:
     # Of a centimetre, on 1000 km: rays that leave the ground beside it towards it must meet it, and not pass above.
-    found = _packed(f"objects:\n  - {_GROUND}}}\n  - {{type: sphere, center: [0, 0.005, 0], radius: 0.005}}\n")
-    tables = found.scene.primitives
+    result = _packed(f"objects:\n  - {_GROUND}}}\n  - {{type: sphere, center: [0, 0.005, 0], radius: 0.005}}\n")
+    tables = result.scene.primitives
     angle = np.random.default_rng(5).uniform(0.0, 2.0 * np.pi, 1000)
     beside = 0.02 * np.column_stack([np.cos(angle), np.zeros(1000), np.sin(angle)])
     origins = beside + np.array([0.0, 1.0, 0.0])
     onwards = unit([0.0, 0.005, 0.0] - beside)
-    accel = found.build()
+    accel = result.build()
     starts = spawn(tables, origins, np.tile([0.0, -1.0, 0.0], (1000, 1)), onwards, accel=accel)
     hits = cast(tables, starts, onwards, accel=accel)
     names = [type(table).__name__ for table in tables]
@@ -146,9 +146,9 @@ def test_a_pebble_on_a_vast_ground_casts_its_shadow() -> None:
 
 
 def test_parts_belong_to_the_object_and_are_not_cut_where_textures_lie_on_them() -> None:
-    found = _packed(f"objects:\n  - {_GROUND}}}\n")
-    (owners,) = found.owners
+    result = _packed(f"objects:\n  - {_GROUND}}}\n")
+    (owners,) = result.owners
     assert owners.number.tolist() == [0]
-    assert len(found.scene.primitives[0].material) > 100
+    assert len(result.scene.primitives[0].material) > 100
     checked = _packed(f"objects:\n  - {_GROUND}, material: {{type: lambertian, albedo: {{type: checker}}}}}}\n")
     assert len(checked.scene.primitives[0].material) == 1

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.shapes.leaving import CONVEX, WAYS, leave, objects_met, self_hits, stages
+from tests.plugins.shapes.leaving import CONVEX, WAYS, leave, objects_met, self_hits, stages
 
 
 @pytest.mark.slow

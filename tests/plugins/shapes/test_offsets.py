@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.primitives.discs import Discs
-from raytracer.primitives.parallelograms import Parallelograms
-from raytracer.primitives.spheres import Spheres
-from raytracer.primitives.triangles import SmoothTriangles, Triangles
-from tests.shapes.kernels import built, cast, pdf_of, sample, spawn, uniform_directions, unit
+from raytracer.core.primitives.discs import Discs
+from raytracer.core.primitives.parallelograms import Parallelograms
+from raytracer.core.primitives.spheres import Spheres
+from raytracer.core.primitives.triangles import SmoothTriangles, Triangles
+from tests.plugins.shapes.kernels import built, cast, pdf_of, sample, spawn, uniform_directions, unit
 
 SCALES = (1e-3, 1.0, 1e3, 1e6)
 
@@ -42,7 +42,7 @@ def flat(kind: str, scale: float) -> Any:
 
 
 def self_hits(table: Any, origins: NDArray[np.float64], directions: NDArray[np.float64], seed: int) -> tuple[int, int]:
-    """Of rays that go on from hits to a side chosen at random and meet the same flat surface again: (hits, rays)."""
+    """Count rays that go on from hits to a random side and meet the same flat surface again: (hits, rays)."""
     onwards = uniform_directions(len(origins), seed)
     accel = built(table)
     starts = spawn((table,), origins, directions, onwards, accel=accel)
@@ -106,13 +106,13 @@ def test_rays_inside_spheres_meet_the_far_side(scale: float) -> None:
     again = cast((table,), starts, inwards, accel=accel)
     cosine = -(inwards * first.normal).sum(axis=1)
     chord = 2.0 * scale * cosine
-    found = np.linalg.norm(again.point - starts, axis=1)
+    result = np.linalg.norm(again.point - starts, axis=1)
     # Chords shorter than the offset can tell apart, at cosines below 1e-3, may be missed or met at once.
     long = cosine > 1e-3
     assert (again.table[long] == 0).all()
     # The start is off the surface by 4 ulp of the extent, which shortens a chord by that over the cosine.
     offset = 4.0 * 2.0**-23 * 3.0 * scale
-    assert (np.abs(found - chord)[long] <= 2.0 * offset / cosine[long]).all()
+    assert (np.abs(result - chord)[long] <= 2.0 * offset / cosine[long]).all()
 
 
 def test_a_thousand_spheres_of_all_sizes() -> None:
@@ -198,8 +198,8 @@ def test_rays_that_start_on_a_sphere_give_numbers() -> None:
     for way, distances in ((normals, (0.0,)), (-normals, (0.0, 2.0))):
         hits = cast((table,), normals, way)
         met = hits.table == 0
-        found = np.linalg.norm(hits.point[met] - normals[met], axis=1)
-        assert (np.abs(found[:, None] - distances).min(axis=1) < 1e-6).all()
+        result = np.linalg.norm(hits.point[met] - normals[met], axis=1)
+        assert (np.abs(result[:, None] - distances).min(axis=1) < 1e-6).all()
         np.testing.assert_allclose(np.linalg.norm(hits.normal[met], axis=1), 1.0, atol=1e-15)
 
 
@@ -234,8 +234,8 @@ def test_a_sphere_is_drawn_by_area_from_points_on_it(distance: float) -> None:
     # A chord c meets the sphere at the cosine c / 2: c^2 / (4 pi c / 2) = c / (2 pi).
     chord = np.linalg.norm(points.point - [distance, 0.0, 0.0], axis=1)
     np.testing.assert_allclose(points.pdf, chord / (2.0 * math.pi), rtol=1e-4)
-    found = pdf_of(table, 0, 0, [distance, 0.0, 0.0], points.point, points.normal)
-    np.testing.assert_allclose(found, points.pdf, rtol=1e-9)
+    result = pdf_of(table, 0, 0, [distance, 0.0, 0.0], points.point, points.normal)
+    np.testing.assert_allclose(result, points.pdf, rtol=1e-9)
 
 
 def test_the_far_side_of_a_sphere_is_not_aimed_at() -> None:

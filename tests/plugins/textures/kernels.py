@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytracer.assets.images import Image
-from raytracer.geometry import Site
-from raytracer.jit import entry
-from raytracer.kinds import TEXTURES
-from raytracer.textures.interface import TextureSpec, slope, texture
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.geometry import Site
+from raytracer.plugins.textures.base.interface import TextureSpec, texture, texture_gradient
+from raytracer.scene.assets.images import Image
+from raytracer.schema.registry import TEXTURES
 
 
 @entry
@@ -24,7 +24,7 @@ def _look_up(table, index, points, uv, out):
 def _slopes(table, index, points, uv, tangent, bitangent, out):
     for i in range(len(points)):
         site = Site((points[i, 0], points[i, 1], points[i, 2]), uv[i, 0], uv[i, 1], 0.0)
-        out[i, 0], out[i, 1] = slope(table, index, site, tangent, bitangent)
+        out[i, 0], out[i, 1] = texture_gradient(table, index, site, tangent, bitangent)
 
 
 def spec_of(kind: str, **parameters: Any) -> TextureSpec:

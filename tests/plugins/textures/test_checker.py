@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.textures.kernels import looked_up, slopes, spec_of, table_of
+from tests.plugins.textures.kernels import looked_up, slopes, spec_of, table_of
 
 EVEN, ODD = (0.1, 0.2, 0.3), (0.7, 0.8, 0.9)
 
@@ -19,23 +19,23 @@ def test_solid_cells_go_by_the_parity_of_the_sum_of_floors() -> None:
 
 def test_the_cell_from_the_origin_on_is_even_and_the_one_before_it_odd() -> None:
     table = table_of(spec_of("checker", scale="10 cm", even=EVEN, odd=ODD))
-    found = looked_up(table, points=[(0.05, 0.05, 0.05), (0.15, 0.05, 0.05), (-0.05, 0.05, 0.05), (-0.05, -0.05, 0.0)])
-    np.testing.assert_array_equal(found, [EVEN, ODD, ODD, EVEN])
+    result = looked_up(table, points=[(0.05, 0.05, 0.05), (0.15, 0.05, 0.05), (-0.05, 0.05, 0.05), (-0.05, -0.05, 0.0)])
+    np.testing.assert_array_equal(result, [EVEN, ODD, ODD, EVEN])
 
 
 def test_uv_cells_go_by_the_parameters_and_not_by_the_place() -> None:
     table = table_of(spec_of("checker", scale=0.25, even=EVEN, odd=ODD, space="uv"))
-    found = looked_up(table, points=[(9.0, 1.0, 3.0)] * 4, uv=[(0.1, 0.1), (0.3, 0.1), (0.3, 0.3), (-0.1, 0.9)])
-    np.testing.assert_array_equal(found, [EVEN, ODD, EVEN, EVEN])
+    result = looked_up(table, points=[(9.0, 1.0, 3.0)] * 4, uv=[(0.1, 0.1), (0.3, 0.1), (0.3, 0.3), (-0.1, 0.9)])
+    np.testing.assert_array_equal(result, [EVEN, ODD, EVEN, EVEN])
 
 
 def test_points_far_away_keep_their_cells() -> None:
     # Sums of floors beyond 2^31.
     table = table_of(spec_of("checker", scale=1.0, even=EVEN, odd=ODD))
-    found = looked_up(
+    result = looked_up(
         table, points=[(2.0**40 + 0.5, 0.5, 0.5), (2.0**40 + 1.5, 0.5, 0.5), (-(2.0**40) - 0.5, 0.5, 0.5)]
     )
-    np.testing.assert_array_equal(found, [EVEN, ODD, ODD])
+    np.testing.assert_array_equal(result, [EVEN, ODD, ODD])
 
 
 def test_its_mean_is_that_of_its_cells_and_its_range_that_of_its_colours() -> None:

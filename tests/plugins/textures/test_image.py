@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from raytracer.film import srgb
-from tests.textures.kernels import looked_up, picture, slopes, spec_of, table_of
+from tests.plugins.textures.kernels import looked_up, picture, slopes, spec_of, table_of
 
 RAMP = np.array([[0.1, 0.4, 0.3], [0.8, 0.2, 0.9]])
 """Two rows of three texels."""
 
 
-def found(texels: Any, uv: Any, *, integer: bool = False, **parameters: Any) -> Any:
+def result(texels: Any, uv: Any, *, integer: bool = False, **parameters: Any) -> Any:
     """The first channel at parameters (n, 2)."""
     spec = spec_of("image", file="x", **parameters)
     return looked_up(table_of(spec, files=picture(texels, integer=integer)), uv=uv)[:, 0]
@@ -21,18 +21,18 @@ def found(texels: Any, uv: Any, *, integer: bool = False, **parameters: Any) -> 
 def test_row_0_is_at_the_top_and_texels_lie_in_the_middle_of_their_squares() -> None:
     uv = [((column + 0.5) / 3, 1 - (row + 0.5) / 2) for row in range(2) for column in range(3)]
     for filtering in ("bilinear", "nearest"):
-        np.testing.assert_allclose(found(RAMP, uv, filter=filtering), RAMP.ravel(), atol=1e-7)
+        np.testing.assert_allclose(result(RAMP, uv, filter=filtering), RAMP.ravel(), atol=1e-7)
 
 
 def test_halfway_between_texels_is_their_mean() -> None:
     mean = [(RAMP[0, 0] + RAMP[0, 1]) / 2, (RAMP[0, 1] + RAMP[1, 1]) / 2, RAMP[:, :2].mean()]
-    np.testing.assert_allclose(found(RAMP, [(1 / 3, 0.75), (0.5, 0.5), (1 / 3, 0.5)]), mean, atol=1e-7)
+    np.testing.assert_allclose(result(RAMP, [(1 / 3, 0.75), (0.5, 0.5), (1 / 3, 0.5)]), mean, atol=1e-7)
 
 
 def test_nearest_has_steps_in_the_middle_between_texels() -> None:
     just = 1e-9
     uv = [(1 / 3 - just, 0.75), (1 / 3 + just, 0.75), (0.5, 0.5 + just), (0.5, 0.5 - just)]
-    np.testing.assert_allclose(found(RAMP, uv, filter="nearest"), [0.1, 0.4, 0.4, 0.2], atol=1e-7)
+    np.testing.assert_allclose(result(RAMP, uv, filter="nearest"), [0.1, 0.4, 0.4, 0.2], atol=1e-7)
 
 
 @pytest.mark.parametrize(
@@ -46,24 +46,24 @@ def test_nearest_has_steps_in_the_middle_between_texels() -> None:
 @pytest.mark.parametrize("filtering", ["bilinear", "nearest"])
 def test_what_lies_beyond_the_picture(wrap: str, columns: list[int], filtering: str) -> None:
     uv = [((column + 0.5) / 3, 0.75) for column in range(-3, 6)]
-    np.testing.assert_allclose(found(RAMP, uv, wrap=wrap, filter=filtering), RAMP[0][columns], atol=1e-7)
+    np.testing.assert_allclose(result(RAMP, uv, wrap=wrap, filter=filtering), RAMP[0][columns], atol=1e-7)
 
 
 def test_wraps_may_differ_along_u_and_v() -> None:
-    assert found(RAMP, [(1 + 0.5 / 3, 1.25)], wrap=["repeat", "clamp"])[0] == pytest.approx(RAMP[0, 0])
-    assert found(RAMP, [(1 + 0.5 / 3, 1.25)], wrap=["clamp", "repeat"])[0] == pytest.approx(RAMP[1, 2])
+    assert result(RAMP, [(1 + 0.5 / 3, 1.25)], wrap=["repeat", "clamp"])[0] == pytest.approx(RAMP[0, 0])
+    assert result(RAMP, [(1 + 0.5 / 3, 1.25)], wrap=["clamp", "repeat"])[0] == pytest.approx(RAMP[1, 2])
 
 
 def test_between_the_last_and_the_first_texel_repeated_pictures_have_no_seam() -> None:
-    assert found(RAMP, [(0.0, 0.75)])[0] == pytest.approx((0.3 + 0.1) / 2)
-    assert found(RAMP, [(0.0, 0.75)], wrap="clamp")[0] == pytest.approx(0.1)
+    assert result(RAMP, [(0.0, 0.75)])[0] == pytest.approx((0.3 + 0.1) / 2)
+    assert result(RAMP, [(0.0, 0.75)], wrap="clamp")[0] == pytest.approx(0.1)
 
 
 def test_bytes_are_srgb_where_they_are_colours_and_linear_where_they_are_data() -> None:
     grey = np.array([[0, 10, 128, 255]])
     uv = [((column + 0.5) / 4, 0.5) for column in range(4)]
-    np.testing.assert_allclose(found(grey, uv, integer=True), srgb.decode(grey[0] / 255), atol=1e-12)
-    np.testing.assert_allclose(found(grey, uv, integer=True, encoding="linear"), grey[0] / 255, atol=1e-12)
+    np.testing.assert_allclose(result(grey, uv, integer=True), srgb.decode(grey[0] / 255), atol=1e-12)
+    np.testing.assert_allclose(result(grey, uv, integer=True, encoding="linear"), grey[0] / 255, atol=1e-12)
     data = spec_of("image", file="x").as_data()
     np.testing.assert_allclose(looked_up(table_of(data, files=picture(grey)), uv=uv)[:, 0], grey[0] / 255, atol=1e-12)
     # An encoding that was asked for stays.
@@ -71,12 +71,12 @@ def test_bytes_are_srgb_where_they_are_colours_and_linear_where_they_are_data() 
 
 
 def test_floats_are_linear_unless_it_is_said_that_they_are_not() -> None:
-    assert found([[0.5]], [(0.5, 0.5)])[0] == 0.5
-    assert found([[0.5]], [(0.5, 0.5)], encoding="srgb")[0] == pytest.approx(srgb.decode(0.5), rel=1e-6)
+    assert result([[0.5]], [(0.5, 0.5)])[0] == 0.5
+    assert result([[0.5]], [(0.5, 0.5)], encoding="srgb")[0] == pytest.approx(srgb.decode(0.5), rel=1e-6)
 
 
 def test_srgb_is_decoded_before_texels_are_blended() -> None:
-    assert found([[0, 255]], [(0.5, 0.5)], integer=True)[0] == pytest.approx(0.5, abs=1e-12)
+    assert result([[0, 255]], [(0.5, 0.5)], integer=True)[0] == pytest.approx(0.5, abs=1e-12)
 
 
 def test_channels() -> None:
@@ -112,14 +112,14 @@ def test_the_factor_multiplies_what_was_decoded() -> None:
 def test_placement_scales_then_turns_anticlockwise_then_shifts() -> None:
     # By hand: (0.1, 0.2) scaled by (2, 3) is (0.2, 0.6), turned by 90 degrees (-0.6, 0.2), shifted (0.1, 0.45).
     texels = np.random.default_rng(2).random((8, 8))
-    moved = found(texels, [(0.1, 0.2)], scale=[2, 3], rotation=90, offset=[0.7, 0.25])
-    np.testing.assert_allclose(moved, found(texels, [(0.1, 0.45)]), atol=1e-6)
+    moved = result(texels, [(0.1, 0.2)], scale=[2, 3], rotation=90, offset=[0.7, 0.25])
+    np.testing.assert_allclose(moved, result(texels, [(0.1, 0.45)]), atol=1e-6)
     # And by 30 degrees, against the matrix.
     turn = np.radians(30)
     matrix = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     uv = np.random.default_rng(3).random((50, 2))
-    expected = found(texels, (2 * uv) @ matrix.T + (0.1, -0.2))
-    np.testing.assert_allclose(found(texels, uv, scale=2, rotation=30, offset=[0.1, -0.2]), expected, atol=1e-6)
+    expected = result(texels, (2 * uv) @ matrix.T + (0.1, -0.2))
+    np.testing.assert_allclose(result(texels, uv, scale=2, rotation=30, offset=[0.1, -0.2]), expected, atol=1e-6)
 
 
 def test_pictures_of_several_sizes_and_channels_share_a_table() -> None:

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from raytracer.jit import entry
-from raytracer.textures.noise import octaves_of, perlin
-from tests.textures.kernels import looked_up, slopes, spec_of, table_of
+from raytracer.core.compiler.dispatch import entry
+from raytracer.plugins.textures.noise import fractal_noise, perlin
+from tests.plugins.textures.kernels import looked_up, slopes, spec_of, table_of
 
 
 @entry
 def _noise(points, seed, octaves, out):
     for i in range(len(points)):
         point = (points[i, 0], points[i, 1], points[i, 2])
-        out[i] = perlin(point, seed) if octaves == 0 else octaves_of(point, seed, octaves)
+        out[i] = perlin(point, seed) if octaves == 0 else fractal_noise(point, seed, octaves)
 
 
 def noise(points, seed=0, octaves=0):
@@ -114,11 +114,11 @@ def test_slopes_are_derivatives_along_the_tangents(pattern: str) -> None:
     points = random_points(500, size=4.0)
     table = table_of(spec_of("noise", pattern=pattern, scale=3.0, octaves=2))
     tangent, bitangent = (0.3, -2.0, 0.4), (0.0, 0.5, 5.0)
-    found = slopes(table, points=points, tangent=tangent, bitangent=bitangent)
+    result = slopes(table, points=points, tangent=tangent, bitangent=bitangent)
     h = 1e-5
     for column, along in enumerate((tangent, bitangent)):
         step = h * np.array(along)
         ahead, behind = (looked_up(table, points=points + sign * step)[:, 0] for sign in (1, -1))
-        error = np.abs(found[:, column] - (ahead - behind) / (2 * h)) / np.abs(found).max()
+        error = np.abs(result[:, column] - (ahead - behind) / (2 * h)) / np.abs(result).max()
         # But for a point where the folds of turbulence lie between the two.
         assert np.quantile(error, 0.99) < 1e-6

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.rendering import image, mean
+from tests.small_scenes import image, mean
 
 CAMERA = "camera: {type: pinhole, look_from: [0, 4, 4], look_at: [0, 0, 0], vfov: 40}\nobjects:\n"
 FLOOR = "  - {type: quad, corner: [-3, 0, 3], edges: [[6, 0, 0], [0, 0, -6]], material: {type: lambertian}}\n"

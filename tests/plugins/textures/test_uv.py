@@ -1,4 +1,4 @@
-"""Where u and v lie on surfaces, and that tangents are their derivatives."""
+"""Parameters u and v of surfaces, and tangents, which are their derivatives."""
 
 from pathlib import Path
 from typing import Any
@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.assets import read_mesh
-from raytracer.geometry import Exact
-from raytracer.jit import entry
-from raytracer.kinds import SHAPES
-from raytracer.primitives.interface import hit, sample_point, unmapped
-from raytracer.scene.pack import pack
-from tests.rendering import scene
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.geometry import Exact
+from raytracer.core.primitives.base.interface import hit, sample_point, without_uv
+from raytracer.scene.assets import read_mesh
+from raytracer.scene.pack.scene import pack
+from raytracer.schema.registry import SHAPES
+from tests.small_scenes import scene
 
 OBJ = """
 v 0 0 0
@@ -32,21 +32,21 @@ f 1/1 3/3 4/4
 
 @entry
 def _hit(table, primitive, origin, direction, near, out):
-    found = hit(table, primitive, origin, direction, near, None, Exact())
-    out[0], out[1] = found.u, found.v
+    result = hit(table, primitive, origin, direction, near, None, Exact())
+    out[0], out[1] = result.u, result.v
     for axis in range(3):
-        out[2 + axis] = found.point[axis]
-        out[5 + axis] = found.tangent[axis]
-        out[8 + axis] = found.bitangent[axis]
-        out[11 + axis] = found.local[axis]
+        out[2 + axis] = result.point[axis]
+        out[5 + axis] = result.tangent[axis]
+        out[8 + axis] = result.bitangent[axis]
+        out[11 + axis] = result.local[axis]
 
 
 @entry
 def _drawn(table, primitive, u1, u2, out):
-    found = sample_point(table, primitive, (9.0, 8.0, 7.0), u1, u2, None)
-    out[0], out[1] = found.u, found.v
+    result = sample_point(table, primitive, (9.0, 8.0, 7.0), u1, u2, None)
+    out[0], out[1] = result.u, result.v
     for axis in range(3):
-        out[2 + axis] = found.point[axis]
+        out[2 + axis] = result.point[axis]
 
 
 def hit_at(table: Any, at: Any, towards: Any, primitive: int = 0) -> NDArray[np.float64]:
@@ -72,8 +72,8 @@ def mapped_mesh(tmp_path: Path, *, smooth: bool = False) -> Any:
 
 def test_a_quad_runs_from_its_corner_along_its_edges() -> None:
     table = packed("quad", corner=[1, 0, 0], edges=[[2, 0, 0], [0, 3, 0]])
-    found = hit_at(table, (1.5, 2.25, 0.0), (0, 0, -1))
-    np.testing.assert_allclose(found, [0.25, 0.75, 1.5, 2.25, 0, 2, 0, 0, 0, 3, 0, 1.5, 2.25, 0], atol=1e-12)
+    result = hit_at(table, (1.5, 2.25, 0.0), (0, 0, -1))
+    np.testing.assert_allclose(result, [0.25, 0.75, 1.5, 2.25, 0, 2, 0, 0, 0, 3, 0, 1.5, 2.25, 0], atol=1e-12)
 
 
 def test_a_sphere_runs_around_its_axis_from_minus_x_and_up_from_the_south_pole() -> None:
@@ -86,11 +86,11 @@ def test_a_sphere_runs_around_its_axis_from_minus_x_and_up_from_the_south_pole()
         ((1.0, 0.0, 0.0), (0.5, 0.5)),
         ((0.0, 0.0, -1.0), (0.75, 0.5)),
     ):
-        found = hit_at(table, point, [-x for x in point])
+        result = hit_at(table, point, [-x for x in point])
         if abs(point[1]) < 1.0:
-            np.testing.assert_allclose(found[:2], uv, atol=1e-12)
+            np.testing.assert_allclose(result[:2], uv, atol=1e-12)
         else:
-            assert found[1] == pytest.approx(uv[1], abs=1e-12)
+            assert result[1] == pytest.approx(uv[1], abs=1e-12)
 
 
 def test_a_disc_runs_around_and_outwards() -> None:
@@ -128,8 +128,8 @@ def test_tangents_are_derivatives_of_the_point(kind: str, tmp_path: Path) -> Non
 def test_a_mesh_has_the_coordinates_of_its_file(tmp_path: Path, smooth: bool) -> None:
     table = mapped_mesh(tmp_path, smooth=smooth)
     for x, y, primitive in ((1.5, 0.25, 0), (0.5, 0.75, 1), (1.9, 0.05, 0)):
-        found = hit_at(table, (x, y, 0.0), (0, 0, -1), primitive)
-        np.testing.assert_allclose(found[:2], (0.25 + x / 4, 0.5 + y / 2), atol=1e-6)
+        result = hit_at(table, (x, y, 0.0), (0, 0, -1), primitive)
+        np.testing.assert_allclose(result[:2], (0.25 + x / 4, 0.5 + y / 2), atol=1e-6)
         out = np.empty(5)
         _drawn(table, primitive, x / 2, y, out)
         np.testing.assert_allclose(out[:2], (0.25 + out[2] / 4, 0.5 + out[3] / 2), atol=1e-6)
@@ -139,9 +139,9 @@ def test_degenerate_coordinates_have_no_tangents(tmp_path: Path) -> None:
     path = tmp_path / "plate.obj"
     path.write_text(OBJ.replace("vt 0.75 0.5", "vt 0.25 0.5"))
     table = SHAPES.specs()["mesh"].model_validate({"type": "mesh", "file": "plate.obj"})
-    found = hit_at(table.pack(np.eye(4), 0, {"file": read_mesh(path)}), (1.5, 0.25, 0.0), (0, 0, -1))
-    assert np.isfinite(found).all()
-    assert not found[5:11].any()
+    result = hit_at(table.pack(np.eye(4), 0, {"file": read_mesh(path)}), (1.5, 0.25, 0.0), (0, 0, -1))
+    assert np.isfinite(result).all()
+    assert not result[5:11].any()
 
 
 def test_ply_files_have_coordinates_under_several_names(tmp_path: Path) -> None:
@@ -168,7 +168,7 @@ def test_seams_keep_both_of_their_coordinates(tmp_path: Path) -> None:
 
 
 def test_without_textures_coordinates_are_left_out(tmp_path: Path) -> None:
-    assert unmapped(mapped_mesh(tmp_path)).uv is None
+    assert without_uv(mapped_mesh(tmp_path)).uv is None
     plain = (
         "camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0]}\nobjects:\n  - {type: mesh, file: plate.obj"
     )

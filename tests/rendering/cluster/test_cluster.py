@@ -11,19 +11,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer import scheduling
-from raytracer.checkpoints import Keeper
-from raytracer.cli.main import main
-from raytracer.cluster import Cluster, connection, engagement
-from raytracer.cluster.fitness import Fingerprint, fingerprint, obstacle
-from raytracer.errors import InputError, OutputError, StrictError
-from raytracer.rendering import Progress, Rendered, render
+from raytracer.cli.base.app import main
+from raytracer.rendering import worker_pool
+from raytracer.rendering.checkpoint import CheckpointWriter
+from raytracer.rendering.cluster import Cluster, connection, executor
+from raytracer.rendering.cluster.compatibility import Fingerprint, find_mismatch, fingerprint
+from raytracer.rendering.progress import Progress
+from raytracer.rendering.render import render
+from raytracer.rendering.session import Rendered
 from raytracer.scene.load import load
 from raytracer.scene.spec import SceneSpec
-from tests.cluster.machines import Machines, machines
-from tests.rendering import scene
+from raytracer.util.errors import InputError, OutputError, StrictError
+from tests.rendering.cluster.machines import Machines, machines
+from tests.rendering.test_adaptive_sampling import HALVES
 from tests.repository import REFERENCES, SCENES
-from tests.test_adaptive import HALVES
+from tests.small_scenes import scene
 
 pytest.importorskip("distributed")
 
@@ -97,7 +99,7 @@ def test_the_command_fails_when_the_cluster_is_lost(
     def lost(*arguments: object) -> None:
         raise OutputError("the cluster is lost")
 
-    monkeypatch.setattr(engagement.Engagement, "run", lost)
+    monkeypatch.setattr(executor.ClusterExecutor, "run", lost)
     spec.save(tmp_path / "halves.yaml")
     picture = tmp_path / "far.npy"
     assert main(["render", str(tmp_path / "halves.yaml"), "-q", "-o", str(picture), "--cluster", three.address]) == 1
@@ -128,7 +130,7 @@ def test_a_worker_of_another_version_is_refused(
     cluster: Cluster, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other = fingerprint()._replace(versions={**fingerprint().versions, "numba": "0.1"})
-    monkeypatch.setattr(engagement, "fingerprint", lambda: other)
+    monkeypatch.setattr(executor, "fingerprint", lambda: other)
     told: list[str] = []
     with pytest.raises(InputError, match=r"^worker tcp://127\S* has numba .*, and here it is 0.1; install the same"):
         render(spec, cluster=cluster, warn=told.append)
@@ -138,29 +140,34 @@ def test_another_instruction_set_is_told_and_refused_if_strict(
     cluster: Cluster, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other = fingerprint()._replace(processor="vax")
-    monkeypatch.setattr(engagement, "fingerprint", lambda: other)
+    monkeypatch.setattr(executor, "fingerprint", lambda: other)
     told: list[str] = []
     assert render(spec, cluster=cluster, warn=told.append).complete
     assert len([sentence for sentence in told if "has another instruction set than this machine" in sentence]) == 1
     with pytest.raises(StrictError, match="instruction set"):
-        engagement_only(cluster, spec, strict=True)
+        connect_only(cluster, spec, strict=True)
 
 
-def engagement_only(cluster: Cluster, spec: SceneSpec, **settings: Any) -> None:
-    """Take samples without the doubts that the scene itself raises."""
-    from raytracer.scheduling import Crew
+def connect_only(cluster: Cluster, spec: SceneSpec, **settings: Any) -> None:
+    """Take samples without the warnings that the scene itself raises."""
+    from raytracer.rendering.worker_pool import WorkerPool
 
-    cluster.engage(spec, **settings).run(lambda: None, lambda errand, haul: None, Crew(1), time.perf_counter() + 30.0)
+    cluster.connect(spec, **settings).run(
+        lambda: None, lambda job, result: None, WorkerPool(1), time.perf_counter() + 30.0
+    )
 
 
 def test_what_differs_is_named() -> None:
     here = Fingerprint({"rt": "2.0", "Python": "3.12.1"}, "abc", "vax")
-    assert obstacle(here, here) is None
-    assert obstacle(here, here._replace(processor="pdp")) is None
+    assert find_mismatch(here, here) is None
+    assert find_mismatch(here, here._replace(processor="pdp")) is None
     there = here._replace(versions={"rt": "1.0", "Python": "3.12.1"})
-    assert obstacle(here, there) == "has rt 1.0, and here it is 2.0; install the same versions on all machines"
+    assert find_mismatch(here, there) == "has rt 1.0, and here it is 2.0; install the same versions on all machines"
     there = here._replace(program="def")
-    assert obstacle(here, there) == "has other sources of rt 2.0 than there are here; install the same, and restart it"
+    assert (
+        find_mismatch(here, there)
+        == "has other sources of rt 2.0 than there are here; install the same, and restart it"
+    )
 
 
 # ---- Nobody there
@@ -187,13 +194,16 @@ def test_no_dask(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_nothing_of_dask_is_imported_unless_it_is_used() -> None:
-    code = "import sys, raytracer.cluster, raytracer.cli.main; assert not {'dask', 'distributed'} & sys.modules.keys()"
+    code = (
+        "import sys, raytracer.rendering.cluster, raytracer.cli.base.app; "
+        "assert not {'dask', 'distributed'} & sys.modules.keys()"
+    )
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_no_workers(three: Machines, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[str] = []
-    monkeypatch.setattr(engagement, "SAY_AFTER", 0.2)
+    monkeypatch.setattr(executor, "REPORT_AFTER", 0.2)
     with Cluster(three.address, patience=0.5, say=told.append) as empty:
         monkeypatch.setattr(empty.client, "nthreads", dict)
         with pytest.raises(InputError, match=r"has had no workers for 0.5 s; `dask worker tcp://127.*` starts one"):
@@ -312,7 +322,7 @@ def test_every_effect_goes_along(cluster: Cluster, name: str, keys: dict[str, An
 def test_a_render_goes_on_elsewhere(
     spec: SceneSpec, cluster: Cluster, tmp_path: Path, order: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(scheduling, "_WAKE_UP_SECONDS", 1e-3)
+    monkeypatch.setattr(worker_pool, "_POLL_SECONDS", 1e-3)
     first, second = (cluster, None) if order.startswith("there") else (None, cluster)
     path, spp = tmp_path / "a.checkpoint", 700
 
@@ -320,8 +330,8 @@ def test_a_render_goes_on_elsewhere(
         if progress.done > 0.3 * progress.wanted:
             raise KeyboardInterrupt
 
-    broken = render(spec, spp=spp, cluster=first, keeper=Keeper(path), progress=stop)
+    broken = render(spec, spp=spp, cluster=first, checkpoint_writer=CheckpointWriter(path), progress=stop)
     assert broken.interrupted
-    result = render(spec, spp=spp, cluster=second, keeper=Keeper(path, resume=True))
+    result = render(spec, spp=spp, cluster=second, checkpoint_writer=CheckpointWriter(path, resume=True))
     assert_same(result, render(spec, spp=spp))
     assert result.stats.resumed["samples"] > 0

@@ -11,13 +11,14 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from raytracer.assets import read_image, read_mesh
-from raytracer.assets.gltf import read_image_bytes, read_materials
-from raytracer.errors import InputError, SceneError
-from raytracer.materials.cutout import CutoutTable
-from raytracer.materials.principled import PrincipledTable
+from raytracer.plugins.materials.cutout import CutoutTable
+from raytracer.plugins.materials.principled import PrincipledTable
+from raytracer.scene.assets import read_image, read_mesh
+from raytracer.scene.assets.gltf import read_image_bytes
+from raytracer.scene.assets.gltf_materials import read_materials
 from raytracer.scene.load import build
-from raytracer.scene.pack import pack
+from raytracer.scene.pack.scene import pack
+from raytracer.util.errors import InputError, SceneError
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
 # In glTF the first texel is at (0, 0), and v runs downwards.
@@ -89,7 +90,7 @@ def written(folder: Path, content: dict[str, Any]) -> Path:
 
 
 def only(folder: Path, material: dict[str, Any], **more: Any) -> dict[str, Any]:
-    """What a file's one material is read as."""
+    """Read a file's one material."""
     return read_materials(written(folder, document([material], **more)), "model.gltf")[0]
 
 
@@ -293,7 +294,7 @@ def test_a_material_in_the_scene_takes_their_place(tmp_path: Path) -> None:
 def test_alpha_makes_light_pass(tmp_path: Path) -> None:
     material = {"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
     world = packed(tmp_path, document([material], images=(HOLES,)))
-    assert world.passage is not None
+    assert world.transparency is not None
     (table,) = world.selectors.tables
     assert isinstance(table, CutoutTable)
     assert table.threshold.tolist() == [0.5]

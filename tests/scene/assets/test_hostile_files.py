@@ -24,11 +24,12 @@ import PIL.Image
 import pytest
 import trimesh.exchange.load  # noqa: F401  Its import is no part of what is measured.
 
-from raytracer.assets import read_grid, read_image, read_mesh, read_placements
-from raytracer.assets.gltf import companions, named, read_materials
-from raytracer.errors import InputError
 from raytracer.film import load, load_layers
-from raytracer.untrusted import BrokenArrayError, array
+from raytracer.scene.assets import read_grid, read_image, read_mesh, read_placements
+from raytracer.scene.assets.gltf import companions, referenced_files
+from raytracer.scene.assets.gltf_materials import read_materials
+from raytracer.util.errors import InputError
+from raytracer.util.safe_open import NpyError, parse_npy
 from tests.fuzz import harness
 
 POSIX_ONLY = pytest.mark.skipif(sys.platform == "win32", reason="pipes and devices of POSIX")
@@ -38,7 +39,7 @@ FEW_BYTES = 2**24
 
 
 def refused(path: Path, read: Any) -> str:
-    """What `read` says of a file that it refuses, in one line that names it, and with little memory."""
+    """Return the refusal of a file by `read`: one line that names it, and with little memory."""
     tracemalloc.start()
     try:
         with pytest.raises(InputError) as caught:
@@ -199,12 +200,12 @@ def test_arrays_are_what_numpy_reads() -> None:
     for stored in (values, np.asfortranarray(values), values.astype(">f2"), values[:0], np.array(3), values > 2):
         file = io.BytesIO()
         np.save(file, stored)
-        found = array(file.getvalue())
+        found = parse_npy(file.getvalue())
         assert found.dtype == stored.dtype
         np.testing.assert_array_equal(found, stored)
         if stored.size:
-            with pytest.raises(BrokenArrayError, match="cut off"):
-                array(file.getvalue()[:-1])
+            with pytest.raises(NpyError, match="cut off"):
+                parse_npy(file.getvalue()[:-1])
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.tif", "a.jpg"])
@@ -281,7 +282,7 @@ BROKEN: dict[str, tuple[dict[str, Any], str]] = {
     "2^40 ways to a node": ({"nodes": DAG}, "in more than one place of its tree"),
     "a thousand million elements": ({"accessors": accessor(count=10**9)}, "goes beyond its data"),
     "elements without data": ({"accessors": [{"componentType": 5126, "count": 10**9, "type": "VEC3"}]}, "without data"),
-    "a negative offset": ({"accessors": accessor(byteOffset=-4)}, "byteOffset that is no whole number: -4"),
+    "a negative offset": ({"accessors": accessor(byteOffset=-4)}, "byteOffset that is no integer from 0 on: -4"),
     "an offset beyond 64 bits": ({"accessors": accessor(byteOffset=2**70)}, "goes beyond its data"),
     "a stride of one byte": ({"bufferViews": [{"buffer": 0, "byteLength": 36, "byteStride": 1}]}, "a byteStride of 1"),
     "a view beyond its buffer": ({"bufferViews": [{"buffer": 0, "byteLength": 37}]}, "ends early"),
@@ -307,13 +308,13 @@ def test_a_gltf_file_that_breaks_the_specification_is_refused(name: str, tmp_pat
 
 
 def test_repeated_data_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytracer.assets.gltf_geometry.MAX_REPEATED", 60)
+    monkeypatch.setattr("raytracer.scene.assets.gltf_geometry.MAX_REPEATED", 60)
     nodes = [{"children": list(range(1, 21))}, *({"mesh": 0} for _ in range(20))]
     assert len(read_mesh(gltf(tmp_path, nodes=nodes)).vertices) == 60
     nodes = [{"children": list(range(1, 22))}, *({"mesh": 0} for _ in range(21))]
     assert "60 vertices or triangles" in refused(gltf(tmp_path, nodes=nodes), read_mesh)
 
-    monkeypatch.setattr("raytracer.assets.gltf_geometry.MAX_PIECES", 8)
+    monkeypatch.setattr("raytracer.scene.assets.gltf_geometry.MAX_PIECES", 8)
     meshes = [{"primitives": [{"attributes": {"POSITION": 0}}] * 3}]
     nodes = [{"children": [1, 2, 3]}, {"mesh": 0}, {"mesh": 0}, {"mesh": 0}]
     assert "repeats its meshes to more than 8 parts" in refused(gltf(tmp_path, nodes=nodes, meshes=meshes), read_mesh)
@@ -335,7 +336,7 @@ def test_all_files_that_may_be_opened_are_named(tmp_path: Path) -> None:
     uris = ["b%20c.bin", "../d.bin", "http://example.org/e.bin", "data:,", 3]
     path = gltf(tmp_path, buffers=[{"uri": uri} for uri in uris], images=[{"uri": "f.png"}, "g.png"])
     (tmp_path / "f.png").touch()
-    assert named(path) == (tmp_path / "b c.bin", tmp_path / "../d.bin", tmp_path / "f.png")
+    assert referenced_files(path) == (tmp_path / "b c.bin", tmp_path / "../d.bin", tmp_path / "f.png")
     assert companions(path) == (tmp_path / "f.png",)
 
 
@@ -344,7 +345,7 @@ def test_what_a_file_names_is_told_with_little_memory(tmp_path: Path) -> None:
     path.write_bytes(struct.pack("<IIIII", 0x46546C67, 2, 100, 2**32 - 16, 0x4E4F534A) + b"{}  ")
     tracemalloc.start()
     try:
-        assert named(path) == ()
+        assert referenced_files(path) == ()
         assert tracemalloc.get_traced_memory()[1] < FEW_BYTES
     finally:
         tracemalloc.stop()
@@ -411,7 +412,7 @@ def test_parts_without_triangles_are_left_out(tmp_path: Path) -> None:
 
 
 def test_a_file_of_many_parts_is_read_if_it_has_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytracer.assets.gltf_geometry.MAX_PIECES", 8)
+    monkeypatch.setattr("raytracer.scene.assets.gltf_geometry.MAX_PIECES", 8)
     nodes = [{"children": list(range(1, 31))}, *({"mesh": 0} for _ in range(30))]
     assert len(read_mesh(gltf(tmp_path, nodes=nodes)).faces) == 30
 
@@ -424,7 +425,7 @@ def test_nothing_reaches_the_terminal_but_the_sentence(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(CLAIMS[name][0])
     program = (
         "import sys\nfrom pathlib import Path\n"
-        "from raytracer.assets import *\nfrom raytracer.errors import InputError\n"
+        "from raytracer.scene.assets import *\nfrom raytracer.util.errors import InputError\n"
         "for path in sorted(Path(sys.argv[1]).iterdir()):\n"
         "    for read in (read_mesh, read_image, read_grid, read_placements):\n"
         "        try:\n            read(path)\n        except InputError:\n            pass\n"

@@ -8,9 +8,10 @@ import OpenEXR
 import PIL.Image
 import pytest
 
-from raytracer.assets.images import decode_image, read_image
-from raytracer.errors import InputError
-from raytracer.film import rgbe, srgb
+from raytracer.film import srgb
+from raytracer.film.formats import hdr
+from raytracer.scene.assets.images import decode_image, read_image
+from raytracer.util.errors import InputError
 
 BYTES = np.random.default_rng(1).integers(0, 256, (3, 5, 4), dtype=np.uint8)
 
@@ -69,8 +70,8 @@ def test_half_floats_are_read() -> None:
 
 def test_hdr_and_npy() -> None:
     values = np.random.default_rng(3).random((4, 9, 3))
-    hdr = decode_image(rgbe.encode(values, {}), ".hdr")
-    np.testing.assert_allclose(hdr.texels, values, atol=values.max() / 256)
+    image = decode_image(hdr.encode(values, {}), ".hdr")
+    np.testing.assert_allclose(image.texels, values, atol=values.max() / 256)
     for array, channels in ((values, 3), (values[..., 0], 1), (values[..., :2], 2)):
         buffer = io.BytesIO()
         np.save(buffer, array)
@@ -94,7 +95,7 @@ def test_colours_are_decoded_from_srgb_and_transparency_is_not() -> None:
 
 
 def test_sizes_are_judged_before_pixels_are_decoded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytracer.film.decoding.MAX_PIXELS", 14)
+    monkeypatch.setattr("raytracer.film.formats.base.limits.MAX_PIXELS", 14)
     with pytest.raises(ValueError, match="is 5 x 3 pixels, and at most 14 are read"):
         decode_image(encoded(BYTES), ".png")
     # Pillow keeps its own limit for others.

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from raytracer.assets import read_mesh, smooth_normals
-from raytracer.assets.meshes import _checked
-from raytracer.assets.readers import BrokenMeshError, Parts
-from raytracer.errors import InputError
+from raytracer.scene.assets import read_mesh, smooth_normals
+from raytracer.scene.assets.meshes import _checked
+from raytracer.scene.assets.readers import BrokenMeshError, RawMesh
+from raytracer.util.errors import InputError
 
 # A pyramid over the unit square: a quad and four triangles, seen from outside.
 VERTICES = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0), (0.5, 0.5, 1.25)]
@@ -39,7 +39,7 @@ def soup(mesh):
     return sorted(turned)
 
 
-EXPECTED = soup(Parts(np.array(VERTICES), np.array(TRIANGLES), None))
+EXPECTED = soup(RawMesh(np.array(VERTICES), np.array(TRIANGLES), None))
 
 
 def ply_text(polygons=POLYGONS, vertices=VERTICES):
@@ -178,7 +178,7 @@ def test_obj_indices_below_zero_count_back_from_their_face(written):
     # The format's own rule; the second vertex -1 is not the first.
     text = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nf -3 -2 -1\nv 0 0 2\nv 1 0 2\nv 1 1 2\nf -3 -2 -1\nf 1 -1 2\n"
     vertices = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 0, 2), (1, 0, 2), (1, 1, 2)], dtype=float)
-    expected = Parts(vertices, np.array([(0, 1, 2), (3, 4, 5), (0, 5, 1)]), None)
+    expected = RawMesh(vertices, np.array([(0, 1, 2), (3, 4, 5), (0, 5, 1)]), None)
     assert soup(read_mesh(written("a.obj", text))) == soup(expected)
     counted = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\nv 0 0 2\nv 1 0 2\nv 1 1 2\nf 4 5 6\nf 1 6 2\n"
     assert soup(read_mesh(written("b.obj", counted))) == soup(expected)
@@ -199,7 +199,7 @@ def test_obj_faces_that_have_as_many_numbers_but_are_written_otherwise(written):
     faces = ["f 1 2 3 4 5 6", "f 1//1 2//1 3//1", "f 1/1 2/1 4/1", "f 2//-1 3//-1 5//-1", "f 1/1/1 3/1/1 5/1/1"]
     vertices = np.array([line.split()[1:] for line in hexagon.splitlines()[:6]], dtype=float)
     fan = [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)]
-    expected = soup(Parts(vertices, np.array([*fan, (0, 1, 2), (0, 1, 3), (1, 2, 4), (0, 2, 4)]), None))
+    expected = soup(RawMesh(vertices, np.array([*fan, (0, 1, 2), (0, 1, 3), (1, 2, 4), (0, 2, 4)]), None))
     for order in (faces, faces[::-1]):
         assert soup(read_mesh(written("a.obj", (hexagon + "\n".join(order)).encode()))) == expected
 
@@ -360,7 +360,7 @@ def test_triangles_without_area_are_left_out_and_counted(written):
     degenerate = [(1, 1, 2), (0, 5, 6), (0, 7, 3)]
     mesh = read_mesh(written("a.obj", obj_text([*POLYGONS, *degenerate, (0, 1, 8)], vertices)))
     assert mesh.degenerate == 3
-    assert soup(mesh) == soup(Parts(np.array(vertices), np.array([*TRIANGLES, (0, 1, 8)]), None))
+    assert soup(mesh) == soup(RawMesh(np.array(vertices), np.array([*TRIANGLES, (0, 1, 8)]), None))
 
 
 BROKEN = {
@@ -461,7 +461,7 @@ def test_a_folder_is_no_mesh(tmp_path):
 def test_more_faces_than_an_index_can_count():
     faces = np.broadcast_to(np.zeros(3, dtype=np.int32), (2**31, 3))
     with pytest.raises(BrokenMeshError, match="2147483648 triangles"):
-        _checked(Parts(np.zeros((1, 3)), faces, None))
+        _checked(RawMesh(np.zeros((1, 3)), faces, None))
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="resource is of POSIX")
@@ -479,7 +479,7 @@ def test_a_large_binary_ply_file_takes_little_more_memory_than_it_and_its_mesh(w
     header = PLY_HEADER.format(format="binary_little_endian", vertices=n * n, faces=len(faces), type="float")
     path = written("grid.ply", header.encode() + vertices.tobytes() + records.tobytes())
     program = (
-        "import resource, sys, trimesh\nfrom raytracer.assets import read_mesh\n"
+        "import resource, sys, trimesh\nfrom raytracer.scene.assets import read_mesh\n"
         "peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
         "before = peak(); mesh = read_mesh(sys.argv[1]); print(len(mesh.faces), peak() - before)"
     )

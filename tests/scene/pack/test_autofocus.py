@@ -7,15 +7,15 @@ import numba
 import numpy as np
 import pytest
 
-from raytracer.errors import SceneError
-from raytracer.scene.pack import Packed, pack
-from tests.rendering import image, scene
+from raytracer.scene.pack.scene import PackedScene, pack
+from raytracer.util.errors import SceneError
+from tests.small_scenes import image, scene
 
 LENS = "type: thin_lens, look_from: [0, 0, 0], look_at: [0, 0, -1]"
 FULL_FRAME = "sensor: {width: 36 mm, height: 24 mm}, focal_length: 50 mm, f_number: 2"
 
 
-def packed(camera: str, *objects: str, before: str = "", width: int = 300, height: int = 200) -> Packed:
+def packed(camera: str, *objects: str, before: str = "", width: int = 300, height: int = 200) -> PackedScene:
     items = "".join(f"  - {{{item}}}\n" for item in objects)
     text = f"camera: {{{LENS}, {camera}}}\n{before}objects:\n{items}"
     return pack(scene(text, filled=False, width=width, height=height))
@@ -151,7 +151,7 @@ def test_focus_at_of_a_lens_that_breathes_is_of_the_focused_picture() -> None:
 def test_the_ray_casters_structure_is_built_once(monkeypatch: pytest.MonkeyPatch) -> None:
     found = packed("vfov: 60, aperture: 20 mm, focus_at: [0.5, 0.5]", WALL)
     assert found.built is not None
-    monkeypatch.setattr("raytracer.scene.pack.Accel", None)
+    monkeypatch.setattr("raytracer.scene.pack.scene.Accel", None)
     assert found.build() is found.built
 
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.errors import SceneError
-from raytracer.motion import pose_at
-from raytracer.scene.pack import Packed, pack
-from raytracer.shapes.scatter import Scatter
-from raytracer.spec import matrix_of
-from tests.rendering import assert_mean, image, scene
+from raytracer.core.motion.interpolation import pose_at
+from raytracer.plugins.shapes.scatter import Scatter
+from raytracer.scene.pack.scene import PackedScene, pack
+from raytracer.schema.transform import matrix_of
+from raytracer.util.errors import SceneError
+from tests.small_scenes import assert_mean, image, scene
 
 CAMERA = "camera: {type: pinhole, look_from: [0, 1, 7], look_at: [0, 0, 0], vfov: 40, shutter: 1}\n"
 
@@ -23,17 +23,17 @@ PLY = (
 )
 
 
-def packed(text: str, base: Path | None = None) -> Packed:
+def packed(text: str, base: Path | None = None) -> PackedScene:
     return pack(scene(CAMERA + text, filled=False, base=base))
 
 
-def poses(found: Packed) -> NDArray[np.float64]:
+def poses(found: PackedScene) -> NDArray[np.float64]:
     """Matrices (n, 4, 4) of the instances that stand still."""
     rows = found.scene.instances.pose
     return np.concatenate([rows, np.broadcast_to([[[0.0, 0.0, 0.0, 1.0]]], (len(rows), 1, 4))], axis=1)
 
 
-def table_bytes(found: Packed) -> int:
+def table_bytes(found: PackedScene) -> int:
     return sum(column.nbytes for table in found.scene.primitives for column in table if column is not None)
 
 
@@ -81,7 +81,7 @@ def test_groups_in_groups_are_multiplied_out() -> None:
 def test_thousands_of_placements_take_the_memory_of_their_transforms(tmp_path: Path) -> None:
     (tmp_path / "rock.ply").write_text(PLY)
 
-    def field(count: int) -> Packed:
+    def field(count: int) -> PackedScene:
         lines = [f"  - {{type: instance, of: rock, transform: [{{translate: [{i}, 0, 0]}}]}}\n" for i in range(count)]
         return packed("groups: {rock: [{type: mesh, file: rock.ply}]}\nobjects:\n" + "".join(lines), base=tmp_path)
 
@@ -253,7 +253,7 @@ objects:
 def test_emitters_are_chosen_by_power_among_instances_too() -> None:
     found = packed(LANTERN).scene
     (lights,) = found.lights.tables
-    glow = found.instances.glow
+    glow = found.instances.emissive
     ball, own, override = 4 * math.pi * 0.04 * 18.0, 3.0 * 1.0, 4 * math.pi * 0.09 * 12.0
     total = own + ball * (4.0 + 1.0 + 1.0) + override
     by_variant = dict(zip(lights.variant.tolist(), lights.choice.pmf.tolist(), strict=True))
@@ -262,12 +262,12 @@ def test_emitters_are_chosen_by_power_among_instances_too() -> None:
     assert by_variant[0] == pytest.approx(own / total)
 
     # Among the three lanterns by their sizes; the ball of metal does not shine, and its copy does.
-    assert sorted(glow.chance.tolist()) == pytest.approx([0.0, 1 / 6, 1 / 6, 4 / 6, 1.0])
+    assert sorted(glow.probability.tolist()) == pytest.approx([0.0, 1 / 6, 1 / 6, 4 / 6, 1.0])
     assert np.count_nonzero(glow.variant < 0) == 1
     for start, stop in zip(glow.first[1:-1], glow.first[2:], strict=True):
         assert glow.cumulative[stop - 1] == pytest.approx(1.0)
         np.testing.assert_allclose(
-            np.diff(glow.cumulative[start:stop], prepend=0.0), glow.chance[glow.member[start:stop]]
+            np.diff(glow.cumulative[start:stop], prepend=0.0), glow.probability[glow.member[start:stop]]
         )
 
 
@@ -385,7 +385,7 @@ def test_groups_are_in_groups_to_a_depth() -> None:
 
 
 def test_groups_that_double_are_refused_before_they_are_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raytracer.scene.objects._MOST_PLACINGS", 1000)
+    monkeypatch.setattr("raytracer.scene.pack.layout._MAX_GROUP_INSTANCES", 1000)
     assert len(poses(packed(nested(8, copies=2)))) == 256
     with pytest.raises(SceneError, match="places groups in groups more than 1,000 times"):
         packed(nested(40, copies=2))

@@ -11,46 +11,45 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.aovs.interface import measure
-from raytracer.aovs.position import Place
-from raytracer.cameras.interface import moved as moved_camera
-from raytracer.cameras.moving import MovingCamera, pack_camera
-from raytracer.explanation import explain
-from raytracer.geometry import Hit
-from raytracer.jit import entry
-from raytracer.kinds import LIGHTS, MEDIA
-from raytracer.lights.interface import Lights
-from raytracer.lights.interface import moved as moved_lights
-from raytracer.media.grid import Grid
-from raytracer.media.homogeneous import Homogeneous
-from raytracer.media.interface import moved as moved_media
-from raytracer.motion import (
-    MOST_STEPS,
-    Rows,
-    arm_of,
-    compose,
-    conjugated,
-    decompose,
+from raytracer.analysis.explain import explain
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.geometry import Hit
+from raytracer.core.motion.decomposition import Rows, compose, decompose
+from raytracer.core.motion.time_grid import MAX_STEPS
+from raytracer.core.motion.trajectory import (
+    conjugate_trajectory,
+    max_rotation_radius,
+    recentre_rotation,
     row_at,
-    shifted,
-    steadied,
+    translate_trajectory,
 )
-from raytracer.origin import as_written
+from raytracer.core.world_origin import to_authored_space
+from raytracer.kernel.aovs.base.layers import measure
+from raytracer.kernel.aovs.position import PositionQuantity
+from raytracer.plugins.cameras.base.interface import translate_camera as moved_camera
+from raytracer.plugins.cameras.base.moving import MovingCamera, pack_camera
+from raytracer.plugins.lights.base.interface import Lights
+from raytracer.plugins.lights.base.interface import translate_lights as moved_lights
+from raytracer.plugins.media.base.interface import translate_media as moved_media
+from raytracer.plugins.media.grid import Grid
+from raytracer.plugins.media.homogeneous import Homogeneous
 from raytracer.scene.load import load
-from raytracer.scene.objects import Assets, lay_out
-from raytracer.scene.pack import Packed, pack
-from raytracer.scene.recentring import recentred
-from raytracer.scene.whereabouts import Whereabouts
-from raytracer.spec import Rotate, Step
-from tests.cameras.kernels import weighted_rays
-from tests.cameras.test_cameras import CASES as CAMERAS
-from tests.cameras.test_cameras import camera
-from tests.lights.kernels import aim, table_of
-from tests.lights.test_kinds import EXAMPLES as LIGHT_EXAMPLES
-from tests.media.kernels import fly_many, packed, transmittance_many
-from tests.rendering import scene
+from raytracer.scene.object_bounds import ObjectBounds
+from raytracer.scene.pack.layout import lay_out
+from raytracer.scene.pack.origin_shift import shift_origin
+from raytracer.scene.pack.scene import PackedScene, pack
+from raytracer.scene.scene_assets import SceneAssets
+from raytracer.schema.registry import LIGHTS, MEDIA
+from raytracer.schema.transform import Rotate, Step
+from tests.plugins.cameras.kernels import weighted_rays
+from tests.plugins.cameras.test_cameras import CASES as CAMERAS
+from tests.plugins.cameras.test_cameras import camera
+from tests.plugins.lights.kernels import aim, table_of
+from tests.plugins.lights.test_kinds import EXAMPLES as LIGHT_EXAMPLES
+from tests.plugins.media.kernels import fly_many, packed, transmittance_many
+from tests.small_scenes import scene
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 GENERATED = ("instances", "million", "next_week")
 LARGE = ("frozen_drop", "studio", "no_lens", "pinhole", "focal_lengths", "sensor_sizes", "dolly_zoom")
 SHIPPED = [
@@ -67,7 +66,7 @@ FAR = (1_000_000.0, -1_000_000.0, 1_000_000.0)
 Array = NDArray[np.float64]
 
 
-def packed_scene(text: str, base: Path | None = None) -> Packed:
+def packed_scene(text: str, base: Path | None = None) -> PackedScene:
     return pack(scene(text, filled=False, base=base))
 
 
@@ -92,9 +91,9 @@ def ball(place: tuple[float, float, float] = FAR, more: str = "") -> str:
 @pytest.mark.parametrize("path", SHIPPED)
 def test_no_shipped_scene_is_moved(path: Path) -> None:
     spec = load(path)
-    assets = Assets(spec)
+    assets = SceneAssets(spec)
     layout = lay_out(spec, assets)
-    found, origin = recentred(spec, layout, assets)
+    found, origin = shift_origin(spec, layout, assets)
     assert origin is None
     assert found is layout
 
@@ -263,7 +262,7 @@ def test_objects_are_where_their_files_say(tmp_path: Path) -> None:
     text = view(MAP) + "  - {type: mesh, file: map.obj, name: town, transform: [{scale: 2}]}\n"
     spec = scene(text, filled=False, base=tmp_path)
     expected = 2.0 * (0.5 * (_CORNERS.min(axis=0) + _CORNERS.max(axis=0)) + MAP)
-    np.testing.assert_allclose(Whereabouts(spec, Assets(spec)).center(0, 0.0), expected, rtol=0.0, atol=2.0**-20)
+    np.testing.assert_allclose(ObjectBounds(spec, SceneAssets(spec)).center(0, 0.0), expected, rtol=0.0, atol=2.0**-20)
 
 
 # ---- As it was written
@@ -281,18 +280,20 @@ def test_positions_are_those_of_the_world_as_it_was_written() -> None:
         *[(0.0, 0.0, 0.0)] * 3,
     )
     seen: Any = SimpleNamespace(hit=hit)
-    assert measure(Place(), found.scene, seen) == FAR
+    assert measure(PositionQuantity(), found.scene, seen) == FAR
 
 
 @entry
 def _written(origin, instances, instance, points, out):
     for number in range(len(points)):
-        point = as_written(origin, instances, instance, (points[number, 0], points[number, 1], points[number, 2]))
+        point = to_authored_space(
+            origin, instances, instance, (points[number, 0], points[number, 1], points[number, 2])
+        )
         for axis in range(3):
             out[number, axis] = point[axis]
 
 
-def written(found: Packed, instance: int, points: Array) -> Array:
+def written(found: PackedScene, instance: int, points: Array) -> Array:
     out = np.empty(points.shape)
     _written(found.scene.origin, found.scene.instances, instance, np.ascontiguousarray(points), out)
     return out
@@ -387,8 +388,8 @@ FORMS = {
 }
 
 
-def corners_in_the_world(found: Packed, time: float) -> Array:
-    """Where the first object's vertices are, as the scene was written, by what Embree has and where that is placed."""
+def corners_in_the_world(found: PackedScene, time: float) -> Array:
+    """Return the first object's vertices as the scene was written, by what Embree has and where that is placed."""
     table, instances = found.scene.primitives[0], found.scene.instances
     vertices = np.asarray(table.vertices, np.float64)
     if vertices.ndim == 3:
@@ -477,9 +478,9 @@ def test_displacements_before_and_after_a_trajectory() -> None:
         first, last = np.eye(4), np.eye(4)
         first[:3, 3], last[:3, 3] = before, after
         expected = last @ compose(row_at(rows, fraction)) @ first
-        found = compose(row_at(shifted(rows, before, after), fraction))
+        found = compose(row_at(translate_trajectory(rows, before, after), fraction))
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-14)
-        opposite = compose(row_at(conjugated(rows, after), fraction))
+        opposite = compose(row_at(conjugate_trajectory(rows, after), fraction))
         first[:3, 3] = np.negative(after)
         np.testing.assert_allclose(opposite, last @ compose(row_at(rows, fraction)) @ first, rtol=0.0, atol=1e-13)
 
@@ -487,11 +488,11 @@ def test_displacements_before_and_after_a_trajectory() -> None:
 def test_a_pivot_far_away_is_replaced_by_straight_parts() -> None:
     # An eighth of a degree about a point 10 km away: 22 m of way, and 4 cm by which a float32 angle is wrong.
     rows = _arc((1e4, 0.0, 0.0), 0.125)
-    found = steadied(rows, 2.0**-18)
-    assert len(found) == MOST_STEPS
-    assert arm_of(rows) == 1e4
-    assert arm_of(found) == 0.0
-    angle = np.radians(0.125) / (MOST_STEPS - 1)
+    found = recentre_rotation(rows, 2.0**-18)
+    assert len(found) == MAX_STEPS
+    assert max_rotation_radius(rows) == 1e4
+    assert max_rotation_radius(found) == 0.0
+    angle = np.radians(0.125) / (MAX_STEPS - 1)
     for fraction in np.linspace(0.0, 1.0, 1001):
         expected, there = (compose(row_at(some, float(fraction))) for some in (rows, found))
         assert np.abs(there - expected).max() <= 1e4 * angle**2 / 8.0 + 1e-11
@@ -499,13 +500,13 @@ def test_a_pivot_far_away_is_replaced_by_straight_parts() -> None:
 
 def test_a_pivot_far_away_stays_where_straight_parts_were_worse() -> None:
     rows = _arc((1e4, 0.0, 0.0), 90.0, 7)
-    assert steadied(rows, 2.0**-18) is rows
+    assert recentre_rotation(rows, 2.0**-18) is rows
 
 
 def test_what_moves_without_turning_needs_no_more_steps() -> None:
     rows = _arc((1e6, 0.0, 0.0), 0.0, 3)
     rows[:, 13] += [0.0, 1.0, 3.0]
-    found = steadied(rows, 2.0**-18)
+    found = recentre_rotation(rows, 2.0**-18)
     assert len(found) == 3
     np.testing.assert_array_equal(found[:, 13:16], [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [3.0, 0.0, 0.0]])
-    assert arm_of(found) == 0.0
+    assert max_rotation_radius(found) == 0.0

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 import raytracer as rt
-from raytracer.cli.main import main
-from raytracer.errors import InputError, StrictError
-from raytracer.primitives import interface as primitives
-from raytracer.rendering import render
-from raytracer.scene.concerns import concerns, told
-from raytracer.scene.concerns.interface import MOST_TOLD, Concern
-from raytracer.scene.concerns.outlines import outline, reaches
+from raytracer.cli.base.app import main
+from raytracer.core.primitives.base import interface as primitives
+from raytracer.rendering.render import render
 from raytracer.scene.load import build, load
-from raytracer.scene.pack import pack
+from raytracer.scene.pack.scene import pack
+from raytracer.scene.warnings import find_warnings, warning_messages
+from raytracer.scene.warnings.primitive_points import coordinate_extents, outline
+from raytracer.scene.warnings.record import MAX_PER_KIND, WarningRecord
+from raytracer.util.errors import InputError, StrictError
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 HEAD = """\
 camera: {type: pinhole, look_from: EYE, look_at: [0.1, 0.5, 0], vfov: 40}
@@ -47,10 +47,10 @@ PANE = "type: box, name: pane, min: [-50, 1, -50], max: [50, 1.0001, 50], materi
 TURNED = "transform: [{rotate: {axis: [1, 2, 3], angle: 33}}]"
 
 
-def found(*objects: str, eye: str = "[0, 1.5, 6]", more: str = "", base: Path | None = None) -> list[Concern]:
-    """What there is to warn of in a scene of these objects."""
+def found(*objects: str, eye: str = "[0, 1.5, 6]", more: str = "", base: Path | None = None) -> list[WarningRecord]:
+    """Return the warnings of a scene of these objects."""
     text = HEAD.replace("EYE", eye) + more + "objects:\n" + "".join(f"  - {{{item}}}\n" for item in objects)
-    return concerns(pack(build(text, "s.yaml", base=base)))
+    return find_warnings(pack(build(text, "s.yaml", base=base)))
 
 
 def dark(text: str) -> str:
@@ -313,13 +313,13 @@ def test_a_camera_in_a_box_sees_what_is_lit_in_there() -> None:
 
 def test_a_scene_without_light_is_black() -> None:
     text = dark(HEAD.replace("EYE", "[0, 1, 6]")) + f"objects: [{{{FLOOR}}}]\n"
-    (concern,) = concerns(pack(build(text, "s.yaml")))
+    (concern,) = find_warnings(pack(build(text, "s.yaml")))
     assert concern.text.startswith("s.yaml:11: objects: nothing gives light")
     point = "lights: [{type: point, position: [0, 3, 0], intensity: 0}]\n"
-    first, second = concerns(pack(build(point + text, "s.yaml")))
+    first, second = find_warnings(pack(build(point + text, "s.yaml")))
     assert first.text == "s.yaml:1: lights[0]: gives no light: its intensity is 0"
     assert second.keys == ("objects",)
-    assert concerns(pack(build(point.replace("intensity: 0", "intensity: [0, 0, 1]") + text, "s.yaml"))) == []
+    assert find_warnings(pack(build(point.replace("intensity: 0", "intensity: [0, 0, 1]") + text, "s.yaml"))) == []
 
 
 def test_a_shift_that_is_a_million_metres_changes_no_concern() -> None:
@@ -329,7 +329,7 @@ def test_a_shift_that_is_a_million_metres_changes_no_concern() -> None:
     text = HEAD.replace("EYE", eye).replace("[0.1, 0.5, 0]", at)
     for objects, kinds in (((FLOOR, BALL), 0), ((WALL, POSTER), 1)):
         moved = "".join(f"  - {{{item}, {far}}}\n" for item in objects)
-        assert len(concerns(pack(build(f"{text}objects:\n{moved}", "s.yaml")))) == kinds
+        assert len(find_warnings(pack(build(f"{text}objects:\n{moved}", "s.yaml")))) == kinds
 
 
 def test_what_instances_place_is_held_against_the_rest() -> None:
@@ -434,7 +434,7 @@ def test_triangles_without_an_area_are_counted(tmp_path: Path) -> None:
 def test_pixels_too_small_for_float32() -> None:
     for vfov, kinds in (("0.001", []), ("0.0001", ["pixels too small for float32"])):
         text = HEAD.replace("EYE", "[0, 1.5, 6]").replace("vfov: 40", f"vfov: {vfov}") + f"objects: [{{{FLOOR}}}]\n"
-        assert [item.kind for item in concerns(pack(build(text, "s.yaml")))] == kinds
+        assert [item.kind for item in find_warnings(pack(build(text, "s.yaml")))] == kinds
 
 
 def test_slivers_with_neighbours_are_no_concern(tmp_path: Path) -> None:
@@ -458,9 +458,9 @@ def test_slivers_with_neighbours_are_no_concern(tmp_path: Path) -> None:
 
 def test_of_many_alike_ten_are_told() -> None:
     posters = [POSTER.replace("name: poster, corner: [0", f"corner: [{x}") for x in np.arange(-4.8, 4.2, 0.5)]
-    sentences = told(found(WALL, *(item.replace("[[1, 0, 0]", "[[0.4, 0, 0]") for item in posters)))
-    assert len(sentences) == MOST_TOLD + 1
-    assert sentences[-1] == f"and {len(posters) - MOST_TOLD} more surfaces that coincide"
+    sentences = warning_messages(found(WALL, *(item.replace("[[1, 0, 0]", "[[0.4, 0, 0]") for item in posters)))
+    assert len(sentences) == MAX_PER_KIND + 1
+    assert sentences[-1] == f"and {len(posters) - MAX_PER_KIND} more surfaces that coincide"
 
 
 def test_the_order_of_objects_does_not_matter() -> None:
@@ -481,7 +481,7 @@ LIGHT = ("bokeh", "cornell", "cover", "fan", "glass", "nested", "smoke", "textur
     [pytest.param(path, id=path.stem, marks=[] if path.stem in LIGHT else [pytest.mark.slow]) for path in SHIPPED],
 )
 def test_shipped_scenes_are_no_concern(path: Path) -> None:
-    assert [item.text for item in concerns(pack(load(path)))] == []
+    assert [item.text for item in find_warnings(pack(load(path)))] == []
 
 
 # ---- How it is told
@@ -528,7 +528,7 @@ def test_explain_and_python_warn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     def stop(*_: object) -> None:
         raise InputError("far enough")
 
-    monkeypatch.setattr("raytracer.rendering.check_development", stop)
+    monkeypatch.setattr("raytracer.rendering.render.check_development", stop)
     with pytest.warns(rt.SceneWarning, match="poster") as warned, pytest.raises(InputError, match="far enough"):
         rt.render(rt.load(bad))
     assert [item.filename for item in warned] == [__file__]
@@ -562,5 +562,5 @@ def test_outlines_span_what_tables_hold(shape: str, tmp_path: Path) -> None:
     short = 0.02 * float(np.max(high - low)) if "disc" in shape else 0.0
     assert np.abs(points.min(axis=(0, 1)) - low).max() <= short
     assert np.abs(points.max(axis=(0, 1)) - high).max() <= short
-    reach = reaches(table, 0, len(table.material))
+    reach = coordinate_extents(table, 0, len(table.material))
     assert (reach >= np.abs(points).max(axis=(1, 2)) - short).all()

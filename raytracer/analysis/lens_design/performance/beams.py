@@ -1,18 +1,25 @@
-"""The light of one point of the scene: rays around its chief ray, and which of them the stop lets through."""
+"""Beams: rays from one point of the scene around its chief ray, aimed at the stop."""
 
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from raytracer.lens_report.analysis.bench import MERIDIANS, Bench, along, landing, unit
-from raytracer.lens_report.analysis.chief import ChiefRays, object_points, of_fields
-from raytracer.lens_report.analysis.paraxial import marginal_ray
-from raytracer.lens_report.analysis.results import Curve
-from raytracer.lenses.surfaces import LensSurfaces, part, trace_rays
+from raytracer.analysis.lens_design.performance.chief_rays import ChiefRays, chief_rays_at_fields, object_points
+from raytracer.analysis.lens_design.performance.optical_bench import (
+    MERIDIANS,
+    OpticalBench,
+    intersect_film,
+    meridian_vector,
+    normalize,
+)
+from raytracer.analysis.lens_design.performance.paraxial import marginal_ray
+from raytracer.analysis.lens_design.performance.results import Curve
+from raytracer.optics.lens_system.ray_tracing import trace_rays
+from raytracer.optics.lens_system.surfaces import LensSurfaces, slice_surfaces
 
 INSIDE = 1e-9
-"""How far inside the stop's rim, in units of its radius, the marginal ray is: on it rounding decides."""
+"""Distance of the marginal ray inside the stop's rim, in units of its radius: on the rim rounding decides."""
 
 _STEPS = 65
 _WIDENINGS = 6
@@ -23,10 +30,13 @@ _COARSE = 41
 
 
 class Beam(NamedTuple):
-    """Rays through a plane at right angles to the chief ray, where it enters the lens.
+    """Beam: rays through a plane at right angles to the chief ray, where it enters the lens.
 
-    centre (3,); axis (3,), the chief ray's direction; up (3,), away from the axis, and across (3,), in that plane;
-    source (3,), the point of the object, None if it is infinitely far.
+    meridian : of the field point.
+    centre : of the plane (mm), (3,).
+    axis : direction of the chief ray, (3,).
+    up, across : directions in the plane, away from the lens's axis and at right angles to that, (3,).
+    source : point of the object (mm), (3,); None if it is infinitely far.
     """
 
     meridian: str
@@ -37,33 +47,33 @@ class Beam(NamedTuple):
     source: Curve | None
 
     def rays(self, up_mm: Curve, across_mm: Curve) -> tuple[Curve, Curve]:
-        """Origins and directions (n, 3) of the rays through points of the plane."""
+        """Make the rays through points of the plane: origins and directions (n, 3)."""
         origins = self.centre + np.asarray(up_mm)[:, None] * self.up + np.asarray(across_mm)[:, None] * self.across
         if self.source is None:
             return origins, np.broadcast_to(self.axis, origins.shape)
-        return origins, unit(origins - self.source)
+        return origins, normalize(origins - self.source)
 
 
-def beams(bench: Bench, meridian: str, rays: ChiefRays) -> list[Beam | None]:
-    """The beams around chief rays; None where there is no chief ray."""
-    found: list[Beam | None] = []
+def beams(bench: OpticalBench, meridian: str, rays: ChiefRays) -> list[Beam | None]:
+    """Make the beams around chief rays; None where there is no chief ray."""
+    made: list[Beam | None] = []
     sources = None
     if not math.isinf(bench.distance):
         sources = object_points(bench, rays.origin, -rays.toward)
     for row, field in enumerate(rays.field_deg):
         if not math.isfinite(field):
-            found.append(None)
+            made.append(None)
             continue
         axis = rays.toward[row]
         column = MERIDIANS[meridian]
-        up = along(meridian, 0.0, axis[2], -axis[column])
+        up = meridian_vector(meridian, 0.0, axis[2], -axis[column])
         source = None if sources is None else sources[row]
-        found.append(Beam(meridian, rays.origin[row], axis, up, along(meridian, 1.0, 0.0, 0.0), source))
-    return found
+        made.append(Beam(meridian, rays.origin[row], axis, up, meridian_vector(meridian, 1.0, 0.0, 0.0), source))
+    return made
 
 
-def _at_stop(bench: Bench, front: LensSurfaces, beam: Beam, up_mm: Curve, across_mm: Curve) -> Curve:
-    """Where rays meet the stop, in units of its radius along the field and across it: (n, 2), NaN for those lost."""
+def _at_stop(bench: OpticalBench, front: LensSurfaces, beam: Beam, up_mm: Curve, across_mm: Curve) -> Curve:
+    """Trace rays to the stop: places along the field and across it, in units of its radius, (n, 2); NaN if lost."""
     weights, points, _ = trace_rays(front, *beam.rays(up_mm, across_mm))
     column = MERIDIANS[beam.meridian]
     met: Curve = points[:, [column, 1 - column]] / bench.stop_radius
@@ -71,15 +81,21 @@ def _at_stop(bench: Bench, front: LensSurfaces, beam: Beam, up_mm: Curve, across
     return met
 
 
-def aimed(bench: Bench, beam: Beam, targets: Curve, *, up: bool, wavelength_nm: float | None = None) -> Curve:
-    """How far from the chief ray (mm) rays of a fan pass that meet the stop at targets, in units of its radius.
+def aim_fan(bench: OpticalBench, beam: Beam, targets: Curve, *, up: bool, wavelength_nm: float | None = None) -> Curve:
+    """Aim the rays of a fan at targets in the stop, in units of its radius.
 
-    up : whether the fan is along the field; else across it.  NaN for those that cannot be found.
+    Returns
+    -------
+    Distances of the rays from the chief ray (mm), where they enter the lens; NaN where none reaches the target.
+
+    Parameters
+    ----------
+    up : True for a fan along the field, False for one across it.
     """
-    surfaces = bench.wide(wavelength_nm)
+    surfaces = bench.without_rims(wavelength_nm)
     radius = surfaces.radius.copy()
     radius[bench.stop] = np.inf
-    front = part(surfaces._replace(radius=radius), 0, bench.stop + 1)
+    front = slice_surfaces(surfaces._replace(radius=radius), 0, bench.stop + 1)
     which = 0 if up else 1
 
     def reached(way: Curve) -> Curve:
@@ -88,7 +104,7 @@ def aimed(bench: Bench, beam: Beam, targets: Curve, *, up: bool, wavelength_nm: 
         return met
 
     # Widen the fan until it covers the stop, or no more of it gets there.
-    size = 1.5 * pupil_radius(bench, beam.meridian if up else other(bench, beam.meridian))
+    size = 1.5 * pupil_radius(bench, beam.meridian if up else other_meridian(bench, beam.meridian))
     for _ in range(_WIDENINGS):
         ways = np.linspace(-size, size, _STEPS)
         ways, met = _ascending(ways, reached(ways))
@@ -98,18 +114,18 @@ def aimed(bench: Bench, beam: Beam, targets: Curve, *, up: bool, wavelength_nm: 
     if len(ways) < 3:
         return np.full(len(targets), np.nan)
 
-    found = np.interp(targets, met, ways, left=np.nan, right=np.nan)
+    aims = np.interp(targets, met, ways, left=np.nan, right=np.nan)
     slopes = np.gradient(met, ways)
     for _ in range(_ROUNDS):
-        missed = targets - reached(found)
+        missed = targets - reached(aims)
         if np.nanmax(np.abs(missed), initial=0.0) <= _CLOSE:
             break
-        found = found + np.where(np.isfinite(missed), missed / np.interp(found, ways, slopes), 0.0)
-    return found
+        aims = aims + np.where(np.isfinite(missed), missed / np.interp(aims, ways, slopes), 0.0)
+    return aims
 
 
 def _ascending(ways: Curve, met: Curve) -> tuple[Curve, Curve]:
-    """The rows around the chief ray in which what is met grows."""
+    """Cut out the rows around the chief ray in which places in the stop grow."""
     middle = len(ways) // 2
     if not math.isfinite(met[middle]):
         return ways[:0], met[:0]
@@ -121,15 +137,15 @@ def _ascending(ways: Curve, met: Curve) -> tuple[Curve, Curve]:
     return ways[first : last + 1], met[first : last + 1]
 
 
-def other(bench: Bench, meridian: str) -> str:
-    """The meridian across; the same for a lens of revolution."""
+def other_meridian(bench: OpticalBench, meridian: str) -> str:
+    """Return the meridian at right angles; the same one for a lens of revolution."""
     if len(bench.meridians) == 1:
         return meridian
     return "x" if meridian == "y" else "y"
 
 
-def opening(bench: Bench, meridian: str = "y") -> float:
-    """Part of the stop's radius up to which light of the axis gets through: 1, but for rims that are narrower."""
+def open_stop_fraction(bench: OpticalBench, meridian: str = "y") -> float:
+    """Find the part of the stop's radius up to which light of the axis gets through: 1 if no other rim is narrower."""
 
     def make() -> float:
         axis = axis_beam(bench, meridian)
@@ -138,7 +154,7 @@ def opening(bench: Bench, meridian: str = "y") -> float:
         low, high = 0.0, 1.0 - INSIDE
         for _ in range(_NARROWINGS):
             parts = np.linspace(low, high, _STEPS)
-            ups = aimed(bench, axis, parts, up=True)
+            ups = aim_fan(bench, axis, parts, up=True)
             weights, _, _ = trace_rays(bench.surfaces(), *axis.rays(np.nan_to_num(ups), np.zeros(_STEPS)))
             blocked = np.flatnonzero((weights <= 0.0) | np.isnan(ups))
             if not len(blocked):
@@ -148,42 +164,42 @@ def opening(bench: Bench, meridian: str = "y") -> float:
             low, high = parts[blocked[0] - 1], parts[blocked[0]]
         return float(low)
 
-    return bench.kept(("opening", meridian), make)
+    return bench.memoize(("opening", meridian), make)
 
 
-def axis_beam(bench: Bench, meridian: str = "y") -> Beam | None:
-    """That of the point on the axis."""
-    return beams(bench, meridian, of_fields(bench, meridian, bench.primary, np.zeros(1)))[0]
+def axis_beam(bench: OpticalBench, meridian: str = "y") -> Beam | None:
+    """Make the beam of the point on the axis; None if there is no chief ray."""
+    return beams(bench, meridian, chief_rays_at_fields(bench, meridian, bench.primary, np.zeros(1)))[0]
 
 
-def pupil_radius(bench: Bench, meridian: str) -> float:
-    """Of the paraxial entrance pupil (mm)."""
+def pupil_radius(bench: OpticalBench, meridian: str) -> float:
+    """Return the radius of the paraxial entrance pupil (mm)."""
     far = marginal_ray(bench, bench.surfaces(), meridian, math.inf)
     return abs(float(far.heights[0]))
 
 
-def bundle(bench: Bench, beam: Beam, across: int) -> tuple[Curve, Curve]:
-    """A square grid of rays that covers what the lens lets through: ways up and across (n,), in mm.
+def ray_grid(bench: OpticalBench, beam: Beam, across: int) -> tuple[Curve, Curve]:
+    """Make a square grid of rays that covers what the lens lets through: distances up and across (n,), in mm.
 
-    The centres of its cells, so that each ray stands for the same part of the light.  Empty if nothing passes.
+    Rays are at the centres of cells, so that each stands for the same part of the light.  Empty if nothing passes.
     """
     ends = np.array([-1.0, 1.0])
     bounds = []
     for up in (True, False):
-        low, high = aimed(bench, beam, ends, up=up)
+        low, high = aim_fan(bench, beam, ends, up=up)
         if not math.isfinite(low - high):
             reach = 1.2 * float(bench.surfaces().radius[0]) + float(np.abs(beam.centre[:2]).max())
             low, high = -reach, reach
         margin = 0.15 * (high - low)
         bounds.append((low - margin, high + margin))
     (low, high), (left, right) = bounds
-    ups, acrosses = grid(low, high, left, right, _COARSE)
+    ups, acrosses = cell_centers(low, high, left, right, _COARSE)
     weights, _, _ = trace_rays(bench.surfaces(), *beam.rays(ups, acrosses))
     passed = weights > 0.0
     if not passed.any():
         return np.empty(0), np.empty(0)
     step_up, step_across = (high - low) / _COARSE, (right - left) / _COARSE
-    return grid(
+    return cell_centers(
         ups[passed].min() - step_up,
         ups[passed].max() + step_up,
         acrosses[passed].min() - step_across,
@@ -192,22 +208,24 @@ def bundle(bench: Bench, beam: Beam, across: int) -> tuple[Curve, Curve]:
     )
 
 
-def grid(low: float, high: float, left: float, right: float, count: int) -> tuple[Curve, Curve]:
-    """Centres of count x count cells, with as many rows below the middle as above it."""
+def cell_centers(low: float, high: float, left: float, right: float, count: int) -> tuple[Curve, Curve]:
+    """Return the centres of count x count cells, with as many rows below the middle as above it."""
     cells = (np.arange(count) + 0.5) / count
     ups, acrosses = np.meshgrid(low + (high - low) * cells, left + (right - left) * cells, indexing="ij")
     return ups.ravel(), acrosses.ravel()
 
 
-def landed(bench: Bench, beam: Beam, ups: Curve, acrosses: Curve, wavelength_nm: float) -> tuple[Curve, Curve]:
-    """Where rays land on the film, along the field and across it with signs turned, (n, 2) in mm, and their weights.
+def film_points(
+    bench: OpticalBench, beam: Beam, ups: Curve, acrosses: Curve, wavelength_nm: float
+) -> tuple[Curve, Curve]:
+    """Trace rays to the film: places along the field and across it, upright, (n, 2) in mm, and weights.
 
-    NaN with the weight 0 for those that do not get there.  A ray's weight is the light that it stands for: that of a
-    cell of the plane, or the solid angle in which a near point sees it.
+    Lost rays are NaN with the weight 0.  A ray's weight is the light that it stands for: that of a cell of the plane,
+    or the solid angle of the cell from a near point.
     """
     origins, directions = beam.rays(ups, acrosses)
     weights, points, onward = trace_rays(bench.surfaces(wavelength_nm), origins, directions)
-    on_film = landing(points, onward, weights, bench.film)
+    on_film = intersect_film(points, onward, weights, bench.film)
     if beam.source is not None:
         weights = weights * (directions @ beam.axis) ** 3
     column = MERIDIANS[beam.meridian]

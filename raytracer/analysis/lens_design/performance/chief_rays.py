@@ -1,7 +1,7 @@
-"""Chief rays: those through the centre of the stop, by where they come from or where they land.
+"""Chief rays: those through the centre of the stop, by their field angle or by their height on the film.
 
-They are followed from the centre of the stop both ways, so that none has to be aimed, and fields beyond 90 degrees
-are no exception; only which of them belongs to a field is searched for.
+They are traced from the centre of the stop both ways, so that none has to be aimed, and fields beyond 90 degrees
+are no exception; only the angle at the stop that belongs to a field is searched for.
 """
 
 import math
@@ -9,26 +9,36 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytracer.lens_report.analysis.bench import MERIDIANS, Bench, along, landing, out_to_scene
-from raytracer.lens_report.analysis.results import Curve
-from raytracer.lenses.surfaces import part, trace_paths, trace_rays
+from raytracer.analysis.lens_design.performance.optical_bench import (
+    MERIDIANS,
+    OpticalBench,
+    intersect_film,
+    meridian_vector,
+    trace_to_scene,
+)
+from raytracer.analysis.lens_design.performance.results import Curve
+from raytracer.optics.lens_system.ray_tracing import trace_paths, trace_rays
+from raytracer.optics.lens_system.surfaces import slice_surfaces
 
 _STEPS = 361
 _STEEPEST = math.radians(89.5)
 _ROUNDS = 12
 
-# Of the largest, what a search may be off by: some roundings.
+# Relative error at which a search ends: some roundings.
 _CLOSE = 8.0 * float(np.finfo(np.float64).eps)
 
+# Half field (degrees) from which on an object at a distance is a sphere.
 _CURVED_FROM = 80.0
 
 
 class ChiefRays(NamedTuple):
     """Chief rays of one meridian and colour, float64; NaN where there is none.
 
-    angle (k,) : at the stop (radians).  field_deg (k,) : where the light comes from; of an object at a distance, the
-    angle at which the entrance pupil sees it.  height (k,) : where it lands on the film (mm), along the field, with
-    the sign turned.  origin, toward (k, 3) : a point of the ray on the first surface, and its direction before it.
+    angle (k,) : at the stop (radians).
+    field_deg (k,) : angle of the light from the axis; of an object at a distance, from the entrance pupil.
+    height (k,) : place on the film (mm), along the field, with the sign turned.
+    origin (k, 3) : point of the ray on the first surface (mm).
+    toward (k, 3) : direction before the first surface.
     """
 
     angle: Curve
@@ -38,52 +48,52 @@ class ChiefRays(NamedTuple):
     toward: Curve
 
 
-def _from_stop(bench: Bench, meridian: str, wavelength_nm: float, angle: Curve) -> ChiefRays:
-    """The rays that go through the centre of the stop at angles (radians)."""
-    surfaces = bench.wide(wavelength_nm)
+def _from_stop(bench: OpticalBench, meridian: str, wavelength_nm: float, angle: Curve) -> ChiefRays:
+    """Trace the rays through the centre of the stop at angles (radians)."""
+    surfaces = bench.without_rims(wavelength_nm)
     count, stop = len(surfaces.curvature), bench.stop
-    onward = along(meridian, 0.0, -np.sin(angle), np.cos(angle))
+    onward = meridian_vector(meridian, 0.0, -np.sin(angle), np.cos(angle))
     centre = np.broadcast_to((0.0, 0.0, surfaces.vertex[stop]), onward.shape)
 
     # To the scene, and to the film.
-    entered, origin, out = out_to_scene(surfaces, stop, centre, -onward)
-    left, points, directions = trace_rays(part(surfaces, stop, count), centre, onward)
+    entered, origin, out = trace_to_scene(surfaces, stop, centre, -onward)
+    left, points, directions = trace_rays(slice_surfaces(surfaces, stop, count), centre, onward)
     column = MERIDIANS[meridian]
     field = np.degrees(np.arctan2(out[:, column], -out[:, 2]))
     if not math.isinf(bench.distance):
-        field = _seen(bench, origin, out, column)
-    height = -landing(points, directions, left, bench.film)[:, column]
+        field = _angles_from_pupil(bench, origin, out, column)
+    height = -intersect_film(points, directions, left, bench.film)[:, column]
     lost = (entered <= 0.0) | ~np.isfinite(height)
     field, height = np.where(lost, np.nan, field), np.where(lost, np.nan, height)
     return ChiefRays(angle, field, height, origin, -out)
 
 
-def _seen(bench: Bench, origin: Curve, out: Curve, column: int) -> Curve:
-    """Angles (degrees) at which the entrance pupil sees the points of the object that rays come from."""
+def _angles_from_pupil(bench: OpticalBench, origin: Curve, out: Curve, column: int) -> Curve:
+    """Compute the angles (degrees), from the entrance pupil, of the object points that rays come from."""
     points = object_points(bench, origin, out)
-    seen: Curve = np.degrees(np.arctan2(points[:, column], bench.pupil - points[:, 2]))
-    return seen
+    angles: Curve = np.degrees(np.arctan2(points[:, column], bench.pupil - points[:, 2]))
+    return angles
 
 
-def curved(bench: Bench) -> bool:
-    """Whether an object at a distance is a sphere around the entrance pupil: that of a lens that sees behind itself."""
-    return bench.kept("curved", lambda: _widest(bench) > _CURVED_FROM)
+def has_curved_object(bench: OpticalBench) -> bool:
+    """Tell if an object at a distance is a sphere around the entrance pupil: so for chief rays beyond 80 degrees."""
+    return bench.memoize("curved", lambda: _widest(bench) > _CURVED_FROM)
 
 
-def _widest(bench: Bench) -> float:
-    """The greatest angle (degrees) from the axis at which chief rays of the sensor's corner go out."""
+def _widest(bench: OpticalBench) -> float:
+    """Return the greatest angle (degrees) from the axis of chief rays that land on the sensor."""
     far = bench.at_infinity()
     widest = 0.0
     for meridian in bench.meridians:
-        rays = table(far, meridian, far.primary)
+        rays = chief_ray_table(far, meridian, far.primary)
         within = rays.height <= math.hypot(*bench.settings.sensor_mm) / 2.0
         widest = max(widest, float(rays.field_deg[within].max()))
     return widest
 
 
-def object_points(bench: Bench, origin: Curve, out: Curve) -> Curve:
-    """Where rays that leave the lens towards the scene meet the object, which is not infinitely far: (k, 3)."""
-    if curved(bench):
+def object_points(bench: OpticalBench, origin: Curve, out: Curve) -> Curve:
+    """Intersect rays that leave the lens towards the scene with the object, which is not infinitely far: (k, 3)."""
+    if has_curved_object(bench):
         centre = np.array([0.0, 0.0, bench.pupil])
         offset = origin - centre
         half = (offset * out).sum(axis=1)
@@ -97,46 +107,49 @@ def object_points(bench: Bench, origin: Curve, out: Curve) -> Curve:
     return points
 
 
-def table(bench: Bench, meridian: str, wavelength_nm: float) -> ChiefRays:
-    """Chief rays from the axis outwards, as far as there are any, with growing field and height."""
+def chief_ray_table(bench: OpticalBench, meridian: str, wavelength_nm: float) -> ChiefRays:
+    """Tabulate chief rays from the axis outwards, as far as there are any, with growing field and height."""
 
     def make() -> ChiefRays:
         rays = _ascending(_from_stop(bench, meridian, wavelength_nm, np.linspace(0.0, _STEEPEST, _STEPS)))
         if len(rays.angle) == _STEPS:
             return rays
-        # The last one is between two rows: look closer there.
+        # The outermost is between two rows: sample more finely there.
         reached, step = rays.angle[-1], _STEEPEST / (_STEPS - 1)
         closer = np.concatenate([rays.angle[:-1], np.linspace(reached, reached + step, 64)])
         return _ascending(_from_stop(bench, meridian, wavelength_nm, closer))
 
-    return bench.kept(("chief", meridian, wavelength_nm), make)
+    return bench.memoize(("chief", meridian, wavelength_nm), make)
 
 
 def _ascending(rays: ChiefRays) -> ChiefRays:
-    """The rows from the first on in which field and height grow."""
+    """Cut off the rows from which on field and height no longer grow."""
     with np.errstate(invalid="ignore"):
         grows = (np.diff(rays.field_deg) > 0.0) & (np.diff(rays.height) > 0.0)
     count = 1 + (int(np.argmin(grows)) if not grows.all() else len(grows))
     return ChiefRays(*(column[:count] for column in rays))
 
 
-def of_fields(bench: Bench, meridian: str, wavelength_nm: float, field_deg: Curve) -> ChiefRays:
-    """The chief rays of fields (degrees, (k,))."""
-    return _found(bench, meridian, wavelength_nm, "field_deg", field_deg)
+def chief_rays_at_fields(bench: OpticalBench, meridian: str, wavelength_nm: float, field_deg: Curve) -> ChiefRays:
+    """Find the chief rays of fields (degrees, (k,))."""
+    return _interpolate_rays(bench, meridian, wavelength_nm, "field_deg", field_deg)
 
 
-def of_heights(bench: Bench, meridian: str, wavelength_nm: float, height_mm: Curve) -> ChiefRays:
-    """The chief rays that land at heights on the film (mm, (k,))."""
-    return _found(bench, meridian, wavelength_nm, "height", height_mm)
+def chief_rays_at_heights(bench: OpticalBench, meridian: str, wavelength_nm: float, height_mm: Curve) -> ChiefRays:
+    """Find the chief rays that land at heights on the film (mm, (k,))."""
+    return _interpolate_rays(bench, meridian, wavelength_nm, "height", height_mm)
 
 
-def _found(bench: Bench, meridian: str, wavelength_nm: float, column: str, wanted: Curve) -> ChiefRays:
-    rows = table(bench, meridian, wavelength_nm)
+def _interpolate_rays(
+    bench: OpticalBench, meridian: str, wavelength_nm: float, column: str, wanted: Curve
+) -> ChiefRays:
+    """Find the chief rays with wanted values in a column of the table."""
+    rows = chief_ray_table(bench, meridian, wavelength_nm)
     known = getattr(rows, column)
     target = np.asarray(wanted, np.float64)
     if len(known) < 3:
         return _from_stop(bench, meridian, wavelength_nm, np.where(target == 0.0, 0.0, np.nan))
-    # From the table's straight lines on, by Newton's steps with the table's slopes.
+    # Start from linear interpolation in the table, and refine by Newton's method with the table's slopes.
     angle = np.interp(target, known, rows.angle, left=np.nan, right=np.nan)
     slopes = np.gradient(known, rows.angle)
     for _ in range(_ROUNDS):
@@ -148,9 +161,9 @@ def _found(bench: Bench, meridian: str, wavelength_nm: float, column: str, wante
     return _from_stop(bench, meridian, wavelength_nm, angle)
 
 
-def chief_paths(bench: Bench, rays: ChiefRays, wavelength_nm: float) -> tuple[Curve, Curve]:
-    """Points and directions of chief rays at and behind each surface: (k, n, 3), NaN for those that there are not."""
-    weights, points, directions = trace_paths(bench.wide(wavelength_nm), rays.origin, rays.toward)
+def chief_paths(bench: OpticalBench, rays: ChiefRays, wavelength_nm: float) -> tuple[Curve, Curve]:
+    """Trace chief rays through the lens: points at and directions behind each surface, (k, n, 3); NaN if missing."""
+    weights, points, directions = trace_paths(bench.without_rims(wavelength_nm), rays.origin, rays.toward)
     lost = (weights <= 0.0) | ~np.isfinite(rays.field_deg)
     points[lost], directions[lost] = np.nan, np.nan
     return points, directions

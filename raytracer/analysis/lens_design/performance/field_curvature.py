@@ -1,4 +1,4 @@
-"""Where narrow pencils along chief rays are sharp: field curvature and astigmatism.
+"""Field curvature and astigmatism: the foci of narrow pencils along chief rays.
 
 Coddington's equations along a chief ray, for the reciprocal distances t and s to the foci in the plane of the ray and
 the axis and across it: n' cos^2 i' t' = n cos^2 i t + p T and n' s' = n s + p S, with p = n' cos i' - n cos i and the
@@ -12,17 +12,17 @@ import math
 
 import numpy as np
 
-from raytracer.lens_report.analysis.bench import MERIDIANS, Bench
-from raytracer.lens_report.analysis.chief import chief_paths, object_points, of_fields
-from raytracer.lens_report.analysis.fields import row
-from raytracer.lens_report.analysis.first_order import petzval_curvature
-from raytracer.lens_report.analysis.paraxial import crossing, marginal_ray
-from raytracer.lens_report.analysis.results import Curve, FieldCurvature
-from raytracer.lenses.surfaces import LensSurfaces
+from raytracer.analysis.lens_design.performance.chief_rays import chief_paths, chief_rays_at_fields, object_points
+from raytracer.analysis.lens_design.performance.field_points import field_samples
+from raytracer.analysis.lens_design.performance.first_order import petzval_curvature
+from raytracer.analysis.lens_design.performance.optical_bench import MERIDIANS, OpticalBench
+from raytracer.analysis.lens_design.performance.paraxial import crossing, marginal_ray
+from raytracer.analysis.lens_design.performance.results import Curve, FieldCurvature
+from raytracer.optics.lens_system.surfaces import LensSurfaces
 
 
-def profile(surfaces: LensSurfaces, surface: int, meridian: str, height: Curve) -> tuple[Curve, Curve, Curve]:
-    """Slope of a surface at heights (k,) in a meridian, and its curvatures (1/mm) along the meridian and across it."""
+def surface_profile(surfaces: LensSurfaces, surface: int, meridian: str, height: Curve) -> tuple[Curve, Curve, Curve]:
+    """Compute a surface's slope at heights (k,) in a meridian, and its curvatures (1/mm) along and across it."""
     column = MERIDIANS[meridian]
     square = height**2
     if surfaces.shapes is None:
@@ -46,9 +46,16 @@ def profile(surfaces: LensSurfaces, surface: int, meridian: str, height: Curve) 
 def coddington(
     surfaces: LensSurfaces, meridian: str, points: Curve, directions: Curve, toward: Curve, start: Curve
 ) -> tuple[Curve, Curve]:
-    """Reciprocal distances (k,) along chief rays, from the last surface to the tangential and sagittal foci (1/mm).
+    """Trace pencils along chief rays by Coddington's equations.
 
-    points, directions (k, n, 3) : of the chief rays, at and behind the surfaces; toward (k, 3) : before the first;
+    Returns
+    -------
+    Reciprocal distances (k,) along the rays, from the last surface to the tangential and sagittal foci (1/mm).
+
+    Parameters
+    ----------
+    points, directions (k, n, 3) : of the chief rays, at and behind the surfaces.
+    toward (k, 3) : directions before the first surface.
     start (k,) : reciprocal distance from the first surface to the object, 0 if it is infinitely far, else negative.
     """
     column = MERIDIANS[meridian]
@@ -56,7 +63,7 @@ def coddington(
     before = toward
     for surface in range(points.shape[1]):
         near, far = surfaces.ior[surface], surfaces.ior[surface + 1]
-        slope, along, across = profile(surfaces, surface, meridian, points[:, surface, column])
+        slope, along, across = surface_profile(surfaces, surface, meridian, points[:, surface, column])
         behind = directions[:, surface]
         length = np.sqrt(1.0 + slope**2)
         cos_in, cos_out = ((way[:, 2] - slope * way[:, column]) / length for way in (before, behind))
@@ -70,21 +77,21 @@ def coddington(
     return tangential, sagittal
 
 
-def field_curvature(bench: Bench, meridian: str = "y") -> FieldCurvature:
-    """Tangential and sagittal foci over the field, by wavelength."""
-    parts, angles, heights = row(bench, meridian)
+def field_curvature(bench: OpticalBench, meridian: str = "y") -> FieldCurvature:
+    """Compute tangential and sagittal foci over the field, by wavelength."""
+    parts, angles, heights = field_samples(bench, meridian)
     wavelengths = np.array(bench.settings.wavelengths_nm)
     foci = np.full((2, len(wavelengths), len(parts)), np.nan)
     for number, wavelength in enumerate(wavelengths):
         surfaces = bench.surfaces(wavelength)
-        rays = of_fields(bench, meridian, wavelength, angles)
+        rays = chief_rays_at_fields(bench, meridian, wavelength, angles)
         points, directions = chief_paths(bench, rays, wavelength)
         start = np.zeros(len(parts))
         if not math.isinf(bench.distance):
             start = -1.0 / np.linalg.norm(object_points(bench, rays.origin, -rays.toward) - points[:, 0], axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = coddington(surfaces, meridian, points, directions, rays.toward, start)
-            for kind, reciprocal in enumerate(found):
+            reciprocals = coddington(surfaces, meridian, points, directions, rays.toward, start)
+            for kind, reciprocal in enumerate(reciprocals):
                 foci[kind, number] = points[:, -1, 2] + directions[:, -1, 2] / reciprocal - bench.film
     surfaces = bench.surfaces()
     paraxial = crossing(surfaces, marginal_ray(bench, surfaces, meridian)) - bench.film

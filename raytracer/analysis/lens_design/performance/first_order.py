@@ -1,4 +1,4 @@
-"""What a lens does near its axis, by ray transfer matrices, and the same by real rays.
+"""First-order properties of a lens, by ray transfer matrices and by real rays near the axis.
 
 References: Gerrard, Burch 1975, "Introduction to Matrix Methods in Optics", ch. II; Smith 2008, "Modern Optical
 Engineering", 4th ed., chs. 2 (cardinal points) and 9 (pupils, f-number).
@@ -8,27 +8,27 @@ import math
 
 import numpy as np
 
-from raytracer.lens_report.analysis.beams import aimed, axis_beam, opening
-from raytracer.lens_report.analysis.bench import MERIDIANS, Bench, along
-from raytracer.lens_report.analysis.chief import of_heights
-from raytracer.lens_report.analysis.illumination import largest_height
-from raytracer.lens_report.analysis.paraxial import (
+from raytracer.analysis.lens_design.performance.beams import aim_fan, axis_beam, open_stop_fraction
+from raytracer.analysis.lens_design.performance.chief_rays import chief_rays_at_heights
+from raytracer.analysis.lens_design.performance.illumination import largest_height
+from raytracer.analysis.lens_design.performance.optical_bench import MERIDIANS, OpticalBench, meridian_vector
+from raytracer.analysis.lens_design.performance.paraxial import (
     chief_ray,
     crossing,
     marginal_ray,
     paraxial_ray,
     vertex_curvatures,
 )
-from raytracer.lens_report.analysis.results import Curve, FirstOrder
-from raytracer.lenses.surfaces import LensSurfaces, trace_rays
+from raytracer.analysis.lens_design.performance.results import Curve, FirstOrder
+from raytracer.optics.lens_system.ray_tracing import trace_rays
+from raytracer.optics.lens_system.surfaces import LensSurfaces
 
-# Of the focal length: real rays at this height and at its half, of which the part that grows with the square is taken
-# away.
+# Height of real rays as a part of the focal length: from this and its half the quadratic part is eliminated.
 _SMALL = 1e-3
 
 
 def traced_focus(surfaces: LensSurfaces, focal_length: float, meridian: str = "y") -> tuple[float, float]:
-    """Focal length, and place of the rear focus (mm), of real rays in the limit of small height.
+    """Trace focal length and place of the rear focus (mm), of real rays in the limit of small height.
 
     Raises
     ------
@@ -36,8 +36,8 @@ def traced_focus(surfaces: LensSurfaces, focal_length: float, meridian: str = "y
     """
     column = MERIDIANS[meridian]
     height = _SMALL * abs(focal_length) * np.array([1.0, 0.5])
-    origins = along(meridian, 0.0, height, surfaces.vertex[0])
-    # The lens may be stopped down to less than that.
+    origins = meridian_vector(meridian, 0.0, height, surfaces.vertex[0])
+    # The stop may be narrower than that.
     open_ = surfaces._replace(radius=np.full_like(surfaces.radius, np.inf))
     _, points, onward = trace_rays(open_, origins, np.array([0.0, 0.0, 1.0]))
     slopes = onward[:, column] / onward[:, 2]
@@ -49,17 +49,18 @@ def traced_focus(surfaces: LensSurfaces, focal_length: float, meridian: str = "y
 
 
 def _limit(pair: Curve) -> float:
+    """Extrapolate values at a height and its half to height 0."""
     return float((4.0 * pair[1] - pair[0]) / 3.0)
 
 
 def petzval_curvature(surfaces: LensSurfaces, meridian: str = "y") -> float:
-    """Of the surface on which a lens free of astigmatism is sharp (1/mm); Welford 1986, ch. 8."""
+    """Return the curvature of the Petzval surface (1/mm); Welford 1986, ch. 8."""
     curvature, ior = vertex_curvatures(surfaces, meridian), surfaces.ior
     return float(ior[-1] * (curvature * np.diff(1.0 / ior)).sum())
 
 
-def first_order(bench: Bench, meridian: str = "y") -> FirstOrder:
-    """Paraxial data at the primary wavelength.
+def first_order(bench: OpticalBench, meridian: str = "y") -> FirstOrder:
+    """Compute paraxial data at the primary wavelength.
 
     Raises
     ------
@@ -86,7 +87,7 @@ def first_order(bench: Bench, meridian: str = "y") -> FirstOrder:
     film = bench.film
     petzval = petzval_curvature(surfaces, meridian)
     largest = largest_height(bench, meridian)
-    angles = _angles(bench)
+    angles = _angles_of_view(bench)
     published = bench.lens.focal_length
     return FirstOrder(
         meridian=meridian,
@@ -116,7 +117,7 @@ def first_order(bench: Bench, meridian: str = "y") -> FirstOrder:
         film_z_mm=film,
         image_distance_mm=film - last,
         total_track_mm=film - float(surfaces.vertex[0]),
-        half_field_deg=float(of_heights(bench, meridian, bench.primary, np.array([largest])).field_deg[0]),
+        half_field_deg=float(chief_rays_at_heights(bench, meridian, bench.primary, np.array([largest])).field_deg[0]),
         half_field_image_height_mm=largest,
         field_of_view_width_deg=angles[0],
         field_of_view_height_deg=angles[1],
@@ -125,8 +126,8 @@ def first_order(bench: Bench, meridian: str = "y") -> FirstOrder:
     )
 
 
-def _angles(bench: Bench) -> tuple[float, float, float]:
-    """Full angles (degrees) that the picture's width, height and diagonal see.
+def _angles_of_view(bench: OpticalBench) -> tuple[float, float, float]:
+    """Compute the full angles of view (degrees) of the picture's width, height and diagonal.
 
     The last is NaN for a lens with cylinders.
     """
@@ -134,19 +135,19 @@ def _angles(bench: Bench) -> tuple[float, float, float]:
     sizes = [("y", width), ("y", height), ("y", math.hypot(width, height))]
     if not bench.lens.is_round():
         sizes = [("x", width), ("y", height)]
-    found = []
+    angles = []
     for meridian, size in sizes:
         reach = np.array([min(size / 2.0, largest_height(bench, meridian))])
-        found.append(2.0 * float(of_heights(bench, meridian, bench.primary, reach).field_deg[0]))
-    return found[0], found[1], found[2] if len(found) == 3 else math.nan
+        angles.append(2.0 * float(chief_rays_at_heights(bench, meridian, bench.primary, reach).field_deg[0]))
+    return angles[0], angles[1], angles[2] if len(angles) == 3 else math.nan
 
 
-def working_f_number(bench: Bench, meridian: str = "y") -> float:
-    """1 / (2 n' sin u') of the outermost ray from the axis that gets through; NaN if none does."""
+def working_f_number(bench: OpticalBench, meridian: str = "y") -> float:
+    """Compute the working f-number, 1 / (2 n' sin u') of the outermost axial ray that passes; NaN if none does."""
     axis = axis_beam(bench, meridian)
     if axis is None:
         return math.nan
-    rim = aimed(bench, axis, np.array([opening(bench, meridian)]), up=True)
+    rim = aim_fan(bench, axis, np.array([open_stop_fraction(bench, meridian)]), up=True)
     weights, _, onward = trace_rays(bench.surfaces(), *axis.rays(rim, np.zeros(1)))
     if not weights[0] > 0.0:
         return math.nan

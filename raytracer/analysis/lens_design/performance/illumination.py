@@ -1,4 +1,4 @@
-"""Light on the film: the pupil as points of the film see it, and how far out any light comes.
+"""Relative illumination: the pupil as seen from points of the film, and the largest image height with any light.
 
 The irradiance from a scene of radiance 1 is the projected solid angle of the pupil, that is the integral of
 cos^4 / Z^2 over the part of the rear vertex's plane through which rays of the film point get out at the front.  The rim
@@ -14,11 +14,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.lens_report.analysis.bench import Bench, along, unit
-from raytracer.lens_report.analysis.chief import chief_paths, of_heights, table
-from raytracer.lens_report.analysis.paraxial import chief_ray, crossing, marginal_ray
-from raytracer.lens_report.analysis.results import Curve, Illumination
-from raytracer.lenses.surfaces import trace_rays
+from raytracer.analysis.lens_design.performance.chief_rays import chief_paths, chief_ray_table, chief_rays_at_heights
+from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench, meridian_vector, normalize
+from raytracer.analysis.lens_design.performance.paraxial import chief_ray, crossing, marginal_ray
+from raytracer.analysis.lens_design.performance.results import Curve, Illumination
+from raytracer.optics.lens_system.ray_tracing import trace_rays
 
 _COARSE = 32
 _WIDENINGS = 5
@@ -27,17 +27,17 @@ _HALVINGS = 26
 _EDGE_HALVINGS = 12
 
 
-def projected_solid_angle(bench: Bench, meridian: str, height_mm: float) -> float:
-    """Of the pupil, seen from the film at a height (sr): the irradiance there from a scene of radiance 1.
+def projected_solid_angle(bench: OpticalBench, meridian: str, height_mm: float) -> float:
+    """Compute the projected solid angle (sr) of the pupil from a height on the film: the irradiance for radiance 1.
 
     At the primary wavelength.  The pupil's part of the rear plane is taken to be star-shaped about its middle.
     """
     surfaces = bench.surfaces()
     rear = float(surfaces.vertex[-1])
-    origin = along(meridian, 0.0, -height_mm, bench.film)
+    origin = meridian_vector(meridian, 0.0, -height_mm, bench.film)
 
     def passes(places: Curve) -> NDArray[np.bool_]:
-        directions = unit(_on_plane(places, rear) - origin)
+        directions = normalize(_on_plane(places, rear) - origin)
         weights, _, _ = trace_rays(surfaces, origin, directions, towards_film=False)
         open_: NDArray[np.bool_] = weights > 0.0
         return open_
@@ -46,7 +46,7 @@ def projected_solid_angle(bench: Bench, meridian: str, height_mm: float) -> floa
     if reach == 0.0:
         return 0.0
 
-    # Of the rim in each direction, bisect the distance from there.
+    # Find the rim by bisection of the distance in each direction.
     angles = 2.0 * math.pi * np.arange(_SIDES) / _SIDES
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     inside, outside = np.zeros(_SIDES), np.full(_SIDES, reach)
@@ -54,21 +54,21 @@ def projected_solid_angle(bench: Bench, meridian: str, height_mm: float) -> floa
         between = 0.5 * (inside + outside)
         open_ = passes(middle + between[:, None] * ways)
         inside, outside = np.where(open_, between, inside), np.where(open_, outside, between)
-    return _lambert(unit(_on_plane(middle + inside[:, None] * ways, rear) - origin))
+    return _lambert(normalize(_on_plane(middle + inside[:, None] * ways, rear) - origin))
 
 
 def _middle(
-    bench: Bench, meridian: str, height_mm: float, passes: Callable[[Curve], NDArray[np.bool_]]
+    bench: OpticalBench, meridian: str, height_mm: float, passes: Callable[[Curve], NDArray[np.bool_]]
 ) -> tuple[Curve, float]:
-    """The middle (2,) of what passes of the rear plane, and a way from there that leads out of it; 0 for nothing."""
+    """Find the middle (2,) of the pupil in the rear plane, and a distance that leads out of it; 0 if nothing passes."""
     surfaces = bench.surfaces()
     rim, rear = 1.05 * float(surfaces.radius[-1]), float(surfaces.vertex[-1])
-    chief = of_heights(bench, meridian, bench.primary, np.array([height_mm]))
+    chief = chief_rays_at_heights(bench, meridian, bench.primary, np.array([height_mm]))
     points, onward = chief_paths(bench, chief, bench.primary)
     way = (rear - points[0, -1, 2]) / onward[0, -1, 2]
     start = points[0, -1, :2] + way * onward[0, -1, :2]
 
-    # A window around the chief ray that grows until all that passes is in it, or the whole element, ever closer.
+    # Windows around the chief ray that grow until the pupil is within; then the whole element, more finely each time.
     windows = [(np.zeros(2), rim, cells) for cells in (_COARSE, 4 * _COARSE)]
     if np.isfinite(start).all():
         size = _footprint(bench, meridian)
@@ -79,16 +79,16 @@ def _middle(
         lit = passes(centre + offsets)
         if not lit.any():
             continue
-        found = offsets[lit]
-        if size < rim and np.abs(found).max() > size * (1.0 - 1.5 / count):
+        passing = offsets[lit]
+        if size < rim and np.abs(passing).max() > size * (1.0 - 1.5 / count):
             continue
-        middle = found[np.argmin(np.linalg.norm(found - found.mean(axis=0), axis=1))]
+        middle = passing[np.argmin(np.linalg.norm(passing - passing.mean(axis=0), axis=1))]
         return centre + middle, 4.0 * size
     return np.zeros(2), 0.0
 
 
-def _footprint(bench: Bench, meridian: str) -> float:
-    """Somewhat more than the radius (mm) in the rear plane of what a point of the film sees of the pupil."""
+def _footprint(bench: OpticalBench, meridian: str) -> float:
+    """Bound the radius (mm), in the rear plane, of the pupil as seen from a point of the film."""
     surfaces = bench.surfaces()
     slope = abs(float(marginal_ray(bench, surfaces, meridian).slopes[-1]))
     behind = bench.film - float(surfaces.vertex[-1])
@@ -96,12 +96,12 @@ def _footprint(bench: Bench, meridian: str) -> float:
 
 
 def _on_plane(places: Curve, z: float) -> Curve:
-    """Points (n, 3) of the plane at z."""
-    return along("y", places[:, 0], places[:, 1], z)
+    """Return points (n, 3) of the plane at z."""
+    return meridian_vector("y", places[:, 0], places[:, 1], z)
 
 
 def _lambert(corners: Curve) -> float:
-    """Projected solid angle, on the plane at right angles to the axis, of the polygon of unit vectors (n, 3)."""
+    """Compute the projected solid angle, on a plane at right angles to the axis, of a polygon of directions (n, 3)."""
     following = np.roll(corners, -1, axis=0)
     normals = np.cross(corners, following)
     sines = np.linalg.norm(normals, axis=1)
@@ -111,8 +111,8 @@ def _lambert(corners: Curve) -> float:
     return abs(0.5 * float(parts.sum()))
 
 
-def largest_height(bench: Bench, meridian: str) -> float:
-    """Of the picture (mm): the sensor's corner, or what the lens's image circle or its glass leaves of that.
+def largest_height(bench: OpticalBench, meridian: str) -> float:
+    """Return the largest image height (mm): the sensor's corner, unless the image circle or the glass ends it.
 
     Where the lens has cylinders it is the middle of the sensor's side, in either meridian.
     """
@@ -122,7 +122,7 @@ def largest_height(bench: Bench, meridian: str) -> float:
         most = 0.5 * (math.hypot(width, height) if bench.lens.is_round() else {"y": height, "x": width}[meridian])
         if bench.lens.image_circle is not None:
             most = min(most, 0.5 * bench.lens.image_circle)
-        most = min(most, float(table(bench, meridian, bench.primary).height[-1]))
+        most = min(most, float(chief_ray_table(bench, meridian, bench.primary).height[-1]))
         if projected_solid_angle(bench, meridian, most) > 0.0:
             return most
         dark, bright = most, 0.0
@@ -132,18 +132,18 @@ def largest_height(bench: Bench, meridian: str) -> float:
             dark, bright = (dark, between) if lit else (between, bright)
         return bright
 
-    return bench.kept(("largest", meridian), make)
+    return bench.memoize(("largest", meridian), make)
 
 
-def illumination(bench: Bench, meridian: str = "y") -> Illumination:
-    """Relative illumination over the picture."""
+def illumination(bench: OpticalBench, meridian: str = "y") -> Illumination:
+    """Compute relative illumination over the picture."""
     field = np.linspace(0.0, 1.0, bench.settings.steps)
     heights = field * largest_height(bench, meridian)
-    found = np.array([projected_solid_angle(bench, meridian, height) for height in heights])
+    irradiance = np.array([projected_solid_angle(bench, meridian, height) for height in heights])
     away = bench.film - crossing(bench.surfaces(), chief_ray(bench, bench.surfaces(), meridian))
     cos4 = (1.0 + (heights / away) ** 2) ** -2
-    if found[0] <= 0.0:
+    if irradiance[0] <= 0.0:
         nothing = np.full_like(field, np.nan)
         return Illumination(meridian, field, heights, nothing, nothing, cos4, 0.0)
-    relative = found / found[0]
-    return Illumination(meridian, field, heights, relative, relative / cos4, cos4, float(found[0] / math.pi))
+    relative = irradiance / irradiance[0]
+    return Illumination(meridian, field, heights, relative, relative / cos4, cos4, float(irradiance[0] / math.pi))

@@ -1,4 +1,4 @@
-"""All analyses of a lens in one."""
+"""Study of a lens: all analyses in one."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -6,18 +6,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytracer.lens_report.analysis.bench import Bench, bench_of
-from raytracer.lens_report.analysis.colour import colour
-from raytracer.lens_report.analysis.distortion import distortion
-from raytracer.lens_report.analysis.fans import fans
-from raytracer.lens_report.analysis.field_curvature import field_curvature
-from raytracer.lens_report.analysis.first_order import first_order
-from raytracer.lens_report.analysis.illumination import illumination
-from raytracer.lens_report.analysis.mtf import diffraction_limit, mtf, mtf_over_field
-from raytracer.lens_report.analysis.results import (
-    Colour,
+from raytracer.analysis.lens_design.performance.chromatic_aberration import chromatic_aberration
+from raytracer.analysis.lens_design.performance.distortion import distortion
+from raytracer.analysis.lens_design.performance.field_curvature import field_curvature
+from raytracer.analysis.lens_design.performance.first_order import first_order
+from raytracer.analysis.lens_design.performance.illumination import illumination
+from raytracer.analysis.lens_design.performance.mtf import diffraction_limit, mtf, mtf_over_field
+from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench, set_up_bench
+from raytracer.analysis.lens_design.performance.ray_fans import fans
+from raytracer.analysis.lens_design.performance.results import (
+    ChromaticAberration,
     DiffractionLimit,
-    Distortion,
+    DistortionCurve,
     Fan,
     FieldCurvature,
     FirstOrder,
@@ -31,16 +31,16 @@ from raytracer.lens_report.analysis.results import (
     SpotsOfField,
     Tolerances,
 )
-from raytracer.lens_report.analysis.seidel import seidel
-from raytracer.lens_report.analysis.spherical import spherical
-from raytracer.lens_report.analysis.spots import spots
-from raytracer.lens_report.analysis.tolerances import tolerances
-from raytracer.lenses.doubts import doubts
-from raytracer.lenses.lens import Lens
+from raytracer.analysis.lens_design.performance.seidel import seidel
+from raytracer.analysis.lens_design.performance.spherical import spherical
+from raytracer.analysis.lens_design.performance.spots import spots
+from raytracer.analysis.lens_design.performance.tolerances import tolerances
+from raytracer.optics.lens_system.lens import Lens
+from raytracer.optics.lens_system.plausibility import lens_warnings
 
 
-class Study(NamedTuple):
-    """What is known of a lens; results by meridian are tuples, with one member for lenses of revolution.
+class LensStudy(NamedTuple):
+    """Results of all analyses of a lens; those by meridian are tuples, with one member for lenses of revolution.
 
     `seidel` is None for lenses with cylinders, for which the sums are not defined.
     """
@@ -53,8 +53,8 @@ class Study(NamedTuple):
     spherical: tuple[Spherical, ...]
     fans: tuple[Fan, ...]
     field_curvature: tuple[FieldCurvature, ...]
-    distortion: tuple[Distortion, ...]
-    colour: tuple[Colour, ...]
+    distortion: tuple[DistortionCurve, ...]
+    colour: tuple[ChromaticAberration, ...]
     illumination: tuple[Illumination, ...]
     spots: tuple[SpotsOfField, ...]
     mtf: tuple[Mtf, ...]
@@ -65,28 +65,28 @@ class Study(NamedTuple):
     notes: tuple[Note, ...]
 
     def as_dict(self, *, points: bool = False) -> dict[str, Any]:
-        """Plain dicts, lists, numbers and strings, for JSON; what is not finite is None.
+        """Convert to plain dicts, lists, numbers and strings, for JSON; numbers that are not finite become None.
 
-        points : whether to have the points of the spot diagrams too, some megabytes of them.
+        points : True to include the points of the spot diagrams, some megabytes of them.
         """
-        found: dict[str, Any] = plain(self)
+        values: dict[str, Any] = to_plain(self)
         if not points:
-            for row in found["spots"]:
+            for row in values["spots"]:
                 for spot in row["spots"]:
                     del spot["points_um"]
-        return found
+        return values
 
 
-def study(lens: Lens, settings: Settings | None = None) -> Study:
-    """Look at a lens in all ways.
+def study_lens(lens: Lens, settings: Settings | None = None) -> LensStudy:
+    """Run all analyses of a lens.
 
     Raises
     ------
     ValueError : the lens makes no image, or the f-number or focus distance is not possible.
     """
-    bench = bench_of(lens, settings)
+    bench = set_up_bench(lens, settings)
     rows = bench.meridians
-    found = Study(
+    study = LensStudy(
         name=lens.name,
         source=lens.source,
         settings=bench.settings,
@@ -96,7 +96,7 @@ def study(lens: Lens, settings: Settings | None = None) -> Study:
         fans=tuple(fan for meridian in rows for fan in fans(bench, meridian)),
         field_curvature=tuple(field_curvature(bench, meridian) for meridian in rows),
         distortion=tuple(distortion(bench, meridian) for meridian in rows),
-        colour=tuple(colour(bench, meridian) for meridian in rows),
+        colour=tuple(chromatic_aberration(bench, meridian) for meridian in rows),
         illumination=tuple(illumination(bench, meridian) for meridian in rows),
         spots=tuple(spot for meridian in rows for spot in spots(bench, meridian)),
         mtf=tuple(curve for meridian in rows for curve in mtf(bench, meridian)),
@@ -106,13 +106,13 @@ def study(lens: Lens, settings: Settings | None = None) -> Study:
         tolerances=tuple(tolerances(bench, meridian) for meridian in rows),
         notes=(),
     )
-    return found._replace(notes=tuple(_notes(lens, bench, found)))
+    return study._replace(notes=tuple(_notes(lens, bench, study)))
 
 
-def _notes(lens: Lens, bench: Bench, found: Study) -> Iterator[Note]:
-    """Why something is missing, and what must be known to read the rest."""
-    for doubt in doubts(lens):
-        yield Note("first_order", doubt)
+def _notes(lens: Lens, bench: OpticalBench, study: LensStudy) -> Iterator[Note]:
+    """Write notes on missing results, and on how to read the others."""
+    for warning in lens_warnings(lens):
+        yield Note("first_order", warning)
     yield Note("mtf", "geometric: diffraction is not simulated; `diffraction_limit` is a perfect lens's, for reference")
     if math.isinf(bench.distance):
         yield Note("settings", "focus_distance_mm is null: focused at infinity")
@@ -125,29 +125,31 @@ def _notes(lens: Lens, bench: Bench, found: Study) -> Iterator[Note]:
     if lens.focal_length is None:
         yield Note("first_order", "published_focal_length_mm is null: none is published")
     if not lens.disperses():
-        yield Note("colour", "no glass in the lens has an index that depends on the wavelength: no colour errors")
+        yield Note(
+            "colour", "no glass in the lens has an index that depends on the wavelength: no chromatic aberration"
+        )
     if len(bench.settings.wavelengths_nm) < 3:
         yield Note("colour", "axial_between_ends_mm is null: it needs three wavelengths")
         yield Note("seidel", "axial_colour and lateral_colour are null: they need three wavelengths")
-    if found.seidel is None:
+    if study.seidel is None:
         yield Note("seidel", "not defined for lenses with cylinders, whose meridians differ")
         yield Note("spherical", "third_order_mm is null: not defined for lenses with cylinders")
         yield Note("first_order", "field_of_view_diagonal_deg is null: a lens with cylinders is seen in two meridians")
-    for first in found.first_order:
+    for first in study.first_order:
         yield from _limits(bench, first)
-    yield from _gaps(found)
+    yield from _gaps(study)
 
 
-def _limits(bench: Bench, first: FirstOrder) -> Iterator[Note]:
-    """What is at infinity or beyond reach in one meridian."""
+def _limits(bench: OpticalBench, first: FirstOrder) -> Iterator[Note]:
+    """Write notes on quantities that are at infinity or out of reach in one meridian."""
     width, height = bench.settings.sensor_mm
     reach = 0.5 * (math.hypot(width, height) if bench.lens.is_round() else {"y": height, "x": width}[first.meridian])
     largest, circle = first.half_field_image_height_mm, bench.lens.image_circle
     if largest < reach:
-        why = (
+        reason = (
             "that is the lens's image circle" if circle is not None and largest == 0.5 * circle else "it is dark there"
         )
-        yield Note("settings", f"fields reach to {largest:.4g} mm from the axis, not to {reach:.4g} mm: {why}")
+        yield Note("settings", f"fields reach to {largest:.4g} mm from the axis, not to {reach:.4g} mm: {reason}")
     if math.isinf(first.exit_pupil_z_mm):
         yield Note("first_order", "exit_pupil is null: at infinity (telecentric)")
     if math.isinf(first.entrance_pupil_z_mm):
@@ -161,36 +163,36 @@ def _limits(bench: Bench, first: FirstOrder) -> Iterator[Note]:
         yield Note("first_order", "petzval_radius_mm is null: the Petzval surface is flat")
 
 
-def _gaps(found: Study) -> Iterator[Note]:
-    """Where curves have no value."""
-    if any(not math.isfinite(row.far_limit_mm) for row in found.tolerances):
+def _gaps(study: LensStudy) -> Iterator[Note]:
+    """Write notes on curves with missing values."""
+    if any(not math.isfinite(row.far_limit_mm) for row in study.tolerances):
         yield Note("tolerances", "far_limit_mm is null: sharp enough as far as infinity")
-    if any(not math.isfinite(row.near_limit_mm) for row in found.tolerances):
+    if any(not math.isfinite(row.near_limit_mm) for row in study.tolerances):
         yield Note("tolerances", "near_limit_mm is null: it is beyond infinity")
-    if any(np.isnan(fan.tangential_um).any() or np.isnan(fan.sagittal_um).any() for fan in found.fans):
+    if any(np.isnan(fan.tangential_um).any() or np.isnan(fan.sagittal_um).any() for fan in study.fans):
         yield Note("fans", "null where rims block the rays")
-    if any(not len(spot.points_um) for row in found.spots for spot in row.spots):
+    if any(not len(spot.points_um) for row in study.spots for spot in row.spots):
         yield Note("spots", "sizes are null for fields of which no light gets through")
         yield Note("mtf", "null for fields of which no light gets through")
         yield Note("mtf_over_field", "null for fields of which no light gets through")
-    if any(np.isnan(curve.longitudinal_mm).any() for curve in found.spherical):
+    if any(np.isnan(curve.longitudinal_mm).any() for curve in study.spherical):
         yield Note("spherical", "null for zones that rims block")
-    if any(np.isnan(curve.percent).any() for curve in found.distortion):
+    if any(np.isnan(curve.percent).any() for curve in study.distortion):
         yield Note("distortion", "percent is null from 90 degrees on, where f tan has no value")
-    if any(np.isnan(curve.tangential_mm).any() for curve in found.field_curvature):
+    if any(np.isnan(curve.tangential_mm).any() for curve in study.field_curvature):
         yield Note("field_curvature", "null where no chief ray gets through, or the pencil leaves parallel")
 
 
-def plain(value: Any) -> Any:
-    """A result as JSON can hold it."""
+def to_plain(value: Any) -> Any:
+    """Convert a result to values of JSON."""
     if isinstance(value, np.ndarray):
-        return plain(value.tolist())
+        return to_plain(value.tolist())
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, tuple) and hasattr(value, "_asdict"):
-        return {key: plain(part) for key, part in value._asdict().items()}
+        return {key: to_plain(part) for key, part in value._asdict().items()}
     if isinstance(value, Mapping):
-        return {key: plain(part) for key, part in value.items()}
+        return {key: to_plain(part) for key, part in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(part) for part in value]
+        return [to_plain(part) for part in value]
     return value

@@ -1,4 +1,4 @@
-"""A lens set up to be looked at: stopped down, focused, with a film behind it and rays through it by colour."""
+"""Optical bench: a lens that is stopped down and focused, with a film behind it, for rays of any wavelength."""
 
 import math
 from collections.abc import Callable
@@ -7,26 +7,29 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from raytracer.lens_report.analysis.results import Curve, Settings
-from raytracer.lenses.first_order import cardinal_points, entrance_pupil
-from raytracer.lenses.focusing import focused
-from raytracer.lenses.lens import Lens
-from raytracer.lenses.stops import stop_radius_for
-from raytracer.lenses.surfaces import LensSurfaces, part, trace_rays
+from raytracer.analysis.lens_design.performance.results import Curve, Settings
+from raytracer.optics.lens_system.first_order import cardinal_points, entrance_pupil
+from raytracer.optics.lens_system.focusing import focus_lens
+from raytracer.optics.lens_system.lens import Lens
+from raytracer.optics.lens_system.ray_tracing import trace_rays
+from raytracer.optics.lens_system.stops import stop_radius_for
+from raytracer.optics.lens_system.surfaces import LensSurfaces, slice_surfaces
 
 T = TypeVar("T")
 
 MERIDIANS = {"y": 1, "x": 0}
-"""Which coordinate of a point lies along the field, by the meridian's name."""
+"""Coordinate of a point that lies along the field, by the meridian's name."""
 
 
 @dataclass(frozen=True)
-class Bench:
-    """A lens on the bench.
+class OpticalBench:
+    """Lens on an optical bench.
 
-    lens, settings : what is looked at, stopped down and focused, and how.
-    stop : which surface is the diaphragm or acts as one; stop_radius (mm).
-    film : its place on the axis (mm).
+    lens : stopped down and focused.
+    settings : of the study.
+    stop : index of the surface that is the diaphragm or acts as one.
+    stop_radius : (mm).
+    film : place on the axis (mm).
     pupil : place of the paraxial entrance pupil of the primary colour (mm), from which distances in the scene count.
     """
 
@@ -36,41 +39,41 @@ class Bench:
     stop_radius: float
     film: float
     pupil: float
-    _kept: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
+    _memo: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def primary(self) -> float:
-        """The wavelength (nm) of results in one colour."""
+        """Wavelength (nm) of results in one colour."""
         return self.settings.wavelengths_nm[0]
 
     @property
     def meridians(self) -> tuple[str, ...]:
-        """The planes through the axis that differ: y, and x if there are cylinders in the lens."""
+        """Planes through the axis that differ: y, and x if there are cylinders in the lens."""
         return ("y",) if self.lens.is_round() else ("y", "x")
 
     @property
     def distance(self) -> float:
-        """Of the plane that is focused on, from the entrance pupil (mm); may be infinite."""
+        """Distance of the plane that is focused on, from the entrance pupil (mm); may be infinite."""
         return self.settings.focus_distance_mm
 
-    def at_infinity(self) -> "Bench":
-        """The same lens and film, for an object that is infinitely far."""
+    def at_infinity(self) -> "OpticalBench":
+        """Return the same lens and film, for an object that is infinitely far."""
         far = self.settings._replace(focus_distance_mm=math.inf)
-        return self.kept("far", lambda: replace(self, settings=far, _kept={}))
+        return self.memoize("far", lambda: replace(self, settings=far, _memo={}))
 
-    def kept(self, key: Any, make: Callable[[], T]) -> T:
-        """What `make` gives, made once for a key."""
-        if key not in self._kept:
-            self._kept[key] = make()
-        return cast(T, self._kept[key])
+    def memoize(self, key: Any, make: Callable[[], T]) -> T:
+        """Return the result of `make`, computed once for a key."""
+        if key not in self._memo:
+            self._memo[key] = make()
+        return cast(T, self._memo[key])
 
     def surfaces(self, wavelength_nm: float | None = None) -> LensSurfaces:
-        """The lens at a wavelength (nm), the primary one by default."""
+        """Pack the lens for a wavelength (nm), the primary one by default."""
         chosen = self.primary if wavelength_nm is None else wavelength_nm
-        return self.kept(("surfaces", chosen), lambda: self.lens.packed(chosen))
+        return self.memoize(("surfaces", chosen), lambda: self.lens.packed(chosen))
 
-    def wide(self, wavelength_nm: float | None = None) -> LensSurfaces:
-        """The same with no rim that blocks but that of the stop, and of aspheres, which are nothing farther out."""
+    def without_rims(self, wavelength_nm: float | None = None) -> LensSurfaces:
+        """Pack the lens with no rims but those of the stop, and of aspheres, which are not defined farther out."""
         surfaces = self.surfaces(wavelength_nm)
         radius = np.full_like(surfaces.radius, np.inf)
         if surfaces.shapes is not None:
@@ -79,13 +82,13 @@ class Bench:
         return surfaces._replace(radius=radius)
 
 
-def bench_of(lens: Lens, settings: Settings | None = None) -> Bench:
-    """Set a lens up.
+def set_up_bench(lens: Lens, settings: Settings | None = None) -> OpticalBench:
+    """Stop a lens down, focus it, and put a film behind it.
 
     Raises
     ------
-    ValueError : the f-number or the focus distance is not possible, and it says what is; or the lens makes no image, or
-        an upright one.
+    ValueError : the f-number or the focus distance is not possible (the message gives the range); or the lens makes no
+        image, or an upright one.
     """
     chosen = settings or Settings()
     if not chosen.wavelengths_nm:
@@ -94,28 +97,28 @@ def bench_of(lens: Lens, settings: Settings | None = None) -> Bench:
     radius = lens.elements[stop].radius
     if chosen.f_number is not None:
         radius = stop_radius_for(lens, chosen.f_number)
-    ready, film = focused(lens.stopped(radius), chosen.focus_distance_mm)
+    ready, film = focus_lens(lens.stopped_down(radius), chosen.focus_distance_mm)
     for across in ("y", "x"):
         if cardinal_points(ready.packed(chosen.wavelengths_nm[0]), across).focal_length < 0.0:
             raise ValueError(
                 "the lens has an image inside it, and so makes an upright one: such lenses are not studied"
             )
     pupil = entrance_pupil(ready.packed(chosen.wavelengths_nm[0]))
-    return Bench(ready, chosen, stop, radius, film, pupil.z)
+    return OpticalBench(ready, chosen, stop, radius, film, pupil.z)
 
 
 # ---- Rays
 
 
-def unit(rows: Any) -> Curve:
-    """Vectors (..., 3) made as long as 1."""
+def normalize(rows: Any) -> Curve:
+    """Scale vectors (..., 3) to length 1."""
     given = np.asarray(rows, np.float64)
-    made: Curve = given / np.linalg.norm(given, axis=-1, keepdims=True)
-    return made
+    unit: Curve = given / np.linalg.norm(given, axis=-1, keepdims=True)
+    return unit
 
 
-def landing(points: Curve, directions: Curve, weights: Curve, z: float) -> Curve:
-    """Where rays behind the lens meet the plane at z: (n, 2), NaN for those that do not."""
+def intersect_film(points: Curve, directions: Curve, weights: Curve, z: float) -> Curve:
+    """Intersect rays behind the lens with the plane at z: (n, 2), NaN for those that do not meet it."""
     with np.errstate(divide="ignore", invalid="ignore"):
         way = (z - points[:, 2]) / directions[:, 2]
         landed: Curve = points[:, :2] + way[:, None] * directions[:, :2]
@@ -123,16 +126,16 @@ def landing(points: Curve, directions: Curve, weights: Curve, z: float) -> Curve
     return landed
 
 
-def out_to_scene(surfaces: LensSurfaces, first: int, origins: Curve, directions: Curve) -> tuple[Curve, Curve, Curve]:
-    """Of rays that stand before surface `first` and go to the scene: weights, and their line before the lens."""
+def trace_to_scene(surfaces: LensSurfaces, first: int, origins: Curve, directions: Curve) -> tuple[Curve, Curve, Curve]:
+    """Trace rays that start before surface `first` to the scene: weights, origins and directions before the lens."""
     if first == 0:
         return np.ones(len(origins)), origins, directions
-    weights, points, onward = trace_rays(part(surfaces, 0, first), origins, directions, towards_film=False)
+    weights, points, onward = trace_rays(slice_surfaces(surfaces, 0, first), origins, directions, towards_film=False)
     return weights, points, onward
 
 
-def along(meridian: str, across: Any, height: Any, depth: Any) -> Curve:
-    """Vectors (..., 3) from their components across and along the field's direction, and along the axis."""
+def meridian_vector(meridian: str, across: Any, height: Any, depth: Any) -> Curve:
+    """Make vectors (..., 3) from components across and along the field's direction, and along the axis."""
     columns = (across, height, depth) if meridian == "y" else (height, across, depth)
-    made: Curve = np.stack(np.broadcast_arrays(*(np.asarray(column, np.float64) for column in columns)), axis=-1)
-    return made
+    vectors: Curve = np.stack(np.broadcast_arrays(*(np.asarray(column, np.float64) for column in columns)), axis=-1)
+    return vectors

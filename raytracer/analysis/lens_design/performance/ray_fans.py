@@ -5,26 +5,26 @@ References: Smith 2008, "Modern Optical Engineering", 4th ed., sec. 5.8 (ray int
 
 import numpy as np
 
-from raytracer.lens_report.analysis.beams import aimed, landed, opening
-from raytracer.lens_report.analysis.bench import Bench
-from raytracer.lens_report.analysis.fields import fields
-from raytracer.lens_report.analysis.results import Fan
+from raytracer.analysis.lens_design.performance.beams import aim_fan, film_points, open_stop_fraction
+from raytracer.analysis.lens_design.performance.field_points import settings_field_points
+from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench
+from raytracer.analysis.lens_design.performance.results import Fan
 
 
-def fans(bench: Bench, meridian: str = "y") -> tuple[Fan, ...]:
-    """A fan along the field and one across it, for each field of the settings and in each colour."""
+def fans(bench: OpticalBench, meridian: str = "y") -> tuple[Fan, ...]:
+    """Trace a fan along the field and one across it, for each field of the settings and in each colour."""
     wavelengths = np.array(bench.settings.wavelengths_nm)
     pupil = np.linspace(-1.0, 1.0, bench.settings.steps)
-    zones = pupil * opening(bench, meridian)
-    found = []
-    for point in fields(bench, meridian):
+    zones = pupil * open_stop_fraction(bench, meridian)
+    traced = []
+    for point in settings_field_points(bench, meridian):
         tangential, sagittal = (np.full((len(wavelengths), len(pupil)), np.nan) for _ in range(2))
         if point.beam is not None:
             still = np.zeros(len(pupil))
-            ups, acrosses = (aimed(bench, point.beam, zones, up=up) for up in (True, False))
+            ups, acrosses = (aim_fan(bench, point.beam, zones, up=up) for up in (True, False))
             for row, wavelength in enumerate(wavelengths):
-                along, _ = landed(bench, point.beam, ups, still, wavelength)
-                across, _ = landed(bench, point.beam, still, acrosses, wavelength)
+                along, _ = film_points(bench, point.beam, ups, still, wavelength)
+                across, _ = film_points(bench, point.beam, still, acrosses, wavelength)
                 tangential[row], sagittal[row] = 1e3 * (along[:, 0] - point.height), 1e3 * across[:, 1]
-        found.append(Fan(meridian, point.field, point.field_deg, wavelengths, pupil, tangential, sagittal))
-    return tuple(found)
+        traced.append(Fan(meridian, point.field, point.field_deg, wavelengths, pupil, tangential, sagittal))
+    return tuple(traced)

@@ -1,4 +1,4 @@
-"""What the analyses give: plain numbers, and float64 arrays for curves.
+"""Results of the analyses: plain numbers, and float64 arrays for curves.
 
 Every class is a NamedTuple; units are in the names of the fields.  Where a curve has no value its array holds NaN.
 `meridian` is "y" for lenses of revolution; lenses with cylinders have each result that depends on it twice, for "y" and
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.glass import LINE_C, LINE_D, LINE_F
+from raytracer.optics.glass import LINE_C, LINE_D, LINE_F
 
 Curve = NDArray[np.float64]
 
@@ -18,16 +18,16 @@ FULL_FRAME = (36.0, 24.0)
 
 
 class Settings(NamedTuple):
-    """How a lens is looked at.
+    """Settings of a study.
 
     f_number : None for the widest.
     focus_distance_mm : from the entrance pupil, may be infinite.
     sensor_mm : width and height; the largest field is its corner, or the lens's image circle if that is less.
     wavelengths_nm : the first, the primary colour, is that of results in one colour; the second and third are the ends
-        between which colour errors are told.  The lens is focused in the d line.
+        between which chromatic aberration is measured.  The lens is focused in the d line.
     fields : heights in the image at which spots and MTF are taken, as parts of the largest.
-    rays : of a spot diagram, across the pupil.
-    steps : of a curve over the field or the pupil.
+    rays : across the pupil, of a spot diagram.
+    steps : samples of a curve over the field or the pupil.
     frequencies_per_mm : line pairs a millimetre, of the MTF over the field.
     circle_of_confusion_mm : for the depth of focus; None for a 1500th of the picture's diagonal.
     """
@@ -44,7 +44,7 @@ class Settings(NamedTuple):
 
 
 class FirstOrder(NamedTuple):
-    """Paraxial data by ray transfer matrices, beside the same by traced rays (at the primary wavelength).
+    """First-order data by ray transfer matrices, beside the same by traced rays (at the primary wavelength).
 
     Places (`_z_mm`) are from the front vertex; `back_focus_mm` from the last vertex to the rear focal point.
     `*_traced_mm` come from real rays in the limit of small height; the `difference`s are relative.
@@ -91,12 +91,12 @@ class FirstOrder(NamedTuple):
 class Spherical(NamedTuple):
     """Longitudinal spherical aberration over the zones of the pupil, by wavelength.
 
-    pupil (k,) : where the ray meets the stop, as a part of where the outermost one does that gets through; height_mm
-    (k,) : its height in the entrance pupil's plane.
-    longitudinal_mm (wavelengths, k) : where the ray meets the axis behind the primary colour's paraxial image.
-    transverse_um (wavelengths, k) : where it meets the film, from the axis.
-    third_order_mm (k,) : what the Seidel sum says of the primary colour; NaN for lenses with cylinders.
-    sine_condition (k,) : the offence against it, of the primary colour, 0 where coma is absent (Welford 1986, ch. 9).
+    pupil (k,) : height of the ray in the stop, as a part of that of the outermost ray that gets through.
+    height_mm (k,) : in the entrance pupil's plane.
+    longitudinal_mm (wavelengths, k) : place where the ray crosses the axis, from the primary colour's paraxial image.
+    transverse_um (wavelengths, k) : height on the film, from the axis.
+    third_order_mm (k,) : from the Seidel sum of the primary colour; NaN for lenses with cylinders.
+    sine_condition (k,) : offence against it, of the primary colour, 0 where coma is absent (Welford 1986, ch. 9).
     """
 
     meridian: str
@@ -110,10 +110,11 @@ class Spherical(NamedTuple):
 
 
 class Fan(NamedTuple):
-    """Transverse ray aberrations of one field: rays across the pupil, from where the primary colour's chief ray lands.
+    """Transverse ray aberrations of one field: rays across the pupil, from the place of the primary colour's chief ray.
 
-    pupil (k,) : where the rays meet the stop, -1 to 1 being what light of the axis fills; tangential_um, sagittal_um
-    (wavelengths, k), NaN where blocked; tangential is dy over a meridional fan, sagittal dx over a fan across it.
+    pupil (k,) : height of the rays in the stop, -1 to 1 being what light of the axis fills.
+    tangential_um (wavelengths, k) : dy over a meridional fan, NaN where blocked.
+    sagittal_um (wavelengths, k) : dx over a fan across it, NaN where blocked.
     """
 
     meridian: str
@@ -128,8 +129,10 @@ class Fan(NamedTuple):
 class FieldCurvature(NamedTuple):
     """Foci of narrow pencils around the chief rays, along the axis from the film (mm), by Coddington's equations.
 
-    field (k,) part of the largest; field_deg (k,); image_height_mm (k,); tangential_mm, sagittal_mm
-    (wavelengths, k); petzval_mm (k,) the Petzval surface, of the primary colour, from the paraxial image.
+    field (k,) : part of the largest.
+    field_deg (k,), image_height_mm (k,) : of the same field points.
+    tangential_mm, sagittal_mm (wavelengths, k) : the foci.
+    petzval_mm (k,) : the Petzval surface, of the primary colour, from the paraxial image.
     """
 
     meridian: str
@@ -142,14 +145,16 @@ class FieldCurvature(NamedTuple):
     petzval_mm: Curve
 
 
-class Distortion(NamedTuple):
-    """Where the chief rays of the primary colour land, against ideal projections.
+class DistortionCurve(NamedTuple):
+    """Distortion of the primary colour's chief rays against ideal projections.
 
-    percent (k,) : (y - y0) / y0 with y0 = f tan(field), NaN from 90 degrees on; f_theta_percent (k,) : against f x
-    field (radians).  f is the scale of the paraxial chief ray on the film: the focal length, but for what the film is
-    off the paraxial focus, and for a near object the magnification times its distance from the entrance pupil.
-    `projection` is the one that fits best of "f tan", "f theta", "2f sin(theta/2)", "2f tan(theta/2)" and
-    "f sin theta"; projection_percent (k,) against it.
+    percent (k,) : (y - y0) / y0 with y0 = f tan(field), NaN from 90 degrees on.
+    f_theta_percent (k,) : against f x field (radians).
+    projection : the one that fits best of "f tan", "f theta", "2f sin(theta/2)", "2f tan(theta/2)" and "f sin theta".
+    projection_percent (k,) : against that.
+
+    f is the scale of the paraxial chief ray on the film: the focal length, corrected for the distance of the film from
+    the paraxial focus; for a near object the magnification times its distance from the entrance pupil.
     """
 
     meridian: str
@@ -162,13 +167,15 @@ class Distortion(NamedTuple):
     projection_percent: Curve
 
 
-class Colour(NamedTuple):
-    """Colour errors by wavelength.
+class ChromaticAberration(NamedTuple):
+    """Chromatic aberration by wavelength.
 
-    wavelengths_nm (w,) : a dense row over the visible; axial_mm (w,) : paraxial image from that of the primary colour.
+    wavelengths_nm (w,) : densely over the visible spectrum.
+    axial_mm (w,) : paraxial image from that of the primary colour.
     axial_between_ends_mm : of the second wavelength minus the third of the settings (blue - red; negative for a
-    singlet).  edge_wavelengths_nm (e,) the settings'; lateral_um (e, k) : chief ray's image height minus that of the
-    primary, over field (k,).
+        singlet).
+    edge_wavelengths_nm (e,) : of the settings.
+    lateral_um (e, k) : chief ray's image height minus that of the primary, over field (k,).
     """
 
     meridian: str
@@ -185,9 +192,10 @@ class Colour(NamedTuple):
 class Illumination(NamedTuple):
     """Light on the film from a uniformly bright scene, relative to the axis, over image height.
 
-    relative (k,) : the irradiance, all effects in; cos4 (k,) : what a small unvignetted pupil at the paraxial exit
-    pupil's place would give; pupil (k,) : the first over the second, below 1 where rims cut the pupil off, above 1
-    where it grows towards the field.
+    relative (k,) : the irradiance, with all effects.
+    cos4 (k,) : of a small unvignetted pupil at the place of the paraxial exit pupil.
+    pupil (k,) : the first over the second, below 1 where rims cut the pupil off, above 1 where it grows towards the
+        field.
     irradiance_over_pi_radiance : on the axis, E / (pi L) = sin^2 u'.
     """
 
@@ -201,11 +209,13 @@ class Illumination(NamedTuple):
 
 
 class Spot(NamedTuple):
-    """Where the light of one field point lands, in one colour.
+    """Spot diagram of one field point, in one colour.
 
-    points_um (n, 2) : x and y on the film, from where the primary colour's chief ray lands (y along the field, upwards
-    being away from the axis; x across it).  rms_um and largest_um about the centroid; transmitted : the light of the
-    point that gets through, relative to a point on the axis: cross-section of the beam, or solid angle if it is near.
+    points_um (n, 2) : x and y on the film, from the place of the primary colour's chief ray (y along the field, upwards
+        being away from the axis; x across it).
+    rms_um, largest_um : distances from the centroid.
+    transmitted : light of the point that gets through, relative to a point on the axis: cross-section of the beam, or
+        solid angle if it is near.
     """
 
     meridian: str
@@ -220,7 +230,7 @@ class Spot(NamedTuple):
 
 
 class SpotsOfField(NamedTuple):
-    """All colours of one field; rms_um and largest_um are of all of them together, about their common centroid."""
+    """Spot diagrams of one field in all colours; rms_um and largest_um are of all together, about their centroid."""
 
     meridian: str
     field: float
@@ -234,7 +244,9 @@ class SpotsOfField(NamedTuple):
 class Mtf(NamedTuple):
     """Geometric MTF of one field, all colours alike: of the spot, without diffraction.
 
-    frequencies_per_mm (k,); tangential (k,), of lines across the field's direction; sagittal (k,), of lines along it.
+    frequencies_per_mm (k,) : line pairs a millimetre.
+    tangential (k,) : of lines across the field's direction.
+    sagittal (k,) : of lines along it.
     """
 
     meridian: str
@@ -296,12 +308,16 @@ class Seidel(NamedTuple):
 
 
 class Sensitivity(NamedTuple):
-    """What a small error of one number does: `surface` from 1; `parameter` is radius, thickness or index.
+    """Sensitivity of the lens to a small error of one number.
 
-    step : the error, in `unit` ("%", "mm", or "" for index); back_focus_mm : what it moves the paraxial focus by;
-    back_focus_per_unit : the derivative by the number itself (mm per mm, or mm per unit of index).
-    spot_um : what it adds to the RMS spot on the axis with the film left where it is, spot_refocused_um: with the film
-    moved to the best place.
+    surface : from 1.
+    parameter : radius, thickness or index.
+    unit : of the step: "%", "mm", or "" for index.
+    step : the error.
+    back_focus_mm : change of the paraxial focus.
+    back_focus_per_unit : derivative by the number itself (mm per mm, or mm per unit of index).
+    spot_um : change of the RMS spot on the axis, with the film where it is.
+    spot_refocused_um : the same with the film at the best focus.
     """
 
     surface: int
@@ -315,12 +331,13 @@ class Sensitivity(NamedTuple):
 
 
 class Tolerances(NamedTuple):
-    """How far the film may be off, and what small errors of making do (by finite differences).
+    """Depth of focus and of field, and manufacturing tolerances (by finite differences).
 
-    depth_of_focus_mm : the film may be that much nearer or farther for the circle of confusion; best_focus_mm : where
-    the RMS spot on the axis is least, from the film; near_limit_mm, far_limit_mm : planes of the scene, from the
-    entrance pupil, whose blur is that circle, at the primary wavelength, by first order; rss_back_focus_mm :
-    the root of the sum of squares of all sensitivities.
+    depth_of_focus_mm : distance to each side by which the film may be off for the circle of confusion.
+    best_focus_mm : place of the least RMS spot on the axis, from the film.
+    near_limit_mm, far_limit_mm : planes of the scene, from the entrance pupil, whose blur is that circle, at the
+        primary wavelength, by first order.
+    rss_back_focus_mm : root of the sum of squares of all sensitivities.
     """
 
     meridian: str
@@ -336,7 +353,11 @@ class Tolerances(NamedTuple):
 
 
 class Note(NamedTuple):
-    """Why something is missing or limited: `topic` is the name of a field of the study."""
+    """Note on a result that is missing or limited.
+
+    topic : name of a field of the study.
+    reason : sentence.
+    """
 
     topic: str
     reason: str

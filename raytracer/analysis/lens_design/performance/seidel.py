@@ -1,4 +1,4 @@
-"""Third-order aberrations, surface by surface.
+"""Seidel sums: third-order aberrations, surface by surface.
 
 With A = n (h c + u) of the marginal ray and B = n (k c + v) of the chief ray, heights h and k, and H = A k - B h:
 S1 = -A^2 h D(u/n), S2 = -A B h D(u/n), S3 = -B^2 h D(u/n), S4 = -H^2 c D(1/n), S5 = B (S3 + S4) / A, C1 = A h D(dn/n)
@@ -12,15 +12,15 @@ Optical Design", ch. 6.
 
 import numpy as np
 
-from raytracer.lens_report.analysis.bench import Bench
-from raytracer.lens_report.analysis.illumination import largest_height
-from raytracer.lens_report.analysis.paraxial import ParaxialRay, chief_ray, crossing, marginal_ray
-from raytracer.lens_report.analysis.results import Curve, Seidel
-from raytracer.lenses.surfaces import LensSurfaces
+from raytracer.analysis.lens_design.performance.illumination import largest_height
+from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench
+from raytracer.analysis.lens_design.performance.paraxial import ParaxialRay, chief_ray, crossing, marginal_ray
+from raytracer.analysis.lens_design.performance.results import Curve, Seidel
+from raytracer.optics.lens_system.surfaces import LensSurfaces
 
 
-def seidel(bench: Bench) -> Seidel | None:
-    """Seidel sums of the primary colour, and of colour between the second and the third wavelength.
+def seidel(bench: OpticalBench) -> Seidel | None:
+    """Compute the Seidel sums of the primary colour, and of colour between the second and the third wavelength.
 
     None for lenses with cylinders.
     """
@@ -37,10 +37,10 @@ def seidel(bench: Bench) -> Seidel | None:
         spread = bench.surfaces(colours[0]).ior - bench.surfaces(colours[1]).ior
     else:
         spread = np.full_like(surfaces.ior, np.nan)
-    return sums(bench.primary, largest, surfaces, marginal, chief, spread)
+    return seidel_sums(bench.primary, largest, surfaces, marginal, chief, spread)
 
 
-def sums(
+def seidel_sums(
     wavelength_nm: float,
     image_height_mm: float,
     surfaces: LensSurfaces,
@@ -48,7 +48,10 @@ def sums(
     chief: ParaxialRay,
     spread: Curve,
 ) -> Seidel:
-    """Of two paraxial rays; spread (n + 1,) : differences of the indices between the ends of the spectrum."""
+    """Compute the Seidel sums of two paraxial rays.
+
+    spread (n + 1,) : differences of the indices between the ends of the spectrum.
+    """
     c, n = surfaces.curvature, surfaces.ior
     h, u, k, v = marginal.heights, marginal.slopes, chief.heights, chief.slopes
     a, b = n[:-1] * (h * c + u[:-1]), n[:-1] * (k * c + v[:-1])
@@ -70,7 +73,7 @@ def sums(
 
 
 def _departure(surfaces: LensSurfaces) -> Curve:
-    """Of each surface from the sphere that touches it, in the fourth order: the factor of r^4 (1/mm^3)."""
+    """Compute the fourth-order departure of each surface from its osculating sphere: the factor of r^4 (1/mm^3)."""
     if surfaces.shapes is None:
         return np.zeros_like(surfaces.curvature)
     c, across = surfaces.curvature, surfaces.shapes.quadric[:, 2]

@@ -8,29 +8,29 @@ import math
 
 import numpy as np
 
-from raytracer.lens_report.analysis.beams import aimed, axis_beam, opening
-from raytracer.lens_report.analysis.bench import MERIDIANS, Bench, landing
-from raytracer.lens_report.analysis.paraxial import chief_ray, crossing, marginal_ray
-from raytracer.lens_report.analysis.results import Curve, Spherical
-from raytracer.lens_report.analysis.seidel import seidel
-from raytracer.lenses.surfaces import trace_rays
+from raytracer.analysis.lens_design.performance.beams import aim_fan, axis_beam, open_stop_fraction
+from raytracer.analysis.lens_design.performance.optical_bench import MERIDIANS, OpticalBench, intersect_film
+from raytracer.analysis.lens_design.performance.paraxial import chief_ray, crossing, marginal_ray
+from raytracer.analysis.lens_design.performance.results import Curve, Spherical
+from raytracer.analysis.lens_design.performance.seidel import seidel
+from raytracer.optics.lens_system.ray_tracing import trace_rays
 
 
-def spherical(bench: Bench, meridian: str = "y") -> Spherical:
-    """Longitudinal and transverse aberration of the axis, by wavelength and zone."""
+def spherical(bench: OpticalBench, meridian: str = "y") -> Spherical:
+    """Compute longitudinal and transverse aberration on the axis, by wavelength and zone."""
     wavelengths = np.array(bench.settings.wavelengths_nm)
     pupil = np.linspace(0.0, 1.0, bench.settings.steps)
     shape = (len(wavelengths), len(pupil))
     longitudinal, transverse = np.full(shape, np.nan), np.full(shape, np.nan)
     heights, offence = np.full(len(pupil), np.nan), np.full(len(pupil), np.nan)
     axis = axis_beam(bench, meridian)
-    zones = pupil * opening(bench, meridian)
+    zones = pupil * open_stop_fraction(bench, meridian)
     column = MERIDIANS[meridian]
 
     marginal = marginal_ray(bench, bench.surfaces(), meridian)
     focus = crossing(bench.surfaces(), marginal)
     if axis is not None:
-        ups = aimed(bench, axis, zones, up=True)
+        ups = aim_fan(bench, axis, zones, up=True)
         origins, directions = axis.rays(ups, np.zeros(len(ups)))
         with np.errstate(divide="ignore", invalid="ignore"):
             heights = origins[:, column] + directions[:, column] / directions[:, 2] * (bench.pupil - origins[:, 2])
@@ -43,9 +43,13 @@ def spherical(bench: Bench, meridian: str = "y") -> Spherical:
             places[0] = crossing(surfaces, marginal_ray(bench, surfaces, meridian))
             lost = weights <= 0.0
             longitudinal[row] = np.where(lost, np.nan, places - focus)
-            transverse[row] = np.where(lost, np.nan, -1e3 * landing(points, onward, weights, bench.film)[:, column])
+            transverse[row] = np.where(
+                lost, np.nan, -1e3 * intersect_film(points, onward, weights, bench.film)[:, column]
+            )
             if row == 0:
-                offence = _offence(bench, meridian, heights, directions[:, column], onward[:, column], places, focus)
+                offence = _sine_condition_error(
+                    bench, meridian, heights, directions[:, column], onward[:, column], places, focus
+                )
                 offence[lost] = np.nan
 
     third = np.full(len(pupil), np.nan)
@@ -56,12 +60,13 @@ def spherical(bench: Bench, meridian: str = "y") -> Spherical:
     return Spherical(meridian, wavelengths, pupil, heights, longitudinal, transverse, third, offence)
 
 
-def _offence(
-    bench: Bench, meridian: str, heights: Curve, before: Curve, behind: Curve, places: Curve, focus: float
+def _sine_condition_error(
+    bench: OpticalBench, meridian: str, heights: Curve, before: Curve, behind: Curve, places: Curve, focus: float
 ) -> Curve:
-    """Against the sine condition, zone by zone: that of a near object, or of one that is infinitely far.
+    """Compute the offence against the sine condition, zone by zone, for a near object or one that is infinitely far.
 
-    before, behind : sines of the slopes of the rays on both sides; places : where they meet the axis.
+    before, behind : sines of the slopes of the rays on both sides.
+    places : at which they cross the axis (mm).
     """
     surfaces = bench.surfaces()
     marginal = marginal_ray(bench, surfaces, meridian)
@@ -72,6 +77,6 @@ def _offence(
         else:
             ratio = before / behind * marginal.slopes[-1] / marginal.slopes[0]
         shift = (focus - exit_) / (places - exit_) if math.isfinite(exit_) else 1.0
-        found: Curve = ratio * shift - 1.0
-    found[0] = 0.0
-    return found
+        offence: Curve = ratio * shift - 1.0
+    offence[0] = 0.0
+    return offence

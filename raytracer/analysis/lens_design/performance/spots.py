@@ -1,4 +1,4 @@
-"""Spot diagrams: where the light of field points lands.
+"""Spot diagrams: the light of field points on the film.
 
 References: Smith 2008, "Modern Optical Engineering", 4th ed., ch. 15.
 """
@@ -7,44 +7,44 @@ import math
 
 import numpy as np
 
-from raytracer.lens_report.analysis.beams import bundle, landed
-from raytracer.lens_report.analysis.bench import Bench
-from raytracer.lens_report.analysis.fields import FieldPoint, fields, points
-from raytracer.lens_report.analysis.results import Curve, Spot, SpotsOfField
+from raytracer.analysis.lens_design.performance.beams import film_points, ray_grid
+from raytracer.analysis.lens_design.performance.field_points import FieldPoint, field_points, settings_field_points
+from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench
+from raytracer.analysis.lens_design.performance.results import Curve, Spot, SpotsOfField
 
 Light = tuple[Curve, Curve]
-"""Where rays land (n, 2), along the field and across it, from where the primary's chief ray does (mm); weights (n,)."""
+"""Places of rays (n, 2), along the field and across it, from that of the primary's chief ray (mm); weights (n,)."""
 
 
-def light_of(bench: Bench, point: FieldPoint, rays: int) -> list[Light]:
-    """What lands of a field point in each colour of the settings."""
+def trace_field_point(bench: OpticalBench, point: FieldPoint, rays: int) -> list[Light]:
+    """Trace the light of a field point to the film, in each colour of the settings."""
     beam, wavelengths = point.beam, bench.settings.wavelengths_nm
     if beam is None:
         return [(np.empty((0, 2)), np.empty(0)) for _ in wavelengths]
 
     def make() -> list[Light]:
-        ups, acrosses = bundle(bench, beam, rays)
+        ups, acrosses = ray_grid(bench, beam, rays)
         cell = _cell(ups) * _cell(acrosses)
         if beam.source is not None:
             cell /= float(np.sum((beam.centre - beam.source) ** 2))
-        found = []
+        light = []
         for wavelength in wavelengths:
-            places, weights = landed(bench, beam, ups, acrosses, wavelength)
+            places, weights = film_points(bench, beam, ups, acrosses, wavelength)
             open_ = weights > 0.0
-            found.append((places[open_] - (point.height, 0.0), weights[open_] * cell))
-        return found
+            light.append((places[open_] - (point.height, 0.0), weights[open_] * cell))
+        return light
 
-    return bench.kept(("light", beam.meridian, point.height, rays), make)
+    return bench.memoize(("light", beam.meridian, point.height, rays), make)
 
 
 def _cell(ways: Curve) -> float:
-    """The distance between the lines of a grid."""
+    """Return the distance between the lines of a grid."""
     lines = np.unique(ways)
     return float((lines[-1] - lines[0]) / (len(lines) - 1)) if len(lines) > 1 else 0.0
 
 
-def size(places: Curve, weights: Curve) -> tuple[Curve, float, float]:
-    """Centroid (2,), root of the mean square of the distances from it, and the greatest of them; NaN for no light."""
+def spot_size(places: Curve, weights: Curve) -> tuple[Curve, float, float]:
+    """Compute the centroid (2,), and the RMS and the greatest distance from it; NaN without light."""
     total = float(weights.sum())
     if total <= 0.0:
         return np.full(2, np.nan), math.nan, math.nan
@@ -53,24 +53,24 @@ def size(places: Curve, weights: Curve) -> tuple[Curve, float, float]:
     return centre, math.sqrt(float((weights * squares).sum()) / total), math.sqrt(float(squares.max()))
 
 
-def pooled(light: list[Light]) -> Light:
-    """All colours together, each with the same light on the whole, if any of it gets through."""
+def pool_colors(light: list[Light]) -> Light:
+    """Pool all colours, each with the same total light, if any of it gets through."""
     places = np.concatenate([part for part, _ in light])
     weights = np.concatenate([part / part.sum() if len(part) else part for _, part in light])
     return places, weights
 
 
-def spots(bench: Bench, meridian: str = "y") -> tuple[SpotsOfField, ...]:
-    """For each field of the settings, the spots of all colours."""
+def spots(bench: OpticalBench, meridian: str = "y") -> tuple[SpotsOfField, ...]:
+    """Compute the spots of all colours, for each field of the settings."""
     settings = bench.settings
-    axis = light_of(bench, axis_point(bench, meridian), settings.rays)
+    axis = trace_field_point(bench, axis_point(bench, meridian), settings.rays)
     full = [float(weights.sum()) for _, weights in axis]
-    found = []
-    for point in fields(bench, meridian):
-        light = light_of(bench, point, settings.rays)
+    spots_of_fields = []
+    for point in settings_field_points(bench, meridian):
+        light = trace_field_point(bench, point, settings.rays)
         several = []
         for wavelength, (places, weights), most in zip(settings.wavelengths_nm, light, full, strict=True):
-            centre, rms, largest = size(places, weights)
+            centre, rms, largest = spot_size(places, weights)
             several.append(
                 Spot(
                     meridian,
@@ -85,12 +85,14 @@ def spots(bench: Bench, meridian: str = "y") -> tuple[SpotsOfField, ...]:
                     float(weights.sum()) / most if most > 0.0 else math.nan,
                 )
             )
-        _, rms, largest = size(*pooled(light))
+        _, rms, largest = spot_size(*pool_colors(light))
         angle, height = point.field_deg, point.height
-        found.append(SpotsOfField(meridian, point.field, angle, height, tuple(several), 1e3 * rms, 1e3 * largest))
-    return tuple(found)
+        spots_of_fields.append(
+            SpotsOfField(meridian, point.field, angle, height, tuple(several), 1e3 * rms, 1e3 * largest)
+        )
+    return tuple(spots_of_fields)
 
 
-def axis_point(bench: Bench, meridian: str) -> FieldPoint:
-    """The point on the axis."""
-    return points(bench, meridian, np.zeros(1))[0]
+def axis_point(bench: OpticalBench, meridian: str) -> FieldPoint:
+    """Return the field point on the axis."""
+    return field_points(bench, meridian, np.zeros(1))[0]

@@ -1,29 +1,28 @@
-"""What several commands on light fields share: their file, what they write, what they say."""
+"""Files that commands for light fields read and write."""
 
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from raytracer.errors import InputError
+from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
-    from raytracer.plenoptic.lf import OpenField
+    import numpy as np
+    from numpy.typing import NDArray
 
-File = Annotated[str, typer.Argument(metavar="FILE", help="Light field: .lf.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing.")]
+    from raytracer.film.light_field.field import LightField
+    from raytracer.film.light_field.lf import OpenField
 
 
-def opened(file: str) -> "OpenField":
-    """The light field in a file, to use in a `with` block.
+def open_light_field(file: str) -> "OpenField":
+    """Open the light field in a file, to use in a `with` block.
 
     Raises
     ------
-    InputError : there is none, as `lf.open` says it.
+    InputError : there is none; see `lf.open`.
     """
-    from raytracer.plenoptic import lf
+    from raytracer.film.light_field import lf
 
     return lf.open(file)
 
@@ -40,12 +39,12 @@ def check_outputs(paths: Sequence[Path], suffixes: Collection[str], noun: str) -
     ------
     InputError : a suffix is not known, or a file cannot be written.
     """
-    from raytracer.film.output import check_file
+    from raytracer.util.atomic_write import check_file
 
     for path in paths:
         if path.suffix.lower() not in suffixes:
-            found = f"unknown suffix {path.suffix!r}" if path.suffix else "no suffix"
-            raise InputError(f"{path}: {found} for {noun}; known: {', '.join(suffixes)}")
+            reason = f"unknown suffix {path.suffix!r}" if path.suffix else "no suffix"
+            raise InputError(f"{path}: {reason} for {noun}; known: {', '.join(suffixes)}")
         check_file(path)
 
 
@@ -56,14 +55,30 @@ def check_folder(path: Path) -> None:
     ------
     InputError : it is a file, or cannot be made or written.
     """
-    from raytracer.film.output import check_file
+    from raytracer.util.atomic_write import check_file
 
     if path.exists() and not path.is_dir():
         raise InputError(f"{path}: is a file, not a folder")
     check_file(path / "view")
 
 
-def wrote(path: Path, quiet: bool) -> None:
+def report_written(path: Path, quiet: bool) -> None:
     """Say that a file was written."""
     if not quiet:
         print(f"wrote {path}", file=sys.stderr)
+
+
+def save_picture(
+    radiance: "NDArray[np.float64]", path: Path, field: "LightField", layers: "Mapping[str, Any] | None" = None
+) -> None:
+    """Write a picture of a light field in the format that its suffix names."""
+    from raytracer.film.image import Image
+
+    Image(radiance=radiance, settings=dict(field.settings), layers=dict(layers or {})).save(path)
+
+
+def picture_suffixes() -> tuple[str, ...]:
+    """Return the suffixes of files that hold a picture."""
+    from raytracer.film.formats.registry import image_suffixes
+
+    return image_suffixes()

@@ -1,19 +1,14 @@
-"""What commands that make pictures of a light field's views share."""
+"""Options that several commands for light fields have, and functions that parse their values."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
-from raytracer.errors import InputError
-from raytracer.units import parse_quantity
+from raytracer.cli.base.options import parse_number
+from raytracer.schema.units import parse_quantity
+from raytracer.util.errors import InputError
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from raytracer.plenoptic.field import LightField
-
+File = Annotated[str, typer.Argument(metavar="FILE", help="Light field: .lf.")]
 Near = Annotated[
     str | None,
     typer.Option(metavar="LENGTH", help="Nothing is nearer: 80cm.  Default: searched for.", show_default=False),
@@ -22,14 +17,15 @@ Far = Annotated[
     str | None,
     typer.Option(metavar="LENGTH", help="Nothing is farther: 5, inf.  Default: searched for.", show_default=False),
 ]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing.")]
 
 
-def pair(option: str, text: str | None) -> tuple[int, int] | None:
-    """The row and the column that an option names.
+def parse_view(option: str, text: str | None) -> tuple[int, int] | None:
+    """Parse the row and the column of a view; None if the option is not given.
 
     Raises
     ------
-    InputError : they are not two whole numbers.
+    InputError : they are not two integers.
     """
     if text is None:
         return None
@@ -40,35 +36,32 @@ def pair(option: str, text: str | None) -> tuple[int, int] | None:
     return row, column
 
 
-def place(option: str, text: str) -> tuple[float, float]:
-    """The place in the plane of the views (m) that an option names.
+def parse_position(option: str, text: str) -> tuple[float, float]:
+    """Parse a position in the plane of the views (m), to the right and up.
 
     Raises
     ------
-    InputError : they are not two lengths.
+    InputError : it is not two lengths.
     """
     parts = text.split(",")
     if len(parts) != 2:
         raise InputError(f"{option} {text}: must be two lengths, to the right and up from the middle: 2mm,-1mm")
-    right, up = (length(option, part) for part in parts)
+    right, up = (parse_length(option, part) for part in parts)
     return right, up
 
 
-def length(option: str, text: str) -> float:
-    """A length (m) that an option gives.
+def parse_length(option: str, text: str) -> float:
+    """Parse a length (m).
 
     Raises
     ------
     InputError : it is none, and why.
     """
-    try:
-        return parse_quantity(text, "length")
-    except ValueError as error:
-        raise InputError(f"{option} {text}: {error}") from None
+    return parse_number(option, text, lambda part: parse_quantity(part, "length"))
 
 
-def distance(option: str, text: str | None) -> float | None:
-    """A distance (m) that an option gives, inf allowed; None if it is not given.
+def parse_distance(option: str, text: str | None) -> float | None:
+    """Parse a distance (m), inf allowed; None if the option is not given.
 
     Raises
     ------
@@ -76,21 +69,7 @@ def distance(option: str, text: str | None) -> float | None:
     """
     if text is None:
         return None
-    found = float("inf") if text.strip() == "inf" else length(option, text)
-    if not found > 0.0:
+    distance = float("inf") if text.strip() == "inf" else parse_length(option, text)
+    if not distance > 0.0:
         raise InputError(f"{option} {text}: must be a distance greater than 0")
-    return found
-
-
-def save(radiance: "NDArray[np.float64]", path: Path, field: "LightField", layers: Any = None) -> None:
-    """Write a picture in the format that its suffix names."""
-    from raytracer.film.image import Image
-
-    Image(radiance=radiance, settings=dict(field.settings), layers=layers or {}).save(path)
-
-
-def suffixes() -> tuple[str, ...]:
-    """Of files that hold a picture."""
-    from raytracer.film.output import SUFFIXES
-
-    return SUFFIXES
+    return distance

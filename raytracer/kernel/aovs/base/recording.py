@@ -1,4 +1,4 @@
-"""The AOVs of one render: from their names to layers of a film, and from these to layers of an image."""
+"""Record the AOVs of one render: from their names to layers of a film, and from these to layers of an image."""
 
 import json
 from collections.abc import Iterable, Sequence
@@ -6,14 +6,15 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from raytracer.aovs.interface import FIRST, Aovs, AovSpec, Identities
-from raytracer.errors import InputError, suggestion
 from raytracer.film.film import Film
-from raytracer.kinds import AOVS
+from raytracer.kernel.aovs.base.interface import AovSpec, SceneIds
+from raytracer.kernel.aovs.base.layers import FIRST, Aovs
+from raytracer.schema.registry import AOVS
+from raytracer.util.errors import InputError, suggest_name
 
 
-def known_aovs(names: Iterable[str]) -> tuple[str, ...]:
-    """The names, each once.
+def unique_aovs(names: Iterable[str]) -> tuple[str, ...]:
+    """Check names of AOVs, and return each once.
 
     Raises
     ------
@@ -22,24 +23,24 @@ def known_aovs(names: Iterable[str]) -> tuple[str, ...]:
     known = AOVS.specs()
     for name in names:
         if name not in known:
-            raise InputError(f"unknown AOV {name!r}; {suggestion(name, known, 'AOVs')}")
+            raise InputError(f"unknown AOV {name!r}; {suggest_name(name, known, 'AOVs')}")
     return tuple(dict.fromkeys(names))
 
 
-def by_sample(names: Iterable[str]) -> tuple[str, ...]:
-    """Those AOVs that hold something of each sample, so that all pixels must have as many."""
-    return tuple(name for name in names if AOVS.specs()[name].is_by_sample)
+def per_sample_aovs(names: Iterable[str]) -> tuple[str, ...]:
+    """List those AOVs that hold values of each sample, so that all pixels must have equally many."""
+    return tuple(name for name in names if AOVS.specs()[name].is_per_sample)
 
 
-class Recording:
-    """What the AOVs of these names gather on a film of height x width pixels.
+class AovRecorder:
+    """The AOVs of these names on a film of height x width pixels.
 
     Attributes
     ----------
-    view : what kernels write to, or None if they need not.
+    view : the layers that kernels write to, or None if there are none.
     """
 
-    def __init__(self, names: Sequence[str], height: int, width: int, identities: Identities) -> None:
+    def __init__(self, names: Sequence[str], height: int, width: int, identities: SceneIds) -> None:
         self._specs: dict[str, AovSpec] = {name: AOVS.specs()[name]() for name in names}
         self._identities = identities
         self._layers: dict[str, Any] = {}
@@ -52,14 +53,14 @@ class Recording:
         self.view = Aovs(gathered) if gathered else None
 
     def develop(self, name: str, film: Film) -> NDArray[Any]:
-        """A finished AOV, (height, width) or (height, width, channels)."""
+        """Compute a finished AOV, (height, width) or (height, width, channels)."""
         return self._specs[name].develop(self._layers[name], film)
 
     def channels(self, names: Iterable[str]) -> dict[str, tuple[str, ...]]:
-        """What the channels of each AOV are called in a file."""
+        """Name the channels of each AOV in a file."""
         return {name: self._specs[name].components(self._layers[name]) for name in names}
 
     def settings(self, names: Iterable[str]) -> dict[str, str]:
-        """What the numbers in AOVs stand for, as JSON, for the headers of files."""
+        """Make entries for the headers of files: the names that numbers in AOVs stand for, as JSON."""
         tables = {name: self._specs[name].names(self._identities) for name in names}
         return {f"{name}_names": json.dumps(table, ensure_ascii=False) for name, table in tables.items() if table}

@@ -1,4 +1,4 @@
-"""Lenses that other programs have written: read as ours, and written as files of ours."""
+"""Importers of lens files of other programs, one module a format."""
 
 import dataclasses
 import re
@@ -7,14 +7,14 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from raytracer.dump import plain, yaml_text
-from raytracer.errors import SceneError
-from raytracer.lenses.importing import pbrt, zemax
-from raytracer.lenses.importing.draft import AS_IT_IS, Choices, Draft
-from raytracer.lenses.importing.zemax import checked_glasses
-from raytracer.lenses.lens import Lens, Reading
-from raytracer.lenses.prescription import LensSpec
-from raytracer.untrusted import opened
+from raytracer.optics.lens_system.importers import pbrt, zemax
+from raytracer.optics.lens_system.importers.draft import NO_CHOICES, Choices, Draft
+from raytracer.optics.lens_system.importers.zemax import parse_glasses
+from raytracer.optics.lens_system.lens import FileInterpretation, Lens
+from raytracer.optics.lens_system.prescription import LensSpec
+from raytracer.optics.to_yaml import spec_to_plain, to_yaml
+from raytracer.util.errors import SceneError
+from raytracer.util.safe_open import open_regular
 
 MAX_BYTES = 16 * 2**20
 
@@ -23,48 +23,54 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
 _READERS: Mapping[str, Callable[[str, str, Choices], Draft]] = {".dat": pbrt.draft, ".zmx": zemax.draft}
 
 SUFFIXES = tuple(_READERS)
-"""Suffixes of the files that `imported` reads, in lower case."""
+"""Suffixes of the files that `import_lens` reads, in lower case."""
 
 
 class Imported(NamedTuple):
-    """The lens of another program's file, and how that was read, where it leaves open what it means."""
+    """The lens of another program's file.
+
+    Attributes
+    ----------
+    spec : the lens, checked.
+    reading : how the file was interpreted, if it is ambiguous.
+    """
 
     spec: LensSpec
-    reading: Reading | None
+    reading: FileInterpretation | None
 
     def lens(self) -> Lens:
-        """Make the lens, which knows how it was read."""
+        """Make the lens, with the interpretation of its file."""
         return dataclasses.replace(self.spec.lens(), reading=self.reading)
 
 
-def imported(path: Path, choices: Choices = AS_IT_IS) -> Imported:
-    """The lens of a file of pbrt (`.dat`) or Zemax (`.zmx`).
+def import_lens(path: Path, choices: Choices = NO_CHOICES) -> Imported:
+    """Import a lens file of pbrt (`.dat`) or Zemax (`.zmx`).
 
-    choices : what the user says of it.
+    choices : the user's settings of the import.
 
     Raises
     ------
-    SceneError : it cannot be read, may mean two lenses, or holds what is not supported; it names file and line.
+    SceneError : the file cannot be read, is ambiguous, or holds what is not supported; it names file and line.
     """
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         raise SceneError(
             f"is no lens of another program: files that end in {' or '.join(SUFFIXES)} are", file=str(path)
         )
-    # What a terminal would act upon has no meaning in a lens, whose name is printed.
-    draft = reader(_CONTROL.sub(" ", _text(path)), str(path), choices)
+    # Control characters have no meaning in a lens, and its name is printed on terminals.
+    draft = reader(_CONTROL.sub(" ", _read_text(path)), str(path), choices)
     return Imported(draft.spec(), draft.reading)
 
 
 def as_yaml(spec: LensSpec) -> str:
-    """The lens as the text of a lens file, from which an equal one is read."""
-    return yaml_text(plain(spec))
+    """Write a lens as a lens file, from which an equal one is read."""
+    return to_yaml(spec_to_plain(spec))
 
 
-def _text(path: Path) -> str:
-    """A file's text: UTF-16 if it begins as that does, or has zeros, UTF-8, or else Latin-1."""
+def _read_text(path: Path) -> str:
+    """Read a file's text: UTF-16 if it has its byte order mark or zeros, UTF-8, or else Latin-1."""
     try:
-        with opened(path, sys.maxsize) as stream:
+        with open_regular(path, sys.maxsize) as stream:
             data = stream.read(MAX_BYTES + 1)
     except FileNotFoundError:
         raise SceneError("no such file", file=str(path)) from None
@@ -85,4 +91,4 @@ def _text(path: Path) -> str:
         return data.decode("latin-1")
 
 
-__all__ = ["SUFFIXES", "Choices", "Imported", "as_yaml", "checked_glasses", "imported"]
+__all__ = ["SUFFIXES", "Choices", "Imported", "as_yaml", "import_lens", "parse_glasses"]

@@ -1,4 +1,4 @@
-"""A lens as another program's file has it, before it is checked, and the lines that its surfaces stand on."""
+"""A lens as read from another program's file, before it is checked, with the lines that its surfaces stand on."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -7,62 +7,68 @@ from typing import Any, Literal, NamedTuple, NoReturn
 
 from pydantic import ValidationError
 
-from raytracer.errors import SceneError
-from raytracer.lenses.lens import Reading
-from raytracer.lenses.prescription import LensSpec
-from raytracer.spec import sentence
+from raytracer.optics.lens_system.lens import FileInterpretation
+from raytracer.optics.lens_system.prescription import LensSpec
+from raytracer.schema.validation_errors import error_sentence
+from raytracer.util.errors import SceneError
 
 Glasses = Mapping[str, Any]
-"""What names of glasses mean, each a value such as `material` has it, where the catalogue does not know them."""
+"""Glasses by name that the catalogue does not have, each a value as `material` takes it."""
 
 
 class Choices(NamedTuple):
     """Settings of an import that the user gives.
 
-    glasses : what names of glasses mean.
-    thickness : where it stands in a table, "after" or "before" each surface; None to tell it by the numbers.
+    Attributes
+    ----------
+    glasses : glasses by name.
+    thickness : its convention in a table, "after" or "before" each surface; None to find it by the numbers.
     """
 
     glasses: Glasses = MappingProxyType({})
     thickness: Literal["after", "before"] | None = None
 
 
-AS_IT_IS = Choices()
-"""Nothing is said of a file."""
+NO_CHOICES = Choices()
+"""No settings: everything is found from the file."""
 
 
 @dataclass
 class Draft:
-    """What a file says of a lens.
+    """The unchecked lens of a file.
 
-    values : its keys but `surfaces`, as in a lens file.
-    surfaces : the keys of each surface, and the line that it stands on.
-    reading : how it was read, where it leaves that open.
+    Attributes
+    ----------
+    file : its name.
+    values : keys of the lens except `surfaces`, as in a lens file.
+    surfaces : the line of each surface, and its keys.
+    reading : how the file was interpreted, if it is ambiguous.
     """
 
     file: str
     values: dict[str, Any] = field(default_factory=dict)
     surfaces: list[tuple[int, dict[str, Any]]] = field(default_factory=list)
-    reading: Reading | None = None
+    reading: FileInterpretation | None = None
 
     def refuse(self, message: str, line: int | None = None) -> NoReturn:
-        """Raise what is wrong with the file, on a line of it."""
+        """Raise an error about the file, on a line of it."""
         raise SceneError(message, file=self.file, line=line)
 
     def spec(self) -> LensSpec:
-        """The lens, checked.
+        """Check the lens.
 
         Raises
         ------
-        SceneError : it is no lens; the error names the line of the surface that is wrong.
+        SceneError : it is not valid; the error names the line of the surface.
         """
         values = {**self.values, "surfaces": [surface for _, surface in self.surfaces]}
         try:
             return LensSpec.model_validate(values)
         except ValidationError as error:
-            raise self._told(error) from None
+            raise self._scene_error(error) from None
 
-    def _told(self, error: ValidationError) -> SceneError:
+    def _scene_error(self, error: ValidationError) -> SceneError:
+        """Convert an error of pydantic to one with the line of the surface."""
         first = error.errors(include_url=False)[0]
         path = [step for step in first["loc"] if isinstance(step, str | int)]
         line, key = None, str(path[0]) if path else ""
@@ -71,16 +77,16 @@ class Draft:
             # Behind the surface pydantic names its type, which a key may be called like.
             below = path[3:] if path[2:3] == [surface.get("type")] else path[2:]
             key = ".".join(map(str, below))
-        return SceneError(sentence(first), file=self.file, line=line, key=key)
+        return SceneError(error_sentence(first), file=self.file, line=line, key=key)
 
 
 def rounded(value: float) -> float:
-    """A number as people would write it, where a product of one has more digits than it was made from."""
+    """Round a number to 12 digits: a product has more than its factors were written with."""
     return float(f"{value:.12g}")
 
 
 def shape(curvature: float, conic: float = 0.0, coefficients: Sequence[float] = ()) -> dict[str, Any]:
-    """The keys of a surface of glass that say what it is, from its curvature (1/mm) and what makes it no sphere."""
+    """Make the keys of the shape of a surface of glass, from its curvature (1/mm), conic constant and coefficients."""
     radius = {} if curvature == 0.0 else {"radius": rounded(1.0 / curvature)}
     used = max((power for power, value in enumerate(coefficients, start=1) if value != 0.0), default=0)
     if used:

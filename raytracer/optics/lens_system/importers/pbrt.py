@@ -4,8 +4,8 @@ Lengths are millimetres, the aperture is a diameter, and a radius of 0 is the st
 glass from it, so here a radius of 0 between two different media is flat glass.  What follows `#` is a comment, and a
 number alone on a line before the surfaces is the focal length, as ISETLens writes it.
 
-pbrt reads the thickness as that behind a surface.  Tables of Kolb's have it before each, and both call the column
-`axpos`, so it is told by the numbers: see `gaps`.
+pbrt reads the thickness as that behind a surface.  Kolb's tables have it before each, and both call the column `axpos`,
+so it is found by the numbers: see `thickness_convention`.
 
 References: Pharr, Jakob, Humphreys 2023, "Physically Based Rendering", 4th ed., sec. 5.4 (RealisticCamera).
 """
@@ -14,8 +14,8 @@ import math
 import re
 from pathlib import Path
 
-from raytracer.lenses.importing.draft import Choices, Draft, shape
-from raytracer.lenses.importing.gaps import Row, read_gaps
+from raytracer.optics.lens_system.importers.draft import Choices, Draft, shape
+from raytracer.optics.lens_system.importers.thickness_convention import Row, resolve_convention
 
 _COLUMNS = ("radius", "thickness", "index of refraction", "aperture")
 _HEADING = re.compile(r"\bradius\b", re.IGNORECASE)
@@ -23,18 +23,18 @@ _AMBIGUOUS = re.compile(r"\baxpos\b", re.IGNORECASE)
 
 
 def draft(text: str, file: str, choices: Choices) -> Draft:
-    """The lens of a table; its comments are its name and source, and without any the file's name is its.
+    """Read the lens of a table; its comments are its name and source, and without any its name is that of the file.
 
     Raises
     ------
-    SceneError : the text is no such table, or may be read as two lenses.
+    SceneError : the text is no such table, or is ambiguous.
     """
     result = Draft(file)
     comments = [line.lstrip("# \t").rstrip() for line in text.splitlines() if line.lstrip().startswith("#")]
-    said = [comment for comment in comments if comment and not _HEADING.search(comment)]
-    result.values = {"name": said[0] if said else Path(file).stem}
-    if said[1:]:
-        result.values["source"] = "; ".join(said[1:])
+    remarks = [comment for comment in comments if comment and not _HEADING.search(comment)]
+    result.values = {"name": remarks[0] if remarks else Path(file).stem}
+    if remarks[1:]:
+        result.values["source"] = "; ".join(remarks[1:])
 
     rows: list[Row] = []
     for line, written in enumerate(text.splitlines(), start=1):
@@ -46,11 +46,13 @@ def draft(text: str, file: str, choices: Choices) -> Draft:
     if not rows:
         result.refuse("holds no surfaces: a lens table has lines of radius, thickness, index of refraction, aperture")
 
-    def drafted(thicknesses: list[float]) -> Draft:
+    def make_draft(thicknesses: list[float]) -> Draft:
         return Draft(file, result.values, _surfaces(rows, thicknesses))
 
     is_ambiguous = any(_AMBIGUOUS.search(comment) for comment in comments)
-    return read_gaps(drafted, [row.gap for row in rows], said, choices.thickness, is_ambiguous=is_ambiguous)
+    return resolve_convention(
+        make_draft, [row.gap for row in rows], remarks, choices.thickness, is_ambiguous=is_ambiguous
+    )
 
 
 def _surfaces(rows: list[Row], thicknesses: list[float]) -> list[tuple[int, dict[str, object]]]:
@@ -68,6 +70,7 @@ def _surfaces(rows: list[Row], thicknesses: list[float]) -> list[tuple[int, dict
 
 
 def _row(result: Draft, line: int, words: list[str]) -> Row:
+    """Parse a line of a surface."""
     if len(words) != len(_COLUMNS):
         result.refuse(f"must hold {len(_COLUMNS)} numbers ({', '.join(_COLUMNS)}), got {len(words)}", line)
     radius, gap, ior, aperture = (
@@ -77,6 +80,7 @@ def _row(result: Draft, line: int, words: list[str]) -> Row:
 
 
 def _number(result: Draft, line: int, column: str, word: str) -> float:
+    """Parse a finite number."""
     try:
         number = float(word)
     except ValueError:

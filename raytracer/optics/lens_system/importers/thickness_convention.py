@@ -1,7 +1,7 @@
-"""Lens tables that do not say whether thickness stands after each surface or before it: which lens is meant.
+"""The convention of thickness in lens tables, after each surface or before it, where a table does not say.
 
 After each surface, nothing need be in the last row, and before each, nothing in the first.  So a 0 in just one of them
-tells.  Else, and where the lens that it tells has surfaces that go through each other, both lenses are looked at.
+decides.  Else, and where the lens so found has surfaces that intersect, both lenses are compared.
 """
 
 import re
@@ -9,12 +9,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from raytracer.errors import SceneError
-from raytracer.lenses.first_order import cardinal_points
-from raytracer.lenses.importing.draft import Draft
-from raytracer.lenses.lens import Reading
+from raytracer.optics.lens_system.first_order import cardinal_points
+from raytracer.optics.lens_system.importers.draft import Draft
+from raytracer.optics.lens_system.lens import FileInterpretation
+from raytracer.util.errors import SceneError
 
-# How near to the focal length that its file names a lens's own is: names are rounded.
+# Relative tolerance between the focal length that a file names and the lens's own: names are rounded.
 _NEAR = 0.05
 
 _NUMBER = r"(\d+(?:\.\d+)?)"
@@ -26,7 +26,7 @@ _LENGTHS = (
 
 
 class Row(NamedTuple):
-    """A surface as a table has it: the line that it stands on, and its numbers (mm)."""
+    """A surface of a table: the line that it stands on, and its numbers (mm)."""
 
     line: int
     radius: float
@@ -38,10 +38,12 @@ class Row(NamedTuple):
 class _Candidate(NamedTuple):
     """A lens that a table may mean.
 
-    place : where thickness stands in it, "after" or "before" each surface.
+    Attributes
+    ----------
+    place : the convention of thickness, "after" or "before" each surface.
     draft : the lens.
-    focal_length : its own (mm); None if it has none, or is no lens.
-    crossings : surfaces of it that go through each other, by number from 1.
+    focal_length (mm) : its own; None if it has none, or is not valid.
+    crossings : surfaces of it that intersect, by number from 1.
     """
 
     place: str
@@ -49,7 +51,7 @@ class _Candidate(NamedTuple):
     focal_length: float | None
     crossings: Sequence[tuple[int, int]]
 
-    def told(self) -> str:
+    def describe(self) -> str:
         """Describe it in words."""
         length = "no focal length" if self.focal_length is None else f"a focal length of {self.focal_length:.6g} mm"
         if not self.crossings:
@@ -58,68 +60,71 @@ class _Candidate(NamedTuple):
         return f"{length} and surfaces {first} and {second} that go through each other"
 
 
-def read_gaps(
-    drafted: Callable[[list[float]], Draft],
+def resolve_convention(
+    make_draft: Callable[[list[float]], Draft],
     gaps: list[float],
     comments: Sequence[str],
     place: str | None,
     *,
     is_ambiguous: bool,
 ) -> Draft:
-    """Read the gaps of a table as the thickness that is meant.
+    """Choose the convention of a table's thicknesses, and make its lens.
 
     Parameters
     ----------
-    drafted : makes the lens from the thickness behind each surface (mm).
-    gaps : what the table has in its rows (mm).
+    make_draft : makes the lens from the thickness behind each surface (mm).
+    gaps (mm) : the thicknesses in the rows of the table.
     comments : of the table, which may name its focal length.
-    place : where thickness stands, "after" or "before" each surface; None to tell it by the numbers.
-    is_ambiguous : whether the table's heading stands for both; else "after" is what a table means that tells neither.
+    place : the convention, "after" or "before" each surface; None to find it by the numbers.
+    is_ambiguous : whether the table's heading is used for both; else "after" is assumed where nothing decides.
 
     Raises
     ------
-    SceneError : it may be either.
+    SceneError : the table is ambiguous.
     """
     thickness = {"after": gaps, "before": [*gaps[1:], 0.0]}
     if place is not None:
-        return _read(drafted(thickness[place]), place, "as was asked for", is_guess=False)
-    if gaps[:-1] == gaps[1:]:  # ways that are all alike stand after a surface as they stand before it
-        return drafted(gaps)
+        return _with_reading(make_draft(thickness[place]), place, "as was asked for", is_guess=False)
+    if gaps[:-1] == gaps[1:]:  # equal thicknesses are the same in both conventions
+        return make_draft(gaps)
     at_ends = [name for name, gap in (("before", gaps[0]), ("after", gaps[-1])) if gap == 0.0]
-    chosen = {name: _candidate(name, drafted(thickness[name])) for name in ("after", "before")}
+    chosen = {name: _candidate(name, make_draft(thickness[name])) for name in ("after", "before")}
     after, before = chosen.values()
     if after.focal_length is before.focal_length is None:
         return after.draft
     clean = [name for name, one in chosen.items() if not one.crossings and one.focal_length is not None]
     if len(at_ends) == 1 and not (clean and chosen[at_ends[0]].crossings):
         (name,) = at_ends
-        reason = f"since the {'first' if name == 'before' else 'last'} is 0; it has {chosen[name].told()}"
-        return _read(chosen[name].draft, name, reason, is_guess=False)
+        reason = f"since the {'first' if name == 'before' else 'last'} is 0; it has {chosen[name].describe()}"
+        return _with_reading(chosen[name].draft, name, reason, is_guess=False)
 
-    # What speaks for one of them alone, of the numbers in the first and the last row, of the surfaces, and of the name.
+    # Evidence for one of them alone: the numbers in the first and the last row, the surfaces, and the name.
     named = _named(after.draft, comments)
     near = [name for name, one in chosen.items() if named is not None and _is_near(one.focal_length, named)]
-    spoken = {names[0] for names in (at_ends, clean, near) if len(names) == 1}
-    if not spoken and not is_ambiguous:
-        spoken = {"after"}
+    favoured = {names[0] for names in (at_ends, clean, near) if len(names) == 1}
+    if not favoured and not is_ambiguous:
+        favoured = {"after"}
     ends = f"the first is {gaps[0]:g} mm and the last {gaps[-1]:g} mm"
-    if len(spoken) != 1:
+    if len(favoured) != 1:
         after.draft.refuse(
-            f"may be two lenses, as {ends}: with thickness after each surface it has {after.told()}, with thickness "
-            f"before each {before.told()}; say which is meant by rt lens import --thickness after, or before"
+            f"may be two lenses, as {ends}: with thickness after each surface it has {after.describe()}, with "
+            f"thickness before each {before.describe()}; say which is meant by rt lens import --thickness after, or "
+            "before"
         )
-    (name,) = spoken
+    (name,) = favoured
     other = before if name == "after" else after
-    reason = f"for {chosen[name].told()}; as that {other.place} each it would have {other.told()} ({ends})"
-    return _read(chosen[name].draft, name, reason, is_guess=True)
+    reason = f"for {chosen[name].describe()}; as that {other.place} each it would have {other.describe()} ({ends})"
+    return _with_reading(chosen[name].draft, name, reason, is_guess=True)
 
 
-def _read(draft: Draft, place: str, reason: str, *, is_guess: bool) -> Draft:
-    draft.reading = Reading(f"thickness is read as that {place} each surface, {reason}", is_guess)
+def _with_reading(draft: Draft, place: str, reason: str, *, is_guess: bool) -> Draft:
+    """Note in a draft how it was interpreted, and why."""
+    draft.reading = FileInterpretation(f"thickness is read as that {place} each surface, {reason}", is_guess)
     return draft
 
 
 def _candidate(place: str, draft: Draft) -> _Candidate:
+    """Find the focal length of a draft, and its surfaces that intersect."""
     try:
         lens = draft.spec().lens()
         length = cardinal_points(lens.packed()).focal_length
@@ -129,13 +134,13 @@ def _candidate(place: str, draft: Draft) -> _Candidate:
 
 
 def _named(draft: Draft, comments: Sequence[str]) -> float | None:
-    """Find the focal length (mm) that a table has in a line of its own, in the name of its file, or in a comment."""
+    """Find the focal length (mm) that a table gives on a line of its own, in the name of its file, or in a comment."""
     written = draft.values.get("focal_length")
     if written is not None:
         return float(written)
-    for texts in ([Path(draft.file).stem], comments):
+    for strings in ([Path(draft.file).stem], comments):
         for pattern in _LENGTHS:
-            for text in texts:
+            for text in strings:
                 if found := re.search(pattern, text, re.IGNORECASE):
                     return float(found[1])
     return None

@@ -1,6 +1,6 @@
-"""Prescriptions of Zemax, `.zmx`: sequential lenses that are the same all round their axis.
+"""Prescriptions of Zemax, `.zmx`: sequential lenses that are symmetric about their axis.
 
-A file is lines of a word and what it says; those of a surface stand under `SURF`, indented:
+A file is lines of a keyword and its values; those of a surface stand under `SURF`, indented:
 
     SURF 1
       TYPE STANDARD
@@ -10,9 +10,9 @@ A file is lines of a word and what it says; those of a surface stand under `SURF
       DIAM 9.5
 
 Read are the types STANDARD and EVENASPH, CURV, CONI, PARM, DISZ, GLAS with a name or a model glass, DIAM, CLAP and
-STOP; of the lens NAME, UNIT, MODE, ENPD, FNUM, FTYP and the fields.  What makes another lens of it, such as mirrors,
-tilts, or surfaces of other types, is refused.  A surface between air and air that is not the stop does nothing, and is
-left out.
+STOP; of the lens NAME, UNIT, MODE, ENPD, FNUM, FTYP and the fields.  Whatever else
+changes the lens, such as mirrors, tilts, or surfaces of other types, is refused.  A surface between air and air that is
+not the stop has no effect, and is left out.
 
 References: Zemax OpticStudio user's manual, "The Surface Type" and "The System Explorer".
 """
@@ -25,15 +25,15 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from raytracer.errors import shown
-from raytracer.glass import CATALOGUE, glass_of, nearest_name
-from raytracer.lenses.first_order import cardinal_points
-from raytracer.lenses.importing.draft import Choices, Draft, Glasses, rounded, shape
-from raytracer.spec import sentence
+from raytracer.optics.glass import CATALOGUE, closest_glass_name, parse_glass
+from raytracer.optics.lens_system.first_order import cardinal_points
+from raytracer.optics.lens_system.importers.draft import Choices, Draft, Glasses, rounded, shape
+from raytracer.schema.validation_errors import error_sentence
+from raytracer.util.errors import format_value
 
 _UNITS = {"MM": 1.0, "CM": 10.0, "METER": 1000.0, "M": 1000.0, "IN": 25.4}
 _TYPES = ("STANDARD", "EVENASPH")
-_WHAT = {
+_UNSUPPORTED = {
     "COORDBRK": "a coordinate break, which tilts or shifts what follows",
     "NONSEQCO": "a non-sequential part",
     "PARAXIAL": "an ideal lens without thickness",
@@ -50,7 +50,7 @@ _MODEL = "___BLANK"
 # Field types by `FTYP`: angles, and heights of the image.
 _ANGLES, _HEIGHTS = (0,), (2, 3)
 
-# What is not yet known to be a number when it is read, and whatever larger one Zemax itself takes for infinite.
+# A thickness from which on Zemax itself takes it for infinite.
 _INFINITE = 1e10
 
 
@@ -81,11 +81,11 @@ class _System:
 
 
 def draft(text: str, file: str, choices: Choices) -> Draft:
-    """The lens of a file.
+    """Read the lens of a file.
 
     Raises
     ------
-    SceneError : the text is no such prescription, or one with what is not supported; it names the line.
+    SceneError : the text is no such prescription, or has what is not supported; it names the line.
     """
     result = Draft(file)
     system = _System()
@@ -101,7 +101,7 @@ def draft(text: str, file: str, choices: Choices) -> Draft:
 
 
 def _number(result: Draft, line: int, words: Sequence[str], place: int = 1) -> float:
-    """The number behind a line's word; infinite where it says so."""
+    """Parse a number behind a line's keyword; it may be infinite."""
     word = words[place] if place < len(words) else ""
     if word.upper().lstrip("+-").startswith("INF"):
         return math.inf
@@ -110,11 +110,12 @@ def _number(result: Draft, line: int, words: Sequence[str], place: int = 1) -> f
     except ValueError:
         number = math.nan
     if math.isnan(number):
-        result.refuse(f"{words[0]} must have a number, got {shown(word)}", line)
+        result.refuse(f"{words[0]} must have a number, got {format_value(word)}", line)
     return number
 
 
 def _finite(result: Draft, line: int, words: Sequence[str], place: int = 1) -> float:
+    """Parse a finite number behind a line's keyword."""
     number = _number(result, line, words, place)
     if math.isinf(number):
         result.refuse(f"{words[0]} must be finite", line)
@@ -122,7 +123,7 @@ def _finite(result: Draft, line: int, words: Sequence[str], place: int = 1) -> f
 
 
 def _read(result: Draft, system: _System, line: int, words: list[str], written: str) -> None:
-    """Take up what a line says."""
+    """Read a line."""
     keyword = words[0].upper()
     if keyword == "SURF":
         system.surfaces.append(_Surface(line))
@@ -133,6 +134,7 @@ def _read(result: Draft, system: _System, line: int, words: list[str], written: 
 
 
 def _read_system(result: Draft, system: _System, line: int, keyword: str, words: list[str]) -> None:
+    """Read a line of the lens as a whole."""
     if keyword == "NAME":
         system.name = " ".join(words[1:])
     elif keyword == "MODE" and words[1:2] and words[1].upper() != "SEQ":
@@ -140,7 +142,9 @@ def _read_system(result: Draft, system: _System, line: int, keyword: str, words:
     elif keyword == "UNIT":
         unit = words[1].upper() if len(words) > 1 else ""
         if unit not in _UNITS:
-            result.refuse(f"has lengths in the unknown unit {shown(unit)}; known units: {', '.join(_UNITS)}", line)
+            result.refuse(
+                f"has lengths in the unknown unit {format_value(unit)}; known units: {', '.join(_UNITS)}", line
+            )
         system.unit = _UNITS[unit]
     elif keyword == "FNUM":
         system.f_number = _finite(result, line, words)
@@ -153,10 +157,11 @@ def _read_system(result: Draft, system: _System, line: int, keyword: str, words:
 
 
 def _read_surface(result: Draft, surface: _Surface, line: int, keyword: str, words: list[str]) -> None:
+    """Read a line of a surface."""
     if keyword == "TYPE":
         surface.type = words[1].upper() if len(words) > 1 else ""
         if surface.type not in _TYPES:
-            what = _WHAT.get(surface.type, f"a surface of the type {shown(surface.type)}")
+            what = _UNSUPPORTED.get(surface.type, f"a surface of the type {format_value(surface.type)}")
             result.refuse(f"has {what}: surfaces of the types {' and '.join(_TYPES)} are read", line)
     elif keyword == "CURV":
         surface.curvature = _finite(result, line, words)
@@ -177,7 +182,7 @@ def _read_surface(result: Draft, surface: _Surface, line: int, keyword: str, wor
 
 
 def _material(result: Draft, surface: _Surface, glasses: Glasses) -> Any:
-    """What a surface's GLAS means, as `material` says it; None for air."""
+    """Convert a surface's GLAS to a value of `material`; None for air."""
     if not surface.glass:
         return None
     name, line = surface.glass[0], surface.glass_line
@@ -192,22 +197,23 @@ def _material(result: Draft, surface: _Surface, glasses: Glasses) -> Any:
 
 
 def _catalogued(result: Draft, name: str, line: int) -> str:
-    """The name that the catalogue has a glass under: glass made since without lead or arsenic has an N before it."""
+    """Find the name of a glass in the catalogue: glass made since without lead or arsenic has an N before it."""
     by_upper = {known.upper(): known for known in CATALOGUE}
-    found = by_upper.get(name.upper()) or by_upper.get(f"N-{name.upper()}")
-    if found is None:
-        close = nearest_name(name)
+    known_name = by_upper.get(name.upper()) or by_upper.get(f"N-{name.upper()}")
+    if known_name is None:
+        close = closest_glass_name(name)
         hint = f"; the nearest name is {close!r}" if close else ""
         result.refuse(
-            f"names the glass {shown(name)}, which is not in the catalogue{hint}: give its index and Abbe number by "
+            f"names the glass {format_value(name)}, which is not in the catalogue{hint}: give its index and Abbe "
+            f"number by "
             f"--glass {name}=1.62/36.4, or its name there by --glass {name}={close or 'N-BK7'}",
             line,
         )
-    return found
+    return known_name
 
 
 def _convert(result: Draft, system: _System, glasses: Glasses) -> None:
-    """The surfaces between the object and the image, in millimetres and without what does nothing."""
+    """Convert the surfaces between the object and the image to millimetres, without those that have no effect."""
     unit = system.unit
     before: Any = None
     for surface in system.surfaces[1:-1]:
@@ -238,13 +244,14 @@ def _convert(result: Draft, system: _System, glasses: Glasses) -> None:
 
 
 def _lengthen(result: Draft, thickness: float) -> None:
-    """Add the way behind a surface that is left out to the one before it; before the first there is none to add to."""
+    """Add the thickness of a surface that is left out to the one before it, if there is one."""
     if result.surfaces:
         row = result.surfaces[-1][1]
         row["thickness"] = rounded(row["thickness"] + thickness)
 
 
 def _shape(result: Draft, surface: _Surface, unit: float) -> dict[str, Any]:
+    """Make the keys of a surface's shape, in millimetres."""
     terms = [surface.terms.get(number, 0.0) for number in range(1, 9)] if surface.type == "EVENASPH" else [0.0]
     if terms[0] != 0.0:
         result.refuse(
@@ -255,7 +262,7 @@ def _shape(result: Draft, surface: _Surface, unit: float) -> dict[str, Any]:
 
 
 def _add_numbers(result: Draft, system: _System) -> None:
-    """What the file says of the lens as a whole, and what follows from that."""
+    """Set the name, the f-number and the image circle of the lens."""
     result.values = {"name": system.name or Path(result.file).stem}
     try:
         focal_length = abs(cardinal_points(result.spec().lens().packed()).focal_length)
@@ -274,31 +281,31 @@ def _add_numbers(result: Draft, system: _System) -> None:
         result.values["image_circle"] = float(f"{circle:.4g}")
 
 
-def checked_glasses(definitions: Sequence[str]) -> dict[str, Any]:
-    """What options such as `--glass SK16=1.62041/60.3` or `--glass K7=N-BK7` say, by the name of the glass.
+def parse_glasses(definitions: Sequence[str]) -> dict[str, Any]:
+    """Parse options such as `--glass SK16=1.62041/60.3` or `--glass K7=N-BK7`, by the name of the glass.
 
     Raises
     ------
-    ValueError : one that says nothing of the kind.
+    ValueError : an option is of another form.
     """
-    found: dict[str, Any] = {}
+    glasses: dict[str, Any] = {}
     for definition in definitions:
         name, equals, text = definition.partition("=")
         index, slash, abbe = text.partition("/")
         if not equals or not name.strip() or not text.strip():
             raise ValueError(
-                f"must be NAME=INDEX/ABBE or NAME=GLASS, such as SK16=1.62041/60.3, got {shown(definition)}"
+                f"must be NAME=INDEX/ABBE or NAME=GLASS, such as SK16=1.62041/60.3, got {format_value(definition)}"
             )
         value: Any = text.strip()
         if slash:
             try:
                 value = {"index": float(index), "abbe": float(abbe)}
             except ValueError:
-                raise ValueError(f"must have two numbers, such as 1.62041/60.3, got {shown(text)}") from None
+                raise ValueError(f"must have two numbers, such as 1.62041/60.3, got {format_value(text)}") from None
         try:
-            glass_of(value)
+            parse_glass(value)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
-            raise ValueError(f"{first['loc'][0]} {sentence(first)}") from None
-        found[name.strip()] = value
-    return found
+            raise ValueError(f"{first['loc'][0]} {error_sentence(first)}") from None
+        glasses[name.strip()] = value
+    return glasses

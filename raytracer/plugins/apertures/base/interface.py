@@ -1,4 +1,4 @@
-"""What every kind of aperture gives to packing and to kernels.
+"""Interface of apertures: the spec's methods for packing, and the generic functions for kernels.
 
 An aperture lies in the plane of the lens, x to the right and y up in the picture, seen from behind the camera.  Lights
 beyond the plane of focus blur to its image, those before it to its image upside down.
@@ -13,17 +13,18 @@ from typing import Any, NamedTuple, TypeAlias
 
 from pydantic import Field
 
-from raytracer.jit import generic
-from raytracer.lenses.diaphragm import covers, reach
-from raytracer.sampling.warp import sample_disc
-from raytracer.spec import PositiveNumber, Spec
+from raytracer.core.compiler.dispatch import optional
+from raytracer.core.sampling.warp import sample_disc
+from raytracer.optics.lens_system.diaphragm import aperture_extent, aperture_transmission
+from raytracer.schema.fields import PositiveNumber
+from raytracer.schema.spec import Spec
 
 Assets: TypeAlias = Mapping[str, Any]
-"""What an aperture's files held, by the key that names the file."""
+"""Contents of an aperture's files, by the key that names the file."""
 
 
 class ApertureSpec(Spec):
-    """Base of the apertures: what packing asks of each."""
+    """Base of the apertures."""
 
     type: str
     anamorphic: PositiveNumber = Field(
@@ -33,7 +34,7 @@ class ApertureSpec(Spec):
     )
 
     def shape(self, assets: Assets) -> Any:
-        """The packed shape before it is stretched; None if it is the unit disc.
+        """Pack the shape before it is stretched; None for the unit disc.
 
         Raises
         ------
@@ -42,66 +43,63 @@ class ApertureSpec(Spec):
         raise NotImplementedError
 
     def pack(self, assets: Assets) -> Any:
-        """The packed aperture; None if it is the unit disc.
+        """Pack the aperture; None for the unit disc.
 
         Raises
         ------
         ValueError : as `shape` does.
         """
-        shape = self.shape(assets)
-        if self.anamorphic == 1.0:
-            return shape
-        height = math.sqrt(self.anamorphic)
-        return Stretched(shape, 1.0 / height, height)
+        return stretch_aperture(self.shape(assets), self.anamorphic)
 
 
-class Stretched(NamedTuple):
-    """Packed: a shape, and the factors along x and y, whose product is 1."""
+class AnamorphicAperture(NamedTuple):
+    """Packed shape that is stretched by the factors `width` along x and `height` along y, whose product is 1."""
 
     shape: Any
     width: float
     height: float
 
 
-@generic
+def stretch_aperture(shape: Any, anamorphic: float) -> Any:
+    """Stretch a packed shape to a height of `anamorphic` times its width, without a change of area."""
+    if anamorphic == 1.0:
+        return shape
+    height = math.sqrt(anamorphic)
+    return AnamorphicAperture(shape, 1.0 / height, height)
+
+
+@optional
 def sample_aperture(aperture, u1, u2):
-    """A point (x, y) of the aperture, with a density in proportion to what it lets through there.
+    """Draw a point (x, y) of the aperture, with a density in proportion to its transmission there.
 
-    Of an aperture without partly transparent places that is evenly by area, 1 / pi.
+    For an aperture without partly transparent places the density is uniform, 1 / pi.
     """
-    raise NotImplementedError
-
-
-@sample_aperture.register(type(None))
-def _(aperture, u1, u2):
     return sample_disc(u1, u2)
 
 
-@sample_aperture.register(Stretched)
-def _(aperture, u1, u2):
+@sample_aperture.register(AnamorphicAperture)
+def sample_aperture_anamorphic_aperture(aperture, u1, u2):
     x, y = sample_aperture(aperture.shape, u1, u2)
     return aperture.width * x, aperture.height * y
 
 
-@covers.register(Stretched)
-def _(diaphragm, x, y):
-    return covers(diaphragm.shape, x / diaphragm.width, y / diaphragm.height)
+@aperture_transmission.register(AnamorphicAperture)
+def aperture_transmission_anamorphic_aperture(diaphragm, x, y):
+    return aperture_transmission(diaphragm.shape, x / diaphragm.width, y / diaphragm.height)
 
 
-@reach.register
-def _(diaphragm: Stretched) -> float:
-    return max(diaphragm.width, diaphragm.height) * reach(diaphragm.shape)
+@aperture_extent.register
+def aperture_extent_anamorphic_aperture(diaphragm: AnamorphicAperture) -> float:
+    return max(diaphragm.width, diaphragm.height) * aperture_extent(diaphragm.shape)
 
 
-@generic
-def unvignetted(rim, x, y, right, up):
-    """1 if a ray passes the rim in front of the aperture, else 0.
+@optional
+def rim_visibility(rim, x, y, right, up):
+    """Return 1 if a ray passes the rim in front of the aperture, else 0.
 
-    (x, y), where it leaves the aperture (m); (right, up), by how much it goes there per metre along the axis.
+    Parameters
+    ----------
+    x, y : place at which the ray leaves the aperture (m).
+    right, up : slopes of the ray there, metres to the side per metre along the axis.
     """
-    raise NotImplementedError
-
-
-@unvignetted.register(type(None))
-def _(rim, x, y, right, up):
     return 1.0

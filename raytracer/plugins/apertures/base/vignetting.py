@@ -4,9 +4,10 @@ from typing import NamedTuple
 
 from pydantic import Field
 
-from raytracer.apertures.interface import unvignetted
-from raytracer.spec import PositiveOptic, Spec
-from raytracer.units import METRES_PER_MILLIMETRE
+from raytracer.plugins.apertures.base.interface import rim_visibility
+from raytracer.schema.fields import PositiveLensLength
+from raytracer.schema.spec import Spec
+from raytracer.schema.units import METRES_PER_MILLIMETRE
 
 
 class Vignetting(Spec):
@@ -18,22 +19,26 @@ class Vignetting(Spec):
     References: Asada, Amano, Baba 1996, "Photometric Calibration of Zoom Lens Systems", ICPR.
     """
 
-    diameter: PositiveOptic = Field(description="diameter of the rim (mm)")
-    distance: PositiveOptic = Field(description="how far in front of the aperture it is (mm)")
+    diameter: PositiveLensLength = Field(description="diameter of the rim (mm)")
+    distance: PositiveLensLength = Field(description="how far in front of the aperture it is (mm)")
 
     def pack(self) -> "Rim":
-        """The packed rim."""
+        """Pack the rim."""
         return Rim(0.5 * METRES_PER_MILLIMETRE * self.diameter, METRES_PER_MILLIMETRE * self.distance)
 
 
 class Rim(NamedTuple):
-    """Packed: radius, and distance before the aperture (m)."""
+    """Packed rim.
+
+    radius (m) : of the rim.
+    distance (m) : of the rim in front of the aperture.
+    """
 
     radius: float
     distance: float
 
 
-@unvignetted.register(Rim)
-def _(rim, x, y, right, up):
+@rim_visibility.register(Rim)
+def rim_visibility_rim(rim, x, y, right, up):
     across, above = x + rim.distance * right, y + rim.distance * up
     return 1.0 if across * across + above * above <= rim.radius * rim.radius else 0.0

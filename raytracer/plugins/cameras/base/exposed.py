@@ -1,12 +1,13 @@
-"""What cameras with a sensor share: its size, how the picture lies on it, and its speed."""
+"""Keys of cameras with a sensor: its size, how the picture lies on it, and its speed."""
 
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from raytracer.cameras.placement import PlacedSpec
-from raytracer.sensors import SENSORS, SensorField, SensorSpec, Size, fitted
-from raytracer.spec import Quantity, at
+from raytracer.optics.sensor_formats import SENSORS, SensorField, SensorSize, SensorSpec, fit_sensor
+from raytracer.plugins.cameras.base.placement import PlacedSpec
+from raytracer.schema.fields import Quantity
+from raytracer.schema.spec import field_error
 
 
 class ExposedSpec(PlacedSpec):
@@ -31,30 +32,34 @@ class ExposedSpec(PlacedSpec):
     @model_validator(mode="after")
     def _opens_for_some_time(self) -> Any:
         if self.iso is not None and self.exposure_seconds() == 0.0:
-            at("iso", "iso needs a shutter that is open for some time, such as shutter: 1/125 s")
+            field_error("iso", "iso needs a shutter that is open for some time, such as shutter: 1/125 s")
         return self
 
     @model_validator(mode="after")
     def _is_no_slower_than_its_sensor(self) -> Any:
         sensor = self.simulated_sensor()
         if sensor is not None and self.iso is not None and self.iso < sensor.base_iso:
-            at(
+            field_error(
                 "iso",
                 f"{self.iso:g} is slower than the simulated sensor can be: give at least its base_iso, "
                 f"{sensor.base_iso:g}, or sensor.base_iso",
             )
         return self
 
-    def speed(self) -> float | None:
+    def iso_speed(self) -> float | None:
         return self.iso
 
     def simulated_sensor(self) -> SensorSpec | None:
         return self.sensor if self.sensor is not None and self.sensor.noise else None
 
-    def _sensor(self) -> Size | None:
-        """Width and height of the sensor (mm), as the scene gives them."""
+    def given_sensor(self) -> SensorSize | None:
+        """Return the size of the sensor (mm); None where the scene does not give it."""
         return self.sensor.size() if self.sensor is not None else None
 
-    def _fitted(self, sensor: Size, width: int, height: int) -> Size:
-        """The part of the sensor that a film of width x height pixels shows (mm)."""
-        return fitted(sensor, width, height, self.sensor_fit or "crop")
+    def sensor_size(self) -> SensorSize:
+        """Return the size of the sensor (mm): full frame where the scene does not give it."""
+        return self.given_sensor() or SensorSize(*SENSORS["full_frame"])
+
+    def film_size(self, width: int, height: int) -> SensorSize:
+        """Return the size of the part of the sensor that a film of width x height pixels shows (mm)."""
+        return fit_sensor(self.sensor_size(), width, height, self.sensor_fit or "crop")

@@ -1,14 +1,16 @@
-"""What the cameras with a lens share: what they are focused on, and the shape of their opening."""
+"""Keys of cameras with a lens: its focus, and the shape of its opening."""
 
 from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
-from raytracer.apertures.interface import ApertureSpec
-from raytracer.cameras.exposed import ExposedSpec
-from raytracer.cameras.interface import Assets
-from raytracer.kinds import APERTURES
-from raytracer.spec import Fraction, Name, PositiveLengthOrInf, at
+from raytracer.plugins.apertures.base.interface import ApertureSpec
+from raytracer.plugins.cameras.base.exposed import ExposedSpec
+from raytracer.plugins.cameras.base.interface import Assets
+from raytracer.plugins.cameras.base.opening import Opening
+from raytracer.schema.fields import Fraction, Name, PositiveLengthOrInf
+from raytracer.schema.registry import APERTURES
+from raytracer.schema.spec import field_error
 
 if TYPE_CHECKING:
     Aperture: TypeAlias = ApertureSpec
@@ -45,41 +47,60 @@ class FocusedSpec(ExposedSpec):
     def _one_focus(self) -> Any:
         focuses = [key for key in _FOCUSES if getattr(self, key) is not None]
         if len(focuses) > 1:
-            at(focuses[1], f"{focuses[0]} and {focuses[1]} both set the plane of focus: give one of them")
+            field_error(focuses[1], f"{focuses[0]} and {focuses[1]} both set the plane of focus: give one of them")
         return self
 
-    def _check_focus(self) -> None:
-        """Refuse a plane of focus that the lens cannot have."""
+    def check_focus(self) -> None:
+        """Refuse a plane of focus that the lens cannot have.
 
-    def focal_distance(self) -> float:
-        """Distance of the plane of focus (m)."""
+        Raises
+        ------
+        ValueError : the lens cannot be focused there.
+        """
+
+    def plane_of_focus(self) -> float:
+        """Return the distance of the plane of focus (m)."""
         return self.distance() if self.focus_distance is None else self.focus_distance
 
-    def focuses_on_something(self) -> bool:
-        """Whether the distance of the plane of focus is that of something in the scene."""
+    def focused_object(self) -> str | None:
+        return self.focus_on
+
+    def focused_place(self) -> tuple[float, float] | None:
+        return self.focus_at
+
+    def has_focus_target(self) -> bool:
+        """Tell if the camera is focused on something in the scene, so that its distance is yet to be found."""
         return self.focus_on is not None or self.focus_at is not None
 
-    def focused(self, distance: float) -> Self:
-        """The camera focused at a distance along its axis (m) in place of on an object, or at a place in the frame.
+    def with_focus_distance(self, distance: float) -> Self:
+        """Focus the camera at a distance along its axis (m) in place of on an object, or at a place in the frame.
 
         Raises
         ------
         ValueError : the lens cannot be focused there.
         """
         focused = self.model_copy(update={"focus_distance": distance, "focus_on": None, "focus_at": None})
-        focused._check_focus()
+        focused.check_focus()
         return focused
+
+    def opening(self) -> Opening:
+        return Opening(self.aperture_shape)
 
     def files(self) -> dict[tuple[str | int, ...], tuple[str, str]]:
         shape = {} if self.aperture_shape is None else self.aperture_shape.files()
         return super().files() | {("aperture_shape", *keys): file for keys, file in shape.items()}
 
-    def _shape(self, assets: Assets) -> Any:
-        """The packed shape of the opening; None if it is round."""
+    def pack_shape(self, assets: Assets) -> Any:
+        """Pack the shape of the opening; None for a round one.
+
+        Raises
+        ------
+        ValidationError : an asset does not suit the shape; it points at the key that names the file.
+        """
         shape = self.aperture_shape
         if shape is None:
             return None
         try:
             return shape.pack({key: assets[f"aperture_shape.{key}"] for key in shape.loads})
         except ValueError as error:
-            at(("aperture_shape", *shape.loads), str(error))
+            field_error(("aperture_shape", *shape.loads), str(error))

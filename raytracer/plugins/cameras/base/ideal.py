@@ -1,33 +1,38 @@
-"""What the cameras with an ideal lens share: its size, its focus, and the shape of its opening."""
+"""Cameras with an ideal lens: the keys that give its size, and the packed lens."""
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from raytracer.apertures.vignetting import Vignetting
-from raytracer.cameras.focused import FocusedSpec
-from raytracer.cameras.interface import NO_ASSETS, Assets
-from raytracer.cameras.perspective import FlatPupil, Optics, PerspectiveSpec
-from raytracer.cameras.pupil import Lens
-from raytracer.photography import focal_length_of, image_distance, magnification
-from raytracer.plenoptic.layout import Layout
-from raytracer.plenoptic.mosaic import Mosaic
-from raytracer.plenoptic.views import Plane, Pose, Views
-from raytracer.spec import NonNegativeOptic, Quantity, at
-from raytracer.units import METRES_PER_MILLIMETRE
+from raytracer.film.light_field.layout import Layout
+from raytracer.film.light_field.mosaic import Mosaic
+from raytracer.film.light_field.views import Plane, Pose, Views
+from raytracer.optics.thin_lens import magnification
+from raytracer.plugins.apertures.base.vignetting import Vignetting
+from raytracer.plugins.cameras.base.focused import FocusedSpec
+from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets
+from raytracer.plugins.cameras.base.opening import Opening
+from raytracer.plugins.cameras.base.perspective import ApertureSize, PerspectiveSpec
+from raytracer.plugins.cameras.base.perspective_camera import FlatPupil, Irradiance
+from raytracer.plugins.cameras.base.thin_lens_ray import ThinLensPupil
+from raytracer.schema.fields import NonNegativeLensLength, Quantity
+from raytracer.schema.spec import field_error
+from raytracer.schema.units import METRES_PER_MILLIMETRE
 
 _SIZES = ("defocus_angle", "aperture", "f_number")
 
 
 class IdealLensSpec(FocusedSpec, PerspectiveSpec):
-    """A camera behind a thin lens, which is focused at a distance, on an object, or at a place in the frame."""
+    """Base of the cameras with a thin lens."""
+
+    aperture_hint: ClassVar[str] = "give a finite f_number, or aperture or defocus_angle"
 
     defocus_angle: Annotated[float, Quantity("angle", low=0.0, high=180.0, high_open=True)] | None = Field(
         default=None, description="apex angle (deg) of the cone from a point in focus to the lens"
     )
-    aperture: NonNegativeOptic | None = Field(default=None, description="diameter of the lens (mm)")
+    aperture: NonNegativeLensLength | None = Field(default=None, description="diameter of the lens (mm)")
     vignetting: Vignetting | None = Field(
         default=None,
         description="a rim in front of the lens, {diameter: mm, distance: mm}, that cuts what comes in from the side; "
@@ -44,84 +49,70 @@ class IdealLensSpec(FocusedSpec, PerspectiveSpec):
     def _one_aperture(self) -> Any:
         sizes = [key for key in _SIZES if getattr(self, key) is not None]
         if len(sizes) > 1:
-            at(sizes[1], f"{sizes[0]} and {sizes[1]} both set the size of the lens: give one of them")
-        if not self.focuses_on_something():
-            self._check_focus()
+            field_error(sizes[1], f"{sizes[0]} and {sizes[1]} both set the size of the lens: give one of them")
+        if not self.has_focus_target():
+            self.check_focus()
         return self
 
-    def _check_focus(self) -> None:
-        """Refuse a plane of focus that the lens cannot have."""
-        if self.defocus_angle and math.isinf(self.focal_distance()):
+    def check_focus(self) -> None:
+        if self.defocus_angle and math.isinf(self.plane_of_focus()):
             raise ValueError("defocus_angle needs a finite focus_distance: with focus at infinity, give aperture")
-        focal_length = self._given_focal_length()
-        if focal_length is not None and 1e3 * self.focal_distance() <= focal_length:
-            at(
+        focal_length = self.given_focal_length()
+        if focal_length is not None and 1e3 * self.plane_of_focus() <= focal_length:
+            field_error(
                 "focal_length" if self.focus_distance is None else "focus_distance",
-                f"the plane of focus, {self.focal_distance():g} m away, must be farther than the focal length, "
+                f"the plane of focus, {self.plane_of_focus():g} m away, must be farther than the focal length, "
                 f"{focal_length:g} mm: nearer there is no image",
             )
 
-    def _image_distance(self, focal_length: float) -> float:
-        return image_distance(focal_length, 1e3 * self.focal_distance())
-
-    def _focal_length(self, image: float) -> float:
-        return focal_length_of(image, 1e3 * self.focal_distance())
-
-    def _pupil(self, optics: Optics) -> float:
-        """Diameter of the lens (m): as given, by the f-number, or 2 F tan(defocus_angle / 2)."""
+    def aperture_size(self) -> ApertureSize:
+        """Return the size of the lens as the keys give it, by `defocus_angle` 2 F tan(defocus_angle / 2)."""
         if self.defocus_angle:
-            return 2.0 * self.focal_distance() * math.tan(math.radians(self.defocus_angle) / 2.0)
-        if self.aperture is not None:
-            return METRES_PER_MILLIMETRE * self.aperture
-        return super()._pupil(optics)
+            return ApertureSize(2.0 * self.plane_of_focus() * math.tan(math.radians(self.defocus_angle) / 2.0))
+        if self.aperture:
+            return ApertureSize(METRES_PER_MILLIMETRE * self.aperture)
+        return super().aperture_size()
 
-    def _lets_light_in(self) -> bool:
-        return bool(self.defocus_angle) or bool(self.aperture) or super()._lets_light_in()
+    def film_irradiance(self, image: float, area: float) -> Irradiance | FlatPupil:
+        return FlatPupil(image, area) if self.pupil == "flat" else super().film_irradiance(image, area)
 
-    def _openings(self) -> str:
-        return "give a finite f_number, or aperture or defocus_angle"
-
-    def _irradiance(self, image: float, area: float) -> Any:
-        return FlatPupil(image, area) if self.pupil == "flat" else super()._irradiance(image, area)
-
-    def diameter(self, width: int, height: int) -> float:
-        """Diameter of the lens (m), for a film of width x height pixels."""
-        return self._pupil(self.optics(width, height))
+    def opening(self) -> Opening:
+        return Opening(self.aperture_shape, self.vignetting)
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Derived numbers; the blur at infinity is the circle of confusion A |z - F| / z for z to infinity."""
+        """Return derived numbers; the blur at infinity is the circle of confusion A |z - F| / z for z to infinity."""
         numbers = super().describe(width, height)
-        pixel, pupil = 1e-3 * numbers["pixel_at_1m_mm"], self.diameter(width, height)
+        pixel, pupil = 1e-3 * numbers["pixel_at_1m_mm"], self.pupil_diameter(width, height)
         if "image_distance_mm" in numbers:
-            numbers["magnification"] = magnification(numbers["image_distance_mm"], 1e3 * self.focal_distance())
+            numbers["magnification"] = magnification(numbers["image_distance_mm"], 1e3 * self.plane_of_focus())
         return {
             **numbers,
-            "focus_distance_m": self.focal_distance(),
+            "focus_distance_m": self.plane_of_focus(),
             "aperture_diameter_mm": pupil / METRES_PER_MILLIMETRE,
-            "blur_at_infinity_px": pupil / (pixel * self.focal_distance()),
+            "blur_at_infinity_px": pupil / (pixel * self.plane_of_focus()),
         }
 
     def layout(self, width: int, height: int) -> Layout | None:
-        """The light field of the lens, of which the picture is the only view."""
-        optics, diameter = self.optics(width, height), self.diameter(width, height)
-        camera = self.camera(width, height, None)
+        """Return the light field of the lens, of which the picture is the only view."""
+        optics, diameter = self.optics(width, height), self.pupil_diameter(width, height)
+        camera = self.pack_with_lens(width, height, None)
         return Mosaic(
             Views(
                 position=np.zeros((1, 1, 2)),
                 plane=Plane(*camera.plane),
                 width=width,
                 height=height,
-                inverse_focus=1.0 / self.focal_distance(),
+                inverse_focus=1.0 / self.plane_of_focus(),
                 aperture=diameter if diameter > 0.0 else None,
                 focal_length=optics.focal_length,
                 pose=Pose(*camera.frame),
             )
         )
 
-    def packed_lens(self, width: int, height: int, assets: Assets = NO_ASSETS) -> Lens | None:
-        """The packed lens for a film of width x height pixels; None where the aperture is 0."""
-        radius = self.diameter(width, height) / 2.0
+    def pack_lens(self, width: int, height: int, assets: Assets = NO_ASSETS) -> ThinLensPupil | None:
+        """Pack the lens for a film of width x height pixels; None where the aperture is 0."""
+        radius = self.pupil_diameter(width, height) / 2.0
         if radius == 0.0:
             return None
         rim = None if self.vignetting is None else self.vignetting.pack()
-        return Lens(radius, 1.0 / self.focal_distance(), self._shape(assets), rim)
+        return ThinLensPupil(radius, 1.0 / self.plane_of_focus(), self.pack_shape(assets), rim)

@@ -1,4 +1,7 @@
-"""What every camera kind gives to packing and to kernels."""
+"""Interface of cameras: the spec's methods for packing and reports, and the generic functions for kernels.
+
+Every method and function that a camera may leave out has a default here.
+"""
 
 import math
 from collections.abc import Mapping
@@ -7,18 +10,25 @@ from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 import numpy as np
 from pydantic import Field, model_validator
 
-from raytracer.jit import generic
-from raytracer.motion import Motion
-from raytracer.photography import AutoExposureField, Exposure
-from raytracer.plenoptic.layout import Layout
-from raytracer.sensors import SensorSpec
-from raytracer.shake import Shake
-from raytracer.shutter import Shutter, ShutterField, Timing, timing_of
-from raytracer.spec import TRANSFORM_ROUNDING, Name, Quantity, Spec, Time, at, matrix_of
-from raytracer.vec import Vec3, add
+from raytracer.core.camera_shake import Shake
+from raytracer.core.compiler.dispatch import generic
+from raytracer.core.motion.spec import Motion
+from raytracer.core.shutter.spec import ShutterField, exposure_timing
+from raytracer.core.shutter.table import Shutter
+from raytracer.core.shutter.timing import Timing
+from raytracer.core.spectra import Spectra
+from raytracer.core.vec import Vec3, add
+from raytracer.film.light_field.layout import Layout
+from raytracer.optics.lens_system.surfaces import LensSurfaces
+from raytracer.optics.sensor_formats import SensorSpec
+from raytracer.optics.thin_lens import AutoExposureField, ExposureSettings
+from raytracer.plugins.cameras.base.opening import Opening
+from raytracer.schema.fields import Name, Quantity, Time
+from raytracer.schema.spec import Spec, field_error
+from raytracer.schema.transform import TRANSFORM_ROUNDING, matrix_of
 
 Assets: TypeAlias = Mapping[str, Any]
-"""What a camera's files held, by the dotted path of the key that names each."""
+"""Contents of a camera's files, by the dotted path of the key that names each."""
 
 NO_ASSETS: Assets = {}
 
@@ -27,9 +37,9 @@ FILTER, LENS, TIME, WAVELENGTH, GHOST, SLOTS = 0, 1, 2, 3, 4, 8
 
 
 class CameraSpec(Spec):
-    """Base of the cameras: what packing and `rt explain` ask of each."""
+    """Base of the cameras."""
 
-    binds: ClassVar[tuple[str, ...]] = ()
+    bound_fields: ClassVar[tuple[str, ...]] = ()
     """Keys of `loads` whose files the camera's numbers depend on, so that they are read when a scene is checked."""
 
     type: str
@@ -65,27 +75,29 @@ class CameraSpec(Spec):
 
     @model_validator(mode="after")
     def _compensates_something(self) -> Any:
-        if self.exposure is not None and self.speed() is not None:
-            at("exposure", "exposure and iso both set how bright the picture is: give one of them")
-        if self.exposure_compensation is not None and self.exposure is None and self.speed() is None:
-            at("exposure_compensation", "exposure_compensation needs iso or exposure: auto, which it is relative to")
+        if self.exposure is not None and self.iso_speed() is not None:
+            field_error("exposure", "exposure and iso both set how bright the picture is: give one of them")
+        if self.exposure_compensation is not None and self.exposure is None and self.iso_speed() is None:
+            field_error(
+                "exposure_compensation", "exposure_compensation needs iso or exposure: auto, which it is relative to"
+            )
         return self
 
     @model_validator(mode="after")
     def _opens_once(self) -> Any:
         try:
-            self.opening()
+            self.shutter_interval()
         except ValueError as error:
-            at("shutter" if self.time is None else "time", str(error))
+            field_error("shutter" if self.time is None else "time", str(error))
         return self
 
     @model_validator(mode="after")
     def _shakes_slowly(self) -> Any:
         if self.shake is not None:
             try:
-                self.shake.segments(self.opening())
+                self.shake.segments(self.shutter_interval())
             except ValueError as error:
-                at(("shake", "bandwidth"), str(error))
+                field_error(("shake", "bandwidth"), str(error))
         return self
 
     @model_validator(mode="after")
@@ -93,54 +105,56 @@ class CameraSpec(Spec):
         for number, key in enumerate((self.motion and self.motion.keyframes) or ()):
             turn = matrix_of(key.transform)[:3, :3]
             if np.linalg.det(turn) < 0.0 or np.abs(turn @ turn.T - np.eye(3)).max() > TRANSFORM_ROUNDING:
-                at(("motion", "keyframes", number, "transform"), "a camera can be moved and turned, but not scaled")
+                field_error(
+                    ("motion", "keyframes", number, "transform"), "a camera can be moved and turned, but not scaled"
+                )
         return self
 
     def timing(self) -> Timing:
-        """When the shutter exposes which part of the film."""
-        return timing_of(self.shutter, self.time)
+        """Return the times at which the shutter exposes each part of the film."""
+        return exposure_timing(self.shutter, self.time)
 
-    def opening(self) -> Shutter:
-        """When the shutter begins to open, and when all of it is closed again: the span in which anything can move."""
+    def shutter_interval(self) -> Shutter:
+        """Return the time from when the shutter begins to open until all of it is closed: when anything can move."""
         return self.timing().span()
 
     def exposure_seconds(self) -> float:
-        """For how long every place of the film is exposed (s): the integral of the shutter's transmission."""
+        """Return the exposure time of every place of the film (s): the integral of the shutter's transmission."""
         return self.timing().seconds()
 
-    def speed(self) -> float | None:
-        """The ISO speed that is given; None where there is none, or where metering chooses it."""
+    def iso_speed(self) -> float | None:
+        """Return the ISO speed that is given; None where there is none, or where metering chooses it."""
         return None
 
     def simulated_sensor(self) -> SensorSpec | None:
-        """The sensor whose noise and limits are part of the picture; None for an ideal one."""
+        """Return the sensor whose noise and limits are part of the picture; None for an ideal one."""
         return None
 
     def relative_aperture(self, width: int, height: int) -> float | None:
-        """The f-number, where it is known."""
+        """Return the f-number; None where it is not known."""
         return None
 
     def is_radiometric(self) -> bool:
-        """Whether rays are weighted so that the film gathers irradiance (W/m2) in place of radiance."""
+        """Tell if rays are weighted so that the film gathers irradiance (W/m2) in place of radiance."""
         return False
 
-    def photograph(self, width: int, height: int) -> Exposure | None:
-        """What a film of width x height pixels is told of the exposure; None where it records radiance."""
-        if self.speed() is None and self.exposure is None:
+    def exposure_settings(self, width: int, height: int) -> ExposureSettings | None:
+        """Return the settings by which a film of width x height pixels is exposed; None where it records radiance."""
+        if self.iso_speed() is None and self.exposure is None:
             return None
         seconds, sensor = self.exposure_seconds(), self.simulated_sensor()
-        return Exposure(
+        return ExposureSettings(
             seconds=seconds if seconds > 0.0 else None,
-            iso=self.speed(),
+            iso=self.iso_speed(),
             compensation=self.exposure_compensation or 0.0,
             metering=None if self.exposure is None else self.exposure.meter(),
             f_number=self.relative_aperture(width, height),
             radiometric=self.is_radiometric(),
-            slowest=None if sensor is None else sensor.base_iso,
+            base_iso=None if sensor is None else sensor.base_iso,
         )
 
-    def bound(self, assets: Assets) -> "CameraSpec":
-        """The camera with what its files held, which its numbers depend on; itself where they do not.
+    def bind_assets(self, assets: Assets) -> "CameraSpec":
+        """Return the camera with the contents of those files that its numbers depend on; itself without such files.
 
         Raises
         ------
@@ -149,27 +163,39 @@ class CameraSpec(Spec):
         return self
 
     def picture(self, width: int, height: int) -> tuple[int, int]:
-        """Width and height (px) of the whole picture, for a film of width x height pixels: a view each, if many."""
+        """Return the size of the whole picture (px) for a film of width x height pixels, which each view has."""
         return width, height
 
-    def margin(self, width: int, height: int) -> float:
-        """How far from a pixel (px) the film may reach, for a film of width x height pixels."""
+    def film_margin(self, width: int, height: int) -> float:
+        """Return how many pixels the film reaches beyond the picture, of width x height pixels, or beyond each view."""
         return math.inf
 
     def layout(self, width: int, height: int) -> Layout | None:
-        """How the whole picture, for a film of width x height pixels, holds a light field; None where it holds none."""
+        """Return the layout of the light field that the picture holds, for a film of width x height pixels, or None."""
         return None
 
-    def equivalent(self, width: int, height: int) -> dict[str, Any] | None:
-        """The thin-lens camera in place of one with a lens of glass, as keys of a scene file; None for any other."""
+    def thin_lens_equivalent(self, width: int, height: int) -> dict[str, Any] | None:
+        """Return the keys of the thin-lens camera in place of one with a lens of glass; None for any other."""
         return None
 
-    def doubts(self, width: int, height: int) -> list[tuple[str, str]]:
-        """What is probably not meant: the key that it is about, and a predicate of that key's value."""
+    def warnings(self, width: int, height: int) -> list[tuple[str, str]]:
+        """List probable mistakes: the key that each is about, and a predicate of that key's value."""
         return []
 
+    def focused_object(self) -> str | None:
+        """Return the name of the object that the camera is focused on; None where it is not focused so."""
+        return None
+
+    def focused_place(self) -> tuple[float, float] | None:
+        """Return the place in the frame that the camera is focused at, see the key `focus_at`; None without it."""
+        return None
+
+    def opening(self) -> Opening:
+        """Return the specs that shape the lens's opening."""
+        return Opening()
+
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> Any:
-        """The packed camera for a film of width x height pixels; `assets` holds what its files did.
+        """Pack the camera for a film of width x height pixels; `assets` holds the contents of its files.
 
         Raises
         ------
@@ -178,17 +204,17 @@ class CameraSpec(Spec):
         raise NotImplementedError
 
     def trade_off(self, width: int, height: int) -> list[dict[str, float]]:
-        """What others in place of its microlenses would give, its own among them: numbers by name with unit."""
+        """List what microlenses of several sizes, its own among them, would give: numbers by name with unit."""
         return []
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Derived numbers, by name with unit."""
+        """Return derived numbers, by name with unit."""
         raise NotImplementedError
 
 
 @generic
 def film_corner(camera, x, y):
-    """The film position of the top left corner of pixel (x, y) of the picture; (x, y) itself by default.
+    """Return the film position of the top left corner of pixel (x, y) of the picture; (x, y) itself by default.
 
     Where a picture is made of many views, their films lie so far apart that what a filter draws around a pixel is still
     of its own view.
@@ -197,50 +223,53 @@ def film_corner(camera, x, y):
 
 
 @film_corner.register(tuple)
-def _(camera, x, y):
+def film_corner_tuple(camera, x, y):
     return x, y
 
 
 @generic
-def place_in_view(camera, x, y):
-    """A film position in pixels from the top left corner of its own view; itself by default."""
+def film_to_view(camera, x, y):
+    """Return a film position in pixels from the top left corner of its own view; itself by default."""
     raise NotImplementedError
 
 
-@place_in_view.register(tuple)
-def _(camera, x, y):
+@film_to_view.register(tuple)
+def film_to_view_tuple(camera, x, y):
     return x, y
 
 
 @generic
 def camera_ray(camera, x, y, time, draws):
-    """The ray (origin, unit direction, weight) of film position (x, y), in pixels from the top left corner.
+    """Make the ray (origin, unit direction, weight) of film position (x, y), in pixels from the top left corner.
 
-    The weight multiplies what the ray brings; 0 where the film position sees nothing.
+    The weight multiplies the radiance that the ray brings; 0 where the film position sees nothing.
 
-    `time` is None if nothing moves, else the fraction of the shutter's opening that has passed, 0 to 1.
+    Parameters
+    ----------
+    time : the fraction of the shutter's opening that has passed, 0 to 1; None if nothing moves.
+    draws : source of random numbers, see `materials.base.interface.Draws`; `LENS` and others above are its slots.
     """
     raise NotImplementedError
 
 
-class Together(NamedTuple):
-    """The camera makes the rays of a packet of samples together: by `set_lane` for each, then `trace_lanes` once."""
+class PacketRays(NamedTuple):
+    """Mark of a camera that makes the rays of a packet together: by `set_lane` for each, then `trace_lanes` once."""
 
 
 @generic
-def rays_together(camera):
-    """`Together()` for a camera that makes the rays of a packet together; None for the others, and by default."""
+def packet_rays(camera):
+    """Return `PacketRays()` for a camera that makes the rays of a packet together; None by default."""
     raise NotImplementedError
 
 
-@rays_together.register(tuple)
-def _(camera):
+@packet_rays.register(tuple)
+def packet_rays_tuple(camera):
     return None
 
 
 @generic
 def set_lane(camera, rows, lane, x, y, draws):
-    """Tell a camera that makes rays together of a sample, at film position (x, y): see `camera_ray`.
+    """Set up a sample at film position (x, y) as a lane of a packet, see `camera_ray`.
 
     rows : float64 (16, packet), the camera's own.
     """
@@ -253,25 +282,25 @@ def trace_lanes(camera, rows):
     raise NotImplementedError
 
 
-class Sharing(NamedTuple):
-    """Light of several wavelengths shares the rays of a camera whose lens bends each in its own way.
+class WavelengthSharing(NamedTuple):
+    """Data by which light of several wavelengths shares the rays of a camera whose lens disperses.
 
-    edge, that of the square round a pixel's middle, in which all places of the film count the same (pixels); back, the
-    camera's lens for the way from the scene to the film.
+    tolerance (px) : edge of the square round a pixel's middle in which all places of the film count the same.
+    back : the camera's lens for the way from the scene to the film.
     """
 
-    edge: float
+    tolerance: float
     back: Any
 
 
 @generic
-def share_lanes(camera, sharing, rows, others, x, y):
-    """Find out whether light of other wavelengths too comes to pixel (x, y) by the rays that `trace_lanes` made.
+def share_wavelengths(camera, sharing, rows, others, x, y):
+    """Weight the light of other wavelengths that comes to pixel (x, y) by the rays that `trace_lanes` made.
 
     rows : the packet, after `trace_lanes`.
     others : float64 (16, packet), for one other wavelength of each ray: its row `packets.WAVELENGTH` is given.  Its row
-        `packets.WEIGHT` becomes the part that the lens lets through of it, over that of the ray's own wavelength, or 0
-        if it does not come to this pixel; its row `packets.EXTENT`, as that of `rows` is, one over how densely the
+        `packets.WEIGHT` becomes the transmittance of the lens for it over that for the ray's own wavelength, or 0 if it
+        does not come to this pixel; its row `packets.EXTENT`, like that of `rows`, one over the density with which the
         camera draws such rays at that wavelength, in units common to all.
     """
     raise NotImplementedError
@@ -279,26 +308,28 @@ def share_lanes(camera, sharing, rows, others, x, y):
 
 @generic
 def lane_ray(camera, rows, lane, x, y, time, draws):
-    """As `camera_ray`, of a lane of a packet; by default there is nothing to know of packets."""
+    """Make the ray of a lane of a packet, as `camera_ray` does; by default without a packet."""
     raise NotImplementedError
 
 
 @lane_ray.register(tuple)
-def _(camera, rows, lane, x, y, time, draws):
+def lane_ray_tuple(camera, rows, lane, x, y, time, draws):
     return camera_ray(camera, x, y, time, draws)
 
 
 @generic
 def project(camera, point, time):
-    """Where a point is seen: film position (x, y) in pixels, and its depth along the axis (m); NaN if nowhere."""
+    """Project a point to the film: position (x, y) in pixels, NaN if not seen, and its depth along the axis (m)."""
     raise NotImplementedError
 
 
 class Defocus(NamedTuple):
-    """What blurs what is out of focus, near the axis: the thin lens that a camera has, or that stands for its glass.
+    """Thin lens that a camera has, or that blurs near the axis as its lens of glass does.
 
-    diameter, of the opening (m), 0 for a point; pixel, the edge of its image at a distance of 1; inverse_focus, one
-    over the distance of the plane of focus (1/m), 0 for infinity, negative behind the camera as for a mere hole.
+    diameter (m) : of the opening, 0 for a point.
+    pixel : edge of a pixel's image at a distance of 1.
+    inverse_focus (1/m) : one over the distance of the plane of focus; 0 for infinity, negative for one behind the
+        camera, as of a mere hole.
     """
 
     diameter: float
@@ -307,22 +338,54 @@ class Defocus(NamedTuple):
 
 
 @generic
-def defocus_of(camera: Any) -> Defocus | None:
-    """What blurs what a packed camera at rest sees; None for cameras without a perspective."""
+def camera_defocus(camera: Any) -> Defocus | None:
+    """Return the thin lens of a packed camera; None for cameras that show no perspective, and by default."""
     raise NotImplementedError(type(camera))
 
 
-@defocus_of.register(tuple)
-def _(camera: Any) -> Defocus | None:
+@camera_defocus.register(tuple)
+def camera_defocus_tuple(camera: Any) -> Defocus | None:
     return None
 
 
+class CameraParts(NamedTuple):
+    """Parts of a packed camera that the scene is packed by, and that reports name.
+
+    lens : opening of an ideal lens or of a hole, with `shape` and `rim`; None for a point, and for a lens of glass.
+    glass : the surfaces of a lens of glass, which rays are traced through; None without one.
+    has_flare : surfaces of the glass reflect light to the film.
+    spectra : tables by which rays are of one wavelength each; None where they carry red, green and blue.
+    shares_wavelengths : light of several wavelengths may share a ray, by `share_wavelengths`.
+    ray_radius (m) : distance from the camera's position, or that of a view, within which rays begin; inf if not known.
+    moves : the camera moves while the shutter is open.
+    """
+
+    lens: Any = None
+    glass: LensSurfaces | None = None
+    has_flare: bool = False
+    spectra: Spectra | None = None
+    shares_wavelengths: bool = False
+    ray_radius: float = math.inf
+    moves: bool = False
+
+
 @generic
-def moved(camera: Any, by: Vec3) -> Any:
-    """The packed camera in a world that is moved by a vector (m); of any kind with a `frame`, by default."""
+def camera_parts(camera: Any) -> CameraParts:
+    """Return the parts of a packed camera; none by default."""
     raise NotImplementedError(type(camera))
 
 
-@moved.register(tuple)
-def _(camera: Any, by: Vec3) -> Any:
+@camera_parts.register(tuple)
+def camera_parts_tuple(camera: Any) -> CameraParts:
+    return CameraParts()
+
+
+@generic
+def translate_camera(camera: Any, by: Vec3) -> Any:
+    """Move a packed camera with the world by a vector (m); by default its `frame`."""
+    raise NotImplementedError(type(camera))
+
+
+@translate_camera.register(tuple)
+def translate_camera_tuple(camera: Any, by: Vec3) -> Any:
     return camera._replace(frame=camera.frame._replace(origin=add(camera.frame.origin, by)))

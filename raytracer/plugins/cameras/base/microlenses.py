@@ -1,4 +1,4 @@
-"""The array of microlenses before the sensor of a light-field camera: what it is given by, and what follows.
+"""Array of microlenses before the sensor of a light-field camera: its keys, and the arrangement that follows.
 
 Behind a main lens, at the distance z of the array, the sensor lies a distance d farther back.  Each microlens shows the
 main lens's pupil in a sub-image of its own.  Light through the middle of the pupil comes to the array inclined, so that
@@ -16,11 +16,15 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
-from raytracer.jit import generic
-from raytracer.spec import Angle, Count, Optic, PositiveOptic, Spec, at
+from raytracer.optics.sensor_formats import SensorSize
+from raytracer.schema.fields import Angle, Count, LensLength, PositiveLensLength
+from raytracer.schema.spec import Spec, field_error
 
 PIXELS = 15
 """Pixels of the sensor under a microlens, across, where nothing says how many."""
+
+_ITERATIONS = 8
+"""Rounds in which the spacing of sub-images converges for a given pitch: each leaves a part d / z of the error."""
 
 _LEAST_PIXELS, _MOST = 2, 10_000
 _SIZES = ("pixels", "pitch", "count")
@@ -34,7 +38,7 @@ class Microlenses(Spec):
         description="pixels of the sensor across each sub-image, whole ones: the pitch is chosen so that sub-images, "
         f"which are spaced wider than microlenses, fall on the pixels exactly; {PIXELS} by default",
     )
-    pitch: PositiveOptic | None = Field(
+    pitch: PositiveLensLength | None = Field(
         default=None,
         description="distance between the middles of neighbours (mm; 125 um), in place of `pixels`; it need fit no "
         "pixels",
@@ -51,12 +55,12 @@ class Microlenses(Spec):
         description="`lens`, thin ones without gaps between them; `pinhole`, holes in their middles, sharp at any "
         "distance, which by convention let as much light through",
     )
-    focal_length: PositiveOptic | None = Field(
+    focal_length: PositiveLensLength | None = Field(
         default=None,
         description="focal length of a microlens (mm); by default that which has the sensor in focus on the main lens, "
         "with sub-images that just touch",
     )
-    distance: PositiveOptic | None = Field(
+    distance: PositiveLensLength | None = Field(
         default=None,
         description="distance of the sensor behind the microlenses (mm); by default where sub-images just touch, or by "
         "`focal_length`",
@@ -69,7 +73,7 @@ class Microlenses(Spec):
     rotation: Angle = Field(
         default=0.0, description="angle (deg) by which the array is turned to the left in the picture, about its middle"
     )
-    offset: tuple[Optic, Optic] = Field(
+    offset: tuple[LensLength, LensLength] = Field(
         default=(0.0, 0.0),
         description="by how much the array is off its place on the sensor (mm), right and up in the picture",
     )
@@ -78,18 +82,18 @@ class Microlenses(Spec):
     def _one_size(self) -> Any:
         sizes = [key for key in _SIZES if getattr(self, key) is not None]
         if len(sizes) > 1:
-            at(sizes[1], f"{sizes[0]} and {sizes[1]} both set the size of the microlenses: give one of them")
+            field_error(sizes[1], f"{sizes[0]} and {sizes[1]} both set the size of the microlenses: give one of them")
         if self.arrangement == "focused" and self.focal_length is None:
-            at("focal_length", "arrangement: focused needs the focal_length of the microlenses")
+            field_error("focal_length", "arrangement: focused needs the focal_length of the microlenses")
         if self.arrangement == "focused" and self.focal_length == self.distance:
-            at(
+            field_error(
                 "distance",
                 "a sensor in the focal plane of the microlenses sees infinity sharp, not the main lens's image",
             )
         return self
 
     def scaled(self, factor: float) -> "Microlenses":
-        """Microlenses that are larger by a factor, as nearly as whole numbers can be, and suit the main lens."""
+        """Scale the microlenses by a factor, rounding integers, to an arrangement that suits the main lens."""
         size = {key: getattr(self, key) for key in _SIZES if getattr(self, key) is not None} or {"pixels": PIXELS}
         ((key, value),) = size.items()
         changed = {
@@ -102,32 +106,41 @@ class Microlenses(Spec):
         return self.model_copy(update={key: changed[key], "distance": None, "focal_length": focal_length})
 
 
-class Behind(NamedTuple):
-    """What stands before an array of microlenses (mm).
+class MainLens(NamedTuple):
+    """Main lens in front of an array of microlenses; for one of glass, the thin lens in its place.
 
-    image, distance of the image of the plane of focus behind the main lens, of glass the thin one in its place; pupil,
-    its distance from the exit pupil; diameter, that of the entrance pupil; pixel, the edge of a pixel; width and
-    height, of the picture in pixels.
+    film (mm) : size of the part of the sensor that the picture shows.
+    image (mm) : distance of the image of the plane of focus behind the lens.
+    pupil (mm) : distance of that image from the exit pupil.
+    diameter (mm) : of the entrance pupil.
+    focal_length (mm) : by which the distances of the plane of focus and of its image go together.
+    width, height (px) : size of the picture.
     """
 
+    film: SensorSize
     image: float
     pupil: float
     diameter: float
-    pixel: float
+    focal_length: float
     width: int
     height: int
 
+    @property
+    def pixel(self) -> float:
+        """Edge of a pixel (mm)."""
+        return self.film.height / self.height
+
 
 class Arrangement(NamedTuple):
-    """An array of microlenses with all that its keys leave open worked out (mm).
+    """Array of microlenses with all that its keys leave open worked out.
 
-    image : how far it is behind the main lens, of glass the thin one in its place.
-    pupil : how far it is behind the exit pupil.
-    distance : of the sensor behind it.
-    focal_length : of a microlens.
-    pitch : of the microlenses.
-    spacing : of the sub-images, in pixels.
-    matched : of the distance at which sub-images would just touch.
+    image (mm) : distance of the array behind the main lens, for one of glass the thin lens in its place.
+    pupil (mm) : distance of the array behind the exit pupil.
+    distance (mm) : of the sensor behind the array.
+    focal_length (mm) : of a microlens.
+    pitch (mm) : of the microlenses.
+    spacing (px) : of the sub-images.
+    matched (mm) : distance of the sensor at which sub-images would just touch.
     """
 
     image: float
@@ -145,152 +158,91 @@ class Arrangement(NamedTuple):
 
     @property
     def blur(self) -> float:
-        """How far the place on the main lens moves that a pixel sees, by how far the light goes through its microlens.
+        """Shift on the main lens of the point that a pixel sees, over the shift of the ray on its microlens.
 
         0 where microlenses show the main lens sharply, at 1/f = 1/d + 1/z; less than 0 nearer than that.
         """
         return (1.0 + self.pupil / self.distance - self.pupil / self.focal_length) * self.image / self.pupil
 
 
-def arranged(lenses: Microlenses, behind: Behind) -> Arrangement:
-    """The array behind a main lens.
+def solve_arrangement(lenses: Microlenses, main: MainLens) -> Arrangement:
+    """Work out the array behind a main lens.
 
     Raises
     ------
     ValidationError : there is no such arrangement; it points at a key of the microlenses.
     """
     if lenses.arrangement == "focused":
-        return _focused(lenses, behind)
+        return _solve_focused(lenses, main)
     given, focal_length = lenses.distance, lenses.focal_length
     if given is None and focal_length is not None:
-        if focal_length >= behind.pupil:
-            at(
+        if focal_length >= main.pupil:
+            field_error(
                 "focal_length",
-                f"{focal_length:g} mm is not shorter than the distance to the main lens, {behind.pupil:.4g} mm: such "
+                f"{focal_length:g} mm is not shorter than the distance to the main lens, {main.pupil:.4g} mm: such "
                 "microlenses show no image of it",
             )
-        given = 1.0 / (1.0 / focal_length - 1.0 / behind.pupil)
-    return _settled(lenses, behind, given)
+        given = 1.0 / (1.0 / focal_length - 1.0 / main.pupil)
+    return _solve_plenoptic(lenses, main, given)
 
 
-def _settled(lenses: Microlenses, behind: Behind, given: float | None, offset: float = 0.0) -> Arrangement:
-    """The array at an offset from the image, and the sensor a given distance behind it, or where sub-images touch."""
-    pupil = behind.pupil + offset
-    image = behind.image * (pupil / behind.pupil)
+def _solve_plenoptic(lenses: Microlenses, main: MainLens, given: float | None, offset: float = 0.0) -> Arrangement:
+    """Place the array at an offset from the image, and the sensor at a given distance, or where sub-images touch."""
+    pupil = main.pupil + offset
+    image = main.image * (pupil / main.pupil)
     # The pupil's image is D d / z wide, and so is the spacing s = (1 + d / z') p of a pitch p: solve for s.
-    working = image / behind.diameter
+    working = image / main.diameter
     if lenses.pitch is not None and given is None:
-        room = pupil - lenses.pitch * working
-        if room <= 0.0:
-            at("pitch", f"{lenses.pitch:g} mm is as wide as the main lens: no sub-images lie side by side")
-        pixels = lenses.pitch * pupil / room / behind.pixel
+        remaining = pupil - lenses.pitch * working
+        if remaining <= 0.0:
+            field_error("pitch", f"{lenses.pitch:g} mm is as wide as the main lens: no sub-images lie side by side")
+        pixels = lenses.pitch * pupil / remaining / main.pixel
     elif lenses.pitch is not None:
         assert given is not None
-        pixels = lenses.pitch * (1.0 + given / pupil) / behind.pixel
+        pixels = lenses.pitch * (1.0 + given / pupil) / main.pixel
     elif lenses.count is not None:
-        pixels = behind.width / lenses.count
+        pixels = main.width / lenses.count
     else:
         pixels = float(lenses.pixels or PIXELS)
-    matched = pixels * behind.pixel * working
+    matched = pixels * main.pixel * working
     distance = matched if given is None else given
     focal_length = lenses.focal_length or 1.0 / (1.0 / distance + 1.0 / pupil)
     if pixels < _LEAST_PIXELS:
-        at(
+        field_error(
             "pitch" if lenses.pitch is not None else "count",
             f"leaves {pixels:.3g} pixels of the sensor for each sub-image, and it takes {_LEAST_PIXELS} to tell "
             "directions apart: give a film with more pixels, or fewer and larger microlenses",
         )
-    pitch = pixels * behind.pixel / (1.0 + distance / pupil)
+    pitch = pixels * main.pixel / (1.0 + distance / pupil)
     return Arrangement(image, pupil, distance, focal_length, pitch, pixels, matched)
 
 
-_ROUNDS = 8
-"""Rounds by which the spacing of sub-images settles, of a given pitch: each leaves a part d / z of the error."""
+def _solve_focused(lenses: Microlenses, main: MainLens) -> Arrangement:
+    """Place an array whose microlenses show the image of the plane of focus on the sensor: 1/f = 1/a + 1/d.
 
-
-def _focused(lenses: Microlenses, behind: Behind) -> Arrangement:
-    """An array whose microlenses show the image of the plane of focus on the sensor: 1/f = 1/a + 1/d.
-
-    a is how far the array is behind that image, less than 0 before it, where the image is one that would lie behind.
+    a is how far the array is behind that image, less than 0 before it, where the image is one that would lie main.
     """
     focal_length = lenses.focal_length
     assert focal_length is not None
-    found = _settled(lenses, behind, lenses.distance)
-    for _round in range(_ROUNDS):
+    array = _solve_plenoptic(lenses, main, lenses.distance)
+    for _round in range(_ITERATIONS):
         given = lenses.distance
-        distance = _touching(found.spacing * behind.pixel, behind, focal_length) if given is None else given
+        distance = _touching_distance(array.spacing * main.pixel, main, focal_length) if given is None else given
         away = focal_length * distance / (distance - focal_length)
-        if behind.pupil + away <= 0.0:
-            at("focal_length", f"{focal_length:g} mm would put the microlenses before the main lens")
-        found = _settled(lenses, behind, distance, away)
-    return found
+        if main.pupil + away <= 0.0:
+            field_error("focal_length", f"{focal_length:g} mm would put the microlenses before the main lens")
+        array = _solve_plenoptic(lenses, main, distance, away)
+    return array
 
 
-def _touching(spacing: float, behind: Behind, focal_length: float) -> float:
-    """How far behind microlenses, which have the sensor in focus on the main lens's image, sub-images touch (mm).
+def _touching_distance(spacing: float, main: MainLens, focal_length: float) -> float:
+    """Return the distance behind focused microlenses (mm) at which their sub-images touch.
 
     d D = s (z + a), where f d = a (d - f), has two solutions, on both sides of f; the one is taken that has the array
-    nearer to the main lens's image.  D is the
-    exit pupil's diameter, z its distance.
+    nearer to the main lens's image.  D is the exit pupil's diameter, z its distance.
     """
-    width, image = behind.diameter * behind.pupil / behind.image, behind.pupil
+    width, image = main.diameter * main.pupil / main.image, main.pupil
     middle = 0.5 * (width * focal_length + spacing * (image + focal_length))
     product = width * spacing * image * focal_length
     farther = (middle + math.sqrt(middle * middle - product)) / width
     return farther if focal_length < spacing * image / width else product / (width * width * farther)
-
-
-# ---- In kernels
-
-
-class Square(NamedTuple):
-    """The cell of a microlens in a square lattice, in steps of it."""
-
-
-class Hexagon(NamedTuple):
-    """The cell of a microlens in a hexagonal lattice, whose steps are at 60 degrees."""
-
-
-@generic
-def nearest(cell, i, j):
-    """The node of a lattice in whose cell a place lies, both in steps of the lattice."""
-    raise NotImplementedError
-
-
-@nearest.register(Square)
-def _(cell, i, j):
-    return math.floor(i + 0.5), math.floor(j + 0.5)
-
-
-@nearest.register(Hexagon)
-def _(cell, i, j):
-    # Of three directions at 120 degrees, whose steps add up to 0, the one that rounding changes most is given up.
-    a, b, c = math.floor(i + 0.5), math.floor(j + 0.5), math.floor(0.5 - i - j)
-    da, db, dc = abs(a - i), abs(b - j), abs(c + i + j)
-    if da > db and da > dc:
-        return -b - c, b
-    return (a, -a - c) if db > dc else (a, b)
-
-
-@generic
-def within_cell(cell, u1, u2):
-    """A point of the cell about a node, evenly by area, in steps of the lattice."""
-    raise NotImplementedError
-
-
-@within_cell.register(Square)
-def _(cell, u1, u2):
-    return u1 - 0.5, u2 - 0.5
-
-
-@within_cell.register(Hexagon)
-def _(cell, u1, u2):
-    # Three rhombi, each between two of every other corner: (1, 1) / 3, (-2, 1) / 3, (1, -2) / 3.
-    part = 3.0 * u1
-    number = min(math.floor(part), 2.0)
-    part -= number
-    if number == 0.0:
-        return (part - 2.0 * u2) / 3.0, (part + u2) / 3.0
-    if number == 1.0:
-        return (u2 - 2.0 * part) / 3.0, (part - 2.0 * u2) / 3.0
-    return (part + u2) / 3.0, (u2 - 2.0 * part) / 3.0

@@ -1,4 +1,4 @@
-"""Cameras of any kind that move while the shutter is open.
+"""Motion of cameras of any kind while the shutter is open.
 
 In a scene:
 
@@ -11,86 +11,84 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytracer.cameras.interface import (
+from raytracer.core.camera_shake import Shake, shake_trajectory
+from raytracer.core.motion.affine import apply_point, apply_vector, invert
+from raytracer.core.motion.decomposition import Rows
+from raytracer.core.motion.interpolation import Trajectories, pack_trajectories, pose_at
+from raytracer.core.motion.resolve import Moving, Shift, Static, matrix_at, resolve_motion, trajectory_of
+from raytracer.core.motion.time_grid import MAX_STEPS
+from raytracer.core.motion.trajectory import compose_trajectories, conjugate_trajectory
+from raytracer.core.vec import Vec3, normalize
+from raytracer.plugins.cameras.base.interface import (
     NO_ASSETS,
     Assets,
+    CameraParts,
+    Defocus,
+    camera_defocus,
+    camera_parts,
     camera_ray,
     film_corner,
+    film_to_view,
     lane_ray,
-    moved,
-    place_in_view,
+    packet_rays,
     project,
-    rays_together,
     set_lane,
-    share_lanes,
+    share_wavelengths,
     trace_lanes,
+    translate_camera,
 )
-from raytracer.cameras.placement import PlacedSpec
-from raytracer.motion import (
-    MOST_STEPS,
-    Moving,
-    Rows,
-    Shift,
-    Static,
-    Trajectories,
-    apply_point,
-    apply_vector,
-    composed,
-    conjugated,
-    invert,
-    matrix_at,
-    pack_trajectories,
-    place,
-    pose_at,
-    trajectory_of,
-)
-from raytracer.shake import Shake, shaken
-from raytracer.spec import Matrix
-from raytracer.vec import Vec3, normalize
+from raytracer.plugins.cameras.base.placement import PlacedSpec
+from raytracer.schema.transform import Matrix
 
 
 class MovingCamera(NamedTuple):
-    """Packed: the camera at rest, and its one trajectory, rotations and translations only."""
+    """Packed camera that moves.
+
+    camera : the camera at rest.
+    trajectories : its one trajectory, of rotations and translations only.
+    """
 
     camera: Any
     trajectories: Trajectories
 
 
 def pack_camera(spec: PlacedSpec, width: int, height: int, assets: Assets = NO_ASSETS) -> Any:
-    """The packed camera for a film of width x height pixels: at rest, or moving while its shutter is open.
+    """Pack a camera for a film of width x height pixels: at rest, or moving while its shutter is open.
 
     Raises
     ------
     ValueError : its motion turns too often while the shutter is open.
     """
-    shutter = spec.opening()
-    placed = place(spec.motion, np.eye(4), shutter)
+    shutter = spec.shutter_interval()
+    placed = resolve_motion(spec.motion, np.eye(4), shutter)
     if spec.shake is not None and spec.shake.amplitude > 0.0 and shutter.close > shutter.open:
-        return MovingCamera(spec.pack(width, height, assets), pack_trajectories([_shaken(spec, spec.shake, placed)]))
+        return MovingCamera(
+            spec.pack(width, height, assets), pack_trajectories([_shake_trajectory(spec, spec.shake, placed)])
+        )
     if isinstance(placed, Static):
-        return _posed(spec, placed.matrix).pack(width, height, assets)
+        return _transform_camera(spec, placed.matrix).pack(width, height, assets)
     return MovingCamera(spec.pack(width, height, assets), pack_trajectories([trajectory_of(placed)]))
 
 
-def _shaken(spec: PlacedSpec, shake: Shake, placed: Static | Shift | Moving) -> Rows:
-    """The trajectory of a camera that shakes as seen from where its motion carries it."""
+def _shake_trajectory(spec: PlacedSpec, shake: Shake, placed: Static | Shift | Moving) -> Rows:
+    """Return the trajectory of a camera that shakes while its motion carries it."""
     own = trajectory_of(placed)
     segments = max(1, len(own) - 1)
     # Few steps would leave too little of a motion that turns, where it and the shake are composed.
-    segments *= math.ceil((MOST_STEPS - 1) / segments) if isinstance(placed, Moving) else 1
+    segments *= math.ceil((MAX_STEPS - 1) / segments) if isinstance(placed, Moving) else 1
     frame = spec.frame()
     axes = np.array([frame.right, frame.up, frame.forward])
-    hand = shaken(shake, frame.origin, axes, spec.opening(), segments)
-    return composed(own, hand, len(hand))
+    hand = shake_trajectory(shake, frame.origin, axes, spec.shutter_interval(), segments)
+    return compose_trajectories(own, hand, len(hand))
 
 
-def camera_at(spec: PlacedSpec, time: float) -> PlacedSpec:
-    """The camera where its motion has brought it at a time of the scene (s), at rest."""
-    return spec if spec.motion is None else _posed(spec, matrix_at(spec.motion, time))
+def camera_at_time(spec: PlacedSpec, time: float) -> PlacedSpec:
+    """Return the camera at rest in the place where its motion has brought it at a time of the scene (s)."""
+    return spec if spec.motion is None else _transform_camera(spec, matrix_at(spec.motion, time))
 
 
-def _posed(spec: PlacedSpec, matrix: Matrix) -> PlacedSpec:
-    """The camera moved by a rotation and translation; itself where that leaves it in its place."""
+def _transform_camera(spec: PlacedSpec, matrix: Matrix) -> PlacedSpec:
+    """Move the camera by a rotation and translation; itself where that leaves it in its place."""
     if np.array_equal(matrix, np.eye(4)):
         return spec
     moved = {name: matrix[:3, :3] @ getattr(spec, name) + matrix[:3, 3] for name in ("look_from", "look_at")}
@@ -99,55 +97,67 @@ def _posed(spec: PlacedSpec, matrix: Matrix) -> PlacedSpec:
 
 
 @film_corner.register(MovingCamera)
-def _(camera, x, y):
+def film_corner_moving_camera(camera, x, y):
     return film_corner(camera.camera, x, y)
 
 
-@place_in_view.register(MovingCamera)
-def _(camera, x, y):
-    return place_in_view(camera.camera, x, y)
+@film_to_view.register(MovingCamera)
+def film_to_view_moving_camera(camera, x, y):
+    return film_to_view(camera.camera, x, y)
 
 
-@rays_together.register(MovingCamera)
-def _(camera):
-    return rays_together(camera.camera)
+@packet_rays.register(MovingCamera)
+def packet_rays_moving_camera(camera):
+    return packet_rays(camera.camera)
 
 
 @set_lane.register(MovingCamera)
-def _(camera, rows, lane, x, y, draws):
+def set_lane_moving_camera(camera, rows, lane, x, y, draws):
     set_lane(camera.camera, rows, lane, x, y, draws)
 
 
 @trace_lanes.register(MovingCamera)
-def _(camera, rows):
+def trace_lanes_moving_camera(camera, rows):
     trace_lanes(camera.camera, rows)
 
 
-@share_lanes.register(MovingCamera)
-def _(camera, sharing, rows, others, x, y):
-    share_lanes(camera.camera, sharing, rows, others, x, y)
+@share_wavelengths.register(MovingCamera)
+def share_wavelengths_moving_camera(camera, sharing, rows, others, x, y):
+    share_wavelengths(camera.camera, sharing, rows, others, x, y)
 
 
 @lane_ray.register(MovingCamera)
-def _(camera, rows, lane, x, y, time, draws):
+def lane_ray_moving_camera(camera, rows, lane, x, y, time, draws):
     origin, direction, weight = lane_ray(camera.camera, rows, lane, x, y, time, draws)
     pose = pose_at(camera.trajectories, 0, time)
     return apply_point(pose, origin), normalize(apply_vector(pose, direction)), weight
 
 
 @camera_ray.register(MovingCamera)
-def _(camera, x, y, time, draws):
+def camera_ray_moving_camera(camera, x, y, time, draws):
     origin, direction, weight = camera_ray(camera.camera, x, y, time, draws)
     pose = pose_at(camera.trajectories, 0, time)
     return apply_point(pose, origin), normalize(apply_vector(pose, direction)), weight
 
 
 @project.register(MovingCamera)
-def _(camera, point, time):
+def project_moving_camera(camera, point, time):
     return project(camera.camera, apply_point(invert(pose_at(camera.trajectories, 0, time)), point), time)
 
 
-@moved.register(MovingCamera)
-def _(camera: Any, by: Vec3) -> Any:
+@camera_defocus.register(MovingCamera)
+def camera_defocus_moving_camera(camera: Any) -> Defocus | None:
+    at_rest: Defocus | None = camera_defocus(camera.camera)
+    return at_rest
+
+
+@camera_parts.register(MovingCamera)
+def camera_parts_moving_camera(camera: Any) -> CameraParts:
+    at_rest: CameraParts = camera_parts(camera.camera)
+    return at_rest._replace(moves=True)
+
+
+@translate_camera.register(MovingCamera)
+def translate_camera_moving_camera(camera: Any, by: Vec3) -> Any:
     own = camera.trajectories
-    return MovingCamera(moved(camera.camera, by), own._replace(rows=conjugated(own.rows, by)))
+    return MovingCamera(translate_camera(camera.camera, by), own._replace(rows=conjugate_trajectory(own.rows, by)))

@@ -1,26 +1,26 @@
-"""What the perspective cameras share: a frame, an image plane, and a lens or None."""
+"""Keys of perspective cameras: the field of view, and the size of the opening."""
 
 import math
-from typing import Annotated, Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from raytracer.cameras.exposed import ExposedSpec
-from raytracer.cameras.interface import Defocus, camera_ray, defocus_of, project
-from raytracer.cameras.placement import Frame, in_frame
-from raytracer.jit import generic, kernel
-from raytracer.photography import (
+from raytracer.optics.sensor_formats import SensorSize
+from raytracer.optics.thin_lens import (
     airy_diameter_um,
     crop_factor,
     exposure_value,
     field_of_view,
+    focal_length_from_distances,
+    image_distance,
 )
-from raytracer.sensors import SENSORS, Size
-from raytracer.spec import FieldOfView, PositiveOptic, Quantity, at
-from raytracer.units import METRES_PER_MILLIMETRE
-from raytracer.vec import add, dot, madd, normalize, scale
+from raytracer.plugins.cameras.base.exposed import ExposedSpec
+from raytracer.plugins.cameras.base.perspective_camera import FlatPupil, ImagePlane, Irradiance, PerspectiveCamera
+from raytracer.schema.fields import FieldOfView, FNumberOrInf, PositiveLensLength
+from raytracer.schema.spec import field_error
+from raytracer.schema.units import METRES_PER_MILLIMETRE
 
 # The field of view where a scene says nothing of it (deg).
 _VFOV = 90.0
@@ -29,61 +29,61 @@ _ANGLES = ("vfov", "hfov", "dfov")
 _LENGTHS = ("focal_length", "equivalent_focal_length")
 
 
-class ImagePlane(NamedTuple):
-    """The film's image at distance 1: width of a pixel, and its left and top edges, right and up from the axis."""
+class CameraOptics(NamedTuple):
+    """Optics of a perspective camera, with all that its keys leave open worked out.
 
-    pixel: float
-    left: float
-    top: float
+    All but `top` are None where only an angle of view is given, which has no size.
 
-
-class Irradiance(NamedTuple):
-    """What a film needs to gather irradiance in place of radiance: the pupil's area over the square of its distance."""
-
-    scale: float
-
-
-class FlatPupil(NamedTuple):
-    """As `Irradiance`, of a pupil that is an evenly radiating disc; its distance from the film (m), and area (m2)."""
-
-    image_distance: float
-    area: float
-
-
-class PerspectiveCamera(NamedTuple):
-    """Packed; `lens` is None for a pinhole, `irradiance` where the film gathers radiance."""
-
-    frame: Frame
-    plane: ImagePlane
-    lens: Any
-    irradiance: Any
-
-
-class Optics(NamedTuple):
-    """The optics of a perspective camera, with all that its keys leave open worked out.
-
-    top, half the film's height over the image distance; sensor, its size (mm); film, the part of it that the picture
-    shows (mm); focal_length and image_distance (mm).  All but the first are None where only an angle of view is given,
-    which has no size; where the sensor is not given, it is as large as the film.
+    top : half the film's height over the image distance.
+    sensor (mm) : its size; where it is not given, that of the film.
+    film (mm) : size of the part of the sensor that the picture shows.
+    focal_length (mm) : of the lens.
+    image_distance (mm) : of the film from the lens.
     """
 
     top: float
-    sensor: Size | None
-    film: Size | None
+    sensor: SensorSize | None
+    film: SensorSize | None
     focal_length: float | None
     image_distance: float | None
 
 
-def _both(keys: list[str], what: str) -> str:
+class ApertureSize(NamedTuple):
+    """Size of a lens's opening as the keys of a camera give it: one of the two, or none for a point.
+
+    diameter (m) : of the opening.
+    f_number : focal length over the diameter.
+    """
+
+    diameter: float | None = None
+    f_number: float | None = None
+
+    def is_open(self) -> bool:
+        """Tell if the opening has a size, and is no point."""
+        return self.diameter is not None or (self.f_number is not None and math.isfinite(self.f_number))
+
+    def diameter_at(self, focal_length: float | None) -> float:
+        """Return the diameter (m) for a focal length (mm), None for one that is not known; 0 for a point."""
+        if self.diameter is not None:
+            return self.diameter
+        if self.f_number is None or focal_length is None:
+            return 0.0
+        return METRES_PER_MILLIMETRE * focal_length / self.f_number
+
+
+def _conflict_message(keys: list[str], what: str) -> str:
     return f"{' and '.join(keys)} both set {what}: give one of them"
 
 
 class PerspectiveSpec(ExposedSpec):
-    """Where a camera stands, what it looks at, and how much of it.
+    """Base of the perspective cameras, whose film lies as that of a lens focused at infinity.
 
     The angle of view is given by itself (one of `vfov`, `hfov`, `dfov`), or follows from a sensor and a focal length.
     An angle with one of those two gives the other.
     """
+
+    aperture_hint: ClassVar[str] = "give a finite f_number"
+    """The keys that give the camera an aperture, as errors say them."""
 
     vfov: FieldOfView | None = Field(
         default=None,
@@ -91,13 +91,13 @@ class PerspectiveSpec(ExposedSpec):
     )
     hfov: FieldOfView | None = Field(default=None, description="horizontal field of view (deg), in place of `vfov`")
     dfov: FieldOfView | None = Field(default=None, description="diagonal field of view (deg), in place of `vfov`")
-    focal_length: PositiveOptic | None = Field(default=None, description="focal length (mm)")
-    equivalent_focal_length: PositiveOptic | None = Field(
+    focal_length: PositiveLensLength | None = Field(default=None, description="focal length (mm)")
+    equivalent_focal_length: PositiveLensLength | None = Field(
         default=None,
         description="focal length (mm) that has the same diagonal field of view on 36 x 24 mm, in place of "
         "`focal_length`",
     )
-    f_number: Annotated[float, Quantity(low=0.0, low_open=True, infinite=True)] | None = Field(
+    f_number: FNumberOrInf | None = Field(
         default=None, description="focal length over the diameter of the entrance pupil; inf for a pinhole"
     )
 
@@ -106,98 +106,100 @@ class PerspectiveSpec(ExposedSpec):
         angles = [key for key in _ANGLES if getattr(self, key) is not None]
         lengths = [key for key in _LENGTHS if getattr(self, key) is not None]
         if len(angles) > 1:
-            at(angles[1], _both(angles[:2], "the field of view"))
+            field_error(angles[1], _conflict_message(angles[:2], "the field of view"))
         if len(lengths) > 1:
-            at(lengths[1], _both(lengths, "the focal length"))
-        if angles and lengths and self._sensor() is not None:
-            at(
+            field_error(lengths[1], _conflict_message(lengths, "the focal length"))
+        if angles and lengths and self.given_sensor() is not None:
+            field_error(
                 angles[0],
                 f"{angles[0]} is set twice, by itself and by sensor and {lengths[0]}: give two of the three at most",
             )
         if angles and self.equivalent_focal_length is not None:
-            at(angles[0], _both([angles[0], "equivalent_focal_length"], "the field of view"))
-        if self.sensor_fit is not None and self._sensor() is None and not (lengths and not angles):
-            at("sensor_fit", "sensor_fit says how the picture lies on the sensor, and there is none: give sensor")
-        if self.f_number is not None and math.isfinite(self.f_number) and not self._has_scale():
-            at("f_number", "f_number needs a focal length: give focal_length, or sensor")
+            field_error(angles[0], _conflict_message([angles[0], "equivalent_focal_length"], "the field of view"))
+        if self.sensor_fit is not None and self.given_sensor() is None and not (lengths and not angles):
+            field_error(
+                "sensor_fit", "sensor_fit says how the picture lies on the sensor, and there is none: give sensor"
+            )
+        if self.f_number is not None and math.isfinite(self.f_number) and not self.has_scale():
+            field_error("f_number", "f_number needs a focal length: give focal_length, or sensor")
         return self
 
     @model_validator(mode="after")
     def _can_be_exposed(self) -> Any:
         if self.iso is None:
             return self
-        if not self._has_scale():
-            at("iso", "iso needs the size of the optics, which an angle does not have: give focal_length or sensor")
-        if not self._lets_light_in():
-            at("iso", f"iso needs an aperture that lets light in: {self._openings()}")
+        if not self.has_scale():
+            field_error(
+                "iso", "iso needs the size of the optics, which an angle does not have: give focal_length or sensor"
+            )
+        if not self.has_aperture():
+            field_error("iso", f"iso needs an aperture that lets light in: {self.aperture_hint}")
         return self
 
-    def _openings(self) -> str:
-        """How to give the camera an aperture, as an error says it."""
-        return "give a finite f_number"
+    def plane_of_focus(self) -> float:
+        """Return the distance (m) for which the film lies behind the lens."""
+        return math.inf
 
-    def _has_scale(self) -> bool:
-        """Whether the optics have a size, and not just an angle."""
-        lengths = (self.focal_length, self.equivalent_focal_length, self._sensor())
+    def aperture_size(self) -> ApertureSize:
+        """Return the size of the opening as the keys give it."""
+        return ApertureSize(f_number=self.f_number)
+
+    def film_irradiance(self, image: float, area: float) -> Irradiance | FlatPupil:
+        """Pack the weight of rays through a pupil of this area (m2), at this distance from the film (m)."""
+        return Irradiance(area / (image * image))
+
+    def has_scale(self) -> bool:
+        """Tell if the optics have a size, and not just an angle."""
+        lengths = (self.focal_length, self.equivalent_focal_length, self.given_sensor())
         return any(value is not None for value in lengths)
 
-    def _given_focal_length(self) -> float | None:
-        """The focal length (mm), where it does not follow from an angle."""
+    def has_aperture(self) -> bool:
+        """Tell if the entrance pupil has a size."""
+        return self.aperture_size().is_open()
+
+    def pupil_diameter(self, width: int, height: int) -> float:
+        """Return the diameter of the entrance pupil (m) for a film of width x height pixels; 0 for a point."""
+        return self.aperture_size().diameter_at(self.optics(width, height).focal_length)
+
+    def given_focal_length(self) -> float | None:
+        """Return the focal length (mm); None where it follows from an angle."""
         if self.equivalent_focal_length is None:
             return self.focal_length
-        return self.equivalent_focal_length / crop_factor(*(self._sensor() or SENSORS["full_frame"]))
+        return self.equivalent_focal_length / crop_factor(*self.sensor_size())
 
-    def _image_distance(self, focal_length: float) -> float:
-        """Distance of the film from the pupil (mm), for a focal length (mm)."""
-        return focal_length
-
-    def _focal_length(self, image: float) -> float:
-        """Focal length (mm), for a distance of the film from the pupil (mm)."""
-        return image
-
-    def _pupil(self, optics: Optics) -> float:
-        """Diameter of the entrance pupil (m), 0 for a pinhole without a size."""
-        if self.f_number is None or optics.focal_length is None:
-            return 0.0
-        return METRES_PER_MILLIMETRE * optics.focal_length / self.f_number
-
-    def _lets_light_in(self) -> bool:
-        """Whether the entrance pupil has a size."""
-        return self.f_number is not None and math.isfinite(self.f_number)
-
-    def _slope(self, width: int, height: int) -> float:
-        """Half the film's height over its distance, where an angle says it."""
+    def _given_slope(self, width: int, height: int) -> float:
+        """Return half the film's height over its distance, as an angle gives it."""
         if self.hfov is not None:
             return math.tan(math.radians(self.hfov) / 2.0) * height / width
         if self.dfov is not None:
             return math.tan(math.radians(self.dfov) / 2.0) * height / math.hypot(width, height)
         return math.tan(math.radians(_VFOV if self.vfov is None else self.vfov) / 2.0)
 
-    def optics(self, width: int, height: int) -> Optics:
-        """The optics for a film of width x height square pixels."""
-        sensor = self._sensor()
+    def optics(self, width: int, height: int) -> CameraOptics:
+        """Work out the optics for a film of width x height square pixels."""
         has_angle = any(getattr(self, key) is not None for key in _ANGLES)
-        focal_length = self._given_focal_length()
-        if sensor is None and not has_angle and focal_length is not None:
-            sensor = Size(*SENSORS["full_frame"])
-        film = None if sensor is None else self._fitted(sensor, width, height)
+        focal_length, focus = self.given_focal_length(), 1e3 * self.plane_of_focus()
+        has_sensor = self.given_sensor() is not None or (focal_length is not None and not has_angle)
+        sensor, film = (self.sensor_size(), self.film_size(width, height)) if has_sensor else (None, None)
 
         # The film and the focal length give the angle; or the angle with one of them the other.
         if film is not None and focal_length is not None:
-            image = self._image_distance(focal_length)
-            return Optics(0.5 * film.height / image, sensor, film, focal_length, image)
-        top = self._slope(width, height)
+            image = image_distance(focal_length, focus)
+            return CameraOptics(0.5 * film.height / image, sensor, film, focal_length, image)
+        top = self._given_slope(width, height)
         if focal_length is not None:
-            image = self._image_distance(focal_length)
-            film = Size(2.0 * image * top * width / height, 2.0 * image * top)
-            return Optics(top, film, film, focal_length, image)
+            image = image_distance(focal_length, focus)
+            film = SensorSize(2.0 * image * top * width / height, 2.0 * image * top)
+            return CameraOptics(top, film, film, focal_length, image)
         if film is not None:
             image = 0.5 * film.height / top
-            return Optics(top, sensor, film, self._focal_length(image), image)
-        return Optics(top, None, None, None, None)
+            return CameraOptics(top, sensor, film, focal_length_from_distances(image, focus), image)
+        return CameraOptics(top, None, None, None, None)
 
-    def sight(self, x: float, y: float, width: int, height: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The ray that a place in the frame sees along: as right, up, forward, its start (m) and direction (3,).
+    def film_to_ray(
+        self, x: float, y: float, width: int, height: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the ray of a place in the frame as its start (m) and direction (3,), each right, up and forward.
 
         x, y : fractions of the frame's width and height, from the top left.
 
@@ -213,19 +215,15 @@ class PerspectiveSpec(ExposedSpec):
         if self.f_number is not None:
             return self.f_number
         optics = self.optics(width, height)
-        pupil = 1e3 * self._pupil(optics)
+        pupil = 1e3 * self.pupil_diameter(width, height)
         return None if pupil == 0.0 or optics.focal_length is None else optics.focal_length / pupil
 
     def is_radiometric(self) -> bool:
         asked = self.iso is not None or self.exposure is not None
-        return asked and self._has_scale() and self._lets_light_in()
-
-    def _irradiance(self, image: float, area: float) -> Any:
-        """How irradiance is gathered through a pupil of this area (m2), at this distance from the film (m)."""
-        return Irradiance(area / (image * image))
+        return asked and self.has_scale() and self.has_aperture()
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Derived numbers for `rt explain`, by name with unit."""
+        """Return derived numbers, by name with unit."""
         optics = self.optics(width, height)
         right = optics.top * width / height
         numbers = {
@@ -248,7 +246,7 @@ class PerspectiveSpec(ExposedSpec):
             "equivalent_focal_length_mm": crop * optics.focal_length,
             "image_distance_mm": optics.image_distance,
         }
-        pupil = 1e3 * self._pupil(optics)
+        pupil = 1e3 * self.pupil_diameter(width, height)
         if pupil > 0.0:
             f_number, seconds = optics.focal_length / pupil, self.exposure_seconds()
             numbers |= {"f_number": f_number, "entrance_pupil_mm": pupil}
@@ -257,95 +255,13 @@ class PerspectiveSpec(ExposedSpec):
                 numbers["ev100"] = exposure_value(f_number, seconds, self.iso or 100.0)
         return numbers
 
-    def camera(self, width: int, height: int, lens: Any) -> PerspectiveCamera:
-        """The packed camera for a film of width x height square pixels."""
+    def pack_with_lens(self, width: int, height: int, lens: Any) -> PerspectiveCamera:
+        """Pack the camera for a film of width x height square pixels, with a packed lens or None."""
         optics = self.optics(width, height)
         pixel = 2.0 * optics.top / height
         irradiance = None
         if self.is_radiometric():
             assert optics.image_distance is not None
-            area = math.pi * (0.5 * self._pupil(optics)) ** 2
-            irradiance = self._irradiance(METRES_PER_MILLIMETRE * optics.image_distance, area)
+            area = math.pi * (0.5 * self.pupil_diameter(width, height)) ** 2
+            irradiance = self.film_irradiance(METRES_PER_MILLIMETRE * optics.image_distance, area)
         return PerspectiveCamera(self.frame(), ImagePlane(pixel, -0.5 * pixel * width, optics.top), lens, irradiance)
-
-
-@generic
-def lens_ray(lens, frame, irradiance, direction, draws):
-    """The ray (origin, unit direction, weight) into the scene of the ray through the lens's centre along `direction`.
-
-    `direction` is not a unit vector: its component along the axis is 1.
-    """
-    raise NotImplementedError
-
-
-@lens_ray.register(type(None))
-def _(lens, frame, irradiance, direction, draws):
-    return frame.origin, normalize(direction), gathered(irradiance, direction, (0.0, 0.0, 0.0), direction)
-
-
-@generic
-def gathered(irradiance, direction, shift, towards):
-    """Weight of the radiance that a ray brings, if it is to be gathered as irradiance.
-
-    Parameters
-    ----------
-    direction : as in `lens_ray`.
-    shift : where the ray goes through the pupil, from its middle (m).
-    towards : where it goes from there, not a unit vector: the component along the axis is 1.
-    """
-    raise NotImplementedError
-
-
-@gathered.register(type(None))
-def _(irradiance, direction, shift, towards):
-    return 1.0
-
-
-@gathered.register(Irradiance)
-def _(irradiance, direction, shift, towards):
-    # What a patch of the plane of focus, at the distance F, sends through an element dA of the pupil arrives in the
-    # patch's image, which is z / F times as large: E = integral of L cos^4 / F^2 (F / z)^2 dA.
-    square = dot(towards, towards)
-    return irradiance.scale / (square * square)
-
-
-@gathered.register(FlatPupil)
-def _(irradiance, direction, shift, towards):
-    # E = integral of L cos^4 / z^2 dA, with the angle at which the film sees the element of the pupil.
-    z = irradiance.image_distance
-    way = madd(shift, z, direction)
-    ratio = z / dot(way, way)
-    return irradiance.area * ratio * ratio
-
-
-@kernel
-def film_direction(frame, plane, x, y):
-    """From the lens's centre to the image of film position (x, y) in the plane at distance 1."""
-    across = scale(plane.left + plane.pixel * x, frame.right)
-    return add(madd(across, plane.top - plane.pixel * y, frame.up), frame.forward)
-
-
-@camera_ray.register(PerspectiveCamera)
-def _(camera, x, y, time, draws):
-    direction = film_direction(camera.frame, camera.plane, x, y)
-    return lens_ray(camera.lens, camera.frame, camera.irradiance, direction, draws)
-
-
-@defocus_of.register(PerspectiveCamera)
-def _(camera: Any) -> Defocus:
-    lens, pixel = camera.lens, float(camera.plane.pixel)
-    return Defocus(0.0, pixel, 0.0) if lens is None else Defocus(2.0 * float(lens.radius), pixel, lens.inverse_focus)
-
-
-@kernel
-def place_on_film(plane, right, up, depth):
-    """Film position (px) of a point (m) in the camera's frame, and its depth; NaN for what is not in front of it."""
-    if depth <= 0.0:
-        return math.nan, math.nan, depth
-    return (right / depth - plane.left) / plane.pixel, (plane.top - up / depth) / plane.pixel, depth
-
-
-@project.register(PerspectiveCamera)
-def _(camera, point, time):
-    right, up, depth = in_frame(camera.frame, point)
-    return place_on_film(camera.plane, right, up, depth)

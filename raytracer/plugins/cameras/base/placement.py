@@ -1,4 +1,4 @@
-"""Where a camera stands and how it is turned: what every kind of camera has."""
+"""Position and orientation of a camera, which every kind of camera has."""
 
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from raytracer.cameras.interface import CameraSpec
-from raytracer.jit import kernel
-from raytracer.spec import MOST, Direction, Point, Quantity
-from raytracer.spectra import FIRST, LAST
-from raytracer.vec import Vec3, dot, sub
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.spectra import FIRST, LAST
+from raytracer.core.vec import Vec3, dot, sub
+from raytracer.plugins.cameras.base.interface import CameraSpec
+from raytracer.schema.fields import MAX_MAGNITUDE, Direction, Point, Quantity
 
 WavelengthField: TypeAlias = Annotated[
     Annotated[float, Quantity("wavelength", low=FIRST, high=LAST)] | None,
@@ -23,8 +23,12 @@ WavelengthField: TypeAlias = Annotated[
 """The key of cameras that can see light of one wavelength alone."""
 
 
-class Frame(NamedTuple):
-    """A camera's place and frame: origin, and the unit vectors right, up, forward."""
+class CameraFrame(NamedTuple):
+    """Position of a camera, and the axes of its coordinate system.
+
+    origin (m) : position of the camera.
+    right, up, forward : orthogonal unit vectors; the camera looks along `forward`.
+    """
 
     origin: Vec3
     right: Vec3
@@ -37,7 +41,7 @@ def _vec3(vector: NDArray[np.float64]) -> Vec3:
 
 
 class PlacedSpec(CameraSpec):
-    """Where a camera stands, and what it looks at."""
+    """Position and orientation of a camera."""
 
     look_from: Point = Field(default=(0.0, 0.0, 0.0), description="position of the camera (m)")
     look_at: Point = Field(default=(0.0, 0.0, -1.0), description="point in the centre of the picture (m)")
@@ -48,8 +52,8 @@ class PlacedSpec(CameraSpec):
         self.frame()
         return self
 
-    def frame(self) -> Frame:
-        """The camera's frame, orthonormal to a few ulps however close `up` is to the view.
+    def frame(self) -> CameraFrame:
+        """Return the camera's frame, orthonormal to a few ulps however close `up` is to the view.
 
         Raises
         ------
@@ -57,7 +61,7 @@ class PlacedSpec(CameraSpec):
         """
         forward = np.subtract(self.look_at, self.look_from)
         # As near as no two numbers of a scene but 0 are to it, squares of what lies between would vanish.
-        if np.abs(forward).max() * MOST < 1.0:
+        if np.abs(forward).max() * MAX_MAGNITUDE < 1.0:
             raise ValueError("look_from and look_at are the same point, so the camera looks nowhere")
         forward = forward / np.linalg.norm(forward)
         up = np.asarray(self.up) / np.linalg.norm(self.up)
@@ -69,15 +73,15 @@ class PlacedSpec(CameraSpec):
         right = right / np.linalg.norm(right)
         right = right - forward * np.dot(right, forward)
         right = right / np.linalg.norm(right)
-        return Frame(self.look_from, _vec3(right), _vec3(np.cross(right, forward)), _vec3(forward))
+        return CameraFrame(self.look_from, _vec3(right), _vec3(np.cross(right, forward)), _vec3(forward))
 
     def distance(self) -> float:
-        """|look_at - look_from| (m)."""
+        """Return |look_at - look_from| (m)."""
         return float(np.linalg.norm(np.subtract(self.look_at, self.look_from)))
 
 
 @kernel
-def in_frame(frame, point):
-    """Coordinates (m) of a point in the camera's frame: to the right, up, and along the axis."""
+def to_camera_space(frame, point):
+    """Transform a point to the camera's frame: coordinates (m) to the right, up, and along the axis."""
     to = sub(point, frame.origin)
     return dot(to, frame.right), dot(to, frame.up), dot(to, frame.forward)

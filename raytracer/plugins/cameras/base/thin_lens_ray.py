@@ -1,19 +1,21 @@
-"""The opening through which a perspective camera sees: what thin lenses and pinholes of a real size share."""
+"""Ray of a thin lens: from a point of its pupil to the plane of focus; or through a pinhole of a real size."""
 
 from typing import Any, NamedTuple
 
-from raytracer.apertures.interface import sample_aperture, unvignetted
-from raytracer.cameras.interface import LENS
-from raytracer.cameras.perspective import gathered, lens_ray
-from raytracer.sampling import sample_2d
-from raytracer.vec import add, dot, madd, normalize, scale
+from raytracer.core.sampling import sample_2d
+from raytracer.core.vec import add, dot, madd, normalize, scale
+from raytracer.plugins.apertures.base.interface import rim_visibility, sample_aperture
+from raytracer.plugins.cameras.base.interface import LENS
+from raytracer.plugins.cameras.base.perspective_camera import irradiance_weight, lens_ray
 
 
-class Lens(NamedTuple):
-    """Packed: radius (m) and 1 / focus distance (1/m), which is 0 for focus at infinity.
+class ThinLensPupil(NamedTuple):
+    """Packed thin lens; a mere hole, which bends no ray, has its plane of focus as far behind it as the film.
 
-    A mere hole, which bends no ray, is a lens whose plane of focus is as far behind it as the film.  shape, a packed
-    aperture, None if it is round; rim, what vignettes, None if nothing does.
+    radius (m) : of the round opening of the same area.
+    inverse_focus (1/m) : one over the distance of the plane of focus, 0 for infinity.
+    shape : a packed aperture; None for a round one.
+    rim : a Rim in front of the lens, which vignettes; None without one.
     """
 
     radius: float
@@ -22,12 +24,16 @@ class Lens(NamedTuple):
     rim: Any = None
 
 
-@lens_ray.register(Lens)
-def _(lens, frame, irradiance, direction, draws):
+@lens_ray.register(ThinLensPupil)
+def lens_ray_thin_lens_pupil(lens, frame, irradiance, direction, draws):
     u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + LENS)
     unit_x, unit_y = sample_aperture(lens.shape, u1, u2)
     x, y = lens.radius * unit_x, lens.radius * unit_y
     shift = add(scale(x, frame.right), scale(y, frame.up))
     towards = madd(direction, -lens.inverse_focus, shift)
-    passes = unvignetted(lens.rim, x, y, dot(towards, frame.right), dot(towards, frame.up))
-    return add(frame.origin, shift), normalize(towards), passes * gathered(irradiance, direction, shift, towards)
+    passes = rim_visibility(lens.rim, x, y, dot(towards, frame.right), dot(towards, frame.up))
+    return (
+        add(frame.origin, shift),
+        normalize(towards),
+        passes * irradiance_weight(irradiance, direction, shift, towards),
+    )

@@ -1,4 +1,4 @@
-"""Many views of one scene in one picture: what camera arrays and light slabs share."""
+"""Many views of one scene in one picture, for camera arrays and light slabs."""
 
 import math
 from typing import Any, NamedTuple
@@ -6,35 +6,47 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.cameras.interface import Defocus, camera_ray, defocus_of, film_corner, place_in_view, project
-from raytracer.cameras.perspective import (
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.vec import add, madd, scale
+from raytracer.film.light_field.focusing import refocusable, view_spacing
+from raytracer.film.light_field.mosaic import Mosaic
+from raytracer.film.light_field.views import Plane, Pose, Views
+from raytracer.plugins.cameras.base.interface import (
+    CameraParts,
+    Defocus,
+    camera_defocus,
+    camera_parts,
+    camera_ray,
+    film_corner,
+    film_to_view,
+    project,
+)
+from raytracer.plugins.cameras.base.perspective_camera import (
     ImagePlane,
     PerspectiveCamera,
     film_direction,
     lens_ray,
-    place_on_film,
+    project_to_film,
+    thin_lens_parts,
 )
-from raytracer.cameras.placement import Frame, in_frame
-from raytracer.jit import kernel
-from raytracer.plenoptic.focusing import refocusable, spacing
-from raytracer.plenoptic.mosaic import Mosaic
-from raytracer.plenoptic.views import Plane, Pose, Views
-from raytracer.vec import add, madd, scale
+from raytracer.plugins.cameras.base.placement import CameraFrame, to_camera_space
 
-MOST_VIEWS = 1024
+MAX_VIEWS = 1024
 """Views in a row, or in a column, at most."""
 
+# Beyond views of a few pixels too the film has to reach as far as any usual filter does.
+_MIN_MARGIN = 16
 
-# Beyond views of a few pixels too there is room for any usual filter.
-_LEAST_MARGIN = 16
 
+class ViewGrid(NamedTuple):
+    """Packed grid of views.
 
-class Grid(NamedTuple):
-    """Packed: where views are, and where their films lie.
-
-    left, top, the place of the first view, right and up from the middle (m); across, down, from one to the next (m);
-    inverse_convergence, one over the distance at which all see the same at the same place of their films (1/m);
-    width, height, of a view (px); stride, from one film to the next (px), and guard, what lies free around each.
+    left, top (m) : place of the first view, right and up from the middle.
+    across, down (m) : steps from one view to the next.
+    inverse_convergence (1/m) : one over the distance at which all views see the same at the same place of their films.
+    width, height (px) : size of a view.
+    stride (px) : step from one view's film to the next.
+    guard (px) : film beyond each edge of a view.
     """
 
     left: float
@@ -49,57 +61,57 @@ class Grid(NamedTuple):
 
 
 class ViewsCamera(NamedTuple):
-    """Packed: a perspective camera at each place of a grid, its film shifted so that all views converge."""
+    """Packed perspective camera at each place of a grid, its film shifted so that all views converge."""
 
-    frame: Frame
+    frame: CameraFrame
     plane: ImagePlane
     lens: Any
     irradiance: Any
-    grid: Grid
+    grid: ViewGrid
 
 
-def margin(width: int, height: int) -> int:
-    """How far beyond a view of width x height pixels its film reaches (px)."""
-    return max(width, height, _LEAST_MARGIN)
+def view_margin(width: int, height: int) -> int:
+    """Return how many pixels the film reaches beyond a view of width x height pixels."""
+    return max(width, height, _MIN_MARGIN)
 
 
-def spread(
+def make_view_grid(
     rows: int, columns: int, spacing: tuple[float, float], width: int, height: int, inverse_convergence: float
-) -> Grid:
-    """A grid of views of width x height pixels; `spacing` is that to the right and that down (m)."""
+) -> ViewGrid:
+    """Make a grid of views of width x height pixels; `spacing` is the step to the right and that down (m)."""
     across, down = spacing
     # Strides are powers of two, so that the step back to a view is exact.
-    guard = margin(width, height)
+    guard = view_margin(width, height)
     stride = 1 << (max(width, height) + 2 * guard - 1).bit_length()
     left, top = -0.5 * across * (columns - 1), 0.5 * down * (rows - 1)
-    return Grid(left, top, across, down, inverse_convergence, width, height, stride, guard)
+    return ViewGrid(left, top, across, down, inverse_convergence, width, height, stride, guard)
 
 
-def many(camera: PerspectiveCamera, grid: Grid) -> ViewsCamera:
-    """The camera at each place of a grid."""
+def replicate_camera(camera: PerspectiveCamera, grid: ViewGrid) -> ViewsCamera:
+    """Put a camera at each place of a grid."""
     return ViewsCamera(camera.frame, camera.plane, camera.lens, camera.irradiance, grid)
 
 
-def positions(grid: Grid, rows: int, columns: int) -> NDArray[np.float64]:
-    """Places of the views in their plane, right and up from the middle (m): (rows, columns, 2)."""
+def view_positions(grid: ViewGrid, rows: int, columns: int) -> NDArray[np.float64]:
+    """Return the places of the views in their plane, right and up from the middle (m): (rows, columns, 2)."""
     right = grid.left + grid.across * np.arange(columns)
     up = grid.top - grid.down * np.arange(rows)
     return np.stack(np.broadcast_arrays(right, up[:, None]), axis=-1)
 
 
-def mosaic(
-    frame: Frame,
+def make_mosaic(
+    frame: CameraFrame,
     plane: ImagePlane,
-    grid: Grid,
+    grid: ViewGrid,
     rows: int,
     columns: int,
     cell: tuple[float, float] | None,
     focal_length: float | None = None,
 ) -> Mosaic:
-    """How the picture of a grid of views holds their light field; `cell` and `focal_length` as in `Views`."""
+    """Make the light-field layout of a picture of a grid of views; `cell` and `focal_length` as in `Views`."""
     return Mosaic(
         Views(
-            position=positions(grid, rows, columns),
+            position=view_positions(grid, rows, columns),
             plane=Plane(*plane),
             width=grid.width,
             height=grid.height,
@@ -111,9 +123,9 @@ def mosaic(
     )
 
 
-def described(views: Views) -> dict[str, float]:
-    """Numbers of a grid of views, by name with unit."""
-    steps = spacing(views)
+def describe_views(views: Views) -> dict[str, float]:
+    """Return derived numbers of a grid of views, by name with unit."""
+    steps = view_spacing(views)
     near, far = refocusable(views)
     numbers = {
         "views": float(views.rows * views.columns),
@@ -132,45 +144,50 @@ def described(views: Views) -> dict[str, float]:
 
 
 @film_corner.register(ViewsCamera)
-def _(camera, x, y):
+def film_corner_views_camera(camera, x, y):
     grid = camera.grid
     return x + (x // grid.width) * (grid.stride - grid.width), y + (y // grid.height) * (grid.stride - grid.height)
 
 
 @kernel
-def _number(grid, place):
-    """The row or column of the view whose film holds this coordinate of a film position."""
+def _view_index(grid, place):
+    """Return the row or column of the view whose film holds this coordinate of a film position."""
     return math.floor((place + grid.guard) / grid.stride)
 
 
-@place_in_view.register(ViewsCamera)
-def _(camera, x, y):
+@film_to_view.register(ViewsCamera)
+def film_to_view_views_camera(camera, x, y):
     grid = camera.grid
-    return x - grid.stride * _number(grid, x), y - grid.stride * _number(grid, y)
+    return x - grid.stride * _view_index(grid, x), y - grid.stride * _view_index(grid, y)
 
 
 @camera_ray.register(ViewsCamera)
-def _(camera, x, y, time, draws):
+def camera_ray_views_camera(camera, x, y, time, draws):
     grid, frame = camera.grid, camera.frame
-    column, row = _number(grid, x), _number(grid, y)
+    column, row = _view_index(grid, x), _view_index(grid, y)
     right, up = grid.left + grid.across * column, grid.top - grid.down * row
     shift = add(scale(right, frame.right), scale(up, frame.up))
 
     # What the middle would see at this place of its film, as seen from here where all views converge.
     direction = film_direction(frame, camera.plane, x - grid.stride * column, y - grid.stride * row)
     direction = madd(direction, -grid.inverse_convergence, shift)
-    here = Frame(add(frame.origin, shift), frame.right, frame.up, frame.forward)
+    here = CameraFrame(add(frame.origin, shift), frame.right, frame.up, frame.forward)
     return lens_ray(camera.lens, here, camera.irradiance, direction, draws)
 
 
-@defocus_of.register(ViewsCamera)
-def _(camera: Any) -> Defocus:
-    found: Defocus = defocus_of(PerspectiveCamera(camera.frame, camera.plane, camera.lens, camera.irradiance))
-    return found
+@camera_defocus.register(ViewsCamera)
+def camera_defocus_views_camera(camera: Any) -> Defocus:
+    single: Defocus = camera_defocus(PerspectiveCamera(camera.frame, camera.plane, camera.lens, camera.irradiance))
+    return single
+
+
+@camera_parts.register(ViewsCamera)
+def camera_parts_views_camera(camera: Any) -> CameraParts:
+    return thin_lens_parts(camera.lens)
 
 
 @project.register(ViewsCamera)
-def _(camera, point, time):
+def project_views_camera(camera, point, time):
     # As the middle sees it.
-    right, up, depth = in_frame(camera.frame, point)
-    return place_on_film(camera.plane, right, up, depth)
+    right, up, depth = to_camera_space(camera.frame, point)
+    return project_to_film(camera.plane, right, up, depth)

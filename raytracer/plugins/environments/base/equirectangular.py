@@ -12,19 +12,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.environments.interface import background, background_with_pdf, sample_background
-from raytracer.jit import kernel
-from raytracer.sampling.warp import sample_bin
-from raytracer.vec import Vec3
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.sampling.warp import sample_bin
+from raytracer.core.vec import Vec3
+from raytracer.plugins.environments.base.interface import background, background_with_pdf, sample_background
 
 
 class Equirectangular(NamedTuple):
-    """Packed.
+    """Packed map of radiance; the importance of a texel is the sum of its channels times sin theta.
 
-    texels (H, W, 3) float32, radiance, which no file holds more precisely; sines (H,) float64, sin theta of the rows;
-    rows (H,) float64, probability of a row or one above it; columns (H * W,) float64, probability of a texel or one to
-    its left, given the row; turn, turns about +y; density, solid-angle density of a texel of importance 1 times its
-    sin theta, where the importance of a texel is the sum of its channels times sin theta.
+    texels (H, W, 3) float32 : radiance, which no file holds more precisely.
+    sines (H,) float64 : sin theta of the rows.
+    rows (H,) float64 : probability of a row or one above it.
+    columns (H * W,) float64 : probability of a texel or one to its left, given the row.
+    turn : turns about +y.
+    density : density in solid angle of a texel of importance 1, times its sin theta.
     """
 
     texels: NDArray[np.float32]
@@ -36,7 +38,7 @@ class Equirectangular(NamedTuple):
 
 
 def equirectangular(radiance: NDArray[np.float64], rotation: float = 0.0) -> Equirectangular | None:
-    """The packed map of `radiance` (H, W, 3), turned by `rotation` degrees about +y; None if it is black.
+    """Pack a map of `radiance` (H, W, 3), turned by `rotation` degrees about +y; None if it is black.
 
     Raises
     ------
@@ -71,8 +73,8 @@ def equirectangular(radiance: NDArray[np.float64], rotation: float = 0.0) -> Equ
 
 
 @kernel
-def _place(environment, direction):
-    """(u, v) of a unit direction, and sin theta."""
+def _direction_to_uv(environment, direction):
+    """Return (u, v) of a unit direction, and sin theta."""
     sine = math.sqrt(direction[0] * direction[0] + direction[2] * direction[2])
     u = math.atan2(direction[0], -direction[2]) / (2.0 * math.pi) + environment.turn
     return u - math.floor(u), math.atan2(sine, direction[1]) / math.pi, sine
@@ -80,7 +82,7 @@ def _place(environment, direction):
 
 @kernel
 def _lookup(environment, u, v):
-    """Radiance at (u, v), 0 <= u, v <= 1, and importance: bilinear in each."""
+    """Interpolate radiance and importance at (u, v), 0 <= u, v <= 1, bilinearly."""
     height, width = environment.texels.shape[0], environment.texels.shape[1]
     x, y = u * width - 0.5, v * height - 0.5
     left, above = math.floor(x), math.floor(y)
@@ -103,27 +105,27 @@ def _lookup(environment, u, v):
 
 @kernel
 def _pdf(environment, importance, sine):
-    """Density in solid angle (1/sr); 0 at a pole itself, which is never drawn."""
+    """Return the density in solid angle (1/sr); 0 at a pole itself, which is never drawn."""
     return importance * environment.density / sine if sine > 0.0 else 0.0
 
 
 @background.register(Equirectangular)
-def _(environment, direction):
-    u, v, _ = _place(environment, direction)
+def background_equirectangular(environment, direction):
+    u, v, _ = _direction_to_uv(environment, direction)
     radiance, _ = _lookup(environment, u, v)
     return radiance
 
 
 @background_with_pdf.register(Equirectangular)
-def _(environment, direction):
-    u, v, sine = _place(environment, direction)
+def background_with_pdf_equirectangular(environment, direction):
+    u, v, sine = _direction_to_uv(environment, direction)
     radiance, importance = _lookup(environment, u, v)
     return radiance, _pdf(environment, importance, sine)
 
 
 @kernel
 def _tent(u: float) -> float:
-    """A number in [-1, 1] of density 1 - |x|.
+    """Draw a number in [-1, 1] of density 1 - |x|.
 
     References: Pharr et al. 2023, "Physically Based Rendering", 4th ed., A.4.1.
     """
@@ -131,7 +133,7 @@ def _tent(u: float) -> float:
 
 
 @sample_background.register(Equirectangular)
-def _(environment, u1, u2):
+def sample_background_equirectangular(environment, u1, u2):
     # A bilinear map is a sum of tents, one a texel: draw a texel, and a point under its tent.  The density of all
     # together is the bilinear importance itself.  Rows come first and by their cumulative sums, so that well spread
     # numbers stay well spread.

@@ -1,20 +1,22 @@
-"""What every environment kind gives to packing and to kernels."""
+"""Interface of environments: the spec's methods for packing, and the generic functions for kernels."""
 
 from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
-from raytracer.jit import generic
-from raytracer.spec import Spec
-from raytracer.vec import Vec3
+from raytracer.core.compiler.dispatch import generic, optional
+from raytracer.core.vec import Vec3
+from raytracer.schema.spec import Spec
 
 Assets = Mapping[str, Any]
-"""What an environment's files held, by the key that names the file."""
+"""Contents of an environment's files, by the key that names the file."""
 
 
 class SunDisc(NamedTuple):
-    """A sun that belongs to an environment.
+    """Sun that belongs to an environment.
 
-    direction, in which its light travels; irradiance (W/m2) of a plane that faces it; angle, its diameter (degrees).
+    direction : in which its light travels.
+    irradiance (W/m2) : of a plane that faces it.
+    angle (deg) : its diameter.
     """
 
     direction: Vec3
@@ -27,11 +29,11 @@ class EnvironmentSpec(Spec):
 
     type: str
 
-    can_be_drawn: ClassVar[bool] = False
-    """Whether `sample_background` draws directions by radiance, so that surfaces aim at the environment."""
+    has_importance_sampling: ClassVar[bool] = False
+    """True if `sample_background` draws directions by radiance, for next-event estimation."""
 
     def pack(self, assets: Assets) -> Any:
-        """The packed environment, or None if it is black.
+        """Pack the environment; None if it is black.
 
         Raises
         ------
@@ -39,19 +41,14 @@ class EnvironmentSpec(Spec):
         """
         raise NotImplementedError
 
-    def disc(self) -> SunDisc | None:
-        """The sun that is packed as a light of the scene's, on top of what `pack` gives."""
+    def sun_disc(self) -> SunDisc | None:
+        """Return the sun to be packed as a light of the scene, besides the packed environment; None without one."""
         return None
 
 
-@generic
+@optional
 def background(environment, direction):
-    """Radiance that arrives along a ray of unit `direction` from far away."""
-    raise NotImplementedError
-
-
-@background.register(type(None))
-def _(environment, direction):
+    """Return the radiance that arrives along a ray of unit `direction` from far away."""
     return (0.0, 0.0, 0.0)
 
 
@@ -63,5 +60,5 @@ def sample_background(environment, u1, u2):
 
 @generic
 def background_with_pdf(environment, direction):
-    """`background`, and the density in solid angle (1/sr) with which `sample_background` draws the direction."""
+    """Return `background`, and the density in solid angle (1/sr) with which `sample_background` draws the direction."""
     raise NotImplementedError

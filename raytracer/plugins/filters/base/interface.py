@@ -1,9 +1,9 @@
-"""What every filter kind gives to packing and to kernels."""
+"""Interface of filters: the spec's methods for packing, and the generic functions for kernels."""
 
 from typing import Any
 
-from raytracer.jit import generic
-from raytracer.spec import Spec
+from raytracer.core.compiler.dispatch import generic
+from raytracer.schema.spec import Spec
 
 
 class FilterSpec(Spec):
@@ -12,15 +12,15 @@ class FilterSpec(Spec):
     type: str
 
     def pack(self) -> Any:
-        """The packed filter."""
+        """Pack the filter."""
         raise NotImplementedError
 
-    def reach(self) -> float:
-        """How far from a pixel's centre it reaches, along either axis (pixels)."""
+    def support(self) -> float:
+        """Return the largest distance from a pixel's centre that it reaches along either axis (px)."""
         raise NotImplementedError
 
-    def edge(self) -> float | None:
-        """Edge of the square (pixels) whose places all count the same, and no others; None if it is not so."""
+    def box_width(self) -> float | None:
+        """Return the edge (px) of a box filter, which weights a square evenly; None for any other filter."""
         return None
 
     def has_negative_lobes(self) -> bool:
@@ -30,7 +30,7 @@ class FilterSpec(Spec):
 
 @generic
 def sample_filter(pixel_filter, u1, u2):
-    """An offset (dx, dy) from the pixel's centre, in pixels, and a weight whose mean is 1.
+    """Draw an offset (dx, dy) from the pixel's centre (px), and a weight whose mean is 1.
 
     Offsets are drawn by the filter itself, so each sample belongs to one pixel: pixels stay independent of their
     neighbours, and of how the picture is cut into tiles.

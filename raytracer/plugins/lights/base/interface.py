@@ -1,4 +1,4 @@
-"""What every light kind gives to kernels, and the choice among the kinds.
+"""Interface of lights: the spec's methods, the generic functions for kernels, and the choice among the kinds.
 
 A kind's file holds its YAML spec, its packed table (one row a light) and its cases of the functions below.
 """
@@ -7,15 +7,16 @@ import math
 from collections.abc import Sequence
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
-from raytracer.environments.interface import background
-from raytracer.geometry import offset_of
-from raytracer.jit import fold, generic, kernel, switch
-from raytracer.materials.interface import BLACK, LIGHT
-from raytracer.sampling import sample_1d
-from raytracer.sampling.alias import sample_alias
-from raytracer.shutter import Timing
-from raytracer.spec import Quantity, Spec, Triple
-from raytracer.vec import Vec3, add, max_abs, norm, scale, sub
+from raytracer.core.compiler.dispatch import fold, generic, kernel, optional, switch
+from raytracer.core.geometry import spawn_offset
+from raytracer.core.sampling import sample_1d
+from raytracer.core.sampling.alias import sample_alias
+from raytracer.core.shutter.timing import Timing
+from raytracer.core.vec import Vec3, add, max_abs, norm, scale, sub
+from raytracer.plugins.environments.base.interface import background
+from raytracer.plugins.materials.base.interface import BLACK, LIGHT
+from raytracer.schema.fields import Quantity, Triple
+from raytracer.schema.spec import Spec
 
 Intensity: TypeAlias = Annotated[Vec3, Triple(Quantity(low=0.0), "an intensity", single=True)]
 Irradiance: TypeAlias = Annotated[Vec3, Triple(Quantity(low=0.0), "an irradiance", single=True)]
@@ -24,47 +25,49 @@ _FAR = 2.0**100
 
 
 class LightSpec(Spec):
-    """Base of the kinds of the `lights` list: what packing asks of each."""
+    """Base of the kinds of the `lights` list."""
 
     type: str
 
     @staticmethod
     def pack(specs: Sequence[Any]) -> Any:
-        """The table of the lights of this kind that shine, one row a light; None if none does."""
+        """Pack the lights of this kind that shine, one row a light; None if none does."""
         raise NotImplementedError
 
-    def is_seen(self) -> bool:
-        """Whether a ray that was not aimed at the light may find it, so that mirrors show it."""
+    def is_visible_to_paths(self) -> bool:
+        """Tell if a path may hit the light by chance, so that mirrors show it."""
         return False
 
     def pulse(self, timing: Timing) -> tuple[float, float] | None:
-        """When it shines while the shutter is open: begin and end (s of scene time); None where it always does."""
+        """Return begin and end (s of scene time) of its light while the shutter is open; None if it always shines."""
         return None
 
-    def fired(self, timing: Timing, place: Vec3, timed: bool) -> Any:
-        """The light as `pack` takes it, in the time of a shutter that is open for some time.
+    def at_exposure(self, timing: Timing, place: Vec3, timed: bool) -> Any:
+        """Return the light as `pack` takes it, in the time of a shutter that is open for some time.
 
         Parameters
         ----------
-        place : where the camera is when the light's pulse begins (m).
-        timed : whether paths have a time; without it a pulse is spread over the exposure.
+        place : position of the camera when the light's pulse begins (m).
+        timed : paths have a time; without it a pulse is spread over the exposure.
         """
         return self
 
 
-def unit(vector: Vec3) -> Vec3:
-    """A unit vector along any but the zero vector, whatever its length."""
+def unit_vector(vector: Vec3) -> Vec3:
+    """Normalize any but the zero vector, whatever its length."""
     x, y, z = scale(1.0 / max(map(abs, vector)), vector)
     length = math.hypot(x, y, z)
     return x / length, y / length, z / length
 
 
 class LightSample(NamedTuple):
-    """Light that may reach a point.
+    """Sample of the light that may reach a point.
 
-    direction, unit, towards the light; weight, its radiance (W/(m2 sr)) without what may stand between, over the pdf;
-    pdf (1/sr) of the direction, infinite for a light without extent, 0 where nothing can arrive; target, the light's
-    point; gap, how far before it a shadow ray ends (m), minus infinity for a light at infinity.
+    direction : unit vector towards the light.
+    weight : unoccluded radiance (W/(m2 sr)) over the pdf.
+    pdf (1/sr) : of the direction; infinite for a light without extent, 0 where nothing can arrive.
+    target : the light's point.
+    gap (m) : distance before the target at which a shadow ray ends; minus infinity for a light at infinity.
     """
 
     direction: Vec3
@@ -75,30 +78,30 @@ class LightSample(NamedTuple):
 
 
 class Lights(NamedTuple):
-    """What surfaces aim at, and what rays find at infinity.
+    """Lights for next-event estimation, and for rays that leave the scene.
 
-    tables, one a kind of light, each of which is chosen as often as any other; unaimed, the environment if none of them
-    is that, else None; heuristic, how light that is both aimed at and found is shared: None for the power heuristic, or
-    AimedOnly.
+    tables : one a kind of light, each of which is chosen with the same probability.
+    background_tables : the environment, if no table samples it; else None.
+    heuristic : of multiple importance sampling, None for the power heuristic, or LightSamplingOnly.
     """
 
     tables: tuple[Any, ...]
-    unaimed: Any
+    background_tables: Any
     heuristic: Any = None
 
 
-class Unaimed(NamedTuple):
-    """What rays find at infinity where nothing aims at it: tables, one a kind of light, and the environment or None."""
+class NoLightSampling(NamedTuple):
+    """Lights at infinity without next-event estimation: tables, one a kind of light, and the environment or None."""
 
     tables: tuple[Any, ...]
-    unaimed: Any
+    background_tables: Any
 
 
-class AimedOnly(NamedTuple):
-    """A heuristic: what can be aimed at counts where it is aimed at, and not where a path finds it by chance.
+class LightSamplingOnly(NamedTuple):
+    """Heuristic by which light counts by next-event estimation alone, and not where a path hits a light by chance.
 
-    What a path finds still counts where it had no choice of direction, as at the camera and behind mirrors and glass,
-    and where no light sample would have aimed.
+    A path's hit still counts where it had a single possible direction, as at the camera and behind mirrors and glass,
+    and where no light sample has that direction.
     """
 
 
@@ -109,19 +112,19 @@ def sample_light(table, scene, point, time, u, draws):
 
 
 @generic
-def pdf_hit(table, scene, instance, number, primitive, origin, point, normal, time):
-    """Density in solid angle (1/sr) with which `sample_light` at `origin` aims at `point` on a primitive."""
+def pdf_hit(table, scene, surface):
+    """Return the density in solid angle (1/sr) with which `sample_light` at its vertex before draws an Interaction."""
     raise NotImplementedError
 
 
 @pdf_hit.register(tuple)
-def _(table, scene, instance, number, primitive, origin, point, normal, time):
+def pdf_hit_tuple(table, scene, surface):
     return 0.0
 
 
 @generic
-def arriving(table, scene, direction, pdf, tables, heuristic):
-    """Radiance that a ray which leaves the scene along `direction` meets of the table's lights at infinity.
+def infinite_radiance(table, scene, direction, pdf, tables, heuristic):
+    """Return the radiance of the table's lights at infinity along a ray that leaves the scene.
 
     It is weighted by the heuristic: `pdf` is the density with which the ray's direction was drawn, and `tables` the
     number of tables among which `sample_lights` chooses.
@@ -129,28 +132,27 @@ def arriving(table, scene, direction, pdf, tables, heuristic):
     raise NotImplementedError
 
 
-@arriving.register(tuple)
-def _(table, scene, direction, pdf, tables, heuristic):
+@infinite_radiance.register(tuple)
+def infinite_radiance_tuple(table, scene, direction, pdf, tables, heuristic):
     return BLACK
 
 
 @generic
-def moved(table: Any, by: Vec3) -> Any:
-    """The table of lights in a world that is moved by a vector (m); what has a `position` is moved, by default."""
+def translate_lights(table: Any, by: Vec3) -> Any:
+    """Move a table of lights with the world by a vector (m); by default its `position`, if it has one."""
     raise NotImplementedError(type(table))
 
 
-@moved.register(tuple)
-def _(table: Any, by: Vec3) -> Any:
+@translate_lights.register(tuple)
+def translate_lights_tuple(table: Any, by: Vec3) -> Any:
     return table._replace(position=table.position + by) if hasattr(table, "position") else table
 
 
 @kernel
 def power_heuristic(pdf, other):
-    """Weight of a sample drawn with `pdf` that `other` might have drawn too; squares of densities could overflow.
+    """Weight a sample drawn with `pdf` that `other` might have drawn too; squares of densities could overflow.
 
-    All of it where the other never would, or where there was no choice (an infinite pdf), also where neither ratio is a
-    number.
+    1 where the other never would have, or where the pdf is infinite, also where neither ratio is a number.
 
     References: Veach 1997, eq. 9.11 with beta = 2.
     """
@@ -160,41 +162,31 @@ def power_heuristic(pdf, other):
     return 1.0 / (1.0 + ratio * ratio)
 
 
-@generic
-def weight_aimed(heuristic, pdf, by_path):
-    """Weight of a light sample of density `pdf`, in whose direction a path would have gone on with `by_path`."""
-    raise NotImplementedError
-
-
-@weight_aimed.register(type(None))
-def _(heuristic, pdf, by_path):
+@optional
+def mis_weight_light_sample(heuristic, pdf, by_path):
+    """Weight a light sample of density `pdf`, whose direction a path would have drawn with density `by_path`."""
     return power_heuristic(pdf, by_path)
 
 
-@weight_aimed.register(AimedOnly)
-def _(heuristic, pdf, by_path):
+@mis_weight_light_sample.register(LightSamplingOnly)
+def mis_weight_light_sample_light_sampling_only(heuristic, pdf, by_path):
     return 1.0
 
 
-@generic
-def weight_found(heuristic, pdf, by_light):
-    """Weight of light that a path of density `pdf` found, and that light samples aim at with `by_light`."""
-    raise NotImplementedError
-
-
-@weight_found.register(type(None))
-def _(heuristic, pdf, by_light):
+@optional
+def mis_weight_path(heuristic, pdf, by_light):
+    """Weight the light that a path of density `pdf` hit, and that light samples draw with density `by_light`."""
     return power_heuristic(pdf, by_light)
 
 
-@weight_found.register(AimedOnly)
-def _(heuristic, pdf, by_light):
+@mis_weight_path.register(LightSamplingOnly)
+def mis_weight_path_light_sampling_only(heuristic, pdf, by_light):
     return 1.0 if by_light == 0.0 or math.isinf(pdf) else 0.0
 
 
 @kernel
-def choose(choice, u):
-    """A row of a table by its AliasTable: (row, probability); a table of one needs no choice."""
+def choose_light(choice, u):
+    """Choose a row of a table by its AliasTable: (row, probability); a table of one needs no choice."""
     if len(choice.pmf) == 1:
         return 0, 1.0
     chosen, probability, _ = sample_alias(choice, u)
@@ -202,21 +194,21 @@ def choose(choice, u):
 
 
 @kernel
-def from_point(point, position, intensity, probability):
-    """The LightSample at `point` of a light without extent, of this intensity (W/sr), chosen with this probability."""
+def point_light_sample(point, position, intensity, probability):
+    """Make the LightSample at `point` of a light without extent, of this intensity (W/sr) and probability."""
     way = sub(position, point)
     distance = norm(way)
     if distance == 0.0:
         return LightSample(way, BLACK, 0.0, position, 0.0)
     weight = scale(1.0 / (probability * distance * distance), intensity)
     # The light may lie on a surface, which float32 could find before it.
-    gap = offset_of(max_abs(position) + distance)
+    gap = spawn_offset(max_abs(position) + distance)
     return LightSample(scale(1.0 / distance, way), weight, math.inf, position, gap)
 
 
 @kernel
-def at_infinity(direction, weight, pdf):
-    """The LightSample of a light at infinity.
+def infinite_light_sample(direction, weight, pdf):
+    """Make the LightSample of a light at infinity.
 
     Its target lies so far away that the way there has the light's direction wherever on the scene it starts.
     """
@@ -230,7 +222,7 @@ def _plus(a, b):
 
 _sample_any = switch(sample_light)
 _pdf_hit_all = fold(pdf_hit, _plus)
-_arriving_all = fold(arriving, add)
+_infinite_radiance_all = fold(infinite_radiance, add)
 
 
 @generic
@@ -240,70 +232,52 @@ def sample_lights(lights, scene, point, time, draws):
 
 
 @sample_lights.register(Lights)
-def _(lights, scene, point, time, draws):
+def sample_lights_lights(lights, scene, point, time, draws):
     u = sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LIGHT)
     kinds = len(lights.tables)
     if kinds == 1:
         return sample_light(lights.tables[0], scene, point, time, u, draws)
     chosen = min(kinds - 1, int(kinds * u))
-    found = _sample_any(lights.tables, chosen, scene, point, time, kinds * u - chosen, draws)
-    return LightSample(found.direction, scale(kinds, found.weight), found.pdf / kinds, found.target, found.gap)
+    sample = _sample_any(lights.tables, chosen, scene, point, time, kinds * u - chosen, draws)
+    return LightSample(sample.direction, scale(kinds, sample.weight), sample.pdf / kinds, sample.target, sample.gap)
 
 
-@generic
-def pdf_light(lights, scene, instance, number, primitive, origin, point, normal, time):
-    """Density in solid angle (1/sr) with which `sample_lights` at `origin` aims at `point` on a primitive."""
-    raise NotImplementedError
-
-
-@pdf_light.register(type(None))
-def _(lights, scene, instance, number, primitive, origin, point, normal, time):
+@optional
+def pdf_light(lights, scene, surface):
+    """Return the density in solid angle (1/sr) with which `sample_lights` at its vertex before draws an Interaction."""
     return 0.0
 
 
 @pdf_light.register(Lights)
-def _(lights, scene, instance, number, primitive, origin, point, normal, time):
-    found = _pdf_hit_all(lights.tables, scene, instance, number, primitive, origin, point, normal, time)
-    return found / len(lights.tables)
+def pdf_light_lights(lights, scene, surface):
+    return _pdf_hit_all(lights.tables, scene, surface) / len(lights.tables)
 
 
-@generic
-def weight_emitted(lights, scene, instance, number, primitive, origin, point, normal, time, pdf):
-    """Weight of light that a path, of density `pdf` from `origin` on, finds at `point` on a primitive."""
-    raise NotImplementedError
-
-
-@weight_emitted.register(type(None))
-@weight_emitted.register(Unaimed)
-def _(lights, scene, instance, number, primitive, origin, point, normal, time, pdf):
+@optional(NoLightSampling)
+def mis_weight_emission(lights, scene, surface, pdf):
+    """Weight the light of an Interaction, which a path met by a direction of density `pdf`."""
     return 1.0
 
 
-@weight_emitted.register(Lights)
-def _(lights, scene, instance, number, primitive, origin, point, normal, time, pdf):
-    by_light = pdf_light(lights, scene, instance, number, primitive, origin, point, normal, time)
-    return weight_found(lights.heuristic, pdf, by_light)
+@mis_weight_emission.register(Lights)
+def mis_weight_emission_lights(lights, scene, surface, pdf):
+    return mis_weight_path(lights.heuristic, pdf, pdf_light(lights, scene, surface))
 
 
-@generic
-def surroundings(lights, scene, direction, pdf):
-    """Radiance that a ray which leaves the scene meets; weighted, see `arriving`."""
-    raise NotImplementedError
-
-
-@surroundings.register(type(None))
-def _(lights, scene, direction, pdf):
+@optional
+def escaped_radiance(lights, scene, direction, pdf):
+    """Return the radiance along a ray that leaves the scene, weighted as in `infinite_radiance`."""
     return background(scene.environment, direction)
 
 
-@surroundings.register(Lights)
-def _(lights, scene, direction, pdf):
-    found = _arriving_all(lights.tables, scene, direction, pdf, len(lights.tables), lights.heuristic)
-    return add(background(lights.unaimed, direction), found)
+@escaped_radiance.register(Lights)
+def escaped_radiance_lights(lights, scene, direction, pdf):
+    radiance = _infinite_radiance_all(lights.tables, scene, direction, pdf, len(lights.tables), lights.heuristic)
+    return add(background(lights.background_tables, direction), radiance)
 
 
-@surroundings.register(Unaimed)
-def _(lights, scene, direction, pdf):
+@escaped_radiance.register(NoLightSampling)
+def escaped_radiance_no_light_sampling(lights, scene, direction, pdf):
     # As for the camera: all of it counts.
-    found = _arriving_all(lights.tables, scene, direction, math.inf, len(lights.tables), None)
-    return add(background(lights.unaimed, direction), found)
+    radiance = _infinite_radiance_all(lights.tables, scene, direction, math.inf, len(lights.tables), None)
+    return add(background(lights.background_tables, direction), radiance)

@@ -1,4 +1,4 @@
-"""What every kind of medium gives to packing and to kernels.
+"""Interface of media: the spec's methods for packing, and the generic functions for kernels.
 
 A kind's file holds its YAML spec, its packed table (one row a medium), the record that one row makes for a ray, and its
 cases of the functions below.  Distances are in metres along unit directions, and may be infinite.
@@ -10,55 +10,57 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.jit import generic, kernel, switch
-from raytracer.materials.interface import MEDIUM, PHASE
-from raytracer.sampling import sample_2d
-from raytracer.spec import Quantity, Spec, Triple, Vector
-from raytracer.vec import Vec3
+from raytracer.core.compiler.dispatch import generic, kernel, switch
+from raytracer.core.sampling import sample_2d
+from raytracer.core.vec import Vec3
+from raytracer.plugins.materials.base.interface import MEDIUM, PHASE
+from raytracer.schema.fields import Quantity, Triple, Vector
+from raytracer.schema.spec import Spec
 
 Coefficient: TypeAlias = Annotated[Vector, Triple(Quantity(low=0.0), "a coefficient (1/m)", single=True)]
 Asymmetry: TypeAlias = Annotated[float, Quantity(low=-1.0, high=1.0)]
 
-NONE = -1
+NO_MEDIUM = -1
 """The reference of no medium: vacuum."""
 
-KEEP = -2
-"""What a surface says that leaves a ray in the medium that it came through."""
+KEEP_MEDIUM = -2
+"""Value of a surface that leaves a ray in the medium that it came through."""
 
 
 class MediumSpec(Spec):
-    """Base of the media: what packing asks of each."""
+    """Base of the media."""
 
     type: str
 
     def is_clear(self, assets: Mapping[str, Any]) -> bool:
-        """Whether it leaves light alone everywhere, so that it is no medium; `assets`, what its files held, by key."""
+        """Tell if it neither absorbs nor scatters anywhere; `assets`: contents of its files, by key."""
         raise NotImplementedError
 
     def check(self, assets: Mapping[str, Any]) -> None:
-        """Refuse values that do not suit what its files hold.
+        """Refuse values that do not suit the contents of its files.
 
         Raises
         ------
-        ValidationError : by `spec.at`, for the key that is wrong.
+        ValidationError : by `spec.field_error`, for the key that is wrong.
         """
 
     def scatters(self) -> bool:
-        """Whether any light that it takes goes on elsewhere."""
+        """Tell if it scatters light."""
         raise NotImplementedError
 
     @staticmethod
     def pack(specs: Any, assets: Sequence[Mapping[str, Any]]) -> Any:
-        """The table of media of this kind, one row a spec."""
+        """Pack the media of this kind, one row a spec."""
         raise NotImplementedError
 
 
 class Media(NamedTuple):
-    """The media of a scene, and where they are.
+    """Packed media of a scene; a medium is named by one number, row * kinds + kind, or NO_MEDIUM.
 
-    tables, one a kind; a medium is named by one number, row * kinds + kind, or NONE.  inside and outside (references,)
-    int32, by reference of a surface's material: the medium that a ray is in after it crossed to the side that the
-    normal leaves, or that it points to; KEEP for the one that it came through.  camera, where the camera stands.
+    tables : one a kind.
+    inside, outside (references,) int32 : by reference of a surface's material, the medium that a ray is in after it
+        crossed to the side that the normal leaves, or that it points to; KEEP_MEDIUM for the one that it came through.
+    camera : the medium in which the camera stands.
     """
 
     tables: tuple[Any, ...]
@@ -67,11 +69,13 @@ class Media(NamedTuple):
     camera: int
 
 
-class Flight(NamedTuple):
-    """What becomes of light on its way through a medium.
+class DistanceSample(NamedTuple):
+    """Sampled distance of light through a medium.
 
-    distance to where it scatters, infinite if it does not; weight = transmittance (times what is scattered per metre)
-    / probability (density), by channel; numbers, how many of the segment's random numbers have been used.
+    distance (m) : to the point where it scatters; infinite if it does not.
+    weight : by channel, transmittance over the probability that it does not scatter; or transmittance times scattering
+        coefficient over the density of the distance.
+    numbers : random numbers of the segment that have been used.
     """
 
     distance: float
@@ -81,13 +85,13 @@ class Flight(NamedTuple):
 
 @generic
 def row(table, index):
-    """The parameters of medium `index` as a record."""
+    """Look up the parameters of medium `index` as a record."""
     raise NotImplementedError
 
 
 @generic
-def fly(medium, origin, direction, distance, throughput, draws, numbers):
-    """Draw where light that sets out along a ray scatters, before it has come `distance` far: a Flight.
+def sample_distance(medium, origin, direction, distance, throughput, draws, numbers):
+    """Sample the distance at which light scatters along a ray, up to `distance`: a DistanceSample.
 
     `throughput`, by channel, says which channels matter; `numbers`, how many random numbers the segment has used.
     """
@@ -96,30 +100,30 @@ def fly(medium, origin, direction, distance, throughput, draws, numbers):
 
 @generic
 def transmittance(medium, origin, direction, distance, draws, numbers):
-    """(the fraction of light that comes through to `distance`, by channel, or an estimate of it; numbers used)."""
+    """Compute (transmittance up to `distance`, by channel, or an estimate of it; numbers used)."""
     raise NotImplementedError
 
 
 @generic
-def scatter_phase(medium, direction, u1, u2):
-    """(direction, pdf) of scattered light; the weight is 1.  The pdf is infinite where there is no choice."""
+def sample_phase(medium, direction, u1, u2):
+    """Sample (direction, pdf) of scattered light; the weight is 1, and the pdf of a single direction infinite."""
     raise NotImplementedError
 
 
 @generic
 def evaluate_phase(medium, direction, outgoing):
-    """The phase function (1/sr), which is also the pdf of `scatter_phase`; 0 where there is no choice."""
+    """Evaluate the phase function (1/sr), which is also the pdf of `sample_phase`; 0 if that is infinite."""
     raise NotImplementedError
 
 
 @generic
-def moved(table: Any, by: Vec3) -> Any:
-    """The table of media in a world that is moved by a vector (m): itself where they are alike everywhere."""
+def translate_media(table: Any, by: Vec3) -> Any:
+    """Move a table of media with the world by a vector (m); by default itself, alike everywhere."""
     raise NotImplementedError(type(table))
 
 
-@moved.register(tuple)
-def _(table: Any, by: Vec3) -> Any:
+@translate_media.register(tuple)
+def translate_media_tuple(table: Any, by: Vec3) -> Any:
     return table
 
 
@@ -127,8 +131,8 @@ def _(table: Any, by: Vec3) -> Any:
 
 _UNBOUNDED = 1 << 31
 _PER_SEGMENT = 1 << 15
-FLIGHT_NUMBERS = _PER_SEGMENT >> 1
-"""Beyond the slots of all segments, each has 2^15 numbers of its own: half for its flight, half for its shadow ray.
+NUMBERS_PER_DISTANCE = _PER_SEGMENT >> 1
+"""Beyond the slots of all segments, each has 2^15 numbers of its own: half for its distance, half for its shadow ray.
 
 A segment that takes more goes round; no two uses on one path have the same number before that.
 """
@@ -141,26 +145,29 @@ def _dimension(draws, number):
 
 
 @kernel
-def flight_numbers(draws, number):
-    """The pair of random numbers that a flight takes as its `number`th of the segment: the first is well stratified."""
+def distance_numbers(draws, number):
+    """Return the `number`th pair of random numbers for a segment's distance: the first is well stratified."""
     if number == 0:
         return sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + MEDIUM)
-    return sample_2d(draws.sampler, draws.key, draws.index, _dimension(draws, number & (FLIGHT_NUMBERS - 1)))
+    return sample_2d(draws.sampler, draws.key, draws.index, _dimension(draws, number & (NUMBERS_PER_DISTANCE - 1)))
 
 
 @kernel
 def shadow_numbers(draws, number):
-    """As `flight_numbers`, for the segment's shadow ray."""
+    """Return the `number`th pair of random numbers for a segment's shadow ray."""
     return sample_2d(
-        draws.sampler, draws.key, draws.index, _dimension(draws, FLIGHT_NUMBERS + (number & (FLIGHT_NUMBERS - 1)))
+        draws.sampler,
+        draws.key,
+        draws.index,
+        _dimension(draws, NUMBERS_PER_DISTANCE + (number & (NUMBERS_PER_DISTANCE - 1))),
     )
 
 
 # ---- By reference
 
 
-def _fly_row(table, index, origin, direction, distance, throughput, draws, numbers):
-    return fly(row(table, index), origin, direction, distance, throughput, draws, numbers)
+def _sample_distance_row(table, index, origin, direction, distance, throughput, draws, numbers):
+    return sample_distance(row(table, index), origin, direction, distance, throughput, draws, numbers)
 
 
 def _transmittance_row(table, index, origin, direction, distance, draws, numbers):
@@ -168,38 +175,38 @@ def _transmittance_row(table, index, origin, direction, distance, draws, numbers
 
 
 def _scatter_row(table, index, direction, u1, u2):
-    return scatter_phase(row(table, index), direction, u1, u2)
+    return sample_phase(row(table, index), direction, u1, u2)
 
 
 def _evaluate_row(table, index, direction, outgoing):
     return evaluate_phase(row(table, index), direction, outgoing)
 
 
-_fly_any = switch(kernel(_fly_row))
+_sample_distance_any = switch(kernel(_sample_distance_row))
 _transmittance_any = switch(kernel(_transmittance_row))
 _scatter_any = switch(kernel(_scatter_row))
 _evaluate_any = switch(kernel(_evaluate_row))
 
 
 @kernel
-def fly_at(media, reference, origin, direction, distance, throughput, draws, numbers):
-    """`fly` in a medium that is not NONE."""
+def sample_distance_at(media, reference, origin, direction, distance, throughput, draws, numbers):
+    """Call `sample_distance` in a medium that is not NO_MEDIUM."""
     kinds = len(media.tables)
     kind, index = reference % kinds, reference // kinds
-    return _fly_any(media.tables, kind, index, origin, direction, distance, throughput, draws, numbers)
+    return _sample_distance_any(media.tables, kind, index, origin, direction, distance, throughput, draws, numbers)
 
 
 @kernel
 def transmittance_at(media, reference, origin, direction, distance, draws, numbers):
-    """`transmittance` of a medium that is not NONE."""
+    """Call `transmittance` of a medium that is not NO_MEDIUM."""
     kinds = len(media.tables)
     kind, index = reference % kinds, reference // kinds
     return _transmittance_any(media.tables, kind, index, origin, direction, distance, draws, numbers)
 
 
 @kernel
-def scatter_phase_at(media, reference, direction, draws):
-    """`scatter_phase` of a medium that is not NONE."""
+def sample_phase_at(media, reference, direction, draws):
+    """Call `sample_phase` of a medium that is not NO_MEDIUM."""
     kinds = len(media.tables)
     u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + PHASE)
     return _scatter_any(media.tables, reference % kinds, reference // kinds, direction, u1, u2)
@@ -207,13 +214,13 @@ def scatter_phase_at(media, reference, direction, draws):
 
 @kernel
 def evaluate_phase_at(media, reference, direction, outgoing):
-    """`evaluate_phase` of a medium that is not NONE."""
+    """Call `evaluate_phase` of a medium that is not NO_MEDIUM."""
     kinds = len(media.tables)
     return _evaluate_any(media.tables, reference % kinds, reference // kinds, direction, outgoing)
 
 
 @kernel
-def crossed(media, material, medium, enters):
-    """The medium behind a surface of this material, for a ray that comes through `medium`."""
+def medium_behind(media, material, medium, enters):
+    """Return the medium behind a surface of this material, for a ray that comes through `medium`."""
     behind = np.int64(media.inside[material] if enters else media.outside[material])
-    return medium if behind == KEEP else behind
+    return medium if behind == KEEP_MEDIUM else behind

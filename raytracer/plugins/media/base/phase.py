@@ -1,4 +1,4 @@
-"""The phase function of Henyey and Greenstein: how a medium spreads the light that it scatters.
+"""Phase function of Henyey and Greenstein, the distribution of scattered light over directions.
 
 Cosines are between the directions of travel before and after, so g > 0 scatters forwards, and g is the mean cosine.
 
@@ -7,13 +7,13 @@ References: Henyey, Greenstein 1941, "Diffuse Radiation in the Galaxy", Astrophy
 
 import math
 
-from raytracer.jit import kernel
-from raytracer.vec import Vec3, add, basis, dot, neg, sub, to_world
+from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.vec import Vec3, add, basis, dot, neg, sub, to_world
 
 
 @kernel
 def pdf_henyey_greenstein(direction: Vec3, outgoing: Vec3, g: float) -> float:
-    """The phase function (1/sr), which integrates to 1 and is the density of its samples; 0 for g = +-1.
+    """Evaluate the phase function (1/sr), which integrates to 1 and is the density of its samples; 0 for g = +-1.
 
     All light goes one way then, without a density.  The denominator 1 + g^2 - 2 g cos is taken from the difference of
     the directions, which cancels nothing where the lobe is narrow.
@@ -29,7 +29,7 @@ def pdf_henyey_greenstein(direction: Vec3, outgoing: Vec3, g: float) -> float:
 
 @kernel
 def sample_henyey_greenstein(direction: Vec3, g: float, u1: float, u2: float) -> tuple[Vec3, float]:
-    """(direction, pdf) of light that travelled along `direction`; the pdf is infinite for g = +-1.
+    """Sample (direction, pdf) of light that travelled along `direction`; the pdf is infinite for g = +-1.
 
     1 + cos and 1 - cos come as products, so that neither a narrow lobe nor g near 0 cancels: with the usual
     cos = (1 + g^2 - q^2) / 2g and q = (1 - g^2) / r, r = 1 - g + 2 g u, they are

@@ -1,4 +1,4 @@
-"""What every shape kind gives to packing."""
+"""Interface of shapes: the spec's methods for packing."""
 
 from collections.abc import Mapping
 from typing import Any, ClassVar, Self
@@ -7,24 +7,28 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from raytracer.motion import Motion, matrix_at
-from raytracer.primitives.interface import bounds
-from raytracer.shapes.affine import Matrix
-from raytracer.shutter import Shutter
-from raytracer.spec import Name, ObjectSpec, Transform, at, matrix_of
+from raytracer.core.motion.resolve import matrix_at
+from raytracer.core.motion.spec import Motion
+from raytracer.core.primitives.base.interface import bounds
+from raytracer.core.shutter.table import Shutter
+from raytracer.plugins.shapes.base.affine import Matrix
+from raytracer.schema.fields import Name
+from raytracer.schema.object_spec import ObjectSpec
+from raytracer.schema.spec import field_error
+from raytracer.schema.transform import Transform, matrix_of
 
 Assets = Mapping[str, Any]
-"""What an object's files held, by the key that names the file."""
+"""Contents of an object's files, by the key that names the file."""
 
 
 class ShapeSpec(ObjectSpec):
     """Base of the shapes.
 
-    closed : whether it has flat faces that enclose a volume, as far as that is known of them.
-    faces : how many flat faces it has, for a kind that has always as many; if they enclose a volume, it is convex.
+    is_closed : True for flat faces that are known to enclose a volume.
+    faces : number of flat faces, for a kind with a fixed number; if they enclose a volume, it is convex.
     """
 
-    closed: ClassVar[bool] = False
+    is_closed: ClassVar[bool] = False
     faces: ClassVar[int | None] = None
 
     type: str
@@ -34,20 +38,20 @@ class ShapeSpec(ObjectSpec):
         "spin {axis, rate (deg/s), center} or keyframes [{time, transform}]",
     )
 
-    def at_rest(self, time: float) -> Self:
-        """The object as it is at a time of the scene (s), without its motion."""
+    def at_time(self, time: float) -> Self:
+        """Return the object as it is at a time of the scene (s), without its motion."""
         if self.motion is None:
             return self
         matrix = matrix_at(self.motion, time) @ matrix_of(self.transform)
         rows = tuple(tuple(map(float, row)) for row in matrix)
         return self.model_copy(update={"motion": None, "transform": Transform(matrix=rows)})
 
-    def takes(self, matrix: Matrix) -> bool:
-        """Whether its primitives can be packed under this transform; if not, it is placed by an instance instead."""
+    def supports_transform(self, matrix: Matrix) -> bool:
+        """Tell if its primitives can be packed under this transform; if not, it is placed by an instance."""
         return True
 
     def pack(self, matrix: Matrix, material: int, assets: Assets) -> Any:
-        """The shape's rows of a primitive table, in world space.
+        """Pack the shape's rows of a primitive table, in world space.
 
         Raises
         ------
@@ -55,8 +59,8 @@ class ShapeSpec(ObjectSpec):
         """
         raise NotImplementedError
 
-    def box(self, assets: Assets) -> NDArray[np.float64]:
-        """The least and the greatest coordinates (2, 3) of the shape, in all its forms, before its transform.
+    def bounds(self, assets: Assets) -> NDArray[np.float64]:
+        """Return the least and the greatest coordinates (2, 3) of the shape, in all its forms, before its transform.
 
         Raises
         ------
@@ -64,13 +68,13 @@ class ShapeSpec(ObjectSpec):
         """
         return np.array(bounds(self.pack(np.eye(4), 0, assets)))
 
-    def pack_exposed(self, matrix: Matrix, material: int, assets: Assets, shutter: Shutter) -> Any:
-        """As `pack`, for what changes its form while the shutter is open; without regard to `motion`."""
+    def pack_moving(self, matrix: Matrix, material: int, assets: Assets, shutter: Shutter) -> Any:
+        """Pack a shape that changes its form while the shutter is open, as `pack` does; without regard to `motion`."""
         return self.pack(matrix, material, assets)
 
 
-class PlacingSpec(ShapeSpec):
-    """Base of the shapes that place what is defined elsewhere."""
+class PlacementSpec(ShapeSpec):
+    """Base of the shapes that place groups or other objects."""
 
     of: Name = Field(description="name of a group under `groups`, or of an object")
     material: Any = Field(
@@ -79,14 +83,16 @@ class PlacingSpec(ShapeSpec):
     )
 
     @model_validator(mode="after")
-    def _has_no_medium_of_its_own(self) -> "PlacingSpec":
+    def _has_no_medium_of_its_own(self) -> "PlacementSpec":
         for key in ("medium", "outside_medium"):
             if self.material is None and getattr(self, key) is not None:
-                at(key, "takes effect together with a `material` here; else give it to the objects that are placed")
+                field_error(
+                    key, "takes effect together with a `material` here; else give it to the objects that are placed"
+                )
         return self
 
     def poses(self, assets: Assets) -> NDArray[np.float64]:
-        """Where copies are placed: matrices (n, 4, 4), n >= 1, `transform` included.
+        """Return the matrices (n, 4, 4) of the copies, n >= 1, `transform` included.
 
         Raises
         ------

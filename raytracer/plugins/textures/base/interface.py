@@ -1,4 +1,4 @@
-"""What every texture kind gives to packing and to kernels, and the parameters of materials that a texture may set.
+"""Interface of textures: the spec's methods, the generic functions for kernels, and the parameters that textures set.
 
 A kind's file holds its YAML spec, its packed table (one row a texture) and its case of `texture`.
 """
@@ -13,38 +13,39 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 from pydantic.json_schema import JsonSchemaValue
 
-from raytracer.errors import shown
-from raytracer.geometry import row3
-from raytracer.jit import generic, kernel, switch
-from raytracer.kinds import TEXTURES
-from raytracer.optics import REC709_LUMINANCE
-from raytracer.spec import Check, Quantity, Spec, Triple, Vector
-from raytracer.units import parse_quantity
-from raytracer.vec import Vec3, dot
+from raytracer.core.compiler.dispatch import generic, kernel, switch
+from raytracer.core.fresnel import REC709_LUMINANCE
+from raytracer.core.geometry import row3
+from raytracer.core.vec import Vec3, dot
+from raytracer.schema.fields import Check, Quantity, Triple, Vector
+from raytracer.schema.registry import TEXTURES
+from raytracer.schema.spec import Spec
+from raytracer.schema.units import parse_quantity
+from raytracer.util.errors import format_value
 
 Assets: TypeAlias = Mapping[str, Any]
-"""What a texture's files held, by the key that names the file."""
+"""Contents of a texture's files, by the key that names the file."""
 
 
-class Range(NamedTuple):
-    """The lowest and the highest value, of any channel, that a texture takes."""
+class ValueRange(NamedTuple):
+    """Lowest and highest value of a texture, in any channel."""
 
     low: float
     high: float
 
 
 class TextureSpec(Spec):
-    """Base of the textures: what packing asks of each."""
+    """Base of the textures."""
 
     type: str
 
     @staticmethod
     def pack(specs: Any, assets: Any) -> Any:
-        """The table of textures of one group, one row a spec; `assets` holds, by spec, what its files held."""
+        """Pack the textures of one group, one row a spec; `assets` holds, by spec, the contents of its files."""
         raise NotImplementedError
 
     def group(self, assets: Assets) -> str:
-        """What must be equal for textures to share a table; begins with the type."""
+        """Return the name of the group of textures that share a table; begins with the type."""
         return self.type
 
     def check(self, assets: Assets) -> None:
@@ -56,15 +57,15 @@ class TextureSpec(Spec):
         """
 
     def as_data(self) -> Self:
-        """The texture where it stands for numbers, heights or normals and not for colours."""
+        """Return the texture for use as numbers, heights or normals and not as colours."""
         return self
 
     def mean(self, assets: Assets) -> Vec3:
-        """The mean colour, by which lights are chosen; not zero unless the texture is black all over."""
+        """Return the mean colour, by which lights are chosen; not zero unless the texture is black all over."""
         raise NotImplementedError
 
-    def range(self, assets: Assets) -> Range:
-        """The range of its values."""
+    def range(self, assets: Assets) -> ValueRange:
+        """Return the range of its values."""
         raise NotImplementedError
 
 
@@ -72,7 +73,7 @@ class TextureSpec(Spec):
 
 
 def is_name(value: Any) -> bool:
-    """Whether a field's value is a name and not a number: it does not begin as a number does."""
+    """Tell if a field's value is a name and not a number: it does not begin as a number does."""
     return isinstance(value, str) and value.strip()[:1] not in tuple("+-.0123456789") and not _is_quantity(value)
 
 
@@ -93,15 +94,15 @@ def _adapter() -> TypeAdapter[TextureSpec]:
 class Texturable(Check):
     """Annotation of a field that a texture may set: a plain value, a texture's name, or a texture itself.
 
-    plain, the check of a plain value, None where only nothing may stand in place of a texture; data, whether the
-    texture stands for other than colours.
+    plain : the check of a plain value; None for a field that is a texture or None.
+    data : True where the texture's values are no colours.
     """
 
     plain: Triple | Quantity | None
     data: bool
 
     def __call__(self, value: Any) -> Any:
-        """The checked value, name or texture.
+        """Check a value, name or texture.
 
         Raises
         ------
@@ -114,19 +115,19 @@ class Texturable(Check):
         if self.plain is None:
             if value is None:
                 return None
-            raise ValueError(f"must be a texture's name or a texture {{type: ...}}, got {shown(value)}")
+            raise ValueError(f"must be a texture's name or a texture {{type: ...}}, got {format_value(value)}")
         return self.plain(value)
 
     @property
-    def bounds(self) -> Range:
-        """The range that a texture's values must keep to."""
+    def bounds(self) -> ValueRange:
+        """Range that a texture's values must keep to."""
         if self.plain is None:
-            return Range(-np.inf, np.inf)
+            return ValueRange(-np.inf, np.inf)
         component = self.plain.component if isinstance(self.plain, Triple) else self.plain
-        return Range(component.low, component.high)
+        return ValueRange(component.low, component.high)
 
     def json_schema(self) -> JsonSchemaValue:
-        """The plain values, a name, or a texture: `x-texture` stands for the definition of textures."""
+        """Return the schema of plain values, names and textures: `x-texture` stands for the definition of textures."""
         texture: list[JsonSchemaValue] = [{"type": "string"}, {"x-texture": True}]
         if self.plain is None:
             return {"anyOf": [*texture, {"type": "null"}]}
@@ -151,31 +152,31 @@ TexturedNonNegative: TypeAlias = Annotated[float | str | TextureSpec, Texturable
 TexturedFraction: TypeAlias = Annotated[float | str | TextureSpec, Texturable(Quantity(low=0.0, high=1.0), data=True)]
 
 
-class Use(NamedTuple):
-    """A texture that a spec asks for: the key, the field's annotation, and the name or texture."""
+class TextureUse(NamedTuple):
+    """Texture that a spec asks for: the key, the field's annotation, and the name or texture."""
 
     key: str
     field: Texturable
     value: str | TextureSpec
 
 
-def textures_of(spec: Spec) -> Iterator[Use]:
-    """The textures that a spec's fields ask for."""
+def textures_of(spec: Spec) -> Iterator[TextureUse]:
+    """List the textures that a spec's fields ask for."""
     for key, field in _texturable(type(spec)):
         value = getattr(spec, key)
         if isinstance(value, str | TextureSpec):
-            yield Use(key, field, value)
+            yield TextureUse(key, field, value)
 
 
 @cache
 def _texturable(cls: type[Spec]) -> tuple[tuple[str, Texturable], ...]:
-    """The fields of a class that take textures."""
+    """List the fields of a class that take textures."""
     every = ((key, field) for key, info in cls.model_fields.items() for field in info.metadata)
     return tuple((key, field) for key, field in every if isinstance(field, Texturable))
 
 
 def is_zero(value: Any) -> bool:
-    """Whether a colour or number is zero wherever it is looked up; a texture is taken not to be."""
+    """Tell if a colour or number is zero wherever it is looked up; a texture is taken not to be."""
     return not isinstance(value, str | TextureSpec) and not np.any(value)
 
 
@@ -184,13 +185,13 @@ def is_zero(value: Any) -> bool:
 
 @generic
 def texture(table, index, site):
-    """The colour of texture `index` at a geometry.Site, in linear light."""
+    """Look up the colour of texture `index` at a geometry.Site, in linear light."""
     raise NotImplementedError
 
 
 @generic
-def slope(table, index, site, tangent, bitangent):
-    """How fast the luminance of texture `index` grows along u and along v, with `tangent` dp/du and `bitangent` dp/dv.
+def texture_gradient(table, index, site, tangent, bitangent):
+    """Return the derivatives of the luminance of texture `index` by u and v; `tangent` is dp/du, `bitangent` dp/dv.
 
     The derivatives are in the space of site.point.
     """
@@ -198,44 +199,44 @@ def slope(table, index, site, tangent, bitangent):
 
 
 _texture_any = switch(texture)
-_slope_any = switch(slope)
+_texture_gradient_any = switch(texture_gradient)
 
 
 @kernel
 def texture_at(textures, reference, site):
-    """`texture` of the one that a parameter refers to by row * kinds + kind."""
+    """Call `texture` of the one that a parameter refers to by row * kinds + kind."""
     kinds = len(textures)
     return _texture_any(textures, reference % kinds, reference // kinds, site)
 
 
 @kernel
-def slope_at(textures, reference, site, tangent, bitangent):
-    """`slope` of a texture, by its reference."""
+def texture_gradient_at(textures, reference, site, tangent, bitangent):
+    """Call `texture_gradient` of a texture, by its reference."""
     kinds = len(textures)
-    return _slope_any(textures, reference % kinds, reference // kinds, site, tangent, bitangent)
+    return _texture_gradient_any(textures, reference % kinds, reference // kinds, site, tangent, bitangent)
 
 
 class Colors(NamedTuple):
-    """A colour for each row of a table: values (n, 3) float64."""
+    """Colours of the rows of a table: values (n, 3) float64."""
 
     values: NDArray[np.float64]
 
 
 class TexturedColors(NamedTuple):
-    """As Colors, or a texture: reference (n,) int32, -1 for the plain value."""
+    """Colours or textures of the rows of a table: reference (n,) int32, -1 for the plain value."""
 
     values: NDArray[np.float64]
     reference: NDArray[np.int32]
 
 
 class Numbers(NamedTuple):
-    """A number for each row of a table: values (n,) float64."""
+    """Numbers of the rows of a table: values (n,) float64."""
 
     values: NDArray[np.float64]
 
 
 class TexturedNumbers(NamedTuple):
-    """As Numbers, or a texture: reference (n,) int32, -1 for the plain value."""
+    """Numbers or textures of the rows of a table: reference (n,) int32, -1 for the plain value."""
 
     values: NDArray[np.float64]
     reference: NDArray[np.int32]
@@ -243,79 +244,79 @@ class TexturedNumbers(NamedTuple):
 
 @generic
 def color(parameter, index, textures, site):
-    """A material's colour at a site."""
+    """Look up a material's colour at a site."""
     raise NotImplementedError
 
 
 @color.register(Colors)
-def _(parameter, index, textures, site):
+def color_colors(parameter, index, textures, site):
     return row3(parameter.values, index)
 
 
 @color.register(TexturedColors)
-def _(parameter, index, textures, site):
+def color_textured_colors(parameter, index, textures, site):
     reference = parameter.reference[index]
     return row3(parameter.values, index) if reference < 0 else texture_at(textures, reference, site)
 
 
 @generic
 def number(parameter, index, textures, site):
-    """A material's number at a site; of a texture it is the luminance."""
+    """Look up a material's number at a site; of a texture it is the luminance."""
     raise NotImplementedError
 
 
 @number.register(Numbers)
-def _(parameter, index, textures, site):
+def number_numbers(parameter, index, textures, site):
     return parameter.values[index]
 
 
 @number.register(TexturedNumbers)
-def _(parameter, index, textures, site):
+def number_textured_numbers(parameter, index, textures, site):
     reference = parameter.reference[index]
     return parameter.values[index] if reference < 0 else luminance(texture_at(textures, reference, site))
 
 
 @kernel
 def luminance(rgb: Vec3) -> float:
-    """Relative luminance of a colour with the primaries of Rec. 709.
+    """Return the relative luminance of a colour with the primaries of Rec. 709.
 
     References: ITU-R BT.709-6, table 3.
     """
     return dot(REC709_LUMINANCE, rgb)
 
 
-class Book:
-    """What materials are packed with: it turns plain values and textures into parameters.
+class ParameterPacker:
+    """Packer of the parameters of materials, from plain values and textures.
 
     Parameters
     ----------
     named : textures by name.
-    used : the textures that materials ask for, as `textures_of` tells them.
-    assets : what the files of each held.
+    used : the textures that materials ask for, as `textures_of` lists them.
+    assets : contents of the files of each.
     """
 
     def __init__(
         self,
         named: Mapping[str, TextureSpec] | None = None,
-        used: Iterable[Use] = (),
+        used: Iterable[TextureUse] = (),
         assets: Mapping[TextureSpec, Assets] | None = None,
     ) -> None:
         self._named = named or {}
         self._assets = assets or {}
         groups: dict[str, dict[TextureSpec, int]] = {}
         for use in used:
-            found = self.texture(use.value, data=use.field.data)
-            rows = groups.setdefault(found.group(self._files(found)), {})
-            rows.setdefault(found, len(rows))
+            texture = self.texture(use.value, data=use.field.data)
+            rows = groups.setdefault(texture.group(self._files(texture)), {})
+            rows.setdefault(texture, len(rows))
         order = sorted(groups)
         self._references = {
-            found: row * len(order) + kind for kind, name in enumerate(order) for found, row in groups[name].items()
+            texture: row * len(order) + kind for kind, name in enumerate(order) for texture, row in groups[name].items()
         }
         self.tables: tuple[Any, ...] | None = None
         """One table a group of textures; None where nothing is textured."""
         if order:
             self.tables = tuple(
-                next(iter(rows)).pack(list(rows), [self._files(found) for found in rows])
+                next(iter(rows)).pack(list(rows), [self._files(texture) for texture in rows])
                 for rows in (groups[name] for name in order)
             )
 
@@ -323,25 +324,25 @@ class Book:
         return self._assets.get(spec, {})
 
     def texture(self, value: str | TextureSpec, *, data: bool) -> TextureSpec:
-        """The texture of this name, or itself, as colours or as data."""
-        found = self._named[value] if isinstance(value, str) else value
-        return found.as_data() if data else found
+        """Return the texture of this name, or itself, as colours or as data."""
+        texture = self._named[value] if isinstance(value, str) else value
+        return texture.as_data() if data else texture
 
     def reference(self, value: Any, *, data: bool = True) -> int:
-        """The number by which kernels know a texture, by its name or itself; -1 for None and for a plain value."""
+        """Return the number by which kernels know a texture, given or named; -1 for None and for a plain value."""
         if not isinstance(value, str | TextureSpec):
             return -1
         return self._references[self.texture(value, data=data)]
 
     def colors(self, values: Sequence[Any]) -> Colors | TexturedColors:
-        """The parameter of a table whose rows have these colours."""
+        """Pack the parameter of a table whose rows have these colours."""
         plain = [(0.0, 0.0, 0.0) if isinstance(value, str | TextureSpec) else value for value in values]
         rows = np.array(plain, np.float64).reshape(-1, 3)
         references = self._rows(values, data=False)
         return Colors(rows) if references is None else TexturedColors(rows, references)
 
     def numbers(self, values: Sequence[Any]) -> Numbers | TexturedNumbers:
-        """The parameter of a table whose rows have these numbers."""
+        """Pack the parameter of a table whose rows have these numbers."""
         plain = [0.0 if isinstance(value, str | TextureSpec) else value for value in values]
         rows = np.array(plain, np.float64)
         references = self._rows(values, data=True)
@@ -352,9 +353,9 @@ class Book:
         return references if np.any(references >= 0) else None
 
     def mean(self, value: Any, *, data: bool = False) -> Vec3:
-        """The mean of a colour, or of a number three times over; `data`, whether a texture stands for numbers."""
+        """Return the mean of a colour, or of a number three times over; `data`: a texture stands for numbers."""
         if isinstance(value, str | TextureSpec):
-            found = self.texture(value, data=data)
-            return found.mean(self._files(found))
+            texture = self.texture(value, data=data)
+            return texture.mean(self._files(texture))
         r, g, b = np.broadcast_to(np.asarray(value, np.float64), 3).tolist()
         return r, g, b

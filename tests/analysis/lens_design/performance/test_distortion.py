@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.assets.lenses import read_lens
-from raytracer.glass import AIR, constant
-from raytracer.lens_report.analysis.bench import bench_of
-from raytracer.lens_report.analysis.chief import of_fields, of_heights
-from raytracer.lens_report.analysis.distortion import distortion
-from raytracer.lens_report.analysis.first_order import first_order
-from tests.lens_report.benches import SHIPPED, bench_at, cylinder_pair, lens_of, sensor, stop, symmetric_lens
+from raytracer.analysis.lens_design.performance.chief_rays import chief_rays_at_fields, chief_rays_at_heights
+from raytracer.analysis.lens_design.performance.distortion import distortion
+from raytracer.analysis.lens_design.performance.first_order import first_order
+from raytracer.analysis.lens_design.performance.optical_bench import set_up_bench
+from raytracer.optics.glass import AIR, constant_index_glass
+from raytracer.scene.assets.lenses import read_lens
+from tests.analysis.lens_design.benches import SHIPPED, bench_at, cylinder_pair, lens_of, sensor, stop, symmetric_lens
 
 
 def test_a_symmetric_lens_at_life_size_has_none() -> None:
@@ -27,7 +27,7 @@ def test_a_symmetric_lens_at_life_size_has_none() -> None:
 
 def test_a_ball_with_its_stop_in_the_middle_is_a_pinhole() -> None:
     # Chief rays meet all its surfaces at right angles.
-    glass = constant(1.5)
+    glass = constant_index_glass(1.5)
     lens = lens_of(
         (1.0 / 10.0, 10.0, glass, 9.0),
         (0.0, 10.0, glass, 1.0, {"kind": "flat", "is_stop": True}),
@@ -42,7 +42,7 @@ def test_a_ball_with_its_stop_in_the_middle_is_a_pinhole() -> None:
 
 def test_a_stop_before_a_lens_makes_barrels_behind_it_cushions() -> None:
     # Smith 2008, sec. 5.4: the sign of the distortion follows the place of the stop.
-    glass = constant(1.5)
+    glass = constant_index_glass(1.5)
     rows = [(0.02, 4.0, glass, 20.0), (-0.02, 0.0, AIR, 20.0)]
     before = bench_at(lens_of(stop(10.0, 2.0), *rows), sensor_mm=sensor(15.0))
     behind = bench_at(lens_of(rows[0], (-0.02, 10.0, AIR, 20.0), stop(0.0, 2.0)), sensor_mm=sensor(15.0))
@@ -63,16 +63,16 @@ def test_cylinders_have_none_near_the_axis(meridian: str, distance: float) -> No
 def test_chief_rays_are_found_by_height_and_by_field() -> None:
     bench = bench_at(symmetric_lens(), sensor_mm=sensor(12.0))
     heights = np.linspace(0.0, 12.0, 7)
-    rays = of_heights(bench, "y", bench.primary, heights)
+    rays = chief_rays_at_heights(bench, "y", bench.primary, heights)
     np.testing.assert_allclose(rays.height, heights, rtol=0.0, atol=1e-12)
-    again = of_fields(bench, "y", bench.primary, rays.field_deg)
+    again = chief_rays_at_fields(bench, "y", bench.primary, rays.field_deg)
     np.testing.assert_allclose(again.height, heights, rtol=0.0, atol=1e-11)
-    assert np.isnan(of_heights(bench, "y", bench.primary, np.array([1e6])).height).all()
+    assert np.isnan(chief_rays_at_heights(bench, "y", bench.primary, np.array([1e6])).height).all()
 
 
 def test_the_fisheye_is_nearly_f_theta() -> None:
     path = next(path for path in SHIPPED if "fisheye" in path.name)
-    bench = bench_of(read_lens(path))
+    bench = set_up_bench(read_lens(path))
     found = distortion(bench)
     assert found.projection != "f tan"
     assert np.abs(found.f_theta_percent).max() < 5.0
@@ -81,7 +81,7 @@ def test_the_fisheye_is_nearly_f_theta() -> None:
 
 def test_fields_behind_the_lens() -> None:
     # A strong negative meniscus far before the stop: it sees more than half of the world.
-    glass = constant(1.7)
+    glass = constant_index_glass(1.7)
     lens = lens_of(
         (1.0 / 100.0, 2.0, glass, 45.0),
         (1.0 / 22.0, 40.0, AIR, 21.9),

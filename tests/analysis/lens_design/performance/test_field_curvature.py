@@ -6,17 +6,25 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.assets.lenses import read_lens
-from raytracer.lens_report.analysis.bench import MERIDIANS, Bench, bench_of
-from raytracer.lens_report.analysis.chief import object_points, of_fields
-from raytracer.lens_report.analysis.field_curvature import field_curvature
-from raytracer.lenses.surfaces import trace_rays
-from tests.lens_report.benches import SHIPPED, aspheric_pair, bench_at, closest, cylinder_pair, rays_close_to, sensor
+from raytracer.analysis.lens_design.performance.chief_rays import chief_rays_at_fields, object_points
+from raytracer.analysis.lens_design.performance.field_curvature import field_curvature
+from raytracer.analysis.lens_design.performance.optical_bench import MERIDIANS, OpticalBench, set_up_bench
+from raytracer.optics.lens_system.ray_tracing import trace_rays
+from raytracer.scene.assets.lenses import read_lens
+from tests.analysis.lens_design.benches import (
+    SHIPPED,
+    aspheric_pair,
+    bench_at,
+    closest,
+    cylinder_pair,
+    rays_close_to,
+    sensor,
+)
 
 
-def foci(bench: Bench, meridian: str, field_deg: float) -> Any:
+def foci(bench: OpticalBench, meridian: str, field_deg: float) -> Any:
     """Tangential and sagittal focus along the axis, from the film, of pairs of rays on both sides of the chief ray."""
-    chief = of_fields(bench, meridian, bench.primary, np.array([field_deg]))
+    chief = chief_rays_at_fields(bench, meridian, bench.primary, np.array([field_deg]))
     origin, toward = chief.origin[0], chief.toward[0]
     near = not math.isinf(bench.distance)
     start = object_points(bench, chief.origin, -chief.toward)[0] if near else origin
@@ -26,7 +34,7 @@ def foci(bench: Bench, meridian: str, field_deg: float) -> Any:
     for along in (np.cross(toward, across), across):
         apart = 1e-2 if not near else 1e-2 / bench.distance
         origins, directions = rays_close_to(start, toward, along, apart, parallel=not near)
-        weights, points, onward = trace_rays(bench.wide(), origins, directions)
+        weights, points, onward = trace_rays(bench.without_rims(), origins, directions)
         assert (weights > 0.0).all()
         found.append(closest(points, onward)[2] - bench.film)
     return found
@@ -54,7 +62,7 @@ def test_the_petzval_surface_is_three_times_as_far_from_the_tangential_focus_as_
 
 def test_the_fisheye_out_to_its_rim() -> None:
     path = next(path for path in SHIPPED if "fisheye" in path.name)
-    bench = bench_of(read_lens(path))
+    bench = set_up_bench(read_lens(path))
     found = field_curvature(bench)
     for row in (10, 25, 38):
         tangential, sagittal = foci(bench, "y", float(found.field_deg[row]))

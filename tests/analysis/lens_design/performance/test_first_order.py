@@ -4,13 +4,21 @@ import math
 
 import pytest
 
-from raytracer.assets.lenses import read_lens
-from raytracer.glass import AIR, constant
-from raytracer.lens_report.analysis.bench import bench_of
-from raytracer.lens_report.analysis.first_order import first_order
-from raytracer.lens_report.analysis.results import Settings
-from raytracer.lenses.first_order import cardinal_points, exit_pupil
-from tests.lens_report.benches import SHIPPED, bench_at, cylinder_pair, lens_of, plano_convex, symmetric_lens, thin_lens
+from raytracer.analysis.lens_design.performance.first_order import first_order
+from raytracer.analysis.lens_design.performance.optical_bench import set_up_bench
+from raytracer.analysis.lens_design.performance.results import Settings
+from raytracer.optics.glass import AIR, constant_index_glass
+from raytracer.optics.lens_system.first_order import cardinal_points, exit_pupil
+from raytracer.scene.assets.lenses import read_lens
+from tests.analysis.lens_design.benches import (
+    SHIPPED,
+    bench_at,
+    cylinder_pair,
+    lens_of,
+    plano_convex,
+    symmetric_lens,
+    thin_lens,
+)
 
 
 def test_the_plano_convex_lens() -> None:
@@ -51,7 +59,7 @@ def test_each_plane_of_crossed_cylinders_is_a_lens_by_itself(meridian: str) -> N
 
 def test_nodal_points_of_a_lens_before_water() -> None:
     # f' = n' f: the nodal points are moved from the principal points by f' - f, towards the denser side.
-    lens = lens_of((1.0 / 20.0, 0.0, constant(4.0 / 3.0), 5.0, {"is_stop": True}))
+    lens = lens_of((1.0 / 20.0, 0.0, constant_index_glass(4.0 / 3.0), 5.0, {"is_stop": True}))
     found = first_order(bench_at(lens))
     assert found.focal_length_mm == pytest.approx(60.0, rel=1e-14)
     assert found.rear_focus_z_mm == pytest.approx(80.0, rel=1e-14)
@@ -62,7 +70,7 @@ def test_nodal_points_of_a_lens_before_water() -> None:
 
 
 def test_pupils_and_f_numbers_of_a_thin_lens() -> None:
-    found = first_order(bench_at(thin_lens(80.0, 0.3, constant(1.6), 10.0)))
+    found = first_order(bench_at(thin_lens(80.0, 0.3, constant_index_glass(1.6), 10.0)))
     assert found.f_number == pytest.approx(4.0, rel=1e-8)
     assert (found.entrance_pupil_z_mm, found.exit_pupil_z_mm) == pytest.approx((0.0, 0.0), abs=1e-7)
     assert found.exit_pupil_diameter_mm == pytest.approx(20.0, rel=1e-8)
@@ -74,7 +82,7 @@ def test_pupils_and_f_numbers_of_a_thin_lens() -> None:
 
 def test_magnification_of_a_near_object() -> None:
     # 1 / s' = 1 / f - 1 / s: at 3 f the image is half as large, and upside down.
-    bench = bench_at(thin_lens(50.0, 0.0, constant(1.5), 2.0), focus_distance_mm=150.0)
+    bench = bench_at(thin_lens(50.0, 0.0, constant_index_glass(1.5), 2.0), focus_distance_mm=150.0)
     found = first_order(bench)
     assert found.magnification == pytest.approx(-0.5, rel=1e-7)
     assert found.film_z_mm == pytest.approx(75.0, rel=1e-7)
@@ -82,7 +90,7 @@ def test_magnification_of_a_near_object() -> None:
 
 def test_a_stop_in_the_focal_plane_is_seen_from_infinity() -> None:
     # The stop a focal length before a thin lens: telecentric behind it.
-    glass = constant(1.5)
+    glass = constant_index_glass(1.5)
     lens = lens_of(
         (0.0, 40.0, AIR, 4.0, {"kind": "flat", "is_stop": True}),
         (0.05 / 2.0, 1e-9, glass, 15.0),
@@ -94,15 +102,17 @@ def test_a_stop_in_the_focal_plane_is_seen_from_infinity() -> None:
 
 
 def test_no_power_is_said() -> None:
-    window = lens_of((0.0, 5.0, constant(1.5), 10.0, {"kind": "flat"}), (0.0, 0.0, AIR, 10.0, {"kind": "flat"}))
+    window = lens_of(
+        (0.0, 5.0, constant_index_glass(1.5), 10.0, {"kind": "flat"}), (0.0, 0.0, AIR, 10.0, {"kind": "flat"})
+    )
     with pytest.raises(ValueError, match="makes no image"):
-        first_order(bench_of(window))
+        first_order(set_up_bench(window))
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_shipped_lenses_have_their_published_focal_length(path: object) -> None:
     lens = read_lens(path)  # type: ignore[arg-type]
-    found = first_order(bench_of(lens, Settings()))
+    found = first_order(set_up_bench(lens, Settings()))
     assert lens.focal_length is not None
     assert found.focal_length_mm == pytest.approx(lens.focal_length, rel=5e-3)
     assert found.focal_length_traced_mm == pytest.approx(found.focal_length_mm, rel=1e-6)

@@ -5,15 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.assets.lenses import read_lens
-from raytracer.glass import AIR, constant
-from raytracer.lens_report.analysis.bench import bench_of
-from raytracer.lens_report.analysis.fields import points
-from raytracer.lens_report.analysis.first_order import first_order
-from raytracer.lens_report.analysis.illumination import illumination, largest_height, projected_solid_angle
-from raytracer.lens_report.analysis.results import Settings
-from raytracer.lens_report.analysis.spots import axis_point, light_of
-from tests.lens_report.benches import SHIPPED, bench_at, lens_of, sensor, thin_lens
+from raytracer.analysis.lens_design.performance.field_points import field_points
+from raytracer.analysis.lens_design.performance.first_order import first_order
+from raytracer.analysis.lens_design.performance.illumination import illumination, largest_height, projected_solid_angle
+from raytracer.analysis.lens_design.performance.optical_bench import set_up_bench
+from raytracer.analysis.lens_design.performance.results import Settings
+from raytracer.analysis.lens_design.performance.spots import axis_point, trace_field_point
+from raytracer.optics.glass import AIR, constant_index_glass
+from raytracer.scene.assets.lenses import read_lens
+from tests.analysis.lens_design.benches import SHIPPED, bench_at, lens_of, sensor, thin_lens
 
 
 def foote(angle_deg: float, f_number: float) -> float:
@@ -26,7 +26,9 @@ def foote(angle_deg: float, f_number: float) -> float:
 @pytest.mark.parametrize(("angle", "f_number"), [(0.0, 1.4), (20.0, 1.4), (35.0, 2.0)])
 def test_a_disc_is_as_foote_has_it(angle: float, f_number: float) -> None:
     # A lens of next to no power, whose rim is the pupil.
-    lens = lens_of((1e-12, 1e-9, constant(1.5), 100.0 / (2.0 * f_number), {"is_stop": True}), (0.0, 0.0, AIR, 500.0))
+    lens = lens_of(
+        (1e-12, 1e-9, constant_index_glass(1.5), 100.0 / (2.0 * f_number), {"is_stop": True}), (0.0, 0.0, AIR, 500.0)
+    )
     bench = bench_at(lens, film=100.0, sensor_mm=sensor(80.0))
     height = 100.0 * math.tan(math.radians(angle))
     found = projected_solid_angle(bench, "y", height) / math.pi
@@ -38,7 +40,7 @@ def test_a_disc_is_as_foote_has_it(angle: float, f_number: float) -> None:
 
 
 def test_a_small_pupil_gives_cos4() -> None:
-    lens = thin_lens(50.0, 0.0, constant(1.5), 0.1)
+    lens = thin_lens(50.0, 0.0, constant_index_glass(1.5), 0.1)
     found = illumination(bench_at(lens))
     angle = np.arctan(found.image_height_mm / 50.0)
     np.testing.assert_allclose(found.cos4, np.cos(angle) ** 4, rtol=1e-7)
@@ -51,12 +53,12 @@ def test_the_film_and_the_scene_agree(f_number: float | None) -> None:
     # The light of a field point is the cross-section of its beam; a ring of the scene of solid angle sin(a) da is
     # imaged to h dh: so E(h) = beam sin(a) / (h dh/da).  One side traces from the film, the other from the scene.
     path = next(path for path in SHIPPED if path.name == "double-gauss-50mm.yaml")
-    bench = bench_of(read_lens(path), Settings(f_number=f_number))
+    bench = set_up_bench(read_lens(path), Settings(f_number=f_number))
     parts = np.array([0.4, 0.7, 0.95])
     step = 1e-4
-    scene = points(bench, "y", np.concatenate([parts, parts + step, parts - step]))
-    beam = [float(light_of(bench, point, 128)[0][1].sum()) for point in scene[: len(parts)]]
-    full = float(light_of(bench, axis_point(bench, "y"), 128)[0][1].sum())
+    scene = field_points(bench, "y", np.concatenate([parts, parts + step, parts - step]))
+    beam = [float(trace_field_point(bench, point, 128)[0][1].sum()) for point in scene[: len(parts)]]
+    full = float(trace_field_point(bench, axis_point(bench, "y"), 128)[0][1].sum())
     focal_length = first_order(bench).focal_length_mm
     height = parts * largest_height(bench, "y")
     for row in range(len(parts)):
@@ -72,7 +74,7 @@ def test_the_film_and_the_scene_agree(f_number: float | None) -> None:
 def test_the_curve_is_smooth() -> None:
     # No rings: second differences are small and even up to where rims begin to cut the pupil off, from where it falls.
     path = next(path for path in SHIPPED if path.name == "double-gauss-50mm.yaml")
-    bench = bench_of(read_lens(path), Settings(f_number=5.6, steps=81))
+    bench = set_up_bench(read_lens(path), Settings(f_number=5.6, steps=81))
     relative = illumination(bench).relative
     second = np.diff(relative[:72], 2)
     assert np.abs(second).max() < 2e-4
@@ -84,7 +86,7 @@ def test_beyond_the_rim_it_is_dark() -> None:
     # A tube before and behind a lens lets nothing through beyond some angle.
     lens = lens_of(
         (0.0, 40.0, AIR, 5.0, {"kind": "flat"}),
-        (0.01, 1.0, constant(1.5), 5.0, {"is_stop": True}),
+        (0.01, 1.0, constant_index_glass(1.5), 5.0, {"is_stop": True}),
         (-0.01, 0.0, AIR, 5.0),
     )
     bench = bench_at(lens, sensor_mm=sensor(80.0))

@@ -5,27 +5,27 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.glass import constant, of_abbe
-from raytracer.lens_report.analysis.beams import aimed, landed
-from raytracer.lens_report.analysis.bench import Bench
-from raytracer.lens_report.analysis.chief import of_fields
-from raytracer.lens_report.analysis.colour import axial_mm
-from raytracer.lens_report.analysis.distortion import distortion
-from raytracer.lens_report.analysis.field_curvature import field_curvature
-from raytracer.lens_report.analysis.fields import points
-from raytracer.lens_report.analysis.paraxial import marginal_ray
-from raytracer.lens_report.analysis.results import Seidel
-from raytracer.lens_report.analysis.seidel import seidel
-from raytracer.lens_report.analysis.spherical import spherical
-from raytracer.lenses.lens import Lens
-from tests.lens_report.benches import aspheric_pair, bench_at, lens_of, limit, sensor, stop
+from raytracer.analysis.lens_design.performance.beams import aim_fan, film_points
+from raytracer.analysis.lens_design.performance.chief_rays import chief_rays_at_fields
+from raytracer.analysis.lens_design.performance.chromatic_aberration import axial_shift_mm
+from raytracer.analysis.lens_design.performance.distortion import distortion
+from raytracer.analysis.lens_design.performance.field_curvature import field_curvature
+from raytracer.analysis.lens_design.performance.field_points import field_points
+from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench
+from raytracer.analysis.lens_design.performance.paraxial import marginal_ray
+from raytracer.analysis.lens_design.performance.results import Seidel
+from raytracer.analysis.lens_design.performance.seidel import seidel
+from raytracer.analysis.lens_design.performance.spherical import spherical
+from raytracer.optics.glass import constant_index_glass, glass_from_abbe
+from raytracer.optics.lens_system.lens import Lens
+from tests.analysis.lens_design.benches import aspheric_pair, bench_at, lens_of, limit, sensor, stop
 
 DISTANCES = (math.inf, 250.0)
 
 
-def bench_and_sums(lens: Lens, largest: float, aperture: float, distance: float) -> tuple[Bench, Seidel, float]:
+def bench_and_sums(lens: Lens, largest: float, aperture: float, distance: float) -> tuple[OpticalBench, Seidel, float]:
     """Bench, its sums, and the slope of the marginal ray behind the lens."""
-    bench = bench_at(lens.stopped(aperture), sensor_mm=sensor(largest), focus_distance_mm=distance, steps=5)
+    bench = bench_at(lens.stopped_down(aperture), sensor_mm=sensor(largest), focus_distance_mm=distance, steps=5)
     sums = seidel(bench)
     assert sums is not None
     return bench, sums, float(marginal_ray(bench, bench.surfaces()).slopes[-1])
@@ -47,13 +47,13 @@ def test_coma(distance: float) -> None:
     ratios: tuple[list[float], list[float]] = ([], [])
     for size in sizes:
         bench, sums, slope = bench_and_sums(aspheric_pair(), 0.02 * size, size, distance)
-        point = points(bench, "y", np.ones(1))[0]
+        point = field_points(bench, "y", np.ones(1))[0]
         assert point.beam is not None
         ends = np.array([1.0, -1.0]) * (1.0 - 1e-9)
         still = np.zeros(2)
         for found, up in zip(ratios, (True, False), strict=True):
-            ways = aimed(bench, point.beam, ends, up=up)
-            places, _ = landed(bench, point.beam, *((ways, still) if up else (still, ways)), bench.primary)
+            ways = aim_fan(bench, point.beam, ends, up=up)
+            places, _ = film_points(bench, point.beam, *((ways, still) if up else (still, ways)), bench.primary)
             coma = float(places[:, 0].mean()) - point.height
             found.append(coma / (-sums.total_coma / (2.0 * slope)) / (3.0 if up else 1.0))
     for found in ratios:
@@ -89,20 +89,22 @@ def test_distortion(distance: float) -> None:
 
 def test_colour() -> None:
     # Axial: the focus of the blue end minus that of the red is -C1 / (n' u'^2); lateral: C2 / (n' u') over the field.
-    weak = of_abbe(1.6, 4000.0), of_abbe(1.7, 3000.0)
+    weak = glass_from_abbe(1.6, 4000.0), glass_from_abbe(1.7, 3000.0)
     lens = lens_of(
         (0.02, 4.0, weak[0], 12.0),
-        (-0.01, 6.0, constant(1.0), 12.0),
+        (-0.01, 6.0, constant_index_glass(1.0), 12.0),
         stop(4.0, 3.0),
         (0.01, 3.0, weak[1], 12.0),
-        (-0.01, 0.0, constant(1.0), 12.0),
+        (-0.01, 0.0, constant_index_glass(1.0), 12.0),
     )
     bench, sums, slope = bench_and_sums(lens, 0.1, 3.0, math.inf)
     _, blue, red = bench.settings.wavelengths_nm
-    spread = axial_mm(bench, blue) - axial_mm(bench, red)
+    spread = axial_shift_mm(bench, blue) - axial_shift_mm(bench, red)
     assert spread == pytest.approx(-sums.total_axial_colour / slope**2, rel=1e-3)
-    point = points(bench, "y", np.ones(1))[0]
-    heights = [float(of_fields(bench, "y", end, np.array([point.field_deg])).height[0]) for end in (blue, red)]
+    point = field_points(bench, "y", np.ones(1))[0]
+    heights = [
+        float(chief_rays_at_fields(bench, "y", end, np.array([point.field_deg])).height[0]) for end in (blue, red)
+    ]
     # On the film of the primary colour chief rays of others land off by what their images are larger or smaller.
     assert heights[0] - heights[1] == pytest.approx(-sums.total_lateral_colour / slope, rel=1e-3)
 

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.glass import AIR, constant
-from raytracer.lens_report.analysis.beams import aimed, landed
-from raytracer.lens_report.analysis.fields import points
-from raytracer.lens_report.analysis.seidel import seidel
-from raytracer.lens_report.analysis.spherical import spherical
-from tests.lens_report.benches import bench_at, lens_of, plano_convex, sensor, thin_lens
+from raytracer.analysis.lens_design.performance.beams import aim_fan, film_points
+from raytracer.analysis.lens_design.performance.field_points import field_points
+from raytracer.analysis.lens_design.performance.seidel import seidel
+from raytracer.analysis.lens_design.performance.spherical import spherical
+from raytracer.optics.glass import AIR, constant_index_glass
+from tests.analysis.lens_design.benches import bench_at, lens_of, plano_convex, sensor, thin_lens
 
 
 def test_the_plano_convex_lens_of_the_lecture() -> None:
@@ -37,7 +37,7 @@ def test_third_order_is_the_limit_of_small_zones() -> None:
 def test_a_hyperboloid_has_none() -> None:
     # Flat side first, conic -n^2: all rays from infinity to one point (Descartes).
     shape = {"kind": "conic", "conic": -2.25}
-    lens = lens_of((0.0, 8.0, constant(1.5), 22.0, {"kind": "flat"}), (-0.02, 0.0, AIR, 20.0, shape))
+    lens = lens_of((0.0, 8.0, constant_index_glass(1.5), 22.0, {"kind": "flat"}), (-0.02, 0.0, AIR, 20.0, shape))
     bench = bench_at(lens)
     found = spherical(bench)
     assert np.abs(found.longitudinal_mm).max() < 1e-10
@@ -52,8 +52,8 @@ def test_the_doublet_of_the_book() -> None:
     # Kingslake, Johnson 2010, sec. 2.5: back focus 11.28584, and 11.2939 of the ray at 2 mm.
     bench = bench_at(
         lens_of(
-            (1.0 / 7.3895, 1.05, constant(1.517), 2.0, {"is_stop": True}),
-            (-1.0 / 5.1784, 0.40, constant(1.649), 3.0),
+            (1.0 / 7.3895, 1.05, constant_index_glass(1.517), 2.0, {"is_stop": True}),
+            (-1.0 / 5.1784, 0.40, constant_index_glass(1.649), 3.0),
             (-1.0 / 16.2225, 0.0, AIR, 3.0),
         )
     )
@@ -69,17 +69,20 @@ def test_offence_against_the_sine_condition_is_sagittal_coma(conic: float, turne
     # the zone.
     shape = {"kind": "conic" if conic else "spherical", "conic": conic}
     lens = lens_of(
-        (0.0, 8.0, constant(1.5), 12.0, {"kind": "flat"}), (-0.02, 0.0, AIR, 10.0, shape | {"is_stop": True})
+        (0.0, 8.0, constant_index_glass(1.5), 12.0, {"kind": "flat"}),
+        (-0.02, 0.0, AIR, 10.0, shape | {"is_stop": True}),
     )
     if turned:
-        lens = lens_of((0.02, 8.0, constant(1.5), 10.0, {"is_stop": True}), (0.0, 0.0, AIR, 12.0, {"kind": "flat"}))
+        lens = lens_of(
+            (0.02, 8.0, constant_index_glass(1.5), 10.0, {"is_stop": True}), (0.0, 0.0, AIR, 12.0, {"kind": "flat"})
+        )
     bench = bench_at(lens, sensor_mm=sensor(0.01))
     axis = spherical(bench)
     focused = bench_at(lens, film=bench.film + float(axis.longitudinal_mm[0, -1]), sensor_mm=sensor(0.01))
-    point = points(focused, "y", np.ones(1))[0]
+    point = field_points(focused, "y", np.ones(1))[0]
     assert point.beam is not None
-    side = aimed(focused, point.beam, np.array([1.0 - 1e-6]), up=False)
-    places, weights = landed(focused, point.beam, np.zeros(1), side, focused.primary)
+    side = aim_fan(focused, point.beam, np.array([1.0 - 1e-6]), up=False)
+    places, weights = film_points(focused, point.beam, np.zeros(1), side, focused.primary)
     assert weights[0] > 0.0
     assert (places[0, 0] - point.height) / point.height == pytest.approx(axis.sine_condition[-1], rel=2e-2)
 
@@ -88,7 +91,7 @@ def test_aplanatic_points_of_a_sphere() -> None:
     # Light that converges to n r behind the centre of a sphere of glass is brought to r / n behind it, sharp and free
     # of coma for all apertures (Born, Wolf 1999, sec. 4.2.3).
     n, r = 1.5, 30.0
-    lens = lens_of((1.0 / r, 0.0, constant(n), 12.0, {"is_stop": True}))
+    lens = lens_of((1.0 / r, 0.0, constant_index_glass(n), 12.0, {"is_stop": True}))
     bench = bench_at(lens, film=r + r / n, focus_distance_mm=-(r + n * r))
     sums = seidel(bench)
     assert sums is not None
@@ -108,7 +111,7 @@ def thin_spherical(n: float, shape: float, conjugate: float, height: float, powe
 @pytest.mark.parametrize(("distance", "conjugate"), [(math.inf, -1.0), (200.0, 0.0), (300.0, -1.0 / 3.0)])
 def test_thin_lens(n: float, shape: float, distance: float, conjugate: float) -> None:
     # conjugate = (m + 1) / (m - 1) with m the magnification, -1 for infinity.
-    bench = bench_at(thin_lens(100.0, shape, constant(n), 5.0), focus_distance_mm=distance)
+    bench = bench_at(thin_lens(100.0, shape, constant_index_glass(n), 5.0), focus_distance_mm=distance)
     sums = seidel(bench)
     assert sums is not None
     expected = thin_spherical(n, shape, conjugate, 5.0, 0.01)
@@ -125,7 +128,7 @@ def test_best_bending_of_a_thin_lens() -> None:
     n = 1.5
     best = 2.0 * (n * n - 1.0) / (n + 2.0)
     sums = [
-        seidel(bench_at(thin_lens(100.0, best + off, constant(n), 5.0))).total_spherical  # type: ignore[union-attr]
+        seidel(bench_at(thin_lens(100.0, best + off, constant_index_glass(n), 5.0))).total_spherical  # type: ignore[union-attr]
         for off in (-1e-2, 0.0, 1e-2)
     ]
     assert sums[1] < sums[0]

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import j1
 
-from raytracer.glass import AIR, constant
-from raytracer.lens_report.analysis.mtf import (
+from raytracer.analysis.lens_design.performance.mtf import (
     FREQUENCIES_PER_MM,
     diffraction_limit,
     geometric_mtf,
@@ -15,16 +14,19 @@ from raytracer.lens_report.analysis.mtf import (
     mtf_over_field,
     perfect_mtf,
 )
-from raytracer.lens_report.analysis.spherical import spherical
-from raytracer.lens_report.analysis.spots import axis_point, light_of, spots
-from raytracer.lenses.lens import Lens
-from tests.lens_report.benches import bench_at, cylinder_pair, lens_of, plano_convex, sensor, stop
+from raytracer.analysis.lens_design.performance.spherical import spherical
+from raytracer.analysis.lens_design.performance.spots import axis_point, spots, trace_field_point
+from raytracer.optics.glass import AIR, constant_index_glass
+from raytracer.optics.lens_system.lens import Lens
+from tests.analysis.lens_design.benches import bench_at, cylinder_pair, lens_of, plano_convex, sensor, stop
 
 
 def hyperbolic(radius: float) -> Lens:
     """Sharp for light along its axis, whatever its aperture: f = 100."""
     shape = {"kind": "conic", "conic": -2.25, "is_stop": True}
-    return lens_of((0.0, 5.0, constant(1.5), radius + 2.0, {"kind": "flat"}), (-0.02, 0.0, AIR, radius, shape))
+    return lens_of(
+        (0.0, 5.0, constant_index_glass(1.5), radius + 2.0, {"kind": "flat"}), (-0.02, 0.0, AIR, radius, shape)
+    )
 
 
 def test_a_perfect_lens_has_a_point_and_an_mtf_of_one() -> None:
@@ -53,9 +55,9 @@ def test_a_defocused_point_is_a_disc() -> None:
 
 def test_light_of_a_near_point_is_the_solid_angle_of_the_pupil() -> None:
     # A stop of radius 10 mm in front, seen from 20 mm: 2 pi (1 - cos a) with tan a = 1/2.
-    lens = lens_of(stop(1.0, 10.0), (0.001, 1.0, constant(1.5), 40.0), (-0.001, 0.0, AIR, 40.0))
+    lens = lens_of(stop(1.0, 10.0), (0.001, 1.0, constant_index_glass(1.5), 40.0), (-0.001, 0.0, AIR, 40.0))
     bench = bench_at(lens, film=30.0, focus_distance_mm=20.0, rays=256)
-    weights = light_of(bench, axis_point(bench, "y"), 256)[0][1]
+    weights = trace_field_point(bench, axis_point(bench, "y"), 256)[0][1]
     assert weights.sum() == pytest.approx(2.0 * math.pi * (1.0 - 1.0 / math.sqrt(1.25)), rel=3e-3)
     # The middle of the pupil is seen under the greatest angle: cos^3 of the rim's, which is what is left of it there.
     assert weights.min() / weights.max() == pytest.approx(1.25**-1.5, rel=2e-2)
@@ -91,7 +93,7 @@ def test_a_grid_twice_as_fine_sees_the_same_spot() -> None:
     bench = bench_at(plano_convex(), sensor_mm=sensor(10.0))
     sizes = []
     for rays in (48, 96):
-        places, weights = light_of(bench, axis_point(bench, "y"), rays)[0]
+        places, weights = trace_field_point(bench, axis_point(bench, "y"), rays)[0]
         sizes.append((float(weights.sum()), float((weights * (places**2).sum(axis=1)).sum() / weights.sum())))
     # The light that gets through is that of the pupil's area.
     assert sizes[1][0] == pytest.approx(math.pi * 10.0**2, rel=3e-3)

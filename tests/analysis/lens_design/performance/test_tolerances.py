@@ -5,15 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.glass import constant
-from raytracer.lens_report.analysis.tolerances import best_focus, tolerances
-from tests.lens_report.benches import aspheric_pair, bench_at, plano_convex, thin_lens
+from raytracer.analysis.lens_design.performance.tolerances import best_focus, tolerances
+from raytracer.optics.glass import constant_index_glass
+from tests.analysis.lens_design.benches import aspheric_pair, bench_at, plano_convex, thin_lens
 
 
 def test_derivatives_of_a_thin_lens() -> None:
     # 1/f = (n - 1) (1/R1 - 1/R2): df/dR1 = f^2 (n - 1) / R1^2, df/dR2 = -f^2 (n - 1) / R2^2, df/dn = -f / (n - 1).
     n, f = 1.6, 80.0
-    bench = bench_at(thin_lens(f, 0.4, constant(n), 4.0))
+    bench = bench_at(thin_lens(f, 0.4, constant_index_glass(n), 4.0))
     rows = {(row.surface, row.parameter): row for row in tolerances(bench).sensitivities}
     r1, r2 = (1.0 / float(element.curvature) for element in bench.lens.elements)
     assert rows[1, "radius"].back_focus_per_unit == pytest.approx(f**2 * (n - 1.0) / r1**2, rel=1e-6)
@@ -45,7 +45,9 @@ def test_a_first_radius_before_a_flat_is_no_error_for_light_that_it_does_not_ben
 def test_depth_of_field_is_that_of_the_camera_truths() -> None:
     # 50 mm at f/2.8, c = 0.03 mm, 3 m: 2729.5 and 3330.1 mm.
     bench = bench_at(
-        thin_lens(50.0, 0.5, constant(1.5), 50.0 / 5.6), focus_distance_mm=3000.0, circle_of_confusion_mm=0.03
+        thin_lens(50.0, 0.5, constant_index_glass(1.5), 50.0 / 5.6),
+        focus_distance_mm=3000.0,
+        circle_of_confusion_mm=0.03,
     )
     found = tolerances(bench)
     assert found.near_limit_mm == pytest.approx(2729.5, abs=0.1)
@@ -57,7 +59,7 @@ def test_depth_of_field_is_that_of_the_camera_truths() -> None:
 
 
 def test_depth_of_focus_is_circle_times_f_number() -> None:
-    found = tolerances(bench_at(thin_lens(100.0, 0.7, constant(1.5), 2.0), circle_of_confusion_mm=0.02))
+    found = tolerances(bench_at(thin_lens(100.0, 0.7, constant_index_glass(1.5), 2.0), circle_of_confusion_mm=0.02))
     assert found.depth_of_focus_mm == pytest.approx(0.02 * 25.0, rel=2e-3)
 
 

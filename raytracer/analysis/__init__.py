@@ -1,0 +1,1 @@
+"""Measure, compare and explain renders: one package a tool."""

@@ -1,0 +1,152 @@
+"""Outlines of glass in a cross-section: exact arcs of spheres and ellipses, cubic curves for other surfaces."""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.optics.glass import Glass
+from raytracer.optics.lens_system.lens import Element
+
+FloatArray = NDArray[np.float64]
+Point: TypeAlias = tuple[float, float]
+SectionAxis: TypeAlias = Literal["x", "y"]
+
+CROWN, FLINT, OTHER = "#56a0d3", "#c08a3e", "#7f8c8d"
+"""Fills: glass with an Abbe number above 50, with one below, and glass that does not disperse."""
+
+# Pieces of a curve that is no arc.
+_PIECES = 48
+
+
+class Arc(NamedTuple):
+    """Arc of an ellipse with its axes along z and up, from the end of the piece before, less than half of it."""
+
+    half_z: float
+    half_height: float
+    anticlockwise: bool
+    end: Point
+
+
+class Line(NamedTuple):
+    """Straight line from the end of the piece before."""
+
+    end: Point
+
+
+class Cubic(NamedTuple):
+    """Cubic Bezier curve from the end of the piece before."""
+
+    first: Point
+    second: Point
+    end: Point
+
+
+Piece: TypeAlias = Arc | Line | Cubic
+
+
+class Outline(NamedTuple):
+    """Closed outline of a piece of glass.
+
+    start : first point (mm).
+    pieces : from there on, back to the start.
+    fill, opacity : of the glass.
+    title : name and index of the glass.
+    """
+
+    start: Point
+    pieces: tuple[Piece, ...]
+    fill: str
+    opacity: float
+    title: str
+
+
+def surface_outline(
+    surface: Element, vertex: float, reach: float, plane: SectionAxis = "y"
+) -> tuple[Point, tuple[Piece, ...]]:
+    """Draw a surface from `-reach` up to `reach` (mm): its lower end, and its pieces."""
+    across, along = surface.quadric()[0 if plane == "x" else 1], surface.quadric()[2]
+    bottom, top = ((vertex + surface_sag(surface, height, plane), height) for height in (-reach, reach))
+    if not any(surface.coefficients):
+        if across == 0.0:
+            return bottom, (Line(top),)
+        # An ellipse, across y^2 + along z^2 = 2 z.
+        if across * along > 0.0:
+            half_z, half_height = abs(1.0 / along), 1.0 / math.sqrt(across * along)
+            return bottom, (Arc(half_z, half_height, across < 0.0, top),)
+    heights = np.linspace(-reach, reach, _PIECES + 1)
+    zs = [vertex + surface_sag(surface, float(height), plane) for height in heights]
+    slopes = [surface_slope(surface, float(height), plane) for height in heights]
+    pieces = []
+    for (low, high), (z_low, z_high), (s_low, s_high) in zip(
+        pairwise(heights.tolist()), pairwise(zs), pairwise(slopes), strict=True
+    ):
+        third = (high - low) / 3.0
+        pieces.append(
+            Cubic((z_low + third * s_low, low + third), (z_high - third * s_high, high - third), (z_high, high))
+        )
+    return bottom, tuple(pieces)
+
+
+def surface_sag(surface: Element, height: float, plane: SectionAxis) -> float:
+    """Compute the sag of a surface at a height (mm); beyond its edge, that of its farthest point."""
+    u, w = surface.quadric()[0 if plane == "x" else 1], surface.quadric()[2]
+    root = math.sqrt(max(0.0, 1.0 - u * w * height * height))
+    terms = (a * height ** (2 * power) for power, a in enumerate(surface.coefficients, start=2))
+    return u * height * height / (1.0 + root) + math.fsum(terms)
+
+
+def surface_slope(surface: Element, height: float, plane: SectionAxis) -> float:
+    """Compute dz/dheight, of u h^2 + w z^2 = 2 z by implicit differentiation, and of the polynomial."""
+    u, w = surface.quadric()[0 if plane == "x" else 1], surface.quadric()[2]
+    root = math.sqrt(max(0.0, 1.0 - u * w * height * height))
+    slope = u * height / root if root > 0.0 else 0.0
+    for power, coefficient in enumerate(surface.coefficients, start=2):
+        slope += 2 * power * coefficient * height ** (2 * power - 1)
+    return slope
+
+
+def reversed_pieces(start: Point, pieces: Sequence[Piece]) -> tuple[Point, tuple[Piece, ...]]:
+    """Reverse a curve: its other end, and its pieces from there."""
+    ends = [start, *(piece.end for piece in pieces)]
+    turned: list[Piece] = []
+    for piece, end in zip(reversed(pieces), reversed(ends[:-1]), strict=True):
+        if isinstance(piece, Arc):
+            turned.append(piece._replace(anticlockwise=not piece.anticlockwise, end=end))
+        elif isinstance(piece, Cubic):
+            turned.append(Cubic(piece.second, piece.first, end))
+        else:
+            turned.append(Line(end))
+    return ends[-1], tuple(turned)
+
+
+def glass_outline(front: Element, back: Element, places: Point, plane: SectionAxis) -> Outline:
+    """Outline the glass between two surfaces."""
+    start, pieces = surface_outline(front, places[0], front.radius, plane)
+    foot, rear = surface_outline(back, places[1], back.radius, plane)
+    top, down = reversed_pieces(foot, rear)
+    reach = max(front.radius, back.radius)
+    before, behind = pieces[-1].end[0], top[0]
+    # A flat rim extends the smaller surface to the height of the other, where there is glass for it; else a bevel.
+    above: list[Piece] = []
+    below: list[Piece] = []
+    if before <= behind:
+        above = [Line((before, reach)), Line((behind, reach))]
+        below = [Line((behind, -reach)), Line((before, -reach))]
+    outline = (*pieces, *above, Line(top), *down, *below, Line(start))
+    fill, title = _glass_style(front.glass)
+    opacity = 0.3 + 0.25 * min(1.0, max(0.0, float(front.glass.ior()) - 1.4) / 0.5)
+    return Outline(start, outline, fill, opacity, title)
+
+
+def _glass_style(glass: Glass) -> tuple[str, str]:
+    """Choose the fill of a glass, and write its name, index and Abbe number."""
+    index = float(glass.ior())
+    if not glass.disperses():
+        return OTHER, f"n = {index:.4f}"
+    abbe = glass.abbe()
+    name = f"{glass.name}: " if any(c.isalpha() for c in glass.name) else ""
+    return (CROWN if abbe > 50.0 else FLINT), f"{name}n = {index:.4f}, V = {abbe:.1f}"

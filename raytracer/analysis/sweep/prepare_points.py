@@ -1,0 +1,208 @@
+"""Preparation of a sweep's points for rendering, where it takes long in a thread of its own."""
+
+import math
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from raytracer.analysis.explain.camera_numbers import CameraView, depth_of_field, exposure
+from raytracer.analysis.sweep.results import SweepPoint
+from raytracer.rendering.options import RenderOptions
+from raytracer.rendering.prepared_scene import PreparedScene
+from raytracer.rendering.render import prepare_scene
+from raytracer.rendering.tile_scheduler import now
+from raytracer.rendering.worker_pool import ClusterClient
+from raytracer.scene.cache import RenderCache
+from raytracer.scene.digest import digest
+from raytracer.scene.overrides import apply_overrides
+from raytracer.scene.pack.scene import PackedScene
+from raytracer.scene.preview import SPP, preview_scene
+from raytracer.scene.spec import SceneSpec
+
+# Keys of a scene that set the number of samples of an image.
+_SIZE_KEYS = ("film.width", "film.height", "render.spp")
+
+
+@dataclass(frozen=True)
+class PointSettings:
+    """Settings of the render of each point; see `rendering.render`.
+
+    preview : a quick look, as `rt render --preview` has it.
+    """
+
+    spp: int | None = None
+    seed: int | None = None
+    crop: tuple[int, int, int, int] | None = None
+    noise: float | None = None
+    time_limit: float | None = None
+    aovs: tuple[str, ...] = ()
+    denoise: bool = False
+    strict: bool = False
+    preview: bool = False
+    max_memory: int | None = None
+
+
+class RenderResources(NamedTuple):
+    """Resources that the renders of all points share.
+
+    threads : number of threads; all processors if None.
+    cluster : a cluster that renders; None for this machine alone.
+    cache : files, meshes and structures of the ray caster.
+    """
+
+    threads: int | None
+    cluster: ClusterClient | None
+    cache: RenderCache
+
+
+class PreparedPoint(NamedTuple):
+    """A point that is ready to be rendered, or has failed.
+
+    made : the prepared scene, or the error.
+    camera : derived numbers of the camera.
+    warnings : of its scene, a sentence each.
+    is_repacked : True if more of it had to be packed than its camera, film and settings.
+    """
+
+    point: SweepPoint
+    made: PreparedScene | Exception
+    camera: Mapping[str, float]
+    warnings: tuple[str, ...]
+    is_repacked: bool = False
+
+
+class PointPreparer:
+    """Preparation of points.
+
+    points : all points, with their digests once these are known.
+    """
+
+    def __init__(
+        self,
+        spec: SceneSpec,
+        points: Sequence[SweepPoint],
+        settings: PointSettings,
+        resources: RenderResources,
+        *,
+        keeps_files: bool,
+    ) -> None:
+        self.points = list(points)
+        self._spec, self._settings, self._resources, self._keeps_files = spec, settings, resources, keeps_files
+        self._specs: dict[int, SceneSpec] = {}
+
+    def note_digest(self, number: int) -> None:
+        """Store the digest of all that a point's image depends on, files as they are now."""
+        self.points[number] = replace(self.points[number], digest=self._digest(self._scene(number)))
+
+    def prepare_all(self, numbers: Sequence[int]) -> Generator[tuple[int, PreparedPoint], None, None]:
+        """Prepare points in their order: between renders, or, where that takes long, while another is rendered.
+
+        Python beside threads that render keeps the interpreter's lock from them.  A point of the cover, 25 ms of Python
+        once the scene is packed, took 40 to 100 ms of its neighbour's render, at any switch interval.
+        """
+        takes_long = self._resources.cluster is not None
+        with _abandoned_on_exit(ThreadPoolExecutor(1, "preparer")) as preparer:
+            following: Future[PreparedPoint] | None = None
+            for place, number in enumerate(numbers):
+                # Here, where an interrupt ends what may take long.
+                prepared = self._prepare(number) if following is None else following.result()
+                following = None
+                takes_long |= place > 0 and prepared.is_repacked
+                if takes_long and place + 1 < len(numbers):
+                    following = preparer.submit(self._prepare, numbers[place + 1])
+                yield number, prepared
+
+    def _prepare(self, number: int) -> PreparedPoint:
+        """Prepare a point; an error is stored in what is returned."""
+        sentences: list[str] = []
+        settings, resources = self._settings, self._resources
+        began, packed = now(), resources.cache.counts.worlds_packed
+        try:
+            spec = self._scene(number)
+            self.note_digest(number)
+            made = prepare_scene(
+                spec,
+                RenderOptions(
+                    spp=self._spp(spec),
+                    seed=settings.seed,
+                    threads=resources.threads,
+                    crop=settings.crop,
+                    noise=settings.noise,
+                    time_limit=settings.time_limit,
+                    aovs=settings.aovs,
+                    denoise=settings.denoise,
+                    strict=settings.strict,
+                    max_memory=settings.max_memory,
+                ),
+                load_seconds=now() - began,
+                warn=sentences.append,
+                cache=resources.cache,
+                cluster=resources.cluster,
+                with_checkpoints=self._keeps_files,
+            )
+            camera = camera_numbers(made.packed)
+            if self._digest(spec) != self.points[number].digest:
+                # Nobody knows whether the image is of the file before or after; no record is of "".
+                self.points[number] = replace(self.points[number], digest="")
+                name = self.points[number].name
+                sentences.append(f"{name}: a file changed while it was read, so that it is rendered again next time")
+        except Exception as error:  # noqa: BLE001
+            return PreparedPoint(self.points[number], error, {}, tuple(sentences))
+        finally:
+            self._specs.pop(number, None)
+        is_repacked = resources.cache.counts.worlds_packed > packed
+        return PreparedPoint(self.points[number], made, camera, tuple(sentences), is_repacked)
+
+    def _scene(self, number: int) -> SceneSpec:
+        """Return the scene of a point."""
+        if number not in self._specs:
+            spec = apply_overrides(self._spec, self.points[number].values)
+            self._specs[number] = preview_scene(spec) if self._settings.preview else spec
+        return self._specs[number]
+
+    def _digest(self, spec: SceneSpec) -> str:
+        settings = self._settings
+        given = {
+            "spp": self._spp(spec),
+            "seed": settings.seed,
+            "crop": settings.crop,
+            "noise": settings.noise,
+            "time_limit": settings.time_limit,
+            "aovs": sorted(settings.aovs) or None,
+            "denoise": settings.denoise or None,
+        }
+        return digest(spec, **given)
+
+    def _spp(self, spec: SceneSpec) -> int | None:
+        spp = self._settings.spp
+        if self._settings.preview and self._settings.noise is None:
+            return min(spp or spec.render.spp, SPP)
+        return spp
+
+
+def point_weight(point: SweepPoint, settings: PointSettings) -> float:
+    """Estimate the work of a point relative to others, as far as its values tell."""
+    weight = 1.0
+    for key in _SIZE_KEYS:
+        value = point.values.get(key, 1)
+        counts = isinstance(value, (int, float)) and 0 < value < math.inf
+        if counts and not (key == "render.spp" and settings.spp is not None):
+            weight *= value
+    return weight
+
+
+def camera_numbers(packed: PackedScene) -> dict[str, float]:
+    """Return numbers of a packed scene's camera, as in `rt explain`."""
+    view = CameraView(packed.spec, packed.scene.camera, packed.shift)
+    return view.numbers | depth_of_field(view, None) | exposure(packed.spec)
+
+
+@contextmanager
+def _abandoned_on_exit(pool: ThreadPoolExecutor) -> Iterator[ThreadPoolExecutor]:
+    """Abandon the work of a pool on exit: after an interrupt it may be that of the compiler."""
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)

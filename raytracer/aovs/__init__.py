@@ -1,1 +1,0 @@
-"""AOVs, arbitrary output variables: what a pixel sees besides its radiance.  One file a family of quantities."""

@@ -1,1 +1,0 @@
-"""Cameras: where a sample of the film looks.  One file a kind."""

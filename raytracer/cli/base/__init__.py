@@ -1,0 +1,1 @@
+"""Hold what all commands share: the application, and options that several have."""

@@ -1,0 +1,187 @@
+"""The application `rt`: finds the commands, and turns every failure into one sentence and an exit status.
+
+A command is a module of this package with `register(app)`, which adds it to the Typer app.  It imports what it needs
+when it runs, so that `rt --help` answers at once.
+"""
+
+import contextlib
+import gc
+import importlib
+import os
+import pkgutil
+import sys
+import time
+import traceback
+import warnings
+from collections.abc import Sequence
+from typing import Annotated, Any, TextIO
+
+import typer
+from typer.exceptions import TyperException
+
+import raytracer.cli
+from raytracer.cli.base.options import Invocation
+from raytracer.util.errors import InputError, Interrupted, OutputError, StrictError, one_line
+from raytracer.util.signals import WATCH, defer_interrupt
+
+FAILED = 1
+WRONG_INPUT = 2
+
+# Typer's own answer to an interrupt.
+_TYPERS_INTERRUPTED = 130
+
+# What Numba takes from the folder that a program runs in, by all versions so far: files to write (`chrome_trace`) and
+# modules to import (`cache_locator_classes`) among others, which may have come with the scene.
+_SETTINGS_OF_THE_FOLDER = ".numba_config.yaml"
+
+app = typer.Typer(
+    name="rt",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"rt {raytracer.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and exit.", callback=_print_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Path tracer for scenes in YAML."""
+    if os.path.lexists(_SETTINGS_OF_THE_FOLDER):
+        raise InputError(
+            f"{_SETTINGS_OF_THE_FOLDER}: Numba would obey this file of the current folder, down to files that it has "
+            "written; run rt from another folder, or remove it and set its keys as variables NUMBA_..."
+        )
+
+
+for _module in pkgutil.iter_modules(raytracer.cli.__path__):
+    if _module.name not in {"base", "main"}:
+        importlib.import_module(f"raytracer.cli.{_module.name}").register(app)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run `rt` with `arguments` (default: those of the process).
+
+    Returns
+    -------
+    Exit status: 0 done, 1 the thing checked for or the machine failed, 2 wrong usage or input; 130 interrupted by
+    Ctrl-C, 143 by SIGTERM.
+    """
+    if arguments is not None:
+        return _run(arguments, time.perf_counter())
+    WATCH.start()
+    warnings.showwarning = _show_warning
+    # The command began before what the process has worked so far.
+    began = time.perf_counter() - time.process_time()
+    sys.stderr = lasting = _FailsafeStream(sys.stderr)
+    status = _run(None, began)
+    with WATCH.on_first_signal(defer_interrupt):
+        lasting.settle()
+        if status == WATCH.status:
+            # Without waiting for threads that still compile.
+            with contextlib.suppress(OSError):
+                sys.stdout.flush()
+            WATCH.exit_now(status)
+        # Keeps the interpreter from collecting all that the compiler has left, before it exits: 0.4 s.
+        gc.freeze()
+        return status
+
+
+def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
+    """Print a library's warning as the commands do, without the line of its source."""
+    print(f"rt: warning: {one_line(str(message))}", file=sys.stderr)
+
+
+class _FailsafeStream:
+    """A stream that ignores failures to write: no render ends because its progress cannot be shown.
+
+    The terminal may be closed, the reader of a pipe gone, the disk of a log full.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        """Write, if that is possible."""
+        with contextlib.suppress(OSError):
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Flush, if that is possible."""
+        with contextlib.suppress(OSError):
+            self._stream.flush()
+
+    def settle(self) -> None:
+        """Discard output that could not be written, so that the interpreter does not fail when it exits."""
+        try:
+            self._stream.flush()
+        except OSError:
+            null = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(null, self._stream.fileno())
+
+
+def _run(arguments: Sequence[str] | None, began: float) -> int:
+    """Run a command that has begun at a time of `time.perf_counter`."""
+    call = Invocation(began, tuple(sys.argv[1:] if arguments is None else arguments))
+    try:
+        status = app(arguments, prog_name="rt", standalone_mode=False, obj=call)
+        if status == _TYPERS_INTERRUPTED:
+            raise KeyboardInterrupt
+        sys.stdout.flush()
+    except TyperException as error:
+        context = getattr(error, "ctx", None)
+        command = context.command_path if context else "rt"
+        return _fail(error.exit_code, f"{_plain(error.format_message())} (see '{command} --help')")
+    except StrictError as error:
+        return max(_fail(WRONG_INPUT, sentence) for sentence in error.sentences)
+    except InputError as error:
+        return _fail(WRONG_INPUT, str(error))
+    except OutputError as error:
+        return _fail(FAILED, str(error))
+    except Interrupted:
+        return WATCH.status
+    except KeyboardInterrupt:
+        return _fail(WATCH.status, "interrupted")
+    except MemoryError:
+        return _fail(FAILED, "out of memory", unexpected=True)
+    except OSError as error:
+        return _fail(FAILED, _system_error(error), unexpected=True)
+    except Exception as error:  # noqa: BLE001
+        return _fail(
+            FAILED, f"internal error, {type(error).__name__}: {error} (RT_TRACEBACK=1 shows where)", unexpected=True
+        )
+    # A signal that did not end the command must still end a script that it is part of.
+    return int(status or 0) if WATCH.signal_number is None else WATCH.status
+
+
+def _plain(message: str) -> str:
+    """Turn a message of Typer, in the words of pydantic, into plain English."""
+    message = message.rstrip(".").partition(", unable to parse")[0].replace("Input should be", "must be")
+    message = message.replace(": Value error, ", ": ")
+    return message.replace("a valid integer", "an integer").replace("a valid number", "a number")
+
+
+def _system_error(error: OSError) -> str:
+    reason = error.strerror or str(error)
+    return f"{error.filename}: {reason}" if error.filename else reason
+
+
+def _fail(status: int, sentence: str, *, unexpected: bool = False) -> int:
+    """Print an error, on one line."""
+    if unexpected and os.environ.get("RT_TRACEBACK"):
+        traceback.print_exc()
+    print(f"rt: {one_line(sentence)}", file=sys.stderr)
+    return status

@@ -1,0 +1,1 @@
+"""Provide what rendering is built of: the compiler, vectors, sampling, geometry, Embree, motion, spectra."""

@@ -1,0 +1,1 @@
+"""Compile kernels with Numba: dispatch by type, passes, and the cache of compiled kernels."""

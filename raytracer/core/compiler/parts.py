@@ -1,0 +1,180 @@
+"""Parts of kernels: functions that are compiled for the types that a kernel calls them with, and linked into it."""
+
+import inspect
+import itertools
+import re
+from collections import Counter
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from numba import types
+from numba.core.errors import TypingError
+from numba.core.funcdesc import FunctionDescriptor
+from numba.core.registry import cpu_target
+from numba.core.typing.templates import AbstractTemplate, Signature, fold_arguments, infer_global, signature
+from numba.core.utils import pysignature  # type: ignore[attr-defined]
+
+from raytracer.core.compiler.part_cache import StoredPart, load_part, save_part
+from raytracer.core.compiler.part_keys import digest, part_key
+from raytracer.core.compiler.passes import lower_part
+from raytracer.core.compiler.trivial_parts import trivial_part
+
+_numbers = itertools.count()
+
+counts: Counter[str] = Counter()
+"""Numbers of parts that this process has lowered, and loaded."""
+
+
+class _Part(NamedTuple):
+    """A part that is compiled for types of arguments.
+
+    Attributes
+    ----------
+    signature : types of its result and its arguments.
+    key : under which Numba finds its code.
+    """
+
+    signature: Signature
+    key: object
+
+
+_named: dict[str, _Part] = {}
+"""The parts of this process, by name: some are chosen by several functions."""
+
+
+class _PartTemplate(AbstractTemplate):
+    """The template that Numba asks for the type of a call of a part.
+
+    Attributes
+    ----------
+    key : what is called.
+    choose : returns the implementation for types of arguments, or None if there is none.
+    inline : put it into its callers.
+    parts : those that are compiled, by types of arguments as the call has them.
+    """
+
+    key: Any
+    choose: Any
+    inline: bool
+    parts: dict[tuple[Any, ...], _Part]
+
+    def generic(self, args: tuple[Any, ...], kws: dict[str, Any]) -> Signature | None:
+        if kws:
+            raise TypingError("kernels take no keyword arguments")
+        arguments = tuple(args)
+        part = self.parts.get(arguments)
+        if part is None:
+            function = type(self).choose(*arguments)
+            if function is None:
+                return None
+            part = self.parts[arguments] = _compile_part(function, arguments, inline=self.inline)
+        self._key = part.key
+        return part.signature
+
+    def get_impl_key(self, sig: Signature) -> object:
+        return self._key
+
+    def get_template_info(self) -> dict[str, Any]:
+        # Of the class, which does not bind it.
+        function = type(self).key
+        code, line, path = self.get_source_code_info(function)
+        return {
+            "kind": "kernel",
+            "name": function.__qualname__,
+            "sig": str(pysignature(function)),
+            "filename": path,
+            "lines": (line, line + len(code) - 1),
+            "docstring": function.__doc__,
+        }
+
+
+def declare_part(function: Callable[..., Any], choose: Callable[..., Any], *, inline: bool = True) -> None:
+    """Have calls of `function` in kernels compile `choose(*types)`, which returns an implementation or None.
+
+    As Numba's `overload` does; but that makes a dispatcher for each implementation.
+
+    Parameters
+    ----------
+    inline : put implementations into their callers; otherwise they are called.
+    """
+    attributes = {"key": function, "choose": staticmethod(choose), "inline": inline, "parts": {}}
+    template = type(f"PartTemplate_{function.__name__}", (_PartTemplate,), attributes)
+    infer_global(function, types.Function(template))
+
+
+def _compile_part(function: Callable[..., Any], given: tuple[Any, ...], *, inline: bool) -> _Part:
+    """Compile an implementation for types of arguments, or load it, and tell Numba of it."""
+    python_signature = pysignature(function)
+    arguments = _fold(python_signature, given)
+    if trivial := trivial_part(function, arguments):
+        result, implementation = trivial
+        trivial_key = object()
+        cpu_target.target_context.insert_func_defn([(implementation, trivial_key, arguments)])
+        return _Part(signature(result, *arguments).replace(pysig=python_signature), trivial_key)
+    key = part_key(function, arguments, inline=inline)
+    name = _name(function, key)
+    part = _named.get(name)
+    if part is None:
+        stored = _stored_part(function, arguments, name, key, inline=inline)
+        descriptor = _descriptor(function, arguments, name, stored, inline=inline)
+        impl_key = object()
+        cpu_target.target_context.insert_user_function(impl_key, descriptor, [stored.library])
+        result = signature(stored.result, *arguments).replace(pysig=python_signature)
+        part = _named[name] = _Part(result, impl_key)
+    return part
+
+
+def _fold(python_signature: inspect.Signature, given: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Put types of arguments into the order of the parameters: defaults added, and `*args` as a tuple."""
+    return tuple(
+        fold_arguments(
+            python_signature,
+            given,
+            {},
+            lambda index, parameter, value: value,
+            lambda index, parameter, default: types.Omitted(default),
+            lambda index, parameter, values: types.StarArgTuple(values),
+        )
+    )
+
+
+def _stored_part(
+    function: Callable[..., Any], arguments: tuple[Any, ...], name: str, key: str | None, *, inline: bool
+) -> StoredPart:
+    """Load a part, or lower it, and keep it."""
+    stored = None if key is None else load_part(name, key)
+    if stored is None:
+        counts["lowered"] += 1
+        stored = lower_part(function, arguments, name, inline=inline)
+        if key is not None:
+            save_part(stored, key)
+    else:
+        counts["loaded"] += 1
+    return stored
+
+
+def _descriptor(
+    function: Callable[..., Any], arguments: tuple[Any, ...], name: str, stored: StoredPart, *, inline: bool
+) -> FunctionDescriptor:
+    """Make what Numba must know to call a part."""
+    return FunctionDescriptor(
+        native=True,
+        modname=function.__module__,
+        qualname=function.__qualname__,
+        unique_name=name,
+        doc="",
+        typemap={},
+        restype=stored.result,
+        calltypes={},
+        args=stored.names,
+        kws=(),
+        mangler=lambda *_, **__: name,
+        argtypes=arguments,
+        inline=inline,
+    )
+
+
+def _name(function: Callable[..., Any], key: str | None) -> str:
+    """Name the LLVM function of a part; without a key, no other of this process has the name."""
+    plain = re.sub(r"[^A-Za-z0-9_]+", ".", function.__qualname__)
+    return f"part.{plain}.{next(_numbers) if key is None else digest(key)}"

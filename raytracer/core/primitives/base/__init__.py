@@ -1,0 +1,1 @@
+"""Declare what all primitives share."""

@@ -1,1 +1,0 @@
-"""Environments: the radiance of rays that meet nothing.  One file a kind."""

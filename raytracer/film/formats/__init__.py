@@ -1,0 +1,14 @@
+"""Image file formats, one module a format: what a picture is written to, and what pictures are read from.
+
+| suffix | holds | settings |
+|---|---|---|
+| .png | 8 bits, sRGB, by the tone curve | text chunks |
+| .jpg .jpeg | 8 bits, sRGB, by the tone curve, quality 95, colour not subsampled | - |
+| .exr | float32 (uint32 for identifiers), linear; variance and layers | attributes, `rt.` before the name |
+| .hdr | 8-bit mantissas with a common exponent, linear | header lines, named as in .exr |
+| .npy | float64, linear | - |
+| .lf | the views of a light field, float32, linear; layers and rays | attributes |
+
+A module that declares `FORMAT = ImageFormat(...)` is found by `registry`; a new format is a new file, and nothing else.
+Depth maps are exchanged as `pfm`, and `animation` writes several pictures to one file: neither is a picture's format.
+"""

@@ -1,0 +1,34 @@
+"""Limits on the size of images that are read, checked by their headers alone.
+
+A few bytes can claim any number of pixels, and hold it in zeros; what is too large, or cannot be in a file as short as
+that, is refused before memory is allocated for it.
+"""
+
+MAX_PIXELS = 2**28
+"""More is refused before it is decoded: 16384 x 16384 pixels of three bytes are 0.8 GB."""
+
+# DEFLATE makes at most 1032 bytes of one, which are 8256 pixels of one bit; WebP without losses, and the blocks of
+# OpenEXR, have no such bound, but no picture comes near.
+_MAX_PIXELS_PER_BYTE = 2**14
+
+# 4096 x 4096: of one colour, as flat normal maps are, a few hundred bytes of WebP hold them.
+_PIXELS_OF_ANY_FILE = 2**24
+
+
+class BrokenImageError(ValueError):
+    """An image that cannot be used; its text completes the sentence "FILE: ..."."""
+
+
+def check_size(width: int, height: int, length: int) -> None:
+    """Refuse an image of so many pixels, in a file of `length` bytes.
+
+    Raises
+    ------
+    BrokenImageError : it has none, too many, or more than its file can hold.
+    """
+    if width <= 0 or height <= 0:
+        raise BrokenImageError("has no pixels")
+    if width * height > MAX_PIXELS:
+        raise BrokenImageError(f"is {width} x {height} pixels, and at most {MAX_PIXELS:,} are read")
+    if width * height > max(_PIXELS_OF_ANY_FILE, _MAX_PIXELS_PER_BYTE * length):
+        raise BrokenImageError(f"is {width} x {height} pixels in {length} bytes, which no picture is")

@@ -1,0 +1,192 @@
+"""Reading `.lf` files: geometry at once, arrays as they are asked for."""
+
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raytracer.film.light_field.field import LightField, Rays, Samples
+from raytracer.film.light_field.lf.constants import (
+    AXES,
+    CACHE_BYTES,
+    FORMAT,
+    MICROLENSES,
+    NUMBERS,
+    OPTIONAL_NUMBERS,
+    VERSION,
+)
+from raytracer.film.light_field.lf.hdf5_checks import (
+    checked_array,
+    checked_name,
+    find_object,
+    list_members,
+    read_attribute,
+    read_number,
+    read_numbers,
+    read_string,
+)
+from raytracer.film.light_field.views import Plane, Pose, Views
+from raytracer.util.errors import InputError
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OpenField(LightField):
+    """A light field in a file, open until `close`, the end of a `with` block, or its last reference is gone."""
+
+    file: Any = None
+
+    def __enter__(self) -> "OpenField":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file; its arrays cannot be read any more."""
+        self.file.close()
+
+
+def open(path: str | Path) -> OpenField:  # noqa: A001
+    """Open the light field in a file; its arrays are read when they are indexed, and are `StoredArray`.
+
+    Raises
+    ------
+    InputError : the file is missing, truncated, damaged, another kind of file, of a newer version, or its geometry
+        makes no sense.
+    """
+    path = Path(path)
+    file = _open_hdf5(path)
+    try:
+        return _read_light_field(file, path)
+    except InputError:
+        file.close()
+        raise
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+        # HDF5 raises errors of its own for what it cannot interpret.
+        file.close()
+        raise InputError(f"{path}: is damaged") from error
+
+
+def _open_hdf5(path: Path) -> Any:
+    """Open a regular file as HDF5."""
+    import h5py
+
+    try:
+        status = path.stat()
+        if stat.S_ISDIR(status.st_mode):
+            raise InputError(f"{path}: is a folder, not an .lf file: rt lightfield import reads folders of views")
+        # A pipe would be waited for.
+        if not stat.S_ISREG(status.st_mode):
+            raise InputError(f"{path}: is no regular file")
+        with path.open("rb") as raw:
+            raw.read(1)
+        if not h5py.is_hdf5(path):
+            raise InputError(f"{path}: is no .lf file (not HDF5)")
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path!s:.200}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    try:
+        return h5py.File(path, "r", locking=False, rdcc_nbytes=CACHE_BYTES)
+    except (OSError, RuntimeError) as error:
+        is_short = "truncated" in str(error)
+        raise InputError(f"{path}: is {'truncated: its end is missing' if is_short else 'damaged'}") from error
+
+
+def _read_light_field(file: Any, path: Path) -> OpenField:
+    """Read the geometry and the settings, and open the arrays."""
+    kind = read_string(file, "format", path)
+    if kind != FORMAT:
+        raise InputError(f"{path}: is an HDF5 file, but no light field: its attribute format is not {FORMAT!r}")
+    version = read_number(file, "version", path)
+    if version != VERSION:
+        raise InputError(f"{path}: is of version {version:g} of the format; this program reads version {VERSION}")
+
+    # Shapes first: everything else has to go with them.
+    radiance = checked_array(file, "radiance", path, axes=5)
+    rows, columns, height, width, channels = radiance.shape
+    if channels != 3:
+        raise InputError(f"{path}: radiance must have 3 channels (red, green, blue), not {channels}")
+    position = checked_array(file, "position", path, axes=3)
+    if position.shape != (rows, columns, 2):
+        raise InputError(f"{path}: position must be of shape {(rows, columns, 2)} as radiance is, not {position.shape}")
+
+    cell, pose = read_numbers(file, "cell", path, (2,)), read_numbers(file, "pose", path, (4, 3))
+    if pose is not None and not np.isfinite(pose).all():
+        raise InputError(f"{path}: its pose must be of finite numbers")
+    pixel, left, top, inverse_focus = (read_number(file, name, path) for name in NUMBERS)
+    aperture, focal_length = (read_numbers(file, name, path, ()) for name in OPTIONAL_NUMBERS)
+    try:
+        views = Views(
+            position=np.asarray(position, dtype=np.float64),
+            plane=Plane(pixel, left, top),
+            width=width,
+            height=height,
+            inverse_focus=inverse_focus,
+            cell=None if cell is None else (float(cell[0]), float(cell[1])),
+            aperture=None if aperture is None else float(aperture),
+            focal_length=None if focal_length is None else float(focal_length),
+            pose=None if pose is None else Pose(*(_triple(row) for row in pose)),
+        )
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error
+
+    size, layers = radiance.shape[:4], {}
+    for name in list_members(file, "layers", path):
+        layer = checked_array(file, f"layers/{name}", path, axes=None, kinds="fiub")
+        if layer.shape[:4] != size or layer.ndim > len(AXES):
+            raise InputError(f"{path}: layer {name} must be of shape {size} as radiance is, not {layer.shape}")
+        layers[name] = layer
+    samples = _read_samples(file, path, (rows, columns))
+    return OpenField(radiance, views, layers, _read_rays(file, path), _read_settings(file, path), samples, file)
+
+
+def _read_samples(file: Any, path: Path, size: tuple[int, int]) -> Samples | None:
+    """Open the samples of microlenses, if there are any."""
+    if not list_members(file, MICROLENSES, path):
+        return None
+    place, value = (
+        checked_array(file, f"{MICROLENSES}/{name}", path, axes=n) for name, n in (("place", 2), ("value", 4))
+    )
+    if place.shape[1] != 2 or value.shape != (*size, place.shape[0], 3):
+        wanted = f"(n, 2) and {(*size, 'n', 3)}"
+        raise InputError(f"{path}: {MICROLENSES} must be of shapes {wanted}, not {place.shape} and {value.shape}")
+    places = np.asarray(place, dtype=np.float64)
+    if not np.isfinite(places).all():
+        raise InputError(f"{path}: places of {MICROLENSES} must be finite")
+    return Samples(places, value)
+
+
+_RAYS = {"place": 2, "value": 2, "weight": 1}
+
+
+def _read_rays(file: Any, path: Path) -> Rays | None:
+    """Open the rays, if there are any."""
+    if not list_members(file, "rays", path):
+        return None
+    place, value, weight = (checked_array(file, f"rays/{name}", path, axes=axes) for name, axes in _RAYS.items())
+    count = len(weight)
+    if place.shape != (count, 4) or value.shape != (count, 3):
+        shapes = ", ".join(str(array.shape) for array in (place, value, weight))
+        raise InputError(f"{path}: rays must be of shapes (n, 4), (n, 3) and (n,), not {shapes}")
+    return Rays(place, value, weight)  # type: ignore[arg-type]
+
+
+def _read_settings(file: Any, path: Path) -> dict[str, str | float | int]:
+    """Read the settings."""
+    group = find_object(file, "settings", path)
+    if group is None:
+        return {}
+    settings: dict[str, str | float | int] = {}
+    for name in group.attrs:
+        value = read_attribute(group, name, path)
+        if isinstance(value, str | int | float):
+            settings[checked_name(name, "settings", path)] = value
+    return settings
+
+
+def _triple(row: Any) -> tuple[float, float, float]:
+    x, y, z = map(float, row)
+    return x, y, z

@@ -1,1 +1,0 @@
-"""Pixel filters: how samples near a pixel make its value.  One file a kind."""

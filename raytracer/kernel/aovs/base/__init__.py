@@ -1,0 +1,1 @@
+"""Declare what all AOVs share."""

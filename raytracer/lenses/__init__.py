@@ -1,1 +1,0 @@
-"""Real lenses: their surfaces, rays through them, and what they do."""

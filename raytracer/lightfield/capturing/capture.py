@@ -1,0 +1,246 @@
+"""Capture of all views of a camera array, rendered a band at a time and written to a file band by band.
+
+The scene is loaded, packed, built and compiled once.  The pixels of a band have the bits that they have in the picture
+of all views.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple, TypedDict, Unpack
+
+import numpy as np
+
+from raytracer.film.image_file import check_writable
+from raytracer.film.light_field import lf
+from raytracer.film.light_field.layout import NO_LIGHT_FIELD_MESSAGE, Layout
+from raytracer.film.light_field.views import Views
+from raytracer.kernel.aovs.base.recording import per_sample_aovs, unique_aovs
+from raytracer.lightfield.capturing.bands import bytes_per_pixel, choose_bands
+from raytracer.lightfield.capturing.checkpoints import BandCheckpoints
+from raytracer.lightfield.capturing.statistics import BandStats, band_stats, merge_stats, replace_error_settings
+from raytracer.rendering.checkpoint import CheckpointWriter
+from raytracer.rendering.develop import light_field_layout
+from raytracer.rendering.options import RenderOptions
+from raytracer.rendering.prepared_scene import PreparedScene
+from raytracer.rendering.progress import Progress
+from raytracer.rendering.render import prepare_scene, render_prepared
+from raytracer.rendering.session import Rendered
+from raytracer.rendering.statistics import Stats
+from raytracer.rendering.tile_scheduler import Window, now
+from raytracer.rendering.worker_pool import ClusterClient
+from raytracer.scene.spec import SceneSpec
+from raytracer.util.errors import InputError, OutputError
+
+MEMORY = 2 * 10**9
+"""Default of the bytes that a band may take."""
+
+
+class Captured(NamedTuple):
+    """Result of a capture.
+
+    views : geometry of the views.
+    stats : of all bands together.
+    bands : number of the bands.
+    band_bytes : most bytes of a band, besides the scene.
+    """
+
+    views: Views
+    stats: Stats
+    bands: int
+    band_bytes: int
+
+
+class CaptureOptions(TypedDict, total=False):
+    """Keyword options of `capture` that are those of `rendering.render`; defaults are those of `_RenderSettings`."""
+
+    spp: int | None
+    seed: int | None
+    threads: int | None
+    aovs: Sequence[str]
+    denoise: bool
+    progress: Callable[[Progress], None] | None
+    load_seconds: float
+    warn: Callable[[str], object] | None
+    strict: bool
+    cluster: ClusterClient | None
+    max_memory: int | None
+
+
+class _RenderSettings(NamedTuple):
+    """Options of `capture` that are those of `rendering.render`, with their defaults."""
+
+    spp: int | None = None
+    seed: int | None = None
+    threads: int | None = None
+    aovs: Sequence[str] = ()
+    denoise: bool = False
+    progress: Callable[[Progress], None] | None = None
+    load_seconds: float = 0.0
+    warn: Callable[[str], object] | None = None
+    strict: bool = False
+    cluster: ClusterClient | None = None
+    max_memory: int | None = None
+
+    def render_options(self) -> RenderOptions:
+        """Return those that a render is checked by."""
+        return RenderOptions(
+            spp=self.spp,
+            seed=self.seed,
+            threads=self.threads,
+            aovs=self.aovs,
+            denoise=self.denoise,
+            strict=self.strict,
+            max_memory=self.max_memory,
+        )
+
+
+def capture(
+    spec: SceneSpec,
+    path: str | Path,
+    *,
+    memory: int = MEMORY,
+    dtype: str = "float32",
+    compress: bool = False,
+    every: float | None = None,
+    resume: bool = False,
+    say: Callable[[str], object] = lambda sentence: None,
+    **options: Unpack[CaptureOptions],
+) -> Captured:
+    """Render all views of a scene's camera into an `.lf` file, within a given memory.
+
+    The radiance has the bits that it has in the file which `rendering.render` and `Image.save` make.
+
+    Parameters
+    ----------
+    path : of the file, which appears when all views are there; a KeyboardInterrupt leaves checkpoints alone.
+    memory : bytes that films and pictures may take, besides the scene and its ray caster.
+    dtype, compress : see `film.light_field.lf.Writer`.
+    every : seconds between checkpoints, one file for each band, which are removed once all views are written; none if
+        None.
+    resume : True to go on from such files.
+    say : called with sentences on the checkpoints; see `rendering.checkpoint.CheckpointWriter`.
+    max_memory : bytes that this process may take, the scene included; a view must fit, or the picture where it cannot
+        be rendered in parts.
+
+    The others are those of `rendering.render`.
+
+    Raises
+    ------
+    InputError : the camera has one view only; not even a view fits into the memory, or the picture has to be seen as a
+        whole and does not; or as `rendering.render` does.
+    OutputError : the file cannot be written, or a cluster was lost.
+    """
+    path = Path(path)
+    check_writable(path)
+    settings = _RenderSettings(**options)
+    aovs = settings.aovs
+    layout = _light_field_layout(spec, aovs, path)
+    views = layout.views
+    prepared = prepare_scene(
+        spec,
+        settings.render_options(),
+        load_seconds=settings.load_seconds,
+        warn=settings.warn,
+        cluster=settings.cluster,
+        max_pixels=views.width * views.height if layout.is_by_view else None,
+        with_checkpoints=every is not None,
+    )
+    spec = prepared.packed.spec
+    # Where the camera is focused on an object, the geometry is known only now.
+    layout = _light_field_layout(spec, aovs, path)
+    pixel_bytes = bytes_per_pixel(prepared, keeps=every is not None)
+    width, height = spec.picture()
+    job = _Capture(prepared, path, width * height, now(), settings.progress)
+    bands = choose_bands(spec, layout, pixel_bytes, memory, aovs)
+    checkpoints = BandCheckpoints(path, every, job.start, resume, say)
+    if bands is None:
+        window = Window(0, 0, width, height)
+        rendered = _render_window(job, window, 0, checkpoints.next())
+        begin = now()
+        lf.write(path, layout.light_field(rendered.image), dtype=dtype, compress=compress)
+        checkpoints.delete()
+        stats = merge_stats([band_stats(rendered, window.pixels)], prepared.seconds, now() - begin)
+        return Captured(layout.views, stats, 1, pixel_bytes * window.pixels)
+
+    done: list[BandStats] = []
+    writing = 0.0
+    views = layout.views
+    with lf.Writer(path, views, dtype=dtype, compress=compress) as writer:
+        for band in bands:
+            window, before = band.window(views), sum(part.pixels for part in done)
+            rendered = _render_window(job, window, before, checkpoints.next())
+            begin = now()
+            field = band.layout(views).light_field(rendered.image)
+            for r, c in np.ndindex(field.views.rows, field.views.columns):
+                layers = {name: layer[r, c] for name, layer in field.layers.items()}
+                writer.put_view(band.row + r, band.column + c, field.radiance[r, c], layers)
+            if field.rays is not None:
+                writer.write_rays(field.rays)
+            done.append(band_stats(rendered, window.pixels))
+            writer.settings |= rendered.image.settings
+            writer.settings["samples"] = rendered.image.samples
+            del rendered, field
+            writing += now() - begin
+        stats = merge_stats(done, prepared.seconds, writing)
+        replace_error_settings(writer.settings, stats)
+    checkpoints.delete()
+    most = max(band.window(views).pixels for band in bands)
+    return Captured(views, stats, len(bands), pixel_bytes * most)
+
+
+def _light_field_layout(spec: SceneSpec, aovs: Sequence[str], path: Path) -> Layout:
+    """Return the layout of a light field in the whole picture.
+
+    Raises
+    ------
+    InputError : the picture holds none.
+    """
+    layout = light_field_layout(spec)
+    if layout is None or (layout.views.rows * layout.views.columns == 1 and not per_sample_aovs(unique_aovs(aovs))):
+        raise InputError(f"{path}: {NO_LIGHT_FIELD_MESSAGE}")
+    return layout
+
+
+class _Capture(NamedTuple):
+    """State that all bands of a capture share.
+
+    prepared : the scene, ready to be rendered.
+    path : of the file.
+    pixels : of all views.
+    start : of the rendering (s).
+    progress : called with the progress of the whole; None for no report.
+    """
+
+    prepared: PreparedScene
+    path: Path
+    pixels: int
+    start: float
+    progress: Callable[[Progress], None] | None
+
+
+def _render_window(job: _Capture, window: Window, before: int, writer: CheckpointWriter | None) -> Rendered:
+    """Render a window of the picture.
+
+    Parameters
+    ----------
+    before : pixels that are rendered already, for the progress.
+    writer : writes its checkpoints.
+
+    Raises
+    ------
+    KeyboardInterrupt : the render was interrupted.
+    OutputError : a cluster was lost.
+    """
+    spp = job.prepared.packed.spec.render.spp
+
+    def report(seen: Progress) -> None:
+        if job.progress is not None:
+            done = seen.done + before * spp
+            job.progress(seen._replace(done=done, wanted=job.pixels * spp, seconds=now() - job.start))
+
+    rendered = render_prepared(job.prepared.for_window(window), progress=report, checkpoint_writer=writer)
+    if rendered.failure is not None:
+        raise OutputError(f"{rendered.failure}; {job.path} is not written")
+    if rendered.interrupted:
+        raise KeyboardInterrupt
+    return rendered

@@ -1,0 +1,57 @@
+"""Estimate of a depth method, and the context in which all methods make theirs."""
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.film.light_field.field import LightField
+from raytracer.film.light_field.views import Views
+from raytracer.lightfield.coverage import within_lens
+from raytracer.lightfield.progress import ProgressCounter
+
+FloatArray = NDArray[np.float64]
+
+ViewIndex = tuple[int, int]
+"""Row and column of a view."""
+
+
+class Estimate(NamedTuple):
+    """Depth by one method, pixel by pixel of the reference view.
+
+    inverse : 1 / distance (1/m), float64 (height, width).
+    confidence : float64 (height, width), 0 where there is no evidence.
+    """
+
+    inverse: FloatArray
+    confidence: FloatArray
+
+
+class DepthContext(NamedTuple):
+    """Input of all methods.
+
+    field : the light field.
+    reference : the view whose depth is estimated.
+    pool : threads that share the work.
+    counter : of the progress.
+    """
+
+    field: LightField
+    reference: ViewIndex
+    pool: ThreadPoolExecutor
+    counter: ProgressCounter
+
+
+def view_offsets(views: Views, reference: ViewIndex) -> NDArray[np.float64]:
+    """Return the places of all views relative to one of them (m), (rows, columns, 2)."""
+    return np.asarray(views.position - views.position[reference])
+
+
+def median_spacing(views: Views) -> float:
+    """Return the median distance of a view to its nearest neighbour (m)."""
+    from scipy import spatial
+
+    places = views.position[within_lens(views)]
+    away, _ = spatial.KDTree(places).query(places, k=2)
+    return float(np.median(away[:, 1]))

@@ -1,0 +1,1 @@
+"""Refocusing: photographs focused after the shot, by shift-and-sum, Fourier slices or rays; all-in-focus pictures."""

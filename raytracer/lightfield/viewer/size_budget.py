@@ -1,0 +1,161 @@
+"""Size budget of the page: which views it holds, of how many pixels, and with what losses.
+
+Views that do not fit are first compressed with the losses of a JPEG; then every second one is left out, where there are
+many; then they get fewer pixels.
+"""
+
+import math
+import os
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raytracer.film.light_field.field import LightField
+from raytracer.lightfield.coverage import lit_view
+from raytracer.lightfield.viewer.encoding import Encoding
+from raytracer.report import page as html
+
+# Least limits of WebGL 2: layers of a texture, and pixels along its side.
+_MOST_VIEWS = 256
+_LONGEST_SIDE = 2048
+
+# Pixels of all views together: 4 bytes each in the memory of a graphics card, 8 where something is beyond white.
+_MOST_PIXELS = 32e6
+
+# With more views in a row or column every second one is left out before pixels are.
+_MANY_IN_ROW = 12
+
+# Qualities that are tried, in this order: lossless, then JPEG with colours of full size.
+_QUALITIES = (None, 95, 90, 80)
+_SMALLEST_SIDE = 32
+
+# Views that are encoded to estimate the size of all, and the factor by which that may be wrong.
+_PROBES = 5
+_MARGIN = 1.02
+
+
+@dataclass(frozen=True)
+class ViewPlan:
+    """Views that a page holds.
+
+    Attributes
+    ----------
+    rows, columns : of the views.
+    width, height : pixels of each.
+    """
+
+    rows: tuple[int, ...]
+    columns: tuple[int, ...]
+    width: int
+    height: int
+
+    @property
+    def places(self) -> list[tuple[int, int]]:
+        """Row and column of each view."""
+        return [(row, column) for row in self.rows for column in self.columns]
+
+    @property
+    def pixels(self) -> int:
+        """Pixels of all views together."""
+        return len(self.rows) * len(self.columns) * self.width * self.height
+
+
+def plan_views(field: LightField) -> ViewPlan:
+    """Plan all of the views, or as many and as large as WebGL and the memory of graphics cards hold."""
+    views = field.views
+    plan = ViewPlan(tuple(range(views.rows)), tuple(range(views.columns)), views.width, views.height)
+    plan = _scale_plan(plan, min(1.0, _LONGEST_SIDE / max(plan.width, plan.height)))
+    while len(plan.places) > _MOST_VIEWS:
+        plan = _halve_views(plan)
+    return _shrink_plan(plan, _MOST_PIXELS / plan.pixels) if plan.pixels > _MOST_PIXELS else plan
+
+
+def _shrink_plan(plan: ViewPlan, part: float) -> ViewPlan:
+    """Reduce a plan to about that part of its pixels: to fewer views where there are many, else to smaller ones."""
+    if max(len(plan.rows), len(plan.columns)) > _MANY_IN_ROW:
+        plan, before = _halve_views(plan), plan
+        part *= before.pixels / plan.pixels
+    return plan if part >= 1.0 else _scale_plan(plan, math.sqrt(part))
+
+
+def _halve_views(plan: ViewPlan) -> ViewPlan:
+    """Keep every second view, along the axis that has more of them."""
+    most = max(len(plan.rows), len(plan.columns))
+
+    def halved(lines: tuple[int, ...]) -> tuple[int, ...]:
+        # An odd number keeps its middle and, with the ends, all of the aperture.
+        return lines[::2] if 2 * len(lines) > most else lines
+
+    return replace(plan, rows=halved(plan.rows), columns=halved(plan.columns))
+
+
+def _scale_plan(plan: ViewPlan, scale: float) -> ViewPlan:
+    """Reduce the width and height of the views of a plan; never enlarge them."""
+    if scale >= 1.0:
+        return plan
+    return replace(plan, width=max(1, int(scale * plan.width)), height=max(1, int(scale * plan.height)))
+
+
+def planned_views(field: LightField, plan: ViewPlan) -> Iterator[NDArray[np.float64]]:
+    """Yield the views of a plan, in its size, one after the other."""
+    for row, column in plan.places:
+        yield resize_view(lit_view(field, row, column)[0], plan.width, plan.height)
+
+
+def resize_view(view: NDArray[np.float64], width: int, height: int) -> NDArray[np.float64]:
+    """Resize a view to fewer pixels, in linear light."""
+    if view.shape[:2] == (height, width):
+        return view
+    import PIL.Image
+
+    channels = [
+        PIL.Image.fromarray(np.nan_to_num(channel).astype(np.float32)).resize((width, height), PIL.Image.Resampling.BOX)
+        for channel in np.moveaxis(view, -1, 0)
+    ]
+    return np.stack([np.asarray(channel, dtype=np.float64) for channel in channels], axis=-1)
+
+
+def fit_to_size(
+    field: LightField, plan: ViewPlan, code: Encoding, size: float
+) -> tuple[ViewPlan, Sequence[str], int | None]:
+    """Encode the views as data URIs of at most so many bytes together.
+
+    Returns
+    -------
+    The plan, reduced where needed, the URIs, and the quality; None if it is lossless.
+    """
+    while True:
+        coded = [code(view) for view in planned_views(field, plan)]
+        for quality in _QUALITIES:
+            pictures = _encode_within(coded, quality, size)
+            if pictures is not None:
+                return plan, pictures, quality
+        estimate = _estimate_bytes(coded, _QUALITIES[-1])
+        if max(plan.width, plan.height) <= _SMALLEST_SIDE:
+            plan = _halve_views(plan)
+        else:
+            # The fewer pixels, the more bytes each takes.
+            plan = _shrink_plan(plan, 0.9 * min(1.0, size / estimate))
+
+
+def _estimate_bytes(coded: Sequence[NDArray[np.uint8]], quality: int | None) -> float:
+    """Estimate the bytes of all views from a few of them."""
+    some = coded[:: max(1, len(coded) // _PROBES)]
+    return _MARGIN * len(coded) / len(some) * sum(len(_data_url(view, quality)) for view in some)
+
+
+def _encode_within(coded: Sequence[NDArray[np.uint8]], quality: int | None, size: float) -> Sequence[str] | None:
+    """Encode the views as data URIs; None if they take more than `size` bytes."""
+    if _estimate_bytes(coded, quality) > size:
+        return None
+    with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as threads:
+        pictures = list(threads.map(lambda view: _data_url(view, quality), coded))
+    return pictures if sum(map(len, pictures)) <= size else None
+
+
+def _data_url(view: NDArray[np.uint8], quality: int | None) -> str:
+    """Encode a view as a data URI, lossless without a quality."""
+    return html.webp(view) if quality is None else html.jpeg(view, quality, full_colour=True)

@@ -1,1 +1,0 @@
-"""Lights: what a shaded point may aim at.  One file a kind."""

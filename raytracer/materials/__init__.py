@@ -1,1 +1,0 @@
-"""Materials: how surfaces scatter and emit.  One file a kind."""

@@ -1,1 +1,0 @@
-"""Participating media: what fills space between surfaces.  One file a kind."""

@@ -1,0 +1,1 @@
+"""Describe real lenses and the arithmetic of cameras: glass, lens systems, thin-lens formulas, sensor formats."""

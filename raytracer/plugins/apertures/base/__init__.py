@@ -1,0 +1,1 @@
+"""Interface of apertures, and the parts that several kinds share."""

@@ -1,0 +1,1 @@
+"""Cameras: which ray belongs to a place on the film."""

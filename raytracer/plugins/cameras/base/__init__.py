@@ -1,0 +1,1 @@
+"""Interface of cameras, and the parts that several kinds share."""

@@ -1,0 +1,308 @@
+"""Packed light-field cameras: rays from the sensor through a microlens, and on through a thin lens or one of glass."""
+
+import math
+from typing import Any, NamedTuple
+
+from raytracer.core.compiler.dispatch import generic, kernel, optional
+from raytracer.core.sampling import sample_2d
+from raytracer.core.simd import store
+from raytracer.core.vec import add, madd, normalize, scale
+from raytracer.film.light_field.lattice import Lattice
+from raytracer.optics.lens_system import packets
+from raytracer.optics.lens_system.diaphragm import aperture_transmission
+from raytracer.optics.lens_system.film_to_direction import direction_to_film
+from raytracer.optics.lens_system.surfaces import LensSurfaces
+from raytracer.plugins.apertures.base.interface import rim_visibility
+from raytracer.plugins.cameras.base.glass import draw_wavelength, exit_ray, start_film_rays
+from raytracer.plugins.cameras.base.interface import (
+    LENS,
+    CameraParts,
+    Defocus,
+    PacketRays,
+    camera_defocus,
+    camera_parts,
+    camera_ray,
+    lane_ray,
+    packet_rays,
+    project,
+    set_lane,
+    trace_lanes,
+)
+from raytracer.plugins.cameras.base.perspective_camera import irradiance_weight, thin_lens_parts
+from raytracer.plugins.cameras.base.placement import CameraFrame, to_camera_space
+
+
+class SquareCell(NamedTuple):
+    """Cell of a microlens in a square lattice, in steps of the lattice."""
+
+
+class HexagonCell(NamedTuple):
+    """Cell of a microlens in a hexagonal lattice, whose steps are at 60 degrees."""
+
+
+@generic
+def nearest_node(cell, i, j):
+    """Find the node of a lattice in whose cell a place lies, both in steps of the lattice."""
+    raise NotImplementedError
+
+
+@nearest_node.register(SquareCell)
+def nearest_node_square_cell(cell, i, j):
+    return math.floor(i + 0.5), math.floor(j + 0.5)
+
+
+@nearest_node.register(HexagonCell)
+def nearest_node_hexagon_cell(cell, i, j):
+    # Of three directions at 120 degrees, whose steps add up to 0, the one that rounding changes most is given up.
+    a, b, c = math.floor(i + 0.5), math.floor(j + 0.5), math.floor(0.5 - i - j)
+    da, db, dc = abs(a - i), abs(b - j), abs(c + i + j)
+    if da > db and da > dc:
+        return -b - c, b
+    return (a, -a - c) if db > dc else (a, b)
+
+
+@generic
+def sample_cell(cell, u1, u2):
+    """Draw a point of the cell about a node, uniformly by area, in steps of the lattice."""
+    raise NotImplementedError
+
+
+@sample_cell.register(SquareCell)
+def sample_cell_square_cell(cell, u1, u2):
+    return u1 - 0.5, u2 - 0.5
+
+
+@sample_cell.register(HexagonCell)
+def sample_cell_hexagon_cell(cell, u1, u2):
+    # Three rhombi, each between two of every other corner: (1, 1) / 3, (-2, 1) / 3, (1, -2) / 3.
+    part = 3.0 * u1
+    number = min(math.floor(part), 2.0)
+    part -= number
+    if number == 0.0:
+        return (part - 2.0 * u2) / 3.0, (part + u2) / 3.0
+    if number == 1.0:
+        return (u2 - 2.0 * part) / 3.0, (part - 2.0 * u2) / 3.0
+    return (part + u2) / 3.0, (u2 - 2.0 * part) / 3.0
+
+
+class PackedLattice(NamedTuple):
+    """Packed lattice.
+
+    x, y (px) : its origin.
+    along_x, along_y, across_x, across_y (px) : its two steps.
+    i_x, i_y, j_x, j_y (1/px) : the inverse, from pixels to steps.
+    """
+
+    x: float
+    y: float
+    along_x: float
+    along_y: float
+    across_x: float
+    across_y: float
+    i_x: float
+    i_y: float
+    j_x: float
+    j_y: float
+
+
+def pack_lattice(lattice: Lattice) -> PackedLattice:
+    """Pack a lattice."""
+    (ax, ay), (bx, by) = lattice.along, lattice.across
+    area = ax * by - ay * bx
+    return PackedLattice(*lattice.origin, ax, ay, bx, by, by / area, -bx / area, -ay / area, ax / area)
+
+
+class MicrolensBlur(NamedTuple):
+    """Microlenses of a real size, in place of pinholes.
+
+    blur (m/px) : shift on the main lens of the point that a pixel sees, by the shift of the ray on its microlens.
+    """
+
+    blur: float
+
+
+class MicrolensArray(NamedTuple):
+    """Packed microlenses before a sensor; lengths on it are pixels of sub-images.
+
+    lattice : of the sub-images.
+    cell : of a microlens, a SquareCell or a HexagonCell.
+    spread : a MicrolensBlur; None for pinholes.
+    x, y (px) : place of the axis.
+    slope, stride : as in `film.light_field.lenslets.Lenslets`.
+    """
+
+    lattice: PackedLattice
+    cell: Any
+    spread: Any
+    x: float
+    y: float
+    slope: float
+    stride: float
+
+
+class LightFieldCamera(NamedTuple):
+    """Packed light-field camera with a thin lens.
+
+    lens : a ThinLensPupil, whose plane of focus is that in whose image the microlenses lie.
+    grid : the microlenses.
+    irradiance : an Irradiance or a FlatPupil; None where the sensor gathers radiance.
+    thin : the lens of a photograph without microlenses.
+    """
+
+    frame: CameraFrame
+    lens: Any
+    grid: MicrolensArray
+    irradiance: Any
+    thin: Defocus
+
+
+class GlassLightFieldCamera(NamedTuple):
+    """Packed light-field camera with a lens of glass; lengths are mm, in the lens's frame.
+
+    surfaces : of the lens.
+    grid : the microlenses.
+    edge : edge of a pixel of sub-images, on the array.
+    edge_growth (mm/m) : of places in the exit pupil over those on the thin lens in place of it.
+    behind : distance of the array behind the exit pupil.
+    z : place of the array on the axis.
+    pupil : place of the entrance pupil on the axis.
+    gain : weight of a ray over cos^4.
+    wavelengths : tables of spectra where the glass disperses; else None.
+    view_table : film positions by direction in the scene.
+    beyond : size of the picture on the array over that on the film.
+    thin : the thin lens in place of the lens.
+    """
+
+    frame: CameraFrame
+    surfaces: LensSurfaces
+    grid: MicrolensArray
+    edge: float
+    edge_growth: float
+    behind: float
+    z: float
+    pupil: float
+    gain: float
+    wavelengths: Any
+    view_table: Any
+    beyond: float
+    thin: Defocus
+
+
+@optional
+def sample_microlens(spread, grid, draws):
+    """Draw the point of a microlens that a ray goes through, from its middle (px), and the shift on the main lens (m).
+
+    All right and down.
+    """
+    return 0.0, 0.0, 0.0, 0.0
+
+
+@sample_microlens.register(MicrolensBlur)
+def sample_microlens_microlens_blur(spread, grid, draws):
+    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + LENS)
+    i, j = sample_cell(grid.cell, u1, u2)
+    x = i * grid.lattice.along_x + j * grid.lattice.across_x
+    y = i * grid.lattice.along_y + j * grid.lattice.across_y
+    return x, y, -spread.blur * x, -spread.blur * y
+
+
+@kernel
+def sample_sensor_ray(grid, x, y, draws):
+    """Draw the path by which light comes to a place of the sensor.
+
+    Returns
+    -------
+    Its points on the array, right and up from the axis (px), and on the main lens, right and up (m).
+    """
+    lattice = grid.lattice
+    from_x, from_y = x - lattice.x, y - lattice.y
+    i, j = nearest_node(
+        grid.cell, lattice.i_x * from_x + lattice.i_y * from_y, lattice.j_x * from_x + lattice.j_y * from_y
+    )
+    middle_x = lattice.x + i * lattice.along_x + j * lattice.across_x
+    middle_y = lattice.y + i * lattice.along_y + j * lattice.across_y
+    off_x, off_y, moved_x, moved_y = sample_microlens(grid.spread, grid, draws)
+    right = grid.stride * (x - middle_x) + moved_x
+    down = grid.stride * (y - middle_y) + moved_y
+    return middle_x + off_x - grid.x, grid.y - middle_y - off_y, right, -down
+
+
+@camera_ray.register(LightFieldCamera)
+def camera_ray_light_field_camera(camera, x, y, time, draws):
+    frame, lens = camera.frame, camera.lens
+    array_x, array_y, right, up = sample_sensor_ray(camera.grid, x, y, draws)
+    slope_x, slope_y = camera.grid.slope * array_x, camera.grid.slope * array_y
+    shift = add(scale(right, frame.right), scale(up, frame.up))
+    direction = add(add(scale(slope_x, frame.right), scale(slope_y, frame.up)), frame.forward)
+    towards = madd(direction, -lens.inverse_focus, shift)
+    passes = aperture_transmission(lens.shape, right / lens.radius, up / lens.radius)
+    passes *= rim_visibility(
+        lens.rim, right, up, slope_x - lens.inverse_focus * right, slope_y - lens.inverse_focus * up
+    )
+    weight = passes * irradiance_weight(camera.irradiance, direction, shift, towards)
+    return add(frame.origin, shift), normalize(towards), weight
+
+
+@packet_rays.register(GlassLightFieldCamera)
+def packet_rays_glass_light_field_camera(camera):
+    return PacketRays()
+
+
+@set_lane.register(GlassLightFieldCamera)
+def set_lane_glass_light_field_camera(camera, rows, lane, x, y, draws):
+    array_x, array_y, right, up = sample_sensor_ray(camera.grid, x, y, draws)
+    # The picture lies upside down behind the lens.
+    place_x, place_y = -camera.edge * array_x, -camera.edge * array_y
+    rows[packets.ORIGIN, lane], rows[packets.ORIGIN + 1, lane] = place_x, place_y
+    rows[packets.DIRECTION, lane] = camera.edge_growth * right - place_x
+    rows[packets.DIRECTION + 1, lane] = camera.edge_growth * up - place_y
+    draw_wavelength(camera.wavelengths, rows, lane, draws)
+
+
+@trace_lanes.register(GlassLightFieldCamera)
+def trace_lanes_glass_light_field_camera(camera, rows):
+    square = start_film_rays(rows, camera.z, camera.behind)
+    store(rows, packets.WEIGHT, camera.gain * (square * square))
+    packets.trace_packet(camera.surfaces, rows)
+
+
+@lane_ray.register(GlassLightFieldCamera)
+def lane_ray_glass_light_field_camera(camera, rows, lane, x, y, time, draws):
+    return exit_ray(camera, rows, lane)
+
+
+@camera_defocus.register(LightFieldCamera)
+def camera_defocus_light_field_camera(camera: LightFieldCamera) -> Defocus:
+    return camera.thin
+
+
+@camera_defocus.register(GlassLightFieldCamera)
+def camera_defocus_glass_light_field_camera(camera: GlassLightFieldCamera) -> Defocus:
+    return camera.thin
+
+
+@camera_parts.register(LightFieldCamera)
+def camera_parts_light_field_camera(camera: LightFieldCamera) -> CameraParts:
+    return thin_lens_parts(camera.lens)
+
+
+@camera_parts.register(GlassLightFieldCamera)
+def camera_parts_glass_light_field_camera(camera: GlassLightFieldCamera) -> CameraParts:
+    return CameraParts(glass=camera.surfaces, spectra=camera.wavelengths)
+
+
+@project.register(LightFieldCamera)
+def project_light_field_camera(camera, point, time):
+    right, up, depth = to_camera_space(camera.frame, point)
+    if depth <= 0.0:
+        return math.nan, math.nan, depth
+    grid = camera.grid
+    return grid.x + right / depth / grid.slope, grid.y - up / depth / grid.slope, depth
+
+
+@project.register(GlassLightFieldCamera)
+def project_glass_light_field_camera(camera, point, time):
+    right, up, depth = to_camera_space(camera.frame, point)
+    x, y = direction_to_film(camera.view_table, right, up, depth)
+    scaled = camera.beyond / camera.edge
+    return camera.grid.x + scaled * x, camera.grid.y - scaled * y, depth

@@ -1,0 +1,1 @@
+"""Environments: the radiance of rays that meet nothing."""

@@ -1,0 +1,1 @@
+"""Interface of environments, and the parts that several kinds share."""

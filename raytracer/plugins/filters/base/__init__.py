@@ -1,0 +1,1 @@
+"""Interface of pixel filters, and the parts that several kinds share."""

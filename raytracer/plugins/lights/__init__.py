@@ -1,0 +1,1 @@
+"""Lights: what next-event estimation samples."""

@@ -1,0 +1,1 @@
+"""Interface of lights, and the parts that several kinds share."""

@@ -1,0 +1,1 @@
+"""Materials: how surfaces scatter and emit light."""

@@ -1,0 +1,1 @@
+"""Interface of materials, and the parts that several kinds share."""

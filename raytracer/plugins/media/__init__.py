@@ -1,0 +1,1 @@
+"""Participating media: how light is absorbed and scattered between surfaces."""

@@ -1,0 +1,1 @@
+"""Interface of media, and the parts that several kinds share."""

@@ -1,0 +1,1 @@
+"""Shapes: what a scene file's objects may be; each lowers itself to tables of primitives."""

@@ -1,0 +1,1 @@
+"""Interface of shapes, and the parts that several kinds share."""

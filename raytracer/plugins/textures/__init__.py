@@ -1,0 +1,1 @@
+"""Textures: colours and numbers that vary over a surface or through space."""

@@ -1,0 +1,1 @@
+"""Interface of textures, and the parts that several kinds share."""

@@ -1,1 +1,0 @@
-"""Primitives: what shapes are made of when a scene is packed, one table a kind, one Embree geometry a table."""

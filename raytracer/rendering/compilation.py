@@ -1,0 +1,82 @@
+"""Make a scene ready to be rendered: pack it, build the ray caster's structure, and compile the path tracer for it."""
+
+from typing import NamedTuple
+
+from raytracer.core.compiler.lock import compiler_lock
+from raytracer.core.embree import Accel
+from raytracer.kernel.packed_scene import Scene
+from raytracer.kernel.path_state import Workspace
+from raytracer.kernel.path_state import workspace as make_workspace
+from raytracer.kernel.path_tracer import render_tile
+from raytracer.kernel.pixel_accumulator import FilmView
+from raytracer.rendering.film_region import empty_film, film_view
+from raytracer.rendering.tile_scheduler import now
+from raytracer.scene.pack.scene import PackedScene, pack
+from raytracer.scene.spec import SceneSpec
+from raytracer.util.signals import run_in_thread
+
+
+class CompiledScene(NamedTuple):
+    """A scene that is ready to be rendered, and compiled for plain radiance.
+
+    Attributes
+    ----------
+    spec : the scene, its camera focused at a distance.
+    packed : the scene as arrays.
+    accel : the ray caster's structure, which lives as long as this does.
+    scene : the packed scene with the structure's address.
+    seconds (s) : time by phase: pack, build and compile.
+    """
+
+    spec: SceneSpec
+    packed: PackedScene
+    accel: Accel
+    scene: Scene
+    seconds: dict[str, float]
+
+
+def compile_scene(spec: SceneSpec, packed: PackedScene | None = None) -> CompiledScene:
+    """Pack, build and compile a scene; only the latter two if it is `packed` already.
+
+    Raises
+    ------
+    InputError : the scene cannot be packed.
+    """
+    times = [now()]
+    packed = packed or pack(spec)
+    times.append(now())
+    accel = packed.build()
+    scene = packed.scene._replace(accel=accel.address)
+    times.append(now())
+    compile_kernel(scene, film_view(empty_film(scene, 1, 1)))
+    times.append(now())
+    phases = ("pack", "build", "compile")
+    seconds = {phase: end - begin for phase, begin, end in zip(phases, times, times[1:], strict=False)}
+    return CompiledScene(packed.spec, packed, accel, scene, seconds)
+
+
+def compile_kernel(scene: Scene, target: FilmView, workspace: Workspace | None = None) -> int:
+    """Compile the path tracer for a scene, a film and a workspace of these types, or take it from the cache.
+
+    Returns
+    -------
+    The number of kernels that this process has now and did not have before.
+
+    Raises
+    ------
+    KeyboardInterrupt : at once; what is being compiled is finished all the same.
+    """
+
+    def work() -> int:
+        with compiler_lock:
+            before = _kernel_count()
+            buffers = workspace or make_workspace(scene)
+            render_tile(scene, target, buffers, 0, 0, 0, 0, 0, 0)
+            return _kernel_count() - before
+
+    return run_in_thread(work)
+
+
+def _kernel_count() -> int:
+    """Count the compiled versions of the path tracer; 0 where it is not compiled at all."""
+    return len(getattr(render_tile, "signatures", ()))

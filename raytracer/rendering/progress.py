@@ -1,0 +1,69 @@
+"""The progress of a render, as it is reported and shown."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from raytracer.core.error_estimate import ErrorEstimate
+from raytracer.core.error_estimate.wording import format_percent
+from raytracer.rendering.tile_scheduler import TileQueue, now
+from raytracer.util.progress import Bar
+
+
+class Progress(NamedTuple):
+    """The progress of a render.
+
+    Attributes
+    ----------
+    done : samples over all pixels so far.
+    wanted : samples at the end; a guess where they are not given.
+    seconds (s) : time since the start.
+    error : relative error as last estimated, or None.
+    resumed : samples of `done` that were there before the start.
+    """
+
+    done: int
+    wanted: int
+    seconds: float
+    error: float | None = None
+    resumed: int = 0
+
+
+class SampleBar(Bar):
+    """A progress bar in samples, with the error where one is asked for.
+
+    The end is estimated by the mean speed so far: that of the last moments is the speed of some tiles, sky or glass.
+    """
+
+    def __init__(self, *, always: bool = False, quiet: bool = False) -> None:
+        super().__init__(" samples", always=always, quiet=quiet, unit_scale=True, smoothing=0.0)
+
+    def show(self, progress: Progress) -> None:
+        """Show the progress of a render."""
+        note = "" if progress.error is None else f"error {format_percent(progress.error)}"
+        self.update(progress.done, progress.wanted, note, progress.resumed)
+
+
+class ProgressReporter:
+    """The reports of a render's progress to its caller."""
+
+    def __init__(self, progress: Callable[[Progress], None] | None, wanted: int) -> None:
+        self._progress, self._wanted = progress, wanted
+        self._error: float | None = None
+        self._start = now()
+        self._queue: TileQueue | None = None
+        self._resumed = 0
+
+    def begin(self, queue: TileQueue) -> None:
+        """Watch a queue, and take the samples that it has for those before the start."""
+        self._queue, self._resumed, self._start = queue, queue.done, now()
+
+    def tick(self) -> None:
+        """Report to the caller."""
+        if self._progress is not None and self._queue is not None:
+            done = self._queue.done
+            passed = now() - self._start
+            self._progress(Progress(done, max(self._wanted, done), passed, self._error, self._resumed))
+
+    def set_estimate(self, samples: float, estimate: ErrorEstimate | None) -> None:
+        """Note the samples with which an adaptive render is likely to end, and its error so far."""
+        self._wanted, self._error = round(samples), None if estimate is None else estimate.error

@@ -1,0 +1,225 @@
+"""Render a scene: prepare it (pack, build, compile), take its samples, and develop the picture."""
+
+import os
+import warnings
+from collections.abc import Callable
+from typing import Unpack
+
+from raytracer.core.compiler.lock import compiler_lock
+from raytracer.film.image import Image
+from raytracer.rendering import memory_budget
+from raytracer.rendering.checkpoint import CheckpointWriter
+from raytracer.rendering.compilation import compile_kernel
+from raytracer.rendering.develop import check_development
+from raytracer.rendering.options import RenderKeywords, RenderOptions, check_keywords, check_options, show_keywords
+from raytracer.rendering.prepared_scene import PreparedScene
+from raytracer.rendering.progress import Progress, SampleBar
+from raytracer.rendering.session import Rendered, RenderSession
+from raytracer.rendering.statistics import PhaseTimer
+from raytracer.rendering.worker_pool import ClusterClient
+from raytracer.scene.cache import RenderCache
+from raytracer.scene.effects import effects_of
+from raytracer.scene.input_files import file_stamps
+from raytracer.scene.load import load
+from raytracer.scene.pack.scene import pack
+from raytracer.scene.spec import SceneSpec
+from raytracer.scene.warnings import emit_warnings
+from raytracer.util.errors import InputError, OutputError, SceneWarning
+
+
+@show_keywords
+def render_image(
+    scene: SceneSpec | str | os.PathLike[str],
+    *,
+    progress: bool | Callable[[Progress], None] = False,
+    cache: RenderCache | None = None,
+    stock: RenderCache | None = None,
+    cluster: ClusterClient | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    **options: Unpack[RenderKeywords],
+) -> Image:
+    """Render a scene, or a scene file, to an image: `image.radiance` is float64 (height, width, 3), row 0 at the top.
+
+    What makes the scene doubtful is a SceneWarning, or an error if `strict`.
+
+    Parameters
+    ----------
+    spp, seed, threads, crop, noise, time_limit, aovs, denoise, strict : see `RenderOptions`; `aovs` may also be one
+        name.
+    progress : True to show a bar, also in a notebook; or a function that is called with a `Progress`.
+    cache : what renders of similar scenes share, an `rt.Cache`.
+    stock : old name of `cache`, still accepted.
+    cluster : the cluster that takes the samples, an `rt.Cluster`; this machine if None.
+    checkpoint : file in which all samples are kept, once a minute and at the end.
+    resume : True to go on from that file.
+
+    Raises
+    ------
+    InputError : see `render`.
+    OutputError : a cluster was lost before the picture was there.
+    """
+    check_keywords(options)
+    if "aovs" in options and isinstance(options["aovs"], str):
+        options["aovs"] = [options["aovs"]]
+    with SampleBar(always=True) as bar:
+        rendered = render(
+            load(scene) if isinstance(scene, str | os.PathLike) else scene,
+            progress=bar.show if progress is True else progress or None,
+            warn=_warn,
+            cache=stock if cache is None else cache,
+            cluster=cluster,
+            checkpoint_writer=_make_checkpoint_writer(checkpoint, resume=resume),
+            **options,
+        )
+    if rendered.failure is not None:
+        raise OutputError(rendered.failure)
+    return rendered.image
+
+
+def render(
+    spec: SceneSpec,
+    *,
+    progress: Callable[[Progress], None] | None = None,
+    dry_run_save: Callable[[Image], object] | None = None,
+    warn: Callable[[str], object] | None = None,
+    cache: RenderCache | None = None,
+    cluster: ClusterClient | None = None,
+    checkpoint_writer: CheckpointWriter | None = None,
+    max_memory: int | None = None,
+    **options: Unpack[RenderKeywords],
+) -> Rendered:
+    """Render a scene.  The same scene, seed and spp, or noise, give the same bits for any number of threads.
+
+    It may be called by several threads at once.
+
+    Parameters
+    ----------
+    progress : called about ten times a second; a KeyboardInterrupt out of it, or out of a signal, ends the render
+        early with the samples taken so far.
+    dry_run_save : does with an early image what the caller will do with the last one, so that `time_limit` leaves the
+        time for it.
+    warn : called with each warning about the scene, a sentence, before anything is rendered (docs/warnings.md).
+    cache : what renders of similar scenes share; nothing if None.
+    cluster : the cluster that takes the samples; this machine if None.
+    checkpoint_writer : keeps all samples in a file, and goes on from those that are there; None to keep none.
+    max_memory, options : see `RenderOptions`.
+
+    Raises
+    ------
+    StrictError : there is a warning, and `strict`.
+    InputError : a crop outside the film, a noise or limit out of range, a scene that cannot be packed, an unknown AOV,
+        no denoiser, what `check_development` refuses, a cluster that cannot render this, more memory needed than there
+        is (`memory_budget.check_memory`), or a checkpoint of another picture.
+    """
+    prepared = prepare_scene(
+        spec,
+        RenderOptions(max_memory=max_memory, **options),
+        warn=warn,
+        cache=cache,
+        cluster=cluster,
+        with_checkpoints=checkpoint_writer is not None,
+    )
+    return render_prepared(prepared, progress=progress, dry_run_save=dry_run_save, checkpoint_writer=checkpoint_writer)
+
+
+def render_prepared(
+    prepared: PreparedScene,
+    *,
+    progress: Callable[[Progress], None] | None = None,
+    dry_run_save: Callable[[Image], object] | None = None,
+    checkpoint_writer: CheckpointWriter | None = None,
+) -> Rendered:
+    """Render a prepared scene, and develop the picture; parameters are those of `render`.
+
+    Raises
+    ------
+    InputError : the picture has too many pixels to be rendered at once, or a checkpoint is of another one.
+    """
+    session = RenderSession(prepared, progress=progress, dry_run_save=dry_run_save, checkpoint_writer=checkpoint_writer)
+    return session.run()
+
+
+def prepare_scene(
+    spec: SceneSpec,
+    options: RenderOptions | None = None,
+    *,
+    warn: Callable[[str], object] | None = None,
+    cache: RenderCache | None = None,
+    cluster: ClusterClient | None = None,
+    load_seconds: float = 0.0,
+    max_pixels: int | None = None,
+    with_checkpoints: bool = False,
+) -> PreparedScene:
+    """Prepare a render up to its first sample, so that the next scene can be prepared while one is rendered.
+
+    Parameters and errors are those of `render`, and besides:
+
+    Parameters
+    ----------
+    options : what is asked for; all defaults if None.
+    load_seconds (s) : time that reading the scene has taken; it counts towards the time limit.
+    max_pixels : pixels that are rendered at once, where the picture is made in parts.
+    with_checkpoints : True if there will be checkpoints, which need memory for a copy of the film.
+    """
+    options = options or RenderOptions()
+    spec, checked = check_options(spec, options)
+    seconds = {"load": load_seconds}
+    timer = PhaseTimer(seconds)
+    remote = None
+    if cluster is not None:
+        remote = cluster.connect(spec, aovs=options.aovs, denoise=options.denoise, warn=warn, strict=options.strict)
+
+    stamps = file_stamps(spec) if with_checkpoints else {}
+    packed = pack(spec, provider=cache)
+    emit_warnings(packed, warn, strict=options.strict)
+    check_development(packed.spec, checked.window)
+    effects = effects_of(packed.spec, packed.scene)
+    timer.lap("pack")
+    checked.check_aovs()
+    pixels = checked.window.pixels if max_pixels is None else min(checked.window.pixels, max_pixels)
+    picture = memory_budget.picture_memory(
+        packed, pixels, checked.max_spp, checked.aovs, denoise=checked.denoise, with_checkpoints=with_checkpoints
+    )
+    memory_budget.check_memory(
+        memory_budget.estimate_memory(memory_budget.structure_memory(packed, cache), picture, checked.threads),
+        options.max_memory,
+    )
+    timer.lap("pack")
+    accel = packed.build(cache)
+    timer.lap("build")
+    names = tuple(name for name, effect in effects.items() if effect.active)
+    scene = packed.scene._replace(accel=accel.address)
+    prepared = PreparedScene(packed, accel, scene, names, checked, remote, seconds, stamps)
+    if remote is None:
+        kernels = compile_kernel(prepared.scene, prepared.empty_tile())
+        if cache is not None:
+            cache.count_kernels(kernels)
+    timer.lap("compile")
+    return prepared
+
+
+def _make_checkpoint_writer(checkpoint: str | os.PathLike[str] | None, *, resume: bool) -> CheckpointWriter | None:
+    """Make the writer of a checkpoint, if there is to be one.
+
+    Raises
+    ------
+    InputError : there is nothing to resume from.
+    """
+    if checkpoint is None:
+        if resume:
+            raise InputError("resume needs checkpoint, the file to go on from")
+        return None
+    return CheckpointWriter(checkpoint, resume=resume, always=True, say=_warn_of_checkpoint)
+
+
+def _warn_of_checkpoint(sentence: str) -> None:
+    """Warn about the checkpoint: it could not be written, can be again, or is damaged."""
+    with compiler_lock:
+        warnings.warn(sentence, RuntimeWarning, stacklevel=2)
+
+
+def _warn(sentence: str) -> None:
+    """Warn at the line that called `render_image`."""
+    with compiler_lock:
+        warnings.warn(sentence, SceneWarning, stacklevel=6)

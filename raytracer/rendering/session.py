@@ -1,0 +1,221 @@
+"""A running render: its passes, its progress, its checkpoints, and the picture at its end."""
+
+import contextlib
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from raytracer.core.error_estimate import ErrorEstimator, sampler_exponent
+from raytracer.core.error_estimate.rates import MIN_EXPONENT
+from raytracer.core.sampling import SAMPLERS
+from raytracer.film.exposure import ExposureResult
+from raytracer.film.image import Image
+from raytracer.kernel.packed_scene import Scene
+from raytracer.rendering.adaptive_sampling import AdaptiveRender, Outcome, StopCriteria
+from raytracer.rendering.checkpoint import CheckpointWriter
+from raytracer.rendering.develop import develop_image
+from raytracer.rendering.diagnostics import diagnose_picture, diagnose_samples
+from raytracer.rendering.headers import image_header
+from raytracer.rendering.options import check_picture_size
+from raytracer.rendering.pilot_samples import PilotSetup
+from raytracer.rendering.prepared_scene import PreparedScene
+from raytracer.rendering.progress import Progress, ProgressReporter
+from raytracer.rendering.resumable_state import ResumableState
+from raytracer.rendering.statistics import PhaseTimer, Stats, peak_rss_bytes
+from raytracer.rendering.tile_scheduler import FIRST_PASS, TileQueue, now, split_into_tiles
+from raytracer.rendering.worker_pool import WorkerPool
+
+
+class Rendered(NamedTuple):
+    """A rendered image with its statistics.
+
+    Attributes
+    ----------
+    image : the picture.
+    stats : of the render.
+    complete : True if all samples were taken, or the error asked for was reached.
+    interrupted : True if a KeyboardInterrupt ended the render early.
+    fewest_samples : of any pixel; `image.samples` is the most.
+    setting : the exposure; None for plain radiance.
+    failure : the reason why a cluster ended the render early; None if it did not.
+    """
+
+    image: Image
+    stats: Stats
+    complete: bool
+    interrupted: bool
+    fewest_samples: int
+    setting: ExposureResult | None
+    failure: str | None = None
+
+
+class RenderSession:
+    """One render of a prepared scene.
+
+    Parameters
+    ----------
+    progress, dry_run_save, checkpoint_writer : see `rendering.render`.
+
+    Raises
+    ------
+    InputError : the picture has too many pixels to be rendered at once.
+    """
+
+    def __init__(
+        self,
+        prepared: PreparedScene,
+        *,
+        progress: Callable[[Progress], None] | None = None,
+        dry_run_save: Callable[[Image], object] | None = None,
+        checkpoint_writer: CheckpointWriter | None = None,
+    ) -> None:
+        check_picture_size(prepared.options.window)
+        self._prepared, self._options = prepared, prepared.options
+        self._spec, self._scene = prepared.packed.spec, prepared.scene
+        self._dry_run_save, self._writer = dry_run_save, checkpoint_writer
+        self._stats = Stats(
+            threads=self._options.threads, seconds=dict(prepared.seconds), effects=list(prepared.effects)
+        )
+        self._timer = PhaseTimer(self._stats.seconds)
+        self._windows = split_into_tiles(self._options.window)
+        self._region = prepared.empty_region(self._options.window)
+        self._reporter = ProgressReporter(progress, self._options.window.pixels * self._spec.render.spp)
+        self._queue = self._make_queue()
+        self._pool = self._queue.pool
+
+    def run(self) -> Rendered:
+        """Render the samples, and develop the picture.
+
+        Raises
+        ------
+        InputError : the checkpoint to go on from is of another picture.
+        """
+        # A field would make a cycle of references, by which scenes and films would outlive their render.
+        state = ResumableState(self._prepared, self._queue, self._timer, self._preview)
+        self._resume(state)
+        deadline = self._render_with_checkpoints(state)
+        self._write_last_checkpoint(state)
+        if not self._options.is_adaptive:
+            # Those of a packet that is not whole, which no checkpoint can hold.
+            self._queue.render_passes(self._spec.render.spp, deadline)
+        return self._finish(state.outcome)
+
+    def _make_queue(self) -> TileQueue:
+        """Make the queue of all tiles."""
+        pool = WorkerPool(self._options.threads, self._reporter.tick, scene=self._scene)
+        estimator = ErrorEstimator(self._windows, sampler_exponent(self._spec.render.sampler))
+        return TileQueue(self._scene, self._region.view(), self._windows, pool, estimator, self._prepared.remote)
+
+    def _resume(self, state: ResumableState) -> None:
+        """Go on from the checkpoint, if that was asked for."""
+        if self._writer is not None:
+            self._writer.resume(state)
+            if state.resumed:
+                self._timer.lap("resume")
+        self._stats.resumed = state.resumed
+        self._reporter.begin(self._queue)
+
+    def _render_with_checkpoints(self, state: ResumableState) -> float | None:
+        """Render all that checkpoints can hold, and write them now and then; return the deadline, if there is one."""
+        options, queue, writer = self._options, self._queue, self._writer
+        deadline = None
+        with (
+            self._pool.stop_on_interrupt(),
+            contextlib.nullcontext() if writer is None else writer.write_periodically(state),
+        ):
+            # Render a first picture, by which to measure how long the end will take.
+            queue.first_pass(FIRST_PASS if options.max_spp is None else options.max_spp)
+            self._timer.lap("render")
+            if options.time_limit is not None and not self._pool.is_stopped:
+                deadline = self._timer.start_time + options.time_limit - self._seconds_to_finish()
+                self._timer.lap("develop")
+
+            # Render the rest.
+            if options.is_adaptive:
+                criteria = StopCriteria(options.noise, options.max_spp, deadline)
+                adaptive = AdaptiveRender(queue, self._pilot_setup(), criteria, state.adaptive_state)
+                state.adaptive = adaptive
+                adaptive.run(self._reporter.set_estimate)
+            else:
+                queue.render_passes(state.goal if writer is not None else self._spec.render.spp, deadline)
+        self._timer.lap("render")
+        return deadline
+
+    def _write_last_checkpoint(self, state: ResumableState) -> None:
+        """Write the checkpoint at the end of the render."""
+        if self._writer is None:
+            return
+        with self._pool.stop_on_interrupt():
+            self._writer.finish(state)
+        if self._writer.info is not None:
+            self._timer.lap("keep")
+
+    def _finish(self, outcome: Outcome) -> Rendered:
+        """Develop the picture, and complete the statistics."""
+        stats, queue, timer, options = self._stats, self._queue, self._timer, self._options
+        with self._pool.stop_on_interrupt():
+            stats.record_error(queue.estimate(), options.noise)
+        timer.lap("render")
+
+        stats.record_samples(queue, outcome)
+        with self._pool.stop_on_interrupt():
+            self._diagnose(stats)
+        timer.lap("render")
+        header = image_header(self._spec, options.crop, stats, is_adaptive=options.is_adaptive)
+        image, exposure = self._develop(header, timer.lap, is_final=True)
+        stats.exposure = {} if exposure is None else exposure.as_dict()
+        diagnose_picture(stats, self._spec, self._scene, image, self._region.left, self._region.top)
+        stats.seconds["total"] = sum(stats.seconds.values())
+        stats.peak_rss_bytes = peak_rss_bytes()
+        interrupted = self._pool.interrupted
+        complete = outcome.reached and not interrupted
+        return Rendered(image, stats, complete, interrupted, int(queue.counts.min()), exposure, self._pool.failure)
+
+    def _pilot_setup(self) -> PilotSetup:
+        """Return the setup with which pilots render samples that are not added to the film."""
+        settings = self._spec.render
+
+        def pilot_scene(seed: int, spp: int) -> Scene:
+            return self._scene._replace(sampler=SAMPLERS[settings.sampler](seed, spp))
+
+        # Its shares need only one difference, for which it takes half the memory.
+        return PilotSetup(
+            pilot_scene,
+            self._prepared.empty_tile,
+            lambda: ErrorEstimator(self._windows, MIN_EXPONENT),
+            settings.seed,
+        )
+
+    def _diagnose(self, stats: Stats) -> None:
+        """Note what is wrong with the samples on the film."""
+        diagnose_samples(stats, self._scene, self._spec.render.clamp, self._region, self._prepared.empty_tile)
+
+    def _develop(
+        self, header: Mapping[str, str | float | int], lap: Callable[[str], object], *, is_final: bool = False
+    ) -> tuple[Image, ExposureResult | None]:
+        """Make the image of the film, and tell how it was exposed; see `develop.develop_image`."""
+        return develop_image(
+            self._region,
+            self._spec,
+            settings=header,
+            aovs=self._options.aovs,
+            denoise_threads=self._options.threads if self._options.denoise else None,
+            lap=lap,
+            is_final=is_final,
+        )
+
+    def _preview(self, outcome: Outcome) -> Image:
+        """Make the picture of the samples so far."""
+        stats = Stats()
+        stats.record_samples(self._queue, outcome)
+        header = image_header(self._spec, self._options.crop, stats, is_adaptive=True)
+        image, _ = self._develop(header, lambda phase: None)
+        return image
+
+    def _seconds_to_finish(self) -> float:
+        """Measure how long it takes to check the film, to make an image of it, and to save that."""
+        begin = now()
+        self._diagnose(Stats())
+        image, _ = self._develop({}, lambda phase: None)
+        if self._dry_run_save is not None:
+            self._dry_run_save(image)
+        return now() - begin

@@ -1,0 +1,124 @@
+"""Statistics of a render: its time, rays, samples and error, and what is wrong with its picture."""
+
+import sys
+from dataclasses import dataclass, field
+from typing import Any
+
+from raytracer import __version__
+from raytracer.core.error_estimate import ErrorEstimate
+from raytracer.rendering.adaptive_sampling import Outcome
+from raytracer.rendering.tile_scheduler import TileQueue, now
+
+
+@dataclass
+class Stats:
+    """Statistics of a render, as `--stats` writes them.
+
+    Attributes
+    ----------
+    seconds (s) : time by phase.
+    rays : camera, bounce and shadow rays.
+    samples : over all pixels.
+    spp : the fewest, mean and most samples of a pixel.
+    pilot_samples : samples besides, which were thrown away.
+    resumed : the `samples` and `rays` of these that a checkpoint had, and the `seconds` that they took; empty without.
+    nan_samples : samples dropped because they were not finite.
+    first_nan : `pixel` (x, y) and `sample` of the first of them, row by row, or None.
+    fireflies : `pixels` that one sample has made far brighter than those around; `light`, their part of the picture's
+        light; `brightest` (x, y); the `sample` that made it so; `clamp`, a limit for radiance that would remove them,
+        or None; empty without any.
+    negative_pixels : pixels of the finished picture with a channel below zero.
+    negative : the `lowest` value of any, its `pixel` (x, y), and the `causes` that the scene has for them
+        (film/negative_pixels.py); empty without any.
+    clamp : its `limit`, and the parts of the `light` that it took and of the `samples` that it did so from; empty
+        without a clamp.
+    error : `relative` (RMS, of the light that reached the film, before it was denoised); `low` and `high`, the ends of
+        its 95 % interval; the local `exponent` of its square over samples; `target`, if one was given; empty below 16
+        samples a pixel.
+    threads : those of a cluster's workers included.
+    workers : addresses of a cluster's workers; empty without a cluster.
+    effects : names of the camera effects that are simulated.
+    exposure : its numbers by name; empty for a picture of plain radiance.
+    peak_rss_bytes (bytes) : of the process.
+    version : of rt.
+    """
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    rays: int = 0
+    samples: int = 0
+    spp: dict[str, float] = field(default_factory=dict)
+    pilot_samples: int = 0
+    resumed: dict[str, float] = field(default_factory=dict)
+    nan_samples: int = 0
+    first_nan: dict[str, Any] | None = None
+    fireflies: dict[str, Any] = field(default_factory=dict)
+    negative_pixels: int = 0
+    negative: dict[str, Any] = field(default_factory=dict)
+    clamp: dict[str, float] = field(default_factory=dict)
+    error: dict[str, float] = field(default_factory=dict)
+    threads: int = 0
+    workers: list[str] = field(default_factory=list)
+    effects: list[str] = field(default_factory=list)
+    exposure: dict[str, float] = field(default_factory=dict)
+    peak_rss_bytes: int = 0
+    version: str = __version__
+
+    def json(self) -> dict[str, Any]:
+        """Return the statistics as `--stats` writes them."""
+        return dict(vars(self))
+
+    def record_samples(self, queue: TileQueue, outcome: Outcome) -> None:
+        """Note how many samples were taken, of which pixels, and by whom."""
+        self.rays = int(queue.rays.sum()) + outcome.pilot_rays
+        self.samples, self.pilot_samples = queue.done, outcome.pilot_samples
+        self.threads = queue.threads
+        self.workers = [] if queue.remote is None else list(queue.remote.workers)
+        self.spp = {"fewest": int(queue.counts.min()), "mean": queue.samples, "most": int(queue.counts.max())}
+
+    def record_error(self, estimate: ErrorEstimate | None, target: float | None) -> None:
+        """Note the error of the picture, as far as it is known, and the one that was asked for."""
+        if estimate is None:
+            return
+        self.error = {
+            "relative": estimate.error,
+            "low": estimate.low,
+            "high": estimate.high,
+            "exponent": estimate.exponent,
+        }
+        if target is not None:
+            self.error["target"] = target
+
+
+def peak_rss_bytes() -> int:
+    """Return the largest resident memory that this process has had; 0 on Windows, which Python has no call for."""
+    if sys.platform == "win32":
+        return 0
+    import resource
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return int(peak) if sys.platform == "darwin" else 1024 * int(peak)
+
+
+class PhaseTimer:
+    """A clock that adds up seconds by phase.
+
+    Attributes
+    ----------
+    start_time (s) : by `tile_scheduler.now`, when the command would have begun, had it not paused between phases.
+    """
+
+    def __init__(self, seconds: dict[str, float]) -> None:
+        """Start a clock that adds to the seconds of the phases so far."""
+        self._seconds = seconds
+        self._start = now()
+        self.start_time = self._start - sum(seconds.values())
+
+    def seconds(self, phase: str) -> float:
+        """Return the seconds of a phase that is under way or has been."""
+        return self._seconds.get(phase, 0.0) + now() - self._start
+
+    def lap(self, phase: str) -> None:
+        """Count the time since the last lap as this phase's."""
+        end = now()
+        self._seconds[phase] = self._seconds.get(phase, 0.0) + end - self._start
+        self._start = end

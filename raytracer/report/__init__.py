@@ -1,0 +1,1 @@
+"""Show results: pages of HTML, charts, tables and SVG."""

@@ -1,0 +1,82 @@
+"""Effects of light: next-event estimation, the environment, and the kinds of lights."""
+
+from raytracer.kernel.packed_scene import Scene
+from raytracer.plugins.lights.background import Background
+from raytracer.plugins.lights.base.interface import Lights, LightSamplingOnly
+from raytracer.plugins.lights.emitters import Emitters
+from raytracer.scene.effects.effect import Effect, count
+from raytracer.scene.pack.lights import lights_of
+from raytracer.scene.spec import SceneSpec
+from raytracer.schema.registry import LIGHTS
+
+
+def light_sampling_effects(spec: SceneSpec, scene: Scene, emitting: int) -> dict[str, Effect]:
+    """List the effects of light sampling and of the environment; `emitting`: number of objects that emit light."""
+    return {
+        "light_sampling": Effect(isinstance(scene.lights, Lights), _why_light_sampling(spec, scene, emitting)),
+        "environment": Effect(scene.environment is not None, _why_environment(spec, scene)),
+        "environment_sampling": Effect(_has_light_kind(scene, Background), _why_environment_sampling(spec, scene)),
+    }
+
+
+def _has_light_kind(scene: Scene, kind: type) -> bool:
+    """Tell if the scene has a table of lights of this class."""
+    return scene.lights is not None and any(isinstance(table, kind) for table in scene.lights.tables)
+
+
+def _why_light_sampling(spec: SceneSpec, scene: Scene, emitting: int) -> str:
+    if isinstance(scene.lights, Lights):
+        parts = []
+        for table in scene.lights.tables:
+            if isinstance(table, Emitters):
+                parts.append(f"{count(len(table.table), 'primitive')} of {count(emitting, 'object')} that emit light")
+            elif isinstance(table, Background):
+                parts.append("the environment")
+            else:
+                parts.append(count(len(table.choice.pmf), f"{type(table).__module__.rpartition('.')[2]} light"))
+        alone = (
+            "; paths that hit them by chance do not count"
+            if isinstance(scene.lights.heuristic, LightSamplingOnly)
+            else ""
+        )
+        return f"next-event estimation samples {', '.join(parts)}{alone}"
+    if spec.render.light_sampling == "paths":
+        return "light_sampling is paths, so there is no next-event estimation, and paths find light by themselves"
+    if not emitting and not spec.lights:
+        return "no object emits light, so paths find the environment by themselves"
+    if scene.depth == 1:
+        return "max_depth 1 leaves no segment for light that a surface reflects"
+    return "no material can use next-event estimation: mirrors and glass find lights only by following their paths"
+
+
+def _why_environment(spec: SceneSpec, scene: Scene) -> str:
+    if scene.environment is not None and spec.environment is not None:
+        return f"rays that meet nothing see the {spec.environment.type} environment"
+    if spec.environment is not None:
+        return f"the {spec.environment.type} environment is black"
+    return "the scene names none, so rays that meet nothing see black"
+
+
+def _why_environment_sampling(spec: SceneSpec, scene: Scene) -> str:
+    if _has_light_kind(scene, Background):
+        return "next-event estimation samples directions in proportion to their radiance"
+    if spec.environment is None or scene.environment is None:
+        return "there is no environment"
+    if not spec.environment.has_importance_sampling:
+        return f"paths find the {spec.environment.type} environment by themselves, it being smooth"
+    if spec.render.light_sampling == "paths":
+        return "light_sampling is paths, so paths find the environment by themselves"
+    return "no surface could sample it: all are mirrors or glass, or max_depth is 1"
+
+
+def light_kinds(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
+    """List one effect a kind of light, active where a light of this kind can make a difference."""
+    lights = lights_of(spec)
+    present = {type(table).__module__ for table in scene.lights.tables} if scene.lights is not None else set()
+    effects = {}
+    for kind, cls in LIGHTS.specs().items():
+        number = sum(light.type == kind for light in lights)
+        active = cls.__module__ in present
+        idle = ", which is black, or which no material here can be lit by" if number and not active else ""
+        effects[f"light.{kind}"] = Effect(active, f"{count(number, 'light')} of {len(lights)}{idle}")
+    return effects

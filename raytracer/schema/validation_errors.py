@@ -1,0 +1,80 @@
+"""Say in one sentence what pydantic found wrong, with the file, the line and the key."""
+
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from raytracer.schema.yaml_nodes import KeyPath, Node, locate, path_text
+from raytracer.util.errors import SceneError, format_value, suggest_name
+
+_MAX_ERRORS_SORTED = 200
+"""Errors that are sorted by their line: to sort them takes time in proportion to the square of their number."""
+
+
+def error_sentence(error: ErrorDetails) -> str:
+    """Translate one of pydantic's errors to the words of YAML: the end of a sentence that begins with the path."""
+    kind, given, context = error["type"], format_value(error["input"]), error.get("ctx", {})
+    if kind == "value_error":
+        return str(context["error"])
+    if kind == "missing":
+        last = error["loc"][-1]
+        return "is missing" if isinstance(last, str) else f"is missing; the list needs at least {last + 1} values"
+    if kind == "literal_error":
+        known = [name.strip("'") for name in context["expected"].replace(" or ", ", ").split(", ")]
+        return f"must be one of {', '.join(known)}, got {given}" + _meant(error["input"], known)
+    if kind in ("too_short", "too_long"):
+        bound = "at least" if kind == "too_short" else "at most"
+        length = context["min_length"] if kind == "too_short" else context["max_length"]
+        # pydantic does not count a mapping to its end.
+        got = "more" if context["actual_length"] is None else context["actual_length"]
+        return f"must hold {bound} {length} values, got {got}"
+    if kind == "string_too_short":
+        return "must not be empty"
+    wanted = {
+        "bool": "true or false",
+        "string": "a string",
+        "int": "an integer",
+        "float": "a number",
+        "tuple": "a list",
+        "list": "a list",
+        "dict": "a mapping",
+        "model": "a mapping",
+    }.get(kind.removesuffix("_type").removesuffix("_parsing"))
+    if wanted:
+        return f"must be {wanted}, got {given}"
+    message = str(error["msg"])
+    return message.replace("Input should be", "must be", 1) + (f", got {given}" if "Input should be" in message else "")
+
+
+def _meant(value: Any, known: list[str]) -> str:
+    hint = suggest_name(value, known, "") if isinstance(value, str) else ""
+    return f"; {hint}" if hint.startswith("did you mean") else ""
+
+
+def error_at(message: str, keys: KeyPath, root: Node | None, file: str | None, *, typed: bool = True) -> SceneError:
+    """Make an error about the value at `keys` of the document `root`, with its line or the option that it came from.
+
+    typed : as in `locate`.
+    """
+    if root is None:
+        return SceneError(message, file=file, key=path_text(keys))
+    place, path = locate(root, keys, typed=typed)
+    return SceneError(message, file=file, line=place.line or None, key=path_text(path), source=place.option)
+
+
+def first_error(error: ValidationError, root: Node | None, file: str | None) -> SceneError:
+    """Return the error that stands first in the document, of the first `_MAX_ERRORS_SORTED` that pydantic lists."""
+    items = error.errors(include_url=False)[:_MAX_ERRORS_SORTED]
+    # pydantic counts only the right items of a list, so a list with a wrong item may seem too short as well.
+    wrong = [
+        item
+        for item in items
+        if item["type"] != "too_short" or not any(_is_below(other["loc"], item["loc"]) for other in items)
+    ]
+    errors = [error_at(error_sentence(item), item["loc"], root, file) for item in wrong]
+    return min(errors, key=lambda item: (item.source is None, item.line or 0))
+
+
+def _is_below(path: KeyPath, above: KeyPath) -> bool:
+    return len(path) > len(above) and path[: len(above)] == above

@@ -1,1 +1,0 @@
-"""Shapes: what a scene file's objects may be.  Each kind's spec lowers itself to a table of primitives."""

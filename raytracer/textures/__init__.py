@@ -1,1 +1,0 @@
-"""Textures: colours that vary over a surface or through space.  One file a kind."""

@@ -1,0 +1,254 @@
+"""Parts of kernels: compiled for types, and kept on disk for other kernels."""
+
+import json
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from numba import types
+from numba.core.errors import NumbaError
+
+from raytracer.core.compiler import part_keys
+from raytracer.core.compiler.dispatch import entry, kernel
+from raytracer.core.compiler.kernel_files import _signed_header
+from raytracer.core.compiler.part_keys import part_key
+from raytracer.core.compiler.signing_key import KEY_BYTES
+
+_PROGRAM = """
+import json
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.compiler.parts import counts
+from raytracer.core.vec import cross, dot, max_component, normalize
+
+@entry
+def program(a, b, scale):
+    return scale * dot(normalize(cross(a, b)), b) + max_component(a)
+
+result = program((1.0, 2.0, 3.0), (0.5, -1.0, 2.0), {scale})
+print(json.dumps([result, counts["lowered"], counts["loaded"]]))
+"""
+
+
+_CALLED = ("cross", "normalize", "dot", "max_component")
+
+
+def _run(folder: Path, scale: float, **environment: str) -> tuple[float, int, int]:
+    """Run a program whose own kernel is new, and return its result and how many parts it lowered and loaded."""
+    path = folder / f"program_{scale}.py"
+    path.write_text(_PROGRAM.format(scale=scale))
+    # The kernel's own file is of no use to the next run.
+    for kept in (folder / "cache").rglob("*.nbc"):
+        kept.unlink()
+    own = {"RAYTRACER_CACHE_DIR": str(folder / "cache"), "RAYTRACER_KEY_DIR": str(folder / "key")}
+    done = subprocess.run(
+        [sys.executable, str(path)],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, **own, **environment},
+    )
+    result, lowered, loaded = json.loads(done.stdout)
+    return result, lowered, loaded
+
+
+def _parts(folder: Path) -> list[Path]:
+    return sorted((folder / "cache").rglob("*.part"))
+
+
+def test_parts_of_one_process_are_loaded_by_another(tmp_path: Path) -> None:
+    result, lowered, loaded = _run(tmp_path, 0.0)
+    assert lowered > len(_CALLED)
+    assert loaded == 0
+    # What these call need not be typed, nor the `max` of Numba's own.
+    assert _run(tmp_path, 0.0) == (result, 0, len(_CALLED))
+    # Another kernel that calls the same.
+    assert _run(tmp_path, 2.0)[1] == 0
+
+
+def _flip(content: bytes) -> bytes:
+    return content[:-9] + bytes([content[-9] ^ 1]) + content[-8:]
+
+
+@pytest.mark.parametrize("damage", [_flip, lambda content: content[: len(content) // 2], lambda content: b""])
+def test_damaged_parts_are_compiled_again(damage: Callable[[bytes], bytes], tmp_path: Path) -> None:
+    first = _run(tmp_path, 0.0)
+    for path in _parts(tmp_path):
+        path.write_bytes(damage(path.read_bytes()))
+    assert _run(tmp_path, 0.0) == first
+    assert _run(tmp_path, 0.0)[1] == 0
+
+
+def test_a_part_that_lacks_what_it_calls_is_compiled_again(tmp_path: Path) -> None:
+    result, lowered, _ = _run(tmp_path, 0.0)
+    count = len(_parts(tmp_path))
+    for number in range(0, count, 3):
+        _parts(tmp_path)[number].unlink()
+        again, compiled, _ = _run(tmp_path, 0.0)
+        assert again == result
+        assert compiled <= lowered
+        assert len(_parts(tmp_path)) == count
+
+
+class _Mark:
+    """Leaves a file where it was unpickled."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return Path.touch, (self._path,)
+
+
+def test_forged_parts_are_not_run(tmp_path: Path) -> None:
+    first, mark = _run(tmp_path, 0.0), tmp_path / "mark"
+    content = pickle.dumps(_Mark(mark))
+    for path in _parts(tmp_path):
+        path.write_bytes(_signed_header(path, content, b"\1" * KEY_BYTES) + content)
+    assert _run(tmp_path, 0.0) == first
+    assert not mark.exists()
+
+
+def test_parts_in_a_folder_that_cannot_be_written_are_compiled_each_time(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    first = _run(tmp_path, 0.0, RAYTRACER_CACHE_DIR=str(tmp_path / "file" / "cache"))
+    assert _run(tmp_path, 0.0, RAYTRACER_CACHE_DIR=str(tmp_path / "file" / "cache")) == first
+
+
+def _closure(value: Any) -> Callable[..., Any]:
+    return lambda x: value
+
+
+def _plus(x: float) -> float:
+    return x + 1.0
+
+
+def _minus(x: float) -> float:
+    return x - 1.0
+
+
+@pytest.fixture
+def as_sources(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Take this module for one of those that the name of the cache's folder hashes."""
+    monkeypatch.setattr(part_keys, "_PREFIXES", (f"{__name__}.", "elsewhere."))
+    part_keys._type.cache_clear()
+    yield
+    part_keys._type.cache_clear()
+
+
+@pytest.mark.usefixtures("as_sources")
+def test_parts_with_other_closures_have_other_keys() -> None:
+    closed = (1, 1.0, True, None, "one", (1, 2), _plus, _minus, _closure(_plus), _closure(_minus))
+    keys = [part_key(_closure(value), (types.float64,), inline=True) for value in closed]
+    assert None not in keys
+    assert len(set(keys)) == len(closed)
+    assert keys == [part_key(_closure(value), (types.float64,), inline=True) for value in closed]
+
+
+@pytest.mark.usefixtures("as_sources")
+def test_parts_with_other_types_or_options_have_other_keys() -> None:
+    class Local(NamedTuple):
+        x: float
+
+    here, there = _Pair, NamedTuple("_Pair", [("x", float), ("y", float)])
+    there.__module__ = "elsewhere"
+    two = [types.float64] * 2
+    seen = [
+        types.float64,
+        types.int64,
+        types.literal(1),
+        types.literal(2),
+        types.none,
+        types.UniTuple(types.float64, 2),
+        types.StarArgTuple.from_types(two),
+        types.NamedUniTuple(types.float64, 2, here),
+        types.NamedUniTuple(types.float64, 2, there),
+        types.Array(types.float64, 2, "C"),
+        types.Array(types.float64, 2, "A"),
+        types.Array(types.float64, 2, "C", readonly=True),
+    ]
+    keys = [part_key(_plus, (seen_type,), inline=inline) for seen_type in seen for inline in (True, False)]
+    assert None not in keys
+    assert len(set(keys)) == len(keys)
+    assert part_key(_plus, (types.NamedUniTuple(types.float64, 1, Local),), inline=True) is None
+
+
+class _Pair(NamedTuple):
+    x: float
+    y: float
+
+
+def test_functions_and_classes_outside_the_hashed_sources_have_no_keys() -> None:
+    from raytracer.core.vec import dot
+
+    assert part_key(dot, (types.float64,), inline=True) is not None
+    assert part_key(_plus, (types.float64,), inline=True) is None
+    assert part_key(dot, (types.NamedUniTuple(types.float64, 2, _Pair),), inline=True) is None
+    assert part_key(dot, (types.Dispatcher(entry(_plus)),), inline=True) is None
+
+
+def test_kernels_of_one_name_do_not_collide() -> None:
+    def times(factor: float) -> Any:
+        @kernel
+        def scaled(x):
+            return factor * x
+
+        @entry
+        def call(x):
+            return scaled(x)
+
+        return call
+
+    assert [times(factor)(2.0) for factor in (1.0, 3.0, 5.0)] == [2.0, 6.0, 10.0]
+
+
+def test_kernels_take_defaults_and_tuples_of_arguments() -> None:
+    @kernel
+    def added(x, y=10.0, *rest):
+        return x + y + len(rest)
+
+    @entry
+    def call(x):
+        return added(x), added(x, 1.0), added(x, 1.0, x, x)
+
+    assert call(2.0) == (12.0, 3.0, 5.0)
+
+
+def _with_a_block(x):
+    with np.errstate():
+        return x
+
+
+def _with_a_list(x):
+    return [x, x]
+
+
+def _with_an_object(x):
+    return object()
+
+
+def _with_a_closure(x):
+    def inner():
+        return x
+
+    return inner
+
+
+@pytest.mark.parametrize(
+    "function", [_with_a_block, _with_a_list, _with_an_object, _with_a_closure], ids=lambda function: function.__name__
+)
+def test_what_kernels_cannot_do_is_an_error(function: Callable[..., Any]) -> None:
+    part = kernel(function)
+
+    @entry
+    def call(x):
+        part(x)
+        return 0.0
+
+    with pytest.raises((NumbaError, NotImplementedError)):
+        call(1.0)

@@ -1,0 +1,107 @@
+"""Parts that return nothing, an argument or a constant are not compiled, and mean the same."""
+
+import math
+from typing import Any, NamedTuple
+
+import pytest
+
+from raytracer.core.compiler import parts
+from raytracer.core.compiler.dispatch import entry, kernel, optional
+from raytracer.core.compiler.trivial_parts import trivial_part
+
+NOTHING_FITS = (math.nan, -1.0, 0.5)
+
+
+class Fog(NamedTuple):
+    density: float
+
+
+@optional
+def nothing(fog, light):
+    """Do nothing."""
+
+
+@optional
+def same(fog, light):
+    return light
+
+
+@optional
+def number(fog, light):
+    """Return a number."""
+    return 1.0 / 3.0
+
+
+@optional
+def vector(fog, light):
+    return NOTHING_FITS
+
+
+@optional
+def answer(fog, light):
+    return False
+
+
+@optional
+def more(fog, light):
+    return light + 1.0
+
+
+@kernel
+def told(fog, light):
+    if nothing(fog, light) is None and not answer(fog, light):
+        return same(fog, light), number(fog, light), vector(fog, light)
+    return light, 0.0, NOTHING_FITS
+
+
+@entry
+def ask(fog, light):
+    return told(fog, light)
+
+
+def test_what_is_not_compiled_gives_what_python_does() -> None:
+    before = parts.counts["lowered"]
+    light, third, values = ask(None, 2.0)
+    assert (light, third) == (2.0, 1.0 / 3.0)
+    assert repr(values) == repr(NOTHING_FITS)
+    # Of six functions that are called one is compiled.
+    assert parts.counts["lowered"] == before + 1
+
+
+@pytest.mark.parametrize("function", [nothing, same, number, vector, answer])
+def test_functions_that_only_return_something_are_trivial(function: Any) -> None:
+    from numba import float64, none
+
+    assert trivial_part(function.dispatch(type(None)), (none, float64)) is not None
+
+
+@kernel
+def doubled(light):
+    return 2.0 * light
+
+
+def loop(light: float) -> float:
+    for _ in range(3):
+        light *= 2.0
+    return light
+
+
+@optional
+def both(fog, light):
+    return fog, light
+
+
+@optional
+def part(fog, light):
+    return light.real
+
+
+@pytest.mark.parametrize(
+    "function",
+    [more.dispatch(type(None)), both.dispatch(type(None)), part.dispatch(type(None)), doubled.__wrapped__, loop],
+)
+def test_functions_that_do_more_are_not(function: Any) -> None:
+    from numba import float64, none
+
+    arguments = (none, float64) if function.__code__.co_argcount == 2 else (float64,)
+    assert trivial_part(function, arguments) is None
