@@ -319,10 +319,14 @@ def _release(handles: list[int], buffers: list[Any]) -> None:
     buffers.clear()
 
 
-class Packet(NamedTuple):
-    """A packet of rays and hits, in the layout of RTCRayHit8; rows are fields, columns lanes.
+class RayPackets(NamedTuple):
+    """Rays and their hits, lane after lane, in packets of the layout of RTCRayHit8.
 
-    `floats` and `ints` are two views of the same memory.
+    Attributes
+    ----------
+    floats : float32 (packets, _ROWS, PACKET), the fields of rays and hits.
+    ints : uint32, the same memory.
+    valid : int32 (PACKET,), -1 for the lanes of the packet in work that hold a ray.
     """
 
     floats: NDArray[np.float32]
@@ -334,6 +338,8 @@ class Packet(NamedTuple):
 ORIGIN, TNEAR, DIRECTION, TIME, TFAR, MASK, RAY_ID, FLAGS = 0, 3, 4, 7, 8, 9, 10, 11
 NORMAL, U, V, PRIMITIVE, GEOMETRY, INSTANCE, PLACEMENT = 12, 15, 16, 17, 18, 19, 20
 _ROWS = 24
+_PACKET_BYTES = 4 * _ROWS * PACKET
+_LANES = np.uintp(PACKET)
 
 # In 32-bit words: 64 bytes, which is enough for every packet width.
 _ALIGNMENT = 16
@@ -348,12 +354,16 @@ def _aligned(dtype: type[np.float32 | np.int32], size: int) -> NDArray[Any]:
     return memory[skip : skip + size]
 
 
-def packet() -> Packet:
-    """Make a packet, aligned to 64 bytes as the widest instruction set requires, with all constant fields set."""
-    floats = _aligned(np.float32, _ROWS * PACKET).reshape(_ROWS, PACKET)
+def ray_packets(rays: int = PACKET) -> RayPackets:
+    """Make packets for so many rays, aligned to 64 bytes as the widest instruction set requires.
+
+    All constant fields are set.
+    """
+    packets = -(-rays // PACKET)
+    floats = _aligned(np.float32, packets * _ROWS * PACKET).reshape(packets, _ROWS, PACKET)
     ints = floats.view(np.uint32)
-    ints[MASK] = MISS
-    return Packet(floats, ints, _aligned(np.int32, PACKET))
+    ints[:, MASK] = MISS
+    return RayPackets(floats, ints, _aligned(np.int32, PACKET))
 
 
 _signature = types.void(types.intp, types.intp, types.intp, types.intp)
@@ -362,32 +372,55 @@ _rtc_occluded8: Any = types.ExternalFunction("rtcOccluded8", _signature)
 
 
 @kernel
-def intersect(accel, packet, count):
-    """Find the nearest hits of the first `count` rays; a miss leaves MISS in the GEOMETRY row.
+def intersect(accel, rays, count):
+    """Find the nearest hits of the first `count` rays; a miss leaves MISS in the field GEOMETRY.
 
-    A hit of a geometry that is not in a group leaves MISS in the INSTANCE row; else this names the Placements, and
-    the PLACEMENT row which of them.
+    A hit of a geometry that is not in a group leaves MISS in INSTANCE; else this names the Placements, and PLACEMENT
+    which of them.
     """
-    for lane in range(PACKET):
-        packet.valid[lane] = -1 if lane < count else 0
-        packet.ints[GEOMETRY, lane] = MISS
-        packet.ints[INSTANCE, lane] = MISS
-    _rtc_intersect8(packet.valid.ctypes.data, accel, packet.floats.ctypes.data, 0)
+    for packet in range((count + PACKET - 1) // PACKET):
+        for lane in range(PACKET):
+            rays.valid[lane] = -1 if packet * PACKET + lane < count else 0
+            rays.ints[packet, GEOMETRY, lane] = MISS
+            rays.ints[packet, INSTANCE, lane] = MISS
+        _rtc_intersect8(rays.valid.ctypes.data, accel, rays.floats.ctypes.data + packet * _PACKET_BYTES, 0)
 
 
 @kernel
-def occluded(accel, packet, count):
+def occluded(accel, rays, count):
     """Find out which of the first `count` rays are occluded: TFAR becomes -inf for these."""
-    for lane in range(PACKET):
-        packet.valid[lane] = -1 if lane < count else 0
-    _rtc_occluded8(packet.valid.ctypes.data, accel, packet.floats.ctypes.data, 0)
+    for packet in range((count + PACKET - 1) // PACKET):
+        for lane in range(PACKET):
+            rays.valid[lane] = -1 if packet * PACKET + lane < count else 0
+        _rtc_occluded8(rays.valid.ctypes.data, accel, rays.floats.ctypes.data + packet * _PACKET_BYTES, 0)
 
 
 @kernel
-def set_ray(packet, lane, origin, direction, tfar):
+def load_float(rays, lane, field):
+    """Read a field of a lane, float32."""
+    at = np.uintp(lane)
+    return rays.floats[at // _LANES, field, at % _LANES]
+
+
+@kernel
+def load_int(rays, lane, field):
+    """Read a field of a lane, uint32."""
+    at = np.uintp(lane)
+    return rays.ints[at // _LANES, field, at % _LANES]
+
+
+@kernel
+def store_float(rays, lane, field, value):
+    """Write a field of a lane."""
+    at = np.uintp(lane)
+    rays.floats[at // _LANES, field, at % _LANES] = value
+
+
+@kernel
+def set_ray(rays, lane, origin, direction, tfar):
     """Write a ray into a lane; `direction` is a unit vector, so that distances are `t`."""
     for axis in range(3):
-        packet.floats[ORIGIN + axis, lane] = origin[axis]
-        packet.floats[DIRECTION + axis, lane] = direction[axis]
-    packet.floats[TNEAR, lane] = 0.0
-    packet.floats[TFAR, lane] = tfar
+        store_float(rays, lane, ORIGIN + axis, origin[axis])
+        store_float(rays, lane, DIRECTION + axis, direction[axis])
+    store_float(rays, lane, TNEAR, 0.0)
+    store_float(rays, lane, TFAR, tfar)

@@ -6,7 +6,7 @@ import numpy as np
 
 from raytracer.core import embree
 from raytracer.core.compiler.dispatch import kernel, optional
-from raytracer.core.embree import GEOMETRY, MISS
+from raytracer.core.embree import GEOMETRY, MISS, load_int
 from raytracer.core.geometry import spawn_point
 from raytracer.core.vec import dot, load_vector
 from raytracer.kernel.interaction import load_ray, solve_hit
@@ -37,20 +37,20 @@ def _count_enclosing_solids(camera, scene, work):
 
 @_count_enclosing_solids.register(SubmergedCamera)
 def _count_enclosing_solids_submerged_camera(camera, scene, work):
-    # The packet of shadow rays is not in use yet.
-    packet, queue = work.shadows.packet, work.shadows.queue
+    # The shadow rays are not in use yet.
+    probes, queue = work.shadows.rays, work.shadows.queue
     live = work.queue.size[0]
     for lane in range(live):
         sample = work.queue.samples[lane]
         slot = push(queue, sample)
-        embree.set_ray(packet, slot, load_vector(work.paths.ray[np.uintp(sample)].origin), camera.up, math.inf)
-        set_ray_time(scene.shutter, packet, slot, path_time(work, sample))
+        embree.set_ray(probes, slot, load_vector(work.paths.ray[np.uintp(sample)].origin), camera.up, math.inf)
+        set_ray_time(scene.shutter, probes, slot, path_time(work, sample))
     rays = 0
     for _ in range(MAX_PASSTHROUGHS):
         count = take_all(queue)
         if count == 0:
             break
-        embree.intersect(scene.accel, packet, count)
+        embree.intersect(scene.accel, probes, count)
         rays += count
         for slot in range(count):
             _count_outward(scene, work, slot)
@@ -65,17 +65,17 @@ def _count_outward(scene, work, slot):
     """Count a surface on the way from a camera ray's origin to the outside: a solid that is left encloses it."""
     shadows = work.shadows
     sample = shadows.queue.samples[slot]
-    if shadows.packet.ints[GEOMETRY, slot] == MISS:
+    if load_int(shadows.rays, slot, GEOMETRY) == MISS:
         return
-    origin, direction = load_ray(shadows.packet, slot)
+    origin, direction = load_ray(shadows.rays, slot)
     time = path_time(work, sample)
-    _, _, _, _, hit = solve_hit(scene, shadows.packet, slot, origin, direction, time)
+    _, _, _, _, hit = solve_hit(scene, shadows.rays, slot, origin, direction, time)
     rank = scene.nested_dielectrics.rank[hit.material]
     if rank >= 0:
         work.paths.inside_counts[sample, rank] += -1 if dot(direction, hit.normal) < 0.0 else 1
     to = push(shadows.queue, sample)
-    embree.set_ray(shadows.packet, to, spawn_point(hit, direction), direction, math.inf)
-    set_ray_time(scene.shutter, shadows.packet, to, time)
+    embree.set_ray(shadows.rays, to, spawn_point(hit, direction), direction, math.inf)
+    set_ray_time(scene.shutter, shadows.rays, to, time)
 
 
 @kernel

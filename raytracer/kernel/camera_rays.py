@@ -3,15 +3,14 @@
 import math
 
 from raytracer.core.compiler.dispatch import kernel, optional
-from raytracer.core.sampling import sample_2d
+from raytracer.core.sampling import pixel_key, sample_2d
 from raytracer.kernel.aovs.base.layers import start_aovs
-from raytracer.kernel.camera_medium import initialize_medium
 from raytracer.kernel.hero_wavelength import start_rgb_path
 from raytracer.kernel.lens_dispersion import FILM_POSITION_ROW, ray_wavelength, share_lens_rays
 from raytracer.kernel.medium_boundaries import medium_at_camera
 from raytracer.kernel.nested_dielectrics import clear_inside_counts
 from raytracer.kernel.path_log import CameraRay, begin_round, record
-from raytracer.kernel.path_state import Path, sample_draws, store3, store_path
+from raytracer.kernel.path_state import Path, sample_draws, store3, store_draws, store_path
 from raytracer.kernel.ray_time import sample_time
 from raytracer.kernel.transparency import first_vertex, no_passthroughs
 from raytracer.plugins.cameras.base.interface import (
@@ -29,28 +28,30 @@ from raytracer.plugins.materials.base.interface import BLACK, WHITE
 
 
 @kernel
-def start_camera_paths(scene, aovs, work, draws, x, y, count):
+def start_camera_paths(scene, aovs, work, x, y, index, first, count):
     """Start the paths of `count` samples of pixel (x, y), and queue those that the lens lets through.
 
-    draws : of the first of them.
-
-    Returns the number of rays traced to find what the camera is in.
+    index : of the first of these samples in the pixel.
+    first : its number in the batch.
     """
     begin_round(work.log, 0)
+    key = pixel_key(scene.sampler, x, y)
+    for lane in range(count):
+        store_draws(work, first + lane, key, index + lane)
     packet = packet_rays(scene.camera)
-    _trace_lens_packet(packet, scene, work, draws, x, y, count)
-    for sample in range(count):
-        _start_sample(packet, scene, aovs, work, sample_draws(draws, sample, 0), sample, x, y)
-    return initialize_medium(scene.nested_dielectrics, scene, work)
+    _trace_lens_packet(packet, scene, work, x, y, first, count)
+    for lane in range(count):
+        _start_sample(packet, scene, aovs, work, first + lane, lane, x, y)
 
 
 @kernel
-def _start_sample(packet, scene, aovs, work, draws, sample, x, y):
-    """Make the camera ray of a sample, and start its path if the lens lets it through."""
-    film_x, film_y, weight = _lane_film_position(packet, scene, work, sample, x, y, draws)
+def _start_sample(packet, scene, aovs, work, sample, lane, x, y):
+    """Make the camera ray of a sample, in this lane of its packet, and start its path if the lens lets it through."""
+    draws = sample_draws(scene, work, sample, 0)
+    film_x, film_y, weight = _lane_film_position(packet, scene, work, lane, x, y, draws)
     view_x, view_y = film_to_view(scene.camera, film_x, film_y)
     time, rate = sample_time(scene.shutter, view_x, view_y, draws)
-    origin, direction, importance = lane_ray(scene.camera, work.lens, sample, film_x, film_y, time, draws)
+    origin, direction, importance = lane_ray(scene.camera, work.lens, lane, film_x, film_y, time, draws)
     store3(work.radiance, sample, 0, BLACK)
     # Not into the throughput: the weight of a camera ray says nothing of whether its path should go on.
     work.weight[sample] = weight * rate * importance
@@ -85,33 +86,33 @@ def _sample_film_position(scene, x, y, draws):
 
 
 @optional
-def _trace_lens_packet(packet, scene, work, draws, x, y, count):
+def _trace_lens_packet(packet, scene, work, x, y, first, count):
     """Trace the packet's camera rays through the lens together, if the camera does so."""
 
 
 @_trace_lens_packet.register(PacketRays)
-def _trace_lens_packet_packet_rays(packet, scene, work, draws, x, y, count):
-    for sample in range(count):
-        own = sample_draws(draws, sample, 0)
-        film_x, film_y, weight = _sample_film_position(scene, x, y, own)
-        work.lens[FILM_POSITION_ROW, sample] = film_x
-        work.lens[FILM_POSITION_ROW + 1, sample] = film_y
-        work.lens[FILM_POSITION_ROW + 2, sample] = weight
-        set_lane(scene.camera, work.lens, sample, film_x, film_y, own)
+def _trace_lens_packet_packet_rays(packet, scene, work, x, y, first, count):
+    for lane in range(count):
+        draws = sample_draws(scene, work, first + lane, 0)
+        film_x, film_y, weight = _sample_film_position(scene, x, y, draws)
+        work.lens[FILM_POSITION_ROW, lane] = film_x
+        work.lens[FILM_POSITION_ROW + 1, lane] = film_y
+        work.lens[FILM_POSITION_ROW + 2, lane] = weight
+        set_lane(scene.camera, work.lens, lane, film_x, film_y, draws)
     trace_lanes(scene.camera, work.lens)
-    share_lens_rays(scene.spectrum, scene.camera, work, x, y, count)
+    share_lens_rays(scene.spectrum, scene.camera, work, x, y, first, count)
 
 
 @optional
-def _lane_film_position(packet, scene, work, sample, x, y, draws):
+def _lane_film_position(packet, scene, work, lane, x, y, draws):
     """Sample a film position and its weight, or read those of the packet that the lens has traced."""
     return _sample_film_position(scene, x, y, draws)
 
 
 @_lane_film_position.register(PacketRays)
-def _lane_film_position_packet_rays(packet, scene, work, sample, x, y, draws):
+def _lane_film_position_packet_rays(packet, scene, work, lane, x, y, draws):
     return (
-        work.lens[FILM_POSITION_ROW, sample],
-        work.lens[FILM_POSITION_ROW + 1, sample],
-        work.lens[FILM_POSITION_ROW + 2, sample],
+        work.lens[FILM_POSITION_ROW, lane],
+        work.lens[FILM_POSITION_ROW + 1, lane],
+        work.lens[FILM_POSITION_ROW + 2, lane],
     )

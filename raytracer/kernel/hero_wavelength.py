@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.compiler.dispatch import kernel, optional
-from raytracer.core.embree import PACKET
 from raytracer.core.geometry import at_wavelengths
 from raytracer.core.sampling import sample_1d
 from raytracer.core.spectra import (
@@ -95,11 +94,11 @@ and direction of the camera ray.
 """
 
 
-def wavelength_rows(spectrum: DispersiveMaterials | DispersiveLens | None) -> NDArray[Any] | None:
-    """Make the wavelengths of a packet's samples, (PACKET,) of these rows; None where nothing disperses."""
+def wavelength_rows(spectrum: DispersiveMaterials | DispersiveLens | None, samples: int) -> NDArray[Any] | None:
+    """Make the rows of so many samples; None where nothing disperses."""
     if spectrum is None:
         return None
-    return np.zeros(PACKET, WAVELENGTH_ROW if isinstance(spectrum, DispersiveMaterials) else LENS_ROW)
+    return np.zeros(samples, WAVELENGTH_ROW if isinstance(spectrum, DispersiveMaterials) else LENS_ROW)
 
 
 @kernel

@@ -44,22 +44,25 @@ LENS_ROWS = FILM_POSITION_ROW + 3
 
 
 @optional(DispersiveMaterials)
-def share_lens_rays(spectrum, camera, work, x, y, count):
-    """Let other wavelengths share the camera rays of `count` samples of pixel (x, y), where they reach it too."""
+def share_lens_rays(spectrum, camera, work, x, y, first, count):
+    """Let other wavelengths share the camera rays of `count` samples of pixel (x, y), where they reach it too.
+
+    first : number of the first of these samples in the batch.
+    """
 
 
 @share_lens_rays.register(DispersiveLens)
-def share_lens_rays_dispersive_lens(spectrum, camera, work, x, y, count):
-    _share_with_companions(spectrum.sharing, spectrum.spectra, camera, work, x, y, count)
+def share_lens_rays_dispersive_lens(spectrum, camera, work, x, y, first, count):
+    _share_with_companions(spectrum.sharing, spectrum.spectra, camera, work, x, y, first, count)
 
 
 @optional
-def _share_with_companions(sharing, spectra, camera, work, x, y, count):
+def _share_with_companions(sharing, spectra, camera, work, x, y, first, count):
     """Let companions share the rays of the heroes, where the camera has WavelengthSharing."""
 
 
 @_share_with_companions.register(WavelengthSharing)
-def _share_with_companions_wavelength_sharing(sharing, spectra, camera, work, x, y, count):
+def _share_with_companions_wavelength_sharing(sharing, spectra, camera, work, x, y, first, count):
     rows = work.lens
     extent = load(rows, packets.EXTENT)
     # By the balance heuristic: any of the wavelengths might have been the hero.
@@ -77,6 +80,9 @@ def _share_with_companions_wavelength_sharing(sharing, spectra, camera, work, x,
     store(rows, _WEIGHT_ROWS, share)
     for number in range(1, WAVELENGTHS_PER_RAY):
         store(rows, _WEIGHT_ROWS + number, share * load(rows, ROWS * number + packets.WEIGHT))
+    for lane in range(count):
+        for number in range(WAVELENGTHS_PER_RAY):
+            work.lens_weights[first + lane, number] = rows[_WEIGHT_ROWS + number, lane]
 
 
 @optional
@@ -98,9 +104,9 @@ def _apply_shared_color(sharing, spectra, work, sample, radiance):
 @_apply_shared_color.register(WavelengthSharing)
 def _apply_shared_color_wavelength_sharing(sharing, spectra, work, sample, radiance):
     u = wavelengths_of(work, sample).u
-    value = scale(work.lens[_WEIGHT_ROWS, sample], _wavelength_to_rgb(spectra, u, radiance))
+    value = scale(work.lens_weights[sample, 0], _wavelength_to_rgb(spectra, u, radiance))
     for number in range(1, WAVELENGTHS_PER_RAY):
-        share = work.lens[_WEIGHT_ROWS + number, sample]
+        share = work.lens_weights[sample, number]
         if share > 0.0:
             value = madd(
                 value,

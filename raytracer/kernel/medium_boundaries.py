@@ -117,7 +117,7 @@ def shadow_transmittance_media(media, shadows, slot, distance, draws):
     medium = shadows.medium[slot]
     if medium == NO_MEDIUM:
         return WHITE
-    origin, direction = load_ray(shadows.packet, slot)
+    origin, direction = load_ray(shadows.rays, slot)
     numbers = shadows.medium_numbers[slot]
     through, numbers = transmittance_at(media, medium, origin, direction, distance, draws, numbers)
     shadows.medium_numbers[slot] = numbers

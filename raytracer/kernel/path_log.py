@@ -12,16 +12,29 @@ from numpy.typing import NDArray
 
 from raytracer.core import embree
 from raytracer.core.compiler.dispatch import generic, kernel, optional
-from raytracer.core.embree import DIRECTION, GEOMETRY, INSTANCE, ORIGIN, PLACEMENT, PRIMITIVE, TFAR, TIME, Packet
+from raytracer.core.embree import (
+    DIRECTION,
+    GEOMETRY,
+    INSTANCE,
+    ORIGIN,
+    PLACEMENT,
+    PRIMITIVE,
+    TFAR,
+    TIME,
+    RayPackets,
+    load_float,
+    load_int,
+    store_float,
+)
 from raytracer.core.geometry import Interaction
 from raytracer.core.vec import Vec3, load_vector, norm, sub
-from raytracer.kernel.path_state import load3, store3
+from raytracer.kernel.path_state import BATCH, load3, store3
 
 # Kinds of events, in the first column of a row.
 START, SURFACE, ESCAPE, MEDIUM, EMISSION, SCATTER = range(6)
 SHADOW_RAY, UNOCCLUDED, OCCLUDED, PASSED_THROUGH, FINISHED, RETRACE = range(6, 12)
 
-# Columns of every event: the round of the packet, and the radiance that the path has gathered by then.  FIRST is the
+# Columns of every event: the round of the batch, and the radiance that the path has gathered by then.  FIRST is the
 # first column that depends on the kind.
 ROUND, RADIANCE, FIRST = 1, 2, 5
 
@@ -33,23 +46,23 @@ class PathLog(NamedTuple):
 
     Attributes
     ----------
-    sample : number of the sample in its packet.
+    sample : number of the sample in its batch.
     rows : float64 (n, COLUMNS), the events; those beyond n are counted only.
-    state : int64 (2,), rows so far, and the packet's round.
-    ends : float64 (PACKET,), the length (m) of each shadow ray.
-    probe : a packet for the ray that finds what occludes a shadow ray.
+    state : int64 (2,), rows so far, and the batch's round.
+    ends : float64 (BATCH,), the length (m) of each shadow ray.
+    probe : packets for the ray that finds what occludes a shadow ray.
     """
 
     sample: int
     rows: NDArray[np.float64]
     state: NDArray[np.int64]
     ends: NDArray[np.float64]
-    probe: Packet
+    probe: RayPackets
 
 
 def path_log(sample: int, events: int) -> PathLog:
-    """Make an empty log of at most `events` events of a sample of a packet."""
-    return PathLog(sample, np.zeros((events, COLUMNS)), np.zeros(2, np.int64), np.zeros(embree.PACKET), embree.packet())
+    """Make an empty log of at most `events` events of a sample of a batch."""
+    return PathLog(sample, np.zeros((events, COLUMNS)), np.zeros(2, np.int64), np.zeros(BATCH), embree.ray_packets())
 
 
 # ---- What the path tracer calls
@@ -74,7 +87,7 @@ def record_path_log(log, work, sample, event):
 
 @optional
 def begin_round(log, number):
-    """Set the number of the packet's round, which later events happen in."""
+    """Set the number of the batch's round, which later events happen in."""
 
 
 @begin_round.register(PathLog)
@@ -324,18 +337,18 @@ class ShadowHit(NamedTuple):
 
 @write_event.register(ShadowHit)
 def write_event_shadow_hit(event, log, work, row):
-    _write_hit(log, row, work.shadows.packet, event.slot)
+    _write_hit(log, row, work.shadows.rays, event.slot)
     return PASSED_THROUGH if event.is_through else OCCLUDED
 
 
 @kernel
-def _write_hit(log, row, packet, lane):
+def _write_hit(log, row, rays, lane):
     """Write Embree's ids of a hit, and its distance."""
-    log.rows[row, FIRST] = packet.ints[GEOMETRY, lane]
-    log.rows[row, FIRST + 1] = packet.ints[PRIMITIVE, lane]
-    log.rows[row, FIRST + 2] = packet.ints[INSTANCE, lane]
-    log.rows[row, FIRST + 3] = packet.ints[PLACEMENT, lane]
-    log.rows[row, FIRST + 4] = packet.floats[TFAR, lane]
+    log.rows[row, FIRST] = load_int(rays, lane, GEOMETRY)
+    log.rows[row, FIRST + 1] = load_int(rays, lane, PRIMITIVE)
+    log.rows[row, FIRST + 2] = load_int(rays, lane, INSTANCE)
+    log.rows[row, FIRST + 3] = load_int(rays, lane, PLACEMENT)
+    log.rows[row, FIRST + 4] = load_float(rays, lane, TFAR)
 
 
 class Occluded(NamedTuple):
@@ -347,12 +360,12 @@ class Occluded(NamedTuple):
 
 @write_event.register(Occluded)
 def write_event_occluded(event, log, work, row):
-    probe, shadows = log.probe, work.shadows.packet
+    probe, shadows = log.probe, work.shadows.rays
     for word in range(3):
-        probe.floats[ORIGIN + word, 0] = shadows.floats[ORIGIN + word, event.slot]
-        probe.floats[DIRECTION + word, 0] = shadows.floats[DIRECTION + word, event.slot]
-    probe.floats[TIME, 0] = shadows.floats[TIME, event.slot]
-    probe.floats[TFAR, 0] = log.ends[event.slot]
+        store_float(probe, 0, ORIGIN + word, load_float(shadows, event.slot, ORIGIN + word))
+        store_float(probe, 0, DIRECTION + word, load_float(shadows, event.slot, DIRECTION + word))
+    store_float(probe, 0, TIME, load_float(shadows, event.slot, TIME))
+    store_float(probe, 0, TFAR, log.ends[event.slot])
     embree.intersect(event.accel, probe, 1)
     _write_hit(log, row, probe, 0)
     return OCCLUDED

@@ -1,4 +1,4 @@
-"""The state of a packet of paths: a record of each path, the queues of what is traced next, and the buffers of both.
+"""The state of a batch of paths: a record of each path, the queues of what is traced next, and the buffers of both.
 
 What a path carries besides its ray is there only where the scene calls for it; in all others the field is None.
 """
@@ -10,12 +10,22 @@ from numpy.typing import NDArray
 
 from raytracer.core import embree
 from raytracer.core.compiler.dispatch import kernel, optional
-from raytracer.core.embree import PACKET, Packet
+from raytracer.core.embree import PACKET, RayPackets
 from raytracer.core.vec import Vec3, load_vector, store_vector
 from raytracer.kernel.hero_wavelength import wavelength_rows
-from raytracer.kernel.lens_dispersion import LENS_ROWS
+from raytracer.kernel.lens_dispersion import LENS_ROWS, WAVELENGTHS_PER_RAY
 from raytracer.kernel.packed_scene import Scene
 from raytracer.plugins.materials.base.interface import Draws
+
+BATCH_PIXELS = 256
+"""Pixels whose paths advance together; a packet of samples of each.
+
+Single pixels leave lanes of packets empty, since paths end: by 64 the million-triangle box takes 0.8 of the time.  By 256
+it is the same, and the paths no longer fit into the second-level caches of many processors.
+"""
+
+BATCH = BATCH_PIXELS * PACKET
+"""Paths that advance together."""
 
 AOV_COLUMNS = 51
 """Columns of a sample for AOVs: five of their own (`aovs.base.layers`), and what the channels of all of them take."""
@@ -26,8 +36,8 @@ class Path(NamedTuple):
 
     Attributes
     ----------
-    sample : the sample of the packet that it is traced for.
-    depth : the number of that segment, from 1 on; by the rounds of the packet, so it is not stored.
+    sample : the number, in the batch, of the sample that it is traced for.
+    depth : the number of that segment, from 1 on; by the rounds of the batch, so it is not stored.
     origin (m), direction : the ray.
     throughput : by channel, or by wavelength where the path carries single wavelengths.
     pdf (1/sr) : of the direction; infinite for the one possible direction of a camera, a mirror or glass.
@@ -54,7 +64,7 @@ class Queue(NamedTuple):
 
     Attributes
     ----------
-    samples : int64 (PACKET,), the sample of each entry.
+    samples : int64 (BATCH,), the sample of each entry.
     size : int64 (1,), the number of entries.
     """
 
@@ -66,16 +76,22 @@ RAY_ROW = np.dtype([("origin", "f8", 3), ("direction", "f8", 3), ("throughput", 
 """What every path carries, as one record: its fields lie side by side, at places that the compiler knows."""
 
 
+SAMPLE_ROW = np.dtype([("key", "u8"), ("index", "i8")])
+"""Where the random numbers of a sample come from: the key of its pixel, and the sample's index in the pixel."""
+
+
 class PathRows(NamedTuple):
-    """The paths of a packet, a row a sample: arrays of the fields of `Path`, and the solids that each is in.
+    """The paths of a batch, a row a sample: arrays of the fields of `Path`, and the solids that each is in.
 
     Attributes
     ----------
-    ray : RAY_ROW (PACKET,), the fields that all paths have.
+    draws : SAMPLE_ROW (BATCH,), what random numbers the path takes.
+    ray : RAY_ROW (BATCH,), the fields that all paths have.
     time, medium, vertex, passthroughs : arrays of the others, or None.
-    inside_counts : int32 (PACKET, ranks), objects of each rank that the path is in; None without nested dielectrics.
+    inside_counts : int32 (BATCH, ranks), objects of each rank that the path is in; None without nested dielectrics.
     """
 
+    draws: NDArray[Any]
     ray: NDArray[Any]
     time: Any
     medium: Any
@@ -85,21 +101,21 @@ class PathRows(NamedTuple):
 
 
 class ShadowRays(NamedTuple):
-    """The shadow rays of a packet, a row a slot of their queue.
+    """The shadow rays of a batch, a row a slot of their queue.
 
     Attributes
     ----------
-    packet : the rays, as Embree has them.
+    rays : the rays, as Embree has them, a lane a slot.
     queue : the Queue of them.
-    radiance : float64 (PACKET, 3), what each brings if nothing is in its way.
-    target : float64 (PACKET, 4), the end of each, a point and 1 or, at infinity, a direction and 0; None where no
+    radiance : float64 (BATCH, 3), what each brings if nothing is in its way.
+    target : float64 (BATCH, 4), the end of each, a point and 1 or, at infinity, a direction and 0; None where no
         surface is transparent.
-    medium : int64 (PACKET,), the medium that each is in; None without media.
-    medium_numbers : int64 (PACKET,), the random numbers used in media; None likewise.
-    inside_counts : int32 (PACKET, ranks), as of `PathRows`.
+    medium : int64 (BATCH,), the medium that each is in; None without media.
+    medium_numbers : int64 (BATCH,), the random numbers used in media; None likewise.
+    inside_counts : int32 (BATCH, ranks), as of `PathRows`.
     """
 
-    packet: Packet
+    rays: RayPackets
     queue: Queue
     radiance: NDArray[np.float64]
     target: Any
@@ -109,7 +125,7 @@ class ShadowRays(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """The buffers in which one thread traces a packet of paths.
+    """The buffers in which one thread traces a batch of paths.
 
     Attributes
     ----------
@@ -117,15 +133,16 @@ class Workspace(NamedTuple):
     queue : the Queue of paths that go on.
     paths : the PathRows.
     shadows : the ShadowRays.
-    radiance : float64 (PACKET, 3), by sample: the radiance gathered.
-    weight : float64 (PACKET,), by sample: what that is multiplied by in the picture.
-    wavelengths : (PACKET,) rows of `hero_wavelength`, by sample; None where nothing disperses.
-    lens : float64 (LENS_ROWS, PACKET): the packet's rays within a camera's lens (`lens_dispersion`).
-    aov_values : float64 (PACKET, AOV_COLUMNS), by sample: what AOVs recorded of the camera ray and its hit.
+    radiance : float64 (BATCH, 3), by sample: the radiance gathered.
+    weight : float64 (BATCH,), by sample: what that is multiplied by in the picture.
+    wavelengths : (BATCH,) rows of `hero_wavelength`, by sample; None where nothing disperses.
+    lens : float64 (LENS_ROWS, PACKET), the rays of one packet within a camera's lens (`lens_dispersion`).
+    lens_weights : float64 (BATCH, WAVELENGTHS_PER_RAY), the weight of each wavelength of a camera ray (`lens_dispersion`).
+    aov_values : float64 (BATCH, AOV_COLUMNS), by sample: what AOVs recorded of the camera ray and its hit.
     log : the PathLog that records a path, or None.
     """
 
-    rays: Packet
+    rays: RayPackets
     queue: Queue
     paths: PathRows
     shadows: ShadowRays
@@ -133,6 +150,7 @@ class Workspace(NamedTuple):
     weight: NDArray[np.float64]
     wavelengths: NDArray[Any] | None
     lens: NDArray[np.float64]
+    lens_weights: NDArray[np.float64]
     aov_values: NDArray[np.float64]
     log: Any = None
 
@@ -146,13 +164,14 @@ def workspace(scene: Scene | None = None, log: Any = None) -> Workspace:
     )
 
     def rows(*columns: int, of: Any = ..., dtype: Any = np.float64) -> Any:
-        return None if of is None else np.zeros((PACKET, *columns), dtype)
+        return None if of is None else np.zeros((BATCH, *columns), dtype)
 
     def queue() -> Queue:
-        return Queue(np.zeros(PACKET, np.int64), np.zeros(1, np.int64))
+        return Queue(np.zeros(BATCH, np.int64), np.zeros(1, np.int64))
 
     ranks = 0 if nested is None else len(nested.surface)
     paths = PathRows(
+        draws=rows(dtype=SAMPLE_ROW),
         ray=rows(dtype=RAY_ROW),
         time=rows(of=moves),
         medium=rows(of=space, dtype=np.int64),
@@ -161,7 +180,7 @@ def workspace(scene: Scene | None = None, log: Any = None) -> Workspace:
         inside_counts=rows(ranks, of=nested, dtype=np.int32),
     )
     shadows = ShadowRays(
-        packet=embree.packet(),
+        rays=embree.ray_packets(BATCH),
         queue=queue(),
         radiance=rows(3),
         target=rows(4, of=transparency),
@@ -170,14 +189,15 @@ def workspace(scene: Scene | None = None, log: Any = None) -> Workspace:
         inside_counts=rows(ranks, of=nested, dtype=np.int32),
     )
     return Workspace(
-        rays=embree.packet(),
+        rays=embree.ray_packets(BATCH),
         queue=queue(),
         paths=paths,
         shadows=shadows,
         radiance=rows(3),
         weight=rows(),
-        wavelengths=wavelength_rows(spectrum),
+        wavelengths=wavelength_rows(spectrum, BATCH),
         lens=np.zeros((LENS_ROWS, PACKET)),
+        lens_weights=rows(WAVELENGTHS_PER_RAY),
         aov_values=rows(AOV_COLUMNS),
         log=log,
     )
@@ -270,7 +290,7 @@ def _store_vector_row_array(rows, row, value):
 
 @kernel
 def _segment_number(rounds, passthroughs):
-    """Return the number of a path's segment after so many rounds of its packet: straight passages are none."""
+    """Return the number of a path's segment after so many rounds of its batch: straight passages are none."""
     if passthroughs is None:
         return rounds + 1
     return rounds + 1 - passthroughs
@@ -278,7 +298,7 @@ def _segment_number(rounds, passthroughs):
 
 @kernel
 def load_path(work, lane, rounds):
-    """Load the path of a lane, after so many rounds of its packet."""
+    """Load the path of a lane, after so many rounds of its batch."""
     paths, sample = work.paths, work.queue.samples[lane]
     passthroughs = load_number(paths.passthroughs, sample)
     ray = paths.ray[np.uintp(sample)]
@@ -313,9 +333,18 @@ def store_path(work, path):
 
 
 @kernel
-def sample_draws(draws, sample, dimension):
-    """Return the random numbers of a sample from a dimension on, by those of the packet's first."""
-    return Draws(draws.sampler, draws.key, draws.index + sample, dimension)
+def store_draws(work, sample, key, index):
+    """Store where the random numbers of a sample come from."""
+    row = work.paths.draws[np.uintp(sample)]
+    row.key = key
+    row.index = index
+
+
+@kernel
+def sample_draws(scene, work, sample, dimension):
+    """Return the random numbers of a sample from a dimension on."""
+    row = work.paths.draws[np.uintp(sample)]
+    return Draws(scene.sampler, row.key, row.index, dimension)
 
 
 @kernel

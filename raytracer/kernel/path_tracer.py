@@ -4,8 +4,9 @@ It names no kind of a family, and no effect has a branch here: what a scene lack
 are called on None compile to nothing.  The steps of a segment are those of `extend_path`, in their order; each effect's
 part in them stands in a file of its own.
 
-The paths of one pixel advance together, a packet at a time, so that Embree traces their rays as packets.  Paths that go
-on and shadow rays wait in queues until the whole packet has taken the step (`path_state`).
+The paths of some pixels advance together, a packet of samples of each, so that Embree traces full packets of rays even
+when many have ended.  Paths that go on and shadow rays wait in queues until the whole batch has taken the step
+(`path_state`).
 
 References: Kajiya 1986, "The Rendering Equation"; Veach 1997, thesis, ch. 9 (multiple importance sampling) and
 sec. 10.4 (Russian roulette); Laine, Karras, Aila 2013, "Megakernels Considered Harmful", HPG (queues of paths).
@@ -15,11 +16,11 @@ import numpy as np
 
 from raytracer.core.compiler.dispatch import entry, kernel, optional
 from raytracer.core.compiler.intrinsics import share
-from raytracer.core.embree import GEOMETRY, MISS, PACKET, TFAR
+from raytracer.core.embree import GEOMETRY, MISS, PACKET, TFAR, load_float, load_int
 from raytracer.core.geometry import spawn_point
-from raytracer.core.sampling import pixel_key
 from raytracer.core.vec import is_black, mul, scale
 from raytracer.kernel.aovs.base.layers import record_aovs, record_direct_light
+from raytracer.kernel.camera_medium import initialize_medium
 from raytracer.kernel.camera_rays import start_camera_paths
 from raytracer.kernel.direct_light import sample_direct_light
 from raytracer.kernel.hero_wavelength import (
@@ -40,6 +41,7 @@ from raytracer.kernel.medium_sampling import sample_medium
 from raytracer.kernel.normal_mapping import scatter_surface
 from raytracer.kernel.path_log import Emission, Escape, Scattering, SurfaceHit, begin_round, record
 from raytracer.kernel.path_state import (
+    BATCH_PIXELS,
     load_path,
     sample_draws,
     scattered_path,
@@ -54,7 +56,7 @@ from raytracer.kernel.shadow_rays import trace_shadow_rays
 from raytracer.kernel.transparency import discard_unfinished, max_rounds, pass_through
 from raytracer.plugins.lights.base.interface import escaped_radiance, mis_weight_emission
 from raytracer.plugins.materials.base.dispatch import emission_at
-from raytracer.plugins.materials.base.interface import DIMENSIONS_PER_SEGMENT, Draws
+from raytracer.plugins.materials.base.interface import DIMENSIONS_PER_SEGMENT
 
 
 @entry
@@ -65,43 +67,51 @@ def render_tile(scene, film, work, left, top, right, bottom, begin, end):
     samples are split into calls.
     """
     shared_scene, workspace = share(scene), share(work)
+    width, pixels = right - left, (right - left) * (bottom - top)
     rays = 0
-    for y in range(top, bottom):
-        for x in range(left, right):
-            key = pixel_key(scene.sampler, x, y)
-            for first in range(begin, end, PACKET):
-                count = min(PACKET, end - first)
-                draws = Draws(scene.sampler, key, first, 0)
-                rays += start_camera_paths(shared_scene, film.aovs, workspace, draws, x, y, count)
-                rays += trace_wavelengths(scene.spectrum, shared_scene, film.aovs, workspace, draws, count)
-                accumulate(scene.spectrum, scene.clamp, film, workspace, x - film.left, y - film.top, count)
-    return rays
-
-
-@optional(DispersiveLens)
-def trace_wavelengths(spectrum, scene, aovs, work, draws, count):
-    """Trace the queued paths, and those of `count` samples again whose wavelengths parted; returns the rays traced."""
-    return trace_paths(scene, aovs, work, draws)
-
-
-@trace_wavelengths.register(DispersiveMaterials)
-def trace_wavelengths_dispersive_materials(spectrum, scene, aovs, work, draws, count):
-    rays = 0
-    for number in range(max_traces(spectrum.camera)):
-        if number > 0:
-            rays += restart_paths(scene, aovs, work, number, count)
-        rays += trace_paths(scene, aovs, work, draws)
-        if number > 0:
-            finish_retrace(aovs, work, count)
+    for pixel in range(0, pixels, BATCH_PIXELS):
+        batch_end = min(pixel + BATCH_PIXELS, pixels)
+        for index in range(begin, end, PACKET):
+            count = min(PACKET, end - index)
+            for number in range(pixel, batch_end):
+                x, y = left + number % width, top + number // width
+                start_camera_paths(shared_scene, film.aovs, workspace, x, y, index, (number - pixel) * count, count)
+            rays += trace_batch(shared_scene, film.aovs, workspace, (batch_end - pixel) * count)
+            for number in range(pixel, batch_end):
+                x, y = left + number % width - film.left, top + number // width - film.top
+                accumulate(scene.spectrum, scene.clamp, film, workspace, x, y, (number - pixel) * count, count)
     return rays
 
 
 @kernel
-def trace_paths(scene, aovs, work, draws):
-    """Trace the queued paths to their ends, adding radiance by sample; returns the number of rays traced.
+def trace_batch(scene, aovs, work, size):
+    """Trace the `size` samples of a batch from their camera rays on; returns the number of rays traced."""
+    return initialize_medium(scene.nested_dielectrics, scene, work) + trace_wavelengths(
+        scene.spectrum, scene, aovs, work, size
+    )
 
-    draws : of the packet's first sample.
-    """
+
+@optional(DispersiveLens)
+def trace_wavelengths(spectrum, scene, aovs, work, size):
+    """Trace the queued paths, and those of the batch again whose wavelengths parted; returns the rays traced."""
+    return trace_paths(scene, aovs, work)
+
+
+@trace_wavelengths.register(DispersiveMaterials)
+def trace_wavelengths_dispersive_materials(spectrum, scene, aovs, work, size):
+    rays = 0
+    for number in range(max_traces(spectrum.camera)):
+        if number > 0:
+            rays += restart_paths(scene, aovs, work, number, size)
+        rays += trace_paths(scene, aovs, work)
+        if number > 0:
+            finish_retrace(aovs, work, size)
+    return rays
+
+
+@kernel
+def trace_paths(scene, aovs, work):
+    """Trace the queued paths to their ends, adding radiance by sample; returns the number of rays traced."""
     rays = 0
     for rounds in range(max_rounds(scene.transparency, scene.depth)):
         live = work.queue.size[0]
@@ -111,27 +121,27 @@ def trace_paths(scene, aovs, work, draws):
         intersect_paths(scene, work)
         take_all(work.queue)
         for lane in range(live):
-            extend_path(scene, aovs, work, draws, lane, rounds)
-        rays += live + trace_shadow_rays(scene.lights, scene, work, draws, rounds)
+            extend_path(scene, aovs, work, lane, rounds)
+        rays += live + trace_shadow_rays(scene.lights, scene, work, rounds)
     discard_unfinished(scene.transparency, work, work.queue)
     return rays
 
 
 @kernel
-def extend_path(scene, aovs, work, packet_draws, lane, rounds):
+def extend_path(scene, aovs, work, lane, rounds):
     """Extend the path of a lane by a segment, which Embree has traced, and scatter it at the segment's end."""
     path = load_path(work, lane, rounds)
-    draws = sample_draws(packet_draws, path.sample, (rounds + 1) * DIMENSIONS_PER_SEGMENT)
+    draws = sample_draws(scene, work, path.sample, (rounds + 1) * DIMENSIONS_PER_SEGMENT)
 
     # Medium: what is on the way, in which the path may scatter
-    distance = np.float64(work.rays.floats[TFAR, lane])
+    distance = np.float64(load_float(work.rays, lane, TFAR))
     path, ends_in_medium = sample_medium(scene.media, scene, work, path, distance, draws)
     if ends_in_medium:
         record_direct_light(aovs, work, path)
         return
 
     # Escape: the light from infinity
-    if work.rays.ints[GEOMETRY, lane] == MISS:
+    if load_int(work.rays, lane, GEOMETRY) == MISS:
         add_escaped_radiance(scene, work, path)
         return
 

@@ -66,25 +66,25 @@ def clamp_sample_clamp(clamp, film, work, sample, x, y, value):
 
 
 @kernel
-def accumulate(spectrum, clamp, film, work, x, y, count):
-    """Add a packet of samples to a pixel's running mean and sum of squares.
+def accumulate(spectrum, clamp, film, work, x, y, first, count):
+    """Add a packet of samples, from sample `first` of the batch on, to a pixel's running mean and sum of squares.
 
     The weight of a sample that is dropped becomes NaN, which marks it afterwards.
 
     References: Chan, Golub, LeVeque 1979, "Updating Formulae and a Pairwise Algorithm for Computing Sample Variances".
     """
-    add_aovs(film.aovs, spectrum, work, x, y, count)
+    add_aovs(film.aovs, spectrum, work, x, y, first, count)
 
     # Drop what is not finite, and count it.
     good = 0
-    for sample in range(count):
+    for sample in range(first, first + count):
         wavelength = ray_wavelength(spectrum, work, sample)
         radiance = apply_lens_color(spectrum, work, sample, load3(work.radiance, sample, 0))
         value = scale(work.weight[sample], radiance)
         if math.isfinite(value[0] + value[1] + value[2]):
             clamped = clamp_sample(clamp, film, work, sample, x, y, value)
             record(work.log, work, sample, Finished(value, clamped, wavelength))
-            store3(work.radiance, good, 0, clamped)
+            store3(work.radiance, first + good, 0, clamped)
             good += 1
         else:
             record(work.log, work, sample, Finished(value, value, wavelength))
@@ -96,11 +96,11 @@ def accumulate(spectrum, clamp, film, work, x, y, count):
     film.count[y, x] = total
     for channel in range(3):
         mean = 0.0
-        for sample in range(good):
+        for sample in range(first, first + good):
             mean += work.radiance[sample, channel]
         mean /= good
         m2 = 0.0
-        for sample in range(good):
+        for sample in range(first, first + good):
             deviation = work.radiance[sample, channel] - mean
             m2 += deviation * deviation
         difference = mean - film.mean[y, x, channel]

@@ -2,6 +2,7 @@
 
 from raytracer.core.compiler.dispatch import optional
 from raytracer.core.embree import TIME as EMBREE_TIME
+from raytracer.core.embree import store_float
 from raytracer.core.sampling import sample_1d
 from raytracer.core.shutter.sampling import sample_shutter_time
 from raytracer.core.shutter.table import Shutter
@@ -23,10 +24,10 @@ def sample_time_shutter(shutter, x, y, draws):
 
 
 @optional
-def set_ray_time(shutter, packet, lane, time):
+def set_ray_time(shutter, rays, lane, time):
     """Write a ray's time into a lane."""
 
 
 @set_ray_time.register(Shutter)
-def set_ray_time_shutter(shutter, packet, lane, time):
-    packet.floats[EMBREE_TIME, lane] = time
+def set_ray_time_shutter(shutter, rays, lane, time):
+    store_float(rays, lane, EMBREE_TIME, time)

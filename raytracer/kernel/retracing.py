@@ -10,12 +10,12 @@ from raytracer.kernel.path_state import path_time
 
 
 @kernel
-def restart_paths(scene, aovs, work, number, count):
-    """Queue the paths of those of `count` samples whose wavelength `number` was terminated.
+def restart_paths(scene, aovs, work, number, size):
+    """Queue the paths of those of the batch's `size` samples whose wavelength `number` was terminated.
 
     Returns the number of rays traced to find what the camera is in.
     """
-    for sample in range(count):
+    for sample in range(size):
         if needs_retrace(work, sample):
             begin_round(work.log, 0)
             start_aov_retrace(aovs, work, sample)
@@ -26,8 +26,8 @@ def restart_paths(scene, aovs, work, number, count):
 
 
 @kernel
-def finish_retrace(aovs, work, count):
+def finish_retrace(aovs, work, size):
     """Add what AOVs have recorded of the paths that were traced again."""
-    for sample in range(count):
+    for sample in range(size):
         if needs_retrace(work, sample):
             finish_aov_retrace(aovs, work, sample)

@@ -24,7 +24,7 @@ class TransparentShadows(NamedTuple):
 
 @optional
 def max_rounds(transparency, depth):
-    """Return the largest number of rounds in which a packet is traced, for paths of `depth` segments."""
+    """Return the largest number of rounds in which a batch is traced, for paths of `depth` segments."""
     return depth
 
 

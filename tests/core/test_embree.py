@@ -315,8 +315,8 @@ def _packets(accel, packet, origins, directions, count, near, is_hit):
             embree.set_ray(packet, lane, origin, (directions[ray, 0], directions[ray, 1], directions[ray, 2]), np.inf)
         embree.intersect(accel, packet, count)
         for lane in range(count):
-            near[first + lane] = packet.floats[embree.TFAR, lane]
-            is_hit[first + lane] = packet.ints[embree.GEOMETRY, lane] != embree.MISS
+            near[first + lane] = embree.load_float(packet, lane, embree.TFAR)
+            is_hit[first + lane] = embree.load_int(packet, lane, embree.GEOMETRY) != embree.MISS
 
 
 @pytest.mark.parametrize("kind", TABLES)
@@ -328,7 +328,7 @@ def test_a_ray_does_not_depend_on_its_neighbours(kind: str) -> None:
     answers = []
     for count in (1, 3, 7, embree.PACKET):
         near, is_hit = np.zeros(840), np.zeros(840, np.bool_)
-        _packets(accel.address, embree.packet(), origins, directions, count, near, is_hit)
+        _packets(accel.address, embree.ray_packets(), origins, directions, count, near, is_hit)
         answers.append((near, is_hit))
     for near, is_hit in answers[1:]:
         np.testing.assert_array_equal(near, answers[0][0])
@@ -337,12 +337,12 @@ def test_a_ray_does_not_depend_on_its_neighbours(kind: str) -> None:
 
 def test_packet_is_laid_out_as_embree_reads_it() -> None:
     # RTCRayHit8, embree4/rtcore_ray.h: rows of 8 words, 12 for the ray and at least 8 for the hit; 64-byte aligned.
-    room = embree.packet()
+    room = embree.ray_packets()
     assert room.floats.ctypes.data % 64 == 0
     assert room.valid.ctypes.data % 64 == 0
-    assert room.floats.shape[1] == embree.PACKET == len(room.valid)
+    assert room.floats.shape[2] == embree.PACKET == len(room.valid)
     assert np.shares_memory(room.floats, room.ints)
-    assert (room.ints[embree.MASK] == 0xFFFFFFFF).all()
+    assert (room.ints[:, embree.MASK] == 0xFFFFFFFF).all()
     assert room.floats.flags.c_contiguous
     names = (
         "ORIGIN",

@@ -38,7 +38,7 @@ def _accumulate(clamp, film, work, values, weights):
             for channel in range(3):
                 work.radiance[lane, channel] = values[first + lane, channel]
             work.weight[lane] = weights[first + lane]
-        accumulate(None, clamp, film, work, 0, 0, count)
+        accumulate(None, clamp, film, work, 0, 0, 0, count)
 
 
 def gathered(values: NDArray[np.float64], weights: NDArray[np.float64], limit: float) -> FilmView:

@@ -86,7 +86,7 @@ def _add_up(film, work, values):
             for channel in range(3):
                 work.radiance[lane, channel] = values[first + lane]
             work.weight[lane] = 1.0
-        accumulate(None, None, film, work, 0, 0, count)
+        accumulate(None, None, film, work, 0, 0, 0, count)
 
 
 def _summed(values: NDArray[np.float64]) -> FilmView:

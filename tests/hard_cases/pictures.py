@@ -57,10 +57,10 @@ def least_distance(metres: float) -> Callable[[], None]:
 
         def set_ray(packet, lane, origin, direction, tfar):  # type: ignore[no-untyped-def]
             for axis in range(3):
-                packet.floats[ORIGIN + axis, lane] = origin[axis]
-                packet.floats[DIRECTION + axis, lane] = direction[axis]
-            packet.floats[TNEAR, lane] = metres
-            packet.floats[TFAR, lane] = tfar
+                embree.store_float(packet, lane, ORIGIN + axis, origin[axis])
+                embree.store_float(packet, lane, DIRECTION + axis, direction[axis])
+            embree.store_float(packet, lane, TNEAR, metres)
+            embree.store_float(packet, lane, TFAR, tfar)
 
         fixed_offset(0.0)()
         embree.set_ray = _compiled(set_ray)

@@ -710,7 +710,7 @@ def _accumulate(film, work, values, size):
             for channel in range(3):
                 work.radiance[lane, channel] = values[first + lane, channel]
             work.weight[lane] = 1.0
-        accumulate(None, None, film, work, 0, 0, count)
+        accumulate(None, None, film, work, 0, 0, 0, count)
 
 
 @entry

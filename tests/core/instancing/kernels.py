@@ -58,16 +58,16 @@ def _cast(accel, packet, stage, origins, directions, onwards, times, hits):
         origin = (origins[ray, 0], origins[ray, 1], origins[ray, 2])
         direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
         embree.set_ray(packet, 0, origin, direction, np.inf)
-        packet.floats[TIME, 0] = times[ray]
+        embree.store_float(packet, 0, TIME, times[ray])
         embree.intersect(accel, packet, 1)
-        table = packet.ints[GEOMETRY, 0]
+        table = embree.load_int(packet, 0, GEOMETRY)
         hits.table[ray] = -1
         if table == MISS:
             continue
-        ids = packet.ints
-        row = row_of_any(stage.primitives, table, ids[PRIMITIVE, 0])
-        instance, primitive = resolve_instance(stage.instances, table, row, ids[INSTANCE, 0], ids[PLACEMENT, 0])
-        near = float(packet.floats[TFAR, 0])
+        row = row_of_any(stage.primitives, table, embree.load_int(packet, 0, PRIMITIVE))
+        array, placement = embree.load_int(packet, 0, INSTANCE), embree.load_int(packet, 0, PLACEMENT)
+        instance, primitive = resolve_instance(stage.instances, table, row, array, placement)
+        near = float(embree.load_float(packet, 0, TFAR))
         hit = intersect_instance(
             stage.instances, stage, instance, table, primitive, origin, direction, near, times[ray]
         )
@@ -167,7 +167,7 @@ def cast(scenery: Scenery, origins: Any, directions: Any, onwards: Any = (0.0, 0
     )  # fmt: skip
     rays = _rows(origins, n), _rows(directions, n), _rows(onwards, n)
     moments = np.ascontiguousarray(np.broadcast_to(np.asarray(times, np.float32), n)).astype(np.float64)
-    _cast(scenery.accel.address, embree.packet(), scenery.stage, *rays, moments, hits)
+    _cast(scenery.accel.address, embree.ray_packets(), scenery.stage, *rays, moments, hits)
     return hits
 
 

@@ -93,14 +93,14 @@ def _cast(accel, packet, tables, origins, directions, times, hits):
         origin = (origins[ray, 0], origins[ray, 1], origins[ray, 2])
         direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
         embree.set_ray(packet, 0, origin, direction, np.inf)
-        packet.floats[TIME, 0] = times[ray]
+        embree.store_float(packet, 0, TIME, times[ray])
         embree.intersect(accel, packet, 1)
-        table = packet.ints[GEOMETRY, 0]
+        table = embree.load_int(packet, 0, GEOMETRY)
         if table == MISS:
             hits.primitive[ray] = -1
             continue
-        primitive = np.int64(row_of_any(tables, table, packet.ints[PRIMITIVE, 0]))
-        near = float(packet.floats[TFAR, 0])
+        primitive = np.int64(row_of_any(tables, table, embree.load_int(packet, 0, PRIMITIVE)))
+        near = float(embree.load_float(packet, 0, TFAR))
         hit = hit_any(tables, table, primitive, origin, direction, near, times[ray], Exact())
         later = reproject_at_time_any(tables, table, primitive, hit, 1.0)
         hits.primitive[ray], hits.near[ray], hits.offset[ray] = primitive, near, hit.offset
@@ -124,7 +124,7 @@ def cast(tables: tuple[Any, ...], only: int, origins: Any, directions: Any, time
     rows = [np.full((n, 3), np.nan) for _ in range(5)]
     hits = Hits(np.full(n, -1), np.full(n, np.inf), *rows[:4], np.full(n, np.nan), rows[4])
     accel = Accel({only: geometry(tables[only])})
-    _cast(accel.address, embree.packet(), tables, starts, ways, moments, hits)
+    _cast(accel.address, embree.ray_packets(), tables, starts, ways, moments, hits)
     return hits
 
 
@@ -135,23 +135,23 @@ def _self_hits(accel, packet, tables, origins, directions, onwards, times, self_
         direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
         onward = (onwards[ray, 0], onwards[ray, 1], onwards[ray, 2])
         embree.set_ray(packet, 0, origin, direction, np.inf)
-        packet.floats[TIME, 0] = times[ray]
+        embree.store_float(packet, 0, TIME, times[ray])
         embree.intersect(accel, packet, 1)
-        table = packet.ints[GEOMETRY, 0]
+        table = embree.load_int(packet, 0, GEOMETRY)
         if table == MISS:
             self_hit[ray] = -1
             continue
-        near = float(packet.floats[TFAR, 0])
-        primitive = row_of_any(tables, table, packet.ints[PRIMITIVE, 0])
+        near = float(embree.load_float(packet, 0, TFAR))
+        primitive = row_of_any(tables, table, embree.load_int(packet, 0, PRIMITIVE))
         hit = hit_any(tables, table, primitive, origin, direction, near, times[ray], Exact())
         cosine = onward[0] * hit.normal[0] + onward[1] * hit.normal[1] + onward[2] * hit.normal[2]
         # Away from a convex body: whatever is met is the body itself.
         if cosine < 0.0:
             onward = (-onward[0], -onward[1], -onward[2])
         embree.set_ray(packet, 0, spawn_point(hit, onward), onward, np.inf)
-        packet.floats[TIME, 0] = times[ray]
+        embree.store_float(packet, 0, TIME, times[ray])
         embree.intersect(accel, packet, 1)
-        self_hit[ray] = packet.ints[GEOMETRY, 0] != MISS
+        self_hit[ray] = embree.load_int(packet, 0, GEOMETRY) != MISS
 
 
 def self_hits(
@@ -161,7 +161,7 @@ def self_hits(
     self_hit = np.zeros(len(origins), np.int64)
     accel = Accel({only: geometry(tables[only])})
     moments = np.asarray(times, np.float32).astype(np.float64)
-    _self_hits(accel.address, embree.packet(), tables, origins, directions, onwards, moments, self_hit)
+    _self_hits(accel.address, embree.ray_packets(), tables, origins, directions, onwards, moments, self_hit)
     return self_hit
 
 
@@ -228,13 +228,13 @@ def _meet(scene, packet, origins, directions, times, points, normals, instances)
         origin = (origins[ray, 0], origins[ray, 1], origins[ray, 2])
         direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
         embree.set_ray(packet, 0, origin, direction, np.inf)
-        packet.floats[TIME, 0] = times[ray]
+        embree.store_float(packet, 0, TIME, times[ray])
         embree.intersect(scene.accel, packet, 1)
-        table = packet.ints[GEOMETRY, 0]
+        table = embree.load_int(packet, 0, GEOMETRY)
         if table == MISS:
             continue
         instance, primitive = resolve_hit(scene, packet, 0)
-        near = float(packet.floats[TFAR, 0])
+        near = float(embree.load_float(packet, 0, TFAR))
         hit = intersect_instance(
             scene.instances, scene, instance, table, primitive, origin, direction, near, times[ray]
         )
@@ -253,7 +253,7 @@ def met(packed: PackedScene, origins: Any, directions: Any, times: Any) -> tuple
     moments = np.ascontiguousarray(np.broadcast_to(np.asarray(times, np.float32).astype(np.float64), len(starts)))
     points, normals = np.full(starts.shape, np.nan), np.full(starts.shape, np.nan)
     instances = np.full(len(starts), -1)
-    _meet(scene, embree.packet(), starts, ways, moments, points, normals, instances)
+    _meet(scene, embree.ray_packets(), starts, ways, moments, points, normals, instances)
     return points, normals, instances
 
 
@@ -287,23 +287,23 @@ def _leave(scene, packet, origins, directions, onwards, times, self_hit):
         direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
         onward = (onwards[ray, 0], onwards[ray, 1], onwards[ray, 2])
         embree.set_ray(packet, 0, origin, direction, np.inf)
-        packet.floats[TIME, 0] = times[ray]
+        embree.store_float(packet, 0, TIME, times[ray])
         embree.intersect(scene.accel, packet, 1)
-        table = packet.ints[GEOMETRY, 0]
+        table = embree.load_int(packet, 0, GEOMETRY)
         if table == MISS:
             self_hit[ray] = -1
             continue
         instance, primitive = resolve_hit(scene, packet, 0)
-        near = float(packet.floats[TFAR, 0])
+        near = float(embree.load_float(packet, 0, TFAR))
         hit = intersect_instance(
             scene.instances, scene, instance, table, primitive, origin, direction, near, times[ray]
         )
         if dot(onward, hit.normal) < 0.0:
             onward = neg(onward)
         embree.set_ray(packet, 0, spawn_point(hit, onward), onward, np.inf)
-        packet.floats[TIME, 0] = times[ray]
+        embree.store_float(packet, 0, TIME, times[ray])
         embree.intersect(scene.accel, packet, 1)
-        self_hit[ray] = packet.ints[GEOMETRY, 0] != MISS
+        self_hit[ray] = embree.load_int(packet, 0, GEOMETRY) != MISS
 
 
 def leave(packed: PackedScene, origins: Any, directions: Any, onwards: Any, times: Any) -> NDArray[np.int64]:
@@ -312,5 +312,5 @@ def leave(packed: PackedScene, origins: Any, directions: Any, onwards: Any, time
     self_hit = np.zeros(len(origins), np.int64)
     moments = np.asarray(times, np.float32).astype(np.float64)
     scene = packed.scene._replace(accel=accel.address)
-    _leave(scene, embree.packet(), origins, directions, onwards, moments, self_hit)
+    _leave(scene, embree.ray_packets(), origins, directions, onwards, moments, self_hit)
     return self_hit

@@ -44,12 +44,12 @@ def _cast(accel, packet, tables, accuracy, origins, directions, hits):
         direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
         embree.set_ray(packet, 0, origin, direction, np.inf)
         embree.intersect(accel, packet, 1)
-        table = packet.ints[GEOMETRY, 0]
+        table = embree.load_int(packet, 0, GEOMETRY)
         if table == MISS:
             hits.table[ray] = -1
             continue
-        primitive = row_of_any(tables, table, packet.ints[PRIMITIVE, 0])
-        near = float(packet.floats[TFAR, 0])
+        primitive = row_of_any(tables, table, embree.load_int(packet, 0, PRIMITIVE))
+        near = float(embree.load_float(packet, 0, TFAR))
         hit = hit_any(tables, table, primitive, origin, direction, near, None, accuracy)
         hits.table[ray] = table
         hits.primitive[ray] = primitive
@@ -71,13 +71,13 @@ def _spawn(accel, packet, tables, accuracy, origins, directions, onwards, starts
         direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
         embree.set_ray(packet, 0, origin, direction, np.inf)
         embree.intersect(accel, packet, 1)
-        table = packet.ints[GEOMETRY, 0]
+        table = embree.load_int(packet, 0, GEOMETRY)
         for axis in range(3):
             starts[ray, axis] = np.nan
         if table == MISS:
             continue
-        near = float(packet.floats[TFAR, 0])
-        primitive = row_of_any(tables, table, packet.ints[PRIMITIVE, 0])
+        near = float(embree.load_float(packet, 0, TFAR))
+        primitive = row_of_any(tables, table, embree.load_int(packet, 0, PRIMITIVE))
         hit = hit_any(tables, table, primitive, origin, direction, near, None, accuracy)
         start = spawn_point(hit, (onwards[ray, 0], onwards[ray, 1], onwards[ray, 2]))
         for axis in range(3):
@@ -111,7 +111,7 @@ def _occluded(accel, packet, origins, directions, tfar, result):
         direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
         embree.set_ray(packet, 0, origin, direction, tfar[ray])
         embree.occluded(accel, packet, 1)
-        result[ray] = packet.floats[TFAR, 0] < 0.0
+        result[ray] = embree.load_float(packet, 0, TFAR) < 0.0
 
 
 def built(*tables: Any, robust: bool = True) -> Accel:
@@ -134,7 +134,7 @@ def cast(
         np.full((n, 2), np.nan), np.full(n, np.nan), np.zeros(n, np.int64),
     )  # fmt: skip
     accel = accel or built(*tables)
-    _cast(accel.address, embree.packet(), tables, Exact() if exact else None, starts, ways, hits)
+    _cast(accel.address, embree.ray_packets(), tables, Exact() if exact else None, starts, ways, hits)
     return hits
 
 
@@ -142,7 +142,7 @@ def spawn(tables: tuple[Any, ...], origins: Any, directions: Any, onwards: Any, 
     """Return the points where rays go on along `onwards` (n, 3) from their hits; NaN where there is none."""
     starts = np.empty((len(origins), 3))
     rays = _rows(origins), _rows(directions), _rows(onwards)
-    _spawn(accel.address, embree.packet(), tables, Exact(), *rays, starts)
+    _spawn(accel.address, embree.ray_packets(), tables, Exact(), *rays, starts)
     return starts
 
 
@@ -168,7 +168,7 @@ def occluded(accel: Accel, origins: Any, directions: Any, tfar: Any) -> NDArray[
     starts = _rows(origins)
     result = np.zeros(len(starts), np.bool_)
     far = np.ascontiguousarray(np.broadcast_to(np.asarray(tfar, np.float64), len(starts)))
-    _occluded(accel.address, embree.packet(), starts, _rows(directions), far, result)
+    _occluded(accel.address, embree.ray_packets(), starts, _rows(directions), far, result)
     return result
 
 

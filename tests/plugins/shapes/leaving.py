@@ -109,11 +109,11 @@ def _leave(accel, packet, stage, bare, origins, directions, times, ways, u, left
             origin = (origins[ray, 0], origins[ray, 1], origins[ray, 2])
             direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
             embree.set_ray(packet, lane, origin, direction, np.inf)
-            packet.floats[TIME, lane] = times[ray]
+            embree.store_float(packet, lane, TIME, times[ray])
         embree.intersect(accel, packet, count)
         for lane in range(count):
             ray = first + lane
-            table = packet.ints[GEOMETRY, lane]
+            table = embree.load_int(packet, lane, GEOMETRY)
             left.table[ray, 0] = -1
             # A ray that has met nothing goes on to meet nothing.
             onward, start = (1.0, 0.0, 0.0), (1e30, 1e30, 1e30)
@@ -121,7 +121,7 @@ def _leave(accel, packet, stage, bare, origins, directions, times, ways, u, left
                 origin = (origins[ray, 0], origins[ray, 1], origins[ray, 2])
                 direction = (directions[ray, 0], directions[ray, 1], directions[ray, 2])
                 instance, primitive = resolve_hit(stage, packet, lane)
-                near = np.float64(packet.floats[TFAR, lane])
+                near = np.float64(embree.load_float(packet, lane, TFAR))
                 hit = intersect_instance(
                     stage.instances, stage, instance, table, primitive, origin, direction, near, times[ray]
                 )
@@ -139,18 +139,18 @@ def _leave(accel, packet, stage, bare, origins, directions, times, ways, u, left
                     left.start[ray, axis] = start[axis]
                     left.onward[ray, axis] = onward[axis]
             embree.set_ray(packet, lane, start, onward, np.inf)
-            packet.floats[TIME, lane] = times[ray]
+            embree.store_float(packet, lane, TIME, times[ray])
         embree.intersect(accel, packet, count)
         for lane in range(count):
             ray = first + lane
-            table = packet.ints[GEOMETRY, lane]
+            table = embree.load_int(packet, lane, GEOMETRY)
             left.table[ray, 1] = -1
             if table != MISS:
                 instance, primitive = resolve_hit(stage, packet, lane)
                 left.table[ray, 1] = table
                 left.instance[ray, 1] = instance
                 left.primitive[ray, 1] = primitive
-                left.near[ray, 1] = np.float64(packet.floats[TFAR, lane])
+                left.near[ray, 1] = np.float64(embree.load_float(packet, lane, TFAR))
 
 
 class Scenery(NamedTuple):
@@ -266,7 +266,7 @@ def scenery(folder: Path, size: float, away: float, seed: int) -> Scenery:
     )
     stage = Stage(objects.primitives, Exact(), objects.instances)
     places = np.array(centers), np.array(velocities), size
-    return Scenery(stage, accel, embree.packet(), *places, objects, tuple(names))
+    return Scenery(stage, accel, embree.ray_packets(), *places, objects, tuple(names))
 
 
 def leave(place: Scenery, count: int, seed: int, *, bare: bool = False) -> tuple[Left, NDArray[np.int64], Array]:

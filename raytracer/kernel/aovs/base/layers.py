@@ -250,7 +250,7 @@ _add_each = each(add_layer)
 
 @optional
 def start_aovs(aovs, work, sample, origin, direction):
-    """Clear the AOVs that the packet before recorded, and record the camera ray of this sample."""
+    """Clear the AOVs that the batch before recorded, and record the camera ray of this sample."""
 
 
 @start_aovs.register(Aovs)
@@ -308,13 +308,13 @@ def finish_aov_retrace_aovs(aovs, work, sample):
 
 
 @optional
-def add_aovs(aovs, spectrum, work, x, y, count):
-    """Add the AOVs that a packet recorded to a pixel, before samples that are not finite are dropped."""
+def add_aovs(aovs, spectrum, work, x, y, first, count):
+    """Add the AOVs that a packet recorded to a pixel, from sample `first` of the batch on, before samples that are not finite are dropped."""
 
 
 @add_aovs.register(Aovs)
-def add_aovs_aovs(aovs, spectrum, work, x, y, count):
-    for sample in range(count):
+def add_aovs_aovs(aovs, spectrum, work, x, y, first, count):
+    for sample in range(first, first + count):
         value = load3(work.radiance, sample, 0)
         if math.isfinite(work.weight[sample] * (value[0] + value[1] + value[2])):
             _add_each(aovs.layers, spectrum, work, sample, x, y)
