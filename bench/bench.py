@@ -2,11 +2,13 @@
 
     python bench/bench.py --peer .venv-peers/bin/python
 
-Seven parts, of which --only takes some:
+Eight parts, of which --only takes some:
 
-- speed: equal samples in equal scenes, by us and by Mitsuba, with all threads and with one;
+- speed: equal samples in equal scenes, by us, by Mitsuba and by a plain path tracer in C++ (plain.cpp), with all
+  threads and with one;
 - start: fresh processes, with a warm cache and with none, and the memory of a large scene;
 - equal_time: error against Mitsuba's at equal time, on all scenes that both can show (equal_time.py);
+- convergence: a plot of error against time, with all of Mitsuba's samplers (convergence.py);
 - accuracies: the time of `accuracy: exact | robust | fast` on every scene (accuracies.py);
 - samplers: time to equal error by sampler on every scene (samplers.py);
 - sweeps: a sweep against the renders that it is made of (sweeps.py);
@@ -32,8 +34,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import accuracies
+import convergence
 import equal_time
 import lenses
+import plain
 import samplers
 import sweeps
 from warm import (
@@ -50,6 +54,7 @@ from warm import (
     measured,
     our_command,
     peer_command,
+    plain_command,
     publish,
     say,
     table,
@@ -60,7 +65,14 @@ from raytracer.core.error_estimate import median_interval
 
 RT = "import sys; from raytracer.cli.base.app import main; sys.exit(main())"
 TINY = ("--spp", "1", "--crop", "0,0,8,8")
-STUDIES = {"equal_time": equal_time, "accuracies": accuracies, "samplers": samplers, "sweeps": sweeps, "lenses": lenses}
+STUDIES = {
+    "equal_time": equal_time,
+    "convergence": convergence,
+    "accuracies": accuracies,
+    "samplers": samplers,
+    "sweeps": sweeps,
+    "lenses": lenses,
+}
 PARTS = ("speed", "start", *STUDIES)
 
 
@@ -83,12 +95,18 @@ TASKS = (Task("cover", 400, 225, 64), Task("million", 512, 512, 64))
 OURS, OURS_INDEPENDENT, OURS_FAST, PEER = "rt", "rt, independent", "rt, independent, fast", "Mitsuba llvm_ad_rgb"
 """As the scene says; with the peer's kind of samples; and with its kind of intersections too: float32, not robust."""
 
+PLAIN, PLAIN_ROBUST = "plain C++", "plain C++, robust"
+
 TARGETS = {
     "cover, time / Mitsuba's": 0.9,
-    "million, time / Mitsuba's": 1.0,
+    "cover, time / plain C++": 0.9,
+    "million, time / Mitsuba's": 1.1,
+    "million, time / plain C++": 1.1,
+    "million, fast, time / Mitsuba's": 0.95,
+    "million, fast, time / plain C++": 0.95,
     "speed-up by all threads (at least)": 3.7,
     "cold compile, slowest scene (s)": 10.0,
-    "warm rt render of 8 x 8 pixels (s)": 1.5,
+    "warm rt render of 8 x 8 pixels (s)": 0.7,
     "rt --help (s)": 0.4,
     "peak memory, million (MB)": 400.0,
     "relMSE / Mitsuba's at equal time, its default sampler, worst scene": 1.0,
@@ -108,6 +126,8 @@ def commands(task: Task, threads: int, peer: str | None) -> dict[str, list[str]]
         OURS_INDEPENDENT: our_command(*size, sampler="independent"),
         OURS_FAST: our_command(*size, sampler="independent", accuracy="fast"),
     }
+    if plain.has_compiler():
+        players |= {PLAIN: plain_command(*size), PLAIN_ROBUST: plain_command(*size, "--robust")}
     return players if peer is None else {**players, PEER: peer_command(peer, *size)}
 
 
@@ -119,6 +139,9 @@ def interleave(task: Task, threads: int, rounds: int, peer: str | None) -> dict[
             workers.start(name, command)
         answers = workers.take_turns(rounds, 1, dict.fromkeys(workers, task.spp))
     renderers = {name: digest(task, workers[name].about, answers[name]) for name in workers}
+    if PLAIN in workers:
+        for name in workers:
+            renderers[name]["plain_ratio"] = median_interval(figures(answers[name]) / figures(answers[PLAIN]))
     if PEER in workers:
         for name in workers:
             times, noises = (figures(answers[name], of) / figures(answers[PEER], of) for of in ("render", "noise"))
@@ -216,6 +239,7 @@ def speed_table(renders: Sequence[dict[str, Any]]) -> str:
                 with_interval(it[key]) if key in it and name != PEER else ""
                 for key in ("time_ratio", "equal_noise_ratio")
             ]
+            compared.append(with_interval(it["plain_ratio"]) if "plain_ratio" in it and name != PLAIN else "")
             rows.append(
                 [
                     f"{item['scene']}, {item['threads']} thread" + "s" * (item["threads"] > 1),
@@ -228,9 +252,9 @@ def speed_table(renders: Sequence[dict[str, Any]]) -> str:
                 ]
             )
         for name, reason in item["failed"].items():
-            rows.append([f"{item['scene']}, {item['threads']} threads", name, f"not measured: {reason}", *[""] * 5])
+            rows.append([f"{item['scene']}, {item['threads']} threads", name, f"not measured: {reason}", *[""] * 6])
     head = ("scene", "renderer", "seconds: min / median / max", "M samples/s", "M rays/s", "relMSE")
-    return table((*head, "time / Mitsuba's", "the same at equal noise"), rows)
+    return table((*head, "time / Mitsuba's", "the same at equal noise", "time / plain C++"), rows)
 
 
 def start_table(start: dict[str, Any]) -> str:
@@ -260,8 +284,10 @@ def achieved(report: dict[str, Any]) -> dict[str, float]:
     out = {}
     for scene, by_threads in by_scene.items():
         best = by_threads[max(by_threads)]
-        if OURS_INDEPENDENT in best and "time_ratio" in best[OURS_INDEPENDENT]:
-            out[f"{scene}, time / Mitsuba's"] = best[OURS_INDEPENDENT]["time_ratio"][0]
+        for name, label in ((OURS, ""), (OURS_FAST, ", fast")):
+            for key, rival in (("time_ratio", "Mitsuba's"), ("plain_ratio", "plain C++")):
+                if key in best[name]:
+                    out[f"{scene}{label}, time / {rival}"] = best[name][key][0]
         if 1 in by_threads and len(by_threads) > 1 and OURS in best:
             speed_up = by_threads[1][OURS]["minimum"] / best[OURS]["minimum"]
             key = "speed-up by all threads (at least)"
@@ -356,6 +382,9 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
         result["memory"] = rt_render(SCENES / "million.yaml")
     if "equal_time" in arguments.only and peer is not None:
         result |= equal_time.measure(peer, rounds, threads, quick)
+    if "convergence" in arguments.only and peer is not None:
+        result |= convergence.measure(peer, arguments.rounds, threads, quick)
+        convergence.plot(result["convergence"], arguments.out.with_name("convergence"))
     if "accuracies" in arguments.only:
         result |= accuracies.measure(rounds, threads, quick)
     if "samplers" in arguments.only:

@@ -87,7 +87,8 @@ def write_scene(path: Path, width: int, height: int, out: Path) -> None:
         elif item.type == "quad":
             corner, (a, b) = np.array(item.corner), np.array(item.edges)
             start = len(vertices)
-            vertices = np.concatenate([vertices, np.array([corner, corner + a, corner + a + b, corner + b], np.float32)])
+            corners = np.array([corner, corner + a, corner + a + b, corner + b], np.float32)
+            vertices = np.concatenate([vertices, corners])
             faces.append(start + np.array([[0, 1, 2], [0, 2, 3]]))
             face_material += [len(rows) - 1] * 2
             if material.type == "emitter":

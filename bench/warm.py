@@ -192,6 +192,11 @@ def peer_command(peer: str, scene: Path, width: int, height: int, spp: int, thre
     return [peer, str(PEER_PROGRAM), *_size(scene, width, height, spp, threads), *more, "--serve"]
 
 
+def plain_command(scene: Path, width: int, height: int, spp: int, threads: int, *options: str) -> list[str]:
+    """Return the command that starts the plain path tracer in C++; options are those of plain.py."""
+    return [sys.executable, str(ROOT / "bench" / "plain.py"), *_size(scene, width, height, spp, threads), *options]
+
+
 def reduced(scene: Path, pixels: int) -> tuple[int, int]:
     """Reduce the width and height of a scene's picture to about that many pixels."""
     film = load(scene).film

@@ -326,9 +326,9 @@ def test_a_ray_does_not_depend_on_its_neighbours(kind: str) -> None:
     accel = built(table)
     origins, directions = _rays(840, 12)
     answers = []
-    for count in (1, 3, 7, embree.PACKET):
+    for count in (1, 3, 7, embree.PACKET, 20, 420):
         near, is_hit = np.zeros(840), np.zeros(840, np.bool_)
-        _packets(accel.address, embree.ray_packets(), origins, directions, count, near, is_hit)
+        _packets(accel.address, embree.ray_packets(count), origins, directions, count, near, is_hit)
         answers.append((near, is_hit))
     for near, is_hit in answers[1:]:
         np.testing.assert_array_equal(near, answers[0][0])

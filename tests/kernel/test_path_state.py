@@ -33,7 +33,7 @@ def work_of(name: str) -> Workspace:
 )
 def test_paths_carry_what_the_scene_calls_for(name: str, fields: set[str]) -> None:
     work = work_of(name)
-    assert {key for key, rows in work.paths._asdict().items() if rows is not None} == fields | {"ray"}
+    assert {key for key, rows in work.paths._asdict().items() if rows is not None} == fields | {"draws", "ray"}
     assert (work.shadows.target is not None) == (fields >= TRANSPARENCY)
     assert (work.shadows.medium is not None) == (fields >= MEDIA)
     assert (work.shadows.inside_counts is not None) == (fields >= SOLIDS)

@@ -18,7 +18,8 @@ def sin_cos_octant(angle: float) -> tuple[float, float]:
     sine = -2.50507602534068634195e-08 + z * 1.58969099521155010221e-10
     sine = 8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * (2.75573137070700676789e-06 + z * sine))
     cosine = -2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)
-    cosine = 4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * cosine))
+    cosine = -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * cosine)
+    cosine = 4.16666666666666019037e-02 + z * cosine
     sine = angle + angle * z * (-1.66666666666666324348e-01 + z * sine)
     # 1 - z / 2 loses digits that the next terms are added to.
     half = 0.5 * z
@@ -29,12 +30,12 @@ def sin_cos_octant(angle: float) -> tuple[float, float]:
 @kernel
 def sin_cos_turn(turn: float) -> tuple[float, float]:
     """Compute sine and cosine of a number of turns, from 0 to 1."""
-    quarter = math.floor(4.0 * turn + 0.5)
+    quarter = int(4.0 * turn + 0.5)
     sine, cosine = sin_cos_octant(2.0 * math.pi * (turn - 0.25 * quarter))
     # A quarter turn takes (sine, cosine) to (cosine, -sine).
-    is_odd = quarter == 1.0 or quarter == 3.0
-    sine, cosine = (cosine, -sine) if is_odd else (sine, cosine)
-    return (-sine, -cosine) if quarter == 2.0 or quarter == 3.0 else (sine, cosine)
+    if quarter % 2 == 1:
+        sine, cosine = cosine, -sine
+    return (-sine, -cosine) if (quarter // 2) % 2 == 1 else (sine, cosine)
 
 
 @kernel

@@ -161,3 +161,18 @@ def test_triangle_maps_neighbours_to_neighbours():
     for u in (0.1, 0.5, 0.9):
         here, there = warp.sample_triangle(u, u), warp.sample_triangle(u, u + step)
         assert math.dist(here, there) < 4.0 * step
+
+
+def test_sines_and_cosines_are_right_to_a_rounding():
+    angles = np.append(np.random.default_rng(3).uniform(-math.pi / 4, math.pi / 4, 20_000), [0.0, math.pi / 4])
+    values = np.array([warp.sin_cos_octant(angle) for angle in angles])
+    exact = np.stack([np.sin(angles.astype(np.longdouble)), np.cos(angles.astype(np.longdouble))], axis=1)
+    assert (np.abs(values - exact) <= 0.8 * np.abs(np.spacing(values))).all()
+
+
+def test_turns_start_in_each_quarter():
+    # 2 pi times a rounding of the turn is all that may be wrong beside a rounding of each value.
+    turns = np.append(np.random.default_rng(4).random(20_000), [*np.arange(0.0, 1.0, 0.125), np.nextafter(1.0, 0.0)])
+    values = np.array([warp.sin_cos_turn(turn) for turn in turns])
+    exact = 8.0 * np.arctan(np.longdouble(1.0)) * turns.astype(np.longdouble)
+    np.testing.assert_allclose(values, np.stack([np.sin(exact), np.cos(exact)], axis=1), rtol=0.0, atol=2.0**-52)

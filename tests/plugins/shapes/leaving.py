@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from raytracer.core import embree
 from raytracer.core.compiler.dispatch import entry, generic, kernel
-from raytracer.core.embree import GEOMETRY, MISS, PACKET, TFAR, TIME, Accel, Packet
+from raytracer.core.embree import GEOMETRY, MISS, PACKET, TFAR, TIME, Accel, RayPackets
 from raytracer.core.fresnel import fresnel_dielectric, refract
 from raytracer.core.geometry import Exact, spawn_point
 from raytracer.core.instancing import Instances, intersect_instance, pose_of
@@ -161,7 +161,7 @@ class Scenery(NamedTuple):
 
     stage: Stage
     accel: Accel
-    packet: Packet
+    packet: RayPackets
     center: Array
     velocity: Array
     radius: float

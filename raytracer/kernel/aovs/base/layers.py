@@ -309,7 +309,7 @@ def finish_aov_retrace_aovs(aovs, work, sample):
 
 @optional
 def add_aovs(aovs, spectrum, work, x, y, first, count):
-    """Add the AOVs that a packet recorded to a pixel, from sample `first` of the batch on, before samples that are not finite are dropped."""
+    """Add the AOVs of samples from `first` on to a pixel, before samples that are not finite are dropped."""
 
 
 @add_aovs.register(Aovs)
