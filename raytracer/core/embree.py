@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 
 import llvmlite.binding
 import numpy as np
-from numba import types
 from numpy.typing import ArrayLike, NDArray
 
+from raytracer.core.compiler.declarations import declare_global
 from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.geometry import Geometry, Primitive
 
@@ -356,9 +356,22 @@ def packet() -> Packet:
     return Packet(floats, ints, _aligned(np.int32, PACKET))
 
 
-_signature = types.void(types.intp, types.intp, types.intp, types.intp)
-_rtc_intersect8: Any = types.ExternalFunction("rtcIntersect8", _signature)
-_rtc_occluded8: Any = types.ExternalFunction("rtcOccluded8", _signature)
+def _external(name: str) -> Any:
+    """Make a name by which kernels call a function of the library: with the addresses of four things."""
+
+    def external(valid, accel, rays, arguments):
+        raise NotImplementedError
+
+    def make_type() -> Any:
+        from numba import types
+
+        return types.ExternalFunction(name, types.void(*[types.intp] * 4))
+
+    declare_global(external, make_type)
+    return external
+
+
+_rtc_intersect8, _rtc_occluded8 = _external("rtcIntersect8"), _external("rtcOccluded8")
 
 
 @kernel
