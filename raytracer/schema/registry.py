@@ -10,7 +10,7 @@ import pkgutil
 from collections.abc import Mapping
 from functools import cached_property, reduce
 from operator import or_
-from typing import Annotated, Any, Literal, get_args, get_origin
+from typing import Annotated, Any, Literal, Never, get_args, get_origin
 
 from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter, ValidationInfo, WithJsonSchema
 from pydantic.json_schema import JsonSchemaValue
@@ -108,8 +108,8 @@ class Family:
     def adapter(self, name: str) -> TypeAdapter[Any]:
         """Return what validates mappings of a kind, with errors as those of the union of all kinds."""
         if name not in self._adapters:
-            kind = self.spec(name)
-            self._adapters[name] = TypeAdapter(Annotated[kind | _OtherKind, Field(discriminator="type")])
+            either: Any = Annotated[self.spec(name) | _OtherKind, Field(discriminator="type")]
+            self._adapters[name] = TypeAdapter(either)
         return self._adapters[name]
 
     def specs(self) -> dict[str, Any]:
@@ -151,8 +151,13 @@ class Family:
             if not self._has(type(value)):
                 raise ValueError(f"must be {with_article(self.noun)}, got {with_article(class_noun(type(value)))}")
             return value
-        if isinstance(value, Mapping) and isinstance(name := value.get("type"), str) and self._has_name(name):
-            return value
+        name = value.get("type") if isinstance(value, Mapping) else None
+        if not (isinstance(name, str) and self._has_name(name)):
+            self._refuse(value)
+        return value
+
+    def _refuse(self, value: Any) -> Never:
+        """Say what is wrong with a value that is of no kind."""
         known = self.specs()
         if not isinstance(value, Mapping):
             raise ValueError(f"must be a mapping with a type ({', '.join(known)}), got {format_value(value)}")  # noqa: TRY004

@@ -106,7 +106,7 @@ def test_every_failure_is_one_sentence(
     def fail() -> None:
         raise error
 
-    monkeypatch.setattr(cli, "app", app)
+    monkeypatch.setattr(cli, "application", lambda command: app)
     monkeypatch.delenv("RT_TRACEBACK", raising=False)
     assert main(["fail"]) == status
     captured = capsys.readouterr()

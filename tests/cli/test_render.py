@@ -264,7 +264,7 @@ def test_the_summary_says_why_no_error_is_known(
     spp = {"fewest": fewest, "mean": float(fewest), "most": fewest}
     stats = Stats(seconds={"render": 1.0}, spp=spp, error=error)
     made = Rendered(Image(np.ones((2, 3, 3))), stats, True, interrupted, fewest, None)
-    assert f", {said}, all samples finite" in summarize(made, "a.npy")
+    assert f", {said}, all samples finite" in summarize(made, "a.npy", 2.5)
 
 
 def test_explain_names_every_effect_with_its_reason(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,6 +14,7 @@ from numba.core.codegen import CPUCodeLibrary
 from numba.core.registry import cpu_target
 
 from raytracer.core.compiler.arguments import Result, number_format
+from raytracer.core.compiler.compile_progress import COMPILATION
 from raytracer.core.compiler.machine_code import OK, MachineCode
 from raytracer.core.compiler.part_library import PartLibrary
 from raytracer.core.compiler.parts import lower_entry
@@ -33,6 +34,7 @@ def build_entry(function: Callable[..., Any], arguments: Sequence[Any]) -> Machi
     kinds = tuple(typeof(argument) for argument in arguments)
     descriptor, library = lower_entry(function, kinds)
     symbol = f"call.{descriptor.mangled_name}"
+    COMPILATION.link()
     wrapper, words = _wrapper(symbol, descriptor)
     module = link_entry(symbol, wrapper, library)
     formats: list[str] = []

@@ -20,6 +20,7 @@ from typing import Any
 
 from raytracer.core.compiler import cache
 from raytracer.core.compiler.arguments import PackedArgument, pack_argument, stable_text
+from raytracer.core.compiler.compile_progress import COMPILATION
 from raytracer.core.compiler.kernel_files import KernelFiles
 from raytracer.core.compiler.lock import compiler_lock
 from raytracer.core.compiler.machine_code import LoadedCode, MachineCode, load
@@ -90,7 +91,7 @@ class Entry:
             code = (
                 self._load_or_compile(kinds, arguments)
                 if compiler_lock.is_locked()
-                else run_in_thread(lambda: self._load_or_compile(kinds, arguments))
+                else run_in_thread(lambda: self._load_or_compile(kinds, arguments), COMPILATION.report)
             )
         return code
 
@@ -114,16 +115,17 @@ class Entry:
             return code
 
     def _compile(self, arguments: Sequence[Any], files: KernelFiles, key: Any) -> LoadedCode:
-        from raytracer.core.compiler.build_entry import build_entry
-        from raytracer.core.compiler.part_cache import write_parts
+        with COMPILATION.of(self._function.__name__):
+            from raytracer.core.compiler.build_entry import build_entry
+            from raytracer.core.compiler.part_cache import write_parts
 
-        # The lock is Numba's too, now that Numba is there.
-        with compiler_lock, _without_collector():
-            try:
-                made = build_entry(self._function, arguments)
-            finally:
-                write_parts()
-            code = load(made)
+            # The lock is Numba's too, now that Numba is there.
+            with compiler_lock, _without_collector():
+                try:
+                    made = build_entry(self._function, arguments)
+                finally:
+                    write_parts()
+                code = load(made)
         if code is None:
             raise RuntimeError(f"the kernel {self._function.__qualname__} calls functions that are nowhere")
         if key is not None:

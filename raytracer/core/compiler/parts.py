@@ -16,6 +16,7 @@ from numba.core.registry import cpu_target
 from numba.core.typing.templates import AbstractTemplate, Signature, fold_arguments, infer_global, signature
 from numba.core.utils import pysignature  # type: ignore[attr-defined]
 
+from raytracer.core.compiler.compile_progress import COMPILATION
 from raytracer.core.compiler.declarations import compiler_loaded
 from raytracer.core.compiler.part_cache import StoredPart, load_part, save_part
 from raytracer.core.compiler.part_keys import digest, part_key
@@ -175,6 +176,7 @@ def _stored_part(
             save_part(stored, key)
     else:
         counts["loaded"] += 1
+    COMPILATION.add_part()
     return stored
 
 
