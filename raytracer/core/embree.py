@@ -19,7 +19,7 @@ import llvmlite.binding
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytracer.core.compiler.declarations import declare_global
+from raytracer.core.compiler.declarations import external_function
 from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.geometry import Geometry, Primitive
 
@@ -356,22 +356,8 @@ def packet() -> Packet:
     return Packet(floats, ints, _aligned(np.int32, PACKET))
 
 
-def _external(name: str) -> Any:
-    """Make a name by which kernels call a function of the library: with the addresses of four things."""
-
-    def external(valid, accel, rays, arguments):
-        raise NotImplementedError
-
-    def make_type() -> Any:
-        from numba import types
-
-        return types.ExternalFunction(name, types.void(*[types.intp] * 4))
-
-    declare_global(external, make_type)
-    return external
-
-
-_rtc_intersect8, _rtc_occluded8 = _external("rtcIntersect8"), _external("rtcOccluded8")
+# Called with the addresses of which lanes are valid, of the scene, of the rays, and of nothing.
+_rtc_intersect8, _rtc_occluded8 = external_function("rtcIntersect8", 4), external_function("rtcOccluded8", 4)
 
 
 @kernel

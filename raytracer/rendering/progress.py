@@ -9,6 +9,10 @@ from raytracer.core.error_estimate.wording import format_percent
 from raytracer.rendering.tile_scheduler import TileQueue, now
 from raytracer.util.progress import Bar
 
+FIRST_COMPILATION = (
+    "rt: this combination of effects is compiled for the first time; later renders have it from the cache"
+)
+
 
 class Progress(NamedTuple):
     """The progress of a render.
@@ -45,20 +49,23 @@ class SampleBar(Bar):
 
 
 class CompileBar(Bar):
-    """A progress bar of the compiler, below a line that says why there is something to compile."""
+    """A progress bar of the compiler, below a line that says why there is something to compile.
 
-    def __init__(self, *, always: bool = False, quiet: bool = False) -> None:
+    announcement : the line; None for no line.
+    """
+
+    def __init__(
+        self, *, always: bool = False, quiet: bool = False, announcement: str | None = FIRST_COMPILATION
+    ) -> None:
         form = "compiling {percentage:3.0f}% |{bar}| {elapsed}{postfix}"
         super().__init__("%", always=always, quiet=quiet, bar_format=form)
-        self._is_announced = quiet
+        self._announcement = None if quiet else announcement
 
     def show(self, progress: CompileProgress) -> None:
         """Show the progress of a compilation."""
-        if not self._is_announced:
-            self._is_announced = True
-            self.say(
-                "rt: this combination of effects is compiled for the first time; later renders have it from the cache"
-            )
+        if self._announcement is not None:
+            self.say(self._announcement)
+            self._announcement = None
         self.update(100.0 * progress.fraction, 100.0, f"{progress.parts} of about {progress.known_parts} parts")
 
 

@@ -116,12 +116,12 @@ def stable_text(kind: Hashable) -> str | None:
 
 
 class Result(NamedTuple):
-    """How a result is read from the words that compiled code leaves.
+    """A result as compiled code leaves it in words of eight bytes.
 
     Attributes
     ----------
     format : of `struct`, for all numbers in it.
-    make : makes the result of an iterator over the numbers.
+    shape : None, the type of a number, or a class with the shapes of its items.
     """
 
     format: str

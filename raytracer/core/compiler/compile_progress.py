@@ -72,15 +72,18 @@ class Compilation:
     @contextlib.contextmanager
     def of(self, name: str) -> Iterator[None]:
         """Note that an entry is compiled in a `with` block; what it took is kept for the next kernel of this entry."""
-        began = time.perf_counter()
-        self._known, self._parts, self._linking, self._began = _load(name) or _GUESS, 0, None, began
+        self._known, self._parts, self._linking, self._began = _load(name) or _GUESS, 0, None, time.perf_counter()
         try:
             yield
             self.count += 1
-            if self._linking is not None and self._parts >= _MIN_PARTS:
-                _save(name, _Record(self._parts, self._linking - began, time.perf_counter() - began))
+            self._save(name)
         finally:
             self._began = None
+
+    def _save(self, name: str) -> None:
+        if self._began is not None and self._linking is not None and self._parts >= _MIN_PARTS:
+            record = _Record(self._parts, self._linking - self._began, time.perf_counter() - self._began)
+            save_signed(_path(name), json.dumps(record).encode(), sweep=False)
 
     def add_part(self) -> None:
         """Note that a part is done."""
@@ -116,10 +119,6 @@ COMPILATION = Compilation()
 
 def _path(name: str) -> Path:
     return cache.CACHE_FOLDER / f"{name}.took"
-
-
-def _save(name: str, record: _Record) -> None:
-    save_signed(_path(name), json.dumps(record).encode(), sweep=False)
 
 
 def _load(name: str) -> _Record | None:

@@ -45,3 +45,18 @@ def declare_global(function: Callable[..., Any], make_type: Callable[[], Any]) -
         infer_global(function, make_type())
 
     when_compiler_loads(declare)
+
+
+def external_function(name: str, arguments: int) -> Any:
+    """Make a name by which kernels call a function of a library that is loaded, with addresses alone."""
+
+    def external(*addresses: int) -> None:
+        raise NotImplementedError
+
+    def make_type() -> Any:
+        from numba import types
+
+        return types.ExternalFunction(name, types.void(*[types.intp] * arguments))
+
+    declare_global(external, make_type)
+    return external

@@ -45,6 +45,8 @@ def _shared_attribute(context, builder, shared, value, name):
 
 @intrinsic
 def share(typing_context, value):
+    """Pass a NamedTuple by its address."""
+
     def generate(context, builder, signature, arguments):
         return alloca_once_value(builder, arguments[0])
 
@@ -53,6 +55,8 @@ def share(typing_context, value):
 
 @intrinsic
 def prefetch(typing_context, address):
+    """Prefetch a cache line."""
+
     def generate(context, builder, signature, arguments):
         pointer = llvmlite.ir.PointerType(llvmlite.ir.IntType(8))
         word = llvmlite.ir.IntType(32)
