@@ -127,7 +127,7 @@ def test_a_time_limit_alone_is_what_was_asked_for(scene: Path, capsys: pytest.Ca
 
 SUMMARY = re.compile(
     r"a\.(npy|exr): 24 x 16, (?P<spp>.+) spp in [\d.]+ s \([\d.e+]+ M samples/s, [\d.e+]+ M rays/s\), "
-    r"(?P<error>relative error .+), (?P<finite>.+ finite)\n"
+    r"(?P<whole>[\d.]+) s in all, (?P<error>relative error .+), (?P<finite>.+ finite)\n"
 )
 
 
@@ -137,6 +137,7 @@ def test_the_summary_says_what_is_known(scene: Path, capsys: pytest.CaptureFixtu
     assert found is not None
     assert found["spp"] == "64"
     assert found["finite"] == "all samples finite"
+    assert float(found["whole"]) > 0.0
     # In percent, the numbers of the file.
     stats = json.loads(Path("a.json").read_text())
     value, low, high = map(float, re.findall(r"\d+\.\d+", found["error"]))

@@ -151,7 +151,7 @@ def summarize(rendered: "Rendered", names: str, whole: float) -> str:
     if resumed:
         spp += f", {resumed / (height * width):.4g} of them before,"
     parts = [
-        f"{names}: {width} x {height}, {spp} in {seconds:.2f} s ({rates}), {whole:.2f} s with all else",
+        f"{names}: {width} x {height}, {spp} in {seconds:.2f} s ({rates}), {whole:.2f} s in all",
         _describe_error(rendered),
         _count_not_finite(stats.nan_samples),
     ]
