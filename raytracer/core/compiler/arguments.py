@@ -56,35 +56,43 @@ def pack_argument(value: Any) -> PackedArgument:
 def _add(value: Any, formats: list[str], values: list[Any]) -> Hashable:
     """Append the values of an argument and their formats, and return its type."""
     kind = type(value)
-    if kind is np.ndarray:
+    if isinstance(value, np.ndarray):
         return _add_array(value, formats, values)
     if isinstance(value, tuple):
         inner = tuple(_add(item, formats, values) for item in value)
         return (kind, *inner)
     if value is None:
-        name = _NONE
         formats.append("Q")
         values.append(0)
-        return name
-    if isinstance(value, np.generic):
-        name = value.dtype.name
-        value = value.item()
-    elif isinstance(value, enum.IntEnum):
+        return _NONE
+    if isinstance(value, enum.IntEnum):
         formats.append("q")
         values.append(int(value))
         return (kind,)
-    elif kind is bool:
+    name = _number_type(value)
+    formats.append(_FORMATS[name])
+    values.append(value.item() if isinstance(value, np.generic) else value)
+    return name
+
+
+def _number_type(value: Any) -> str:
+    """Name the type of a number.
+
+    Raises
+    ------
+    TypeError : it is none.
+    """
+    name = ""
+    if isinstance(value, np.generic):
+        name = value.dtype.name
+    elif isinstance(value, bool):
         name = _BOOLEAN
-    elif kind is int:
+    elif type(value) is int:
         name = _INTEGER if value <= _MAX_INT64 else _LARGE
     elif isinstance(value, float):
         name = _FLOAT
-    else:
-        name = ""
     if name not in _FORMATS:
-        raise TypeError(f"a kernel takes numbers, arrays and tuples of them, not {kind.__name__}")
-    formats.append(_FORMATS[name])
-    values.append(value)
+        raise TypeError(f"a kernel takes numbers, arrays and tuples of them, not {type(value).__name__}")
     return name
 
 

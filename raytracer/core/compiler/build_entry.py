@@ -8,12 +8,13 @@ import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numba
 from llvmlite import ir
 from numba import typeof, types
 from numba.core.codegen import CPUCodeLibrary
 from numba.core.registry import cpu_target
 
-from raytracer.core.compiler.arguments import Result, number_format
+from raytracer.core.compiler.arguments import Result, number_format, pack_argument
 from raytracer.core.compiler.compile_progress import COMPILATION
 from raytracer.core.compiler.machine_code import OK, MachineCode
 from raytracer.core.compiler.part_library import PartLibrary
@@ -33,6 +34,7 @@ def build_entry(function: Callable[..., Any], arguments: Sequence[Any]) -> Machi
     cpu_target.target_context.refresh()
     kinds = tuple(typeof(argument) for argument in arguments)
     descriptor, library = lower_entry(function, kinds)
+    _check_words(descriptor, arguments)
     symbol = f"call.{descriptor.mangled_name}"
     COMPILATION.link()
     wrapper, words = _wrapper(symbol, descriptor)
@@ -45,6 +47,19 @@ def build_entry(function: Callable[..., Any], arguments: Sequence[Any]) -> Machi
         if function.is_declaration and not function.name.startswith("llvm.")
     )
     return MachineCode(symbol, words, Result("".join(formats), shape), externals, _target_machine().emit_object(module))
+
+
+def _check_words(descriptor: Any, arguments: Sequence[Any]) -> None:
+    """Make sure that this version of Numba lays out arguments as `pack_argument` does.
+
+    Raises
+    ------
+    RuntimeError : it does not.
+    """
+    expected = len(cpu_target.target_context.get_arg_packer(descriptor.argtypes).argument_types)
+    packed = sum(len(pack_argument(argument).data) for argument in arguments) // 8
+    if packed != expected:
+        raise RuntimeError(f"arguments are {packed} words, and Numba {numba.__version__} takes {expected}")
 
 
 def _codegen() -> Any:

@@ -11,7 +11,7 @@ import numba
 import numpy as np
 import pytest
 
-from raytracer.core.compiler import machine_code
+from raytracer.core.compiler import build_entry, machine_code
 from raytracer.core.compiler.arguments import pack_argument, stable_text
 from raytracer.core.compiler.dispatch import entry
 from raytracer.core.compiler.machine_code import MachineCode
@@ -115,6 +115,26 @@ def test_a_tuple_is_packed_once_and_its_arrays_are_read_anew() -> None:
     assert first((np.full(2, 7.0),), 1.0) == 7.0
     assert first((np.full(2, 7, np.int32),), 1.0) == 7.0
     assert len(first.signatures) == 2
+
+
+def test_empty_tuples_and_files_in_memory_are_arguments_too(tmp_path: Path) -> None:
+    @entry
+    def third(nothing, rows, more):
+        return rows[2] + len(nothing) + len(more[1])
+
+    rows = np.memmap(tmp_path / "rows", dtype=np.float64, mode="w+", shape=(3,))
+    rows[:] = (1.0, 2.0, 3.0)
+    assert third((), rows, (2.0, (), None)) == 3.0
+
+
+def test_another_layout_of_arguments_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    @entry
+    def first(rows):
+        return rows[0]
+
+    monkeypatch.setattr(build_entry, "pack_argument", lambda value: pack_argument((value, 1)))
+    with pytest.raises(RuntimeError, match=r"arguments are 8 words, and Numba .* takes 7"):
+        first(np.ones(2))
 
 
 def test_an_error_within_a_kernel_is_an_error() -> None:
