@@ -89,7 +89,7 @@ class Family:
     def modules(self) -> dict[str, str]:
         """Modules by the names of their kinds, sorted; in families with one kind a module, called as the module is."""
         found = pkgutil.iter_modules(importlib.import_module(self.package).__path__)
-        return {info.name: f"{self.package}.{info.name}" for info in sorted(found) if not info.ispkg}
+        return {name: f"{self.package}.{name}" for name in sorted(info.name for info in found if not info.ispkg)}
 
     def spec(self, name: str) -> Any:
         """Return the kind of a type name; imports its module alone, if that is called as the kind is.
