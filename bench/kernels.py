@@ -19,7 +19,9 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from warm import ROOT, SCENES, Failed, say, table
 
@@ -30,7 +32,7 @@ _LABEL = re.compile(r'^"?([_A-Za-z][^:"]*)"?:')
 _INSTRUCTION = re.compile(r"^\s+([a-z]\w*)(?:\s|$)")
 
 # The compiler's name of the kernel, `render_tile`, in whatever module of the package it is.
-_KERNEL = re.compile(r"_ZN9raytracer(?:\d+[a-z_]+?)+11render_tile")
+_KERNEL = re.compile(r"_ZN9raytracer(?:\d+[a-z_]+?)+11render_tile|(?:call\.)?part\.render_tile\.")
 
 
 def instructions(scene: Path) -> Counter[str]:
@@ -45,8 +47,7 @@ def instructions(scene: Path) -> Counter[str]:
         from raytracer.kernel.path_tracer import render_tile
         from raytracer.rendering.cluster.worker import prepare as compile_scene
 
-    compile_scene(load(scene))
-    (code,) = render_tile.inspect_asm().values()
+    code = _assembly(lambda: compile_scene(load(scene)), render_tile)
     counts: Counter[str] = Counter()
     inside = False
     for line in code.splitlines():
@@ -55,6 +56,26 @@ def instructions(scene: Path) -> Counter[str]:
         elif inside and (instruction := _INSTRUCTION.match(line)):
             counts[instruction[1]] += 1
     return counts
+
+
+def _assembly(compile_it: Callable[[], object], kernel: Any) -> str:
+    """Return the assembly of a kernel that `compile_it` compiles."""
+    try:
+        from raytracer.core.compiler import build_entry
+    except ImportError:
+        # Older revisions leave this to Numba.
+        compile_it()
+        (code,) = kernel.inspect_asm().values()
+        return str(code)
+    linked, link = [], build_entry.link_entry
+
+    def link_and_keep(*arguments: Any) -> Any:
+        linked.append(link(*arguments))
+        return linked[-1]
+
+    vars(build_entry).update(link_entry=link_and_keep)
+    compile_it()
+    return str(build_entry._target_machine().emit_assembly(linked[-1]))
 
 
 def counted(tree: Path, scene: Path) -> Counter[str]:

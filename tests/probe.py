@@ -10,11 +10,10 @@ import sys
 from collections import Counter
 from typing import Any
 
-import numba
 import numpy as np
-from numba.core import event
 
-from raytracer.core.compiler import parts
+from raytracer.core.compiler import build_entry, parts
+from raytracer.core.compiler.build_entry import link_entry
 from raytracer.core.compiler.passes import lower_part
 from raytracer.kernel.aovs.base.recording import AovRecorder
 from raytracer.kernel.path_state import workspace
@@ -77,21 +76,21 @@ SCENES = {
 }
 
 
-class _Compiled(event.Listener):
-    """The modules of the functions that Numba compiles."""
+class _Compiled:
+    """The modules of the functions that are compiled, and the LLVM code of the whole."""
 
     def __init__(self) -> None:
         self.modules: Counter[str] = Counter()
-
-    def on_start(self, event: Any) -> None:
-        self.modules[event.data["dispatcher"].py_func.__module__] += 1
-
-    def on_end(self, event: Any) -> None:
-        pass
+        self.code = ""
 
     def lower_part(self, function: Any, *arguments: Any, **options: Any) -> Any:
         self.modules[function.__module__] += 1
         return lower_part(function, *arguments, **options)
+
+    def link_entry(self, *arguments: Any) -> Any:
+        module = link_entry(*arguments)
+        self.code = str(module)
+        return module
 
 
 def compiled(name: str) -> dict[str, Any]:
@@ -108,16 +107,14 @@ def compiled(name: str) -> dict[str, Any]:
     listener = _Compiled()
     # Parts that are loaded would hide what they call.
     vars(parts).update(load_part=lambda *_: None, lower_part=listener.lower_part)
-    with event.install_listener("numba:compile", listener):
-        render_tile(packed, film, workspace(packed), 0, 0, 0, 0, 0, 0)
-    signature = next(s for s in render_tile.signatures if s[:2] == (numba.typeof(packed), numba.typeof(film)))
-    cached = sum(render_tile.stats.cache_hits.values())
-    code = "" if cached else render_tile.inspect_llvm(signature)
+    vars(build_entry).update(link_entry=listener.link_entry)
+    render_tile(packed, film, workspace(packed), 0, 0, 0, 0, 0, 0)
+    code = listener.code
     return {
         "modules": sorted(module for module in listener.modules if module.startswith("raytracer.")),
         "compiled": listener.modules.total(),
-        "cache_hits": cached,
-        "cache_misses": sum(render_tile.stats.cache_misses.values()),
+        "cache_hits": render_tile.counts["loaded"],
+        "cache_misses": render_tile.counts["compiled"],
         "llvm_size": len(code),
         "calls": {
             symbol: len(re.findall(rf'call [^\n]*@"?{symbol}"?\(', code))

@@ -12,7 +12,7 @@ import pytest
 import typer
 
 from raytracer.analysis.explain import explain
-from raytracer.cli.base.app import app
+from raytracer.cli.base.app import application
 from raytracer.rendering.render import render
 from raytracer.scene.load import load
 from raytracer.scene.overrides import parse_overrides
@@ -117,7 +117,7 @@ def test_files_that_scripts_made_are_what_the_scripts_make() -> None:
 @pytest.mark.parametrize("command", _commands(), ids=lambda command: " ".join(command.words))
 def test_commands_of_the_page_work_and_print_what_it_says(command: Command) -> None:
     verb, scene, *options = command.words
-    parameters = typer.main.get_command(app).commands[verb].params  # type: ignore[attr-defined]
+    parameters = typer.main.get_command(application()).commands[verb].params  # type: ignore[attr-defined]
     known = {name for parameter in parameters for name in parameter.opts}
     assert set(options[::2]) <= known
     keys = [value for option, value in zip(options[::2], options[1::2], strict=True) if option == "-D"]

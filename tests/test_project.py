@@ -20,7 +20,7 @@ import yaml
 
 import raytracer
 from raytracer.analysis.explain import explain
-from raytracer.cli.base.app import app
+from raytracer.cli.base.app import application
 from raytracer.optics.to_yaml import spec_to_plain, to_yaml
 from raytracer.plugins.materials.base.interface import MaterialSpec
 from raytracer.plugins.shapes.base.interface import ShapeSpec
@@ -47,7 +47,7 @@ MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 DOCUMENTS = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
 FAMILIES = (APERTURES, CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES)
 
-COMMANDS = set(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
+COMMANDS = set(typer.main.get_command(application()).commands)  # type: ignore[attr-defined]
 
 
 def _script(name: str) -> ModuleType:
@@ -271,7 +271,7 @@ def test_the_readme_lists_the_commands_that_exist() -> None:
 def test_options_in_the_readme_exist() -> None:
     for text in _fenced(README, ""):
         for command, rest in re.findall(r"^(?:\$ )?rt (\w+)(.*)$", text, re.MULTILINE):
-            found = typer.main.get_command(app).commands[command]  # type: ignore[attr-defined]
+            found = typer.main.get_command(application()).commands[command]  # type: ignore[attr-defined]
             parts = [found, *getattr(found, "commands", {}).values()]
             known = {name for part in parts for parameter in part.params for name in parameter.opts}
             assert set(re.findall(r"(?<=\s)(--[\w-]+|-[a-zA-Z]\b)", rest)) <= known

@@ -180,7 +180,7 @@ def _probe_scene(
         "wavelength": wavelength,
     }
     try:
-        seen = CAMERAS.specs()[camera].model_validate(keys)
+        seen = CAMERAS.spec(camera).model_validate(keys)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         raise InputError(f"{_ARGUMENT_NAMES[str(first['loc'][0])]}: {error_sentence(first)}") from None

@@ -21,6 +21,7 @@ from raytracer.util.signals import WATCH, defer_interrupt, on_hangup
 
 if TYPE_CHECKING:
     from raytracer.rendering.checkpoint import CheckpointWriter
+    from raytracer.rendering.options import RenderOptions
     from raytracer.rendering.progress import Progress, SampleBar
     from raytracer.rendering.session import Rendered
     from raytracer.scene.spec import SceneSpec
@@ -278,37 +279,27 @@ def _check_light_field(path: Path, spec: "SceneSpec", request: _Request) -> None
 
 def _render(request: _Request, spec: "SceneSpec", call: options.Invocation, command: DebugCommand) -> "Rendered":
     """Render the picture, write its files, and report."""
-    from raytracer.rendering.options import RenderOptions
-    from raytracer.rendering.progress import SampleBar
+    from raytracer.core.compiler.compile_progress import watch_compilation
+    from raytracer.rendering.progress import CompileBar, SampleBar
     from raytracer.rendering.render import prepare_scene, render_prepared
 
-    limit = request.time_limit
-    with SampleBar(quiet=request.quiet) as bar:
+    with SampleBar(quiet=request.quiet) as bar, CompileBar(quiet=request.quiet) as compile_bar:
 
         def warn(sentence: str) -> None:
             bar.say(f"rt: warning: {sentence}")
 
         writer = _make_checkpoint_writer(request, bar)
         with on_hangup(writer.request_preview), connect_cluster(request.cluster) as cluster:
-            prepared = prepare_scene(
-                spec,
-                RenderOptions(
-                    spp=request.spp,
-                    seed=request.seed,
-                    threads=request.threads,
-                    crop=request.crop,
-                    noise=request.noise,
-                    time_limit=None if limit is None else max(limit - _EXIT_SECONDS, 0.5 * limit),
-                    aovs=request.aovs,
-                    denoise=request.denoise,
-                    strict=request.strict,
-                    max_memory=request.max_memory,
-                ),
-                load_seconds=time.perf_counter() - call.began,
-                warn=warn,
-                cluster=cluster,
-                with_checkpoints=writer.path is not None,
-            )
+            with watch_compilation(compile_bar.show):
+                prepared = prepare_scene(
+                    spec,
+                    _render_options(request),
+                    load_seconds=time.perf_counter() - call.began,
+                    warn=warn,
+                    cluster=cluster,
+                    with_checkpoints=writer.path is not None,
+                )
+            compile_bar.close()
             # From here on there is something to lose.
             with WATCH.on_first_signal(defer_interrupt):
                 rendered = render_prepared(
@@ -328,9 +319,29 @@ def _render(request: _Request, spec: "SceneSpec", call: options.Invocation, comm
                     is_crop=request.crop is not None,
                     resume=resume,
                     debug=command,
+                    began=call.began,
                 )
                 report.show(quiet=request.quiet, strict=request.strict)
     return rendered
+
+
+def _render_options(request: _Request) -> "RenderOptions":
+    """Return the options of the render itself."""
+    from raytracer.rendering.options import RenderOptions
+
+    limit = request.time_limit
+    return RenderOptions(
+        spp=request.spp,
+        seed=request.seed,
+        threads=request.threads,
+        crop=request.crop,
+        noise=request.noise,
+        time_limit=None if limit is None else max(limit - _EXIT_SECONDS, 0.5 * limit),
+        aovs=request.aovs,
+        denoise=request.denoise,
+        strict=request.strict,
+        max_memory=request.max_memory,
+    )
 
 
 def _make_checkpoint_writer(request: _Request, bar: "SampleBar") -> "CheckpointWriter":

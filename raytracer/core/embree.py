@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 
 import llvmlite.binding
 import numpy as np
-from numba import types
 from numpy.typing import ArrayLike, NDArray
 
+from raytracer.core.compiler.declarations import external_function
 from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.geometry import Geometry, Primitive
 
@@ -366,9 +366,8 @@ def ray_packets(rays: int = PACKET) -> RayPackets:
     return RayPackets(floats, ints, _aligned(np.int32, PACKET))
 
 
-_signature = types.void(types.intp, types.intp, types.intp, types.intp)
-_rtc_intersect8: Any = types.ExternalFunction("rtcIntersect8", _signature)
-_rtc_occluded8: Any = types.ExternalFunction("rtcOccluded8", _signature)
+# Called with the addresses of which lanes are valid, of the scene, of the rays, and of nothing.
+_rtc_intersect8, _rtc_occluded8 = external_function("rtcIntersect8", 4), external_function("rtcOccluded8", 4)
 
 
 @kernel

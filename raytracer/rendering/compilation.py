@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from raytracer.core.compiler.compile_progress import COMPILATION
 from raytracer.core.compiler.lock import compiler_lock
 from raytracer.core.embree import Accel
 from raytracer.kernel.packed_scene import Scene
@@ -74,7 +75,7 @@ def compile_kernel(scene: Scene, target: FilmView, workspace: Workspace | None =
             render_tile(scene, target, buffers, 0, 0, 0, 0, 0, 0)
             return _kernel_count() - before
 
-    return run_in_thread(work)
+    return run_in_thread(work, COMPILATION.report)
 
 
 def _kernel_count() -> int:

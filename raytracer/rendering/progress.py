@@ -3,10 +3,15 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
+from raytracer.core.compiler.compile_progress import CompileProgress
 from raytracer.core.error_estimate import ErrorEstimate
 from raytracer.core.error_estimate.wording import format_percent
 from raytracer.rendering.tile_scheduler import TileQueue, now
 from raytracer.util.progress import Bar
+
+FIRST_COMPILATION = (
+    "rt: this combination of effects is compiled for the first time; later renders have it from the cache"
+)
 
 
 class Progress(NamedTuple):
@@ -41,6 +46,27 @@ class SampleBar(Bar):
         """Show the progress of a render."""
         note = "" if progress.error is None else f"error {format_percent(progress.error)}"
         self.update(progress.done, progress.wanted, note, progress.resumed)
+
+
+class CompileBar(Bar):
+    """A progress bar of the compiler, below a line that says why there is something to compile.
+
+    announcement : the line; None for no line.
+    """
+
+    def __init__(
+        self, *, always: bool = False, quiet: bool = False, announcement: str | None = FIRST_COMPILATION
+    ) -> None:
+        form = "compiling {percentage:3.0f}% |{bar}| {elapsed}{postfix}"
+        super().__init__("%", always=always, quiet=quiet, bar_format=form)
+        self._announcement = None if quiet else announcement
+
+    def show(self, progress: CompileProgress) -> None:
+        """Show the progress of a compilation."""
+        if self._announcement is not None:
+            self.say(self._announcement)
+            self._announcement = None
+        self.update(100.0 * progress.fraction, 100.0, f"{progress.parts} of about {progress.known_parts} parts")
 
 
 class ProgressReporter:

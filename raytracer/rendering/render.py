@@ -1,10 +1,12 @@
 """Render a scene: prepare it (pack, build, compile), take its samples, and develop the picture."""
 
+import contextlib
 import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Unpack
 
+from raytracer.core.compiler.compile_progress import watch_compilation
 from raytracer.core.compiler.lock import compiler_lock
 from raytracer.film.image import Image
 from raytracer.rendering import memory_budget
@@ -13,7 +15,7 @@ from raytracer.rendering.compilation import compile_kernel
 from raytracer.rendering.develop import check_development
 from raytracer.rendering.options import RenderKeywords, RenderOptions, check_keywords, check_options, show_keywords
 from raytracer.rendering.prepared_scene import PreparedScene
-from raytracer.rendering.progress import Progress, SampleBar
+from raytracer.rendering.progress import CompileBar, Progress, SampleBar
 from raytracer.rendering.session import Rendered, RenderSession
 from raytracer.rendering.statistics import PhaseTimer
 from raytracer.rendering.worker_pool import ClusterClient
@@ -62,7 +64,7 @@ def render_image(
     check_keywords(options)
     if "aovs" in options and isinstance(options["aovs"], str):
         options["aovs"] = [options["aovs"]]
-    with SampleBar(always=True) as bar:
+    with SampleBar(always=True) as bar, _compile_bar(progress is True):
         rendered = render(
             load(scene) if isinstance(scene, str | os.PathLike) else scene,
             progress=bar.show if progress is True else progress or None,
@@ -197,6 +199,13 @@ def prepare_scene(
             cache.count_kernels(kernels)
     timer.lap("compile")
     return prepared
+
+
+@contextlib.contextmanager
+def _compile_bar(is_shown: bool) -> Iterator[None]:
+    """Show the compiler's progress in a `with` block, if there is to be a bar."""
+    with CompileBar(always=True, quiet=not is_shown) as bar, watch_compilation(bar.show):
+        yield
 
 
 def _make_checkpoint_writer(checkpoint: str | os.PathLike[str] | None, *, resume: bool) -> CheckpointWriter | None:

@@ -22,7 +22,7 @@ class Film(Spec):
     width: Annotated[int, Count(1, MAX_PIXELS)] = Field(description="Pixels across")
     height: Annotated[int, Count(1, MAX_PIXELS)] = Field(description="Pixels down")
     filter: Filter = Field(
-        default_factory=FILTERS.specs()["box"],
+        default_factory=FILTERS.spec("box"),
         description="Reconstruction filter: a name, or a mapping with its parameters",
     )
     white_balance: WhiteBalanceField | None = Field(

@@ -7,6 +7,7 @@ A type names the dimension of its key: a `Length` is given in metres or with a u
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Annotated, Any, TypeAlias
 
 from pydantic import BeforeValidator, GetCoreSchemaHandler, GetJsonSchemaHandler
@@ -220,10 +221,13 @@ class Triple(Check):
             return (number, number, number)
         raise ValueError(f"must be {self._wanted()}, got {format_value(value)}")
 
-    def _item(self, value: Any, index: int) -> float:
+    @cached_property
+    def _component(self) -> Quantity:
         # Next to a larger one, a component may come as close to 0 as rounding leaves it.
-        tiny = not (self.component.nonzero or self.component.low_open)
-        return check_item(value, replace(self.component, tiny=tiny), (index,))
+        return replace(self.component, tiny=not (self.component.nonzero or self.component.low_open))
+
+    def _item(self, value: Any, index: int) -> float:
+        return check_item(value, self._component, (index,))
 
     def _wanted(self) -> str:
         return f"{self.noun} of three numbers" + (" (or one number for all three)" if self.single else "")

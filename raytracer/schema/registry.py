@@ -1,6 +1,8 @@
 """Registry of families of kinds: one package a family, one module a kind, found by importing the package.
 
-A kind's module defines a `Spec` with `type: Literal["its name"]`; that name is what a scene file writes.
+A kind's module defines a `Spec` with `type: Literal["its name"]`; that name is what a scene file writes.  A module is
+imported, and its model built, when a scene names its kind: of sixty models a scene needs ten, and all of them take a
+quarter of a second.
 """
 
 import importlib
@@ -8,9 +10,9 @@ import pkgutil
 from collections.abc import Mapping
 from functools import cached_property, reduce
 from operator import or_
-from typing import Annotated, Any, Literal, get_args, get_origin
+from typing import Annotated, Any, Literal, Never, get_args, get_origin
 
-from pydantic import BeforeValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, WithJsonSchema
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter, ValidationInfo, WithJsonSchema
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
@@ -33,12 +35,41 @@ class _ByName:
         return {"anyOf": [{"enum": list(self._family.specs())}, handler(schema)]}
 
 
+class _OtherKind(Spec):
+    """A second kind beside any, since a union of one takes no discriminator."""
+
+    type: Literal[""] = ""
+
+
+class _AnyKind:
+    """Annotation of a field that holds any kind of a family, chosen by its key `type`."""
+
+    def __init__(self, family: "Family") -> None:
+        self._family = family
+
+    def _validate(self, value: Any, info: ValidationInfo) -> Any:
+        value = self._family.check_type(value)
+        if isinstance(value, Spec):
+            return value
+        return self._family.adapter(value["type"]).validate_python(value, context=info.context)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.with_info_plain_validator_function(
+            self._validate, serialization=core_schema.plain_serializer_function_ser_schema(lambda value: value)
+        )
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return handler(TypeAdapter(self._family.whole_union()).core_schema)
+
+
 class Family:
     """The kinds of one noun ("shape") in one package ("raytracer.plugins.shapes")."""
 
     def __init__(self, noun: str, package: str) -> None:
         self.noun = noun
         self.package = package
+        self._found: dict[str, Any] = {}
+        self._adapters: dict[str, TypeAdapter[Any]] = {}
 
     @cached_property
     def _specs(self) -> dict[str, type[Spec]]:
@@ -46,15 +77,40 @@ class Family:
         for info in pkgutil.iter_modules(importlib.import_module(self.package).__path__):
             module = importlib.import_module(f"{self.package}.{info.name}")
             for value in vars(module).values():
-                if not (isinstance(value, type) and issubclass(value, Spec) and value.__module__ == module.__name__):
+                if not _is_kind(value, module):
                     continue
-                name = type_name(value)
-                if name is None:
-                    continue
+                name = str(type_name(value))
                 if name in specs:
                     raise TypeError(f"two kinds are called {name!r}: {specs[name]!r} and {value!r}")
                 specs[name] = value
         return dict(sorted(specs.items()))
+
+    @cached_property
+    def modules(self) -> dict[str, str]:
+        """Modules by the names of their kinds, sorted; in families with one kind a module, called as the module is."""
+        found = pkgutil.iter_modules(importlib.import_module(self.package).__path__)
+        return {name: f"{self.package}.{name}" for name in sorted(info.name for info in found if not info.ispkg)}
+
+    def spec(self, name: str) -> Any:
+        """Return the kind of a type name; imports its module alone, if that is called as the kind is.
+
+        Raises
+        ------
+        KeyError: there is no such kind.
+        """
+        if name not in self._found:
+            own = importlib.import_module(self.modules[name]) if name in self.modules else None
+            kinds = [value for value in vars(own).values() if _is_kind(value, own)] if own is not None else []
+            named = [kind for kind in kinds if type_name(kind) == name]
+            self._found[name] = named[0] if named else self.specs()[name]
+        return self._found[name]
+
+    def adapter(self, name: str) -> TypeAdapter[Any]:
+        """Return what validates mappings of a kind, with errors as those of the union of all kinds."""
+        if name not in self._adapters:
+            either: Any = Annotated[self.spec(name) | _OtherKind, Field(discriminator="type")]
+            self._adapters[name] = TypeAdapter(either)
+        return self._adapters[name]
 
     def specs(self) -> dict[str, Any]:
         """Return the kinds' specs by type name, sorted by it; imports every module of the package.
@@ -67,35 +123,67 @@ class Family:
 
     def union(self) -> Any:
         """Make a type for pydantic of all kinds, discriminated by their key `type`; without kinds nothing is valid."""
+        return Annotated[Any, _AnyKind(self)]
+
+    def whole_union(self) -> Any:
+        """Make the type of `union` out of the models of all kinds, for the schema."""
         specs = list(self.specs().values())
         if not specs:
-            return Annotated[Spec, BeforeValidator(self._known_type), WithJsonSchema({"not": {}})]
+            return Annotated[Spec, WithJsonSchema({"not": {}})]
         if len(specs) == 1:
             # A union of one is not a union, and takes no discriminator.
-            return Annotated[specs[0], BeforeValidator(self._known_type)]
-        return Annotated[reduce(or_, specs), Field(discriminator="type"), BeforeValidator(self._known_type)]
+            return specs[0]
+        return Annotated[reduce(or_, specs), Field(discriminator="type")]
 
     def union_or_name(self) -> Any:
         """Make the type of `union` in which a kind's bare name stands for a mapping of that type alone."""
         return Annotated[self.union(), _ByName(self)]
 
-    def _known_type(self, value: Any) -> Any:
-        """Reject a type that names no kind of this family, in the words of YAML instead of pydantic's."""
-        known = self.specs()
+    def check_type(self, value: Any) -> Any:
+        """Reject a type that names no kind of this family, in the words of YAML instead of pydantic's.
+
+        Raises
+        ------
+        ValueError: there is no type, or the value is neither a mapping nor a kind of this family.
+        ValidationError: no kind has this type.
+        """
         if isinstance(value, Spec):
-            if type(value) not in known.values():
+            if not self._has(type(value)):
                 raise ValueError(f"must be {with_article(self.noun)}, got {with_article(class_noun(type(value)))}")
             return value
+        name = value.get("type") if isinstance(value, Mapping) else None
+        if not (isinstance(name, str) and self._has_name(name)):
+            self._refuse(value)
+        return value
+
+    def _refuse(self, value: Any) -> Never:
+        """Say what is wrong with a value that is of no kind."""
+        known = self.specs()
         if not isinstance(value, Mapping):
             raise ValueError(f"must be a mapping with a type ({', '.join(known)}), got {format_value(value)}")  # noqa: TRY004
         if "type" not in value:
             raise ValueError(f"needs a type, one of {', '.join(known)}")
         name = value["type"]
-        if not isinstance(name, str) or name not in known:
-            field_error(
-                "type", f"unknown type of {self.noun} {format_value(name)}; {suggest_name(str(name), known, 'types')}"
-            )
-        return value
+        field_error(
+            "type", f"unknown type of {self.noun} {format_value(name)}; {suggest_name(str(name), known, 'types')}"
+        )
+
+    def _has_name(self, name: str) -> bool:
+        try:
+            self.spec(name)
+        except KeyError:
+            return False
+        return True
+
+    def _has(self, cls: type[Spec]) -> bool:
+        name = type_name(cls)
+        return name is not None and self._has_name(name) and self.spec(name) is cls
+
+
+def _is_kind(value: Any, module: Any) -> bool:
+    """Return True for a spec with a type name that is defined in a module."""
+    is_own = isinstance(value, type) and issubclass(value, Spec) and value.__module__ == module.__name__
+    return is_own and type_name(value) is not None
 
 
 def type_name(spec: type[Spec]) -> str | None:

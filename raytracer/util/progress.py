@@ -40,12 +40,19 @@ class Bar:
 
         before : amount done before the start, which does not count for the speed.
         """
+        if self._is_hidden():
+            return
         if self._bar is None:
             self._bar = tqdm_class()(total=wanted, initial=before, **self._options)
         self._bar.total = wanted
         if note:
             self._bar.set_postfix_str(note, refresh=False)
         self._bar.update(done - self._bar.n)
+
+    def _is_hidden(self) -> bool:
+        """Return True if tqdm would show nothing, and need not be imported."""
+        disable = self._options["disable"]
+        return disable is True or (disable is None and "ipykernel" not in sys.modules and not sys.stderr.isatty())
 
     def say(self, line: str, file: TextIO | None = None) -> None:
         """Print a line above the bar, on stderr if no file is given."""

@@ -54,11 +54,13 @@ def _remove(path: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-def run_in_thread(work: Callable[[], T]) -> T:
+def run_in_thread(work: Callable[[], T], while_waiting: Callable[[], object] | None = None) -> T:
     """Run `work` in a thread while the main thread waits, so that an interrupt ends only the waiting.
 
     For the compiler, which takes a KeyboardInterrupt for a mistake of its own, and may take 20 s.  It goes on after an
     interrupt, unless the process ends: its result serves later callers.
+
+    while_waiting : called by the main thread about ten times a second.
 
     Raises
     ------
@@ -83,6 +85,8 @@ def run_in_thread(work: Callable[[], T]) -> T:
     while worker.is_alive():
         # Without a timeout, an interrupt would not wake Windows.
         worker.join(_POLL_SECONDS)
+        if while_waiting is not None:
+            while_waiting()
     if failures:
         raise failures[0]
     return results[0]

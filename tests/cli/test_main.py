@@ -27,7 +27,7 @@ def good(tmp_path: Path) -> str:
 
 
 def commands() -> list[str]:
-    return [info.name or info.callback.__name__ for info in cli.app.registered_commands if info.callback]
+    return [info.name or info.callback.__name__ for info in cli.application().registered_commands if info.callback]
 
 
 def test_help_imports_nothing_slow() -> None:
@@ -106,7 +106,7 @@ def test_every_failure_is_one_sentence(
     def fail() -> None:
         raise error
 
-    monkeypatch.setattr(cli, "app", app)
+    monkeypatch.setattr(cli, "application", lambda command: app)
     monkeypatch.delenv("RT_TRACEBACK", raising=False)
     assert main(["fail"]) == status
     captured = capsys.readouterr()

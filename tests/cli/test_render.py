@@ -127,7 +127,7 @@ def test_a_time_limit_alone_is_what_was_asked_for(scene: Path, capsys: pytest.Ca
 
 SUMMARY = re.compile(
     r"a\.(npy|exr): 24 x 16, (?P<spp>.+) spp in [\d.]+ s \([\d.e+]+ M samples/s, [\d.e+]+ M rays/s\), "
-    r"(?P<error>relative error .+), (?P<finite>.+ finite)\n"
+    r"(?P<whole>[\d.]+) s in all, (?P<error>relative error .+), (?P<finite>.+ finite)\n"
 )
 
 
@@ -137,6 +137,7 @@ def test_the_summary_says_what_is_known(scene: Path, capsys: pytest.CaptureFixtu
     assert found is not None
     assert found["spp"] == "64"
     assert found["finite"] == "all samples finite"
+    assert float(found["whole"]) > 0.0
     # In percent, the numbers of the file.
     stats = json.loads(Path("a.json").read_text())
     value, low, high = map(float, re.findall(r"\d+\.\d+", found["error"]))
@@ -264,7 +265,7 @@ def test_the_summary_says_why_no_error_is_known(
     spp = {"fewest": fewest, "mean": float(fewest), "most": fewest}
     stats = Stats(seconds={"render": 1.0}, spp=spp, error=error)
     made = Rendered(Image(np.ones((2, 3, 3))), stats, True, interrupted, fewest, None)
-    assert f", {said}, all samples finite" in summarize(made, "a.npy")
+    assert f", {said}, all samples finite" in summarize(made, "a.npy", 2.5)
 
 
 def test_explain_names_every_effect_with_its_reason(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,7 +8,7 @@ import PIL.Image
 import pytest
 from typer.testing import CliRunner
 
-from raytracer.cli.base.app import app
+from raytracer.cli.base.app import application
 from raytracer.film import image_file
 from raytracer.film.light_field import lf
 from raytracer.film.light_field.field import LightField, Rays
@@ -31,14 +31,14 @@ def file(field: LightField, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _run(*arguments: object) -> str:
-    found = CliRunner().invoke(app, ["lightfield", "refocus", *map(str, arguments)], catch_exceptions=False)
+    found = CliRunner().invoke(application(), ["lightfield", "refocus", *map(str, arguments)], catch_exceptions=False)
     assert found.exit_code == 0, found.output
     return found.stdout
 
 
 def _refused(*arguments: object) -> str:
     with pytest.raises(InputError) as caught:
-        CliRunner().invoke(app, ["lightfield", "refocus", *map(str, arguments)], catch_exceptions=False)
+        CliRunner().invoke(application(), ["lightfield", "refocus", *map(str, arguments)], catch_exceptions=False)
     return str(caught.value)
 
 
@@ -82,7 +82,7 @@ def test_rays_that_leave_pixels_black_are_told_of(field: LightField, tmp_path: P
     single = LightField(np.zeros((1, 1, 18, 24, 3)), views(1, 1, width=24, height=18), rays=rays)
     lf.write(tmp_path / "rays.lf", single)
     found = CliRunner().invoke(
-        app,
+        application(),
         ["lightfield", "refocus", str(tmp_path / "rays.lf"), "--method", "rays", "-o", str(tmp_path / "a.png")],
     )
     assert found.exit_code == 0
@@ -115,6 +115,8 @@ def test_what_is_wrong_is_said_in_a_sentence(
 
 
 def test_a_plane_beyond_the_range_is_told_of(file: Path, tmp_path: Path) -> None:
-    found = CliRunner().invoke(app, ["lightfield", "refocus", str(file), "-d", "0.2", "-o", str(tmp_path / "a.png")])
+    found = CliRunner().invoke(
+        application(), ["lightfield", "refocus", str(file), "-d", "0.2", "-o", str(tmp_path / "a.png")]
+    )
     assert "0.2 m is beyond" in found.stderr
     assert "edges out of focus come apart" in found.stderr

@@ -15,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
-from raytracer.cli.base.app import app
+from raytracer.cli.base.app import application
 from raytracer.film import srgb
 from raytracer.film.light_field import lf
 from raytracer.film.light_field.field import LightField, Rays
@@ -520,7 +520,7 @@ def test_a_page_of_81_views_is_under_40_megabytes() -> None:
 def test_on_the_command_line(field: LightField, tmp_path: Path) -> None:
     lf.write(tmp_path / "cards.lf", field)
     run = CliRunner().invoke
-    done = run(app, ["lightfield", "view", str(tmp_path / "cards.lf"), "-o", str(tmp_path / "cards.html")])
+    done = run(application(), ["lightfield", "view", str(tmp_path / "cards.lf"), "-o", str(tmp_path / "cards.html")])
     assert done.exit_code == 0
     assert "wrote" in done.stderr
     assert (tmp_path / "cards.html").read_bytes().startswith(b"<!doctype html>")
@@ -538,6 +538,6 @@ def test_on_the_command_line(field: LightField, tmp_path: Path) -> None:
 def test_what_is_wrong_is_said(tmp_path: Path, arguments: list[str], said: str) -> None:
     from raytracer.util.errors import InputError
 
-    done = CliRunner().invoke(app, ["lightfield", "view", str(tmp_path / "cards.lf"), *arguments])
+    done = CliRunner().invoke(application(), ["lightfield", "view", str(tmp_path / "cards.lf"), *arguments])
     assert isinstance(done.exception, InputError)
     assert said in str(done.exception)

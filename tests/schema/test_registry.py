@@ -82,6 +82,25 @@ def test_of_a_family_without_kinds_nothing_is_valid(package: Path) -> None:
     assert "there are no types" in complaint(Family("thing", "things"), {"type": "sphere"})
 
 
+def test_a_kind_is_imported_when_it_is_named(package: Path) -> None:
+    for name in ("ant", "zebra"):
+        (package / f"{name}.py").write_text(KIND.format(name=name.title(), type=name))
+    (package / "many.py").write_text(KIND.format(name="Gnu", type="gnu"))
+    family = Family("thing", "things")
+    thing = TypeAdapter(family.union()).validate_python({"type": "zebra"})
+    assert "things.ant" not in sys.modules
+    assert family.spec("zebra") is type(thing)
+    # A kind whose module has another name is found by looking into all.
+    assert family.spec("gnu").__name__ == "Gnu"
+    with pytest.raises(KeyError):
+        family.spec("yak")
+
+
+@pytest.mark.parametrize("family", [CAMERAS, MATERIALS, MEDIA, SHAPES, TEXTURES], ids=lambda family: family.noun)
+def test_kinds_of_these_families_are_called_as_their_modules_are(family: Family) -> None:
+    assert family.modules == {name: spec.__module__ for name, spec in family.specs().items()}
+
+
 @pytest.mark.parametrize(
     ("family", "names"),
     [

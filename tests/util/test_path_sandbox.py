@@ -190,9 +190,9 @@ def test_a_marker_that_somebody_else_has_left_does_not_count(home: Path) -> None
 def test_every_command_that_loads_scenes_takes_the_option() -> None:
     import typer.main
 
-    from raytracer.cli.base.app import app
+    from raytracer.cli.base.app import application
 
-    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    commands = typer.main.get_command(application()).commands  # type: ignore[attr-defined]
     found = {name: command for name, command in commands.items() if name != "lightfield"}
     found["lightfield render"] = commands["lightfield"].commands["render"]
     takes = {name for name, command in found.items() if any("--allow-files" in one.opts for one in command.params)}

@@ -34,14 +34,6 @@ _TYPERS_INTERRUPTED = 130
 # modules to import (`cache_locator_classes`) among others, which may have come with the scene.
 _SETTINGS_OF_THE_FOLDER = ".numba_config.yaml"
 
-app = typer.Typer(
-    name="rt",
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-)
-
 
 def _print_version(wanted: bool) -> None:
     if wanted:
@@ -49,7 +41,6 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def options(
     version: Annotated[
         bool, typer.Option("--version", help="Print the version and exit.", callback=_print_version, is_eager=True)
@@ -63,9 +54,20 @@ def options(
         )
 
 
-for _module in pkgutil.iter_modules(raytracer.cli.__path__):
-    if _module.name not in {"base", "main"}:
-        importlib.import_module(f"raytracer.cli.{_module.name}").register(app)
+def application(command: str | None = None) -> typer.Typer:
+    """Make the application with all commands, or with one alone, which is named as its module is."""
+    app = typer.Typer(
+        name="rt",
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    )
+    app.callback()(options)
+    names = [found.name for found in pkgutil.iter_modules(raytracer.cli.__path__) if found.name not in {"base", "main"}]
+    for name in [command] if command in names else names:
+        importlib.import_module(f"raytracer.cli.{name}").register(app)
+    return app
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -137,6 +139,8 @@ def _run(arguments: Sequence[str] | None, began: float) -> int:
     """Run a command that has begun at a time of `time.perf_counter`."""
     call = Invocation(began, tuple(sys.argv[1:] if arguments is None else arguments))
     try:
+        # The other commands are not imported: a tenth of a second.
+        app = application(next(iter(call.words), None))
         status = app(arguments, prog_name="rt", standalone_mode=False, obj=call)
         if status == _TYPERS_INTERRUPTED:
             raise KeyboardInterrupt

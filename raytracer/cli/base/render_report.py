@@ -1,6 +1,7 @@
 """The sentences on stderr about a finished render: what was made, what it took, and what looks wrong."""
 
 import sys
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -30,6 +31,7 @@ class RenderReport(NamedTuple):
     is_crop : only a part of the picture was rendered.
     resume : its checkpoint.
     debug : makes command lines that print the path of a sample.
+    began : the time of `time.perf_counter` when the command began.
     """
 
     rendered: "Rendered"
@@ -39,6 +41,7 @@ class RenderReport(NamedTuple):
     is_crop: bool
     resume: ResumeInfo
     debug: DebugCommand
+    began: float
 
     def show(self, *, quiet: bool, strict: bool) -> None:
         """Print the report; what is wrong with the picture also when quiet.
@@ -57,7 +60,7 @@ class RenderReport(NamedTuple):
         elif self.noise is not None and not rendered.image.radiance.any():
             _say(f"rt: {names} is black, so its relative error says nothing")
         if not quiet:
-            _say(summarize(rendered, names))
+            _say(summarize(rendered, names, time.perf_counter() - self.began))
         if not quiet and checkpoint is not None and not rendered.interrupted:
             size = f"{checkpoint.bytes / _MEGABYTE:.3g} MB"
             _say(f"{checkpoint.path}: all samples ({size}), to which --resume --spp N adds")
@@ -129,8 +132,11 @@ def _show_faults(stats: "Stats", debug: DebugCommand, *, strict: bool) -> None:
         _say(f"rt: {fault}")
 
 
-def summarize(rendered: "Rendered", names: str) -> str:
-    """Return the line about every render: samples, seconds, rates, error, and samples that were not finite."""
+def summarize(rendered: "Rendered", names: str, whole: float) -> str:
+    """Return the line about every render: samples, seconds, rates, error, and samples that were not finite.
+
+    whole (s) : time of the whole command.
+    """
     from raytracer.core.error_estimate.wording import format_percent
     from raytracer.film.negative_pixels import describe_negative_pixels
 
@@ -145,7 +151,7 @@ def summarize(rendered: "Rendered", names: str) -> str:
     if resumed:
         spp += f", {resumed / (height * width):.4g} of them before,"
     parts = [
-        f"{names}: {width} x {height}, {spp} in {seconds:.2f} s ({rates})",
+        f"{names}: {width} x {height}, {spp} in {seconds:.2f} s ({rates}), {whole:.2f} s in all",
         _describe_error(rendered),
         _count_not_finite(stats.nan_samples),
     ]

@@ -1,21 +1,18 @@
-"""Cache policy: in which folder compiled kernels lie, which sources they depend on, and what Numba keeps there."""
+"""Cache policy: in which folder compiled kernels lie, and which sources and processor they depend on."""
 
 import contextlib
+import functools
 import getpass
-import hashlib
+import importlib.util
 import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-import numba
-from numba.core.caching import CompileResultCacheImpl, FunctionCache
-from numba.core.serialize import dumps
+import llvmlite.binding
 
-from raytracer.core.compiler.kernel_files import KernelFiles, make_folder, source_hash
+from raytracer.core.compiler.kernel_files import make_folder, source_hash
 
 _PACKAGE = Path(__file__).parents[2]
 
@@ -24,10 +21,28 @@ WITH_KERNELS = ("core", "kernel", "optics", "plugins")
 
 _MAX_FOLDERS = 4
 
+# Processors that Numba uses no AVX of by default.
+_AVX_OFF = ("corei7-avx", "core-avx-i", "sandybridge", "ivybridge")
+
 
 def _source_hash() -> str:
     """Hash the kernels' sources, since Numba does not notice an edited callee, and the compilers' versions."""
-    return source_hash(*(_PACKAGE / name for name in WITH_KERNELS), versions=(numba.__version__,))[:16]
+    return source_hash(*(_PACKAGE / name for name in WITH_KERNELS), versions=_versions())[:16]
+
+
+def _versions() -> tuple[str, ...]:
+    """Read the versions of the compiler from its packages' own files, without importing them."""
+    return tuple(_version_text(name) for name in ("numba", "llvmlite"))
+
+
+def _version_text(package: str) -> str:
+    spec = importlib.util.find_spec(package)
+    if spec is None or spec.origin is None:
+        raise ImportError(f"the package {package}, which compiles kernels, is not installed")
+    try:
+        return Path(spec.origin).with_name("_version.py").read_text(encoding="utf-8")
+    except OSError:
+        return str(importlib.import_module(package).__version__)
 
 
 def _cache_root() -> Path:
@@ -67,46 +82,18 @@ CACHE_FOLDER = _make_cache_folder()
 
 def processor() -> str:
     """Name the target of the compiler: platform, processor and instruction set.  Equal targets give equal bits."""
-    from numba.core.registry import cpu_target
+    cpu = llvmlite.binding.get_host_cpu_name()
+    if "numba" in sys.modules or cpu in _AVX_OFF or any(name.startswith("NUMBA_") for name in os.environ):
+        # Numba has settings of its own for this.
+        from numba.core.registry import cpu_target
 
-    return " ".join(cpu_target.target_context.codegen().magic_tuple())
-
-
-class _CacheLocator:
-    """A locator that has Numba cache in our folder; its own locators raise an error if they find no folder."""
-
-    def __init__(self, py_file: str) -> None:
-        self._py_file = py_file
-
-    @classmethod
-    def from_function(cls, function: Callable[..., Any], py_file: str) -> "_CacheLocator":
-        return cls(py_file)
-
-    def get_cache_path(self) -> str:
-        return str(CACHE_FOLDER)
-
-    def ensure_cache_path(self) -> None:
-        """Return at once: `KernelFiles` makes the folder when it saves a file."""
-
-    def get_source_stamp(self) -> str:
-        # The folder is for the package's sources; other modules, such as tests, are distinguished by their own.
-        return hashlib.sha256(Path(self._py_file).read_bytes()).hexdigest()[:16]
-
-    get_disambiguator = get_source_stamp
+        return " ".join(cpu_target.target_context.codegen().magic_tuple())
+    features = llvmlite.binding.get_host_cpu_features().flatten()
+    return f"{llvmlite.binding.get_process_triple()} {cpu} {features}"
 
 
-class _CacheContent(CompileResultCacheImpl):
-    """The cached content of a function, located by `_CacheLocator`."""
-
-    _locator_classes: Any = (_CacheLocator,)
-
-
-class KernelCache(FunctionCache):
-    """Numba's cache of one function, in files of `KernelFiles`."""
-
-    _impl_class = _CacheContent
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        super().__init__(function)
-        self.files = KernelFiles(CACHE_FOLDER, self._impl.filename_base, dumps)
-        self._cache_file: Any = self.files
+@functools.cache
+def compiler_target() -> str:
+    """Describe what machine code depends on besides sources: the target, and the settings of Numba and LLVM."""
+    settings = sorted(f"{name}={value}" for name, value in os.environ.items() if name.startswith("NUMBA_"))
+    return " ".join((processor(), *settings))

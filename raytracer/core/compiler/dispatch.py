@@ -5,71 +5,16 @@ function, chosen when a scene is compiled by the NamedTuple class of its first a
 thing therefore holds no code for it.
 """
 
-import contextlib
 import functools
-import gc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, TypeVar
 
-import numba
-import numpy as np
-from numba import types
+from raytracer.core.compiler.declarations import declare_part
+from raytracer.core.compiler.entry import entry
 
-from raytracer.core.compiler.cache import KernelCache
-from raytracer.core.compiler.lock import compiler_lock
-from raytracer.core.compiler.part_cache import write_parts
-from raytracer.core.compiler.parts import declare_part
-from raytracer.core.compiler.passes import OPTIONS
-from raytracer.util.signals import run_in_thread
+__all__ = ["each", "entry", "fold", "generic", "kernel", "kernel_overload", "optional", "routine", "switch"]
 
 F = TypeVar("F", bound=Callable[..., Any])
-
-
-def entry(function: Callable[..., Any]) -> Any:
-    """Compile a function that Python calls: it releases the interpreter lock, and is cached on disk.
-
-    If several processes need it for the same types, one compiles it and the others wait.
-    """
-    compiled = numba.njit(nogil=True, **OPTIONS)(function)
-    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
-        return compiled
-    cache, compile_now = KernelCache(function), compiled.compile
-    compiled._cache = cache
-
-    def compile_alone(signature: tuple[types.Type, ...]) -> Any:
-        with (
-            compiler_lock,
-            cache.files.compile_lock(cache._index_key(signature, compiled.targetctx.codegen())),
-            _without_collector(),
-        ):
-            try:
-                return compile_now(signature)
-            finally:
-                write_parts()
-
-    def compile_interruptibly(signature: tuple[types.Type, ...]) -> Any:
-        # A thread that compiles already holds the lock, for which another thread would have to wait.
-        return (
-            compile_alone(signature) if compiler_lock.is_locked() else run_in_thread(lambda: compile_alone(signature))
-        )
-
-    compiled.compile = compile_interruptibly
-    return compiled
-
-
-@contextlib.contextmanager
-def _without_collector() -> Iterator[None]:
-    """Leave cycles of garbage in memory meanwhile: of the many objects of a compiler few are garbage.
-
-    Looking through them took 0.4 of 3.6 s for the cover, 2.4 of 15.1 s for studio, which needs 140 MB more without.
-    """
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
 
 
 def kernel(function: F) -> F:
@@ -78,14 +23,7 @@ def kernel(function: F) -> F:
     Not a Numba dispatcher: that would compile wrappers for Python around each of hundreds of small functions, which
     took 9.5 s for the cover scene where this took 5.8 s.  Called from Python, it is compiled by itself, at need.
     """
-    compiled = numba.njit(**OPTIONS)(function)
-
-    @functools.wraps(function)
-    def from_python(*args):
-        return compiled(*args)
-
-    declare_part(from_python, lambda *args: function)
-    return from_python  # type: ignore[return-value]
+    return _part(function, inline=True)
 
 
 def routine(function: F) -> F:
@@ -93,22 +31,22 @@ def routine(function: F) -> F:
 
     The kernel of a scene with noise in three parameters of materials is a tenth smaller so, and no slower.
     """
-    compiled = numba.njit(**OPTIONS)(function)
+    return _part(function, inline=False)
+
+
+def _part(function: F, *, inline: bool) -> F:
+    @functools.cache
+    def compiled() -> Any:
+        from raytracer.core.compiler.parts import jitted
+
+        return jitted(function)
 
     @functools.wraps(function)
     def from_python(*args):
-        return compiled(*args)
+        return compiled()(*args)
 
-    declare_part(from_python, lambda *args: function, inline=False)
+    declare_part(from_python, lambda *args: function, inline=inline)
     return from_python  # type: ignore[return-value]
-
-
-def _class_of(numba_type: types.Type) -> type | None:
-    """Return the Python class of what has a type in kernels, as far as cases are registered for it."""
-    for family, cls in ((types.NoneType, type(None)), (types.Array, np.ndarray), (types.BaseTuple, tuple)):
-        if isinstance(numba_type, family):
-            return getattr(numba_type, "instance_class", cls)
-    return None
 
 
 def generic(stub: Callable[..., Any]) -> Any:
@@ -120,8 +58,10 @@ def generic(stub: Callable[..., Any]) -> Any:
     """
     dispatcher = functools.singledispatch(stub)
 
-    def choose(first: types.Type) -> Callable[..., Any] | None:
-        cls = _class_of(first)
+    def choose(first: Any) -> Callable[..., Any] | None:
+        from raytracer.core.compiler.parts import class_of
+
+        cls = class_of(first)
         case = dispatcher.dispatch(cls) if cls is not None else stub
         return None if case is stub else case
 

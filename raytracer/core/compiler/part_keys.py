@@ -11,7 +11,7 @@ from numba import types
 from numba.core import config
 
 from raytracer.core.compiler.cache import WITH_KERNELS, processor
-from raytracer.core.compiler.intrinsics import Shared
+from raytracer.core.compiler.lowered_intrinsics import Shared
 
 _PREFIXES = tuple(f"raytracer.{name}." for name in WITH_KERNELS)
 

@@ -7,6 +7,8 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import numba
+import numpy as np
 from numba import types
 from numba.core.errors import TypingError
 from numba.core.funcdesc import FunctionDescriptor
@@ -14,9 +16,12 @@ from numba.core.registry import cpu_target
 from numba.core.typing.templates import AbstractTemplate, Signature, fold_arguments, infer_global, signature
 from numba.core.utils import pysignature  # type: ignore[attr-defined]
 
+from raytracer.core.compiler.compile_progress import COMPILATION
+from raytracer.core.compiler.declarations import compiler_loaded
 from raytracer.core.compiler.part_cache import StoredPart, load_part, save_part
 from raytracer.core.compiler.part_keys import digest, part_key
-from raytracer.core.compiler.passes import lower_part
+from raytracer.core.compiler.part_library import PartLibrary
+from raytracer.core.compiler.passes import OPTIONS, lower_part
 from raytracer.core.compiler.trivial_parts import trivial_part
 
 _numbers = itertools.count()
@@ -102,6 +107,27 @@ def declare_part(function: Callable[..., Any], choose: Callable[..., Any], *, in
     infer_global(function, types.Function(template))
 
 
+def lower_entry(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[FunctionDescriptor, PartLibrary]:
+    """Lower a function that Python calls, and all that it calls; returns what Numba must know of it, and its code."""
+    given = _fold(pysignature(function), arguments)
+    name = _name(function, None)
+    stored = lower_part(function, given, name, inline=True)
+    return _descriptor(function, given, name, stored, inline=True), stored.library
+
+
+def jitted(function: Callable[..., Any]) -> Any:
+    """Make Numba's own compiled function of a part, for calls from Python."""
+    return numba.njit(**OPTIONS)(function)
+
+
+def class_of(numba_type: types.Type) -> type | None:
+    """Return the Python class of what has a type in kernels, as far as cases are registered for it."""
+    for family, cls in ((types.NoneType, type(None)), (types.Array, np.ndarray), (types.BaseTuple, tuple)):
+        if isinstance(numba_type, family):
+            return getattr(numba_type, "instance_class", cls)
+    return None
+
+
 def _compile_part(function: Callable[..., Any], given: tuple[Any, ...], *, inline: bool) -> _Part:
     """Compile an implementation for types of arguments, or load it, and tell Numba of it."""
     python_signature = pysignature(function)
@@ -150,6 +176,7 @@ def _stored_part(
             save_part(stored, key)
     else:
         counts["loaded"] += 1
+    COMPILATION.add_part()
     return stored
 
 
@@ -178,3 +205,6 @@ def _name(function: Callable[..., Any], key: str | None) -> str:
     """Name the LLVM function of a part; without a key, no other of this process has the name."""
     plain = re.sub(r"[^A-Za-z0-9_]+", ".", function.__qualname__)
     return f"part.{plain}.{next(_numbers) if key is None else digest(key)}"
+
+
+compiler_loaded(declare_part)

@@ -7,9 +7,21 @@ from typing import Any
 from raytracer.scene.assets import gltf
 from raytracer.scene.assets.grids import read_grid
 from raytracer.scene.assets.images import Image, file_of, read_image
-from raytracer.scene.assets.lenses import read_lens
 from raytracer.scene.assets.meshes import Mesh, read_mesh, smooth_normals
 from raytracer.scene.assets.placements import read_placements
+
+
+def read_lens(path: Path) -> Any:
+    """Read the lens of a file, as `lenses.read_lens` does: the optics of lenses are imported for scenes that have one.
+
+    Raises
+    ------
+    SceneError : it cannot be read, or is wrong; the error names file, line and key.
+    """
+    from raytracer.scene.assets import lenses
+
+    return lenses.read_lens(path)
+
 
 LOADERS: Mapping[str, Callable[[Path], Any]] = {
     "grid": read_grid,

@@ -68,8 +68,7 @@ def _media_kinds(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
     packed = {type(table).__module__ for table in scene.media.tables} if scene.media is not None else set()
     used = _kinds("medium", MEDIA, (spec.media[name].type for name in _media(spec)), "use")
     return {
-        f"medium.{kind}": Effect(cls.__module__ in packed, used[f"medium.{kind}"].why)
-        for kind, cls in MEDIA.specs().items()
+        f"medium.{kind}": Effect(module in packed, used[f"medium.{kind}"].why) for kind, module in MEDIA.modules.items()
     }
 
 
@@ -117,9 +116,9 @@ def _materials(by_object: Sequence[Sequence[MaterialSpec]], scene: Scene) -> dic
     tables = (*scene.materials, *(scene.selectors.tables if scene.selectors is not None else ()))
     packed = {type(table).__module__ for table in tables}
     effects = {}
-    for kind, cls in MATERIALS.specs().items():
+    for kind, module in MATERIALS.modules.items():
         number = numbers[kind]
-        active = cls.__module__ in packed
+        active = module in packed
         added = ", and in the file of a mesh" if active and not number else ""
         effects[f"material.{kind}"] = Effect(active, f"{count(number, 'object')} of {len(by_object)}{added}")
     return effects
@@ -131,9 +130,9 @@ def _textures(spec: SceneSpec, made_of: Sequence[MaterialSpec], scene: Scene) ->
     kinds = [(spec.textures[value] if isinstance(value, str) else value).type for value in asked]
     packed = {type(table).__module__ for table in scene.textures or ()}
     effects = {}
-    for kind, cls in TEXTURES.specs().items():
+    for kind, module in TEXTURES.modules.items():
         number = kinds.count(kind)
-        active = cls.__module__ in packed
+        active = module in packed
         added = ", and in the file of a mesh" if active and not number else ""
         effects[f"texture.{kind}"] = Effect(active, f"{count(number, 'parameter')} of materials{added}")
     return effects
@@ -163,5 +162,5 @@ def _kinds(noun: str, family: Family, present: Iterable[str], user: str = "objec
     names = list(present)
     return {
         f"{noun}.{kind}": Effect(kind in names, f"{count(names.count(kind), user)} of {len(names)}")
-        for kind in family.specs()
+        for kind in family.modules
     }

@@ -48,14 +48,14 @@ def object_material(spec: SceneSpec, item: ShapeSpec) -> MaterialSpec:
     if isinstance(item.material, str):
         return resolve_material(spec.materials[item.material], spec.materials)
     default = DEFAULT_MATERIAL if item.medium is None else INVISIBLE
-    material = item.material or MATERIALS.specs()[default]()
+    material = item.material or MATERIALS.spec(default)()
     assert isinstance(material, MaterialSpec)
     return resolve_material(material, spec.materials)
 
 
 def _invisible(material: MaterialSpec) -> MaterialSpec:
     """Make the invisible material in place of one, which keeps out a medium if that one does."""
-    invisible = MATERIALS.specs()[INVISIBLE](clear=material.has_interior())
+    invisible = MATERIALS.spec(INVISIBLE)(clear=material.has_interior())
     assert isinstance(invisible, MaterialSpec)
     return invisible
 
@@ -114,7 +114,7 @@ def mesh_materials(
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             # pydantic's path holds the names of kinds, too.
-            below = path_text(tuple(step for step in first["loc"] if step not in MATERIALS.specs()))
+            below = path_text(tuple(step for step in first["loc"] if step not in MATERIALS.modules))
             wrong = f"{name}: has material {number}, counted from 0, whose {below} {error_sentence(first)}"
             raise spec.error(wrong, *keys, *path) from None
         assert isinstance(checked, MaterialSpec)
@@ -150,7 +150,7 @@ def pack_materials(used: Sequence[MaterialSpec], interfaces: Sequence[Hashable],
             of_kind.setdefault((part, space), len(of_kind))
     # Boundaries alone make no table of materials, but kernels need one.
     if all(_is_selector(of_kind) for of_kind in rows.values()):
-        plain = MATERIALS.specs()[DEFAULT_MATERIAL]()
+        plain = MATERIALS.spec(DEFAULT_MATERIAL)()
         rows[plain.type] = {(plain, interfaces[0]): 0}
     order = sorted(rows, key=lambda kind: (_is_selector(rows[kind]), kind))
 

@@ -5,6 +5,7 @@ import os
 import re
 import sys
 from collections.abc import Callable
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 
 import pytest
@@ -93,8 +94,24 @@ def _is_stored(name: ast.Name) -> bool:
 def test_other_numba_versions_have_another_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cache, "_PACKAGE", _package(tmp_path / "package"))
     before = cache._source_hash()
-    monkeypatch.setattr("numba.__version__", "0.0.1")
+    other = tmp_path / "numba" / "__init__.py"
+    other.parent.mkdir()
+    other.with_name("_version.py").write_text("version = '0.0.1'\n")
+    # Without importing it: a kernel that is there needs no compiler.
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: ModuleSpec(name, None, origin=str(other)))
     assert cache._source_hash() != before
+
+
+def test_the_processor_is_called_as_numba_calls_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    from numba.core.registry import cpu_target
+
+    expected = " ".join(cpu_target.target_context.codegen().magic_tuple())
+    assert cache.processor() == expected
+    with monkeypatch.context() as patch:
+        patch.delitem(sys.modules, "numba")
+        for name in [name for name in os.environ if name.startswith("NUMBA_")]:
+            patch.delenv(name)
+        assert cache.processor() == expected
 
 
 def test_old_caches_are_dropped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 import pytest
 from numba import types
@@ -189,7 +190,7 @@ def test_functions_and_classes_outside_the_hashed_sources_have_no_keys() -> None
     assert part_key(dot, (types.float64,), inline=True) is not None
     assert part_key(_plus, (types.float64,), inline=True) is None
     assert part_key(dot, (types.NamedUniTuple(types.float64, 2, _Pair),), inline=True) is None
-    assert part_key(dot, (types.Dispatcher(entry(_plus)),), inline=True) is None
+    assert part_key(dot, (types.Dispatcher(numba.njit(_plus)),), inline=True) is None
 
 
 def test_kernels_of_one_name_do_not_collide() -> None:

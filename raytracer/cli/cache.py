@@ -1,0 +1,53 @@
+"""`rt cache`: shows what the cache of compiled kernels holds, and clears it."""
+
+import sys
+from typing import Annotated
+
+import typer
+
+from raytracer.cli.base import options
+from raytracer.util.errors import OutputError
+
+EXAMPLE = """\b
+Example:
+  rt cache
+  rt cache --json
+  rt cache --clear
+"""
+
+_MEGABYTE = 1e6
+
+
+def cache(
+    clear: Annotated[bool, typer.Option("--clear", help="Remove all kernels; the next renders compile anew.")] = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Show where compiled kernels are kept, how many there are, and how large, or remove them.
+
+    RAYTRACER_CACHE_DIR names another folder.
+    """
+    from datetime import datetime
+
+    from raytracer.core.compiler.cache_contents import cache_contents, clear_cache
+
+    held = cache_contents()
+    if clear:
+        left = clear_cache()
+        if left.kernels or left.parts:
+            raise OutputError(f"{left.folder}: {left.kernels} kernels and {left.parts} parts cannot be removed")
+        size = f"{held.bytes / _MEGABYTE:.1f} MB"
+        print(f"{held.folder}: removed {held.kernels} kernels and {held.parts} parts, {size}", file=sys.stderr)
+        held = left
+    if as_json:
+        import json
+
+        print(json.dumps({**held._asdict(), "folder": str(held.folder)}, indent=2))
+    elif not clear:
+        oldest = "-" if held.oldest is None else f"{datetime.fromtimestamp(held.oldest):%Y-%m-%d %H:%M}"
+        print(f"folder   {held.folder}\nkernels  {held.kernels}\nparts    {held.parts}")
+        print(f"size     {held.bytes / _MEGABYTE:.1f} MB\noldest   {oldest}")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command(epilog=EXAMPLE)(cache)

@@ -1,0 +1,55 @@
+"""`rt warm`: compiles the kernels of scenes, and renders nothing."""
+
+import time
+from typing import Annotated
+
+import typer
+
+from raytracer.cli.base import options
+
+EXAMPLE = """\b
+Example:
+  rt warm scenes/*.yaml
+  rt warm scenes/cover.yaml -D camera.defocus_angle=0
+  rt warm scenes/cornell.yaml --aov depth,normal --denoise
+"""
+
+
+def warm(
+    scenes: Annotated[list[str], typer.Argument(metavar="SCENE", help="Scene files.")],
+    define: options.Define = None,
+    allow_files: options.AllowFiles = None,
+    aov: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME,...", help="AOVs that the renders will record; may repeat.  See docs/aovs.md."),
+    ] = None,
+    denoise: Annotated[bool, typer.Option("--denoise", help="The renders will be denoised.")] = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Compile what renders of these scenes need, so that they begin at once: in CI, a container's image, or a cluster.
+
+    Effects, `-D`, AOVs and denoising decide what is compiled; the size of the picture, spp, depth and seed do not.
+    """
+    from raytracer.core.compiler.cache_contents import check_cache
+    from raytracer.core.compiler.compile_progress import COMPILATION, watch_compilation
+    from raytracer.rendering.options import RenderOptions
+    from raytracer.rendering.progress import CompileBar
+    from raytracer.rendering.render import prepare_scene
+    from raytracer.scene.load import load
+    from raytracer.scene.overrides import parse_overrides
+
+    check_cache()
+    wanted = RenderOptions(aovs=options.parse_aovs(aov or [], None), denoise=denoise)
+    for scene in scenes:
+        spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])
+        compiled, began = COMPILATION.count, time.perf_counter()
+        with CompileBar(quiet=quiet, announcement=None) as bar, watch_compilation(bar.show):
+            prepare_scene(spec, wanted)
+        took = f"compiled in {time.perf_counter() - began:.1f} s"
+        if not quiet:
+            print(f"{scene}: {took if COMPILATION.count > compiled else 'was in the cache'}", flush=True)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command(epilog=EXAMPLE)(warm)

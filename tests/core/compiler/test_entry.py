@@ -1,0 +1,191 @@
+"""Entries: what Python calls, loaded from the cache without the compiler."""
+
+import enum
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+import pytest
+
+from raytracer.core.compiler import build_entry, machine_code
+from raytracer.core.compiler.arguments import pack_argument, stable_text
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.compiler.machine_code import MachineCode
+
+
+class Pair(NamedTuple):
+    left: Any
+    right: Any
+
+
+class OtherPair(NamedTuple):
+    left: Any
+    right: Any
+
+
+class Order(enum.IntEnum):
+    FIRST = 1
+
+
+def _read_only() -> np.ndarray[Any, Any]:
+    array = np.zeros(3)
+    array.flags.writeable = False
+    return array
+
+
+VALUES: tuple[Any, ...] = (
+    *(None, True, 1, 2**63, 1.5, np.float32(1.5), np.int32(1), np.uint8(1), np.int64(1), np.float64(1.0), Order.FIRST),
+    *(
+        np.bool_(True),
+        (),
+        (1,),
+        (1, 2),
+        (1, 2.0),
+        (1.0, 2.0),
+        Pair(1, 2),
+        Pair(1.0, 2),
+        OtherPair(1, 2),
+        ((1, 2), None),
+    ),
+    *(np.zeros(3), np.zeros(3, np.float32), np.zeros((3, 3)), np.zeros((3, 3)).T, np.asfortranarray(np.zeros((3, 2)))),
+    *(np.zeros((4, 4))[::2, ::2], _read_only(), np.zeros(2, [("a", "f8"), ("b", "i4")]), np.zeros(2, [("c", "f8")])),
+)
+
+
+def test_types_of_arguments_are_those_that_numba_tells_apart() -> None:
+    for first in VALUES:
+        for second in VALUES:
+            same = numba.typeof(first) == numba.typeof(second)
+            assert (pack_argument(first).kind == pack_argument(second).kind) == same, (first, second)
+            stable = stable_text(pack_argument(first).kind) == stable_text(pack_argument(second).kind)
+            assert stable == same, (first, second)
+
+
+def test_what_a_kernel_cannot_take_is_said() -> None:
+    with pytest.raises(TypeError, match="a kernel takes numbers, arrays and tuples of them, not str"):
+        pack_argument((1, "x"))
+
+
+@entry
+def total(numbers, flags, rows, nested):
+    """Sum everything, by the place where it stands."""
+    result = 10.0 * numbers.left + 100.0 * numbers.right
+    if flags[0]:
+        result += 1000.0
+    if flags[1]:
+        result += 1e9
+    for i in range(rows.shape[0]):
+        for j in range(rows.shape[1]):
+            result += 1e4 * (i + 1) * (j + 2) * rows[i, j]
+    return result + nested[0][0] + 0.5 * nested[1][1]
+
+
+@pytest.mark.parametrize("layout", [np.array, np.asfortranarray, lambda rows: np.repeat(rows, 2, axis=1)[:, ::2]])
+def test_arguments_arrive_where_they_belong(layout: Any) -> None:
+    rows = layout(np.arange(6.0).reshape(2, 3))
+    arguments = Pair(3, np.float32(0.5)), (True, np.bool_(False)), rows, ((np.int8(-7), None), (None, np.uint16(8)))
+    assert total(*arguments) == total.__wrapped__(*arguments)
+
+
+@entry
+def everything(x):
+    """Return a number of each kind."""
+    return (int(x), x, x > 1.0, None, Pair((x, -3), ()))
+
+
+def test_results_are_what_the_function_returns() -> None:
+    result = everything(2.5)
+    assert result == (2, 2.5, True, None, Pair((2.5, -3), ()))
+    assert [type(item) for item in result] == [int, float, bool, type(None), Pair]
+
+
+def test_a_tuple_is_packed_once_and_its_arrays_are_read_anew() -> None:
+    @entry
+    def first(rows, scale):
+        return scale * rows[0][0]
+
+    rows = (np.ones(2),)
+    assert first(rows, 2.0) == 2.0
+    rows[0][0] = 5.0
+    assert first(rows, 3.0) == 15.0
+    assert first((np.full(2, 7.0),), 1.0) == 7.0
+    assert first((np.full(2, 7, np.int32),), 1.0) == 7.0
+    assert len(first.signatures) == 2
+
+
+def test_empty_tuples_and_files_in_memory_are_arguments_too(tmp_path: Path) -> None:
+    @entry
+    def third(nothing, rows, more):
+        return rows[2] + len(nothing) + len(more[1])
+
+    rows = np.memmap(tmp_path / "rows", dtype=np.float64, mode="w+", shape=(3,))
+    rows[:] = (1.0, 2.0, 3.0)
+    assert third((), rows, (2.0, (), None)) == 3.0
+
+
+def test_another_layout_of_arguments_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    @entry
+    def first(rows):
+        return rows[0]
+
+    monkeypatch.setattr(build_entry, "pack_argument", lambda value: pack_argument((value, 1)))
+    with pytest.raises(RuntimeError, match=r"arguments are 8 words, and Numba .* takes 7"):
+        first(np.ones(2))
+
+
+def test_an_error_within_a_kernel_is_an_error() -> None:
+    @entry
+    def refuse(x):
+        if x > 1.0:
+            raise ValueError
+        return x
+
+    assert refuse(0.5) == 0.5
+    with pytest.raises(RuntimeError, match="a kernel ended with status"):
+        refuse(2.0)
+
+
+def test_code_that_calls_what_is_not_there_is_not_linked() -> None:
+    # LLVM would end the process.
+    code = MachineCode("call", 0, machine_code.Result("", None), ("no_library_has_this",), b"")
+    assert machine_code.load(code) is None
+
+
+def test_types_of_a_function_have_no_place_in_the_cache() -> None:
+    class Local(NamedTuple):
+        x: float
+
+    assert stable_text(pack_argument(Local(1.0)).kind) is None
+    assert stable_text(pack_argument((1, Pair(None, 2.0))).kind) is not None
+
+
+_PROGRAM = """
+import sys
+import numpy as np
+from raytracer.core.compiler.dispatch import entry
+from raytracer.core.simd import WIDTH, load, store
+from raytracer.core.vec import dot
+
+@entry
+def program(rows, out):
+    store(out, 0, 2.0 * load(rows, 0))
+    return dot((rows[0, 0], rows[0, 1], 0.0), (1.0, 2.0, 3.0))
+
+rows, out = np.arange(1.0, WIDTH + 1.0).reshape(1, WIDTH), np.empty((1, WIDTH))
+print(program(rows, out), out.sum(), program.counts["loaded"], "numba" in sys.modules)
+"""
+
+
+def test_a_kernel_from_the_cache_needs_no_compiler(tmp_path: Path) -> None:
+    (tmp_path / "program.py").write_text(_PROGRAM)
+    own = {"RAYTRACER_CACHE_DIR": str(tmp_path / "cache"), "RAYTRACER_KEY_DIR": str(tmp_path / "key")}
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")} | own
+    command = [sys.executable, str(tmp_path / "program.py")]
+    printed = [
+        subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout for _ in range(2)
+    ]
+    assert printed == ["5.0 72.0 0 True\n", "5.0 72.0 1 False\n"]
