@@ -3,6 +3,7 @@
 from raytracer.kernel.packed_scene import Scene
 from raytracer.plugins.lights.background import Background
 from raytracer.plugins.lights.base.interface import Lights, LightSamplingOnly
+from raytracer.plugins.lights.base.light_tree import count_lights
 from raytracer.plugins.lights.emitters import Emitters
 from raytracer.scene.effects.effect import Effect, count
 from raytracer.scene.pack.lights import lights_of
@@ -33,7 +34,7 @@ def _why_light_sampling(spec: SceneSpec, scene: Scene, emitting: int) -> str:
             elif isinstance(table, Background):
                 parts.append("the environment")
             else:
-                parts.append(count(len(table.choice.pmf), f"{type(table).__module__.rpartition('.')[2]} light"))
+                parts.append(count(count_lights(table.choice), f"{type(table).__module__.rpartition('.')[2]} light"))
         alone = (
             "; paths that hit them by chance do not count"
             if isinstance(scene.lights.heuristic, LightSamplingOnly)
