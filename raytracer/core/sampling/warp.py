@@ -59,7 +59,7 @@ def guide_table(cumulative: NDArray[np.float64]) -> NDArray[np.int32]:
     n = cumulative.shape[1]
     starts = np.arange(n) / n
     rows = [np.searchsorted(row, starts, side="right") for row in cumulative]
-    return np.minimum(np.array(rows), n - 1).astype(np.int32)
+    return np.asarray(np.minimum(np.array(rows), n - 1), np.int32)
 
 
 @kernel
