@@ -13,7 +13,7 @@ from raytracer.core.sampling.hashing import unit_interval
 from raytracer.film.film import Film
 from raytracer.kernel.path_state import workspace
 from raytracer.kernel.pixel_accumulator import FilmView, accumulate
-from raytracer.kernel.russian_roulette import russian_roulette
+from raytracer.kernel.russian_roulette import LEAST_THROUGHPUT, russian_roulette
 from raytracer.plugins.materials.base.interface import Draws, scatter
 from raytracer.plugins.materials.lambertian import Lambertian
 from raytracer.rendering.film_region import film_view
@@ -54,23 +54,25 @@ def roulette_above_one(paths: int) -> list[Measured]:
     """Russian roulette with a throughput of 1.7.
 
     Naive: the throughput is taken for the probability, and its path, which always survives, goes on with 1.7 / 1.7.
-    Clamped at 1, the path goes on as it is, exactly.  Below 1 the mean must stay what it was: within 5 standard
-    deviations sqrt(q (1 - q) / N) of q, where naive paths that are not weighted up leave q^2.
+    Clamped at 1, the path goes on as it is, exactly.  Below 1 the mean must stay what it was: of paths of 0.1 that
+    survive with q = 0.4, within 5 standard deviations 0.1 sqrt((1 / q - 1) / N), where naive paths, not weighted up,
+    leave 0.1 q.
     """
     sampler = SAMPLERS["independent"](1, 1)
     weights = np.empty(paths)
     _survivors(_Rule(0), sampler, 1.7, weights)
-    q = 0.3
+    throughput = 0.1
+    q = throughput / LEAST_THROUGHPUT
     below = np.empty(paths)
-    _survivors(_Rule(0), sampler, q, below)
-    naive = q * float((below > 0.0).mean())
+    _survivors(_Rule(0), sampler, throughput, below)
+    naive = throughput * float((below > 0.0).mean())
     return [
         Measured("light lost at 1.7", naive=1.7 - 1.7 / 1.7, ours=float(np.abs(weights - 1.7).max()), tolerance=0.0),
         Measured(
-            "error of the mean at 0.3",
-            naive=abs(naive - q),
-            ours=abs(float(below.mean()) - q),
-            tolerance=5.0 * math.sqrt(q * (1.0 - q) / paths),
+            "error of the mean at 0.1",
+            naive=abs(naive - throughput),
+            ours=abs(float(below.mean()) - throughput),
+            tolerance=5.0 * throughput * math.sqrt((1.0 / q - 1.0) / paths),
         ),
     ]
 

@@ -18,7 +18,16 @@ from raytracer.core.geometry import (
     plane_distance,
     row3,
 )
-from raytracer.core.primitives.base.interface import areas, bounds, geometry, hit, pdf_point, sample_point
+from raytracer.core.primitives.base.interface import (
+    Boxes,
+    areas,
+    bounds,
+    boxes,
+    geometry,
+    hit,
+    pdf_point,
+    sample_point,
+)
 from raytracer.core.sampling.warp import sample_disc
 from raytracer.core.vec import Vec3, cross, dot, madd, max_abs, norm, scale, sub
 
@@ -45,9 +54,15 @@ def areas_discs(table: Discs) -> NDArray[np.float64]:
 
 @bounds.register(Discs)
 def bounds_discs(table: Discs) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    lower, upper = boxes_discs(table, np.arange(len(table.radius)))
+    return lower.min(axis=0), upper.max(axis=0)
+
+
+@boxes.register(Discs)
+def boxes_discs(table: Discs, rows: NDArray[np.int64]) -> Boxes:
     # The extent of a circle along an axis is its radius times the sine between axis and normal.
-    reach = table.radius[:, None] * np.sqrt(np.maximum(0.0, 1.0 - table.normal**2))
-    return (table.center - reach).min(axis=0), (table.center + reach).max(axis=0)
+    reach = table.radius[rows, None] * np.sqrt(np.maximum(0.0, 1.0 - table.normal[rows] ** 2))
+    return table.center[rows] - reach, table.center[rows] + reach
 
 
 @kernel

@@ -6,9 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.geometry import (
     Geometry,
     Hit,
+    LightPoint,
     Primitive,
     area_light_point,
     area_pdf,
@@ -17,11 +19,14 @@ from raytracer.core.geometry import (
     hit_offset,
     pad_buffer,
     plane_distance,
+    plane_gap,
     row3,
 )
 from raytracer.core.primitives.base.interface import (
+    Boxes,
     areas,
     bounds,
+    boxes,
     geometry,
     hit,
     pdf_point,
@@ -30,7 +35,14 @@ from raytracer.core.primitives.base.interface import (
     slice_rows,
     subdivide_large,
 )
-from raytracer.core.vec import add, cross, madd, max_abs, norm, normalize, scale
+from raytracer.core.sampling.spherical_rectangle import (
+    SMALLEST,
+    SphericalRectangle,
+    pdf_spherical_rectangle,
+    sample_spherical_rectangle,
+    spherical_rectangle,
+)
+from raytracer.core.vec import add, cross, dot, madd, max_abs, norm, normalize, scale, sub
 
 
 class Parallelograms(NamedTuple):
@@ -66,6 +78,13 @@ def areas_parallelograms(table: Parallelograms) -> NDArray[np.float64]:
 def bounds_parallelograms(table: Parallelograms) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     corner, u, v = table.corner, table.u, table.v
     corners = np.concatenate([corner, corner + u, corner + v, corner + u + v])
+    return corners.min(axis=0), corners.max(axis=0)
+
+
+@boxes.register(Parallelograms)
+def boxes_parallelograms(table: Parallelograms, rows: NDArray[np.int64]) -> Boxes:
+    corner, u, v = table.corner[rows], table.u[rows], table.v[rows]
+    corners = np.stack([corner, corner + u, corner + v, corner + u + v])
     return corners.min(axis=0), corners.max(axis=0)
 
 
@@ -165,17 +184,57 @@ def hit_parallelograms(table, primitive, origin, direction, near, time, accuracy
     return Hit(point, normal, normal, a, b, offset, table.material[primitive], u, v, point)
 
 
+# ---- Points of emitters
+
+_SKEW = 2.0**-40
+"""Cosine between the edges up to which they make a rectangle: what transforms leave is 2^-50, what rays tell 2^-24."""
+
+_NEAR = 2.0
+"""Square of the distance over the longer edge up to which directions are drawn evenly; points beyond.
+
+Near by, points that are even by area leave noise as large as cos / d^2 varies: without bound for a surface that touches
+the lamp.  Far away little is left of that, and an even direction costs 70 ns where a point costs 10: with 2, 8 and 32
+here the squared error of scenes/cornell.yaml is 1, 0.97 and 0.96 of what it is by area, and its time 1, 1.1 and 1.3.
+"""
+
+
+@kernel
+def _seen_rectangle(table, primitive, reference):
+    """Return a row as a SphericalRectangle seen from a point, which is of no solid angle if it is no rectangle."""
+    corner, u, v = row3(table.corner, primitive), row3(table.u, primitive), row3(table.v, primitive)
+    width, height = norm(u), norm(v)
+    to = sub(corner, reference)
+    middle = madd(madd(to, 0.5, u), 0.5, v)
+    is_near = dot(middle, middle) <= _NEAR * max(width, height) ** 2
+    if not (is_near and abs(dot(u, v)) <= _SKEW * width * height):
+        return SphericalRectangle(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
+    x0, y0 = dot(to, u) / width, dot(to, v) / height
+    z = abs(dot(to, cross(u, v))) / (width * height)
+    return spherical_rectangle(x0, x0 + width, y0, y0 + height, z)
+
+
 @sample_point.register(Parallelograms)
 def sample_point_parallelograms(table, primitive, reference, u1, u2, time):
     corner, u, v = row3(table.corner, primitive), row3(table.u, primitive), row3(table.v, primitive)
     across = cross(u, v)
     normal = normalize(across)
-    point = add(corner, add(scale(u1, u), scale(u2, v)))
     extent = max_abs(corner) + max_abs(u) + max_abs(v)
-    return area_light_point(reference, point, normal, norm(across), extent, u1, u2)
+    seen = _seen_rectangle(table, primitive, reference)
+    if seen.solid_angle < SMALLEST:
+        point = add(corner, add(scale(u1, u), scale(u2, v)))
+        return area_light_point(reference, point, normal, norm(across), extent, u1, u2)
+    x, y = sample_spherical_rectangle(seen, u1, u2)
+    a, b = (x - seen.x0) / norm(u), (y - seen.y0) / norm(v)
+    point = add(corner, add(scale(a, u), scale(b, v)))
+    distance = math.sqrt(x * x + y * y + seen.z * seen.z)
+    gap = plane_gap(extent, distance, seen.z / distance)
+    return LightPoint(point, normal, pdf_spherical_rectangle(seen), gap, a, b, point)
 
 
 @pdf_point.register(Parallelograms)
 def pdf_point_parallelograms(table, primitive, reference, point, normal, time):
-    area = norm(cross(row3(table.u, primitive), row3(table.v, primitive)))
-    return area_pdf(reference, point, normal, area)
+    seen = _seen_rectangle(table, primitive, reference)
+    if seen.solid_angle < SMALLEST:
+        area = norm(cross(row3(table.u, primitive), row3(table.v, primitive)))
+        return area_pdf(reference, point, normal, area)
+    return pdf_spherical_rectangle(seen)

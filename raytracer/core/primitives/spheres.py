@@ -20,7 +20,16 @@ from raytracer.core.geometry import (
     sphere_distance,
     sphere_gap,
 )
-from raytracer.core.primitives.base.interface import areas, bounds, geometry, hit, pdf_point, sample_point
+from raytracer.core.primitives.base.interface import (
+    Boxes,
+    areas,
+    bounds,
+    boxes,
+    geometry,
+    hit,
+    pdf_point,
+    sample_point,
+)
 from raytracer.core.sampling.warp import pdf_cone, sample_cone, sample_sphere
 from raytracer.core.vec import Vec3, basis, dot, madd, max_abs, norm, scale, sub, to_world
 
@@ -48,6 +57,12 @@ def areas_spheres(table: Spheres) -> NDArray[np.float64]:
 def bounds_spheres(table: Spheres) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     radius = np.abs(table.radius)[:, None]
     return (table.center - radius).min(axis=0), (table.center + radius).max(axis=0)
+
+
+@boxes.register(Spheres)
+def boxes_spheres(table: Spheres, rows: NDArray[np.int64]) -> Boxes:
+    center, radius = table.center[rows], np.abs(table.radius[rows])[:, None]
+    return center - radius, center + radius
 
 
 @kernel

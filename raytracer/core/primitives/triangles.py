@@ -26,8 +26,10 @@ from raytracer.core.geometry import (
     row3,
 )
 from raytracer.core.primitives.base.interface import (
+    Boxes,
     areas,
     bounds,
+    boxes,
     concatenate,
     geometry,
     has_vertex_normals,
@@ -122,6 +124,13 @@ def bounds_triangles(table: Triangles | SmoothTriangles) -> tuple[NDArray[np.flo
     # A file may hold vertices that no triangle has.
     corners = table.vertices[table.faces].reshape(-1, 3).astype(np.float64)
     return corners.min(axis=0), corners.max(axis=0)
+
+
+@boxes.register(Triangles)
+@boxes.register(SmoothTriangles)
+def boxes_triangles(table: Triangles | SmoothTriangles, rows: NDArray[np.int64]) -> Boxes:
+    corners = table.vertices[table.faces[rows]].astype(np.float64)
+    return corners.min(axis=1), corners.max(axis=1)
 
 
 @prefetch_primitive.register(Triangles)

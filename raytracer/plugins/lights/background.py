@@ -29,6 +29,6 @@ def sample_light_background(table, scene, point, time, u, draws):
 
 
 @infinite_radiance.register(Background)
-def infinite_radiance_background(table, scene, direction, pdf, tables, heuristic):
+def infinite_radiance_background(table, scene, direction, pdf, heuristic):
     radiance, by_light = background_with_pdf(scene.environment, direction)
-    return scale(mis_weight_path(heuristic, pdf, by_light / tables), radiance)
+    return scale(mis_weight_path(heuristic, pdf, by_light), radiance)

@@ -25,10 +25,10 @@ from raytracer.core.vec import Vec3, scale, sub
 from raytracer.plugins.lights.base.interface import (
     LightSample,
     LightSpec,
-    choose_light,
     point_light_sample,
     sample_light,
 )
+from raytracer.plugins.lights.base.light_tree import choose_light
 from raytracer.plugins.materials.base.interface import BLACK
 from raytracer.schema.fields import Point, PositiveTime, Quantity, Time, Triple
 
@@ -112,13 +112,14 @@ class Flashes(NamedTuple):
 
 
 @optional
-def choose_flash(pulse, choice, u, time):
+def choose_flash(pulse, choice, point, u, time):
     """Choose a flash that shines at a time: its row and probability; (0, 0.0) if none does."""
-    return choose_light(choice, u)
+    chosen, probability, _ = choose_light(choice, point, u)
+    return chosen, probability
 
 
 @choose_flash.register(Pulses)
-def choose_flash_pulses(pulse, choice, u, time):
+def choose_flash_pulses(pulse, choice, point, u, time):
     # Of a stroboscope's flashes one shines at a time, so choosing among all would miss it nearly always.
     total = 0.0
     for row in range(len(pulse.begin)):
@@ -134,7 +135,7 @@ def choose_flash_pulses(pulse, choice, u, time):
 
 @sample_light.register(Flashes)
 def sample_light_flashes(table, scene, point, time, u, draws):
-    chosen, probability = choose_flash(table.pulse, table.choice, u, time)
+    chosen, probability = choose_flash(table.pulse, table.choice, point, u, time)
     position = row3(table.position, chosen)
     if probability == 0.0:
         return LightSample(sub(position, point), BLACK, 0.0, position, 0.0)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from raytracer.core.geometry import row3
-from raytracer.core.sampling.alias import AliasTable, build_alias
-from raytracer.plugins.lights.base.interface import Intensity, LightSpec, choose_light, point_light_sample, sample_light
+from raytracer.core.sampling.alias import AliasTable
+from raytracer.plugins.lights.base.interface import Intensity, LightSpec, point_light_sample, sample_light
+from raytracer.plugins.lights.base.light_tree import LightTree, build_choice, choose_light
 from raytracer.schema.fields import Point
 
 
@@ -34,22 +35,23 @@ class PointLight(LightSpec):
         if not shining:
             return None
         intensity = np.array([spec.intensity for spec in shining], np.float64)
+        position = np.array([spec.position for spec in shining], np.float64)
         return PointLights(
-            position=np.array([spec.position for spec in shining], np.float64),
+            position=position,
             intensity=intensity,
-            choice=build_alias(intensity.sum(axis=1)),
+            choice=build_choice(intensity.sum(axis=1), (position, position)),
         )
 
 
 class PointLights(NamedTuple):
-    """Packed point lights: position and intensity (n, 3) float64; choice by power."""
+    """Packed point lights: position and intensity (n, 3) float64; choice by power and distance."""
 
     position: NDArray[np.float64]
     intensity: NDArray[np.float64]
-    choice: AliasTable
+    choice: AliasTable | LightTree
 
 
 @sample_light.register(PointLights)
 def sample_light_point_lights(table, scene, point, time, u, draws):
-    chosen, probability = choose_light(table.choice, u)
+    chosen, probability, _ = choose_light(table.choice, point, u)
     return point_light_sample(point, row3(table.position, chosen), row3(table.intensity, chosen), probability)

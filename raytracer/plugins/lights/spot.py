@@ -15,16 +15,16 @@ from pydantic import Field, model_validator
 
 from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.geometry import row3
-from raytracer.core.sampling.alias import AliasTable, build_alias
+from raytracer.core.sampling.alias import AliasTable
 from raytracer.core.vec import Vec3, cross, dot, norm, scale, sub
 from raytracer.plugins.lights.base.interface import (
     Intensity,
     LightSpec,
-    choose_light,
     point_light_sample,
     sample_light,
     unit_vector,
 )
+from raytracer.plugins.lights.base.light_tree import LightTree, build_choice, choose_light
 from raytracer.schema.fields import Direction, NonNegativeAngle, Point, Quantity
 from raytracer.schema.spec import field_error
 
@@ -81,13 +81,16 @@ class SpotLight(LightSpec):
         shining = [spec for spec in specs if any(spec.intensity)]
         if not shining:
             return None
+        position = np.array([spec.position for spec in shining], np.float64)
         return SpotLights(
-            position=np.array([spec.position for spec in shining], np.float64),
+            position=position,
             axis=np.array([spec.axis() for spec in shining], np.float64),
             intensity=np.array([spec.intensity for spec in shining], np.float64),
             half_angle=np.radians([0.5 * spec.angle for spec in shining]),
             penumbra=np.radians([spec.penumbra for spec in shining]),
-            choice=build_alias([sum(spec.intensity) * spec.solid_angle() for spec in shining]),
+            choice=build_choice(
+                np.array([sum(spec.intensity) * spec.solid_angle() for spec in shining]), (position, position)
+            ),
         )
 
 
@@ -99,7 +102,7 @@ class SpotLights(NamedTuple):
     intensity: NDArray[np.float64]
     half_angle: NDArray[np.float64]
     penumbra: NDArray[np.float64]
-    choice: AliasTable
+    choice: AliasTable | LightTree
 
 
 @kernel
@@ -113,7 +116,7 @@ def falloff(angle: float, half: float, penumbra: float) -> float:
 
 @sample_light.register(SpotLights)
 def sample_light_spot_lights(table, scene, point, time, u, draws):
-    chosen, probability = choose_light(table.choice, u)
+    chosen, probability, _ = choose_light(table.choice, point, u)
     position, axis = row3(table.position, chosen), row3(table.axis, chosen)
     out = sub(point, position)
     angle = math.atan2(norm(cross(out, axis)), dot(out, axis))

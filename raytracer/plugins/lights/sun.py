@@ -21,13 +21,13 @@ from raytracer.core.vec import basis, dot, madd, neg, scale, sub, to_world
 from raytracer.plugins.lights.base.interface import (
     Irradiance,
     LightSpec,
-    choose_light,
     infinite_light_sample,
     infinite_radiance,
     mis_weight_path,
     sample_light,
     unit_vector,
 )
+from raytracer.plugins.lights.base.light_tree import choose_light
 from raytracer.plugins.materials.base.interface import BLACK, LIGHT_POINT
 from raytracer.schema.fields import Direction, Quantity
 
@@ -86,7 +86,7 @@ class Suns(NamedTuple):
 
 @sample_light.register(Suns)
 def sample_light_suns(table, scene, point, time, u, draws):
-    chosen, probability = choose_light(table.choice, u)
+    chosen, probability, _ = choose_light(table.choice, point, u)
     toward, sine2 = row3(table.toward, chosen), table.sine2[chosen]
     weight = scale(1.0 / probability, row3(table.irradiance, chosen))
     if sine2 == 0.0:
@@ -101,7 +101,7 @@ def sample_light_suns(table, scene, point, time, u, draws):
 
 
 @infinite_radiance.register(Suns)
-def infinite_radiance_suns(table, scene, direction, pdf, tables, heuristic):
+def infinite_radiance_suns(table, scene, direction, pdf, heuristic):
     total = BLACK
     for row in range(len(table.sine2)):
         sine2 = table.sine2[row]
@@ -111,7 +111,7 @@ def infinite_radiance_suns(table, scene, direction, pdf, tables, heuristic):
         # The squared chord 2 (1 - cos) tells angles apart that have the same cosine in float64.
         chord = sub(direction, row3(table.toward, row))
         if dot(chord, chord) <= 2.0 * one_minus_cosine(sine2):
-            by_light = table.choice.pmf[row] * pdf_cone(sine2) / tables
+            by_light = table.choice.pmf[row] * pdf_cone(sine2)
             share = mis_weight_path(heuristic, pdf, by_light) / (math.pi * sine2)
             total = madd(total, share, row3(table.irradiance, row))
     return total

@@ -3,6 +3,7 @@
 from raytracer.kernel.packed_scene import Scene
 from raytracer.plugins.lights.background import Background
 from raytracer.plugins.lights.base.interface import Lights, LightSamplingOnly
+from raytracer.plugins.lights.base.light_tree import LightTree, count_lights
 from raytracer.plugins.lights.emitters import Emitters
 from raytracer.scene.effects.effect import Effect, count
 from raytracer.scene.pack.lights import lights_of
@@ -28,12 +29,15 @@ def _why_light_sampling(spec: SceneSpec, scene: Scene, emitting: int) -> str:
     if isinstance(scene.lights, Lights):
         parts = []
         for table in scene.lights.tables:
+            how = " by a light tree" if isinstance(getattr(table, "choice", None), LightTree) else ""
             if isinstance(table, Emitters):
-                parts.append(f"{count(len(table.table), 'primitive')} of {count(emitting, 'object')} that emit light")
+                lamps = f"{count(len(table.table), 'primitive')} of {count(emitting, 'object')} that emit light"
+                parts.append(lamps + how)
             elif isinstance(table, Background):
                 parts.append("the environment")
             else:
-                parts.append(count(len(table.choice.pmf), f"{type(table).__module__.rpartition('.')[2]} light"))
+                lamps = count(count_lights(table.choice), f"{type(table).__module__.rpartition('.')[2]} light")
+                parts.append(lamps + how)
         alone = (
             "; paths that hit them by chance do not count"
             if isinstance(scene.lights.heuristic, LightSamplingOnly)

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.instancing import EmissiveInstances, Instances
-from raytracer.core.primitives.base.interface import areas, slice_rows
-from raytracer.core.sampling.alias import build_alias
+from raytracer.core.primitives.base.interface import Boxes, areas, boxes, slice_rows
 from raytracer.core.shutter.table import Pulses
 from raytracer.plugins.cameras.base.moving import camera_at_time
 from raytracer.plugins.lights.background import Background
 from raytracer.plugins.lights.base.interface import Lights, LightSamplingOnly, LightSpec, NoLightSampling
+from raytracer.plugins.lights.base.light_tree import build_choice
 from raytracer.plugins.lights.emitters import ABSENT, Emitters
 from raytracer.plugins.lights.sun import Sun
 from raytracer.plugins.materials.base.interface import MaterialSpec
@@ -214,7 +214,7 @@ def _emitting(
 def pack_emitters(
     objects: Objects, variants: Sequence[EmitterVariant], exitance: NDArray[np.float64]
 ) -> Emitters | None:
-    """Pack the emitting primitives, chosen by power; None if there are none."""
+    """Pack the emitting primitives; None if there are none."""
     tables = len(objects.primitives)
     first = np.full((len(variants), tables), ABSENT, np.int32)
     rows: list[tuple[int, int, NDArray[np.int64], NDArray[np.int32]]] = []
@@ -236,19 +236,28 @@ def pack_emitters(
             taken += stop - start
     if not rows:
         return None
-    choice = build_alias(np.concatenate(powers))
-
-    # Probabilities by primitive, for the ranges that emit at all.
-    pmf = np.zeros(taken)
+    # Rows by primitive, for the ranges that emit at all.
+    row = np.full(taken, ABSENT, np.int32)
     offset = np.concatenate([int(first[number, table]) + primitives for number, table, primitives, _ in rows])
-    pmf[offset] = choice.pmf
+    row[offset] = np.arange(len(offset))
     counts = [len(primitives) for _, _, primitives, _ in rows]
     return Emitters(
         table=np.repeat(np.array([table for _, table, _, _ in rows], np.int32), counts),
         primitive=np.concatenate([primitives for _, _, primitives, _ in rows]).astype(np.int32),
         material=np.concatenate([material for *_, material in rows]),
         variant=np.repeat(np.array([number for number, *_ in rows], np.int32), counts),
-        choice=choice,
+        choice=build_choice(np.concatenate(powers), _boxes(objects, rows)),
         first=first,
-        pmf=pmf,
+        row=row,
     )
+
+
+def _boxes(objects: Objects, rows: Sequence[tuple[int, int, NDArray[np.int64], NDArray[np.int32]]]) -> Boxes | None:
+    """Bound the emitting primitives, in the order of the rows; None where instances or moving ones are among them."""
+    if any(variant > 0 for variant, *_ in rows):
+        return None
+    parts = [boxes(objects.primitives[table], primitives) for _, table, primitives, _ in rows]
+    if any(part is None for part in parts):
+        return None
+    lower, upper = (np.concatenate([part[end] for part in parts if part is not None]) for end in range(2))
+    return lower, upper

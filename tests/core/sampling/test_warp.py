@@ -53,6 +53,22 @@ def test_bins_are_drawn_by_their_probability():
     cumulative = np.array([0.5, 1.0, 0.25, 0.25, 1.0])
     expected = {0.0: (2, 0.0), 0.125: (2, 0.5), 0.25: (4, 0.0), 0.625: (4, 0.5), 0.8125: (4, 0.75)}
     assert {u: warp.sample_bin(cumulative, 2, 5, u) for u in expected} == expected
+    guide = np.concatenate([np.zeros(2, np.int32), warp.guide_table(cumulative[None, 2:])[0]])
+    assert {u: warp.sample_guided_bin(cumulative, guide, 2, 5, u) for u in expected} == expected
+
+
+@pytest.mark.parametrize("bins", [1, 2, 7, 1000])
+def test_a_guide_finds_the_bin_that_a_search_does(bins):
+    rng = np.random.default_rng(bins)
+    weights = 10.0 ** rng.uniform(-20.0, 0.0, bins) * (rng.random(bins) < 0.8)
+    weights[rng.integers(bins)] = 1.0
+    cumulative = np.cumsum(weights)
+    cumulative /= cumulative[-1]
+    guide = warp.guide_table(cumulative[None])[0]
+    edges = np.concatenate([np.arange(bins) / bins, cumulative[:-1]])
+    numbers = np.concatenate([rng.random(500), edges, np.nextafter(edges, 0.0), np.nextafter(edges, 1.0)])
+    for u in numbers[(numbers >= 0.0) & (numbers < 1.0)].tolist():
+        assert warp.sample_guided_bin(cumulative, guide, 0, bins, u) == warp.sample_bin(cumulative, 0, bins, u)
 
 
 def test_sphere_is_uniform(numbers):

@@ -5,14 +5,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.core.compiler.dispatch import entry
+from raytracer.core.compiler.dispatch import entry, kernel
 from raytracer.core.embree import MISS
 from raytracer.core.geometry import Hit, Interaction, Site
-from raytracer.core.sampling import SAMPLERS, pixel_key
+from raytracer.core.sampling import SAMPLERS, pixel_key, sample_1d
 from raytracer.core.shutter.timing import Timing
 from raytracer.core.vec import Vec3
-from raytracer.plugins.lights.base.interface import escaped_radiance, pdf_light, sample_lights
-from raytracer.plugins.materials.base.interface import Draws
+from raytracer.plugins.lights.base.interface import escaped_radiance, pdf_light, sample_light_of
+from raytracer.plugins.materials.base.interface import LIGHT, Draws
 from raytracer.schema.registry import LIGHTS
 
 
@@ -26,11 +26,17 @@ class Aimed(NamedTuple):
     gap: NDArray[np.float64]
 
 
+@kernel
+def _sample(lights, scene, point, time, sampler, index):
+    draws = Draws(sampler, pixel_key(sampler, 0, 0), index, 8)
+    u = sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LIGHT)
+    return sample_light_of(lights, 0, scene, point, time, u, draws)
+
+
 @entry
 def _aim(lights, scene, sampler, point, out):
-    key = pixel_key(sampler, 0, 0)
     for index in range(len(out.pdf)):
-        light = sample_lights(lights, scene, point, None, Draws(sampler, key, index, 8))
+        light = _sample(lights, scene, point, None, sampler, index)
         out.pdf[index] = light.pdf
         out.gap[index] = light.gap
         for axis in range(3):
@@ -41,9 +47,8 @@ def _aim(lights, scene, sampler, point, out):
 
 @entry
 def _aim_at_times(lights, sampler, point, times, weight):
-    key = pixel_key(sampler, 0, 0)
     for index in range(len(times)):
-        light = sample_lights(lights, None, point, times[index], Draws(sampler, key, index, 8))
+        light = _sample(lights, None, point, times[index], sampler, index)
         for axis in range(3):
             weight[index, axis] = light.weight[axis]
 
@@ -79,7 +84,7 @@ def _escape(lights, scene, directions, pdf, radiance):
 
 
 def aim(lights: Any, scene: Any, point: Vec3, count: int, *, seed: int = 3) -> Aimed:
-    """`sample_lights` from a point."""
+    """Samples of the first table of lights, from a point."""
     out = Aimed(np.empty((count, 3)), np.empty((count, 3)), np.empty(count), np.empty((count, 3)), np.empty(count))
     _aim(lights, scene, SAMPLERS["independent"](seed, 1), point, out)
     return out

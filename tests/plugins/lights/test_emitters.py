@@ -1,4 +1,4 @@
-"""The choice of lights: which there are, how often each is aimed at, and that its density says so."""
+"""Emitters as lights: which there are, how often each is aimed at, and that its density says so."""
 
 import math
 from collections import Counter
@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 from raytracer.core.geometry import Exact
+from raytracer.core.sampling.alias import AliasTable
+from raytracer.plugins.lights.base.light_tree import count_lights, light_probability
+from raytracer.plugins.lights.emitters import ABSENT
 from raytracer.scene.pack.scene import pack
 from tests.plugins.lights.kernels import aim, pdf_of
 from tests.plugins.shapes.kernels import built, cast
@@ -47,21 +50,42 @@ def aim_at(scene_, point, count):
     return aimed.direction, aimed.weight * aimed.pdf[:, None], aimed.pdf, aimed.target, aimed.gap
 
 
-def test_emitters_are_chosen_by_power() -> None:
-    (lights,) = packed(LAMPS).lights.tables
-    names = sorted(["Spheres", "Parallelograms"])
-    rows = [(names[table], int(primitive)) for table, primitive in zip(lights.table, lights.primitive, strict=True)]
-    assert sorted(rows) == sorted(POWERS)
+def probabilities(scene_, point):
+    """Probability of each emitter's choice for a point, by its table and primitive."""
+    (lights,) = scene_.lights.tables
+    names = [type(table).__name__ for table in scene_.primitives]
+    return {
+        (names[table], int(primitive)): light_probability(lights.choice, point, row)
+        for row, (table, primitive) in enumerate(zip(lights.table, lights.primitive, strict=True))
+    }
+
+
+def test_emitters_are_chosen_by_power_from_far_away() -> None:
+    scene_ = packed(LAMPS)
+    (lights,) = scene_.lights.tables
+    assert count_lights(lights.choice) == 4
     total = sum(POWERS.values())
-    for row, pmf in zip(rows, lights.choice.pmf, strict=True):
-        assert pmf == pytest.approx(POWERS[row] / total, rel=1e-12)
-    # By primitive: zero for what does not emit.
-    assert lights.pmf.sum() == pytest.approx(1.0, rel=1e-12)
-    assert np.count_nonzero(lights.pmf) == 4
-    for field in (lights.table, lights.primitive, lights.material, lights.first):
+    chosen = probabilities(scene_, (0.0, 1e9, 0.0))
+    assert chosen == {row: pytest.approx(power / total, rel=1e-6) for row, power in POWERS.items()}
+    # By primitive: no row for what does not emit.
+    assert np.count_nonzero(lights.row != ABSENT) == 4
+    for field in (lights.table, lights.primitive, lights.material, lights.first, lights.row):
         assert field.dtype == np.int32
         assert field.flags.c_contiguous
-    assert lights.pmf.dtype == np.float64
+
+
+def test_emitters_near_by_are_chosen_more_often() -> None:
+    # Over the lone quad at x = 4, which has the least power.
+    chosen = probabilities(packed(LAMPS), (4.5, 2.9, -0.5))
+    assert max(chosen, key=chosen.__getitem__) == ("Parallelograms", 2)
+    assert sum(chosen.values()) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_emitters_that_move_are_chosen_by_power() -> None:
+    moving = LAMPS.replace("radius: 0.5,", "radius: 0.5, motion: {velocity: [1, 0, 0]},")
+    text = CAMERA.replace("vfov: 40", "vfov: 40, shutter: 1") + "objects:\n" + moving
+    (lights,) = pack(scene(text, filled=False)).scene.lights.tables
+    assert isinstance(lights.choice, AliasTable)
 
 
 def test_samples_fall_on_the_lights_as_often_as_they_are_chosen() -> None:
@@ -84,9 +108,8 @@ def test_samples_fall_on_the_lights_as_often_as_they_are_chosen() -> None:
         for table, primitive in zip(hits.table, hits.primitive, strict=True)
         if table >= 0
     )
-    total = sum(POWERS.values())
-    for row, power in POWERS.items():
-        expected = count * power / total
+    for row, probability in probabilities(scene_, point).items():
+        expected = count * probability
         assert result[row] == pytest.approx(expected, abs=5.0 * math.sqrt(expected) + 1e-3 * count)
 
 
@@ -168,7 +191,8 @@ def test_many_triangles_light_as_the_quad_that_they_make(tmp_path: Path) -> None
     quad = FLOOR + "  - {type: quad, corner: [-1, 3, -1], edges: [[2, 0, 0], [0, 0, 2]], " + lamp
     (lights,) = pack(scene(mesh, base=tmp_path, filled=False)).scene.lights.tables
     assert len(lights.table) == 20_000
-    assert lights.choice.pmf.max() > 1e4 * lights.choice.pmf.min()
+    powers = lights.choice.nodes[len(lights.choice.row) :, 4]
+    assert powers.max() > 1e4 * powers[powers > 0.0].min()
     (value, deviation), (other, other_deviation) = (
         mean(image(text, base=tmp_path, spp=256, max_depth=2, seed=seed)) for seed, text in enumerate((mesh, quad), 1)
     )

@@ -101,13 +101,6 @@ def test_lights_of_a_table_are_chosen_by_power_and_add_up(kind: str) -> None:
     np.testing.assert_allclose(aimed.weight.mean(axis=0), [one, 3.0 * one, 0.0], rtol=0.03)
 
 
-def test_kinds_are_chosen_evenly_and_add_up() -> None:
-    tables = tuple(table_of(kind, EXAMPLES[kind][0]) for kind in EXAMPLES)
-    aimed = aim(Lights(tables, None), None, POINT, 60_000)
-    alone = [aim(Lights((table,), None), None, POINT, 1).weight[0] for table in tables]
-    np.testing.assert_allclose(aimed.weight.mean(axis=0), np.sum(alone, axis=0), rtol=0.03)
-
-
 # ---- Point
 
 

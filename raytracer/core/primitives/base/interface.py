@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from raytracer.core.compiler.dispatch import generic, switch
 from raytracer.core.geometry import Geometry
 
+Boxes = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Least and greatest coordinates (n, 3) (m), by row."""
+
 
 @generic
 def hit(table, primitive, origin, direction, near, time, accuracy):
@@ -91,6 +94,17 @@ def areas(table: Any) -> NDArray[np.float64]:
 def bounds(table: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the least and the greatest coordinates (3,) of all primitives at rest."""
     raise NotImplementedError(type(table))
+
+
+@generic
+def boxes(table: Any, rows: NDArray[np.int64]) -> Boxes | None:
+    """Return the least and the greatest coordinates (n, 3) of each of these rows; None for what moves."""
+    raise NotImplementedError(type(table))
+
+
+@boxes.register(tuple)
+def boxes_tuple(table: Any, rows: NDArray[np.int64]) -> Boxes | None:
+    return None
 
 
 @generic

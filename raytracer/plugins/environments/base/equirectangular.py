@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.compiler.dispatch import kernel
-from raytracer.core.sampling.warp import sample_bin
+from raytracer.core.sampling.warp import guide_table, sample_guided_bin
 from raytracer.core.vec import Vec3
 from raytracer.plugins.environments.base.interface import background, background_with_pdf, sample_background
 
@@ -25,6 +25,7 @@ class Equirectangular(NamedTuple):
     sines (H,) float64 : sin theta of the rows.
     rows (H,) float64 : probability of a row or one above it.
     columns (H * W,) float64 : probability of a texel or one to its left, given the row.
+    row_guide (H,), column_guide (H * W,) int32 : guide tables of both.
     turn : turns about +y.
     density : density in solid angle of a texel of importance 1, times its sin theta.
     """
@@ -33,6 +34,8 @@ class Equirectangular(NamedTuple):
     sines: NDArray[np.float64]
     rows: NDArray[np.float64]
     columns: NDArray[np.float64]
+    row_guide: NDArray[np.int32]
+    column_guide: NDArray[np.int32]
     turn: float
     density: float
 
@@ -62,11 +65,14 @@ def equirectangular(radiance: NDArray[np.float64], rotation: float = 0.0) -> Equ
     columns /= np.where(by_row > 0.0, by_row, 1.0)[:, None]
     rows = np.cumsum(by_row)
     total = float(rows[-1])
+    rows /= total
     return Equirectangular(
         texels=texels,
         sines=sines,
-        rows=rows / total,
+        rows=rows,
         columns=columns.ravel(),
+        row_guide=guide_table(rows[None])[0],
+        column_guide=guide_table(columns).ravel(),
         turn=math.fmod(rotation, 360.0) / 360.0,
         density=height * width / (2.0 * math.pi**2 * total),
     )
@@ -138,9 +144,10 @@ def sample_background_equirectangular(environment, u1, u2):
     # together is the bilinear importance itself.  Rows come first and by their cumulative sums, so that well spread
     # numbers stay well spread.
     height, width = environment.texels.shape[0], environment.texels.shape[1]
-    row, rest1 = sample_bin(environment.rows, 0, height, u1)
-    column, rest2 = sample_bin(environment.columns, row * width, (row + 1) * width, u2)
-    u = (column - row * width + 0.5 + _tent(rest2)) / width
+    row, rest1 = sample_guided_bin(environment.rows, environment.row_guide, 0, height, u1)
+    begin = row * width
+    column, rest2 = sample_guided_bin(environment.columns, environment.column_guide, begin, begin + width, u2)
+    u = (column - begin + 0.5 + _tent(rest2)) / width
     u -= math.floor(u)
 
     # What falls beyond a pole is folded back, which makes the outermost tents flat there.

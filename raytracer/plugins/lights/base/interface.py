@@ -9,12 +9,11 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 
 from raytracer.core.compiler.dispatch import fold, generic, kernel, optional, switch
 from raytracer.core.geometry import spawn_offset
-from raytracer.core.sampling import sample_1d
-from raytracer.core.sampling.alias import sample_alias
 from raytracer.core.shutter.timing import Timing
 from raytracer.core.vec import Vec3, add, max_abs, norm, scale, sub
 from raytracer.plugins.environments.base.interface import background
-from raytracer.plugins.materials.base.interface import BLACK, LIGHT
+from raytracer.plugins.lights.base.light_tree import translate_choice
+from raytracer.plugins.materials.base.interface import BLACK
 from raytracer.schema.fields import Quantity, Triple
 from raytracer.schema.spec import Spec
 
@@ -80,7 +79,7 @@ class LightSample(NamedTuple):
 class Lights(NamedTuple):
     """Lights for next-event estimation, and for rays that leave the scene.
 
-    tables : one a kind of light, each of which is chosen with the same probability.
+    tables : one a kind of light, each of which is sampled by itself.
     background_tables : the environment, if no table samples it; else None.
     heuristic : of multiple importance sampling, None for the power heuristic, or LightSamplingOnly.
     """
@@ -123,17 +122,16 @@ def pdf_hit_tuple(table, scene, surface):
 
 
 @generic
-def infinite_radiance(table, scene, direction, pdf, tables, heuristic):
+def infinite_radiance(table, scene, direction, pdf, heuristic):
     """Return the radiance of the table's lights at infinity along a ray that leaves the scene.
 
-    It is weighted by the heuristic: `pdf` is the density with which the ray's direction was drawn, and `tables` the
-    number of tables among which `sample_lights` chooses.
+    It is weighted by the heuristic: `pdf` is the density with which the ray's direction was drawn.
     """
     raise NotImplementedError
 
 
 @infinite_radiance.register(tuple)
-def infinite_radiance_tuple(table, scene, direction, pdf, tables, heuristic):
+def infinite_radiance_tuple(table, scene, direction, pdf, heuristic):
     return BLACK
 
 
@@ -145,7 +143,9 @@ def translate_lights(table: Any, by: Vec3) -> Any:
 
 @translate_lights.register(tuple)
 def translate_lights_tuple(table: Any, by: Vec3) -> Any:
-    return table._replace(position=table.position + by) if hasattr(table, "position") else table
+    if not hasattr(table, "position"):
+        return table
+    return table._replace(position=table.position + by, choice=translate_choice(table.choice, by))
 
 
 @kernel
@@ -185,20 +185,11 @@ def mis_weight_path_light_sampling_only(heuristic, pdf, by_light):
 
 
 @kernel
-def choose_light(choice, u):
-    """Choose a row of a table by its AliasTable: (row, probability); a table of one needs no choice."""
-    if len(choice.pmf) == 1:
-        return 0, 1.0
-    chosen, probability, _ = sample_alias(choice, u)
-    return chosen, probability
-
-
-@kernel
 def point_light_sample(point, position, intensity, probability):
     """Make the LightSample at `point` of a light without extent, of this intensity (W/sr) and probability."""
     way = sub(position, point)
     distance = norm(way)
-    if distance == 0.0:
+    if distance == 0.0 or probability == 0.0:
         return LightSample(way, BLACK, 0.0, position, 0.0)
     weight = scale(1.0 / (probability * distance * distance), intensity)
     # The light may lie on a surface, which float32 could find before it.
@@ -225,32 +216,24 @@ _pdf_hit_all = fold(pdf_hit, _plus)
 _infinite_radiance_all = fold(infinite_radiance, add)
 
 
-@generic
-def sample_lights(lights, scene, point, time, draws):
-    """Choose a light among all, and a point on it as seen from `point`: a LightSample."""
-    raise NotImplementedError
-
-
-@sample_lights.register(Lights)
-def sample_lights_lights(lights, scene, point, time, draws):
-    u = sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LIGHT)
-    kinds = len(lights.tables)
-    if kinds == 1:
-        return sample_light(lights.tables[0], scene, point, time, u, draws)
-    chosen = min(kinds - 1, int(kinds * u))
-    sample = _sample_any(lights.tables, chosen, scene, point, time, kinds * u - chosen, draws)
-    return LightSample(sample.direction, scale(kinds, sample.weight), sample.pdf / kinds, sample.target, sample.gap)
+@kernel
+def sample_light_of(lights, number, scene, point, time, u, draws):
+    """Sample a light of the table of this number, as `sample_light` does."""
+    return _sample_any(lights.tables, number, scene, point, time, u, draws)
 
 
 @optional
 def pdf_light(lights, scene, surface):
-    """Return the density in solid angle (1/sr) with which `sample_lights` at its vertex before draws an Interaction."""
+    """Return the density in solid angle (1/sr) with which light samples at its vertex before draw an Interaction.
+
+    The Interaction is of one table at most, and each table is sampled by itself.
+    """
     return 0.0
 
 
 @pdf_light.register(Lights)
 def pdf_light_lights(lights, scene, surface):
-    return _pdf_hit_all(lights.tables, scene, surface) / len(lights.tables)
+    return _pdf_hit_all(lights.tables, scene, surface)
 
 
 @optional(NoLightSampling)
@@ -272,12 +255,12 @@ def escaped_radiance(lights, scene, direction, pdf):
 
 @escaped_radiance.register(Lights)
 def escaped_radiance_lights(lights, scene, direction, pdf):
-    radiance = _infinite_radiance_all(lights.tables, scene, direction, pdf, len(lights.tables), lights.heuristic)
+    radiance = _infinite_radiance_all(lights.tables, scene, direction, pdf, lights.heuristic)
     return add(background(lights.background_tables, direction), radiance)
 
 
 @escaped_radiance.register(NoLightSampling)
 def escaped_radiance_no_light_sampling(lights, scene, direction, pdf):
     # As for the camera: all of it counts.
-    radiance = _infinite_radiance_all(lights.tables, scene, direction, math.inf, len(lights.tables), None)
+    radiance = _infinite_radiance_all(lights.tables, scene, direction, math.inf, None)
     return add(background(lights.background_tables, direction), radiance)
