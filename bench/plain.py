@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from raytracer.core.embree import find_library
+from raytracer.core.embree_library import find_library
 from raytracer.core.primitives.triangles import Triangles
 from raytracer.rendering.worker_pool import available_threads
 from raytracer.scene.load import load

@@ -9,7 +9,6 @@ Embree 4 API reference (rtcNewScene, rtcSetSharedGeometryBuffer, rtcIntersect8, 
 """
 
 import ctypes
-import importlib.util
 import weakref
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -21,12 +20,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from raytracer.core.compiler.declarations import external_function
 from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.embree_library import EmbreeError, find_library
 from raytracer.core.geometry import Geometry, Primitive
 
 PACKET = 8
 """Rays that one call traces together (lanes of a packet): on AVX2, the cover took 3.4 s by 16, 3.1 s by 8."""
-
-_LAYOUTS = ("embreex.libs/libembree4*.so*", "embreex/.dylibs/libembree4*.dylib", "embreex.libs/embree4*.dll")
 
 _ERRORS = {
     1: "unknown error",
@@ -46,32 +44,6 @@ _POSE_FORMATS = {12: 0x9134, 16: 0xB001}
 _INDEX_BUFFER, _VERTEX_BUFFER, _NORMAL_BUFFER, _TRANSFORM_BUFFER = 0, 1, 3, 23
 _COMPACT, _ROBUST = 2, 4
 _BUILD_QUALITY_HIGH = 2
-
-
-class EmbreeError(RuntimeError):
-    """An error that Embree reported."""
-
-
-def find_library(site_packages: Path | None = None) -> Path:
-    """Find the Embree 4 shared library inside the installed `embreex` wheel, of Linux, macOS or Windows.
-
-    Parameters
-    ----------
-    site_packages : the folder that holds the `embreex` package; found by import machinery if None.
-
-    Raises
-    ------
-    EmbreeError : no library lies where any of the three wheels puts it.
-    """
-    if site_packages is None:
-        spec = importlib.util.find_spec("embreex")
-        if spec is None or spec.origin is None:
-            raise EmbreeError("the package embreex, which ships Embree, is not installed")
-        site_packages = Path(spec.origin).parent.parent
-    for layout in _LAYOUTS:
-        if libraries := sorted(site_packages.glob(layout)):
-            return libraries[0]
-    raise EmbreeError(f"the embreex package in {site_packages} holds no Embree 4 library")
 
 
 def _load_dependencies(library: Path) -> None:

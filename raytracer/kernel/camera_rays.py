@@ -10,7 +10,8 @@ from raytracer.kernel.lens_dispersion import FILM_POSITION_ROW, ray_wavelength, 
 from raytracer.kernel.medium_boundaries import medium_at_camera
 from raytracer.kernel.nested_dielectrics import clear_inside_counts
 from raytracer.kernel.path_log import CameraRay, begin_round, record
-from raytracer.kernel.path_state import Path, sample_draws, store3, store_draws, store_path
+from raytracer.kernel.path_rows import store3
+from raytracer.kernel.path_state import Path, sample_draws, store_draws, store_path
 from raytracer.kernel.ray_time import sample_time
 from raytracer.kernel.transparency import first_vertex, no_passthroughs
 from raytracer.plugins.cameras.base.interface import (

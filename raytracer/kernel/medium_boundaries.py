@@ -6,7 +6,7 @@ from raytracer.core.compiler.dispatch import kernel, optional
 from raytracer.core.vec import dot
 from raytracer.kernel.interaction import load_ray
 from raytracer.kernel.nested_dielectrics import Crossing, copy_inside_counts, count_crossing
-from raytracer.kernel.path_state import load_number, store_number
+from raytracer.kernel.path_rows import load_number, store_number
 from raytracer.plugins.materials.base.interface import WHITE
 from raytracer.plugins.media.base.interface import NO_MEDIUM, Media, medium_behind, transmittance_at
 

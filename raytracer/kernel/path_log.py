@@ -28,7 +28,8 @@ from raytracer.core.embree import (
 )
 from raytracer.core.geometry import Interaction
 from raytracer.core.vec import Vec3, load_vector, norm, sub
-from raytracer.kernel.path_state import BATCH, load3, store3
+from raytracer.kernel.path_rows import load3, store3
+from raytracer.kernel.path_state import BATCH
 
 # Kinds of events, in the first column of a row.
 START, SURFACE, ESCAPE, MEDIUM, EMISSION, SCATTER = range(6)

@@ -15,6 +15,7 @@ from raytracer.core.vec import Vec3, load_vector, store_vector
 from raytracer.kernel.hero_wavelength import wavelength_rows
 from raytracer.kernel.lens_dispersion import LENS_ROWS, WAVELENGTHS_PER_RAY
 from raytracer.kernel.packed_scene import Scene
+from raytracer.kernel.path_rows import load_number, load_vector_row, store_number, store_vector_row
 from raytracer.plugins.materials.base.interface import Draws
 
 BATCH_PIXELS = 256
@@ -223,68 +224,6 @@ def take_all(queue):
     return size
 
 
-# ---- Rows
-
-# Numbers of rows that come from a queue could be negative, for all that the compiler knows, and would then count from
-# the end: unsigned ones need not be looked at.
-
-
-@kernel
-def load3(rows, row, start):
-    """Read three columns of a row, from `start` on, as a vector."""
-    at = np.uintp(row)
-    return (rows[at, np.uintp(start)], rows[at, np.uintp(start + 1)], rows[at, np.uintp(start + 2)])
-
-
-@kernel
-def store3(rows, row, start, value):
-    """Write a vector into three columns of a row, from `start` on."""
-    at = np.uintp(row)
-    rows[at, np.uintp(start)] = value[0]
-    rows[at, np.uintp(start + 1)] = value[1]
-    rows[at, np.uintp(start + 2)] = value[2]
-
-
-@optional
-def load_number(rows, row):
-    """Read the number of a row; None where there are no rows."""
-
-
-@load_number.register(np.ndarray)
-def load_number_array(rows, row):
-    return rows[np.uintp(row)]
-
-
-@optional
-def _load_vector_row(rows, row):
-    """Read the vector of a row; None where there are no rows."""
-
-
-@_load_vector_row.register(np.ndarray)
-def _load_vector_row_array(rows, row):
-    return load3(rows, row, 0)
-
-
-@optional
-def store_number(rows, row, value):
-    """Write a number into a row, if there are rows."""
-
-
-@store_number.register(np.ndarray)
-def store_number_array(rows, row, value):
-    rows[np.uintp(row)] = value
-
-
-@optional
-def _store_vector_row(rows, row, value):
-    """Write a vector into a row, if there are rows."""
-
-
-@_store_vector_row.register(np.ndarray)
-def _store_vector_row_array(rows, row, value):
-    store3(rows, row, 0, value)
-
-
 # ---- Paths
 
 
@@ -311,7 +250,7 @@ def load_path(work, lane, rounds):
         ray.pdf,
         load_number(paths.time, sample),
         load_number(paths.medium, sample),
-        _load_vector_row(paths.vertex, sample),
+        load_vector_row(paths.vertex, sample),
         passthroughs,
     )
 
@@ -327,7 +266,7 @@ def store_path(work, path):
     ray.pdf = path.pdf
     store_number(paths.time, sample, path.time)
     store_number(paths.medium, sample, path.medium)
-    _store_vector_row(paths.vertex, sample, path.vertex)
+    store_vector_row(paths.vertex, sample, path.vertex)
     store_number(paths.passthroughs, sample, path.passthroughs)
     push(work.queue, sample)
 

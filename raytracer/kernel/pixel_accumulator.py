@@ -11,7 +11,7 @@ from raytracer.core.vec import max_component, scale
 from raytracer.kernel.aovs.base.layers import add_aovs
 from raytracer.kernel.lens_dispersion import apply_lens_color, ray_wavelength
 from raytracer.kernel.path_log import Finished, record
-from raytracer.kernel.path_state import load3, store3
+from raytracer.kernel.path_rows import load3, store3
 
 
 class FilmView(NamedTuple):

@@ -7,7 +7,8 @@ from raytracer.core.compiler.dispatch import optional
 from raytracer.core.geometry import spawn_point
 from raytracer.core.vec import madd
 from raytracer.kernel.medium_boundaries import cross_towards
-from raytracer.kernel.path_state import Path, store3, store_path, take_all
+from raytracer.kernel.path_rows import store3
+from raytracer.kernel.path_state import Path, store_path, take_all
 from raytracer.plugins.materials.base.interface import PASSTHROUGH
 
 MAX_PASSTHROUGHS = 1024

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from raytracer.core import embree
 from raytracer.core.compiler.dispatch import entry
-from raytracer.core.embree import Accel, Device, EmbreeError, InstanceArray, find_library
+from raytracer.core.embree import Accel, Device, InstanceArray
+from raytracer.core.embree_library import EmbreeError, find_library
 from raytracer.core.geometry import Geometry, Primitive, pad_buffer
 from raytracer.core.primitives.base.interface import geometry, row_of
 from raytracer.core.primitives.discs import Discs

@@ -109,7 +109,17 @@ def kernels(tmp_path_factory: pytest.TempPathFactory) -> Kernels:
 
 def kinds(report: dict[str, Any]) -> set[str]:
     """Name the kinds in a kernel, FAMILY.KIND: modules of the families without those that their kinds share."""
-    shared = ("interface", "hashing", "phase", "warp", "perspective_camera", "dispatch", "clear", "voxel_traversal")
+    shared = (
+        "interface",
+        "hashing",
+        "phase",
+        "warp",
+        "perspective_camera",
+        "light_choice",
+        "dispatch",
+        "clear",
+        "voxel_traversal",
+    )
     # raytracer.plugins.FAMILY.KIND, raytracer.core.FAMILY.KIND, or these with a `base` between.
     paths = [module.split(".")[2:] for module in report["modules"] if not module.endswith(shared)]
     return {f"{path[0]}.{path[-1]}" for path in paths if len(path) > 1 and path[0] in FAMILIES}

@@ -16,7 +16,7 @@ from raytracer.film.film import Film
 from raytracer.kernel.aovs.base.interface import AovSpec, SceneIds
 from raytracer.kernel.aovs.base.layers import add_layer, begin_layer
 from raytracer.kernel.lens_dispersion import apply_lens_color
-from raytracer.kernel.path_state import load3
+from raytracer.kernel.path_rows import load3
 from raytracer.plugins.cameras.base.placement import CameraFrame, to_camera_space
 from raytracer.util.errors import InputError
 

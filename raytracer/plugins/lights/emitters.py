@@ -16,7 +16,8 @@ from raytracer.core.sampling.alias import AliasTable
 from raytracer.core.vec import dot, norm, normalize, scale, sub
 from raytracer.core.world_origin import to_authored_space
 from raytracer.plugins.lights.base.interface import LightSample, pdf_hit, sample_light
-from raytracer.plugins.lights.base.light_tree import LightTree, choose_light, light_probability
+from raytracer.plugins.lights.base.light_choice import choose_light, light_probability
+from raytracer.plugins.lights.base.light_tree import LightTree
 from raytracer.plugins.materials.base.dispatch import selected_emission
 from raytracer.plugins.materials.base.interface import BLACK, LIGHT_POINT
 

@@ -28,7 +28,7 @@ from raytracer.plugins.lights.base.interface import (
     point_light_sample,
     sample_light,
 )
-from raytracer.plugins.lights.base.light_tree import choose_light
+from raytracer.plugins.lights.base.light_choice import choose_light
 from raytracer.plugins.materials.base.interface import BLACK
 from raytracer.schema.fields import Point, PositiveTime, Quantity, Time, Triple
 

@@ -15,7 +15,8 @@ from pydantic import Field
 from raytracer.core.geometry import row3
 from raytracer.core.sampling.alias import AliasTable
 from raytracer.plugins.lights.base.interface import Intensity, LightSpec, point_light_sample, sample_light
-from raytracer.plugins.lights.base.light_tree import LightTree, build_choice, choose_light
+from raytracer.plugins.lights.base.light_choice import choose_light
+from raytracer.plugins.lights.base.light_tree import LightTree, build_choice
 from raytracer.schema.fields import Point
 
 

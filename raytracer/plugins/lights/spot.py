@@ -24,7 +24,8 @@ from raytracer.plugins.lights.base.interface import (
     sample_light,
     unit_vector,
 )
-from raytracer.plugins.lights.base.light_tree import LightTree, build_choice, choose_light
+from raytracer.plugins.lights.base.light_choice import choose_light
+from raytracer.plugins.lights.base.light_tree import LightTree, build_choice
 from raytracer.schema.fields import Direction, NonNegativeAngle, Point, Quantity
 from raytracer.schema.spec import field_error
 

@@ -27,7 +27,7 @@ from raytracer.plugins.lights.base.interface import (
     sample_light,
     unit_vector,
 )
-from raytracer.plugins.lights.base.light_tree import choose_light
+from raytracer.plugins.lights.base.light_choice import choose_light
 from raytracer.plugins.materials.base.interface import BLACK, LIGHT_POINT
 from raytracer.schema.fields import Direction, Quantity
 

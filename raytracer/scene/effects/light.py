@@ -3,7 +3,8 @@
 from raytracer.kernel.packed_scene import Scene
 from raytracer.plugins.lights.background import Background
 from raytracer.plugins.lights.base.interface import Lights, LightSamplingOnly
-from raytracer.plugins.lights.base.light_tree import LightTree, count_lights
+from raytracer.plugins.lights.base.light_choice import count_lights
+from raytracer.plugins.lights.base.light_tree import LightTree
 from raytracer.plugins.lights.emitters import Emitters
 from raytracer.scene.effects.effect import Effect, count
 from raytracer.scene.pack.lights import lights_of

@@ -9,7 +9,7 @@ import pytest
 
 from raytracer.core.geometry import Exact
 from raytracer.core.sampling.alias import AliasTable
-from raytracer.plugins.lights.base.light_tree import count_lights, light_probability
+from raytracer.plugins.lights.base.light_choice import count_lights, light_probability
 from raytracer.plugins.lights.emitters import ABSENT
 from raytracer.scene.pack.scene import pack
 from tests.plugins.lights.kernels import aim, pdf_of

@@ -6,14 +6,8 @@ import numpy as np
 import pytest
 
 from raytracer.core.sampling.alias import AliasTable
-from raytracer.plugins.lights.base.light_tree import (
-    LightTree,
-    build_choice,
-    choose_light,
-    count_lights,
-    light_probability,
-    translate_choice,
-)
+from raytracer.plugins.lights.base.light_choice import choose_light, count_lights, light_probability, translate_choice
+from raytracer.plugins.lights.base.light_tree import LightTree, build_choice
 from tests.small_scenes import image, mean
 
 POINTS = ((0.0, 0.0, 0.0), (0.5, 0.5, 0.5), (-3.0, 40.0, 2.0), (1e6, -2e7, 3.0))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from raytracer.core.compiler.dispatch import each, generic, kernel, optional
 from raytracer.core.vec import add, sub
 from raytracer.kernel.lens_dispersion import apply_lens_color
-from raytracer.kernel.path_state import load3, store3
+from raytracer.kernel.path_rows import load3, store3
 
 
 class Aovs(NamedTuple):

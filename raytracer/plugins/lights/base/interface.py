@@ -12,7 +12,7 @@ from raytracer.core.geometry import spawn_offset
 from raytracer.core.shutter.timing import Timing
 from raytracer.core.vec import Vec3, add, max_abs, norm, scale, sub
 from raytracer.plugins.environments.base.interface import background
-from raytracer.plugins.lights.base.light_tree import translate_choice
+from raytracer.plugins.lights.base.light_choice import translate_choice
 from raytracer.plugins.materials.base.interface import BLACK
 from raytracer.schema.fields import Quantity, Triple
 from raytracer.schema.spec import Spec

@@ -14,10 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.core.compiler.dispatch import generic, kernel
+from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.primitives.base.interface import Boxes
-from raytracer.core.sampling.alias import AliasTable, build_alias, sample_alias
+from raytracer.core.sampling.alias import AliasTable, build_alias
 from raytracer.core.vec import Vec3, dot, sub
+from raytracer.plugins.lights.base.light_choice import choose_light, count_lights, light_probability, translate_choice
 from raytracer.plugins.materials.base.interface import split_random_number
 
 Array = NDArray[np.float64]
@@ -105,23 +106,6 @@ def _importance(tree, node, point):
     return nodes[node, _POWER] / distance2 if distance2 > 0.0 else 0.0
 
 
-@generic
-def choose_light(choice, point, u):
-    """Choose a light for a point by a number in [0, 1): its row, the probability, and a new number in [0, 1).
-
-    The probability is 0 where no light of the table can reach the point.
-    """
-    raise NotImplementedError
-
-
-@choose_light.register(AliasTable)
-def choose_light_by_power(choice, point, u):
-    # One light needs no choice.
-    if len(choice.pmf) == 1:
-        return 0, 1.0, u
-    return sample_alias(choice, u)
-
-
 @choose_light.register(LightTree)
 def choose_light_by_tree(choice, point, u):
     leaves = len(choice.row)
@@ -141,17 +125,6 @@ def choose_light_by_tree(choice, point, u):
     return np.int64(choice.row[node - leaves]), probability, u
 
 
-@generic
-def light_probability(choice, point, row):
-    """Return the probability with which `choose_light` chooses a row for a point."""
-    raise NotImplementedError
-
-
-@light_probability.register(AliasTable)
-def light_probability_by_power(choice, point, row):
-    return choice.pmf[row]
-
-
 @light_probability.register(LightTree)
 def light_probability_by_tree(choice, point, row):
     node, probability = len(choice.row) + np.int64(choice.leaf[row]), 1.0
@@ -164,33 +137,11 @@ def light_probability_by_tree(choice, point, row):
     return probability
 
 
-@generic
-def translate_choice(choice: AliasTable | LightTree, by: Vec3) -> AliasTable | LightTree:
-    """Move the lights by a vector (m); a choice by power does not know where they are."""
-    raise NotImplementedError(type(choice))
-
-
-@translate_choice.register(AliasTable)
-def translate_choice_by_power(choice: AliasTable, by: Vec3) -> AliasTable:
-    return choice
-
-
 @translate_choice.register(LightTree)
 def translate_choice_by_tree(choice: LightTree, by: Vec3) -> LightTree:
     nodes = choice.nodes.copy()
     nodes[:, _CENTER : _CENTER + 3] += by
     return choice._replace(nodes=nodes)
-
-
-@generic
-def count_lights(choice):
-    """Return the number of lights that a choice is among."""
-    raise NotImplementedError
-
-
-@count_lights.register(AliasTable)
-def count_lights_alias(choice):
-    return len(choice.pmf)
 
 
 @count_lights.register(LightTree)
