@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from raytracer.scene.json_schema import scene_schema
-from raytracer.scene.python_api import FAMILIES, PARTS
+from raytracer.scene.python_api import FAMILIES, parts
 from raytracer.schema.registry import type_name
 from raytracer.schema.spec import Spec
 
@@ -40,7 +40,8 @@ _Rows: TypeAlias = Sequence[_Numbers] | NDArray[np.floating[Any] | np.integer[An
 _Keys: TypeAlias = Mapping[str, Any]
 
 FAMILIES: dict[str, Family]
-PARTS: dict[str, type[Any]]
+
+def parts() -> dict[str, type[Any]]: ...
 """
 
 _NAMED = {"Material": "MaterialSpec", "Texture": "TextureSpec"}
@@ -49,7 +50,7 @@ _NAMED = {"Material": "MaterialSpec", "Texture": "TextureSpec"}
 def _classes() -> dict[str, type[Spec]]:
     """The mappings of a scene, by what they are called here: `Sphere`, and with their noun where two have one name."""
     every = [(word, spec) for word, family in FAMILIES.items() for spec in family.specs().values()]
-    every += [("", spec) for spec in PARTS.values()]
+    every += [("", spec) for spec in parts().values()]
     names = [spec.__name__ for _, spec in every]
     return {
         f"_{word.capitalize()}{spec.__name__}" if names.count(spec.__name__) > 1 else f"_{spec.__name__}": spec
@@ -144,16 +145,16 @@ def stub() -> str:
         return found
 
     imports = sorted(f"from {spec.__module__} import {spec.__name__} as {name}\n" for name, spec in classes.items())
-    parts = [_HEAD, *imports, "\n", _ALIASES]
+    written = [_HEAD, *imports, "\n", _ALIASES]
     for word, family in FAMILIES.items():
-        parts.append(f"\nclass _{word.capitalize()}s:\n")
+        written.append(f"\nclass _{word.capitalize()}s:\n")
         for kind, spec in family.specs().items():
             function = _function(kind, names[spec], spec, definition(spec), types)
-            parts.append(textwrap.indent(f"@staticmethod\n{function}", "    "))
-    parts.append("\n")
-    parts += [f"{word}: _{word.capitalize()}s\n" for word in FAMILIES]
-    parts += ["\n" + _function(name, names[spec], spec, definition(spec), types) for name, spec in PARTS.items()]
-    return "".join(parts)
+            written.append(textwrap.indent(f"@staticmethod\n{function}", "    "))
+    written.append("\n")
+    written += [f"{word}: _{word.capitalize()}s\n" for word in FAMILIES]
+    written += ["\n" + _function(name, names[spec], spec, definition(spec), types) for name, spec in parts().items()]
+    return "".join(written)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ take its values, and arrays.  Both are made of the schema of scene files, as is 
 (`make docs`), by which editors and type checkers know them.
 """
 
+import functools
 from typing import Any
 
 from raytracer.scene.python_builders import KindFactories, mapping_classes, part_factory
@@ -22,6 +23,7 @@ from raytracer.schema.registry import (
     TEXTURES,
     Family,
 )
+from raytracer.schema.spec import Spec
 
 FAMILIES: dict[str, Family] = {
     "aperture": APERTURES,
@@ -36,18 +38,23 @@ FAMILIES: dict[str, Family] = {
 }
 """The families of kinds by their names in the API."""
 
-PARTS = mapping_classes(SceneSpec)
-"""The mappings without a type by their names in the API."""
-
-_WORDS = {word: KindFactories(word, family) for word, family in FAMILIES.items()} | {
-    name: part_factory(part, f"rt.{name}") for name, part in PARTS.items()
-}
-
-__all__ = list(_WORDS)
+_KINDS = {word: KindFactories(word, family) for word, family in FAMILIES.items()}
 
 
+@functools.cache
+def parts() -> dict[str, type[Spec]]:
+    """List the mappings without a type by their names in the API; it takes the models of all kinds, which hold them."""
+    return mapping_classes(SceneSpec, *(spec for family in FAMILIES.values() for spec in family.specs().values()))
+
+
+def __dir__() -> list[str]:
+    return [*_KINDS, *parts()]
+
+
+@functools.cache
 def __getattr__(name: str) -> Any:
-    try:
-        return _WORDS[name]
-    except KeyError:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}") from None
+    if name in _KINDS:
+        return _KINDS[name]
+    if name[:1].isupper() and name in parts():
+        return part_factory(parts()[name], f"rt.{name}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

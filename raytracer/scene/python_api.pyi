@@ -80,7 +80,8 @@ _Rows: TypeAlias = Sequence[_Numbers] | NDArray[np.floating[Any] | np.integer[An
 _Keys: TypeAlias = Mapping[str, Any]
 
 FAMILIES: dict[str, Family]
-PARTS: dict[str, type[Any]]
+
+def parts() -> dict[str, type[Any]]: ...
 
 class _Apertures:
     @staticmethod

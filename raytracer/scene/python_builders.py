@@ -95,13 +95,14 @@ def _documentation(spec: type[Spec]) -> str:
     return f"{inspect.getdoc(spec)}\n\nParameters\n----------\n{listed}"
 
 
-def mapping_classes(spec: type[Spec]) -> dict[str, type[Spec]]:
-    """List the classes of mappings without a type that a scene may hold, by name: `Film`, `Sensor`, ..."""
+def mapping_classes(*roots: type[Spec]) -> dict[str, type[Spec]]:
+    """List the classes of mappings without a type that these may hold, by name: `Film`, `Sensor`, ..."""
     classes: dict[str, type[Spec]] = {}
-    for part in _reached(spec, set()):
+    seen: set[type[Spec]] = set()
+    for part in (part for root in roots for part in _reached(root, seen)):
         kind = part.model_fields.get("type")
         is_base = kind is not None and kind.annotation is str
-        if part is not spec and type_name(part) is None and not is_base:
+        if part not in roots and type_name(part) is None and not is_base:
             classes[part.__name__.removesuffix("Spec")] = part
     return dict(sorted(classes.items()))
 

@@ -51,8 +51,8 @@ class Bar:
 
     def _is_hidden(self) -> bool:
         """Return True if tqdm would show nothing, and need not be imported."""
-        disable = self._options["disable"]
-        return disable is True or (disable is None and "ipykernel" not in sys.modules and not sys.stderr.isatty())
+        disable, stream = self._options["disable"], self._options.get("file", sys.stderr)
+        return disable is True or (disable is None and "ipykernel" not in sys.modules and not stream.isatty())
 
     def say(self, line: str, file: TextIO | None = None) -> None:
         """Print a line above the bar, on stderr if no file is given."""
