@@ -51,7 +51,7 @@ class Bar:
 
     def _is_hidden(self) -> bool:
         """Return True if tqdm would show nothing, and need not be imported."""
-        disable, stream = self._options["disable"], self._options.get("file", sys.stderr)
+        disable, stream = self._options["disable"], self._options.get("file") or sys.stderr
         return disable is True or (disable is None and "ipykernel" not in sys.modules and not stream.isatty())
 
     def say(self, line: str, file: TextIO | None = None) -> None:
