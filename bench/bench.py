@@ -63,7 +63,7 @@ from warm import (
 
 from raytracer.core.error_estimate import median_interval
 
-RT = "import sys; from raytracer.cli.base.app import main; sys.exit(main())"
+RT = "import sys; from raytracer.cli.main import main; sys.exit(main())"
 TINY = ("--spp", "1", "--crop", "0,0,8,8")
 STUDIES = {
     "equal_time": equal_time,

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from raytracer.core.compiler.dispatch import entry, kernel, routine
 from raytracer.core.fresnel import fresnel_dielectric, refract
+from raytracer.core.sampling.warp import sin_cos_turn
 from raytracer.core.vec import Vec3, add, dot, neg, norm, normalize, scale, sub, to_local
 
 SMOOTH_ALPHA = 1e-3
@@ -84,12 +85,12 @@ def sample_visible_normal(alpha: float, toward: Vec3, u1: float, u2: float) -> V
     References: Dupuy, Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps", CGF 42(8).
     """
     x, y, z = normalize((alpha * toward[0], alpha * toward[1], toward[2]))
-    azimuth = 2.0 * math.pi * u1
+    sine, cosine = sin_cos_turn(u1)
     # The height of the mirrored direction, and that plus z, which is the height of the half vector: never below 0.
     rise = (1.0 - u2) * (1.0 + z)
     height = rise - z
     radius = math.sqrt(max(0.0, (1.0 - height) * (1.0 + height)))
-    return normalize((alpha * (x + radius * math.cos(azimuth)), alpha * (y + radius * math.sin(azimuth)), rise))
+    return normalize((alpha * (x + radius * cosine), alpha * (y + radius * sine), rise))
 
 
 @kernel
@@ -370,5 +371,6 @@ def multiple_albedo(mean_fresnel: Vec3, lost: float) -> Vec3:
 def sample_multiple_scattering(cells: NDArray[np.float64], rows: CellBlend, u: float, v: float) -> Vec3:
     """Sample a direction above the surface with a density of z deficit(z) / (pi mean_deficit) (1/sr)."""
     z = sample_deficit(cells, rows, u)
-    radius, azimuth = math.sqrt((1.0 - z) * (1.0 + z)), 2.0 * math.pi * v
-    return (radius * math.cos(azimuth), radius * math.sin(azimuth), z)
+    radius = math.sqrt((1.0 - z) * (1.0 + z))
+    sine, cosine = sin_cos_turn(v)
+    return (radius * cosine, radius * sine, z)

@@ -14,7 +14,7 @@ from raytracer.kernel.hero_wavelength import (
 from raytracer.kernel.nested_dielectrics import beer_transmittance
 from raytracer.kernel.path_log import MediumFlight, Scattering, record
 from raytracer.kernel.path_state import scattered_path, store_path, with_throughput
-from raytracer.kernel.russian_roulette import russian_roulette
+from raytracer.kernel.russian_roulette import LEAST_THROUGHPUT_IN_MEDIA, russian_roulette
 from raytracer.plugins.materials.base.interface import BLACK, WHITE
 from raytracer.plugins.media.base.interface import NO_MEDIUM, Media, sample_distance_at, sample_phase_at
 
@@ -66,7 +66,7 @@ def _scatter_in_medium(scene, work, path, distance, draws):
     point = madd(path.origin, distance, path.direction)
     sample_direct_light_in_medium(scene.lights, scene, work, path, point, draws)
     contribution = estimate_contribution(scene.spectrum, work, path.sample, path.throughput)
-    survival = russian_roulette(scene, contribution, path.depth, draws)
+    survival = russian_roulette(scene, contribution, LEAST_THROUGHPUT_IN_MEDIA, path.depth, draws)
     outgoing, pdf = path.direction, math.nan
     if survival != 0.0:
         outgoing, pdf = sample_phase_at(scene.media, path.medium, path.direction, draws)

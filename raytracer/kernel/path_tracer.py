@@ -51,7 +51,7 @@ from raytracer.kernel.path_state import (
 )
 from raytracer.kernel.pixel_accumulator import accumulate
 from raytracer.kernel.retracing import finish_retrace, restart_paths
-from raytracer.kernel.russian_roulette import russian_roulette
+from raytracer.kernel.russian_roulette import LEAST_THROUGHPUT, russian_roulette
 from raytracer.kernel.shadow_rays import trace_shadow_rays
 from raytracer.kernel.transparency import discard_unfinished, max_rounds, pass_through
 from raytracer.plugins.lights.base.interface import escaped_radiance, mis_weight_emission
@@ -198,7 +198,7 @@ def scatter_path(scene, work, path, surface, draws):
         scene.spectrum, work, path, surface, out.direction, mul(path.throughput, weight)
     )
     contribution = estimate_contribution(scene.spectrum, work, path.sample, throughput)
-    survival = russian_roulette(scene, contribution, path.depth, draws)
+    survival = russian_roulette(scene, contribution, LEAST_THROUGHPUT, path.depth, draws)
     waves = path_wavelengths(scene.spectrum, work, path.sample)
     record(
         work.log,

@@ -45,7 +45,7 @@ def _survivors(rule, sampler, throughput, weights):
     key = pixel_key(sampler, 0, 0)
     for index in range(len(weights)):
         draws = Draws(sampler, key, index, 8)
-        survival = russian_roulette(rule, (throughput, throughput, throughput), 9, draws)
+        survival = russian_roulette(rule, (throughput, throughput, throughput), LEAST_THROUGHPUT, 9, draws)
         weights[index] = throughput / survival if survival > 0.0 else 0.0
 
 

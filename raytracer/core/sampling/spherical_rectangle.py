@@ -15,6 +15,7 @@ import math
 from typing import NamedTuple
 
 from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.sampling.warp import sin_cos_turn
 
 SMALLEST = 2.0**-26
 """Solid angle (sr) from which on it is sampled.
@@ -76,7 +77,7 @@ def sample_spherical_rectangle(rectangle, u1, u2):
     z2 = z * z
 
     # F(x) = F(x0) + u1 times the solid angle
-    step_cos, step_sin = math.cos(u1 * solid_angle), math.sin(u1 * solid_angle)
+    step_sin, step_cos = sin_cos_turn(u1 * (solid_angle / (2.0 * math.pi)))
     sin_f, cos_f = sine * step_cos + cosine * step_sin, cosine * step_cos - sine * step_sin
     lower2 = y0 * y0 + z2
     height = y1 / math.sqrt(y1 * y1 + z2) - y0 / math.sqrt(lower2) * cos_f

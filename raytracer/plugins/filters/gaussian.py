@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field
 
+from raytracer.core.sampling.warp import sin_cos_turn
 from raytracer.plugins.filters.base.interface import FilterSpec, sample_filter
 from raytracer.schema.fields import PositiveNumber
 
@@ -49,5 +50,5 @@ class GaussianFilter(NamedTuple):
 @sample_filter.register(GaussianFilter)
 def sample_filter_gaussian_filter(pixel_filter, u1, u2):
     radius = pixel_filter.sigma * math.sqrt(-2.0 * math.log1p(-u1 * pixel_filter.within))
-    angle = 2.0 * math.pi * u2
-    return radius * math.cos(angle), radius * math.sin(angle), 1.0
+    sine, cosine = sin_cos_turn(u2)
+    return radius * cosine, radius * sine, 1.0

@@ -8,6 +8,7 @@ References: Henyey, Greenstein 1941, "Diffuse Radiation in the Galaxy", Astrophy
 import math
 
 from raytracer.core.compiler.dispatch import kernel
+from raytracer.core.sampling.warp import sin_cos_turn
 from raytracer.core.vec import Vec3, add, basis, dot, neg, sub, to_world
 
 
@@ -45,9 +46,8 @@ def sample_henyey_greenstein(direction: Vec3, g: float, u1: float, u2: float) ->
     r = 1.0 - g + 2.0 * g * u1
     above = 2.0 * u1 * (1.0 - g + g * u1) * ((1.0 + g) / r) ** 2
     below = 2.0 * (1.0 - u1) * (1.0 + g * u1) * ((1.0 - g) / r) ** 2
-    sine, angle = math.sqrt(above * below), 2.0 * math.pi * u2
+    radius, (sine, cosine) = math.sqrt(above * below), sin_cos_turn(u2)
     s, t = basis(direction)
-    cosine = 0.5 * (above - below)
-    outgoing = to_world((sine * math.cos(angle), sine * math.sin(angle), cosine), s, t, direction)
+    outgoing = to_world((radius * cosine, radius * sine, 0.5 * (above - below)), s, t, direction)
     spread = (1.0 - g) * (1.0 + g)
     return outgoing, r * r * r / (4.0 * math.pi * spread * spread)
