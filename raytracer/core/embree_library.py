@@ -1,4 +1,4 @@
-"""Where Embree is: the `embreex` wheel ships its whole library, in a place of its own on each system."""
+"""Find Embree's library, which the `embreex` wheel ships in a place of its own on each system."""
 
 import importlib.util
 from pathlib import Path

@@ -145,7 +145,7 @@ class WorkerPool:
         queue = deque(items)
         failures: list[BaseException] = []
 
-        def target() -> None:
+        def take_items() -> None:
             workspace = make_workspace(self._scene)
             while not self.is_stopped:
                 try:
@@ -162,24 +162,42 @@ class WorkerPool:
                 if rest is not None:
                     queue.append(rest)
 
-        workers = [threading.Thread(target=target, daemon=True) for _ in range(min(self.threads, len(queue)))]
+        self._run_threads(take_items, min(self.threads, len(queue)))
+        if failures:
+            raise failures[0]
+
+    def _run_threads(self, work: Callable[[], None], count: int) -> None:
+        """Do `work` in so many threads, and wait until each of them has ended, also after an interrupt."""
+        all_started = threading.Event()
+
+        def run(ended: threading.Event) -> None:
+            try:
+                # An interrupt may fall into the start of a thread, which then is not known to have started.
+                all_started.wait()
+                if not self.is_stopped:
+                    work()
+            finally:
+                ended.set()
+
+        # Before Python 3.13 a thread whose `join` is interrupted is taken for ended, so that events tell who has.
+        ends = [threading.Event() for _ in range(count)]
+        workers = [threading.Thread(target=run, args=(ended,), daemon=True) for ended in ends]
         try:
             with self.stop_on_interrupt():
                 for worker in workers:
                     worker.start()
-                for worker in workers:
-                    while worker.is_alive():
-                        worker.join(_POLL_SECONDS)
+                all_started.set()
+                for ended in ends:
+                    while not ended.wait(_POLL_SECONDS):
                         self.tick()
         except BaseException:
             self._stopped.set()
             raise
         finally:
-            for worker in workers:
+            all_started.set()
+            for worker, ended in zip(workers, ends, strict=True):
                 if worker.ident is not None:
-                    worker.join()
-        if failures:
-            raise failures[0]
+                    ended.wait()
 
 
 class RemoteExecutor(Protocol):

@@ -16,7 +16,7 @@ from raytracer.kernel.hero_wavelength import (
     start_rgb_path,
     wavelength_rows,
 )
-from raytracer.kernel.lens_dispersion import LENS_ROWS, apply_lens_color, share_lens_rays
+from raytracer.kernel.lens_dispersion import LENS_ROWS, WAVELENGTHS_PER_RAY, apply_lens_color, share_lens_rays
 from raytracer.optics.glass import LINE_D
 from raytracer.optics.lens_system.packets import (
     DIRECTION,
@@ -52,6 +52,7 @@ class Room(NamedTuple):
 
     wavelengths: Any
     lens: Array
+    lens_weights: Array
 
 
 def camera_of(name: str, width: int, **keys: Any) -> RealLens:
@@ -69,7 +70,7 @@ def _estimate(camera, spectrum, sampler, work, x, y, count, slope, edge, moments
             u, v = sample_2d(sampler, key, first + lane, FILTER)
             set_lane(camera, work.lens, lane, x + u, y + v, draws)
         trace_lanes(camera, work.lens)
-        share_lens_rays(spectrum, camera, work, x, y, WIDTH)
+        share_lens_rays(spectrum, camera, work, x, y, 0, WIDTH)
         for lane in range(WIDTH):
             draws = Draws(sampler, key, first + lane, 0)
             origin, way, weight = lane_ray(camera, work.lens, lane, 0.0, 0.0, None, draws)
@@ -86,7 +87,7 @@ def estimated(
 ) -> tuple[Array, Array]:
     """Mean and variance by channel of a pixel's samples."""
     moments = np.zeros((2, 3))
-    room = Room(wavelength_rows(spectrum), np.zeros((LENS_ROWS, WIDTH)))
+    room = Room(wavelength_rows(spectrum, WIDTH), np.zeros((LENS_ROWS, WIDTH)), np.zeros((WIDTH, WAVELENGTHS_PER_RAY)))
     sampler = SAMPLERS["independent"](seed, 1)
     _estimate(camera, spectrum, sampler, room, *pixel, count, slope, edge, moments)
     mean = moments[0] / count
