@@ -49,6 +49,7 @@ V cross(V a, V b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * 
 V unit(V a) { return (1 / std::sqrt(dot(a, a))) * a; }
 float largest(V a) { return std::fmax(a.x, std::fmax(a.y, a.z)); }
 
+constexpr float LEAST_THROUGHPUT = 0.25f;
 enum { LAMBERTIAN, METAL, DIELECTRIC, EMITTER };
 struct Material {
   int kind;
@@ -168,7 +169,7 @@ V trace(int x, int y, int width, int height, Random random, long &rays) {
       pdf = INFINITY;
     }
     if (depth >= head.roulette) {
-      float survival = std::fmin(1.f, largest(weight));
+      float survival = std::fmin(1.f, largest(weight) / LEAST_THROUGHPUT);
       if (random.next() >= survival) return sum;
       weight = (1 / survival) * weight;
     }
