@@ -9,6 +9,7 @@ SVG and as PNG, and every figure as JSON.
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -119,6 +120,8 @@ def plot(items: Sequence[dict[str, Any]], stem: Path) -> None:
             seconds, errors = ([point[key] for point in points] for key in ("seconds", "relmse"))
             width, order = (2.2, 3) if name == OURS else (1.2, 2)
             axes.loglog(seconds, errors, "o-", color=color, label=name, markersize=3.5, linewidth=width, zorder=order)
+        # Of stratified samples in fog some are of another order of magnitude; all others would be a line.
+        axes.set_ylim(top=3.0 * statistics.median(points[0]["relmse"] for points in item["curves"].values()))
         axes.set_title(item["scene"], fontsize=10)
         axes.tick_params(labelsize=8)
         axes.grid(visible=True, which="major", linewidth=0.4, alpha=0.6)

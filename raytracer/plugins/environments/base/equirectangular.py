@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.compiler.dispatch import kernel
-from raytracer.core.sampling.warp import guide_table, sample_guided_bin
+from raytracer.core.sampling.warp import guide_table, sample_guided_bin, sin_cos_turn
 from raytracer.core.vec import Vec3
 from raytracer.plugins.environments.base.interface import background, background_with_pdf, sample_background
 
@@ -154,7 +154,8 @@ def sample_background_equirectangular(environment, u1, u2):
     v = abs((row + 0.5 + _tent(rest1)) / height)
     v = min(v, 2.0 - v)
     radiance, importance = _lookup(environment, u, v)
-    theta, phi = math.pi * v, 2.0 * math.pi * (u - environment.turn)
-    sine = math.sin(theta)
-    direction: Vec3 = (sine * math.sin(phi), math.cos(theta), -sine * math.cos(phi))
+    turn = u - environment.turn
+    across, ahead = sin_cos_turn(turn - math.floor(turn))
+    sine, cosine = sin_cos_turn(0.5 * v)
+    direction: Vec3 = (sine * across, cosine, -sine * ahead)
     return direction, radiance, _pdf(environment, importance, sine)
