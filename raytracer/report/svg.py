@@ -3,10 +3,9 @@
 An element is `[name, attributes, *children]`, a child an element or a string: values of JSON.  So a page needs no HTML
 in its data, and a picture has but one description.
 
-Colours are those of Okabe and Ito, which colour-blind readers can tell apart, each at least 3 to 1 against white and
-near black; ink is `currentColor`, so that a picture reads in the dark as well.
+Ink is `currentColor`, so that a picture reads in the dark as well.
 
-References: Okabe and Ito 2008, "Color Universal Design"; W3C 2011, "Scalable Vector Graphics 1.1".
+References: W3C 2011, "Scalable Vector Graphics 1.1".
 """
 
 import html
@@ -16,9 +15,6 @@ from typing import Any, TypeAlias
 Node: TypeAlias = list[Any]
 
 INK = "currentColor"
-BLUE, VERMILLION, GREEN, PURPLE, OCHRE, SKY = "#0072b2", "#d55e00", "#009e73", "#b3649a", "#b07d00", "#2f94c9"
-COLORS = (BLUE, VERMILLION, GREEN, PURPLE, OCHRE, SKY)
-"""Palette, in the order of series."""
 
 _STYLE = "text { font-family: system-ui, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif; } svg { color: #222222; }"
 _BACKGROUND = "#ffffff"

@@ -16,8 +16,8 @@ import numpy as np
 
 from raytracer.analysis.cost import export, formatting, plots
 from raytracer.analysis.cost.results import Study, VariantResult
-from raytracer.core.error_estimate import wording
 from raytracer.core.error_estimate.intervals import Interval
+from raytracer.report import wording
 from raytracer.util.atomic_write import check_file, write_bytes
 from raytracer.util.errors import InputError, one_line
 

@@ -1,10 +1,7 @@
 """Plots of a study: error against time, a map of the error, and the picture itself.
 
 Each is made twice: as a file, on white, and for the page, where lines and text take the page's own colour so that it
-can be read in dark mode as well.  Colours are those of Okabe and Ito, and viridis, which colour-blind readers can tell
-apart; nothing is told by colour alone.
-
-References: Okabe and Ito 2008, "Color Universal Design"; Smith and van der Walt 2015, the colour map viridis.
+can be read in dark mode as well.
 """
 
 import io
@@ -19,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.analysis.cost.results import ConvergencePoint, Prediction, Study
-from raytracer.core.error_estimate import wording
 from raytracer.film import srgb
 from raytracer.film.exposure import luminance
+from raytracer.report import wording
+from raytracer.report.palette import BLUE, GREEN, VERMILLION
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -32,9 +30,6 @@ Array = NDArray[np.float64]
 
 _NEEDED = ("matplotlib", "jinja2")
 _MISSING = "a report with pictures needs {names} not installed: pip install 'raytracer[report]'"
-
-# Okabe and Ito's blue, vermillion and bluish green: each at least 3 to 1 against white and against near black.
-_BLUE, _VERMILLION, _GREEN = "#0072b2", "#d55e00", "#009e73"
 
 # Grey that is visible on white and on black.
 _UNMEASURED = (0.5, 0.5, 0.5, 0.25)
@@ -176,10 +171,10 @@ def _draw_convergence(axes: "Axes", study: Study, points: list[ConvergencePoint]
     # Draw the fit, and the measurements on top of it.
     line = _fit_curve(predicted, points, until)
     if line is not None:
-        axes.plot(line.seconds, line.error, color=_BLUE, linewidth=2.0, label="fit to what was measured")
+        axes.plot(line.seconds, line.error, color=BLUE, linewidth=2.0, label="fit to what was measured")
     ends = np.array([_error_bar(p) for p in points]).T
     axes.errorbar(
-        seconds, errors, yerr=ends, fmt="o", color=_BLUE, capsize=3.0, markersize=6.0, label="measured, 95 % interval"
+        seconds, errors, yerr=ends, fmt="o", color=BLUE, capsize=3.0, markersize=6.0, label="measured, 95 % interval"
     )
     for point in points:
         axes.annotate(
@@ -192,11 +187,11 @@ def _draw_convergence(axes: "Axes", study: Study, points: list[ConvergencePoint]
 
     # Draw target and budget, and where the fit meets the target.
     goals: list[tuple[Callable[..., Any], float, str, str, str]] = [
-        (axes.axhline, predicted.target, _VERMILLION, "-.", f"target {wording.format_given_percent(predicted.target)}")
+        (axes.axhline, predicted.target, VERMILLION, "-.", f"target {wording.format_given_percent(predicted.target)}")
     ]
     if predicted.budget is not None and predicted.budget > 0.0:
         label = f"budget {wording.format_given_duration(predicted.budget)}"
-        goals.append((axes.axvline, predicted.budget, _GREEN, ":", label))
+        goals.append((axes.axvline, predicted.budget, GREEN, ":", label))
     for draw, at_value, colour, style, words in goals:
         draw(at_value, color=colour, linewidth=1.5, linestyle=style, label=words)
     at = predicted.target_seconds
@@ -207,7 +202,7 @@ def _draw_convergence(axes: "Axes", study: Study, points: list[ConvergencePoint]
             [predicted.target],
             xerr=[[at.value - at.low], [at.high - at.value]] if known else None,
             fmt="D",
-            color=_VERMILLION,
+            color=VERMILLION,
             capsize=4.0,
             markersize=7.0,
             label=f"target reached, predicted: {wording.format_duration(at.value)}",

@@ -22,7 +22,8 @@ from raytracer.analysis.lens_design.performance.results import (
 )
 from raytracer.optics.glass import LINE_C, LINE_D, LINE_F
 from raytracer.report.chart import DASH_DOTTED, DASHED, DOTTED, SOLID, Chart, Range, ReferenceLine, Series
-from raytracer.report.svg import BLUE, COLORS, GREEN, INK, OCHRE, PURPLE, VERMILLION
+from raytracer.report.palette import BLUE, GREEN, OCHRE, PURPLE, SERIES, VERMILLION
+from raytracer.report.svg import INK
 
 _LINES = {LINE_F: "F", LINE_D: "d", LINE_C: "C"}
 
@@ -357,7 +358,7 @@ def _mtf(study: LensStudy) -> list[Chart]:
     limit = study.diffraction_limit
     lines = []
     for number, field in enumerate(m for m in study.mtf if np.isfinite(m.tangential).any()):
-        hue, name = COLORS[number % len(COLORS)], f"{field.image_height_mm:.3g} mm"
+        hue, name = SERIES[number % len(SERIES)], f"{field.image_height_mm:.3g} mm"
         if len(study.first_order) > 1:
             name = f"{field.meridian} {name}"
         lines.append(Series(f"{name} T", field.frequencies_per_mm, field.tangential, hue, SOLID))
@@ -386,7 +387,7 @@ def _mtf_over_field(result: MtfOverField) -> Chart:
     """Chart the MTF over image height at a few frequencies."""
     lines = []
     for number, frequency in enumerate(result.frequencies_per_mm):
-        hue = COLORS[number % len(COLORS)]
+        hue = SERIES[number % len(SERIES)]
         lines.append(Series(f"{frequency:g}/mm T", result.image_height_mm, result.tangential[number], hue, SOLID))
         lines.append(Series(f"{frequency:g}/mm S", result.image_height_mm, result.sagittal[number], hue, DASHED))
     return Chart(

@@ -79,10 +79,10 @@ class RenderReport(NamedTuple):
 
     def _describe_shortfall(self, names: str) -> str:
         """Say why the render ended before it had what was asked for."""
-        from raytracer.core.error_estimate.wording import format_given_percent
+        from raytracer.report.wording import format_given_percent, plural
 
         fewest, has_error = self.rendered.fewest_samples, bool(self.rendered.stats.error)
-        spp = f"{self.spp} sample{'' if self.spp == 1 else 's'} per pixel"
+        spp = f"{self.spp} {plural(self.spp or 0, 'sample')} per pixel"
         if self.spp is None or self.noise is None or fewest < self.spp:
             if self.noise is not None and not has_error and fewest >= _SPP_FOR_ERROR:
                 return f"the error of {names} cannot be told: its values are beyond all bounds"
@@ -137,8 +137,8 @@ def summarize(rendered: "Rendered", names: str, whole: float) -> str:
 
     whole (s) : time of the whole command.
     """
-    from raytracer.core.error_estimate.wording import format_percent
     from raytracer.film.negative_pixels import describe_negative_pixels
+    from raytracer.report.wording import format_percent
 
     stats = rendered.stats
     height, width, _ = rendered.image.radiance.shape
@@ -166,7 +166,7 @@ def summarize(rendered: "Rendered", names: str, whole: float) -> str:
 def _describe_error(rendered: "Rendered") -> str:
     """Say how large the relative error is, or why it is unknown."""
     from raytracer.core.error_estimate import Interval
-    from raytracer.core.error_estimate.wording import format_percent_interval
+    from raytracer.report.wording import format_percent_interval
 
     stats = rendered.stats
     if stats.error:
@@ -180,7 +180,7 @@ def _describe_error(rendered: "Rendered") -> str:
 
 def _describe_fireflies(fireflies: Mapping[str, Any], debug: DebugCommand) -> str:
     """Say how many fireflies there are, how bright they are, and what helps."""
-    from raytracer.core.error_estimate.wording import format_percent
+    from raytracer.report.wording import format_percent
 
     count, by, which = "1 pixel is a firefly", "one sample makes it", "this shows it"
     if fireflies["pixels"] != 1:

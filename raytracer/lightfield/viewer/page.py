@@ -188,8 +188,8 @@ def _view_steps(position: NDArray[np.float64]) -> tuple[float, float]:
 def _extent(field: LightField, *, metric: bool) -> str:
     """Describe the number, size and spacing of the views."""
     views = field.views
-    count = "1 view" if views.rows * views.columns == 1 else f"{views.rows} \u00d7 {views.columns} views"
-    words = [f"{count} of {views.width} \u00d7 {views.height} pixels"]
+    number = "1 view" if views.rows * views.columns == 1 else f"{views.rows} \u00d7 {views.columns} views"
+    words = [f"{number} of {views.width} \u00d7 {views.height} pixels"]
     across = [1000.0 * step for step in _view_steps(views.position)]
     steps = dict.fromkeys(f"{step:.3g}" for step in across if step > 0.0)
     if metric and steps:

@@ -7,6 +7,7 @@ import pytest
 from raytracer.analysis.lens_design import text
 from raytracer.analysis.lens_design.performance.lens_study import LensStudy, study_lens
 from raytracer.analysis.lens_design.performance.results import Settings
+from raytracer.report import wording
 from raytracer.report.chart import tick_text, ticks
 from raytracer.scene.assets.lenses import read_lens
 from tests.analysis.lens_design.benches import SHIPPED, cylinder_pair
@@ -76,14 +77,14 @@ def test_a_lens_with_cylinders_has_two_of_each_but_no_sums() -> None:
 
 
 def test_what_has_no_value_is_said_in_words() -> None:
-    assert text.millimetres(float("nan")) == "none"
-    assert text.millimetres(float("-inf")) == "infinite"
-    assert text.millimetres(-1.5) == "−1.50000 mm"
-    assert text.distance(float("inf")) == "infinity"
-    assert text.distance(1500.0) == "1.5 m"
-    assert text.micrometres(787.4) == "787 µm"
-    assert text.micrometres(1351.0) == "1.35 mm"
-    assert text.micrometres(float("nan")) == "none"
+    assert wording.millimetres(float("nan")) == "none"
+    assert wording.millimetres(float("-inf")) == "infinite"
+    assert wording.millimetres(-1.5) == "−1.50000 mm"
+    assert wording.metres(float("inf")) == "infinity"
+    assert wording.metres(1500.0) == "1.5 m"
+    assert wording.micrometres(787.4) == "787 µm"
+    assert wording.micrometres(1351.0) == "1.35 mm"
+    assert wording.micrometres(float("nan")) == "none"
 
 
 @pytest.mark.parametrize(("low", "high"), [(-0.3, 0.7), (0.0, 1.0), (-1e-7, 3e-7), (12345.0, 99999.0), (-60.0, 20.0)])

@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from raytracer.optics.glass import Glass
 from raytracer.optics.lens_system.lens import Element
+from raytracer.report.palette import CROWN, FLINT, PLAIN_GLASS
 
 FloatArray = NDArray[np.float64]
 Point: TypeAlias = tuple[float, float]
 SectionAxis: TypeAlias = Literal["x", "y"]
-
-CROWN, FLINT, OTHER = "#56a0d3", "#c08a3e", "#7f8c8d"
-"""Fills: glass with an Abbe number above 50, with one below, and glass that does not disperse."""
 
 # Pieces of a curve that is no arc.
 _PIECES = 48
@@ -146,7 +144,7 @@ def _glass_style(glass: Glass) -> tuple[str, str]:
     """Choose the fill of a glass, and write its name, index and Abbe number."""
     index = float(glass.ior())
     if not glass.disperses():
-        return OTHER, f"n = {index:.4f}"
+        return PLAIN_GLASS, f"n = {index:.4f}"
     abbe = glass.abbe()
     name = f"{glass.name}: " if any(c.isalpha() for c in glass.name) else ""
     return (CROWN if abbe > 50.0 else FLINT), f"{name}n = {index:.4f}, V = {abbe:.1f}"

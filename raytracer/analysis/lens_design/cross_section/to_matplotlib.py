@@ -9,7 +9,7 @@ import numpy as np
 
 from raytracer.analysis.lens_design.cross_section.drawing import CrossSection, stack_labels
 from raytracer.analysis.lens_design.cross_section.outlines import Arc, Cubic, Line, Piece, Point
-from raytracer.report.svg import COLORS
+from raytracer.report.palette import SERIES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,7 +38,7 @@ def plot_on_axes(drawing: CrossSection, axes: "Axes") -> None:
     labels = dict(zip(used, drawing.fields, strict=True))
     for ray in drawing.rays:
         axes.plot(
-            *ray.points.T, color=COLORS[ray.field % len(COLORS)], linewidth=0.6, label=labels.pop(ray.field, None)
+            *ray.points.T, color=SERIES[ray.field % len(SERIES)], linewidth=0.6, label=labels.pop(ray.field, None)
         )
     for z, low, high in drawing.stops:
         for side in (1.0, -1.0):

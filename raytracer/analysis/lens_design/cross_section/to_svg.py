@@ -5,7 +5,8 @@ from collections.abc import Iterable, Sequence
 from raytracer.analysis.lens_design.cross_section.drawing import LABEL_FONT, AxisMark, CrossSection, stack_labels
 from raytracer.analysis.lens_design.cross_section.outlines import Arc, Cubic, FloatArray, Piece, Point
 from raytracer.report import svg
-from raytracer.report.svg import COLORS, INK, Node, element
+from raytracer.report.palette import SERIES
+from raytracer.report.svg import INK, Node, element
 
 _FONT = LABEL_FONT
 _ROW = 16.0
@@ -34,7 +35,7 @@ def render_svg(drawing: CrossSection, width: float = 900.0) -> Node:
     ]
     loose = [element("path", {"d": _path(*one), "fill": "none", **_pen(INK, 1.1)}) for one in drawing.bare]
     lines = [
-        element("path", {"d": _polyline(ray.points), "fill": "none", **_pen(COLORS[ray.field % len(COLORS)], 1.0)})
+        element("path", {"d": _polyline(ray.points), "fill": "none", **_pen(SERIES[ray.field % len(SERIES)], 1.0)})
         for ray in drawing.rays
     ]
     stops = [
@@ -140,7 +141,7 @@ def _draw_mark(mark: AxisMark, x: float, row: int, axis: float, bottom: float) -
 def _legend(drawing: CrossSection, width: float) -> tuple[list[Node], float]:
     """Draw the legend of the fields' colours; returns its height too."""
     used = sorted({ray.field for ray in drawing.rays})
-    entries = [(COLORS[field % len(COLORS)], text) for field, text in zip(used, drawing.fields, strict=True)]
+    entries = [(SERIES[field % len(SERIES)], text) for field, text in zip(used, drawing.fields, strict=True)]
     nodes: list[Node] = []
     x, y = 14.0, 14.0
     for hue, text in entries:

@@ -4,8 +4,9 @@ import math
 
 import pytest
 
-from raytracer.core.error_estimate import UNKNOWN, wording
+from raytracer.core.error_estimate import UNKNOWN
 from raytracer.core.error_estimate.intervals import Interval
+from raytracer.report import wording
 
 INF, NAN = math.inf, math.nan
 
