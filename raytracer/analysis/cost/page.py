@@ -4,11 +4,9 @@ The page needs no network, and follows light and dark mode.  Whatever comes from
 is escaped.
 """
 
-import base64
 import io
 import json
 import math
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,6 +15,7 @@ import numpy as np
 from raytracer.analysis.cost import export, formatting, plots
 from raytracer.analysis.cost.results import Study, VariantResult
 from raytracer.core.error_estimate.intervals import Interval
+from raytracer.report import page as html
 from raytracer.report import wording
 from raytracer.util.atomic_write import check_file, write_bytes
 from raytracer.util.errors import InputError, one_line
@@ -103,14 +102,9 @@ def _columns(study: Study) -> list[Column]:
     target = wording.format_given_percent(study.prediction.target)
     return [
         Column("variant", False, _MEANINGS["variant"]),
-        Column("time per spp", True, _MEANINGS["time_per_spp"]),
-        Column("time per ray", True, _MEANINGS["time_per_ray"]),
-        Column("rays per sample", True, _MEANINGS["rays_per_sample"]),
         Column("time against the scene", False, _MEANINGS["time_ratio"]),
         Column(f"noise at {spp:,} spp" if spp else "noise", False, _MEANINGS["noise"]),
-        Column("squared noise against the scene", False, _MEANINGS["noise_ratio"]),
         Column("bias against the scene", False, _MEANINGS["bias"]),
-        Column("brightness", False, _MEANINGS["brightness"]),
         Column(
             f"time to {target}",
             True,
@@ -118,6 +112,11 @@ def _columns(study: Study) -> list[Column]:
             "neither time nor noise nor bias differs. It is blank where the bias exceeds the target, since no number "
             "of samples mends a bias.",
         ),
+        Column("time per spp", True, _MEANINGS["time_per_spp"]),
+        Column("time per ray", True, _MEANINGS["time_per_ray"]),
+        Column("rays per sample", True, _MEANINGS["rays_per_sample"]),
+        Column("squared noise against the scene", False, _MEANINGS["noise_ratio"]),
+        Column("brightness", False, _MEANINGS["brightness"]),
     ]
 
 
@@ -136,10 +135,9 @@ def _cell(words: str, value: float | None, number: bool = False) -> Cell:
 def _cells(variant: VariantResult, study: Study) -> list[Cell]:
     if variant.failed:
         return [
-            Cell("not measured", "", "", True),
-            *(Cell("", "", "", True) for _ in range(2)),
+            Cell("not measured", "", "", False),
             Cell(one_line(variant.failed), "", "", False),
-            *(Cell("", "", "", False) for _ in range(5)),
+            *(Cell("", "", "", False) for _ in range(7)),
         ]
     of_scene = variant.group == "scene"
     noise = formatting.format_noise(variant)
@@ -155,15 +153,15 @@ def _cells(variant: VariantResult, study: Study) -> list[Cell]:
             formatting.format_target_time(variant), one_line(variant.why_blank), _key(variant.target_seconds), True
         )
     return [
+        _cell(formatting.format_time_ratio(variant), variant.time.value),
+        _cell(noise, variant.noise.value),
+        _cell(formatting.format_bias(variant), None if variant.bias is None else variant.bias.value),
+        target,
         _cell(wording.format_duration_interval(variant.per_sample), variant.per_sample.value, number=True),
         _cell(_nanoseconds(variant.per_ray), variant.per_ray.value, number=True),
         _cell(wording.format_number(variant.rays_per_sample), variant.rays_per_sample, number=True),
-        _cell(formatting.format_time_ratio(variant), variant.time.value),
-        _cell(noise, variant.noise.value),
         _cell("" if of_scene else ratio, variant.noise_ratio.value),
-        _cell(formatting.format_bias(variant), None if variant.bias is None else variant.bias.value),
         _cell(_brightness(variant), None if variant.brightness is None else variant.brightness.value),
-        target,
     ]
 
 
@@ -184,8 +182,8 @@ class _File(NamedTuple):
     content: bytes
 
     @property
-    def data(self) -> str:
-        return base64.b64encode(self.content).decode()
+    def address(self) -> str:
+        return html.data_uri(self.content, self.type)
 
 
 def _data(study: Study) -> list[_File]:
@@ -202,21 +200,10 @@ def _data(study: Study) -> list[_File]:
     ]
 
 
-def page(study: Study) -> str:
-    """Render the page as HTML.
-
-    Raises
-    ------
-    InputError : the extra `report` is not installed.
-    """
-    plots.require_report()
-    from jinja2 import Environment, StrictUndefined
+def page(study: Study) -> bytes:
+    """Render the page as HTML (UTF-8)."""
     from markupsafe import Markup
 
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    template = environment.from_string(
-        files("raytracer.analysis.cost").joinpath("page.html").read_text(encoding="utf-8")
-    )
     convergence, error_map, picture = (
         plots.convergence_inline(study),
         plots.error_map_inline(study),
@@ -235,7 +222,7 @@ def page(study: Study) -> str:
         # Matplotlib's own, in which there is no text of a scene.
         "convergence": convergence and Markup(convergence),
         "map": error_map and Markup(error_map),
-        "picture": picture and base64.b64encode(picture).decode(),
+        "picture": picture and html.data_uri(picture, "image/png"),
         "sampled": study.tiles_measured < study.tiles,
         "points": [
             {
@@ -262,7 +249,7 @@ def page(study: Study) -> str:
         "machine": machine,
         "files": _data(study),
     }
-    return template.render(values)
+    return html.page("cost", f"{study.scene}: what accuracy costs in time", {}, values=values)
 
 
 def check_report(folder: str | Path) -> None:
@@ -270,9 +257,8 @@ def check_report(folder: str | Path) -> None:
 
     Raises
     ------
-    InputError : the extra `report` is not installed, or a file of the report could not be written there.
+    InputError : a file of the report could not be written there.
     """
-    plots.require_report()
     folder = Path(folder)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file, and not a folder for a report")
@@ -292,10 +278,9 @@ def write_report(study: Study, folder: str | Path) -> tuple[Path, ...]:
 
     Raises
     ------
-    InputError : the extra `report` is not installed.
     OutputError : a file cannot be written.
     """
-    contents: dict[str, bytes | None] = {PAGE: page(study).encode()}
+    contents: dict[str, bytes | None] = {PAGE: page(study)}
     contents |= {file.name: file.content for file in _data(study)}
     contents["convergence.svg"] = plots.convergence_svg(study)
     contents["error_map.png"] = plots.error_map_png(study)

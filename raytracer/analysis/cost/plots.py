@@ -9,7 +9,6 @@ import math
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -20,16 +19,12 @@ from raytracer.film import srgb
 from raytracer.film.exposure import luminance
 from raytracer.report import wording
 from raytracer.report.palette import BLUE, GREEN, VERMILLION
-from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-
-_NEEDED = ("matplotlib", "jinja2")
-_MISSING = "a report with pictures needs {names} not installed: pip install 'raytracer[report]'"
 
 # Grey that is visible on white and on black.
 _UNMEASURED = (0.5, 0.5, 0.5, 0.25)
@@ -53,19 +48,6 @@ class _Theme(NamedTuple):
 
 _FILE = _Theme("#222222", "white")
 _PAGE = _Theme(_INK_OF_PAGE, "none")
-
-
-def require_report() -> None:
-    """Make sure, before anything is measured, that plots and a page can be made.
-
-    Raises
-    ------
-    InputError : the extra is not installed.
-    """
-    missing = [name for name in _NEEDED if find_spec(name) is None]
-    if missing:
-        verb = "which is" if len(missing) == 1 else "which are"
-        raise InputError(_MISSING.format(names=f"{' and '.join(missing)}, {verb}"))
 
 
 @contextmanager

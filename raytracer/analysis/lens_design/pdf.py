@@ -1,10 +1,9 @@
-"""Report on a lens as PDF, and its cross-section as PNG: by Matplotlib, of the extra `report`."""
+"""Report on a lens as PDF, and its cross-section as PNG: by Matplotlib."""
 
 import io
 import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +17,6 @@ from raytracer.analysis.lens_design.text import Table
 from raytracer.optics.lens_system.lens import Lens
 from raytracer.report import chart
 from raytracer.report.chart import Chart
-from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.backends.backend_pdf import PdfPages
@@ -33,19 +31,6 @@ _ROWS_OF_SPOTS = 6
 
 # Height of a table's title, text and head, in lines.
 _LINES_OF_HEAD = 7
-
-_MISSING = "{suffix} files need Matplotlib, which is not installed: pip install 'raytracer[report]'"
-
-
-def require_matplotlib(suffix: str) -> None:
-    """Check, before anything is traced, that a file with this suffix can be written.
-
-    Raises
-    ------
-    InputError : the extra is not installed.
-    """
-    if find_spec("matplotlib") is None:
-        raise InputError(_MISSING.format(suffix=suffix))
 
 
 @contextmanager
@@ -75,13 +60,7 @@ def _figure(width: float, height: float) -> "Figure":
 
 
 def png(lens: Lens, study: LensStudy) -> bytes:
-    """Draw the cross-sections as PNG, below each other if there are two.
-
-    Raises
-    ------
-    InputError : the extra `report` is not installed.
-    """
-    require_matplotlib(".png")
+    """Draw the cross-sections as PNG, below each other if there are two."""
     shown = cross_sections(lens, study)
     with _defaults():
         figure = _figure(10.0, 5.2 * len(shown))
@@ -94,13 +73,7 @@ def png(lens: Lens, study: LensStudy) -> bytes:
 
 
 def pdf(lens: Lens, study: LensStudy) -> bytes:
-    """Write the report as PDF.
-
-    Raises
-    ------
-    InputError : the extra `report` is not installed.
-    """
-    require_matplotlib(".pdf")
+    """Write the report as PDF."""
     from matplotlib.backends.backend_pdf import PdfPages
 
     buffer = io.BytesIO()

@@ -19,15 +19,11 @@ def find_writer(path: Path) -> Writer:
 
     Raises
     ------
-    InputError : there is no such format, or the library that draws it is not installed.
+    InputError : there is no such format.
     """
     kind = path.suffix.lower()
     if kind not in _WRITERS:
         raise InputError(f"{path}: {unknown_suffix_message(path)} for a report on a lens; known: {', '.join(_WRITERS)}")
-    if kind in (".pdf", ".png"):
-        from raytracer.analysis.lens_design.pdf import require_matplotlib
-
-        require_matplotlib(kind)
     return _WRITERS[kind]
 
 

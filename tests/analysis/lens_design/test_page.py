@@ -5,7 +5,6 @@ import io
 import json
 import re
 from collections.abc import Callable
-from importlib import util
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +21,6 @@ from raytracer.report import chart as charts
 from raytracer.report import svg
 from raytracer.report.chart import Chart, Series
 from raytracer.scene.assets.lenses import read_lens
-from raytracer.util.errors import InputError
 from tests.analysis.lens_design.benches import SHIPPED, cylinder_pair, plano_convex
 
 if TYPE_CHECKING:
@@ -141,12 +139,6 @@ def test_a_name_is_no_formula(gauss: tuple[Lens, LensStudy]) -> None:
     # Matplotlib would read what is between two dollars as TeX, and raise.
     lens, found = gauss
     assert pdf.png(lens, found._replace(name=r"$\frac{$")).startswith(b"\x89PNG")
-
-
-def test_without_matplotlib_it_is_said_which_extra_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pdf, "find_spec", lambda name: None if name == "matplotlib" else util.find_spec(name))
-    with pytest.raises(InputError, match=r"\.pdf files need Matplotlib.*raytracer\[report\]"):
-        pdf.require_matplotlib(".pdf")
 
 
 def test_lines_are_where_their_points_are() -> None:
