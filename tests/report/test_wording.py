@@ -69,3 +69,22 @@ def test_intervals_of_times_are_in_one_unit() -> None:
     assert wording.format_duration_interval(Interval(2.0, 2.0, 2.0)) == "2.00 s"
     assert wording.format_duration_interval(UNKNOWN) == "unknown"
     assert wording.format_duration_interval(Interval(INF, INF, INF)) == "never"
+
+
+@pytest.mark.parametrize(
+    ("number", "said"), [(0, "0 points"), (1, "1 point"), (2, "2 points"), (12000, "12000 points")]
+)
+def test_things_are_counted(number: int, said: str) -> None:
+    assert wording.count(number, "point") == said
+    assert said.split()[1] == wording.plural(number, "point")
+
+
+def test_what_has_no_value_is_said_in_words() -> None:
+    assert wording.millimetres(float("nan")) == "none"
+    assert wording.millimetres(float("-inf")) == "infinite"
+    assert wording.millimetres(-1.5) == "−1.50000 mm"
+    assert wording.metres(float("inf")) == "infinity"
+    assert wording.metres(1500.0) == "1.5 m"
+    assert wording.micrometres(787.4) == "787 µm"
+    assert wording.micrometres(1351.0) == "1.35 mm"
+    assert wording.micrometres(float("nan")) == "none"

@@ -202,11 +202,9 @@ def _data(study: Study) -> list[_File]:
 
 def page(study: Study) -> bytes:
     """Render the page as HTML (UTF-8)."""
-    from markupsafe import Markup
-
     convergence, error_map, picture = (
-        plots.convergence_inline(study),
-        plots.error_map_inline(study),
+        plots.convergence_for_page(study),
+        plots.error_map_for_page(study),
         plots.picture_png(study),
     )
     machine = formatting.machine_rows(study)
@@ -219,9 +217,8 @@ def page(study: Study) -> bytes:
         "extent": formatting.format_extent(study),
         "headline": formatting.headline(study),
         "warnings": [one_line(warning) for warning in study.warnings],
-        # Matplotlib's own, in which there is no text of a scene.
-        "convergence": convergence and Markup(convergence),
-        "map": error_map and Markup(error_map),
+        "convergence": convergence and convergence.picture,
+        "map": error_map and error_map.picture,
         "picture": picture and html.data_uri(picture, "image/png"),
         "sampled": study.tiles_measured < study.tiles,
         "points": [
@@ -249,7 +246,9 @@ def page(study: Study) -> bytes:
         "machine": machine,
         "files": _data(study),
     }
-    return html.page("cost", f"{study.scene}: what accuracy costs in time", {}, values=values)
+    charts = {key: figure.data for key, figure in (("convergence", convergence), ("map", error_map)) if figure}
+    title = f"{study.scene}: what accuracy costs in time"
+    return html.page("cost", title, {"charts": charts}, parts=("chart",), values=values)
 
 
 def check_report(folder: str | Path) -> None:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,19 +11,30 @@ from numpy.typing import NDArray
 from raytracer.analysis.lens_design.performance.lens_study import LensStudy
 from raytracer.analysis.lens_design.performance.results import (
     ChromaticAberration,
+    DiffractionLimit,
     DistortionCurve,
     Fan,
     FieldCurvature,
     Illumination,
+    Mtf,
     MtfOverField,
     Spherical,
     Spot,
     SpotsOfField,
 )
 from raytracer.optics.glass import LINE_C, LINE_D, LINE_F
-from raytracer.report.chart import DASH_DOTTED, DASHED, DOTTED, SOLID, Chart, Range, ReferenceLine, Series
+from raytracer.report.chart import (
+    DASH_DOTTED,
+    DASHED,
+    DOTTED,
+    SOLID,
+    Chart,
+    LegendEntry,
+    Range,
+    ReferenceLine,
+    Series,
+)
 from raytracer.report.palette import BLUE, GREEN, OCHRE, PURPLE, SERIES, VERMILLION
-from raytracer.report.svg import INK
 
 _LINES = {LINE_F: "F", LINE_D: "d", LINE_C: "C"}
 
@@ -33,6 +44,9 @@ _DASHES = (SOLID, DASHED, DASH_DOTTED, DOTTED)
 
 # Dots of a spot diagram: few enough that a page of many stays small.  They are a random sample of the rays.
 _MOST_DOTS = 400
+
+# What dashes say in charts in which colours say something else.
+_PLANES = (LegendEntry("T"), LegendEntry("S", dashes=DASHED))
 
 FloatArray = NDArray[np.float64]
 
@@ -211,7 +225,7 @@ def _spherical(result: Spherical) -> list[Chart]:
     """Chart spherical aberration, and the offence against the sine condition."""
     lines = _by_wavelength(result.wavelengths_nm, result.longitudinal_mm, result.pupil, upright=True)
     if np.isfinite(result.third_order_mm).any():
-        lines.append(Series("third order (Seidel)", result.third_order_mm, result.pupil, INK, DOTTED))
+        lines.append(Series("third order (Seidel)", result.third_order_mm, result.pupil, dashes=DOTTED))
     charts = [
         Chart(
             f"lsa-{result.meridian}",
@@ -272,14 +286,17 @@ def _fan(fan: Fan, ends: Range) -> list[Chart]:
 
 def _curvature(result: FieldCurvature) -> Chart:
     """Chart field curvature and the Petzval surface."""
-    lines = []
+    lines, entries = [], []
     # Colours by wavelength, dashes by plane.
     for nm, tangential, sagittal in zip(result.wavelengths_nm, result.tangential_mm, result.sagittal_mm, strict=True):
         name, hue = wavelength_name(float(nm)), wavelength_color(float(nm))
         lines.append(Series(f"T, {name}", tangential, result.image_height_mm, hue, SOLID))
         lines.append(Series(f"S, {name}", sagittal, result.image_height_mm, hue, DASHED))
+        entries.append(LegendEntry(name, hue))
+    entries += _PLANES
     if np.isfinite(result.petzval_mm).any():
-        lines.append(Series("Petzval surface", result.petzval_mm, result.image_height_mm, INK, DOTTED))
+        lines.append(Series("Petzval surface", result.petzval_mm, result.image_height_mm, dashes=DOTTED))
+        entries.append(LegendEntry("Petzval surface", dashes=DOTTED))
     return Chart(
         f"curvature-{result.meridian}",
         "Field curvature",
@@ -287,6 +304,7 @@ def _curvature(result: FieldCurvature) -> Chart:
         "image height (mm)",
         tuple(lines),
         levels=(ReferenceLine("x", 0.0),),
+        entries=tuple(entries),
         note="T: tangential, in the plane of the axis. S: sagittal, across it.",
     )
 
@@ -347,49 +365,61 @@ def _illumination(result: Illumination) -> Chart:
         (
             Series("light on the film", height, 100.0 * result.relative, BLUE, SOLID),
             Series("solid angle of the pupil", height, 100.0 * result.pupil, GREEN, DASHED),
-            Series("cos⁴ law", height, 100.0 * result.cos4, INK, DOTTED),
+            Series("cos⁴ law", height, 100.0 * result.cos4, dashes=DOTTED),
         ),
         y_range=(0.0, max(105.0, 105.0 * float(np.nanmax([1.0, *result.relative, *result.pupil])))),
     )
 
 
 def _mtf(study: LensStudy) -> list[Chart]:
-    """Chart the MTF by frequency, and over the field."""
-    limit = study.diffraction_limit
-    lines = []
-    for number, field in enumerate(m for m in study.mtf if np.isfinite(m.tangential).any()):
-        hue, name = SERIES[number % len(SERIES)], f"{field.image_height_mm:.3g} mm"
-        if len(study.first_order) > 1:
-            name = f"{field.meridian} {name}"
-        lines.append(Series(f"{name} T", field.frequencies_per_mm, field.tangential, hue, SOLID))
-        lines.append(Series(f"{name} S", field.frequencies_per_mm, field.sagittal, hue, DASHED))
-    if not lines:
-        return []
-    lines.append(Series("diffraction limit", limit.frequencies_per_mm, limit.mtf, INK, DOTTED))
-    last = max(float(line.x[-1]) for line in lines[:-1])
-    over = [_mtf_over_field(result) for result in study.mtf_over_field if np.isfinite(result.tangential).any()]
-    return [
-        Chart(
-            "mtf",
-            "MTF by frequency",
-            "line pairs a millimetre",
-            "contrast",
-            tuple(lines),
-            (0.0, last),
-            (0.0, 1.02),
-            note="By image height. T: lines across the direction to the middle. S: lines along it.",
-        ),
-        *over,
+    """Chart the MTF by frequency, and over the field, in each meridian."""
+    lit = [field for field in study.mtf if np.isfinite(field.tangential).any()]
+    charts = []
+    for meridian in dict.fromkeys(field.meridian for field in lit):
+        fields = [field for field in lit if field.meridian == meridian]
+        charts += [
+            _mtf_by_frequency("tangential", "across the direction to", fields, study.diffraction_limit),
+            _mtf_by_frequency("sagittal", "along the direction to", fields, study.diffraction_limit),
+        ]
+    return [*charts, *(_mtf_over_field(one) for one in study.mtf_over_field if np.isfinite(one.tangential).any())]
+
+
+def _mtf_by_frequency(
+    name: Literal["tangential", "sagittal"], way: str, fields: Sequence[Mtf], limit: DiffractionLimit
+) -> Chart:
+    """Chart the tangential or the sagittal MTF of fields in one meridian by frequency."""
+    lines = [
+        Series(
+            f"{field.image_height_mm:.3g} mm",
+            field.frequencies_per_mm,
+            getattr(field, name),
+            SERIES[number % len(SERIES)],
+            # Dotted is the limit.
+            _DASHES[number % 3],
+        )
+        for number, field in enumerate(fields)
     ]
+    last = max(float(line.x[-1]) for line in lines)
+    return Chart(
+        f"mtf-{name}-{fields[0].meridian}",
+        f"MTF by frequency, {name}",
+        "line pairs a millimetre",
+        "contrast",
+        (*lines, Series("diffraction limit", limit.frequencies_per_mm, limit.mtf, dashes=DOTTED)),
+        (0.0, last),
+        (0.0, 1.02),
+        note=f"By image height, of lines {way} the middle.",
+    )
 
 
 def _mtf_over_field(result: MtfOverField) -> Chart:
     """Chart the MTF over image height at a few frequencies."""
-    lines = []
+    lines, entries = [], []
     for number, frequency in enumerate(result.frequencies_per_mm):
         hue = SERIES[number % len(SERIES)]
         lines.append(Series(f"{frequency:g}/mm T", result.image_height_mm, result.tangential[number], hue, SOLID))
         lines.append(Series(f"{frequency:g}/mm S", result.image_height_mm, result.sagittal[number], hue, DASHED))
+        entries.append(LegendEntry(f"{frequency:g}/mm", hue))
     return Chart(
         f"mtf-field-{result.meridian}",
         "MTF over the field",
@@ -397,4 +427,5 @@ def _mtf_over_field(result: MtfOverField) -> Chart:
         "contrast",
         tuple(lines),
         y_range=(0.0, 1.02),
+        entries=(*entries, *_PLANES),
     )

@@ -39,20 +39,19 @@ def _html(lens: "Lens", study: "LensStudy") -> bytes:
 
 
 def _pdf(lens: "Lens", study: "LensStudy") -> bytes:
-    from raytracer.analysis.lens_design.pdf import pdf
+    from raytracer.analysis.lens_design.paper import pdf
 
     return pdf(lens, study)
 
 
 def _svg(lens: "Lens", study: "LensStudy") -> bytes:
-    from raytracer.analysis.lens_design.cross_section.drawing import cross_sections
-    from raytracer.analysis.lens_design.cross_section.to_svg import document
+    from raytracer.analysis.lens_design.paper import svg
 
-    return document(cross_sections(lens, study))
+    return svg(lens, study)
 
 
 def _png(lens: "Lens", study: "LensStudy") -> bytes:
-    from raytracer.analysis.lens_design.pdf import png
+    from raytracer.analysis.lens_design.paper import png
 
     return png(lens, study)
 

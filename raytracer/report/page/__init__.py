@@ -64,7 +64,8 @@ def page(
         data=Markup(_json(data)),
         **(values or {}),
     )
-    return f"{filled}\n".encode()
+    # Names of files may hold bytes that are no text.
+    return f"{filled}\n".encode(errors="backslashreplace")
 
 
 @cache

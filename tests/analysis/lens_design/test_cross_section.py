@@ -2,12 +2,14 @@
 
 import math
 import xml.etree.ElementTree as ET
-from itertools import pairwise
+from collections.abc import Sequence
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
 
 from raytracer.analysis.lens_design.cross_section.drawing import (
+    CrossSection,
     SectionSetup,
     build_cross_section,
     cross_sections,
@@ -15,14 +17,13 @@ from raytracer.analysis.lens_design.cross_section.drawing import (
 )
 from raytracer.analysis.lens_design.cross_section.fans import trace_fan
 from raytracer.analysis.lens_design.cross_section.outlines import Arc, Cubic, Line, reversed_pieces, surface_outline
-from raytracer.analysis.lens_design.cross_section.to_matplotlib import arc_to_cubics, plot_on_axes
-from raytracer.analysis.lens_design.cross_section.to_svg import document, render_svg
+from raytracer.analysis.lens_design.cross_section.plot import arc_to_cubics, figure_of, names_of
 from raytracer.analysis.lens_design.performance.lens_study import study_lens
 from raytracer.analysis.lens_design.performance.results import Settings
 from raytracer.optics.glass import AIR, constant_index_glass
 from raytracer.optics.lens_system.first_order import cardinal_points
 from raytracer.optics.lens_system.lens import Element
-from raytracer.report import svg
+from raytracer.report.figure import ON_PAPER, style, to_svg
 from raytracer.scene.assets.lenses import read_lens
 from tests.analysis.lens_design.benches import SHIPPED, cylinder_pair, lens_of, plano_convex, symmetric_lens
 
@@ -137,6 +138,12 @@ def test_no_light_makes_no_fan() -> None:
     assert trace_fan(symmetric_lens().packed(), 40.0, 500.0) is None
 
 
+def written(shown: Sequence[CrossSection]) -> ET.Element:
+    """The drawings as a file."""
+    with style(ON_PAPER):
+        return ET.fromstring(to_svg(figure_of(shown, 10.0, 9.0), names=names_of(shown), tight=True))
+
+
 @pytest.mark.parametrize(
     "path", [path for path in SHIPPED if "anamorphic" not in path.stem], ids=lambda path: path.stem
 )
@@ -147,10 +154,11 @@ def test_a_shipped_lens_in_section(path: object) -> None:
     glasses = sum(float(one.glass.ior()) != 1.0 for one in lens.elements[:-1])
     assert len(shown.outlines) == glasses
     assert len(shown.fields) == 3
-    root = ET.fromstring(svg.document(render_svg(shown)))
-    assert root.tag == f"{SVG}svg"
-    paths = [node.get("d", "") for node in root.iter(f"{SVG}path")]
-    assert sum(d.endswith("Z") for d in paths) == glasses
+    root = written([shown])
+    parts = {node.get("id", ""): node for node in root.iter(f"{SVG}g")}
+    named = [node.findtext(f"{SVG}title") for name, node in parts.items() if name.startswith("glass-0-")]
+    assert named == [one.title for one in shown.outlines]
+    assert parts["film-0"].findtext(f"{SVG}title") == "film"
     # No name covers another.
     placed, _ = stack_labels(shown, 5.0, 0.0)
     for row in {row for _, _, row in placed}:
@@ -162,8 +170,8 @@ def test_a_lens_with_cylinders_is_drawn_in_both_planes() -> None:
     lens = cylinder_pair()
     shown = cross_sections(lens, study_lens(lens, QUICK))
     assert [one.title[-1] for one in shown] == ["y", "x"]
-    root = ET.fromstring(document(shown))
-    assert len(root.findall(f"{SVG}svg")) == 2
+    names = {node.get("id") for node in written(shown).iter(f"{SVG}g")}
+    assert {"film-0", "film-1", "glass-0-0", "glass-1-0"} <= names
 
 
 def test_glass_is_told_from_air() -> None:
@@ -196,12 +204,21 @@ def test_rays_astray_do_not_make_all_else_small() -> None:
 
 
 def test_names_of_points_are_clear_of_the_legend_on_paper() -> None:
-    figures = pytest.importorskip("matplotlib.figure")
     lens = read_lens(next(path for path in SHIPPED if path.stem == "anamorphic-75mm"))
     shown = cross_sections(lens, study_lens(lens, Settings(steps=3, rays=4, fields=(0.0, 1.0))))
-    figure = figures.Figure(figsize=(10.0, 5.2 * len(shown)))
-    for one, axes in zip(shown, figure.subplots(len(shown), squeeze=False)[:, 0], strict=True):
-        plot_on_axes(one, axes)
-        figure.draw_without_rendering()
-        bottom = min(name.get_window_extent().y0 for name in axes.texts)
-        assert axes.get_legend().get_window_extent().y1 < bottom
+    assert len(shown) == 2
+    for width, letters in ((10.0, 9.0), (3.7, 7.5)):
+        with style(ON_PAPER):
+            figure = figure_of(shown, width, letters)
+            figure.draw_without_rendering()
+        for axes in figure.axes:
+            names = [name.get_window_extent() for name in axes.texts]
+            legend = axes.get_legend()
+            assert legend is not None
+            assert legend.get_window_extent().y1 < min(name.y0 for name in names)
+            assert not any(a.overlaps(b) for a, b in combinations(names, 2))
+        # Nor does one drawing lie over another.
+        lower, upper = (figure.axes[number].get_tightbbox() for number in (1, 0))
+        assert lower is not None
+        assert upper is not None
+        assert lower.y1 < upper.y0
