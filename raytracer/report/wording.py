@@ -23,8 +23,8 @@ _UNITS = (
 # A longer time, in seconds, is no time that anybody waits for.
 _YEAR = 365.25 * 86400.0
 
-# Below this, numbers are shown with an exponent.
-_PLAIN_FROM = 1e-4
+# Below the one, and compact ones from the other on, numbers have an exponent.
+_PLAIN_FROM, _PLAIN_BELOW = 1e-4, 1e7
 
 # Half a nanometre, in millimetres: less is shown as 0.
 _LEAST = 5e-7
@@ -112,6 +112,29 @@ def format_duration_interval(interval: "Interval") -> str:
         return format_duration(interval.value)
     unit, length = _unit(interval.value)
     return format_interval(interval, 1.0 / length, f" {unit}")
+
+
+def compact_number(value: float) -> str:
+    """Write a number with at most four digits, without an exponent where that is not longer."""
+    if math.isinf(value):
+        return "infinity"
+    if value != 0.0 and not _PLAIN_FROM <= abs(value) < _PLAIN_BELOW:
+        return f"{value:.3e}"
+    from decimal import Decimal
+
+    return f"{Decimal(f'{value:.4g}').normalize():f}"
+
+
+def exposure_time(seconds: float) -> str:
+    """Write a time as photographers do if it is short: "1/125 s"."""
+    if 1.0 / _PLAIN_BELOW < seconds < 0.5 and math.isclose(1.0 / seconds, round(1.0 / seconds)):
+        return f"1/{round(1.0 / seconds)} s"
+    return f"{compact_number(seconds)} s"
+
+
+def megabytes(size: float) -> str:
+    """Write a number of bytes: "12.3 MB"."""
+    return f"{size / 1e6:.3g} MB"
 
 
 def plural(number: int, noun: str) -> str:

@@ -88,3 +88,25 @@ def test_what_has_no_value_is_said_in_words() -> None:
     assert wording.micrometres(787.4) == "787 µm"
     assert wording.micrometres(1351.0) == "1.35 mm"
     assert wording.micrometres(float("nan")) == "none"
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (0.0, "0"),
+        (100.0, "100"),
+        (1234567.0, "1235000"),
+        (0.000123456, "0.0001235"),
+        (-2.5, "-2.5"),
+        (1e7, "1.000e+07"),
+        (9.9e-5, "9.900e-05"),
+        (INF, "infinity"),
+    ],
+)
+def test_compact_numbers_have_an_exponent_only_where_it_is_shorter(value: float, said: str) -> None:
+    assert wording.compact_number(value) == said
+
+
+@pytest.mark.parametrize(("seconds", "said"), [(0.008, "1/125 s"), (0.4, "0.4 s"), (0.5, "0.5 s"), (2.0, "2 s")])
+def test_short_exposures_are_fractions(seconds: float, said: str) -> None:
+    assert wording.exposure_time(seconds) == said

@@ -3,21 +3,19 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.analysis.lens_design.mtf_plots import PLANES, mtf_charts
 from raytracer.analysis.lens_design.performance.lens_study import LensStudy
 from raytracer.analysis.lens_design.performance.results import (
     ChromaticAberration,
-    DiffractionLimit,
     DistortionCurve,
     Fan,
     FieldCurvature,
     Illumination,
-    Mtf,
-    MtfOverField,
     Spherical,
     Spot,
     SpotsOfField,
@@ -34,7 +32,7 @@ from raytracer.report.chart import (
     ReferenceLine,
     Series,
 )
-from raytracer.report.palette import BLUE, GREEN, OCHRE, PURPLE, SERIES, VERMILLION
+from raytracer.report.palette import BLUE, GREEN, OCHRE, PURPLE, VERMILLION
 
 _LINES = {LINE_F: "F", LINE_D: "d", LINE_C: "C"}
 
@@ -44,9 +42,6 @@ _DASHES = (SOLID, DASHED, DASH_DOTTED, DOTTED)
 
 # Dots of a spot diagram: few enough that a page of many stays small.  They are a random sample of the rays.
 _MOST_DOTS = 400
-
-# What dashes say in charts in which colours say something else.
-_PLANES = (LegendEntry("T"), LegendEntry("S", dashes=DASHED))
 
 FloatArray = NDArray[np.float64]
 
@@ -133,7 +128,7 @@ def chart_groups(study: LensStudy) -> tuple[ChartGroup, ...]:
             "Geometric MTF",
             "The contrast of fine lines, by the spots' rays. Diffraction is not simulated: the dotted line is the "
             "limit that it sets to a perfect lens of this f-number, and no real lens is above it.",
-            tuple(_mtf(study)),
+            tuple(mtf_charts(study)),
         ),
     )
     several = len(study.first_order) > 1
@@ -293,7 +288,7 @@ def _curvature(result: FieldCurvature) -> Chart:
         lines.append(Series(f"T, {name}", tangential, result.image_height_mm, hue, SOLID))
         lines.append(Series(f"S, {name}", sagittal, result.image_height_mm, hue, DASHED))
         entries.append(LegendEntry(name, hue))
-    entries += _PLANES
+    entries += PLANES
     if np.isfinite(result.petzval_mm).any():
         lines.append(Series("Petzval surface", result.petzval_mm, result.image_height_mm, dashes=DOTTED))
         entries.append(LegendEntry("Petzval surface", dashes=DOTTED))
@@ -368,64 +363,4 @@ def _illumination(result: Illumination) -> Chart:
             Series("cos⁴ law", height, 100.0 * result.cos4, dashes=DOTTED),
         ),
         y_range=(0.0, max(105.0, 105.0 * float(np.nanmax([1.0, *result.relative, *result.pupil])))),
-    )
-
-
-def _mtf(study: LensStudy) -> list[Chart]:
-    """Chart the MTF by frequency, and over the field, in each meridian."""
-    lit = [field for field in study.mtf if np.isfinite(field.tangential).any()]
-    charts = []
-    for meridian in dict.fromkeys(field.meridian for field in lit):
-        fields = [field for field in lit if field.meridian == meridian]
-        charts += [
-            _mtf_by_frequency("tangential", "across the direction to", fields, study.diffraction_limit),
-            _mtf_by_frequency("sagittal", "along the direction to", fields, study.diffraction_limit),
-        ]
-    return [*charts, *(_mtf_over_field(one) for one in study.mtf_over_field if np.isfinite(one.tangential).any())]
-
-
-def _mtf_by_frequency(
-    name: Literal["tangential", "sagittal"], way: str, fields: Sequence[Mtf], limit: DiffractionLimit
-) -> Chart:
-    """Chart the tangential or the sagittal MTF of fields in one meridian by frequency."""
-    lines = [
-        Series(
-            f"{field.image_height_mm:.3g} mm",
-            field.frequencies_per_mm,
-            getattr(field, name),
-            SERIES[number % len(SERIES)],
-            # Dotted is the limit.
-            _DASHES[number % 3],
-        )
-        for number, field in enumerate(fields)
-    ]
-    last = max(float(line.x[-1]) for line in lines)
-    return Chart(
-        f"mtf-{name}-{fields[0].meridian}",
-        f"MTF by frequency, {name}",
-        "line pairs a millimetre",
-        "contrast",
-        (*lines, Series("diffraction limit", limit.frequencies_per_mm, limit.mtf, dashes=DOTTED)),
-        (0.0, last),
-        (0.0, 1.02),
-        note=f"By image height, of lines {way} the middle.",
-    )
-
-
-def _mtf_over_field(result: MtfOverField) -> Chart:
-    """Chart the MTF over image height at a few frequencies."""
-    lines, entries = [], []
-    for number, frequency in enumerate(result.frequencies_per_mm):
-        hue = SERIES[number % len(SERIES)]
-        lines.append(Series(f"{frequency:g}/mm T", result.image_height_mm, result.tangential[number], hue, SOLID))
-        lines.append(Series(f"{frequency:g}/mm S", result.image_height_mm, result.sagittal[number], hue, DASHED))
-        entries.append(LegendEntry(f"{frequency:g}/mm", hue))
-    return Chart(
-        f"mtf-field-{result.meridian}",
-        "MTF over the field",
-        "image height (mm)",
-        "contrast",
-        tuple(lines),
-        y_range=(0.0, 1.02),
-        entries=(*entries, *_PLANES),
     )

@@ -20,6 +20,7 @@ from raytracer.lightfield.viewer.depth_layer import encode_depth, focus_range, v
 from raytracer.lightfield.viewer.encoding import choose_encoding
 from raytracer.lightfield.viewer.size_budget import ViewPlan, fit_to_size, plan_views, planned_views, resize_view
 from raytracer.report import page as html
+from raytracer.report.wording import megabytes
 from raytracer.util.atomic_write import write_bytes
 
 DEFAULT_BYTES = 40_000_000
@@ -154,16 +155,12 @@ def _notes(field: LightField, plan: ViewPlan, quality: int | None, size: int) ->
     notes = []
     if left_out:
         contents = ", and ".join(left_out)
-        notes.append(f"To stay under {_megabytes(size)} and in a browser's memory, this page holds {contents}.")
+        notes.append(f"To stay under {megabytes(size)} and in a browser's memory, this page holds {contents}.")
     if quality is not None:
-        notes.append(f"To stay under {_megabytes(size)}, views are compressed with losses (JPEG, quality {quality}).")
+        notes.append(f"To stay under {megabytes(size)}, views are compressed with losses (JPEG, quality {quality}).")
     if views.rows * views.columns == 1:
         notes.append("This light field has one view: there is nothing to focus, or to look around in.")
     return notes
-
-
-def _megabytes(size: int) -> str:
-    return f"{size / 1e6:.3g} MB"
 
 
 def _fallback_image(field: LightField, exposure: float) -> str:

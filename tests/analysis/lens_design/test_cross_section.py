@@ -3,7 +3,7 @@
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
-from itertools import combinations, pairwise
+from itertools import combinations, groupby, pairwise
 
 import numpy as np
 import pytest
@@ -16,8 +16,8 @@ from raytracer.analysis.lens_design.cross_section.drawing import (
     stack_labels,
 )
 from raytracer.analysis.lens_design.cross_section.fans import trace_fan
-from raytracer.analysis.lens_design.cross_section.outlines import Arc, Cubic, Line, reversed_pieces, surface_outline
-from raytracer.analysis.lens_design.cross_section.plot import arc_to_cubics, figure_of, names_of
+from raytracer.analysis.lens_design.cross_section.outlines import Cubic, Line, Piece, reversed_pieces, surface_outline
+from raytracer.analysis.lens_design.cross_section.plot import figure_of, names_of
 from raytracer.analysis.lens_design.performance.lens_study import study_lens
 from raytracer.analysis.lens_design.performance.results import Settings
 from raytracer.optics.glass import AIR, constant_index_glass
@@ -41,19 +41,18 @@ def bezier(start: tuple[float, float], cubic: Cubic) -> np.ndarray:
 
 @pytest.mark.parametrize("radius", [20.0, -35.0])
 def test_a_sphere_is_an_arc_of_its_radius(radius: float) -> None:
-    start, (arc,) = surface_outline(Element(1.0 / radius, 1.0, GLASS, 15.0), 3.0, 15.0)
-    assert isinstance(arc, Arc)
-    assert (arc.half_z, arc.half_height) == pytest.approx((abs(radius), abs(radius)))
-    for z, height in (start, arc.end):
-        assert math.hypot(z - 3.0 - radius, height) == pytest.approx(abs(radius))
-    # The centre of an arc upwards is on its left if the pen turns anticlockwise.
-    assert arc.anticlockwise == (radius < 0.0)
-    for (z, height), cubic in pairwise_cubics(start, arc_to_cubics(start, arc)):
-        points = bezier((z, height), cubic)
+    start, pieces = surface_outline(Element(1.0 / radius, 1.0, GLASS, 15.0), 3.0, 15.0)
+    assert [start[1], pieces[-1].end[1]] == pytest.approx([-15.0, 15.0])
+    for place, cubic in pairwise_cubics(start, pieces):
+        points = bezier(place, cubic)
         np.testing.assert_allclose(np.hypot(points[:, 0] - 3.0 - radius, points[:, 1]), abs(radius), rtol=1e-8)
+        # On the side of the vertex.
+        assert ((points[:, 0] - 3.0) / radius < 1.0).all()
 
 
-def pairwise_cubics(start: tuple[float, float], cubics: list[Cubic]) -> list[tuple[tuple[float, float], Cubic]]:
+def pairwise_cubics(start: tuple[float, float], pieces: Sequence[Piece]) -> list[tuple[tuple[float, float], Cubic]]:
+    cubics = [piece for piece in pieces if isinstance(piece, Cubic)]
+    assert len(cubics) == len(pieces)
     return list(zip([start, *(cubic.end for cubic in cubics)], cubics, strict=False))
 
 
@@ -71,8 +70,7 @@ def pairwise_cubics(start: tuple[float, float], cubics: list[Cubic]) -> list[tup
 def test_points_of_a_curve_lie_on_the_surface(changes: dict[str, float]) -> None:
     surface = Element(0.02, 1.0, GLASS, 18.0, kind="asphere")._replace(**changes)
     start, pieces = surface_outline(surface, -4.0, 18.0)
-    cubics = arc_to_cubics(start, pieces[0]) if isinstance(pieces[0], Arc) else list(pieces)
-    for place, cubic in pairwise_cubics(start, cubics):
+    for place, cubic in pairwise_cubics(start, pieces):
         for z, height in bezier(place, cubic):
             expected = -4.0 + float(surface.sag(0.0, height))
             assert z == pytest.approx(expected, abs=1e-5)
@@ -81,7 +79,7 @@ def test_points_of_a_curve_lie_on_the_surface(changes: dict[str, float]) -> None
 def test_a_cylinder_is_straight_along_its_axis() -> None:
     surface = Element(0.02, 1.0, GLASS, 10.0, kind="cylindrical", axis="x")
     assert isinstance(surface_outline(surface, 0.0, 10.0, "x")[1][0], Line)
-    assert isinstance(surface_outline(surface, 0.0, 10.0, "y")[1][0], Arc)
+    assert isinstance(surface_outline(surface, 0.0, 10.0, "y")[1][0], Cubic)
 
 
 def test_a_curve_turned_round_is_the_same_curve() -> None:
@@ -182,7 +180,8 @@ def test_glass_is_told_from_air() -> None:
     assert outline.title == "n = 1.5000"
     assert all(element.glass == AIR for element in lens.elements[1:])
     # Flat front, straight rim up to the larger of the two, curved back.
-    assert [type(piece) for piece in outline.pieces] == [Line, Line, Line, Line, Arc, Line, Line, Line]
+    kinds = [(kind, len(list(run))) for kind, run in groupby(outline.pieces, key=type)]
+    assert kinds == [(Line, 4), (Cubic, 12), (Line, 3)]
     assert max(height for _, height in (piece.end for piece in outline.pieces)) == 12.5
 
 

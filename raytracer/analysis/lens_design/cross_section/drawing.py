@@ -1,7 +1,7 @@
 """Cross-section of a lens: glass, stop, film, fans of traced rays, and the cardinal points.
 
-A drawing is geometry in millimetres, (z, height) with the scene on the left; spheres and ellipses are exact arcs, and
-other surfaces cubic curves through exact points and slopes.
+A drawing is geometry in millimetres, (z, height) with the scene on the left; surfaces are cubic curves through exact
+points and slopes.
 """
 
 import math

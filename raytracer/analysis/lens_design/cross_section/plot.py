@@ -1,23 +1,18 @@
 """Cross-sections drawn by Matplotlib."""
 
-import math
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from raytracer.analysis.lens_design.cross_section.drawing import CrossSection, stack_labels
-from raytracer.analysis.lens_design.cross_section.outlines import Arc, Cubic, Line, Piece, Point
+from raytracer.analysis.lens_design.cross_section.outlines import Line, Piece, Point
 from raytracer.report.figure import POINTS_PER_INCH, ink, new_figure
 from raytracer.report.palette import SERIES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-# Cubics of an arc: they are off by 1e-9 of the radius then.
-_ARC_PIECES = 12
 
 # Height of a row of labels, as a multiple of their letters; width of a legend's entry of letters of 1 pt (pt).
 _ROW, _ENTRY = 1.4, 19.0
@@ -129,42 +124,11 @@ def plot_on_axes(drawing: CrossSection, axes: "Axes", width: float, letters: flo
 
 
 def _polybezier(start: Point, pieces: Sequence[Piece]) -> tuple[list[Point], list[int]]:
-    """Convert an outline to the points and codes of Matplotlib: arcs become short cubics."""
+    """Convert an outline to the points and codes of Matplotlib."""
     from matplotlib.path import Path
 
     points, codes = [start], [int(Path.MOVETO)]
     for piece in pieces:
-        if isinstance(piece, Line):
-            points.append(piece.end)
-            codes.append(int(Path.LINETO))
-            continue
-        cubics = arc_to_cubics(points[-1], piece) if isinstance(piece, Arc) else [piece]
-        for cubic in cubics:
-            points += [cubic.first, cubic.second, cubic.end]
-            codes += 3 * [int(Path.CURVE4)]
+        points += piece
+        codes += len(piece) * [int(Path.LINETO if isinstance(piece, Line) else Path.CURVE4)]
     return points, codes
-
-
-def arc_to_cubics(start: Point, arc: Arc) -> list[Cubic]:
-    """Approximate an arc of a circle, scaled along z, by cubics.
-
-    References: Riskus 2006, "Approximation of a Cubic Bezier Curve by Circular Arcs and Vice Versa" (4/3 tan(angle/4)).
-    """
-    squeeze = arc.half_z / arc.half_height
-    (x0, y0), (x1, y1) = (start[0] / squeeze, start[1]), (arc.end[0] / squeeze, arc.end[1])
-    # The centre is on the left of the chord of an arc that runs anticlockwise.
-    half = 0.5 * math.hypot(x1 - x0, y1 - y0)
-    apart = math.sqrt(max(0.0, arc.half_height**2 - half**2)) * (1.0 if arc.anticlockwise else -1.0)
-    along = ((x1 - x0) / (2.0 * half), (y1 - y0) / (2.0 * half))
-    centre = (0.5 * (x0 + x1) - apart * along[1], 0.5 * (y0 + y1) + apart * along[0])
-    first = math.atan2(y0 - centre[1], x0 - centre[0])
-    turn = math.remainder(math.atan2(y1 - centre[1], x1 - centre[0]) - first, math.tau)
-    angles = first + np.linspace(0.0, turn, _ARC_PIECES + 1)
-    lever = 4.0 / 3.0 * math.tan(turn / _ARC_PIECES / 4.0)
-
-    def at(angle: float, ahead: float) -> Point:
-        c, s = math.cos(angle), math.sin(angle)
-        r = arc.half_height
-        return squeeze * (centre[0] + r * (c - ahead * s)), centre[1] + r * (s + ahead * c)
-
-    return [Cubic(at(a, lever), at(b, -lever), at(b, 0.0)) for a, b in pairwise(angles.tolist())]
