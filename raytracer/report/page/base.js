@@ -46,6 +46,9 @@ function sortable(table) {
   }
 }
 
+/* Elements for keys of the keyboard, each with what it does. */
+const keyHints = (keys) => keys.flatMap(([key, words]) => [make("span", {}, make("kbd", {}, key), ` ${words}`), " "]);
+
 /* A number for reading: significant digits without trailing zeros; strings (inf, nan) stay. */
 function shortNumber(value, digits = 4) {
   if (typeof value !== "number") return value === null || value === undefined ? "" : String(value);

@@ -366,6 +366,6 @@ find("#files").append(...data.files.map((file) => make("a", { href: encodeURICom
 find("#compare").addEventListener("click", () => compare(state.b === null));
 find("#swap").addEventListener("click", swap);
 const keys = [["\u2190 \u2191 \u2192 \u2193", "next point"], ["Shift", "with an arrow or a click: second point"], ["c", "compare"], ["x", "swap"], ["p", "run"], ["0 1 2 4 8 + \u2212", "zoom"]];
-find("#keys").append(...keys.flatMap(([key, words]) => [make("span", {}, make("kbd", {}, key), ` ${words}`), " "]));
+find("#keys").append(...keyHints(keys));
 window.addEventListener("hashchange", readAddress);
 readAddress();

@@ -192,3 +192,23 @@ def test_what_comes_from_outside_is_escaped_in_files(gauss: tuple[Lens, LensStud
     (title, *_) = ET.fromstring(written).iter("{http://www.w3.org/2000/svg}title")
     assert title.text is not None
     assert title.text.startswith(evil)
+
+
+def test_a_curve_is_told_under_the_pointer(report: Path, gauss: tuple[Lens, LensStudy], open_page: Open) -> None:
+    shown = open_page(report)
+    found = gauss[1].distortion[0]
+    picture = shown.locator("figure[data-chart=distortion-y] > svg")
+    picture.scroll_into_view_if_needed()
+    place = picture.evaluate(
+        """(svg, at) => {
+          const axes = [0, 1].map((which) => axisOf(data.charts["distortion-y"], which));
+          const point = new DOMPoint(...at.map((value, which) => axes[which].place(value)));
+          const { x, y } = point.matrixTransform(svg.getScreenCTM());
+          return [x, y];
+        }""",
+        [float(found.percent[-2]), float(found.image_height_mm[-2])],
+    )
+    shown.mouse.move(*place)
+    *_, distortion, height = shown.locator("figure[data-chart=distortion-y] .pointed span").all_inner_texts()
+    assert float(distortion.removeprefix("distortion (%): ")) == pytest.approx(found.percent[-2], rel=0.02)
+    assert float(height.removeprefix("image height (mm): ")) == pytest.approx(found.image_height_mm[-2], rel=0.02)
