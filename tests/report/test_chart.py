@@ -89,6 +89,10 @@ def test_a_line_tells_its_numbers_under_the_pointer(open_page: Open, tmp_path: P
     assert float(faint) < 1.0
     assert strong == "1"
     assert point_at(page, drawn.data, 3.0 / 4.0, 1.0 / 12.0) == ["b", "x (mm): 3", "y (um): -3"]
+    # What is said is all within the window.
+    assert point_at(page, drawn.data, 0.99, 0.99 - 0.96 * 2 / 3)
+    box = page.locator(".pointed").bounding_box()
+    assert 0.0 <= box["x"] <= box["x"] + box["width"] <= size[0]
     # Away from all lines it is the place itself; outside nothing.
     assert point_at(page, drawn.data, 0.1, 0.95) == ["x (mm): 0.4", "y (um): 7.4"]
     assert page.locator(".picked").count() == 0

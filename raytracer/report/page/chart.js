@@ -88,10 +88,12 @@ function answer(figure, key, chart) {
     }
     said.replaceChildren(...[picked.label, ...numbers].filter(Boolean).map((line) => make("span", {}, line)));
     said.hidden = false;
-    // Beside the pointer, on the side that has room.
+    // Beside the pointer, on the side that has room, and within the window.
     const box = figure.getBoundingClientRect();
     const [x, y] = [event.clientX - box.left, event.clientY - box.top];
-    said.style.left = `${x > box.width / 2 ? x - said.offsetWidth - 12 : x + 12}px`;
+    const beside = x > box.width / 2 ? x - said.offsetWidth - 12 : x + 12;
+    const last = document.documentElement.clientWidth - said.offsetWidth - box.left;
+    said.style.left = `${Math.max(-box.left, Math.min(beside, last))}px`;
     said.style.top = `${Math.max(0, y - said.offsetHeight - 8)}px`;
   };
   picture.addEventListener("pointermove", show);
