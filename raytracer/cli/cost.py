@@ -44,7 +44,7 @@ def cost(
             "--output",
             "-o",
             metavar="DIR",
-            help="Folder for a page, a plot, an error map, CSV and JSON (pip install 'raytracer[report]').",
+            help="Folder for a page, a plot, an error map, CSV and JSON.",
         ),
     ] = None,
     define: options.Define = None,

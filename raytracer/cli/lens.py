@@ -103,8 +103,7 @@ def report(
             "--output",
             "-o",
             metavar="OUT",
-            help="A report, .html or .pdf; the cross-section, .svg or .png; or all numbers, .json.  May repeat.  "
-            ".pdf and .png need pip install 'raytracer[report]'.",
+            help="A report, .html or .pdf; the cross-section, .svg or .png; or all numbers, .json.  May repeat.",
         ),
     ] = None,
     f_number: Number = None,

@@ -139,7 +139,7 @@ def _describe(path: Path, reference: "Reference") -> str:
     from raytracer.analysis.regression.check import detectable_change
     from raytracer.analysis.regression.reference_file import load_reference
     from raytracer.analysis.regression.render_reference import gain_ratio
-    from raytracer.core.error_estimate.wording import format_percent
+    from raytracer.report.wording import format_percent
 
     height, width, _ = reference.mean.shape
     sentence = f"{path}: {width} x {height}, {reference.recipe.spp} spp"

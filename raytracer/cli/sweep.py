@@ -11,6 +11,7 @@ import typer
 
 from raytracer.cli.base import options
 from raytracer.cli.base.cluster import connect_cluster
+from raytracer.report.wording import count
 from raytracer.schema.units import parse_duration, parse_percentage
 from raytracer.util.errors import InputError, Interrupted, OutputError
 from raytracer.util.signals import WATCH, raise_interrupt
@@ -176,7 +177,7 @@ def _print_dry_run(scene: str, define: list[str], *, zipped: bool, max_points: i
             wrong += 1
             print(f"rt: {point.name} would fail: {error}", file=sys.stderr)
     if wrong:
-        raise OutputError(f"{wrong} of {_count(len(points), 'point')} would fail")
+        raise OutputError(f"{wrong} of {count(len(points), 'point')} would fail")
 
 
 def _report(result: "PointResult", say: Callable[[str], object]) -> None:
@@ -201,9 +202,9 @@ def _conclude(result: "Sweep", folder: Path, others: list[str], *, quiet: bool) 
     if not quiet:
         reused = f", {result.reused} of them before" if result.reused else ""
         names = (", " if result.zipped else " x ").join(f"{len(axis.values)} {axis.key}" for axis in result.axes)
-        print(f"{folder / 'index.html'}: {_count(counts['done'], 'picture')} ({names}){reused}", file=sys.stderr)
+        print(f"{folder / 'index.html'}: {count(counts['done'], 'picture')} ({names}){reused}", file=sys.stderr)
     if others and not quiet:
-        number = _count(len(others), "image")
+        number = count(len(others), "image")
         note = f"{folder} also holds {number} that this sweep did not make, such as {others[0]}"
         print(f"rt: {note}; -o names another folder", file=sys.stderr)
     if counts["failed"]:
@@ -211,11 +212,7 @@ def _conclude(result: "Sweep", folder: Path, others: list[str], *, quiet: bool) 
 
 
 def _points(result: "Sweep") -> str:
-    return _count(len(result.results), "point")
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"
+    return count(len(result.results), "point")
 
 
 def register(app: typer.Typer) -> None:

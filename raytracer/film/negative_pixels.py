@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.report.wording import count
+
 FILTER, SPECTRAL, READ_NOISE = "filter", "spectral", "read_noise"
 """Causes of negative pixels."""
 
@@ -66,6 +68,7 @@ def find_negative_pixels(
 
 def describe_negative_pixels(pixels: int, details: Mapping[str, Any]) -> str:
     """Describe negative pixels in a message: "3 pixels below zero, to -0.1, by ..."."""
-    count = "1 pixel" if pixels == 1 else f"{pixels} pixels"
     causes = " and ".join(_WORDS[cause] for cause in details["causes"])
-    return f"{count} below zero, to {details['lowest']:.3g}, {f'by {causes}' if causes else _UNEXPLAINED}"
+    return (
+        f"{count(pixels, 'pixel')} below zero, to {details['lowest']:.3g}, {f'by {causes}' if causes else _UNEXPLAINED}"
+    )

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from raytracer.film import srgb
 from raytracer.film.light_field.field import LightField
+from raytracer.report.lettering import load_font
+from raytracer.report.palette import INK, PAPER
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,7 +23,6 @@ if TYPE_CHECKING:
 
 Direction = Literal["horizontal", "vertical"]
 
-_PAPER, _INK = (255, 255, 255), (27, 29, 33)
 _TEXT, _TICK, _LEFT, _BOTTOM, _TOP, _MARGIN = 12, 4, 64, 40, 24, 16
 _THICK = 12
 """Height (pixels) of each view's line in the picture."""
@@ -121,7 +122,7 @@ def draw_slice(epi: EpipolarSlice, *, unit: str = "mm", scale: float = 1e3) -> N
 
     body = np.repeat(srgb.to_uint8(epi.radiance), _THICK, axis=0)
     height, width = body.shape[:2]
-    whole = PIL.Image.new("RGB", (_LEFT + width + 2 * _MARGIN, height + _BOTTOM + _TOP), _PAPER)
+    whole = PIL.Image.new("RGB", (_LEFT + width + 2 * _MARGIN, height + _BOTTOM + _TOP), PAPER)
     whole.paste(PIL.Image.fromarray(body), (_LEFT, _TOP))
     draw = PIL.ImageDraw.Draw(whole)
 
@@ -129,7 +130,7 @@ def draw_slice(epi: EpipolarSlice, *, unit: str = "mm", scale: float = 1e3) -> N
     shown = sorted({round(number) for number in np.linspace(0, len(epi.places) - 1, min(_TICKS, len(epi.places)))})
     for number in shown:
         y = _TOP + (number + 0.5) * _THICK
-        draw.line((_LEFT - _TICK, y, _LEFT, y), _INK)
+        draw.line((_LEFT - _TICK, y, _LEFT, y), INK)
         _write(draw, (_LEFT - _TICK - 2, y), f"{epi.places[number] * scale:.3g}", "rm")
     name = "u" if epi.direction == "horizontal" else "v"
     _write(draw, (_LEFT - _TICK - 2, _TOP / 2), f"{name} ({unit})", "rm")
@@ -137,7 +138,7 @@ def draw_slice(epi: EpipolarSlice, *, unit: str = "mm", scale: float = 1e3) -> N
     # Tangents along the pixels.
     for number in {round(number) for number in np.linspace(0, width - 1, _TICKS)}:
         x = _LEFT + number + 0.5
-        draw.line((x, _TOP + height, x, _TOP + height + _TICK), _INK)
+        draw.line((x, _TOP + height, x, _TOP + height + _TICK), INK)
         _write(draw, (x, _TOP + height + _TICK + 2), f"{epi.tangents[number]:.2f}", "ma")
     axis = "s (tangent to the right)" if epi.direction == "horizontal" else "t (tangent up)"
     _write(draw, (_LEFT + width / 2, _TOP + height + _BOTTOM - 6), axis, "mm")
@@ -155,6 +156,4 @@ def slope_distance(field: LightField, slope: float) -> float:
 
 def _write(draw: "PIL.ImageDraw.ImageDraw", place: tuple[float, float], text: str, anchor: str) -> None:
     """Write a label."""
-    import PIL.ImageFont
-
-    draw.text(place, text, _INK, PIL.ImageFont.load_default(_TEXT), anchor=anchor)
+    draw.text(place, text, INK, load_font(_TEXT), anchor=anchor)

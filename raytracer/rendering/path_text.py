@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from raytracer.rendering.path_debug import PathTrace
+from raytracer.report.wording import count
 
 
 def format_path(trace: PathTrace) -> str:
@@ -12,9 +13,8 @@ def format_path(trace: PathTrace) -> str:
     x, y = trace.pixel
     # The last event is of the whole packet, whose other paths may be longer.
     segments = 1 + max(event["round"] for event in trace.events[:-1])
-    count = f"{segments} ray{'' if segments == 1 else 's'} long"
     state = "" if trace.is_finite else ", which is not finite, so it was dropped"
-    lines = [f"pixel {x},{y} sample {trace.sample}: {count}, adds {_numbers(trace.value)}{state}"]
+    lines = [f"pixel {x},{y} sample {trace.sample}: {count(segments, 'ray')} long, adds {_numbers(trace.value)}{state}"]
     for number, event in enumerate(trace.events):
         head, *rest = _FORMATTERS[event["event"]](event)
         lines += ["", head] if event["event"] in _VERTICES else [f"  {head}"]

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 from raytracer.core.compiler.compile_progress import CompileProgress
 from raytracer.core.error_estimate import ErrorEstimate
-from raytracer.core.error_estimate.wording import format_percent
 from raytracer.rendering.tile_scheduler import TileQueue, now
+from raytracer.report.wording import format_percent
 from raytracer.util.progress import Bar
 
 FIRST_COMPILATION = (

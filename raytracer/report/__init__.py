@@ -1,1 +1,1 @@
-"""Show results: pages of HTML, charts, tables and SVG."""
+"""Show results: pages of HTML, charts and figures, tables, colours, and numbers in words."""

@@ -1,6 +1,29 @@
-"""Tables as plain text."""
+"""Tables: as data that terminals, pages and paper share, and as plain text."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
+
+
+class Row(NamedTuple):
+    """Row of a table.
+
+    name : first column.
+    cells : other columns.
+    meaning : explanation, "" where none is needed.
+    """
+
+    name: str
+    cells: tuple[str, ...]
+    meaning: str = ""
+
+
+class Table(NamedTuple):
+    """Table: all columns but the first are numbers or short words, aligned to the right."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[Row, ...]
+    text: str = ""
 
 
 def align_columns(rows: Sequence[Sequence[str]], *, left: int = 1, gap: str = "  ") -> list[str]:

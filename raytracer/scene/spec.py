@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Required, TypeAlias, TypedDict
 from pydantic import BeforeValidator, FailFast, Field, PrivateAttr, model_validator
 
 from raytracer.optics.to_yaml import spec_to_plain, to_yaml
+from raytracer.report.wording import count
 from raytracer.scene.file_references import file_references, replace_file_names
 from raytracer.scene.kind_unions import Camera, Environment, Light, Material, Medium, Shape, Texture
 from raytracer.scene.overrides import apply_overrides
@@ -125,9 +126,8 @@ class SceneSpec(_FromCode):
         return self.camera.picture(self.film.width, self.film.height)
 
     def __repr__(self) -> str:
-        count = len(self.objects)
         seen = f"{self.camera.type}, {self.film.width} x {self.film.height} pixels"
-        return f"<rt.Scene {self.file or 'made in code'}: {seen}, {count} object{'' if count == 1 else 's'}>"
+        return f"<rt.Scene {self.file or 'made in code'}: {seen}, {count(len(self.objects), 'object')}>"
 
     __str__ = __repr__
 

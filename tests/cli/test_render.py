@@ -15,7 +15,6 @@ from raytracer.cli.base import outputs
 from raytracer.cli.base.app import main
 from raytracer.cli.base.render_report import summarize
 from raytracer.core.error_estimate.fireflies import Fireflies, find_fireflies
-from raytracer.core.error_estimate.wording import format_percent
 from raytracer.film import Image, load, load_layers
 from raytracer.kernel.packed_scene import Scene
 from raytracer.kernel.pixel_accumulator import FilmView
@@ -23,6 +22,7 @@ from raytracer.rendering import diagnostics
 from raytracer.rendering.sample_replay import SamplePacket
 from raytracer.rendering.session import Rendered
 from raytracer.rendering.statistics import Stats
+from raytracer.report.wording import format_percent
 
 SCENE = """\
 camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0], vfov: 40}

@@ -1,19 +1,16 @@
 """Files of differences: PNG with a legend, images side by side, or an HTML page."""
 
 import io
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from raytracer.analysis.compare.colour_maps import Pixels
 from raytracer.analysis.compare.difference_image import DifferenceImage, check_kind, compared_images, show
 from raytracer.analysis.compare.result import Comparison
 from raytracer.analysis.compare.wipe_page import wipe_page
+from raytracer.report.colour_maps import Pixels
+from raytracer.report.lettering import load_font
+from raytracer.report.palette import FAINT, INK, PAPER
 
-if TYPE_CHECKING:
-    from PIL import ImageFont
-
-_PAPER, _INK, _FAINT = (255, 255, 255), (20, 20, 20), (110, 110, 110)
 _TEXT = 13
 _PAD = 8
 _LEGEND = 54
@@ -25,7 +22,7 @@ def with_legend(difference: DifferenceImage) -> Pixels:
     from PIL import Image, ImageDraw
 
     height, width, _ = difference.pixels.shape
-    sheet = Image.new("RGB", (max(width, _NARROWEST_LEGEND), height + _LEGEND), _PAPER)
+    sheet = Image.new("RGB", (max(width, _NARROWEST_LEGEND), height + _LEGEND), PAPER)
     sheet.paste(Image.fromarray(difference.pixels), (0, 0))
     bar_width = min(sheet.width - 2 * _PAD, 360)
     bar = Image.fromarray(np.ascontiguousarray(difference.colours[None, :, :])).resize(
@@ -33,19 +30,13 @@ def with_legend(difference: DifferenceImage) -> Pixels:
     )
     sheet.paste(bar, (_PAD, height + 6))
     draw = ImageDraw.Draw(sheet)
-    draw.rectangle((_PAD - 1, height + 5, _PAD + bar_width, height + 16), outline=_FAINT)
+    draw.rectangle((_PAD - 1, height + 5, _PAD + bar_width, height + 16), outline=FAINT)
     anchors = ("la", "ra") if len(difference.ends) == 2 else ("la", "ma", "ra")
     for number, (text, anchor) in enumerate(zip(difference.ends, anchors, strict=True)):
         place = _PAD + bar_width * number / (len(difference.ends) - 1)
-        draw.text((place, height + 18), text, fill=_INK, font=_font(), anchor=anchor)
-    draw.text((_PAD, height + 35), difference.caption, fill=_FAINT, font=_font(), anchor="la")
+        draw.text((place, height + 18), text, fill=INK, font=load_font(_TEXT), anchor=anchor)
+    draw.text((_PAD, height + 35), difference.caption, fill=FAINT, font=load_font(_TEXT), anchor="la")
     return np.asarray(sheet)
-
-
-def _font() -> "ImageFont.FreeTypeFont | ImageFont.ImageFont":
-    from PIL import ImageFont
-
-    return ImageFont.load_default(_TEXT)
 
 
 def side_by_side(comparison: Comparison) -> Pixels:
@@ -58,18 +49,18 @@ def side_by_side(comparison: Comparison) -> Pixels:
     width = comparison.width
     heading = _TEXT + 2 * _PAD
     size = (2 * (width + _PAD) + max(width, right.shape[1]), heading + right.shape[0])
-    sheet = Image.new("RGB", size, _PAPER)
+    sheet = Image.new("RGB", size, PAPER)
     draw = ImageDraw.Draw(sheet)
     for number, (name, pixels) in enumerate(zip((*comparison.labels, "difference"), (*pictures, right), strict=True)):
         x = number * (width + _PAD)
-        draw.text((x + 2, _PAD), _shorten_name(name, width), fill=_INK, font=_font(), anchor="la")
+        draw.text((x + 2, _PAD), _shorten_name(name, width), fill=INK, font=load_font(_TEXT), anchor="la")
         sheet.paste(Image.fromarray(pixels), (x, heading))
     return np.asarray(sheet)
 
 
 def _shorten_name(text: str, width: int) -> str:
     """Shorten a name to its beginning and end, to fit into so many pixels."""
-    font = _font()
+    font = load_font(_TEXT)
     if font.getlength(text) <= width:
         return text
     for kept in range(len(text) - 1, 4, -1):

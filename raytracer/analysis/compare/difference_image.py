@@ -18,11 +18,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytracer.analysis.compare.colour_maps import Pixels, false_colour, false_colours, signed, signed_colours
 from raytracer.analysis.compare.compared_image import Array, ComparedImage
 from raytracer.analysis.compare.metrics import flip_map
 from raytracer.analysis.compare.result import Comparison
 from raytracer.core.error_estimate.metric import error_weights
+from raytracer.report.colour_maps import Pixels, false_colour, false_colours, signed, signed_colours
 from raytracer.util.errors import InputError, closest_name
 
 # Part of the pixels beyond the ends of the scale of colours.

@@ -11,6 +11,7 @@ from raytracer.analysis.compare.compared_image import ComparedImage
 from raytracer.analysis.compare.metrics import METRICS, Domain
 from raytracer.analysis.compare.patterns import PATTERNS
 from raytracer.analysis.compare.z_test import Verdict
+from raytracer.report.wording import plural
 
 
 class NotFinite(NamedTuple):
@@ -23,7 +24,7 @@ class NotFinite(NamedTuple):
     def sentence(self) -> str:
         """Say how many there are, and where the first is."""
         sides = ((self.a, "A"), (self.b, "B"))
-        counts = [f"{n:,} pixel{'' if n == 1 else 's'} of {which}" for n, which in sides if n]
+        counts = [f"{n:,} {plural(n, 'pixel')} of {which}" for n, which in sides if n]
         x, y = self.first or (0, 0)
         return f"{' and '.join(counts)}, the first at x = {x}, y = {y}"
 

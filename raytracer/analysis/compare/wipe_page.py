@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.analysis.compare.colour_maps import false_colours, signed_colours
 from raytracer.analysis.compare.compared_image import Array, ComparedImage
 from raytracer.analysis.compare.difference_image import check_kind, show
 from raytracer.analysis.compare.metrics import METRICS
 from raytracer.analysis.compare.result import Comparison
 from raytracer.analysis.compare.z_test import TEST_LABELS, TESTS
 from raytracer.report import page as html
+from raytracer.report.colour_maps import false_colours, signed_colours
 from raytracer.util.errors import InputError
 
 _MANTISSA_DROPPED = 3

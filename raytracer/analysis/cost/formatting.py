@@ -5,8 +5,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from raytracer.analysis.cost.results import Prediction, Study, VariantResult
-from raytracer.core.error_estimate.wording import (
+from raytracer.report.wording import (
     UNKNOWN,
+    count,
     format_duration,
     format_duration_interval,
     format_given_duration,
@@ -15,6 +16,7 @@ from raytracer.core.error_estimate.wording import (
     format_number,
     format_percent,
     format_percent_interval,
+    plural,
 )
 from raytracer.util.errors import one_line
 
@@ -66,7 +68,7 @@ def format_extent(study: Study) -> str:
     """Format the size of the picture, and how much of it was rendered."""
     return (
         f"{study.width} x {study.height} pixels, "
-        f"{study.tiles_measured:,} of {study.tiles:,} tile{'' if study.tiles == 1 else 's'} measured"
+        f"{study.tiles_measured:,} of {study.tiles:,} {plural(study.tiles, 'tile')} measured"
     )
 
 
@@ -74,7 +76,7 @@ def format_rounds(study: Study) -> str:
     """Format how many rounds were measured, and if all of those that were asked for; "" if none were."""
     if study.interrupted and not study.rounds:
         return "interrupted before the first round of the variants"
-    times = "1 round" if study.rounds == 1 else f"{study.rounds} rounds"
+    times = count(study.rounds, "round")
     if study.interrupted:
         return f"interrupted after {times}, of which this tells"
     return f"{times}, each of all variants in turn" if study.rounds else ""

@@ -4,11 +4,10 @@ The page needs no network, and follows light and dark mode.  Whatever comes from
 is escaped.
 """
 
-import base64
 import io
 import json
 import math
-from importlib.resources import files
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,8 +15,8 @@ import numpy as np
 
 from raytracer.analysis.cost import export, formatting, plots
 from raytracer.analysis.cost.results import Study, VariantResult
-from raytracer.core.error_estimate import wording
-from raytracer.core.error_estimate.intervals import Interval
+from raytracer.report import page as html
+from raytracer.report import wording
 from raytracer.util.atomic_write import check_file, write_bytes
 from raytracer.util.errors import InputError, one_line
 
@@ -45,20 +44,18 @@ class Column(NamedTuple):
 
     number : True if its cells are numbers.
     meaning : what it says and does not say.
+    cell : makes the cell of a variant that was measured.
     """
 
     title: str
     number: bool
     meaning: str
+    cell: Callable[[VariantResult], Cell]
 
 
 _SAME_TIME, _SAME_NOISE = formatting.SAME_TIME.capitalize(), formatting.SAME_NOISE.capitalize()
 
 _MEANINGS = {
-    "variant": (
-        "What was changed. The repeat of the same is the scene once more, measured like any other variant: it "
-        "shows which differences are nothing but the machine's unrest and random numbers."
-    ),
     "time_per_spp": (
         "Seconds for one sample in every pixel of the whole picture, over all threads. It does not say how good "
         "the sample is: dearer samples may be the better ones."
@@ -98,26 +95,38 @@ _MEANINGS = {
 
 
 def _columns(study: Study) -> list[Column]:
-    """Make the columns of the table of variants."""
+    """Make the columns of the table of variants, without that of their names."""
     spp = formatting.common_spp(study.variants)
     target = wording.format_given_percent(study.prediction.target)
+    reached = (
+        f"Predicted time until noise and bias together are {target}, compiling apart; as the scene's where neither "
+        "time nor noise nor bias differs. It is blank where the bias exceeds the target, since no number of samples "
+        "mends a bias."
+    )
+
+    def noise(variant: VariantResult) -> Cell:
+        at = f" at {variant.spp:,} spp" if spp is None and variant.spp else ""
+        return _cell(formatting.format_noise(variant) + at, variant.noise.value)
+
+    def per_sample(variant: VariantResult) -> Cell:
+        return _cell(wording.format_duration_interval(variant.per_sample), variant.per_sample.value, number=True)
+
+    def per_ray(variant: VariantResult) -> Cell:
+        return _cell(formatting.format_per_ray(variant.per_ray.value), variant.per_ray.value, number=True)
+
+    def rays(variant: VariantResult) -> Cell:
+        return _cell(wording.format_number(variant.rays_per_sample), variant.rays_per_sample, number=True)
+
     return [
-        Column("variant", False, _MEANINGS["variant"]),
-        Column("time per spp", True, _MEANINGS["time_per_spp"]),
-        Column("time per ray", True, _MEANINGS["time_per_ray"]),
-        Column("rays per sample", True, _MEANINGS["rays_per_sample"]),
-        Column("time against the scene", False, _MEANINGS["time_ratio"]),
-        Column(f"noise at {spp:,} spp" if spp else "noise", False, _MEANINGS["noise"]),
-        Column("squared noise against the scene", False, _MEANINGS["noise_ratio"]),
-        Column("bias against the scene", False, _MEANINGS["bias"]),
-        Column("brightness", False, _MEANINGS["brightness"]),
-        Column(
-            f"time to {target}",
-            True,
-            f"Predicted time until noise and bias together are {target}, compiling apart; as the scene's where "
-            "neither time nor noise nor bias differs. It is blank where the bias exceeds the target, since no number "
-            "of samples mends a bias.",
-        ),
+        Column("time against the scene", False, _MEANINGS["time_ratio"], _time_ratio),
+        Column(f"noise at {spp:,} spp" if spp else "noise", False, _MEANINGS["noise"], noise),
+        Column("bias against the scene", False, _MEANINGS["bias"], _bias),
+        Column(f"time to {target}", True, reached, _target),
+        Column("time per spp", True, _MEANINGS["time_per_spp"], per_sample),
+        Column("time per ray", True, _MEANINGS["time_per_ray"], per_ray),
+        Column("rays per sample", True, _MEANINGS["rays_per_sample"], rays),
+        Column("squared noise against the scene", False, _MEANINGS["noise_ratio"], _noise_ratio),
+        Column("brightness", False, _MEANINGS["brightness"], _brightness),
     ]
 
 
@@ -133,48 +142,38 @@ def _cell(words: str, value: float | None, number: bool = False) -> Cell:
     return Cell(main, bracket.strip() + ends, _key(value), number)
 
 
-def _cells(variant: VariantResult, study: Study) -> list[Cell]:
-    if variant.failed:
-        return [
-            Cell("not measured", "", "", True),
-            *(Cell("", "", "", True) for _ in range(2)),
-            Cell(one_line(variant.failed), "", "", False),
-            *(Cell("", "", "", False) for _ in range(5)),
-        ]
-    of_scene = variant.group == "scene"
-    noise = formatting.format_noise(variant)
-    if formatting.common_spp(study.variants) is None and variant.spp:
-        noise = f"{noise} at {variant.spp:,} spp"
-    ratio = wording.format_interval(variant.noise_ratio) if variant.noise_differs else formatting.SAME_NOISE
-    if math.isnan(variant.noise_ratio.value):
-        ratio = wording.UNKNOWN
-    if variant.target_seconds is None:
-        target = Cell("", one_line(variant.why_blank), "", False)
-    else:
-        target = Cell(
-            formatting.format_target_time(variant), one_line(variant.why_blank), _key(variant.target_seconds), True
-        )
-    return [
-        _cell(wording.format_duration_interval(variant.per_sample), variant.per_sample.value, number=True),
-        _cell(_nanoseconds(variant.per_ray), variant.per_ray.value, number=True),
-        _cell(wording.format_number(variant.rays_per_sample), variant.rays_per_sample, number=True),
-        _cell(formatting.format_time_ratio(variant), variant.time.value),
-        _cell(noise, variant.noise.value),
-        _cell("" if of_scene else ratio, variant.noise_ratio.value),
-        _cell(formatting.format_bias(variant), None if variant.bias is None else variant.bias.value),
-        _cell(_brightness(variant), None if variant.brightness is None else variant.brightness.value),
-        target,
-    ]
+def _cells(variant: VariantResult, columns: Sequence[Column]) -> list[Cell]:
+    if not variant.failed:
+        return [column.cell(variant) for column in columns]
+    said = ["not measured", one_line(variant.failed), *[""] * len(columns)]
+    return [Cell(words, "", "", False) for words in said[: len(columns)]]
 
 
-def _nanoseconds(interval: Interval) -> str:
-    return formatting.format_per_ray(interval.value)
+def _time_ratio(variant: VariantResult) -> Cell:
+    return _cell(formatting.format_time_ratio(variant), variant.time.value)
 
 
-def _brightness(variant: VariantResult) -> str:
+def _bias(variant: VariantResult) -> Cell:
+    return _cell(formatting.format_bias(variant), None if variant.bias is None else variant.bias.value)
+
+
+def _target(variant: VariantResult) -> Cell:
+    doubt, seconds = one_line(variant.why_blank), variant.target_seconds
+    return Cell(formatting.format_target_time(variant), doubt, _key(seconds), number=seconds is not None)
+
+
+def _noise_ratio(variant: VariantResult) -> Cell:
+    if variant.group == "scene":
+        return _cell("", variant.noise_ratio.value)
+    ratio = wording.format_interval(variant.noise_ratio)
+    is_same = not variant.noise_differs and not math.isnan(variant.noise_ratio.value)
+    return _cell(formatting.SAME_NOISE if is_same else ratio, variant.noise_ratio.value)
+
+
+def _brightness(variant: VariantResult) -> Cell:
     if variant.brightness is None:
-        return "" if variant.group == "scene" else wording.UNKNOWN
-    return wording.format_percent_interval(variant.brightness)
+        return _cell("" if variant.group == "scene" else wording.UNKNOWN, None)
+    return _cell(wording.format_percent_interval(variant.brightness), variant.brightness.value)
 
 
 class _File(NamedTuple):
@@ -184,8 +183,8 @@ class _File(NamedTuple):
     content: bytes
 
     @property
-    def data(self) -> str:
-        return base64.b64encode(self.content).decode()
+    def address(self) -> str:
+        return html.data_uri(self.content, self.type)
 
 
 def _data(study: Study) -> list[_File]:
@@ -202,27 +201,14 @@ def _data(study: Study) -> list[_File]:
     ]
 
 
-def page(study: Study) -> str:
-    """Render the page as HTML.
-
-    Raises
-    ------
-    InputError : the extra `report` is not installed.
-    """
-    plots.require_report()
-    from jinja2 import Environment, StrictUndefined
-    from markupsafe import Markup
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    template = environment.from_string(
-        files("raytracer.analysis.cost").joinpath("page.html").read_text(encoding="utf-8")
-    )
+def page(study: Study) -> bytes:
+    """Render the page as HTML (UTF-8)."""
     convergence, error_map, picture = (
-        plots.convergence_inline(study),
-        plots.error_map_inline(study),
+        plots.convergence_for_page(study),
+        plots.error_map_for_page(study),
         plots.picture_png(study),
     )
-    machine = formatting.machine_rows(study)
+    machine, columns = formatting.machine_rows(study), _columns(study)
     if study.seconds:
         machine.append(("time spent", formatting.format_phases(study)))
     rounds = formatting.format_rounds(study)
@@ -232,10 +218,9 @@ def page(study: Study) -> str:
         "extent": formatting.format_extent(study),
         "headline": formatting.headline(study),
         "warnings": [one_line(warning) for warning in study.warnings],
-        # Matplotlib's own, in which there is no text of a scene.
-        "convergence": convergence and Markup(convergence),
-        "map": error_map and Markup(error_map),
-        "picture": picture and base64.b64encode(picture).decode(),
+        "convergence": convergence and convergence.picture,
+        "map": error_map and error_map.picture,
+        "picture": picture and html.data_uri(picture, "image/png"),
         "sampled": study.tiles_measured < study.tiles,
         "points": [
             {
@@ -248,12 +233,12 @@ def page(study: Study) -> str:
         "prediction": formatting.prediction_rows(study.prediction),
         "concentration": f"{concentration[:1].upper()}{concentration[1:]}." if concentration else "",
         "rounds": rounds and f"{rounds[:1].upper()}{rounds[1:]}.",
-        "columns": _columns(study),
+        "columns": columns,
         "variants": [
             {
                 "name": formatting.display_name(variant),
                 "what": "" if variant.group == "scene" else one_line(variant.what),
-                "cells": _cells(variant, study),
+                "cells": _cells(variant, columns),
             }
             for section in formatting.group_variants(study.variants)
             for variant in section.variants
@@ -262,7 +247,9 @@ def page(study: Study) -> str:
         "machine": machine,
         "files": _data(study),
     }
-    return template.render(values)
+    charts = {key: figure.data for key, figure in (("convergence", convergence), ("map", error_map)) if figure}
+    title = f"{study.scene}: what accuracy costs in time"
+    return html.page("cost", title, {"charts": charts}, parts=("chart",), values=values)
 
 
 def check_report(folder: str | Path) -> None:
@@ -270,9 +257,8 @@ def check_report(folder: str | Path) -> None:
 
     Raises
     ------
-    InputError : the extra `report` is not installed, or a file of the report could not be written there.
+    InputError : a file of the report could not be written there.
     """
-    plots.require_report()
     folder = Path(folder)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file, and not a folder for a report")
@@ -292,10 +278,9 @@ def write_report(study: Study, folder: str | Path) -> tuple[Path, ...]:
 
     Raises
     ------
-    InputError : the extra `report` is not installed.
     OutputError : a file cannot be written.
     """
-    contents: dict[str, bytes | None] = {PAGE: page(study).encode()}
+    contents: dict[str, bytes | None] = {PAGE: page(study)}
     contents |= {file.name: file.content for file in _data(study)}
     contents["convergence.svg"] = plots.convergence_svg(study)
     contents["error_map.png"] = plots.error_map_png(study)

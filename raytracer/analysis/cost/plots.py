@@ -1,28 +1,34 @@
 """Plots of a study: error against time, a map of the error, and the picture itself.
 
-Each is made twice: as a file, on white, and for the page, where lines and text take the page's own colour so that it
-can be read in dark mode as well.  Colours are those of Okabe and Ito, and viridis, which colour-blind readers can tell
-apart; nothing is told by colour alone.
-
-References: Okabe and Ito 2008, "Color Universal Design"; Smith and van der Walt 2015, the colour map viridis.
+Each is made twice, as a file and for the page.
 """
 
 import io
 import math
-import re
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from importlib.util import find_spec
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.analysis.cost.results import ConvergencePoint, Prediction, Study
-from raytracer.core.error_estimate import wording
 from raytracer.film import srgb
 from raytracer.film.exposure import luminance
-from raytracer.util.errors import InputError
+from raytracer.report import wording
+from raytracer.report.figure import (
+    IN_PAGE,
+    ON_PAPER,
+    Curve,
+    PageFigure,
+    ink,
+    new_figure,
+    page_figure,
+    series_id,
+    style,
+    to_png,
+    to_svg,
+)
+from raytracer.report.palette import BLUE, GREEN, VERMILLION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,97 +36,20 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_NEEDED = ("matplotlib", "jinja2")
-_MISSING = "a report with pictures needs {names} not installed: pip install 'raytracer[report]'"
-
-# Okabe and Ito's blue, vermillion and bluish green: each at least 3 to 1 against white and against near black.
-_BLUE, _VERMILLION, _GREEN = "#0072b2", "#d55e00", "#009e73"
-
 # Grey that is visible on white and on black.
 _UNMEASURED = (0.5, 0.5, 0.5, 0.25)
-
-# Placeholder that is replaced by the colour of the page's text.
-_INK_OF_PAGE = "#010203"
 
 # The map's pictures are no wider or higher than this; the file with the numbers has all pixels.
 _LARGEST_EDGE = 1600
 
+# Size of letters on the page (pt), where a figure is as wide as a narrow window.
+_LETTERS = 9.0
+
+# Blocks of pixels along an edge whose error is told under the pointer.
+_LARGEST_GRID = 160
+
 # Factor of time beyond the last measurement up to which is drawn.
 _MAX_EXTRAPOLATION = 1e5
-
-
-class _Theme(NamedTuple):
-    """Colours of lines and text, and of the background."""
-
-    ink: str
-    paper: str
-
-
-_FILE = _Theme("#222222", "white")
-_PAGE = _Theme(_INK_OF_PAGE, "none")
-
-
-def require_report() -> None:
-    """Make sure, before anything is measured, that plots and a page can be made.
-
-    Raises
-    ------
-    InputError : the extra is not installed.
-    """
-    missing = [name for name in _NEEDED if find_spec(name) is None]
-    if missing:
-        verb = "which is" if len(missing) == 1 else "which are"
-        raise InputError(_MISSING.format(names=f"{' and '.join(missing)}, {verb}"))
-
-
-@contextmanager
-def _style(theme: _Theme) -> Iterator[None]:
-    import matplotlib as mpl
-
-    settings: dict[Any, Any] = {
-        "svg.hashsalt": "raytracer",
-        "svg.fonttype": "path",
-        "font.family": "DejaVu Sans",
-        "font.size": 10.0,
-        "text.parse_math": False,
-        "axes.edgecolor": theme.ink,
-        "axes.labelcolor": theme.ink,
-        "axes.facecolor": theme.paper,
-        "figure.facecolor": theme.paper,
-        "savefig.facecolor": theme.paper,
-        "text.color": theme.ink,
-        "xtick.color": theme.ink,
-        "ytick.color": theme.ink,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "grid.color": theme.ink,
-        "grid.alpha": 0.15,
-        "legend.frameon": False,
-    }
-    # Nothing of the user's own settings is taken over.
-    with mpl.rc_context():
-        mpl.rcdefaults()
-        mpl.rcParams.update(settings)
-        yield
-
-
-def _encode_svg(figure: "Figure") -> bytes:
-    data = io.BytesIO()
-    nothing: Any = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-    figure.savefig(data, format="svg", metadata=nothing)
-    return data.getvalue()
-
-
-def _inline_svg(svg: bytes, label: str, prefix: str) -> str:
-    """Turn an SVG file into an element of a page: with ids of its own, in the page's colour of text."""
-    text = svg.decode()
-    text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    text = text.replace(_INK_OF_PAGE, "currentColor")
-    text = re.sub(r'\bid="', f'id="{prefix}-', text)
-    text = re.sub(r'href="#', f'href="#{prefix}-', text)
-    text = text.replace("url(#", f"url(#{prefix}-")
-    return text.replace("<svg ", f'<svg role="img" aria-label="{label}" ', 1)
 
 
 # ---- Convergence
@@ -154,7 +83,8 @@ def _fit_curve(predicted: Prediction, points: list[ConvergencePoint], until: flo
     return _Line(fixed + per_sample * spp, np.array([predicted.error(n) for n in spp]))
 
 
-def _draw_convergence(axes: "Axes", study: Study, points: list[ConvergencePoint], theme: _Theme) -> None:
+def _draw_convergence(axes: "Axes", study: Study, points: list[ConvergencePoint]) -> list[Curve]:
+    """Draw the curves; returns those that are told under the pointer."""
     predicted = study.prediction
     seconds = np.array([p.seconds for p in points])
     errors = np.array([p.error.value for p in points])
@@ -166,7 +96,7 @@ def _draw_convergence(axes: "Axes", study: Study, points: list[ConvergencePoint]
         axes.plot(
             guide,
             errors[-1] * (guide / seconds[-1]) ** slope,
-            color=theme.ink,
+            color=ink(),
             alpha=0.55,
             linewidth=1.0,
             dashes=dashes,
@@ -174,31 +104,35 @@ def _draw_convergence(axes: "Axes", study: Study, points: list[ConvergencePoint]
         )
 
     # Draw the fit, and the measurements on top of it.
+    curves = [Curve("measured", seconds, 100.0 * errors)]
     line = _fit_curve(predicted, points, until)
     if line is not None:
-        axes.plot(line.seconds, line.error, color=_BLUE, linewidth=2.0, label="fit to what was measured")
+        fit = "fit to what was measured"
+        axes.plot(line.seconds, line.error, color=BLUE, linewidth=2.0, label=fit, gid=series_id(len(curves)))
+        curves.append(Curve(fit, line.seconds, 100.0 * line.error))
     ends = np.array([_error_bar(p) for p in points]).T
-    axes.errorbar(
-        seconds, errors, yerr=ends, fmt="o", color=_BLUE, capsize=3.0, markersize=6.0, label="measured, 95 % interval"
+    measured = axes.errorbar(
+        seconds, errors, yerr=ends, fmt="o", color=BLUE, capsize=3.0, markersize=6.0, label="measured, 95 % interval"
     )
+    measured.lines[0].set_gid(series_id(0))
     for point in points:
         axes.annotate(
             f"{point.spp:,} spp",
             (point.seconds, point.error.value),
             xytext=(7, 6),
             textcoords="offset points",
-            fontsize=8.5,
+            fontsize="small",
         )
 
     # Draw target and budget, and where the fit meets the target.
     goals: list[tuple[Callable[..., Any], float, str, str, str]] = [
-        (axes.axhline, predicted.target, _VERMILLION, "-.", f"target {wording.format_given_percent(predicted.target)}")
+        (axes.axhline, predicted.target, VERMILLION, "-.", f"target {wording.format_given_percent(predicted.target)}")
     ]
     if predicted.budget is not None and predicted.budget > 0.0:
         label = f"budget {wording.format_given_duration(predicted.budget)}"
-        goals.append((axes.axvline, predicted.budget, _GREEN, ":", label))
-    for draw, at_value, colour, style, words in goals:
-        draw(at_value, color=colour, linewidth=1.5, linestyle=style, label=words)
+        goals.append((axes.axvline, predicted.budget, GREEN, ":", label))
+    for draw, at_value, colour, look, words in goals:
+        draw(at_value, color=colour, linewidth=1.5, linestyle=look, label=words)
     at = predicted.target_seconds
     if math.isfinite(at.value) and 0.0 < at.value <= until:
         known = 0.0 < at.low <= at.value <= at.high < math.inf
@@ -207,11 +141,12 @@ def _draw_convergence(axes: "Axes", study: Study, points: list[ConvergencePoint]
             [predicted.target],
             xerr=[[at.value - at.low], [at.high - at.value]] if known else None,
             fmt="D",
-            color=_VERMILLION,
+            color=VERMILLION,
             capsize=4.0,
             markersize=7.0,
             label=f"target reached, predicted: {wording.format_duration(at.value)}",
         )
+    return curves
 
 
 def _error_bar(point: ConvergencePoint) -> tuple[float, float]:
@@ -237,48 +172,50 @@ def _ticks(axes: "Axes") -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
-def _convergence_svg(study: Study, theme: _Theme) -> bytes | None:
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
+def _plot_convergence(study: Study, size: tuple[float, float]) -> "tuple[Figure, list[Curve]] | None":
+    """Plot error against time in the style that is set, of a size (inches); None without an error to show."""
     points = _usable(study.prediction.points)
     if not points:
         return None
-    with _style(theme):
-        figure = Figure(figsize=(7.6, 5.2), layout="constrained")
-        FigureCanvasSVG(figure)
-        axes = figure.add_subplot()
-        axes.set_xscale("log")
-        axes.set_yscale("log")
-        _draw_convergence(axes, study, points, theme)
-        axes.set_xlabel("time of a render of the whole picture [s]")
-        axes.set_ylabel("relative error (RMS)")
-        axes.margins(0.06)
-        axes.grid(which="major")
-        axes.autoscale_view()
-        _ticks(axes)
-        axes.legend(loc="best", fontsize=8.5)
-        return _encode_svg(figure)
+    figure = new_figure(*size, "constrained")
+    axes = figure.add_subplot()
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    curves = _draw_convergence(axes, study, points)
+    axes.set_xlabel("time of a render of the whole picture [s]")
+    axes.set_ylabel("relative error (RMS)")
+    axes.margins(0.06)
+    axes.grid(which="major")
+    axes.autoscale_view()
+    _ticks(axes)
+    figure.legend(loc="outside lower center", ncols=2, fontsize="small")
+    return figure, curves
 
 
 def convergence_svg(study: Study) -> bytes | None:
     """Plot relative error against seconds, both logarithmic, as an SVG file on white; None without an error to show."""
-    return _convergence_svg(study, _FILE)
+    with style(ON_PAPER):
+        plotted = _plot_convergence(study, (7.6, 5.8))
+        return None if plotted is None else to_svg(plotted[0])
 
 
-def convergence_inline(study: Study) -> str | None:
-    """Plot `convergence_svg` as an element for a page."""
-    svg = _convergence_svg(study, _PAGE)
-    label = "Relative error against time, both axes logarithmic: measured points, fit, target and budget."
-    return None if svg is None else _inline_svg(svg, label, "convergence")
+def convergence_for_page(study: Study) -> PageFigure | None:
+    """Plot `convergence_svg` for a page."""
+    title = "Relative error against time, both axes logarithmic: measured points, fit, target and budget."
+    with style(IN_PAGE, _LETTERS):
+        plotted = _plot_convergence(study, (5.4, 4.6))
+        if plotted is None:
+            return None
+        labels = "time (s)", "relative error (%)"
+        return page_figure(plotted[0].axes[0], "convergence", title, labels, plotted[1], (1.0, 100.0))
 
 
 # ---- Where the error is
 
 
-def _downsample(error: Array) -> Array:
-    """Average blocks of pixels, by the root of their mean square, so that the map fits on a page."""
-    block = -(-max(error.shape) // _LARGEST_EDGE)
+def _downsample(error: Array, largest: int = _LARGEST_EDGE) -> Array:
+    """Average blocks of pixels, by the root of their mean square, until no edge has more than `largest`."""
+    block = -(-max(error.shape) // largest)
     if block <= 1:
         return error
     height, width = (-(-edge // block) * block for edge in error.shape)
@@ -302,11 +239,13 @@ def _map_label(study: Study, whole: bool) -> str:
     return f"relative error of a pixel{at}{'' if whole else '; grey: not measured'}"
 
 
-def _draw_error_map(study: Study, theme: _Theme, form: str) -> bytes | None:
+def _plot_error_map(study: Study, longest: float = 7.0) -> "tuple[Figure, float] | None":
+    """Plot the error of each pixel in the style that is set, and return the inches of a pixel; None without an error.
+
+    longest : width of the map, or 1.3 times its height if that is more (inches).
+    """
     import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.colors import LogNorm
-    from matplotlib.figure import Figure
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     if not has_error_map(study):
@@ -317,43 +256,50 @@ def _draw_error_map(study: Study, theme: _Theme, form: str) -> bytes | None:
     if high < 2.0 * low:
         low, high = low / math.sqrt(2.0), high * math.sqrt(2.0)
 
-    with _style(theme):
-        # Let the longer edge be of a readable length; the scale goes where it has room.
-        height, width = error.shape
-        scale = 7.0 / max(width, 1.3 * height)
-        below = width >= height
-        size = (width * scale + 1.3 * (not below), height * scale + 0.9 * below)
-        figure = Figure(figsize=size, layout="constrained")
-        FigureCanvasAgg(figure)
-        axes = figure.add_subplot()
-        colours = mpl.colormaps["viridis"].with_extremes(bad=_UNMEASURED)
-        shown = np.ma.masked_invalid(np.maximum(error, low))
-        image = axes.imshow(shown, norm=LogNorm(low, high), cmap=colours, interpolation="none")
-        axes.set_axis_off()
-        bar = figure.colorbar(
-            image, ax=axes, extend="both", location="bottom" if below else "right", pad=0.02, fraction=0.05, aspect=30
-        )
-        bar.long_axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 1e3 * low else (1.0,), numticks=30))
-        bar.long_axis.set_major_formatter(FuncFormatter(lambda value, _: f"{100.0 * value:g} %"))
-        bar.long_axis.set_minor_formatter(NullFormatter())
-        bar.set_label(_map_label(study, whole=not np.isnan(error).any()))
-        if form == "svg":
-            return _encode_svg(figure)
-        data = io.BytesIO()
-        figure.savefig(data, format="png", dpi=max(150.0, 1.1 / scale), metadata={"Software": None})
-        return data.getvalue()
+    # The scale goes where it has room.
+    height, width = error.shape
+    scale = longest / max(width, 1.3 * height)
+    below = width >= height
+    figure = new_figure(width * scale + 1.3 * (not below), height * scale + 0.9 * below, "constrained")
+    axes = figure.add_subplot()
+    colours = mpl.colormaps["viridis"].with_extremes(bad=_UNMEASURED)
+    shown = np.ma.masked_invalid(np.maximum(error, low))
+    image = axes.imshow(shown, norm=LogNorm(low, high), cmap=colours, interpolation="none")
+    axes.set_axis_off()
+    bar = figure.colorbar(
+        image, ax=axes, extend="both", location="bottom" if below else "right", pad=0.02, fraction=0.05, aspect=30
+    )
+    bar.long_axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 1e3 * low else (1.0,), numticks=30))
+    bar.long_axis.set_major_formatter(FuncFormatter(lambda value, _: f"{100.0 * value:g} %"))
+    bar.long_axis.set_minor_formatter(NullFormatter())
+    bar.set_label(_map_label(study, whole=not np.isnan(error).any()))
+    return figure, scale
 
 
 def error_map_png(study: Study) -> bytes | None:
     """Plot the relative error of each pixel with a logarithmic colour map, on white; None without an error to show."""
-    return _draw_error_map(study, _FILE, "png")
+    with style(ON_PAPER):
+        plotted = _plot_error_map(study)
+        return None if plotted is None else to_png(plotted[0], max(150.0, 1.1 / plotted[1]))
 
 
-def error_map_inline(study: Study) -> str | None:
-    """Plot `error_map_png` as an SVG element for a page."""
-    svg = _draw_error_map(study, _PAGE, "svg")
-    label = "Map of the relative error of each measured pixel."
-    return None if svg is None else _inline_svg(svg, label, "map")
+def error_map_for_page(study: Study) -> PageFigure | None:
+    """Plot `error_map_png` for a page, with the error (%) of blocks of pixels to be told under the pointer."""
+    with style(IN_PAGE, _LETTERS):
+        plotted = _plot_error_map(study, 4.8)
+        if plotted is None:
+            return None
+        title = "Map of the relative error of each measured pixel."
+        made = page_figure(plotted[0].axes[0], "map", title, ("x (px)", "y (px)"), [])
+    height, width = study.error_map.shape
+    ranges = [[0.0, float(width)], [float(height), 0.0]]
+    blocks = _downsample(study.error_map, _LARGEST_GRID)
+    values = [[None if math.isnan(value) else float(f"{100.0 * value:.3g}") for value in row] for row in blocks]
+    # The last blocks of a row may reach beyond the picture.
+    block = -(-max(height, width) // _LARGEST_GRID)
+    return made._replace(
+        data=made.data | {"ranges": ranges, "grid": {"label": "error (%)", "step": block, "values": values}}
+    )
 
 
 def picture_png(study: Study) -> bytes | None:

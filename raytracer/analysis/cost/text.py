@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from raytracer.analysis.cost import formatting
 from raytracer.analysis.cost.results import Study, VariantResult
-from raytracer.core.error_estimate import wording
+from raytracer.report import wording
 from raytracer.util.errors import one_line
 
 if TYPE_CHECKING:

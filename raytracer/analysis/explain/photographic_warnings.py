@@ -7,9 +7,9 @@ import math
 from collections.abc import Iterator, Mapping
 
 from raytracer.analysis.explain.camera_numbers import CameraView
-from raytracer.analysis.explain.text import format_duration, format_number
 from raytracer.core.shutter.table import TICK
 from raytracer.core.shutter.timing import Timing
+from raytracer.report.wording import compact_number, exposure_time
 from raytracer.scene.pack.lights import lights_of
 from raytracer.scene.spec import SceneSpec
 
@@ -39,18 +39,18 @@ def _optics(view: CameraView, numbers: Mapping[str, float]) -> Iterator[str]:
     if airy > pitch:
         working = numbers["image_distance_mm"] / numbers["entrance_pupil_mm"]
         yield (
-            f"diffraction is left out: at the working f-number f/{format_number(working)} the Airy disc of green light "
-            f"(550 nm) is {format_number(airy)} um wide, and a pixel {format_number(pitch)} um, so a real picture "
-            "would be softer"
+            f"diffraction is left out: at the working f-number f/{compact_number(working)} the Airy disc of green "
+            f"light (550 nm) is {compact_number(airy)} um wide, and a pixel {compact_number(pitch)} um, so a real "
+            "picture would be softer"
         )
     if f_number < _FASTEST_F_NUMBER:
         yield (
-            f"f/{format_number(f_number)} is faster than f/{_FASTEST_F_NUMBER:g}, which no lens in air can be: the "
+            f"f/{compact_number(f_number)} is faster than f/{_FASTEST_F_NUMBER:g}, which no lens in air can be: the "
             "ideal lens has no such limit"
         )
     if view.pupil() == 0.0 and math.isfinite(f_number):
         yield (
-            f"the aperture of f/{format_number(f_number)} sets the exposure but blurs nothing, since a "
+            f"the aperture of f/{compact_number(f_number)} sets the exposure but blurs nothing, since a "
             f"{view.spec.camera.type} camera sees through a point"
         )
 
@@ -60,12 +60,12 @@ def _units(spec: SceneSpec) -> Iterator[str]:
     camera = spec.camera
     seconds, is_photograph = camera.timing().seconds(), camera.iso_speed() is not None or camera.exposure is not None
     if is_photograph and seconds > _LONGEST_SHUTTER:
-        long = format_number(seconds)
+        long = compact_number(seconds)
         yield f"the shutter is open for {long} s, longer than cameras offer: was 1/{long} s meant?"
     for key in ("focal_length", "equivalent_focal_length"):
         length = getattr(camera, key, None)
         if length is not None and length < _SHORTEST_FOCAL_LENGTH:
-            given = format_number(length)
+            given = compact_number(length)
             yield f"{key} is {given} mm, shorter than any camera's, and a plain number is mm: was {given} m meant?"
 
 
@@ -77,8 +77,8 @@ def _highlights(spec: SceneSpec) -> Iterator[str]:
     pulled = speed * math.exp2(push)
     if pulled < sensor.base_iso:
         yield (
-            f"exposure_compensation takes the speed to ISO {format_number(pulled)}, below the sensor's base_iso of "
-            f"{format_number(sensor.base_iso)}: its wells are full at {format_number(pulled / sensor.base_iso)} of "
+            f"exposure_compensation takes the speed to ISO {compact_number(pulled)}, below the sensor's base_iso of "
+            f"{compact_number(sensor.base_iso)}: its wells are full at {compact_number(pulled / sensor.base_iso)} of "
             "white, where highlights end"
         )
 
@@ -94,8 +94,7 @@ def _flashes(spec: SceneSpec) -> Iterator[str]:
     for name, (begin, end) in shining.items():
         flash = "the flash" if len(shining) == 1 else f"the flash {name}"
         yield from (
-            f"{flash} shines for {format_duration(end - begin)}, {what}"
-            for what in _shutter_clipping(timing, begin, end)
+            f"{flash} shines for {exposure_time(end - begin)}, {what}" for what in _shutter_clipping(timing, begin, end)
         )
 
 
@@ -117,8 +116,8 @@ def _shutter_clipping(timing: Timing, begin: float, end: float) -> Iterator[str]
         most = 1.0 if timing.profile is None else max(transmission for _, transmission in timing.profile)
         lost = 1.0 - timing.transmitted(begin, end) / (most * (end - begin))
         yield (
-            f"of which the shutter is fully open for {format_duration(open_for)}: "
-            f"{format_number(round(100.0 * lost, 1))} % of its light is lost"
+            f"of which the shutter is fully open for {exposure_time(open_for)}: "
+            f"{compact_number(round(100.0 * lost, 1))} % of its light is lost"
         )
         return
     lit = _lit_band(timing, part, full, tick)
@@ -145,4 +144,4 @@ def _sync_hint(timing: Timing, begin: float, end: float) -> str:
     needed = timing.readout + (end - begin)
     if closing - opened >= needed:
         return ""
-    return f"; all of it can be lit by a shutter that is fully open for {format_duration(needed)} or longer"
+    return f"; all of it can be lit by a shutter that is fully open for {exposure_time(needed)} or longer"

@@ -6,19 +6,15 @@ from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from raytracer.analysis.explain.scene_keys import SceneKey
 from raytracer.report.table import align_columns
+from raytracer.report.wording import compact_number, exposure_time
 from raytracer.scene.effects import Effect
 
 # Moving objects without a name that the text lists; `--json` has them all.
 _MOST_LISTED = 8
 
 _COLUMNS_OF_TEXT = 100
-
-# Numbers below and above these have an exponent.
-_SMALLEST, _LARGEST = 1e-4, 1e7
 
 
 class _Quantity(NamedTuple):
@@ -128,29 +124,13 @@ _COLUMNS = (
 )
 
 
-def format_number(value: float) -> str:
-    """Format a number with four digits, without an exponent where that is not longer."""
-    if math.isinf(value):
-        return "infinity"
-    if value != 0.0 and not _SMALLEST <= abs(value) < _LARGEST:
-        return f"{value:.3e}"
-    return np.format_float_positional(float(f"{value:.4g}"), trim="-")
-
-
-def format_duration(seconds: float) -> str:
-    """Format a time, as photographers write it if it is short."""
-    if 1.0 / _LARGEST < seconds < 0.5 and math.isclose(1.0 / seconds, round(1.0 / seconds)):
-        return f"1/{round(1.0 / seconds)} s"
-    return f"{format_number(seconds)} s"
-
-
 def _format_quantity(value: float, line: _Quantity) -> str:
     """Format a number with its unit."""
     if line.key.endswith("f_number"):
-        return f"f/{format_number(value)}" if math.isfinite(value) else "infinity"
+        return f"f/{compact_number(value)}" if math.isfinite(value) else "infinity"
     if line.unit == "s":
-        return format_duration(value)
-    return f"{format_number(value)} {line.unit}".rstrip() if math.isfinite(value) else format_number(value)
+        return exposure_time(value)
+    return f"{compact_number(value)} {line.unit}".rstrip() if math.isfinite(value) else compact_number(value)
 
 
 def effects_text(effects: Mapping[str, Effect]) -> str:
@@ -256,9 +236,9 @@ def trade_off_text(rows: Sequence[Mapping[str, float]], own: Mapping[str, float]
         return ""
     cells = [[f"{line.words} ({line.unit})" if line.unit else line.words for line in _TRADE_OFF]]
     for row in rows:
-        cells.append([format_number(row[line.key]) for line in _TRADE_OFF])
-        cells[-1][2] += f" x {format_number(row['view_rows'])}"
-        cells[-1][3] += f" x {format_number(row['view_height_px'])}"
+        cells.append([compact_number(row[line.key]) for line in _TRADE_OFF])
+        cells[-1][2] += f" x {compact_number(row['view_rows'])}"
+        cells[-1][3] += f" x {compact_number(row['view_height_px'])}"
     marks = ["", *("  these" if row["microlens_pitch_um"] == own["microlens_pitch_um"] else "" for row in rows)]
     lines = [f"  {row}{mark}" for row, mark in zip(align_columns(cells, left=0), marks, strict=True)]
     return "Microlenses of other sizes before the same sensor\n" + "\n".join(lines) + "\n"
@@ -304,4 +284,4 @@ def _list_rows(objects: Mapping[str, Mapping[str, float]]) -> tuple[dict[str, Ma
 
 
 def _cell(numbers: Mapping[str, float], column: _Quantity) -> str:
-    return format_number(numbers[column.key]) if column.key in numbers else "-"
+    return compact_number(numbers[column.key]) if column.key in numbers else "-"

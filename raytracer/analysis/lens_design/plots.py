@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.analysis.lens_design.mtf_plots import PLANES, mtf_charts
 from raytracer.analysis.lens_design.performance.lens_study import LensStudy
 from raytracer.analysis.lens_design.performance.results import (
     ChromaticAberration,
@@ -15,14 +16,23 @@ from raytracer.analysis.lens_design.performance.results import (
     Fan,
     FieldCurvature,
     Illumination,
-    MtfOverField,
     Spherical,
     Spot,
     SpotsOfField,
 )
 from raytracer.optics.glass import LINE_C, LINE_D, LINE_F
-from raytracer.report.chart import DASH_DOTTED, DASHED, DOTTED, SOLID, Chart, Range, ReferenceLine, Series
-from raytracer.report.svg import BLUE, COLORS, GREEN, INK, OCHRE, PURPLE, VERMILLION
+from raytracer.report.chart import (
+    DASH_DOTTED,
+    DASHED,
+    DOTTED,
+    SOLID,
+    Chart,
+    LegendEntry,
+    Range,
+    ReferenceLine,
+    Series,
+)
+from raytracer.report.palette import BLUE, GREEN, OCHRE, PURPLE, VERMILLION
 
 _LINES = {LINE_F: "F", LINE_D: "d", LINE_C: "C"}
 
@@ -118,7 +128,7 @@ def chart_groups(study: LensStudy) -> tuple[ChartGroup, ...]:
             "Geometric MTF",
             "The contrast of fine lines, by the spots' rays. Diffraction is not simulated: the dotted line is the "
             "limit that it sets to a perfect lens of this f-number, and no real lens is above it.",
-            tuple(_mtf(study)),
+            tuple(mtf_charts(study)),
         ),
     )
     several = len(study.first_order) > 1
@@ -210,7 +220,7 @@ def _spherical(result: Spherical) -> list[Chart]:
     """Chart spherical aberration, and the offence against the sine condition."""
     lines = _by_wavelength(result.wavelengths_nm, result.longitudinal_mm, result.pupil, upright=True)
     if np.isfinite(result.third_order_mm).any():
-        lines.append(Series("third order (Seidel)", result.third_order_mm, result.pupil, INK, DOTTED))
+        lines.append(Series("third order (Seidel)", result.third_order_mm, result.pupil, dashes=DOTTED))
     charts = [
         Chart(
             f"lsa-{result.meridian}",
@@ -271,14 +281,17 @@ def _fan(fan: Fan, ends: Range) -> list[Chart]:
 
 def _curvature(result: FieldCurvature) -> Chart:
     """Chart field curvature and the Petzval surface."""
-    lines = []
+    lines, entries = [], []
     # Colours by wavelength, dashes by plane.
     for nm, tangential, sagittal in zip(result.wavelengths_nm, result.tangential_mm, result.sagittal_mm, strict=True):
         name, hue = wavelength_name(float(nm)), wavelength_color(float(nm))
         lines.append(Series(f"T, {name}", tangential, result.image_height_mm, hue, SOLID))
         lines.append(Series(f"S, {name}", sagittal, result.image_height_mm, hue, DASHED))
+        entries.append(LegendEntry(name, hue))
+    entries += PLANES
     if np.isfinite(result.petzval_mm).any():
-        lines.append(Series("Petzval surface", result.petzval_mm, result.image_height_mm, INK, DOTTED))
+        lines.append(Series("Petzval surface", result.petzval_mm, result.image_height_mm, dashes=DOTTED))
+        entries.append(LegendEntry("Petzval surface", dashes=DOTTED))
     return Chart(
         f"curvature-{result.meridian}",
         "Field curvature",
@@ -286,6 +299,7 @@ def _curvature(result: FieldCurvature) -> Chart:
         "image height (mm)",
         tuple(lines),
         levels=(ReferenceLine("x", 0.0),),
+        entries=tuple(entries),
         note="T: tangential, in the plane of the axis. S: sagittal, across it.",
     )
 
@@ -346,54 +360,7 @@ def _illumination(result: Illumination) -> Chart:
         (
             Series("light on the film", height, 100.0 * result.relative, BLUE, SOLID),
             Series("solid angle of the pupil", height, 100.0 * result.pupil, GREEN, DASHED),
-            Series("cos⁴ law", height, 100.0 * result.cos4, INK, DOTTED),
+            Series("cos⁴ law", height, 100.0 * result.cos4, dashes=DOTTED),
         ),
         y_range=(0.0, max(105.0, 105.0 * float(np.nanmax([1.0, *result.relative, *result.pupil])))),
-    )
-
-
-def _mtf(study: LensStudy) -> list[Chart]:
-    """Chart the MTF by frequency, and over the field."""
-    limit = study.diffraction_limit
-    lines = []
-    for number, field in enumerate(m for m in study.mtf if np.isfinite(m.tangential).any()):
-        hue, name = COLORS[number % len(COLORS)], f"{field.image_height_mm:.3g} mm"
-        if len(study.first_order) > 1:
-            name = f"{field.meridian} {name}"
-        lines.append(Series(f"{name} T", field.frequencies_per_mm, field.tangential, hue, SOLID))
-        lines.append(Series(f"{name} S", field.frequencies_per_mm, field.sagittal, hue, DASHED))
-    if not lines:
-        return []
-    lines.append(Series("diffraction limit", limit.frequencies_per_mm, limit.mtf, INK, DOTTED))
-    last = max(float(line.x[-1]) for line in lines[:-1])
-    over = [_mtf_over_field(result) for result in study.mtf_over_field if np.isfinite(result.tangential).any()]
-    return [
-        Chart(
-            "mtf",
-            "MTF by frequency",
-            "line pairs a millimetre",
-            "contrast",
-            tuple(lines),
-            (0.0, last),
-            (0.0, 1.02),
-            note="By image height. T: lines across the direction to the middle. S: lines along it.",
-        ),
-        *over,
-    ]
-
-
-def _mtf_over_field(result: MtfOverField) -> Chart:
-    """Chart the MTF over image height at a few frequencies."""
-    lines = []
-    for number, frequency in enumerate(result.frequencies_per_mm):
-        hue = COLORS[number % len(COLORS)]
-        lines.append(Series(f"{frequency:g}/mm T", result.image_height_mm, result.tangential[number], hue, SOLID))
-        lines.append(Series(f"{frequency:g}/mm S", result.image_height_mm, result.sagittal[number], hue, DASHED))
-    return Chart(
-        f"mtf-field-{result.meridian}",
-        "MTF over the field",
-        "image height (mm)",
-        "contrast",
-        tuple(lines),
-        y_range=(0.0, 1.02),
     )

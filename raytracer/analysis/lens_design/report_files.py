@@ -19,15 +19,11 @@ def find_writer(path: Path) -> Writer:
 
     Raises
     ------
-    InputError : there is no such format, or the library that draws it is not installed.
+    InputError : there is no such format.
     """
     kind = path.suffix.lower()
     if kind not in _WRITERS:
         raise InputError(f"{path}: {unknown_suffix_message(path)} for a report on a lens; known: {', '.join(_WRITERS)}")
-    if kind in (".pdf", ".png"):
-        from raytracer.analysis.lens_design.pdf import require_matplotlib
-
-        require_matplotlib(kind)
     return _WRITERS[kind]
 
 
@@ -43,20 +39,19 @@ def _html(lens: "Lens", study: "LensStudy") -> bytes:
 
 
 def _pdf(lens: "Lens", study: "LensStudy") -> bytes:
-    from raytracer.analysis.lens_design.pdf import pdf
+    from raytracer.analysis.lens_design.paper import pdf
 
     return pdf(lens, study)
 
 
 def _svg(lens: "Lens", study: "LensStudy") -> bytes:
-    from raytracer.analysis.lens_design.cross_section.drawing import cross_sections
-    from raytracer.analysis.lens_design.cross_section.to_svg import document
+    from raytracer.analysis.lens_design.paper import svg
 
-    return document(cross_sections(lens, study))
+    return svg(lens, study)
 
 
 def _png(lens: "Lens", study: "LensStudy") -> bytes:
-    from raytracer.analysis.lens_design.pdf import png
+    from raytracer.analysis.lens_design.paper import png
 
     return png(lens, study)
 

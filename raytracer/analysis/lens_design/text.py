@@ -3,7 +3,6 @@
 import math
 import textwrap
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -11,87 +10,17 @@ from raytracer.analysis.lens_design.performance.lens_study import LensStudy
 from raytracer.analysis.lens_design.performance.results import Curve, FirstOrder, Note
 from raytracer.analysis.lens_design.plots import projection_text, wavelength_name
 from raytracer.optics.lens_system.lens import Lens
-from raytracer.report.table import align_columns
+from raytracer.report.table import Row, Table, align_columns
+from raytracer.report.wording import (
+    degrees,
+    metres,
+    micrometres,
+    millimetres,
+    relative,
+    significant,
+)
 
 _WIDTH = 100
-
-
-class Row(NamedTuple):
-    """Row of a table.
-
-    name : first column.
-    cells : other columns.
-    meaning : explanation, "" where none is needed.
-    """
-
-    name: str
-    cells: tuple[str, ...]
-    meaning: str = ""
-
-
-class Table(NamedTuple):
-    """Table: all columns but the first are numbers or short words, aligned to the right."""
-
-    title: str
-    head: tuple[str, ...]
-    rows: tuple[Row, ...]
-    text: str = ""
-
-
-# ---- Numbers
-
-
-def millimetres(value: float, digits: int = 6) -> str:
-    """Write a length in millimetres; `infinite` and `none` in words."""
-    if math.isnan(value):
-        return "none"
-    if math.isinf(value):
-        return "infinite"
-    return f"{_digits(value, digits)} mm"
-
-
-# Half a nanometre, in millimetres: less is shown as 0.
-_LEAST = 5e-7
-
-
-def _digits(value: float, digits: int) -> str:
-    """Round to significant digits, but not below a nanometre."""
-    if value == 0.0 or abs(value) < _LEAST:
-        return "0"
-    decimals = max(0, min(6, digits - 1 - math.floor(math.log10(abs(value)))))
-    return f"{value:.{decimals}f}".replace("-", "−")
-
-
-def micrometres(value: float) -> str:
-    """Write a length (um) in micrometres, or in millimetres from one on."""
-    if math.isnan(value):
-        return "none"
-    return f"{_plain(value, 3)} µm" if abs(value) < 1000.0 else f"{_plain(0.001 * value, 3)} mm"
-
-
-def _degrees(value: float) -> str:
-    """Write an angle."""
-    return "none" if math.isnan(value) else f"{value:.2f}°"
-
-
-def _relative(value: float) -> str:
-    """Write a relative difference."""
-    if math.isnan(value):
-        return ""
-    return "0" if value == 0.0 else f"{value:.1e}".replace("-", "−")
-
-
-def _plain(value: float, digits: int = 4) -> str:
-    """Write a number in significant digits."""
-    # Adding 0 takes the sign from a zero.
-    return "none" if math.isnan(value) else f"{value + 0.0:.{digits}g}".replace("-", "−")
-
-
-def distance(millimetre: float) -> str:
-    """Write a distance in the scene (mm) in metres."""
-    if math.isinf(millimetre):
-        return "infinity"
-    return f"{millimetre / 1000.0:.6g} m"
 
 
 # ---- Tables
@@ -106,7 +35,7 @@ def setting(study: LensStudy) -> str:
     open_to = f"wide open, working f/{first.working_f_number:.4g}"
     number = open_to if chosen.f_number is None else f"f/{chosen.f_number:g}"
     return (
-        f"{number}, focused on {distance(chosen.focus_distance_mm)}, film {width:.4g} x {height:.4g} mm, "
+        f"{number}, focused on {metres(chosen.focus_distance_mm)}, film {width:.4g} x {height:.4g} mm, "
         f"largest field {first.half_field_deg:.4g}° ({first.half_field_image_height_mm:.4g} mm); {colours}"
     )
 
@@ -127,7 +56,7 @@ def _first_order(first: FirstOrder, several: bool) -> Table:
             (
                 millimetres(first.focal_length_mm),
                 millimetres(first.focal_length_traced_mm),
-                _relative(first.focal_length_difference),
+                relative(first.focal_length_difference),
             ),
         ),
         Row(
@@ -135,7 +64,7 @@ def _first_order(first: FirstOrder, several: bool) -> Table:
             (
                 millimetres(first.back_focus_mm),
                 millimetres(first.back_focus_traced_mm),
-                _relative(first.back_focus_difference),
+                relative(first.back_focus_difference),
             ),
             "from the last vertex to the rear focal point",
         ),
@@ -151,14 +80,18 @@ def _first_order(first: FirstOrder, several: bool) -> Table:
         place("entrance pupil's diameter", first.entrance_pupil_diameter_mm),
         place("exit pupil", first.exit_pupil_z_mm),
         place("exit pupil's diameter", first.exit_pupil_diameter_mm),
-        Row("f-number", (_plain(first.f_number), "", ""), "focal length over the entrance pupil's diameter"),
-        Row("working f-number", ("", _plain(first.working_f_number), ""), "1 / (2 sin u′) of the marginal ray"),
-        Row("magnification", (_plain(first.magnification), "", "")),
+        Row("f-number", (significant(first.f_number), "", ""), "focal length over the entrance pupil's diameter"),
+        Row(
+            "working f-number",
+            ("", significant(first.working_f_number), ""),
+            "1 / (2 sin u′) of the marginal ray",
+        ),
+        Row("magnification", (significant(first.magnification), "", "")),
         place("film", first.film_z_mm),
         place("front vertex to film", first.total_track_mm),
-        Row("field of view, width", ("", _degrees(first.field_of_view_width_deg), "")),
-        Row("field of view, height", ("", _degrees(first.field_of_view_height_deg), "")),
-        Row("field of view, diagonal", ("", _degrees(first.field_of_view_diagonal_deg), "")),
+        Row("field of view, width", ("", degrees(first.field_of_view_width_deg), "")),
+        Row("field of view, height", ("", degrees(first.field_of_view_height_deg), "")),
+        Row("field of view, diagonal", ("", degrees(first.field_of_view_diagonal_deg), "")),
         Row("radius of the Petzval surface", (millimetres(first.petzval_radius_mm, 5), "", "")),
     ]
     # The published value is of the lens focused at infinity; focusing groups and cylinders change it.
@@ -231,13 +164,25 @@ def tolerances(study: LensStudy) -> tuple[Table, ...]:
         plane = f", in the plane of {result.meridian}" if several else ""
         rows = (
             Row("circle of confusion", (millimetres(result.circle_of_confusion_mm, 3),)),
-            Row("depth of focus", (f"± {millimetres(result.depth_of_focus_mm, 3)}",), "tolerance of the film's place"),
+            Row(
+                "depth of focus",
+                (f"± {millimetres(result.depth_of_focus_mm, 3)}",),
+                "tolerance of the film's place",
+            ),
             Row("nearest plane that is sharp", (_scene(result.near_limit_mm),), "from the entrance pupil"),
             Row("farthest plane that is sharp", (_scene(result.far_limit_mm),), "from the entrance pupil"),
-            Row("best focus, from the film", (millimetres(result.best_focus_mm, 3),), "least RMS spot on the axis"),
+            Row(
+                "best focus, from the film",
+                (millimetres(result.best_focus_mm, 3),),
+                "least RMS spot on the axis",
+            ),
             Row("RMS spot on the axis", (micrometres(result.rms_on_axis_um),)),
             Row("the same at best focus", (micrometres(result.rms_on_axis_best_um),)),
-            Row("all errors below, together", (millimetres(result.rss_back_focus_mm, 3),), "RSS, on the back focus"),
+            Row(
+                "all errors below, together",
+                (millimetres(result.rss_back_focus_mm, 3),),
+                "RSS, on the back focus",
+            ),
         )
         tables.append(Table(f"Tolerance on focus{plane}", ("", ""), rows))
         errors = tuple(
@@ -246,7 +191,7 @@ def tolerances(study: LensStudy) -> tuple[Table, ...]:
                 (
                     f"{one.step:g} {one.unit}".strip(),
                     f"{1000.0 * one.back_focus_mm:.3g}".replace("-", "−"),
-                    _plain(one.back_focus_per_unit),
+                    significant(one.back_focus_per_unit),
                     f"{one.spot_um:+.3g}".replace("-", "−"),
                     f"{one.spot_refocused_um:+.3g}".replace("-", "−"),
                 ),
@@ -261,7 +206,7 @@ def tolerances(study: LensStudy) -> tuple[Table, ...]:
 
 
 def _scene(value: float) -> str:
-    return "none" if math.isnan(value) else distance(value)
+    return "none" if math.isnan(value) else metres(value)
 
 
 def notes(study: LensStudy) -> tuple[Note, ...]:
@@ -335,7 +280,7 @@ def _outermost(name: str, values: Curve, heights: Curve, unit: str) -> list[tupl
     if not there.size:
         return []
     last = there[-1]
-    return [(name, f"{_plain(float(values[last]), 3)} {unit}", f"{float(heights[last]):.4g} mm out")]
+    return [(name, f"{significant(float(values[last]), 3)} {unit}", f"{float(heights[last]):.4g} mm out")]
 
 
 def spots(study: LensStudy, meridian: str = "y") -> list[tuple[str, ...]]:
@@ -347,12 +292,12 @@ def spots(study: LensStudy, meridian: str = "y") -> list[tuple[str, ...]]:
         if spot.meridian != meridian:
             continue
         contrasts = [
-            _plain(float(np.interp(frequency, mtf.frequencies_per_mm, values)), 2)
+            significant(float(np.interp(frequency, mtf.frequencies_per_mm, values)), 2)
             for values in (mtf.tangential, mtf.sagittal)
             for frequency in frequencies
         ]
         sizes = (micrometres(spot.rms_um), micrometres(spot.largest_um))
-        rows.append((millimetres(spot.image_height_mm, 4), _degrees(spot.field_deg), *sizes, *contrasts))
+        rows.append((millimetres(spot.image_height_mm, 4), degrees(spot.field_deg), *sizes, *contrasts))
     return rows
 
 

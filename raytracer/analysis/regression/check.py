@@ -21,10 +21,10 @@ from raytracer.analysis.regression.render_reference import (
     measured_gains,
     require_variance,
 )
-from raytracer.core.error_estimate.wording import format_percent
 from raytracer.film.image import Image
 from raytracer.rendering.progress import Progress
 from raytracer.rendering.render import render
+from raytracer.report.wording import format_percent
 from raytracer.util.errors import InputError, suggest_name
 from raytracer.util.path_sandbox import AllowFiles
 

@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from raytracer.analysis.sweep.contact_sheet import fit_image, load_font, truncate_text
+from raytracer.analysis.sweep.contact_sheet import fit_image
 from raytracer.analysis.sweep.results import Sweep
 from raytracer.analysis.sweep.sliders import Images, Slider, sliders
 from raytracer.film.formats.animation import KINDS, Kind, check, encode
+from raytracer.report.lettering import load_font, truncate_text
+from raytracer.report.palette import INK, PAPER
 from raytracer.util.atomic_write import write_bytes
 from raytracer.util.errors import InputError
 
@@ -31,8 +33,6 @@ _LARGEST = (960, 720)
 
 # Pixels of all frames together, which are in memory at once.
 _MOST_PIXELS = 100e6
-
-_PAPER, _INK = (255, 255, 255), (27, 29, 33)
 
 
 def encode_animation(
@@ -139,9 +139,9 @@ def _add_caption(picture: "PIL.Image.Image", size: tuple[int, int], caption: str
     import PIL.Image
     import PIL.ImageDraw
 
-    frame = PIL.Image.new("RGB", (size[0], size[1] + 2 * text), _PAPER)
+    frame = PIL.Image.new("RGB", (size[0], size[1] + 2 * text), PAPER)
     picture = fit_image(picture, size)
     frame.paste(picture, ((size[0] - picture.width) // 2, (size[1] - picture.height) // 2))
     place = size[0] / 2, size[1] + text
-    PIL.ImageDraw.Draw(frame).text(place, caption, _INK, load_font(text), anchor="mm")
+    PIL.ImageDraw.Draw(frame).text(place, caption, INK, load_font(text), anchor="mm")
     return frame

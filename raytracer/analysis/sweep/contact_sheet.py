@@ -7,20 +7,19 @@ Of more axes, the last two make a table for each combination of the others, with
 import io
 import math
 from collections.abc import Sequence
-from functools import cache
 from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from raytracer.analysis.sweep.results import PointResult, Sweep
 from raytracer.analysis.sweep.sliders import Images, Slider, scene_title, sliders, sweep_summary
+from raytracer.report.lettering import load_font, truncate_text
+from raytracer.report.palette import BAD, FAINT, INK, PAPER, WELL
 from raytracer.util.atomic_write import write_bytes
-from raytracer.util.errors import one_line
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     import PIL.Image
-    import PIL.ImageFont
 
 SHEET = "contact_sheet.png"
 
@@ -39,7 +38,6 @@ _COMPRESSION = 2
 _SHAPE = 1.5
 
 _MARGIN, _GAP = 16, 6
-_PAPER, _INK, _FAINT, _WELL, _BAD = (255, 255, 255), (27, 29, 33), (92, 98, 107), (226, 229, 234), (179, 38, 30)
 
 
 class _Table(NamedTuple):
@@ -138,13 +136,13 @@ def draw_sheet(sweep: Sweep, images: Images) -> "PIL.Image.Image":
         scale *= max(0.9, _LEAST / size[0])
 
     # Draw the heading, and the tables one after the other.
-    sheet = PIL.Image.new("RGB", total, _PAPER)
+    sheet = PIL.Image.new("RGB", total, PAPER)
     draw = PIL.ImageDraw.Draw(sheet)
     line_width = total[0] - 2 * _MARGIN
     large = round(1.25 * sizes.text)
-    draw.text((_MARGIN, _MARGIN), truncate_text(scene_title(sweep), large, line_width), _INK, load_font(large))
+    draw.text((_MARGIN, _MARGIN), truncate_text(scene_title(sweep), large, line_width), INK, load_font(large))
     below = (_MARGIN, _MARGIN + round(1.4 * sizes.line))
-    draw.text(below, truncate_text(sweep_summary(sweep), sizes.text, line_width), _FAINT, load_font(sizes.text))
+    draw.text(below, truncate_text(sweep_summary(sweep), sizes.text, line_width), FAINT, load_font(sizes.text))
     for number, entry in enumerate(tables):
         down, right = divmod(number, across)
         corner = (_MARGIN + right * (table[0] + _MARGIN), _MARGIN + heading + down * (table[1] + _GAP))
@@ -217,19 +215,19 @@ def _draw_table(
     letters = load_font(sizes.text)
     if table.title:
         line_width = sizes.table(table)[0]
-        draw.text((left, top), truncate_text(table.title, sizes.text, line_width), _INK, letters)
+        draw.text((left, top), truncate_text(table.title, sizes.text, line_width), INK, letters)
     left, top = left + sizes.row_head, top + sizes.title + sizes.column_head
     step = sizes.slot[0] + _GAP, sizes.slot[1] + _GAP
 
     # The heads: a name, and below it the value.
     for column, head in enumerate(table.column_heads):
         middle = left + column * step[0] + sizes.slot[0] / 2
-        for line, (words, ink) in enumerate(zip(head, (_FAINT, _INK), strict=True)):
+        for line, (words, ink) in enumerate(zip(head, (FAINT, INK), strict=True)):
             above = middle, top - (2 - line) * sizes.line
             draw.text(above, truncate_text(words, sizes.text, sizes.slot[0]), ink, letters, anchor="ma")
     for row, head in enumerate(table.row_heads):
         middle = top + row * step[1] + sizes.slot[1] / 2
-        for line, (words, ink) in enumerate(zip(head, (_FAINT, _INK), strict=True)):
+        for line, (words, ink) in enumerate(zip(head, (FAINT, INK), strict=True)):
             beside = left - 1.5 * _GAP, middle + (line - 1) * sizes.line
             draw.text(beside, truncate_text(words, sizes.text, sizes.row_head - _GAP), ink, letters, anchor="ra")
 
@@ -242,7 +240,7 @@ def _draw_table(
                 whole = f"{name} {value}"
                 words = whole if letters.getlength(whole) <= sizes.slot[0] else value
                 below = x + sizes.slot[0] / 2, y + sizes.picture[1] + 1
-                draw.text(below, truncate_text(words, sizes.text, sizes.slot[0]), _INK, letters, anchor="ma")
+                draw.text(below, truncate_text(words, sizes.text, sizes.slot[0]), INK, letters, anchor="ma")
 
 
 def _draw_picture(
@@ -260,10 +258,10 @@ def _draw_picture(
     width, height = sizes.picture
     pixels = images(result)
     if pixels is None:
-        draw.rectangle((x, y, x + width - 1, y + height - 1), fill=_WELL)
+        draw.rectangle((x, y, x + width - 1, y + height - 1), fill=WELL)
         words = "no picture" if result.status == "done" else result.status
         middle = x + width / 2, y + height / 2
-        draw.text(middle, truncate_text(words, sizes.text, sizes.slot[0]), _BAD, load_font(sizes.text), anchor="mm")
+        draw.text(middle, truncate_text(words, sizes.text, sizes.slot[0]), BAD, load_font(sizes.text), anchor="mm")
         return
     with PIL.Image.fromarray(pixels) as picture:
         fitting = fit_image(picture, sizes.picture)
@@ -279,24 +277,3 @@ def fit_image(picture: "PIL.Image.Image", size: tuple[int, int]) -> "PIL.Image.I
     ratio = min(size[0] / picture.width, size[1] / picture.height)
     inside = max(1, round(ratio * picture.width)), max(1, round(ratio * picture.height))
     return picture.resize(inside, PIL.Image.Resampling.LANCZOS)
-
-
-@cache
-def load_font(size: int) -> "PIL.ImageFont.FreeTypeFont":
-    """Load Pillow's own font."""
-    import PIL.ImageFont
-
-    loaded = PIL.ImageFont.load_default(size)
-    # Pillow has had FreeType in it, and with it a font of any size, since it has had this argument.
-    assert isinstance(loaded, PIL.ImageFont.FreeTypeFont)
-    return loaded
-
-
-def truncate_text(text: str, size: int, width: float) -> str:
-    """Truncate a text to one line of a width (px)."""
-    text, letters = one_line(text), load_font(size)
-    if letters.getlength(text) <= width:
-        return text
-    while text and letters.getlength(f"{text}...") > width:
-        text = text[:-1]
-    return f"{text}..."

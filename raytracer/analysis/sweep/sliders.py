@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.analysis.sweep.results import Axis, PointResult, Sweep
+from raytracer.report import wording
 
 Images = Callable[[PointResult], NDArray[np.uint8] | None]
 """Function that returns the image of a point: uint8 (height, width, 3) in sRGB; None where there is none.
@@ -52,8 +53,7 @@ def scene_title(sweep: Sweep) -> str:
 
 def sweep_summary(sweep: Sweep) -> str:
     """Write the number of points and of values: "35 points: 7 of camera.f_number, 5 of camera.focus_distance"."""
-    count = len(sweep.results)
-    points = f"{count} point{'' if count == 1 else 's'}"
+    points = wording.count(len(sweep.results), "point")
     if sweep.zipped:
         return f"{points}: {', '.join(axis.key for axis in sweep.axes)} together"
     return f"{points}: {', '.join(f'{len(axis.labels)} of {axis.key}' for axis in sweep.axes)}"

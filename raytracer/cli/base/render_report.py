@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from raytracer.cli.base.checkpoints import ResumeInfo
 from raytracer.cli.base.outputs import join_paths
 from raytracer.cli.base.sample_path import DebugCommand
+from raytracer.report.wording import format_given_percent, format_percent, format_percent_interval, megabytes, plural
 from raytracer.util.errors import OutputError
 
 if TYPE_CHECKING:
     from raytracer.rendering.session import Rendered
     from raytracer.rendering.statistics import Stats
-
-_MEGABYTE = 1e6
 
 # Fewer samples per pixel tell too little of the error.
 _SPP_FOR_ERROR = 16
@@ -62,8 +61,7 @@ class RenderReport(NamedTuple):
         if not quiet:
             _say(summarize(rendered, names, time.perf_counter() - self.began))
         if not quiet and checkpoint is not None and not rendered.interrupted:
-            size = f"{checkpoint.bytes / _MEGABYTE:.3g} MB"
-            _say(f"{checkpoint.path}: all samples ({size}), to which --resume --spp N adds")
+            _say(f"{checkpoint.path}: all samples ({megabytes(checkpoint.bytes)}), to which --resume --spp N adds")
         if not quiet and rendered.setting is not None and rendered.setting.exposure.metering is not None:
             part = " in the crop" if self.is_crop else ""
             _say(f"exposure: {rendered.setting.summary()}{part}")
@@ -79,10 +77,8 @@ class RenderReport(NamedTuple):
 
     def _describe_shortfall(self, names: str) -> str:
         """Say why the render ended before it had what was asked for."""
-        from raytracer.core.error_estimate.wording import format_given_percent
-
         fewest, has_error = self.rendered.fewest_samples, bool(self.rendered.stats.error)
-        spp = f"{self.spp} sample{'' if self.spp == 1 else 's'} per pixel"
+        spp = f"{self.spp} {plural(self.spp or 0, 'sample')} per pixel"
         if self.spp is None or self.noise is None or fewest < self.spp:
             if self.noise is not None and not has_error and fewest >= _SPP_FOR_ERROR:
                 return f"the error of {names} cannot be told: its values are beyond all bounds"
@@ -137,7 +133,6 @@ def summarize(rendered: "Rendered", names: str, whole: float) -> str:
 
     whole (s) : time of the whole command.
     """
-    from raytracer.core.error_estimate.wording import format_percent
     from raytracer.film.negative_pixels import describe_negative_pixels
 
     stats = rendered.stats
@@ -166,7 +161,6 @@ def summarize(rendered: "Rendered", names: str, whole: float) -> str:
 def _describe_error(rendered: "Rendered") -> str:
     """Say how large the relative error is, or why it is unknown."""
     from raytracer.core.error_estimate import Interval
-    from raytracer.core.error_estimate.wording import format_percent_interval
 
     stats = rendered.stats
     if stats.error:
@@ -180,8 +174,6 @@ def _describe_error(rendered: "Rendered") -> str:
 
 def _describe_fireflies(fireflies: Mapping[str, Any], debug: DebugCommand) -> str:
     """Say how many fireflies there are, how bright they are, and what helps."""
-    from raytracer.core.error_estimate.wording import format_percent
-
     count, by, which = "1 pixel is a firefly", "one sample makes it", "this shows it"
     if fireflies["pixels"] != 1:
         count, by = f"{fireflies['pixels']} pixels are fireflies", "one sample each makes them"

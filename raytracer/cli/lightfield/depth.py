@@ -123,7 +123,7 @@ def _encode_depths(depths: "Depth", field: "LightField", suffix: str) -> bytes:
     import numpy as np
 
     from raytracer.film.formats import pfm
-    from raytracer.lightfield.colormap import apply_colormap
+    from raytracer.report.colour_maps import depth_colours
 
     inverse = depths.known(depths.inverse)
     values = depths.distance if field.is_metric else inverse
@@ -134,7 +134,7 @@ def _encode_depths(depths: "Depth", field: "LightField", suffix: str) -> bytes:
     is_known = np.isfinite(inverse)
     sure = inverse[is_known & (depths.confidence >= np.median(depths.confidence[is_known]))]
     low, high = np.quantile(sure, [_TAILS, 1.0 - _TAILS])
-    return _png(apply_colormap(inverse, float(low), float(high)))
+    return _png(depth_colours(inverse, float(low), float(high)))
 
 
 def _encode_confidence(depths: "Depth", suffix: str) -> bytes:

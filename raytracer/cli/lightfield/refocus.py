@@ -254,7 +254,7 @@ def _note_black_pixels(images: "list[Image]") -> str | None:
     )
     if share == 0.0:
         return None
-    from raytracer.core.error_estimate.wording import format_percent
+    from raytracer.report.wording import format_percent
 
     black = f"no ray comes to {format_percent(share)} of the pixels, which are black"
     return f"{black}: more spp, a wider aperture, or a smaller scale"

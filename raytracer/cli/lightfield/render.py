@@ -209,8 +209,8 @@ def _report(captured: "Captured", output: Path, stats: Path | None, *, quiet: bo
 def _summarize(captured: "Captured", output: Path) -> str:
     """Return the line about every light field: views, samples, seconds, rates, error and memory."""
     from raytracer.core.error_estimate import Interval
-    from raytracer.core.error_estimate.wording import format_percent_interval
     from raytracer.film.negative_pixels import describe_negative_pixels
+    from raytracer.report.wording import format_percent_interval
 
     stats, views = captured.stats, captured.views
     seconds = stats.seconds["render"]

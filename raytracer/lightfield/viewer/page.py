@@ -20,6 +20,7 @@ from raytracer.lightfield.viewer.depth_layer import encode_depth, focus_range, v
 from raytracer.lightfield.viewer.encoding import choose_encoding
 from raytracer.lightfield.viewer.size_budget import ViewPlan, fit_to_size, plan_views, planned_views, resize_view
 from raytracer.report import page as html
+from raytracer.report.wording import megabytes
 from raytracer.util.atomic_write import write_bytes
 
 DEFAULT_BYTES = 40_000_000
@@ -154,16 +155,12 @@ def _notes(field: LightField, plan: ViewPlan, quality: int | None, size: int) ->
     notes = []
     if left_out:
         contents = ", and ".join(left_out)
-        notes.append(f"To stay under {_megabytes(size)} and in a browser's memory, this page holds {contents}.")
+        notes.append(f"To stay under {megabytes(size)} and in a browser's memory, this page holds {contents}.")
     if quality is not None:
-        notes.append(f"To stay under {_megabytes(size)}, views are compressed with losses (JPEG, quality {quality}).")
+        notes.append(f"To stay under {megabytes(size)}, views are compressed with losses (JPEG, quality {quality}).")
     if views.rows * views.columns == 1:
         notes.append("This light field has one view: there is nothing to focus, or to look around in.")
     return notes
-
-
-def _megabytes(size: int) -> str:
-    return f"{size / 1e6:.3g} MB"
 
 
 def _fallback_image(field: LightField, exposure: float) -> str:
@@ -188,8 +185,8 @@ def _view_steps(position: NDArray[np.float64]) -> tuple[float, float]:
 def _extent(field: LightField, *, metric: bool) -> str:
     """Describe the number, size and spacing of the views."""
     views = field.views
-    count = "1 view" if views.rows * views.columns == 1 else f"{views.rows} \u00d7 {views.columns} views"
-    words = [f"{count} of {views.width} \u00d7 {views.height} pixels"]
+    number = "1 view" if views.rows * views.columns == 1 else f"{views.rows} \u00d7 {views.columns} views"
+    words = [f"{number} of {views.width} \u00d7 {views.height} pixels"]
     across = [1000.0 * step for step in _view_steps(views.position)]
     steps = dict.fromkeys(f"{step:.3g}" for step in across if step > 0.0)
     if metric and steps:

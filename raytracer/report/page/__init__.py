@@ -1,31 +1,41 @@
 """Self-contained pages of HTML: they make no requests, and work from the file system and in dark mode.
 
-A page `<name>` is made of files in this folder: `<name>.html` is its body, `<name>.css` and `<name>.js` its own style
-and script, if there are any; `style.css` and `base.js` are those of every page, and the parts that it asks for (`wipe`)
-have a style and a script too.  The data that it shows are JSON beside them: scripts make text of them, and never HTML.
+A page `<name>` is made of files in this folder: `<name>.html` is a template of Jinja that extends `skeleton.html`,
+`<name>.css` and `<name>.js` are its own style and script, if there are any; `style.css` and `base.js` are those of
+every page, and the parts that it asks for (`wipe`) have a style and a script too.  What it shows are values of its
+template, which are escaped, and data as JSON, of which scripts make text and never HTML.
 """
 
 import base64
-import html
 import io
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from importlib.resources import files
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.report import palette
 from raytracer.util.errors import one_line
 
-_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 # Characters that would end the element that holds the data, or begin a comment in it.
 _ESCAPES = str.maketrans({"<": "\\u003c", ">": "\\u003e", "&": "\\u0026"})
 
 
-def page(name: str, title: str, data: Mapping[str, Any], *, parts: Sequence[str] = ()) -> bytes:
+def page(
+    name: str,
+    title: str,
+    data: Mapping[str, Any],
+    *,
+    parts: Sequence[str] = (),
+    values: Mapping[str, Any] | None = None,
+) -> bytes:
     """Make one self-contained HTML file (UTF-8).
 
     Parameters
@@ -35,35 +45,41 @@ def page(name: str, title: str, data: Mapping[str, Any], *, parts: Sequence[str]
     data : of the scripts, as `data`: mappings, sequences, strings, numbers, NumPy's too; numbers that JSON cannot hold
         become the strings "inf", "-inf" and "nan".
     parts : that the page's script builds on: names of further scripts and styles in this folder, in order.
+    values : of the page's template.
 
     Raises
     ------
     TypeError : a value in `data` is of another type.
     """
-    sources = ("base", *parts, name)
-    styles = ("style", *parts, name)
-    lines = [
-        "<!doctype html>",
-        '<html lang="en">',
-        "<head>",
-        '<meta charset="utf-8">',
-        '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">',
-        '<meta name="color-scheme" content="light dark">',
-        # Without an icon of its own a browser asks the server for one.
-        '<link rel="icon" href="data:,">',
-        f"<title>{html.escape(one_line(title))}</title>",
-        *(f"<style>\n{text}</style>" for text in _texts(styles, ".css")),
-        "</head>",
-        "<body>",
-        "<noscript><p>This page needs JavaScript, which is switched off here.</p></noscript>",
-        *_texts((name,), ".html"),
-        f'<script type="application/json" id="data">{_json(data)}</script>',
-        *(f"<script>\n{text}</script>" for text in _texts(sources, ".js")),
-        "</body>",
-        "</html>",
-    ]
-    return ("\n".join(lines) + "\n").encode()
+    from markupsafe import Markup
+
+    sources, styles = ("base", *parts, name), ("style", *parts, name)
+    template = _templates().select_template([f"{name}.html", "skeleton.html"])
+    filled = template.render(
+        title=one_line(title),
+        light=palette.LIGHT,
+        dark=palette.DARK,
+        styles=[Markup(text) for text in _texts(styles, ".css")],
+        scripts=[Markup(text) for text in _texts(sources, ".js")],
+        data=Markup(_json(data)),
+        **(values or {}),
+    )
+    # Names of files may hold bytes that are no text.
+    return f"{filled}\n".encode(errors="backslashreplace")
+
+
+@cache
+def _templates() -> "Environment":
+    """Find the templates in this folder; whatever is put into them is escaped."""
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
+
+    return Environment(
+        loader=FunctionLoader(lambda name: next(_texts((name,), ""), None)),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
 
 
 def _texts(names: Sequence[str], suffix: str) -> Iterator[str]:

@@ -19,6 +19,36 @@ function make(tag, attributes = {}, ...children) {
   return element;
 }
 
+/* A table of strings and elements, which scrolls where it is wide; all columns but the first are numbers. */
+function table(head, rows) {
+  const cells = (tag, row) => row.map((cell, column) => make(tag, { class: column ? "number" : null }, cell));
+  return make("div", { class: "scroll" }, make("table", {},
+    make("thead", {}, make("tr", {}, ...cells("th", head))),
+    make("tbody", {}, ...rows.map((row) => make("tr", {}, ...cells("td", row))))));
+}
+
+/* Have the buttons in a table's head sort its rows by the numbers, or else the strings, in `data-sort` of their cells;
+   what has none comes last. */
+function sortable(table) {
+  const body = find("tbody", table);
+  for (const head of table.querySelectorAll("thead th")) {
+    find("button", head).addEventListener("click", () => {
+      const descending = head.getAttribute("aria-sort") === "ascending";
+      for (const other of head.parentElement.children) other.setAttribute("aria-sort", "none");
+      head.setAttribute("aria-sort", descending ? "descending" : "ascending");
+      const key = (row) => row.cells[head.cellIndex].dataset.sort;
+      const order = (x, y) => (Number.isNaN(Number(x)) || Number.isNaN(Number(y)) ? x.localeCompare(y) : Number(x) > Number(y) ? 1 : Number(x) < Number(y) ? -1 : 0);
+      body.append(...[...body.rows].sort((a, b) => {
+        const [x, y] = [key(a), key(b)];
+        return x === "" || y === "" ? (x === "") - (y === "") : (descending ? -1 : 1) * order(x, y);
+      }));
+    });
+  }
+}
+
+/* Elements for keys of the keyboard, each with what it does. */
+const keyHints = (keys) => keys.flatMap(([key, words]) => [make("span", {}, make("kbd", {}, key), ` ${words}`), " "]);
+
 /* A number for reading: significant digits without trailing zeros; strings (inf, nan) stay. */
 function shortNumber(value, digits = 4) {
   if (typeof value !== "number") return value === null || value === undefined ? "" : String(value);

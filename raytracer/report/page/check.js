@@ -10,12 +10,6 @@ const FINE = new Set(["passed", "skipped"]);
 const badge = (result) =>
   make("strong", { class: FINE.has(result.verdict) ? "good" : "bad" }, OUTCOMES[result.verdict] ?? result.verdict);
 
-function table(head, rows) {
-  return make("div", { class: "scroll" }, make("table", {},
-    make("thead", {}, make("tr", {}, ...head.map((text, column) => make("th", { class: column ? "number" : null }, text)))),
-    make("tbody", {}, ...rows.map((row) => make("tr", {}, ...row.map((cell, column) => make("td", { class: column ? "number" : null }, cell)))))));
-}
-
 function figure(source, caption, legend = null) {
   const image = make("img", { src: source, alt: caption });
   const bar = legend && make("div", { class: "legend", title: legend.title },

@@ -688,7 +688,7 @@ const helps = alone ? [] : [
 ];
 find("#help").textContent = helps.join(" ");
 const keys = alone ? [["s", "save"]] : [["\u2190 \u2191 \u2192 \u2193", "look around"], ["+ \u2212", "focus nearer, farther"], ["Enter", "focus on the middle"], ["[ ]", "aperture"], ["a", "everything sharp"], ["Home", "from the middle"], ["s", "save"]];
-find("#keys").append(...keys.flatMap(([key, words]) => [make("span", {}, make("kbd", {}, key), ` ${words}`), " "]));
+find("#keys").append(...keyHints(keys));
 window.addEventListener("hashchange", readAddress);
 readAddress();
 load();

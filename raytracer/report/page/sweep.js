@@ -270,6 +270,8 @@ if (axes.length > 2) {
 
 const rows = new Map();
 
+const sortKey = (value) => (value === "inf" ? "Infinity" : String(value ?? ""));
+
 function buildTable() {
   const heads = axes.map(({ name, key }, axis) => ({
     words: name, key, value: (point) => point.index[axis], text: (point) => axes[axis].labels[point.index[axis]],
@@ -285,25 +287,14 @@ function buildTable() {
   const body = find("#all tbody");
   for (const point of points) {
     const row = make("tr", { onclick: (event) => choose(event.shiftKey ? "b" : "a", { ...point.index }) },
-      ...heads.map(({ text, key }) => make("td", { class: key === "status" ? "bad" : "number" }, text(point))));
+      ...heads.map(({ text, key, value }) => make("td", { class: key === "status" ? "bad" : "number", "data-sort": sortKey(value(point)) }, text(point))));
     rows.set(point, row);
     body.append(row);
   }
-  const number = (value) => (value === undefined || value === null ? -Infinity : value === "inf" ? Infinity : value);
-  find("#all thead").append(make("tr", {}, ...heads.map(({ words, key, unit, value }) => {
-    const head = make("th", { scope: "col", class: key === "status" ? "" : "number", title: key, "aria-sort": "none" });
-    head.append(make("button", { type: "button", onclick: () => {
-      const descending = head.getAttribute("aria-sort") === "ascending";
-      for (const other of head.parentElement.children) other.setAttribute("aria-sort", "none");
-      head.setAttribute("aria-sort", descending ? "descending" : "ascending");
-      const sorted = [...points].sort((a, b) => {
-        const [x, y] = [number(value(a)), number(value(b))];
-        return (descending ? -1 : 1) * (x < y ? -1 : x > y ? 1 : 0);
-      });
-      body.append(...sorted.map((point) => rows.get(point)));
-    } }, unit ? `${words} (${unit})` : words));
-    return head;
-  })));
+  find("#all thead").append(make("tr", {}, ...heads.map(({ words, key, unit }) => make("th",
+    { scope: "col", class: key === "status" ? "" : "number", title: key, "aria-sort": "none" },
+    make("button", { type: "button" }, unit ? `${words} (${unit})` : words)))));
+  sortable(find("#all table"));
 }
 
 find("#all").addEventListener("toggle", () => {
@@ -375,6 +366,6 @@ find("#files").append(...data.files.map((file) => make("a", { href: encodeURICom
 find("#compare").addEventListener("click", () => compare(state.b === null));
 find("#swap").addEventListener("click", swap);
 const keys = [["\u2190 \u2191 \u2192 \u2193", "next point"], ["Shift", "with an arrow or a click: second point"], ["c", "compare"], ["x", "swap"], ["p", "run"], ["0 1 2 4 8 + \u2212", "zoom"]];
-find("#keys").append(...keys.flatMap(([key, words]) => [make("span", {}, make("kbd", {}, key), ` ${words}`), " "]));
+find("#keys").append(...keyHints(keys));
 window.addEventListener("hashchange", readAddress);
 readAddress();

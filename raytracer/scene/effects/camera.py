@@ -8,7 +8,8 @@ from raytracer.kernel.packed_scene import Scene
 from raytracer.optics.lens_system.surfaces import LensSurfaces
 from raytracer.plugins.cameras.base.interface import CameraParts, Defocus, camera_defocus, camera_parts
 from raytracer.plugins.materials.base.interface import MaterialSpec
-from raytracer.scene.effects.effect import Effect, count
+from raytracer.report.wording import count
+from raytracer.scene.effects.effect import Effect
 from raytracer.scene.spec import SceneSpec
 
 

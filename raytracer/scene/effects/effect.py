@@ -12,8 +12,3 @@ class Effect(NamedTuple):
 
     active: bool
     why: str
-
-
-def count(number: int, noun: str) -> str:
-    """Say a number of things, in the plural where it has to be."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

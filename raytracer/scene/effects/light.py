@@ -6,7 +6,8 @@ from raytracer.plugins.lights.base.interface import Lights, LightSamplingOnly
 from raytracer.plugins.lights.base.light_choice import count_lights
 from raytracer.plugins.lights.base.light_tree import LightTree
 from raytracer.plugins.lights.emitters import Emitters
-from raytracer.scene.effects.effect import Effect, count
+from raytracer.report.wording import count
+from raytracer.scene.effects.effect import Effect
 from raytracer.scene.pack.lights import lights_of
 from raytracer.scene.spec import SceneSpec
 from raytracer.schema.registry import LIGHTS

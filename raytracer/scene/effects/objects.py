@@ -8,7 +8,8 @@ from raytracer.core.primitives.base.interface import has_vertex_normals
 from raytracer.kernel.packed_scene import Scene
 from raytracer.plugins.materials.base.interface import MaterialSpec
 from raytracer.plugins.textures.base.interface import textures_of
-from raytracer.scene.effects.effect import Effect, count
+from raytracer.report.wording import count, plural
+from raytracer.scene.effects.effect import Effect
 from raytracer.scene.spec import SceneSpec
 from raytracer.schema.registry import MATERIALS, MEDIA, SHAPES, TEXTURES, Family
 
@@ -79,7 +80,7 @@ def _why_instances(scene: Scene) -> str:
     number, moving = len(instances.group), len(instances.group) - len(instances.pose)
     moves = f", of which {moving:,} move{'s' if moving == 1 else ''}" if moving else ""
     groups = count(len(instances.rows), "group")
-    return f"{number:,} placement{'' if number == 1 else 's'} of {groups} of primitives{moves}"
+    return f"{number:,} {plural(number, 'placement')} of {groups} of primitives{moves}"
 
 
 def _why_origin_shift(scene: Scene) -> str:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from raytracer.core.geometry import OFFSET_ULPS
 from raytracer.core.primitives.spheres import Spheres
+from raytracer.report.wording import plural
 from raytracer.scene.warnings.primitive_points import (
     Points,
     coordinate_extents,
@@ -67,13 +68,12 @@ def _degenerate(survey: SceneSurvey) -> Iterator[WarningRecord]:
     packed, pieces = survey.packed, survey.pieces
     for item, (count, first) in packed.empty.items():
         keys = packed.items[item].keys
-        plural = "s" if count > 1 else ""
         yield warning_at(
             survey.spec,
             "triangles without an area",
             keys,
-            f"its file has {count:,} triangle{plural} without an area (the first is number {first}, counted from 0), "
-            "which no ray can hit and which are left out",
+            f"its file has {count:,} {plural(count, 'triangle')} without an area (the first is number {first}, "
+            "counted from 0), which no ray can hit and which are left out",
         )
     for piece in np.flatnonzero(pieces.empty).tolist():
         count, total = int(pieces.empty[piece]), int(pieces.stop[piece] - pieces.start[piece])

@@ -11,10 +11,10 @@ import pytest
 
 from raytracer.analysis import compare as comparison
 from raytracer.analysis.compare import compare, encode, show
-from raytracer.analysis.compare.colour_maps import false_colour, false_colours, signed, signed_colours
 from raytracer.analysis.compare.wipe_page import WipePage, pack_halves
 from raytracer.film import srgb
 from raytracer.film.image import Image
+from raytracer.report.colour_maps import false_colour, false_colours, signed, signed_colours
 from raytracer.util.errors import InputError
 
 HEIGHT, WIDTH = 20, 30

@@ -2,27 +2,28 @@
 
 import math
 import xml.etree.ElementTree as ET
-from itertools import pairwise
+from collections.abc import Sequence
+from itertools import combinations, groupby, pairwise
 
 import numpy as np
 import pytest
 
 from raytracer.analysis.lens_design.cross_section.drawing import (
+    CrossSection,
     SectionSetup,
     build_cross_section,
     cross_sections,
     stack_labels,
 )
 from raytracer.analysis.lens_design.cross_section.fans import trace_fan
-from raytracer.analysis.lens_design.cross_section.outlines import Arc, Cubic, Line, reversed_pieces, surface_outline
-from raytracer.analysis.lens_design.cross_section.to_matplotlib import arc_to_cubics, plot_on_axes
-from raytracer.analysis.lens_design.cross_section.to_svg import document, render_svg
+from raytracer.analysis.lens_design.cross_section.outlines import Cubic, Line, Piece, reversed_pieces, surface_outline
+from raytracer.analysis.lens_design.cross_section.plot import figure_of, names_of
 from raytracer.analysis.lens_design.performance.lens_study import study_lens
 from raytracer.analysis.lens_design.performance.results import Settings
 from raytracer.optics.glass import AIR, constant_index_glass
 from raytracer.optics.lens_system.first_order import cardinal_points
 from raytracer.optics.lens_system.lens import Element
-from raytracer.report import svg
+from raytracer.report.figure import ON_PAPER, style, to_svg
 from raytracer.scene.assets.lenses import read_lens
 from tests.analysis.lens_design.benches import SHIPPED, cylinder_pair, lens_of, plano_convex, symmetric_lens
 
@@ -40,19 +41,18 @@ def bezier(start: tuple[float, float], cubic: Cubic) -> np.ndarray:
 
 @pytest.mark.parametrize("radius", [20.0, -35.0])
 def test_a_sphere_is_an_arc_of_its_radius(radius: float) -> None:
-    start, (arc,) = surface_outline(Element(1.0 / radius, 1.0, GLASS, 15.0), 3.0, 15.0)
-    assert isinstance(arc, Arc)
-    assert (arc.half_z, arc.half_height) == pytest.approx((abs(radius), abs(radius)))
-    for z, height in (start, arc.end):
-        assert math.hypot(z - 3.0 - radius, height) == pytest.approx(abs(radius))
-    # The centre of an arc upwards is on its left if the pen turns anticlockwise.
-    assert arc.anticlockwise == (radius < 0.0)
-    for (z, height), cubic in pairwise_cubics(start, arc_to_cubics(start, arc)):
-        points = bezier((z, height), cubic)
+    start, pieces = surface_outline(Element(1.0 / radius, 1.0, GLASS, 15.0), 3.0, 15.0)
+    assert [start[1], pieces[-1].end[1]] == pytest.approx([-15.0, 15.0])
+    for place, cubic in pairwise_cubics(start, pieces):
+        points = bezier(place, cubic)
         np.testing.assert_allclose(np.hypot(points[:, 0] - 3.0 - radius, points[:, 1]), abs(radius), rtol=1e-8)
+        # On the side of the vertex.
+        assert ((points[:, 0] - 3.0) / radius < 1.0).all()
 
 
-def pairwise_cubics(start: tuple[float, float], cubics: list[Cubic]) -> list[tuple[tuple[float, float], Cubic]]:
+def pairwise_cubics(start: tuple[float, float], pieces: Sequence[Piece]) -> list[tuple[tuple[float, float], Cubic]]:
+    cubics = [piece for piece in pieces if isinstance(piece, Cubic)]
+    assert len(cubics) == len(pieces)
     return list(zip([start, *(cubic.end for cubic in cubics)], cubics, strict=False))
 
 
@@ -70,8 +70,7 @@ def pairwise_cubics(start: tuple[float, float], cubics: list[Cubic]) -> list[tup
 def test_points_of_a_curve_lie_on_the_surface(changes: dict[str, float]) -> None:
     surface = Element(0.02, 1.0, GLASS, 18.0, kind="asphere")._replace(**changes)
     start, pieces = surface_outline(surface, -4.0, 18.0)
-    cubics = arc_to_cubics(start, pieces[0]) if isinstance(pieces[0], Arc) else list(pieces)
-    for place, cubic in pairwise_cubics(start, cubics):
+    for place, cubic in pairwise_cubics(start, pieces):
         for z, height in bezier(place, cubic):
             expected = -4.0 + float(surface.sag(0.0, height))
             assert z == pytest.approx(expected, abs=1e-5)
@@ -80,7 +79,7 @@ def test_points_of_a_curve_lie_on_the_surface(changes: dict[str, float]) -> None
 def test_a_cylinder_is_straight_along_its_axis() -> None:
     surface = Element(0.02, 1.0, GLASS, 10.0, kind="cylindrical", axis="x")
     assert isinstance(surface_outline(surface, 0.0, 10.0, "x")[1][0], Line)
-    assert isinstance(surface_outline(surface, 0.0, 10.0, "y")[1][0], Arc)
+    assert isinstance(surface_outline(surface, 0.0, 10.0, "y")[1][0], Cubic)
 
 
 def test_a_curve_turned_round_is_the_same_curve() -> None:
@@ -137,6 +136,12 @@ def test_no_light_makes_no_fan() -> None:
     assert trace_fan(symmetric_lens().packed(), 40.0, 500.0) is None
 
 
+def written(shown: Sequence[CrossSection]) -> ET.Element:
+    """The drawings as a file."""
+    with style(ON_PAPER):
+        return ET.fromstring(to_svg(figure_of(shown, 10.0, 9.0), names=names_of(shown), tight=True))
+
+
 @pytest.mark.parametrize(
     "path", [path for path in SHIPPED if "anamorphic" not in path.stem], ids=lambda path: path.stem
 )
@@ -147,10 +152,11 @@ def test_a_shipped_lens_in_section(path: object) -> None:
     glasses = sum(float(one.glass.ior()) != 1.0 for one in lens.elements[:-1])
     assert len(shown.outlines) == glasses
     assert len(shown.fields) == 3
-    root = ET.fromstring(svg.document(render_svg(shown)))
-    assert root.tag == f"{SVG}svg"
-    paths = [node.get("d", "") for node in root.iter(f"{SVG}path")]
-    assert sum(d.endswith("Z") for d in paths) == glasses
+    root = written([shown])
+    parts = {node.get("id", ""): node for node in root.iter(f"{SVG}g")}
+    named = [node.findtext(f"{SVG}title") for name, node in parts.items() if name.startswith("glass-0-")]
+    assert named == [one.title for one in shown.outlines]
+    assert parts["film-0"].findtext(f"{SVG}title") == "film"
     # No name covers another.
     placed, _ = stack_labels(shown, 5.0, 0.0)
     for row in {row for _, _, row in placed}:
@@ -162,8 +168,8 @@ def test_a_lens_with_cylinders_is_drawn_in_both_planes() -> None:
     lens = cylinder_pair()
     shown = cross_sections(lens, study_lens(lens, QUICK))
     assert [one.title[-1] for one in shown] == ["y", "x"]
-    root = ET.fromstring(document(shown))
-    assert len(root.findall(f"{SVG}svg")) == 2
+    names = {node.get("id") for node in written(shown).iter(f"{SVG}g")}
+    assert {"film-0", "film-1", "glass-0-0", "glass-1-0"} <= names
 
 
 def test_glass_is_told_from_air() -> None:
@@ -174,7 +180,8 @@ def test_glass_is_told_from_air() -> None:
     assert outline.title == "n = 1.5000"
     assert all(element.glass == AIR for element in lens.elements[1:])
     # Flat front, straight rim up to the larger of the two, curved back.
-    assert [type(piece) for piece in outline.pieces] == [Line, Line, Line, Line, Arc, Line, Line, Line]
+    kinds = [(kind, len(list(run))) for kind, run in groupby(outline.pieces, key=type)]
+    assert kinds == [(Line, 4), (Cubic, 12), (Line, 3)]
     assert max(height for _, height in (piece.end for piece in outline.pieces)) == 12.5
 
 
@@ -196,12 +203,21 @@ def test_rays_astray_do_not_make_all_else_small() -> None:
 
 
 def test_names_of_points_are_clear_of_the_legend_on_paper() -> None:
-    figures = pytest.importorskip("matplotlib.figure")
     lens = read_lens(next(path for path in SHIPPED if path.stem == "anamorphic-75mm"))
     shown = cross_sections(lens, study_lens(lens, Settings(steps=3, rays=4, fields=(0.0, 1.0))))
-    figure = figures.Figure(figsize=(10.0, 5.2 * len(shown)))
-    for one, axes in zip(shown, figure.subplots(len(shown), squeeze=False)[:, 0], strict=True):
-        plot_on_axes(one, axes)
-        figure.draw_without_rendering()
-        bottom = min(name.get_window_extent().y0 for name in axes.texts)
-        assert axes.get_legend().get_window_extent().y1 < bottom
+    assert len(shown) == 2
+    for width, letters in ((10.0, 9.0), (3.7, 7.5)):
+        with style(ON_PAPER):
+            figure = figure_of(shown, width, letters)
+            figure.draw_without_rendering()
+        for axes in figure.axes:
+            names = [name.get_window_extent() for name in axes.texts]
+            legend = axes.get_legend()
+            assert legend is not None
+            assert legend.get_window_extent().y1 < min(name.y0 for name in names)
+            assert not any(a.overlaps(b) for a, b in combinations(names, 2))
+        # Nor does one drawing lie over another.
+        lower, upper = (figure.axes[number].get_tightbbox() for number in (1, 0))
+        assert lower is not None
+        assert upper is not None
+        assert lower.y1 < upper.y0

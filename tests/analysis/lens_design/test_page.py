@@ -2,27 +2,24 @@
 
 import csv
 import io
-import json
 import re
+import xml.etree.ElementTree as ET
 from collections.abc import Callable
-from importlib import util
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import PIL.Image
 import pytest
 
-from raytracer.analysis.lens_design import pdf, plots
+from raytracer.analysis.lens_design import paper, plots
 from raytracer.analysis.lens_design.page import page
 from raytracer.analysis.lens_design.performance.lens_study import LensStudy, study_lens
 from raytracer.analysis.lens_design.performance.results import Settings
 from raytracer.optics.lens_system.lens import Lens
 from raytracer.report import chart as charts
-from raytracer.report import svg
-from raytracer.report.chart import Chart, Series
 from raytracer.scene.assets.lenses import read_lens
-from raytracer.util.errors import InputError
 from tests.analysis.lens_design.benches import SHIPPED, cylinder_pair, plano_convex
 
 if TYPE_CHECKING:
@@ -61,15 +58,28 @@ def test_all_of_the_study_is_on_the_page(report: Path, gauss: tuple[Lens, LensSt
     assert shown.locator("#first-order tr", has_text="back focus").inner_text().split("\t")[1] == "35.7223 mm"
     assert shown.locator("#seidel-sums tbody tr").count() == len(gauss[0].elements) + 1
     # Glass, rays of three points, and the surfaces that have none.
-    assert shown.locator("#drawing path[fill-opacity]").count() == 6
-    assert shown.locator("svg").evaluate_all("all => all.every((one) => one.getBoundingClientRect().height > 20)")
+    assert shown.locator("#drawing .wide [id*=glass]").count() == 6
+    charts_of_page = shown.locator("figure > svg, .wide > svg")
+    assert charts_of_page.count() > 20
+    assert charts_of_page.evaluate_all("all => all.every((one) => one.getBoundingClientRect().height > 20)")
 
 
-def test_the_page_can_be_read_on_a_narrow_screen(report: Path, open_page: Open) -> None:
-    shown = open_page(report, size=(360, 700), color_scheme="dark")
+@pytest.mark.parametrize("color_scheme", ["light", "dark"])
+def test_the_page_can_be_read_on_a_narrow_screen(report: Path, open_page: Open, color_scheme: str) -> None:
+    shown = open_page(report, size=(400, 700), color_scheme=color_scheme)
     assert shown.evaluate("document.documentElement.scrollWidth <= innerWidth")
-    # What is wider is moved in its place, by keys too.
-    region = shown.get_by_role("region", name="Double Gauss 50 mm f/2, cross-section")
+    # All of the lens and the film are in the window, with letters that can be read.
+    for part in ("[id*=glass-0-0]", "[id*=film-0]"):
+        box = shown.locator(f"#drawing .narrow {part}").bounding_box()
+        assert box is not None
+        assert box["x"] >= 0.0
+        assert box["x"] + box["width"] <= 400.0
+    heights = shown.locator("#drawing .narrow text").evaluate_all(
+        "all => all.map((one) => one.getBoundingClientRect().height)"
+    )
+    assert min(heights) > 9.0
+    # Tables that are wider are moved in their place, by keys too.
+    region = shown.get_by_role("region", name="Seidel sums")
     region.focus()
     assert region.evaluate("one => one.scrollWidth > one.clientWidth")
     shown.keyboard.press("ArrowRight")
@@ -78,7 +88,15 @@ def test_the_page_can_be_read_on_a_narrow_screen(report: Path, open_page: Open) 
             break
         shown.wait_for_timeout(20)
     else:
-        pytest.fail("the cross-section does not move")
+        pytest.fail("the table does not move")
+
+
+def test_lines_and_letters_have_the_ink_of_the_page(report: Path, open_page: Open) -> None:
+    inks = []
+    for color_scheme in ("light", "dark"):
+        shown = open_page(report, color_scheme=color_scheme)
+        inks.append(shown.locator("#mtf svg text").first.evaluate("one => getComputedStyle(one).fill"))
+    assert inks == ["rgb(27, 29, 33)", "rgb(228, 230, 234)"]
 
 
 def test_charts_can_be_saved(report: Path, open_page: Open, gauss: tuple[Lens, LensStudy]) -> None:
@@ -111,7 +129,7 @@ def test_a_lens_with_cylinders_has_both_planes_on_its_page(tmp_path: Path, open_
     path = tmp_path / "cylinders.html"
     path.write_bytes(page(lens, study_lens(lens, QUICK)))
     shown = open_page(path)
-    assert shown.locator("#drawing svg").count() == 2
+    assert shown.locator("#drawing .wide svg").count() == 2
     assert "First order, in the plane of x" in shown.locator("h2").all_inner_texts()
     assert shown.locator("#seidel-sums").count() == 0
 
@@ -120,15 +138,15 @@ def test_the_book_is_the_same_each_time(gauss: tuple[Lens, LensStudy]) -> None:
     lens, found = gauss
     few = found._replace(fans=(), spots=found.spots[:1], spherical=(), illumination=(), mtf=(), mtf_over_field=())
     few = few._replace(tolerances=())
-    first = pdf.pdf(lens, few)
+    first = paper.pdf(lens, few)
     assert first.startswith(b"%PDF-")
     # First order, spots, charts, and tables.
     assert first.count(b"/Type /Page ") >= 4
-    assert pdf.pdf(lens, few) == first
+    assert paper.pdf(lens, few) == first
 
 
 def test_a_drawing_in_pixels(gauss: tuple[Lens, LensStudy]) -> None:
-    with PIL.Image.open(io.BytesIO(pdf.png(*gauss))) as picture:
+    with PIL.Image.open(io.BytesIO(paper.png(*gauss))) as picture:
         assert picture.width > 1200
         values = np.asarray(picture.convert("RGB"), np.float64)
     assert 0.7 < (values.min(axis=2) > 250).mean() < 0.98
@@ -140,39 +158,7 @@ def test_a_drawing_in_pixels(gauss: tuple[Lens, LensStudy]) -> None:
 def test_a_name_is_no_formula(gauss: tuple[Lens, LensStudy]) -> None:
     # Matplotlib would read what is between two dollars as TeX, and raise.
     lens, found = gauss
-    assert pdf.png(lens, found._replace(name=r"$\frac{$")).startswith(b"\x89PNG")
-
-
-def test_without_matplotlib_it_is_said_which_extra_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pdf, "find_spec", lambda name: None if name == "matplotlib" else util.find_spec(name))
-    with pytest.raises(InputError, match=r"\.pdf files need Matplotlib.*raytracer\[report\]"):
-        pdf.require_matplotlib(".pdf")
-
-
-def test_lines_are_where_their_points_are() -> None:
-    x = np.array([0.0, 1.0, np.nan, 3.0, 4.0])
-    chart = Chart("c", "title", "x", "y", (Series("a", x, 2.0 * x), Series("b", x, -x)), (0.0, 4.0), (-4.0, 8.0))
-    drawn = [node for node in svg_paths(charts.render_svg(chart)) if "a" in node[2:][0][2:]]
-    (line,) = drawn
-    pieces = line[1]["d"].split("M")[1:]
-    # A gap in the data is a gap in the line.
-    points = [[tuple(map(float, point.split())) for point in piece.split("L")] for piece in pieces]
-    assert [len(piece) for piece in points] == [2, 2]
-    flat = np.array([point for piece in points for point in piece])
-    given = x[np.isfinite(x)]
-    slope, start = np.polyfit(given, flat[:, 0], 1)
-    np.testing.assert_allclose(flat[:, 0], start + slope * given, atol=0.06)
-    assert slope > 0.0
-    assert (np.diff(flat[:, 1]) < 0.0).all()
-
-
-def svg_paths(node: svg.Node) -> list[svg.Node]:
-    """The paths in a picture that have a title."""
-    found = [node] if node[0] == "path" and len(node) > 2 else []
-    for child in node[2:]:
-        if isinstance(child, list):
-            found += svg_paths(child)
-    return found
+    assert paper.png(lens, found._replace(name=r"$\frac{$")).startswith(b"\x89PNG")
 
 
 def test_every_chart_of_every_shipped_kind_can_be_drawn() -> None:
@@ -181,7 +167,10 @@ def test_every_chart_of_every_shipped_kind_can_be_drawn() -> None:
             keys = [chart.key for chart in group.charts]
             assert len(set(keys)) == len(keys)
             for chart in group.charts:
-                json.dumps(charts.render_svg(chart), allow_nan=False)
+                drawn = charts.render(chart)
+                assert ET.fromstring(str(drawn.picture)).get("aria-label") == chart.title
+                assert len(drawn.data["series"]) == (0 if chart.bare else len(chart.series))
+                assert len(chart.legend()) <= 8
 
 
 def test_texts_name_lines_as_they_are_drawn() -> None:
@@ -194,9 +183,32 @@ def test_texts_name_lines_as_they_are_drawn() -> None:
     assert named
 
 
-def test_what_comes_from_outside_is_escaped_in_files() -> None:
+def test_what_comes_from_outside_is_escaped_in_files(gauss: tuple[Lens, LensStudy]) -> None:
+    lens, found = gauss
     evil = '<script>"&'
-    node: Any = svg.render_svg(10.0, 10.0, evil, svg.element("text", {"x": 1.0}, evil))
-    written = svg.document(node).decode()
+    written = paper.svg(replace(lens, name=evil), found).decode()
     assert "<script>" not in written
-    assert written.count("&lt;script&gt;") == 3
+    assert "&lt;script&gt;" in written
+    (title, *_) = ET.fromstring(written).iter("{http://www.w3.org/2000/svg}title")
+    assert title.text is not None
+    assert title.text.startswith(evil)
+
+
+def test_a_curve_is_told_under_the_pointer(report: Path, gauss: tuple[Lens, LensStudy], open_page: Open) -> None:
+    shown = open_page(report)
+    found = gauss[1].distortion[0]
+    picture = shown.locator("figure[data-chart=distortion-y] > svg")
+    picture.scroll_into_view_if_needed()
+    place = picture.evaluate(
+        """(svg, at) => {
+          const axes = [0, 1].map((which) => axisOf(data.charts["distortion-y"], which));
+          const point = new DOMPoint(...at.map((value, which) => axes[which].place(value)));
+          const { x, y } = point.matrixTransform(svg.getScreenCTM());
+          return [x, y];
+        }""",
+        [float(found.percent[-2]), float(found.image_height_mm[-2])],
+    )
+    shown.mouse.move(*place)
+    *_, distortion, height = shown.locator("figure[data-chart=distortion-y] .pointed span").all_inner_texts()
+    assert float(distortion.removeprefix("distortion (%): ")) == pytest.approx(found.percent[-2], rel=0.02)
+    assert float(height.removeprefix("image height (mm): ")) == pytest.approx(found.image_height_mm[-2], rel=0.02)

@@ -7,7 +7,6 @@ import pytest
 from raytracer.analysis.lens_design import text
 from raytracer.analysis.lens_design.performance.lens_study import LensStudy, study_lens
 from raytracer.analysis.lens_design.performance.results import Settings
-from raytracer.report.chart import tick_text, ticks
 from raytracer.scene.assets.lenses import read_lens
 from tests.analysis.lens_design.benches import SHIPPED, cylinder_pair
 
@@ -73,26 +72,3 @@ def test_a_lens_with_cylinders_has_two_of_each_but_no_sums() -> None:
         assert len(text.spots(found, meridian)) == 1 + len(QUICK.fields)
         assert number({row[0]: row[1] for row in rows}["distortion"]) == pytest.approx(distortion.percent[-1], rel=0.01)
     assert "\nSeidel sums: not defined" in said
-
-
-def test_what_has_no_value_is_said_in_words() -> None:
-    assert text.millimetres(float("nan")) == "none"
-    assert text.millimetres(float("-inf")) == "infinite"
-    assert text.millimetres(-1.5) == "−1.50000 mm"
-    assert text.distance(float("inf")) == "infinity"
-    assert text.distance(1500.0) == "1.5 m"
-    assert text.micrometres(787.4) == "787 µm"
-    assert text.micrometres(1351.0) == "1.35 mm"
-    assert text.micrometres(float("nan")) == "none"
-
-
-@pytest.mark.parametrize(("low", "high"), [(-0.3, 0.7), (0.0, 1.0), (-1e-7, 3e-7), (12345.0, 99999.0), (-60.0, 20.0)])
-def test_ticks_are_round_and_few(low: float, high: float) -> None:
-    found = ticks(low, high, 6)
-    assert 2 <= len(found) <= 7
-    step = found[1] - found[0]
-    mantissa = step / 10.0 ** round(float(f"{step:e}".split("e")[1]))
-    assert mantissa == pytest.approx(min((1.0, 2.0, 5.0, 10.0), key=lambda m: abs(m - mantissa)))
-    assert all(low - 1e-9 * step <= tick <= high + 1e-9 * step for tick in found)
-    told = [tick_text(tick, step) for tick in found]
-    assert len(set(told)) == len(told)

@@ -1,7 +1,7 @@
 """Cross-section of a lens: glass, stop, film, fans of traced rays, and the cardinal points.
 
-A drawing is geometry in millimetres, (z, height) with the scene on the left; spheres and ellipses are exact arcs, and
-other surfaces cubic curves through exact points and slopes.  SVG and Matplotlib draw the same.
+A drawing is geometry in millimetres, (z, height) with the scene on the left; surfaces are cubic curves through exact
+points and slopes.
 """
 
 import math
@@ -27,9 +27,6 @@ from raytracer.analysis.lens_design.performance.optical_bench import OpticalBenc
 from raytracer.analysis.lens_design.performance.results import FirstOrder
 from raytracer.optics.lens_system.lens import Lens
 from raytracer.optics.lens_system.surfaces import LensSurfaces
-
-LABEL_FONT = 12.0
-"""Size of the names of marks (pixels)."""
 
 # Image heights whose light is drawn, as parts of the largest field.
 _FIELDS = (0.0, 0.7, 1.0)
@@ -222,13 +219,25 @@ def _cross_section(bench: OpticalBench, first: FirstOrder) -> CrossSection:
     return build_cross_section(bench.lens, bench.surfaces(), setup)
 
 
-def stack_labels(drawing: CrossSection, scale: float, margin: float) -> tuple[list[tuple[AxisMark, float, int]], int]:
-    """Place the names of marks under the drawing so that none covers another: x and row of each, and number of rows."""
+def stack_labels(
+    drawing: CrossSection, scale: float, margin: float, letters: float = 12.0
+) -> tuple[list[tuple[AxisMark, float, int]], int]:
+    """Place the names of marks under the drawing so that none covers another.
+
+    Parameters
+    ----------
+    scale, margin : of the drawing: points or pixels per millimetre, and from its left edge.
+    letters : their size, in the same unit.
+
+    Returns
+    -------
+    Marks with x and row of their names, and the number of rows.
+    """
     placed: list[tuple[AxisMark, float, int]] = []
     ends: list[float] = []
     for mark in sorted(drawing.marks):
         x = margin + scale * (mark.z - drawing.low[0])
-        half = 0.5 * 0.6 * LABEL_FONT * len(mark.name) + 3.0
+        half = 0.5 * 0.6 * letters * len(mark.name) + 0.25 * letters
         row = next((n for n, end in enumerate(ends) if x - half > end), len(ends))
         ends[row : row + 1] = [x + half]
         placed.append((mark, x, row))

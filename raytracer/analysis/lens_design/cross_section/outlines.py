@@ -1,4 +1,4 @@
-"""Outlines of glass in a cross-section: exact arcs of spheres and ellipses, cubic curves for other surfaces."""
+"""Outlines of glass in a cross-section, by straight lines and cubic curves."""
 
 import math
 from collections.abc import Sequence
@@ -10,25 +10,14 @@ from numpy.typing import NDArray
 
 from raytracer.optics.glass import Glass
 from raytracer.optics.lens_system.lens import Element
+from raytracer.report.palette import CROWN, FLINT, PLAIN_GLASS
 
 FloatArray = NDArray[np.float64]
 Point: TypeAlias = tuple[float, float]
 SectionAxis: TypeAlias = Literal["x", "y"]
 
-CROWN, FLINT, OTHER = "#56a0d3", "#c08a3e", "#7f8c8d"
-"""Fills: glass with an Abbe number above 50, with one below, and glass that does not disperse."""
-
-# Pieces of a curve that is no arc.
-_PIECES = 48
-
-
-class Arc(NamedTuple):
-    """Arc of an ellipse with its axes along z and up, from the end of the piece before, less than half of it."""
-
-    half_z: float
-    half_height: float
-    anticlockwise: bool
-    end: Point
+# Pieces of an arc, which is off by 1e-9 of its radius then, and of another curve.
+_ARC_PIECES, _PIECES = 12, 48
 
 
 class Line(NamedTuple):
@@ -45,7 +34,7 @@ class Cubic(NamedTuple):
     end: Point
 
 
-Piece: TypeAlias = Arc | Line | Cubic
+Piece: TypeAlias = Line | Cubic
 
 
 class Outline(NamedTuple):
@@ -73,10 +62,8 @@ def surface_outline(
     if not any(surface.coefficients):
         if across == 0.0:
             return bottom, (Line(top),)
-        # An ellipse, across y^2 + along z^2 = 2 z.
         if across * along > 0.0:
-            half_z, half_height = abs(1.0 / along), 1.0 / math.sqrt(across * along)
-            return bottom, (Arc(half_z, half_height, across < 0.0, top),)
+            return _elliptic_arc(vertex, (1.0 / along, 1.0 / math.sqrt(across * along)), reach)
     heights = np.linspace(-reach, reach, _PIECES + 1)
     zs = [vertex + surface_sag(surface, float(height), plane) for height in heights]
     slopes = [surface_slope(surface, float(height), plane) for height in heights]
@@ -89,6 +76,23 @@ def surface_outline(
             Cubic((z_low + third * s_low, low + third), (z_high - third * s_high, high - third), (z_high, high))
         )
     return bottom, tuple(pieces)
+
+
+def _elliptic_arc(vertex: float, half_axes: Point, reach: float) -> tuple[Point, tuple[Piece, ...]]:
+    """Draw across y^2 + along z^2 = 2 z up to a height; the half axis along z is negative if the centre lies in front.
+
+    References: Riskus 2006, "Approximation of a Cubic Bezier Curve by Circular Arcs and Vice Versa" (4/3 tan(angle/4)).
+    """
+    half_z, half_height = half_axes
+    end = math.asin(min(1.0, reach / half_height))
+    lever = 4.0 / 3.0 * math.tan(2.0 * end / _ARC_PIECES / 4.0)
+
+    def at(angle: float, ahead: float) -> Point:
+        c, s = math.cos(angle), math.sin(angle)
+        return vertex + half_z * (1.0 - c + ahead * s), half_height * (s + ahead * c)
+
+    angles = np.linspace(-end, end, _ARC_PIECES + 1).tolist()
+    return at(-end, 0.0), tuple(Cubic(at(a, lever), at(b, -lever), at(b, 0.0)) for a, b in pairwise(angles))
 
 
 def surface_sag(surface: Element, height: float, plane: SectionAxis) -> float:
@@ -114,12 +118,7 @@ def reversed_pieces(start: Point, pieces: Sequence[Piece]) -> tuple[Point, tuple
     ends = [start, *(piece.end for piece in pieces)]
     turned: list[Piece] = []
     for piece, end in zip(reversed(pieces), reversed(ends[:-1]), strict=True):
-        if isinstance(piece, Arc):
-            turned.append(piece._replace(anticlockwise=not piece.anticlockwise, end=end))
-        elif isinstance(piece, Cubic):
-            turned.append(Cubic(piece.second, piece.first, end))
-        else:
-            turned.append(Line(end))
+        turned.append(Cubic(piece.second, piece.first, end) if isinstance(piece, Cubic) else Line(end))
     return ends[-1], tuple(turned)
 
 
@@ -146,7 +145,7 @@ def _glass_style(glass: Glass) -> tuple[str, str]:
     """Choose the fill of a glass, and write its name, index and Abbe number."""
     index = float(glass.ior())
     if not glass.disperses():
-        return OTHER, f"n = {index:.4f}"
+        return PLAIN_GLASS, f"n = {index:.4f}"
     abbe = glass.abbe()
     name = f"{glass.name}: " if any(c.isalpha() for c in glass.name) else ""
     return (CROWN if abbe > 50.0 else FLINT), f"{name}n = {index:.4f}, V = {abbe:.1f}"

@@ -1,32 +1,30 @@
-"""Report on a lens as PDF, and its cross-section as PNG: by Matplotlib, of the extra `report`."""
+"""Report on a lens as PDF, and its cross-section as PNG and SVG."""
 
 import io
 import textwrap
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from importlib.util import find_spec
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from raytracer.analysis.lens_design import text
 from raytracer.analysis.lens_design.cross_section.drawing import cross_sections
-from raytracer.analysis.lens_design.cross_section.to_matplotlib import plot_on_axes
+from raytracer.analysis.lens_design.cross_section.plot import figure_of, names_of, plot_on_axes
 from raytracer.analysis.lens_design.performance.lens_study import LensStudy
 from raytracer.analysis.lens_design.plots import ChartGroup, chart_groups, frame_size_um
-from raytracer.analysis.lens_design.text import Table
 from raytracer.optics.lens_system.lens import Lens
 from raytracer.report import chart
 from raytracer.report.chart import Chart
-from raytracer.util.errors import InputError
+from raytracer.report.figure import ON_PAPER, new_figure, style, to_png, to_svg
+from raytracer.report.table import Table
 
 if TYPE_CHECKING:
     from matplotlib.backends.backend_pdf import PdfPages
     from matplotlib.figure import Figure
 
-# A4 upright (inches), and a drawing's resolution.
+# A4 upright (inches); of a drawing by itself width (inches), letters (pt) and resolution.
 _PAGE = (8.27, 11.69)
-_DPI = 200
+_WIDTH, _LETTERS, _DPI = 10.0, 9.0, 200
 
 _PER_ROW, _PER_PAGE = 2, 6
 _ROWS_OF_SPOTS = 6
@@ -34,79 +32,30 @@ _ROWS_OF_SPOTS = 6
 # Height of a table's title, text and head, in lines.
 _LINES_OF_HEAD = 7
 
-_MISSING = "{suffix} files need Matplotlib, which is not installed: pip install 'raytracer[report]'"
-
-
-def require_matplotlib(suffix: str) -> None:
-    """Check, before anything is traced, that a file with this suffix can be written.
-
-    Raises
-    ------
-    InputError : the extra is not installed.
-    """
-    if find_spec("matplotlib") is None:
-        raise InputError(_MISSING.format(suffix=suffix))
-
-
-@contextmanager
-def _defaults() -> Iterator[None]:
-    """Set Matplotlib to its defaults, without the user's own settings."""
-    import matplotlib as mpl
-
-    with mpl.rc_context():
-        mpl.rcdefaults()
-        mpl.rcParams.update(
-            {
-                "font.size": 8.0,
-                "font.family": ["DejaVu Sans"],
-                "pdf.fonttype": 42,
-                # A dollar sign in a lens's name begins no formula.
-                "text.parse_math": False,
-            }
-        )
-        yield
-
-
-def _figure(width: float, height: float) -> "Figure":
-    """Make a figure of a size (inches)."""
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height), facecolor="white")
-
 
 def png(lens: Lens, study: LensStudy) -> bytes:
-    """Draw the cross-sections as PNG, below each other if there are two.
+    """Draw the cross-sections as PNG, below each other if there are two."""
+    with style(ON_PAPER):
+        figure = figure_of(cross_sections(lens, study), _WIDTH, _LETTERS, study.name)
+        return to_png(figure, _DPI, tight=True)
 
-    Raises
-    ------
-    InputError : the extra `report` is not installed.
-    """
-    require_matplotlib(".png")
+
+def svg(lens: Lens, study: LensStudy) -> bytes:
+    """Draw the cross-sections as SVG, below each other if there are two."""
     shown = cross_sections(lens, study)
-    with _defaults():
-        figure = _figure(10.0, 5.2 * len(shown))
-        for number, (one, axes) in enumerate(zip(shown, figure.subplots(len(shown), squeeze=False)[:, 0], strict=True)):
-            plot_on_axes(one, axes)
-            axes.set_title(one.title if number or len(shown) > 1 else study.name, fontsize=11)
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=_DPI, bbox_inches="tight", metadata={"Software": None})
-    return buffer.getvalue()
+    with style(ON_PAPER):
+        title = "; ".join(one.title for one in shown)
+        return to_svg(figure_of(shown, _WIDTH, _LETTERS), title=title, names=names_of(shown), tight=True)
 
 
 def pdf(lens: Lens, study: LensStudy) -> bytes:
-    """Write the report as PDF.
-
-    Raises
-    ------
-    InputError : the extra `report` is not installed.
-    """
-    require_matplotlib(".pdf")
+    """Write the report as PDF."""
     from matplotlib.backends.backend_pdf import PdfPages
 
     buffer = io.BytesIO()
     # Without a date the same lens gives the same file.
     facts = {"Title": study.name, "CreationDate": None}
-    with _defaults(), PdfPages(buffer, metadata=facts) as book:
+    with style(ON_PAPER, 8.0), PdfPages(buffer, metadata=facts) as book:
         _front(book, lens, study)
         all_groups = chart_groups(study)
         for group in all_groups:
@@ -133,7 +82,7 @@ def _wrapped(words: str, width: int = 105) -> str:
 def _front(book: "PdfPages", lens: Lens, study: LensStudy) -> None:
     """Add the first page: cross-section and first order."""
     shown = cross_sections(lens, study)
-    figure = _figure(*_PAGE)
+    figure = new_figure(*_PAGE)
     figure.text(0.07, 0.965, _wrapped(study.name, 60), fontsize=15, va="top")
     figure.text(
         0.07, 0.94, f"{_wrapped(study.source)}\n{_wrapped(text.setting(study))}", fontsize=7.5, va="top", color="0.3"
@@ -141,7 +90,7 @@ def _front(book: "PdfPages", lens: Lens, study: LensStudy) -> None:
     each = 0.36 / len(shown)
     for number, one in enumerate(shown):
         axes = figure.add_axes((0.06, 0.90 - each * (number + 1) + 0.02, 0.88, each - 0.035))
-        plot_on_axes(one, axes)
+        plot_on_axes(one, axes, 0.65 * _PAGE[0], 6.5)
     tables = text.first_order(study)
     for number, table in enumerate(tables):
         _draw_table(figure, table, 0.07 + 0.46 * number, 0.50, 0.86 / len(tables), 5.5 if len(tables) > 1 else 7.5)
@@ -177,14 +126,14 @@ def _step(size: float) -> float:
 def _tables(book: "PdfPages", tables: Sequence[Table]) -> None:
     """Add tables below each other, on as many pages as they need."""
     size, top, bottom = 7.0, 0.955, 0.05
-    figure, y = _figure(*_PAGE), top
+    figure, y = new_figure(*_PAGE), top
     for table in tables:
         rows = table.rows
         while rows:
             fit = int((y - bottom) / _step(size)) - _LINES_OF_HEAD
             if fit < min(len(rows), 8):
                 _save(book, figure)
-                figure, y = _figure(*_PAGE), top
+                figure, y = new_figure(*_PAGE), top
                 continue
             y = _draw_table(figure, table._replace(rows=rows[:fit]), 0.07, y, 0.86, size) - 2.5 * _step(size)
             rows = rows[fit:]
@@ -197,7 +146,7 @@ def _charts(book: "PdfPages", all_groups: Sequence[ChartGroup]) -> None:
     for start in range(0, len(flat), _PER_PAGE):
         part = flat[start : start + _PER_PAGE]
         of_page = list({group.key: group for group, _ in part}.values())
-        figure = _figure(*_PAGE)
+        figure = new_figure(*_PAGE)
         title = of_page[0].title if len(of_page) == 1 else "Aberrations"
         words = "\n".join(_wrapped(f"{group.title}. {group.text}") for group in of_page)
         bottom = _heading(figure, title, words)
@@ -211,7 +160,7 @@ def _frames(book: "PdfPages", group: ChartGroup) -> None:
     """Add spot diagrams, a row for each field."""
     per_page = _ROWS_OF_SPOTS * group.columns
     for start in range(0, len(group.charts), per_page):
-        figure = _figure(*_PAGE)
+        figure = new_figure(*_PAGE)
         _heading(figure, group.title, _wrapped(f"{group.text} The side of a frame is {frame_size_um(group):g} µm."))
         axes = figure.subplots(
             _ROWS_OF_SPOTS,
@@ -232,9 +181,13 @@ def _fill(places: Sequence[object], shown: Sequence[Chart]) -> None:
         if number >= len(shown):
             axes.axis("off")
             continue
-        chart.plot_on_axes(shown[number], axes)
-        if shown[number].bare:
-            axes.set_xlabel(shown[number].note, fontsize=5.5)
+        one = shown[number]
+        chart.draw(one, axes)
+        axes.set_title(one.title, fontsize=6.0 if one.bare else 10.0)
+        if one.bare:
+            axes.set_xlabel(one.note, fontsize=5.5)
+        elif lines := chart.legend_lines(one):
+            axes.legend(handles=lines, fontsize=5.5, loc="upper center", bbox_to_anchor=(0.5, -0.17), ncols=4)
 
 
 def _heading(figure: "Figure", title: str, words: str) -> float:
@@ -246,7 +199,7 @@ def _heading(figure: "Figure", title: str, words: str) -> float:
 
 def _notes(book: "PdfPages", study: LensStudy) -> None:
     """Add a page of notes."""
-    figure = _figure(*_PAGE)
+    figure = new_figure(*_PAGE)
     words = "\n".join(_wrapped(f"{text.topic(note)}: {note.reason}") for note in text.notes(study))
     figure.text(0.06, 0.965, "Notes", fontsize=13, va="top")
     figure.text(0.06, 0.935, words, fontsize=8.0, va="top")

@@ -1,8 +1,13 @@
-"""Format measured numbers, intervals, percentages and durations, the same everywhere; in ASCII for all terminals."""
+"""Format numbers, intervals, units and plurals, the same everywhere.
+
+All but lengths in millimetres and below is ASCII, for all terminals.
+"""
 
 import math
+from typing import TYPE_CHECKING
 
-from raytracer.core.error_estimate.intervals import Interval
+if TYPE_CHECKING:
+    from raytracer.core.error_estimate.intervals import Interval
 
 UNKNOWN = "unknown"
 
@@ -18,8 +23,11 @@ _UNITS = (
 # A longer time, in seconds, is no time that anybody waits for.
 _YEAR = 365.25 * 86400.0
 
-# Below this, numbers are shown with an exponent.
-_PLAIN_FROM = 1e-4
+# Below the one, and compact ones from the other on, numbers have an exponent.
+_PLAIN_FROM, _PLAIN_BELOW = 1e-4, 1e7
+
+# Half a nanometre, in millimetres: less is shown as 0.
+_LEAST = 5e-7
 
 
 def _decimals(value: float, digits: int) -> int:
@@ -39,7 +47,7 @@ def format_number(value: float) -> str:
     return f"{rounded:,.{_decimals(rounded, 3)}f}"
 
 
-def _three(interval: Interval, scale: float) -> tuple[str, str, str]:
+def _three(interval: "Interval", scale: float) -> tuple[str, str, str]:
     """Write a value and its ends with the same decimals: three digits of the value, at most four of the ends."""
     values = [x * scale for x in interval]
     decimals = min(_decimals(values[0], 3), _decimals(max((abs(x) for x in values), default=0.0), 4))
@@ -50,7 +58,7 @@ def _three(interval: Interval, scale: float) -> tuple[str, str, str]:
     return value, low, high
 
 
-def format_interval(interval: Interval, scale: float = 1.0, unit: str = "") -> str:
+def format_interval(interval: "Interval", scale: float = 1.0, unit: str = "") -> str:
     """Write a number with its interval, both times `scale`: "0.839 (0.821 .. 0.857)", "1.23 % (1.20 .. 1.26)"."""
     if math.isnan(interval.value):
         return UNKNOWN
@@ -65,7 +73,7 @@ def format_percent(value: float) -> str:
     return UNKNOWN if math.isnan(value) else f"{format_number(100.0 * value)} %"
 
 
-def format_percent_interval(interval: Interval) -> str:
+def format_percent_interval(interval: "Interval") -> str:
     """Write a fraction with its interval in percent: "1.23 % (1.20 .. 1.26)"."""
     return format_interval(interval, 100.0, " %")
 
@@ -98,9 +106,94 @@ def format_given_duration(seconds: float) -> str:
     return f"{seconds:g} s" if 1.0 <= seconds < 120.0 else format_duration(seconds)
 
 
-def format_duration_interval(interval: Interval) -> str:
+def format_duration_interval(interval: "Interval") -> str:
     """Write a time with its interval, all in one unit: "61.2 s (58.0 .. 65.1)"."""
     if not math.isfinite(interval.value) or interval.value > _YEAR:
         return format_duration(interval.value)
     unit, length = _unit(interval.value)
     return format_interval(interval, 1.0 / length, f" {unit}")
+
+
+def compact_number(value: float) -> str:
+    """Write a number with at most four digits, without an exponent where that is not longer."""
+    if math.isinf(value):
+        return "infinity"
+    if value != 0.0 and not _PLAIN_FROM <= abs(value) < _PLAIN_BELOW:
+        return f"{value:.3e}"
+    from decimal import Decimal
+
+    return f"{Decimal(f'{value:.4g}').normalize():f}"
+
+
+def exposure_time(seconds: float) -> str:
+    """Write a time as photographers do if it is short: "1/125 s"."""
+    if 1.0 / _PLAIN_BELOW < seconds < 0.5 and math.isclose(1.0 / seconds, round(1.0 / seconds)):
+        return f"1/{round(1.0 / seconds)} s"
+    return f"{compact_number(seconds)} s"
+
+
+def megabytes(size: float) -> str:
+    """Write a number of bytes: "12.3 MB"."""
+    return f"{size / 1e6:.3g} MB"
+
+
+def plural(number: int, noun: str) -> str:
+    """Put a noun into the plural, unless it is of one thing."""
+    return noun if number == 1 else f"{noun}s"
+
+
+def count(number: int, noun: str) -> str:
+    """Write a number of things: "1 point", "12 points"."""
+    return f"{number} {plural(number, noun)}"
+
+
+# ---- Lengths and angles
+
+
+def millimetres(value: float, digits: int = 6) -> str:
+    """Write a length in millimetres; `infinite` and `none` in words."""
+    if math.isnan(value):
+        return "none"
+    if math.isinf(value):
+        return "infinite"
+    return f"{_to_nanometre(value, digits)} mm"
+
+
+def _to_nanometre(value: float, digits: int) -> str:
+    """Round to significant digits, but not below a nanometre."""
+    if value == 0.0 or abs(value) < _LEAST:
+        return "0"
+    decimals = max(0, min(6, digits - 1 - math.floor(math.log10(abs(value)))))
+    return f"{value:.{decimals}f}".replace("-", "−")
+
+
+def micrometres(value: float) -> str:
+    """Write a length (um) in micrometres, or in millimetres from one on."""
+    if math.isnan(value):
+        return "none"
+    return f"{significant(value, 3)} µm" if abs(value) < 1000.0 else f"{significant(0.001 * value, 3)} mm"
+
+
+def degrees(value: float) -> str:
+    """Write an angle."""
+    return "none" if math.isnan(value) else f"{value:.2f}°"
+
+
+def relative(value: float) -> str:
+    """Write a relative difference."""
+    if math.isnan(value):
+        return ""
+    return "0" if value == 0.0 else f"{value:.1e}".replace("-", "−")
+
+
+def significant(value: float, digits: int = 4) -> str:
+    """Write a number in significant digits."""
+    # Adding 0 takes the sign from a zero.
+    return "none" if math.isnan(value) else f"{value + 0.0:.{digits}g}".replace("-", "−")
+
+
+def metres(millimetre: float) -> str:
+    """Write a distance in the scene (mm) in metres."""
+    if math.isinf(millimetre):
+        return "infinity"
+    return f"{millimetre / 1000.0:.6g} m"

@@ -1,11 +1,12 @@
-"""Colour maps for differences of images.
+"""Colour maps: for differences of images, and for depth.
 
 Signed differences are white where there is none, red where the first image is brighter and blue where the second is.
 False colours go from black to white by way of colours whose brightness rises all the way, so that they may be printed
-in grey.
+in grey.  Depth has viridis, through nine of its colours.
 
 References: Green 2011, "A colour scheme for the display of astronomical intensity images", Bulletin of the Astronomical
-    Society of India 39, 289-295 (cubehelix, with the parameters of its equation 2 that it starts with).
+    Society of India 39, 289-295 (cubehelix, with the parameters of its equation 2 that it starts with); Smith and
+    van der Walt 2015, the colour map viridis.
 """
 
 import numpy as np
@@ -20,6 +21,19 @@ _MID_BLUE, _MID_RED = (67, 147, 195), (214, 84, 62)
 
 # Default start, rotations and hue of cubehelix; its gamma is 1.
 _START, _ROTATIONS, _HUE = 0.5, -1.5, 1.0
+
+_VIRIDIS = (
+    (68, 1, 84),
+    (71, 44, 122),
+    (59, 81, 139),
+    (44, 113, 142),
+    (33, 144, 141),
+    (39, 173, 129),
+    (92, 200, 99),
+    (170, 220, 50),
+    (253, 231, 37),
+)
+_UNKNOWN_DEPTH = 128
 
 _SMALLEST = float(np.finfo(np.float64).tiny)
 
@@ -81,3 +95,15 @@ def _coloured(
     pixels = colours[places]
     pixels[np.isnan(values)] = unknown
     return pixels
+
+
+def depth_colours(values: Array, low: float, high: float) -> Pixels:
+    """Map values (height, width) to colours, from dark at `low` to bright at `high`: uint8 (height, width, 3), sRGB.
+
+    Values that are not finite are grey.
+    """
+    width = high - low if high > low else 1.0
+    is_known = np.isfinite(values)
+    place = np.clip((np.where(is_known, values, low) - low) / width, 0.0, 1.0) * (len(_VIRIDIS) - 1)
+    channels = [np.interp(place, np.arange(len(_VIRIDIS)), channel) for channel in zip(*_VIRIDIS, strict=True)]
+    return np.where(is_known[..., None], np.rint(np.stack(channels, axis=-1)), _UNKNOWN_DEPTH).astype(np.uint8)

@@ -4,8 +4,9 @@ import math
 
 import pytest
 
-from raytracer.core.error_estimate import UNKNOWN, wording
+from raytracer.core.error_estimate import UNKNOWN
 from raytracer.core.error_estimate.intervals import Interval
+from raytracer.report import wording
 
 INF, NAN = math.inf, math.nan
 
@@ -68,3 +69,44 @@ def test_intervals_of_times_are_in_one_unit() -> None:
     assert wording.format_duration_interval(Interval(2.0, 2.0, 2.0)) == "2.00 s"
     assert wording.format_duration_interval(UNKNOWN) == "unknown"
     assert wording.format_duration_interval(Interval(INF, INF, INF)) == "never"
+
+
+@pytest.mark.parametrize(
+    ("number", "said"), [(0, "0 points"), (1, "1 point"), (2, "2 points"), (12000, "12000 points")]
+)
+def test_things_are_counted(number: int, said: str) -> None:
+    assert wording.count(number, "point") == said
+    assert said.split()[1] == wording.plural(number, "point")
+
+
+def test_what_has_no_value_is_said_in_words() -> None:
+    assert wording.millimetres(float("nan")) == "none"
+    assert wording.millimetres(float("-inf")) == "infinite"
+    assert wording.millimetres(-1.5) == "−1.50000 mm"
+    assert wording.metres(float("inf")) == "infinity"
+    assert wording.metres(1500.0) == "1.5 m"
+    assert wording.micrometres(787.4) == "787 µm"
+    assert wording.micrometres(1351.0) == "1.35 mm"
+    assert wording.micrometres(float("nan")) == "none"
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (0.0, "0"),
+        (100.0, "100"),
+        (1234567.0, "1235000"),
+        (0.000123456, "0.0001235"),
+        (-2.5, "-2.5"),
+        (1e7, "1.000e+07"),
+        (9.9e-5, "9.900e-05"),
+        (INF, "infinity"),
+    ],
+)
+def test_compact_numbers_have_an_exponent_only_where_it_is_shorter(value: float, said: str) -> None:
+    assert wording.compact_number(value) == said
+
+
+@pytest.mark.parametrize(("seconds", "said"), [(0.008, "1/125 s"), (0.4, "0.4 s"), (0.5, "0.5 s"), (2.0, "2 s")])
+def test_short_exposures_are_fractions(seconds: float, said: str) -> None:
+    assert wording.exposure_time(seconds) == said

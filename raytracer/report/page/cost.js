@@ -1,0 +1,4 @@
+"use strict";
+
+const variants = find("#variants");
+if (variants) sortable(variants);
