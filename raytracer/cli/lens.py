@@ -359,7 +359,7 @@ def _report_import(file: str, lens: "Lens", *, quiet: bool) -> list[str]:
     -------
     The warnings.
     """
-    from raytracer.optics.lens_system.plausibility import lens_warnings
+    from raytracer.optics.lens_system.warnings import lens_warnings
 
     if lens.reading is not None and not lens.reading.is_guess and not quiet:
         print(f"{file}: {lens.reading.text}", file=sys.stderr)

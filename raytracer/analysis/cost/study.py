@@ -28,7 +28,7 @@ from raytracer.analysis.cost.results import Prediction, Study
 from raytracer.analysis.cost.study_options import StudyOptions, StudySettings, check_options
 from raytracer.analysis.cost.variant import Variant
 from raytracer.analysis.cost.variants import make_variants, reasons_without_variant, select_variants
-from raytracer.analysis.cost.warnings import StudyConditions, study_warnings
+from raytracer.analysis.cost.warnings import STUDY_WARNINGS, StudyConditions
 from raytracer.core.error_estimate import sampler_exponent, worst_pixel_share
 from raytracer.rendering.worker_pool import available_threads
 from raytracer.scene.pack.scene import PackedScene, pack
@@ -185,7 +185,7 @@ def _describe_measurement(
     return {
         "width": width,
         "height": height,
-        "warnings": study_warnings(conditions),
+        "warnings": tuple(record.text for record in STUDY_WARNINGS.find(conditions)),
         "tiles": len(warm.windows),
         "tiles_measured": len(replicates.tiles.windows),
         "top_share": share,

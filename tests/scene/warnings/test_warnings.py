@@ -13,8 +13,9 @@ from raytracer.rendering.render import render
 from raytracer.scene.load import build, load
 from raytracer.scene.pack.scene import pack
 from raytracer.scene.warnings import find_warnings, warning_messages
-from raytracer.scene.warnings.primitive_points import coordinate_extents, outline
-from raytracer.scene.warnings.record import MAX_PER_KIND, WarningRecord
+from raytracer.scene.warnings.base.primitive_points import coordinate_extents, outline
+from raytracer.scene.warnings.base.record import MAX_PER_KIND
+from raytracer.schema.warning_kind import WarningRecord
 from raytracer.util.errors import InputError, StrictError
 
 ROOT = Path(__file__).parents[3]

@@ -1,0 +1,22 @@
+"""Warn of samples that were not finite."""
+
+from collections.abc import Iterator
+
+from raytracer.analysis.cost.warnings import StudyConditions, StudyWarningKind
+from raytracer.schema.warning_kind import Sentence, WarningRecord
+
+
+class DroppedSamples(StudyWarningKind):
+    """Samples that count nowhere."""
+
+    name = "samples that were not finite"
+    rank = 10
+    dropped = Sentence(
+        "{count} samples were not finite and were dropped: times and errors leave them out",
+        when="samples come out as infinite, or as no number",
+        remedy="[find them](debugging.md#samples-that-are-not-finite)",
+    )
+
+    def find(self, subject: StudyConditions) -> Iterator[WarningRecord]:
+        if subject.bad:
+            yield self.record(self.dropped.fill(count=subject.bad))

@@ -1,0 +1,22 @@
+"""Warn of samples that are made darker."""
+
+from collections.abc import Iterator
+
+from raytracer.scene.effects.warnings import EffectsInUse, EffectWarningKind
+from raytracer.schema.warning_kind import Sentence, WarningRecord
+
+
+class ClampedSamples(EffectWarningKind):
+    """Pictures that are too dark where they are brightest."""
+
+    name = "clamped samples"
+    rank = 10
+    clamped = Sentence(
+        ", which takes light away",
+        when="`clamp`: `render.clamp` is given",
+        remedy="leave it out where the light must be right",
+    )
+
+    def find(self, subject: EffectsInUse) -> Iterator[WarningRecord]:
+        if subject.spec.render.clamp is not None:
+            yield self.record(self.clamped.fill(), "clamp")
