@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from raytracer.core.error_estimate.halves import FIRST_SPP
 from raytracer.core.geometry import Geometry, Primitive
+from raytracer.film.window import Window
 from raytracer.rendering.film_region import empty_region
 from raytracer.rendering.tile_job import film_arrays
-from raytracer.rendering.tile_scheduler import TILE_SIZE, Window
+from raytracer.rendering.tile_scheduler import TILE_SIZE
 from raytracer.scene.cache import RenderCache
 from raytracer.scene.pack.scene import PackedScene
 from raytracer.util.errors import InputError
