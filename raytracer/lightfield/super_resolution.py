@@ -27,10 +27,10 @@ from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.views import Views
 from raytracer.lightfield.coverage import lit_at_nearest, lit_view, within_lens
 from raytracer.lightfield.depth.depth_map import Depth, depth_map
-from raytracer.lightfield.progress import Update
 from raytracer.lightfield.splines import Spline, sqrt_tone
 from raytracer.lightfield.views.synthesis import pixel_shifts
 from raytracer.util.errors import InputError
+from raytracer.util.progress import Update
 
 FloatArray = NDArray[np.float64]
 

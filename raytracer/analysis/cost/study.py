@@ -21,7 +21,7 @@ from raytracer.analysis.cost.measure_scene import (
     warm_scene,
 )
 from raytracer.analysis.cost.measure_variants import ComparisonOutcome, measure_variants
-from raytracer.analysis.cost.phase_timer import PhaseTimer, Progress
+from raytracer.analysis.cost.phase_timer import Progress, StudyTimer
 from raytracer.analysis.cost.plan import plan
 from raytracer.analysis.cost.predict import PictureCost, PredictionGoal, predict
 from raytracer.analysis.cost.results import Prediction, Study
@@ -71,7 +71,8 @@ def study(
     """
     settings = check_options(options, spec, len(picture_tiles(spec)))
     load = load_average()
-    timer = PhaseTimer(progress, load_seconds)
+    seconds = {"load": load_seconds}
+    timer = StudyTimer(seconds, progress)
 
     with timer.phase("pack"):
         packed = pack(spec)
@@ -88,9 +89,9 @@ def study(
         picture = assemble_picture(warm, measurement)
     with timer.phase("develop"):
         develop_seconds = bench.develop(prepared, np.where(np.isnan(picture), measurement.scale, picture))
-    _split_prepare_phase(timer.seconds, prepared.seconds, develop_seconds)
+    _split_prepare_phase(seconds, prepared.seconds, develop_seconds)
     rays = warm.pilot.rays if warm.pilot else math.nan
-    cost = PictureCost(picture.shape[0] * picture.shape[1], rays, settings.threads, _fixed_seconds(timer.seconds))
+    cost = PictureCost(picture.shape[0] * picture.shape[1], rays, settings.threads, _fixed_seconds(seconds))
     prediction = predict(
         measurement.replicates,
         measurement.scale,
@@ -107,7 +108,7 @@ def study(
         plan=items,
         prediction=prediction,
         variants=outcome.variants,
-        seconds=timer.seconds,
+        seconds=seconds,
         machine=_machine_conditions(outcome, load, settings),
         picture=picture,
         interrupted=outcome.interrupted,

@@ -8,13 +8,13 @@ import typer
 from raytracer.cli.base import options
 from raytracer.cli.lightfield.base.files import (
     check_outputs,
+    name_in_errors,
     open_light_field,
     picture_suffixes,
     report_written,
     save_picture,
 )
 from raytracer.cli.lightfield.base.options import Far, File, Near, Quiet, parse_distance, parse_view
-from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
 Examples:
@@ -56,12 +56,10 @@ def all_in_focus(
     from raytracer.util.progress import Bar
 
     with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
-        try:
+        with name_in_errors(file):
             depths = depth_map(
                 field, row=index[0], column=index[1], near=nearest, far=farthest, threads=threads, update=bar.update
             )
-        except InputError as error:
-            raise InputError(f"{file}: {error}") from None
         if scale == 1:
             picture = fuse(field, depths, update=bar.update)
         else:

@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from raytracer.cli.base import options
-from raytracer.cli.lightfield.base.files import check_outputs, open_light_field, report_written, save_picture
+from raytracer.cli.lightfield.base.files import (
+    check_outputs,
+    name_in_errors,
+    open_light_field,
+    report_written,
+    save_picture,
+)
 from raytracer.cli.lightfield.base.options import Far, File, Near, Quiet, parse_distance, parse_view
 from raytracer.util.errors import InputError
 
@@ -88,7 +94,7 @@ def depth(
     if method not in METHODS:
         raise InputError(f"--method {method}: must be one of {', '.join(METHODS)}")
     with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
-        try:
+        with name_in_errors(file):
             depths = depth_map(
                 field,
                 row=index[0],
@@ -99,8 +105,6 @@ def depth(
                 threads=threads,
                 update=bar.update,
             )
-        except InputError as error:
-            raise InputError(f"{file}: {error}") from None
         for path in outputs:
             if path.suffix.lower() == ".exr":
                 layers = {"depth": depths.distance, "confidence": depths.confidence}

@@ -7,13 +7,13 @@ import typer
 
 from raytracer.cli.lightfield.base.files import (
     check_outputs,
+    name_in_errors,
     open_light_field,
     picture_suffixes,
     report_written,
     save_picture,
 )
 from raytracer.cli.lightfield.base.options import File, Quiet, parse_distance
-from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
 Examples:
@@ -59,7 +59,7 @@ def epi(
     from raytracer.lightfield.epipolar import draw_slice, epipolar_slice
 
     with open_light_field(file) as field:
-        try:
+        with name_in_errors(file):
             epi_slice = epipolar_slice(
                 field,
                 direction="vertical" if vertical else "horizontal",
@@ -67,8 +67,6 @@ def epi(
                 views=views,
                 inverse_distance=None if plane is None else 1.0 / plane,
             )
-        except InputError as error:
-            raise InputError(f"{file}: {error}") from None
         if output.suffix.lower() in display_suffixes():
             import PIL.Image
 

@@ -1,7 +1,6 @@
 """`rt lightfield views`: one view, one between others, all of them, or a montage."""
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -10,6 +9,7 @@ import typer
 from raytracer.cli.lightfield.base.files import (
     check_folder,
     check_outputs,
+    name_in_errors,
     open_light_field,
     picture_suffixes,
     report_written,
@@ -21,6 +21,7 @@ from raytracer.util.errors import InputError
 if TYPE_CHECKING:
     from raytracer.film.light_field.field import LightField
     from raytracer.film.light_field.views import Views
+    from raytracer.util.progress import Update
 
 EXAMPLE = """\b
 Examples:
@@ -112,7 +113,7 @@ def views(
         if wanted == "all":
             _save_all(field, output, ending, bar.update, quiet)
             return
-        try:
+        with name_in_errors(file):
             if index is not None:
                 chosen = reference_view(geometry, *index)
                 require_lit(field, *chosen)
@@ -127,15 +128,11 @@ def views(
                 picture = view_at(field, *position, depth=around, distance=plane)
             else:
                 picture = montage(field, width=4096 if width is None else width)
-        except InputError as error:
-            raise InputError(f"{file}: {error}") from None
         save_picture(picture, output, field)
     report_written(output, quiet)
 
 
-def _save_all(
-    field: "LightField", folder: Path, ending: str, update: Callable[[float, float], object], quiet: bool
-) -> None:
+def _save_all(field: "LightField", folder: Path, ending: str, update: "Update", quiet: bool) -> None:
     """Write all views that any light came to, each in a file with its row and column; say how many got none."""
     from raytracer.lightfield.coverage import lit_views
 

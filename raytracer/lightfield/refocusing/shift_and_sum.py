@@ -13,8 +13,8 @@ from raytracer.film.light_field.field import LIT_LAYER, LightField
 from raytracer.film.light_field.views import Views
 from raytracer.film.window import Window
 from raytracer.lightfield.coverage import extrapolate_unlit, lit_at_nearest
-from raytracer.lightfield.progress import Update
 from raytracer.lightfield.refocusing.pixel_interpolation import AxisShift, Interpolation, make_shift
+from raytracer.util.progress import Update
 
 FloatArray = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 """Writing `.lf` files: view by view, or a whole light field."""
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from raytracer.film.light_field.lf.constants import (
 from raytracer.film.light_field.lf.write_only_file import WriteOnlyFile
 from raytracer.film.light_field.views import Views
 from raytracer.util.atomic_write import atomic_write, wrap_os_errors
+from raytracer.util.progress import Update
 
 _TILE = 128
 """Pixels along the edge of a tile: as quick as whole views to write and read, and a part of a view costs little."""
@@ -278,7 +279,7 @@ def write(
     *,
     dtype: str = "float32",
     compress: bool = False,
-    update: Callable[[float, float], object] | None = None,
+    update: Update | None = None,
 ) -> None:
     """Write a light field as an `.lf` file.
 
