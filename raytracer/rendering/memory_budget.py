@@ -187,10 +187,10 @@ def picture_memory(
 
 def structure_memory(packed: PackedScene, cache: RenderCache | None = None) -> StructureMemory:
     """Estimate the memory that the ray caster's structure of a scene will add; none if it is there already."""
-    shapes = packed.geometries, packed.groups, packed.placements
-    first, robust = len(packed.scene.primitives), packed.robust
-    is_cached = cache is not None and cache.has_structure(*shapes, first_instance=first, robust=robust)
-    return StructureMemory(0, 0) if is_cached or packed.built is not None else structure_bytes(*shapes)
+    is_cached = cache is not None and cache.has_structure(packed.accel_input())
+    if is_cached or packed.built is not None:
+        return StructureMemory(0, 0)
+    return structure_bytes(packed.geometries, packed.groups, packed.placements)
 
 
 def estimate_memory(structure: StructureMemory, picture: PictureMemory, threads: int) -> MemoryEstimate:
