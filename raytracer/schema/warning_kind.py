@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, TypeAlias, TypeVar
 
 from raytracer.schema.yaml_nodes import KeyPath
 
@@ -51,6 +51,10 @@ class WarningRecord(NamedTuple):
     text: str
 
 
+Warned: TypeAlias = Iterator[WarningRecord]
+"""What a kind finds."""
+
+
 class WarningKind(ABC, Generic[Subject]):
     """Base of the kinds of warnings; their sentences are attributes of the class.
 
@@ -64,7 +68,7 @@ class WarningKind(ABC, Generic[Subject]):
     rank: ClassVar[int]
 
     @abstractmethod
-    def find(self, subject: Subject) -> Iterator[WarningRecord]:
+    def find(self, subject: Subject) -> Warned:
         """Find the warnings of this kind."""
 
     def record(self, text: str, *keys: str | int) -> WarningRecord:

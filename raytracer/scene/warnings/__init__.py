@@ -14,12 +14,11 @@ __all__ = ["emit_warnings", "find_warnings", "warning_messages"]
 
 def find_warnings(packed: PackedScene) -> list[WarningRecord]:
     """Find the warnings of a packed scene, and those that its camera has of its settings; see docs/warnings.md."""
-    spec = packed.spec
+    spec, survey = packed.spec, SceneSurvey(packed)
+    found = SCENE_WARNINGS.find(survey)
+    survey.forget()
     of_camera = spec.camera.warnings(spec.film.width, spec.film.height)
-    return [
-        *SCENE_WARNINGS.find(SceneSurvey(packed)),
-        *(warning_at(spec, record._replace(keys=("camera", *record.keys))) for record in of_camera),
-    ]
+    return found + [warning_at(spec, record._replace(keys=("camera", *record.keys))) for record in of_camera]
 
 
 def emit_warnings(packed: PackedScene, warn: Callable[[str], object] | None, *, strict: bool = False) -> None:

@@ -1,7 +1,5 @@
 """Warn of cameras at positions where they see nothing."""
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,7 +9,7 @@ from raytracer.scene.warnings.base.kind import LIGHTS_AND_CAMERAS, SceneWarningK
 from raytracer.scene.warnings.base.primitive_points import Points, coordinate_extents, normals, outline, without_motion
 from raytracer.scene.warnings.base.ray_offset import MOST_REACH
 from raytracer.scene.warnings.base.survey import SceneSurvey
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 # Most faces of an object that are examined one by one.
 _MOST_FACES = 10_000
@@ -36,7 +34,7 @@ class CameraPosition(SceneWarningKind):
         remedy="move it by more than that",
     )
 
-    def find(self, survey: SceneSurvey) -> Iterator[WarningRecord]:
+    def find(self, survey: SceneSurvey) -> Warned:
         pieces = survey.pieces
         for piece in np.flatnonzero(
             (pieces.group < 0) & (pieces.stop - pieces.start <= _MOST_FACES) & _near(survey)

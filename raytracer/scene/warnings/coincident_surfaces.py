@@ -19,7 +19,7 @@ from raytracer.scene.warnings.base.primitive_points import Points, is_flat, with
 from raytracer.scene.warnings.base.record import object_label
 from raytracer.scene.warnings.base.survey import SceneSurvey
 from raytracer.schema.transform import TRANSFORM_ROUNDING
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 from raytracer.schema.yaml_nodes import KeyPath
 
 Indices = NDArray[np.int64]
@@ -90,7 +90,7 @@ class CoincidentSurfaces(SceneWarningKind):
         remedy="let them overlap by more than that and give what is clear a `priority`, or leave a gap",
     )
 
-    def find(self, survey: SceneSurvey) -> Iterator[WarningRecord]:
+    def find(self, survey: SceneSurvey) -> Warned:
         tried: dict[tuple[KeyPath, KeyPath], int] = {}
         for pair in (*_flat_pairs(survey), *_round_pairs(survey)):
             one, other = sorted(pair.keys, key=survey.order)

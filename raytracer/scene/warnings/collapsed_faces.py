@@ -1,12 +1,10 @@
 """Warn of faces that have no area once their corners are rounded to float32."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from raytracer.scene.warnings.base.kind import FLOAT32, SceneWarningKind
 from raytracer.scene.warnings.base.survey import SceneSurvey
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class CollapsedFaces(SceneWarningKind):
@@ -22,7 +20,7 @@ class CollapsedFaces(SceneWarningKind):
         remedy="make the object larger, or place it nearer to {origin}",
     )
 
-    def find(self, survey: SceneSurvey) -> Iterator[WarningRecord]:
+    def find(self, survey: SceneSurvey) -> Warned:
         pieces = survey.pieces
         for piece in np.flatnonzero(pieces.empty).tolist():
             count, total = int(pieces.empty[piece]), int(pieces.stop[piece] - pieces.start[piece])

@@ -5,7 +5,6 @@ in it comes out again only if it is that much nearer to the normal.
 """
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from raytracer.scene.warnings.base.clear_objects import ClearObjects, Copy, boun
 from raytracer.scene.warnings.base.kind import NESTING, SceneWarningKind
 from raytracer.scene.warnings.base.primitive_points import Points
 from raytracer.scene.warnings.base.survey import SceneSurvey
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 MAX_INDEX_PRODUCT = 1e13
 """Product of the indices of nested objects up to which light comes out again: float64 has 4.5e15 steps from 0 to 1.
@@ -58,7 +57,7 @@ class DeepNesting(SceneWarningKind):
         remedy="raise `render.max_depth`",
     )
 
-    def find(self, survey: SceneSurvey) -> Iterator[WarningRecord]:
+    def find(self, survey: SceneSurvey) -> Warned:
         clear = survey.once(ClearObjects)
         if len(clear.bare) < _FEWEST_NESTED:
             return

@@ -1,10 +1,8 @@
 """Warn of triangles without an area in files."""
 
-from collections.abc import Iterator
-
 from raytracer.scene.warnings.base.kind import FLOAT32, SceneWarningKind
 from raytracer.scene.warnings.base.survey import SceneSurvey
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class EmptyTriangles(SceneWarningKind):
@@ -20,7 +18,7 @@ class EmptyTriangles(SceneWarningKind):
         remedy="nothing, if there are few; else look at what wrote the file",
     )
 
-    def find(self, survey: SceneSurvey) -> Iterator[WarningRecord]:
+    def find(self, survey: SceneSurvey) -> Warned:
         for item, (count, first) in survey.packed.empty.items():
             text = self.empty.fill(count=count, plural="s" if count > 1 else "", first=first)
             yield self.of_keys(survey, survey.packed.items[item].keys, text)

@@ -1,14 +1,12 @@
 """Warn of objects too far away for their size, from the origin or from the camera."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from raytracer.scene.warnings.base.kind import FLOAT32, SceneWarningKind
 from raytracer.scene.warnings.base.relative_sizes import MAX_DISTANCE_IN_RADII, relative_sizes
 from raytracer.scene.warnings.base.survey import SceneSurvey
 from raytracer.scene.warnings.base.unseen_lights import UnseenLightFinder
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 # Flattening from which on a message mentions it.
 _FLAT = 10.0
@@ -29,7 +27,7 @@ class FarObjects(SceneWarningKind):
         advice="through most lenses it is a fraction of a pixel",
     )
 
-    def find(self, survey: SceneSurvey) -> Iterator[WarningRecord]:
+    def find(self, survey: SceneSurvey) -> Warned:
         seen, unseen_lights = survey.once(relative_sizes), survey.once(UnseenLightFinder)
         for piece in np.flatnonzero(
             (seen.reach > MAX_DISTANCE_IN_RADII) | (seen.distance > MAX_DISTANCE_IN_RADII)

@@ -1,7 +1,5 @@
 """Warn of lights that emit nothing, or light nothing."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from raytracer.core.geometry import OFFSET_ULPS
@@ -9,7 +7,7 @@ from raytracer.core.primitives.spheres import Spheres
 from raytracer.scene.warnings.base.kind import LIGHTS_AND_CAMERAS, SceneWarningKind
 from raytracer.scene.warnings.base.primitive_points import Points, is_flat, normals, outline, without_motion
 from raytracer.scene.warnings.base.survey import SceneSurvey
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 _POWERS = ("intensity", "irradiance", "energy")
 
@@ -51,13 +49,13 @@ class UselessLights(SceneWarningKind):
         remedy="add an `environment`, one of the `lights`, or an emitter",
     )
 
-    def find(self, survey: SceneSurvey) -> Iterator[WarningRecord]:
+    def find(self, survey: SceneSurvey) -> Warned:
         yield from self._find_powerless(survey)
         yield from self._find_averted(survey)
         if _is_dark(survey):
             yield self.of_keys(survey, ("objects",), self.dark.fill())
 
-    def _find_powerless(self, survey: SceneSurvey) -> Iterator[WarningRecord]:
+    def _find_powerless(self, survey: SceneSurvey) -> Warned:
         for number, light in enumerate(survey.spec.lights):
             for key in (name for name in _POWERS if not any(getattr(light, name, (1.0,)))):
                 yield self.of_keys(survey, ("lights", number), self.powerless.fill(power=key))
@@ -68,7 +66,7 @@ class UselessLights(SceneWarningKind):
             if look is not None and "radiance" in type(look).model_fields and not look.is_emissive():
                 yield self.of_piece(survey, piece, self.black.fill())
 
-    def _find_averted(self, survey: SceneSurvey) -> Iterator[WarningRecord]:
+    def _find_averted(self, survey: SceneSurvey) -> Warned:
         """Find emitters with nothing in front of them."""
         pieces = survey.pieces
         # Fog shows light that hits nothing else.

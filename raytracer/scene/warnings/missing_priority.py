@@ -5,7 +5,6 @@ own `outside_ior` wherever it is, and what is around it goes on absorbing within
 """
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from raytracer.scene.warnings.base.clear_objects import ClearObjects, Copy, boun
 from raytracer.scene.warnings.base.kind import NESTING, SceneWarningKind
 from raytracer.scene.warnings.base.record import object_label
 from raytracer.scene.warnings.base.survey import SceneSurvey
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 _MOST_TESTS, _FEWEST_POINTS = 1 << 18, 4
 """Most products of triangles and points of another object that are examined, and the least number of points."""
@@ -34,7 +33,7 @@ class MissingPriority(SceneWarningKind):
         remedy="give its material a `priority` too, a higher one if it takes the place of the other",
     )
 
-    def find(self, survey: SceneSurvey) -> Iterator[WarningRecord]:
+    def find(self, survey: SceneSurvey) -> Warned:
         clear = survey.once(ClearObjects)
         if not clear.bare or not clear.filled:
             return

@@ -1,7 +1,5 @@
 """Warn of scenes whose largest object is too large for the smallest."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from raytracer.scene.warnings.base.kind import FLOAT32, SceneWarningKind
@@ -9,7 +7,7 @@ from raytracer.scene.warnings.base.ray_offset import sunk_objects
 from raytracer.scene.warnings.base.relative_sizes import relative_sizes
 from raytracer.scene.warnings.base.survey import SceneSurvey
 from raytracer.scene.warnings.base.unseen_lights import UnseenLightFinder
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 MAX_SIZE_RATIO = 1e6
 """Largest ratio of the sizes of two objects: float32 has 2^24 = 1.7e7 steps."""
@@ -28,7 +26,7 @@ class SizeRatio(SceneWarningKind):
         remedy="make skies of an `environment` or a `sun`, and grounds no larger than is seen",
     )
 
-    def find(self, survey: SceneSurvey) -> Iterator[WarningRecord]:
+    def find(self, survey: SceneSurvey) -> Warned:
         if survey.once(sunk_objects):
             return
         extent = survey.once(relative_sizes).extent

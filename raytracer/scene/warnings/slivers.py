@@ -6,8 +6,6 @@ at 1e-8 and 14 to 19 times at 1e-9; 1 % or less from 3e-7 on.  What has a neighb
 that edge lies wrong by the same for both.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,7 +15,7 @@ from raytracer.scene.warnings.base.primitive_points import edges, outline, squar
 from raytracer.scene.warnings.base.relative_sizes import relative_sizes
 from raytracer.scene.warnings.base.survey import SceneSurvey
 from raytracer.scene.warnings.base.unseen_lights import UnseenLightFinder
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 _MOST_SHARE = 0.01
 """Largest part of an object's area that may be too narrow."""
@@ -38,7 +36,7 @@ class Slivers(SceneWarningKind):
         remedy="make it wider, bring it nearer, or leave it out",
     )
 
-    def find(self, survey: SceneSurvey) -> Iterator[WarningRecord]:
+    def find(self, survey: SceneSurvey) -> Warned:
         # The largest numbers in intersections: coordinates, or the distance to the camera, in the piece's own space.
         least = OFFSET_ULPS * survey.once(relative_sizes).scale(survey)
         unseen_lights = survey.once(UnseenLightFinder)

@@ -1,13 +1,11 @@
 """Warn of cameras whose pixels are smaller than float32 tells directions."""
 
-from collections.abc import Iterator
-
 from raytracer.core.geometry import OFFSET_ULPS
 from raytracer.plugins.cameras.base.interface import camera_defocus
 from raytracer.plugins.cameras.base.moving import MovingCamera
 from raytracer.scene.warnings.base.kind import FLOAT32, SceneWarningKind
 from raytracer.scene.warnings.base.survey import SceneSurvey
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class SmallPixels(SceneWarningKind):
@@ -24,7 +22,7 @@ class SmallPixels(SceneWarningKind):
         remedy="bring the camera nearer and let it see more",
     )
 
-    def find(self, survey: SceneSurvey) -> Iterator[WarningRecord]:
+    def find(self, survey: SceneSurvey) -> Warned:
         camera = survey.packed.scene.camera
         defocus = camera_defocus(camera.camera if isinstance(camera, MovingCamera) else camera)
         if defocus is not None and defocus.pixel < OFFSET_ULPS:

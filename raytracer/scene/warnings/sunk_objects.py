@@ -1,12 +1,10 @@
 """Warn of objects on grounds so large that rays leave these above the objects."""
 
-from collections.abc import Iterator
-
 from raytracer.core.geometry import OFFSET_ULPS
 from raytracer.scene.warnings.base.kind import FLOAT32, SceneWarningKind
 from raytracer.scene.warnings.base.ray_offset import sunk_objects
 from raytracer.scene.warnings.base.survey import SceneSurvey
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class SunkObjects(SceneWarningKind):
@@ -24,7 +22,7 @@ class SunkObjects(SceneWarningKind):
         advice="a ground no larger than is seen, or several objects in its place",
     )
 
-    def find(self, survey: SceneSurvey) -> Iterator[WarningRecord]:
+    def find(self, survey: SceneSurvey) -> Warned:
         for sunk in survey.once(sunk_objects):
             text = self.sunk.fill(
                 size=2.0 * sunk.radius,

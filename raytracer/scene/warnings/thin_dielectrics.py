@@ -1,7 +1,5 @@
 """Warn of transmissive boxes thinner than the ray offset, behind which rays from their surfaces begin."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from raytracer.core.geometry import OFFSET_ULPS
@@ -9,7 +7,7 @@ from raytracer.scene.warnings.base.kind import FLOAT32, SceneWarningKind
 from raytracer.scene.warnings.base.primitive_points import coordinate_extents, is_flat, normals, outline
 from raytracer.scene.warnings.base.ray_offset import MOST_FACES, MOST_REACH
 from raytracer.scene.warnings.base.survey import SceneSurvey
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class ThinDielectrics(SceneWarningKind):
@@ -25,7 +23,7 @@ class ThinDielectrics(SceneWarningKind):
         remedy="make it thicker or smaller, or use a quad of a `thin_dielectric`",
     )
 
-    def find(self, survey: SceneSurvey) -> Iterator[WarningRecord]:
+    def find(self, survey: SceneSurvey) -> Warned:
         pieces = survey.pieces
         # The sides of thin boxes are narrow.
         for piece in np.flatnonzero(pieces.width < 4.0 * OFFSET_ULPS * MOST_REACH * pieces.reach).tolist():

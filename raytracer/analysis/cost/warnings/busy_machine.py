@@ -1,10 +1,9 @@
 """Warn of a machine that does other work as well."""
 
 import math
-from collections.abc import Iterator
 
 from raytracer.analysis.cost.warnings import StudyConditions, StudyWarningKind
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 _BUSY = 0.5
 """Load for each processor from which on a machine is busy: with half at work, others share caches and clock."""
@@ -27,7 +26,7 @@ class BusyMachine(StudyWarningKind):
         remedy="fewer `--threads`",
     )
 
-    def find(self, subject: StudyConditions) -> Iterator[WarningRecord]:
+    def find(self, subject: StudyConditions) -> Warned:
         load = subject.load
         if load is not None and math.isfinite(load) and load > _BUSY * subject.processors:
             yield self.record(self.loaded.fill(load=load, processors=subject.processors))

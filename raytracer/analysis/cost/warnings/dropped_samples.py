@@ -1,9 +1,7 @@
 """Warn of samples that were not finite."""
 
-from collections.abc import Iterator
-
 from raytracer.analysis.cost.warnings import StudyConditions, StudyWarningKind
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class DroppedSamples(StudyWarningKind):
@@ -17,6 +15,6 @@ class DroppedSamples(StudyWarningKind):
         remedy="[find them](debugging.md#samples-that-are-not-finite)",
     )
 
-    def find(self, subject: StudyConditions) -> Iterator[WarningRecord]:
+    def find(self, subject: StudyConditions) -> Warned:
         if subject.bad:
             yield self.record(self.dropped.fill(count=subject.bad))

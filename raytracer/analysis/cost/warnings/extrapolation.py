@@ -1,9 +1,7 @@
 """Warn of predictions far beyond what was measured."""
 
-from collections.abc import Iterator
-
 from raytracer.analysis.cost.warnings import StudyConditions, StudyWarningKind
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 _MAX_EXTRAPOLATION = 100.0
 """Ratio of predicted to measured samples from which on a prediction is doubtful."""
@@ -28,7 +26,7 @@ class Extrapolation(StudyWarningKind):
         remedy="take the prediction as rough",
     )
 
-    def find(self, subject: StudyConditions) -> Iterator[WarningRecord]:
+    def find(self, subject: StudyConditions) -> Warned:
         prediction = subject.prediction
         measured = prediction.points[-1].spp
         for goal, spp in (

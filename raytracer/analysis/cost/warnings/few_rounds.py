@@ -1,9 +1,7 @@
 """Warn of comparisons of too few rounds for an interval."""
 
-from collections.abc import Iterator
-
 from raytracer.analysis.cost.warnings import MIN_ROUNDS, StudyConditions, StudyWarningKind
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class FewRounds(StudyWarningKind):
@@ -17,6 +15,6 @@ class FewRounds(StudyWarningKind):
         remedy="let it run to its end",
     )
 
-    def find(self, subject: StudyConditions) -> Iterator[WarningRecord]:
+    def find(self, subject: StudyConditions) -> Warned:
         if 0 < subject.rounds < MIN_ROUNDS:
             yield self.record(self.few.fill(rounds=subject.rounds, least=MIN_ROUNDS))

@@ -1,9 +1,7 @@
 """Warn of too few measured tiles for an interval."""
 
-from collections.abc import Iterator
-
 from raytracer.analysis.cost.warnings import MIN_TILES, StudyConditions, StudyWarningKind
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class FewTiles(StudyWarningKind):
@@ -22,7 +20,7 @@ class FewTiles(StudyWarningKind):
         remedy="more `--tiles`",
     )
 
-    def find(self, subject: StudyConditions) -> Iterator[WarningRecord]:
+    def find(self, subject: StudyConditions) -> Warned:
         if subject.tiles_measured == 1:
             yield self.record(self.one.fill())
         elif subject.tiles_measured < min(MIN_TILES, subject.tiles):

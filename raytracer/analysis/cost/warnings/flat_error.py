@@ -1,9 +1,7 @@
 """Warn of pictures without light, or without noise."""
 
-from collections.abc import Iterator
-
 from raytracer.analysis.cost.warnings import StudyConditions, StudyWarningKind
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class FlatError(StudyWarningKind):
@@ -22,7 +20,7 @@ class FlatError(StudyWarningKind):
         remedy="render one sample per pixel",
     )
 
-    def find(self, subject: StudyConditions) -> Iterator[WarningRecord]:
+    def find(self, subject: StudyConditions) -> Warned:
         if subject.scale == 0.0:
             yield self.record(self.black.fill())
         elif subject.prediction.points[-1].error.value == 0.0:

@@ -1,9 +1,7 @@
 """Warn of studies that were interrupted."""
 
-from collections.abc import Iterator
-
 from raytracer.analysis.cost.warnings import StudyConditions, StudyWarningKind
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class Interruption(StudyWarningKind):
@@ -22,7 +20,7 @@ class Interruption(StudyWarningKind):
         remedy="let it run to its end",
     )
 
-    def find(self, subject: StudyConditions) -> Iterator[WarningRecord]:
+    def find(self, subject: StudyConditions) -> Warned:
         if subject.interrupted and subject.rounds:
             yield self.record(self.after.fill(rounds=subject.rounds, asked=subject.rounds_asked))
         elif subject.interrupted:

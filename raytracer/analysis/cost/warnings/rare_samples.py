@@ -1,9 +1,7 @@
 """Warn of errors that few pixels decide."""
 
-from collections.abc import Iterator
-
 from raytracer.analysis.cost.warnings import StudyConditions, StudyWarningKind
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 _LARGE_SHARE = 0.2
 """Share of the error in the worst 0.1 % of the pixels from which on means are doubtful."""
@@ -21,6 +19,6 @@ class RareSamples(StudyWarningKind):
         remedy="take away what makes fireflies, or use `render.clamp`",
     )
 
-    def find(self, subject: StudyConditions) -> Iterator[WarningRecord]:
+    def find(self, subject: StudyConditions) -> Warned:
         if subject.top_share > _LARGE_SHARE:
             yield self.record(self.rare.fill(percent=100.0 * subject.top_share))

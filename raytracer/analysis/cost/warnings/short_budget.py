@@ -1,9 +1,7 @@
 """Warn of budgets of time that are used up before the first sample."""
 
-from collections.abc import Iterator
-
 from raytracer.analysis.cost.warnings import StudyConditions, StudyWarningKind
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class ShortBudget(StudyWarningKind):
@@ -18,7 +16,7 @@ class ShortBudget(StudyWarningKind):
         remedy="a larger `--budget`",
     )
 
-    def find(self, subject: StudyConditions) -> Iterator[WarningRecord]:
+    def find(self, subject: StudyConditions) -> Warned:
         prediction = subject.prediction
         if prediction.budget is not None and not prediction.budget_spp:
             yield self.record(self.short.fill(budget=prediction.budget, fixed=prediction.fixed.value))

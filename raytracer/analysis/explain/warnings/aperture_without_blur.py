@@ -1,11 +1,10 @@
 """Warn of apertures that set the exposure alone."""
 
 import math
-from collections.abc import Iterator
 
 from raytracer.analysis.explain.text import format_number
 from raytracer.analysis.explain.warnings import Photograph, PhotographicWarningKind
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class ApertureWithoutBlur(PhotographicWarningKind):
@@ -20,7 +19,7 @@ class ApertureWithoutBlur(PhotographicWarningKind):
         remedy="a `thin_lens` camera, if what is out of focus should blur",
     )
 
-    def find(self, subject: Photograph) -> Iterator[WarningRecord]:
+    def find(self, subject: Photograph) -> Warned:
         f_number = subject.numbers.get("f_number", math.nan)
         if subject.view.pupil() == 0.0 and math.isfinite(f_number):
             camera = subject.view.spec.camera.type

@@ -1,13 +1,11 @@
 """Warn of flashes of which the shutter keeps light from the film, or from a part of it."""
 
-from collections.abc import Iterator
-
 from raytracer.analysis.explain.text import format_duration, format_number
 from raytracer.analysis.explain.warnings import Photograph, PhotographicWarningKind
 from raytracer.core.shutter.table import TICK
 from raytracer.core.shutter.timing import Timing
 from raytracer.scene.pack.lights import lights_of
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 # Edge at which the readout begins, and the side along which it goes.
 _EDGES = {"down": "top", "up": "bottom", "right": "left", "left": "right"}
@@ -36,7 +34,7 @@ class ClippedFlash(PhotographicWarningKind):
         remedy="a shutter that is fully open for as long as is said",
     )
 
-    def find(self, subject: Photograph) -> Iterator[WarningRecord]:
+    def find(self, subject: Photograph) -> Warned:
         spec = subject.view.spec
         timing = spec.camera.timing()
         pulses = {f"lights[{number}]": light.pulse(timing) for number, light in enumerate(lights_of(spec))}

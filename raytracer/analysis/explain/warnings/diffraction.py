@@ -1,11 +1,10 @@
 """Warn where diffraction, which is left out, would soften a real picture."""
 
 import math
-from collections.abc import Iterator
 
 from raytracer.analysis.explain.text import format_number
 from raytracer.analysis.explain.warnings import Photograph, PhotographicWarningKind
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class Diffraction(PhotographicWarningKind):
@@ -20,7 +19,7 @@ class Diffraction(PhotographicWarningKind):
         remedy="a wider aperture or fewer pixels; or nothing, where a real picture's softness is not wanted",
     )
 
-    def find(self, subject: Photograph) -> Iterator[WarningRecord]:
+    def find(self, subject: Photograph) -> Warned:
         numbers = subject.numbers
         disc, pixel = numbers.get("airy_disc_um", math.nan), numbers.get("pixel_pitch_um", math.nan)
         if disc > pixel:

@@ -1,11 +1,10 @@
 """Warn of f-numbers that no lens can have."""
 
 import math
-from collections.abc import Iterator
 
 from raytracer.analysis.explain.text import format_number
 from raytracer.analysis.explain.warnings import Photograph, PhotographicWarningKind
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 _FASTEST_F_NUMBER = 0.5
 """Least f-number of a lens in air that is free of coma: Born, Wolf 1999, "Principles of Optics", 7th ed., 4.8.2."""
@@ -22,7 +21,7 @@ class FastLens(PhotographicWarningKind):
         remedy="a larger `f_number`",
     )
 
-    def find(self, subject: Photograph) -> Iterator[WarningRecord]:
+    def find(self, subject: Photograph) -> Warned:
         f_number = subject.numbers.get("f_number", math.nan)
         if f_number < _FASTEST_F_NUMBER:
             yield self.record(self.fast.fill(f_number=format_number(f_number), limit=_FASTEST_F_NUMBER))

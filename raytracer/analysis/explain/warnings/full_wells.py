@@ -1,11 +1,10 @@
 """Warn of a sensor that is full before it has given its largest number."""
 
 import math
-from collections.abc import Iterator
 
 from raytracer.analysis.explain.text import format_number
 from raytracer.analysis.explain.warnings import Photograph, PhotographicWarningKind
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class FullWells(PhotographicWarningKind):
@@ -20,7 +19,7 @@ class FullWells(PhotographicWarningKind):
         remedy="less `exposure_compensation`, or a higher `iso`",
     )
 
-    def find(self, subject: Photograph) -> Iterator[WarningRecord]:
+    def find(self, subject: Photograph) -> Warned:
         camera = subject.view.spec.camera
         sensor, speed, push = camera.simulated_sensor(), camera.iso_speed(), camera.exposure_compensation
         if sensor is None or speed is None or not push:

@@ -1,10 +1,8 @@
 """Warn of exposure times that look like the number below a 1."""
 
-from collections.abc import Iterator
-
 from raytracer.analysis.explain.text import format_number
 from raytracer.analysis.explain.warnings import Photograph, PhotographicWarningKind
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 _LONGEST_SHUTTER = 30.0
 """Longest exposure time (s) on the dials of cameras; longer ones are held open by hand."""
@@ -21,7 +19,7 @@ class LongShutter(PhotographicWarningKind):
         remedy="write the time with its unit, as in `1/125 s`, if that was meant",
     )
 
-    def find(self, subject: Photograph) -> Iterator[WarningRecord]:
+    def find(self, subject: Photograph) -> Warned:
         camera = subject.view.spec.camera
         seconds = camera.timing().seconds()
         is_photograph = camera.iso_speed() is not None or camera.exposure is not None

@@ -1,10 +1,8 @@
 """Warn of focal lengths that look as if they were written in metres."""
 
-from collections.abc import Iterator
-
 from raytracer.analysis.explain.text import format_number
 from raytracer.analysis.explain.warnings import Photograph, PhotographicWarningKind
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 _SHORTEST_FOCAL_LENGTH = 1.0
 """Least focal length (mm) of any camera's lens; those of telephones have a few millimetres."""
@@ -21,7 +19,7 @@ class ShortFocalLength(PhotographicWarningKind):
         remedy="write it in millimetres, or with its unit",
     )
 
-    def find(self, subject: Photograph) -> Iterator[WarningRecord]:
+    def find(self, subject: Photograph) -> Warned:
         for key in ("focal_length", "equivalent_focal_length"):
             length = getattr(subject.view.spec.camera, key, None)
             if length is not None and length < _SHORTEST_FOCAL_LENGTH:

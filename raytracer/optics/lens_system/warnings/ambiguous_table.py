@@ -1,10 +1,8 @@
 """Warn of tables of other programs that may mean two lenses."""
 
-from collections.abc import Iterator
-
 from raytracer.optics.lens_system.lens import READING
 from raytracer.optics.lens_system.warnings import LensWarningKind, MountedLens
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class AmbiguousTable(LensWarningKind):
@@ -17,7 +15,7 @@ class AmbiguousTable(LensWarningKind):
         remedy="`rt lens import TABLE --thickness after -o LENS.yaml`, and that in its place",
     )
 
-    def find(self, subject: MountedLens) -> Iterator[WarningRecord]:
+    def find(self, subject: MountedLens) -> Warned:
         reading = subject.lens.reading
         if reading is not None and reading.is_guess:
             yield self.record(self.guess.fill(place=reading.place, reason=reading.reason), "lens")

@@ -1,9 +1,7 @@
 """Warn of surfaces that go through each other."""
 
-from collections.abc import Iterator
-
 from raytracer.optics.lens_system.warnings import LensWarningKind, MountedLens
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class CrossingSurfaces(LensWarningKind):
@@ -18,6 +16,6 @@ class CrossingSurfaces(LensWarningKind):
         "or before](lenses.md#lenses-of-other-programs) each surface",
     )
 
-    def find(self, subject: MountedLens) -> Iterator[WarningRecord]:
+    def find(self, subject: MountedLens) -> Warned:
         for first, second in subject.lens.focused(subject.shift).crossings():
             yield self.record(self.crossing.fill(first=first, second=second), "lens")

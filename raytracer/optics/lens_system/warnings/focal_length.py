@@ -1,11 +1,10 @@
 """Warn of focal lengths that are not the published ones."""
 
 import math
-from collections.abc import Iterator
 
 from raytracer.optics.lens_system.first_order import cardinal_points
 from raytracer.optics.lens_system.warnings import THIRD_OF_A_STOP, LensWarningKind, MountedLens
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class FocalLength(LensWarningKind):
@@ -18,7 +17,7 @@ class FocalLength(LensWarningKind):
         remedy="look at what was scaled",
     )
 
-    def find(self, subject: MountedLens) -> Iterator[WarningRecord]:
+    def find(self, subject: MountedLens) -> Warned:
         if subject.lens.focal_length is None:
             return
         published = abs(subject.lens.focal_length)

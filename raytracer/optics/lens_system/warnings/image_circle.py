@@ -1,9 +1,7 @@
 """Warn of pictures larger than the image circle of their lens."""
 
-from collections.abc import Iterator
-
 from raytracer.optics.lens_system.warnings import LensWarningKind, MountedLens
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 _ROUNDING = 0.2
 """Difference (mm) that says nothing: sensors and image circles are rounded to a tenth of a millimetre."""
@@ -20,7 +18,7 @@ class ImageCircle(LensWarningKind):
         remedy="a smaller `sensor`, or another lens",
     )
 
-    def find(self, subject: MountedLens) -> Iterator[WarningRecord]:
+    def find(self, subject: MountedLens) -> Warned:
         circle = subject.lens.image_circle
         if circle is not None and subject.diagonal > circle + _ROUNDING:
             text = self.exceeded.fill(diagonal=subject.diagonal, circle=circle)

@@ -1,13 +1,11 @@
 """Warn of stops that a rim hides, and of those that open less far than is published."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from raytracer.optics.lens_system.first_order import paraxial_heights
 from raytracer.optics.lens_system.stops import f_number_of, filled_stop_fraction
 from raytracer.optics.lens_system.warnings import THIRD_OF_A_STOP, LensWarningKind, MountedLens
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class StopSize(LensWarningKind):
@@ -27,7 +25,7 @@ class StopSize(LensWarningKind):
         remedy="look at the `aperture` of the stop, which is a diameter",
     )
 
-    def find(self, subject: MountedLens) -> Iterator[WarningRecord]:
+    def find(self, subject: MountedLens) -> Warned:
         lens = subject.lens
         try:
             packed = lens.packed()

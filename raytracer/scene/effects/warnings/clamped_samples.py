@@ -1,9 +1,7 @@
 """Warn of samples that are made darker."""
 
-from collections.abc import Iterator
-
 from raytracer.scene.effects.warnings import EffectsInUse, EffectWarningKind
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class ClampedSamples(EffectWarningKind):
@@ -17,6 +15,6 @@ class ClampedSamples(EffectWarningKind):
         remedy="leave it out where the light must be right",
     )
 
-    def find(self, subject: EffectsInUse) -> Iterator[WarningRecord]:
+    def find(self, subject: EffectsInUse) -> Warned:
         if subject.spec.render.clamp is not None:
             yield self.record(self.clamped.fill(), "clamp")

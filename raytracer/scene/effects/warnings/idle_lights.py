@@ -1,10 +1,8 @@
 """Warn of lights that make no difference."""
 
-from collections.abc import Iterator
-
 from raytracer.scene.effects.warnings import EffectsInUse, EffectWarningKind
 from raytracer.scene.pack.lights import lights_of
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class IdleLights(EffectWarningKind):
@@ -18,7 +16,7 @@ class IdleLights(EffectWarningKind):
         remedy="give them light, or give something a material that is neither a mirror nor glass",
     )
 
-    def find(self, subject: EffectsInUse) -> Iterator[WarningRecord]:
+    def find(self, subject: EffectsInUse) -> Warned:
         for kind in dict.fromkeys(light.type for light in lights_of(subject.spec)):
             if not subject.effects[f"light.{kind}"].active:
                 yield self.record(self.idle.fill(), f"light.{kind}")

@@ -1,10 +1,8 @@
 """Warn of lights that paths do not find."""
 
-from collections.abc import Iterator
-
 from raytracer.plugins.lights.base.interface import Lights, LightSamplingOnly
 from raytracer.scene.effects.warnings import EffectsInUse, EffectWarningKind
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class UnfoundLights(EffectWarningKind):
@@ -18,7 +16,7 @@ class UnfoundLights(EffectWarningKind):
         remedy="`mis`, which counts both",
     )
 
-    def find(self, subject: EffectsInUse) -> Iterator[WarningRecord]:
+    def find(self, subject: EffectsInUse) -> Warned:
         lights = subject.scene.lights
         if isinstance(lights, Lights) and isinstance(lights.heuristic, LightSamplingOnly):
             yield self.record(self.unfound.fill(), "light_sampling")

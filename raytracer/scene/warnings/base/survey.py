@@ -83,6 +83,10 @@ class SceneSurvey:
             self._derived[derive] = derive(self)
         return cast(Derived, self._derived[derive])
 
+    def forget(self) -> None:
+        """Drop what was derived: it refers to the survey, and both would keep the scene in memory for a while."""
+        self._derived.clear()
+
     @cached_property
     def camera(self) -> Points:
         """Position of the camera (3,) in the packed scene when the shutter opens."""

@@ -1,9 +1,7 @@
 """Warn of light fields without room for a sub-image."""
 
-from collections.abc import Iterator
-
 from raytracer.plugins.cameras.base.warnings import MicrolensFit, MicrolensWarningKind
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 
 class NoViews(MicrolensWarningKind):
@@ -17,7 +15,7 @@ class NoViews(MicrolensWarningKind):
         remedy="give a film with more pixels, or smaller microlenses",
     )
 
-    def find(self, subject: MicrolensFit) -> Iterator[WarningRecord]:
+    def find(self, subject: MicrolensFit) -> Warned:
         layout = subject.layout
         if not layout.holds_views:
             text = self.small.fill(width=layout.width, height=layout.height, spacing=subject.array.spacing)

@@ -1,9 +1,7 @@
 """Warn of sub-images that overlap, or leave pixels dark."""
 
-from collections.abc import Iterator
-
 from raytracer.plugins.cameras.base.warnings import MicrolensFit, MicrolensWarningKind
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 _MISMATCH = 0.05
 """Part of their width by which sub-images may miss each other unremarked: engraved f-numbers are rounded by as much."""
@@ -25,7 +23,7 @@ class SubImageSize(MicrolensWarningKind):
         remedy="the f-number that is named",
     )
 
-    def find(self, subject: MicrolensFit) -> Iterator[WarningRecord]:
+    def find(self, subject: MicrolensFit) -> Warned:
         part, given = subject.array.distance / subject.array.matched, subject.f_number
         if part > 1.0 + _MISMATCH or part < 1.0 - _MISMATCH:
             match = "" if given is None else f": f/{part * given:.3g} in place of f/{given:.3g} would fill them"

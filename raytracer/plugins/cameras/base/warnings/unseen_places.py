@@ -1,9 +1,7 @@
 """Warn of focused microlenses too few of which see each place."""
 
-from collections.abc import Iterator
-
 from raytracer.plugins.cameras.base.warnings import MicrolensFit, MicrolensWarningKind
-from raytracer.schema.warning_kind import Sentence, WarningRecord
+from raytracer.schema.warning_kind import Sentence, Warned
 
 _MIN_SEEN_BY = 2.0
 """Microlenses across that should see each place: Georgiev, Lumsdaine 2010, "Reducing Plenoptic Camera Artifacts"."""
@@ -20,7 +18,7 @@ class UnseenPlaces(MicrolensWarningKind):
         remedy="give a focal_length that is nearer to what shows the main lens",
     )
 
-    def find(self, subject: MicrolensFit) -> Iterator[WarningRecord]:
+    def find(self, subject: MicrolensFit) -> Warned:
         overlap = subject.layout.overlap
         if subject.lenses.arrangement == "focused" and overlap < _MIN_SEEN_BY:
             yield self.record(self.few.fill(overlap=overlap, least=_MIN_SEEN_BY), "microlenses")
