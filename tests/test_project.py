@@ -229,6 +229,14 @@ def test_the_reference_of_scene_files_is_up_to_date() -> None:
     assert make_scenes.OUTPUT.read_text(encoding="utf-8") == make_scenes.reference(), "run `make docs`"
 
 
+def test_the_tables_of_warnings_are_up_to_date() -> None:
+    make_warnings = _script("make_warnings")
+    text = make_warnings.OUTPUT.read_text(encoding="utf-8")
+    assert make_warnings.with_tables(text) == text, "run `make docs`"
+    with pytest.raises(ValueError, match=r"^docs/warnings.md has no section Photographs$"):
+        make_warnings.with_tables(text.replace("## Photographs", "## Pictures"))
+
+
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 def test_whole_scenes_in_documents_are_valid(document: Path, tmp_path: Path) -> None:
     for number, text in enumerate(_fenced(document.read_text(encoding="utf-8"), "yaml")):

@@ -69,16 +69,17 @@ def check(
     could not be read.
     """
     from raytracer.analysis.regression.check import CheckOptions, check_reference, find_references
-    from raytracer.analysis.regression.progress_bar import RendersBar
+    from raytracer.rendering.progress import show_in_batch
     from raytracer.scene.cache import RenderCache
     from raytracer.util.atomic_write import check_file, write_bytes
+    from raytracer.util.progress import BatchBar
 
     paths = find_references(folder, names or [])
     page = report or _REPORT
     check_file(page)
 
     cache, results, is_interrupted = RenderCache(), list["CheckResult"](), False
-    with RendersBar(len(paths), quiet=quiet) as bar, WATCH.on_first_signal(raise_interrupt):
+    with BatchBar(quiet=quiet) as bar, WATCH.on_first_signal(raise_interrupt):
         for number, path in enumerate(paths):
             try:
                 result = check_reference(
@@ -87,7 +88,7 @@ def check(
                     threads=threads,
                     allow_files=allow_files or [],
                     cache=cache,
-                    progress=bar.of(number, path.stem),
+                    progress=show_in_batch(bar, number, len(paths), path.stem),
                 )
             except KeyboardInterrupt:
                 is_interrupted = True

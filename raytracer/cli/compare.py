@@ -90,11 +90,20 @@ def compare(
 
     names = None if metric is None else normalize_metric_names(name for text in metric for name in text.split(","))
     checks = normalize_criteria(PassCriteria(above, below, test, ALPHA if alpha is None else alpha))
-    if not are_folders:
+    comparison: Comparison | FolderComparison
+    if are_folders:
+        comparison = _compare_folders(a, b, names, checks, pictures, quiet)
+    else:
         for picture in pictures:
             check_file(picture.path)
-        return _compare_files(a, b, names, checks, pictures, as_json, quiet)
-    return _compare_folders(a, b, names, checks, pictures, as_json, quiet)
+        comparison = _compare_files(a, b, names, checks, pictures, quiet)
+    if as_json:
+        import json
+
+        print(json.dumps(comparison.json(), indent=2, allow_nan=False))
+    else:
+        print(comparison.text(), end="")
+    return _FAILED if comparison.passed is False else 0
 
 
 class _DifferenceOutput(NamedTuple):
@@ -149,9 +158,8 @@ def _compare_files(
     names: tuple[str, ...] | None,
     checks: "PassCriteria",
     pictures: list[_DifferenceOutput],
-    as_json: bool,
     quiet: bool,
-) -> int:
+) -> "Comparison":
     from raytracer.analysis.compare import compare_images, encode, read
     from raytracer.util.atomic_write import write_bytes
 
@@ -162,8 +170,7 @@ def _compare_files(
         write_bytes(path, data)
         if not quiet:
             print(f"wrote {path}", file=sys.stderr)
-    _show(comparison, as_json)
-    return _status(comparison.passed)
+    return comparison
 
 
 def _compare_folders(
@@ -172,9 +179,8 @@ def _compare_folders(
     names: tuple[str, ...] | None,
     checks: "PassCriteria",
     pictures: list[_DifferenceOutput],
-    as_json: bool,
     quiet: bool,
-) -> int:
+) -> "FolderComparison":
     from raytracer.analysis.compare import compare_folders, encode
     from raytracer.analysis.compare.wipe_page import WipePage
     from raytracer.util.atomic_write import write_bytes
@@ -199,22 +205,7 @@ def _compare_folders(
     if not quiet:
         for picture in pictures:
             print(f"wrote {picture.path}", file=sys.stderr)
-    _show(comparisons, as_json)
-    return _status(comparisons.passed)
-
-
-def _show(comparison: "Comparison | FolderComparison", as_json: bool) -> None:
-    """Print the comparison."""
-    if as_json:
-        import json
-
-        print(json.dumps(comparison.json(), indent=2, allow_nan=False))
-    else:
-        print(comparison.text(), end="")
-
-
-def _status(passed: bool | None) -> int:
-    return _FAILED if passed is False else 0
+    return comparisons
 
 
 def register(app: typer.Typer) -> None:

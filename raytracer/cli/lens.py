@@ -11,7 +11,6 @@ import typer
 import typer.core
 
 from raytracer.cli.base import options
-from raytracer.schema.units import parse_quantity
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -280,11 +279,8 @@ def distortion(
 def _settings(f_number: float | None, focus_distance: str, sensor: str | None, wavelengths: str) -> "Settings":
     from raytracer.analysis.lens_design.performance.results import Settings
 
-    if f_number is not None and not 0.0 < f_number < 1e6:
-        raise InputError(f"--f-number {f_number:g}: must be greater than 0 and less than a million")
-    distance = 1000.0 * options.parse_number(
-        "--focus-distance", focus_distance, lambda text: parse_quantity(text, "length")
-    )
+    options.check_f_number(f_number)
+    distance = 1000.0 * options.parse_dimension("--focus-distance", focus_distance, "length")
     if distance <= 0.0:
         raise InputError(f"--focus-distance {focus_distance}: must be greater than 0")
     size = _sensor(sensor or "full_frame")
@@ -315,9 +311,7 @@ def _sensor(text: str) -> tuple[float, float]:
 
     parts = text.lower().split("x")
     if len(parts) == 2 and text not in SENSORS:
-        width, height = (
-            options.parse_number("--sensor", part, lambda part: parse_quantity(part, "optic")) for part in parts
-        )
+        width, height = (options.parse_dimension("--sensor", part, "optic") for part in parts)
         if not (0.0 < width < 1e4 and 0.0 < height < 1e4):
             raise InputError(f"--sensor {text}: must be larger than 0 and smaller than 10 m")
         return width, height
@@ -358,7 +352,7 @@ def _report_import(file: str, lens: "Lens", *, quiet: bool) -> list[str]:
     -------
     The warnings.
     """
-    from raytracer.optics.lens_system.plausibility import lens_warnings
+    from raytracer.optics.lens_system.warnings import lens_warnings
 
     if lens.reading is not None and not lens.reading.is_guess and not quiet:
         print(f"{file}: {lens.reading.text}", file=sys.stderr)

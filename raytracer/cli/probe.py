@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from raytracer.cli.base import options
-from raytracer.schema.units import Dimension, parse_quantity
+from raytracer.schema.units import Dimension
 from raytracer.util.errors import InputError, Interrupted
 
 if TYPE_CHECKING:
@@ -84,8 +84,8 @@ def probe(
     start = _point("--at", at)
     ahead = None if toward is None else _point("--toward", toward)
     look = None if direction is None else _point("--direction", direction, "number")
-    scene_time = None if time is None else _number("--time", time, "time")
-    nm = None if wavelength is None else _number("--wavelength", wavelength, "wavelength")
+    scene_time = None if time is None else options.parse_dimension("--time", time, "time")
+    nm = None if wavelength is None else options.parse_dimension("--wavelength", wavelength, "wavelength")
 
     from raytracer.analysis.probe import SAMPLES
     from raytracer.analysis.probe import probe as measure
@@ -184,15 +184,11 @@ def _numbers(values: tuple[float, ...]) -> str:
     return "  ".join(f"{value + 0.0:.6g}" for value in values)
 
 
-def _number(option: str, text: str, dimension: Dimension) -> float:
-    return options.parse_number(option, text, lambda part: parse_quantity(part, dimension))
-
-
 def _point(option: str, text: str, dimension: Dimension = "length") -> list[float]:
     parts = text.split(",")
     if len(parts) != len("xyz"):
         raise InputError(f"{option} {text}: must be three numbers, X,Y,Z")
-    return [_number(option, part, dimension) for part in parts]
+    return [options.parse_dimension(option, part, dimension) for part in parts]
 
 
 def register(app: typer.Typer) -> None:

@@ -71,7 +71,6 @@ def reference(
         raise InputError(f"--name {name}: is a name, not a path; -o names the folder")
 
     # Find out what is wrong before the work, not after.
-    from raytracer.analysis.regression.progress_bar import RendersBar
     from raytracer.analysis.regression.reference_file import SUFFIX, load_reference, save_reference
     from raytracer.analysis.regression.render_reference import (
         SEED,
@@ -81,9 +80,11 @@ def reference(
         prepare_reference_scene,
         render_reference,
     )
+    from raytracer.rendering.progress import show_in_batch
     from raytracer.scene.cache import RenderCache
     from raytracer.scene.overrides import parse_overrides
     from raytracer.util.atomic_write import check_file
+    from raytracer.util.progress import BatchBar
 
     overrides = parse_overrides(define or [])
     folder = output or Path("references")
@@ -107,7 +108,7 @@ def reference(
         work[path] = reference_scene, samples, number
 
     cache = RenderCache()
-    with RendersBar(len(work), quiet=quiet) as bar:
+    with BatchBar(quiet=quiet) as bar:
         for count, (path, (reference_scene, samples, number)) in enumerate(work.items()):
             rendered = render_reference(
                 reference_scene,
@@ -115,7 +116,7 @@ def reference(
                 seed=number,
                 threads=threads,
                 cache=cache,
-                progress=bar.of(count, path.stem),
+                progress=show_in_batch(bar, count, len(work), path.stem),
                 warn=lambda sentence: bar.say(f"rt: warning: {sentence}", sys.stderr),
             )
             sentence = _describe(path, rendered)

@@ -117,15 +117,15 @@ def sweep(
 
     from raytracer.analysis.sweep.output_layout import normalize_formats, stale_images
     from raytracer.analysis.sweep.plan import parse_definitions
-    from raytracer.analysis.sweep.progress_bar import SweepBar
     from raytracer.analysis.sweep.run import sweep as run
+    from raytracer.util.progress import BatchBar
 
     suffixes = normalize_formats(formats.split(","))
     layers = options.parse_aovs(aov or [], None if "exr" in suffixes else "--format exr")
     stem = Path(scene).stem
     folder = output or Path("outputs") / (stem if stem.endswith("sweep") else f"{stem}_sweep")
     with ExitStack() as stack:
-        bar = stack.enter_context(SweepBar())
+        bar = stack.enter_context(BatchBar())
         stack.enter_context(WATCH.on_first_signal(raise_interrupt))
         result = run(
             scene,

@@ -27,10 +27,10 @@ from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.views import Views
 from raytracer.lightfield.coverage import lit_at_nearest, lit_view, within_lens
 from raytracer.lightfield.depth.depth_map import Depth, depth_map
-from raytracer.lightfield.progress import Update
 from raytracer.lightfield.splines import Spline, sqrt_tone
 from raytracer.lightfield.views.synthesis import pixel_shifts
 from raytracer.util.errors import InputError
+from raytracer.util.progress import Update, report_progress
 
 FloatArray = NDArray[np.float64]
 
@@ -88,16 +88,14 @@ def supersampled(
     middle, lit = lit_view(field, depth.row, depth.column)
     bounds = _ValueBounds(middle, lit)
     halves = [_NormalEquations(views.height, views.width, factor) for _ in range(2)]
-    indices = np.argwhere(within_lens(views))
-    for number, (row, column) in enumerate(indices):
+    indices = np.argwhere(within_lens(views)).tolist()
+    for row, column in report_progress(indices, update):
         offset = views.position[row, column] - views.position[depth.row, depth.column]
-        samples = _read_samples(field, int(row), int(column))
+        samples = _read_samples(field, row, column)
         places = _to_depth_view(depth, views, offset, samples.rows, samples.columns)
         # Neighbours are in different halves; the middle view is in that which is solved for.
         half = halves[(row + column - depth.row - depth.column) % 2]
         half.add(samples.values, *places, samples.is_lit & bounds.contain(samples.values, *places))
-        if update is not None:
-            update(number + 1, len(indices))
     start = upsample_cubic(middle, factor)
     prior = _best_prior(halves[0], halves[1], start)
     both = halves[0].combined(halves[1])

@@ -11,10 +11,10 @@ from raytracer.film.image import Image
 from raytracer.film.light_field.layout import Layout
 from raytracer.film.negative_pixels import find_negative_causes
 from raytracer.film.photograph import RADIANCE, DevelopSettings, check_develop_settings, develop_photograph
+from raytracer.film.window import Window
 from raytracer.kernel.packed_scene import Scene
 from raytracer.plugins.cameras.base.moving import camera_at_time
 from raytracer.rendering.film_region import DENOISER_GUIDES, FilmRegion
-from raytracer.rendering.tile_scheduler import Window
 from raytracer.scene.pack.autofocus import mid_exposure_time
 from raytracer.scene.spec import SceneSpec
 from raytracer.schema.registry import AOVS

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from raytracer.film.film import Film
+from raytracer.film.window import Window
 from raytracer.kernel.packed_scene import Scene
 from raytracer.kernel.pixel_accumulator import FilmView
-from raytracer.rendering.tile_scheduler import Window
 from raytracer.scene.pack.scene import PackedScene
 from raytracer.scene.spec import SceneSpec
 

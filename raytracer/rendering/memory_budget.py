@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from raytracer.core.error_estimate.halves import FIRST_SPP
 from raytracer.core.geometry import Geometry, Primitive
+from raytracer.film.window import Window
 from raytracer.rendering.film_region import empty_region
 from raytracer.rendering.tile_job import film_arrays
-from raytracer.rendering.tile_scheduler import TILE_SIZE, Window
+from raytracer.rendering.tile_scheduler import TILE_SIZE
 from raytracer.scene.cache import RenderCache
 from raytracer.scene.pack.scene import PackedScene
 from raytracer.util.errors import InputError
@@ -186,10 +187,10 @@ def picture_memory(
 
 def structure_memory(packed: PackedScene, cache: RenderCache | None = None) -> StructureMemory:
     """Estimate the memory that the ray caster's structure of a scene will add; none if it is there already."""
-    shapes = packed.geometries, packed.groups, packed.placements
-    first, robust = len(packed.scene.primitives), packed.robust
-    is_cached = cache is not None and cache.has_structure(*shapes, first_instance=first, robust=robust)
-    return StructureMemory(0, 0) if is_cached or packed.built is not None else structure_bytes(*shapes)
+    is_cached = cache is not None and cache.has_structure(packed.accel_input())
+    if is_cached or packed.built is not None:
+        return StructureMemory(0, 0)
+    return structure_bytes(packed.geometries, packed.groups, packed.placements)
 
 
 def estimate_memory(structure: StructureMemory, picture: PictureMemory, threads: int) -> MemoryEstimate:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypedDict, TypeVar
 
 import numpy as np
 
-from raytracer.rendering.tile_scheduler import Window
+from raytracer.film.window import Window, crop_window
 from raytracer.rendering.worker_pool import available_threads
 from raytracer.scene.render_settings import MAX_PIXELS
 from raytracer.scene.spec import SceneSpec
@@ -148,7 +148,7 @@ def check_options(spec: SceneSpec, options: RenderOptions) -> tuple[SceneSpec, C
     spec = _override_settings(spec, options)
     is_adaptive = options.noise is not None or (options.time_limit is not None and options.spp is None)
     checked = CheckedOptions(
-        window=_crop_window(spec, options.crop),
+        window=crop_window(spec.picture(), options.crop, "the film"),
         crop=options.crop,
         aovs=tuple(options.aovs),
         denoise=options.denoise,
@@ -177,18 +177,6 @@ def _check_integer(name: str, value: int | None, least: int, most: int) -> int |
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
         raise InputError(f"{name} must be an integer from {least} to {most}, got {value!r}")
     return int(value)
-
-
-def _crop_window(spec: SceneSpec, crop: tuple[int, int, int, int] | None) -> Window:
-    """Return the pixels to render."""
-    width, height = spec.picture()
-    if crop is None:
-        return Window(0, 0, width, height)
-    window = Window(*crop)
-    if not (0 <= window.left < window.right <= width and 0 <= window.top < window.bottom <= height):
-        corners = ",".join(map(str, crop))
-        raise InputError(f"crop {corners} must lie within the film, 0,0,{width},{height}, and hold at least a pixel")
-    return window
 
 
 def check_picture_size(window: Window) -> None:

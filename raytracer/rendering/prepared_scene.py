@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from raytracer.core.embree import Accel
+from raytracer.film.window import Window
 from raytracer.kernel.packed_scene import Scene
 from raytracer.kernel.pixel_accumulator import FilmView
 from raytracer.rendering.film_region import FilmRegion, empty_region
 from raytracer.rendering.options import CheckedOptions
-from raytracer.rendering.tile_scheduler import TILE_SIZE, Window
+from raytracer.rendering.tile_scheduler import TILE_SIZE
 from raytracer.rendering.worker_pool import RemoteExecutor
 from raytracer.scene.input_files import FileStamp
 from raytracer.scene.pack.scene import PackedScene

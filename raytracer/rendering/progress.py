@@ -7,7 +7,7 @@ from raytracer.core.compiler.compile_progress import CompileProgress
 from raytracer.core.error_estimate import ErrorEstimate
 from raytracer.rendering.tile_scheduler import TileQueue, now
 from raytracer.report.wording import format_percent
-from raytracer.util.progress import Bar
+from raytracer.util.progress import Bar, BatchBar, BatchProgress
 
 FIRST_COMPILATION = (
     "rt: this combination of effects is compiled for the first time; later renders have it from the cache"
@@ -31,6 +31,11 @@ class Progress(NamedTuple):
     seconds: float
     error: float | None = None
     resumed: int = 0
+
+
+def show_in_batch(bar: BatchBar, number: int, count: int, name: str) -> Callable[[Progress], None]:
+    """Make the function that shows the progress of one of several renders, of this number from 0."""
+    return lambda render: bar(BatchProgress((number + render.done / render.wanted) / count, number, count, name))
 
 
 class SampleBar(Bar):

@@ -113,6 +113,10 @@ class PhaseTimer:
         self._start = now()
         self.start_time = self._start - sum(seconds.values())
 
+    def resume(self) -> None:
+        """Leave out the time since the last lap: it is no phase's."""
+        self._start = now()
+
     def seconds(self, phase: str) -> float:
         """Return the seconds of a phase that is under way or has been."""
         return self._seconds.get(phase, 0.0) + now() - self._start

@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from raytracer.core.embree import PACKET
 from raytracer.core.sampling import SAMPLERS
+from raytracer.film.window import Window
 from raytracer.kernel.path_state import Workspace
 from raytracer.kernel.path_tracer import render_tile
 from raytracer.kernel.pixel_accumulator import FilmView
 from raytracer.rendering.compilation import CompiledScene
 from raytracer.rendering.film_region import empty_film
-from raytracer.rendering.tile_scheduler import TILE_SIZE, Window, now
+from raytracer.rendering.tile_scheduler import TILE_SIZE, now
 from raytracer.rendering.worker_pool import WorkerPool
 
 

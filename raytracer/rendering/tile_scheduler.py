@@ -8,13 +8,14 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.embree import PACKET
 from raytracer.core.error_estimate import ErrorEstimate, ErrorEstimator
+from raytracer.film.window import Window
 from raytracer.kernel.packed_scene import Scene
 from raytracer.kernel.path_state import Workspace
 from raytracer.kernel.path_tracer import render_tile
@@ -45,20 +46,6 @@ _JOBS_IN_FLIGHT = 4
 
 now: Callable[[], float] = time.perf_counter
 """The clock of all limits, in seconds."""
-
-
-class Window(NamedTuple):
-    """Pixels left <= x < right, top <= y < bottom of the picture."""
-
-    left: int
-    top: int
-    right: int
-    bottom: int
-
-    @property
-    def pixels(self) -> int:
-        """Count the pixels."""
-        return (self.right - self.left) * (self.bottom - self.top)
 
 
 def split_into_tiles(window: Window) -> list[Window]:

@@ -2,13 +2,28 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 from raytracer.core.embree import Accel, InstanceArray
 from raytracer.core.geometry import Geometry
 from raytracer.scene.assets import LOADERS
 
 T = TypeVar("T")
+
+
+class AccelInput(NamedTuple):
+    """All that a structure is built of; see `Accel`."""
+
+    geometries: Mapping[int, Geometry]
+    groups: Sequence[Mapping[int, Geometry]]
+    placements: Sequence[InstanceArray]
+    first_instance: int
+    robust: bool
+
+    def build(self) -> Accel:
+        """Build the structure."""
+        shapes = self.geometries, self.groups, self.placements
+        return Accel(*shapes, first_instance=self.first_instance, robust=self.robust)
 
 
 class AssetProvider(Protocol):
@@ -22,16 +37,8 @@ class AssetProvider(Protocol):
         InputError : the file cannot be read.
         """
 
-    def build_accel(
-        self,
-        geometries: Mapping[int, Geometry],
-        groups: Sequence[Mapping[int, Geometry]],
-        placements: Sequence[InstanceArray],
-        *,
-        first_instance: int,
-        robust: bool,
-    ) -> Accel:
-        """Provide the ray caster's structure of these; see `Accel`."""
+    def build_accel(self, parts: AccelInput) -> Accel:
+        """Provide the ray caster's structure of these parts."""
 
     def get_or_create(self, key: tuple[Any, ...], make: Callable[[], T], fresh: Callable[[T], bool]) -> T:
         """Return the cached result for an equal key, if it is still `fresh`; otherwise that of `make`."""
@@ -44,17 +51,9 @@ class NoCache:
         """Read the file."""
         return LOADERS[kind](path)
 
-    def build_accel(
-        self,
-        geometries: Mapping[int, Geometry],
-        groups: Sequence[Mapping[int, Geometry]],
-        placements: Sequence[InstanceArray],
-        *,
-        first_instance: int,
-        robust: bool,
-    ) -> Accel:
+    def build_accel(self, parts: AccelInput) -> Accel:
         """Build it."""
-        return Accel(geometries, groups, placements, first_instance=first_instance, robust=robust)
+        return parts.build()
 
     def get_or_create(self, key: tuple[Any, ...], make: Callable[[], T], fresh: Callable[[T], bool]) -> T:
         """Make it."""

@@ -2,15 +2,15 @@
 
 import dataclasses
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.core.embree import Accel, InstanceArray
-from raytracer.core.geometry import Geometry
+from raytracer.core.embree import Accel
+from raytracer.scene.asset_provider import AccelInput
 from raytracer.scene.assets import LOADERS, companion_files, file_of
 from raytracer.schema.spec import Spec
 
@@ -90,36 +90,16 @@ class RenderCache:
         with self._lock:
             return self._files.get((kind, path), load, lambda file: _array_bytes(file.content), is_unchanged).content
 
-    def build_accel(
-        self,
-        geometries: Mapping[int, Geometry],
-        groups: Sequence[Mapping[int, Geometry]],
-        placements: Sequence[InstanceArray],
-        *,
-        first_instance: int,
-        robust: bool,
-    ) -> Accel:
+    def build_accel(self, parts: AccelInput) -> Accel:
         """Build the ray caster's structure, or return the cached one; see `Accel`."""
-        key = _key(geometries, groups, placements, first_instance, robust)
-
-        def build() -> Accel:
-            return Accel(geometries, groups, placements, first_instance=first_instance, robust=robust)
-
+        key = _key(parts)
         with self._lock:
-            return self._structures.get(key, build, lambda _: _array_bytes(key))
+            return self._structures.get(key, parts.build, lambda _: _array_bytes(key))
 
-    def has_structure(
-        self,
-        geometries: Mapping[int, Geometry],
-        groups: Sequence[Mapping[int, Geometry]],
-        placements: Sequence[InstanceArray],
-        *,
-        first_instance: int,
-        robust: bool,
-    ) -> bool:
+    def has_structure(self, parts: AccelInput) -> bool:
         """Tell if the structure of these is in the cache."""
         with self._lock:
-            return self._structures.has(_key(geometries, groups, placements, first_instance, robust))
+            return self._structures.has(_key(parts))
 
     def get_or_create(self, key: tuple[Any, ...], make: Callable[[], T], fresh: Callable[[T], bool]) -> T:
         """Return the value of a key, if there is one that is still `fresh`; else make it."""
@@ -128,16 +108,11 @@ class RenderCache:
             return value
 
 
-def _key(
-    geometries: Mapping[int, Geometry],
-    groups: Sequence[Mapping[int, Geometry]],
-    placements: Sequence[InstanceArray],
-    first_instance: int,
-    robust: bool,
-) -> tuple[Any, ...]:
+def _key(parts: AccelInput) -> tuple[Any, ...]:
     """Make the cache key of a structure: all that it depends on."""
-    numbered = tuple({number: tuple(parts) for number, parts in group.items()} for group in (geometries, *groups))
-    return numbered, tuple(tuple(instances) for instances in placements), first_instance, robust
+    groups = (parts.geometries, *parts.groups)
+    numbered = tuple({number: tuple(geometry) for number, geometry in group.items()} for group in groups)
+    return numbered, tuple(tuple(instances) for instances in parts.placements), parts.first_instance, parts.robust
 
 
 class _CachedFile(NamedTuple):

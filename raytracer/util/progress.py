@@ -1,9 +1,43 @@
-"""Progress bars, on a terminal and in a notebook."""
+"""Progress of work: callbacks for those who call, and bars on a terminal and in a notebook."""
 
 import importlib.util
 import sys
+from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
-from typing import Any, Self, TextIO
+from typing import Any, NamedTuple, Self, TextIO, TypeVar
+
+Update = Callable[[float, float], object]
+"""Callback of progress: called with the work that is done, and with all of it."""
+
+_Item = TypeVar("_Item")
+
+_BATCH_LAYOUT = "{percentage:3.0f}%|{bar}| {postfix}[{elapsed}<{remaining}]"
+
+
+def report_progress(items: Sequence[_Item], update: Update | None) -> Iterator[_Item]:
+    """Yield items, and report each once it is done."""
+    for number, item in enumerate(items, 1):
+        yield item
+        if update is not None:
+            update(number, len(items))
+
+
+class ProgressCounter:
+    """Counter of the work of several stages, for one callback."""
+
+    def __init__(self, update: Update | None) -> None:
+        self._update = update
+        self._done = self._total = 0
+
+    def add_total(self, steps: int) -> None:
+        """Add the steps of a further stage to the total."""
+        self._total += steps
+
+    def step(self) -> None:
+        """Report one more step as done."""
+        self._done += 1
+        if self._update is not None:
+            self._update(self._done, self._total)
 
 
 def tqdm_class() -> Any:
@@ -74,3 +108,30 @@ class Bar:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+class BatchProgress(NamedTuple):
+    """Progress of several renders, such as the points of a sweep.
+
+    share : of the work that there was to do, from 0 to 1; what was there already is none.
+    points : number of renders that are done or have failed.
+    of : number of all renders.
+    name : the one that is under way.
+    """
+
+    share: float
+    points: int
+    of: int
+    name: str
+
+
+class BatchBar(Bar):
+    """A bar of the share that is done of several renders, with the time left, to be called with each progress."""
+
+    def __init__(self, *, always: bool = False, quiet: bool = False) -> None:
+        super().__init__(always=always, quiet=quiet, bar_format=_BATCH_LAYOUT)
+
+    def __call__(self, progress: BatchProgress) -> None:
+        """Show the progress, which does not go back."""
+        share = max(progress.share, 0.0 if self._bar is None else float(self._bar.n))
+        self.update(share, 1.0, f"{progress.points + 1} of {progress.of}: {progress.name} ")

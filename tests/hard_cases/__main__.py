@@ -22,9 +22,10 @@ from rich.table import Table
 from rich.text import Text
 
 from raytracer.analysis.cost.machine import load_average, processor
+from raytracer.film.window import Window
 from raytracer.rendering.compilation import CompiledScene, compile_scene
 from raytracer.rendering.tile_renderer import render_tiles
-from raytracer.rendering.tile_scheduler import Window, split_into_tiles
+from raytracer.rendering.tile_scheduler import split_into_tiles
 from raytracer.rendering.worker_pool import available_threads
 from raytracer.scene.load import load
 from tests.hard_cases.harness import SCENES, HardCase, Measured, cases

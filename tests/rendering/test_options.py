@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 import raytracer as rt
+from raytracer.film.window import Window
 from raytracer.rendering.options import RenderKeywords, RenderOptions, check_options
-from raytracer.rendering.tile_scheduler import Window
 from tests.small_scenes import scene
 
 _SPHERE = """

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from raytracer.core.error_estimate import ErrorEstimator
+from raytracer.film.window import Window
 from raytracer.kernel.aovs.base.layers import Aovs, CoverageLayer, MajorityLayer, MeanLayer
 from raytracer.kernel.path_state import workspace
 from raytracer.kernel.pixel_accumulator import FilmView
@@ -17,7 +18,7 @@ from raytracer.rendering.compilation import compile_scene
 from raytracer.rendering.film_region import empty_film, film_view
 from raytracer.rendering.render import render, render_image
 from raytracer.rendering.tile_job import TileJob, TileResult, extract_tiles, film_arrays, run_tile_job, split_by_tile
-from raytracer.rendering.tile_scheduler import TileQueue, Window, split_into_tiles
+from raytracer.rendering.tile_scheduler import TileQueue, split_into_tiles
 from raytracer.rendering.worker_pool import WorkerPool
 from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import OutputError

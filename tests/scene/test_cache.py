@@ -16,6 +16,7 @@ from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.render import prepare_scene, render, render_prepared
 from raytracer.rendering.statistics import PhaseTimer
 from raytracer.scene import cache as cache_module
+from raytracer.scene.asset_provider import AccelInput
 from raytracer.scene.assets import LOADERS
 from raytracer.scene.cache import RenderCache, is_identical
 from raytracer.scene.load import build, load
@@ -250,7 +251,7 @@ def _triangle(size: float) -> dict[int, Geometry]:
 
 
 def _structure(cache: RenderCache, size: float = 1.0, *, first_instance: int = 1, robust: bool = True) -> Any:
-    return cache.build_accel(_triangle(size), (), (), first_instance=first_instance, robust=robust)
+    return cache.build_accel(AccelInput(_triangle(size), (), (), first_instance, robust))
 
 
 def test_a_structure_is_built_once_for_the_same_geometry() -> None:

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from raytracer.analysis.cost.workload import FIRST_LEVEL_SPP
 from raytracer.core.sampling import SAMPLERS
 from raytracer.film.film import Film
+from raytracer.film.window import Window
 from raytracer.rendering.compilation import CompiledScene, compile_scene
 from raytracer.rendering.develop import develop_image
 from raytracer.rendering.film_region import FilmRegion
 from raytracer.rendering.tile_renderer import RenderedTiles, render_tiles
-from raytracer.rendering.tile_scheduler import Window
 from raytracer.scene.pack.scene import PackedScene
 from raytracer.scene.spec import SceneSpec
 

@@ -34,9 +34,10 @@ def _plain(material: MaterialSpec, packer: ParameterPacker, kind: str | None = N
 
 
 class _MaterialReplacer:
-    """A replacement of materials, those in others first; each is made once."""
+    """A replacement of materials, of a kind or of any, those in others first; each is made once."""
 
-    def __init__(self) -> None:
+    def __init__(self, kind: str = "") -> None:
+        self._kind = kind
         self._replaced: dict[MaterialSpec, MaterialSpec] = {}
 
     def __call__(self, material: MaterialSpec, packer: ParameterPacker) -> MaterialSpec:
@@ -60,20 +61,12 @@ class _MaterialReplacer:
 class MeanTextures(_MaterialReplacer):
     """Replacement of the textures of a kind by their means."""
 
-    def __init__(self, kind: str) -> None:
-        super().__init__()
-        self._kind = kind
-
     def change(self, material: MaterialSpec, packer: ParameterPacker) -> MaterialSpec:
         return _plain(material, packer, self._kind)
 
 
 class PlainMaterials(_MaterialReplacer):
     """Replacement of the materials of a kind: by what a selector mostly shows, else by a matte surface."""
-
-    def __init__(self, kind: str) -> None:
-        super().__init__()
-        self._kind = kind
 
     def change(self, material: MaterialSpec, packer: ParameterPacker) -> MaterialSpec:
         if material.type != self._kind:

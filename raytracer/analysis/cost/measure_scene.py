@@ -14,7 +14,8 @@ from raytracer.analysis.cost.replicates import Replicates, render_replicates
 from raytracer.analysis.cost.study_options import StudySettings
 from raytracer.analysis.cost.tile_sample import TileSample
 from raytracer.analysis.cost.workload import replicate_workload, sample_levels
-from raytracer.rendering.tile_scheduler import Window, split_into_tiles
+from raytracer.film.window import Window
+from raytracer.rendering.tile_scheduler import split_into_tiles
 from raytracer.scene.spec import SceneSpec
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from raytracer.analysis.cost.compare import (
     variant_result,
 )
 from raytracer.analysis.cost.measure_scene import SceneMeasurement, WarmScene
-from raytracer.analysis.cost.phase_timer import PhaseTimer
+from raytracer.analysis.cost.phase_timer import StudyTimer
 from raytracer.analysis.cost.predict import PictureCost
 from raytracer.analysis.cost.results import Prediction, VariantResult
 from raytracer.analysis.cost.rounds import Rounds, VariantRun, prepare_variant, render_rounds
@@ -24,7 +24,7 @@ from raytracer.analysis.cost.tile_sample import choose_subset
 from raytracer.analysis.cost.variant import Variant
 from raytracer.analysis.cost.workload import round_workload
 from raytracer.core.error_estimate import ConvergenceRate
-from raytracer.rendering.tile_scheduler import Window
+from raytracer.film.window import Window
 from raytracer.scene.scene_assets import SceneAssets
 from raytracer.util.errors import InputError
 
@@ -58,7 +58,7 @@ def measure_variants(
     picture: PictureCost,
     variants: Sequence[Variant],
     settings: StudySettings,
-    timer: PhaseTimer,
+    timer: StudyTimer,
 ) -> ComparisonOutcome:
     """Measure the scene and its variants against each other; an interrupt ends it early."""
     if not variants:

@@ -1,9 +1,10 @@
 """Timing and progress of the phases of a study."""
 
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import NamedTuple
+
+from raytracer.rendering.statistics import PhaseTimer
 
 
 class Progress(NamedTuple):
@@ -13,15 +14,12 @@ class Progress(NamedTuple):
     fraction: float
 
 
-class PhaseTimer:
-    """Seconds by phase, and reports of progress.
+class StudyTimer(PhaseTimer):
+    """Seconds by phase, and reports of progress."""
 
-    seconds : by phase; loading the scene was done before.
-    """
-
-    def __init__(self, progress: Callable[[Progress], None] | None, load_seconds: float) -> None:
+    def __init__(self, seconds: dict[str, float], progress: Callable[[Progress], None] | None) -> None:
+        super().__init__(seconds)
         self._progress = progress or (lambda _: None)
-        self.seconds = {"load": load_seconds}
 
     @contextmanager
     def phase(self, name: str, label: str = "") -> Iterator[Callable[[float], None]]:
@@ -29,9 +27,10 @@ class PhaseTimer:
 
         label : what users read, if that is not the name.
         """
-        start, shown = time.perf_counter(), label or name
+        shown = label or name
+        self.resume()
         self._progress(Progress(shown, 0.0))
         try:
             yield lambda fraction: self._progress(Progress(shown, fraction))
         finally:
-            self.seconds[name] = time.perf_counter() - start
+            self.lap(name)

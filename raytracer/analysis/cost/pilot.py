@@ -10,7 +10,7 @@ from raytracer.analysis.cost.bench import Purpose, Subject, seeds
 from raytracer.analysis.cost.tile_sample import TileSample, choose_tiles
 from raytracer.core.embree import PACKET
 from raytracer.core.error_estimate import error_weights, mean_scale, mse_by_tile
-from raytracer.rendering.tile_scheduler import Window
+from raytracer.film.window import Window
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from raytracer.analysis.cost.bench import Subject
 from raytracer.analysis.cost.tile_sample import TileSample
 from raytracer.analysis.cost.variant import Variant
 from raytracer.core.embree import PACKET
-from raytracer.rendering.tile_scheduler import Window
+from raytracer.film.window import Window
 from raytracer.scene.pack.scene import PackedScene
 from raytracer.scene.scene_assets import SceneAssets
 

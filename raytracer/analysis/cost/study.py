@@ -21,14 +21,14 @@ from raytracer.analysis.cost.measure_scene import (
     warm_scene,
 )
 from raytracer.analysis.cost.measure_variants import ComparisonOutcome, measure_variants
-from raytracer.analysis.cost.phase_timer import PhaseTimer, Progress
+from raytracer.analysis.cost.phase_timer import Progress, StudyTimer
 from raytracer.analysis.cost.plan import plan
 from raytracer.analysis.cost.predict import PictureCost, PredictionGoal, predict
 from raytracer.analysis.cost.results import Prediction, Study
 from raytracer.analysis.cost.study_options import StudyOptions, StudySettings, check_options
 from raytracer.analysis.cost.variant import Variant
 from raytracer.analysis.cost.variants import make_variants, reasons_without_variant, select_variants
-from raytracer.analysis.cost.warnings import StudyConditions, study_warnings
+from raytracer.analysis.cost.warnings import STUDY_WARNINGS, StudyConditions
 from raytracer.core.error_estimate import sampler_exponent, worst_pixel_share
 from raytracer.rendering.worker_pool import available_threads
 from raytracer.scene.pack.scene import PackedScene, pack
@@ -71,7 +71,8 @@ def study(
     """
     settings = check_options(options, spec, len(picture_tiles(spec)))
     load = load_average()
-    timer = PhaseTimer(progress, load_seconds)
+    seconds = {"load": load_seconds}
+    timer = StudyTimer(seconds, progress)
 
     with timer.phase("pack"):
         packed = pack(spec)
@@ -88,9 +89,9 @@ def study(
         picture = assemble_picture(warm, measurement)
     with timer.phase("develop"):
         develop_seconds = bench.develop(prepared, np.where(np.isnan(picture), measurement.scale, picture))
-    _split_prepare_phase(timer.seconds, prepared.seconds, develop_seconds)
+    _split_prepare_phase(seconds, prepared.seconds, develop_seconds)
     rays = warm.pilot.rays if warm.pilot else math.nan
-    cost = PictureCost(picture.shape[0] * picture.shape[1], rays, settings.threads, _fixed_seconds(timer.seconds))
+    cost = PictureCost(picture.shape[0] * picture.shape[1], rays, settings.threads, _fixed_seconds(seconds))
     prediction = predict(
         measurement.replicates,
         measurement.scale,
@@ -107,7 +108,7 @@ def study(
         plan=items,
         prediction=prediction,
         variants=outcome.variants,
-        seconds=timer.seconds,
+        seconds=seconds,
         machine=_machine_conditions(outcome, load, settings),
         picture=picture,
         interrupted=outcome.interrupted,
@@ -185,7 +186,7 @@ def _describe_measurement(
     return {
         "width": width,
         "height": height,
-        "warnings": study_warnings(conditions),
+        "warnings": tuple(record.text for record in STUDY_WARNINGS.find(conditions)),
         "tiles": len(warm.windows),
         "tiles_measured": len(replicates.tiles.windows),
         "top_share": share,

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytracer.rendering.tile_scheduler import TILE_SIZE, Window
+from raytracer.film.window import Window
+from raytracer.rendering.tile_scheduler import TILE_SIZE
 
 Array = NDArray[np.float64]
 

@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from raytracer.rendering.tile_scheduler import TILE_SIZE, Window
+from raytracer.film.window import Window
+from raytracer.rendering.tile_scheduler import TILE_SIZE
 
 REPLICATES = 4
 """Independent renders of the scene, from which its error is estimated."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from raytracer.analysis.explain.camera_numbers import CameraView, Circle, depth_of_field, exposure, multi_view_size
-from raytracer.analysis.explain.photographic_warnings import photographic_warnings
 from raytracer.analysis.explain.scene_keys import SceneKey, list_keys
 from raytracer.analysis.explain.text import (
     camera_text,
@@ -18,6 +17,7 @@ from raytracer.analysis.explain.text import (
     trade_off_text,
     warnings_text,
 )
+from raytracer.analysis.explain.warnings import PHOTOGRAPHIC_WARNINGS, Photograph
 from raytracer.optics.to_yaml import value_to_plain
 from raytracer.scene.effects import Effect, effects_of
 from raytracer.scene.load import load
@@ -117,7 +117,8 @@ def explain(
     where = ObjectBounds(spec, assets)
     numbers = view.numbers | depth_of_field(view, circle) | multi_view_size(spec) | exposure(spec)
     objects = {object_name(spec, number): view.object_numbers(where, number) for number in _explained(spec, where)}
-    warnings = [*warning_messages(find_warnings(packed)), *photographic_warnings(view, numbers)]
+    photographic = PHOTOGRAPHIC_WARNINGS.find(Photograph(view, numbers))
+    warnings = [*warning_messages(find_warnings(packed)), *(record.text for record in photographic)]
     effects = effects_of(spec, packed.scene)
     trade_off = spec.camera.trade_off(spec.film.width, spec.film.height)
     return Explanation(effects, spec.camera.type, numbers, objects, warnings, _thin_lens(spec), trade_off, keys)

@@ -27,7 +27,6 @@ from raytracer.analysis.sweep.prepare_points import (
     RenderResources,
     point_weight,
 )
-from raytracer.analysis.sweep.progress_bar import SweepBar, SweepProgress
 from raytracer.analysis.sweep.report_queue import ReportQueue
 from raytracer.analysis.sweep.results import PointResult, Sweep, SweepPoint
 from raytracer.film.image import Image
@@ -43,6 +42,7 @@ from raytracer.util.array_snapshot import previous_path
 from raytracer.util.atomic_write import write_with_retries
 from raytracer.util.errors import InputError, OutputError, SceneWarning, one_line
 from raytracer.util.path_sandbox import AllowFiles
+from raytracer.util.progress import BatchBar, BatchProgress
 from raytracer.util.signals import WATCH, defer_interrupt
 
 # Settings that replace a key of the scene.
@@ -77,7 +77,7 @@ def sweep(
     cluster: ClusterClient | None = None,
     cache: RenderCache | None = None,
     stock: RenderCache | None = None,
-    progress: Callable[[SweepProgress], object] | bool | None = None,
+    progress: Callable[[BatchProgress], object] | bool | None = None,
     report: Callable[[PointResult], object] | None = None,
     warn: Callable[[str], object] | None = None,
 ) -> Sweep:
@@ -134,7 +134,7 @@ def sweep(
     resources = RenderResources(threads, cluster, cache or stock or RenderCache())
     with ExitStack() as stack:
         if progress is True:
-            progress = stack.enter_context(SweepBar(always=True))
+            progress = stack.enter_context(BatchBar(always=True))
         run = _SweepRun(plan, points, settings, layout, resources, warn or _warn)
         return run.run(progress or None, report)
 
@@ -167,7 +167,7 @@ class _SweepRun:
         return self._preparer.points
 
     def run(
-        self, progress: Callable[[SweepProgress], object] | None, report: Callable[[PointResult], object] | None
+        self, progress: Callable[[BatchProgress], object] | None, report: Callable[[PointResult], object] | None
     ) -> Sweep:
         """Render the points that are missing, and write all files."""
         missing = self._missing_points()
@@ -247,7 +247,7 @@ class _SweepRun:
         number: int,
         made: PreparedScene | Exception,
         missing: Sequence[int],
-        progress: Callable[[SweepProgress], object] | None,
+        progress: Callable[[BatchProgress], object] | None,
         writer: CheckpointWriter | None,
     ) -> Rendered | Exception:
         """Render a point; an error is returned."""
@@ -261,7 +261,7 @@ class _SweepRun:
             if progress is not None:
                 part = render.done / render.wanted if render.wanted else 1.0
                 share = (before + part * self._weights[number]) / whole
-                progress(SweepProgress(share, len(self._results), len(self._points), name))
+                progress(BatchProgress(share, len(self._results), len(self._points), name))
 
         try:
             try:

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from raytracer.scene.preview import EDGE, SPP
-from raytracer.schema.units import parse_bytes
+from raytracer.schema.units import Dimension, parse_bytes, parse_quantity
 from raytracer.util.errors import InputError
 
 Define = Annotated[
@@ -74,6 +74,27 @@ def parse_number(option: str, text: str, parse: Callable[[str], float]) -> float
         return parse(text)
     except ValueError as error:
         raise InputError(f"{option} {text}: {error}") from None
+
+
+def parse_dimension(option: str, text: str, dimension: Dimension) -> float:
+    """Parse a quantity that an option gives, with its unit.
+
+    Raises
+    ------
+    InputError : it is none, and why.
+    """
+    return parse_number(option, text, lambda part: parse_quantity(part, dimension))
+
+
+def check_f_number(f_number: float | None) -> None:
+    """Make sure that an f-number, if there is one, is such that a lens can have an aperture of it.
+
+    Raises
+    ------
+    InputError : it is not.
+    """
+    if f_number is not None and not 0.0 < f_number < 1e6:
+        raise InputError(f"--f-number {f_number:g}: must be greater than 0 and less than a million")
 
 
 def parse_memory_size(option: str, text: str | None) -> int | None:

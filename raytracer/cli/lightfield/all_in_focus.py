@@ -6,15 +6,8 @@ from typing import Annotated
 import typer
 
 from raytracer.cli.base import options
-from raytracer.cli.lightfield.base.files import (
-    check_outputs,
-    open_light_field,
-    picture_suffixes,
-    report_written,
-    save_picture,
-)
+from raytracer.cli.lightfield.base import files
 from raytracer.cli.lightfield.base.options import Far, File, Near, Quiet, parse_distance, parse_view
-from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
 Examples:
@@ -46,7 +39,7 @@ def all_in_focus(
     Each point is taken from where its depth puts it in every view that sees it: as sharp as through a pinhole, with
     less noise.  With --scale finer than any view, since views see a point between each other's pixels.
     """
-    check_outputs(output, picture_suffixes(), "a picture")
+    files.check_outputs(output, files.picture_suffixes(), "a picture")
     index = parse_view("--view", view) or (None, None)
     nearest, farthest = parse_distance("--near", near), parse_distance("--far", far)
 
@@ -55,18 +48,16 @@ def all_in_focus(
     from raytracer.lightfield.super_resolution import supersampled
     from raytracer.util.progress import Bar
 
-    with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
-        try:
+    with files.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
+        with files.name_in_errors(file):
             depths = depth_map(
                 field, row=index[0], column=index[1], near=nearest, far=farthest, threads=threads, update=bar.update
             )
-        except InputError as error:
-            raise InputError(f"{file}: {error}") from None
         if scale == 1:
             picture = fuse(field, depths, update=bar.update)
         else:
             picture = supersampled(field, scale, depths, update=bar.update)
         for path in output:
-            save_picture(picture, path, field)
+            files.save_picture(picture, path, field)
     for path in output:
-        report_written(path, quiet)
+        files.report_written(path, quiet)

@@ -8,8 +8,7 @@ import typer
 
 from raytracer.cli.base import options
 from raytracer.cli.lightfield.base.files import check_outputs, report_written
-from raytracer.cli.lightfield.base.options import Quiet
-from raytracer.schema.units import Dimension, parse_quantity
+from raytracer.cli.lightfield.base.options import Quiet, parse_positive
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -88,9 +87,8 @@ def decode(
     """
     if output is not None:
         check_outputs([output], (".lf",), "a light field")
-    if f_number is not None and not 0.0 < f_number < 1e6:
-        raise InputError(f"--f-number {f_number:g}: must be greater than 0 and less than a million")
-    distance = _length("--focus-distance", focus_distance, "length")
+    options.check_f_number(f_number)
+    distance = parse_positive("--focus-distance", focus_distance, "length")
     pitch, focal, distance_behind = (
         None if text is None else _finite(option, text)
         for option, text in (
@@ -146,16 +144,9 @@ def _summary(grid: "Grid") -> str:
     return "\n".join(lines)
 
 
-def _length(option: str, text: str, dimension: Dimension) -> float:
-    value = options.parse_number(option, text, lambda given: parse_quantity(given, dimension))
-    if not value > 0.0:
-        raise InputError(f"{option} {text}: must be greater than 0")
-    return value
-
-
 def _finite(option: str, text: str) -> float:
     """Parse a finite length (mm)."""
-    value = _length(option, text, "optic")
+    value = parse_positive(option, text, "optic")
     if value == float("inf"):
         raise InputError(f"{option} {text}: must be finite")
     return value

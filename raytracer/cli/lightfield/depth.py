@@ -10,11 +10,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from raytracer.cli.base import options
-from raytracer.cli.lightfield.base.files import check_outputs, open_light_field, report_written, save_picture
+from raytracer.cli.lightfield.base.files import (
+    check_outputs,
+    name_in_errors,
+    open_light_field,
+    report_written,
+    save_picture,
+)
 from raytracer.cli.lightfield.base.options import Far, File, Near, Quiet, parse_distance, parse_view
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
+    from numpy.typing import NDArray
+
     from raytracer.film.light_field.field import LightField
     from raytracer.lightfield.depth.depth_map import Depth
 
@@ -88,7 +99,7 @@ def depth(
     if method not in METHODS:
         raise InputError(f"--method {method}: must be one of {', '.join(METHODS)}")
     with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
-        try:
+        with name_in_errors(file):
             depths = depth_map(
                 field,
                 row=index[0],
@@ -99,8 +110,6 @@ def depth(
                 threads=threads,
                 update=bar.update,
             )
-        except InputError as error:
-            raise InputError(f"{file}: {error}") from None
         for path in outputs:
             if path.suffix.lower() == ".exr":
                 layers = {"depth": depths.distance, "confidence": depths.confidence}
@@ -122,46 +131,40 @@ def _encode_depths(depths: "Depth", field: "LightField", suffix: str) -> bytes:
     """Encode a depth map as a file."""
     import numpy as np
 
-    from raytracer.film.formats import pfm
     from raytracer.report.colour_maps import depth_colours
 
     inverse = depths.known(depths.inverse)
-    values = depths.distance if field.is_metric else inverse
-    if suffix == ".pfm":
-        return pfm.encode(values)
-    if suffix == ".npy":
-        return _npy(values)
-    is_known = np.isfinite(inverse)
-    sure = inverse[is_known & (depths.confidence >= np.median(depths.confidence[is_known]))]
-    low, high = np.quantile(sure, [_TAILS, 1.0 - _TAILS])
-    return _png(depth_colours(inverse, float(low), float(high)))
+
+    def paint() -> "NDArray[np.uint8]":
+        is_known = np.isfinite(inverse)
+        sure = inverse[is_known & (depths.confidence >= np.median(depths.confidence[is_known]))]
+        low, high = np.quantile(sure, [_TAILS, 1.0 - _TAILS])
+        return depth_colours(inverse, float(low), float(high))
+
+    return _encode(depths.distance if field.is_metric else inverse, suffix, paint)
 
 
 def _encode_confidence(depths: "Depth", suffix: str) -> bytes:
+    """Encode a map of confidence as a file."""
     import numpy as np
+
+    return _encode(depths.confidence, suffix, lambda: np.rint(255.0 * depths.confidence).astype(np.uint8))
+
+
+def _encode(values: "NDArray[np.float64]", suffix: str, paint: "Callable[[], NDArray[np.uint8]]") -> bytes:
+    """Encode a map as .pfm or .npy, or the pixels that `paint` makes of it as .png."""
+    import numpy as np
+    import PIL.Image
 
     from raytracer.film.formats import pfm
 
     if suffix == ".pfm":
-        return pfm.encode(depths.confidence)
+        return pfm.encode(values)
+    buffer = io.BytesIO()
     if suffix == ".npy":
-        return _npy(depths.confidence)
-    return _png(np.rint(255.0 * depths.confidence).astype(np.uint8))
-
-
-def _npy(values: Any) -> bytes:
-    import numpy as np
-
-    buffer = io.BytesIO()
-    np.save(buffer, values, allow_pickle=False)
-    return buffer.getvalue()
-
-
-def _png(pixels: Any) -> bytes:
-    import PIL.Image
-
-    buffer = io.BytesIO()
-    PIL.Image.fromarray(pixels).save(buffer, "PNG")
+        np.save(buffer, values, allow_pickle=False)
+    else:
+        PIL.Image.fromarray(paint()).save(buffer, "PNG")
     return buffer.getvalue()
 
 

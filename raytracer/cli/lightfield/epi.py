@@ -5,15 +5,8 @@ from typing import Annotated
 
 import typer
 
-from raytracer.cli.lightfield.base.files import (
-    check_outputs,
-    open_light_field,
-    picture_suffixes,
-    report_written,
-    save_picture,
-)
+from raytracer.cli.lightfield.base import files
 from raytracer.cli.lightfield.base.options import File, Quiet, parse_distance
-from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
 Examples:
@@ -52,14 +45,14 @@ def epi(
     Each point is a straight line there; the farther it is from the plane where all views see the same, the more it
     leans, to one side if it is nearer and to the other if it is farther.
     """
-    check_outputs([output], picture_suffixes(), "a slice")
+    files.check_outputs([output], files.picture_suffixes(), "a slice")
     plane = parse_distance("--distance", distance)
 
     from raytracer.film.formats.registry import display_suffixes
     from raytracer.lightfield.epipolar import draw_slice, epipolar_slice
 
-    with open_light_field(file) as field:
-        try:
+    with files.open_light_field(file) as field:
+        with files.name_in_errors(file):
             epi_slice = epipolar_slice(
                 field,
                 direction="vertical" if vertical else "horizontal",
@@ -67,8 +60,6 @@ def epi(
                 views=views,
                 inverse_distance=None if plane is None else 1.0 / plane,
             )
-        except InputError as error:
-            raise InputError(f"{file}: {error}") from None
         if output.suffix.lower() in display_suffixes():
             import PIL.Image
 
@@ -78,5 +69,5 @@ def epi(
             with atomic_write(output) as aside:
                 PIL.Image.fromarray(drawn).save(aside, "PNG" if output.suffix.lower() == ".png" else "JPEG", quality=95)
         else:
-            save_picture(epi_slice.radiance, output, field)
-    report_written(output, quiet)
+            files.save_picture(epi_slice.radiance, output, field)
+    files.report_written(output, quiet)

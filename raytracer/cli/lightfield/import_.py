@@ -1,16 +1,14 @@
 """`rt lightfield import`: light fields of other programs."""
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from raytracer.cli.base import options
 from raytracer.cli.lightfield.base.files import check_outputs, report_written
-from raytracer.cli.lightfield.base.options import Quiet
-from raytracer.schema.units import parse_quantity
+from raytracer.cli.lightfield.base.options import Quiet, parse_positive
+from raytracer.schema.units import Dimension
 from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
@@ -70,11 +68,15 @@ def import_file(
     if flip not in ("", "x", "y", "xy", "yx"):
         raise InputError(f"--flip {flip}: must be x, y or xy")
     steps = None if spacing is None else _spacing(spacing)
+    asked: list[tuple[str, str | None, Dimension]] = [
+        ("focus_distance", focus_distance, "length"),
+        ("vfov", vfov, "angle"),
+        ("focal_length", focal_length, "optic"),
+        ("sensor", sensor, "optic"),
+    ]
     lengths = {
-        "focus_distance": _positive("--focus-distance", focus_distance, _metres),
-        "vfov": _positive("--vfov", vfov, lambda text: parse_quantity(text, "angle")),
-        "focal_length": _positive("--focal-length", focal_length, lambda text: parse_quantity(text, "optic")),
-        "sensor": _positive("--sensor", sensor, lambda text: parse_quantity(text, "optic")),
+        name: None if text is None else parse_positive(f"--{name.replace('_', '-')}", text, dimension)
+        for name, text, dimension in asked
     }
     if lengths["vfov"] is not None and lengths["vfov"] >= 180.0:
         raise InputError(f"--vfov {vfov}: must be less than 180 degrees")
@@ -94,22 +96,9 @@ def import_file(
         print(f"note: metres are not known ({how}): 1 / distance is in pixels per view", file=sys.stderr)
 
 
-def _metres(text: str) -> float:
-    return parse_quantity(text, "length")
-
-
-def _positive(option: str, text: str | None, parse: Callable[[str], float]) -> float | None:
-    if text is None:
-        return None
-    value = options.parse_number(option, text, parse)
-    if not value > 0.0:
-        raise InputError(f"{option} {text}: must be greater than 0")
-    return value
-
-
 def _spacing(text: str) -> tuple[float, float]:
-    lengths = [_positive("--spacing", part.strip(), _metres) for part in text.split(",")]
+    lengths = [parse_positive("--spacing", part.strip(), "length") for part in text.split(",")]
     right, down = (lengths * 2)[:2]
-    if len(lengths) > 2 or right is None or down is None or right + down == float("inf"):
+    if len(lengths) > 2 or right + down == float("inf"):
         raise InputError(f"--spacing {text}: must be one length, or two, to the right and down")
     return right, down

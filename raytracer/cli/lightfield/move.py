@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
-from raytracer.cli.lightfield.base.files import check_outputs, open_light_field, report_written
-from raytracer.cli.lightfield.base.options import File, Quiet, parse_distance, parse_length
+from raytracer.cli.base import options
+from raytracer.cli.lightfield.base.files import check_outputs, name_in_errors, open_light_field, report_written
+from raytracer.cli.lightfield.base.options import File, Quiet, parse_distance
 from raytracer.util.errors import InputError
 
 EXAMPLE = """\b
@@ -47,7 +48,7 @@ def move(
     Between views each frame is made of those around, by the depth that is found first.
     """
     check_outputs([output], _SUFFIXES, "an animation")
-    path_radius = None if radius is None else parse_length("--radius", radius)
+    path_radius = None if radius is None else options.parse_dimension("--radius", radius, "length")
     plane = parse_distance("--distance", distance)
 
     from raytracer.film import srgb
@@ -62,11 +63,9 @@ def move(
         raise InputError(f"--path {path}: must be one of {', '.join(PATHS)}")
     is_known = depth and plane is None
     with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
-        try:
+        with name_in_errors(file):
             positions = path_places(field.views, path, frames=frames, radius=path_radius)
             depths = depth_map(field, update=bar.update) if is_known else None
-        except InputError as error:
-            raise InputError(f"{file}: {error}") from None
         pictures = []
         for number, view in enumerate(look_around(field, positions, depth=depths, distance=plane)):
             pictures.append(srgb.to_uint8(view))

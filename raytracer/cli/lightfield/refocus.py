@@ -9,9 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from raytracer.cli.base import options
-from raytracer.cli.lightfield.base.files import check_outputs, open_light_field, picture_suffixes, report_written
+from raytracer.cli.lightfield.base.files import (
+    check_outputs,
+    name_in_errors,
+    open_light_field,
+    picture_suffixes,
+    report_written,
+)
 from raytracer.cli.lightfield.base.options import File, Quiet, parse_position
-from raytracer.schema.units import parse_quantity
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -115,11 +120,11 @@ def refocus(
             raise InputError(f"{path}: an animation needs several distances: --distance 1:4:20")
     arguments: dict[str, Any] = {
         "f_number": f_number,
-        "aperture": None if aperture is None else _quantity("--aperture", aperture, "length"),
+        "aperture": None if aperture is None else options.parse_dimension("--aperture", aperture, "length"),
         "aperture_shape": aperture_shape,
         "center": _center(center),
-        "tilt": _quantity("--tilt", tilt, "angle"),
-        "swing": _quantity("--swing", swing, "angle"),
+        "tilt": options.parse_dimension("--tilt", tilt, "angle"),
+        "swing": options.parse_dimension("--swing", swing, "angle"),
         "method": method,
         "interpolation": interpolation,
         "scale": scale,
@@ -132,14 +137,12 @@ def refocus(
 
     with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
         arguments["update"] = bar.update
-        try:
+        with name_in_errors(file):
             if planes > 1:
                 images = focal_stack(field, distances, slopes=slopes, **arguments)
             else:
                 plane = (*distances, None)[0], (*slopes, None)[0]
                 images = [refocus_field(field, plane[0], alpha=alpha, slope=plane[1], **arguments)]
-        except InputError as error:
-            raise InputError(f"{file}: {error}") from None
         note = _note_out_of_range(field, images) or _note_black_pixels(images)
     files = [written for path in output for written in _write(images, path, fps)]
     for path in files:
@@ -153,10 +156,6 @@ def refocus(
 # ---- Options
 
 
-def _quantity(option: str, text: str, dimension: Literal["length", "angle", "number"]) -> float:
-    return options.parse_number(option, text, lambda value: parse_quantity(value, dimension))
-
-
 def _numbers(option: str, texts: list[str] | None, dimension: Literal["length", "number"]) -> list[float]:
     """Parse an option that may repeat, each time a list of numbers and ranges."""
     return [
@@ -168,12 +167,12 @@ def _range(option: str, text: str, dimension: Literal["length", "number"]) -> li
     """Parse START:STOP:COUNT, START:STOP:COUNT:inverse, or a number."""
     parts = text.split(":")
     if len(parts) == 1:
-        return [_quantity(option, text, dimension)]
+        return [options.parse_dimension(option, text, dimension)]
     is_inverse = len(parts) == 4 and parts[3].strip() == "inverse" and dimension == "length"
     if not (len(parts) == 3 or is_inverse) or not parts[2].strip().isdecimal():
         form = "START:STOP:COUNT, such as 1:4:20" + (", or 1:inf:20:inverse" if dimension == "length" else "")
         raise InputError(f"{option} {text}: a range is {form}")
-    start, stop = (_quantity(option, part, dimension) for part in parts[:2])
+    start, stop = (options.parse_dimension(option, part, dimension) for part in parts[:2])
     count = int(parts[2])
     if not 2 <= count <= _MOST_PLANES:
         raise InputError(f"{option} {text}: a range has from 2 to {_MOST_PLANES} planes")

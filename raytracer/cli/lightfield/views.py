@@ -1,26 +1,19 @@
 """`rt lightfield views`: one view, one between others, all of them, or a montage."""
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from raytracer.cli.lightfield.base.files import (
-    check_folder,
-    check_outputs,
-    open_light_field,
-    picture_suffixes,
-    report_written,
-    save_picture,
-)
+from raytracer.cli.lightfield.base import files
 from raytracer.cli.lightfield.base.options import File, Quiet, parse_distance, parse_position, parse_view
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
     from raytracer.film.light_field.field import LightField
     from raytracer.film.light_field.views import Views
+    from raytracer.util.progress import Update
 
 EXAMPLE = """\b
 Examples:
@@ -90,15 +83,15 @@ def views(
     index, position = parse_view("--view", view), None if at is None else parse_position("--at", at)
     plane = parse_distance("--distance", distance)
     if wanted == "all":
-        if output.suffix.lower() in picture_suffixes() and not output.is_dir():
+        if output.suffix.lower() in files.picture_suffixes() and not output.is_dir():
             raise InputError(f"-o {output}: --all writes a file for each view, and -o names their folder")
-        check_folder(output)
+        files.check_folder(output)
         ending = f".{suffix.lower().removeprefix('.')}"
-        if ending not in picture_suffixes():
-            known = ", ".join(each.removeprefix(".") for each in picture_suffixes())
+        if ending not in files.picture_suffixes():
+            known = ", ".join(each.removeprefix(".") for each in files.picture_suffixes())
             raise InputError(f"--format {suffix}: must be one of {known}")
     else:
-        check_outputs([output], picture_suffixes(), "a view")
+        files.check_outputs([output], files.picture_suffixes(), "a view")
 
     from raytracer.lightfield.coverage import require_lit
     from raytracer.lightfield.depth.depth_map import depth_map, reference_view
@@ -107,12 +100,12 @@ def views(
     from raytracer.lightfield.views.synthesis import view_at
     from raytracer.util.progress import Bar
 
-    with open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
+    with files.open_light_field(file) as field, Bar(" steps", quiet=quiet) as bar:
         geometry = field.views
         if wanted == "all":
             _save_all(field, output, ending, bar.update, quiet)
             return
-        try:
+        with files.name_in_errors(file):
             if index is not None:
                 chosen = reference_view(geometry, *index)
                 require_lit(field, *chosen)
@@ -127,15 +120,11 @@ def views(
                 picture = view_at(field, *position, depth=around, distance=plane)
             else:
                 picture = montage(field, width=4096 if width is None else width)
-        except InputError as error:
-            raise InputError(f"{file}: {error}") from None
-        save_picture(picture, output, field)
-    report_written(output, quiet)
+        files.save_picture(picture, output, field)
+    files.report_written(output, quiet)
 
 
-def _save_all(
-    field: "LightField", folder: Path, ending: str, update: Callable[[float, float], object], quiet: bool
-) -> None:
+def _save_all(field: "LightField", folder: Path, ending: str, update: "Update", quiet: bool) -> None:
     """Write all views that any light came to, each in a file with its row and column; say how many got none."""
     from raytracer.lightfield.coverage import lit_views
 
@@ -144,7 +133,7 @@ def _save_all(
     wanted = [divmod(number, lit.shape[1]) for number in lit.ravel().nonzero()[0].tolist()]
     for number, (row, column) in enumerate(wanted, 1):
         name = f"view_{row:0{digits}}_{column:0{digits}}{ending}"
-        save_picture(field.view(row, column), folder / name, field)
+        files.save_picture(field.view(row, column), folder / name, field)
         update(number, len(wanted))
     if not quiet:
         left_out = lit.size - len(wanted)

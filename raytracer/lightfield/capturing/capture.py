@@ -14,6 +14,7 @@ from raytracer.film.image_file import check_writable
 from raytracer.film.light_field import lf
 from raytracer.film.light_field.layout import NO_LIGHT_FIELD_MESSAGE, Layout
 from raytracer.film.light_field.views import Views
+from raytracer.film.window import Window
 from raytracer.kernel.aovs.base.recording import per_sample_aovs, unique_aovs
 from raytracer.lightfield.capturing.bands import bytes_per_pixel, choose_bands
 from raytracer.lightfield.capturing.checkpoints import BandCheckpoints
@@ -26,7 +27,7 @@ from raytracer.rendering.progress import Progress
 from raytracer.rendering.render import prepare_scene, render_prepared
 from raytracer.rendering.session import Rendered
 from raytracer.rendering.statistics import Stats
-from raytracer.rendering.tile_scheduler import Window, now
+from raytracer.rendering.tile_scheduler import now
 from raytracer.rendering.worker_pool import ClusterClient
 from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import InputError, OutputError

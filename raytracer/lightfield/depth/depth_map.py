@@ -26,8 +26,8 @@ from raytracer.lightfield.depth.estimate import DepthContext, Estimate, FloatArr
 from raytracer.lightfield.depth.plane_sweep import sweep_planes
 from raytracer.lightfield.depth.search_range import search_bounds, sweep_distances
 from raytracer.lightfield.depth.structure_tensor import measure_slopes
-from raytracer.lightfield.progress import ProgressCounter, Update
 from raytracer.util.errors import InputError
+from raytracer.util.progress import ProgressCounter, Update
 
 Method = Literal["focus", "slopes", "both"]
 METHODS: tuple[Method, ...] = ("focus", "slopes", "both")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.views import Views
 from raytracer.lightfield.coverage import within_lens
-from raytracer.lightfield.progress import ProgressCounter
+from raytracer.util.progress import ProgressCounter
 
 FloatArray = NDArray[np.float64]
 

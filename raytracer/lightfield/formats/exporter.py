@@ -1,6 +1,5 @@
 """Export of light fields to the layouts of other programs: folders of views and arrays."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +17,7 @@ from raytracer.lightfield.formats.folders import NAMINGS, Naming, list_images
 from raytracer.schema.units import METRES_PER_MILLIMETRE
 from raytracer.util.atomic_write import atomic_write, wrap_os_errors, write_bytes
 from raytracer.util.errors import InputError
+from raytracer.util.progress import Update
 
 
 class Exported(NamedTuple):
@@ -63,7 +63,7 @@ def export_views(
     *,
     naming: Naming = "grid",
     suffix: str = ".png",
-    update: Callable[[float, float], object] | None = None,
+    update: Update | None = None,
 ) -> Exported:
     """Write views into a folder, a picture each, and files of their geometry.
 

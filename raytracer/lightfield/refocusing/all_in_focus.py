@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from raytracer.film.light_field.field import LightField
 from raytracer.lightfield.depth.depth_map import Depth
-from raytracer.lightfield.progress import Update
 from raytracer.lightfield.super_resolution import supersampled
+from raytracer.util.progress import Update
 
 FloatArray = NDArray[np.float64]
 

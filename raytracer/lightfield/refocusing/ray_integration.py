@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from raytracer.film.light_field.field import Rays
 from raytracer.film.light_field.focusing import FocusPlane
 from raytracer.film.light_field.views import Views
+from raytracer.film.window import Window
 from raytracer.lightfield.refocusing.aperture import RefocusAperture
-from raytracer.lightfield.refocusing.window import PixelWindow
 from raytracer.lightfield.synthetic_aperture import cell_weights, opening_transmission
 from raytracer.util.errors import InputError
 
@@ -20,7 +20,7 @@ _RAYS_AT_ONCE = 1 << 20
 
 
 def integrate_rays(
-    rays: Rays, views: Views, plane: FocusPlane, aperture: RefocusAperture, window: PixelWindow, scale: float = 1.0
+    rays: Rays, views: Views, plane: FocusPlane, aperture: RefocusAperture, window: Window, scale: float = 1.0
 ) -> tuple[FloatArray, FloatArray]:
     """Sum kept rays into the picture of a plane of focus, and count the rays of each pixel.
 

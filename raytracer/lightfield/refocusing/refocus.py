@@ -18,16 +18,16 @@ from numpy.typing import NDArray
 from raytracer.film.image import Image
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.focusing import FocusPlane, alpha_to_inverse_distance, slope_to_inverse_distance
-from raytracer.lightfield.progress import Update, report_progress
+from raytracer.film.window import Window, crop_window
 from raytracer.lightfield.refocusing.aperture import RefocusAperture, make_aperture
 from raytracer.lightfield.refocusing.pixel_interpolation import INTERPOLATIONS, Interpolation
 from raytracer.lightfield.refocusing.ray_integration import integrate_rays
 from raytracer.lightfield.refocusing.shift_and_sum import shift_and_sum
 from raytracer.lightfield.refocusing.tilted_plane import warp_and_sum
-from raytracer.lightfield.refocusing.window import PixelWindow, make_window
 from raytracer.lightfield.synthetic_aperture import cell_weights
 from raytracer.plugins.apertures.base.interface import ApertureSpec
 from raytracer.util.errors import InputError
+from raytracer.util.progress import Update, report_progress
 
 FloatArray = NDArray[np.float64]
 
@@ -187,7 +187,7 @@ def _refocus_planes(field: LightField, planes: list[FocusPlane], settings: _Sett
         raise InputError(f"interpolation must be one of {', '.join(INTERPOLATIONS)}, got {settings.interpolation}")
     if settings.scale != 1.0 and method != "rays":
         raise InputError("only method rays has a scale: views have pixels of their own")
-    window = make_window(field.views, settings.crop)
+    window = crop_window((field.views.width, field.views.height), settings.crop, "a view")
     notes: list[dict[str, int]] = [{} for _ in planes]
     if method == "rays":
         if field.rays is None:
@@ -211,7 +211,7 @@ def _refocus_planes(field: LightField, planes: list[FocusPlane], settings: _Sett
 
 
 def _sum_views(
-    field: LightField, planes: list[FocusPlane], aperture: RefocusAperture, window: PixelWindow, settings: _Settings
+    field: LightField, planes: list[FocusPlane], aperture: RefocusAperture, window: Window, settings: _Settings
 ) -> list[FloatArray]:
     """Sum the views into the picture of each plane, shifted, warped, or as slices of their spectrum."""
     weights = cell_weights(field.views, *aperture)

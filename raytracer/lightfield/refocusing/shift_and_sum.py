@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from raytracer.film.light_field.field import LIT_LAYER, LightField
 from raytracer.film.light_field.views import Views
+from raytracer.film.window import Window
 from raytracer.lightfield.coverage import extrapolate_unlit, lit_at_nearest
-from raytracer.lightfield.progress import Update
 from raytracer.lightfield.refocusing.pixel_interpolation import AxisShift, Interpolation, make_shift
-from raytracer.lightfield.refocusing.window import PixelWindow
+from raytracer.util.progress import Update
 
 FloatArray = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ class _ViewSum:
     in place of two for each view.
     """
 
-    def __init__(self, views: Views, inverse: float, interpolation: Interpolation, window: PixelWindow) -> None:
+    def __init__(self, views: Views, inverse: float, interpolation: Interpolation, window: Window) -> None:
         self._views, self._interpolation, self._window = views, interpolation, window
         self._shift = views.shift(inverse)
         width, height = window.right - window.left, window.bottom - window.top
@@ -77,7 +77,7 @@ def shift_and_sum(
     inverses: list[float],
     weights: FloatArray,
     interpolation: Interpolation,
-    window: PixelWindow,
+    window: Window,
     update: Update | None,
 ) -> list[FloatArray]:
     """Focus at one over each of `inverses` (1/m): float64 (height, width, 3) of the window, for each."""

@@ -5,15 +5,15 @@ from numpy.typing import NDArray
 
 from raytracer.film.light_field.field import LightField
 from raytracer.film.light_field.focusing import FocusPlane
+from raytracer.film.window import Window
 from raytracer.lightfield.coverage import lit_at_nearest, lit_view
 from raytracer.lightfield.refocusing.pixel_interpolation import Interpolation
-from raytracer.lightfield.refocusing.window import PixelWindow
 
 FloatArray = NDArray[np.float64]
 
 
 def warp_and_sum(
-    field: LightField, plane: FocusPlane, weights: FloatArray, interpolation: Interpolation, window: PixelWindow
+    field: LightField, plane: FocusPlane, weights: FloatArray, interpolation: Interpolation, window: Window
 ) -> FloatArray:
     """Focus on a tilted plane: float64 (height, width, 3) of the window."""
     from scipy.ndimage import map_coordinates

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from raytracer.film.light_field.field import LightField
 from raytracer.lightfield.coverage import lit_view
 from raytracer.lightfield.depth.depth_map import depth_map
-from raytracer.lightfield.progress import Update
 from raytracer.lightfield.viewer.size_budget import resize_view
 from raytracer.report import page as html
 from raytracer.util.errors import InputError
+from raytracer.util.progress import Update
 
 # Pixels along the longer side: of the map in the page, and of the views from which it is estimated.
 _MAP_SIZE = 256

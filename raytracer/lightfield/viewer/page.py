@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from raytracer.film import srgb
 from raytracer.film.light_field.field import LightField
-from raytracer.lightfield.progress import Update
 from raytracer.lightfield.ray_binning import rays_to_views
 from raytracer.lightfield.synthetic_aperture import cell_weights
 from raytracer.lightfield.viewer.depth_layer import encode_depth, focus_range, viewer_depth
@@ -22,6 +21,7 @@ from raytracer.lightfield.viewer.size_budget import ViewPlan, fit_to_size, plan_
 from raytracer.report import page as html
 from raytracer.report.wording import megabytes
 from raytracer.util.atomic_write import write_bytes
+from raytracer.util.progress import Update
 
 DEFAULT_BYTES = 40_000_000
 """Default of the most bytes of a page."""

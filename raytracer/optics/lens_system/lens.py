@@ -98,17 +98,28 @@ class Focus:
     last: int = 1
 
 
+READING = "thickness is read as that {place} each surface, {reason}"
+"""Template of the sentence that says how a file was interpreted."""
+
+
 class FileInterpretation(NamedTuple):
     """Interpretation of an ambiguous lens file.
 
     Attributes
     ----------
-    text : a sentence that says so, and why.
+    place : of the surface that a thickness belongs to: "after" or "before" it.
+    reason : a clause.
     is_guess : whether the file's own numbers do not settle it.
     """
 
-    text: str
+    place: str
+    reason: str
     is_guess: bool
+
+    @property
+    def text(self) -> str:
+        """Write a sentence that says how the file was interpreted, and why."""
+        return READING.format(place=self.place, reason=self.reason)
 
 
 @dataclasses.dataclass(frozen=True)

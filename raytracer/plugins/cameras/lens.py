@@ -19,11 +19,11 @@ from raytracer.core.spectra import FIRST, LAST, spectra
 from raytracer.optics.glass import LINE_D
 from raytracer.optics.lens_system.film_to_direction import build_view_table, fields_of_view, trace_film_rays
 from raytracer.optics.lens_system.ghosts import build_ghost_paths
-from raytracer.optics.lens_system.plausibility import lens_warnings
 from raytracer.optics.lens_system.pupils.build import load_pupil_table
 from raytracer.optics.lens_system.pupils.search import pupil_center
 from raytracer.optics.lens_system.pupils.solid_angle import on_axis_solid_angle
 from raytracer.optics.lens_system.pupils.transmission import exit_pupil_plane, rear_plane_radius
+from raytracer.optics.lens_system.warnings import LENS_WARNINGS, MountedLens
 from raytracer.optics.thin_lens import airy_diameter_um, crop_factor, exposure_value
 from raytracer.plugins.cameras.base.exposed import ExposedSpec
 from raytracer.plugins.cameras.base.glass import PADDING_PIXELS, FocusCriterion, GlassLensSpec
@@ -32,6 +32,7 @@ from raytracer.plugins.cameras.base.lens_camera import LensCamera, LensFilm, Len
 from raytracer.schema.fields import FNumber
 from raytracer.schema.spec import field_error
 from raytracer.schema.units import METRES_PER_MILLIMETRE
+from raytracer.schema.warning_kind import WarningRecord
 
 _PUPIL_WAVELENGTHS = (FIRST, 500.0, LAST)
 """Wavelengths (nm) for which the pupil is tabulated: refraction is monotonous between them."""
@@ -149,18 +150,9 @@ class RealLens(GlassLensSpec):
             "thin_lens_vfov_deg": thin.vfov(film.height),
         }
 
-    def warnings(self, width: int, height: int) -> list[tuple[str, str]]:
-        warnings = [("lens", message) for message in lens_warnings(self.glass(), self.lens_setup().shift)]
-        circle, film = self.glass().image_circle, self.film_size(width, height)
-        corner = math.hypot(*film)
-        # Sizes of sensors are rounded to a tenth of a millimetre, and so are image circles.
-        if circle is None or corner <= circle + 0.2:
-            return warnings
-        message = (
-            f"the picture is {corner:.3g} mm across its corners, and the image circle of the lens {circle:.3g} mm: "
-            "beyond it the picture is dark, or worse than the lens was made for"
-        )
-        return [*warnings, ("lens" if self.sensor is None else "sensor", message)]
+    def warnings(self, width: int, height: int) -> list[WarningRecord]:
+        diagonal, film_key = math.hypot(*self.film_size(width, height)), "lens" if self.sensor is None else "sensor"
+        return LENS_WARNINGS.find(MountedLens(self.glass(), self.lens_setup().shift, diagonal, film_key))
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "LensCamera":
         """Pack the camera for a film of width x height pixels, with its pupil as each place of the film sees it."""

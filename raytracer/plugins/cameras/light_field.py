@@ -21,8 +21,8 @@ from raytracer.film.light_field.lenslets import Lenslets
 from raytracer.optics.glass import LINE_D
 from raytracer.optics.lens_system.film_to_direction import build_view_table
 from raytracer.optics.lens_system.first_order import exit_pupil
-from raytracer.optics.lens_system.plausibility import lens_warnings
 from raytracer.optics.lens_system.pupils.build import load_pupil_table
+from raytracer.optics.lens_system.warnings import LENS_WARNINGS, MountedLens
 from raytracer.optics.thin_lens import airy_diameter_um, field_of_view
 from raytracer.plugins.cameras.base.glass import PADDING_PIXELS, GlassLensSpec
 from raytracer.plugins.cameras.base.ideal import IdealLensSpec
@@ -39,15 +39,12 @@ from raytracer.plugins.cameras.base.light_field_camera import (
 from raytracer.plugins.cameras.base.microlenses import Arrangement, MainLens, Microlenses, solve_arrangement
 from raytracer.plugins.cameras.base.perspective import CameraOptics
 from raytracer.plugins.cameras.base.perspective_camera import FlatPupil, Irradiance
-from raytracer.plugins.cameras.base.sub_images import (
-    describe_resolution,
-    list_mismatches,
-    make_lenslets,
-    microlens_solid_angle,
-)
+from raytracer.plugins.cameras.base.sub_images import describe_resolution, make_lenslets, microlens_solid_angle
 from raytracer.plugins.cameras.base.views import describe_views
+from raytracer.plugins.cameras.base.warnings import MICROLENS_WARNINGS, MicrolensFit
 from raytracer.schema.spec import field_error
 from raytracer.schema.units import METRES_PER_MILLIMETRE
+from raytracer.schema.warning_kind import WarningRecord
 
 _MAX_DISTANCE = 1e6
 """Largest distance of the exit pupil from the film, in image distances: one at infinity is placed there."""
@@ -243,14 +240,13 @@ class LightField(GlassLensSpec, IdealLensSpec):
             rows.append({**sizes, "refocus_near_m": near, "refocus_far_m": far})
         return rows
 
-    def warnings(self, width: int, height: int) -> list[tuple[str, str]]:
+    def warnings(self, width: int, height: int) -> list[WarningRecord]:
         array, layout = self.arrangement(width, height), self.lenslets(width, height)
-        f_number = self.relative_aperture(width, height)
-        mismatches = list_mismatches(self.microlenses, array, layout, f_number)
-        warnings = [("microlenses", message) for message in mismatches]
+        fit = MicrolensFit(self.microlenses, array, layout, self.relative_aperture(width, height))
+        warnings = MICROLENS_WARNINGS.find(fit)
         if self.lens is None:
             return warnings
-        return warnings + [("lens", message) for message in lens_warnings(self.glass(), self.lens_setup().shift)]
+        return warnings + LENS_WARNINGS.find(MountedLens(self.glass(), self.lens_setup().shift))
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> LightFieldCamera | GlassLightFieldCamera:
         """Pack the camera for a film of width x height pixels."""

@@ -169,10 +169,11 @@ def _scene_folder(request: PrepareRequest) -> Path:
 
 def _build_scene(request: PrepareRequest, folder: Path, files: dict[str, bytes]) -> _WorkerScene:
     """Pack, build and compile a scene; `files` are those that are not in its folder yet."""
+    from raytracer.film.window import Window
     from raytracer.kernel.pixel_accumulator import FilmView
     from raytracer.rendering.compilation import compile_kernel
     from raytracer.rendering.film_region import empty_region
-    from raytracer.rendering.tile_scheduler import TILE_SIZE, Window
+    from raytracer.rendering.tile_scheduler import TILE_SIZE
     from raytracer.scene.cache import RenderCache
     from raytracer.scene.pack.scene import pack
 

@@ -7,6 +7,7 @@ from raytracer.scene.effects.camera import camera_effects
 from raytracer.scene.effects.effect import Effect
 from raytracer.scene.effects.light import light_kinds, light_sampling_effects
 from raytracer.scene.effects.objects import object_kinds, placement_effects, surface_effects
+from raytracer.scene.effects.warnings import EFFECT_WARNINGS, EffectsInUse
 from raytracer.scene.pack.materials import collect_components, object_material
 from raytracer.scene.spec import SceneSpec
 
@@ -18,7 +19,7 @@ def effects_of(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
     of_objects = [object_material(spec, item) for _, item in spec.all_objects()]
     by_object = [tuple(collect_components([material])) for material in of_objects]
     made_of = list(dict.fromkeys(chain.from_iterable(by_object)))
-    return {
+    effects = {
         **camera_effects(spec, scene, made_of),
         **light_sampling_effects(spec, scene, sum(material.is_emissive() for material in of_objects)),
         **placement_effects(spec, scene),
@@ -27,6 +28,10 @@ def effects_of(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
         **object_kinds(spec, scene, by_object, made_of),
         **light_kinds(spec, scene),
     }
+    for warning in EFFECT_WARNINGS.find(EffectsInUse(spec, scene, effects)):
+        name = str(warning.keys[0])
+        effects[name] = effects[name]._replace(why=effects[name].why + warning.text)
+    return effects
 
 
 def _path_limits(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
@@ -42,6 +47,6 @@ def _path_limits(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
             scene.clamp is not None,
             "samples are as bright as they are"
             if spec.render.clamp is None
-            else f"samples brighter than {spec.render.clamp:g} are made as dark as that, which takes light away",
+            else f"samples brighter than {spec.render.clamp:g} are made as dark as that",
         ),
     }

@@ -2,7 +2,7 @@
 
 from raytracer.kernel.packed_scene import Scene
 from raytracer.plugins.lights.background import Background
-from raytracer.plugins.lights.base.interface import Lights, LightSamplingOnly
+from raytracer.plugins.lights.base.interface import Lights
 from raytracer.plugins.lights.base.light_choice import count_lights
 from raytracer.plugins.lights.base.light_tree import LightTree
 from raytracer.plugins.lights.emitters import Emitters
@@ -40,12 +40,7 @@ def _why_light_sampling(spec: SceneSpec, scene: Scene, emitting: int) -> str:
             else:
                 lamps = count(count_lights(table.choice), f"{type(table).__module__.rpartition('.')[2]} light")
                 parts.append(lamps + how)
-        alone = (
-            "; paths that hit them by chance do not count"
-            if isinstance(scene.lights.heuristic, LightSamplingOnly)
-            else ""
-        )
-        return f"next-event estimation samples {', '.join(parts)}{alone}"
+        return f"next-event estimation samples {', '.join(parts)}"
     if spec.render.light_sampling == "paths":
         return "light_sampling is paths, so there is no next-event estimation, and paths find light by themselves"
     if not emitting and not spec.lights:
@@ -82,7 +77,5 @@ def light_kinds(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
     effects = {}
     for kind, cls in LIGHTS.specs().items():
         number = sum(light.type == kind for light in lights)
-        active = cls.__module__ in present
-        idle = ", which is black, or which no material here can be lit by" if number and not active else ""
-        effects[f"light.{kind}"] = Effect(active, f"{count(number, 'light')} of {len(lights)}{idle}")
+        effects[f"light.{kind}"] = Effect(cls.__module__ in present, f"{count(number, 'light')} of {len(lights)}")
     return effects

@@ -26,7 +26,7 @@ from raytracer.plugins.cameras.base.moving import MovingCamera, pack_camera
 from raytracer.plugins.lights.base.interface import translate_lights as moved_lights
 from raytracer.plugins.materials.base.interface import MaterialSpec
 from raytracer.plugins.media.base.interface import translate_media as moved_media
-from raytracer.scene.asset_provider import AssetProvider, NoCache
+from raytracer.scene.asset_provider import AccelInput, AssetProvider, NoCache
 from raytracer.scene.pack.autofocus import has_autofocus, resolve_focus
 from raytracer.scene.pack.layout import Item
 from raytracer.scene.pack.lights import light_pulses, pack_lights
@@ -78,13 +78,12 @@ class PackedScene(NamedTuple):
         """Build the ray caster's structure, or get it from `provider`; its address belongs into the scene."""
         if self.built is not None:
             return self.built
-        return (provider or NoCache()).build_accel(
-            self.geometries,
-            self.groups,
-            self.placements,
-            first_instance=len(self.scene.primitives),
-            robust=self.robust,
-        )
+        return (provider or NoCache()).build_accel(self.accel_input())
+
+    def accel_input(self) -> AccelInput:
+        """Collect what the ray caster's structure is built of."""
+        shapes = self.geometries, self.groups, self.placements
+        return AccelInput(*shapes, first_instance=len(self.scene.primitives), robust=self.robust)
 
 
 def pack(
@@ -202,9 +201,8 @@ def _resolve_focus(spec: SceneSpec, world: PackedWorld, provider: AssetProvider)
     built: list[Accel] = []
 
     def build() -> Accel:
-        first, robust = len(objects.primitives), spec.render.accuracy != "fast"
         shapes = objects.geometries, objects.groups, objects.placements
-        built.append(provider.build_accel(*shapes, first_instance=first, robust=robust))
+        built.append(provider.build_accel(AccelInput(*shapes, len(objects.primitives), spec.render.accuracy != "fast")))
         return built[0]
 
     around = (0.0, 0.0, 0.0) if world.origin is None else world.origin.world

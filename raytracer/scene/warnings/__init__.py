@@ -3,30 +3,22 @@
 from collections.abc import Callable
 
 from raytracer.scene.pack.scene import PackedScene
-from raytracer.scene.warnings.camera_position import viewpoint_warnings
-from raytracer.scene.warnings.camera_settings import camera_warnings
-from raytracer.scene.warnings.coincident_surfaces import coincident_surface_warnings
-from raytracer.scene.warnings.lights import light_warnings
-from raytracer.scene.warnings.nested_dielectrics import nesting_warnings
-from raytracer.scene.warnings.record import WarningRecord, warning_messages
-from raytracer.scene.warnings.sizes import size_warnings
-from raytracer.scene.warnings.survey import SceneSurvey
+from raytracer.scene.warnings.base.kind import SCENE_WARNINGS
+from raytracer.scene.warnings.base.record import warning_at, warning_messages
+from raytracer.scene.warnings.base.survey import SceneSurvey
+from raytracer.schema.warning_kind import WarningRecord
 from raytracer.util.errors import StrictError
 
-__all__ = ["WarningRecord", "emit_warnings", "find_warnings", "warning_messages"]
+__all__ = ["emit_warnings", "find_warnings", "warning_messages"]
 
 
 def find_warnings(packed: PackedScene) -> list[WarningRecord]:
-    """Find the warnings of a packed scene; see docs/warnings.md."""
-    survey = SceneSurvey(packed)
-    return [
-        *size_warnings(survey),
-        *coincident_surface_warnings(survey),
-        *nesting_warnings(survey),
-        *light_warnings(survey),
-        *viewpoint_warnings(survey),
-        *camera_warnings(survey),
-    ]
+    """Find the warnings of a packed scene, and those that its camera has of its settings; see docs/warnings.md."""
+    spec, survey = packed.spec, SceneSurvey(packed)
+    found = SCENE_WARNINGS.find(survey)
+    survey.forget()
+    of_camera = spec.camera.warnings(spec.film.width, spec.film.height)
+    return found + [warning_at(spec, record._replace(keys=("camera", *record.keys))) for record in of_camera]
 
 
 def emit_warnings(packed: PackedScene, warn: Callable[[str], object] | None, *, strict: bool = False) -> None:

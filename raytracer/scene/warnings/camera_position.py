@@ -1,72 +1,59 @@
 """Warn of cameras at positions where they see nothing."""
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.geometry import OFFSET_ULPS
 from raytracer.core.primitives.spheres import Spheres
-from raytracer.plugins.cameras.base.interface import camera_defocus
-from raytracer.plugins.cameras.base.moving import MovingCamera
-from raytracer.scene.warnings.primitive_points import Points, coordinate_extents, normals, outline, without_motion
-from raytracer.scene.warnings.record import WarningRecord, warning_at
-from raytracer.scene.warnings.survey import SceneSurvey
-
-_KIND = "cameras without a view"
+from raytracer.scene.warnings.base.kind import LIGHTS_AND_CAMERAS, SceneWarningKind
+from raytracer.scene.warnings.base.primitive_points import Points, coordinate_extents, normals, outline, without_motion
+from raytracer.scene.warnings.base.ray_offset import MOST_REACH
+from raytracer.scene.warnings.base.survey import SceneSurvey
+from raytracer.schema.warning_kind import Sentence, Warned
 
 # Most faces of an object that are examined one by one.
 _MOST_FACES = 10_000
 
-_MOST_REACH = 5.0
-"""How many times the largest coordinate the offset of a quad may count: its corner once, either edge twice."""
 
+class CameraPosition(SceneWarningKind):
+    """Cameras on a surface, or inside of an opaque object."""
 
-def viewpoint_warnings(survey: SceneSurvey) -> Iterator[WarningRecord]:
-    """Find cameras on a surface, inside of an opaque object, or with pixels beyond float32."""
-    yield from _pixels(survey)
-    pieces = survey.pieces
-    for piece in np.flatnonzero(
-        (pieces.group < 0) & (pieces.stop - pieces.start <= _MOST_FACES) & _near(survey)
-    ).tolist():
-        table = survey.tables[pieces.table[piece]]
-        start, stop = int(pieces.start[piece]), int(pieces.stop[piece])
-        offset = _offset_there(survey, table, start, stop)
-        if offset is not None:
-            yield warning_at(
-                survey.spec,
-                _KIND,
-                ("camera", "look_from"),
-                f"lies on the surface of {survey.name_of(piece)}, to within {offset:.2g} m, so which side it sees is "
-                "left to rounding: move it by more than that",
-            )
-        elif _is_inside_opaque(survey, piece):
-            yield warning_at(
-                survey.spec,
-                _KIND,
-                ("camera", "look_from"),
-                f"is inside {survey.name_of(piece)}, which is opaque and holds no light, so the picture will be black",
-            )
+    name = "cameras without a view"
+    section = LIGHTS_AND_CAMERAS
+    rank = 140
+    inside = Sentence(
+        "is inside {object}, which is opaque and holds no light, so the picture will be black",
+        when="the camera is within an opaque sphere or box, and no light is",
+        remedy="move it out",
+        advice="a room needs a lamp in it",
+    )
+    on = Sentence(
+        "lies on the surface of {object}, to within {offset:.2g} m, so which side it sees is left to rounding: "
+        "{remedy}",
+        when="the camera is on a surface, to within the offset of the rays that leave it",
+        remedy="move it by more than that",
+    )
 
-
-def _pixels(survey: SceneSurvey) -> Iterator[WarningRecord]:
-    """Find a camera whose pixels are smaller than float32 tells directions: edges are seen beside their place."""
-    camera = survey.packed.scene.camera
-    defocus = camera_defocus(camera.camera if isinstance(camera, MovingCamera) else camera)
-    if defocus is not None and defocus.pixel < OFFSET_ULPS:
-        yield warning_at(
-            survey.spec,
-            "pixels too small for float32",
-            ("camera",),
-            f"a pixel is {defocus.pixel:.2g} wide at a distance of 1, and edges are only met to {OFFSET_ULPS:.1e} of "
-            "how far away they are: bring the camera nearer and let it see more",
-        )
+    def find(self, survey: SceneSurvey) -> Warned:
+        pieces = survey.pieces
+        for piece in np.flatnonzero(
+            (pieces.group < 0) & (pieces.stop - pieces.start <= _MOST_FACES) & _near(survey)
+        ).tolist():
+            table = survey.tables[pieces.table[piece]]
+            offset = _offset_there(survey, table, int(pieces.start[piece]), int(pieces.stop[piece]))
+            if offset is not None:
+                text = self.on.fill(object=survey.name_of(piece), offset=offset)
+            elif _is_inside_opaque(survey, piece):
+                text = self.inside.fill(object=survey.name_of(piece))
+            else:
+                continue
+            yield self.of_keys(survey, ("camera", "look_from"), text)
 
 
 def _near(survey: SceneSurvey) -> NDArray[np.bool_]:
     """Return True for the pieces that have the camera in their box, or on it (n,)."""
     pieces, camera = survey.pieces, survey.camera
-    slack = _MOST_REACH * OFFSET_ULPS * pieces.reach[:, None]
+    slack = MOST_REACH * OFFSET_ULPS * pieces.reach[:, None]
     return np.asarray(((camera >= pieces.low - slack) & (camera <= pieces.high + slack)).all(axis=1))
 
 
@@ -95,7 +82,7 @@ def _away(table: Spheres, row: int, point: Points) -> float:
 def _is_inside_opaque(survey: SceneSurvey, piece: int) -> bool:
     """Return True if the camera is inside of a closed opaque object without a light in it."""
     look = survey.material_of(piece)
-    if look is None or look.has_passthrough() or look.is_transmissive() or look.is_emissive():
+    if look is None or look.admits_light() or look.is_emissive():
         return False
     low, high = survey.boxes
     middles = low + 0.5 * (high - low)

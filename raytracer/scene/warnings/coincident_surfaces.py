@@ -13,17 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.geometry import OFFSET_ULPS
-from raytracer.plugins.materials.base.interface import MaterialSpec
-from raytracer.scene.warnings.flat_faces import Faces, extremes, flat_faces
-from raytracer.scene.warnings.primitive_points import Points, is_flat, without_motion
-from raytracer.scene.warnings.record import WarningRecord, object_label, warning_at
-from raytracer.scene.warnings.survey import SceneSurvey
+from raytracer.scene.warnings.base.flat_faces import Faces, extremes, flat_faces
+from raytracer.scene.warnings.base.kind import COINCIDENCE, SceneWarningKind
+from raytracer.scene.warnings.base.primitive_points import Points, is_flat, without_motion
+from raytracer.scene.warnings.base.record import object_label
+from raytracer.scene.warnings.base.survey import SceneSurvey
 from raytracer.schema.transform import TRANSFORM_ROUNDING
+from raytracer.schema.warning_kind import Sentence, Warned
 from raytracer.schema.yaml_nodes import KeyPath
 
 Indices = NDArray[np.int64]
-
-_KIND = "surfaces that coincide"
 
 _SLOPES = 64
 """Cells from 0 to 1 into which the slopes of planes are sorted: each more than twice `MOST_SLOPE` wide."""
@@ -70,39 +69,45 @@ class _Pair(NamedTuple):
     offset: float
 
 
-def coincident_surface_warnings(survey: SceneSurvey) -> Iterator[WarningRecord]:
-    """Find coincident surfaces, one warning for each two objects."""
-    tried: dict[tuple[KeyPath, KeyPath], int] = {}
-    for pair in (*_flat_pairs(survey), *_round_pairs(survey)):
-        one, other = sorted(pair.keys, key=survey.order)
-        tries = tried.get((one, other), 0)
-        warning = _pair_warning(survey, pair, one, other) if tries < _MOST_TRIES else None
-        tried[one, other] = tries + 1 if warning is None else _MOST_TRIES
-        if warning is not None:
-            yield warning
+class CoincidentSurfaces(SceneWarningKind):
+    """Coincident surfaces, one warning for each two objects."""
 
+    name = "surfaces that coincide"
+    section = COINCIDENCE
+    rank = 80
+    opaque = Sentence(
+        "a surface of it coincides with {other}, to within {offset:.2g} m, where they overlap: which of the two is "
+        "seen is left to rounding; {remedy}",
+        when="two opaque surfaces with different materials lie in one plane and overlap, where the camera may see "
+        "them: a poster in a wall, a lamp in a ceiling, flush boxes",
+        remedy="move one of them by more than that",
+        advice="a millimetre does",
+    )
+    clear = Sentence(
+        "a surface of it coincides with {other}, to within {offset:.2g} m, and light goes into one of them: which of "
+        "the two it meets first is left to rounding, so some goes astray; {remedy}",
+        when="glass, a cutout or a medium stands exactly on a surface, or touches another",
+        remedy="let them overlap by more than that and give what is clear a `priority`, or leave a gap",
+    )
 
-# ---- Warnings of pairs
+    def find(self, survey: SceneSurvey) -> Warned:
+        tried: dict[tuple[KeyPath, KeyPath], int] = {}
+        for pair in (*_flat_pairs(survey), *_round_pairs(survey)):
+            one, other = sorted(pair.keys, key=survey.order)
+            tries = tried.get((one, other), 0)
+            sentence = self._sentence(survey, pair, is_same=one == other) if tries < _MOST_TRIES else None
+            tried[one, other] = tries + 1 if sentence is None else _MOST_TRIES
+            if sentence is not None:
+                whose = "another of its own" if one == other else f"one of {object_label(survey.spec, one)}"
+                yield self.of_keys(survey, other, sentence.fill(other=whose, offset=pair.offset))
 
-
-def _pair_warning(survey: SceneSurvey, pair: _Pair, first: KeyPath, second: KeyPath) -> WarningRecord | None:
-    """Make the warning of a pair, if it matters: many surfaces that touch are never seen there."""
-    looks = [survey.packed.resolved_materials.get(material) for material in pair.materials]
-    alike = pair.materials[0] == pair.materials[1]
-    if any(look is not None and _admits_light(look) for look in looks):
-        if alike and first == second:
-            return None
-        remedy = (
-            "and light goes into one of them: which of the two it meets first is left to rounding, so some goes "
-            "astray; let them overlap by more than that and give what is clear a `priority`, or leave a gap"
-        )
-    elif alike or not _is_seen(survey, pair):
-        return None
-    else:
-        remedy = "where they overlap: which of the two is seen is left to rounding; move one of them by more than that"
-    other = "another of its own" if first == second else f"one of {object_label(survey.spec, first)}"
-    message = f"a surface of it coincides with {other}, to within {pair.offset:.2g} m, {remedy}"
-    return warning_at(survey.spec, _KIND, second, message)
+    def _sentence(self, survey: SceneSurvey, pair: _Pair, *, is_same: bool) -> Sentence | None:
+        """Choose what to say of a pair, if it matters: many surfaces that touch are never seen there."""
+        looks = [survey.packed.resolved_materials.get(material) for material in pair.materials]
+        alike = pair.materials[0] == pair.materials[1]
+        if any(look is not None and look.admits_light() for look in looks):
+            return None if alike and is_same else self.clear
+        return None if alike or not _is_seen(survey, pair) else self.opaque
 
 
 def _is_seen(survey: SceneSurvey, pair: _Pair) -> bool:
@@ -114,11 +119,6 @@ def _is_seen(survey: SceneSurvey, pair: _Pair) -> bool:
     if np.any((toward <= 0.0) & pair.solid):
         return False
     return not survey.is_buried(pair.point + 2.0 * pair.offset * np.sign(toward[0]) * pair.normals[0])
-
-
-def _admits_light(look: MaterialSpec) -> bool:
-    """Return True if light goes into or through objects of this material."""
-    return look.has_passthrough() or look.is_transmissive()
 
 
 # ---- Flat faces that overlap
@@ -167,7 +167,7 @@ def _matter(
     """
     looks = survey.packed.resolved_materials
     clear = np.zeros(int(faces.material.max()) + 1, bool)
-    clear[[reference for reference, look in looks.items() if reference < len(clear) and _admits_light(look)]] = True
+    clear[[reference for reference, look in looks.items() if reference < len(clear) and look.admits_light()]] = True
     closed = np.array([survey.is_solid(piece) for piece in range(len(survey.pieces.item))])
 
     def matters(a: Indices, b: Indices) -> NDArray[np.bool_]:

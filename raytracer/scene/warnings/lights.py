@@ -1,16 +1,13 @@
 """Warn of lights that emit nothing, or light nothing."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from raytracer.core.geometry import OFFSET_ULPS
 from raytracer.core.primitives.spheres import Spheres
-from raytracer.scene.warnings.primitive_points import Points, is_flat, normals, outline, without_motion
-from raytracer.scene.warnings.record import WarningRecord, warning_at
-from raytracer.scene.warnings.survey import SceneSurvey
-
-_KIND = "lights that light nothing"
+from raytracer.scene.warnings.base.kind import LIGHTS_AND_CAMERAS, SceneWarningKind
+from raytracer.scene.warnings.base.primitive_points import Points, is_flat, normals, outline, without_motion
+from raytracer.scene.warnings.base.survey import SceneSurvey
+from raytracer.schema.warning_kind import Sentence, Warned
 
 _POWERS = ("intensity", "irradiance", "energy")
 
@@ -18,53 +15,74 @@ _POWERS = ("intensity", "irradiance", "energy")
 _MOST_FACES = 64
 
 
-def light_warnings(survey: SceneSurvey) -> Iterator[WarningRecord]:
-    """Find lights without power, lights that point at nothing, and scenes without light."""
-    yield from _without_power(survey)
-    yield from _turned_away(survey)
-    yield from _dark(survey)
+class UselessLights(SceneWarningKind):
+    """Lights without power, lights that point at nothing, and scenes without light."""
 
+    name = "lights that light nothing"
+    section = LIGHTS_AND_CAMERAS
+    rank = 120
+    powerless = Sentence(
+        "gives no light: its {power} is 0",
+        when="a light has no power",
+        remedy="give it some, or take it out",
+    )
+    black = Sentence(
+        "is made of an emitter that gives no light: its radiance is 0",
+        when="the same of an emitter",
+        remedy="give it some, or take it out",
+    )
+    averted = Sentence(
+        "gives light to the side of its normal only, and the camera and all other objects are on the other side: "
+        "{remedy}",
+        when="an emitter of one side faces away from everything",
+        remedy="turn it round, or make it `two_sided`",
+        advice="swapping its edges turns it",
+    )
+    hollow = Sentence(
+        "has a negative radius, so it gives light to its inside only, where nothing is: {remedy}",
+        when="a sphere is turned inside out",
+        remedy="make the radius positive, or the emitter `two_sided`",
+    )
+    dark = Sentence(
+        "nothing gives light, so the picture will be black: {remedy}",
+        when="there is no environment, no light and no emitter",
+        remedy="add an `environment`, one of the `lights`, or an emitter",
+    )
 
-def _without_power(survey: SceneSurvey) -> Iterator[WarningRecord]:
-    spec = survey.spec
-    for number, light in enumerate(spec.lights):
-        for key in (name for name in _POWERS if not any(getattr(light, name, (1.0,)))):
-            yield warning_at(spec, _KIND, ("lights", number), f"gives no light: its {key} is 0")
-    # An object in several groups is reported once.
-    _, first = np.unique(survey.pieces.item, return_index=True)
-    for piece in np.sort(first).tolist():
-        look = survey.material_of(piece)
-        if look is not None and "radiance" in type(look).model_fields and not look.is_emissive():
-            yield survey.warning(_KIND, piece, "is made of an emitter that gives no light: its radiance is 0")
+    def find(self, survey: SceneSurvey) -> Warned:
+        yield from self._find_powerless(survey)
+        yield from self._find_averted(survey)
+        if _is_dark(survey):
+            yield self.of_keys(survey, ("objects",), self.dark.fill())
 
+    def _find_powerless(self, survey: SceneSurvey) -> Warned:
+        for number, light in enumerate(survey.spec.lights):
+            for key in (name for name in _POWERS if not any(getattr(light, name, (1.0,)))):
+                yield self.of_keys(survey, ("lights", number), self.powerless.fill(power=key))
+        # An object in several groups is reported once.
+        _, first = np.unique(survey.pieces.item, return_index=True)
+        for piece in np.sort(first).tolist():
+            look = survey.material_of(piece)
+            if look is not None and "radiance" in type(look).model_fields and not look.is_emissive():
+                yield self.of_piece(survey, piece, self.black.fill())
 
-def _turned_away(survey: SceneSurvey) -> Iterator[WarningRecord]:
-    """Find emitters with nothing in front of them."""
-    pieces = survey.pieces
-    # Fog shows light that hits nothing else.
-    if survey.packed.scene.media is not None:
-        return
-    for piece in np.flatnonzero(pieces.group < 0).tolist():
-        look = survey.material_of(piece)
-        if look is None or look.children() or not look.is_emissive() or getattr(look, "two_sided", True):
-            continue
-        table = survey.tables[pieces.table[piece]]
-        start, stop = int(pieces.start[piece]), int(pieces.stop[piece])
-        if is_flat(table):
-            if stop - start <= _MOST_FACES and not _shines_on_something(survey, piece, outline(table, start, stop)):
-                yield survey.warning(
-                    _KIND,
-                    piece,
-                    "gives light to the side of its normal only, and the camera and all other objects are on the "
-                    "other side: turn it round, or make it `two_sided`",
-                )
-        elif _is_hollow(survey, piece, without_motion(table), start):
-            yield survey.warning(
-                _KIND,
-                piece,
-                "has a negative radius, so it gives light to its inside only, where nothing is: make the radius "
-                "positive, or the emitter `two_sided`",
-            )
+    def _find_averted(self, survey: SceneSurvey) -> Warned:
+        """Find emitters with nothing in front of them."""
+        pieces = survey.pieces
+        # Fog shows light that hits nothing else.
+        if survey.packed.scene.media is not None:
+            return
+        for piece in np.flatnonzero(pieces.group < 0).tolist():
+            look = survey.material_of(piece)
+            if look is None or look.children() or not look.is_emissive() or getattr(look, "two_sided", True):
+                continue
+            table = survey.tables[pieces.table[piece]]
+            start, stop = int(pieces.start[piece]), int(pieces.stop[piece])
+            if is_flat(table):
+                if stop - start <= _MOST_FACES and not _shines_on_something(survey, piece, outline(table, start, stop)):
+                    yield self.of_piece(survey, piece, self.averted.fill())
+            elif _is_hollow(survey, piece, without_motion(table), start):
+                yield self.of_piece(survey, piece, self.hollow.fill())
 
 
 def _others(survey: SceneSurvey, piece: int) -> Points:
@@ -94,18 +112,10 @@ def _is_hollow(survey: SceneSurvey, piece: int, table: Spheres, row: int) -> boo
     return bool(min(float(away.min()), float(np.linalg.norm(survey.camera - center))) >= radius)
 
 
-def _dark(survey: SceneSurvey) -> Iterator[WarningRecord]:
-    spec = survey.spec
-    shines = any(any(any(getattr(light, name, ())) for name in _POWERS) for light in spec.lights)
-    if (
-        shines
+def _is_dark(survey: SceneSurvey) -> bool:
+    """Return True if nothing in the scene gives light."""
+    return not (
+        any(any(any(getattr(light, name, ())) for name in _POWERS) for light in survey.spec.lights)
         or survey.packed.scene.environment is not None
         or any(look.is_emissive() for look in survey.packed.resolved_materials.values())
-    ):
-        return
-    yield warning_at(
-        spec,
-        _KIND,
-        ("objects",),
-        "nothing gives light, so the picture will be black: add an `environment`, one of the `lights`, or an emitter",
     )

@@ -6,45 +6,52 @@ at 1e-8 and 14 to 19 times at 1e-9; 1 % or less from 3e-7 on.  What has a neighb
 that edge lies wrong by the same for both.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.geometry import OFFSET_ULPS
-from raytracer.scene.warnings.primitive_points import Points, edges, outline, squared, without_motion
-from raytracer.scene.warnings.record import WarningRecord
-from raytracer.scene.warnings.survey import SceneSurvey
-from raytracer.scene.warnings.unseen_lights import UnseenLightFinder
+from raytracer.scene.warnings.base.kind import FLOAT32, SceneWarningKind
+from raytracer.scene.warnings.base.primitive_points import edges, outline, squared, without_motion
+from raytracer.scene.warnings.base.relative_sizes import relative_sizes
+from raytracer.scene.warnings.base.survey import SceneSurvey
+from raytracer.scene.warnings.base.unseen_lights import UnseenLightFinder
+from raytracer.schema.warning_kind import Sentence, Warned
 
 _MOST_SHARE = 0.01
 """Largest part of an object's area that may be too narrow."""
 
 
-def sliver_warnings(survey: SceneSurvey, scale: Points, unseen_lights: UnseenLightFinder) -> Iterator[WarningRecord]:
-    """Find objects of which slivers are more than a hundredth.
+class Slivers(SceneWarningKind):
+    """Objects of which slivers are more than a hundredth."""
 
-    scale (m) : (n,), of each piece, the largest numbers in intersections: its coordinates, or the distance to
-    the camera, in its own space.
-    """
-    least = OFFSET_ULPS * scale
-    # Rounding to float32 takes less than half of such a width.
-    for piece in np.flatnonzero(survey.pieces.width < 2.0 * least).tolist():
-        # Huge quads are cut into parts with neighbours.
-        if survey.is_cut(piece) or unseen_lights.is_only_light_sampled(piece):
-            continue
-        count, share, width = _narrow(survey, piece, float(least[piece]))
-        if share <= _MOST_SHARE:
-            continue
-        total = int(survey.pieces.stop[piece] - survey.pieces.start[piece])
-        what = f"{count:,} of its {total:,} faces are" if total > 1 else "is"
-        yield survey.warning(
-            "slivers that float32 cannot tell",
-            piece,
-            f"{what} as narrow as {width:.2g} m, and below {least[piece]:.2g} m, {OFFSET_ULPS:.1e} of how far away the "
-            "camera is, or of how far coordinates reach, float32 is too coarse for that: rays meet it too often, ten "
-            "times so at a hundredth of that width; make it wider, bring it nearer, or leave it out",
-        )
+    name = "slivers that float32 cannot tell"
+    section = FLOAT32
+    rank = 40
+    narrow = Sentence(
+        "{faces} as narrow as {width:.2g} m, and below {least:.2g} m, {step:.1e} of how far away the camera is, or of "
+        "how far coordinates reach, float32 is too coarse for that: rays meet it too often, ten times so at a "
+        "hundredth of that width; {remedy}",
+        when="more than a hundredth of an object's area is in faces narrower than 4 * 2^-23 = 4.8e-7 of the distance "
+        "to the camera, or of how far their coordinates reach, with an edge that no other face shares",
+        remedy="make it wider, bring it nearer, or leave it out",
+    )
+
+    def find(self, survey: SceneSurvey) -> Warned:
+        # The largest numbers in intersections: coordinates, or the distance to the camera, in the piece's own space.
+        least = OFFSET_ULPS * survey.once(relative_sizes).scale(survey)
+        unseen_lights = survey.once(UnseenLightFinder)
+        # Rounding to float32 takes less than half of such a width.
+        for piece in np.flatnonzero(survey.pieces.width < 2.0 * least).tolist():
+            # Huge quads are cut into parts with neighbours.
+            if survey.is_cut(piece) or unseen_lights.is_only_light_sampled(piece):
+                continue
+            count, share, width = _narrow(survey, piece, float(least[piece]))
+            if share <= _MOST_SHARE:
+                continue
+            total = int(survey.pieces.stop[piece] - survey.pieces.start[piece])
+            faces = f"{count:,} of its {total:,} faces are" if total > 1 else "is"
+            text = self.narrow.fill(faces=faces, width=width, least=least[piece], step=OFFSET_ULPS)
+            yield self.of_piece(survey, piece, text)
 
 
 def _narrow(survey: SceneSurvey, piece: int, least: float) -> tuple[int, float, float]:

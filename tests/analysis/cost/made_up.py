@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from raytracer.analysis.cost.bench import Bench
 from raytracer.core.error_estimate import FLOOR
+from raytracer.film.window import Window
 from raytracer.kernel.packed_scene import Scene
 from raytracer.rendering.tile_renderer import RenderedTiles
-from raytracer.rendering.tile_scheduler import TILE_SIZE, Window
+from raytracer.rendering.tile_scheduler import TILE_SIZE
 from raytracer.scene.load import load
 from raytracer.scene.pack.scene import PackedScene, pack
 from raytracer.scene.spec import SceneSpec

@@ -21,11 +21,12 @@ from raytracer.analysis.cost.study_options import StudyOptions
 from raytracer.analysis.cost.variant import Variant
 from raytracer.analysis.cost.variants import REPEAT
 from raytracer.core.error_estimate import error_weights, mse_by_tile
+from raytracer.film.window import Window
 from raytracer.rendering.compilation import CompiledScene, compile_scene
 from raytracer.rendering.render import render
 from raytracer.rendering.session import Rendered
 from raytracer.rendering.tile_renderer import RenderedTiles, render_tiles
-from raytracer.rendering.tile_scheduler import Window, split_into_tiles
+from raytracer.rendering.tile_scheduler import split_into_tiles
 from raytracer.scene.load import load
 from raytracer.scene.spec import SceneSpec
 from tests.small_scenes import scene

@@ -11,7 +11,8 @@ from raytracer.analysis.cost.replicates import Replicates
 from raytracer.analysis.cost.results import Prediction
 from raytracer.analysis.cost.tile_sample import TileSample, choose_tiles
 from raytracer.core.error_estimate import error_weights, mse_by_tile
-from raytracer.rendering.tile_scheduler import TILE_SIZE, Window, split_into_tiles
+from raytracer.film.window import Window
+from raytracer.rendering.tile_scheduler import TILE_SIZE, split_into_tiles
 
 WINDOWS = split_into_tiles(Window(0, 0, 16 * TILE_SIZE, 8 * TILE_SIZE))
 PIXELS = 16 * 8 * TILE_SIZE * TILE_SIZE

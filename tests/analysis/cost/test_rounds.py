@@ -12,7 +12,8 @@ from raytracer.analysis.cost.rounds import prepare_variant, shares_accel, varian
 from raytracer.analysis.cost.variants import make_variants
 from raytracer.analysis.cost.workload import replicate_workload, round_workload, sample_levels
 from raytracer.core.error_estimate import Interval
-from raytracer.rendering.tile_scheduler import Window, split_into_tiles
+from raytracer.film.window import Window
+from raytracer.rendering.tile_scheduler import split_into_tiles
 from raytracer.scene.load import load
 from raytracer.scene.pack.scene import pack
 from raytracer.scene.scene_assets import SceneAssets

@@ -67,7 +67,7 @@ def test_prediction_is_that_of_the_world(spec: SceneSpec) -> None:
 
 
 def tiles(spec: SceneSpec) -> list[Any]:
-    from raytracer.rendering.tile_scheduler import Window
+    from raytracer.film.window import Window
     from raytracer.rendering.tile_scheduler import split_into_tiles as tiles_of
 
     return tiles_of(Window(0, 0, spec.film.width, spec.film.height))

@@ -10,7 +10,8 @@ from raytracer.analysis.cost.tile_sample import (
     inclusion_probabilities,
     morton_order,
 )
-from raytracer.rendering.tile_scheduler import TILE_SIZE, Window, split_into_tiles
+from raytracer.film.window import Window
+from raytracer.rendering.tile_scheduler import TILE_SIZE, split_into_tiles
 
 WINDOWS = split_into_tiles(Window(0, 0, 330, 200))
 

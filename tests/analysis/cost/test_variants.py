@@ -13,12 +13,13 @@ from raytracer.analysis.cost.variant import Variant
 from raytracer.analysis.cost.variants import REPEAT, make_variants, reasons_without_variant, select_variants
 from raytracer.core.fresnel import REC709_LUMINANCE
 from raytracer.core.motion.resolve import matrix_at
+from raytracer.film.window import Window
 from raytracer.plugins.lights.background import Background
 from raytracer.plugins.lights.base.interface import Lights
 from raytracer.plugins.materials.base.interface import MaterialSpec
 from raytracer.rendering.compilation import CompiledScene, compile_scene
 from raytracer.rendering.tile_renderer import render_tiles
-from raytracer.rendering.tile_scheduler import Window, split_into_tiles
+from raytracer.rendering.tile_scheduler import split_into_tiles
 from raytracer.scene.effects import effects_of
 from raytracer.scene.load import build, load
 from raytracer.scene.pack.scene import PackedScene, pack

@@ -19,7 +19,6 @@ import pytest
 import raytracer as rt
 from raytracer.analysis.sweep import output_layout, prepare_points, run
 from raytracer.analysis.sweep.output_layout import stale_images
-from raytracer.analysis.sweep.progress_bar import SweepProgress
 from raytracer.analysis.sweep.run import sweep
 from raytracer.film import image_file
 from raytracer.film.image import Image
@@ -33,6 +32,7 @@ from raytracer.scene.load import load
 from raytracer.scene.pack.scene import pack
 from raytracer.util import atomic_write
 from raytracer.util.errors import InputError, OutputError, SceneWarning, StrictError
+from raytracer.util.progress import BatchProgress
 from tests.analysis.sweep.test_plan import SCENE
 
 VALUES = {"camera.f_number": "1.4,2,2.8", "camera.focus_distance": "2,5"}
@@ -424,7 +424,7 @@ def test_a_point_that_was_broken_off_is_gone_on_with(
     spp = 20_000
     whole = sweep(scene, values, spp=spp).images
 
-    def interrupt(done: SweepProgress) -> None:
+    def interrupt(done: BatchProgress) -> None:
         if done.share > 0.6:
             raise KeyboardInterrupt
 
@@ -458,7 +458,7 @@ def test_a_point_whose_checkpoint_is_of_no_use_begins_anew(
     values, folder, sentences = {"camera.f_number": "2,4"}, tmp_path / "out", list[str]()
     spp = 5000
 
-    def interrupt(done: SweepProgress) -> None:
+    def interrupt(done: BatchProgress) -> None:
         if done.share > 0.1:
             raise KeyboardInterrupt
 
@@ -601,7 +601,7 @@ def test_points_that_are_packed_anew_are_made_ready_beside_a_render(
 
 def test_progress_rises_to_the_end_and_counts_by_work(scene: Path, bench: Bench) -> None:
     """Points of 1, 2 and 5 samples are 1/8, 2/8 and 5/8 of the work; half of each is told."""
-    told: list[SweepProgress] = []
+    told: list[BatchProgress] = []
     values = {"camera.f_number": 2, "camera.focus_distance": 2, "render.spp": "1,2,5"}
     sweep(scene, values, progress=told.append)
     assert [done.share for done in told] == pytest.approx([0.5 / 8, 2 / 8, 5.5 / 8])
@@ -610,7 +610,7 @@ def test_progress_rises_to_the_end_and_counts_by_work(scene: Path, bench: Bench)
 
 def test_progress_is_a_number_where_a_value_is_none(scene: Path, bench: Bench) -> None:
     """A film of infinite width is no infinite part of the work."""
-    told: list[SweepProgress] = []
+    told: list[BatchProgress] = []
     values = {"camera.f_number": 2, "camera.focus_distance": 2, "film.width": [math.inf, 8]}
     assert [taken.status for taken in sweep(scene, values, progress=told.append).results] == ["failed", "done"]
     assert [0.0 <= done.share <= 1.0 for done in told] == [True]

@@ -7,7 +7,7 @@ import pytest
 
 from raytracer.optics.lens_system.first_order import cardinal_points
 from raytracer.optics.lens_system.importers import Choices, import_lens
-from raytracer.optics.lens_system.plausibility import lens_warnings
+from raytracer.optics.lens_system.warnings import lens_warnings
 from raytracer.scene.assets.lenses import read_lens, read_prescription
 from raytracer.util.errors import SceneError
 from tests.optics.lens_system.test_importers import TABLE, written

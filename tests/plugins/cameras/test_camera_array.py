@@ -13,6 +13,7 @@ from scipy import stats
 from raytracer.analysis.compare import z_test
 from raytracer.film.exposure import CropWindow, metering_weights
 from raytracer.film.image import Image
+from raytracer.film.window import Window
 from raytracer.optics.thin_lens import Metering
 from raytracer.plugins.cameras.base.interface import film_corner, film_to_view
 from raytracer.plugins.cameras.base.moving import MovingCamera, pack_camera
@@ -22,7 +23,6 @@ from raytracer.plugins.cameras.thin_lens import ThinLens
 from raytracer.rendering.develop import _view_slices, light_field_layout
 from raytracer.rendering.render import render
 from raytracer.rendering.session import Rendered
-from raytracer.rendering.tile_scheduler import Window
 from raytracer.scene.load import build
 from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import InputError, SceneError

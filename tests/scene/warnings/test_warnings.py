@@ -1,5 +1,7 @@
 """Warnings before a render: each is given for a scene that deserves it, names object and line, and for no other."""
 
+import gc
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +13,12 @@ from raytracer.cli.base.app import main
 from raytracer.core.primitives.base import interface as primitives
 from raytracer.rendering.render import render
 from raytracer.scene.load import build, load
-from raytracer.scene.pack.scene import pack
+from raytracer.scene.pack.scene import PackedScene, pack
 from raytracer.scene.warnings import find_warnings, warning_messages
-from raytracer.scene.warnings.primitive_points import coordinate_extents, outline
-from raytracer.scene.warnings.record import MAX_PER_KIND, WarningRecord
+from raytracer.scene.warnings.base.primitive_points import coordinate_extents, outline
+from raytracer.scene.warnings.base.record import MAX_PER_KIND
+from raytracer.scene.warnings.base.survey import SceneSurvey
+from raytracer.schema.warning_kind import WarningRecord
 from raytracer.util.errors import InputError, StrictError
 
 ROOT = Path(__file__).parents[3]
@@ -564,3 +568,20 @@ def test_outlines_span_what_tables_hold(shape: str, tmp_path: Path) -> None:
     assert np.abs(points.max(axis=(0, 1)) - high).max() <= short
     reach = coordinate_extents(table, 0, len(table.material))
     assert (reach >= np.abs(points).max(axis=(1, 2)) - short).all()
+
+
+def test_a_scene_is_not_kept_by_what_was_derived_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    surveys: list[weakref.ref[SceneSurvey]] = []
+
+    class Watched(SceneSurvey):
+        def __init__(self, packed: PackedScene) -> None:
+            super().__init__(packed)
+            surveys.append(weakref.ref(self))
+
+    monkeypatch.setattr("raytracer.scene.warnings.SceneSurvey", Watched)
+    gc.disable()
+    try:
+        assert found(POOL, BEAD, STAR)
+        assert [survey() for survey in surveys] == [None]
+    finally:
+        gc.enable()

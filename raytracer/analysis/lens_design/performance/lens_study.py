@@ -36,7 +36,7 @@ from raytracer.analysis.lens_design.performance.spherical import spherical
 from raytracer.analysis.lens_design.performance.spots import spots
 from raytracer.analysis.lens_design.performance.tolerances import tolerances
 from raytracer.optics.lens_system.lens import Lens
-from raytracer.optics.lens_system.plausibility import lens_warnings
+from raytracer.optics.lens_system.warnings import lens_warnings
 
 
 class LensStudy(NamedTuple):

@@ -4,8 +4,8 @@ from typing import Annotated
 
 import typer
 
-from raytracer.cli.base.options import parse_number
-from raytracer.schema.units import parse_quantity
+from raytracer.cli.base.options import parse_dimension
+from raytracer.schema.units import Dimension
 from raytracer.util.errors import InputError
 
 File = Annotated[str, typer.Argument(metavar="FILE", help="Light field: .lf.")]
@@ -46,18 +46,21 @@ def parse_position(option: str, text: str) -> tuple[float, float]:
     parts = text.split(",")
     if len(parts) != 2:
         raise InputError(f"{option} {text}: must be two lengths, to the right and up from the middle: 2mm,-1mm")
-    right, up = (parse_length(option, part) for part in parts)
+    right, up = (parse_dimension(option, part, "length") for part in parts)
     return right, up
 
 
-def parse_length(option: str, text: str) -> float:
-    """Parse a length (m).
+def parse_positive(option: str, text: str, dimension: Dimension) -> float:
+    """Parse a quantity greater than 0, which may be infinite.
 
     Raises
     ------
     InputError : it is none, and why.
     """
-    return parse_number(option, text, lambda part: parse_quantity(part, "length"))
+    value = parse_dimension(option, text, dimension)
+    if not value > 0.0:
+        raise InputError(f"{option} {text}: must be greater than 0")
+    return value
 
 
 def parse_distance(option: str, text: str | None) -> float | None:
@@ -69,7 +72,7 @@ def parse_distance(option: str, text: str | None) -> float | None:
     """
     if text is None:
         return None
-    distance = float("inf") if text.strip() == "inf" else parse_length(option, text)
+    distance = float("inf") if text.strip() == "inf" else parse_dimension(option, text, "length")
     if not distance > 0.0:
         raise InputError(f"{option} {text}: must be a distance greater than 0")
     return distance

@@ -1,7 +1,7 @@
 """Writing `.lf` files: view by view, or a whole light field."""
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from raytracer.film.light_field.lf.constants import (
 from raytracer.film.light_field.lf.write_only_file import WriteOnlyFile
 from raytracer.film.light_field.views import Views
 from raytracer.util.atomic_write import atomic_write, wrap_os_errors
+from raytracer.util.progress import Update, report_progress
 
 _TILE = 128
 """Pixels along the edge of a tile: as quick as whole views to write and read, and a part of a view costs little."""
@@ -278,7 +279,7 @@ def write(
     *,
     dtype: str = "float32",
     compress: bool = False,
-    update: Callable[[float, float], object] | None = None,
+    update: Update | None = None,
 ) -> None:
     """Write a light field as an `.lf` file.
 
@@ -297,12 +298,10 @@ def write(
     with Writer(
         path, field.views, dtype=dtype, compress=compress, settings=field.settings, microlenses=places
     ) as writer:
-        for row in range(field.views.rows):
+        for row in report_progress(range(field.views.rows), update):
             for column in range(field.views.columns):
                 layers = {name: layer[row, column] for name, layer in field.layers.items()}
                 view_samples = None if samples is None else samples.value[row, column]
                 writer.put_view(row, column, field.radiance[row, column], layers, view_samples)
-            if update is not None:
-                update(row + 1, field.views.rows)
         if field.rays is not None:
             writer.write_rays(field.rays)

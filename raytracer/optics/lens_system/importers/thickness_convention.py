@@ -119,7 +119,7 @@ def resolve_convention(
 
 def _with_reading(draft: Draft, place: str, reason: str, *, is_guess: bool) -> Draft:
     """Note in a draft how it was interpreted, and why."""
-    draft.reading = FileInterpretation(f"thickness is read as that {place} each surface, {reason}", is_guess)
+    draft.reading = FileInterpretation(place, reason, is_guess)
     return draft
 
 

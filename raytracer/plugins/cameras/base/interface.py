@@ -26,6 +26,7 @@ from raytracer.plugins.cameras.base.opening import Opening
 from raytracer.schema.fields import Name, Quantity, Time
 from raytracer.schema.spec import Spec, field_error
 from raytracer.schema.transform import TRANSFORM_ROUNDING, matrix_of
+from raytracer.schema.warning_kind import WarningRecord
 
 Assets: TypeAlias = Mapping[str, Any]
 """Contents of a camera's files, by the dotted path of the key that names each."""
@@ -178,8 +179,8 @@ class CameraSpec(Spec):
         """Return the keys of the thin-lens camera in place of one with a lens of glass; None for any other."""
         return None
 
-    def warnings(self, width: int, height: int) -> list[tuple[str, str]]:
-        """List probable mistakes: the key that each is about, and a predicate of that key's value."""
+    def warnings(self, width: int, height: int) -> list[WarningRecord]:
+        """List probable mistakes, each by the key that it is about and a predicate of that key's value."""
         return []
 
     def focused_object(self) -> str | None:

@@ -12,12 +12,6 @@ from raytracer.schema.units import METRES_PER_MILLIMETRE
 _ROW = math.sqrt(3.0) / 2.0
 """Distance of the rows of a hexagonal lattice, over the distance of neighbours in a row."""
 
-_MISMATCH = 0.05
-"""Part of their width by which sub-images may miss each other unremarked: engraved f-numbers are rounded by as much."""
-
-_MIN_SEEN_BY = 2.0
-"""Microlenses across that should see each place: Georgiev, Lumsdaine 2010, "Reducing Plenoptic Camera Artifacts"."""
-
 
 def make_lenslets(
     lenses: Microlenses, array: Arrangement, main: MainLens, frame: CameraFrame, plane_of_focus: float
@@ -90,32 +84,3 @@ def describe_resolution(array: Arrangement, layout: Lenslets, views: Views) -> d
         "view_height_px": float(views.height),
     }
     return numbers | ({"seen_by_microlenses": layout.overlap} if layout.is_focused else {})
-
-
-def list_mismatches(lenses: Microlenses, array: Arrangement, layout: Lenslets, f_number: float | None) -> list[str]:
-    """List the ways in which the microlenses do not suit the main lens, of this f-number, as predicates of theirs."""
-    messages = []
-    if not layout.holds_views:
-        messages.append(
-            f"the picture of {layout.width} x {layout.height} pixels has no room for sub-images of "
-            f"{array.spacing:.3g} pixels side by side, and so holds no views: give a film with more pixels, or smaller "
-            "microlenses"
-        )
-    part = array.distance / array.matched
-    meant = "" if f_number is None else f": f/{part * f_number:.3g} in place of f/{f_number:.3g} would fill them"
-    if part > 1.0 + _MISMATCH:
-        messages.append(
-            f"the main lens is {part:.3g} times as wide as they have room for, so that sub-images would overlap; "
-            f"what is beyond their own pixels is cut off here{meant}"
-        )
-    elif part < 1.0 - _MISMATCH:
-        messages.append(
-            f"sub-images are {part:.3g} times as wide as there is room for, and the pixels between them stay dark"
-            f"{meant}"
-        )
-    if lenses.arrangement == "focused" and layout.overlap < _MIN_SEEN_BY:
-        messages.append(
-            f"each place is seen by {layout.overlap:.3g} of them across, and it takes {_MIN_SEEN_BY:g} to leave none "
-            "out and to tell its depth: give a focal_length that is nearer to what shows the main lens"
-        )
-    return messages

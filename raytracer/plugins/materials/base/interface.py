@@ -119,6 +119,10 @@ class MaterialSpec(Spec):
         """Tell if some light goes into it, or through it and on in another direction."""
         return any(child.is_transmissive() for child in self.children().values())
 
+    def admits_light(self) -> bool:
+        """Tell if light goes into or through objects of this material."""
+        return self.has_passthrough() or self.is_transmissive()
+
     def has_interior(self) -> bool:
         """Tell if light that goes in is inside of something, which then has a medium of its own or none."""
         return any(child.has_interior() for child in self.children().values())

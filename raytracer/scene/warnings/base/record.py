@@ -1,9 +1,9 @@
-"""Records of warnings, and their sentences."""
+"""Sentences of warnings about places in a scene file."""
 
 from collections.abc import Iterable
-from typing import NamedTuple
 
 from raytracer.scene.spec import SceneSpec
+from raytracer.schema.warning_kind import WarningRecord
 from raytracer.schema.yaml_nodes import KeyPath, path_text
 from raytracer.util.errors import SceneError
 
@@ -11,26 +11,12 @@ MAX_PER_KIND = 10
 """Most warnings of a kind that are printed one by one."""
 
 
-class WarningRecord(NamedTuple):
-    """A warning.
-
-    kind : the same words for all warnings that are alike.
-    keys : path in the scene of what it is about.
-    text : one sentence that begins with file, line and object.
-    """
-
-    kind: str
-    keys: KeyPath
-    text: str
-
-
-def warning_at(spec: SceneSpec, kind: str, keys: KeyPath, message: str) -> WarningRecord:
-    """Make a warning about the value at a path of the scene."""
-    error = spec.error(message, *keys)
-    key = error.key.replace(path_text(keys), object_label(spec, keys), 1)
-    return WarningRecord(
-        kind, keys, str(SceneError(message, file=error.file, line=error.line, key=key, source=error.source))
-    )
+def warning_at(spec: SceneSpec, record: WarningRecord) -> WarningRecord:
+    """Begin a warning's sentence with file, line and object of the value that it is about."""
+    error = spec.error(record.text, *record.keys)
+    key = error.key.replace(path_text(record.keys), object_label(spec, record.keys), 1)
+    placed = SceneError(record.text, file=error.file, line=error.line, key=key, source=error.source)
+    return record._replace(text=str(placed))
 
 
 def object_label(spec: SceneSpec, keys: KeyPath) -> str:

@@ -1,7 +1,8 @@
 """Survey of a packed scene, object by object: sizes, positions, and primitives that vanish in float32."""
 
+from collections.abc import Callable
 from functools import cached_property, reduce
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +13,11 @@ from raytracer.plugins.cameras.base.moving import camera_at_time
 from raytracer.plugins.materials.base.interface import MaterialSpec
 from raytracer.plugins.shapes.base.interface import ShapeSpec
 from raytracer.scene.pack.scene import PackedScene
-from raytracer.scene.warnings.primitive_points import Points, has_edges, normals, outline, squared, without_motion
-from raytracer.scene.warnings.record import WarningRecord, object_label, warning_at
+from raytracer.scene.warnings.base.primitive_points import Points, has_edges, normals, outline, squared, without_motion
+from raytracer.scene.warnings.base.record import object_label
 from raytracer.schema.yaml_nodes import KeyPath
+
+Derived = TypeVar("Derived")
 
 # Rows per block: intermediate results stay in the processor's cache, and take little memory.
 _BLOCK = 1 << 14
@@ -72,6 +75,17 @@ class SceneSurvey:
         self.tables = packed.scene.primitives
         self.pieces = _pieces(packed)
         self._looks: dict[int, MaterialSpec | None] = {}
+        self._derived: dict[object, object] = {}
+
+    def once(self, derive: Callable[["SceneSurvey"], Derived]) -> Derived:
+        """Derive something from the survey, once however many kinds of warnings ask for it."""
+        if derive not in self._derived:
+            self._derived[derive] = derive(self)
+        return cast(Derived, self._derived[derive])
+
+    def forget(self) -> None:
+        """Drop what was derived: it refers to the survey, and both would keep the scene in memory for a while."""
+        self._derived.clear()
 
     @cached_property
     def camera(self) -> Points:
@@ -180,7 +194,7 @@ class SceneSurvey:
         low, high = self.boxes
         for piece in np.flatnonzero(((point > low) & (point < high)).all(axis=1)).tolist():
             look = self.material_of(piece)
-            if look is None or look.has_passthrough() or look.is_transmissive():
+            if look is None or look.admits_light():
                 continue
             shown = self.placed(piece)
             if self.pieces.group[piece] < 0:
@@ -206,10 +220,6 @@ class SceneSurvey:
     def name_of(self, piece: int) -> str:
         """Format a piece's object for messages."""
         return object_label(self.spec, self.keys_of(piece))
-
-    def warning(self, kind: str, piece: int, message: str) -> WarningRecord:
-        """Make a warning about a piece's object."""
-        return warning_at(self.spec, kind, self.keys_of(piece), message)
 
     def origin_text(self) -> str:
         """Name the origin of coordinates in messages."""

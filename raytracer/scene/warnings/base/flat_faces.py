@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.geometry import OFFSET_ULPS
-from raytracer.scene.warnings.primitive_points import Points, edges, is_flat, outline
-from raytracer.scene.warnings.survey import SceneSurvey
+from raytracer.scene.warnings.base.primitive_points import Points, edges, is_flat, outline
+from raytracer.scene.warnings.base.survey import SceneSurvey
 
 Indices = NDArray[np.int64]
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from raytracer.plugins.cameras.base.interface import project
 from raytracer.plugins.lights.base.interface import Lights
-from raytracer.scene.warnings.primitive_points import Points, without_motion
-from raytracer.scene.warnings.survey import SceneSurvey
+from raytracer.scene.warnings.base.primitive_points import Points, without_motion
+from raytracer.scene.warnings.base.survey import SceneSurvey
 
 _MOST_COPIES = 256
 """Most instances of a light that are examined; one with more counts as seen."""

@@ -9,7 +9,7 @@ import pytest
 from raytracer.optics.glass import AIR, constant_index_glass
 from raytracer.optics.lens_system.first_order import cardinal_points
 from raytracer.optics.lens_system.lens import Element, Focus, Lens
-from raytracer.optics.lens_system.plausibility import lens_warnings
+from raytracer.optics.lens_system.warnings import lens_warnings
 from raytracer.scene.assets.lenses import read_lens
 from tests.optics.lens_system.test_shipped_lenses import SHIPPED
 
