@@ -48,4 +48,6 @@ def decode_ppm(data: bytes) -> NDArray[np.float64]:
 
 
 # The record that the registry looks for.  A linear format leaves out `decode_display`.
-FORMAT = ImageFormat((".ppm",), encode=encode_ppm, decode=decode_ppm, decode_display=decode_ppm_display)
+FORMAT = ImageFormat(
+    (".ppm",), is_linear=False, encode=encode_ppm, decode=decode_ppm, decode_display=decode_ppm_display
+)

@@ -120,7 +120,7 @@ def sweep(
     from raytracer.analysis.sweep.run import sweep as run
 
     suffixes = normalize_formats(formats.split(","))
-    layers = options.parse_aovs(aov or [], None if "exr" in suffixes else "--format exr")
+    layers = options.parse_aovs(aov or [], [f".{suffix}" for suffix in suffixes], "--format exr")
     stem = Path(scene).stem
     folder = output or Path("outputs") / (stem if stem.endswith("sweep") else f"{stem}_sweep")
     with ExitStack() as stack:

@@ -1,6 +1,5 @@
 """`rt lightfield depth`: estimates how far away everything is, in metres."""
 
-import io
 import json
 import math
 import sys
@@ -15,6 +14,7 @@ from raytracer.cli.lightfield.base.options import Far, File, Near, Quiet, parse_
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
+    from raytracer.film.formats.base.image_format import ImageFormat
     from raytracer.film.light_field.field import LightField
     from raytracer.lightfield.depth.depth_map import Depth
 
@@ -30,9 +30,6 @@ Examples:
 .exr      the view, with the layers depth (m) and confidence
 .npy .pfm metres alone; inf is infinity, nan where no light came (grey in .png)
 """
-
-_SUFFIXES = (".png", ".exr", ".npy", ".pfm")
-_CONFIDENCE_SUFFIXES = (".png", ".npy", ".pfm")
 
 _SURE = 0.5
 """Confidence from which on the summary counts a pixel."""
@@ -75,9 +72,11 @@ def depth(
     texture, all distances agree: the confidence is low there.
     """
     outputs = output or []
-    check_outputs(outputs, _SUFFIXES, "a depth map")
+    from raytracer.film.formats.registry import image_formats, map_suffixes
+
+    check_outputs(outputs, map_suffixes(), "a depth map")
     if confidence is not None:
-        check_outputs([confidence], _CONFIDENCE_SUFFIXES, "a map of confidence")
+        check_outputs([confidence], map_suffixes(with_image=False), "a map of confidence")
     index = parse_view("--view", view) or (None, None)
     nearest, farthest = parse_distance("--near", near), parse_distance("--far", far)
 
@@ -102,13 +101,14 @@ def depth(
         except InputError as error:
             raise InputError(f"{file}: {error}") from None
         for path in outputs:
-            if path.suffix.lower() == ".exr":
+            image_format = image_formats()[path.suffix.lower()]
+            if image_format.has_layers:
                 layers = {"depth": depths.distance, "confidence": depths.confidence}
                 save_picture(field.view(depths.row, depths.column), path, field, layers)
             else:
-                write_bytes(path, _encode_depths(depths, field, path.suffix.lower()))
+                write_bytes(path, _encode_depths(depths, field, image_format))
         if confidence is not None:
-            write_bytes(confidence, _encode_confidence(depths, confidence.suffix.lower()))
+            write_bytes(confidence, _encode_confidence(depths, image_formats()[confidence.suffix.lower()]))
         summary = _summary(depths, field, method)
     for path in [*outputs, *([] if confidence is None else [confidence])]:
         report_written(path, quiet)
@@ -118,51 +118,29 @@ def depth(
         _print(summary)
 
 
-def _encode_depths(depths: "Depth", field: "LightField", suffix: str) -> bytes:
+def _encode_depths(depths: "Depth", field: "LightField", image_format: "ImageFormat") -> bytes:
     """Encode a depth map as a file."""
     import numpy as np
 
-    from raytracer.film.formats import pfm
     from raytracer.lightfield.colormap import apply_colormap
 
     inverse = depths.known(depths.inverse)
-    values = depths.distance if field.is_metric else inverse
-    if suffix == ".pfm":
-        return pfm.encode(values)
-    if suffix == ".npy":
-        return _npy(values)
+    if image_format.encode_map is not None:
+        return image_format.encode_map(depths.distance if field.is_metric else inverse)
+    assert image_format.encode_pixels is not None
     is_known = np.isfinite(inverse)
     sure = inverse[is_known & (depths.confidence >= np.median(depths.confidence[is_known]))]
     low, high = np.quantile(sure, [_TAILS, 1.0 - _TAILS])
-    return _png(apply_colormap(inverse, float(low), float(high)))
+    return image_format.encode_pixels(apply_colormap(inverse, float(low), float(high)))
 
 
-def _encode_confidence(depths: "Depth", suffix: str) -> bytes:
+def _encode_confidence(depths: "Depth", image_format: "ImageFormat") -> bytes:
     import numpy as np
 
-    from raytracer.film.formats import pfm
-
-    if suffix == ".pfm":
-        return pfm.encode(depths.confidence)
-    if suffix == ".npy":
-        return _npy(depths.confidence)
-    return _png(np.rint(255.0 * depths.confidence).astype(np.uint8))
-
-
-def _npy(values: Any) -> bytes:
-    import numpy as np
-
-    buffer = io.BytesIO()
-    np.save(buffer, values, allow_pickle=False)
-    return buffer.getvalue()
-
-
-def _png(pixels: Any) -> bytes:
-    import PIL.Image
-
-    buffer = io.BytesIO()
-    PIL.Image.fromarray(pixels).save(buffer, "PNG")
-    return buffer.getvalue()
+    if image_format.encode_map is not None:
+        return image_format.encode_map(depths.confidence)
+    assert image_format.encode_pixels is not None
+    return image_format.encode_pixels(np.rint(255.0 * depths.confidence).astype(np.uint8))
 
 
 def _summary(depths: "Depth", field: "LightField", method: str) -> dict[str, Any]:

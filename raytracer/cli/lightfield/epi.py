@@ -55,7 +55,7 @@ def epi(
     check_outputs([output], picture_suffixes(), "a slice")
     plane = parse_distance("--distance", distance)
 
-    from raytracer.film.formats.registry import display_suffixes
+    from raytracer.film.formats.registry import image_formats
     from raytracer.lightfield.epipolar import draw_slice, epipolar_slice
 
     with open_light_field(file) as field:
@@ -69,14 +69,11 @@ def epi(
             )
         except InputError as error:
             raise InputError(f"{file}: {error}") from None
-        if output.suffix.lower() in display_suffixes():
-            import PIL.Image
-
-            from raytracer.util.atomic_write import atomic_write
+        if encode_pixels := image_formats()[output.suffix.lower()].encode_pixels:
+            from raytracer.util.atomic_write import write_bytes
 
             drawn = draw_slice(epi_slice) if field.is_metric else draw_slice(epi_slice, unit="views", scale=1.0)
-            with atomic_write(output) as aside:
-                PIL.Image.fromarray(drawn).save(aside, "PNG" if output.suffix.lower() == ".png" else "JPEG", quality=95)
+            write_bytes(output, encode_pixels(drawn))
         else:
             save_picture(epi_slice.radiance, output, field)
     report_written(output, quiet)

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from raytracer.film.formats.base.image_format import DecodedLayers, ImageFormat, Layers, header_settings
 from raytracer.film.formats.base.limits import BrokenImageError, check_size
+from raytracer.film.formats.base.stored_image import StoredImage, to_single
+from raytracer.util.errors import abbreviate
 
 if TYPE_CHECKING:
     from raytracer.film.image import Image
@@ -106,6 +108,20 @@ def decode_exr_layers(data: bytes, wanted: Collection[str] | None = None) -> Dec
     return {**layers, **channels}, settings
 
 
+def decode_exr_stored(data: bytes) -> StoredImage:
+    """Decode colours or grey, with opacity if there is one, or the only channel.
+
+    Raises
+    ------
+    BrokenImageError : it has neither; or as `read_exr`.
+    """
+    _, channels = read_exr(data)
+    names = next((names for names in ("RGBA", "RGB", "YA", "Y") if all(name in channels for name in names)), None)
+    if names is None and len(channels) != 1:
+        raise BrokenImageError(f"has neither channels R, G, B nor Y, but {abbreviate(', '.join(channels)) or 'none'}")
+    return StoredImage(np.stack([to_single(channels[name]) for name in names or channels], axis=-1), False)
+
+
 def read_exr(
     data: bytes, is_wanted: Callable[[str], bool] = lambda name: True
 ) -> tuple[Mapping[str, Any], dict[str, NDArray[Any]]]:
@@ -165,4 +181,13 @@ def suppress_library_output() -> Iterator[None]:
         yield
 
 
-FORMAT = ImageFormat((".exr",), encode=encode_exr, decode=decode_exr, decode_layers=decode_exr_layers, order=3)
+FORMAT = ImageFormat(
+    (".exr",),
+    is_linear=True,
+    has_layers=True,
+    encode=encode_exr,
+    decode=decode_exr,
+    decode_layers=decode_exr_layers,
+    decode_stored=decode_exr_stored,
+    order=70,
+)
