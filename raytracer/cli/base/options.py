@@ -102,12 +102,12 @@ def parse_crop(text: str | None) -> tuple[int, int, int, int] | None:
     return left, top, right, bottom
 
 
-def parse_aovs(lists: Sequence[str], suffixes: Collection[str], remedy: str) -> tuple[str, ...]:
+def parse_aovs(lists: Sequence[str], suffixes: Collection[str] | None = None, remedy: str = "") -> tuple[str, ...]:
     """Parse the comma-separated lists of AOVs that `--aov` gives.
 
     Parameters
     ----------
-    suffixes : of the files that the command writes.
+    suffixes : of the files that the command writes; None if they hold layers whatever they are.
     remedy : options that make it write a file that holds layers, if none of these does.
 
     Raises
@@ -118,7 +118,7 @@ def parse_aovs(lists: Sequence[str], suffixes: Collection[str], remedy: str) -> 
         return ()
     from raytracer.film.formats.registry import layered_suffixes
 
-    if not any(suffix.lower() in layered_suffixes() for suffix in suffixes):
+    if suffixes is not None and not any(suffix.lower() in layered_suffixes() for suffix in suffixes):
         known = " and ".join(layered_suffixes())
         raise InputError(f"--aov {lists[0]}: only {known} files hold layers: add {remedy}")
     from raytracer.kernel.aovs.base.recording import unique_aovs
