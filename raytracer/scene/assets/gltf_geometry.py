@@ -9,7 +9,7 @@ Reference: Khronos Group, "glTF 2.0 Specification", sec. 3.5 (scenes and nodes),
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,9 @@ from raytracer.scene.assets.gltf import (
     item,
     list_entry,
     mapping,
+    parse,
 )
+from raytracer.scene.assets.raw_mesh import RawMesh
 from raytracer.util.errors import format_value
 
 MAX_REPEATED = 2**24
@@ -43,27 +45,18 @@ _COMPRESSIONS = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_m
 Array = NDArray[Any]
 
 
-class Triangles(NamedTuple):
-    """All triangles of a file.
-
-    vertices : (n, 3).
-    faces : (m, 3).
-    normals : (n, 3), 0 where a part of the file has none; None if no part has any.
-    uv : (n, 2), v upwards, 0 where a part of the file has none; None if no part has any.
-    kinds : (m,), number of each face's material; the count of materials for none.
-    """
-
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int64]
-    normals: NDArray[np.float64] | None
-    uv: NDArray[np.float64] | None
-    kinds: NDArray[np.int32]
+def read_gltf(file: BinaryIO) -> RawMesh:
+    """Read the triangles of an open file, with its materials' numbers if it has materials; see `read_triangles`."""
+    gltf = parse(file.read())
+    mesh = read_triangles(gltf, Path(file.name).parent)
+    return mesh if gltf.header.get("materials") else mesh._replace(kinds=None)
 
 
-def read_triangles(gltf: Gltf, folder: Path) -> Triangles:
+def read_triangles(gltf: Gltf, folder: Path) -> RawMesh:
     """Read the triangles of the scene of a file in `folder`.
 
-    Skins and morphs are left as they are at rest; points and lines are left out.
+    Skins and morphs are left as they are at rest; points and lines are left out.  What has no normals or texture
+    coordinates, where others have some, has zeros, and what has no material the count of materials as its kind.
 
     Raises
     ------
@@ -89,7 +82,7 @@ def read_triangles(gltf: Gltf, folder: Path) -> Triangles:
         raise BrokenGltfError("has no faces")
     pieces = [_moved(piece, pose) for piece, pose in placed]
     offsets = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
-    return Triangles(
+    return RawMesh(
         np.concatenate([piece.vertices for piece in pieces]),
         np.concatenate([piece.faces + offset for piece, offset in zip(pieces, offsets, strict=False)]),
         _filled([piece.normals for piece in pieces], pieces, 3),
@@ -99,7 +92,7 @@ def read_triangles(gltf: Gltf, folder: Path) -> Triangles:
 
 
 class _Piece(NamedTuple):
-    """A primitive of a mesh, as `Triangles` but of one material."""
+    """A primitive of a mesh, as `RawMesh` but of one material."""
 
     vertices: Array
     faces: Array

@@ -1,14 +1,23 @@
 """Read triangle meshes from files, check them and compute their normals."""
 
-from collections.abc import Iterator
+import traceback
+import warnings
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.scene.assets.readers import SUFFIXES, BrokenMeshError, Integers, RawMesh, read, weld
-from raytracer.util.errors import InputError
+from raytracer.core.compiler.lock import compiler_lock
+from raytracer.scene.assets.gltf import BrokenGltfError
+from raytracer.scene.assets.gltf_geometry import read_gltf
+from raytracer.scene.assets.obj import read_obj
+from raytracer.scene.assets.ply import read_ply
+from raytracer.scene.assets.raw_mesh import BrokenMeshError, Integers, RawMesh, weld
+from raytracer.scene.assets.stl import read_stl
+from raytracer.util.errors import InputError, one_line
+from raytracer.util.safe_open import open_regular
 
 _MOST_FACES = 2**31
 
@@ -145,7 +154,7 @@ def _checked(parts: RawMesh) -> Mesh:
         raise BrokenMeshError(f"has {len(parts.faces)} triangles, and at most {_MOST_FACES - 1} are supported")
     if len(parts.faces) == 0:
         raise BrokenMeshError("has no faces")
-    vertices = parts.vertices
+    vertices = np.ascontiguousarray(parts.vertices, dtype=np.float64)
     _check_finite(vertices, "has a vertex that is not finite (number {}, counted from 0)")
 
     # Indices are compared before they are converted, which would wrap a negative one around.
@@ -164,7 +173,7 @@ def _checked(parts: RawMesh) -> Mesh:
 
     normals = None
     if parts.normals is not None:
-        normals, usable = _normalized(parts.normals)
+        normals, usable = _normalized(np.asarray(parts.normals, dtype=np.float64))
         if not usable.all():
             normals[~usable] = smooth_normals(vertices, faces)[~usable]
     if parts.uv is not None:
@@ -174,6 +183,43 @@ def _checked(parts: RawMesh) -> Mesh:
     kinds = None if parts.kinds is None else parts.kinds[kept]
     first = int(np.argmin(kept)) if degenerate else -1
     return Mesh(vertices, faces, normals, degenerate, parts.uv, kinds, first)
+
+
+_READERS: Mapping[str, tuple[str, Callable[[BinaryIO], RawMesh]]] = {
+    ".ply": ("PLY", read_ply),
+    ".obj": ("OBJ", read_obj),
+    ".stl": ("STL", read_stl),
+    ".gltf": ("glTF", read_gltf),
+    ".glb": ("glTF", read_gltf),
+}
+
+
+def _read(path: Path) -> RawMesh:
+    """Read all triangles of a file into one mesh.
+
+    Raises
+    ------
+    BrokenMeshError : the file is broken, or holds no triangles.
+    OSError : the file cannot be opened.
+    """
+    name, reader = _READERS[path.suffix.lower()]
+    # Filters of warnings are of the whole process.
+    with compiler_lock, open_regular(path) as file, warnings.catch_warnings(), np.errstate(all="ignore"):
+        if not file.peek(1):
+            raise BrokenMeshError("is empty")
+
+        # Before version 2.3, NumPy stopped at what is no number and warned.
+        warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
+        try:
+            return reader(file)
+        except BrokenMeshError:
+            raise
+        except BrokenGltfError as error:
+            raise BrokenMeshError(str(error)) from error
+        except Exception as error:
+            # A broken file raises anything, from KeyError to struct.error.
+            reason = one_line(traceback.format_exception_only(error)[-1])
+            raise BrokenMeshError(f"cannot be read as {name}: {reason}") from error
 
 
 def read_mesh(path: str | Path) -> Mesh:
@@ -188,11 +234,11 @@ def read_mesh(path: str | Path) -> Mesh:
     InputError : the file is missing, unreadable, broken, of an unknown suffix, or without usable triangles.
     """
     path = Path(path)
-    if path.suffix.lower() not in SUFFIXES:
+    if path.suffix.lower() not in _READERS:
         problem = f"unknown suffix {path.suffix!r}" if path.suffix else "no suffix"
-        raise InputError(f"{path}: {problem} for a mesh; known: {', '.join(SUFFIXES)}")
+        raise InputError(f"{path}: {problem} for a mesh; known: {', '.join(_READERS)}")
     try:
-        return _checked(read(path))
+        return _checked(_read(path))
     except BrokenMeshError as error:
         raise InputError(f"{path}: {error}") from error
     except FileNotFoundError as error:

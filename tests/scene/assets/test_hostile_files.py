@@ -22,7 +22,6 @@ import numpy as np
 import OpenEXR
 import PIL.Image
 import pytest
-import trimesh.exchange.load  # noqa: F401  Its import is no part of what is measured.
 
 from raytracer.film import load, load_layers
 from raytracer.scene.assets import read_grid, read_image, read_mesh, read_placements
