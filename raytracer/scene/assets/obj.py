@@ -7,9 +7,9 @@ Reference: Wavefront Technologies, "Object Files (.obj)", Advanced Visualizer Ma
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,15 +30,14 @@ _ROWS = {"v": "vertex", "vn": "normal"}
 # A vertex alone, or with texture coordinates, a normal, or both; an index has up to 18 digits, as 64 bits hold.
 _INDEX = r"-?\d{1,18}+"
 _CORNERS = {
-    "f": ("v", [_INDEX]),
-    "f_": ("v", [_INDEX + "/"]),
-    "f__": ("v", [_INDEX + "//"]),
-    "ft": ("v vt", [_INDEX, _INDEX]),
-    "ft_": ("v vt", [_INDEX, _INDEX + "/"]),
-    "fn": ("v vn", [_INDEX, "", _INDEX]),
-    "ftn": ("v vt vn", [_INDEX, _INDEX, _INDEX]),
+    "f": (["v"], [_INDEX]),
+    "f_": (["v"], [_INDEX, ""]),
+    "f__": (["v"], [_INDEX, "", ""]),
+    "ft": (["v", "vt"], [_INDEX, _INDEX]),
+    "ft_": (["v", "vt"], [_INDEX, _INDEX, ""]),
+    "fn": (["v", "vn"], [_INDEX, "", _INDEX]),
+    "ftn": (["v", "vt", "vn"], [_INDEX, _INDEX, _INDEX]),
 }
-_REFERENCES = {form: names.split() for form, (names, _) in _CORNERS.items()}
 
 # Runs of lines of one kind, which is the name of the group.
 _LINES = {keyword: rf"{keyword}(?=\s)[^\n]*+" for keyword in _NUMBERS}
@@ -47,64 +46,6 @@ _RUN = re.compile(
     "|".join(rf"(?P<{kind}>(?:[^\S\n]*+{line}\n){{1,32768}}+)" for kind, line in _LINES.items()).encode()
     + rb"|[^\n]*+\n"
 )
-
-
-class _Faces(NamedTuple):
-    """Faces whose corners are written in one form.
-
-    corners : numbers of what the corners refer to (k, 1 to 3), counted from 0.
-    sizes : how many corners the faces have (m,).
-    """
-
-    corners: Integers
-    sizes: Integers
-
-
-class _Batches:
-    """Lines of each kind, gathered until they are parsed."""
-
-    def __init__(self) -> None:
-        self.counts = dict.fromkeys(_NUMBERS, 0)
-        self._rows: dict[str, list[NDArray[np.float64]]] = {keyword: [] for keyword in _NUMBERS}
-        self._faces: dict[str, list[_Faces]] = {}
-        self._waiting: dict[str, list[bytes]] = {kind: [] for kind in _LINES}
-        self._before: dict[str, list[tuple[int, ...]]] = {form: [] for form in _CORNERS}
-        self._bytes = dict.fromkeys(_LINES, 0)
-
-    def add(self, kind: str, run: bytes) -> None:
-        """Add a run of lines of one kind."""
-        if kind in self.counts:
-            self.counts[kind] += run.count(b"\n")
-        else:
-            self._faces.setdefault(kind, [])
-            self._before[kind].append((run.count(b"\n"), *(self.counts[name] for name in _REFERENCES[kind])))
-        self._waiting[kind].append(run)
-        self._bytes[kind] += len(run)
-        if self._bytes[kind] > _BATCH:
-            self._parse(kind)
-
-    def _parse(self, kind: str) -> None:
-        text = b"".join(self._waiting[kind])
-        self._waiting[kind].clear()
-        self._bytes[kind] = 0
-        if kind in self._rows:
-            self._rows[kind].append(_parse_rows(kind, text))
-        else:
-            self._faces[kind].append(_parse_faces(text, np.array(self._before[kind])))
-            self._before[kind].clear()
-
-    def rows(self, keyword: str) -> NDArray[np.float64]:
-        """Return the numbers of all lines with a keyword (n, 2 or 3)."""
-        if self._waiting[keyword]:
-            self._parse(keyword)
-        return np.concatenate([np.empty((0, _NUMBERS[keyword])), *self._rows.pop(keyword)])
-
-    def faces(self) -> Iterator[tuple[list[str], _Faces]]:
-        """Return all faces, of each form at once, the last form first, and what their corners refer to."""
-        for form in reversed(list(self._faces)):
-            if self._waiting[form]:
-                self._parse(form)
-            yield _REFERENCES[form], _Faces(*map(np.concatenate, zip(*self._faces.pop(form), strict=True)))
 
 
 def read_obj(file: BinaryIO) -> RawMesh:
@@ -116,34 +57,70 @@ def read_obj(file: BinaryIO) -> RawMesh:
     IndexError : a face has a vertex that is not there.
     Exception : whatever else a broken file leads to.
     """
-    text = file.read()
+    rows: dict[str, list[NDArray[np.float64]]] = {keyword: [] for keyword in _NUMBERS}
+    faces: dict[str, list[Polygons]] = {}
+    for kind, text, before in _batches(_lines(file.read())):
+        if kind in rows:
+            rows[kind].append(_parse_rows(kind, text))
+        else:
+            faces.setdefault(kind, []).append(_parse_faces(text, np.array(before)))
+    if not faces:
+        raise BrokenMeshError("has no faces")
+    tables = {keyword: np.concatenate([np.empty((0, _NUMBERS[keyword])), *rows.pop(keyword)]) for keyword in _NUMBERS}
+    return _assemble(tables, faces)
+
+
+def _lines(text: bytes) -> bytes:
+    """Remove comments and carriage returns, and join lines that are continued.
+
+    Raises
+    ------
+    BrokenMeshError : a line is too long.
+    """
     if not text.endswith(b"\n"):
         text += b"\n"
     if b"\r" in text:
         text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if b"#" in text or b"\\" in text:
         text = re.sub(rb"\\\n|#[^\n]*", b" ", text)
-    _check_lines(text)
-    batches = _Batches()
+    longest = np.diff(np.flatnonzero(np.frombuffer(text, np.uint8) == ord("\n")), prepend=-1).max() - 1
+    if longest > _LONGEST_LINE:
+        raise BrokenMeshError(f"has a line of {longest:,} characters, and at most {_LONGEST_LINE:,} are read")
+    return text
+
+
+def _batches(text: bytes) -> Iterator[tuple[str, bytes, list[tuple[int, ...]]]]:
+    """Gather lines of one kind: the kind, the lines, and of each run of faces its lines and the rows before it.
+
+    The first run of each kind comes alone, so that kinds come in the order of the file.
+
+    Raises
+    ------
+    BrokenMeshError : a line is a face, but none that the format has.
+    """
+    counts = dict.fromkeys(_NUMBERS, 0)
+    waiting: dict[str, tuple[list[bytes], list[tuple[int, ...]]]] = {}
+    room = dict.fromkeys(_LINES, 0)
     for match in _RUN.finditer(text):
-        if match.lastgroup is not None:
-            batches.add(match.lastgroup, match[0])
+        if (kind := match.lastgroup) is not None:
+            runs, before = waiting.setdefault(kind, ([], []))
+            runs.append(match[0])
+            lines = match[0].count(b"\n")
+            if kind in counts:
+                counts[kind] += lines
+            else:
+                before.append((lines, *(counts[name] for name in _CORNERS[kind][0])))
+            room[kind] -= len(match[0])
+            if room[kind] <= 0:
+                yield kind, b"".join(runs), before
+                del waiting[kind]
+                room[kind] = _BATCH
         elif (words := match[0].split())[:1] == [b"f"]:
             if len(words) < 4:
                 raise BrokenMeshError("has a face with fewer than 3 corners")
             line = format_value(match[0].decode("latin-1").strip())
             raise BrokenMeshError(f"has a face whose corners are no indices of one kind: {line}")
-    del text
-    return _assemble(batches)
-
-
-def _check_lines(text: bytes) -> None:
-    """Reject a text with a line that is too long."""
-    start = 0
-    while (end := text.find(b"\n", start)) >= 0:
-        if end - start > _LONGEST_LINE:
-            raise BrokenMeshError(f"has a line of {end - start:,} characters, and at most {_LONGEST_LINE:,} are read")
-        start = text.rfind(b"\n", end, end + _LONGEST_LINE) + 1
+    yield from ((kind, b"".join(runs), before) for kind, (runs, before) in waiting.items())
 
 
 def _parse_rows(keyword: str, text: bytes) -> NDArray[np.float64]:
@@ -165,8 +142,8 @@ def _parse_rows(keyword: str, text: bytes) -> NDArray[np.float64]:
     return parse_numbers(b" ".join(word for row in rows for word in row)).reshape(lines, width)
 
 
-def _parse_faces(text: bytes, before: Integers) -> _Faces:
-    """Parse faces of one form.
+def _parse_faces(text: bytes, before: Integers) -> Polygons:
+    """Parse faces of one form: numbers of what the corners refer to (k, 1 to 3), counted from 0.
 
     before : of each run of lines, how many they are, and how many rows there are before it of what they refer to.
 
@@ -179,52 +156,45 @@ def _parse_faces(text: bytes, before: Integers) -> _Faces:
     kinds = before.shape[1] - 1
     sizes = (np.diff(np.flatnonzero(is_keyword), append=numbers.size) - 1) // kinds
     indices = numbers[~is_keyword].astype(np.int64).reshape(-1, kinds)
-    if indices.min() > 0:
-        return _compact(indices - 1, sizes)
-    counts = np.repeat(np.repeat(before[:, 1:], before[:, 0], axis=0), sizes, axis=0)
-    absolute = np.where(indices < 0, indices + counts, indices - 1)
-    if (absolute < 0).any():
-        bad = np.unravel_index(np.argmax(absolute < 0), absolute.shape)
-        raise BrokenMeshError(f"has a face with the index {indices[bad]}, after {counts[bad]} that it could mean")
-    return _compact(absolute, sizes)
+    absolute = indices - 1
+    if absolute.min() < 0:
+        counts = np.repeat(np.repeat(before[:, 1:], before[:, 0], axis=0), sizes, axis=0)
+        absolute = np.where(indices < 0, indices + counts, absolute)
+        if (absolute < 0).any():
+            bad = np.unravel_index(np.argmax(absolute < 0), absolute.shape)
+            raise BrokenMeshError(f"has a face with the index {indices[bad]}, after {counts[bad]} that it could mean")
+    # No file has as many rows as 32 bits count; what is beyond stays so.
+    return Polygons(np.minimum(absolute, np.iinfo(np.int32).max).astype(np.int32), sizes.astype(np.int32))
 
 
-def _compact(corners: Integers, sizes: Integers) -> _Faces:
-    """Keep faces in as little memory as their numbers allow."""
-    is_small = corners.max() <= np.iinfo(np.int32).max
-    return _Faces(corners.astype(np.int32) if is_small else corners, sizes.astype(np.int32))
+def _assemble(tables: Mapping[str, NDArray[np.float64]], faces: Mapping[str, list[Polygons]]) -> RawMesh:
+    """Make one mesh, with a vertex for each combination of position, texture coordinates and normal that a corner has.
 
-
-# ---- One mesh of all faces
-
-
-def _assemble(batches: _Batches) -> RawMesh:
-    """Make a vertex of each combination of position, texture coordinates and normal that a corner has."""
-    tables = {keyword: batches.rows(keyword) for keyword in _NUMBERS}
-    parts: dict[str, list[NDArray[np.float64]]] = {keyword: [] for keyword in _NUMBERS}
-    faces: list[Integers] = []
-    has_rows = dict.fromkeys(_NUMBERS, False)
+    faces : by the form in which they are written; those of the last form come first.
+    """
+    parts: dict[str, list[NDArray[np.float64]]] = {keyword: [] for keyword in tables}
+    triangles: list[Integers] = []
+    has_rows = dict.fromkeys(tables, False)
     offset = 0
-    for names, (corners, sizes) in batches.faces():
-        if (last := corners[:, 0].max()) >= (count := len(tables["v"])):
-            raise IndexError(f"index {last} is out of bounds for axis 0 with size {count}")
+    for form in reversed(faces):
+        names, _ = _CORNERS[form]
+        corners, sizes = map(np.concatenate, zip(*faces[form], strict=True))
+        # What refers to texture coordinates or normals that are not there has none; vertices have to be.
+        is_there = {name: bool(corners[:, k].max() < len(tables[name])) for k, name in enumerate(names)}
+        if not is_there["v"]:
+            raise IndexError(f"index {corners[:, 0].max()} is out of bounds for axis 0 with size {len(tables['v'])}")
         rows, vertex = _combine(corners, [len(tables[name]) for name in names])
-        is_even = bool((sizes == sizes[0]).all())
-        faces.append(triangulate(Polygons(vertex, sizes), by_size=is_even) + offset)
+        triangles.append(triangulate(Polygons(vertex, sizes), by_size=bool((sizes == sizes[0]).all())) + offset)
         offset += len(rows)
         for keyword, table in tables.items():
-            own = rows[:, names.index(keyword)] if keyword in names else None
-            # What refers to texture coordinates or normals that are not there has none.
-            if own is None or own.max() >= len(table):
-                parts[keyword].append(np.zeros((len(rows), _NUMBERS[keyword])))
-            else:
-                parts[keyword].append(table[own])
+            if is_there.get(keyword):
                 has_rows[keyword] = True
-    if not faces:
-        raise BrokenMeshError("has no faces")
+                parts[keyword].append(table[rows[:, names.index(keyword)]])
+            else:
+                parts[keyword].append(np.zeros((len(rows), table.shape[1])))
     vertices, uv, normals = (np.concatenate(parts[name]) if has_rows[name] else None for name in ("v", "vt", "vn"))
     assert vertices is not None
-    return RawMesh(vertices, np.concatenate(faces), normals, uv)
+    return RawMesh(vertices, np.concatenate(triangles), normals, uv)
 
 
 def _combine(corners: Integers, counts: list[int]) -> tuple[Integers, Integers]:

@@ -40,6 +40,10 @@ class Polygons(NamedTuple):
     values: NDArray[Any]
     sizes: Integers
 
+    def astype(self, kind: np.dtype[Any]) -> "Polygons":
+        """Convert the numbers to a type."""
+        return self._replace(values=self.values.astype(kind))
+
 
 def parse_numbers(text: bytes) -> NDArray[np.float64]:
     """Parse numbers that white space separates.
