@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.formats.base.image_format import ImageFormat, Layers
-from raytracer.film.formats.base.limits import BrokenImageError, check_size
+from raytracer.film.formats.base.limits import check_size
 from raytracer.film.formats.base.stored_image import StoredImage, to_single
 from raytracer.util import safe_open
+from raytracer.util.safe_open import BrokenFileError
 
 if TYPE_CHECKING:
     from raytracer.film.image import Image
@@ -34,11 +35,11 @@ def decode_npy(data: bytes) -> NDArray[np.float64]:
 
     Raises
     ------
-    BrokenImageError, NpyError : it holds no numbers of that shape.
+    BrokenFileError : it holds no numbers of that shape.
     """
     array = safe_open.parse_npy(data)
     if array.ndim != 3 or array.shape[2] != 3 or array.dtype.kind not in "fiu":
-        raise BrokenImageError("is no array of numbers of the shape (height, width, 3)")
+        raise BrokenFileError("is no array of numbers of the shape (height, width, 3)")
     check_size(array.shape[1], array.shape[0], len(data))
     return np.asarray(array, dtype=np.float64)
 
@@ -48,14 +49,14 @@ def decode_npy_stored(data: bytes) -> StoredImage:
 
     Raises
     ------
-    BrokenImageError, NpyError : it holds anything else.
+    BrokenFileError : it holds anything else.
     """
     stored = safe_open.parse_npy(data)
     shape, dtype = stored.shape, stored.dtype
     if len(shape) not in (2, 3) or (len(shape) == 3 and not 1 <= shape[2] <= 4):
-        raise BrokenImageError(f"must be of shape (height, width) or (height, width, 1 to 4), and is of {shape}")
+        raise BrokenFileError(f"must be of shape (height, width) or (height, width, 1 to 4), and is of {shape}")
     if dtype.kind != "f" and dtype not in (np.uint8, np.uint16):
-        raise BrokenImageError(f"must hold floats, uint8 or uint16, and holds {dtype}")
+        raise BrokenFileError(f"must hold floats, uint8 or uint16, and holds {dtype}")
     check_size(shape[1], shape[0], len(data))
     texels = stored.reshape(shape[0], shape[1], -1)
     if dtype == np.uint8:

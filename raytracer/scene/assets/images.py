@@ -6,45 +6,37 @@ from pathlib import Path
 import numpy as np
 
 from raytracer.film.formats.base.image_format import ImageFormat
-from raytracer.film.formats.base.limits import BrokenImageError
 from raytracer.film.formats.base.stored_image import StoredImage, to_single
 from raytracer.film.formats.registry import image_formats, texture_suffixes
 from raytracer.scene.assets.gltf import read_image_bytes
-from raytracer.util.errors import InputError
-from raytracer.util.safe_open import NpyError, read_regular
+from raytracer.util.safe_open import BrokenFileError, check_suffix, name_read_errors, read_regular
 
 _IN_GLTF = re.compile(r"(.+\.(?:gltf|glb))#(\d+)", re.IGNORECASE)
 
 
 def decode_image(data: bytes, suffix: str) -> StoredImage:
-    """Decode the image in the bytes of a file with this suffix.
+    """Decode the image in the bytes of a file with this suffix, one of `texture_suffixes`.
 
     Raises
     ------
-    ValueError : the suffix is not known, or the bytes are broken, too many, or hold what is not finite; the text
-        completes the sentence "FILE: ...".
+    BrokenFileError : the bytes are broken, too many, or hold what is not finite.
     """
-    if suffix.lower() not in texture_suffixes():
-        problem = f"unknown suffix {suffix!r}" if suffix else "no suffix"
-        raise BrokenImageError(f"{problem} for an image; known: {', '.join(texture_suffixes())}")
     try:
         image = _decode(data, image_formats()[suffix.lower()])
-    except BrokenImageError:
+    except BrokenFileError:
         raise
-    except NpyError as error:
-        raise BrokenImageError(str(error)) from error
     except MemoryError:
-        raise BrokenImageError("does not fit into memory") from None
+        raise BrokenFileError("does not fit into memory") from None
     except Exception as error:
         # A broken file raises anything, from SyntaxError to struct.error.
-        raise BrokenImageError(f"broken, or no {suffix} image") from error
+        raise BrokenFileError(f"broken, or no {suffix} image") from error
     with np.errstate(invalid="ignore"):
         total = 0.0 if image.texels.dtype == np.uint8 else image.texels.sum(dtype=np.float64)
     if not np.isfinite(total):
         finite = np.isfinite(image.texels)
         row, column, channel = (int(index) for index in np.argwhere(~finite)[0])
         value = image.texels[row, column, channel]
-        raise BrokenImageError(f"has a pixel that is not finite ({value} in row {row}, column {column})")
+        raise BrokenFileError(f"has a pixel that is not finite ({value} in row {row}, column {column})")
     return image
 
 
@@ -72,14 +64,8 @@ def read_image(path: str | Path) -> StoredImage:
     """
     path = Path(path)
     inside = _IN_GLTF.fullmatch(path.name)
-    try:
+    with name_read_errors(path):
         if inside is not None:
             return decode_image(*read_image_bytes(path.with_name(inside[1]), int(inside[2])))
-        data = read_regular(path) if path.suffix.lower() in texture_suffixes() else b""
-        return decode_image(data, path.suffix)
-    except BrokenImageError as error:
-        raise InputError(f"{path}: {error}") from error
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+        check_suffix(path, texture_suffixes(), "an image")
+        return decode_image(read_regular(path), path.suffix)

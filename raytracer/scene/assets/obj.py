@@ -14,8 +14,9 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.scene.assets.raw_mesh import BrokenMeshError, Integers, Polygons, RawMesh, parse_numbers, triangulate
+from raytracer.scene.assets.raw_mesh import Integers, Polygons, RawMesh, parse_numbers, triangulate
 from raytracer.util.errors import format_value
+from raytracer.util.safe_open import BrokenFileError
 
 # No face that a program writes has as many corners as fit in a line of this length.
 _LONGEST_LINE = 1 << 20
@@ -53,7 +54,7 @@ def read_obj(file: BinaryIO) -> RawMesh:
 
     Raises
     ------
-    BrokenMeshError : a line is none that the format has, or the file has no faces.
+    BrokenFileError : a line is none that the format has, or the file has no faces.
     IndexError : a face has a vertex that is not there.
     Exception : whatever else a broken file leads to.
     """
@@ -65,7 +66,7 @@ def read_obj(file: BinaryIO) -> RawMesh:
         else:
             faces.setdefault(kind, []).append(_parse_faces(text, np.array(before)))
     if not faces:
-        raise BrokenMeshError("has no faces")
+        raise BrokenFileError("has no faces")
     tables = {keyword: np.concatenate([np.empty((0, _NUMBERS[keyword])), *rows.pop(keyword)]) for keyword in _NUMBERS}
     return _assemble(tables, faces)
 
@@ -75,7 +76,7 @@ def _lines(text: bytes) -> bytes:
 
     Raises
     ------
-    BrokenMeshError : a line is too long.
+    BrokenFileError : a line is too long.
     """
     if not text.endswith(b"\n"):
         text += b"\n"
@@ -85,7 +86,7 @@ def _lines(text: bytes) -> bytes:
         text = re.sub(rb"\\\n|#[^\n]*", b" ", text)
     longest = np.diff(np.flatnonzero(np.frombuffer(text, np.uint8) == ord("\n")), prepend=-1).max() - 1
     if longest > _LONGEST_LINE:
-        raise BrokenMeshError(f"has a line of {longest:,} characters, and at most {_LONGEST_LINE:,} are read")
+        raise BrokenFileError(f"has a line of {longest:,} characters, and at most {_LONGEST_LINE:,} are read")
     return text
 
 
@@ -96,7 +97,7 @@ def _batches(text: bytes) -> Iterator[tuple[str, bytes, list[tuple[int, ...]]]]:
 
     Raises
     ------
-    BrokenMeshError : a line is a face, but none that the format has.
+    BrokenFileError : a line is a face, but none that the format has.
     """
     counts = dict.fromkeys(_NUMBERS, 0)
     waiting: dict[str, tuple[list[bytes], list[tuple[int, ...]]]] = {}
@@ -117,9 +118,9 @@ def _batches(text: bytes) -> Iterator[tuple[str, bytes, list[tuple[int, ...]]]]:
                 room[kind] = _BATCH
         elif (words := match[0].split())[:1] == [b"f"]:
             if len(words) < 4:
-                raise BrokenMeshError("has a face with fewer than 3 corners")
+                raise BrokenFileError("has a face with fewer than 3 corners")
             line = format_value(match[0].decode("latin-1").strip())
-            raise BrokenMeshError(f"has a face whose corners are no indices of one kind: {line}")
+            raise BrokenFileError(f"has a face whose corners are no indices of one kind: {line}")
     yield from ((kind, b"".join(runs), before) for kind, (runs, before) in waiting.items())
 
 
@@ -138,7 +139,7 @@ def _parse_rows(keyword: str, text: bytes) -> NDArray[np.float64]:
         # A texture coordinate without a v has 0 there.
         rows = [row + [b"0"] * (width - len(row)) for row in rows]
     if any(len(row) < width for row in rows):
-        raise BrokenMeshError(f"has a {_ROWS[keyword]} without 3 coordinates")
+        raise BrokenFileError(f"has a {_ROWS[keyword]} without 3 coordinates")
     return parse_numbers(b" ".join(word for row in rows for word in row)).reshape(lines, width)
 
 
@@ -149,7 +150,7 @@ def _parse_faces(text: bytes, before: Integers) -> Polygons:
 
     Raises
     ------
-    BrokenMeshError : an index is 0, or counts back to what is not there.
+    BrokenFileError : an index is 0, or counts back to what is not there.
     """
     numbers = parse_numbers(text.replace(b"f", b"nan").replace(b"/", b" "))
     is_keyword = np.isnan(numbers)
@@ -162,12 +163,12 @@ def _parse_faces(text: bytes, before: Integers) -> Polygons:
         absolute = np.where(indices < 0, indices + counts, absolute)
         if (absolute < 0).any():
             bad = np.unravel_index(np.argmax(absolute < 0), absolute.shape)
-            raise BrokenMeshError(f"has a face with the index {indices[bad]}, after {counts[bad]} that it could mean")
+            raise BrokenFileError(f"has a face with the index {indices[bad]}, after {counts[bad]} that it could mean")
     # No file has as many rows as 32 bits count; what is beyond stays so.
     return Polygons(np.minimum(absolute, np.iinfo(np.int32).max).astype(np.int32), sizes.astype(np.int32))
 
 
-def _assemble(tables: Mapping[str, NDArray[np.float64]], faces: Mapping[str, list[Polygons]]) -> RawMesh:
+def _assemble(tables: Mapping[str, NDArray[np.float64]], faces: dict[str, list[Polygons]]) -> RawMesh:
     """Make one mesh, with a vertex for each combination of position, texture coordinates and normal that a corner has.
 
     faces : by the form in which they are written; those of the last form come first.

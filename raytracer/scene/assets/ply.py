@@ -14,7 +14,8 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.scene.assets.raw_mesh import BrokenMeshError, Polygons, RawMesh, parse_numbers, triangulate
+from raytracer.scene.assets.raw_mesh import Polygons, RawMesh, parse_numbers, triangulate
+from raytracer.util.safe_open import BrokenFileError
 
 _LONGEST_HEADER = 1 << 16
 
@@ -54,27 +55,27 @@ def read_ply(file: BinaryIO) -> RawMesh:
 
     Raises
     ------
-    BrokenMeshError : the file ends early, or its faces are none.
+    BrokenFileError : the file ends early, or its faces are none.
     Exception : whatever else a broken header or text leads to.
     """
     head = _HEADER.match(file.read(_LONGEST_HEADER))
     if head is None:
-        raise BrokenMeshError("does not begin as a PLY file does")
+        raise BrokenFileError("does not begin as a PLY file does")
     file.seek(head.end())
     body = file.read()
     elements = _elements(head[0].decode("latin-1"), ">" if head[1] == b"binary_big_endian" else "<")
     try:
         tables = dict(_tables(body, elements, is_text=head[1] == b"ascii"))
-    except struct.error:
-        raise BrokenMeshError("ends early") from None
+    except (EOFError, struct.error):
+        raise BrokenFileError("ends early") from None
 
     # A list that is all that faces have may have any name.
     face = tables.get("face", {})
     polygons = next((face[name] for name in (face if len(face) == 1 else _CORNERS) if name in face), None)
     if not isinstance(polygons, Polygons):
-        raise BrokenMeshError("has no faces")
+        raise BrokenFileError("has no faces")
     if polygons.values.dtype.kind not in "iu":
-        raise BrokenMeshError("has faces whose corners are not integers")
+        raise BrokenFileError("has faces whose corners are not integers")
     vertex = tables["vertex"]
     vertices = _stack(vertex, ("x", "y", "z"))
     normals = ("nx", "ny", "nz")
@@ -110,11 +111,11 @@ def _tables(body: bytes, elements: list[_Element], *, is_text: bool) -> Iterator
 
     Raises
     ------
-    BrokenMeshError, struct.error : the file ends early.
+    EOFError, struct.error : the file ends early.
     """
     ends = np.flatnonzero(np.frombuffer(body.rstrip() + b"\n", np.uint8) == ord("\n")) + 1 if is_text else None
     if (len(body) if ends is None else len(ends)) < sum(element.rows for element in elements):
-        raise BrokenMeshError("ends early")
+        raise EOFError
     start = row = 0
     for element in elements:
         if not (element.rows and element.properties):
@@ -135,7 +136,7 @@ def _columns(body: bytes, start: int, element: _Element) -> tuple[Columns, int]:
 
     Raises
     ------
-    BrokenMeshError : they end early.
+    EOFError, struct.error : they end early.
     """
     first, end = _row_by_row(body, start, element._replace(rows=1))
     fields: list[tuple[Any, ...]] = []
@@ -164,19 +165,21 @@ def _row_by_row(body: bytes, start: int, element: _Element) -> tuple[Columns, in
     """Read an element whose lists may have different lengths; see `_columns`."""
     pieces: list[list[bytes]] = [[] for _ in element.properties]
     layout = [
-        (column, np.dtype(kind).itemsize, length and struct.Struct(length))
+        (column, np.dtype(kind).itemsize, struct.Struct(length) if length else None)
         for column, (_, kind, length) in zip(pieces, element.properties, strict=True)
     ]
     for _ in range(element.rows):
-        for column, width, length in layout:
+        for column, width, packed in layout:
             size = width
-            if length:
-                size *= max(0, int(length.unpack_from(body, start)[0]))
-                start += length.size
+            if packed:
+                size *= int(packed.unpack_from(body, start)[0])
+                start += packed.size
+                if size < 0:
+                    raise BrokenFileError("has a face with fewer than 3 corners, or a list of a negative length")
             column.append(body[start : start + size])
             start += size
         if start > len(body):
-            raise BrokenMeshError("ends early")
+            raise EOFError
     columns: dict[str, NDArray[Any] | Polygons] = {}
     for (name, kind, length), column in zip(element.properties, pieces, strict=True):
         values = np.frombuffer(b"".join(column), kind)
@@ -189,7 +192,10 @@ def _text_columns(text: bytes, element: _Element) -> Columns:
     """Read the rows of an element of a text: as bytes, once its numbers are parsed."""
     numbers = parse_numbers(text).tobytes()
     parsed = [_Property(name, "d", length and "d") for name, _, length in element.properties]
-    columns, end = _columns(numbers, 0, element._replace(properties=parsed))
+    try:
+        columns, end = _columns(numbers, 0, element._replace(properties=parsed))
+    except (EOFError, struct.error):
+        end = -1
     if end != len(numbers):
-        raise BrokenMeshError("has a row with more or fewer numbers than it says")
+        raise ValueError("a row has more or fewer numbers than it says")
     return {name: columns[name].astype(np.dtype(kind)) for name, kind, _ in element.properties}

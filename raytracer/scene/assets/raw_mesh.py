@@ -5,6 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.util.safe_open import BrokenFileError
+
 Integers = NDArray[np.integer[Any]]
 Floats = NDArray[np.floating[Any]]
 
@@ -24,10 +26,6 @@ class RawMesh(NamedTuple):
     normals: NDArray[np.float64] | None = None
     uv: NDArray[np.float64] | None = None
     kinds: NDArray[np.int32] | None = None
-
-
-class BrokenMeshError(ValueError):
-    """Error of a mesh file that cannot be read; its text completes the sentence "FILE: ..."."""
 
 
 class Polygons(NamedTuple):
@@ -76,13 +74,13 @@ def triangulate(polygons: Polygons, *, by_size: bool = True) -> Integers:
 
     Raises
     ------
-    BrokenMeshError : a polygon has fewer corners.
+    BrokenFileError : a polygon has fewer corners.
     """
     corners, sizes = polygons
     if (sizes == 3).all():
         return corners.reshape(-1, 3)
     if (sizes < 3).any():
-        raise BrokenMeshError("has a face with fewer than 3 corners")
+        raise BrokenFileError("has a face with fewer than 3 corners")
     counts = sizes - 2
     nth = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     size = np.repeat(sizes, counts)

@@ -9,7 +9,8 @@ from typing import BinaryIO
 
 import numpy as np
 
-from raytracer.scene.assets.raw_mesh import BrokenMeshError, RawMesh, parse_numbers, weld
+from raytracer.scene.assets.raw_mesh import RawMesh, parse_numbers, weld
+from raytracer.util.safe_open import BrokenFileError
 
 _HEADER_BYTES = 84
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
@@ -26,7 +27,7 @@ def read_stl(file: BinaryIO) -> RawMesh:
 
     Raises
     ------
-    BrokenMeshError : it is neither text nor as long as its header says, or has facets that are no triangles.
+    BrokenFileError : it is neither text nor as long as its header says, or has facets that are no triangles.
     """
     header = file.read(_HEADER_BYTES)
     length = file.seek(0, io.SEEK_END)
@@ -47,12 +48,12 @@ def _read_text(file: BinaryIO, length: int) -> np.ndarray[tuple[int, int], np.dt
         if b"endsolid" in file.read(_SEARCHED).lower():
             break
     else:
-        raise BrokenMeshError("ends early, or is neither text nor as long as its binary header says")
+        raise BrokenFileError("ends early, or is neither text nor as long as its binary header says")
     file.seek(0)
     facets, solids = _SOLID.subn(b"", file.read().lower())
     if solids % 2:
-        raise BrokenMeshError("ends early")
+        raise BrokenFileError("ends early")
     numbers = parse_numbers(b" ".join(re.findall(rb"vertex([^\n]*)", facets)))
     if numbers.size != 9 * facets.count(b"endfacet"):
-        raise BrokenMeshError("ends early, or has facets that are not triangles")
+        raise BrokenFileError("ends early, or has facets that are not triangles")
     return numbers.reshape(-1, 3)

@@ -11,8 +11,9 @@ import trimesh
 
 from raytracer.scene.assets import read_mesh, smooth_normals
 from raytracer.scene.assets.meshes import _checked
-from raytracer.scene.assets.raw_mesh import BrokenMeshError, RawMesh
+from raytracer.scene.assets.raw_mesh import RawMesh
 from raytracer.util.errors import InputError
+from raytracer.util.safe_open import BrokenFileError
 
 # A pyramid over the unit square: a quad and four triangles, seen from outside.
 VERTICES = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0), (0.5, 0.5, 1.25)]
@@ -516,7 +517,7 @@ def test_a_folder_is_no_mesh(tmp_path):
 
 def test_more_faces_than_an_index_can_count():
     faces = np.broadcast_to(np.zeros(3, dtype=np.int32), (2**31, 3))
-    with pytest.raises(BrokenMeshError, match="2147483648 triangles"):
+    with pytest.raises(BrokenFileError, match="2147483648 triangles"):
         _checked(RawMesh(np.zeros((1, 3)), faces, None))
 
 

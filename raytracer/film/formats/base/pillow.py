@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film import srgb
-from raytracer.film.formats.base.limits import BrokenImageError, check_size
+from raytracer.film.formats.base.limits import check_size
 from raytracer.film.formats.base.stored_image import StoredImage
+from raytracer.util.safe_open import BrokenFileError
 
 if TYPE_CHECKING:
     import PIL.Image
@@ -28,7 +29,7 @@ def open_with_pillow(data: bytes, formats: tuple[str, ...] = _FORMATS) -> Iterat
 
     Raises
     ------
-    BrokenImageError : see `check_size`.
+    BrokenFileError : see `check_size`.
     Exception : whatever Pillow raises about broken files.
     """
     import PIL.Image
@@ -115,14 +116,14 @@ def is_transparent(data: bytes) -> bool:
 
     Raises
     ------
-    BrokenImageError : it cannot be opened.
+    BrokenFileError : it cannot be opened.
     """
     try:
         with open_with_pillow(data) as file:
             return "A" in file.getbands() or "transparency" in file.info
     except Exception as error:
         # A broken file raises anything, from SyntaxError to struct.error.
-        raise BrokenImageError("is broken, or no image") from error
+        raise BrokenFileError("is broken, or no image") from error
 
 
 def _check_webp(data: bytes) -> None:
