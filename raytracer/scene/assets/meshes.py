@@ -2,7 +2,7 @@
 
 import traceback
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -10,11 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.compiler.lock import compiler_lock
-from raytracer.scene.assets.gltf_geometry import read_gltf
-from raytracer.scene.assets.obj import read_obj
-from raytracer.scene.assets.ply import read_ply
 from raytracer.scene.assets.raw_mesh import Integers, RawMesh, weld
-from raytracer.scene.assets.stl import read_stl
 from raytracer.util.errors import one_line
 from raytracer.util.safe_open import BrokenFileError, check_suffix, name_read_errors, open_regular
 
@@ -184,13 +180,26 @@ def _checked(parts: RawMesh) -> Mesh:
     return Mesh(vertices, faces, normals, degenerate, parts.uv, kinds, first)
 
 
-_READERS: Mapping[str, tuple[str, Callable[[BinaryIO], RawMesh]]] = {
-    ".ply": ("PLY", read_ply),
-    ".obj": ("OBJ", read_obj),
-    ".stl": ("STL", read_stl),
-    ".gltf": ("glTF", read_gltf),
-    ".glb": ("glTF", read_gltf),
-}
+_FORMATS = {".ply": "PLY", ".obj": "OBJ", ".stl": "STL", ".gltf": "glTF", ".glb": "glTF"}
+
+
+def _reader(name: str) -> Callable[[BinaryIO], RawMesh]:
+    """Import the reader of a format: most scenes have no mesh, and the others few formats."""
+    if name == "PLY":
+        from raytracer.scene.assets.ply import read_ply
+
+        return read_ply
+    if name == "OBJ":
+        from raytracer.scene.assets.obj import read_obj
+
+        return read_obj
+    if name == "STL":
+        from raytracer.scene.assets.stl import read_stl
+
+        return read_stl
+    from raytracer.scene.assets.gltf_geometry import read_gltf
+
+    return read_gltf
 
 
 def _read(path: Path) -> RawMesh:
@@ -201,7 +210,8 @@ def _read(path: Path) -> RawMesh:
     BrokenFileError : the file is broken, or holds no triangles.
     OSError : the file cannot be opened.
     """
-    name, reader = _READERS[path.suffix.lower()]
+    name = _FORMATS[path.suffix.lower()]
+    reader = _reader(name)
     # Filters of warnings are of the whole process.
     with compiler_lock, open_regular(path) as file, warnings.catch_warnings(), np.errstate(all="ignore"):
         if not file.peek(1):
@@ -231,6 +241,6 @@ def read_mesh(path: str | Path) -> Mesh:
     InputError : the file is missing, unreadable, broken, of an unknown suffix, or without usable triangles.
     """
     path = Path(path)
-    check_suffix(path, _READERS, "a mesh")
+    check_suffix(path, _FORMATS, "a mesh")
     with name_read_errors(path):
         return _checked(_read(path))
