@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from raytracer.film import srgb
 from raytracer.film.formats.base.image_format import ImageFormat, Layers
-from raytracer.film.formats.base.limits import BrokenImageError, check_size
+from raytracer.film.formats.base.limits import check_size
+from raytracer.util.safe_open import BrokenFileError
 
 if TYPE_CHECKING:
     from raytracer.film.image import Image
@@ -35,7 +36,7 @@ def decode_ppm_display(data: bytes) -> NDArray[np.float64]:
     # Whatever is raised here becomes one sentence; the text of this error is that sentence's end.
     header = _HEADER.match(data)
     if header is None:
-        raise BrokenImageError("is no .ppm file of type P6 with 8 bits a sample")
+        raise BrokenFileError("is no .ppm file of type P6 with 8 bits a sample")
     width, height = int(header[1]), int(header[2])
     check_size(width, height, len(data))
     pixels = np.frombuffer(data, np.uint8, 3 * width * height, header.end())
@@ -48,4 +49,6 @@ def decode_ppm(data: bytes) -> NDArray[np.float64]:
 
 
 # The record that the registry looks for.  A linear format leaves out `decode_display`.
-FORMAT = ImageFormat((".ppm",), encode=encode_ppm, decode=decode_ppm, decode_display=decode_ppm_display)
+FORMAT = ImageFormat(
+    (".ppm",), is_linear=False, encode=encode_ppm, decode=decode_ppm, decode_display=decode_ppm_display
+)

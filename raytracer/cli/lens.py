@@ -235,14 +235,12 @@ def distortion(
 
     The residual of each model is said: how far it is from the traced rays, in pixels.
     """
-    from raytracer.analysis.lens_design.report_files import unknown_suffix_message
+    from raytracer.util.safe_open import check_suffix
 
     outputs = output or []
     for path in outputs:
-        if path.suffix.lower() not in (".npz", ".yaml", ".yml", ".json"):
-            raise InputError(
-                f"{path}: {unknown_suffix_message(path)} for a map of distortion; known: .npz, .yaml, .json"
-            )
+        if path.suffix.lower() != ".yml":
+            check_suffix(path, (".npz", ".yaml", ".json"), "a map of distortion")
     settings = _settings(f_number, focus_distance, sensor, wavelengths)
     _check_files(outputs)
 

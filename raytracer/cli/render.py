@@ -163,7 +163,6 @@ def render(
     if debug and (resume or checkpoint is not None):
         raise InputError(f"--{'resume' if resume else 'checkpoint'} is for pictures, and --debug makes none")
     outputs = output or [Path("outputs") / f"{Path(scene).stem}.png"]
-    has_layers = any(path.suffix.lower() in (".exr", ".lf") for path in outputs)
     request = _Request(
         outputs=outputs,
         stats=stats,
@@ -173,7 +172,7 @@ def render(
         crop=options.parse_crop(crop),
         noise=None if noise is None else options.parse_number("--noise", noise, parse_percentage),
         time_limit=None if time_limit is None else options.parse_number("--time-limit", time_limit, parse_duration),
-        aovs=options.parse_aovs(aov or [], None if has_layers else "-o NAME.exr"),
+        aovs=options.parse_aovs(aov or [], [path.suffix for path in outputs], "-o NAME.exr"),
         denoise=denoise,
         cluster=cluster,
         max_memory=options.parse_memory_size("--max-memory", max_memory),

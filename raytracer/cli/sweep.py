@@ -121,7 +121,7 @@ def sweep(
     from raytracer.util.progress import BatchBar
 
     suffixes = normalize_formats(formats.split(","))
-    layers = options.parse_aovs(aov or [], None if "exr" in suffixes else "--format exr")
+    layers = options.parse_aovs(aov or [], [f".{suffix}" for suffix in suffixes], "--format exr")
     stem = Path(scene).stem
     folder = output or Path("outputs") / (stem if stem.endswith("sweep") else f"{stem}_sweep")
     with ExitStack() as stack:

@@ -39,7 +39,7 @@ def warm(
     from raytracer.scene.overrides import parse_overrides
 
     check_cache()
-    wanted = RenderOptions(aovs=options.parse_aovs(aov or [], None), denoise=denoise)
+    wanted = RenderOptions(aovs=options.parse_aovs(aov or []), denoise=denoise)
     for scene in scenes:
         spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])
         compiled, began = COMPILATION.count, time.perf_counter()

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.formats.base.image_format import DecodedLayers, Layers
-from raytracer.film.formats.base.limits import BrokenImageError
 from raytracer.film.formats.registry import display_suffixes, image_formats, image_suffixes, writable_suffixes
 from raytracer.util import safe_open
 from raytracer.util.atomic_write import check_file, is_special, write_bytes
@@ -35,13 +34,10 @@ def _format_suffix(path: Path, known: Sequence[str]) -> str:
     ------
     InputError : the suffix is not known.
     """
-    suffix = path.suffix.lower()
-    if suffix in known:
-        return suffix
-    if not suffix and is_special(path):
+    if not path.suffix and is_special(path):
         return ".png"
-    problem = f"unknown suffix {path.suffix!r}" if suffix else "no suffix"
-    raise InputError(f"{path}: {problem} for an image; known: {', '.join(known)}")
+    safe_open.check_suffix(path, known, "an image")
+    return path.suffix.lower()
 
 
 def check_writable(path: str | Path) -> None:
@@ -93,7 +89,7 @@ def _wrap_read_errors(path: Path) -> Iterator[None]:
         yield
     except InputError:
         raise
-    except (BrokenImageError, safe_open.NpyError) as error:
+    except safe_open.BrokenFileError as error:
         raise InputError(f"{path}: {error}") from error
     except MemoryError as error:
         raise InputError(f"{path}: does not fit into memory") from error
@@ -116,7 +112,7 @@ def _read_bytes(path: Path) -> bytes:
         while piece := pipe.read(_CHUNK_BYTES):
             data += piece
             if len(data) > safe_open.MAX_BYTES:
-                raise BrokenImageError(f"has more than the {safe_open.MAX_BYTES:,} bytes that are read")
+                raise safe_open.BrokenFileError(f"has more than the {safe_open.MAX_BYTES:,} bytes that are read")
     return bytes(data)
 
 

@@ -22,7 +22,7 @@ from raytracer.schema.yaml_nodes import path_text
 from raytracer.util.errors import format_value
 
 # What computes, and what reads the files that scenes name.
-_LIBRARIES = ("embreex", "llvmlite", "numba", "numpy", "scipy", "meshio", "OpenEXR", "Pillow", "trimesh")
+_LIBRARIES = ("embreex", "llvmlite", "numba", "numpy", "scipy", "OpenEXR", "Pillow")
 
 _SECTIONS_KEPT = 64
 

@@ -4,17 +4,55 @@ A size that a file states of itself is never trusted: it is compared with the da
 allocated.
 """
 
+import contextlib
 import io
 import math
 import os
 import stat
 import warnings
+from collections.abc import Collection, Iterator
 from errno import EFBIG, EINVAL
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from raytracer.util.errors import InputError, one_line
+
+
+class BrokenFileError(ValueError):
+    """Error of a file that cannot be used; its text completes the sentence "FILE: ..."."""
+
+
+@contextlib.contextmanager
+def name_read_errors(path: Path) -> Iterator[None]:
+    """Turn errors of reading a file into InputErrors that name it."""
+    try:
+        yield
+    except BrokenFileError as error:
+        raise InputError(f"{path}: {error}") from error
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or one_line(str(error))}") from error
+    except MemoryError as error:
+        raise InputError(f"{path}: does not fit into memory") from error
+
+
+def check_suffix(path: Path, known: Collection[str], noun: str) -> None:
+    """Check that the suffix of a file is one of those that are known, in lower case.
+
+    noun : what the file holds, for the sentence: "an image".
+
+    Raises
+    ------
+    InputError : it is none of them.
+    """
+    if path.suffix.lower() not in known:
+        problem = f"unknown suffix {path.suffix!r}" if path.suffix else "no suffix"
+        raise InputError(f"{path}: {problem} for {noun}; known: {', '.join(known)}")
+
 
 MAX_BYTES = 2**32
 """Largest file that is read whole; the limit of .glb files."""
@@ -63,10 +101,6 @@ def read_regular(path: Path, most: int = MAX_BYTES) -> bytes:
         return file.read(os.fstat(file.fileno()).st_size)
 
 
-class NpyError(ValueError):
-    """Error of a file that is no NumPy file, or of an unsupported kind; its text completes "FILE: ..."."""
-
-
 class NpyHeader(NamedTuple):
     """The header of a .npy file, checked against its size.
 
@@ -86,12 +120,12 @@ def read_npy_header(file: BinaryIO) -> NpyHeader:
 
     Raises
     ------
-    NpyError : it is no such file, holds anything else than numbers, or fewer of them than it says.
+    BrokenFileError : it is no such file, holds anything else than numbers, or fewer of them than it says.
     """
     head = file.read(_NPY_START + _NPY_HEADER)
     size = file.seek(0, io.SEEK_END)
     if not head.startswith(_NPY_MAGIC):
-        raise NpyError("is no NumPy file")
+        raise BrokenFileError("is no NumPy file")
     beginning = io.BytesIO(head)
     try:
         # NumPy warns of headers that Python 2 wrote.
@@ -102,15 +136,15 @@ def read_npy_header(file: BinaryIO) -> NpyHeader:
             shape, is_fortran, dtype = reader(beginning, max_header_size=_NPY_HEADER)
     except Exception as error:
         # A header that is no literal, or no type, raises anything from SyntaxError to RecursionError.
-        raise NpyError("is a broken NumPy file, or cut off") from error
+        raise BrokenFileError("is a broken NumPy file, or cut off") from error
     if dtype.hasobject:
-        raise NpyError("holds pickled objects, which are not read")
+        raise BrokenFileError("holds pickled objects, which are not read")
     if dtype.kind not in "biufc":
-        raise NpyError(f"must hold real numbers, got {dtype!s:.40}")
+        raise BrokenFileError(f"must hold real numbers, got {dtype!s:.40}")
     if len(shape) > _NPY_DIMENSIONS or any(isinstance(length, bool) or length < 0 for length in shape):
-        raise NpyError("has a shape that is none")
+        raise BrokenFileError("has a shape that is none")
     if math.prod(shape) * dtype.itemsize > size - beginning.tell():
-        raise NpyError("is a broken NumPy file, or cut off")
+        raise BrokenFileError("is a broken NumPy file, or cut off")
     return NpyHeader(tuple(shape), dtype, bool(is_fortran), beginning.tell())
 
 
@@ -119,7 +153,7 @@ def parse_npy(data: bytes) -> NDArray[Any]:
 
     Raises
     ------
-    NpyError : as `read_npy_header`.
+    BrokenFileError : as `read_npy_header`.
     """
     header = read_npy_header(io.BytesIO(data))
     flat = np.frombuffer(data, header.dtype, math.prod(header.shape), header.start)

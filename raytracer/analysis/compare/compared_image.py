@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytracer.film import srgb
-from raytracer.film.formats.registry import display_suffixes
+from raytracer.film.formats.registry import display_suffixes, image_formats
 from raytracer.film.image import Image
 from raytracer.film.image_file import load, load_encoded, load_layers
 from raytracer.film.white_balance import AUTO
@@ -84,7 +84,8 @@ def _of_image(image: Image, name: str) -> ComparedImage:
 def _of_file(path: Path) -> ComparedImage:
     if path.suffix.lower() in display_suffixes():
         return ComparedImage(str(path), load_encoded(path), True)
-    if path.suffix.lower() != ".exr":
+    image_format = image_formats().get(path.suffix.lower())
+    if image_format is None or image_format.decode_layers is None:
         return ComparedImage(str(path), load(path), False)
     layers, settings = load_layers(path, {"radiance", "variance", "Y"})
     if "radiance" not in layers and "Y" not in layers:

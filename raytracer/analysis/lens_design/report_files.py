@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from raytracer.util.errors import InputError
+from raytracer.util.safe_open import check_suffix
 
 if TYPE_CHECKING:
     from raytracer.analysis.lens_design.performance.lens_study import LensStudy
@@ -22,14 +22,8 @@ def find_writer(path: Path) -> Writer:
     InputError : there is no such format.
     """
     kind = path.suffix.lower()
-    if kind not in _WRITERS:
-        raise InputError(f"{path}: {unknown_suffix_message(path)} for a report on a lens; known: {', '.join(_WRITERS)}")
+    check_suffix(path, _WRITERS, "a report on a lens")
     return _WRITERS[kind]
-
-
-def unknown_suffix_message(path: Path) -> str:
-    """Describe the unknown suffix of a file."""
-    return f"unknown suffix {path.suffix!r}" if path.suffix else "no suffix"
 
 
 def _html(lens: "Lens", study: "LensStudy") -> bytes:

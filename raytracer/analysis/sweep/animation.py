@@ -14,7 +14,7 @@ import numpy as np
 from raytracer.analysis.sweep.contact_sheet import fit_image
 from raytracer.analysis.sweep.results import Sweep
 from raytracer.analysis.sweep.sliders import Images, Slider, sliders
-from raytracer.film.formats.animation import KINDS, Kind, check, encode
+from raytracer.film.animation import check, encode
 from raytracer.report.lettering import load_font, truncate_text
 from raytracer.report.palette import INK, PAPER
 from raytracer.util.atomic_write import write_bytes
@@ -23,7 +23,7 @@ from raytracer.util.errors import InputError
 if TYPE_CHECKING:
     import PIL.Image
 
-__all__ = ["FPS", "KINDS", "STEM", "Kind", "check", "encode_animation", "gray_code_indices", "write_animation"]
+__all__ = ["FPS", "STEM", "check", "encode_animation", "gray_code_indices", "write_animation"]
 
 STEM = "sweep"
 FPS = 5.0
@@ -38,7 +38,7 @@ _MOST_PIXELS = 100e6
 def encode_animation(
     sweep: Sweep,
     images: Images,
-    kind: Kind,
+    kind: str,
     *,
     fps: float = FPS,
     boomerang: bool = True,
@@ -68,7 +68,7 @@ def encode_animation(
 def write_animation(
     sweep: Sweep,
     images: Images,
-    kind: Kind,
+    kind: str,
     *,
     fps: float = FPS,
     boomerang: bool = True,

@@ -8,17 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.analysis.sweep.animation import KINDS, STEM, Kind, write_animation
+from raytracer.analysis.sweep.animation import STEM, write_animation
 from raytracer.analysis.sweep.contact_sheet import SHEET, write_sheet
 from raytracer.analysis.sweep.manifest import CSV, JSON, RECORDS, write_manifest
 from raytracer.analysis.sweep.page import PAGE, write_page
 from raytracer.analysis.sweep.results import PointResult, Sweep, SweepPoint
-from raytracer.film.formats.registry import image_suffixes
+from raytracer.film.formats.registry import animation_suffixes, image_formats, image_suffixes
 from raytracer.util.atomic_write import check_file
 from raytracer.util.errors import InputError
-
-DISPLAY_FORMATS = ("png", "jpg", "jpeg")
-"""Suffixes of images that browsers can show."""
 
 
 def normalize_formats(formats: Sequence[str]) -> tuple[str, ...]:
@@ -32,7 +29,8 @@ def normalize_formats(formats: Sequence[str]) -> tuple[str, ...]:
     for name in names:
         if f".{name}" not in image_suffixes():
             raise InputError(f"--format {name}: unknown suffix '.{name}'; known: {', '.join(image_suffixes())}")
-    for_display = [name for name in names if name in DISPLAY_FORMATS] or ["png"]
+    # What browsers can show.
+    for_display = [name for name in names if image_formats()[f".{name}"].media_type] or ["png"]
     return (*for_display, *(name for name in names if name not in for_display))
 
 
@@ -41,7 +39,7 @@ class OutputLayout(NamedTuple):
 
     folder: Path
     formats: tuple[str, ...]
-    animate: tuple[Kind, ...]
+    animate: tuple[str, ...]
     fps: float
 
     def files(self, point: SweepPoint) -> tuple[str, ...]:
@@ -95,6 +93,7 @@ def stale_images(sweep: Sweep) -> list[str]:
     """List images in the sweep's folder that are none of its points': an earlier sweep's, perhaps."""
     if sweep.folder is None or not sweep.folder.is_dir():
         return []
-    own = {name for result in sweep.results for name in result.files} | {SHEET} | {f"{STEM}.{kind}" for kind in KINDS}
-    images = (path.name for path in sweep.folder.iterdir() if path.suffix.lower() in (".png", ".jpg", ".jpeg", ".exr"))
+    own = {name for result in sweep.results for name in result.files}
+    own |= {SHEET, *(STEM + suffix for suffix in animation_suffixes())}
+    images = (path.name for path in sweep.folder.iterdir() if path.suffix.lower() in image_suffixes())
     return sorted(name for name in images if name not in own)

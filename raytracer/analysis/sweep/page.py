@@ -15,6 +15,7 @@ from raytracer.analysis.sweep.contact_sheet import SHEET
 from raytracer.analysis.sweep.manifest import CSV, JSON
 from raytracer.analysis.sweep.results import PointResult, Sweep
 from raytracer.analysis.sweep.sliders import Images, scene_title, short_names, sliders, sweep_summary
+from raytracer.film.formats.registry import image_formats
 from raytracer.report import page as html
 from raytracer.util.atomic_write import write_bytes
 
@@ -24,8 +25,6 @@ PAGE = "index.html"
 _EXACT_PIXELS = 16e6
 _MOST_PIXELS = 400e6
 _QUALITY = 90
-
-_MEDIA_TYPES = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg"}
 
 # Thumbnails of the overview; images that are little wider have none.
 _THUMB_WIDTH = 320
@@ -198,8 +197,8 @@ def _file_uri(sweep: Sweep, result: PointResult) -> str | None:
     if sweep.folder is None or not result.files:
         return None
     path = sweep.folder / result.files[0]
-    media_type = _MEDIA_TYPES.get(path.suffix.lower())
-    return media_type and html.data_uri(path.read_bytes(), media_type)
+    media_type = image_formats()[path.suffix.lower()].media_type
+    return html.data_uri(path.read_bytes(), media_type) if media_type else None
 
 
 def _thumb(picture: NDArray[np.uint8]) -> str | None:

@@ -12,9 +12,9 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-from raytracer.analysis.sweep.animation import FPS, Kind
+from raytracer.analysis.sweep.animation import FPS
 from raytracer.analysis.sweep.animation import check as check_animation
 from raytracer.analysis.sweep.manifest import RECORDS, load_record, write_manifest, write_record
 from raytracer.analysis.sweep.output_layout import OutputLayout, normalize_formats
@@ -124,11 +124,7 @@ def sweep(
             raise InputError(f"--{name} stands in place of {key}, which has several values here: leave one of them out")
     for kind in animate:
         check_animation(kind, fps)
-    layout = (
-        None
-        if folder is None
-        else OutputLayout(Path(folder), normalize_formats(formats), cast(tuple[Kind, ...], tuple(animate)), fps)
-    )
+    layout = None if folder is None else OutputLayout(Path(folder), normalize_formats(formats), tuple(animate), fps)
     if layout is None and animate:
         raise InputError("an animation needs a folder to be written to")
     resources = RenderResources(threads, cluster, cache or stock or RenderCache())

@@ -1,6 +1,6 @@
 """Options that several commands have, and functions that parse their values."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -123,12 +123,13 @@ def parse_crop(text: str | None) -> tuple[int, int, int, int] | None:
     return left, top, right, bottom
 
 
-def parse_aovs(lists: Sequence[str], remedy: str | None) -> tuple[str, ...]:
+def parse_aovs(lists: Sequence[str], suffixes: Collection[str] | None = None, remedy: str = "") -> tuple[str, ...]:
     """Parse the comma-separated lists of AOVs that `--aov` gives.
 
     Parameters
     ----------
-    remedy : options that make the command write a file that holds layers, if none of its files does.
+    suffixes : of the files that the command writes; None if they hold layers whatever they are.
+    remedy : options that make it write a file that holds layers, if none of these does.
 
     Raises
     ------
@@ -136,8 +137,11 @@ def parse_aovs(lists: Sequence[str], remedy: str | None) -> tuple[str, ...]:
     """
     if not lists:
         return ()
-    if remedy is not None:
-        raise InputError(f"--aov {lists[0]}: only .exr and .lf files hold layers: add {remedy}")
+    from raytracer.film.formats.registry import layered_suffixes
+
+    if suffixes is not None and not any(suffix.lower() in layered_suffixes() for suffix in suffixes):
+        known = " and ".join(layered_suffixes())
+        raise InputError(f"--aov {lists[0]}: only {known} files hold layers: add {remedy}")
     from raytracer.kernel.aovs.base.recording import unique_aovs
 
     try:

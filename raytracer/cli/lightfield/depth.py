@@ -1,6 +1,5 @@
 """`rt lightfield depth`: estimates how far away everything is, in metres."""
 
-import io
 import json
 import math
 import sys
@@ -21,11 +20,7 @@ from raytracer.cli.lightfield.base.options import Far, File, Near, Quiet, parse_
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from raytracer.film.formats.base.image_format import ImageFormat
     from raytracer.film.light_field.field import LightField
     from raytracer.lightfield.depth.depth_map import Depth
 
@@ -41,9 +36,6 @@ Examples:
 .exr      the view, with the layers depth (m) and confidence
 .npy .pfm metres alone; inf is infinity, nan where no light came (grey in .png)
 """
-
-_SUFFIXES = (".png", ".exr", ".npy", ".pfm")
-_CONFIDENCE_SUFFIXES = (".png", ".npy", ".pfm")
 
 _SURE = 0.5
 """Confidence from which on the summary counts a pixel."""
@@ -86,9 +78,11 @@ def depth(
     texture, all distances agree: the confidence is low there.
     """
     outputs = output or []
-    check_outputs(outputs, _SUFFIXES, "a depth map")
+    from raytracer.film.formats.registry import image_formats, map_suffixes
+
+    check_outputs(outputs, map_suffixes(), "a depth map")
     if confidence is not None:
-        check_outputs([confidence], _CONFIDENCE_SUFFIXES, "a map of confidence")
+        check_outputs([confidence], map_suffixes(with_image=False), "a map of confidence")
     index = parse_view("--view", view) or (None, None)
     nearest, farthest = parse_distance("--near", near), parse_distance("--far", far)
 
@@ -111,13 +105,14 @@ def depth(
                 update=bar.update,
             )
         for path in outputs:
-            if path.suffix.lower() == ".exr":
+            image_format = image_formats()[path.suffix.lower()]
+            if image_format.has_layers:
                 layers = {"depth": depths.distance, "confidence": depths.confidence}
                 save_picture(field.view(depths.row, depths.column), path, field, layers)
             else:
-                write_bytes(path, _encode_depths(depths, field, path.suffix.lower()))
+                write_bytes(path, _encode_depths(depths, field, image_format))
         if confidence is not None:
-            write_bytes(confidence, _encode_confidence(depths, confidence.suffix.lower()))
+            write_bytes(confidence, _encode_confidence(depths, image_formats()[confidence.suffix.lower()]))
         summary = _summary(depths, field, method)
     for path in [*outputs, *([] if confidence is None else [confidence])]:
         report_written(path, quiet)
@@ -127,45 +122,30 @@ def depth(
         _print(summary)
 
 
-def _encode_depths(depths: "Depth", field: "LightField", suffix: str) -> bytes:
+def _encode_depths(depths: "Depth", field: "LightField", image_format: "ImageFormat") -> bytes:
     """Encode a depth map as a file."""
     import numpy as np
 
     from raytracer.report.colour_maps import depth_colours
 
     inverse = depths.known(depths.inverse)
+    if image_format.encode_map is not None:
+        return image_format.encode_map(depths.distance if field.is_metric else inverse)
+    assert image_format.encode_pixels is not None
+    is_known = np.isfinite(inverse)
+    sure = inverse[is_known & (depths.confidence >= np.median(depths.confidence[is_known]))]
+    low, high = np.quantile(sure, [_TAILS, 1.0 - _TAILS])
+    return image_format.encode_pixels(depth_colours(inverse, float(low), float(high)))
 
-    def paint() -> "NDArray[np.uint8]":
-        is_known = np.isfinite(inverse)
-        sure = inverse[is_known & (depths.confidence >= np.median(depths.confidence[is_known]))]
-        low, high = np.quantile(sure, [_TAILS, 1.0 - _TAILS])
-        return depth_colours(inverse, float(low), float(high))
 
-    return _encode(depths.distance if field.is_metric else inverse, suffix, paint)
-
-
-def _encode_confidence(depths: "Depth", suffix: str) -> bytes:
+def _encode_confidence(depths: "Depth", image_format: "ImageFormat") -> bytes:
     """Encode a map of confidence as a file."""
     import numpy as np
 
-    return _encode(depths.confidence, suffix, lambda: np.rint(255.0 * depths.confidence).astype(np.uint8))
-
-
-def _encode(values: "NDArray[np.float64]", suffix: str, paint: "Callable[[], NDArray[np.uint8]]") -> bytes:
-    """Encode a map as .pfm or .npy, or the pixels that `paint` makes of it as .png."""
-    import numpy as np
-    import PIL.Image
-
-    from raytracer.film.formats import pfm
-
-    if suffix == ".pfm":
-        return pfm.encode(values)
-    buffer = io.BytesIO()
-    if suffix == ".npy":
-        np.save(buffer, values, allow_pickle=False)
-    else:
-        PIL.Image.fromarray(paint()).save(buffer, "PNG")
-    return buffer.getvalue()
+    if image_format.encode_map is not None:
+        return image_format.encode_map(depths.confidence)
+    assert image_format.encode_pixels is not None
+    return image_format.encode_pixels(np.rint(255.0 * depths.confidence).astype(np.uint8))
 
 
 def _summary(depths: "Depth", field: "LightField", method: str) -> dict[str, Any]:

@@ -48,7 +48,7 @@ def epi(
     files.check_outputs([output], files.picture_suffixes(), "a slice")
     plane = parse_distance("--distance", distance)
 
-    from raytracer.film.formats.registry import display_suffixes
+    from raytracer.film.formats.registry import image_formats
     from raytracer.lightfield.epipolar import draw_slice, epipolar_slice
 
     with files.open_light_field(file) as field:
@@ -60,14 +60,11 @@ def epi(
                 views=views,
                 inverse_distance=None if plane is None else 1.0 / plane,
             )
-        if output.suffix.lower() in display_suffixes():
-            import PIL.Image
-
-            from raytracer.util.atomic_write import atomic_write
+        if encode_pixels := image_formats()[output.suffix.lower()].encode_pixels:
+            from raytracer.util.atomic_write import write_bytes
 
             drawn = draw_slice(epi_slice) if field.is_metric else draw_slice(epi_slice, unit="views", scale=1.0)
-            with atomic_write(output) as aside:
-                PIL.Image.fromarray(drawn).save(aside, "PNG" if output.suffix.lower() == ".png" else "JPEG", quality=95)
+            write_bytes(output, encode_pixels(drawn))
         else:
             files.save_picture(epi_slice.radiance, output, field)
     files.report_written(output, quiet)

@@ -18,8 +18,6 @@ Examples:
   rt lightfield move array.lf --distance 3 -o around.gif     what is 3 m away stands still between views
 """
 
-_SUFFIXES = (".gif", ".webp")
-
 
 def register(group: typer.Typer) -> None:
     """Add the command to the group."""
@@ -47,18 +45,21 @@ def move(
 
     Between views each frame is made of those around, by the depth that is found first.
     """
-    check_outputs([output], _SUFFIXES, "an animation")
+    from raytracer.film.formats.registry import animation_suffixes
+
+    check_outputs([output], animation_suffixes(with_images=False), "an animation")
     path_radius = None if radius is None else options.parse_dimension("--radius", radius, "length")
     plane = parse_distance("--distance", distance)
 
     from raytracer.film import srgb
-    from raytracer.film.formats.animation import check, encode
+    from raytracer.film.animation import check, encode
     from raytracer.lightfield.depth.depth_map import depth_map
     from raytracer.lightfield.views.camera_paths import PATHS, look_around, path_places
     from raytracer.util.atomic_write import write_bytes
     from raytracer.util.progress import Bar
 
-    check("gif", fps)
+    kind = output.suffix.lower().removeprefix(".")
+    check(kind, fps)
     if path not in PATHS:
         raise InputError(f"--path {path}: must be one of {', '.join(PATHS)}")
     is_known = depth and plane is None
@@ -70,5 +71,5 @@ def move(
         for number, view in enumerate(look_around(field, positions, depth=depths, distance=plane)):
             pictures.append(srgb.to_uint8(view))
             bar.update(number + 1, frames)
-        write_bytes(output, encode(pictures, "gif" if output.suffix.lower() == ".gif" else "webp", fps=fps))
+        write_bytes(output, encode(pictures, kind, fps=fps))
     report_written(output, quiet)

@@ -38,7 +38,6 @@ Several distances, as a list or START:STOP:COUNT, make a focal stack: one .gif o
 picture each, numbered.
 """
 
-_ANIMATIONS: dict[str, Literal["gif", "webp"]] = {".gif": "gif", ".webp": "webp"}
 _MOST_PLANES = 10_000
 
 
@@ -109,14 +108,17 @@ def refocus(
     quiet: Quiet = False,
 ) -> None:
     """Focus a light field: the photograph that a lens would have taken, focused at a distance in metres."""
+    from raytracer.film.formats.registry import animation_suffixes
+
     distances = _numbers("--distance", distance, "length")
     slopes = _numbers("--slope", slope, "number")
     if sum(map(bool, (distances, slopes, alpha is not None))) > 1:
         raise InputError("--distance, --alpha and --slope set the plane of focus: give one of them")
-    check_outputs(output, (*picture_suffixes(), *_ANIMATIONS), "a photograph")
+    animations = animation_suffixes(with_images=False)
+    check_outputs(output, (*picture_suffixes(), *animations), "a photograph")
     planes = max(len(distances), len(slopes))
     for path in output:
-        if path.suffix.lower() in _ANIMATIONS and planes < 2:
+        if path.suffix.lower() in animations and planes < 2:
             raise InputError(f"{path}: an animation needs several distances: --distance 1:4:20")
     arguments: dict[str, Any] = {
         "f_number": f_number,
@@ -207,13 +209,14 @@ def _center(text: str | None) -> tuple[float, float]:
 
 def _write(images: "list[Image]", path: Path, fps: float) -> list[Path]:
     """Write a picture, or a focal stack; returns the files."""
+    from raytracer.film.formats.registry import animation_suffixes
     from raytracer.util.atomic_write import write_bytes
 
-    if path.suffix.lower() in _ANIMATIONS:
-        from raytracer.film.formats.animation import encode
+    if path.suffix.lower() in animation_suffixes(with_images=False):
+        from raytracer.film.animation import encode
 
         frames = [image.display() for image in images]
-        write_bytes(path, encode(frames, _ANIMATIONS[path.suffix.lower()], fps=fps, boomerang=True))
+        write_bytes(path, encode(frames, path.suffix.lower().removeprefix("."), fps=fps, boomerang=True))
         return [path]
     if len(images) == 1:
         images[0].save(path)

@@ -96,7 +96,7 @@ def render(
     picture_memory = int(options.parse_number("--memory", memory, parse_bytes))
     total_memory = options.parse_memory_size("--max-memory", max_memory)
     _check_format(output, dtype)
-    layers = options.parse_aovs(aov or [], None)
+    layers = options.parse_aovs(aov or [])
     from raytracer.scene.load import load
     from raytracer.scene.overrides import parse_overrides
 

@@ -8,7 +8,10 @@
 | .hdr | 8-bit mantissas with a common exponent, linear | header lines, named as in .exr |
 | .npy | float64, linear | - |
 | .lf | the views of a light field, float32, linear; layers and rays | attributes |
+| .pfm | a number a pixel, float32: depths and disparities, no pictures | - |
+| .gif .webp | animations; a .webp is also read as a texture | - |
+| .bmp .tga .tif .tiff | 8 bits, sRGB, or more: read as textures, not written | - |
 
-A module that declares `FORMAT = ImageFormat(...)` is found by `registry`; a new format is a new file, and nothing else.
-Depth maps are exchanged as `pfm`, and `animation` writes several pictures to one file: neither is a picture's format.
+A module that declares `FORMAT = ImageFormat(...)` is found by `registry`, and all lists of suffixes are made from these
+declarations: a new format is a new file, and nothing else.
 """

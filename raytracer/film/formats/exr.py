@@ -15,7 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.formats.base.image_format import DecodedLayers, ImageFormat, Layers, header_settings
-from raytracer.film.formats.base.limits import BrokenImageError, check_size
+from raytracer.film.formats.base.limits import check_size
+from raytracer.film.formats.base.stored_image import StoredImage, to_single
+from raytracer.util.errors import abbreviate
+from raytracer.util.safe_open import BrokenFileError
 
 if TYPE_CHECKING:
     from raytracer.film.image import Image
@@ -67,11 +70,11 @@ def decode_exr(data: bytes) -> NDArray[np.float64]:
 
     Raises
     ------
-    BrokenImageError : it has neither R, G and B nor Y; or as `read_exr`.
+    BrokenFileError : it has neither R, G and B nor Y; or as `read_exr`.
     """
     layers, _ = decode_exr_layers(data, {"radiance"})
     if "radiance" not in layers and "Y" not in layers:
-        raise BrokenImageError("has neither channels R, G and B nor Y")
+        raise BrokenFileError("has neither channels R, G and B nor Y")
     return layers["radiance"] if "radiance" in layers else np.repeat(layers["Y"][..., None], 3, axis=2)
 
 
@@ -80,7 +83,7 @@ def decode_exr_layers(data: bytes, wanted: Collection[str] | None = None) -> Dec
 
     Raises
     ------
-    BrokenImageError : as `read_exr`.
+    BrokenFileError : as `read_exr`.
     """
 
     def is_wanted(name: str) -> bool:
@@ -106,6 +109,20 @@ def decode_exr_layers(data: bytes, wanted: Collection[str] | None = None) -> Dec
     return {**layers, **channels}, settings
 
 
+def decode_exr_stored(data: bytes) -> StoredImage:
+    """Decode colours or grey, with opacity if there is one, or the only channel.
+
+    Raises
+    ------
+    BrokenFileError : it has neither; or as `read_exr`.
+    """
+    _, channels = read_exr(data)
+    names = next((names for names in ("RGBA", "RGB", "YA", "Y") if all(name in channels for name in names)), None)
+    if names is None and len(channels) != 1:
+        raise BrokenFileError(f"has neither channels R, G, B nor Y, but {abbreviate(', '.join(channels)) or 'none'}")
+    return StoredImage(np.stack([to_single(channels[name]) for name in names or channels], axis=-1), False)
+
+
 def read_exr(
     data: bytes, is_wanted: Callable[[str], bool] = lambda name: True
 ) -> tuple[Mapping[str, Any], dict[str, NDArray[Any]]]:
@@ -113,7 +130,7 @@ def read_exr(
 
     Raises
     ------
-    BrokenImageError : see `check_size`; or its parts hold deep pixels, or more bytes than are read.
+    BrokenFileError : see `check_size`; or its parts hold deep pixels, or more bytes than are read.
     Exception : whatever OpenEXR raises about broken files.
     """
     import OpenEXR
@@ -125,7 +142,7 @@ def read_exr(
             header = dict(file.header())
             planes = {name: np.asarray(channel.pixels) for name, channel in file.channels().items() if is_wanted(name)}
     if any(plane.ndim != 2 or plane.dtype.kind not in "fu" for plane in planes.values()):
-        raise BrokenImageError("holds channels that are no planes of numbers")
+        raise BrokenFileError("holds channels that are no planes of numbers")
     return header, planes
 
 
@@ -137,14 +154,14 @@ def _check_parts(headers: Sequence[Mapping[str, Any]], length: int) -> None:
         width, height = right - left + 1, bottom - top + 1
         check_size(width, height, length)
         if "deep" in str(header.get("type", "")):
-            raise BrokenImageError("holds deep pixels, which are not read")
+            raise BrokenFileError("holds deep pixels, which are not read")
         # Memory is allocated for a whole tile, however small the picture.
         tiles = header.get("tiles")
         if tiles is not None and tiles.xSize * tiles.ySize > max(_MAX_TILE_PIXELS, width * height):
-            raise BrokenImageError(f"has tiles of {tiles.xSize} x {tiles.ySize} for {width} x {height} pixels")
+            raise BrokenFileError(f"has tiles of {tiles.xSize} x {tiles.ySize} for {width} x {height} pixels")
         size += width * height * len(header["channels"]) * np.dtype(np.float32).itemsize
     if size > MAX_DECODED_BYTES:
-        raise BrokenImageError(f"has channels of {size:,} bytes, and at most {MAX_DECODED_BYTES:,} are read")
+        raise BrokenFileError(f"has channels of {size:,} bytes, and at most {MAX_DECODED_BYTES:,} are read")
 
 
 @contextlib.contextmanager
@@ -165,4 +182,13 @@ def suppress_library_output() -> Iterator[None]:
         yield
 
 
-FORMAT = ImageFormat((".exr",), encode=encode_exr, decode=decode_exr, decode_layers=decode_exr_layers, order=3)
+FORMAT = ImageFormat(
+    (".exr",),
+    is_linear=True,
+    has_layers=True,
+    encode=encode_exr,
+    decode=decode_exr,
+    decode_layers=decode_exr_layers,
+    decode_stored=decode_exr_stored,
+    order=70,
+)

@@ -189,4 +189,4 @@ def decode(data: bytes) -> NDArray[np.float64]:
     return _apply_exposure(planes.transpose(0, 2, 1), exposure)
 
 
-FORMAT = ImageFormat((".hdr",), encode=encode_hdr, decode=decode, order=4)
+FORMAT = ImageFormat((".hdr",), is_linear=True, encode=encode_hdr, decode=decode, order=80)

@@ -33,4 +33,4 @@ def write_lf(image: "Image", path: Path) -> None:
     lf.write(path, dataclasses.replace(field, settings={**field.settings, **samples}))
 
 
-FORMAT = ImageFormat((".lf",), write=write_lf, order=6)
+FORMAT = ImageFormat((".lf",), is_linear=True, has_layers=True, write=write_lf, order=100)

@@ -1,6 +1,6 @@
 """Portable float maps (.pfm): float32, rows from the bottom to the top.
 
-Disparities and depths are exchanged in them.  Pictures are not written to them, so no `ImageFormat` is declared here.
+Disparities and depths are exchanged in them; pictures are not.
 
 References: Debevec, "PFM Portable FloatMap Image Format"; HDRshop's documentation has the same.
 """
@@ -10,6 +10,8 @@ import re
 
 import numpy as np
 from numpy.typing import NDArray
+
+from raytracer.film.formats.base.image_format import ImageFormat
 
 _HEADER = re.compile(rb"(P[Ff])\s+(\d{1,9})\s+(\d{1,9})\s+([-+.\deE]{1,30})\s")
 """Kind, width, height, and the scale, whose sign is the byte order; one white space before the numbers."""
@@ -53,3 +55,6 @@ def decode(data: bytes) -> NDArray[np.float64]:
     # A signalling nan becomes a quiet one.
     with np.errstate(invalid="ignore"):
         return numbers.astype(np.float64).reshape(shape)[::-1]
+
+
+FORMAT = ImageFormat((".pfm",), is_linear=True, encode_map=encode, order=110)

@@ -8,7 +8,7 @@ from typing import Any
 
 from raytracer.film.light_field.lattice import Lattice
 from raytracer.util.errors import InputError
-from raytracer.util.safe_open import read_regular
+from raytracer.util.safe_open import name_read_errors, read_regular
 
 _LARGEST_FILE, _LARGEST_NUMBER = 1 << 20, 1e9
 """Most bytes of a file with a grid, and most pixels of its lengths: far above those of any camera."""
@@ -103,11 +103,8 @@ def read_grid(path: str | Path) -> Grid:
     """
     path = Path(path)
     try:
-        values = json.loads(read_regular(path, _LARGEST_FILE).decode("utf-8"))
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+        with name_read_errors(path):
+            values = json.loads(read_regular(path, _LARGEST_FILE).decode("utf-8"))
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: is no JSON file") from error
     return grid_from_dict(values, str(path))

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.film.formats.registry import linear_suffixes
 from raytracer.lightfield.decoding.flat_field import LARGEST_CODE, Floats32, bright_quantile
 from raytracer.util.errors import InputError
 
@@ -14,9 +15,6 @@ Source = str | Path | NDArray[Any]
 
 BAYER = ("rggb", "bggr", "grbg", "gbrg")
 """Colours of the filters on the first two pixels of the first two rows."""
-
-_UNBOUNDED = (".npy", ".exr", ".hdr")
-"""Suffixes of files without a largest value."""
 
 _DARKEST = 1e-30
 """Light of a picture that has none, so that nothing is divided by 0."""
@@ -76,7 +74,7 @@ def check_fits(picture: Floats32, raw: Floats32, names: dict[str, str], kind: st
 def has_largest_value(source: Source) -> bool:
     """Tell if a source has a largest value: the end of its scale."""
     if isinstance(source, str | Path):
-        return Path(source).suffix.lower() not in _UNBOUNDED
+        return Path(source).suffix.lower() not in linear_suffixes()
     return np.asarray(source).dtype.kind == "u"
 
 

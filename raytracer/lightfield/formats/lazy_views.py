@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from raytracer.film import image_file, srgb
 from raytracer.film.light_field.lazy_array import LazyArray
 from raytracer.util.errors import InputError
-from raytracer.util.safe_open import NpyError, open_regular, read_npy_header
+from raytracer.util.safe_open import BrokenFileError, open_regular, read_npy_header
 
 _CHANNELS = 3
 
@@ -66,7 +66,7 @@ class LazyNpy(LazyArray):
             raise InputError(f"{path}: no such file") from error
         except OSError as error:
             raise InputError(f"{path}: {error.strerror}") from error
-        except NpyError as error:
+        except BrokenFileError as error:
             raise InputError(f"{path}: is truncated, or no .npy file of numbers") from error
         shape, dtype = header.shape, header.dtype
         is_known = dtype.kind == "f" or (dtype.kind == "u" and dtype.itemsize <= 2)

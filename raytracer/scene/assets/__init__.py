@@ -6,7 +6,7 @@ from typing import Any
 
 from raytracer.scene.assets import gltf
 from raytracer.scene.assets.grids import read_grid
-from raytracer.scene.assets.images import Image, file_of, read_image
+from raytracer.scene.assets.images import file_of, read_image
 from raytracer.scene.assets.meshes import Mesh, read_mesh, smooth_normals
 from raytracer.scene.assets.placements import read_placements
 
@@ -50,7 +50,6 @@ def referenced_files(kind: str, path: Path) -> tuple[Path, ...]:
 
 __all__ = [
     "LOADERS",
-    "Image",
     "Mesh",
     "companion_files",
     "file_of",

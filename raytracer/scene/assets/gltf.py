@@ -13,13 +13,13 @@ import os
 import re
 import struct
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import unquote
 
-from raytracer.util.errors import InputError, format_value
-from raytracer.util.safe_open import MAX_BYTES, open_regular, read_regular
+from raytracer.util.errors import format_value
+from raytracer.util.safe_open import MAX_BYTES, BrokenFileError, name_read_errors, open_regular, read_regular
 
 _MAGIC = 0x46546C67
 _JSON_CHUNK, _BINARY_CHUNK = 0x4E4F534A, 0x004E4942
@@ -30,10 +30,6 @@ _SIGNATURES = {b"\x89PNG": ".png", b"\xff\xd8": ".jpg", b"RIFF": ".webp"}
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:")
 
 Json = Mapping[str, Any]
-
-
-class BrokenGltfError(ValueError):
-    """Error of a glTF file that cannot be read; its text completes the sentence "FILE: ..."."""
 
 
 class Gltf(NamedTuple):
@@ -48,7 +44,7 @@ def parse(data: bytes) -> Gltf:
 
     Raises
     ------
-    BrokenGltfError : the file is cut off, or its JSON is none.
+    BrokenFileError : the file is cut off, or its JSON is none.
     """
     if len(data) < 12 or struct.unpack_from("<I", data)[0] != _MAGIC:
         return Gltf(_header(data), None)
@@ -58,11 +54,11 @@ def parse(data: bytes) -> Gltf:
         length, kind = struct.unpack_from("<II", data, start)
         start += 8
         if start + length > len(data):
-            raise BrokenGltfError("ends early")
+            raise BrokenFileError("ends early")
         chunks.setdefault(kind, data[start : start + length])
         start += length
     if _JSON_CHUNK not in chunks:
-        raise BrokenGltfError("ends early")
+        raise BrokenFileError("ends early")
     return Gltf(_header(chunks[_JSON_CHUNK]), chunks.get(_BINARY_CHUNK))
 
 
@@ -70,11 +66,11 @@ def _header(data: bytes) -> dict[str, Any]:
     try:
         header = json.loads(data.decode("utf-8-sig"))
     except RecursionError:
-        raise BrokenGltfError("holds JSON that is nested too deeply") from None
+        raise BrokenFileError("holds JSON that is nested too deeply") from None
     except ValueError as error:
-        raise BrokenGltfError(f"holds no JSON that can be read: {error}") from None
+        raise BrokenFileError(f"holds no JSON that can be read: {error}") from None
     if not isinstance(header, dict):
-        raise BrokenGltfError("holds JSON that is no mapping")
+        raise BrokenFileError("holds JSON that is no mapping")
     return header
 
 
@@ -86,10 +82,10 @@ def mapping(value: Any, what: str) -> Json:
 
     Raises
     ------
-    BrokenGltfError : it is none.
+    BrokenFileError : it is none.
     """
     if not isinstance(value, Mapping):
-        raise BrokenGltfError(f"has {what} that is no mapping")
+        raise BrokenFileError(f"has {what} that is no mapping")
     return value
 
 
@@ -98,11 +94,11 @@ def list_entry(holder: Json, key: str) -> list[Any]:
 
     Raises
     ------
-    BrokenGltfError : it is no list.
+    BrokenFileError : it is no list.
     """
     value = holder.get(key, [])
     if not isinstance(value, list):
-        raise BrokenGltfError(f"has {key} that are no list")
+        raise BrokenFileError(f"has {key} that are no list")
     return value
 
 
@@ -111,7 +107,7 @@ def item(header: Json, key: str, number: Any) -> Json:
 
     Raises
     ------
-    BrokenGltfError : it is not there, or no mapping.
+    BrokenFileError : it is not there, or no mapping.
     """
     items = header.get(key)
     if (
@@ -121,7 +117,7 @@ def item(header: Json, key: str, number: Any) -> Json:
         or not 0 <= number < len(items)
         or not isinstance(items[number], dict)
     ):
-        raise BrokenGltfError(f"names item {format_value(number)} of its {key}, which is not there")
+        raise BrokenFileError(f"names item {format_value(number)} of its {key}, which is not there")
     entry: Json = items[number]
     return entry
 
@@ -136,11 +132,11 @@ def integer_entry(holder: Json, key: str, default: int | None = None) -> int:
 
     Raises
     ------
-    BrokenGltfError : it is missing, or something else.
+    BrokenFileError : it is missing, or something else.
     """
     value = holder.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise BrokenGltfError(f"has a {key} that is no integer from 0 on: {format_value(value)}")
+        raise BrokenFileError(f"has a {key} that is no integer from 0 on: {format_value(value)}")
     return value
 
 
@@ -151,7 +147,7 @@ def buffer_view(gltf: Gltf, folder: Path, number: Any, read: dict[str | None, by
 
     Raises
     ------
-    BrokenGltfError : the view or its buffer is missing, or does not hold what it says.
+    BrokenFileError : the view or its buffer is missing, or does not hold what it says.
     """
     view = item(gltf.header, "bufferViews", number)
     which = view.get("buffer")
@@ -159,15 +155,15 @@ def buffer_view(gltf: Gltf, folder: Path, number: Any, read: dict[str | None, by
     key = _file_key(uri, folder)
     if key not in read:
         if uri is None and gltf.binary is None:
-            raise BrokenGltfError(f"has a buffer without data (number {which}, counted from 0)")
+            raise BrokenFileError(f"has a buffer without data (number {which}, counted from 0)")
         data = gltf.binary if uri is None else _uri_bytes(uri, folder, f"buffer {which}")
         if sum(map(len, read.values())) + len(data or b"") > MAX_BYTES:
-            raise BrokenGltfError(f"has buffers of more than {MAX_BYTES:,} bytes")
+            raise BrokenFileError(f"has buffers of more than {MAX_BYTES:,} bytes")
         read[key] = data or b""
     start = integer_entry(view, "byteOffset", 0)
     end = start + integer_entry(view, "byteLength")
     if end > len(read[key]):
-        raise BrokenGltfError(f"ends early, before the end of view {number} of buffer {which}")
+        raise BrokenFileError(f"ends early, before the end of view {number} of buffer {which}")
     return view, memoryview(read[key])[start:end]
 
 
@@ -181,25 +177,12 @@ def read_image_bytes(path: Path, number: int) -> tuple[bytes, str]:
     ------
     InputError : the file or the image is missing or broken.
     """
-    with name_file_in_errors(path):
+    with name_read_errors(path):
         data = image_bytes(parse(read_regular(path)), path.parent, number)
         for start, suffix in _SIGNATURES.items():
             if data.startswith(start):
                 return data, suffix
-        raise BrokenGltfError(f"has an image of a format that is not supported (number {number}, counted from 0)")
-
-
-@contextlib.contextmanager
-def name_file_in_errors(path: Path) -> Iterator[None]:
-    """Turn errors of reading into InputErrors that name the file."""
-    try:
-        yield
-    except BrokenGltfError as error:
-        raise InputError(f"{path}: {error}") from error
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+        raise BrokenFileError(f"has an image of a format that is not supported (number {number}, counted from 0)")
 
 
 def image_bytes(gltf: Gltf, folder: Path, number: int) -> bytes:
@@ -207,7 +190,7 @@ def image_bytes(gltf: Gltf, folder: Path, number: int) -> bytes:
 
     Raises
     ------
-    BrokenGltfError : the image is missing, or does not hold what it says.
+    BrokenFileError : the image is missing, or does not hold what it says.
     """
     image = item(gltf.header, "images", number)
     if "uri" in image:
@@ -221,16 +204,16 @@ def _uri_bytes(uri: Any, folder: Path, what: str) -> bytes:
         try:
             return base64.b64decode(uri.partition("base64,")[2], validate=True)
         except ValueError:
-            raise BrokenGltfError(f"has broken base64 text as {what}") from None
+            raise BrokenFileError(f"has broken base64 text as {what}") from None
     path = _addressed(uri, folder)
     if path is None:
-        raise BrokenGltfError(f"names {format_value(uri)} as {what}, and only files are read")
+        raise BrokenFileError(f"names {format_value(uri)} as {what}, and only files are read")
     try:
         return read_regular(path)
     except FileNotFoundError:
-        raise BrokenGltfError(f"names {format_value(unquote(uri))} as {what}, and there is no such file") from None
+        raise BrokenFileError(f"names {format_value(unquote(uri))} as {what}, and there is no such file") from None
     except (OSError, ValueError):
-        raise BrokenGltfError(f"names {format_value(unquote(uri))} as {what}, which cannot be read") from None
+        raise BrokenFileError(f"names {format_value(unquote(uri))} as {what}, which cannot be read") from None
 
 
 def _addressed(uri: Any, folder: Path) -> Path | None:
@@ -254,7 +237,7 @@ def referenced_files(path: Path) -> tuple[Path, ...]:
     """
     try:
         header = _header_of(path)
-    except (OSError, BrokenGltfError):
+    except (OSError, BrokenFileError):
         return ()
     items = [entry for key in ("buffers", "images") if isinstance(header.get(key), list) for entry in header[key]]
     paths = (_addressed(entry.get("uri"), path.parent) for entry in items if isinstance(entry, dict))

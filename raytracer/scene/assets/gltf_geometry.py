@@ -9,13 +9,12 @@ Reference: Khronos Group, "glTF 2.0 Specification", sec. 3.5 (scenes and nodes),
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.scene.assets.gltf import (
-    BrokenGltfError,
     Gltf,
     Json,
     buffer_view,
@@ -24,8 +23,11 @@ from raytracer.scene.assets.gltf import (
     item,
     list_entry,
     mapping,
+    parse,
 )
+from raytracer.scene.assets.raw_mesh import RawMesh
 from raytracer.util.errors import format_value
+from raytracer.util.safe_open import BrokenFileError
 
 MAX_REPEATED = 2**24
 """Most vertices and triangles, each, of a file whose nodes or primitives share data; others have what they hold."""
@@ -43,35 +45,26 @@ _COMPRESSIONS = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_m
 Array = NDArray[Any]
 
 
-class Triangles(NamedTuple):
-    """All triangles of a file.
-
-    vertices : (n, 3).
-    faces : (m, 3).
-    normals : (n, 3), 0 where a part of the file has none; None if no part has any.
-    uv : (n, 2), v upwards, 0 where a part of the file has none; None if no part has any.
-    kinds : (m,), number of each face's material; the count of materials for none.
-    """
-
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int64]
-    normals: NDArray[np.float64] | None
-    uv: NDArray[np.float64] | None
-    kinds: NDArray[np.int32]
+def read_gltf(file: BinaryIO) -> RawMesh:
+    """Read the triangles of an open file, with its materials' numbers if it has materials; see `read_triangles`."""
+    gltf = parse(file.read())
+    mesh = read_triangles(gltf, Path(file.name).parent)
+    return mesh if gltf.header.get("materials") else mesh._replace(kinds=None)
 
 
-def read_triangles(gltf: Gltf, folder: Path) -> Triangles:
+def read_triangles(gltf: Gltf, folder: Path) -> RawMesh:
     """Read the triangles of the scene of a file in `folder`.
 
-    Skins and morphs are left as they are at rest; points and lines are left out.
+    Skins and morphs are left as they are at rest; points and lines are left out.  What has no normals or texture
+    coordinates, where others have some, has zeros, and what has no material the count of materials as its kind.
 
     Raises
     ------
-    BrokenGltfError : the file breaks the specification, holds compressed meshes, or no triangles, or too many.
+    BrokenFileError : the file breaks the specification, holds compressed meshes, or no triangles, or too many.
     """
     for name in list_entry(gltf.header, "extensionsRequired"):
         if name in _COMPRESSIONS:
-            raise BrokenGltfError(f"needs the extension {name}, which is not supported")
+            raise BrokenFileError(f"needs the extension {name}, which is not supported")
     reader = _Reader(gltf, folder)
     most_pieces = max(MAX_PIECES, len(list_entry(gltf.header, "nodes")) + len(list_entry(gltf.header, "accessors")))
     placed: list[tuple[_Piece, Array]] = []
@@ -81,15 +74,15 @@ def read_triangles(gltf: Gltf, folder: Path) -> Triangles:
             vertices, faces = vertices + len(piece.vertices), faces + len(piece.faces)
             most = max(MAX_REPEATED, reader.size)
             if len(placed) >= most_pieces or max(vertices, faces) > most:
-                raise BrokenGltfError(
+                raise BrokenFileError(
                     f"repeats its meshes to more than {most_pieces:,} parts or {most:,} vertices or triangles"
                 )
             placed.append((piece, pose))
     if not faces:
-        raise BrokenGltfError("has no faces")
+        raise BrokenFileError("has no faces")
     pieces = [_moved(piece, pose) for piece, pose in placed]
     offsets = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
-    return Triangles(
+    return RawMesh(
         np.concatenate([piece.vertices for piece in pieces]),
         np.concatenate([piece.faces + offset for piece, offset in zip(pieces, offsets, strict=False)]),
         _filled([piece.normals for piece in pieces], pieces, 3),
@@ -99,7 +92,7 @@ def read_triangles(gltf: Gltf, folder: Path) -> Triangles:
 
 
 class _Piece(NamedTuple):
-    """A primitive of a mesh, as `Triangles` but of one material."""
+    """A primitive of a mesh, as `RawMesh` but of one material."""
 
     vertices: Array
     faces: Array
@@ -138,7 +131,7 @@ def _placed(header: Json) -> Iterator[tuple[int, Array]]:
 
     Raises
     ------
-    BrokenGltfError : a node is missing, or below two others or itself.
+    BrokenFileError : a node is missing, or below two others or itself.
     """
     scene = item(header, "scenes", header.get("scene", 0)) if "scenes" in header else {"nodes": _roots(header)}
     waiting = [(number, np.eye(4)) for number in reversed(list_entry(scene, "nodes"))]
@@ -147,7 +140,7 @@ def _placed(header: Json) -> Iterator[tuple[int, Array]]:
         number, above = waiting.pop()
         node = item(header, "nodes", number)
         if number in seen:
-            raise BrokenGltfError(f"has node {number} in more than one place of its tree")
+            raise BrokenFileError(f"has node {number} in more than one place of its tree")
         seen.add(number)
         pose = _pose(node, above, number)
         waiting += [(child, pose) for child in reversed(list_entry(node, "children"))]
@@ -172,7 +165,7 @@ def _pose(node: Json, above: Array, number: int) -> Array:
         x, y, z, w = _numbers(node, "rotation", 4, number)
         length = x * x + y * y + z * z + w * w
         if not length > 0.0:
-            raise BrokenGltfError(f"has node {number} with a rotation that is none")
+            raise BrokenFileError(f"has node {number} with a rotation that is none")
         pose[:3, :3] -= (2.0 / length) * np.array(
             [
                 [y * y + z * z, z * w - x * y, -x * z - y * w],
@@ -190,7 +183,7 @@ def _pose(node: Json, above: Array, number: int) -> Array:
 def _numbers(node: Json, key: str, count: int, number: int) -> Array:
     values = list_entry(node, key)
     if len(values) != count or not all(map(is_number, values)):
-        raise BrokenGltfError(f"has node {number} with a {key} that is not {count} finite numbers")
+        raise BrokenFileError(f"has node {number} with a {key} that is not {count} finite numbers")
     return np.array([float(value) for value in values])
 
 
@@ -232,11 +225,11 @@ class _Reader:
             for name, kind in (("NORMAL", "VEC3"), ("TEXCOORD_0", "VEC2"))
         )
         if any(rows is not None and len(rows) != len(vertices) for rows in (normals, uv)):
-            raise BrokenGltfError(f"has mesh {mesh} with more, or fewer, normals or coordinates than vertices")
+            raise BrokenFileError(f"has mesh {mesh} with more, or fewer, normals or coordinates than vertices")
         if "indices" in primitive:
             corners = self._accessor(primitive["indices"], "SCALAR")[:, 0]
             if corners.dtype.kind != "i" or (corners.size and not 0 <= corners.min() <= corners.max() < len(vertices)):
-                raise BrokenGltfError(f"has mesh {mesh} with faces of vertices that are not there")
+                raise BrokenFileError(f"has mesh {mesh} with faces of vertices that are not there")
         else:
             corners = np.arange(len(vertices))
         if not corners.size:
@@ -244,7 +237,7 @@ class _Reader:
         materials = len(list_entry(self._gltf.header, "materials"))
         material = integer_entry(primitive, "material", materials)
         if material > materials:
-            raise BrokenGltfError(f"has mesh {mesh} of material {format_value(material)}, which is not there")
+            raise BrokenFileError(f"has mesh {mesh} of material {format_value(material)}, which is not there")
         # In glTF v runs down.
         turned = None if uv is None else uv * (1.0, -1.0) + (0.0, 1.0)
         return _Piece(vertices, _faces(corners, mode, mesh), normals, turned, material)
@@ -259,7 +252,7 @@ class _Reader:
     def _read(self, accessor: Json, number: int, kind: str) -> Array:
         dtype = _dtype(accessor)
         if accessor.get("type") != kind or dtype is None:
-            raise BrokenGltfError(f"has accessor {number}, which is not the {kind} that it is used as")
+            raise BrokenFileError(f"has accessor {number}, which is not the {kind} that it is used as")
         count, width = integer_entry(accessor, "count"), _WIDTHS[kind]
         if "bufferView" in accessor:
             rows = self._rows(accessor, number, count, width, dtype)
@@ -267,10 +260,10 @@ class _Reader:
             # Zeros, but for the sparse values.
             rows = np.broadcast_to(np.zeros((), dtype), (count, width))
         else:
-            raise BrokenGltfError(f"has accessor {number} without data")
+            raise BrokenFileError(f"has accessor {number} without data")
         self._numbers += rows.size
         if self._numbers > max(MAX_REPEATED, self.size):
-            raise BrokenGltfError("has too many accessors of the same data")
+            raise BrokenFileError("has too many accessors of the same data")
         values = rows.astype(np.float64 if dtype.kind == "f" or kind != "SCALAR" else np.int64)
         if "sparse" in accessor:
             sparse = mapping(accessor["sparse"], "a sparse accessor")
@@ -278,10 +271,10 @@ class _Reader:
             where, what = (mapping(sparse.get(key), f"sparse {key}") for key in ("indices", "values"))
             index_type = _dtype(where)
             if index_type is None or index_type.kind != "u" or not 0 < changed <= count:
-                raise BrokenGltfError(f"has accessor {number} with sparse indices that are none")
+                raise BrokenFileError(f"has accessor {number} with sparse indices that are none")
             places = self._rows(where, number, changed, 1, index_type)[:, 0].astype(np.int64)
             if places.max() >= count:
-                raise BrokenGltfError(f"has accessor {number} with a sparse index beyond its end")
+                raise BrokenFileError(f"has accessor {number} with a sparse index beyond its end")
             values[places] = self._rows(what, number, changed, width, dtype)
         if accessor.get("normalized") is True and dtype.kind != "f":
             values = np.maximum(values / np.iinfo(dtype).max, -1.0)
@@ -293,9 +286,9 @@ class _Reader:
         size = width * dtype.itemsize
         start, stride = integer_entry(place, "byteOffset", 0), integer_entry(view, "byteStride", size)
         if stride < size:
-            raise BrokenGltfError(f"has accessor {number} with a byteStride of {stride} for elements of {size} bytes")
+            raise BrokenFileError(f"has accessor {number} with a byteStride of {stride} for elements of {size} bytes")
         if count and start + (count - 1) * stride + size > len(data):
-            raise BrokenGltfError(f"has accessor {number}, which goes beyond its data")
+            raise BrokenFileError(f"has accessor {number}, which goes beyond its data")
         return np.ndarray((count, width), dtype, data, start if count else 0, (stride, dtype.itemsize))
 
 
@@ -308,10 +301,10 @@ def _faces(corners: Array, mode: int, mesh: int) -> Array:
     """Make triangles (m, 3) of corners (n,) in the order of triangles, a strip or a fan."""
     if mode == _TRIANGLES:
         if len(corners) % 3:
-            raise BrokenGltfError(f"has mesh {mesh} with {len(corners)} corners, which are no triangles")
+            raise BrokenFileError(f"has mesh {mesh} with {len(corners)} corners, which are no triangles")
         return corners.reshape(-1, 3)
     if len(corners) < 3:
-        raise BrokenGltfError(f"has mesh {mesh} with {len(corners)} corners, which are no triangles")
+        raise BrokenFileError(f"has mesh {mesh} with {len(corners)} corners, which are no triangles")
     if mode == _FAN:
         return np.stack([corners[1:-1], corners[2:], np.broadcast_to(corners[0], len(corners) - 2)], axis=1)
     strip = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1)

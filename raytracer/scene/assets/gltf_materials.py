@@ -12,10 +12,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from raytracer.film.formats.base.limits import BrokenImageError
 from raytracer.film.formats.base.pillow import is_transparent
 from raytracer.scene.assets.gltf import (
-    BrokenGltfError,
     Gltf,
     Json,
     image_bytes,
@@ -23,11 +21,10 @@ from raytracer.scene.assets.gltf import (
     item,
     list_entry,
     mapping,
-    name_file_in_errors,
     parse,
 )
 from raytracer.util.errors import format_value
-from raytracer.util.safe_open import read_regular
+from raytracer.util.safe_open import BrokenFileError, name_read_errors, read_regular
 
 _WRAPS = {"33071": "clamp", "33648": "mirror"}
 
@@ -45,11 +42,11 @@ def read_materials(path: Path, name: str) -> tuple[dict[str, Any], ...]:
     ------
     InputError : the file cannot be read, or a material in it is not as glTF says.
     """
-    with name_file_in_errors(path):
+    with name_read_errors(path):
         gltf = parse(read_regular(path))
         materials = list_entry(gltf.header, "materials")
         if len(list_entry(gltf.header, "images")) > MAX_IMAGES:
-            raise BrokenGltfError(f"has more than {MAX_IMAGES:,} images")
+            raise BrokenFileError(f"has more than {MAX_IMAGES:,} images")
         reader = _Materials(gltf, path.parent, name)
         return tuple(reader.material(each, number) for number, each in enumerate([*materials, {}]))
 
@@ -107,7 +104,7 @@ class _Materials:
         if mode == "OPAQUE":
             return result
         if mode not in ("MASK", "BLEND"):
-            raise BrokenGltfError(f"has {self._name} with the alphaMode {format_value(mode)}")
+            raise BrokenFileError(f"has {self._name} with the alphaMode {format_value(mode)}")
         texture = metallic_roughness.get("baseColorTexture")
         cut: dict[str, Any] = {
             "type": "cutout",
@@ -138,7 +135,7 @@ class _Materials:
             if number not in self._transparent:
                 self._transparent[number] = is_transparent(image_bytes(self._gltf, self._folder, number))
             return self._transparent[number]
-        except (BrokenGltfError, BrokenImageError):
+        except BrokenFileError:
             return True
 
     def _image(self, reference: Json) -> dict[str, Any]:
@@ -146,12 +143,12 @@ class _Materials:
         extensions = self._mapping(reference.get("extensions", {}), "extensions")
         transform = self._mapping(extensions.get("KHR_texture_transform", {}), "KHR_texture_transform")
         if transform.get("texCoord", reference.get("texCoord", 0)) != 0:
-            raise BrokenGltfError(f"has {self._name} with a second set of texture coordinates, which is not supported")
+            raise BrokenFileError(f"has {self._name} with a second set of texture coordinates, which is not supported")
         texture = item(self._gltf.header, "textures", reference.get("index"))
         webp = self._mapping(texture.get("extensions", {}), "extensions").get("EXT_texture_webp", {})
         source = self._mapping(webp, "EXT_texture_webp").get("source", texture.get("source"))
         if source is None:
-            raise BrokenGltfError(f"has {self._name} with a texture of a format that is not supported")
+            raise BrokenFileError(f"has {self._name} with a texture of a format that is not supported")
         item(self._gltf.header, "images", source)
         result: dict[str, Any] = {"type": "image", "file": f"{self._file}#{source}"}
         if "sampler" in texture:
@@ -183,11 +180,11 @@ class _Materials:
     def _number(self, holder: Json, key: str, default: float) -> float:
         value = holder.get(key, default)
         if not is_number(value):
-            raise BrokenGltfError(f"has {self._name} with a {key} that is no number")
+            raise BrokenFileError(f"has {self._name} with a {key} that is no number")
         return float(value)
 
     def _numbers(self, holder: Json, key: str, default: tuple[float, ...]) -> list[float]:
         value = holder.get(key, default)
         if not isinstance(value, list | tuple) or len(value) != len(default):
-            raise BrokenGltfError(f"has {self._name} with a {key} that is not {len(default)} numbers")
+            raise BrokenFileError(f"has {self._name} with a {key} that is not {len(default)} numbers")
         return [self._number({key: entry}, key, 0.0) for entry in value]

@@ -7,8 +7,14 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.util.errors import InputError, one_line
-from raytracer.util.safe_open import NpyError, NpyHeader, open_regular, read_npy_header
+from raytracer.util.safe_open import (
+    BrokenFileError,
+    NpyHeader,
+    check_suffix,
+    name_read_errors,
+    open_regular,
+    read_npy_header,
+)
 
 MAX_VOXELS = 2**31
 
@@ -24,27 +30,12 @@ def read_grid(path: str | Path) -> NDArray[np.float32]:
     InputError : the file is missing, no .npy file, or holds anything else than such a grid.
     """
     path = Path(path)
-    if path.suffix.lower() != ".npy":
-        problem = f"unknown suffix {path.suffix!r}" if path.suffix else "no suffix"
-        raise InputError(f"{path}: {problem} for a grid; known: .npy")
-    try:
-        with open_regular(path, _MAX_BYTES) as file:
-            stated = read_npy_header(file)
-            _check_shape(stated)
-            order: Literal["C", "F"] = "F" if stated.is_fortran else "C"
-            return _checked(np.memmap(file, stated.dtype, "r", stated.start, stated.shape, order))
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or one_line(str(error))}") from error
-    except (_BrokenGridError, NpyError) as error:
-        raise InputError(f"{path}: {error}") from error
-    except MemoryError as error:
-        raise InputError(f"{path}: does not fit into memory") from error
-
-
-class _BrokenGridError(Exception):
-    """Error of a file that is no grid of densities; its text completes the sentence "FILE: ..."."""
+    check_suffix(path, (".npy",), "a grid")
+    with name_read_errors(path), open_regular(path, _MAX_BYTES) as file:
+        stated = read_npy_header(file)
+        _check_shape(stated)
+        order: Literal["C", "F"] = "F" if stated.is_fortran else "C"
+        return _checked(np.memmap(file, stated.dtype, "r", stated.start, stated.shape, order))
 
 
 def _check_shape(stated: NpyHeader) -> None:
@@ -52,11 +43,11 @@ def _check_shape(stated: NpyHeader) -> None:
     shape = stated.shape
     if len(shape) != 3 or 0 in shape:
         shown = f"shape {' x '.join(map(str, shape))}" if shape else "a single number"
-        raise _BrokenGridError(f"must hold an array of three dimensions (x, y, z), got {shown}")
+        raise BrokenFileError(f"must hold an array of three dimensions (x, y, z), got {shown}")
     if stated.dtype.kind not in "fiub":
-        raise _BrokenGridError(f"must hold real numbers, got {stated.dtype}")
+        raise BrokenFileError(f"must hold real numbers, got {stated.dtype}")
     if math.prod(shape) > MAX_VOXELS:
-        raise _BrokenGridError(f"has {math.prod(shape):,} voxels, at most {MAX_VOXELS:,} are possible")
+        raise BrokenFileError(f"has {math.prod(shape):,} voxels, at most {MAX_VOXELS:,} are possible")
 
 
 def _checked(grid: NDArray[Any]) -> NDArray[np.float32]:
@@ -65,5 +56,5 @@ def _checked(grid: NDArray[Any]) -> NDArray[np.float32]:
     for wrong, words in ((~np.isfinite(density), "is not finite"), (density < 0.0, "is negative")):
         if wrong.any():
             x, y, z = (int(number) for number in np.unravel_index(int(np.argmax(wrong)), wrong.shape))
-            raise _BrokenGridError(f"has a density that {words}, at [{x}, {y}, {z}]")
+            raise BrokenFileError(f"has a density that {words}, at [{x}, {y}, {z}]")
     return density

@@ -1,14 +1,18 @@
 """Read triangle meshes from files, check them and compute their normals."""
 
-from collections.abc import Iterator
+import traceback
+import warnings
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.scene.assets.readers import SUFFIXES, BrokenMeshError, Integers, RawMesh, read, weld
-from raytracer.util.errors import InputError
+from raytracer.core.compiler.lock import compiler_lock
+from raytracer.scene.assets.raw_mesh import Integers, RawMesh, weld
+from raytracer.util.errors import one_line
+from raytracer.util.safe_open import BrokenFileError, check_suffix, name_read_errors, open_regular
 
 _MOST_FACES = 2**31
 
@@ -127,11 +131,11 @@ def smooth_normals(vertices: Vectors, faces: Integers) -> Vectors:
 
 
 def _check_finite(rows: Vectors, sentence: str, largest: float = _LARGEST) -> None:
-    """Raise BrokenMeshError for the first of `rows` (n, k) with a value that is not finite, or beyond `largest`."""
+    """Raise BrokenFileError for the first of `rows` (n, k) with a value that is not finite, or beyond `largest`."""
     with np.errstate(invalid="ignore"):
         usable = (np.abs(rows) <= largest).all(axis=1)
     if not usable.all():
-        raise BrokenMeshError(sentence.format(int(np.argmin(usable))))
+        raise BrokenFileError(sentence.format(int(np.argmin(usable))))
 
 
 def _checked(parts: RawMesh) -> Mesh:
@@ -139,32 +143,32 @@ def _checked(parts: RawMesh) -> Mesh:
 
     Raises
     ------
-    BrokenMeshError : vertices that are not finite, faces with vertices that are not there, or no faces.
+    BrokenFileError : vertices that are not finite, faces with vertices that are not there, or no faces.
     """
     if len(parts.faces) >= _MOST_FACES:
-        raise BrokenMeshError(f"has {len(parts.faces)} triangles, and at most {_MOST_FACES - 1} are supported")
+        raise BrokenFileError(f"has {len(parts.faces)} triangles, and at most {_MOST_FACES - 1} are supported")
     if len(parts.faces) == 0:
-        raise BrokenMeshError("has no faces")
-    vertices = parts.vertices
+        raise BrokenFileError("has no faces")
+    vertices = np.ascontiguousarray(parts.vertices, dtype=np.float64)
     _check_finite(vertices, "has a vertex that is not finite (number {}, counted from 0)")
 
     # Indices are compared before they are converted, which would wrap a negative one around.
     lowest, highest = parts.faces.min(), parts.faces.max()
     if lowest < 0 or highest >= len(vertices):
         bad = int(lowest if lowest < 0 else highest)
-        raise BrokenMeshError(f"has a face with the vertex {bad} (counted from 0), and {len(vertices)} vertices")
+        raise BrokenFileError(f"has a face with the vertex {bad} (counted from 0), and {len(vertices)} vertices")
     faces = np.ascontiguousarray(parts.faces, dtype=np.uint32)
 
     kept = _has_area(vertices, faces)
     degenerate = len(faces) - int(np.count_nonzero(kept))
     if degenerate == len(faces):
-        raise BrokenMeshError("has no faces with an area")
+        raise BrokenFileError("has no faces with an area")
     if degenerate:
         faces = faces[kept]
 
     normals = None
     if parts.normals is not None:
-        normals, usable = _normalized(parts.normals)
+        normals, usable = _normalized(np.asarray(parts.normals, dtype=np.float64))
         if not usable.all():
             normals[~usable] = smooth_normals(vertices, faces)[~usable]
     if parts.uv is not None:
@@ -174,6 +178,55 @@ def _checked(parts: RawMesh) -> Mesh:
     kinds = None if parts.kinds is None else parts.kinds[kept]
     first = int(np.argmin(kept)) if degenerate else -1
     return Mesh(vertices, faces, normals, degenerate, parts.uv, kinds, first)
+
+
+_FORMATS = {".ply": "PLY", ".obj": "OBJ", ".stl": "STL", ".gltf": "glTF", ".glb": "glTF"}
+
+
+def _reader(name: str) -> Callable[[BinaryIO], RawMesh]:
+    """Import the reader of a format: most scenes have no mesh, and the others few formats."""
+    if name == "PLY":
+        from raytracer.scene.assets.ply import read_ply
+
+        return read_ply
+    if name == "OBJ":
+        from raytracer.scene.assets.obj import read_obj
+
+        return read_obj
+    if name == "STL":
+        from raytracer.scene.assets.stl import read_stl
+
+        return read_stl
+    from raytracer.scene.assets.gltf_geometry import read_gltf
+
+    return read_gltf
+
+
+def _read(path: Path) -> RawMesh:
+    """Read all triangles of a file into one mesh.
+
+    Raises
+    ------
+    BrokenFileError : the file is broken, or holds no triangles.
+    OSError : the file cannot be opened.
+    """
+    name = _FORMATS[path.suffix.lower()]
+    reader = _reader(name)
+    # Filters of warnings are of the whole process.
+    with compiler_lock, open_regular(path) as file, warnings.catch_warnings(), np.errstate(all="ignore"):
+        if not file.peek(1):
+            raise BrokenFileError("is empty")
+
+        # Before version 2.3, NumPy stopped at what is no number and warned.
+        warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
+        try:
+            return reader(file)
+        except BrokenFileError:
+            raise
+        except Exception as error:
+            # A broken file raises anything, from KeyError to struct.error.
+            reason = one_line(traceback.format_exception_only(error)[-1])
+            raise BrokenFileError(f"cannot be read as {name}: {reason}") from error
 
 
 def read_mesh(path: str | Path) -> Mesh:
@@ -188,14 +241,6 @@ def read_mesh(path: str | Path) -> Mesh:
     InputError : the file is missing, unreadable, broken, of an unknown suffix, or without usable triangles.
     """
     path = Path(path)
-    if path.suffix.lower() not in SUFFIXES:
-        problem = f"unknown suffix {path.suffix!r}" if path.suffix else "no suffix"
-        raise InputError(f"{path}: {problem} for a mesh; known: {', '.join(SUFFIXES)}")
-    try:
-        return _checked(read(path))
-    except BrokenMeshError as error:
-        raise InputError(f"{path}: {error}") from error
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    check_suffix(path, _FORMATS, "a mesh")
+    with name_read_errors(path):
+        return _checked(_read(path))

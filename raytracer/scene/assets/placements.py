@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.util.errors import InputError, abbreviate, format_value, one_line, suggest_name
-from raytracer.util.safe_open import parse_npy, read_regular
+from raytracer.util.safe_open import name_read_errors, parse_npy, read_regular
 
 _PLACE = ("x", "y", "z")
 _SCALE = ("scale_x", "scale_y", "scale_z")
@@ -34,14 +34,10 @@ def read_placements(path: str | Path) -> Rows:
     if path.suffix.lower() not in readers:
         raise InputError(f"{path}: unknown suffix {path.suffix!r} for placements; known: {', '.join(readers)}")
     try:
-        with np.errstate(all="ignore"):
+        with name_read_errors(path), np.errstate(all="ignore"):
             poses = readers[path.suffix.lower()](path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
     except (ValueError, csv.Error) as error:
         raise InputError(one_line(f"{path}: {error}")) from error
-    except MemoryError as error:
-        raise InputError(f"{path}: does not fit into memory") from error
     if not len(poses):
         raise InputError(f"{path}: holds no placements")
     with np.errstate(invalid="ignore"):

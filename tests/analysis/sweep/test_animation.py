@@ -10,7 +10,7 @@ import PIL.Image
 import PIL.ImageSequence
 import pytest
 
-from raytracer.analysis.sweep.animation import KINDS, encode_animation, gray_code_indices, write_animation
+from raytracer.analysis.sweep.animation import encode_animation, gray_code_indices, write_animation
 from raytracer.analysis.sweep.results import Axis, Sweep
 from raytracer.util.errors import InputError
 from tests.analysis.sweep.made_up import F_NUMBER, FOCUS, HEIGHT, WIDTH, images, made_up, picture
@@ -97,7 +97,7 @@ def test_a_webp_is_near_its_pictures() -> None:
         assert np.abs(frame.astype(int) - np.roll(smooth, 8 * number, axis=0)).mean() < 8
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["gif", "webp", "png"])
 @pytest.mark.parametrize(("fps", "expected"), [(5.0, 200), (12.5, 80), (50.0, 20), (0.5, 2000)])
 def test_frames_last_as_long_as_asked_for(kind: str, fps: float, expected: int) -> None:
     assert durations(encode_animation(made_up(None, (F_NUMBER,)), images, kind, fps=fps)) == [expected] * 6

@@ -3,11 +3,8 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-import trimesh.exchange.obj  # noqa: F401
-
 from tests.fuzz.targets import _meshes
 
-PARSERS = ("trimesh",)
 MAX_LENGTH = 1024
 DICTIONARY = (
     b"v ",

@@ -4,14 +4,11 @@ import struct
 from collections.abc import Iterator
 from pathlib import Path
 
-import meshio  # noqa: F401
 import numpy as np
-import trimesh.exchange.ply  # noqa: F401
 
 from tests.fuzz.targets import _meshes
 from tests.fuzz.targets._parts import CORNERS
 
-PARSERS = ("trimesh", "meshio")
 MAX_LENGTH = 1024
 DICTIONARY = (
     b"element ", b"vertex ", b"face ", b"property ", b"list ", b"uchar ", b"int ", b"uint ", b"float ", b"double ",

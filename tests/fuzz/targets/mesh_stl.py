@@ -4,12 +4,9 @@ import struct
 from collections.abc import Iterator
 from pathlib import Path
 
-import trimesh.exchange.stl  # noqa: F401
-
 from tests.fuzz.targets import _meshes
 from tests.fuzz.targets._parts import CORNERS, TRIANGLES
 
-PARSERS = ("trimesh",)
 MAX_LENGTH = 1024
 DICTIONARY = (
     b"solid ", b"endsolid\n", b"facet normal ", b"endfacet\n", b"outer loop\n", b"endloop\n", b"vertex ", b"nan",

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import ValidationError
 
 from raytracer.core.sampling import warp
+from raytracer.film.formats.base.stored_image import StoredImage
 from raytracer.plugins.apertures.base.interface import ApertureSpec
-from raytracer.scene.assets import Image
 from raytracer.schema.registry import APERTURES
 from raytracer.schema.spec import Spec
 from tests.plugins.apertures.kernels import sampled
@@ -42,10 +42,10 @@ COUNT = 1 << 18
 LETTER = np.array([[10, 0, 0], [7, 0, 0], [10, 0, 0], [10, 3, 5], [2, 0, 0]]) / 10.0
 
 
-def picture(values: ArrayLike, *, integer: bool = False) -> Image:
+def picture(values: ArrayLike, *, integer: bool = False) -> StoredImage:
     """An image as it is read from a file, (height, width) or with channels."""
     array = np.asarray(values, np.uint8 if integer else np.float32)
-    return Image(array[..., None] if array.ndim == 2 else array, integer)
+    return StoredImage(array[..., None] if array.ndim == 2 else array, integer)
 
 
 def spec_of(**keys: Any) -> ApertureSpec:

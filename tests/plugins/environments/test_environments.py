@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.scene.assets.images import Image
+from raytracer.film.formats.base.stored_image import StoredImage
 from raytracer.schema.registry import ENVIRONMENTS
 from tests.plugins.environments.kernels import seen
 from tests.small_scenes import image
@@ -17,7 +17,7 @@ EXAMPLES: dict[str, list[dict[str, Any]]] = {
     "sky": [{}, {"sun_direction": [1, 0, -1], "turbidity": 10, "ground_albedo": 0.3, "sun": True}],
 }
 
-MAP = Image(np.random.default_rng(5).random((7, 9, 3), np.float32) ** 6, False)
+MAP = StoredImage(np.random.default_rng(5).random((7, 9, 3), np.float32) ** 6, False)
 
 DIRECTIONS = np.random.default_rng(1).normal(size=(200, 3))
 DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)

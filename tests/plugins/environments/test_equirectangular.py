@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from raytracer.film.formats.base.stored_image import StoredImage
 from raytracer.plugins.environments.base.equirectangular import equirectangular
-from raytracer.scene.assets.images import Image
 from raytracer.scene.pack.scene import pack
 from raytracer.schema.registry import ENVIRONMENTS
 from tests.plugins.environments.kernels import density, drawn, seen
@@ -199,8 +199,8 @@ def spec_of(**keys: Any) -> Any:
 
 
 def test_black_maps_are_none() -> None:
-    black = Image(np.zeros((4, 8, 3), np.float32), False)
-    white = Image(np.ones((4, 8, 3), np.float32), False)
+    black = StoredImage(np.zeros((4, 8, 3), np.float32), False)
+    white = StoredImage(np.ones((4, 8, 3), np.float32), False)
     assert spec_of().pack({"file": black}) is None
     assert spec_of(scale=0).pack({"file": white}) is None
     assert spec_of(scale=[0, 0, 1e-3]).pack({"file": white}) is not None
@@ -208,10 +208,10 @@ def test_black_maps_are_none() -> None:
 
 def test_integers_are_srgb_unless_told_otherwise() -> None:
     # IEC 61966-2-1: 188 of 255 is 0.5029 in linear light.
-    grey = Image(np.full((2, 4, 1), 188, np.uint8), True)
-    linear = Image(np.full((2, 4, 4), 0.5, np.float32), False)
+    grey = StoredImage(np.full((2, 4, 1), 188, np.uint8), True)
+    linear = StoredImage(np.full((2, 4, 4), 0.5, np.float32), False)
 
-    def value(picture: Image, **keys: Any) -> float:
+    def value(picture: StoredImage, **keys: Any) -> float:
         return float(seen(spec_of(**keys).pack({"file": picture}), [1.0, 0.0, 0.0])[0, 1])
 
     assert value(grey) == pytest.approx(0.5029, abs=1e-4)

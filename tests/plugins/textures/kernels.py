@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from raytracer.core.compiler.dispatch import entry
 from raytracer.core.geometry import Site
+from raytracer.film.formats.base.stored_image import StoredImage
 from raytracer.plugins.textures.base.interface import TextureSpec, texture, texture_gradient
-from raytracer.scene.assets.images import Image
 from raytracer.schema.registry import TEXTURES
 
 
@@ -32,10 +32,10 @@ def spec_of(kind: str, **parameters: Any) -> TextureSpec:
     return TEXTURES.specs()[kind].model_validate({"type": kind, **parameters})
 
 
-def picture(texels: ArrayLike, *, integer: bool = True) -> Mapping[str, Image]:
+def picture(texels: ArrayLike, *, integer: bool = True) -> Mapping[str, StoredImage]:
     """An image as a texture is handed it: bytes if `integer`, or float32."""
     array = np.asarray(texels, np.uint8 if integer else np.float32)
-    return {"file": Image(array[..., None] if array.ndim == 2 else array, integer)}
+    return {"file": StoredImage(array[..., None] if array.ndim == 2 else array, integer)}
 
 
 def table_of(*specs: TextureSpec, files: Mapping[str, Any] | None = None) -> Any:

@@ -2,6 +2,7 @@
 
 import builtins
 import struct
+import subprocess
 import sys
 
 import numpy as np
@@ -10,8 +11,9 @@ import trimesh
 
 from raytracer.scene.assets import read_mesh, smooth_normals
 from raytracer.scene.assets.meshes import _checked
-from raytracer.scene.assets.readers import BrokenMeshError, RawMesh
+from raytracer.scene.assets.raw_mesh import RawMesh
 from raytracer.util.errors import InputError
+from raytracer.util.safe_open import BrokenFileError
 
 # A pyramid over the unit square: a quad and four triangles, seen from outside.
 VERTICES = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0), (0.5, 0.5, 1.25)]
@@ -141,10 +143,9 @@ def ply_with_more(polygons):
     return header % len(polygons) + body + struct.pack("<i", 3)
 
 
-def test_a_ply_file_with_other_elements_and_properties(written):
-    assert soup(read_mesh(written("a.ply", ply_with_more(TRIANGLES)))) == EXPECTED
-    with pytest.raises(InputError, match="faces of different sizes with more to them"):
-        read_mesh(written("b.ply", ply_with_more(POLYGONS)))
+@pytest.mark.parametrize("polygons", [POLYGONS, TRIANGLES])
+def test_a_ply_file_with_other_elements_and_properties(polygons, written):
+    assert soup(read_mesh(written("a.ply", ply_with_more(polygons)))) == EXPECTED
 
 
 @pytest.mark.parametrize("code", ["f", "d"])
@@ -202,6 +203,62 @@ def test_obj_faces_that_have_as_many_numbers_but_are_written_otherwise(written):
     expected = soup(RawMesh(vertices, np.array([*fan, (0, 1, 2), (0, 1, 3), (1, 2, 4), (0, 2, 4)]), None))
     for order in (faces, faces[::-1]):
         assert soup(read_mesh(written("a.obj", (hexagon + "\n".join(order)).encode()))) == expected
+
+
+def test_obj_faces_between_their_vertices_count_back_from_where_they_stand(written, monkeypatch):
+    # A triangle after each three vertices, as many programs write them; parsed together, and a few lines at a time.
+    corners = np.random.default_rng(6).normal(size=(500, 3, 3)).round(6)
+    text = "".join("".join(f"v {x} {y} {z}\n" for x, y, z in t) + "f -3 -2 -1\nvt 0 0\nf -1 -2 -3\n" for t in corners)
+    expected = np.stack([corners, corners[:, ::-1]], axis=1).reshape(-1, 3, 3)
+    for most in (1 << 20, 100):
+        monkeypatch.setattr("raytracer.scene.assets.obj._BATCH", most)
+        mesh = read_mesh(written("a.obj", text.encode()))
+        np.testing.assert_array_equal(mesh.vertices[mesh.faces], expected)
+
+
+def test_obj_lines_of_different_lengths_keep_their_numbers(written):
+    # Six lines of 18 numbers in all, as if each had three.
+    text = b"v 0 0 0 9\nv 1 0\nv 0 1 0\nv 0 0 1\nv 1 1 1\nv 2 2 2\nf 1 2 3\n"
+    with pytest.raises(InputError, match="has a vertex without 3 coordinates"):
+        read_mesh(written("a.obj", text))
+    coloured = text.replace(b"v 1 0\n", b"v 1 0 0 nan 0 red\n")
+    mesh = read_mesh(written("a.obj", coloured))
+    assert mesh.vertices[mesh.faces].tolist() == [[[0, 0, 0], [1, 0, 0], [0, 1, 0]]]
+
+
+def test_obj_references_to_what_is_not_there(written):
+    # A vertex that is missing is an error; texture coordinates and normals that are, are none.
+    text = obj_text([]) + b"vt 0.5 0.25\nvn 0 0 1\n"
+    mesh = read_mesh(written("a.obj", text + b"f 1/1/9 2/1/9 3/1/9\nf 1/9 2/9 4/9\n"))
+    assert mesh.normals is None
+    assert sorted(mesh.uv.tolist()) == [[0, 0]] * 3 + [[0.5, 0.25]] * 3
+    with pytest.raises(InputError, match="IndexError: index 8 is out of bounds"):
+        read_mesh(written("b.obj", text + b"f 1/1/1 2/1/1 9/1/1\n"))
+
+
+def test_triangles_keep_their_order(written):
+    # What is drawn at random among triangles depends on it.
+    faces = np.random.default_rng(8).permutation(TRIANGLES * 3)
+    own = np.array(VERTICES)[faces]
+    for name, data in (
+        ("a.obj", obj_text(faces)),
+        ("a.ply", ply_text(faces)),
+        ("b.ply", ply_binary(">", faces)),
+        ("a.stl", stl_binary(faces)),
+    ):
+        mesh = read_mesh(written(name, data))
+        np.testing.assert_array_equal(mesh.vertices[mesh.faces], own)
+
+
+def test_meshes_are_read_without_other_libraries(written):
+    paths = [str(written(name, data)) for name, data in FILES.items()]
+    program = (
+        "import sys\nfrom raytracer.scene.assets import read_mesh\n"
+        "for path in sys.argv[1:]: read_mesh(path)\n"
+        "print({'trimesh', 'meshio', 'scipy', 'numba'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", program, *paths], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"
 
 
 def test_no_file_beside_the_mesh_is_opened(written, tmp_path, monkeypatch):
@@ -460,14 +517,13 @@ def test_a_folder_is_no_mesh(tmp_path):
 
 def test_more_faces_than_an_index_can_count():
     faces = np.broadcast_to(np.zeros(3, dtype=np.int32), (2**31, 3))
-    with pytest.raises(BrokenMeshError, match="2147483648 triangles"):
+    with pytest.raises(BrokenFileError, match="2147483648 triangles"):
         _checked(RawMesh(np.zeros((1, 3)), faces, None))
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="resource is of POSIX")
-def test_a_large_binary_ply_file_takes_little_more_memory_than_it_and_its_mesh(written):
-    import subprocess
-
+@pytest.mark.parametrize("suffix", ["ply", "obj"])
+def test_a_large_file_takes_little_more_memory_than_it_and_its_mesh(suffix, written):
     # A grid of 600,000 triangles: 15 MB of vertices and faces in memory, and a file of 12 MB.
     n = 549
     y, x = np.mgrid[:n, :n]
@@ -477,9 +533,13 @@ def test_a_large_binary_ply_file_takes_little_more_memory_than_it_and_its_mesh(w
     records = np.empty(len(faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
     records["count"], records["corners"] = 3, faces
     header = PLY_HEADER.format(format="binary_little_endian", vertices=n * n, faces=len(faces), type="float")
-    path = written("grid.ply", header.encode() + vertices.tobytes() + records.tobytes())
+    data = header.encode() + vertices.tobytes() + records.tobytes()
+    if suffix == "obj":
+        rows = ("v {:.6g} {:.6g} {:.6g}\n".format(*vertex) for vertex in vertices.tolist())
+        data = ("".join(rows) + "".join("f {} {} {}\n".format(*face) for face in (faces + 1).tolist())).encode()
+    path = written(f"grid.{suffix}", data)
     program = (
-        "import resource, sys, trimesh\nfrom raytracer.scene.assets import read_mesh\n"
+        "import resource, sys\nfrom raytracer.scene.assets import read_mesh\n"
         "peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
         "before = peak(); mesh = read_mesh(sys.argv[1]); print(len(mesh.faces), peak() - before)"
     )

@@ -50,11 +50,10 @@ def check_outputs(paths: Sequence[Path], suffixes: Collection[str], noun: str) -
     InputError : a suffix is not known, or a file cannot be written.
     """
     from raytracer.util.atomic_write import check_file
+    from raytracer.util.safe_open import check_suffix
 
     for path in paths:
-        if path.suffix.lower() not in suffixes:
-            reason = f"unknown suffix {path.suffix!r}" if path.suffix else "no suffix"
-            raise InputError(f"{path}: {reason} for {noun}; known: {', '.join(suffixes)}")
+        check_suffix(path, suffixes, noun)
         check_file(path)
 
 

@@ -4,6 +4,8 @@ A few bytes can claim any number of pixels, and hold it in zeros; what is too la
 that, is refused before memory is allocated for it.
 """
 
+from raytracer.util.safe_open import BrokenFileError
+
 MAX_PIXELS = 2**28
 """More is refused before it is decoded: 16384 x 16384 pixels of three bytes are 0.8 GB."""
 
@@ -15,20 +17,16 @@ _MAX_PIXELS_PER_BYTE = 2**14
 _PIXELS_OF_ANY_FILE = 2**24
 
 
-class BrokenImageError(ValueError):
-    """An image that cannot be used; its text completes the sentence "FILE: ..."."""
-
-
 def check_size(width: int, height: int, length: int) -> None:
     """Refuse an image of so many pixels, in a file of `length` bytes.
 
     Raises
     ------
-    BrokenImageError : it has none, too many, or more than its file can hold.
+    BrokenFileError : it has none, too many, or more than its file can hold.
     """
     if width <= 0 or height <= 0:
-        raise BrokenImageError("has no pixels")
+        raise BrokenFileError("has no pixels")
     if width * height > MAX_PIXELS:
-        raise BrokenImageError(f"is {width} x {height} pixels, and at most {MAX_PIXELS:,} are read")
+        raise BrokenFileError(f"is {width} x {height} pixels, and at most {MAX_PIXELS:,} are read")
     if width * height > max(_PIXELS_OF_ANY_FILE, _MAX_PIXELS_PER_BYTE * length):
-        raise BrokenImageError(f"is {width} x {height} pixels in {length} bytes, which no picture is")
+        raise BrokenFileError(f"is {width} x {height} pixels in {length} bytes, which no picture is")

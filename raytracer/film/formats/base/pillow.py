@@ -1,22 +1,26 @@
-"""Image files opened by Pillow, their size checked before pixels are decoded."""
+"""Image files read and written by Pillow, their size checked before pixels are decoded."""
 
 import contextlib
 import io
 import warnings
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film import srgb
-from raytracer.film.formats.base.limits import BrokenImageError, check_size
+from raytracer.film.formats.base.limits import check_size
+from raytracer.film.formats.base.stored_image import StoredImage
+from raytracer.util.safe_open import BrokenFileError
 
 if TYPE_CHECKING:
     import PIL.Image
 
 # Pillow would try all that it knows, by content: PostScript, which it hands to another program, among them.
 _FORMATS = ("PNG", "JPEG", "BMP", "TGA", "TIFF", "WEBP")
+
+_MOST_UINT16 = np.float32(65535.0)
 
 
 @contextlib.contextmanager
@@ -25,7 +29,7 @@ def open_with_pillow(data: bytes, formats: tuple[str, ...] = _FORMATS) -> Iterat
 
     Raises
     ------
-    BrokenImageError : see `check_size`.
+    BrokenFileError : see `check_size`.
     Exception : whatever Pillow raises about broken files.
     """
     import PIL.Image
@@ -63,19 +67,63 @@ def _decode(data: bytes, *, is_linear: bool) -> NDArray[np.float64]:
     return np.repeat(values[..., None], 3, axis=2) if is_deep else values
 
 
+def decode_stored(data: bytes) -> StoredImage:
+    """Decode a file of any of the formats that Pillow reads for textures, with the channels that it has."""
+    with open_with_pillow(data) as file:
+        if file.mode == "F":
+            return StoredImage(np.array(file, np.float32)[..., None], False)
+        if file.mode.startswith("I"):
+            return StoredImage((np.array(file, np.float32) / _MOST_UINT16)[..., None], True)
+        transparent = "transparency" in file.info or file.mode in ("PA", "LA", "La", "RGBA", "RGBa")
+        grey = file.mode in ("1", "L", "LA", "La")
+        picture = file.convert(("LA" if transparent else "L") if grey else ("RGBA" if transparent else "RGB"))
+        texels = np.array(picture, np.uint8)
+    return StoredImage(texels[..., None] if texels.ndim == 2 else texels, True)
+
+
+def encode_pixels(pixels: NDArray[np.uint8], name: str, **settings: Any) -> bytes:
+    """Encode pixels in the format that Pillow knows by `name`."""
+    import PIL.Image
+
+    return _encode(PIL.Image.fromarray(pixels), name, **settings)
+
+
+def encode_frames(
+    frames: Sequence[NDArray[np.uint8]], duration: int, boomerang: bool, *, name: str, **settings: Any
+) -> bytes:
+    """Encode an animation in the format that Pillow knows by `name`; see `ImageFormat`."""
+    import PIL.Image
+
+    return encode_animation([PIL.Image.fromarray(frame) for frame in frames], duration, boomerang, name, **settings)
+
+
+def encode_animation(
+    pictures: Sequence["PIL.Image.Image"], duration: int, boomerang: bool, name: str, **settings: Any
+) -> bytes:
+    """Encode pictures as an animation that repeats without end; see `encode_frames`."""
+    first, *others = [*pictures, *(pictures[-2:0:-1] if boomerang else ())]
+    return _encode(first, name, save_all=True, append_images=others, duration=duration, loop=0, **settings)
+
+
+def _encode(picture: "PIL.Image.Image", name: str, **settings: Any) -> bytes:
+    buffer = io.BytesIO()
+    picture.save(buffer, name, **settings)
+    return buffer.getvalue()
+
+
 def is_transparent(data: bytes) -> bool:
     """Return True if an image file that Pillow reads has an opacity.
 
     Raises
     ------
-    BrokenImageError : it cannot be opened.
+    BrokenFileError : it cannot be opened.
     """
     try:
         with open_with_pillow(data) as file:
             return "A" in file.getbands() or "transparency" in file.info
     except Exception as error:
         # A broken file raises anything, from SyntaxError to struct.error.
-        raise BrokenImageError("is broken, or no image") from error
+        raise BrokenFileError("is broken, or no image") from error
 
 
 def _check_webp(data: bytes) -> None:

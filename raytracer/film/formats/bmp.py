@@ -1,0 +1,6 @@
+"""Windows bitmaps (.bmp), which textures are read from: 8 bits a channel, by custom sRGB."""
+
+from raytracer.film.formats.base.image_format import ImageFormat
+from raytracer.film.formats.base.pillow import decode_stored
+
+FORMAT = ImageFormat((".bmp",), is_linear=False, decode_stored=decode_stored, order=30)
