@@ -283,7 +283,7 @@ def _settings(f_number: float | None, focus_distance: str, sensor: str | None, w
 
     if f_number is not None and not 0.0 < f_number < 1e6:
         raise InputError(f"--f-number {f_number:g}: must be greater than 0 and less than a million")
-    distance = 1000.0 * options.parse_number(
+    distance = 1000.0 * options.parse_value(
         "--focus-distance", focus_distance, lambda text: parse_quantity(text, "length")
     )
     if distance <= 0.0:
@@ -317,7 +317,7 @@ def _sensor(text: str) -> tuple[float, float]:
     parts = text.lower().split("x")
     if len(parts) == 2 and text not in SENSORS:
         width, height = (
-            options.parse_number("--sensor", part, lambda part: parse_quantity(part, "optic")) for part in parts
+            options.parse_value("--sensor", part, lambda part: parse_quantity(part, "optic")) for part in parts
         )
         if not (0.0 < width < 1e4 and 0.0 < height < 1e4):
             raise InputError(f"--sensor {text}: must be larger than 0 and smaller than 10 m")

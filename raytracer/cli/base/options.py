@@ -1,24 +1,23 @@
 """Options that several commands have, and functions that parse their values."""
 
-from collections.abc import Callable, Sequence
+import functools
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from inspect import Parameter
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 import typer
 
+from raytracer.rendering.options import OPTIONS, RenderOptions
 from raytracer.scene.preview import EDGE, SPP
-from raytracer.schema.units import parse_bytes
 from raytracer.util.errors import InputError
+
+Value = TypeVar("Value")
 
 Define = Annotated[
     list[str] | None,
     typer.Option("--define", "-D", metavar="KEY=VALUE", help="Override a key of the scene: camera.vfov=40."),
-]
-Spp = Annotated[int | None, typer.Option(help="Samples per pixel.", min=1, max=2**31 - 1)]
-Seed = Annotated[int | None, typer.Option(help="Seed of all random numbers.", min=0, max=2**32 - 1)]
-Threads = Annotated[int | None, typer.Option(help="Threads that work.  Default: all.", min=1, max=1024)]
-Crop = Annotated[
-    str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Render only the pixels X0 <= x < X1, Y0 <= y < Y1.")
 ]
 AllowFiles = Annotated[
     list[str] | None,
@@ -29,25 +28,10 @@ AllowFiles = Annotated[
         show_default=False,
     ),
 ]
-MaxMemory = Annotated[
-    str | None,
-    typer.Option(
-        metavar="SIZE",
-        help="Refuse to start what would take more memory than this: 4GB, 500 MB.  Default: what is free.",
-        show_default=False,
-    ),
-]
 Preview = Annotated[
     bool, typer.Option("--preview", help=f"A quick look: at most {EDGE} pixels wide or high, {SPP} spp.")
 ]
 Stats = Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write what the render took as JSON.")]
-StrictSamples = Annotated[
-    bool,
-    typer.Option(
-        "--strict",
-        help="Take warnings for errors, and fail if a sample is not finite, or a pixel below zero without a reason.",
-    ),
-]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
@@ -63,12 +47,16 @@ class Invocation(NamedTuple):
     words: tuple[str, ...]
 
 
-def parse_number(option: str, text: str, parse: Callable[[str], float]) -> float:
-    """Parse the number that an option gives with a function of `raytracer.schema.units`.
+def parse_value(option: str, text: str, parse: Callable[[str], Value]) -> Value:
+    """Parse the value of an option.
+
+    Parameters
+    ----------
+    parse : parses the text, and raises a ValueError if it cannot.
 
     Raises
     ------
-    InputError : it is none, and why.
+    InputError : it cannot, and why.
     """
     try:
         return parse(text)
@@ -76,30 +64,94 @@ def parse_number(option: str, text: str, parse: Callable[[str], float]) -> float
         raise InputError(f"{option} {text}: {error}") from None
 
 
-def parse_memory_size(option: str, text: str | None) -> int | None:
-    """Parse an amount of memory in bytes; None if the option is not given.
+# ---- Options of a render
 
-    Raises
-    ------
-    InputError : it is no amount of memory.
+
+def _flag(name: str) -> str:
+    """Return the word of the command line for a field of `RenderOptions`."""
+    return "--aov" if name == "aovs" else f"--{name.replace('_', '-')}"
+
+
+def _declare(name: str, *default: object, text: str | None = None) -> Any:
+    """Declare the option that sets a field of `RenderOptions`; `text` is its help, where a command has its own."""
+    option = OPTIONS[name]
+    least, most = (option.least, option.most) if option.most else (None, None)
+    return typer.Option(*default, _flag(name), metavar=option.metavar, help=text or option.help, min=least, max=most)
+
+
+Seed = Annotated[int | None, _declare("seed")]
+Threads = Annotated[int | None, _declare("threads")]
+Crop = Annotated[str | None, _declare("crop")]
+
+
+def _parameter(name: str, text: str | None) -> Parameter:
+    """Make the parameter of a command that sets a field of `RenderOptions`."""
+    if name == "aovs":
+        kind: object = list[str] | None
+    elif OPTIONS[name].most:
+        kind = int | None
+    else:
+        kind = bool if isinstance(getattr(RenderOptions, name), bool) else str | None
+    default = False if kind is bool else None
+    return Parameter(name, Parameter.KEYWORD_ONLY, default=_declare(name, default, text=text), annotation=kind)
+
+
+class GivenOptions(NamedTuple):
+    """Options of a render as they are given, by the names of their fields; the parameter `given` of a command.
+
+    words : integers, flags, and text that is still to be parsed.
     """
-    return None if text is None else int(parse_number(option, text, parse_bytes))
+
+    words: Mapping[str, Any]
+
+    def parse(self, remedy: str | None = None) -> RenderOptions:
+        """Parse them.
+
+        Parameters
+        ----------
+        remedy : options that make the command write a file that holds layers, if none of its files does.
+
+        Raises
+        ------
+        InputError : one cannot be parsed, or there is no file for the AOVs.
+        """
+        values = {name: _parse(name, word, remedy) for name, word in self.words.items() if word is not None}
+        return RenderOptions(**values)
 
 
-def parse_crop(text: str | None) -> tuple[int, int, int, int] | None:
-    """Parse the pixel bounds of `--crop X0,Y0,X1,Y1`.
+def render_options(*names: str, **texts: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command options of a render, in place of its parameter `given`.
 
-    Raises
-    ------
-    InputError : they are not four integers.
+    Parameters
+    ----------
+    names : fields of `RenderOptions`, in the order of the help.
+    texts : help of those that mean something else to this command.
     """
-    if text is None:
-        return None
-    try:
-        left, top, right, bottom = map(int, text.split(","))
-    except ValueError:
-        raise InputError(f"--crop {text}: must be four integers, X0,Y0,X1,Y1") from None
-    return left, top, right, bottom
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        signature = inspect.signature(command)
+        parameters: list[Parameter] = []
+        for parameter in signature.parameters.values():
+            is_given = parameter.name == "given"
+            parameters += [_parameter(name, texts.get(name)) for name in names] if is_given else [parameter]
+
+        @functools.wraps(command)
+        def call(**values: Any) -> None:
+            words = {name: values.pop(name) for name in names}
+            command(**values, given=GivenOptions(words))
+
+        call.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+        return call
+
+    return decorate
+
+
+def _parse(name: str, word: Any, remedy: str | None) -> Any:
+    """Parse the value of an option of a render."""
+    if name == "aovs":
+        return parse_aovs(word, remedy)
+    parse = OPTIONS[name].parse
+    return word if parse is None else parse_value(_flag(name), word, parse)
 
 
 def parse_aovs(lists: Sequence[str], remedy: str | None) -> tuple[str, ...]:

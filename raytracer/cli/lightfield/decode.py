@@ -147,7 +147,7 @@ def _summary(grid: "Grid") -> str:
 
 
 def _length(option: str, text: str, dimension: Dimension) -> float:
-    value = options.parse_number(option, text, lambda given: parse_quantity(given, dimension))
+    value = options.parse_value(option, text, lambda given: parse_quantity(given, dimension))
     if not value > 0.0:
         raise InputError(f"{option} {text}: must be greater than 0")
     return value

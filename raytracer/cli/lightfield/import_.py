@@ -101,7 +101,7 @@ def _metres(text: str) -> float:
 def _positive(option: str, text: str | None, parse: Callable[[str], float]) -> float | None:
     if text is None:
         return None
-    value = options.parse_number(option, text, parse)
+    value = options.parse_value(option, text, parse)
     if not value > 0.0:
         raise InputError(f"{option} {text}: must be greater than 0")
     return value

@@ -11,6 +11,7 @@ import typer
 from raytracer.cli.base import options
 from raytracer.cli.lightfield.base.files import check_outputs, open_light_field, picture_suffixes, report_written
 from raytracer.cli.lightfield.base.options import File, Quiet, parse_position
+from raytracer.rendering.options import parse_crop
 from raytracer.schema.units import parse_quantity
 from raytracer.util.errors import InputError
 
@@ -123,7 +124,7 @@ def refocus(
         "method": method,
         "interpolation": interpolation,
         "scale": scale,
-        "crop": options.parse_crop(crop),
+        "crop": None if crop is None else options.parse_value("--crop", crop, parse_crop),
     }
 
     from raytracer.lightfield.refocusing.refocus import focal_stack
@@ -154,7 +155,7 @@ def refocus(
 
 
 def _quantity(option: str, text: str, dimension: Literal["length", "angle", "number"]) -> float:
-    return options.parse_number(option, text, lambda value: parse_quantity(value, dimension))
+    return options.parse_value(option, text, lambda value: parse_quantity(value, dimension))
 
 
 def _numbers(option: str, texts: list[str] | None, dimension: Literal["length", "number"]) -> list[float]:

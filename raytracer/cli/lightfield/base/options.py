@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from raytracer.cli.base.options import parse_number
+from raytracer.cli.base.options import parse_value
 from raytracer.schema.units import parse_quantity
 from raytracer.util.errors import InputError
 
@@ -57,7 +57,7 @@ def parse_length(option: str, text: str) -> float:
     ------
     InputError : it is none, and why.
     """
-    return parse_number(option, text, lambda part: parse_quantity(part, "length"))
+    return parse_value(option, text, lambda part: parse_quantity(part, "length"))
 
 
 def parse_distance(option: str, text: str | None) -> float | None:
