@@ -115,7 +115,7 @@ def probe(
                 width=width or WIDTH,
                 progress=bar.show,
                 warn=warn,
-                **wanted.values(),
+                **wanted.as_keywords(),
             )
             _write(rendered, outputs, quiet=quiet)
             return
@@ -128,7 +128,7 @@ def probe(
             wavelength=nm,
             progress=bar.show,
             warn=warn,
-            **wanted.values(),
+            **wanted.as_keywords(),
         )
     print(json.dumps(measurement.json(), indent=2, allow_nan=False) if as_json else _format(measurement))
 

@@ -127,7 +127,7 @@ def sweep(
             progress=None if quiet else bar,
             report=lambda point: _report(point, bar.say),
             warn=lambda sentence: bar.say(f"rt: warning: {sentence}"),
-            **wanted.values(),
+            **wanted.as_keywords(),
         )
     if as_json:
         from raytracer.analysis.sweep.manifest import to_json

@@ -60,7 +60,7 @@ def check_options(spec: SceneSpec, options: RenderOptions) -> tuple[SceneSpec, C
     threads = _check_integer("threads", options.threads)
     spec = override_settings(spec, options)
     # The values alone: a record that adds others may hold what is not to live as long as these.
-    values = options.values() | {
+    values = options.as_keywords() | {
         "threads": threads or available_threads(),
         "window": _crop_window(spec, options.crop),
         "max_spp": None if options.spp_limit(spec) is None else spec.render.spp,

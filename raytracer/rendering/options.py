@@ -33,10 +33,6 @@ class Option(NamedTuple):
     least: int = 0
     most: int = 0
 
-    def field(self) -> Mapping[str, "Option"]:
-        """Return the metadata of the field of `RenderOptions` that the option sets."""
-        return {"option": self}
-
 
 def parse_crop(text: str) -> tuple[int, int, int, int]:
     """Parse the pixel bounds `X0,Y0,X1,Y1`.
@@ -50,16 +46,6 @@ def parse_crop(text: str) -> tuple[int, int, int, int]:
     except ValueError:
         raise ValueError("must be four integers, X0,Y0,X1,Y1") from None
     return left, top, right, bottom
-
-
-def parse_memory_size(text: str) -> int:
-    """Parse an amount of memory, in bytes.
-
-    Raises
-    ------
-    ValueError : it is none.
-    """
-    return int(parse_bytes(text))
 
 
 # Counters of the kernels have so many bits, and a machine may have so many threads.
@@ -95,7 +81,7 @@ _STRICT = Option(
 _MAX_MEMORY = Option(
     "Refuse to start what would take more memory than this: 4GB, 500 MB.  Default: what is free.",
     "SIZE",
-    parse_memory_size,
+    lambda text: int(parse_bytes(text)),
 )
 
 
@@ -120,22 +106,22 @@ class RenderOptions:
     max_memory (bytes) : memory that this process may take; what the machine has, as far as it is known, if None.
     """
 
-    spp: int | None = field(default=None, metadata=_SPP.field())
-    seed: int | None = field(default=None, metadata=_SEED.field())
-    threads: int | None = field(default=None, metadata=_THREADS.field())
-    crop: tuple[int, int, int, int] | None = field(default=None, metadata=_CROP.field())
-    noise: float | None = field(default=None, metadata=_NOISE.field())
-    time_limit: float | None = field(default=None, metadata=_TIME_LIMIT.field())
-    aovs: Sequence[str] = field(default=(), metadata=_AOVS.field())
-    denoise: bool = field(default=False, metadata=_DENOISE.field())
-    strict: bool = field(default=False, metadata=_STRICT.field())
-    max_memory: int | None = field(default=None, metadata=_MAX_MEMORY.field())
+    spp: int | None = field(default=None, metadata={"option": _SPP})
+    seed: int | None = field(default=None, metadata={"option": _SEED})
+    threads: int | None = field(default=None, metadata={"option": _THREADS})
+    crop: tuple[int, int, int, int] | None = field(default=None, metadata={"option": _CROP})
+    noise: float | None = field(default=None, metadata={"option": _NOISE})
+    time_limit: float | None = field(default=None, metadata={"option": _TIME_LIMIT})
+    aovs: Sequence[str] = field(default=(), metadata={"option": _AOVS})
+    denoise: bool = field(default=False, metadata={"option": _DENOISE})
+    strict: bool = field(default=False, metadata={"option": _STRICT})
+    max_memory: int | None = field(default=None, metadata={"option": _MAX_MEMORY})
 
     def __post_init__(self) -> None:
         """Make a tuple of the names of AOVs."""
         object.__setattr__(self, "aovs", (self.aovs,) if isinstance(self.aovs, str) else tuple(self.aovs))
 
-    def values(self) -> dict[str, Any]:
+    def as_keywords(self) -> dict[str, Any]:
         """Return the options that are not their defaults, by name, without those that a record has besides."""
         given = {known.name: (getattr(self, known.name), known.default) for known in fields(RenderOptions)}
         return {name: value for name, (value, default) in given.items() if value != default}

@@ -65,6 +65,7 @@ def test_keywords_that_a_function_goes_without_are_refused(tmp_path: Path) -> No
         rt.probe(scene(_SPHERE), (0.0, 0.0, 4.0), toward=(0.0, 0.0, 0.0), noise=0.1)
 
 
+@pytest.mark.filterwarnings("ignore::raytracer.util.errors.SceneWarning")
 def test_memory_is_limited_from_python_too() -> None:
     with pytest.raises(InputError, match="memory"):
         rt.render(scene(_SPHERE), max_memory=1)

@@ -72,7 +72,7 @@ def _flag(name: str) -> str:
     return "--aov" if name == "aovs" else f"--{name.replace('_', '-')}"
 
 
-def _declare(name: str, *default: object, text: str | None = None) -> Any:
+def _declare(name: str, *default: Any, text: str | None = None) -> Any:
     """Declare the option that sets a field of `RenderOptions`; `text` is its help, where a command has its own."""
     option = OPTIONS[name]
     least, most = (option.least, option.most) if option.most else (None, None)
@@ -115,7 +115,13 @@ class GivenOptions(NamedTuple):
         ------
         InputError : one cannot be parsed, or there is no file for the AOVs.
         """
-        values = {name: _parse(name, word, remedy) for name, word in self.words.items() if word is not None}
+        values = {name: word for name, word in self.words.items() if word not in (None, [])}
+        for name, word in values.items():
+            parse = OPTIONS[name].parse
+            if name == "aovs":
+                values[name] = _parse_aovs(word, remedy)
+            elif parse is not None:
+                values[name] = parse_value(_flag(name), word, parse)
         return RenderOptions(**values)
 
 
@@ -146,27 +152,8 @@ def render_options(*names: str, **texts: str) -> Callable[[Callable[..., None]],
     return decorate
 
 
-def _parse(name: str, word: Any, remedy: str | None) -> Any:
-    """Parse the value of an option of a render."""
-    if name == "aovs":
-        return parse_aovs(word, remedy)
-    parse = OPTIONS[name].parse
-    return word if parse is None else parse_value(_flag(name), word, parse)
-
-
-def parse_aovs(lists: Sequence[str], remedy: str | None) -> tuple[str, ...]:
-    """Parse the comma-separated lists of AOVs that `--aov` gives.
-
-    Parameters
-    ----------
-    remedy : options that make the command write a file that holds layers, if none of its files does.
-
-    Raises
-    ------
-    InputError : there is no such AOV, or no file for it.
-    """
-    if not lists:
-        return ()
+def _parse_aovs(lists: Sequence[str], remedy: str | None) -> tuple[str, ...]:
+    """Parse the comma-separated lists of AOVs that `--aov` gives; see `GivenOptions.parse`."""
     if remedy is not None:
         raise InputError(f"--aov {lists[0]}: only .exr and .lf files hold layers: add {remedy}")
     from raytracer.kernel.aovs.base.recording import unique_aovs

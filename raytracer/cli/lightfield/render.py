@@ -132,7 +132,7 @@ def render(
                 every=interval,
                 resume=resume,
                 say=warn,
-                **wanted.values(),
+                **wanted.as_keywords(),
             )
         except KeyboardInterrupt:
             further = f"; this goes on: {resume_command(context.obj.words)}" if _has_checkpoints(output) else ""
