@@ -25,6 +25,7 @@ from raytracer.optics.glass import AIR, Glass, IndexField
 from raytracer.optics.lens_system.coatings import Coating
 from raytracer.optics.lens_system.lens import Element, Focus, Lens
 from raytracer.schema.fields import Count, Number, PositiveLensLength, PositiveNumber, Quantity
+from raytracer.schema.rules import only, requires
 from raytracer.schema.spec import Spec, field_error
 from raytracer.util.errors import format_value, suggest_name
 
@@ -270,16 +271,13 @@ class FocusSpec(Spec):
         default=None, description="Number of the group's last surface"
     )
 
+    _has_a_group = only("first", "last", where={"moves": "group"}, message="goes with moves: group")
+    _whole_group = requires(
+        "first", "last", where={"moves": "group"}, message="is missing: a group has a first and a last surface"
+    )
+
     @model_validator(mode="after")
     def _group(self) -> "FocusSpec":
-        for key in ("first", "last"):
-            if (getattr(self, key) is not None) != (self.moves == "group"):
-                field_error(
-                    key,
-                    "goes with moves: group"
-                    if self.moves != "group"
-                    else "is missing: a group has a first and a last surface",
-                )
         if self.first is not None and self.last is not None and self.last < self.first:
             field_error("last", f"must be at least {self.first}, the first surface, got {self.last}")
         return self
