@@ -26,9 +26,6 @@ MANY_PARAMETERS = (
     "raytracer/cli/",
 )
 
-# What users call from Python takes the options of its command by name.
-PUBLIC = {"probe", "sweep"}
-
 # First words with which a docstring asks a riddle in place of an answer.
 RIDDLES = ("What becomes", "Whether", "Where ", "How ", "That ", "Who ", "Why ")
 
@@ -78,7 +75,7 @@ def many_parameters(name: str, tree: ast.Module, source: list[str]) -> Iterator[
         arguments = function.args
         count = len(arguments.posonlyargs + arguments.args + arguments.kwonlyargs)
         count -= bool(arguments.args) and arguments.args[0].arg in {"self", "cls"}
-        if count > MAX_PARAMETERS and function.name not in PUBLIC:
+        if count > MAX_PARAMETERS:
             yield f"{name}:{function.lineno}: {function.name} has {count} parameters"
 
 

@@ -22,6 +22,7 @@ import yaml
 import raytracer as rt
 from docs.make_scenes import snippet
 from raytracer.film.image import Image
+from raytracer.rendering.options import RenderOptions
 from raytracer.scene import python_api
 from raytracer.scene.kind_unions import VALIDATION_CONTEXT
 from raytracer.scene.load import build, build_plain
@@ -179,17 +180,18 @@ def test_a_scene_in_code_is_the_scene_of_the_file() -> None:
 def test_a_scene_file_stands_for_its_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: dict[str, Any] = {}
 
-    def render(scene: SceneSpec, **settings: Any) -> Any:
-        asked.update(settings, scene=scene)
-        return SimpleNamespace(failure=None, image="the image")
+    def prepare(scene: SceneSpec, options: RenderOptions, **settings: Any) -> None:
+        asked.update(scene=scene, aovs=options.aovs)
 
     scene = rt.Scene(camera=CAMERA, film=FILM, objects=[BALL], environment=rt.environment.gradient())
     scene.save(tmp_path / "scene.yaml")
-    monkeypatch.setattr("raytracer.rendering.render.render", render)
+    monkeypatch.setattr("raytracer.rendering.render.prepare_scene", prepare)
+    rendered = SimpleNamespace(failure=None, image="the image")
+    monkeypatch.setattr("raytracer.rendering.render.render_prepared", lambda prepared, **settings: rendered)
     for given in (tmp_path / "scene.yaml", str(tmp_path / "scene.yaml"), scene):
         assert rt.render(given, aovs="depth") == "the image"
         assert asked["scene"] == scene
-        assert asked["aovs"] == ["depth"]
+        assert asked["aovs"] == ("depth",)
     assert rt.explain(tmp_path / "scene.yaml").camera == rt.explain(scene).camera
     with pytest.raises(rt.InputError, match=r"nosuch\.yaml: no such file"):
         rt.render("nosuch.yaml")

@@ -6,13 +6,15 @@ Reference: Adelson & Bergen 1991, "The Plenoptic Function and the Elements of Ea
 import math
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic import ValidationError
 
+from raytracer.rendering.options import RenderOptions, called_with
 from raytracer.rendering.progress import Progress
-from raytracer.rendering.render import render
+from raytracer.rendering.render import prepare_scene, render_prepared
 from raytracer.rendering.session import Rendered
 from raytracer.scene.load import load
 from raytracer.scene.render_settings import Film
@@ -64,21 +66,24 @@ class ProbeResult(NamedTuple):
         return self._asdict()
 
 
-def probe(
-    scene: SceneSpec | str | os.PathLike[str],
-    at: Sequence[float],
-    *,
-    toward: Sequence[float] | None = None,
-    direction: Sequence[float] | None = None,
-    time: float | None = None,
-    wavelength: float | None = None,
-    spp: int = SAMPLES,
-    seed: int | None = None,
-    threads: int | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    warn: Callable[[str], object] | None = None,
-    strict: bool = False,
-) -> ProbeResult:
+@dataclass(frozen=True)
+class ProbeOptions(RenderOptions):
+    """What `probe` and `probe_sphere` are called with; see there."""
+
+    scene: SceneSpec | str | os.PathLike[str]
+    at: Sequence[float]
+    _: KW_ONLY
+    toward: Sequence[float] | None = None
+    direction: Sequence[float] | None = None
+    time: float | None = None
+    wavelength: float | None = None
+    width: int = WIDTH
+    progress: Callable[[Progress], None] | None = None
+    warn: Callable[[str], object] | None = None
+
+
+@called_with(ProbeOptions, without=("crop", "noise", "time_limit", "aovs", "denoise", "width"))
+def probe(options: ProbeOptions) -> ProbeResult:
     """Measure the radiance that comes to a point from a direction.
 
     Parameters
@@ -88,7 +93,7 @@ def probe(
     toward, direction : a point (m) that the light comes from, or past, or the vector that points there: one of them.
     time : of the scene (s); when its camera's shutter opens, if None.
     wavelength : (nm), for the spectral radiance there, relative to D65; red, green and blue if None.
-    spp : samples at least; a few more where they do not go up in whole pixels.
+    spp : samples at least, 65536 if None; a few more where they do not go up in whole pixels.
 
     Other parameters are those of `rendering.render`.
 
@@ -97,28 +102,29 @@ def probe(
     InputError : neither or both of `toward` and `direction`, a direction without a length, or what `render` refuses.
     KeyboardInterrupt : Ctrl-C.
     """
+    toward, direction = options.toward, options.direction
+    spp = SAMPLES if options.spp is None else options.spp
     if (toward is None) == (direction is None):
         raise InputError("a ray needs either a point to look toward, or a direction")
     if isinstance(spp, bool) or not isinstance(spp, int) or spp < 1:
         raise InputError(f"spp must be an integer from 1 on, got {spp!r}")
-    spec = load(scene) if isinstance(scene, str | os.PathLike) else scene
-    start = _three("at", at)
+    start = _three("at", options.at)
     target = start + _unit(_three("direction", direction)) if direction is not None else _three("toward", toward)
     rows = min(EDGE, math.ceil(spp / EDGE))
-    seen = _probe_scene(spec, "ray", start, target, time, wavelength, EDGE, rows)
     samples = math.ceil(spp / (EDGE * rows))
-    rendered = render(seen, spp=samples, seed=seed, threads=threads, progress=progress, warn=warn, strict=strict)
+    seen = _probe_scene(options, "ray", start, target, EDGE, rows)
+    rendered = _render(seen, replace(options, spp=samples))
     if rendered.interrupted:
         # Some pixels may have no sample yet, so the mean would be wrong.
         raise KeyboardInterrupt
     # Each pixel has its own random numbers, so their means are independent, whatever the sampler is.
-    means = rendered.image.radiance.reshape(-1, 3)[:, : 3 if wavelength is None else 1]
+    means = rendered.image.radiance.reshape(-1, 3)[:, : 3 if options.wavelength is None else 1]
     error = means.std(axis=0, ddof=1) / math.sqrt(len(means))
     return ProbeResult(
         at=tuple(start.tolist()),
         towards=tuple(_unit(target - start).tolist()),
         time=seen.camera.shutter_interval().open,
-        wavelength=wavelength,
+        wavelength=options.wavelength,
         radiance=tuple(means.mean(axis=0).tolist()),
         standard_error=tuple(error.tolist()),
         samples=samples * EDGE * rows - rendered.stats.nan_samples,
@@ -126,47 +132,36 @@ def probe(
     )
 
 
-def probe_sphere(
-    scene: SceneSpec | str | os.PathLike[str],
-    at: Sequence[float],
-    *,
-    toward: Sequence[float] | None = None,
-    time: float | None = None,
-    wavelength: float | None = None,
-    width: int = WIDTH,
-    **settings: Any,
-) -> Rendered:
+@called_with(ProbeOptions, without=("direction",))
+def probe_sphere(options: ProbeOptions) -> Rendered:
     """Render the light at a point from all directions: an equirectangular picture, with `toward` in its middle.
 
-    Parameters are those of `probe`; width, of the picture (px), which is half as high; settings, those of
-    `rendering.render`.
+    Parameters are those of `probe` and `rendering.render`; width, of the picture (px), which is half as high.
 
     Raises
     ------
     InputError : a width that is odd or too large, or what `render` refuses.
     """
+    width = options.width
     if not 2 <= width <= MAX_WIDTH or width % 2:
         raise InputError(
             "a picture of all directions is twice as wide as high: its width must be even, "
             f"from 2 to {MAX_WIDTH}, got {width}"
         )
-    spec = load(scene) if isinstance(scene, str | os.PathLike) else scene
-    start = _three("at", at)
-    ahead = start - np.array([0.0, 0.0, 1.0]) if toward is None else _three("toward", toward)
-    return render(_probe_scene(spec, "equirectangular", start, ahead, time, wavelength, width, width // 2), **settings)
+    start = _three("at", options.at)
+    ahead = start - np.array([0.0, 0.0, 1.0]) if options.toward is None else _three("toward", options.toward)
+    return _render(_probe_scene(options, "equirectangular", start, ahead, width, width // 2), options)
 
 
-def _probe_scene(
-    spec: SceneSpec,
-    camera: str,
-    at: Any,
-    toward: Any,
-    time: float | None,
-    wavelength: float | None,
-    width: int,
-    height: int,
-) -> SceneSpec:
+def _render(scene: SceneSpec, options: ProbeOptions) -> Rendered:
+    """Render what is seen from the point."""
+    return render_prepared(prepare_scene(scene, options, warn=options.warn), progress=options.progress)
+
+
+def _probe_scene(options: ProbeOptions, camera: str, at: Any, toward: Any, width: int, height: int) -> SceneSpec:
     """Replace the camera of a scene by one that is open for no time and records radiance."""
+    scene = options.scene
+    spec = load(scene) if isinstance(scene, str | os.PathLike) else scene
     if np.array_equal(at, toward):
         raise InputError(f"the point to look toward is the point that light comes to, {at.tolist()}: it needs another")
     # Any direction that is not the view's can be up.
@@ -175,9 +170,9 @@ def _probe_scene(
         "up": up,
         "look_from": at.tolist(),
         "look_at": toward.tolist(),
-        "time": spec.camera.shutter_interval().open if time is None else time,
+        "time": spec.camera.shutter_interval().open if options.time is None else options.time,
         "medium": spec.camera.medium,
-        "wavelength": wavelength,
+        "wavelength": options.wavelength,
     }
     try:
         seen = CAMERAS.spec(camera).model_validate(keys)

@@ -79,8 +79,8 @@ def cost(
     before the prediction is there, nothing is known.
     """
     start = time.perf_counter()
-    error = options.parse_number("--target", target, parse_percentage)
-    seconds = None if budget is None else options.parse_number("--budget", budget, parse_duration)
+    error = options.parse_value("--target", target, parse_percentage)
+    seconds = None if budget is None else options.parse_value("--budget", budget, parse_duration)
     if no_variants and variants is not None:
         raise InputError("--variants and --no-variants exclude each other")
     names = [] if no_variants else _parse_names(variants)

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,7 +14,7 @@ from raytracer.util.errors import InputError, Interrupted
 
 if TYPE_CHECKING:
     from raytracer.analysis.probe import ProbeResult
-    from raytracer.scene.spec import SceneSpec
+    from raytracer.rendering.session import Rendered
 
 EXAMPLE = """\b
 Examples:
@@ -29,8 +30,10 @@ standard error.  With -o it is a picture of all directions, equirectangular, wit
 """
 
 
+@options.render_options("seed", "threads", "strict", strict="Take warnings for errors.")
 def probe(
     scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file.")],
+    *,
     at: Annotated[str, typer.Option("--at", metavar="X,Y,Z", help="The point (m) that light comes to.")],
     toward: Annotated[
         str | None, typer.Option(metavar="X,Y,Z", help="A point (m) that it comes from, or past.")
@@ -69,9 +72,7 @@ def probe(
             show_default=False,
         ),
     ] = None,
-    seed: options.Seed = None,
-    threads: options.Threads = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Take warnings for errors.")] = False,
+    given: options.GivenOptions,
     as_json: options.AsJson = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
 ) -> None:
@@ -87,7 +88,9 @@ def probe(
     scene_time = None if time is None else options.parse_dimension("--time", time, "time")
     nm = None if wavelength is None else options.parse_dimension("--wavelength", wavelength, "wavelength")
 
-    from raytracer.analysis.probe import SAMPLES
+    wanted = replace(given.parse(), spp=spp)
+
+    from raytracer.analysis.probe import WIDTH, probe_sphere
     from raytracer.analysis.probe import probe as measure
     from raytracer.film.image_file import check_writable
     from raytracer.rendering.progress import SampleBar
@@ -103,8 +106,18 @@ def probe(
 
     with SampleBar(quiet=quiet) as bar:
         if outputs:
-            settings = {"spp": spp, "seed": seed, "threads": threads, "progress": bar.show}
-            _draw(spec, outputs, start, ahead, scene_time, nm, width, quiet, **settings, warn=warn, strict=strict)
+            rendered = probe_sphere(
+                spec,
+                start,
+                toward=ahead,
+                time=scene_time,
+                wavelength=nm,
+                width=width or WIDTH,
+                progress=bar.show,
+                warn=warn,
+                **wanted.as_keywords(),
+            )
+            _write(rendered, outputs, quiet=quiet)
             return
         measurement = measure(
             spec,
@@ -113,12 +126,9 @@ def probe(
             direction=look,
             time=scene_time,
             wavelength=nm,
-            spp=spp or SAMPLES,
-            seed=seed,
-            threads=threads,
             progress=bar.show,
             warn=warn,
-            strict=strict,
+            **wanted.as_keywords(),
         )
     print(json.dumps(measurement.json(), indent=2, allow_nan=False) if as_json else _format(measurement))
 
@@ -137,21 +147,8 @@ def _check(toward: str | None, direction: str | None, width: int | None, outputs
         raise InputError("--width is of the picture that -o FILE writes")
 
 
-def _draw(
-    spec: "SceneSpec",
-    outputs: list[Path],
-    at: list[float],
-    toward: list[float] | None,
-    time: float | None,
-    wavelength: float | None,
-    width: int | None,
-    quiet: bool,
-    **settings: object,
-) -> None:
+def _write(rendered: "Rendered", outputs: list[Path], *, quiet: bool) -> None:
     """Write the picture of all directions."""
-    from raytracer.analysis.probe import WIDTH, probe_sphere
-
-    rendered = probe_sphere(spec, at, toward=toward, time=time, wavelength=wavelength, width=width or WIDTH, **settings)
     for path in outputs:
         rendered.image.save(path)
         if not quiet:

@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
@@ -14,14 +14,13 @@ from raytracer.cli.base.cluster import connect_cluster
 from raytracer.cli.base.outputs import dry_run_save, save_picture_so_far, write_outputs
 from raytracer.cli.base.render_report import RenderReport, describe_delay
 from raytracer.cli.base.sample_path import DebugCommand, check_debug_options, parse_pixel, print_path
+from raytracer.rendering.options import OPTIONS, RenderOptions
 from raytracer.scene.preview import SPP, preview_scene
-from raytracer.schema.units import parse_duration, parse_percentage
 from raytracer.util.errors import InputError, Interrupted
 from raytracer.util.signals import WATCH, defer_interrupt, on_hangup
 
 if TYPE_CHECKING:
     from raytracer.rendering.checkpoint import CheckpointWriter
-    from raytracer.rendering.options import RenderOptions
     from raytracer.rendering.progress import Progress, SampleBar
     from raytracer.rendering.session import Rendered
     from raytracer.scene.spec import SceneSpec
@@ -44,9 +43,11 @@ Examples:
 _EXIT_SECONDS = 0.05
 
 
+@options.render_options(*OPTIONS)
 def render(
     context: typer.Context,
     scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file.")],
+    *,
     output: Annotated[
         list[Path] | None,
         typer.Option(
@@ -60,44 +61,7 @@ def render(
     ] = None,
     define: options.Define = None,
     allow_files: options.AllowFiles = None,
-    spp: options.Spp = None,
-    seed: options.Seed = None,
-    threads: options.Threads = None,
-    crop: options.Crop = None,
-    noise: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PERCENT",
-            help="Stop when the picture's relative error is down to this: 1%, 0.01.  Samples go where they are needed; "
-            "--spp is then the most that a pixel may get.  Default: no limit.",
-            show_default=False,
-        ),
-    ] = None,
-    time_limit: Annotated[
-        str | None,
-        typer.Option(
-            metavar="TIME",
-            help="Be done after this time, from start to written files: 30s, 5 min.  Samples go where they are needed, "
-            "unless --spp says how many a pixel gets at most.",
-        ),
-    ] = None,
-    aov: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME,...",
-            help="What else to record, as layers of an .exr or .lf file: depth, distance, normal, geometric_normal, "
-            "albedo, position, motion, object_id, material_id, direct, indirect, coverage, samples, variance, rays.  "
-            "May repeat; see docs/aovs.md.",
-        ),
-    ] = None,
-    denoise: Annotated[
-        bool,
-        typer.Option(
-            "--denoise",
-            help="Take out the noise with Intel Open Image Denoise (pip install 'raytracer[denoise]').  The picture is "
-            "then biased, and its header says so; an .exr file keeps the layer `noisy`.",
-        ),
-    ] = False,
+    given: options.GivenOptions,
     preview: options.Preview = False,
     cluster: Annotated[
         str | None,
@@ -126,9 +90,7 @@ def render(
             "picture is bit-identical to that of an uninterrupted render.",
         ),
     ] = False,
-    max_memory: options.MaxMemory = None,
     stats: options.Stats = None,
-    strict: options.StrictSamples = False,
     pixel: Annotated[
         str | None, typer.Option(metavar="X,Y", help="With --debug: the pixel, from 0,0 in the top left corner.")
     ] = None,
@@ -166,20 +128,11 @@ def render(
     request = _Request(
         outputs=outputs,
         stats=stats,
-        spp=spp,
-        seed=seed,
-        threads=threads,
-        crop=options.parse_crop(crop),
-        noise=None if noise is None else options.parse_number("--noise", noise, parse_percentage),
-        time_limit=None if time_limit is None else options.parse_number("--time-limit", time_limit, parse_duration),
-        aovs=options.parse_aovs(aov or [], [path.suffix for path in outputs], "-o NAME.exr"),
-        denoise=denoise,
+        options=given.parse([path.suffix for path in outputs], "-o NAME.exr"),
         cluster=cluster,
-        max_memory=options.parse_memory_size("--max-memory", max_memory),
         checkpoint=parse_checkpoint_interval(checkpoint),
         keeps_checkpoint=checkpoint is not None,
         resume=resume,
-        strict=strict,
         quiet=quiet,
     )
     if resume and request.checkpoint is None:
@@ -193,17 +146,17 @@ def render(
         _check_outputs(request, spec)
     if preview:
         spec = preview_scene(spec)
-        if request.noise is None:
-            request = request._replace(spp=min(spp or spec.render.spp, SPP))
+        if request.options.noise is None:
+            spp = min(request.options.spp or spec.render.spp, SPP)
+            request = request._replace(options=replace(request.options, spp=spp))
     if position is not None:
-        is_whole = request.spp is None and (request.noise is not None or request.time_limit is not None)
-        print_path(spec, position, sample, spp=request.spp, seed=seed, is_whole=is_whole, as_json=as_json)
+        print_path(spec, position, sample, request.options, as_json=as_json)
         return
-    command = DebugCommand(scene, define or [], preview, spp, seed, noise, time_limit)
+    command = DebugCommand(scene, define or [], preview, given)
     rendered = _render(request, spec, context.obj, command)
     seconds = time.perf_counter() - context.obj.began
     is_interrupted = rendered.interrupted or WATCH.signal_number is not None
-    if (limit := request.time_limit) is not None and not is_interrupted and seconds > 1.05 * limit:
+    if (limit := request.options.time_limit) is not None and not is_interrupted and seconds > 1.05 * limit:
         print(f"rt: {describe_delay(rendered, limit, seconds)}", file=sys.stderr)
     if is_interrupted:
         raise Interrupted
@@ -213,12 +166,8 @@ class _Request(NamedTuple):
     """The options of a render, parsed.
 
     outputs, stats : files to write.
-    spp : samples per pixel, or the most of them; None for the scene's.
-    crop : x0, y0, x1, y1 (px); None for the whole picture.
-    noise : the relative error to reach.
-    time_limit (s) : from the start of the command to its written files.
+    options : of the picture; its time limit is from the start of the command to its written files.
     cluster : address of its scheduler.
-    max_memory : in bytes.
     checkpoint (s) : time between checkpoints; None for no checkpoints.
     keeps_checkpoint : the checkpoint stays after a render that is complete.
     resume : go on from the checkpoint.
@@ -226,25 +175,12 @@ class _Request(NamedTuple):
 
     outputs: list[Path]
     stats: Path | None
-    spp: int | None
-    seed: int | None
-    threads: int | None
-    crop: tuple[int, int, int, int] | None
-    noise: float | None
-    time_limit: float | None
-    aovs: Sequence[str]
-    denoise: bool
+    options: RenderOptions
     cluster: str | None
-    max_memory: int | None
     checkpoint: float | None
     keeps_checkpoint: bool
     resume: bool
-    strict: bool
     quiet: bool
-
-    def requested_spp(self, spec: "SceneSpec") -> int | None:
-        """Return the samples per pixel that are asked for, or the most of them; None for no limit."""
-        return self.spp or (None if self.noise or self.time_limit else spec.render.spp)
 
 
 # ---- Checks before the work
@@ -268,8 +204,8 @@ def _check_light_field(path: Path, spec: "SceneSpec", request: _Request) -> None
     from raytracer.film.light_field.layout import NO_LIGHT_FIELD_MESSAGE
 
     layout = spec.camera.layout(spec.film.width, spec.film.height)
-    has_views = layout is not None and (layout.views.rows * layout.views.columns > 1 or "rays" in request.aovs)
-    if not has_views or request.crop is not None:
+    has_views = layout is not None and (layout.views.rows * layout.views.columns > 1 or "rays" in request.options.aovs)
+    if not has_views or request.options.crop is not None:
         raise InputError(f"{path}: {NO_LIGHT_FIELD_MESSAGE}")
 
 
@@ -292,7 +228,7 @@ def _render(request: _Request, spec: "SceneSpec", call: options.Invocation, comm
             with watch_compilation(compile_bar.show):
                 prepared = prepare_scene(
                     spec,
-                    _render_options(request),
+                    _options_of_sampling(request.options),
                     load_seconds=time.perf_counter() - call.began,
                     warn=warn,
                     cluster=cluster,
@@ -313,34 +249,20 @@ def _render(request: _Request, spec: "SceneSpec", call: options.Invocation, comm
                 report = RenderReport(
                     rendered=rendered,
                     outputs=request.outputs,
-                    spp=request.requested_spp(spec),
-                    noise=request.noise,
-                    is_crop=request.crop is not None,
+                    options=request.options,
+                    spp=request.options.spp_limit(spec),
                     resume=resume,
                     debug=command,
                     began=call.began,
                 )
-                report.show(quiet=request.quiet, strict=request.strict)
+                report.show(quiet=request.quiet)
     return rendered
 
 
-def _render_options(request: _Request) -> "RenderOptions":
-    """Return the options of the render itself."""
-    from raytracer.rendering.options import RenderOptions
-
-    limit = request.time_limit
-    return RenderOptions(
-        spp=request.spp,
-        seed=request.seed,
-        threads=request.threads,
-        crop=request.crop,
-        noise=request.noise,
-        time_limit=None if limit is None else max(limit - _EXIT_SECONDS, 0.5 * limit),
-        aovs=request.aovs,
-        denoise=request.denoise,
-        strict=request.strict,
-        max_memory=request.max_memory,
-    )
+def _options_of_sampling(options: RenderOptions) -> RenderOptions:
+    """Return the options by which the picture is done when the command is to end."""
+    limit = options.time_limit
+    return options if limit is None else replace(options, time_limit=max(limit - _EXIT_SECONDS, 0.5 * limit))
 
 
 def _make_checkpoint_writer(request: _Request, bar: "SampleBar") -> "CheckpointWriter":

@@ -11,8 +11,8 @@ import typer
 
 from raytracer.cli.base import options
 from raytracer.cli.base.cluster import connect_cluster
+from raytracer.rendering.options import OPTIONS
 from raytracer.report.wording import count
-from raytracer.schema.units import parse_duration, parse_percentage
 from raytracer.util.errors import InputError, Interrupted, OutputError
 from raytracer.util.signals import WATCH, raise_interrupt
 
@@ -37,8 +37,17 @@ Run it again to go on: points that are done are kept.
 """
 
 
+@options.render_options(
+    *OPTIONS,
+    noise="Stop each point when its relative error is down to this: 1%, 0.01.",
+    time_limit="Time for each point, from its first sample to its picture: 30s.",
+    aovs="What else to record, as layers of .exr files; see docs/aovs.md.",
+    denoise="Take out the noise with Intel Open Image Denoise.",
+    strict="Take warnings for errors: such a point fails.",
+)
 def sweep(
     scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file, or file of a sweep (docs/sweeps.md).")],
+    *,
     define: Annotated[
         list[str] | None,
         typer.Option(
@@ -71,32 +80,13 @@ def sweep(
         typer.Option(metavar="SUFFIX,...", help="Write an animation of all points too: gif, webp, png.  May repeat."),
     ] = None,
     fps: Annotated[float, typer.Option(help="Frames a second of the animation.")] = 5.0,
-    spp: options.Spp = None,
-    seed: options.Seed = None,
-    threads: options.Threads = None,
-    crop: options.Crop = None,
-    noise: Annotated[
-        str | None,
-        typer.Option(metavar="PERCENT", help="Stop each point when its relative error is down to this: 1%, 0.01."),
-    ] = None,
-    time_limit: Annotated[
-        str | None, typer.Option(metavar="TIME", help="Time for each point, from its first sample to its picture: 30s.")
-    ] = None,
-    aov: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME,...", help="What else to record, as layers of .exr files; see docs/aovs.md."),
-    ] = None,
-    denoise: Annotated[
-        bool, typer.Option("--denoise", help="Take out the noise with Intel Open Image Denoise.")
-    ] = False,
+    given: options.GivenOptions,
     preview: options.Preview = False,
     max_points: Annotated[int, typer.Option(help="Points that a sweep may have.", min=1)] = 1000,
     cluster: Annotated[
         str | None,
         typer.Option(metavar="URL", help="Dask scheduler whose workers render: tcp://host:8786; see docs/cluster.md."),
     ] = None,
-    max_memory: options.MaxMemory = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Take warnings for errors: such a point fails.")] = False,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Print the points and their exact values, and render nothing.")
     ] = False,
@@ -111,17 +101,13 @@ def sweep(
     if dry_run:
         _print_dry_run(scene, define or [], zipped=zipped, max_points=max_points, allow_files=allow_files or [])
         return
-    memory_limit = options.parse_memory_size("--max-memory", max_memory)
-    target = None if noise is None else options.parse_number("--noise", noise, parse_percentage)
-    limit = None if time_limit is None else options.parse_number("--time-limit", time_limit, parse_duration)
-
     from raytracer.analysis.sweep.output_layout import normalize_formats, stale_images
     from raytracer.analysis.sweep.plan import parse_definitions
     from raytracer.analysis.sweep.run import sweep as run
     from raytracer.util.progress import BatchBar
 
     suffixes = normalize_formats(formats.split(","))
-    layers = options.parse_aovs(aov or [], [f".{suffix}" for suffix in suffixes], "--format exr")
+    wanted = given.parse([f".{suffix}" for suffix in suffixes], "--format exr")
     stem = Path(scene).stem
     folder = output or Path("outputs") / (stem if stem.endswith("sweep") else f"{stem}_sweep")
     with ExitStack() as stack:
@@ -133,25 +119,16 @@ def sweep(
             folder=folder,
             allow_files=allow_files or [],
             zipped=zipped,
-            spp=spp,
-            seed=seed,
-            threads=threads,
-            crop=options.parse_crop(crop),
-            noise=target,
-            time_limit=limit,
-            aovs=layers,
-            denoise=denoise,
-            strict=strict,
             preview=preview,
             formats=suffixes,
             animate=[suffix.strip() for text in animate or [] for suffix in text.split(",")],
             fps=fps,
             max_points=max_points,
-            max_memory=memory_limit,
             cluster=stack.enter_context(connect_cluster(cluster, bar.say)),
             progress=None if quiet else bar,
             report=lambda point: _report(point, bar.say),
             warn=lambda sentence: bar.say(f"rt: warning: {sentence}"),
+            **wanted.as_keywords(),
         )
     if as_json:
         from raytracer.analysis.sweep.manifest import to_json

@@ -15,15 +15,18 @@ Example:
 """
 
 
+@options.render_options(
+    "aovs",
+    "denoise",
+    aovs="AOVs that the renders will record; may repeat.  See docs/aovs.md.",
+    denoise="The renders will be denoised.",
+)
 def warm(
     scenes: Annotated[list[str], typer.Argument(metavar="SCENE", help="Scene files.")],
+    *,
     define: options.Define = None,
     allow_files: options.AllowFiles = None,
-    aov: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME,...", help="AOVs that the renders will record; may repeat.  See docs/aovs.md."),
-    ] = None,
-    denoise: Annotated[bool, typer.Option("--denoise", help="The renders will be denoised.")] = False,
+    given: options.GivenOptions,
     quiet: options.Quiet = False,
 ) -> None:
     """Compile what renders of these scenes need, so that they begin at once: in CI, a container's image, or a cluster.
@@ -32,14 +35,13 @@ def warm(
     """
     from raytracer.core.compiler.cache_contents import check_cache
     from raytracer.core.compiler.compile_progress import COMPILATION, watch_compilation
-    from raytracer.rendering.options import RenderOptions
     from raytracer.rendering.progress import CompileBar
     from raytracer.rendering.render import prepare_scene
     from raytracer.scene.load import load
     from raytracer.scene.overrides import parse_overrides
 
     check_cache()
-    wanted = RenderOptions(aovs=options.parse_aovs(aov or []), denoise=denoise)
+    wanted = given.parse()
     for scene in scenes:
         spec = load(scene, parse_overrides(define or []), allow_files=allow_files or [])
         compiled, began = COMPILATION.count, time.perf_counter()

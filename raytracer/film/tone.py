@@ -15,13 +15,14 @@ from typing import Annotated, Any, Literal, TypeAlias
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
 from raytracer.optics.thin_lens import MEAN_EXPOSURE, SATURATION_EXPOSURE
 from raytracer.schema.fields import Quantity
-from raytracer.schema.spec import Spec, field_error
+from raytracer.schema.rules import never
+from raytracer.schema.spec import Spec
 
 GREY_IN = MEAN_EXPOSURE / SATURATION_EXPOSURE
 """Linear value of middle grey, 10 / 78 of saturation: ISO 12232:2019."""
@@ -82,11 +83,9 @@ class ToneCurveSpec(Spec):
         "is simulated, else 4",
     )
 
-    @model_validator(mode="after")
-    def _white_of_film(self) -> "ToneCurveSpec":
-        if self.white is not None and self.type == "linear":
-            field_error("white", "only the tone curve filmic has a white: a linear one clips at 1")
-        return self
+    _white_of_film = never(
+        "white", where={"type": "linear"}, message="only the tone curve filmic has a white: a linear one clips at 1"
+    )
 
     def curve(self, *, saturates: bool) -> Filmic | None:
         """Make the curve; None if it is linear.  `saturates` : whether no value is beyond 1."""

@@ -16,6 +16,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
 from raytracer.schema.fields import Check, Count, PositiveLensLength, Quantity
+from raytracer.schema.rules import never, only
 from raytracer.schema.spec import Spec, field_error
 from raytracer.util.errors import format_value, suggest_name
 
@@ -112,14 +113,17 @@ class SensorSpec(Spec):
         """The number that it gives for no light."""
         return 2**self.bit_depth // 32 if self.black_level is None else self.black_level
 
-    @model_validator(mode="after")
-    def _one_size(self) -> "SensorSpec":
-        if self.format is not None and (self.width is not None or self.height is not None):
-            field_error("format", "format and width and height both set the size of the sensor: give one of them")
-        if (self.width is None) != (self.height is None):
-            given, missing = ("width", "height") if self.height is None else ("height", "width")
-            field_error(given, f"{missing} is missing: a sensor's size is its width and its height")
-        return self
+    _one_size = never(
+        "format",
+        where=lambda sensor: sensor.width is not None or sensor.height is not None,
+        message="format and width and height both set the size of the sensor: give one of them",
+    )
+    _has_a_height = only(
+        "width", where="height", message="height is missing: a sensor's size is its width and its height"
+    )
+    _has_a_width = only(
+        "height", where="width", message="width is missing: a sensor's size is its width and its height"
+    )
 
     @model_validator(mode="after")
     def _simulates_what_it_sets(self) -> "SensorSpec":

@@ -9,10 +9,11 @@ Determination of exposure index, ISO speed ratings, standard output sensitivity,
 import math
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from raytracer.schema.fields import Fraction, Quantity
-from raytracer.schema.spec import Spec, field_error
+from raytracer.schema.rules import only
+from raytracer.schema.spec import Spec
 from raytracer.util.errors import format_value
 
 WHITE_EFFICACY = 179.0
@@ -175,13 +176,9 @@ class AutoExposure(Spec):
         default=0.1, description="diameter of the spot, as a fraction of the frame's shorter side"
     )
 
-    @model_validator(mode="after")
-    def _has_a_spot(self) -> "AutoExposure":
-        idle = self.model_fields_set - {"metering"}
-        if self.metering != "spot" and idle:
-            key = min(idle)
-            field_error(key, f"{key} belongs to metering: spot, and this is {self.metering}")
-        return self
+    _has_a_spot = only(
+        "at", "size", where={"metering": "spot"}, message="{key} belongs to metering: spot, and this is {spec.metering}"
+    )
 
     def meter(self) -> Metering:
         """Make the settings of metering."""

@@ -1,28 +1,93 @@
-"""The options of a render: as they are asked for, and as they are once checked against the scene."""
+"""The options of a render: one record, of which the command line's options and the keywords of Python are made."""
 
+import functools
 import inspect
-import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple, TypedDict, TypeVar
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar
 
-import numpy as np
+from raytracer.schema.units import parse_bytes, parse_duration, parse_percentage
 
-from raytracer.film.window import Window, crop_window
-from raytracer.rendering.worker_pool import available_threads
-from raytracer.scene.render_settings import MAX_PIXELS
-from raytracer.scene.spec import SceneSpec
-from raytracer.util.errors import InputError
+if TYPE_CHECKING:
+    from raytracer.scene.spec import SceneSpec
 
-Function = TypeVar("Function", bound=Callable[..., Any])
+Given = ParamSpec("Given")
+Record = TypeVar("Record")
+Result = TypeVar("Result")
+
+
+class Option(NamedTuple):
+    """An option of the command line.
+
+    Attributes
+    ----------
+    help : what it does.
+    metavar : stands for its value in the help.
+    parse : parses its value, and raises a ValueError where it cannot; None for integers, flags and names.
+    least, most : range of an integer.
+    """
+
+    help: str
+    metavar: str | None = None
+    parse: Callable[[str], object] | None = None
+    least: int = 0
+    most: int = 0
+
+
+def parse_crop(text: str) -> tuple[int, int, int, int]:
+    """Parse the pixel bounds `X0,Y0,X1,Y1`.
+
+    Raises
+    ------
+    ValueError : they are not four integers.
+    """
+    try:
+        left, top, right, bottom = map(int, text.split(","))
+    except ValueError:
+        raise ValueError("must be four integers, X0,Y0,X1,Y1") from None
+    return left, top, right, bottom
+
 
 # Counters of the kernels have so many bits, and a machine may have so many threads.
-_MAX_SPP, _MAX_SEED, _MAX_THREADS = 2**31 - 1, 2**32 - 1, 1024
+_SPP = Option("Samples per pixel.", least=1, most=2**31 - 1)
+_SEED = Option("Seed of all random numbers.", least=0, most=2**32 - 1)
+_THREADS = Option("Threads that work.  Default: all.", least=1, most=1024)
+_CROP = Option("Render only the pixels X0 <= x < X1, Y0 <= y < Y1.", "X0,Y0,X1,Y1", parse_crop)
+_NOISE = Option(
+    "Stop when the picture's relative error is down to this: 1%, 0.01.  Samples go where they are needed; --spp is "
+    "then the most that a pixel may get.  Default: no limit.",
+    "PERCENT",
+    parse_percentage,
+)
+_TIME_LIMIT = Option(
+    "Be done after this time, from start to written files: 30s, 5 min.  Samples go where they are needed, unless --spp "
+    "says how many a pixel gets at most.",
+    "TIME",
+    parse_duration,
+)
+_AOVS = Option(
+    "What else to record, as layers of an .exr or .lf file: depth, distance, normal, geometric_normal, albedo, "
+    "position, motion, object_id, material_id, direct, indirect, coverage, samples, variance, rays.  May repeat; see "
+    "docs/aovs.md.",
+    "NAME,...",
+)
+_DENOISE = Option(
+    "Take out the noise with Intel Open Image Denoise (pip install 'raytracer[denoise]').  The picture is then biased, "
+    "and its header says so; an .exr file keeps the layer `noisy`."
+)
+_STRICT = Option(
+    "Take warnings for errors, and fail if a sample is not finite, or a pixel below zero without a reason."
+)
+_MAX_MEMORY = Option(
+    "Refuse to start what would take more memory than this: 4GB, 500 MB.  Default: what is free.",
+    "SIZE",
+    lambda text: int(parse_bytes(text)),
+)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RenderOptions:
-    """The options of a render, as they are asked for.
+    """The options of a render, as they are asked for; `checked_options.check_options` checks them.
 
     Attributes
     ----------
@@ -35,160 +100,70 @@ class RenderOptions:
         limit if that is None.
     time_limit (s) : time after which the image is to be there, loading included; sampling then ends early, but no
         sooner than with 8 samples a pixel.  Without `spp` samples go where they are needed.
-    aovs : names of AOVs, which become layers of the image (docs/aovs.md); the radiance keeps its bits.
+    aovs : names of AOVs, or one name, which become layers of the image (docs/aovs.md); the radiance keeps its bits.
     denoise : True to denoise the image with Open Image Denoise, which makes it biased.
     strict : True to take warnings for errors.
     max_memory (bytes) : memory that this process may take; what the machine has, as far as it is known, if None.
     """
 
-    spp: int | None = None
-    seed: int | None = None
-    threads: int | None = None
-    crop: tuple[int, int, int, int] | None = None
-    noise: float | None = None
-    time_limit: float | None = None
-    aovs: Sequence[str] = ()
-    denoise: bool = False
-    strict: bool = False
-    max_memory: int | None = None
+    spp: int | None = field(default=None, metadata={"option": _SPP})
+    seed: int | None = field(default=None, metadata={"option": _SEED})
+    threads: int | None = field(default=None, metadata={"option": _THREADS})
+    crop: tuple[int, int, int, int] | None = field(default=None, metadata={"option": _CROP})
+    noise: float | None = field(default=None, metadata={"option": _NOISE})
+    time_limit: float | None = field(default=None, metadata={"option": _TIME_LIMIT})
+    aovs: Sequence[str] = field(default=(), metadata={"option": _AOVS})
+    denoise: bool = field(default=False, metadata={"option": _DENOISE})
+    strict: bool = field(default=False, metadata={"option": _STRICT})
+    max_memory: int | None = field(default=None, metadata={"option": _MAX_MEMORY})
+
+    def __post_init__(self) -> None:
+        """Make a tuple of the names of AOVs."""
+        object.__setattr__(self, "aovs", (self.aovs,) if isinstance(self.aovs, str) else tuple(self.aovs))
+
+    def as_keywords(self) -> dict[str, Any]:
+        """Return the options that are not their defaults, by name, without those that a record has besides."""
+        given = {known.name: (getattr(self, known.name), known.default) for known in fields(RenderOptions)}
+        return {name: value for name, (value, default) in given.items() if value != default}
+
+    @property
+    def is_adaptive(self) -> bool:
+        """Tell if samples go where they are needed."""
+        return self.noise is not None or (self.time_limit is not None and self.spp is None)
+
+    def spp_limit(self, spec: "SceneSpec") -> int | None:
+        """Return the samples per pixel of a scene's picture, or the most of them; None without a limit."""
+        if self.spp is not None:
+            return self.spp
+        return None if self.is_adaptive else spec.render.spp
 
 
-class RenderKeywords(TypedDict, total=False):
-    """Keywords of functions that render, all of them optional: the fields of `RenderOptions` but `max_memory`."""
-
-    spp: int | None
-    seed: int | None
-    threads: int | None
-    crop: tuple[int, int, int, int] | None
-    noise: float | None
-    time_limit: float | None
-    aovs: Sequence[str]
-    denoise: bool
-    strict: bool
+OPTIONS: Mapping[str, Option] = {known.name: known.metadata["option"] for known in fields(RenderOptions)}
+"""Options of the command line, by the names of the fields that they set."""
 
 
-def show_keywords(function: Function) -> Function:
-    """Show `RenderKeywords` in the signature of a function that takes them as **keywords, for help and completion."""
-    signature = inspect.signature(function)
-    options = inspect.signature(RenderOptions).parameters
-    own = [known for known in signature.parameters.values() if known.kind is not inspect.Parameter.VAR_KEYWORD]
-    given = [options[name].replace(kind=inspect.Parameter.KEYWORD_ONLY) for name in RenderKeywords.__annotations__]
-    positional = [known for known in own if known.kind is not inspect.Parameter.KEYWORD_ONLY]
-    keyword_only = [known for known in own if known.kind is inspect.Parameter.KEYWORD_ONLY]
-    parameters = [*positional, *given, *keyword_only]
-    function.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
-    return function
+def called_with(
+    record: Callable[Given, Record], *, without: Collection[str] = ()
+) -> Callable[[Callable[[Record], Result]], Callable[Given, Result]]:
+    """Have a function that takes a record called with the record's fields, which help and completion then show.
 
-
-def check_keywords(given: Iterable[str]) -> None:
-    """Check that keywords are among `RenderKeywords`.
-
-    Raises
-    ------
-    TypeError : one is not.
+    without : fields that it does not take.
     """
-    for name in given:
-        if name not in RenderKeywords.__annotations__:
-            raise TypeError(f"render() got an unexpected keyword argument {name!r}")
+    fields_of_record = inspect.signature(record).parameters.values()
+    parameters = [parameter for parameter in fields_of_record if parameter.name not in without]
 
+    def decorate(function: Callable[[Record], Result]) -> Callable[Given, Result]:
+        signature = inspect.signature(function).replace(parameters=parameters)
 
-class CheckedOptions(NamedTuple):
-    """Options of a render that its scene can have.
+        @functools.wraps(function)
+        def call(*given: Given.args, **keywords: Given.kwargs) -> Result:
+            try:
+                signature.bind(*given, **keywords)
+            except TypeError as error:
+                raise TypeError(f"{function.__name__}() {error}") from None
+            return function(record(*given, **keywords))
 
-    Attributes
-    ----------
-    window : pixels of the picture to render.
-    crop : as asked for.
-    aovs, denoise, noise, time_limit : see `RenderOptions`.
-    max_spp : samples a pixel at most, None without a limit.
-    is_adaptive : True if samples go where they are needed.
-    threads : threads of this machine.
-    """
+        call.__signature__ = signature  # type: ignore[attr-defined]
+        return call
 
-    window: Window
-    crop: tuple[int, int, int, int] | None
-    aovs: tuple[str, ...]
-    denoise: bool
-    noise: float | None
-    time_limit: float | None
-    max_spp: int | None
-    is_adaptive: bool
-    threads: int
-
-    def check_aovs(self) -> None:
-        """Check that all pixels get as many samples, if an AOV needs that.
-
-        Raises
-        ------
-        InputError : they do not.
-        """
-        if self.is_adaptive and self.aovs:
-            from raytracer.kernel.aovs.base.recording import per_sample_aovs
-
-            for name in per_sample_aovs(self.aovs):
-                raise InputError(f"the AOV {name} needs as many samples in every pixel: give spp and no noise")
-
-
-def check_options(spec: SceneSpec, options: RenderOptions) -> tuple[SceneSpec, CheckedOptions]:
-    """Check the options of a render of a scene, and return the scene with its spp and seed as asked for.
-
-    Raises
-    ------
-    InputError : a number is out of range, the crop lies outside of the film, or there is no denoiser.
-    """
-    if options.denoise:
-        from raytracer.film.denoise import require_denoiser
-
-        require_denoiser()
-    if options.noise is not None and not 0.0 < options.noise < 1.0:
-        raise InputError(f"noise must lie between 0 and 1, and is 0.01 for 1 %, got {options.noise:g}")
-    if options.time_limit is not None and not 0.0 < options.time_limit < math.inf:
-        raise InputError(f"a time limit must be greater than 0 and finite, got {options.time_limit:g}")
-    threads = _check_integer("threads", options.threads, 1, _MAX_THREADS)
-    spec = _override_settings(spec, options)
-    is_adaptive = options.noise is not None or (options.time_limit is not None and options.spp is None)
-    checked = CheckedOptions(
-        window=crop_window(spec.picture(), options.crop, "the film"),
-        crop=options.crop,
-        aovs=tuple(options.aovs),
-        denoise=options.denoise,
-        noise=options.noise,
-        time_limit=options.time_limit,
-        max_spp=None if is_adaptive and options.spp is None else spec.render.spp,
-        is_adaptive=is_adaptive,
-        threads=threads or available_threads(),
-    )
-    return spec, checked
-
-
-def _override_settings(spec: SceneSpec, options: RenderOptions) -> SceneSpec:
-    asked = {
-        "spp": _check_integer("spp", options.spp, 1, _MAX_SPP),
-        "seed": _check_integer("seed", options.seed, 0, _MAX_SEED),
-    }
-    given = {name: value for name, value in asked.items() if value is not None}
-    return spec.model_copy(update={"render": spec.render.model_copy(update=given)})
-
-
-def _check_integer(name: str, value: int | None, least: int, most: int) -> int | None:
-    """Check an integer's range, and return it as Python's own; None if there is none."""
-    if value is None:
-        return None
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
-        raise InputError(f"{name} must be an integer from {least} to {most}, got {value!r}")
-    return int(value)
-
-
-def check_picture_size(window: Window) -> None:
-    """Check that a picture is small enough to be rendered at once.
-
-    Raises
-    ------
-    InputError : it is not.
-    """
-    if window.pixels > MAX_PIXELS:
-        size = f"{window.right - window.left} x {window.bottom - window.top} is {window.pixels:,} pixels"
-        raise InputError(
-            f"the picture is too large: {size}, at most {MAX_PIXELS:,} are possible at once; rt lightfield render "
-            "takes the views of an array in parts"
-        )
+    return decorate

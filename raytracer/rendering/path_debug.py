@@ -14,8 +14,10 @@ from raytracer.kernel import path_log
 from raytracer.kernel.path_state import workspace as make_workspace
 from raytracer.plugins.materials.base.interface import DIMENSIONS_PER_SEGMENT, PASSTHROUGH
 from raytracer.plugins.media.base.interface import NO_MEDIUM
+from raytracer.rendering.checked_options import override_settings
 from raytracer.rendering.compilation import compile_kernel
 from raytracer.rendering.film_region import empty_film, film_view
+from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.sample_replay import brightest_sample, log_path, replay_samples
 from raytracer.scene.pack.object_ids import scene_ids
 from raytracer.scene.pack.scene import PackedScene, pack
@@ -117,10 +119,7 @@ def trace_sample(
     spec: SceneSpec,
     pixel: tuple[int, int],
     sample: int | None = None,
-    *,
-    spp: int | None = None,
-    seed: int | None = None,
-    whole: bool = False,
+    options: RenderOptions | None = None,
 ) -> PathTrace:
     """Trace one sample of a picture again, with the same bits, and log its path.
 
@@ -128,15 +127,14 @@ def trace_sample(
     ----------
     pixel : (x, y) in the whole picture.
     sample : from 0 on; if None, the first one of the pixel that is not finite, or else its brightest.
-    spp, seed : in place of the scene's.
-    whole : True if the picture was taken in whole packets of samples, as by `noise` without `spp`.
+    options : those of the picture; all defaults if None.
 
     Raises
     ------
     InputError : a pixel outside of the film, or a scene that cannot be packed.
     """
-    given = {name: value for name, value in (("spp", spp), ("seed", seed)) if value is not None}
-    spec = spec.model_copy(update={"render": spec.render.model_copy(update=given)})
+    options = options or RenderOptions()
+    spec = override_settings(spec, options)
     x, y = pixel
     width, height = spec.picture()
     if not (0 <= x < width and 0 <= y < height):
@@ -151,7 +149,8 @@ def trace_sample(
         compile_kernel(scene, scratch)
         sample = _suspicious_sample(list(replay_samples(scene, scratch, x, y, taken)))
     compile_kernel(scene, scratch, make_workspace(scene, path_log.path_log(0, 1)))
-    rows = log_path(scene, scratch, x, y, sample, None if whole else taken)
+    # Without a limit of its samples, a picture is taken in whole packets of them.
+    rows = log_path(scene, scratch, x, y, sample, options.spp_limit(spec))
     decoder = _EventDecoder(packed)
     events = [decoder.event(row) for row in rows]
     first_non_finite = next((number for number, event in enumerate(events) if event["not_finite"]), None)

@@ -8,8 +8,8 @@ from raytracer.core.embree import Accel
 from raytracer.film.window import Window
 from raytracer.kernel.packed_scene import Scene
 from raytracer.kernel.pixel_accumulator import FilmView
+from raytracer.rendering.checked_options import CheckedOptions
 from raytracer.rendering.film_region import FilmRegion, empty_region
-from raytracer.rendering.options import CheckedOptions
 from raytracer.rendering.tile_scheduler import TILE_SIZE
 from raytracer.rendering.worker_pool import RemoteExecutor
 from raytracer.scene.input_files import FileStamp
@@ -43,7 +43,7 @@ class PreparedScene:
 
     def for_window(self, window: Window) -> "PreparedScene":
         """Return the same scene for a part of the picture; its pixels are those of the whole."""
-        return replace(self, options=self.options._replace(window=window))
+        return replace(self, options=replace(self.options, window=window))
 
     def empty_region(self, window: Window) -> FilmRegion:
         """Make an empty film for a part of the picture."""

@@ -4,16 +4,17 @@ import contextlib
 import os
 import warnings
 from collections.abc import Callable, Iterator
-from typing import Unpack
+from dataclasses import KW_ONLY, dataclass
 
 from raytracer.core.compiler.compile_progress import watch_compilation
 from raytracer.core.compiler.lock import compiler_lock
 from raytracer.film.image import Image
 from raytracer.rendering import memory_budget
+from raytracer.rendering.checked_options import check_options
 from raytracer.rendering.checkpoint import CheckpointWriter
 from raytracer.rendering.compilation import compile_kernel
 from raytracer.rendering.develop import check_development
-from raytracer.rendering.options import RenderKeywords, RenderOptions, check_keywords, check_options, show_keywords
+from raytracer.rendering.options import RenderOptions, called_with
 from raytracer.rendering.prepared_scene import PreparedScene
 from raytracer.rendering.progress import CompileBar, Progress, SampleBar
 from raytracer.rendering.session import Rendered, RenderSession
@@ -29,26 +30,29 @@ from raytracer.scene.warnings import emit_warnings
 from raytracer.util.errors import InputError, OutputError, SceneWarning
 
 
-@show_keywords
-def render_image(
-    scene: SceneSpec | str | os.PathLike[str],
-    *,
-    progress: bool | Callable[[Progress], None] = False,
-    cache: RenderCache | None = None,
-    stock: RenderCache | None = None,
-    cluster: ClusterClient | None = None,
-    checkpoint: str | os.PathLike[str] | None = None,
-    resume: bool = False,
-    **options: Unpack[RenderKeywords],
-) -> Image:
+@dataclass(frozen=True)
+class ImageOptions(RenderOptions):
+    """What `render_image` is called with; see there."""
+
+    scene: SceneSpec | str | os.PathLike[str]
+    _: KW_ONLY
+    progress: bool | Callable[[Progress], None] = False
+    cache: RenderCache | None = None
+    stock: RenderCache | None = None
+    cluster: ClusterClient | None = None
+    checkpoint: str | os.PathLike[str] | None = None
+    resume: bool = False
+
+
+@called_with(ImageOptions)
+def render_image(call: ImageOptions) -> Image:
     """Render a scene, or a scene file, to an image: `image.radiance` is float64 (height, width, 3), row 0 at the top.
 
     What makes the scene doubtful is a SceneWarning, or an error if `strict`.
 
     Parameters
     ----------
-    spp, seed, threads, crop, noise, time_limit, aovs, denoise, strict : see `RenderOptions`; `aovs` may also be one
-        name.
+    spp, seed, threads, crop, noise, time_limit, aovs, denoise, strict, max_memory : see `RenderOptions`.
     progress : True to show a bar, also in a notebook; or a function that is called with a `Progress`.
     cache : what renders of similar scenes share, an `rt.Cache`.
     stock : old name of `cache`, still accepted.
@@ -61,42 +65,47 @@ def render_image(
     InputError : see `render`.
     OutputError : a cluster was lost before the picture was there.
     """
-    check_keywords(options)
-    if "aovs" in options and isinstance(options["aovs"], str):
-        options["aovs"] = [options["aovs"]]
-    with SampleBar(always=True) as bar, _compile_bar(progress is True):
-        rendered = render(
-            load(scene) if isinstance(scene, str | os.PathLike) else scene,
-            progress=bar.show if progress is True else progress or None,
+    with SampleBar(always=True) as bar, _compile_bar(call.progress is True):
+        spec = load(call.scene) if isinstance(call.scene, str | os.PathLike) else call.scene
+        writer = _make_checkpoint_writer(call.checkpoint, resume=call.resume)
+        prepared = prepare_scene(
+            spec,
+            call,
             warn=_warn,
-            cache=stock if cache is None else cache,
-            cluster=cluster,
-            checkpoint_writer=_make_checkpoint_writer(checkpoint, resume=resume),
-            **options,
+            cache=call.stock if call.cache is None else call.cache,
+            cluster=call.cluster,
+            with_checkpoints=writer is not None,
         )
+        progress = bar.show if call.progress is True else call.progress or None
+        rendered = render_prepared(prepared, progress=progress, checkpoint_writer=writer)
     if rendered.failure is not None:
         raise OutputError(rendered.failure)
     return rendered.image
 
 
-def render(
-    spec: SceneSpec,
-    *,
-    progress: Callable[[Progress], None] | None = None,
-    dry_run_save: Callable[[Image], object] | None = None,
-    warn: Callable[[str], object] | None = None,
-    cache: RenderCache | None = None,
-    cluster: ClusterClient | None = None,
-    checkpoint_writer: CheckpointWriter | None = None,
-    max_memory: int | None = None,
-    **options: Unpack[RenderKeywords],
-) -> Rendered:
+@dataclass(frozen=True)
+class SceneOptions(RenderOptions):
+    """What `render` is called with; see there."""
+
+    scene: SceneSpec
+    _: KW_ONLY
+    progress: Callable[[Progress], None] | None = None
+    dry_run_save: Callable[[Image], object] | None = None
+    warn: Callable[[str], object] | None = None
+    cache: RenderCache | None = None
+    cluster: ClusterClient | None = None
+    checkpoint_writer: CheckpointWriter | None = None
+
+
+@called_with(SceneOptions)
+def render(call: SceneOptions) -> Rendered:
     """Render a scene.  The same scene, seed and spp, or noise, give the same bits for any number of threads.
 
     It may be called by several threads at once.
 
     Parameters
     ----------
+    spp, seed, threads, crop, noise, time_limit, aovs, denoise, strict, max_memory : see `RenderOptions`.
     progress : called about ten times a second; a KeyboardInterrupt out of it, or out of a signal, ends the render
         early with the samples taken so far.
     dry_run_save : does with an early image what the caller will do with the last one, so that `time_limit` leaves the
@@ -105,7 +114,6 @@ def render(
     cache : what renders of similar scenes share; nothing if None.
     cluster : the cluster that takes the samples; this machine if None.
     checkpoint_writer : keeps all samples in a file, and goes on from those that are there; None to keep none.
-    max_memory, options : see `RenderOptions`.
 
     Raises
     ------
@@ -115,14 +123,19 @@ def render(
         is (`memory_budget.check_memory`), or a checkpoint of another picture.
     """
     prepared = prepare_scene(
-        spec,
-        RenderOptions(max_memory=max_memory, **options),
-        warn=warn,
-        cache=cache,
-        cluster=cluster,
-        with_checkpoints=checkpoint_writer is not None,
+        call.scene,
+        call,
+        warn=call.warn,
+        cache=call.cache,
+        cluster=call.cluster,
+        with_checkpoints=call.checkpoint_writer is not None,
     )
-    return render_prepared(prepared, progress=progress, dry_run_save=dry_run_save, checkpoint_writer=checkpoint_writer)
+    return render_prepared(
+        prepared,
+        progress=call.progress,
+        dry_run_save=call.dry_run_save,
+        checkpoint_writer=call.checkpoint_writer,
+    )
 
 
 def render_prepared(
@@ -168,10 +181,7 @@ def prepare_scene(
     spec, checked = check_options(spec, options)
     seconds = {"load": load_seconds}
     timer = PhaseTimer(seconds)
-    remote = None
-    if cluster is not None:
-        remote = cluster.connect(spec, aovs=options.aovs, denoise=options.denoise, warn=warn, strict=options.strict)
-
+    remote = None if cluster is None else cluster.connect(spec, options, warn)
     stamps = file_stamps(spec) if with_checkpoints else {}
     packed = pack(spec, provider=cache)
     emit_warnings(packed, warn, strict=options.strict)

@@ -11,11 +11,11 @@ from raytracer.film.exposure import ExposureResult
 from raytracer.film.image import Image
 from raytracer.kernel.packed_scene import Scene
 from raytracer.rendering.adaptive_sampling import AdaptiveRender, Outcome, StopCriteria
+from raytracer.rendering.checked_options import check_picture_size
 from raytracer.rendering.checkpoint import CheckpointWriter
 from raytracer.rendering.develop import develop_image
 from raytracer.rendering.diagnostics import diagnose_picture, diagnose_samples
 from raytracer.rendering.headers import image_header
-from raytracer.rendering.options import check_picture_size
 from raytracer.rendering.pilot_samples import PilotSetup
 from raytracer.rendering.prepared_scene import PreparedScene
 from raytracer.rendering.progress import Progress, ProgressReporter

@@ -10,6 +10,7 @@ from typing import Protocol, TypeVar
 from raytracer.kernel.packed_scene import Scene
 from raytracer.kernel.path_state import Workspace
 from raytracer.kernel.path_state import workspace as make_workspace
+from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.tile_job import TileJob, TileResult
 from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import OutputError
@@ -231,22 +232,13 @@ class RemoteExecutor(Protocol):
 class ClusterClient(Protocol):
     """A connection to machines that can take samples of any scene."""
 
-    def connect(
-        self,
-        spec: SceneSpec,
-        *,
-        aovs: Sequence[str],
-        denoise: bool,
-        warn: Callable[[str], object] | None,
-        strict: bool,
-    ) -> RemoteExecutor:
+    def connect(self, spec: SceneSpec, options: RenderOptions, warn: Callable[[str], object] | None) -> RemoteExecutor:
         """Have the workers prepare a scene, while the caller does something else.
 
         Parameters
         ----------
         spec : with its seed and samples per pixel.
-        aovs, denoise : what is recorded besides radiance.
-        warn, strict : see `rendering.render`.
+        options, warn : see `rendering.render`.
 
         Raises
         ------

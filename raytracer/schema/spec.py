@@ -8,8 +8,9 @@ them the validation, the error messages and the documentation (JSON Schema).  A 
         center: Point = Field(description="centre")
         radius: NonZeroLength = Field(description="radius; negative turns the normal inwards")
 
-Checks across keys are `@model_validator(mode="after")` that raise ValueError with a sentence; `field_error("key",
-message)` raises one that points at a key of the mapping.
+Which keys go together is declared by the functions of `rules.py`.  Other checks across keys are
+`@model_validator(mode="after")` that raise ValueError with a sentence; `field_error("key", message)` raises one that
+points at a key of the mapping.
 """
 
 import itertools

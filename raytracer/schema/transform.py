@@ -7,11 +7,12 @@ from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
 from raytracer.schema.fields import MAX_MAGNITUDE, Angle, Direction, Point, Quantity, Triple, Vector, check_item
+from raytracer.schema.rules import some_of
 from raytracer.schema.spec import Spec
 from raytracer.util.errors import format_value
 
@@ -35,11 +36,13 @@ class Step(Spec):
     rotate: Rotate | None = Field(default=None, description="Rotation about an axis through the origin")
     translate: Point | None = Field(default=None, description="Displacement")
 
-    @model_validator(mode="after")
-    def _exactly_one(self) -> "Step":
-        if sum(step is not None for step in (self.scale, self.rotate, self.translate)) != 1:
-            raise ValueError("must hold exactly one of scale, rotate, translate; write one list item a step")
-        return self
+    _one_step = some_of(
+        "scale",
+        "rotate",
+        "translate",
+        most=1,
+        message="must hold exactly one of scale, rotate, translate; write one list item a step",
+    )
 
     def matrix(self) -> Matrix:
         """Compute the step's (4, 4) matrix, for column vectors."""

@@ -224,4 +224,4 @@ def test_an_interrupted_probe_tells_nothing(spec: SceneSpec) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        probe(spec, (0.0, 0.0, 5.0), direction=(0.0, 0.0, -1.0), spp=2**20, progress=interrupt)
+        probe(spec, (0.0, 0.0, 5.0), direction=(0.0, 0.0, -1.0), spp=2**24, progress=interrupt)

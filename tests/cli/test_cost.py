@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ def world(monkeypatch: pytest.MonkeyPatch) -> World:
     real = studies.study
 
     def study(spec: Any, options: StudyOptions, **others: Any) -> Any:
-        return real(spec, options._replace(threads=2), **{**others, "bench": made_up.bench()})
+        return real(spec, replace(options, threads=2), **{**others, "bench": made_up.bench()})
 
     monkeypatch.setattr(studies, "study", study)
     return made_up

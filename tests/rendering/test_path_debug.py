@@ -11,6 +11,7 @@ import pytest
 
 import raytracer.rendering.render
 from raytracer.cli.base.app import main
+from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.path_debug import PathTrace, trace_sample
 from raytracer.rendering.path_text import format_path
 from raytracer.rendering.render import render
@@ -137,10 +138,10 @@ def test_without_a_sample_it_is_the_brightest(traces: list[PathTrace]) -> None:
 
 
 def test_a_sample_beyond_the_last_one_is_what_more_would_bring() -> None:
-    longer = trace_sample(room(), (8, 6), 13, spp=16)
+    longer = trace_sample(room(), (8, 6), 13, RenderOptions(spp=16))
     assert trace_sample(room(), (8, 6), 13).value == longer.value
     # Another seed is another sample.
-    assert trace_sample(room(), (8, 6), 13, seed=9).value != longer.value
+    assert trace_sample(room(), (8, 6), 13, RenderOptions(seed=9)).value != longer.value
 
 
 def test_a_pixel_outside_is_refused() -> None:

@@ -16,6 +16,7 @@ from raytracer.kernel.pixel_accumulator import FilmView
 from raytracer.rendering import tile_scheduler
 from raytracer.rendering.compilation import compile_scene
 from raytracer.rendering.film_region import empty_film, film_view
+from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.render import render, render_image
 from raytracer.rendering.tile_job import TileJob, TileResult, extract_tiles, film_arrays, run_tile_job, split_by_tile
 from raytracer.rendering.tile_scheduler import TileQueue, split_into_tiles
@@ -39,7 +40,7 @@ class LocalExecutor:
         self.ahead, self.error, self.left = ahead, error, after
         self.jobs: list[TileJob] = []
 
-    def connect(self, spec: SceneSpec, **settings: Any) -> "LocalExecutor":
+    def connect(self, spec: SceneSpec, options: RenderOptions, warn: object) -> "LocalExecutor":
         self.prepared = compile_scene(spec)
         return self
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from raytracer.analysis.cost.warnings import MIN_ROUNDS, MIN_TILES
 from raytracer.rendering.worker_pool import available_threads
@@ -16,7 +16,8 @@ MAX_ROUNDS = 1000
 """Rounds of which the pictures are kept, at least a tile of each variant."""
 
 
-class StudyOptions(NamedTuple):
+@dataclass(frozen=True)
+class StudyOptions:
     """Options of a study.
 
     target : relative error to be reached, such as 0.01.
@@ -37,14 +38,10 @@ class StudyOptions(NamedTuple):
     seed: int | None = None
 
 
-class StudySettings(NamedTuple):
-    """Options of a study with their defaults filled in; see `StudyOptions`."""
+@dataclass(frozen=True, kw_only=True)
+class StudySettings(StudyOptions):
+    """Options of a study with their defaults filled in."""
 
-    target: float
-    budget: float | None
-    rounds: int
-    variants: Sequence[str] | None
-    tiles: int | None
     threads: int
     seed: int
 
@@ -56,15 +53,11 @@ def check_options(options: StudyOptions, spec: SceneSpec, tile_count: int) -> St
     ------
     InputError : a target, budget or number that makes no sense.
     """
-    settings = StudySettings(
-        options.target,
-        options.budget,
-        options.rounds,
-        options.variants,
-        options.tiles,
-        options.threads or available_threads(),
-        spec.render.seed if options.seed is None else options.seed,
-    )
+    defaults = {
+        "threads": options.threads or available_threads(),
+        "seed": spec.render.seed if options.seed is None else options.seed,
+    }
+    settings = StudySettings(**(vars(options) | defaults))
     if not 0.0 < settings.target < 1.0:
         raise InputError(f"target {settings.target:g}: must be greater than 0 and less than 1, which is 100 %")
     if settings.budget is not None and not 0.0 < settings.budget < math.inf:

@@ -4,16 +4,16 @@ import math
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 from raytracer.analysis.explain.camera_numbers import CameraView, depth_of_field, exposure
+from raytracer.analysis.sweep.options import SweepOptions
 from raytracer.analysis.sweep.results import SweepPoint
 from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.prepared_scene import PreparedScene
 from raytracer.rendering.render import prepare_scene
 from raytracer.rendering.tile_scheduler import now
-from raytracer.rendering.worker_pool import ClusterClient
 from raytracer.scene.cache import RenderCache
 from raytracer.scene.digest import digest
 from raytracer.scene.overrides import apply_overrides
@@ -23,38 +23,6 @@ from raytracer.scene.spec import SceneSpec
 
 # Keys of a scene that set the number of samples of an image.
 _SIZE_KEYS = ("film.width", "film.height", "render.spp")
-
-
-@dataclass(frozen=True)
-class PointSettings:
-    """Settings of the render of each point; see `rendering.render`.
-
-    preview : a quick look, as `rt render --preview` has it.
-    """
-
-    spp: int | None = None
-    seed: int | None = None
-    crop: tuple[int, int, int, int] | None = None
-    noise: float | None = None
-    time_limit: float | None = None
-    aovs: tuple[str, ...] = ()
-    denoise: bool = False
-    strict: bool = False
-    preview: bool = False
-    max_memory: int | None = None
-
-
-class RenderResources(NamedTuple):
-    """Resources that the renders of all points share.
-
-    threads : number of threads; all processors if None.
-    cluster : a cluster that renders; None for this machine alone.
-    cache : files, meshes and structures of the ray caster.
-    """
-
-    threads: int | None
-    cluster: ClusterClient | None
-    cache: RenderCache
 
 
 class PreparedPoint(NamedTuple):
@@ -83,13 +51,14 @@ class PointPreparer:
         self,
         spec: SceneSpec,
         points: Sequence[SweepPoint],
-        settings: PointSettings,
-        resources: RenderResources,
+        options: SweepOptions,
         *,
         keeps_files: bool,
     ) -> None:
         self.points = list(points)
-        self._spec, self._settings, self._resources, self._keeps_files = spec, settings, resources, keeps_files
+        self._spec, self._options, self._keeps_files = spec, options, keeps_files
+        # What points share.
+        self._cache = options.cache or options.stock or RenderCache()
         self._specs: dict[int, SceneSpec] = {}
 
     def note_digest(self, number: int) -> None:
@@ -102,7 +71,7 @@ class PointPreparer:
         Python beside threads that render keeps the interpreter's lock from them.  A point of the cover, 25 ms of Python
         once the scene is packed, took 40 to 100 ms of its neighbour's render, at any switch interval.
         """
-        takes_long = self._resources.cluster is not None
+        takes_long = self._options.cluster is not None
         with _abandoned_on_exit(ThreadPoolExecutor(1, "preparer")) as preparer:
             following: Future[PreparedPoint] | None = None
             for place, number in enumerate(numbers):
@@ -117,29 +86,17 @@ class PointPreparer:
     def _prepare(self, number: int) -> PreparedPoint:
         """Prepare a point; an error is stored in what is returned."""
         sentences: list[str] = []
-        settings, resources = self._settings, self._resources
-        began, packed = now(), resources.cache.counts.worlds_packed
+        began, packed = now(), self._cache.counts.worlds_packed
         try:
             spec = self._scene(number)
             self.note_digest(number)
             made = prepare_scene(
                 spec,
-                RenderOptions(
-                    spp=self._spp(spec),
-                    seed=settings.seed,
-                    threads=resources.threads,
-                    crop=settings.crop,
-                    noise=settings.noise,
-                    time_limit=settings.time_limit,
-                    aovs=settings.aovs,
-                    denoise=settings.denoise,
-                    strict=settings.strict,
-                    max_memory=settings.max_memory,
-                ),
+                self._render_options(spec),
                 load_seconds=now() - began,
                 warn=sentences.append,
-                cache=resources.cache,
-                cluster=resources.cluster,
+                cache=self._cache,
+                cluster=self._options.cluster,
                 with_checkpoints=self._keeps_files,
             )
             camera = camera_numbers(made.packed)
@@ -152,43 +109,44 @@ class PointPreparer:
             return PreparedPoint(self.points[number], error, {}, tuple(sentences))
         finally:
             self._specs.pop(number, None)
-        is_repacked = resources.cache.counts.worlds_packed > packed
+        is_repacked = self._cache.counts.worlds_packed > packed
         return PreparedPoint(self.points[number], made, camera, tuple(sentences), is_repacked)
 
     def _scene(self, number: int) -> SceneSpec:
         """Return the scene of a point."""
         if number not in self._specs:
             spec = apply_overrides(self._spec, self.points[number].values)
-            self._specs[number] = preview_scene(spec) if self._settings.preview else spec
+            self._specs[number] = preview_scene(spec) if self._options.preview else spec
         return self._specs[number]
 
     def _digest(self, spec: SceneSpec) -> str:
-        settings = self._settings
+        options = self._render_options(spec)
         given = {
-            "spp": self._spp(spec),
-            "seed": settings.seed,
-            "crop": settings.crop,
-            "noise": settings.noise,
-            "time_limit": settings.time_limit,
-            "aovs": sorted(settings.aovs) or None,
-            "denoise": settings.denoise or None,
+            "spp": options.spp,
+            "seed": options.seed,
+            "crop": options.crop,
+            "noise": options.noise,
+            "time_limit": options.time_limit,
+            "aovs": sorted(options.aovs) or None,
+            "denoise": options.denoise or None,
         }
         return digest(spec, **given)
 
-    def _spp(self, spec: SceneSpec) -> int | None:
-        spp = self._settings.spp
-        if self._settings.preview and self._settings.noise is None:
-            return min(spp or spec.render.spp, SPP)
-        return spp
+    def _render_options(self, spec: SceneSpec) -> RenderOptions:
+        """Return the options of the render of a point's scene."""
+        options = self._options
+        if options.preview and options.noise is None:
+            return replace(options, spp=min(options.spp or spec.render.spp, SPP))
+        return options
 
 
-def point_weight(point: SweepPoint, settings: PointSettings) -> float:
+def point_weight(point: SweepPoint, options: RenderOptions) -> float:
     """Estimate the work of a point relative to others, as far as its values tell."""
     weight = 1.0
     for key in _SIZE_KEYS:
         value = point.values.get(key, 1)
         counts = isinstance(value, (int, float)) and 0 < value < math.inf
-        if counts and not (key == "render.spp" and settings.spp is not None):
+        if counts and not (key == "render.spp" and options.spp is not None):
             weight *= value
     return weight
 

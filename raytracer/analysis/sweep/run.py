@@ -4,44 +4,33 @@ While a point is rendered, the one before is saved in a thread, and the next one
 long.  Points share files, meshes and the ray caster's structures (`RenderCache`).
 """
 
-import os
 import threading
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-from raytracer.analysis.sweep.animation import FPS
 from raytracer.analysis.sweep.animation import check as check_animation
 from raytracer.analysis.sweep.manifest import RECORDS, load_record, write_manifest, write_record
+from raytracer.analysis.sweep.options import SweepOptions
 from raytracer.analysis.sweep.output_layout import OutputLayout, normalize_formats
 from raytracer.analysis.sweep.plan import Plan, make_plan
-from raytracer.analysis.sweep.points import MAX_POINTS, enumerate_points
-from raytracer.analysis.sweep.prepare_points import (
-    PointPreparer,
-    PointSettings,
-    PreparedPoint,
-    RenderResources,
-    point_weight,
-)
+from raytracer.analysis.sweep.points import enumerate_points
+from raytracer.analysis.sweep.prepare_points import PointPreparer, PreparedPoint, point_weight
 from raytracer.analysis.sweep.report_queue import ReportQueue
 from raytracer.analysis.sweep.results import PointResult, Sweep, SweepPoint
 from raytracer.film.image import Image
 from raytracer.rendering.checkpoint import CheckpointError, CheckpointWriter, checkpoint_path
+from raytracer.rendering.options import called_with
 from raytracer.rendering.prepared_scene import PreparedScene
 from raytracer.rendering.progress import Progress
 from raytracer.rendering.render import render_prepared
 from raytracer.rendering.session import Rendered
-from raytracer.rendering.worker_pool import ClusterClient
-from raytracer.scene.cache import RenderCache
-from raytracer.scene.spec import SceneSpec
 from raytracer.util.array_snapshot import previous_path
 from raytracer.util.atomic_write import write_with_retries
 from raytracer.util.errors import InputError, OutputError, SceneWarning, one_line
-from raytracer.util.path_sandbox import AllowFiles
 from raytracer.util.progress import BatchBar, BatchProgress
 from raytracer.util.signals import WATCH, defer_interrupt
 
@@ -52,35 +41,8 @@ _SETTING_KEYS = {"spp": "render.spp", "seed": "render.seed"}
 _DIGITS_IN_NAME = 16
 
 
-def sweep(
-    scene: SceneSpec | str | os.PathLike[str],
-    values: Mapping[str, Any] | None = None,
-    *,
-    folder: str | os.PathLike[str] | None = None,
-    allow_files: AllowFiles = (),
-    zipped: bool = False,
-    spp: int | None = None,
-    seed: int | None = None,
-    threads: int | None = None,
-    crop: tuple[int, int, int, int] | None = None,
-    noise: float | None = None,
-    time_limit: float | None = None,
-    aovs: Sequence[str] = (),
-    denoise: bool = False,
-    strict: bool = False,
-    preview: bool = False,
-    formats: Sequence[str] = ("png",),
-    animate: Sequence[str] = (),
-    fps: float = FPS,
-    max_points: int = MAX_POINTS,
-    max_memory: int | None = None,
-    cluster: ClusterClient | None = None,
-    cache: RenderCache | None = None,
-    stock: RenderCache | None = None,
-    progress: Callable[[BatchProgress], object] | bool | None = None,
-    report: Callable[[PointResult], object] | None = None,
-    warn: Callable[[str], object] | None = None,
-) -> Sweep:
+@called_with(SweepOptions)
+def sweep(options: SweepOptions) -> Sweep:
     """Render a scene with every combination of values of some of its keys.
 
     `rt.sweep(scene, {"camera.f_number": [1.4, 2], "camera.focus_distance": "2:10:5"}, spp=64).images[1, 4].radiance`
@@ -116,39 +78,34 @@ def sweep(
     StrictError : the same, by warnings, and `strict`.
     OutputError : the folder cannot be written, or a cluster was lost.
     """
-    plan = make_plan(scene, values or {}, zipped=zipped, allow_files=allow_files)
-    points = enumerate_points(plan.axes, zipped=plan.zipped, most=max_points)
-    settings = PointSettings(spp, seed, crop, noise, time_limit, tuple(aovs), denoise, strict, preview, max_memory)
+    plan = make_plan(options.scene, options.values or {}, zipped=options.zipped, allow_files=options.allow_files)
+    points = enumerate_points(plan.axes, zipped=plan.zipped, most=options.max_points)
     for name, key in _SETTING_KEYS.items():
-        if getattr(settings, name) is not None and any(axis.key == key for axis in plan.axes):
+        if getattr(options, name) is not None and any(axis.key == key for axis in plan.axes):
             raise InputError(f"--{name} stands in place of {key}, which has several values here: leave one of them out")
-    for kind in animate:
-        check_animation(kind, fps)
-    layout = None if folder is None else OutputLayout(Path(folder), normalize_formats(formats), tuple(animate), fps)
-    if layout is None and animate:
+    for kind in options.animate:
+        check_animation(kind, options.fps)
+    layout = None
+    if options.folder is not None:
+        formats = normalize_formats(options.formats)
+        layout = OutputLayout(Path(options.folder), formats, tuple(options.animate), options.fps)
+    elif options.animate:
         raise InputError("an animation needs a folder to be written to")
-    resources = RenderResources(threads, cluster, cache or stock or RenderCache())
+    progress = options.progress
     with ExitStack() as stack:
         if progress is True:
             progress = stack.enter_context(BatchBar(always=True))
-        run = _SweepRun(plan, points, settings, layout, resources, warn or _warn)
-        return run.run(progress or None, report)
+        return _SweepRun(plan, points, options, layout).run(progress or None, options.report)
 
 
 class _SweepRun:
     """A sweep that is under way."""
 
     def __init__(
-        self,
-        plan: Plan,
-        points: Sequence[SweepPoint],
-        settings: PointSettings,
-        layout: OutputLayout | None,
-        resources: RenderResources,
-        warn: Callable[[str], object],
+        self, plan: Plan, points: Sequence[SweepPoint], options: SweepOptions, layout: OutputLayout | None
     ) -> None:
-        self._plan, self._layout, self._warn = plan, layout, warn
-        self._preparer = PointPreparer(plan.spec, points, settings, resources, keeps_files=layout is not None)
+        self._plan, self._layout, self._warn = plan, layout, options.warn or _warn
+        self._preparer = PointPreparer(plan.spec, points, options, keeps_files=layout is not None)
         self._results: dict[int, PointResult] = {}
         self._images: dict[int, Image] = {}
         self._errors: list[Exception] = []
@@ -156,7 +113,7 @@ class _SweepRun:
         self._warned: set[str] = set()
         self._cannot_write = False
         self._lock = threading.Lock()
-        self._weights = [point_weight(point, settings) for point in points]
+        self._weights = [point_weight(point, options) for point in points]
 
     @property
     def _points(self) -> list[SweepPoint]:
@@ -376,4 +333,4 @@ def _error_sentence(error: Exception) -> str:
 
 def _warn(sentence: str) -> None:
     """Warn at the line that called `sweep`."""
-    warnings.warn(sentence, SceneWarning, stacklevel=5)
+    warnings.warn(sentence, SceneWarning, stacklevel=6)

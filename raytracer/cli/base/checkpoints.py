@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from raytracer.cli.base.options import parse_number
+from raytracer.cli.base.options import parse_value
 from raytracer.schema.units import parse_duration
 from raytracer.util.errors import InputError
 
@@ -24,7 +24,7 @@ def parse_checkpoint_interval(text: str | None) -> float | None:
 
     if text is None:
         return DEFAULT_INTERVAL
-    return None if text == "off" else parse_number("--checkpoint", text, parse_duration)
+    return None if text == "off" else parse_value("--checkpoint", text, parse_duration)
 
 
 def find_checkpoint_path(outputs: Sequence[Path], *, is_required: bool, warn: Callable[[str], object]) -> Path | None:

@@ -1,24 +1,24 @@
 """Options that several commands have, and functions that parse their values."""
 
-from collections.abc import Callable, Collection, Sequence
+import functools
+import inspect
+from collections.abc import Callable, Collection, Mapping, Sequence
+from inspect import Parameter
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 import typer
 
+from raytracer.rendering.options import OPTIONS, RenderOptions
 from raytracer.scene.preview import EDGE, SPP
-from raytracer.schema.units import Dimension, parse_bytes, parse_quantity
+from raytracer.schema.units import Dimension, parse_quantity
 from raytracer.util.errors import InputError
+
+Value = TypeVar("Value")
 
 Define = Annotated[
     list[str] | None,
     typer.Option("--define", "-D", metavar="KEY=VALUE", help="Override a key of the scene: camera.vfov=40."),
-]
-Spp = Annotated[int | None, typer.Option(help="Samples per pixel.", min=1, max=2**31 - 1)]
-Seed = Annotated[int | None, typer.Option(help="Seed of all random numbers.", min=0, max=2**32 - 1)]
-Threads = Annotated[int | None, typer.Option(help="Threads that work.  Default: all.", min=1, max=1024)]
-Crop = Annotated[
-    str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Render only the pixels X0 <= x < X1, Y0 <= y < Y1.")
 ]
 AllowFiles = Annotated[
     list[str] | None,
@@ -29,25 +29,10 @@ AllowFiles = Annotated[
         show_default=False,
     ),
 ]
-MaxMemory = Annotated[
-    str | None,
-    typer.Option(
-        metavar="SIZE",
-        help="Refuse to start what would take more memory than this: 4GB, 500 MB.  Default: what is free.",
-        show_default=False,
-    ),
-]
 Preview = Annotated[
     bool, typer.Option("--preview", help=f"A quick look: at most {EDGE} pixels wide or high, {SPP} spp.")
 ]
 Stats = Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write what the render took as JSON.")]
-StrictSamples = Annotated[
-    bool,
-    typer.Option(
-        "--strict",
-        help="Take warnings for errors, and fail if a sample is not finite, or a pixel below zero without a reason.",
-    ),
-]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no summary.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
@@ -63,12 +48,16 @@ class Invocation(NamedTuple):
     words: tuple[str, ...]
 
 
-def parse_number(option: str, text: str, parse: Callable[[str], float]) -> float:
-    """Parse the number that an option gives with a function of `raytracer.schema.units`.
+def parse_value(option: str, text: str, parse: Callable[[str], Value]) -> Value:
+    """Parse the value of an option.
+
+    Parameters
+    ----------
+    parse : parses the text, and raises a ValueError if it cannot.
 
     Raises
     ------
-    InputError : it is none, and why.
+    InputError : it cannot, and why.
     """
     try:
         return parse(text)
@@ -83,7 +72,7 @@ def parse_dimension(option: str, text: str, dimension: Dimension) -> float:
     ------
     InputError : it is none, and why.
     """
-    return parse_number(option, text, lambda part: parse_quantity(part, dimension))
+    return parse_value(option, text, lambda part: parse_quantity(part, dimension))
 
 
 def check_f_number(f_number: float | None) -> None:
@@ -97,46 +86,97 @@ def check_f_number(f_number: float | None) -> None:
         raise InputError(f"--f-number {f_number:g}: must be greater than 0 and less than a million")
 
 
-def parse_memory_size(option: str, text: str | None) -> int | None:
-    """Parse an amount of memory in bytes; None if the option is not given.
+# ---- Options of a render
 
-    Raises
-    ------
-    InputError : it is no amount of memory.
+
+def _flag(name: str) -> str:
+    """Return the word of the command line for a field of `RenderOptions`."""
+    return "--aov" if name == "aovs" else f"--{name.replace('_', '-')}"
+
+
+def _declare(name: str, *default: Any, text: str | None = None) -> Any:
+    """Declare the option that sets a field of `RenderOptions`; `text` is its help, where a command has its own."""
+    option = OPTIONS[name]
+    least, most = (option.least, option.most) if option.most else (None, None)
+    return typer.Option(*default, _flag(name), metavar=option.metavar, help=text or option.help, min=least, max=most)
+
+
+Seed = Annotated[int | None, _declare("seed")]
+Threads = Annotated[int | None, _declare("threads")]
+Crop = Annotated[str | None, _declare("crop")]
+
+
+def _parameter(name: str, text: str | None) -> Parameter:
+    """Make the parameter of a command that sets a field of `RenderOptions`."""
+    if name == "aovs":
+        kind: object = list[str] | None
+    elif OPTIONS[name].most:
+        kind = int | None
+    else:
+        kind = bool if isinstance(getattr(RenderOptions, name), bool) else str | None
+    default = False if kind is bool else None
+    return Parameter(name, Parameter.KEYWORD_ONLY, default=_declare(name, default, text=text), annotation=kind)
+
+
+class GivenOptions(NamedTuple):
+    """Options of a render as they are given, by the names of their fields; the parameter `given` of a command.
+
+    words : integers, flags, and text that is still to be parsed.
     """
-    return None if text is None else int(parse_number(option, text, parse_bytes))
+
+    words: Mapping[str, Any]
+
+    def parse(self, suffixes: Collection[str] | None = None, remedy: str = "") -> RenderOptions:
+        """Parse them.
+
+        Parameters
+        ----------
+        suffixes : of the files that the command writes; None if they hold layers whatever they are.
+        remedy : options that make it write a file that holds layers, if none of these does.
+
+        Raises
+        ------
+        InputError : one cannot be parsed, or there is no file for the AOVs.
+        """
+        values = {name: word for name, word in self.words.items() if word not in (None, [])}
+        for name, word in values.items():
+            parse = OPTIONS[name].parse
+            if name == "aovs":
+                values[name] = _parse_aovs(word, suffixes, remedy)
+            elif parse is not None:
+                values[name] = parse_value(_flag(name), word, parse)
+        return RenderOptions(**values)
 
 
-def parse_crop(text: str | None) -> tuple[int, int, int, int] | None:
-    """Parse the pixel bounds of `--crop X0,Y0,X1,Y1`.
-
-    Raises
-    ------
-    InputError : they are not four integers.
-    """
-    if text is None:
-        return None
-    try:
-        left, top, right, bottom = map(int, text.split(","))
-    except ValueError:
-        raise InputError(f"--crop {text}: must be four integers, X0,Y0,X1,Y1") from None
-    return left, top, right, bottom
-
-
-def parse_aovs(lists: Sequence[str], suffixes: Collection[str] | None = None, remedy: str = "") -> tuple[str, ...]:
-    """Parse the comma-separated lists of AOVs that `--aov` gives.
+def render_options(*names: str, **texts: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command options of a render, in place of its parameter `given`.
 
     Parameters
     ----------
-    suffixes : of the files that the command writes; None if they hold layers whatever they are.
-    remedy : options that make it write a file that holds layers, if none of these does.
-
-    Raises
-    ------
-    InputError : there is no such AOV, or no file for it.
+    names : fields of `RenderOptions`, in the order of the help.
+    texts : help of those that mean something else to this command.
     """
-    if not lists:
-        return ()
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        signature = inspect.signature(command)
+        parameters: list[Parameter] = []
+        for parameter in signature.parameters.values():
+            is_given = parameter.name == "given"
+            parameters += [_parameter(name, texts.get(name)) for name in names] if is_given else [parameter]
+
+        @functools.wraps(command)
+        def call(**values: Any) -> None:
+            words = {name: values.pop(name) for name in names}
+            command(**values, given=GivenOptions(words))
+
+        call.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+        return call
+
+    return decorate
+
+
+def _parse_aovs(lists: Sequence[str], suffixes: Collection[str] | None, remedy: str) -> tuple[str, ...]:
+    """Parse the comma-separated lists of AOVs that `--aov` gives; see `GivenOptions.parse`."""
     from raytracer.film.formats.registry import layered_suffixes
 
     if suffixes is not None and not any(suffix.lower() in layered_suffixes() for suffix in suffixes):

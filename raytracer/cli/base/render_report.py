@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from raytracer.cli.base.checkpoints import ResumeInfo
 from raytracer.cli.base.outputs import join_paths
 from raytracer.cli.base.sample_path import DebugCommand
+from raytracer.rendering.options import RenderOptions
 from raytracer.report.wording import format_given_percent, format_percent, format_percent_interval, megabytes, plural
 from raytracer.util.errors import OutputError
 
@@ -25,9 +26,8 @@ class RenderReport(NamedTuple):
 
     rendered : the picture and what it took.
     outputs : the files that hold the picture.
+    options : those that were asked for.
     spp : samples per pixel that were asked for, or the most of them; None for no limit.
-    noise : the relative error that was asked for, if any.
-    is_crop : only a part of the picture was rendered.
     resume : its checkpoint.
     debug : makes command lines that print the path of a sample.
     began : the time of `time.perf_counter` when the command began.
@@ -35,14 +35,13 @@ class RenderReport(NamedTuple):
 
     rendered: "Rendered"
     outputs: Sequence[Path]
+    options: RenderOptions
     spp: int | None
-    noise: float | None
-    is_crop: bool
     resume: ResumeInfo
     debug: DebugCommand
     began: float
 
-    def show(self, *, quiet: bool, strict: bool) -> None:
+    def show(self, *, quiet: bool) -> None:
         """Print the report; what is wrong with the picture also when quiet.
 
         Raises
@@ -56,16 +55,16 @@ class RenderReport(NamedTuple):
             _say(f"rt: interrupted; {names} has {self._samples()}{further}")
         elif not rendered.complete and rendered.failure is None:
             _say(f"rt: {self._describe_shortfall(names)}")
-        elif self.noise is not None and not rendered.image.radiance.any():
+        elif self.options.noise is not None and not rendered.image.radiance.any():
             _say(f"rt: {names} is black, so its relative error says nothing")
         if not quiet:
             _say(summarize(rendered, names, time.perf_counter() - self.began))
         if not quiet and checkpoint is not None and not rendered.interrupted:
             _say(f"{checkpoint.path}: all samples ({megabytes(checkpoint.bytes)}), to which --resume --spp N adds")
         if not quiet and rendered.setting is not None and rendered.setting.exposure.metering is not None:
-            part = " in the crop" if self.is_crop else ""
+            part = " in the crop" if self.options.crop is not None else ""
             _say(f"exposure: {rendered.setting.summary()}{part}")
-        _show_faults(rendered.stats, self.debug, strict=strict)
+        _show_faults(rendered.stats, self.debug, strict=self.options.strict)
         if rendered.failure is not None:
             raise OutputError(f"{rendered.failure}; {names} has {self._samples()}")
 
@@ -79,13 +78,13 @@ class RenderReport(NamedTuple):
         """Say why the render ended before it had what was asked for."""
         fewest, has_error = self.rendered.fewest_samples, bool(self.rendered.stats.error)
         spp = f"{self.spp} {plural(self.spp or 0, 'sample')} per pixel"
-        if self.spp is None or self.noise is None or fewest < self.spp:
-            if self.noise is not None and not has_error and fewest >= _SPP_FOR_ERROR:
+        if self.spp is None or self.options.noise is None or fewest < self.spp:
+            if self.options.noise is not None and not has_error and fewest >= _SPP_FOR_ERROR:
                 return f"the error of {names} cannot be told: its values are beyond all bounds"
             return f"out of time; {names} has {self._samples()}"
         if not has_error:
             return f"{spp} tell too little of the error of {names}: it takes {_SPP_FOR_ERROR}"
-        return f"{spp} do not bring {names} to a relative error of {format_given_percent(self.noise)}"
+        return f"{spp} do not bring {names} to a relative error of {format_given_percent(self.options.noise)}"
 
 
 def describe_delay(rendered: "Rendered", limit: float, seconds: float) -> str:

@@ -5,9 +5,11 @@ import shlex
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
+from raytracer.cli.base.options import GivenOptions
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
+    from raytracer.rendering.options import RenderOptions
     from raytracer.scene.spec import SceneSpec
 
 
@@ -40,20 +42,13 @@ def check_debug_options(pixel: tuple[int, int] | None, sample: int | None, *, is
 
 
 def print_path(
-    spec: "SceneSpec",
-    pixel: tuple[int, int],
-    sample: int | None,
-    *,
-    spp: int | None,
-    seed: int | None,
-    is_whole: bool,
-    as_json: bool,
+    spec: "SceneSpec", pixel: tuple[int, int], sample: int | None, options: "RenderOptions", *, as_json: bool
 ) -> None:
     """Print the path of one sample; see `path_debug.trace_sample`."""
     from raytracer.rendering.path_debug import trace_sample
     from raytracer.rendering.path_text import format_path
 
-    path = trace_sample(spec, pixel, sample, spp=spp, seed=seed, whole=is_whole)
+    path = trace_sample(spec, pixel, sample, options)
     print(
         json.dumps(path.json(), indent=2, allow_nan=False) if as_json else format_path(path),
         end="\n" if as_json else "",
@@ -66,10 +61,7 @@ class DebugCommand(NamedTuple):
     scene: str
     define: list[str]
     preview: bool
-    spp: int | None
-    seed: int | None
-    noise: str | None
-    time_limit: str | None
+    given: GivenOptions
 
     def line(self, pixel: Sequence[int], sample: int | None = None) -> str:
         """Return the command line that prints the path of a sample."""
@@ -78,7 +70,7 @@ class DebugCommand(NamedTuple):
             words += ["-D", text]
         words += ["--preview"] if self.preview else []
         for name in ("spp", "seed", "noise", "time_limit"):
-            value = getattr(self, name)
+            value = self.given.words[name]
             words += [] if value is None else [f"--{name.replace('_', '-')}", str(value)]
         words += ["--pixel", ",".join(map(str, pixel))]
         words += [] if sample is None else ["--sample", str(sample)]

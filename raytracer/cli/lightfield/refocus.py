@@ -17,6 +17,7 @@ from raytracer.cli.lightfield.base.files import (
     report_written,
 )
 from raytracer.cli.lightfield.base.options import File, Quiet, parse_position
+from raytracer.rendering.options import parse_crop
 from raytracer.util.errors import InputError
 
 if TYPE_CHECKING:
@@ -130,7 +131,7 @@ def refocus(
         "method": method,
         "interpolation": interpolation,
         "scale": scale,
-        "crop": options.parse_crop(crop),
+        "crop": None if crop is None else options.parse_value("--crop", crop, parse_crop),
     }
 
     from raytracer.lightfield.refocusing.refocus import focal_stack

@@ -30,9 +30,21 @@ Examples:
 """
 
 
+@options.render_options(
+    "spp",
+    "seed",
+    "threads",
+    "aovs",
+    "denoise",
+    "strict",
+    "max_memory",
+    aovs="What else to record of each view: depth, albedo, ...; see docs/aovs.md.",
+    denoise="Take out the noise of each view with Intel Open Image Denoise.",
+)
 def render(
     context: typer.Context,
     scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene file, of a camera with many views.")],
+    *,
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FILE.lf", help="Light field to write.", show_default=False)
     ],
@@ -46,18 +58,7 @@ def render(
             "rendered in parts.",
         ),
     ] = "2GB",
-    spp: options.Spp = None,
-    seed: options.Seed = None,
-    threads: options.Threads = None,
-    aov: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME,...", help="What else to record of each view: depth, albedo, ...; see docs/aovs.md."
-        ),
-    ] = None,
-    denoise: Annotated[
-        bool, typer.Option("--denoise", help="Take out the noise of each view with Intel Open Image Denoise.")
-    ] = False,
+    given: options.GivenOptions,
     dtype: Annotated[
         str, typer.Option(metavar="TYPE", help="Numbers of the radiance in the file: float16, float32 or float64.")
     ] = "float32",
@@ -68,7 +69,6 @@ def render(
         str | None,
         typer.Option(metavar="URL", help="Have the samples taken by the workers of this Dask scheduler."),
     ] = None,
-    max_memory: options.MaxMemory = None,
     checkpoint: Annotated[
         str | None,
         typer.Option(
@@ -82,7 +82,6 @@ def render(
         bool, typer.Option("--resume", help="Go on from these files, after an interrupt or a crash.")
     ] = False,
     stats: options.Stats = None,
-    strict: options.StrictSamples = False,
     quiet: options.Quiet = False,
 ) -> None:
     """Render all views of a camera array, or the picture behind microlenses, into a light field.
@@ -93,10 +92,9 @@ def render(
     interval = parse_checkpoint_interval(checkpoint)
     if resume and interval is None:
         raise InputError("--resume goes on from checkpoints, and with --checkpoint off there are none")
-    picture_memory = int(options.parse_number("--memory", memory, parse_bytes))
-    total_memory = options.parse_memory_size("--max-memory", max_memory)
+    picture_memory = int(options.parse_value("--memory", memory, parse_bytes))
     _check_format(output, dtype)
-    layers = options.parse_aovs(aov or [])
+    wanted = given.parse()
     from raytracer.scene.load import load
     from raytracer.scene.overrides import parse_overrides
 
@@ -127,27 +125,21 @@ def render(
                 memory=picture_memory,
                 dtype=dtype,
                 compress=compress,
-                spp=spp,
-                seed=seed,
-                threads=threads,
-                aovs=layers,
-                denoise=denoise,
                 progress=show,
                 load_seconds=time.perf_counter() - context.obj.began,
                 warn=warn,
-                strict=strict,
                 cluster=client,
-                max_memory=total_memory,
                 every=interval,
                 resume=resume,
                 say=warn,
+                **wanted.as_keywords(),
             )
         except KeyboardInterrupt:
             further = f"; this goes on: {resume_command(context.obj.words)}" if _has_checkpoints(output) else ""
             bar.say(f"rt: interrupted; {output} is not written{further}")
             raise Interrupted from None
         bar.close()
-        _report(captured, output, stats, quiet=quiet, strict=strict)
+        _report(captured, output, stats, quiet=quiet, strict=wanted.strict)
 
 
 def _check_format(output: Path, dtype: str) -> None:

@@ -50,7 +50,7 @@ def view(
     path = Path("outputs", f"{Path(file).stem}.html") if output is None else output
     check_outputs([path], [".html", ".htm"], "a page")
     max_bytes = _bytes(size)
-    ev = None if exposure is None else options.parse_number("--exposure", exposure, _ev)
+    ev = None if exposure is None else options.parse_value("--exposure", exposure, _ev)
 
     from raytracer.lightfield.viewer.page import write_page
     from raytracer.util.progress import Bar

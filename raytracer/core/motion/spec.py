@@ -24,6 +24,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from raytracer.schema.fields import Direction, Point, Quantity, Time, Triple, Vector
+from raytracer.schema.rules import never, some_of
 from raytracer.schema.spec import Spec, field_error
 from raytracer.schema.transform import Matrix, Transform, matrix_of
 
@@ -58,14 +59,17 @@ class Motion(Spec):
         default=None, description="at least two poses in the order of their times; they are held before and after"
     )
 
+    _is_a_motion = some_of("velocity", "spin", "keyframes", message="needs a velocity, a spin or keyframes")
+    _is_one_motion = never(
+        "keyframes",
+        where=lambda motion: motion.velocity is not None or motion.spin is not None,
+        message="keyframes are the whole motion: give either them, or a velocity and a spin",
+    )
+
     @model_validator(mode="after")
-    def _is_one_motion(self) -> "Motion":
+    def _keyframes_follow_each_other(self) -> "Motion":
         if self.keyframes is None:
-            if self.velocity is None and self.spin is None:
-                raise ValueError("needs a velocity, a spin or keyframes")
             return self
-        if self.velocity is not None or self.spin is not None:
-            field_error("keyframes", "keyframes are the whole motion: give either them, or a velocity and a spin")
         if len(self.keyframes) < 2:
             field_error("keyframes", "a motion needs at least two keyframes")
         for number, (before, after) in enumerate(pairwise(self.keyframes), start=1):

@@ -27,6 +27,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from raytracer.core.shutter.timing import Profile, Timing, ensure_distinct_times
 from raytracer.schema.fields import Check, NonNegativeTime, Quantity, Time
+from raytracer.schema.rules import exclusive, only, requires
 from raytracer.schema.spec import Spec, field_error
 from raytracer.util.errors import format_value
 
@@ -104,28 +105,39 @@ class ShutterSpec(Spec):
         "continuously",
     )
 
+    _is_open_for_its_curve = only(
+        "close",
+        "duration",
+        where=lambda shutter: isinstance(shutter.opening, str),
+        message="the curve of `opening` says for how long the shutter is open: leave this out",
+    )
+    _is_open_for_some_time = requires(
+        "close",
+        where=lambda shutter: isinstance(shutter.opening, str) and shutter.duration is None,
+        message="is missing: a shutter needs `close`, `duration`, or a curve as its `opening`",
+    )
+    _is_open_for_one_time = exclusive(
+        "close", "duration", message="{key} and {first} both say for how long the shutter is open: give one of them"
+    )
+
     @model_validator(mode="after")
-    def _is_open_for_one_time(self) -> "ShutterSpec":
-        if not isinstance(self.opening, str):
-            for key in ("close", "duration"):
-                if getattr(self, key) is not None:
-                    field_error(key, "the curve of `opening` says for how long the shutter is open: leave this out")
-        elif self.close is None and self.duration is None:
-            field_error("close", "is missing: a shutter needs `close`, `duration`, or a curve as its `opening`")
-        elif self.close is not None and self.duration is not None:
-            field_error("duration", "duration and close both say for how long the shutter is open: give one of them")
-        elif self.close is not None and self.close < (self.open or 0.0):
+    def _closes_after_it_opens(self) -> "ShutterSpec":
+        if self.close is not None and self.close < (self.open or 0.0):
             field_error("close", f"must not be before the shutter opens, {self.open or 0.0:g} s, got {self.close:g} s")
         return self
 
+    _has_a_trapezoid = only(
+        "ramp",
+        where={"opening": "trapezoid"},
+        message="belongs to `opening: trapezoid`, which this shutter does not have",
+    )
+    _has_a_ramp = requires(
+        "ramp", where={"opening": "trapezoid"}, message="is missing: a trapezoid needs the time in which it opens"
+    )
+
     @model_validator(mode="after")
     def _ramps_within(self) -> "ShutterSpec":
-        if self.opening != "trapezoid":
-            if self.ramp is not None:
-                field_error("ramp", "belongs to `opening: trapezoid`, which this shutter does not have")
-        elif self.ramp is None:
-            field_error("ramp", "is missing: a trapezoid needs the time in which it opens")
-        elif self.ramp > self._open_for():
+        if self.ramp is not None and self.ramp > self._open_for():
             field_error("ramp", f"must be at most the duration, {self._open_for():g} s, got {self.ramp:g} s")
         return self
 

@@ -5,8 +5,9 @@ of all views.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
-from typing import NamedTuple, TypedDict, Unpack
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from raytracer.lightfield.capturing.checkpoints import BandCheckpoints
 from raytracer.lightfield.capturing.statistics import BandStats, band_stats, merge_stats, replace_error_settings
 from raytracer.rendering.checkpoint import CheckpointWriter
 from raytracer.rendering.develop import light_field_layout
-from raytracer.rendering.options import RenderOptions
+from raytracer.rendering.options import RenderOptions, called_with
 from raytracer.rendering.prepared_scene import PreparedScene
 from raytracer.rendering.progress import Progress
 from raytracer.rendering.render import prepare_scene, render_prepared
@@ -51,62 +52,27 @@ class Captured(NamedTuple):
     band_bytes: int
 
 
-class CaptureOptions(TypedDict, total=False):
-    """Keyword options of `capture` that are those of `rendering.render`; defaults are those of `_RenderSettings`."""
+@dataclass(frozen=True)
+class CaptureOptions(RenderOptions):
+    """What `capture` is called with; see there."""
 
-    spp: int | None
-    seed: int | None
-    threads: int | None
-    aovs: Sequence[str]
-    denoise: bool
-    progress: Callable[[Progress], None] | None
-    load_seconds: float
-    warn: Callable[[str], object] | None
-    strict: bool
-    cluster: ClusterClient | None
-    max_memory: int | None
-
-
-class _RenderSettings(NamedTuple):
-    """Options of `capture` that are those of `rendering.render`, with their defaults."""
-
-    spp: int | None = None
-    seed: int | None = None
-    threads: int | None = None
-    aovs: Sequence[str] = ()
-    denoise: bool = False
+    spec: SceneSpec
+    path: str | Path
+    _: KW_ONLY
+    memory: int = MEMORY
+    dtype: str = "float32"
+    compress: bool = False
+    every: float | None = None
+    resume: bool = False
+    say: Callable[[str], object] = lambda sentence: None
     progress: Callable[[Progress], None] | None = None
     load_seconds: float = 0.0
     warn: Callable[[str], object] | None = None
-    strict: bool = False
     cluster: ClusterClient | None = None
-    max_memory: int | None = None
-
-    def render_options(self) -> RenderOptions:
-        """Return those that a render is checked by."""
-        return RenderOptions(
-            spp=self.spp,
-            seed=self.seed,
-            threads=self.threads,
-            aovs=self.aovs,
-            denoise=self.denoise,
-            strict=self.strict,
-            max_memory=self.max_memory,
-        )
 
 
-def capture(
-    spec: SceneSpec,
-    path: str | Path,
-    *,
-    memory: int = MEMORY,
-    dtype: str = "float32",
-    compress: bool = False,
-    every: float | None = None,
-    resume: bool = False,
-    say: Callable[[str], object] = lambda sentence: None,
-    **options: Unpack[CaptureOptions],
-) -> Captured:
+@called_with(CaptureOptions, without=("crop", "noise", "time_limit"))
+def capture(options: CaptureOptions) -> Captured:
     """Render all views of a scene's camera into an `.lf` file, within a given memory.
 
     The radiance has the bits that it has in the file which `rendering.render` and `Image.save` make.
@@ -131,29 +97,28 @@ def capture(
         whole and does not; or as `rendering.render` does.
     OutputError : the file cannot be written, or a cluster was lost.
     """
-    path = Path(path)
+    path, aovs, memory = Path(options.path), options.aovs, options.memory
+    dtype, compress, keeps = options.dtype, options.compress, options.every is not None
     check_writable(path)
-    settings = _RenderSettings(**options)
-    aovs = settings.aovs
-    layout = _light_field_layout(spec, aovs, path)
+    layout = _light_field_layout(options.spec, aovs, path)
     views = layout.views
     prepared = prepare_scene(
-        spec,
-        settings.render_options(),
-        load_seconds=settings.load_seconds,
-        warn=settings.warn,
-        cluster=settings.cluster,
+        options.spec,
+        options,
+        load_seconds=options.load_seconds,
+        warn=options.warn,
+        cluster=options.cluster,
         max_pixels=views.width * views.height if layout.is_by_view else None,
-        with_checkpoints=every is not None,
+        with_checkpoints=keeps,
     )
     spec = prepared.packed.spec
     # Where the camera is focused on an object, the geometry is known only now.
     layout = _light_field_layout(spec, aovs, path)
-    pixel_bytes = bytes_per_pixel(prepared, keeps=every is not None)
+    pixel_bytes = bytes_per_pixel(prepared, keeps=keeps)
     width, height = spec.picture()
-    job = _Capture(prepared, path, width * height, now(), settings.progress)
+    job = _Capture(prepared, path, width * height, now(), options.progress)
     bands = choose_bands(spec, layout, pixel_bytes, memory, aovs)
-    checkpoints = BandCheckpoints(path, every, job.start, resume, say)
+    checkpoints = BandCheckpoints(path, options.every, job.start, options.resume, options.say)
     if bands is None:
         window = Window(0, 0, width, height)
         rendered = _render_window(job, window, 0, checkpoints.next())

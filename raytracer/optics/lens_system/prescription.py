@@ -25,6 +25,7 @@ from raytracer.optics.glass import AIR, Glass, IndexField
 from raytracer.optics.lens_system.coatings import Coating
 from raytracer.optics.lens_system.lens import Element, Focus, Lens
 from raytracer.schema.fields import Count, Number, PositiveLensLength, PositiveNumber, Quantity
+from raytracer.schema.rules import only, requires
 from raytracer.schema.spec import Spec, field_error
 from raytracer.util.errors import format_value, suggest_name
 
@@ -128,8 +129,23 @@ class _GlassSpec(SurfaceSpec):
     )
     stop: bool = Field(default=False, description="Whether its rim is the diaphragm, in a lens without a `stop`")
 
+    def curvature(self) -> float:
+        radius: float | None = getattr(self, "radius", None)
+        return 0.0 if radius is None else 1.0 / radius
+
     def glass(self, before: Glass) -> Glass:
         return self.material
+
+    @model_validator(mode="after")
+    def _reaches(self) -> Any:
+        """Refuse an aperture that is wider than the conic section."""
+        radius, conic = getattr(self, "radius", None), getattr(self, "conic", 0.0)
+        widest = float("inf") if radius is None or conic <= -1.0 else 2.0 * abs(radius) / (1.0 + conic) ** 0.5
+        if self.aperture > widest:
+            field_error(
+                "aperture", f"must be at most {widest:.6g} mm, as wide as its surface is, got {self.aperture:g}"
+            )
+        return self
 
 
 class SphericalSpec(_GlassSpec):
@@ -138,14 +154,6 @@ class SphericalSpec(_GlassSpec):
     type: Literal["spherical"] = "spherical"
     radius: Radius = Field(description="Radius of curvature; positive where the centre is on the film's side")
     kind = "spherical"
-
-    def curvature(self) -> float:
-        return 1.0 / self.radius
-
-    @model_validator(mode="after")
-    def _reaches(self) -> "SphericalSpec":
-        _check_reach(self.radius, 0.0, self.aperture)
-        return self
 
 
 class FlatSpec(_GlassSpec):
@@ -172,14 +180,6 @@ class ConicSpec(_GlassSpec):
     )
     kind = "conic"
 
-    def curvature(self) -> float:
-        return 1.0 / self.radius
-
-    @model_validator(mode="after")
-    def _reaches(self) -> "ConicSpec":
-        _check_reach(self.radius, self.conic, self.aperture)
-        return self
-
 
 class AsphereSpec(_GlassSpec):
     """An even asphere: a conic section and a_4 r^4 + a_6 r^6 + ..."""
@@ -194,15 +194,6 @@ class AsphereSpec(_GlassSpec):
     )
     kind = "asphere"
 
-    def curvature(self) -> float:
-        return 0.0 if self.radius is None else 1.0 / self.radius
-
-    @model_validator(mode="after")
-    def _reaches(self) -> "AsphereSpec":
-        if self.radius is not None:
-            _check_reach(self.radius, self.conic, self.aperture)
-        return self
-
 
 class CylindricalSpec(_GlassSpec):
     """A part of a cylinder, as anamorphic lenses have it."""
@@ -215,21 +206,6 @@ class CylindricalSpec(_GlassSpec):
         description="Along which the surface is straight and bends nothing: x, to the right of the picture, or y, up"
     )
     kind = "cylindrical"
-
-    def curvature(self) -> float:
-        return 1.0 / self.radius
-
-    @model_validator(mode="after")
-    def _reaches(self) -> "CylindricalSpec":
-        _check_reach(self.radius, 0.0, self.aperture)
-        return self
-
-
-def _check_reach(radius: float, conic: float, aperture: float) -> None:
-    """Refuse an aperture that is wider than the conic section."""
-    widest = 2.0 * abs(radius) / (1.0 + conic) ** 0.5 if conic > -1.0 else float("inf")
-    if aperture > widest:
-        field_error("aperture", f"must be at most {widest:.6g} mm, as wide as its surface is, got {aperture:g}")
 
 
 _KINDS: dict[str, type[SurfaceSpec]] = {
@@ -270,16 +246,13 @@ class FocusSpec(Spec):
         default=None, description="Number of the group's last surface"
     )
 
+    _has_a_group = only("first", "last", where={"moves": "group"}, message="goes with moves: group")
+    _whole_group = requires(
+        "first", "last", where={"moves": "group"}, message="is missing: a group has a first and a last surface"
+    )
+
     @model_validator(mode="after")
     def _group(self) -> "FocusSpec":
-        for key in ("first", "last"):
-            if (getattr(self, key) is not None) != (self.moves == "group"):
-                field_error(
-                    key,
-                    "goes with moves: group"
-                    if self.moves != "group"
-                    else "is missing: a group has a first and a last surface",
-                )
         if self.first is not None and self.last is not None and self.last < self.first:
             field_error("last", f"must be at least {self.first}, the first surface, got {self.last}")
         return self

@@ -29,6 +29,7 @@ from raytracer.plugins.cameras.base.views import (
     view_margin,
 )
 from raytracer.schema.fields import Count, Extent, PositiveLengthOrInf
+from raytracer.schema.rules import never
 from raytracer.schema.spec import field_error
 
 
@@ -66,12 +67,14 @@ class CameraArray(IdealLensSpec):
         description="gives each camera an opening as wide and high as `spacing`, so that together they are one lens",
     )
 
-    @model_validator(mode="after")
-    def _one_opening(self) -> Any:
-        for key in ("defocus_angle", "aperture", "f_number", "aperture_shape"):
-            if self.fill and getattr(self, key) is not None:
-                field_error(key, f"{key} and fill both say what the openings are: give one of them")
-        return self
+    _one_opening = never(
+        "defocus_angle",
+        "aperture",
+        "f_number",
+        "aperture_shape",
+        where={"fill": True},
+        message="{key} and fill both say what the openings are: give one of them",
+    )
 
     @model_validator(mode="after")
     def _is_developed_view_by_view(self) -> Any:

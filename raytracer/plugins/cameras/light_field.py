@@ -42,6 +42,7 @@ from raytracer.plugins.cameras.base.perspective_camera import FlatPupil, Irradia
 from raytracer.plugins.cameras.base.sub_images import describe_resolution, make_lenslets, microlens_solid_angle
 from raytracer.plugins.cameras.base.views import describe_views
 from raytracer.plugins.cameras.base.warnings import MICROLENS_WARNINGS, MicrolensFit
+from raytracer.schema.rules import never, only
 from raytracer.schema.spec import field_error
 from raytracer.schema.units import METRES_PER_MILLIMETRE
 from raytracer.schema.warning_kind import WarningRecord
@@ -103,15 +104,15 @@ class LightField(GlassLensSpec, IdealLensSpec):
         "focal_length, distance, arrangement, rotation, offset",
     )
 
+    _one_main_lens = never(
+        *_THIN_LENS_KEYS, where="lens", message="lens and {key} both say what the main lens is: give one of them"
+    )
+    _has_glass = only("dispersion", where="lens", message="a thin lens has no glass that could disperse: give lens")
+
     @model_validator(mode="after")
     def _has_a_main_lens(self) -> Any:
         if self.lens is not None:
-            given = [key for key in _THIN_LENS_KEYS if getattr(self, key) is not None]
-            if given:
-                field_error(given[0], f"lens and {given[0]} both say what the main lens is: give one of them")
             return self
-        if self.dispersion is not None:
-            field_error("dispersion", "a thin lens has no glass that could disperse: give lens")
         if not self.has_scale():
             field_error("focal_length", "microlenses need the size of the optics: give focal_length, sensor, or both")
         if not self.has_aperture():

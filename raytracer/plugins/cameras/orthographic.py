@@ -8,13 +8,14 @@ In a scene:
 import math
 from typing import Literal, NamedTuple
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.vec import add, madd, scale
 from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets, camera_ray, project
 from raytracer.plugins.cameras.base.placement import CameraFrame, PlacedSpec, to_camera_space
 from raytracer.schema.fields import PositiveLength
+from raytracer.schema.rules import some_of
 
 
 class Orthographic(PlacedSpec):
@@ -29,11 +30,9 @@ class Orthographic(PlacedSpec):
     height: PositiveLength | None = Field(default=None, description="height of what is seen (m)")
     width: PositiveLength | None = Field(default=None, description="width of what is seen (m), in place of `height`")
 
-    @model_validator(mode="after")
-    def _one_size(self) -> "Orthographic":
-        if (self.height is None) == (self.width is None):
-            raise ValueError("needs a size of what is seen: give either height or width (m)")
-        return self
+    _one_size = some_of(
+        "height", "width", most=1, message="needs a size of what is seen: give either height or width (m)"
+    )
 
     def _pixel(self, width: int, height: int) -> float:
         """Return the edge of a pixel (m)."""

@@ -9,14 +9,14 @@ In a scene:
 
 from typing import ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets
 from raytracer.plugins.cameras.base.perspective import ApertureSize, PerspectiveSpec
 from raytracer.plugins.cameras.base.perspective_camera import PerspectiveCamera
 from raytracer.plugins.cameras.base.thin_lens_ray import ThinLensPupil
 from raytracer.schema.fields import NonNegativeLensLength
-from raytracer.schema.spec import field_error
+from raytracer.schema.rules import exclusive, only
 from raytracer.schema.units import METRES_PER_MILLIMETRE
 
 
@@ -36,15 +36,12 @@ class Pinhole(PerspectiveSpec):
         default=None, description="diameter of the hole (mm); its distance from the film is the focal length"
     )
 
-    @model_validator(mode="after")
-    def _one_hole(self) -> "Pinhole":
-        if self.diameter is not None and self.f_number is not None:
-            field_error("f_number", "diameter and f_number both set the size of the hole: give one of them")
-        if self.diameter and not self.has_scale():
-            field_error(
-                "diameter", "diameter needs the distance of the film from the hole: give focal_length, or sensor"
-            )
-        return self
+    _one_hole = exclusive("diameter", "f_number", sets="the size of the hole")
+    _has_a_film = only(
+        "diameter",
+        where=lambda camera: camera.diameter == 0.0 or camera.has_scale(),
+        message="{key} needs the distance of the film from the hole: give focal_length, or sensor",
+    )
 
     def aperture_size(self) -> ApertureSize:
         return ApertureSize(METRES_PER_MILLIMETRE * self.diameter) if self.diameter else super().aperture_size()

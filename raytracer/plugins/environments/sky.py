@@ -17,6 +17,7 @@ from raytracer.optics.thin_lens import WHITE_EFFICACY
 from raytracer.plugins.environments.base.equirectangular import Equirectangular, equirectangular
 from raytracer.plugins.environments.base.interface import Assets, EnvironmentSpec, SunDisc
 from raytracer.schema.fields import MAX_MAGNITUDE, Albedo, Angle, Direction, NonNegativeNumber, Quantity
+from raytracer.schema.rules import never, only
 from raytracer.schema.spec import field_error
 
 Floats = NDArray[np.float64]
@@ -198,16 +199,20 @@ class Sky(EnvironmentSpec):
     scale: NonNegativeNumber = Field(default=1.0, description="factor to all radiance; 0: none")
     sun: bool = Field(default=False, description="whether the sun itself is there: a light of kind `sun`")
 
+    _one_position = never(
+        "sun_elevation",
+        "sun_azimuth",
+        where="sun_direction",
+        message="is given besides sun_direction, which says the same",
+    )
+    _sun_above_horizon = only(
+        "sun_direction",
+        where=lambda sky: sky.sun_direction[1] >= 0.0,
+        message="points below the horizon, where the model holds no more; y must be at least 0",
+    )
+
     @model_validator(mode="after")
-    def _one_position_and_a_sun_in_range(self) -> "Sky":
-        if self.sun_direction is not None:
-            for key in ("sun_elevation", "sun_azimuth"):
-                if key in self.model_fields_set:
-                    field_error(key, "is given besides sun_direction, which says the same")
-            if self.sun_direction[1] < 0.0:
-                field_error(
-                    "sun_direction", "points below the horizon, where the model holds no more; y must be at least 0"
-                )
+    def _sun_in_range(self) -> "Sky":
         disc = self.sun_disc()
         brightest = 0.0 if disc is None else max(disc.irradiance)
         if brightest and not 1.0 / MAX_MAGNITUDE <= brightest <= MAX_MAGNITUDE:

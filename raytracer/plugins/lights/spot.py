@@ -27,6 +27,7 @@ from raytracer.plugins.lights.base.interface import (
 from raytracer.plugins.lights.base.light_choice import choose_light
 from raytracer.plugins.lights.base.light_tree import LightTree, build_choice
 from raytracer.schema.fields import Direction, NonNegativeAngle, Point, Quantity
+from raytracer.schema.rules import some_of
 from raytracer.schema.spec import field_error
 
 
@@ -49,10 +50,10 @@ class SpotLight(LightSpec):
         description="angle within the cone, from its edge inwards, over which the intensity rises; 0: at once",
     )
 
+    _one_aim = some_of("direction", "look_at", most=1, message="needs exactly one of direction and look_at")
+
     @model_validator(mode="after")
     def _aimed(self) -> "SpotLight":
-        if (self.direction is None) == (self.look_at is None):
-            raise ValueError("needs exactly one of direction and look_at")
         if self.look_at == self.position:
             field_error("look_at", "is the light's own position, so it names no direction")
         if self.penumbra > 0.5 * self.angle:

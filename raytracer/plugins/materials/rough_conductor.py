@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from raytracer.core.compiler.dispatch import entry, kernel
 from raytracer.core.fresnel import fresnel_conductor, fresnel_schlick, fresnel_schlick_mean
@@ -64,7 +64,7 @@ from raytracer.plugins.textures.base.interface import (
     number,
 )
 from raytracer.schema.fields import Color
-from raytracer.schema.spec import field_error
+from raytracer.schema.rules import exclusive, some_of, together
 
 METALS: dict[str, tuple[Vec3, Vec3]] = {
     "gold": ((0.1556, 0.4241, 1.3831), (3.6024, 2.4721, 1.9155)),
@@ -104,17 +104,11 @@ class RoughConductor(MaterialSpec):
         default=True, description="count light that meets several facets; without it, rough metal is too dark"
     )
 
-    @model_validator(mode="after")
-    def _one_kind_of_metal(self) -> "RoughConductor":
-        if (self.eta is None) != (self.k is None):
-            missing = "eta" if self.eta is None else "k"
-            field_error(missing, "is missing; `eta` and `k` go together")
-        given = [key for key in ("metal", "eta", "albedo") if getattr(self, key) is not None]
-        if not given:
-            raise ValueError("needs a metal, or eta and k, or an albedo")
-        if len(given) > 1:
-            field_error(given[1], f"cannot go with {given[0]}: give a metal, or eta and k, or an albedo")
-        return self
+    _whole_index = together("eta", "k", message="is missing; `eta` and `k` go together")
+    _some_metal = some_of("metal", "eta", "albedo", message="needs a metal, or eta and k, or an albedo")
+    _one_metal = exclusive(
+        "metal", "eta", "albedo", message="cannot go with {first}: give a metal, or eta and k, or an albedo"
+    )
 
     def has_non_delta_bsdf(self) -> bool:
         if self.albedo is not None and is_zero(self.albedo):

@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from raytracer.core.compiler.dispatch import kernel, optional
 from raytracer.core.fresnel import fresnel_dielectric, refract
@@ -62,7 +62,7 @@ from raytracer.plugins.textures.base.interface import (
     TexturedNumbers,
     number,
 )
-from raytracer.schema.spec import field_error
+from raytracer.schema.rules import only
 
 
 class RoughDielectric(ClearSpec):
@@ -86,14 +86,12 @@ class RoughDielectric(ClearSpec):
         default=True, description="count light that meets several facets; without it, rough glass is too dark"
     )
 
-    @model_validator(mode="after")
-    def _absorbs_by_priority(self) -> "RoughDielectric":
-        for key in ("absorption", "attenuation_color"):
-            if self.priority is None and getattr(self, key) is not None:
-                field_error(
-                    key, f"needs a priority, by which light knows what it is in; with it, {key} tells what it loses"
-                )
-        return self
+    _absorbs_by_priority = only(
+        "absorption",
+        "attenuation_color",
+        where="priority",
+        message="needs a priority, by which light knows what it is in; with it, {key} tells what it loses",
+    )
 
     def dispersion_mode(self) -> int:
         return TERMINATE_ON_HIT if self.disperses() else 0

@@ -1,11 +1,12 @@
 """The connection to a Dask cluster."""
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from types import TracebackType
 from typing import Any
 
 from raytracer.rendering.cluster.executor import ClusterExecutor, WaitPolicy
+from raytracer.rendering.options import RenderOptions
 from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import InputError
 
@@ -64,20 +65,13 @@ class Cluster:
             self.client.close()
 
     def connect(
-        self,
-        spec: SceneSpec,
-        *,
-        aovs: Sequence[str] = (),
-        denoise: bool = False,
-        warn: Callable[[str], object] | None = None,
-        strict: bool = False,
+        self, spec: SceneSpec, options: RenderOptions, warn: Callable[[str], object] | None = None
     ) -> ClusterExecutor:
         """Have the workers prepare a scene; see `worker_pool.ClusterClient`.
 
         Workers that cannot take part are found when samples are taken, so that all are asked meanwhile.
         """
-        waiting = WaitPolicy(self._patience, self._say)
-        return ClusterExecutor(self.client, spec, waiting, aovs=aovs, denoise=denoise, warn=warn, strict=strict)
+        return ClusterExecutor(self.client, spec, options, WaitPolicy(self._patience, self._say), warn)
 
 
 def require_dask() -> None:

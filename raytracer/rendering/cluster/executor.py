@@ -13,6 +13,7 @@ import numpy as np
 
 from raytracer.rendering.cluster import worker
 from raytracer.rendering.cluster.compatibility import fingerprint
+from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.tile_job import TileJob, TileResult
 from raytracer.rendering.tile_scheduler import now
 from raytracer.rendering.worker_pool import WorkerPool
@@ -110,28 +111,27 @@ class ClusterExecutor:
         self,
         client: Client,
         spec: SceneSpec,
+        options: RenderOptions,
         waiting: WaitPolicy,
-        *,
-        aovs: Sequence[str],
-        denoise: bool,
         warn: Callable[[str], object] | None,
-        strict: bool,
     ) -> None:
         """Request all workers that are there to prepare the scene.
 
         Parameters
         ----------
-        warn, strict : see `rendering.render`.
+        options, warn : see `rendering.render`.
 
         Raises
         ------
         InputError : a file of the scene cannot be read.
         """
-        self._client, self._waiting, self._warn, self._strict = client, waiting, warn, strict
+        self._client, self._waiting, self._warn, self._strict = client, waiting, warn, options.strict
         whole = bundle(spec)
         digests = {name: worker.content_digest(content) for name, content in whole.files.items()}
         self._contents = {digests[name]: content for name, content in whole.files.items()}
-        request = worker.PrepareRequest("", whole.text, whole.name, digests, tuple(aovs), denoise, fingerprint())
+        request = worker.PrepareRequest(
+            "", whole.text, whole.name, digests, tuple(options.aovs), options.denoise, fingerprint()
+        )
         self._request = request._replace(key=hashlib.sha256(repr(request).encode()).hexdigest())
         self._files: dict[str, Future] = {}
         self._worker_states: dict[str, _WorkerState] = {}

@@ -24,7 +24,7 @@ def spec(tmp_path: Path) -> SceneSpec:
 
 
 def studied(spec: SceneSpec, world: World, **options: Any) -> Study:
-    own = {name: options.pop(name) for name in StudyOptions._fields if name in options}
+    own = {name: options.pop(name) for name in StudyOptions.__dataclass_fields__ if name in options}
     return study(spec, StudyOptions(**{"threads": 2, **own}), **{"bench": world.bench(), **options})
 
 

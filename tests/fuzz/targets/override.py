@@ -8,6 +8,7 @@ from typing import Any
 
 from raytracer.analysis.explain import parse_circle
 from raytracer.cli.base import options
+from raytracer.rendering.options import parse_crop
 from raytracer.scene.load import build, load
 from raytracer.scene.overrides import apply_overrides, parse_overrides
 from raytracer.scene.spec import SceneSpec
@@ -47,10 +48,10 @@ objects: [{type: sphere, name: ball, center: [0, 0, 0], radius: 1, material: red
 """
 
 _OPTIONS: tuple[Callable[[str], Any], ...] = (
-    options.parse_crop,
-    partial(options.parse_number, "--time-limit", parse=parse_duration),
-    partial(options.parse_number, "--noise", parse=parse_percentage),
-    partial(options.parse_number, "--memory", parse=parse_bytes),
+    partial(options.parse_value, "--crop", parse=parse_crop),
+    partial(options.parse_value, "--time-limit", parse=parse_duration),
+    partial(options.parse_value, "--noise", parse=parse_percentage),
+    partial(options.parse_value, "--memory", parse=parse_bytes),
     parse_circle,
 )
 

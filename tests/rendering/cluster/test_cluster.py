@@ -16,6 +16,7 @@ from raytracer.rendering import worker_pool
 from raytracer.rendering.checkpoint import CheckpointWriter
 from raytracer.rendering.cluster import Cluster, connection, executor
 from raytracer.rendering.cluster.compatibility import Fingerprint, find_mismatch, fingerprint
+from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.progress import Progress
 from raytracer.rendering.render import render
 from raytracer.rendering.session import Rendered
@@ -145,14 +146,14 @@ def test_another_instruction_set_is_told_and_refused_if_strict(
     assert render(spec, cluster=cluster, warn=told.append).complete
     assert len([sentence for sentence in told if "has another instruction set than this machine" in sentence]) == 1
     with pytest.raises(StrictError, match="instruction set"):
-        connect_only(cluster, spec, strict=True)
+        connect_only(cluster, spec, RenderOptions(strict=True))
 
 
-def connect_only(cluster: Cluster, spec: SceneSpec, **settings: Any) -> None:
+def connect_only(cluster: Cluster, spec: SceneSpec, options: RenderOptions) -> None:
     """Take samples without the warnings that the scene itself raises."""
     from raytracer.rendering.worker_pool import WorkerPool
 
-    cluster.connect(spec, **settings).run(
+    cluster.connect(spec, options).run(
         lambda: None, lambda job, result: None, WorkerPool(1), time.perf_counter() + 30.0
     )
 

@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 from raytracer.optics.sensor_formats import SENSORS, SensorField, SensorSize, SensorSpec, fit_sensor
 from raytracer.plugins.cameras.base.placement import PlacedSpec
 from raytracer.schema.fields import Quantity
+from raytracer.schema.rules import never
 from raytracer.schema.spec import field_error
 
 
@@ -29,11 +30,11 @@ class ExposedSpec(PlacedSpec):
         "1 is what saturates the sensor",
     )
 
-    @model_validator(mode="after")
-    def _opens_for_some_time(self) -> Any:
-        if self.iso is not None and self.exposure_seconds() == 0.0:
-            field_error("iso", "iso needs a shutter that is open for some time, such as shutter: 1/125 s")
-        return self
+    _opens_for_some_time = never(
+        "iso",
+        where=lambda camera: camera.exposure_seconds() == 0.0,
+        message="iso needs a shutter that is open for some time, such as shutter: 1/125 s",
+    )
 
     @model_validator(mode="after")
     def _is_no_slower_than_its_sensor(self) -> Any:

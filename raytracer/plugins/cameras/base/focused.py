@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from raytracer.plugins.apertures.base.interface import ApertureSpec
 from raytracer.plugins.cameras.base.exposed import ExposedSpec
@@ -10,14 +10,13 @@ from raytracer.plugins.cameras.base.interface import Assets
 from raytracer.plugins.cameras.base.opening import Opening
 from raytracer.schema.fields import Fraction, Name, PositiveLengthOrInf
 from raytracer.schema.registry import APERTURES
+from raytracer.schema.rules import exclusive
 from raytracer.schema.spec import field_error
 
 if TYPE_CHECKING:
     Aperture: TypeAlias = ApertureSpec
 else:
     Aperture = APERTURES.union_or_name()
-
-_FOCUSES = ("focus_distance", "focus_on", "focus_at")
 
 
 class FocusedSpec(ExposedSpec):
@@ -43,12 +42,7 @@ class FocusedSpec(ExposedSpec):
         description="shape of the opening, of the same area as the round one: a type, or a mapping; round by default",
     )
 
-    @model_validator(mode="after")
-    def _one_focus(self) -> Any:
-        focuses = [key for key in _FOCUSES if getattr(self, key) is not None]
-        if len(focuses) > 1:
-            field_error(focuses[1], f"{focuses[0]} and {focuses[1]} both set the plane of focus: give one of them")
-        return self
+    _one_focus = exclusive("focus_distance", "focus_on", "focus_at", sets="the plane of focus")
 
     def check_focus(self) -> None:
         """Refuse a plane of focus that the lens cannot have.

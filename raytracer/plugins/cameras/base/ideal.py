@@ -18,10 +18,9 @@ from raytracer.plugins.cameras.base.perspective import ApertureSize, Perspective
 from raytracer.plugins.cameras.base.perspective_camera import FlatPupil, Irradiance
 from raytracer.plugins.cameras.base.thin_lens_ray import ThinLensPupil
 from raytracer.schema.fields import NonNegativeLensLength, Quantity
+from raytracer.schema.rules import exclusive
 from raytracer.schema.spec import field_error
 from raytracer.schema.units import METRES_PER_MILLIMETRE
-
-_SIZES = ("defocus_angle", "aperture", "f_number")
 
 
 class IdealLensSpec(FocusedSpec, PerspectiveSpec):
@@ -45,11 +44,10 @@ class IdealLensSpec(FocusedSpec, PerspectiveSpec):
         "as an even disc of light in its place",
     )
 
+    _one_aperture = exclusive("defocus_angle", "aperture", "f_number", sets="the size of the lens")
+
     @model_validator(mode="after")
-    def _one_aperture(self) -> Any:
-        sizes = [key for key in _SIZES if getattr(self, key) is not None]
-        if len(sizes) > 1:
-            field_error(sizes[1], f"{sizes[0]} and {sizes[1]} both set the size of the lens: give one of them")
+    def _can_be_focused(self) -> Any:
         if not self.has_focus_target():
             self.check_focus()
         return self

@@ -24,6 +24,7 @@ from raytracer.optics.sensor_formats import SensorSpec
 from raytracer.optics.thin_lens import AutoExposureField, ExposureSettings
 from raytracer.plugins.cameras.base.opening import Opening
 from raytracer.schema.fields import Name, Quantity, Time
+from raytracer.schema.rules import never, only
 from raytracer.schema.spec import Spec, field_error
 from raytracer.schema.transform import TRANSFORM_ROUNDING, matrix_of
 from raytracer.schema.warning_kind import WarningRecord
@@ -74,15 +75,16 @@ class CameraSpec(Spec):
         default=None, description="stops (EV) by which the picture is made brighter than `iso` or `exposure` make it"
     )
 
-    @model_validator(mode="after")
-    def _compensates_something(self) -> Any:
-        if self.exposure is not None and self.iso_speed() is not None:
-            field_error("exposure", "exposure and iso both set how bright the picture is: give one of them")
-        if self.exposure_compensation is not None and self.exposure is None and self.iso_speed() is None:
-            field_error(
-                "exposure_compensation", "exposure_compensation needs iso or exposure: auto, which it is relative to"
-            )
-        return self
+    _one_exposure = never(
+        "exposure",
+        where=lambda camera: camera.iso_speed() is not None,
+        message="exposure and iso both set how bright the picture is: give one of them",
+    )
+    _compensates_something = only(
+        "exposure_compensation",
+        where=lambda camera: camera.exposure is not None or camera.iso_speed() is not None,
+        message="exposure_compensation needs iso or exposure: auto, which it is relative to",
+    )
 
     @model_validator(mode="after")
     def _opens_once(self) -> Any:

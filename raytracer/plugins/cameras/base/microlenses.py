@@ -18,6 +18,7 @@ from pydantic import Field, model_validator
 
 from raytracer.optics.sensor_formats import SensorSize
 from raytracer.schema.fields import Angle, Count, LensLength, PositiveLensLength
+from raytracer.schema.rules import exclusive, requires
 from raytracer.schema.spec import Spec, field_error
 
 PIXELS = 15
@@ -78,13 +79,15 @@ class Microlenses(Spec):
         description="by how much the array is off its place on the sensor (mm), right and up in the picture",
     )
 
+    _one_size = exclusive(*_SIZES, sets="the size of the microlenses")
+    _has_a_focal_length = requires(
+        "focal_length",
+        where={"arrangement": "focused"},
+        message="arrangement: focused needs the focal_length of the microlenses",
+    )
+
     @model_validator(mode="after")
-    def _one_size(self) -> Any:
-        sizes = [key for key in _SIZES if getattr(self, key) is not None]
-        if len(sizes) > 1:
-            field_error(sizes[1], f"{sizes[0]} and {sizes[1]} both set the size of the microlenses: give one of them")
-        if self.arrangement == "focused" and self.focal_length is None:
-            field_error("focal_length", "arrangement: focused needs the focal_length of the microlenses")
+    def _is_out_of_focus(self) -> Any:
         if self.arrangement == "focused" and self.focal_length == self.distance:
             field_error(
                 "distance",

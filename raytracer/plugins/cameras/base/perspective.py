@@ -19,6 +19,7 @@ from raytracer.optics.thin_lens import (
 from raytracer.plugins.cameras.base.exposed import ExposedSpec
 from raytracer.plugins.cameras.base.perspective_camera import FlatPupil, ImagePlane, Irradiance, PerspectiveCamera
 from raytracer.schema.fields import FieldOfView, FNumberOrInf, PositiveLensLength
+from raytracer.schema.rules import exclusive, only
 from raytracer.schema.spec import field_error
 from raytracer.schema.units import METRES_PER_MILLIMETRE
 
@@ -71,10 +72,6 @@ class ApertureSize(NamedTuple):
         return METRES_PER_MILLIMETRE * focal_length / self.f_number
 
 
-def _conflict_message(keys: list[str], what: str) -> str:
-    return f"{' and '.join(keys)} both set {what}: give one of them"
-
-
 class PerspectiveSpec(ExposedSpec):
     """Base of the perspective cameras, whose film lies as that of a lens focused at infinity.
 
@@ -101,40 +98,44 @@ class PerspectiveSpec(ExposedSpec):
         default=None, description="focal length over the diameter of the entrance pupil; inf for a pinhole"
     )
 
+    _one_angle = exclusive(*_ANGLES, sets="the field of view")
+    _one_length = exclusive(*_LENGTHS, sets="the focal length")
+
     @model_validator(mode="after")
     def _one_scale(self) -> Any:
         angles = [key for key in _ANGLES if getattr(self, key) is not None]
         lengths = [key for key in _LENGTHS if getattr(self, key) is not None]
-        if len(angles) > 1:
-            field_error(angles[1], _conflict_message(angles[:2], "the field of view"))
-        if len(lengths) > 1:
-            field_error(lengths[1], _conflict_message(lengths, "the focal length"))
         if angles and lengths and self.given_sensor() is not None:
             field_error(
                 angles[0],
                 f"{angles[0]} is set twice, by itself and by sensor and {lengths[0]}: give two of the three at most",
             )
         if angles and self.equivalent_focal_length is not None:
-            field_error(angles[0], _conflict_message([angles[0], "equivalent_focal_length"], "the field of view"))
+            field_error(
+                angles[0],
+                f"{angles[0]} and equivalent_focal_length both set the field of view: give one of them",
+            )
         if self.sensor_fit is not None and self.given_sensor() is None and not (lengths and not angles):
             field_error(
                 "sensor_fit", "sensor_fit says how the picture lies on the sensor, and there is none: give sensor"
             )
-        if self.f_number is not None and math.isfinite(self.f_number) and not self.has_scale():
-            field_error("f_number", "f_number needs a focal length: give focal_length, or sensor")
         return self
 
-    @model_validator(mode="after")
-    def _can_be_exposed(self) -> Any:
-        if self.iso is None:
-            return self
-        if not self.has_scale():
-            field_error(
-                "iso", "iso needs the size of the optics, which an angle does not have: give focal_length or sensor"
-            )
-        if not self.has_aperture():
-            field_error("iso", f"iso needs an aperture that lets light in: {self.aperture_hint}")
-        return self
+    _has_a_focal_length = only(
+        "f_number",
+        where=lambda camera: math.isinf(camera.f_number) or camera.has_scale(),
+        message="f_number needs a focal length: give focal_length, or sensor",
+    )
+    _is_exposed_by_its_size = only(
+        "iso",
+        where=lambda camera: camera.has_scale(),
+        message="iso needs the size of the optics, which an angle does not have: give focal_length or sensor",
+    )
+    _is_exposed_through_an_aperture = only(
+        "iso",
+        where=lambda camera: camera.has_aperture(),
+        message="iso needs an aperture that lets light in: {spec.aperture_hint}",
+    )
 
     def plane_of_focus(self) -> float:
         """Return the distance (m) for which the film lies behind the lens."""

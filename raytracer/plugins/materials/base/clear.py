@@ -2,18 +2,18 @@
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, NamedTuple, TypeAlias
+from typing import Annotated, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.spectra import FIRST, LAST
 from raytracer.optics.glass import AIR, LINE_D, Glass, IndexField, constant_index_glass
 from raytracer.plugins.materials.base.interface import BLACK, InteriorMedium, MaterialSpec
 from raytracer.schema.fields import Color, Count, PositiveLength, Quantity, Triple, Vector
-from raytracer.schema.spec import field_error
+from raytracer.schema.rules import never, together
 
 _Attenuation: TypeAlias = Annotated[Vector, Triple(Quantity(low=0.0, low_open=True, high=1.0), "a colour", single=True)]
 
@@ -51,21 +51,20 @@ class ClearSpec(MaterialSpec):
         default=None, description="the distance within which light takes on `attenuation_color` (m)"
     )
 
-    @model_validator(mode="after")
-    def _one_absorption(self) -> Any:
-        if (self.attenuation_color is None) != (self.attenuation_distance is None):
-            missing = "attenuation_color" if self.attenuation_color is None else "attenuation_distance"
-            field_error(missing, "is missing; attenuation_color and attenuation_distance go together")
-        if self.absorption is not None and self.attenuation_color is not None:
-            field_error("absorption", "goes not with attenuation_color: give the one or the other")
-        return self
-
-    @model_validator(mode="after")
-    def _one_outside(self) -> Any:
-        for key in ("outside_ior", "outside_absorption"):
-            if self.priority is not None and key in self.model_fields_set:
-                field_error(key, "goes not with priority, by which what is outside is found: leave it out")
-        return self
+    _whole_attenuation = together(
+        "attenuation_color",
+        "attenuation_distance",
+        message="is missing; attenuation_color and attenuation_distance go together",
+    )
+    _one_absorption = never(
+        "absorption", where="attenuation_color", message="goes not with attenuation_color: give the one or the other"
+    )
+    _one_outside = never(
+        "outside_ior",
+        "outside_absorption",
+        where="priority",
+        message="goes not with priority, by which what is outside is found: leave it out",
+    )
 
     def inside_absorption(self) -> Vector:
         """Return the absorption coefficient (1/m) of the inside, by channel."""

@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from raytracer.core.compiler.dispatch import generic, kernel
 from raytracer.core.sampling.hashing import ONE_MINUS_EPSILON
@@ -18,7 +18,8 @@ from raytracer.optics.glass import Glass
 from raytracer.plugins.textures.base.interface import OptionalTexture, ParameterPacker
 from raytracer.schema.fields import Length, NonNegativeNumber, Vector
 from raytracer.schema.object_spec import name_or_material
-from raytracer.schema.spec import Spec, field_error
+from raytracer.schema.rules import only
+from raytracer.schema.spec import Spec
 
 BLACK = (0.0, 0.0, 0.0)
 WHITE = (1.0, 1.0, 1.0)
@@ -51,12 +52,8 @@ class MaterialSpec(Spec):
     )
     normal_scale: NonNegativeNumber = Field(default=1.0, description="what the map's slopes are multiplied by")
 
-    @model_validator(mode="after")
-    def _relief_has_a_texture(self) -> "MaterialSpec":
-        for key, texture in (("bump_height", "bump"), ("normal_scale", "normal_map")):
-            if key in self.model_fields_set and getattr(self, texture) is None:
-                field_error(key, f"needs a {texture}, the texture that it scales")
-        return self
+    _scales_bumps = only("bump_height", where="bump", message="needs a bump, the texture that it scales")
+    _scales_normals = only("normal_scale", where="normal_map", message="needs a normal_map, the texture that it scales")
 
     @staticmethod
     def pack(specs: Any, book: ParameterPacker) -> Any:

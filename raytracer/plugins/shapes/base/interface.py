@@ -5,7 +5,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from raytracer.core.motion.resolve import matrix_at
 from raytracer.core.motion.spec import Motion
@@ -14,7 +14,7 @@ from raytracer.core.shutter.table import Shutter
 from raytracer.plugins.shapes.base.affine import Matrix
 from raytracer.schema.fields import Name
 from raytracer.schema.object_spec import ObjectSpec
-from raytracer.schema.spec import field_error
+from raytracer.schema.rules import only
 from raytracer.schema.transform import Transform, matrix_of
 
 Assets = Mapping[str, Any]
@@ -82,14 +82,12 @@ class PlacementSpec(ShapeSpec):
         description="name of a material, or a material itself, that takes the place of all materials in it",
     )
 
-    @model_validator(mode="after")
-    def _has_no_medium_of_its_own(self) -> "PlacementSpec":
-        for key in ("medium", "outside_medium"):
-            if self.material is None and getattr(self, key) is not None:
-                field_error(
-                    key, "takes effect together with a `material` here; else give it to the objects that are placed"
-                )
-        return self
+    _has_no_medium_of_its_own = only(
+        "medium",
+        "outside_medium",
+        where="material",
+        message="takes effect together with a `material` here; else give it to the objects that are placed",
+    )
 
     def poses(self, assets: Assets) -> NDArray[np.float64]:
         """Return the matrices (n, 4, 4) of the copies, n >= 1, `transform` included.
