@@ -3,8 +3,7 @@
 A file is written to a temporary one and renamed, so that what stood there before is whole whatever goes wrong.
 """
 
-import contextlib
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.formats.base.image_format import DecodedLayers, Layers
+from raytracer.film.formats.base.limits import wrap_decode_errors
 from raytracer.film.formats.registry import display_suffixes, image_formats, image_suffixes, writable_suffixes
 from raytracer.util import safe_open
 from raytracer.util.atomic_write import check_file, is_special, write_bytes
@@ -82,27 +82,6 @@ def save(image: "Image", path: str | Path, layers: Layers | None = None) -> None
 # ---- reading ----
 
 
-@contextlib.contextmanager
-def _wrap_read_errors(path: Path) -> Iterator[None]:
-    """Turn whatever reading `path` raises into one sentence: broken files raise anything from SyntaxError on."""
-    try:
-        yield
-    except InputError:
-        raise
-    except safe_open.BrokenFileError as error:
-        raise InputError(f"{path}: {error}") from error
-    except MemoryError as error:
-        raise InputError(f"{path}: does not fit into memory") from error
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except OSError as error:
-        # The system's errors have a number and the decoders' have none.
-        reason = f"cannot be read: {error.strerror}" if error.errno else f"broken, or no {path.suffix} image"
-        raise InputError(f"{path}: {reason}") from error
-    except Exception as error:
-        raise InputError(f"{path}: broken, or no {path.suffix} image") from error
-
-
 def _read_bytes(path: Path) -> bytes:
     """Read the bytes of a file, or of a pipe, which has no suffix."""
     if path.suffix or not is_special(path):
@@ -128,7 +107,7 @@ def load(path: str | Path) -> NDArray[np.float64]:
     path = Path(path)
     decode = image_formats()[_format_suffix(path, image_suffixes())].decode
     assert decode is not None
-    with _wrap_read_errors(path):
+    with safe_open.name_read_errors(path), wrap_decode_errors(path.suffix):
         return decode(_read_bytes(path))
 
 
@@ -143,7 +122,7 @@ def load_encoded(path: str | Path) -> NDArray[np.float64]:
     image_format = image_formats().get(path.suffix.lower())
     if image_format is None or image_format.decode_display is None:
         raise InputError(f"{path}: only {', '.join(display_suffixes())} files hold display values")
-    with _wrap_read_errors(path):
+    with safe_open.name_read_errors(path), wrap_decode_errors(path.suffix):
         return image_format.decode_display(safe_open.read_regular(path))
 
 
@@ -163,5 +142,5 @@ def load_layers(path: str | Path, wanted: Collection[str] | None = None) -> Deco
     if image_format is None or image_format.decode_layers is None:
         known = [suffix for suffix, each in image_formats().items() if each.decode_layers is not None]
         raise InputError(f"{path}: only {', '.join(known)} files have layers")
-    with _wrap_read_errors(path):
+    with safe_open.name_read_errors(path), wrap_decode_errors(path.suffix):
         return image_format.decode_layers(safe_open.read_regular(path), wanted)

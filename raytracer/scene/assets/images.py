@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from raytracer.film.formats.base.image_format import ImageFormat
+from raytracer.film.formats.base.limits import wrap_decode_errors
 from raytracer.film.formats.base.stored_image import StoredImage, to_single
 from raytracer.film.formats.registry import image_formats, texture_suffixes
 from raytracer.scene.assets.gltf import read_image_bytes
@@ -20,16 +21,10 @@ def decode_image(data: bytes, suffix: str) -> StoredImage:
     Raises
     ------
     BrokenFileError : the bytes are broken, too many, or hold what is not finite.
+    MemoryError : the image does not fit into memory.
     """
-    try:
+    with wrap_decode_errors(suffix):
         image = _decode(data, image_formats()[suffix.lower()])
-    except BrokenFileError:
-        raise
-    except MemoryError:
-        raise BrokenFileError("does not fit into memory") from None
-    except Exception as error:
-        # A broken file raises anything, from SyntaxError to struct.error.
-        raise BrokenFileError(f"broken, or no {suffix} image") from error
     with np.errstate(invalid="ignore"):
         total = 0.0 if image.texels.dtype == np.uint8 else image.texels.sum(dtype=np.float64)
     if not np.isfinite(total):

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+import raytracer.scene.assets.gltf_geometry  # noqa: F401
 from raytracer.scene.assets import companion_files, read_image
 from raytracer.scene.assets.gltf_materials import read_materials
 from raytracer.util.errors import InputError

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+import raytracer.scene.assets.obj  # noqa: F401
 from tests.fuzz.targets import _meshes
 
 MAX_LENGTH = 1024

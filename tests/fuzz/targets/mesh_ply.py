@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+import raytracer.scene.assets.ply  # noqa: F401
 from tests.fuzz.targets import _meshes
 from tests.fuzz.targets._parts import CORNERS
 

@@ -4,6 +4,7 @@ import struct
 from collections.abc import Iterator
 from pathlib import Path
 
+import raytracer.scene.assets.stl  # noqa: F401
 from tests.fuzz.targets import _meshes
 from tests.fuzz.targets._parts import CORNERS, TRIANGLES
 

@@ -4,6 +4,10 @@ A few bytes can claim any number of pixels, and hold it in zeros; what is too la
 that, is refused before memory is allocated for it.
 """
 
+import contextlib
+from collections.abc import Iterator
+
+from raytracer.util.errors import InputError
 from raytracer.util.safe_open import BrokenFileError
 
 MAX_PIXELS = 2**28
@@ -15,6 +19,20 @@ _MAX_PIXELS_PER_BYTE = 2**14
 
 # 4096 x 4096: of one colour, as flat normal maps are, a few hundred bytes of WebP hold them.
 _PIXELS_OF_ANY_FILE = 2**24
+
+
+@contextlib.contextmanager
+def wrap_decode_errors(suffix: str) -> Iterator[None]:
+    """Turn whatever decoders raise about a broken file, from SyntaxError to struct.error, into a BrokenFileError."""
+    try:
+        yield
+    except (InputError, BrokenFileError, MemoryError):
+        raise
+    except Exception as error:
+        # The system's errors have a number and the decoders' have none.
+        if isinstance(error, OSError) and error.errno:
+            raise
+        raise BrokenFileError(f"broken, or no {suffix} image") from error
 
 
 def check_size(width: int, height: int, length: int) -> None:
