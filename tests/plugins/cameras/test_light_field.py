@@ -337,14 +337,14 @@ def test_explain_prints_the_trade_off() -> None:
 )
 def test_what_does_not_suit_the_main_lens_is_doubted(keys: dict[str, Any], message: str | None) -> None:
     result = LightField.model_validate({**THIN, **keys}).warnings(WIDTH, WIDTH)
-    assert [key for key, _ in result] == ([] if message is None else ["microlenses"])
-    assert message is None or message in result[0][1]
+    assert [warned.keys for warned in result] == ([] if message is None else [("microlenses",)])
+    assert message is None or message in result[0].text
 
 
 def test_a_picture_without_room_for_a_sub_image_holds_no_views() -> None:
     spec = spec_of(pixels=30)
     assert spec.layout(29, 60) is None
-    assert [key for key, message in spec.warnings(29, 60) if "holds no views" in message] == ["microlenses"]
+    assert [warned.keys for warned in spec.warnings(29, 60) if "holds no views" in warned.text] == [("microlenses",)]
     assert "views" not in spec.describe(29, 60)
 
 
