@@ -230,7 +230,8 @@ def test_a_file_that_changes_meanwhile_is_not_taken_for_what_it_was(path: Path, 
 
 def test_the_first_samples_are_kept_before_all_pixels_have_some(path: Path) -> None:
     """Those of a slow scene take longer than the time between two checkpoints."""
-    spec = scene()
+    # Large enough for its first samples to take a hundred times as long as the time between two reports.
+    spec = scene(film__width=6 * WIDTH, film__height=6 * HEIGHT)
     first = render(spec, spp=24, threads=1, checkpoint_writer=CheckpointWriter(path), progress=until(1))
     assert (first.stats.spp["fewest"], first.stats.spp["most"]) == (0, 8)
     more, whole = render(spec, spp=24, checkpoint_writer=CheckpointWriter(path, resume=True)), render(spec, spp=24)
