@@ -68,7 +68,7 @@ class ProbeResult(NamedTuple):
 
 @dataclass(frozen=True)
 class ProbeOptions(RenderOptions):
-    """What `probe` and `probe_sphere` are called with; see there."""
+    """Options of `probe` and `probe_sphere`; see there."""
 
     scene: SceneSpec | str | os.PathLike[str]
     at: Sequence[float]

@@ -47,7 +47,7 @@ class Candidate(NamedTuple):
 
 
 _NOTHING = Candidate(LightSample(BLACK, BLACK, 0.0, BLACK, 0.0), BLACK, 0.0, 0.0, BLACK)
-"""What is chosen among no candidates."""
+"""The choice among no candidates."""
 
 
 @generic

@@ -61,7 +61,7 @@ class Path(NamedTuple):
 
 
 class Queue(NamedTuple):
-    """What is traced next, in the order in which it was pushed.
+    """Samples to trace next, in the order in which it was pushed.
 
     Attributes
     ----------

@@ -11,7 +11,7 @@ from raytracer.report.chart import DASH_DOTTED, DASHED, DOTTED, SOLID, Chart, Le
 from raytracer.report.palette import SERIES
 
 PLANES = (LegendEntry("T"), LegendEntry("S", dashes=DASHED))
-"""What dashes say in charts in which colours say something else: tangential and sagittal."""
+"""Dashes of tangential and sagittal lines, in charts whose colours say something else."""
 
 # Of fields; dotted is the limit.
 _DASHES = (SOLID, DASHED, DASH_DOTTED)

@@ -18,7 +18,7 @@ from raytracer.util.progress import BatchProgress
 
 @dataclass(frozen=True)
 class SweepOptions(RenderOptions):
-    """What `run.sweep` is called with; see there."""
+    """Options of `run.sweep`; see there."""
 
     scene: SceneSpec | str | os.PathLike[str]
     values: Mapping[str, Any] | None = None

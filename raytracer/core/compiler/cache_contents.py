@@ -12,7 +12,7 @@ from raytracer.util.errors import InputError
 
 
 class CacheContents(NamedTuple):
-    """What the cache holds, for these sources and for earlier ones.
+    """Contents of the cache, for these sources and for earlier ones.
 
     Attributes
     ----------

@@ -188,4 +188,4 @@ IMPLEMENTATIONS = {
     "store": lambda rows, row, value: _store(rows, row, value),  # noqa: PLW0108
     "gather_lanes": lambda rows, numbers, column: _gather_lanes(rows, numbers, column),  # noqa: PLW0108
 }
-"""What kernels call in place of the functions of `raytracer.core.simd`."""
+"""Functions that kernels call in place of those of `raytracer.core.simd`."""

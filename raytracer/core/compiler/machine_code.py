@@ -15,7 +15,7 @@ OK = 0
 
 
 class MachineCode(NamedTuple):
-    """What a file of the cache holds.
+    """Contents of a file of the cache.
 
     Attributes
     ----------

@@ -54,7 +54,7 @@ class Captured(NamedTuple):
 
 @dataclass(frozen=True)
 class CaptureOptions(RenderOptions):
-    """What `capture` is called with; see there."""
+    """Options of `capture`; see there."""
 
     spec: SceneSpec
     path: str | Path
