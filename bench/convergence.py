@@ -24,6 +24,7 @@ from equal_time import (
     QUICK_SPP,
     SPP,
     cases,
+    start_all,
 )
 from warm import (
     OUTPUTS,
@@ -33,8 +34,6 @@ from warm import (
     arguments_for,
     figures,
     measured,
-    our_command,
-    peer_command,
     pictures_of,
     publish,
     say,
@@ -62,10 +61,7 @@ def measure_case(case: Any, peer: str, rounds: int, threads: int, most: int, ren
     """
     size = (case.scene, case.width, case.height, most, threads)
     with Renderers() as renderers:
-        renderers.start(OURS, our_command(*size))
-        for name in (INDEPENDENT, *BETTER):
-            renderers.start(name, peer_command(peer, *size, sampler=name.rpartition(" ")[2]))
-        renderers.check()
+        start_all(renderers, peer, *size)
         references = {
             name: pictures_of(renderers.take_turns(renders, FIRST_OF_REFERENCE, {name: most}, pictures=True)[name])
             for name in (OURS, BETTER[1])

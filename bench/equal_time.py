@@ -119,6 +119,19 @@ def play(renderers: Renderers, spp: dict[str, int], rounds: int, references: dic
     }
 
 
+def start_all(renderers: Renderers, peer: str, *size: Any) -> None:
+    """Start our renderer, and Mitsuba's with each of its samplers.
+
+    Raises
+    ------
+    Failed : a program did not start.
+    """
+    renderers.start(OURS, our_command(*size))
+    for name in (INDEPENDENT, *BETTER):
+        renderers.start(name, peer_command(peer, *size, sampler=name.rpartition(" ")[2]))
+    renderers.check()
+
+
 def measure_case(case: Any, peer: str, rounds: int, threads: int, spp: int, renders: int) -> dict[str, Any]:
     """Measure a scene in both programs.
 
@@ -128,10 +141,7 @@ def measure_case(case: Any, peer: str, rounds: int, threads: int, spp: int, rend
     """
     size = (case.scene, case.width, case.height, spp, threads)
     with Renderers() as renderers:
-        renderers.start(OURS, our_command(*size))
-        for name in (INDEPENDENT, *BETTER):
-            renderers.start(name, peer_command(peer, *size, sampler=name.rpartition(" ")[2]))
-        renderers.check()
+        start_all(renderers, peer, *size)
         best, fitting = trial(renderers, spp)
         for name in set(BETTER) - {best}:
             renderers.pop(name).close()

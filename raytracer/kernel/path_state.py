@@ -74,11 +74,11 @@ class Queue(NamedTuple):
 
 
 RAY_ROW = np.dtype([("origin", "f8", 3), ("direction", "f8", 3), ("throughput", "f8", 3), ("pdf", "f8")])
-"""What every path carries, as one record: its fields lie side by side, at places that the compiler knows."""
+"""The fields that all paths have, as one record: they lie side by side, at places that the compiler knows."""
 
 
 SAMPLE_ROW = np.dtype([("key", "u8"), ("index", "i8")])
-"""Where the random numbers of a sample come from: the key of its pixel, and the sample's index in the pixel."""
+"""The source of a sample's random numbers: the key of its pixel, and the sample's index in the pixel."""
 
 
 class PathRows(NamedTuple):

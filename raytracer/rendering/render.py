@@ -32,7 +32,7 @@ from raytracer.util.errors import InputError, OutputError, SceneWarning
 
 @dataclass(frozen=True)
 class ImageOptions(RenderOptions):
-    """What `render_image` is called with; see there."""
+    """Options of `render_image`; see there."""
 
     scene: SceneSpec | str | os.PathLike[str]
     _: KW_ONLY
@@ -85,7 +85,7 @@ def render_image(call: ImageOptions) -> Image:
 
 @dataclass(frozen=True)
 class SceneOptions(RenderOptions):
-    """What `render` is called with; see there."""
+    """Options of `render`; see there."""
 
     scene: SceneSpec
     _: KW_ONLY

@@ -52,7 +52,7 @@ class WarningRecord(NamedTuple):
 
 
 Warned: TypeAlias = Iterator[WarningRecord]
-"""What a kind finds."""
+"""Records that a kind finds."""
 
 
 class WarningKind(ABC, Generic[Subject]):

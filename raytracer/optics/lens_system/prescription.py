@@ -234,7 +234,7 @@ else:
 
 
 class FocusSpec(Spec):
-    """What moves when the lens is focused."""
+    """The part that moves when the lens is focused."""
 
     moves: Literal["all", "sensor", "group"] = Field(
         default="all", description="The whole lens, the sensor behind it, or a group of its surfaces"

@@ -24,7 +24,7 @@ from raytracer.scene.warnings.base.relative_sizes import MAX_DISTANCE_IN_RADII
 from raytracer.scene.warnings.base.survey import SceneSurvey
 
 MOST_REACH = 5.0
-"""How many times the largest coordinate the offset of a quad may count: its corner once, either edge twice."""
+"""Offset of a quad at most, over that of its largest coordinate: its corner counts once, either edge twice."""
 
 MOST_FACES = 4096
 """Most faces of an object that are examined one by one; of one with more, its box is."""
