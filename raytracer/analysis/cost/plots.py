@@ -269,7 +269,8 @@ def _plot_error_map(study: Study, longest: float = 7.0) -> "tuple[Figure, float]
     bar = figure.colorbar(
         image, ax=axes, extend="both", location="bottom" if below else "right", pad=0.02, fraction=0.05, aspect=30
     )
-    bar.long_axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 1e3 * low else (1.0,), numticks=30))
+    # From five decades on every second one has a number, as there is no room for more.
+    bar.long_axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 1e3 * low else (1.0,), numticks=5))
     bar.long_axis.set_major_formatter(FuncFormatter(lambda value, _: f"{100.0 * value:g} %"))
     bar.long_axis.set_minor_formatter(NullFormatter())
     bar.set_label(_map_label(study, whole=not np.isnan(error).any()))
