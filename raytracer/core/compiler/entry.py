@@ -19,11 +19,17 @@ from pathlib import Path
 from typing import Any
 
 from raytracer.core.compiler import cache
-from raytracer.core.compiler.arguments import PackedArgument, pack_argument, stable_text
 from raytracer.core.compiler.compile_progress import COMPILATION
 from raytracer.core.compiler.kernel_files import KernelFiles
 from raytracer.core.compiler.lock import compiler_lock
-from raytracer.core.compiler.machine_code import LoadedCode, MachineCode, load
+from raytracer.core.compiler.machine_code import (
+    LoadedCode,
+    MachineCode,
+    PackedArgument,
+    load,
+    pack_argument,
+    stable_text,
+)
 from raytracer.util.signals import run_in_thread
 
 _NOTHING = PackedArgument(object(), None, b"")
@@ -138,7 +144,7 @@ class Entry:
     def _files(self) -> KernelFiles:
         name = f"{self._function.__module__.rpartition('.')[2]}.{self._function.__qualname__}"
         plain = re.sub(r"[^A-Za-z0-9_.]+", "_", name)
-        return KernelFiles(cache.CACHE_FOLDER, f"{plain}-{self._function.__code__.co_firstlineno}", pickle.dumps)
+        return KernelFiles(cache.CACHE_FOLDER, f"{plain}-{self._function.__code__.co_firstlineno}")
 
     def _key(self, kinds: Any) -> tuple[str, ...] | None:
         """Write down what the machine code depends on, beside the sources that the folder is named by.
