@@ -130,39 +130,19 @@ class Interaction(NamedTuple):
 @kernel
 def at_wavelengths(surface: Interaction, wavelengths: Any) -> Interaction:
     """Return an Interaction whose materials are evaluated at these wavelengths, a spectra.PathWavelengths."""
-    site = surface.site
+    instance, table, primitive, hit, site, material, front, normal, previous, direction, distance, time = surface
+    site = Site(site.point, site.u, site.v, site.distance, wavelengths)
     return Interaction(
-        surface.instance,
-        surface.table,
-        surface.primitive,
-        surface.hit,
-        Site(site.point, site.u, site.v, site.distance, wavelengths),
-        surface.material,
-        surface.front,
-        surface.normal,
-        surface.previous,
-        surface.direction,
-        surface.distance,
-        surface.time,
+        instance, table, primitive, hit, site, material, front, normal, previous, direction, distance, time
     )
 
 
 @kernel
 def with_normal(surface: Interaction, normal: Vec3) -> Interaction:
     """Return an Interaction with another shading normal."""
+    instance, table, primitive, hit, site, material, front, _, previous, direction, distance, time = surface
     return Interaction(
-        surface.instance,
-        surface.table,
-        surface.primitive,
-        surface.hit,
-        surface.site,
-        surface.material,
-        surface.front,
-        normal,
-        surface.previous,
-        surface.direction,
-        surface.distance,
-        surface.time,
+        instance, table, primitive, hit, site, material, front, normal, previous, direction, distance, time
     )
 
 

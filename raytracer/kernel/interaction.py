@@ -102,18 +102,8 @@ def surface_interaction(scene, work, lane, path, draws):
     material = resolve_boundary(
         scene.nested_dielectrics, work.paths.inside_counts, path.sample, hit.material, material, front
     )
+    normal, previous = hit.shading_normal if front else neg(hit.shading_normal), last_vertex(path)
     surface = Interaction(
-        instance,
-        table,
-        primitive,
-        hit,
-        site,
-        material,
-        front,
-        hit.shading_normal if front else neg(hit.shading_normal),
-        last_vertex(path),
-        path.direction,
-        distance,
-        path.time,
+        instance, table, primitive, hit, site, material, front, normal, previous, path.direction, distance, path.time
     )
     return with_normal(surface, shading_normal(scene.normal_mapping, scene, surface))

@@ -241,18 +241,10 @@ def load_path(work, lane, rounds):
     paths, sample = work.paths, work.queue.samples[lane]
     passthroughs = load_number(paths.passthroughs, sample)
     ray = paths.ray[np.uintp(sample)]
-    return Path(
-        sample,
-        _segment_number(rounds, passthroughs),
-        load_vector(ray.origin),
-        load_vector(ray.direction),
-        load_vector(ray.throughput),
-        ray.pdf,
-        load_number(paths.time, sample),
-        load_number(paths.medium, sample),
-        load_vector_row(paths.vertex, sample),
-        passthroughs,
-    )
+    origin, direction, throughput = load_vector(ray.origin), load_vector(ray.direction), load_vector(ray.throughput)
+    time, medium = load_number(paths.time, sample), load_number(paths.medium, sample)
+    depth, vertex = _segment_number(rounds, passthroughs), load_vector_row(paths.vertex, sample)
+    return Path(sample, depth, origin, direction, throughput, ray.pdf, time, medium, vertex, passthroughs)
 
 
 @kernel
@@ -289,18 +281,8 @@ def sample_draws(scene, work, sample, dimension):
 @kernel
 def with_throughput(path, throughput):
     """Return a path with another throughput."""
-    return Path(
-        path.sample,
-        path.depth,
-        path.origin,
-        path.direction,
-        throughput,
-        path.pdf,
-        path.time,
-        path.medium,
-        path.vertex,
-        path.passthroughs,
-    )
+    sample, depth, origin, direction, _, pdf, time, medium, vertex, passthroughs = path
+    return Path(sample, depth, origin, direction, throughput, pdf, time, medium, vertex, passthroughs)
 
 
 @optional
@@ -319,17 +301,9 @@ def scattered_path(path, point, origin, direction, throughput, pdf, medium):
 
     Its depth stays that of the segment before: the next is counted when it is loaded.
     """
+    vertex = _next_vertex(path.vertex, point)
     return Path(
-        path.sample,
-        path.depth,
-        origin,
-        direction,
-        throughput,
-        pdf,
-        path.time,
-        medium,
-        _next_vertex(path.vertex, point),
-        path.passthroughs,
+        path.sample, path.depth, origin, direction, throughput, pdf, path.time, medium, vertex, path.passthroughs
     )
 
 

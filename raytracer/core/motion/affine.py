@@ -8,21 +8,24 @@ from raytracer.core.vec import dot, normalize
 def apply_point(affine, p):
     """Transform a point by an affine map (three rows of four)."""
     a, b, c = affine
-    return (
-        a[0] * p[0] + a[1] * p[1] + a[2] * p[2] + a[3],
-        b[0] * p[0] + b[1] * p[1] + b[2] * p[2] + b[3],
-        c[0] * p[0] + c[1] * p[1] + c[2] * p[2] + c[3],
-    )
+    return dot(a, p) + a[3], dot(b, p) + b[3], dot(c, p) + c[3]
 
 
 @kernel
 def apply_vector(affine, v):
     """Transform a vector, a difference of points, by an affine map."""
     a, b, c = affine
+    return dot(a, v), dot(b, v), dot(c, v)
+
+
+@kernel
+def apply_transpose(affine, v):
+    """Transform a vector by the transpose of an affine map's linear part."""
+    a, b, c = affine
     return (
-        a[0] * v[0] + a[1] * v[1] + a[2] * v[2],
-        b[0] * v[0] + b[1] * v[1] + b[2] * v[2],
-        c[0] * v[0] + c[1] * v[1] + c[2] * v[2],
+        a[0] * v[0] + b[0] * v[1] + c[0] * v[2],
+        a[1] * v[0] + b[1] * v[1] + c[1] * v[2],
+        a[2] * v[0] + b[2] * v[1] + c[2] * v[2],
     )
 
 
@@ -32,14 +35,7 @@ def apply_normal(inverse, n):
 
     References: Pharr et al. 2023, "Physically Based Rendering", 4th ed., sec. 3.10.3.
     """
-    a, b, c = inverse
-    return normalize(
-        (
-            a[0] * n[0] + b[0] * n[1] + c[0] * n[2],
-            a[1] * n[0] + b[1] * n[1] + c[1] * n[2],
-            a[2] * n[0] + b[2] * n[1] + c[2] * n[2],
-        )
-    )
+    return normalize(apply_transpose(inverse, n))
 
 
 @kernel
