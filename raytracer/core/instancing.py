@@ -14,8 +14,15 @@ from numpy.typing import NDArray
 
 from raytracer.core.compiler.dispatch import kernel, optional
 from raytracer.core.geometry import Hit, LightPoint
-from raytracer.core.motion.affine import apply_normal, apply_point, apply_transpose, apply_vector, invert
-from raytracer.core.motion.interpolation import Trajectories, pose_at
+from raytracer.core.motion.interpolation import (
+    Trajectories,
+    apply_normal,
+    apply_point,
+    apply_transpose,
+    apply_vector,
+    invert,
+    pose_at,
+)
 from raytracer.core.primitives.base.interface import hit_any, pdf_point_any, sample_point_any
 from raytracer.core.vec import add, dot, norm, scale, sub
 

@@ -36,6 +36,10 @@ from raytracer.core.vec import Vec3, dot, load_vector, madd, mul, scale, store_v
 from raytracer.plugins.cameras.base.interface import WAVELENGTH
 
 
+class MonochromaticCamera(NamedTuple):
+    """A camera whose rays have one wavelength each."""
+
+
 class DispersiveMaterials(NamedTuple):
     """Spectral data of a scene in which materials disperse.
 
@@ -58,15 +62,11 @@ class DispersiveLens(NamedTuple):
     Attributes
     ----------
     spectra : tables by wavelength.
-    sharing : the camera's WavelengthSharing, by which companions share the hero's ray, or None.
+    camera : MonochromaticCamera, or the camera's WavelengthSharing, by which companions share the hero's ray.
     """
 
     spectra: Spectra
-    sharing: Any = None
-
-
-class MonochromaticCamera(NamedTuple):
-    """A camera whose rays have one wavelength each."""
+    camera: Any = MonochromaticCamera()
 
 
 LENS_ROW = np.dtype([("u", "f8")])

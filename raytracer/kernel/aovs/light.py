@@ -16,6 +16,24 @@ from raytracer.kernel.aovs.base.interface import AovSpec, SceneIds
 from raytracer.kernel.aovs.base.layers import LightLayer, light_part
 
 
+class Direct(NamedTuple):
+    """Radiance by at most two path segments."""
+
+
+class Indirect(NamedTuple):
+    """Radiance by three path segments and more."""
+
+
+@light_part.register(Direct)
+def light_part_direct(part, value, direct):
+    return direct
+
+
+@light_part.register(Indirect)
+def light_part_indirect(part, value, direct):
+    return sub(value, direct)
+
+
 class _Part(AovSpec):
     """A part of the radiance; `direct` and `indirect` add up to all of it."""
 
@@ -33,33 +51,11 @@ class DirectLight(_Part):
     """Radiance by at most two path segments, what `max_depth: 2` renders: emitters as seen, and what they light."""
 
     type: Literal["direct"] = "direct"
-
-    def quantity(self, identities: SceneIds) -> "Direct":
-        return Direct()
+    measured: ClassVar[Any] = Direct
 
 
 class IndirectLight(_Part):
     """Radiance by three path segments and more: what light does after its first bounce."""
 
     type: Literal["indirect"] = "indirect"
-
-    def quantity(self, identities: SceneIds) -> "Indirect":
-        return Indirect()
-
-
-class Direct(NamedTuple):
-    """Radiance by at most two path segments."""
-
-
-class Indirect(NamedTuple):
-    """Radiance by three path segments and more."""
-
-
-@light_part.register(Direct)
-def light_part_direct(part, value, direct):
-    return direct
-
-
-@light_part.register(Indirect)
-def light_part_indirect(part, value, direct):
-    return sub(value, direct)
+    measured: ClassVar[Any] = Indirect

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from raytracer.core.geometry import pad_buffer
-from raytracer.core.motion.time_grid import uniform_grid
+from raytracer.core.motion.trajectory import uniform_grid
 from raytracer.core.primitives.triangles import (
     DeformingSmoothTriangles,
     DeformingTriangles,

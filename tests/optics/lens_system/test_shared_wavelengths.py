@@ -13,6 +13,7 @@ from raytracer.core.spectra import FIRST, LAST, response
 from raytracer.kernel.hero_wavelength import (
     DispersiveLens,
     DispersiveMaterials,
+    MonochromaticCamera,
     start_rgb_path,
     wavelength_rows,
 )
@@ -30,7 +31,14 @@ from raytracer.optics.lens_system.packets import (
 from raytracer.optics.lens_system.pupils.solid_angle import on_axis_solid_angle
 from raytracer.optics.lens_system.ray_tracing import trace_rays
 from raytracer.optics.lens_system.surfaces import reverse_lens
-from raytracer.plugins.cameras.base.interface import FILTER, lane_ray, set_lane, share_wavelengths, trace_lanes
+from raytracer.plugins.cameras.base.interface import (
+    FILTER,
+    WavelengthSharing,
+    lane_ray,
+    set_lane,
+    share_wavelengths,
+    trace_lanes,
+)
 from raytracer.plugins.cameras.base.lens_camera import LensCamera
 from raytracer.plugins.cameras.lens import RealLens
 from raytracer.plugins.materials.base.interface import Draws
@@ -161,7 +169,7 @@ def test_a_ray_of_the_same_wavelength_comes_back_to_where_it_began(name: str) ->
     spectrum = pack_spectrum(None, camera, 1.0, None)
     assert isinstance(spectrum, DispersiveLens)
     rows, others, began = np.zeros((16, WIDTH)), np.zeros((16, WIDTH)), np.zeros((2, WIDTH))
-    _back(camera, spectrum.sharing, SAMPLERS["independent"](1, 1), rows, others, 60, 40, 0.0, began)
+    _back(camera, spectrum.camera, SAMPLERS["independent"](1, 1), rows, others, 60, 40, 0.0, began)
     lit = rows[WEIGHT] > 0.0
     assert lit.sum() > 2
     np.testing.assert_allclose(others[WEIGHT, lit], 1.0, rtol=1e-12)
@@ -223,11 +231,11 @@ def spectrum_of(*, pixels: str = "box", camera: str = "", material: str = "{type
 
 def test_rays_are_shared_only_where_all_that_differs_is_the_place_in_a_pixel() -> None:
     moving = ", motion: {velocity: [1, 0, 0]}, shutter: "
-    assert spectrum_of().sharing.tolerance == 1.0
-    assert spectrum_of(camera=moving + "1/10 s").sharing is not None
-    assert spectrum_of(pixels="gaussian").sharing is None
-    assert spectrum_of(camera=", flare: true").sharing is None
-    assert spectrum_of(camera=moving + "{duration: 1/10 s, readout: 1/10 s}").sharing is None
+    assert spectrum_of().camera.tolerance == 1.0
+    assert isinstance(spectrum_of(camera=moving + "1/10 s").camera, WavelengthSharing)
+    assert spectrum_of(pixels="gaussian").camera == MonochromaticCamera()
+    assert spectrum_of(camera=", flare: true").camera == MonochromaticCamera()
+    assert spectrum_of(camera=moving + "{duration: 1/10 s, readout: 1/10 s}").camera == MonochromaticCamera()
     assert spectrum_of(camera=", dispersion: false") is None
     assert isinstance(spectrum_of(material="{type: dielectric, ior: N-SF11}"), DispersiveMaterials)
 

@@ -53,6 +53,7 @@ class AovSpec(Spec):
     unit : of the values.
     empty : the value of a pixel that sees nothing.
     is_per_sample : True if it holds values of each sample, so that all pixels must have equally many.
+    measured : class of the quantity that kernels measure, where it has no fields.
     """
 
     type: str
@@ -60,10 +61,11 @@ class AovSpec(Spec):
     unit: ClassVar[str] = ""
     empty: ClassVar[float] = 0.0
     is_per_sample: ClassVar[bool] = False
+    measured: ClassVar[Any]
 
     def quantity(self, identities: SceneIds) -> Any:
         """Make the quantity that kernels measure: the first argument of `measure`."""
-        raise NotImplementedError
+        return self.measured()
 
     def pack(self, height: int, width: int, column: int, identities: SceneIds) -> Any:
         """Make the layer of this AOV in a film of height x width pixels; None if the film itself holds it.

@@ -95,26 +95,14 @@ def light_part(part, value, direct):
 _IS_HIT, _IS_SPLIT, _SAVED, FIRST = 0, 1, 2, 5
 
 
-@generic
+@optional(tuple)
 def begin_layer(layer, work, sample, origin, direction):
     """Record the camera ray of a sample; most layers need nothing of it."""
-    raise NotImplementedError
 
 
-@begin_layer.register(tuple)
-def begin_layer_tuple(layer, work, sample, origin, direction):
-    return
-
-
-@generic
+@optional(tuple)
 def _record_layer(layer, scene, work, sample, seen):
     """Record the first hit of a sample."""
-    raise NotImplementedError
-
-
-@_record_layer.register(tuple)
-def _record_layer_tuple(layer, scene, work, sample, seen):
-    return
 
 
 @_record_layer.register(MeanLayer)
@@ -129,15 +117,9 @@ def _record_layer_majority_layer(layer, scene, work, sample, seen):
     work.aov_values[sample, layer.column] = measure(layer.quantity, scene, seen)[0]
 
 
-@generic
+@optional(tuple)
 def _record_direct(layer, work, sample):
     """Record the radiance so far as a sample's direct light."""
-    raise NotImplementedError
-
-
-@_record_direct.register(tuple)
-def _record_direct_tuple(layer, work, sample):
-    return
 
 
 @_record_direct.register(LightLayer)
@@ -152,15 +134,9 @@ def _direct_of(layer, work, sample):
     return whole, load3(work.aov_values, sample, layer.column) if work.aov_values[sample, _IS_SPLIT] != 0.0 else whole
 
 
-@generic
+@optional(tuple)
 def _save_direct(layer, work, sample):
     """Save a sample's direct light, less its radiance, while its path is traced again."""
-    raise NotImplementedError
-
-
-@_save_direct.register(tuple)
-def _save_direct_tuple(layer, work, sample):
-    return
 
 
 @_save_direct.register(LightLayer)
@@ -169,15 +145,9 @@ def _save_direct_light_layer(layer, work, sample):
     store3(work.aov_values, sample, _SAVED, sub(direct, whole))
 
 
-@generic
+@optional(tuple)
 def _add_direct(layer, work, sample):
     """Add the direct light of the path that was traced again to what was saved."""
-    raise NotImplementedError
-
-
-@_add_direct.register(tuple)
-def _add_direct_tuple(layer, work, sample):
-    return
 
 
 @_add_direct.register(LightLayer)
