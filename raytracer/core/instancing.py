@@ -24,6 +24,7 @@ from raytracer.core.motion.interpolation import (
     pose_at,
 )
 from raytracer.core.primitives.base.interface import hit_any, pdf_point_any, sample_point_any
+from raytracer.core.sampling.warp import first_above
 from raytracer.core.vec import add, dot, norm, scale, sub
 
 
@@ -306,14 +307,8 @@ def _choose_member(glow, variant, u):
         return -1, 1.0
     if variant == 0:
         return -1, 1.0
-    low, high = glow.first[variant], glow.first[variant + 1] - 1
-    while low < high:
-        middle = (low + high) // 2
-        if u < glow.cumulative[middle]:
-            high = middle
-        else:
-            low = middle + 1
-    instance = np.int64(glow.member[low])
+    member = first_above(glow.cumulative, glow.first[variant], glow.first[variant + 1] - 1, u)
+    instance = np.int64(glow.member[member])
     return instance, glow.probability[instance]
 
 

@@ -25,8 +25,7 @@ from raytracer.core.vec import dot, load_vector, neg, norm, normalize, sub
 from raytracer.core.world_origin import to_authored_space
 from raytracer.kernel.nested_dielectrics import resolve_boundary
 from raytracer.kernel.normal_mapping import shading_normal
-from raytracer.kernel.path_state import last_vertex, path_time
-from raytracer.kernel.ray_time import set_ray_time
+from raytracer.kernel.path_state import last_vertex, path_time, set_ray_time
 from raytracer.plugins.materials.base.dispatch import select_at
 
 

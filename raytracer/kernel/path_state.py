@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from raytracer.core import embree
 from raytracer.core.compiler.dispatch import kernel, optional
-from raytracer.core.embree import PACKET, RayPackets
+from raytracer.core.embree import PACKET, TIME, RayPackets, store_float
+from raytracer.core.shutter.table import Shutter
 from raytracer.core.vec import Vec3, load_vector, store_vector
 from raytracer.kernel.hero_wavelength import wavelength_rows
 from raytracer.kernel.lens_dispersion import LENS_ROWS, WAVELENGTHS_PER_RAY
@@ -311,6 +312,16 @@ def scattered_path(path, point, origin, direction, throughput, pdf, medium):
 def path_time(work, sample):
     """Return the time of a sample's path, a fraction of the exposure; None where nothing moves."""
     return load_number(work.paths.time, sample)
+
+
+@optional
+def set_ray_time(shutter, rays, lane, time):
+    """Write a ray's time into a lane."""
+
+
+@set_ray_time.register(Shutter)
+def set_ray_time_shutter(shutter, rays, lane, time):
+    store_float(rays, lane, TIME, time)
 
 
 @kernel

@@ -5,16 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.core.error_estimate import (
+from raytracer.core.error_estimate.rates import (
     ConvergenceRate,
     PowerLaw,
+    fit_differences,
     fit_power_law,
     fit_rate,
     prefix_mse,
     sampler_exponent,
     split_run_penalty,
 )
-from raytracer.core.error_estimate.rates import fit_differences
 from raytracer.core.sampling.sobol import Sobol
 from tests.core.sampling.draws import draw_1d, draw_2d
 

@@ -31,8 +31,8 @@ from raytracer.core.primitives.base.interface import (
 from raytracer.core.sampling import SAMPLERS
 from raytracer.core.shutter.table import Shutter
 from raytracer.core.vec import dot, neg
+from raytracer.kernel.camera_rays import sample_time
 from raytracer.kernel.interaction import resolve_hit
-from raytracer.kernel.ray_time import sample_time
 from raytracer.plugins.cameras.base.interface import packet_rays, project
 from raytracer.plugins.materials.base.interface import Draws
 from raytracer.scene.pack.scene import PackedScene
