@@ -101,7 +101,7 @@ def surface_interaction(scene, work, lane, path, draws):
     material = resolve_boundary(
         scene.nested_dielectrics, work.paths.inside_counts, path.sample, hit.material, material, front
     )
-    normal, previous = hit.shading_normal if front else neg(hit.shading_normal), last_vertex(path)
+    normal, previous = hit.shading_normal if front else neg(hit.shading_normal), last_vertex(path.vertex, path.origin)
     surface = Interaction(
         instance, table, primitive, hit, site, material, front, normal, previous, path.direction, distance, path.time
     )

@@ -325,13 +325,8 @@ def set_ray_time_shutter(shutter, rays, lane, time):
 
 
 @kernel
-def last_vertex(path):
-    """Return the point at which a path scattered last, or left the camera."""
-    return _vertex_or_origin(path.vertex, path.origin)
-
-
-@kernel
-def _vertex_or_origin(vertex, origin):
+def last_vertex(vertex, origin):
+    """Return the point at which a path scattered last, or left the camera, by its `vertex` and `origin`."""
     if vertex is None:
         return origin
     return vertex

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from raytracer.core.compiler.dispatch import entry
-from raytracer.core.microfacet import pdf_visible_normal, sample_visible_normal
+from raytracer.core.microfacet import sample_visible_normal
 from raytracer.core.primitives.spheres import Spheres
 from raytracer.core.sampling import SAMPLERS, warp
 from raytracer.core.vec import basis
@@ -20,6 +20,7 @@ from raytracer.plugins.materials.rough_conductor import RoughConductor
 from raytracer.plugins.media.homogeneous import Homogeneous
 from tests.core.sampling.draws import draw_1d, draw_2d
 from tests.core.sampling.test_warp import PDF_SPHERE, pdf_hemisphere
+from tests.core.test_microfacet import pdf_visible_normal
 from tests.hard_cases.harness import Measured, hard_case
 from tests.plugins.environments.kernels import density, drawn
 from tests.plugins.materials import test_contract as contract

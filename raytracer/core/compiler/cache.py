@@ -30,15 +30,12 @@ _AVX_OFF = ("corei7-avx", "core-avx-i", "sandybridge", "ivybridge")
 
 def _source_hash() -> str:
     """Hash the kernels' sources, since Numba does not notice an edited callee, and the compilers' versions."""
-    return source_hash(*(_PACKAGE / name for name in WITH_KERNELS), versions=_versions())[:16]
-
-
-def _versions() -> tuple[str, ...]:
-    """Read the versions of the compiler from its packages' own files, without importing them."""
-    return tuple(_version_text(name) for name in ("numba", "llvmlite"))
+    versions = [_version_text(name) for name in ("numba", "llvmlite")]
+    return source_hash(*(_PACKAGE / name for name in WITH_KERNELS), versions=versions)[:16]
 
 
 def _version_text(package: str) -> str:
+    """Read the version of a package from its own file, without importing it."""
     spec = importlib.util.find_spec(package)
     if spec is None or spec.origin is None:
         raise ImportError(f"the package {package}, which compiles kernels, is not installed")
