@@ -45,12 +45,8 @@ def sample_medium_media(media, scene, work, path, distance, draws):
     weight = upsample_rgb(scene.spectrum, work, path.sample, flight.weight)
     path = with_throughput(path, mul(path.throughput, weight))
     path = _absorb(scene, work, path, min(distance, flight.distance))
-    record(
-        work.log,
-        work,
-        path.sample,
-        MediumFlight(path.medium, distance, flight.distance, flight.weight, path.throughput),
-    )
+    event = MediumFlight(path.medium, distance, flight.distance, flight.weight, path.throughput)
+    record(work.log, work, path.sample, event)
     if is_black(path.throughput):
         return path, True
     if math.isinf(flight.distance):

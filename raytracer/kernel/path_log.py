@@ -12,20 +12,6 @@ from numpy.typing import NDArray
 
 from raytracer.core import embree
 from raytracer.core.compiler.dispatch import generic, kernel, optional
-from raytracer.core.embree import (
-    DIRECTION,
-    GEOMETRY,
-    INSTANCE,
-    ORIGIN,
-    PLACEMENT,
-    PRIMITIVE,
-    TFAR,
-    TIME,
-    RayPackets,
-    load_float,
-    load_int,
-    store_float,
-)
 from raytracer.core.geometry import Interaction
 from raytracer.core.vec import Vec3, load_vector, norm, sub
 from raytracer.kernel.path_rows import load3, store3
@@ -58,7 +44,7 @@ class PathLog(NamedTuple):
     rows: NDArray[np.float64]
     state: NDArray[np.int64]
     ends: NDArray[np.float64]
-    probe: RayPackets
+    probe: embree.RayPackets
 
 
 def path_log(sample: int, events: int) -> PathLog:
@@ -314,10 +300,10 @@ def write_event_shadow_hit(event, log, work, row):
 @kernel
 def _write_hit(log, row, rays, lane):
     """Write Embree's ids of a hit, and its distance."""
-    numbers = (GEOMETRY, PRIMITIVE, INSTANCE, PLACEMENT)
+    numbers = (embree.GEOMETRY, embree.PRIMITIVE, embree.INSTANCE, embree.PLACEMENT)
     for column in range(4):
-        log.rows[row, FIRST + column] = load_int(rays, lane, numbers[column])
-    log.rows[row, FIRST + 4] = load_float(rays, lane, TFAR)
+        log.rows[row, FIRST + column] = embree.load_int(rays, lane, numbers[column])
+    log.rows[row, FIRST + 4] = embree.load_float(rays, lane, embree.TFAR)
 
 
 class Occluded(NamedTuple):
@@ -330,11 +316,10 @@ class Occluded(NamedTuple):
 @write_event.register(Occluded)
 def write_event_occluded(event, log, work, row):
     probe, shadows = log.probe, work.shadows.rays
-    for word in range(3):
-        store_float(probe, 0, ORIGIN + word, load_float(shadows, event.slot, ORIGIN + word))
-        store_float(probe, 0, DIRECTION + word, load_float(shadows, event.slot, DIRECTION + word))
-    store_float(probe, 0, TIME, load_float(shadows, event.slot, TIME))
-    store_float(probe, 0, TFAR, log.ends[event.slot])
+    # All of the ray that stands before its end.
+    for field in range(embree.TFAR):
+        embree.store_float(probe, 0, field, embree.load_float(shadows, event.slot, field))
+    embree.store_float(probe, 0, embree.TFAR, log.ends[event.slot])
     embree.intersect(event.accel, probe, 1)
     _write_hit(log, row, probe, 0)
     return OCCLUDED

@@ -29,8 +29,8 @@ it takes 1.01.
 BATCH = BATCH_PIXELS * PACKET
 """Paths that advance together."""
 
-AOV_COLUMNS = 51
-"""Columns of a sample for AOVs: five of their own (`aovs.base.layers`), and what the channels of all of them take."""
+AOV_COLUMNS = 54
+"""Columns of a sample for AOVs: eight of their own (`aovs.base.layers`), and what the channels of all of them take."""
 
 
 class Path(NamedTuple):

@@ -226,12 +226,8 @@ def scatter_path(scene, work, path, surface, draws):
     contribution = estimate_contribution(scene.spectrum, work, path.sample, throughput)
     survival = russian_roulette(scene, contribution, LEAST_THROUGHPUT, path.depth, draws)
     waves = path_wavelengths(scene.spectrum, work, path.sample)
-    record(
-        work.log,
-        work,
-        path.sample,
-        Scattering(surface.normal, out.direction, weight, out.pdf, throughput, survival, waves),
-    )
+    event = Scattering(surface.normal, out.direction, weight, out.pdf, throughput, survival, waves)
+    record(work.log, work, path.sample, event)
     if survival == 0.0:
         return
     medium = cross_towards(scene, work, path, surface, out.direction)

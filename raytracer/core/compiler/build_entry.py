@@ -15,7 +15,7 @@ from numba.core.codegen import CPUCodeLibrary
 from numba.core.registry import cpu_target
 
 from raytracer.core.compiler.compile_progress import COMPILATION
-from raytracer.core.compiler.machine_code import OK, MachineCode, Result, number_format, pack_argument
+from raytracer.core.compiler.machine_code import FORMATS, OK, MachineCode, Result, pack_argument
 from raytracer.core.compiler.part_library import PartLibrary
 from raytracer.core.compiler.parts import lower_entry
 
@@ -140,5 +140,5 @@ def _result_shape(kind: Any, formats: list[str]) -> Any:
     name = "bool" if is_a(types.Boolean) else str(types.unliteral(kind))
     if not is_a((types.Number, types.Boolean)):
         raise TypeError(f"an entry returns numbers, None and tuples of them, not {kind}")
-    formats.append(number_format(name))
+    formats.append(FORMATS[name])
     return name

@@ -19,14 +19,14 @@ _NONE, _BOOLEAN, _INTEGER, _LARGE, _FLOAT = "none", "bool", "int64", "uint64", "
 
 _MAX_INT64 = 2**63 - 1
 
-# Formats of `struct` for a value in eight bytes.
-_FORMATS = {
+FORMATS = {
     **dict.fromkeys(("int8", "int16", "int32", "int64"), "q"),
     **dict.fromkeys(("uint8", "uint16", "uint32", "uint64"), "Q"),
     "float64": "d",
     "float32": "fxxxx",
     "bool": "Q",
 }
+"""Formats of `struct` for a number of a type in eight bytes."""
 
 
 class PackedArgument(NamedTuple):
@@ -74,7 +74,7 @@ def _add(value: Any, formats: list[str], values: list[Any]) -> Hashable:
         values.append(int(value))
         return (kind,)
     name = _number_type(value)
-    formats.append(_FORMATS[name])
+    formats.append(FORMATS[name])
     values.append(value.item() if isinstance(value, np.generic) else value)
     return name
 
@@ -95,7 +95,7 @@ def _number_type(value: Any) -> str:
         name = _INTEGER if value <= _MAX_INT64 else _LARGE
     elif isinstance(value, float):
         name = _FLOAT
-    if name not in _FORMATS:
+    if name not in FORMATS:
         raise TypeError(f"a kernel takes numbers, arrays and tuples of them, not {type(value).__name__}")
     return name
 
@@ -155,16 +155,6 @@ def _shaped(shape: Any, numbers: Any) -> Any:
     make, items = shape
     inner = [_shaped(item, numbers) for item in items]
     return tuple(inner) if make is tuple else make(*inner)
-
-
-def number_format(name: str) -> str:
-    """Return the format of `struct` for a number of a type in eight bytes.
-
-    Raises
-    ------
-    KeyError : entries do not return such numbers.
-    """
-    return _FORMATS[name]
 
 
 # ---- Code

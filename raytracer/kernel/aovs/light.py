@@ -41,7 +41,7 @@ class _Part(AovSpec):
     unit: ClassVar[str] = "W/(m2 sr)"
 
     def pack(self, height: int, width: int, column: int, identities: SceneIds) -> LightLayer:
-        return LightLayer(self.quantity(identities), np.zeros((height, width, 3)), column)
+        return LightLayer(self.quantity(identities), np.zeros((height, width, 3)))
 
     def develop(self, layer: Any, film: Film) -> NDArray[Any]:
         return np.asarray(layer.sums / np.maximum(film.count, 1)[..., None])

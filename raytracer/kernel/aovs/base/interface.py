@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.film import Film
-from raytracer.kernel.aovs.base.layers import FIRST, Aovs, MeanLayer
+from raytracer.kernel.aovs.base.layers import FIRST, Aovs, LightAovs, LightLayer, MeanLayer
 from raytracer.schema.registry import AOVS
 from raytracer.schema.spec import Spec
 from raytracer.util.errors import InputError, suggest_name
@@ -134,7 +134,8 @@ class AovRecorder:
             self._layers[name] = self._specs[name].pack(height, width, column, identities)
             column += len(self._specs[name].channels)
         gathered = tuple(layer for layer in self._layers.values() if layer is not None)
-        self.view = Aovs(gathered) if gathered else None
+        make = LightAovs if any(isinstance(layer, LightLayer) for layer in gathered) else Aovs
+        self.view = make(gathered) if gathered else None
 
     def develop(self, name: str, film: Film) -> NDArray[Any]:
         """Compute a finished AOV, (height, width) or (height, width, channels)."""
