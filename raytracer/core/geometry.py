@@ -235,15 +235,12 @@ def plane_distance_exact(accuracy, origin, direction, point, normal, near):
     return dot(sub(point, origin), normal) / slope
 
 
-@optional
+@kernel
 def hit_offset(accuracy, extent, near):
     """Compute the spawn distance for a hit at distance `near` on a primitive whose coordinates reach `extent`."""
-    # The hit point itself is wrong by an ulp of the distance.
-    return spawn_offset(extent + near)
-
-
-@hit_offset.register(Exact)
-def hit_offset_exact(accuracy, extent, near):
+    if accuracy is None:
+        # The hit point itself is wrong by an ulp of the distance.
+        return spawn_offset(extent + near)
     return spawn_offset(extent)
 
 

@@ -211,14 +211,11 @@ def _material(override, instance, own):
 # ---- Hits
 
 
-@optional
+@kernel
 def intersect_instance(instances, scene, instance, table, primitive, origin, direction, near, time):
     """Solve the hit that Embree found at distance `near`: a geometry.Hit in world space; `instance` is -1 for none."""
-    return hit_any(scene.primitives, table, primitive, origin, direction, near, time, scene.accuracy)
-
-
-@intersect_instance.register(Instances)
-def intersect_instance_instances(instances, scene, instance, table, primitive, origin, direction, near, time):
+    if instances is None:
+        return hit_any(scene.primitives, table, primitive, origin, direction, near, time, scene.accuracy)
     # A primitive in no instance keeps its bits.
     start, way, length = origin, direction, 1.0
     pose, inverse = _IDENTITY, _IDENTITY
@@ -244,14 +241,11 @@ def intersect_instance_instances(instances, scene, instance, table, primitive, o
 # ---- Emitters
 
 
-@optional
+@kernel
 def sample_instance_point(instances, scene, instance, table, primitive, reference, u1, u2, time):
     """Sample a point on an emitting primitive: a geometry.LightPoint in world space; `instance` is -1 for none."""
-    return sample_point_any(scene.primitives, table, primitive, reference, u1, u2, time)
-
-
-@sample_instance_point.register(Instances)
-def sample_instance_point_instances(instances, scene, instance, table, primitive, reference, u1, u2, time):
+    if instances is None:
+        return sample_point_any(scene.primitives, table, primitive, reference, u1, u2, time)
     seen_from = reference
     pose, inverse = _IDENTITY, _IDENTITY
     if instance >= 0:
@@ -278,14 +272,11 @@ def sample_instance_point_instances(instances, scene, instance, table, primitive
     return LightPoint(point, normal, pdf, gap, on.u, on.v, on.local)
 
 
-@optional
+@kernel
 def pdf_instance_point(instances, scene, instance, table, primitive, reference, point, normal, time):
     """Compute the density of `sample_instance_point` in solid angle (1/sr) at a point in world space."""
-    return pdf_point_any(scene.primitives, table, primitive, reference, point, normal, time)
-
-
-@pdf_instance_point.register(Instances)
-def pdf_instance_point_instances(instances, scene, instance, table, primitive, reference, point, normal, time):
+    if instances is None:
+        return pdf_point_any(scene.primitives, table, primitive, reference, point, normal, time)
     seen_from, on, outside = reference, point, normal
     pose = _IDENTITY
     if instance >= 0:

@@ -251,14 +251,11 @@ def _shading_normal_deforming_smooth_triangles(table, primitive, u, v, normal, t
     return interpolated_normal(n0, n1, n2, u, v, normal)
 
 
-@optional
+@kernel
 def _parameters(uv, faces, primitive, u, v, edge1, edge2):
     """Compute u, v, dp/du and dp/dv at barycentric coordinates of a triangle; derivatives are zero where undefined."""
-    return u, v, edge1, edge2
-
-
-@_parameters.register(TextureCoordinates)
-def _parameters_texture_coordinates(uv, faces, primitive, u, v, edge1, edge2):
+    if uv is None:
+        return u, v, edge1, edge2
     a, b, c = faces[primitive, 0], faces[primitive, 1], faces[primitive, 2]
     u0, v0 = np.float64(uv.values[a, 0]), np.float64(uv.values[a, 1])
     u1, v1 = uv.values[b, 0] - u0, uv.values[b, 1] - v0

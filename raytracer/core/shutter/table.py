@@ -120,16 +120,13 @@ def _segment(values, value):
     return first_above(values, 1, len(values) - 1, value) - 1
 
 
-@optional
+@kernel
 def curve_density(curve, time):
     """Compute the density of `sample_curve` at a time from 0 to 1; 0 outside."""
-    return 1.0 if 0.0 <= time <= 1.0 else 0.0
-
-
-@curve_density.register(TransmissionCurve)
-def curve_density_transmission_curve(curve, time):
     if not 0.0 <= time <= 1.0:
         return 0.0
+    if curve is None:
+        return 1.0
     segment = _segment(curve.time, time)
     share = (time - curve.time[segment]) / (curve.time[segment + 1] - curve.time[segment])
     return curve.density[segment] + share * (curve.density[segment + 1] - curve.density[segment])

@@ -7,8 +7,8 @@ On the command line:
 
 from typing import Any, ClassVar, Literal, NamedTuple
 
-from raytracer.core.compiler.dispatch import optional
-from raytracer.core.instancing import Instances, pose_of
+from raytracer.core.compiler.dispatch import kernel, optional
+from raytracer.core.instancing import pose_of
 from raytracer.core.motion.interpolation import apply_point
 from raytracer.core.primitives.base.interface import reproject_at_time_any
 from raytracer.core.shutter.table import Shutter
@@ -21,15 +21,12 @@ class MotionQuantity(NamedTuple):
     """The displacement in the picture."""
 
 
-@optional
+@kernel
 def point_at_time(instances, scene, seen, time):
     """Return the position in the world of the point that is seen at another time."""
-    return reproject_at_time_any(scene.primitives, seen.table, seen.primitive, seen.hit, time)
-
-
-@point_at_time.register(Instances)
-def point_at_time_instances(instances, scene, seen, time):
     local = reproject_at_time_any(scene.primitives, seen.table, seen.primitive, seen.hit, time)
+    if instances is None:
+        return local
     return local if seen.instance < 0 else apply_point(pose_of(instances, seen.instance, time), local)
 
 
