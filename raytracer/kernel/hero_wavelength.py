@@ -289,11 +289,7 @@ def upsample_rgb_dispersive_materials(spectrum, work, sample, rgb):
     waves = wavelengths_of(work, sample)
     if waves.count == 0.0:
         return rgb
-    return (
-        dot(load3(waves.basis, 0, 0), rgb),
-        dot(load3(waves.basis, 1, 0), rgb),
-        dot(load3(waves.basis, 2, 0), rgb),
-    )
+    return (dot(load3(waves.basis, 0, 0), rgb), dot(load3(waves.basis, 1, 0), rgb), dot(load3(waves.basis, 2, 0), rgb))
 
 
 @optional(DispersiveLens)

@@ -5,12 +5,7 @@ import math
 from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.vec import is_black, madd, mul, scale
 from raytracer.kernel.direct_light import sample_direct_light_in_medium
-from raytracer.kernel.hero_wavelength import (
-    channel_importance,
-    estimate_contribution,
-    path_wavelengths,
-    upsample_rgb,
-)
+from raytracer.kernel.hero_wavelength import channel_importance, estimate_contribution, path_wavelengths, upsample_rgb
 from raytracer.kernel.nested_dielectrics import beer_transmittance
 from raytracer.kernel.path_log import MediumFlight, Scattering, record
 from raytracer.kernel.path_state import scattered_path, store_path, with_throughput
