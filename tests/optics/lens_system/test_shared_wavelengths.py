@@ -121,7 +121,9 @@ def test_shared_rays_show_what_rays_of_one_wavelength_do(name: str, width: int, 
     assert isinstance(spectrum, DispersiveLens)
     _, way = lens.film_to_ray((x + 0.5) / width, (y + 0.5) / height, width, height)
     count, slope = 1 << 18, float(way[0] / way[2])
-    alone, alone_spread = estimated(camera, spectrum._replace(camera=MonochromaticCamera()), (x, y), slope, count, seed=1)
+    alone, alone_spread = estimated(
+        camera, spectrum._replace(camera=MonochromaticCamera()), (x, y), slope, count, seed=1
+    )
     shared, spread = estimated(camera, spectrum, (x, y), slope, count, seed=2)
     noise = np.sqrt((alone_spread + spread) / count)
     assert (noise < 0.02 * alone.max()).all()
@@ -248,7 +250,9 @@ def test_pictures_by_shared_rays_are_those_by_rays_of_one_wavelength() -> None:
         .replace("MATERIAL", "{type: lambertian, albedo: [0.8, 0.2, 0.05]}")
     )
     packed = pack(build(text, "test.yaml", base=SCENES))
-    alone = packed._replace(scene=packed.scene._replace(spectrum=packed.scene.spectrum._replace(camera=MonochromaticCamera())))
+    alone = packed._replace(
+        scene=packed.scene._replace(spectrum=packed.scene.spectrum._replace(camera=MonochromaticCamera()))
+    )
     first, second = pictured(packed, spp=4096, seed=1), pictured(alone, spp=4096, seed=2)
     off = (first.radiance - second.radiance) / np.sqrt(first.variance + second.variance)
     assert np.abs(off).max() < 5.0
