@@ -37,14 +37,8 @@ from warm import (
     with_interval,
 )
 
-from raytracer.core.error_estimate import (
-    Interval,
-    error_weights,
-    ratio_interval,
-    ratio_of_sums,
-    sqrt_interval,
-    squared_bias_by_tile,
-)
+from raytracer.core.error_estimate.intervals import Interval, ratio_interval, ratio_of_sums, sqrt_interval
+from raytracer.core.error_estimate.metric import error_weights, squared_bias_by_tile
 
 EXACT, AGAIN = "exact", "exact again"
 ARMS = {EXACT: "exact", "robust": "robust", "fast": "fast", AGAIN: "exact"}

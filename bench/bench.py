@@ -61,7 +61,7 @@ from warm import (
     with_interval,
 )
 
-from raytracer.core.error_estimate import median_interval
+from raytracer.core.error_estimate.intervals import median_interval
 
 RT = "import sys; from raytracer.cli.main import main; sys.exit(main())"
 TINY = ("--spp", "1", "--crop", "0,0,8,8")

@@ -40,7 +40,7 @@ from warm import (
     table,
 )
 
-from raytracer.core.error_estimate import error_weights
+from raytracer.core.error_estimate.metric import error_weights
 
 REFERENCES, QUICK_REFERENCES = 8, 4
 """Renders, with as many samples each as the longest that is timed, in a reference."""

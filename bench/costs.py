@@ -31,7 +31,7 @@ from warm import (
     with_interval,
 )
 
-from raytracer.core.error_estimate import ratio_interval
+from raytracer.core.error_estimate.intervals import ratio_interval
 
 WIDTH, HEIGHT, SPP = 400, 225, 64
 PLAIN, AGAIN = "the cover", "the same again"

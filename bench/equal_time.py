@@ -43,7 +43,8 @@ from warm import (
     with_interval,
 )
 
-from raytracer.core.error_estimate import bootstrap_intervals, error_weights, ratio_interval
+from raytracer.core.error_estimate.intervals import bootstrap_intervals, ratio_interval
+from raytracer.core.error_estimate.metric import error_weights
 
 OURS, INDEPENDENT = "rt", "Mitsuba, independent"
 BETTER = ("Mitsuba, stratified", "Mitsuba, multijitter", "Mitsuba, ldsampler")

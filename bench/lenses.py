@@ -32,7 +32,7 @@ from warm import (
     with_interval,
 )
 
-from raytracer.core.error_estimate import ratio_interval
+from raytracer.core.error_estimate.intervals import ratio_interval
 
 WIDTH, HEIGHT, SPP, QUICK_SPP = 400, 225, 64, 16
 

@@ -22,7 +22,7 @@ from typing import Any
 
 from warm import MEGA, QUICK_ROUNDS, ROUNDS, SCENES, arguments_for, measured, publish, say, table, with_interval
 
-from raytracer.core.error_estimate import ratio_interval
+from raytracer.core.error_estimate.intervals import ratio_interval
 from raytracer.film.light_field import lf
 from raytracer.lightfield.capturing.bands import ViewBand
 from raytracer.lightfield.capturing.capture import capture

@@ -30,7 +30,8 @@ from warm import QUICK_ROUNDS, ROUNDS, SCENES, Array, arguments_for, measured, p
 from raytracer.analysis.cost.results import Prediction, VariantResult
 from raytracer.analysis.cost.study import study
 from raytracer.analysis.cost.study_options import StudyOptions
-from raytracer.core.error_estimate import Interval, error_weights, mse_by_tile, ratio_interval
+from raytracer.core.error_estimate.intervals import Interval, ratio_interval
+from raytracer.core.error_estimate.metric import error_weights, mse_by_tile
 from raytracer.rendering.render import render
 from raytracer.rendering.session import Rendered
 from raytracer.scene.load import build, load

@@ -39,7 +39,8 @@ from warm import (
     with_interval,
 )
 
-from raytracer.core.error_estimate import error_weights, mse_by_tile, ratio_interval, ratio_of_sums
+from raytracer.core.error_estimate.intervals import ratio_interval, ratio_of_sums
+from raytracer.core.error_estimate.metric import error_weights, mse_by_tile
 
 INDEPENDENT, OTHERS = "independent", ("sobol", "stratified")
 LEVELS, QUICK_LEVELS = (16, 64, 256), (4, 16)

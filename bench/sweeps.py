@@ -27,7 +27,7 @@ import numpy as np
 from warm import QUICK_ROUNDS, ROUNDS, SCENES, arguments_for, measured, publish, say, table, with_interval
 
 from raytracer.analysis.sweep.run import sweep
-from raytracer.core.error_estimate import ratio_interval
+from raytracer.core.error_estimate.intervals import ratio_interval
 from raytracer.rendering.render import render
 from raytracer.scene.cache import RenderCache
 from raytracer.scene.load import load

@@ -15,7 +15,7 @@ import numpy as np
 from raytracer.core.compiler import build_entry, parts
 from raytracer.core.compiler.build_entry import link_entry
 from raytracer.core.compiler.passes import lower_part
-from raytracer.kernel.aovs.base.recording import AovRecorder
+from raytracer.kernel.aovs.base.interface import AovRecorder
 from raytracer.kernel.path_state import workspace
 from raytracer.kernel.path_tracer import render_tile
 from raytracer.kernel.pixel_accumulator import FilmView

@@ -28,7 +28,7 @@ def cache(
     """
     from datetime import datetime
 
-    from raytracer.core.compiler.cache_contents import cache_contents, clear_cache
+    from raytracer.core.compiler.cache import cache_contents, clear_cache
 
     held = cache_contents()
     if clear:

@@ -33,7 +33,7 @@ def warm(
 
     Effects, `-D`, AOVs and denoising decide what is compiled; the size of the picture, spp, depth and seed do not.
     """
-    from raytracer.core.compiler.cache_contents import check_cache
+    from raytracer.core.compiler.cache import check_cache
     from raytracer.core.compiler.compile_progress import COMPILATION, watch_compilation
     from raytracer.rendering.progress import CompileBar
     from raytracer.rendering.render import prepare_scene

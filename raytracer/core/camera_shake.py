@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from raytracer.core.motion.decomposition import Rows
-from raytracer.core.motion.trajectory import rotation_trajectory
+from raytracer.core.motion.trajectory import Rows, rotation_trajectory
 from raytracer.core.shutter.table import Shutter
 from raytracer.schema.fields import Count, Quantity, Vector
 from raytracer.schema.spec import Spec

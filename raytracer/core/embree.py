@@ -8,10 +8,11 @@ References: Wald et al. 2014, "Embree: A Kernel Framework for Efficient CPU Ray 
 Embree 4 API reference (rtcNewScene, rtcSetSharedGeometryBuffer, rtcIntersect8, RTC_GEOMETRY_TYPE_INSTANCE_ARRAY).
 """
 
+import contextlib
 import ctypes
+import os
 import weakref
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import llvmlite.binding
@@ -39,23 +40,24 @@ _NO_MEMORY = 4
 
 _TYPES = {Primitive.TRIANGLE: 0, Primitive.SPHERE: 50, Primitive.DISC: 52}
 _INSTANCE_ARRAY = 122
-_FORMATS = {("u", 1): 0x5001, ("u", 3): 0x5003, ("f", 3): 0x9003, ("f", 4): 0x9004}
-_POSE_FORMATS = {12: 0x9134, 16: 0xB001}
+_FORMATS = {
+    ("u", 1): 0x5001,
+    ("u", 3): 0x5003,
+    ("f", 3): 0x9003,
+    ("f", 4): 0x9004,
+    # Poses: a matrix of 3 x 4, and a quaternion decomposition.
+    ("f", 12): 0x9134,
+    ("f", 16): 0xB001,
+}
 _INDEX_BUFFER, _VERTEX_BUFFER, _NORMAL_BUFFER, _TRANSFORM_BUFFER = 0, 1, 3, 23
 _COMPACT, _ROBUST = 2, 4
 _BUILD_QUALITY_HIGH = 2
 
 
-def _load_dependencies(library: Path) -> None:
-    """Load the TBB library beside Embree's, which Windows would not find by itself."""
-    import os
-
-    if hasattr(os, "add_dll_directory"):
-        os.add_dll_directory(str(library.parent))
-
-
 _PATH = find_library()
-_load_dependencies(_PATH)
+if hasattr(os, "add_dll_directory"):
+    # Windows would not find the TBB library beside Embree's by itself.
+    os.add_dll_directory(str(_PATH.parent))
 _LIBRARY = ctypes.CDLL(str(_PATH))
 llvmlite.binding.load_library_permanently(str(_PATH))
 
@@ -187,14 +189,7 @@ class Accel:
         numbered = geometries if isinstance(geometries, Mapping) else dict(enumerate(geometries))
         self.address = self._build(numbered, dict(enumerate(placements, first_instance)), scenes)
 
-    def cast(
-        self,
-        origin: ArrayLike,
-        direction: ArrayLike,
-        *,
-        beyond: float = 0.0,
-        time: float = 0.0,
-    ) -> RayHit | None:
+    def cast(self, origin: ArrayLike, direction: ArrayLike, *, beyond: float = 0.0, time: float = 0.0) -> RayHit | None:
         """Find the nearest hit of a single ray, None for a miss; kernels trace packets instead.
 
         Parameters
@@ -234,52 +229,46 @@ class Accel:
 
     def _attach(self, scene: int, number: int, geometry: Geometry) -> None:
         """Give one geometry's buffers to the scene."""
-        item = _new_geometry(self.device.handle, _TYPES[geometry.primitive])
-        self.device.check()
-        try:
-            steps = len(geometry.vertices)
-            if steps > 1:
-                _set_time_steps(item, steps)
+        with self._new_geometry(scene, number, _TYPES[geometry.primitive], len(geometry.vertices)) as item:
             for step, vertices in enumerate(geometry.vertices):
                 self._share(item, _VERTEX_BUFFER, step, vertices)
                 if geometry.normals is not None:
                     self._share(item, _NORMAL_BUFFER, step, geometry.normals)
             if geometry.indices is not None:
                 self._share(item, _INDEX_BUFFER, 0, geometry.indices)
-            _commit_geometry(item)
-            _attach(scene, item, number)
-            self.device.check()
-        finally:
-            _release_geometry(item)
 
     def _place(self, scene: int, number: int, placed: InstanceArray, scenes: Sequence[int]) -> None:
         """Add an instance array to the scene: for 10,000 placements it takes 0.9 MB, where instances take 3.3 MB."""
-        item = _new_geometry(self.device.handle, _INSTANCE_ARRAY)
-        self.device.check()
-        try:
-            # Embree 4.4 shows the first scene in an array of one placement, whatever the index says.
-            alone = len(placed.group) == 1
-            shown, group = ([scenes[placed.group[0]]], np.zeros(1, np.uint32)) if alone else (scenes, placed.group)
+        # Embree 4.4 shows the first scene in an array of one placement, whatever the index says.
+        alone = len(placed.group) == 1
+        shown, group = ([scenes[placed.group[0]]], np.zeros(1, np.uint32)) if alone else (scenes, placed.group)
+        with self._new_geometry(scene, number, _INSTANCE_ARRAY, len(placed.poses)) as item:
             _set_instanced(item, (_ptr * len(shown))(*shown), len(shown))
-            if len(placed.poses) > 1:
-                _set_time_steps(item, len(placed.poses))
             self._share(item, _INDEX_BUFFER, 0, group[:, None])
             for step, poses in enumerate(placed.poses):
-                self._share(item, _TRANSFORM_BUFFER, step, poses, _POSE_FORMATS)
+                self._share(item, _TRANSFORM_BUFFER, step, poses)
+
+    @contextlib.contextmanager
+    def _new_geometry(self, scene: int, number: int, kind: int, steps: int) -> Iterator[int]:
+        """Make a geometry whose buffers are shared in a `with` block, and add it to the scene."""
+        item = _new_geometry(self.device.handle, kind)
+        self.device.check()
+        try:
+            if steps > 1:
+                _set_time_steps(item, steps)
+            yield item
             _commit_geometry(item)
             _attach(scene, item, number)
             self.device.check()
         finally:
             _release_geometry(item)
 
-    def _share(
-        self, item: int, kind: int, slot: int, rows: NDArray[Any], formats: Mapping[Any, int] | None = None
-    ) -> None:
+    def _share(self, item: int, kind: int, slot: int, rows: NDArray[Any]) -> None:
         """Share an array of shape (n, width), float32 or uint32, with Embree."""
         if rows.dtype.itemsize != 4 or not rows.flags.c_contiguous:
             raise EmbreeError("geometry buffers must be contiguous arrays of 32-bit numbers")
         width = rows.shape[1]
-        form = formats[width] if formats else _FORMATS[rows.dtype.kind, width]
+        form = _FORMATS[rows.dtype.kind, width]
         self._buffers.append(rows)
         _share(item, kind, slot, form, rows.ctypes.data, 0, 4 * width, rows.shape[0])
 

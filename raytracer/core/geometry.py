@@ -130,39 +130,19 @@ class Interaction(NamedTuple):
 @kernel
 def at_wavelengths(surface: Interaction, wavelengths: Any) -> Interaction:
     """Return an Interaction whose materials are evaluated at these wavelengths, a spectra.PathWavelengths."""
-    site = surface.site
+    instance, table, primitive, hit, site, material, front, normal, previous, direction, distance, time = surface
+    site = Site(site.point, site.u, site.v, site.distance, wavelengths)
     return Interaction(
-        surface.instance,
-        surface.table,
-        surface.primitive,
-        surface.hit,
-        Site(site.point, site.u, site.v, site.distance, wavelengths),
-        surface.material,
-        surface.front,
-        surface.normal,
-        surface.previous,
-        surface.direction,
-        surface.distance,
-        surface.time,
+        instance, table, primitive, hit, site, material, front, normal, previous, direction, distance, time
     )
 
 
 @kernel
 def with_normal(surface: Interaction, normal: Vec3) -> Interaction:
     """Return an Interaction with another shading normal."""
+    instance, table, primitive, hit, site, material, front, _, previous, direction, distance, time = surface
     return Interaction(
-        surface.instance,
-        surface.table,
-        surface.primitive,
-        surface.hit,
-        surface.site,
-        surface.material,
-        surface.front,
-        normal,
-        surface.previous,
-        surface.direction,
-        surface.distance,
-        surface.time,
+        instance, table, primitive, hit, site, material, front, normal, previous, direction, distance, time
     )
 
 
@@ -255,15 +235,12 @@ def plane_distance_exact(accuracy, origin, direction, point, normal, near):
     return dot(sub(point, origin), normal) / slope
 
 
-@optional
+@kernel
 def hit_offset(accuracy, extent, near):
     """Compute the spawn distance for a hit at distance `near` on a primitive whose coordinates reach `extent`."""
-    # The hit point itself is wrong by an ulp of the distance.
-    return spawn_offset(extent + near)
-
-
-@hit_offset.register(Exact)
-def hit_offset_exact(accuracy, extent, near):
+    if accuracy is None:
+        # The hit point itself is wrong by an ulp of the distance.
+        return spawn_offset(extent + near)
     return spawn_offset(extent)
 
 

@@ -14,10 +14,18 @@ from numpy.typing import NDArray
 
 from raytracer.core.compiler.dispatch import kernel, optional
 from raytracer.core.geometry import Hit, LightPoint
-from raytracer.core.motion.affine import apply_normal, apply_point, apply_vector, invert
-from raytracer.core.motion.interpolation import Trajectories, pose_at
+from raytracer.core.motion.interpolation import (
+    Trajectories,
+    apply_normal,
+    apply_point,
+    apply_transpose,
+    apply_vector,
+    invert,
+    pose_at,
+)
 from raytracer.core.primitives.base.interface import hit_any, pdf_point_any, sample_point_any
-from raytracer.core.vec import dot, norm, scale, sub
+from raytracer.core.sampling.warp import first_above
+from raytracer.core.vec import add, dot, norm, scale, sub
 
 
 class EmissiveInstances(NamedTuple):
@@ -125,12 +133,13 @@ def pose_of(instances, instance, time):
 def _magnitudes(affine, v):
     """Sum the magnitudes of the products that `apply_vector` adds up."""
     a, b, c = affine
-    x, y, z = abs(v[0]), abs(v[1]), abs(v[2])
-    return (
-        abs(a[0]) * x + abs(a[1]) * y + abs(a[2]) * z,
-        abs(b[0]) * x + abs(b[1]) * y + abs(b[2]) * z,
-        abs(c[0]) * x + abs(c[1]) * y + abs(c[2]) * z,
-    )
+    sizes = _abs(v)
+    return dot(_abs(a), sizes), dot(_abs(b), sizes), dot(_abs(c), sizes)
+
+
+@kernel
+def _abs(v):
+    return abs(v[0]), abs(v[1]), abs(v[2])
 
 
 @kernel
@@ -144,11 +153,9 @@ def _embree_position_error(pose, inverse, point, normal):
     References: Higham 2002, "Accuracy and Stability of Numerical Algorithms", 2nd ed., sec. 3.5 and 14.1.
     """
     shift = (pose[0][3], pose[1][3], pose[2][3])
-    sizes = (abs(point[0]) + abs(shift[0]), abs(point[1]) + abs(shift[1]), abs(point[2]) + abs(shift[2]))
     reach = _magnitudes(pose, _magnitudes(inverse, sub(point, shift)))
-    total = (sizes[0] + reach[0], sizes[1] + reach[1], sizes[2] + reach[2])
-    across = (abs(normal[0]), abs(normal[1]), abs(normal[2]))
-    return _POSE_ULPS * dot(across, _magnitudes(inverse, total))
+    total = add(add(_abs(point), _abs(shift)), reach)
+    return _POSE_ULPS * dot(_abs(normal), _magnitudes(inverse, total))
 
 
 @kernel
@@ -173,14 +180,7 @@ def _surface_error(instances, instance, pose, inverse, point, normal):
 @kernel
 def _slope(inverse, normal):
     """Return the length in the group's space of one metre along a world normal, along the normal that it comes from."""
-    a, b, c = inverse
-    return norm(
-        (
-            a[0] * normal[0] + b[0] * normal[1] + c[0] * normal[2],
-            a[1] * normal[0] + b[1] * normal[1] + c[1] * normal[2],
-            a[2] * normal[0] + b[2] * normal[1] + c[2] * normal[2],
-        )
-    )
+    return norm(apply_transpose(inverse, normal))
 
 
 @kernel
@@ -211,14 +211,11 @@ def _material(override, instance, own):
 # ---- Hits
 
 
-@optional
+@kernel
 def intersect_instance(instances, scene, instance, table, primitive, origin, direction, near, time):
     """Solve the hit that Embree found at distance `near`: a geometry.Hit in world space; `instance` is -1 for none."""
-    return hit_any(scene.primitives, table, primitive, origin, direction, near, time, scene.accuracy)
-
-
-@intersect_instance.register(Instances)
-def intersect_instance_instances(instances, scene, instance, table, primitive, origin, direction, near, time):
+    if instances is None:
+        return hit_any(scene.primitives, table, primitive, origin, direction, near, time, scene.accuracy)
     # A primitive in no instance keeps its bits.
     start, way, length = origin, direction, 1.0
     pose, inverse = _IDENTITY, _IDENTITY
@@ -233,32 +230,22 @@ def intersect_instance_instances(instances, scene, instance, table, primitive, o
     if instance < 0:
         return hit
     point = apply_point(pose, hit.point)
-    return Hit(
-        point,
-        apply_normal(inverse, hit.normal),
-        apply_normal(inverse, hit.shading_normal),
-        hit.u,
-        hit.v,
-        hit.offset / _slope(inverse, hit.normal)
-        + _surface_error(instances, instance, pose, inverse, point, hit.normal),
-        _material(instances.material, instance, hit.material),
-        apply_vector(pose, hit.tangent),
-        apply_vector(pose, hit.bitangent),
-        hit.local,
-    )
+    normal, shading = apply_normal(inverse, hit.normal), apply_normal(inverse, hit.shading_normal)
+    error = _surface_error(instances, instance, pose, inverse, point, hit.normal)
+    offset = hit.offset / _slope(inverse, hit.normal) + error
+    material = _material(instances.material, instance, hit.material)
+    tangent, bitangent = apply_vector(pose, hit.tangent), apply_vector(pose, hit.bitangent)
+    return Hit(point, normal, shading, hit.u, hit.v, offset, material, tangent, bitangent, hit.local)
 
 
 # ---- Emitters
 
 
-@optional
+@kernel
 def sample_instance_point(instances, scene, instance, table, primitive, reference, u1, u2, time):
     """Sample a point on an emitting primitive: a geometry.LightPoint in world space; `instance` is -1 for none."""
-    return sample_point_any(scene.primitives, table, primitive, reference, u1, u2, time)
-
-
-@sample_instance_point.register(Instances)
-def sample_instance_point_instances(instances, scene, instance, table, primitive, reference, u1, u2, time):
+    if instances is None:
+        return sample_point_any(scene.primitives, table, primitive, reference, u1, u2, time)
     seen_from = reference
     pose, inverse = _IDENTITY, _IDENTITY
     if instance >= 0:
@@ -285,14 +272,11 @@ def sample_instance_point_instances(instances, scene, instance, table, primitive
     return LightPoint(point, normal, pdf, gap, on.u, on.v, on.local)
 
 
-@optional
+@kernel
 def pdf_instance_point(instances, scene, instance, table, primitive, reference, point, normal, time):
     """Compute the density of `sample_instance_point` in solid angle (1/sr) at a point in world space."""
-    return pdf_point_any(scene.primitives, table, primitive, reference, point, normal, time)
-
-
-@pdf_instance_point.register(Instances)
-def pdf_instance_point_instances(instances, scene, instance, table, primitive, reference, point, normal, time):
+    if instances is None:
+        return pdf_point_any(scene.primitives, table, primitive, reference, point, normal, time)
     seen_from, on, outside = reference, point, normal
     pose = _IDENTITY
     if instance >= 0:
@@ -314,14 +298,8 @@ def _choose_member(glow, variant, u):
         return -1, 1.0
     if variant == 0:
         return -1, 1.0
-    low, high = glow.first[variant], glow.first[variant + 1] - 1
-    while low < high:
-        middle = (low + high) // 2
-        if u < glow.cumulative[middle]:
-            high = middle
-        else:
-            low = middle + 1
-    instance = np.int64(glow.member[low])
+    member = first_above(glow.cumulative, glow.first[variant], glow.first[variant + 1] - 1, u)
+    instance = np.int64(glow.member[member])
     return instance, glow.probability[instance]
 
 

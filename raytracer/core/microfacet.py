@@ -94,15 +94,6 @@ def sample_visible_normal(alpha: float, toward: Vec3, u1: float, u2: float) -> V
 
 
 @kernel
-def pdf_visible_normal(alpha: float, toward: Vec3, half: Vec3) -> float:
-    """Compute the density (1/sr) of `sample_visible_normal`: the facets' area seen from `toward`, over the surface's.
-
-    References: Heitz 2018, "Sampling the GGX Distribution of Visible Normals", JCGT 7(4), eq. 1.
-    """
-    return 2.0 * max(0.0, dot(toward, half)) * ggx(alpha, half) / (toward[2] + stretched(alpha, toward[2]))
-
-
-@kernel
 def view_direction(direction: Vec3, s: Vec3, t: Vec3, normal: Vec3) -> Vec3:
     """Return the view direction of a ray along `direction`, in the surface's frame (s, t, normal).
 
@@ -219,6 +210,10 @@ class Deficits(NamedTuple):
     count: NDArray[np.int32]  # type: ignore[assignment]  # takes the place of tuple.count
 
 
+_LOSSLESS = np.pad(np.linspace(0.0, 1.0, _NODES)[:, None], ((0, 0), (0, 3)))
+"""A row of `Deficits.cells` that loses nothing."""
+
+
 def deficits(roughness: Sequence[float | None], etas: Sequence[tuple[float, ...] | None]) -> Deficits:
     """Compute the deficits of materials of these roughnesses; None stands for any that a texture may set.
 
@@ -237,19 +232,12 @@ def deficits(roughness: Sequence[float | None], etas: Sequence[tuple[float, ...]
             starts[key] = len(rows)
             lattice = _FINE if len(grid) == 1 else _COARSE
             if sides is None:
-                rows += [_none(), _none()]
+                rows += [_LOSSLESS, _LOSSLESS]
             else:
                 rows += [_deficit(alpha, eta, *lattice) for eta in sides for alpha in grid]
         first.append(starts[key])
         count.append(len(grid))
     return Deficits(np.array(rows), np.array(first, np.int32), np.array(count, np.int32))
-
-
-def _none() -> NDArray[np.float64]:
-    """Make a row of `Deficits.cells` that loses nothing."""
-    cells = np.zeros((_NODES, 4))
-    cells[:, 0] = np.linspace(0.0, 1.0, _NODES)
-    return cells
 
 
 class CellBlend(NamedTuple):
@@ -360,11 +348,7 @@ def multiple_albedo(mean_fresnel: Vec3, lost: float) -> Vec3:
     """
     r, g, b = mean_fresnel
     keep = 1.0 - lost
-    return (
-        r * r * keep / (1.0 - r * lost),
-        g * g * keep / (1.0 - g * lost),
-        b * b * keep / (1.0 - b * lost),
-    )
+    return (r * r * keep / (1.0 - r * lost), g * g * keep / (1.0 - g * lost), b * b * keep / (1.0 - b * lost))
 
 
 @kernel

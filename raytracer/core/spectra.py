@@ -183,9 +183,3 @@ def response_at(spectra: Spectra, wavelength: float) -> Vec3:
 def basis_at(spectra: Spectra, wavelength: float) -> Vec3:
     """Return the spectra of red, green and blue at a wavelength: that of a colour is its dot product with them."""
     return _row_at(spectra.basis, wavelength)
-
-
-@kernel
-def upsample_at(spectra: Spectra, wavelength: float, rgb: Vec3) -> float:
-    """Compute the spectrum of a colour at a wavelength."""
-    return dot(basis_at(spectra, wavelength), rgb)

@@ -12,8 +12,7 @@ from raytracer.core.vec import dot, load_vector
 from raytracer.kernel.interaction import load_ray, solve_hit
 from raytracer.kernel.medium_boundaries import medium_of_rank
 from raytracer.kernel.nested_dielectrics import NestedDielectrics, SubmergedCamera, highest_rank
-from raytracer.kernel.path_state import path_time, push, take_all
-from raytracer.kernel.ray_time import set_ray_time
+from raytracer.kernel.path_state import path_time, push, set_ray_time, take_all
 from raytracer.kernel.transparency import MAX_PASSTHROUGHS, discard_unfinished
 from raytracer.plugins.media.base.interface import Media
 

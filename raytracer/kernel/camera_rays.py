@@ -3,7 +3,8 @@
 import math
 
 from raytracer.core.compiler.dispatch import kernel, optional
-from raytracer.core.sampling import pixel_key, sample_2d
+from raytracer.core.sampling import pixel_key, sample_1d, sample_2d
+from raytracer.core.shutter.table import Shutter, sample_shutter_time
 from raytracer.kernel.aovs.base.layers import start_aovs
 from raytracer.kernel.hero_wavelength import start_rgb_path
 from raytracer.kernel.lens_dispersion import FILM_POSITION_ROW, ray_wavelength, share_lens_rays
@@ -12,10 +13,10 @@ from raytracer.kernel.nested_dielectrics import clear_inside_counts
 from raytracer.kernel.path_log import CameraRay, begin_round, record
 from raytracer.kernel.path_rows import store3
 from raytracer.kernel.path_state import Path, sample_draws, store_draws, store_path
-from raytracer.kernel.ray_time import sample_time
 from raytracer.kernel.transparency import first_vertex, no_passthroughs
 from raytracer.plugins.cameras.base.interface import (
     FILTER,
+    TIME,
     PacketRays,
     film_corner,
     film_to_view,
@@ -63,6 +64,20 @@ def _start_sample(packet, scene, aovs, work, sample, lane, x, y):
     record(work.log, work, sample, CameraRay(film_x, film_y, time, origin, direction, factors, wavelength))
     if importance != 0.0:
         start_path(scene, work, sample, origin, direction, time)
+
+
+@optional
+def sample_time(shutter, x, y, draws):
+    """Sample the time at which film position (x, y) is exposed: a fraction of the exposure or None, and a weight.
+
+    The weight is of mean 1, and the constant 1 where no light has a time of its own.
+    """
+    return None, 1.0
+
+
+@sample_time.register(Shutter)
+def sample_time_shutter(shutter, x, y, draws):
+    return sample_shutter_time(shutter.pulses, shutter, x, y, sample_1d(draws.sampler, draws.key, draws.index, TIME))
 
 
 @kernel

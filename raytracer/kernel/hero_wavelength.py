@@ -33,7 +33,12 @@ from raytracer.core.spectra import (
     sample_hero_wavelength,
 )
 from raytracer.core.vec import Vec3, dot, load_vector, madd, mul, scale, store_vector
+from raytracer.kernel.path_rows import load3, store3
 from raytracer.plugins.cameras.base.interface import WAVELENGTH
+
+
+class MonochromaticCamera(NamedTuple):
+    """A camera whose rays have one wavelength each."""
 
 
 class DispersiveMaterials(NamedTuple):
@@ -58,15 +63,11 @@ class DispersiveLens(NamedTuple):
     Attributes
     ----------
     spectra : tables by wavelength.
-    sharing : the camera's WavelengthSharing, by which companions share the hero's ray, or None.
+    camera : MonochromaticCamera, or the camera's WavelengthSharing, by which companions share the hero's ray.
     """
 
     spectra: Spectra
-    sharing: Any = None
-
-
-class MonochromaticCamera(NamedTuple):
-    """A camera whose rays have one wavelength each."""
+    camera: Any = MonochromaticCamera()
 
 
 LENS_ROW = np.dtype([("u", "f8")])
@@ -107,20 +108,6 @@ def wavelengths_of(work, sample):
     return work.wavelengths[np.uintp(sample)]
 
 
-@kernel
-def _load(field, number):
-    """Read the vector of a wavelength."""
-    at = np.uintp(number)
-    return (field[at, 0], field[at, 1], field[at, 2])
-
-
-@kernel
-def _store(field, number, value):
-    """Write the vector of a wavelength."""
-    at = np.uintp(number)
-    field[at, 0], field[at, 1], field[at, 2] = value
-
-
 # ---- From the camera, once or once a wavelength
 
 
@@ -141,8 +128,8 @@ def start_rgb_path_dispersive_materials(spectrum, work, sample, draws, origin, d
     waves.count = 0.0
     waves.hero = 0
     waves.is_terminated = 0
-    _store(waves.camera_ray, 0, origin)
-    _store(waves.camera_ray, 1, direction)
+    store3(waves.camera_ray, 0, 0, origin)
+    store3(waves.camera_ray, 1, 0, direction)
 
 
 @optional
@@ -168,7 +155,7 @@ def restart_rgb_path(work, sample, number):
     waves = wavelengths_of(work, sample)
     waves.count = 0.0
     waves.hero = number
-    return _load(waves.camera_ray, 0), _load(waves.camera_ray, 1)
+    return load3(waves.camera_ray, 0, 0), load3(waves.camera_ray, 1, 0)
 
 
 # ---- Where a path meets a material that disperses
@@ -210,8 +197,8 @@ def _sample_wavelengths(camera, spectra, waves):
     for number in range(3):
         wavelength, pdf = sample_hero_wavelength(spectra, companion_number(waves.u, number, 3))
         waves.wavelength[number] = wavelength
-        _store(waves.response, number, scale(1.0 / (3.0 * pdf), response_at(spectra, wavelength)))
-        _store(waves.basis, number, basis_at(spectra, wavelength))
+        store3(waves.response, number, 0, scale(1.0 / (3.0 * pdf), response_at(spectra, wavelength)))
+        store3(waves.basis, number, 0, basis_at(spectra, wavelength))
     waves.count = 3.0
     return (1.0, 1.0, 1.0)
 
@@ -222,8 +209,8 @@ def _sample_wavelengths_monochromatic_camera(camera, spectra, waves):
     wavelength, _ = sample_hero_wavelength(spectra, waves.u)
     for number in range(3):
         waves.wavelength[number] = wavelength
-        _store(waves.response, number, (1.0, 1.0, 1.0))
-        _store(waves.basis, number, basis_at(spectra, wavelength))
+        store3(waves.response, number, 0, (1.0, 1.0, 1.0))
+        store3(waves.basis, number, 0, basis_at(spectra, wavelength))
     waves.count = 1.0
     return (1.0, 0.0, 0.0)
 
@@ -236,9 +223,9 @@ def _carried_wavelengths(waves):
         count,
         waves.hero if count > 1.0 else np.int64(0),
         load_vector(waves.wavelength),
-        _load(waves.basis, 0),
-        _load(waves.basis, 1),
-        _load(waves.basis, 2),
+        load3(waves.basis, 0, 0),
+        load3(waves.basis, 1, 0),
+        load3(waves.basis, 2, 0),
     )
 
 
@@ -247,8 +234,8 @@ def _terminate_secondary(waves, throughput):
     """Continue a path with one of its wavelengths, as its first; returns the throughput."""
     number = waves.hero
     waves.wavelength[0] = waves.wavelength[number]
-    _store(waves.response, 0, _load(waves.response, number))
-    _store(waves.basis, 0, _load(waves.basis, number))
+    store3(waves.response, 0, 0, load3(waves.response, number, 0))
+    store3(waves.basis, 0, 0, load3(waves.basis, number, 0))
     waves.count = 1.0
     waves.is_terminated = 1
     return (throughput[number], 0.0, 0.0)
@@ -302,11 +289,7 @@ def upsample_rgb_dispersive_materials(spectrum, work, sample, rgb):
     waves = wavelengths_of(work, sample)
     if waves.count == 0.0:
         return rgb
-    return (
-        dot(_load(waves.basis, 0), rgb),
-        dot(_load(waves.basis, 1), rgb),
-        dot(_load(waves.basis, 2), rgb),
-    )
+    return (dot(load3(waves.basis, 0, 0), rgb), dot(load3(waves.basis, 1, 0), rgb), dot(load3(waves.basis, 2, 0), rgb))
 
 
 @optional(DispersiveLens)
@@ -343,9 +326,9 @@ def _to_camera_rgb(waves: Any, light: Vec3) -> Vec3:
     """Convert radiance at a path's wavelengths, with its throughput, to camera RGB."""
     if waves.count == 0.0:
         return light
-    rgb = scale(light[0], _load(waves.response, 0))
-    rgb = madd(rgb, light[1], _load(waves.response, 1))
-    rgb = madd(rgb, light[2], _load(waves.response, 2))
+    rgb = scale(light[0], load3(waves.response, 0, 0))
+    rgb = madd(rgb, light[1], load3(waves.response, 1, 0))
+    rgb = madd(rgb, light[2], load3(waves.response, 2, 0))
     return mul(load_vector(waves.rgb_throughput), rgb)
 
 
@@ -387,6 +370,6 @@ def channel_importance_dispersive_materials(spectrum, work, sample, throughput):
     if waves.count == 0.0:
         return throughput
     # The spectrum of each primary reaches over all wavelengths, so none of the three is 0.
-    importance = scale(throughput[0], _load(waves.basis, 0))
-    importance = madd(importance, throughput[1], _load(waves.basis, 1))
-    return madd(importance, throughput[2], _load(waves.basis, 2))
+    importance = scale(throughput[0], load3(waves.basis, 0, 0))
+    importance = madd(importance, throughput[1], load3(waves.basis, 1, 0))
+    return madd(importance, throughput[2], load3(waves.basis, 2, 0))

@@ -6,18 +6,6 @@ import numpy as np
 
 from raytracer.core import embree
 from raytracer.core.compiler.dispatch import kernel
-from raytracer.core.embree import (
-    DIRECTION,
-    GEOMETRY,
-    INSTANCE,
-    MISS,
-    ORIGIN,
-    PLACEMENT,
-    PRIMITIVE,
-    TFAR,
-    load_float,
-    load_int,
-)
 from raytracer.core.geometry import Interaction, Site, with_normal
 from raytracer.core.instancing import intersect_instance, resolve_instance
 from raytracer.core.primitives.base.interface import prefetch_primitive_any, row_of_any
@@ -25,8 +13,7 @@ from raytracer.core.vec import dot, load_vector, neg, norm, normalize, sub
 from raytracer.core.world_origin import to_authored_space
 from raytracer.kernel.nested_dielectrics import resolve_boundary
 from raytracer.kernel.normal_mapping import shading_normal
-from raytracer.kernel.path_state import last_vertex, path_time
-from raytracer.kernel.ray_time import set_ray_time
+from raytracer.kernel.path_state import last_vertex, path_time, set_ray_time
 from raytracer.plugins.materials.base.dispatch import select_at
 
 
@@ -43,32 +30,32 @@ def intersect_paths(scene, work):
 
     # Let the cache misses of the whole batch overlap: a mesh of a million triangles renders 10 % faster.
     for lane in range(live):
-        table = load_int(work.rays, lane, GEOMETRY)
-        if table != MISS:
+        table = embree.load_int(work.rays, lane, embree.GEOMETRY)
+        if table != embree.MISS:
             prefetch_primitive_any(scene.primitives, table, resolve_hit(scene, work.rays, lane)[1])
 
 
 @kernel
 def _load_vector(rays, lane, field):
     return (
-        np.float64(load_float(rays, lane, field)),
-        np.float64(load_float(rays, lane, field + 1)),
-        np.float64(load_float(rays, lane, field + 2)),
+        np.float64(embree.load_float(rays, lane, field)),
+        np.float64(embree.load_float(rays, lane, field + 1)),
+        np.float64(embree.load_float(rays, lane, field + 2)),
     )
 
 
 @kernel
 def load_ray(rays, lane):
     """Read the origin and unit direction of a ray as Embree has it, in float64."""
-    return _load_vector(rays, lane, ORIGIN), normalize(_load_vector(rays, lane, DIRECTION))
+    return _load_vector(rays, lane, embree.ORIGIN), normalize(_load_vector(rays, lane, embree.DIRECTION))
 
 
 @kernel
 def resolve_hit(scene, rays, lane):
     """Look up the hit of a lane's ray: the instance, -1 for none, and the primitive's row in its table."""
-    table = load_int(rays, lane, GEOMETRY)
-    primitive = row_of_any(scene.primitives, table, load_int(rays, lane, PRIMITIVE))
-    array, placement = load_int(rays, lane, INSTANCE), load_int(rays, lane, PLACEMENT)
+    table = embree.load_int(rays, lane, embree.GEOMETRY)
+    primitive = row_of_any(scene.primitives, table, embree.load_int(rays, lane, embree.PRIMITIVE))
+    array, placement = embree.load_int(rays, lane, embree.INSTANCE), embree.load_int(rays, lane, embree.PLACEMENT)
     return resolve_instance(scene.instances, table, primitive, array, placement)
 
 
@@ -76,7 +63,8 @@ def resolve_hit(scene, rays, lane):
 def solve_hit(scene, rays, lane, origin, direction, time):
     """Solve the hit that Embree found for a lane's ray: instance, table and primitive, its distance, and the Hit."""
     instance, primitive = resolve_hit(scene, rays, lane)
-    table, distance = load_int(rays, lane, GEOMETRY), np.float64(load_float(rays, lane, TFAR))
+    table = embree.load_int(rays, lane, embree.GEOMETRY)
+    distance = np.float64(embree.load_float(rays, lane, embree.TFAR))
     hit = intersect_instance(scene.instances, scene, instance, table, primitive, origin, direction, distance, time)
     return instance, table, primitive, distance, hit
 
@@ -102,18 +90,8 @@ def surface_interaction(scene, work, lane, path, draws):
     material = resolve_boundary(
         scene.nested_dielectrics, work.paths.inside_counts, path.sample, hit.material, material, front
     )
+    normal, previous = hit.shading_normal if front else neg(hit.shading_normal), last_vertex(path.vertex, path.origin)
     surface = Interaction(
-        instance,
-        table,
-        primitive,
-        hit,
-        site,
-        material,
-        front,
-        hit.shading_normal if front else neg(hit.shading_normal),
-        last_vertex(path),
-        path.direction,
-        distance,
-        path.time,
+        instance, table, primitive, hit, site, material, front, normal, previous, path.direction, distance, path.time
     )
     return with_normal(surface, shading_normal(scene.normal_mapping, scene, surface))

@@ -16,20 +16,9 @@ import math
 
 from raytracer.core.compiler.dispatch import kernel, optional
 from raytracer.core.simd import load, select, store
-from raytracer.core.spectra import (
-    Spectra,
-    basis_at,
-    companion_number,
-    response_at,
-    sample_hero_wavelength,
-)
+from raytracer.core.spectra import Spectra, basis_at, companion_number, response_at, sample_hero_wavelength
 from raytracer.core.vec import Vec3, dot, madd, scale
-from raytracer.kernel.hero_wavelength import (
-    DispersiveLens,
-    DispersiveMaterials,
-    MonochromaticCamera,
-    wavelengths_of,
-)
+from raytracer.kernel.hero_wavelength import DispersiveLens, DispersiveMaterials, MonochromaticCamera, wavelengths_of
 from raytracer.optics.lens_system import packets
 from raytracer.optics.lens_system.packets import ROWS
 from raytracer.plugins.cameras.base.interface import WavelengthSharing, share_wavelengths
@@ -53,10 +42,10 @@ def share_lens_rays(spectrum, camera, work, x, y, first, count):
 
 @share_lens_rays.register(DispersiveLens)
 def share_lens_rays_dispersive_lens(spectrum, camera, work, x, y, first, count):
-    _share_with_companions(spectrum.sharing, spectrum.spectra, camera, work, x, y, first, count)
+    _share_with_companions(spectrum.camera, spectrum.spectra, camera, work, x, y, first, count)
 
 
-@optional
+@optional(MonochromaticCamera)
 def _share_with_companions(sharing, spectra, camera, work, x, y, first, count):
     """Let companions share the rays of the heroes, where the camera has WavelengthSharing."""
 
@@ -91,33 +80,8 @@ def apply_lens_color(spectrum, work, sample, radiance):
     return radiance
 
 
-@apply_lens_color.register(DispersiveLens)
-def apply_lens_color_dispersive_lens(spectrum, work, sample, radiance):
-    return _apply_shared_color(spectrum.sharing, spectrum.spectra, work, sample, radiance)
-
-
-@optional
-def _apply_shared_color(sharing, spectra, work, sample, radiance):
-    return _wavelength_to_rgb(spectra, wavelengths_of(work, sample).u, radiance)
-
-
-@_apply_shared_color.register(WavelengthSharing)
-def _apply_shared_color_wavelength_sharing(sharing, spectra, work, sample, radiance):
-    u = wavelengths_of(work, sample).u
-    value = scale(work.lens_weights[sample, 0], _wavelength_to_rgb(spectra, u, radiance))
-    for number in range(1, WAVELENGTHS_PER_RAY):
-        share = work.lens_weights[sample, number]
-        if share > 0.0:
-            value = madd(
-                value,
-                share,
-                _wavelength_to_rgb(spectra, companion_number(u, number, WAVELENGTHS_PER_RAY), radiance),
-            )
-    return value
-
-
-@apply_lens_color.register(DispersiveMaterials)
-def apply_lens_color_dispersive_materials(spectrum, work, sample, radiance):
+@apply_lens_color.register(DispersiveLens | DispersiveMaterials)
+def apply_lens_color_dispersion(spectrum, work, sample, radiance):
     return _apply_camera_color(spectrum.camera, spectrum.spectra, work, sample, radiance)
 
 
@@ -129,6 +93,18 @@ def _apply_camera_color(camera, spectra, work, sample, radiance):
 @_apply_camera_color.register(MonochromaticCamera)
 def _apply_camera_color_monochromatic_camera(camera, spectra, work, sample, radiance):
     return _wavelength_to_rgb(spectra, wavelengths_of(work, sample).u, radiance)
+
+
+@_apply_camera_color.register(WavelengthSharing)
+def _apply_camera_color_wavelength_sharing(sharing, spectra, work, sample, radiance):
+    u = wavelengths_of(work, sample).u
+    value = scale(work.lens_weights[sample, 0], _wavelength_to_rgb(spectra, u, radiance))
+    for number in range(1, WAVELENGTHS_PER_RAY):
+        share = work.lens_weights[sample, number]
+        if share > 0.0:
+            companion = companion_number(u, number, WAVELENGTHS_PER_RAY)
+            value = madd(value, share, _wavelength_to_rgb(spectra, companion, radiance))
+    return value
 
 
 @kernel
@@ -144,13 +120,8 @@ def ray_wavelength(spectrum, work, sample):
     return math.nan
 
 
-@ray_wavelength.register(DispersiveLens)
-def ray_wavelength_dispersive_lens(spectrum, work, sample):
-    return sample_hero_wavelength(spectrum.spectra, wavelengths_of(work, sample).u)[0]
-
-
-@ray_wavelength.register(DispersiveMaterials)
-def ray_wavelength_dispersive_materials(spectrum, work, sample):
+@ray_wavelength.register(DispersiveLens | DispersiveMaterials)
+def ray_wavelength_dispersion(spectrum, work, sample):
     return _ray_wavelength(spectrum.camera, spectrum.spectra, work, sample)
 
 
@@ -159,6 +130,6 @@ def _ray_wavelength(camera, spectra, work, sample):
     return math.nan
 
 
-@_ray_wavelength.register(MonochromaticCamera)
-def _ray_wavelength_monochromatic_camera(camera, spectra, work, sample):
+@_ray_wavelength.register(MonochromaticCamera | WavelengthSharing)
+def _ray_wavelength_dispersive_camera(camera, spectra, work, sample):
     return sample_hero_wavelength(spectra, wavelengths_of(work, sample).u)[0]

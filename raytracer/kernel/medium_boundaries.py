@@ -5,7 +5,7 @@ import numpy as np
 from raytracer.core.compiler.dispatch import kernel, optional
 from raytracer.core.vec import dot
 from raytracer.kernel.interaction import load_ray
-from raytracer.kernel.nested_dielectrics import Crossing, copy_inside_counts, count_crossing
+from raytracer.kernel.nested_dielectrics import copy_inside_counts, count_crossing
 from raytracer.kernel.path_rows import load_number, store_number
 from raytracer.plugins.materials.base.interface import WHITE
 from raytracer.plugins.media.base.interface import NO_MEDIUM, Media, medium_behind, transmittance_at
@@ -39,17 +39,8 @@ def _medium_after(media, nested, crossing, medium, material, enters):
 
 @_medium_after.register(Media)
 def _medium_after_media(media, nested, crossing, medium, material, enters):
-    return _medium_after_crossing(crossing, media, nested, medium, material, enters)
-
-
-@optional
-def _medium_after_crossing(crossing, media, nested, medium, material, enters):
-    """Return the medium behind a surface that was counted as this Crossing."""
-    return medium_behind(media, material, medium, enters)
-
-
-@_medium_after_crossing.register(Crossing)
-def _medium_after_crossing_crossing(crossing, media, nested, medium, material, enters):
+    if crossing is None:
+        return medium_behind(media, material, medium, enters)
     if crossing.rank < 0:
         return medium_behind(media, material, medium, enters)
     return medium if crossing.behind == crossing.before else medium_of_rank(media, nested, material, crossing.behind)

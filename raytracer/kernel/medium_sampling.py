@@ -2,21 +2,16 @@
 
 import math
 
-from raytracer.core.compiler.dispatch import kernel, optional
+from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.vec import is_black, madd, mul, scale
 from raytracer.kernel.direct_light import sample_direct_light_in_medium
-from raytracer.kernel.hero_wavelength import (
-    channel_importance,
-    estimate_contribution,
-    path_wavelengths,
-    upsample_rgb,
-)
+from raytracer.kernel.hero_wavelength import channel_importance, estimate_contribution, path_wavelengths, upsample_rgb
 from raytracer.kernel.nested_dielectrics import beer_transmittance
 from raytracer.kernel.path_log import MediumFlight, Scattering, record
 from raytracer.kernel.path_state import scattered_path, store_path, with_throughput
 from raytracer.kernel.russian_roulette import LEAST_THROUGHPUT_IN_MEDIA, russian_roulette
 from raytracer.plugins.materials.base.interface import BLACK, WHITE
-from raytracer.plugins.media.base.interface import NO_MEDIUM, Media, sample_distance_at, sample_phase_at
+from raytracer.plugins.media.base.interface import NO_MEDIUM, sample_distance_at, sample_phase_at
 
 
 @kernel
@@ -26,18 +21,15 @@ def _absorb(scene, work, path, distance):
     return with_throughput(path, mul(path.throughput, upsample_rgb(scene.spectrum, work, path.sample, rest)))
 
 
-@optional
+@kernel
 def sample_medium(media, scene, work, path, distance, draws):
     """Sample the medium that a path is in, up to the next surface at a distance (m).
 
     Returns the path as it comes to the surface, and True if it does not, but ends or scatters in the medium.  Where it
     scatters, a light is sampled, and the path goes on from there.
     """
-    return _absorb(scene, work, path, distance), False
-
-
-@sample_medium.register(Media)
-def sample_medium_media(media, scene, work, path, distance, draws):
+    if media is None:
+        return _absorb(scene, work, path, distance), False
     if path.medium == NO_MEDIUM:
         return _absorb(scene, work, path, distance), False
     channels = channel_importance(scene.spectrum, work, path.sample, path.throughput)
@@ -45,12 +37,8 @@ def sample_medium_media(media, scene, work, path, distance, draws):
     weight = upsample_rgb(scene.spectrum, work, path.sample, flight.weight)
     path = with_throughput(path, mul(path.throughput, weight))
     path = _absorb(scene, work, path, min(distance, flight.distance))
-    record(
-        work.log,
-        work,
-        path.sample,
-        MediumFlight(path.medium, distance, flight.distance, flight.weight, path.throughput),
-    )
+    event = MediumFlight(path.medium, distance, flight.distance, flight.weight, path.throughput)
+    record(work.log, work, path.sample, event)
     if is_black(path.throughput):
         return path, True
     if math.isinf(flight.distance):

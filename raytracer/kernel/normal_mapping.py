@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from raytracer.core.compiler.dispatch import kernel, optional
 from raytracer.core.geometry import is_below_surface
 from raytracer.core.instancing import Instances, pose_of
-from raytracer.core.motion.affine import apply_vector, invert
+from raytracer.core.motion.interpolation import apply_vector, invert
 from raytracer.core.primitives.base.interface import has_vertex_normals
 from raytracer.core.shading_normals import into_wedge, normal_tilt, out_of_wedge, turn_towards_viewer
 from raytracer.core.vec import Vec3, add, cross, dot, is_black, madd, neg, norm, normalize, reflect, scale

@@ -12,20 +12,6 @@ from numpy.typing import NDArray
 
 from raytracer.core import embree
 from raytracer.core.compiler.dispatch import generic, kernel, optional
-from raytracer.core.embree import (
-    DIRECTION,
-    GEOMETRY,
-    INSTANCE,
-    ORIGIN,
-    PLACEMENT,
-    PRIMITIVE,
-    TFAR,
-    TIME,
-    RayPackets,
-    load_float,
-    load_int,
-    store_float,
-)
 from raytracer.core.geometry import Interaction
 from raytracer.core.vec import Vec3, load_vector, norm, sub
 from raytracer.kernel.path_rows import load3, store3
@@ -58,7 +44,7 @@ class PathLog(NamedTuple):
     rows: NDArray[np.float64]
     state: NDArray[np.int64]
     ends: NDArray[np.float64]
-    probe: RayPackets
+    probe: embree.RayPackets
 
 
 def path_log(sample: int, events: int) -> PathLog:
@@ -105,6 +91,13 @@ def write_event(event, log, work, row):
     raise NotImplementedError
 
 
+@kernel
+def _write(log, row, numbers):
+    """Write numbers into the columns of a row that depend on its kind."""
+    for column in range(len(numbers)):
+        log.rows[row, FIRST + column] = numbers[column]
+
+
 class CameraRay(NamedTuple):
     """A camera ray.
 
@@ -134,13 +127,8 @@ def _time_or_nan(time):
 
 @write_event.register(CameraRay)
 def write_event_camera_ray(event, log, work, row):
-    log.rows[row, FIRST] = event.film_x
-    log.rows[row, FIRST + 1] = event.film_y
-    log.rows[row, FIRST + 2] = _time_or_nan(event.time)
-    store3(log.rows, row, FIRST + 3, event.origin)
-    store3(log.rows, row, FIRST + 6, event.direction)
-    store3(log.rows, row, FIRST + 9, event.factors)
-    log.rows[row, FIRST + 12] = event.wavelength
+    place = (event.film_x, event.film_y, _time_or_nan(event.time))
+    _write(log, row, (*place, *event.origin, *event.direction, *event.factors, event.wavelength))
     return START
 
 
@@ -156,13 +144,10 @@ def write_event_retrace(event, log, work, row):
 
 
 @kernel
-def _write_ray(log, work, row):
-    """Write the ray, throughput and pdf of the path as they were before the medium on the way."""
+def _logged_ray(log, work):
+    """Return the ray, throughput and pdf of the path as they were before the medium on the way."""
     ray = work.paths.ray[log.sample]
-    store3(log.rows, row, FIRST, load_vector(ray.origin))
-    store3(log.rows, row, FIRST + 3, load_vector(ray.direction))
-    store3(log.rows, row, FIRST + 6, load_vector(ray.throughput))
-    log.rows[row, FIRST + 9] = ray.pdf
+    return (*load_vector(ray.origin), *load_vector(ray.direction), *load_vector(ray.throughput), ray.pdf)
 
 
 class Escape(NamedTuple):
@@ -174,9 +159,7 @@ class Escape(NamedTuple):
 
 @write_event.register(Escape)
 def write_event_escape(event, log, work, row):
-    _write_ray(log, work, row)
-    store3(log.rows, row, FIRST + 10, event.throughput)
-    store3(log.rows, row, FIRST + 13, event.radiance)
+    _write(log, row, (*_logged_ray(log, work), *event.throughput, *event.radiance))
     return ESCAPE
 
 
@@ -201,12 +184,8 @@ class MediumFlight(NamedTuple):
 
 @write_event.register(MediumFlight)
 def write_event_medium_flight(event, log, work, row):
-    _write_ray(log, work, row)
-    log.rows[row, FIRST + 10] = event.medium
-    log.rows[row, FIRST + 11] = event.surface_distance
-    log.rows[row, FIRST + 12] = event.distance
-    store3(log.rows, row, FIRST + 13, event.weight)
-    store3(log.rows, row, FIRST + 16, event.throughput)
+    flight = (float(event.medium), event.surface_distance, event.distance)
+    _write(log, row, (*_logged_ray(log, work), *flight, *event.weight, *event.throughput))
     return MEDIUM
 
 
@@ -220,23 +199,12 @@ class SurfaceHit(NamedTuple):
 
 @write_event.register(SurfaceHit)
 def write_event_surface_hit(event, log, work, row):
-    _write_ray(log, work, row)
-    rows, surface, hit = log.rows, event.surface, event.surface.hit
-    rows[row, FIRST + 10] = surface.distance
-    rows[row, FIRST + 11] = surface.instance
-    rows[row, FIRST + 12] = surface.table
-    rows[row, FIRST + 13] = surface.primitive
-    store3(rows, row, FIRST + 14, hit.point)
-    store3(rows, row, FIRST + 17, hit.normal)
-    store3(rows, row, FIRST + 20, hit.shading_normal)
-    rows[row, FIRST + 23] = hit.u
-    rows[row, FIRST + 24] = hit.v
-    rows[row, FIRST + 25] = hit.offset
-    rows[row, FIRST + 26] = surface.front
-    rows[row, FIRST + 27] = hit.material
-    rows[row, FIRST + 28] = surface.material
-    store3(rows, row, FIRST + 29, event.throughput)
-    store3(rows, row, FIRST + 32, event.wavelengths)
+    surface, hit = event.surface, event.surface.hit
+    ids = (float(surface.instance), float(surface.table), float(surface.primitive))
+    materials = (1.0 if surface.front else 0.0, float(hit.material), float(surface.material))
+    place = (*hit.point, *hit.normal, *hit.shading_normal, hit.u, hit.v, hit.offset)
+    seen = (*_logged_ray(log, work), surface.distance, *ids, *place, *materials)
+    _write(log, row, (*seen, *event.throughput, *event.wavelengths))
     return SURFACE
 
 
@@ -249,8 +217,7 @@ class Emission(NamedTuple):
 
 @write_event.register(Emission)
 def write_event_emission(event, log, work, row):
-    store3(log.rows, row, FIRST, event.radiance)
-    log.rows[row, FIRST + 3] = event.weight
+    _write(log, row, (*event.radiance, event.weight))
     return EMISSION
 
 
@@ -268,13 +235,8 @@ class Scattering(NamedTuple):
 
 @write_event.register(Scattering)
 def write_event_scattering(event, log, work, row):
-    store3(log.rows, row, FIRST, event.normal)
-    store3(log.rows, row, FIRST + 3, event.outgoing)
-    store3(log.rows, row, FIRST + 6, event.weight)
-    log.rows[row, FIRST + 9] = event.pdf
-    store3(log.rows, row, FIRST + 10, event.throughput)
-    log.rows[row, FIRST + 13] = event.survival
-    store3(log.rows, row, FIRST + 14, event.wavelengths)
+    scatter = (*event.normal, *event.outgoing, *event.weight, event.pdf)
+    _write(log, row, (*scatter, *event.throughput, event.survival, *event.wavelengths))
     return SCATTER
 
 
@@ -302,18 +264,11 @@ class ShadowRay(NamedTuple):
 
 @write_event.register(ShadowRay)
 def write_event_shadow_ray(event, log, work, row):
-    rows, light = log.rows, event.light
-    store3(rows, row, FIRST, event.start)
-    store3(rows, row, FIRST + 3, light.direction)
-    store3(rows, row, FIRST + 6, light.target)
-    store3(rows, row, FIRST + 9, light.weight)
-    rows[row, FIRST + 12] = light.pdf
-    store3(rows, row, FIRST + 13, event.value)
-    rows[row, FIRST + 16] = event.pdf
-    rows[row, FIRST + 17] = event.weight
-    store3(rows, row, FIRST + 18, event.radiance)
-    log.ends[event.slot] = max(0.0, norm(sub(light.target, event.start)) - light.gap)
-    rows[row, FIRST + 21] = log.ends[event.slot]
+    light = event.light
+    distance = max(0.0, norm(sub(light.target, event.start)) - light.gap)
+    log.ends[event.slot] = distance
+    sampled = (*event.start, *light.direction, *light.target, *light.weight, light.pdf)
+    _write(log, row, (*sampled, *event.value, event.pdf, event.weight, *event.radiance, distance))
     return SHADOW_RAY
 
 
@@ -325,7 +280,7 @@ class Unoccluded(NamedTuple):
 
 @write_event.register(Unoccluded)
 def write_event_unoccluded(event, log, work, row):
-    store3(log.rows, row, FIRST, event.radiance)
+    _write(log, row, event.radiance)
     return UNOCCLUDED
 
 
@@ -345,11 +300,10 @@ def write_event_shadow_hit(event, log, work, row):
 @kernel
 def _write_hit(log, row, rays, lane):
     """Write Embree's ids of a hit, and its distance."""
-    log.rows[row, FIRST] = load_int(rays, lane, GEOMETRY)
-    log.rows[row, FIRST + 1] = load_int(rays, lane, PRIMITIVE)
-    log.rows[row, FIRST + 2] = load_int(rays, lane, INSTANCE)
-    log.rows[row, FIRST + 3] = load_int(rays, lane, PLACEMENT)
-    log.rows[row, FIRST + 4] = load_float(rays, lane, TFAR)
+    numbers = (embree.GEOMETRY, embree.PRIMITIVE, embree.INSTANCE, embree.PLACEMENT)
+    for column in range(4):
+        log.rows[row, FIRST + column] = embree.load_int(rays, lane, numbers[column])
+    log.rows[row, FIRST + 4] = embree.load_float(rays, lane, embree.TFAR)
 
 
 class Occluded(NamedTuple):
@@ -362,11 +316,10 @@ class Occluded(NamedTuple):
 @write_event.register(Occluded)
 def write_event_occluded(event, log, work, row):
     probe, shadows = log.probe, work.shadows.rays
-    for word in range(3):
-        store_float(probe, 0, ORIGIN + word, load_float(shadows, event.slot, ORIGIN + word))
-        store_float(probe, 0, DIRECTION + word, load_float(shadows, event.slot, DIRECTION + word))
-    store_float(probe, 0, TIME, load_float(shadows, event.slot, TIME))
-    store_float(probe, 0, TFAR, log.ends[event.slot])
+    # All of the ray that stands before its end.
+    for field in range(embree.TFAR):
+        embree.store_float(probe, 0, field, embree.load_float(shadows, event.slot, field))
+    embree.store_float(probe, 0, embree.TFAR, log.ends[event.slot])
     embree.intersect(event.accel, probe, 1)
     _write_hit(log, row, probe, 0)
     return OCCLUDED
@@ -388,8 +341,5 @@ class Finished(NamedTuple):
 
 @write_event.register(Finished)
 def write_event_finished(event, log, work, row):
-    store3(log.rows, row, FIRST, event.clamped)
-    log.rows[row, FIRST + 3] = work.weight[log.sample]
-    store3(log.rows, row, FIRST + 4, event.value)
-    log.rows[row, FIRST + 7] = event.wavelength
+    _write(log, row, (*event.clamped, work.weight[log.sample], *event.value, event.wavelength))
     return FINISHED

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from raytracer.core import embree
 from raytracer.core.compiler.dispatch import kernel, optional
-from raytracer.core.embree import PACKET, RayPackets
+from raytracer.core.embree import PACKET, TIME, RayPackets, store_float
+from raytracer.core.shutter.table import Shutter
 from raytracer.core.vec import Vec3, load_vector, store_vector
 from raytracer.kernel.hero_wavelength import wavelength_rows
 from raytracer.kernel.lens_dispersion import LENS_ROWS, WAVELENGTHS_PER_RAY
@@ -28,8 +29,8 @@ it takes 1.01.
 BATCH = BATCH_PIXELS * PACKET
 """Paths that advance together."""
 
-AOV_COLUMNS = 51
-"""Columns of a sample for AOVs: five of their own (`aovs.base.layers`), and what the channels of all of them take."""
+AOV_COLUMNS = 54
+"""Columns of a sample for AOVs: eight of their own (`aovs.base.layers`), and what the channels of all of them take."""
 
 
 class Path(NamedTuple):
@@ -241,18 +242,10 @@ def load_path(work, lane, rounds):
     paths, sample = work.paths, work.queue.samples[lane]
     passthroughs = load_number(paths.passthroughs, sample)
     ray = paths.ray[np.uintp(sample)]
-    return Path(
-        sample,
-        _segment_number(rounds, passthroughs),
-        load_vector(ray.origin),
-        load_vector(ray.direction),
-        load_vector(ray.throughput),
-        ray.pdf,
-        load_number(paths.time, sample),
-        load_number(paths.medium, sample),
-        load_vector_row(paths.vertex, sample),
-        passthroughs,
-    )
+    origin, direction, throughput = load_vector(ray.origin), load_vector(ray.direction), load_vector(ray.throughput)
+    time, medium = load_number(paths.time, sample), load_number(paths.medium, sample)
+    depth, vertex = _segment_number(rounds, passthroughs), load_vector_row(paths.vertex, sample)
+    return Path(sample, depth, origin, direction, throughput, ray.pdf, time, medium, vertex, passthroughs)
 
 
 @kernel
@@ -289,18 +282,8 @@ def sample_draws(scene, work, sample, dimension):
 @kernel
 def with_throughput(path, throughput):
     """Return a path with another throughput."""
-    return Path(
-        path.sample,
-        path.depth,
-        path.origin,
-        path.direction,
-        throughput,
-        path.pdf,
-        path.time,
-        path.medium,
-        path.vertex,
-        path.passthroughs,
-    )
+    sample, depth, origin, direction, _, pdf, time, medium, vertex, passthroughs = path
+    return Path(sample, depth, origin, direction, throughput, pdf, time, medium, vertex, passthroughs)
 
 
 @optional
@@ -319,17 +302,9 @@ def scattered_path(path, point, origin, direction, throughput, pdf, medium):
 
     Its depth stays that of the segment before: the next is counted when it is loaded.
     """
+    vertex = _next_vertex(path.vertex, point)
     return Path(
-        path.sample,
-        path.depth,
-        origin,
-        direction,
-        throughput,
-        pdf,
-        path.time,
-        medium,
-        _next_vertex(path.vertex, point),
-        path.passthroughs,
+        path.sample, path.depth, origin, direction, throughput, pdf, path.time, medium, vertex, path.passthroughs
     )
 
 
@@ -339,14 +314,19 @@ def path_time(work, sample):
     return load_number(work.paths.time, sample)
 
 
-@kernel
-def last_vertex(path):
-    """Return the point at which a path scattered last, or left the camera."""
-    return _vertex_or_origin(path.vertex, path.origin)
+@optional
+def set_ray_time(shutter, rays, lane, time):
+    """Write a ray's time into a lane."""
+
+
+@set_ray_time.register(Shutter)
+def set_ray_time_shutter(shutter, rays, lane, time):
+    store_float(rays, lane, TIME, time)
 
 
 @kernel
-def _vertex_or_origin(vertex, origin):
+def last_vertex(vertex, origin):
+    """Return the point at which a path scattered last, or left the camera, by its `vertex` and `origin`."""
     if vertex is None:
         return origin
     return vertex

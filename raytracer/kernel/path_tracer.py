@@ -19,9 +19,9 @@ from raytracer.core.compiler.intrinsics import share
 from raytracer.core.embree import GEOMETRY, MISS, PACKET, TFAR, load_float, load_int
 from raytracer.core.geometry import spawn_point
 from raytracer.core.vec import is_black, mul, scale
-from raytracer.kernel.aovs.base.layers import record_aovs, record_direct_light
+from raytracer.kernel.aovs.base.layers import finish_aov_retrace, record_aovs, record_direct_light, start_aov_retrace
 from raytracer.kernel.camera_medium import initialize_medium
-from raytracer.kernel.camera_rays import start_camera_paths
+from raytracer.kernel.camera_rays import start_camera_paths, start_path
 from raytracer.kernel.direct_light import sample_direct_light
 from raytracer.kernel.hero_wavelength import (
     DispersiveLens,
@@ -30,7 +30,9 @@ from raytracer.kernel.hero_wavelength import (
     enter_dispersion,
     estimate_contribution,
     max_traces,
+    needs_retrace,
     path_wavelengths,
+    restart_rgb_path,
     terminate_secondary_wavelengths,
     upsample_bsdf,
     upsample_rgb,
@@ -39,10 +41,11 @@ from raytracer.kernel.interaction import intersect_paths, surface_interaction
 from raytracer.kernel.medium_boundaries import cross_towards
 from raytracer.kernel.medium_sampling import sample_medium
 from raytracer.kernel.normal_mapping import scatter_surface
-from raytracer.kernel.path_log import Emission, Escape, Scattering, SurfaceHit, begin_round, record
+from raytracer.kernel.path_log import Emission, Escape, Retrace, Scattering, SurfaceHit, begin_round, record
 from raytracer.kernel.path_state import (
     BATCH_PIXELS,
     load_path,
+    path_time,
     sample_draws,
     scattered_path,
     store_path,
@@ -50,7 +53,6 @@ from raytracer.kernel.path_state import (
     with_throughput,
 )
 from raytracer.kernel.pixel_accumulator import accumulate
-from raytracer.kernel.retracing import finish_retrace, restart_paths
 from raytracer.kernel.russian_roulette import LEAST_THROUGHPUT, russian_roulette
 from raytracer.kernel.shadow_rays import trace_shadow_rays
 from raytracer.kernel.transparency import discard_unfinished, max_rounds, pass_through
@@ -102,11 +104,35 @@ def trace_wavelengths_dispersive_materials(spectrum, scene, aovs, work, size):
     rays = 0
     for number in range(max_traces(spectrum.camera)):
         if number > 0:
-            rays += restart_paths(scene, aovs, work, number, size)
+            rays += _restart_paths(scene, aovs, work, number, size)
         rays += trace_paths(scene, aovs, work)
         if number > 0:
-            finish_retrace(aovs, work, size)
+            _finish_retrace(aovs, work, size)
     return rays
+
+
+@kernel
+def _restart_paths(scene, aovs, work, number, size):
+    """Queue the paths of those of the batch's `size` samples whose wavelength `number` was terminated.
+
+    Returns the number of rays traced to find what the camera is in.
+    """
+    for sample in range(size):
+        if needs_retrace(work, sample):
+            begin_round(work.log, 0)
+            start_aov_retrace(aovs, work, sample)
+            origin, direction = restart_rgb_path(work, sample, number)
+            record(work.log, work, sample, Retrace(number))
+            start_path(scene, work, sample, origin, direction, path_time(work, sample))
+    return initialize_medium(scene.nested_dielectrics, scene, work)
+
+
+@kernel
+def _finish_retrace(aovs, work, size):
+    """Add what AOVs have recorded of the paths that were traced again."""
+    for sample in range(size):
+        if needs_retrace(work, sample):
+            finish_aov_retrace(aovs, work, sample)
 
 
 @kernel
@@ -200,12 +226,8 @@ def scatter_path(scene, work, path, surface, draws):
     contribution = estimate_contribution(scene.spectrum, work, path.sample, throughput)
     survival = russian_roulette(scene, contribution, LEAST_THROUGHPUT, path.depth, draws)
     waves = path_wavelengths(scene.spectrum, work, path.sample)
-    record(
-        work.log,
-        work,
-        path.sample,
-        Scattering(surface.normal, out.direction, weight, out.pdf, throughput, survival, waves),
-    )
+    event = Scattering(surface.normal, out.direction, weight, out.pdf, throughput, survival, waves)
+    record(work.log, work, path.sample, event)
     if survival == 0.0:
         return
     medium = cross_towards(scene, work, path, surface, out.direction)

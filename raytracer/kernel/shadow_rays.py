@@ -21,8 +21,7 @@ from raytracer.kernel.medium_boundaries import (
 from raytracer.kernel.nested_dielectrics import beer_transmittance, resolve_boundary
 from raytracer.kernel.path_log import Occluded, ShadowHit, Unoccluded, record
 from raytracer.kernel.path_rows import load3, store3
-from raytracer.kernel.path_state import path_time, push, sample_draws, take_all
-from raytracer.kernel.ray_time import set_ray_time
+from raytracer.kernel.path_state import path_time, push, sample_draws, set_ray_time, take_all
 from raytracer.kernel.transparency import (
     MAX_PASSTHROUGHS,
     PASSTHROUGH_STRIDE,

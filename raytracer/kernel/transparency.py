@@ -64,22 +64,10 @@ def pass_through(transparency, scene, work, path, surface):
 def pass_through_transparent_shadows(transparency, scene, work, path, surface):
     if surface.material != PASSTHROUGH:
         return False
-    medium = cross_towards(scene, work, path, surface, path.direction)
-    store_path(
-        work,
-        Path(
-            path.sample,
-            path.depth,
-            spawn_point(surface.hit, path.direction),
-            path.direction,
-            path.throughput,
-            path.pdf,
-            path.time,
-            medium,
-            path.vertex,
-            path.passthroughs + 1,
-        ),
-    )
+    sample, depth, _, direction, throughput, pdf, time, _, vertex, passthroughs = path
+    medium, origin = cross_towards(scene, work, path, surface, direction), spawn_point(surface.hit, direction)
+    path = Path(sample, depth, origin, direction, throughput, pdf, time, medium, vertex, passthroughs + 1)
+    store_path(work, path)
     return True
 
 

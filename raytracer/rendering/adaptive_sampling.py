@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.embree import PACKET
-from raytracer.core.error_estimate import ErrorEstimate
+from raytracer.core.error_estimate.halves import ErrorEstimate
 from raytracer.rendering.pilot_samples import PilotSetup, pilot_seed, take_pilot_samples
 from raytracer.rendering.tile_scheduler import FIRST_PASS, TileQueue, now
 

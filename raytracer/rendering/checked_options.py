@@ -36,7 +36,7 @@ class CheckedOptions(RenderOptions):
         InputError : they do not.
         """
         if self.is_adaptive and self.aovs:
-            from raytracer.kernel.aovs.base.recording import per_sample_aovs
+            from raytracer.kernel.aovs.base.interface import per_sample_aovs
 
             for name in per_sample_aovs(self.aovs):
                 raise InputError(f"the AOV {name} needs as many samples in every pixel: give spp and no noise")

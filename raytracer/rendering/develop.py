@@ -20,7 +20,7 @@ from raytracer.scene.spec import SceneSpec
 from raytracer.schema.registry import AOVS
 
 if TYPE_CHECKING:
-    from raytracer.kernel.aovs.base.recording import AovRecorder
+    from raytracer.kernel.aovs.base.interface import AovRecorder
 
 
 def film_process(spec: SceneSpec) -> DevelopSettings:

@@ -11,7 +11,7 @@ from raytracer.scene.pack.scene import PackedScene
 from raytracer.scene.spec import SceneSpec
 
 if TYPE_CHECKING:
-    from raytracer.kernel.aovs.base.recording import AovRecorder
+    from raytracer.kernel.aovs.base.interface import AovRecorder
 
 DENOISER_GUIDES = ("albedo", "normal", "coverage")
 """AOVs that guide the denoiser; the last is the part of a pixel that they hold for."""
@@ -76,7 +76,7 @@ def make_recording(
     """
     if not aovs and not denoise:
         return None
-    from raytracer.kernel.aovs.base.recording import AovRecorder, unique_aovs
+    from raytracer.kernel.aovs.base.interface import AovRecorder, unique_aovs
     from raytracer.scene.pack.object_ids import scene_ids
 
     names = unique_aovs([*aovs, *(DENOISER_GUIDES if denoise else ())])

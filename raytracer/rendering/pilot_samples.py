@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.core.error_estimate import ErrorEstimator
+from raytracer.core.error_estimate.halves import ErrorEstimator
 from raytracer.kernel.packed_scene import Scene
 from raytracer.kernel.path_state import Workspace
 from raytracer.kernel.path_tracer import render_tile

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from raytracer.core.compiler.compile_progress import CompileProgress
-from raytracer.core.error_estimate import ErrorEstimate
+from raytracer.core.error_estimate.halves import ErrorEstimate
 from raytracer.rendering.tile_scheduler import TileQueue, now
 from raytracer.report.wording import format_percent
 from raytracer.util.progress import Bar, BatchBar, BatchProgress

@@ -4,8 +4,8 @@ import contextlib
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from raytracer.core.error_estimate import ErrorEstimator, sampler_exponent
-from raytracer.core.error_estimate.rates import MIN_EXPONENT
+from raytracer.core.error_estimate.halves import ErrorEstimator
+from raytracer.core.error_estimate.rates import MIN_EXPONENT, sampler_exponent
 from raytracer.core.sampling import SAMPLERS
 from raytracer.film.exposure import ExposureResult
 from raytracer.film.image import Image

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from raytracer import __version__
-from raytracer.core.error_estimate import ErrorEstimate
+from raytracer.core.error_estimate.halves import ErrorEstimate
 from raytracer.rendering.adaptive_sampling import Outcome
 from raytracer.rendering.tile_scheduler import TileQueue, now
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.embree import PACKET
-from raytracer.core.error_estimate import ErrorEstimate, ErrorEstimator
+from raytracer.core.error_estimate.halves import ErrorEstimate, ErrorEstimator
 from raytracer.film.window import Window
 from raytracer.kernel.packed_scene import Scene
 from raytracer.kernel.path_state import Workspace

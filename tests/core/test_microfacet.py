@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from raytracer.core import microfacet
-from raytracer.core.compiler.dispatch import entry
+from raytracer.core.compiler.dispatch import entry, kernel
 from raytracer.core.microfacet import (
     SMOOTH_ALPHA,
     deficit,
@@ -19,15 +19,22 @@ from raytracer.core.microfacet import (
     masking,
     mean_deficit,
     multiple_albedo,
-    pdf_visible_normal,
     reflection_density,
     sample_deficit,
     sample_visible_normal,
     shadowing,
+    stretched,
 )
+from raytracer.core.vec import dot
 from tests.statistics import CYLINDER, chi2_counts, chi2_test, cylinder, directions
 
 ALPHAS = (1e-3, 0.04, 0.3, 1.0)
+
+
+@kernel
+def pdf_visible_normal(alpha, toward, half):
+    """Compute the density (1/sr) of `sample_visible_normal`: Heitz 2018, JCGT 7(4), eq. 1."""
+    return 2.0 * max(0.0, dot(toward, half)) * ggx(alpha, half) / (toward[2] + stretched(alpha, toward[2]))
 
 
 @entry

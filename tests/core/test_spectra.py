@@ -10,13 +10,14 @@ from raytracer.core.spectra import (
     FIRST,
     LAST,
     STEP,
+    basis_at,
     companion_number,
     published_tables,
     response,
     sample_hero_wavelength,
     spectrum_of,
-    upsample_at,
 )
+from raytracer.core.vec import dot
 
 WAVELENGTHS = np.arange(FIRST, LAST + 1.0, STEP)
 
@@ -30,7 +31,7 @@ def _draw(tables, u, number, result):
 @entry
 def _tint(tables, wavelengths, rgb, result):
     for index in range(len(wavelengths)):
-        result[index] = upsample_at(tables, wavelengths[index], rgb)
+        result[index] = dot(basis_at(tables, wavelengths[index]), rgb)
 
 
 def drawn(u: np.ndarray, number: int = 0) -> tuple[np.ndarray, np.ndarray]:

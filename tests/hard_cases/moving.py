@@ -11,9 +11,9 @@ from raytracer.core.motion.spec import Motion
 from raytracer.core.primitives.base.interface import geometry
 from raytracer.core.primitives.spheres import Spheres
 from raytracer.core.primitives.translated import translate_table
-from raytracer.core.shutter.pack import pack_shutter
 from raytracer.core.shutter.spec import ShutterField, exposure_timing
 from raytracer.core.shutter.table import Shutter
+from raytracer.core.shutter.timing import pack_shutter
 from tests.core.motion.kernels import drawn_times, poses
 from tests.hard_cases.harness import Measured, hard_case
 from tests.small_scenes import image

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from raytracer.core.compiler.dispatch import entry
-from raytracer.core.microfacet import pdf_visible_normal, sample_visible_normal
+from raytracer.core.microfacet import sample_visible_normal
 from raytracer.core.primitives.spheres import Spheres
 from raytracer.core.sampling import SAMPLERS, warp
 from raytracer.core.vec import basis
@@ -19,6 +19,8 @@ from raytracer.plugins.materials.base.interface import MaterialSpec
 from raytracer.plugins.materials.rough_conductor import RoughConductor
 from raytracer.plugins.media.homogeneous import Homogeneous
 from tests.core.sampling.draws import draw_1d, draw_2d
+from tests.core.sampling.test_warp import PDF_SPHERE, pdf_hemisphere
+from tests.core.test_microfacet import pdf_visible_normal
 from tests.hard_cases.harness import Measured, hard_case
 from tests.plugins.environments.kernels import density, drawn
 from tests.plugins.materials import test_contract as contract
@@ -151,12 +153,12 @@ def _excess(
 
 def _warps(u: NDArray[np.float64], rng: np.random.Generator) -> Measured:
     sphere = np.array([warp.sample_sphere(*pair) for pair in u.tolist()])
-    half = np.array([warp.sample_hemisphere(*pair) for pair in u.tolist()])
+    half = np.array([warp.sample_cone(*pair, 1.0) for pair in u.tolist()])
     cosine = np.array([warp.sample_cosine_hemisphere(*pair) for pair in u.tolist()])
-    flat = np.vectorize(warp.pdf_hemisphere)
+    flat = np.vectorize(pdf_hemisphere)
     lambert = np.vectorize(warp.pdf_cosine_hemisphere)
     found = [
-        _excess(cylinder(sphere), lambda x: np.full(len(x), warp.pdf_sphere()), CYLINDER, (20, 40), 4, 3),
+        _excess(cylinder(sphere), lambda x: np.full(len(x), PDF_SPHERE), CYLINDER, (20, 40), 4, 3),
         _excess(cylinder(half), lambda x: flat(x[:, 0]), CYLINDER, (20, 40), 4, 3),
         _excess(cylinder(cosine), lambda x: lambert(x[:, 0]), CYLINDER, (20, 40), 4, 3),
     ]
@@ -166,7 +168,7 @@ def _warps(u: NDArray[np.float64], rng: np.random.Generator) -> Measured:
     lazy /= np.linalg.norm(lazy, axis=1, keepdims=True)
     angles = np.stack([np.cos(np.pi * u[:, 0]), 2.0 * np.pi * u[:, 1] - np.pi], axis=1)
     naive = [
-        _excess(angles, lambda x: np.full(len(x), warp.pdf_sphere()), CYLINDER, (20, 40), 4, 3),
+        _excess(angles, lambda x: np.full(len(x), PDF_SPHERE), CYLINDER, (20, 40), 4, 3),
         _excess(cylinder(lazy), lambda x: lambert(x[:, 0]), CYLINDER, (20, 40), 4, 3),
     ]
     return Measured("sphere, hemisphere, cosines: chi-square over critical", min(naive), max(found), 1.0)

@@ -261,7 +261,7 @@ def test_only_aovs_that_are_asked_for_are_compiled(kernels: Kernels) -> None:
         name: {module for module in report["modules"] if module.startswith("raytracer.kernel.aovs.")}
         for name, report in kernels.all().items()
     }
-    assert recorded.pop("plain+depth") == {"raytracer.kernel.aovs.base.layers", "raytracer.kernel.aovs.distances"}
+    assert recorded.pop("plain+depth") == {"raytracer.kernel.aovs.base.layers", "raytracer.kernel.aovs.surface"}
     assert not any(recorded.values())
 
 
@@ -279,8 +279,8 @@ def test_normal_mapping_is_compiled_where_a_material_has_maps(kernels: Kernels) 
 def test_instances_are_compiled_where_something_is_placed(kernels: Kernels) -> None:
     # A matte ellipsoid is the matte ball of `plain`, and besides it the transforms of rays and hits.
     assert kinds(kernels["egg"]) <= kinds(kernels["plain"])
-    assert "raytracer.core.motion.affine" in kernels["egg"]["modules"]
-    assert "raytracer.core.motion.affine" not in kernels["plain"]["modules"]
+    assert "raytracer.core.motion.interpolation" in kernels["egg"]["modules"]
+    assert "raytracer.core.motion.interpolation" not in kernels["plain"]["modules"]
     assert kernels["egg"]["llvm_size"] > kernels["plain"]["llvm_size"]
 
 

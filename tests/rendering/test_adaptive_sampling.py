@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from raytracer.core.embree import PACKET
-from raytracer.core.error_estimate import ErrorEstimator, error_weights
+from raytracer.core.error_estimate.halves import ErrorEstimator
+from raytracer.core.error_estimate.metric import error_weights
 from raytracer.film.image import Image
 from raytracer.rendering import adaptive_sampling, pilot_samples, session, statistics, tile_scheduler
 from raytracer.rendering.adaptive_sampling import allocate_samples, sample_goals

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.core.error_estimate import ErrorEstimator
+from raytracer.core.error_estimate.halves import ErrorEstimator
 from raytracer.film.window import Window
 from raytracer.kernel.aovs.base.layers import Aovs, CoverageLayer, MajorityLayer, MeanLayer
 from raytracer.kernel.path_state import workspace

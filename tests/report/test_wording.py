@@ -4,8 +4,7 @@ import math
 
 import pytest
 
-from raytracer.core.error_estimate import UNKNOWN
-from raytracer.core.error_estimate.intervals import Interval
+from raytracer.core.error_estimate.intervals import UNKNOWN, Interval
 from raytracer.report import wording
 
 INF, NAN = math.inf, math.nan

@@ -17,21 +17,16 @@ from raytracer.analysis.cost.replicates import Replicates
 from raytracer.analysis.cost.results import Prediction, VariantResult
 from raytracer.analysis.cost.rounds import Rounds
 from raytracer.analysis.cost.tile_sample import TileSample
-from raytracer.core.error_estimate import (
+from raytracer.core.error_estimate.intervals import (
     UNKNOWN,
-    ConvergenceRate,
     Interval,
-    TileSums,
-    brightness_by_tile,
-    fit_rate,
     map_interval,
-    mse_by_tile,
     ratio_interval,
     ratio_of_sums,
-    sampler_exponent,
     sqrt_interval,
-    squared_bias_by_tile,
 )
+from raytracer.core.error_estimate.metric import TileSums, brightness_by_tile, mse_by_tile, squared_bias_by_tile
+from raytracer.core.error_estimate.rates import ConvergenceRate, fit_rate, sampler_exponent
 
 Array = NDArray[np.float64]
 

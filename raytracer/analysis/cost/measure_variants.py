@@ -23,7 +23,7 @@ from raytracer.analysis.cost.study_options import StudySettings
 from raytracer.analysis.cost.tile_sample import choose_subset
 from raytracer.analysis.cost.variant import Variant
 from raytracer.analysis.cost.workload import round_workload
-from raytracer.core.error_estimate import ConvergenceRate
+from raytracer.core.error_estimate.rates import ConvergenceRate
 from raytracer.film.window import Window
 from raytracer.scene.scene_assets import SceneAssets
 from raytracer.util.errors import InputError

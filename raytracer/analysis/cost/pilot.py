@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from raytracer.analysis.cost.bench import Purpose, Subject, seeds
 from raytracer.analysis.cost.tile_sample import TileSample, choose_tiles
 from raytracer.core.embree import PACKET
-from raytracer.core.error_estimate import error_weights, mean_scale, mse_by_tile
+from raytracer.core.error_estimate.metric import error_weights, mean_scale, mse_by_tile
 from raytracer.film.window import Window
 
 Array = NDArray[np.float64]

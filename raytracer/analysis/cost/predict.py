@@ -10,19 +10,9 @@ from numpy.typing import NDArray
 from raytracer.analysis.cost.replicates import Replicates
 from raytracer.analysis.cost.results import ConvergencePoint, Prediction
 from raytracer.analysis.cost.workload import REPLICATES
-from raytracer.core.error_estimate import (
-    ConvergenceRate,
-    Interval,
-    PowerLaw,
-    bootstrap_intervals,
-    error_weights,
-    fit_power_law,
-    fit_rate,
-    map_interval,
-    mse_by_tile,
-    split_run_penalty,
-    sqrt_interval,
-)
+from raytracer.core.error_estimate.intervals import Interval, bootstrap_intervals, map_interval, sqrt_interval
+from raytracer.core.error_estimate.metric import error_weights, mse_by_tile
+from raytracer.core.error_estimate.rates import ConvergenceRate, PowerLaw, fit_power_law, fit_rate, split_run_penalty
 
 Array = NDArray[np.float64]
 

@@ -29,7 +29,8 @@ from raytracer.analysis.cost.study_options import StudyOptions, StudySettings, c
 from raytracer.analysis.cost.variant import Variant
 from raytracer.analysis.cost.variants import make_variants, reasons_without_variant, select_variants
 from raytracer.analysis.cost.warnings import STUDY_WARNINGS, StudyConditions
-from raytracer.core.error_estimate import sampler_exponent, worst_pixel_share
+from raytracer.core.error_estimate.metric import worst_pixel_share
+from raytracer.core.error_estimate.rates import sampler_exponent
 from raytracer.rendering.worker_pool import available_threads
 from raytracer.scene.pack.scene import PackedScene, pack
 from raytracer.scene.spec import SceneSpec

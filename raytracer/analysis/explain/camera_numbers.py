@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.core.motion.decomposition import compose
-from raytracer.core.motion.trajectory import row_at
+from raytracer.core.motion.trajectory import compose, row_at
 from raytracer.core.vec import Vec3
 from raytracer.film.film import Film
 from raytracer.optics.thin_lens import (

@@ -182,7 +182,7 @@ def _parse_aovs(lists: Sequence[str], suffixes: Collection[str] | None, remedy: 
     if suffixes is not None and not any(suffix.lower() in layered_suffixes() for suffix in suffixes):
         known = " and ".join(layered_suffixes())
         raise InputError(f"--aov {lists[0]}: only {known} files hold layers: add {remedy}")
-    from raytracer.kernel.aovs.base.recording import unique_aovs
+    from raytracer.kernel.aovs.base.interface import unique_aovs
 
     try:
         return unique_aovs([name.strip() for text in lists for name in text.split(",")])

@@ -159,7 +159,7 @@ def summarize(rendered: "Rendered", names: str, whole: float) -> str:
 
 def _describe_error(rendered: "Rendered") -> str:
     """Say how large the relative error is, or why it is unknown."""
-    from raytracer.core.error_estimate import Interval
+    from raytracer.core.error_estimate.intervals import Interval
 
     stats = rendered.stats
     if stats.error:

@@ -200,7 +200,7 @@ def _report(captured: "Captured", output: Path, stats: Path | None, *, quiet: bo
 
 def _summarize(captured: "Captured", output: Path) -> str:
     """Return the line about every light field: views, samples, seconds, rates, error and memory."""
-    from raytracer.core.error_estimate import Interval
+    from raytracer.core.error_estimate.intervals import Interval
     from raytracer.film.negative_pixels import describe_negative_pixels
     from raytracer.report.wording import format_percent_interval
 

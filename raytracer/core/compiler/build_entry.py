@@ -1,7 +1,7 @@
 """Build the machine code of an entry: its parts linked and optimised as a whole, behind a function that takes a row.
 
 Numba would wrap an entry for calls by Python, which takes Numba to be loaded.  Here the wrapper is a function in C's
-convention that reads all arguments from a row of words, and needs nothing (`arguments.py`, `machine_code.py`).
+convention that reads all arguments from a row of words, and needs nothing (`machine_code.py`).
 """
 
 import functools
@@ -14,9 +14,8 @@ from numba import typeof, types
 from numba.core.codegen import CPUCodeLibrary
 from numba.core.registry import cpu_target
 
-from raytracer.core.compiler.arguments import Result, number_format, pack_argument
 from raytracer.core.compiler.compile_progress import COMPILATION
-from raytracer.core.compiler.machine_code import OK, MachineCode
+from raytracer.core.compiler.machine_code import FORMATS, OK, MachineCode, Result, pack_argument
 from raytracer.core.compiler.part_library import PartLibrary
 from raytracer.core.compiler.parts import lower_entry
 
@@ -127,7 +126,7 @@ def _store_result(builder: Any, kind: Any, value: Any, row: Any, number: int) ->
 
 
 def _result_shape(kind: Any, formats: list[str]) -> Any:
-    """Describe a type as `arguments.Result` has it, and append the formats of its numbers.
+    """Describe a type as `Result` has it, and append the formats of its numbers.
 
     Raises
     ------
@@ -141,5 +140,5 @@ def _result_shape(kind: Any, formats: list[str]) -> Any:
     name = "bool" if is_a(types.Boolean) else str(types.unliteral(kind))
     if not is_a((types.Number, types.Boolean)):
         raise TypeError(f"an entry returns numbers, None and tuples of them, not {kind}")
-    formats.append(number_format(name))
+    formats.append(FORMATS[name])
     return name

@@ -1,4 +1,4 @@
-"""Cache policy: in which folder compiled kernels lie, and which sources and processor they depend on."""
+"""The cache of compiled kernels: its folder, which sources and processor they depend on, and what is in it."""
 
 import contextlib
 import functools
@@ -8,11 +8,14 @@ import os
 import shutil
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import llvmlite.binding
 
-from raytracer.core.compiler.kernel_files import make_folder, source_hash
+from raytracer.core.compiler.kernel_files import load_signed, make_folder, save_signed, source_hash
+from raytracer.util.errors import InputError
 
 _PACKAGE = Path(__file__).parents[2]
 
@@ -27,15 +30,12 @@ _AVX_OFF = ("corei7-avx", "core-avx-i", "sandybridge", "ivybridge")
 
 def _source_hash() -> str:
     """Hash the kernels' sources, since Numba does not notice an edited callee, and the compilers' versions."""
-    return source_hash(*(_PACKAGE / name for name in WITH_KERNELS), versions=_versions())[:16]
-
-
-def _versions() -> tuple[str, ...]:
-    """Read the versions of the compiler from its packages' own files, without importing them."""
-    return tuple(_version_text(name) for name in ("numba", "llvmlite"))
+    versions = [_version_text(name) for name in ("numba", "llvmlite")]
+    return source_hash(*(_PACKAGE / name for name in WITH_KERNELS), versions=versions)[:16]
 
 
 def _version_text(package: str) -> str:
+    """Read the version of a package from its own file, without importing it."""
     spec = importlib.util.find_spec(package)
     if spec is None or spec.origin is None:
         raise ImportError(f"the package {package}, which compiles kernels, is not installed")
@@ -97,3 +97,72 @@ def compiler_target() -> str:
     """Describe what machine code depends on besides sources: the target, and the settings of Numba and LLVM."""
     settings = sorted(f"{name}={value}" for name, value in os.environ.items() if name.startswith("NUMBA_"))
     return " ".join((processor(), *settings))
+
+
+# ---- Contents
+
+
+class CacheContents(NamedTuple):
+    """Contents of the cache, for these sources and for earlier ones.
+
+    Attributes
+    ----------
+    folder : that of the cache.
+    kernels : files of kernels.
+    parts : files of parts.
+    bytes : size of all files.
+    oldest : when the oldest file was written, seconds since 1970; None if there is none.
+    """
+
+    folder: Path
+    kernels: int
+    parts: int
+    bytes: int
+    oldest: float | None
+
+
+def cache_contents() -> CacheContents:
+    """Count what is in the cache; files that are removed meanwhile do not count."""
+    suffixes, sizes, times = [], [], []
+    for path in _files():
+        with contextlib.suppress(OSError):
+            status = path.stat()
+            suffixes.append(path.suffix)
+            sizes.append(status.st_size)
+            times.append(status.st_mtime)
+    kernels, parts = suffixes.count(".nbc"), suffixes.count(".part")
+    return CacheContents(CACHE_FOLDER.parent, kernels, parts, sum(sizes), min(times, default=None))
+
+
+def check_cache() -> None:
+    """Make sure that compiled kernels are kept.
+
+    Raises
+    ------
+    InputError : the folder cannot be written, or what is in it may be another user's.
+    """
+    probe = CACHE_FOLDER / "probe.took"
+    save_signed(probe, b"", sweep=False)
+    is_kept = load_signed(probe) is not None
+    for path in probe.parent.glob("probe.*.took"):
+        path.unlink(missing_ok=True)
+    if not is_kept:
+        raise InputError(
+            f"{CACHE_FOLDER}: compiled kernels cannot be kept there; RAYTRACER_CACHE_DIR names another folder"
+        )
+
+
+def clear_cache() -> CacheContents:
+    """Remove all kernels; who renders meanwhile compiles anew.  Returns what is left."""
+    for folder in _folders():
+        shutil.rmtree(folder, ignore_errors=True)
+    return cache_contents()
+
+
+def _folders() -> list[Path]:
+    return [path for path in CACHE_FOLDER.parent.glob("kernels-*") if path.is_dir() and not path.is_symlink()]
+
+
+def _files() -> Iterator[Path]:
+    for folder in _folders():
+        yield from (path for path in folder.iterdir() if path.is_file())

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 from raytracer.core.compiler.declarations import declare_part
 from raytracer.core.compiler.entry import entry
 
-__all__ = ["each", "entry", "fold", "generic", "kernel", "kernel_overload", "optional", "routine", "switch"]
+__all__ = ["each", "entry", "fold", "generic", "kernel", "optional", "routine", "switch"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -72,7 +72,8 @@ def generic(stub: Callable[..., Any]) -> Any:
 def optional(*absent: Any) -> Any:
     """Make a `generic` of an effect that a scene may lack: the body is what is done without it, where it is None.
 
-    Used as `@optional`, or as `@optional(NoLightSampling)`: the body is then also the case of those classes.
+    Used as `@optional`, or as `@optional(NoLightSampling)`: the body is then also the case of those classes.  With
+    `@optional(tuple)` it is that of all tables without a case of their own.
     """
     if len(absent) == 1 and not isinstance(absent[0], type):
         return optional()(absent[0])
@@ -86,16 +87,6 @@ def optional(*absent: Any) -> Any:
         for cls in (type(None), *absent):
             dispatcher.register(cls)(function)
         return dispatcher
-
-    return decorated
-
-
-def kernel_overload(implementation: Callable[..., Any]) -> Callable[[F], F]:
-    """Give a Python function an implementation for kernels: `implementation(*types)` returns it, as for `overload`."""
-
-    def decorated(function: F) -> F:
-        declare_part(function, implementation)
-        return function
 
     return decorated
 
@@ -142,20 +133,9 @@ def fold(case: Callable[..., Any], combine: Callable[..., Any]) -> Any:
 
 def each(case: Callable[..., Any]) -> Any:
     """Make `case(table, *args)` into `function(tables, *args)` that calls it for every table of a tuple, in order."""
+    return fold(case, _nothing)
 
-    def called(tables, *args):
-        for table in tables:
-            case(table, *args)
 
-    def typing(tables, *args):
-        if len(tables) == 1:
-            return lambda tables, *args: case(tables[0], *args)
-
-        def implementation(tables, *args):
-            case(tables[0], *args)
-            called(tables[1:], *args)
-
-        return implementation
-
-    declare_part(called, typing)
-    return called
+@kernel
+def _nothing(first: None, rest: None) -> None:
+    """Combine the results of functions that return nothing."""

@@ -19,11 +19,17 @@ from pathlib import Path
 from typing import Any
 
 from raytracer.core.compiler import cache
-from raytracer.core.compiler.arguments import PackedArgument, pack_argument, stable_text
 from raytracer.core.compiler.compile_progress import COMPILATION
 from raytracer.core.compiler.kernel_files import KernelFiles
 from raytracer.core.compiler.lock import compiler_lock
-from raytracer.core.compiler.machine_code import LoadedCode, MachineCode, load
+from raytracer.core.compiler.machine_code import (
+    LoadedCode,
+    MachineCode,
+    PackedArgument,
+    load,
+    pack_argument,
+    stable_text,
+)
 from raytracer.util.signals import run_in_thread
 
 _NOTHING = PackedArgument(object(), None, b"")
@@ -100,19 +106,20 @@ class Entry:
             if kinds in self._codes:
                 return self._codes[kinds]
             key, files = self._key(kinds), self._files()
-            code = None if key is None else _load(files, key)
-            if code is not None:
-                self.counts["loaded"] += 1
-            else:
+            code = self._load(files, key)
+            if code is None:
                 with contextlib.nullcontext() if key is None else files.compile_lock(key):
                     # Another process may have compiled it meanwhile.
-                    code = None if key is None else _load(files, key)
-                    if code is None:
-                        code = self._compile(arguments, files, key)
-                    else:
-                        self.counts["loaded"] += 1
+                    code = self._load(files, key) or self._compile(arguments, files, key)
             self._codes[kinds] = code
             return code
+
+    def _load(self, files: KernelFiles, key: Any) -> LoadedCode | None:
+        """Load machine code from its file; None if there is none that can be used."""
+        held = None if key is None else files.load(key)
+        code = None if held is None else load(MachineCode(*held))
+        self.counts["loaded"] += code is not None
+        return code
 
     def _compile(self, arguments: Sequence[Any], files: KernelFiles, key: Any) -> LoadedCode:
         with COMPILATION.of(self._function.__name__):
@@ -138,7 +145,7 @@ class Entry:
     def _files(self) -> KernelFiles:
         name = f"{self._function.__module__.rpartition('.')[2]}.{self._function.__qualname__}"
         plain = re.sub(r"[^A-Za-z0-9_.]+", "_", name)
-        return KernelFiles(cache.CACHE_FOLDER, f"{plain}-{self._function.__code__.co_firstlineno}", pickle.dumps)
+        return KernelFiles(cache.CACHE_FOLDER, f"{plain}-{self._function.__code__.co_firstlineno}")
 
     def _key(self, kinds: Any) -> tuple[str, ...] | None:
         """Write down what the machine code depends on, beside the sources that the folder is named by.
@@ -161,12 +168,6 @@ class Entry:
         except OSError:
             return None
         return hashlib.sha256(text + code.co_code).hexdigest()
-
-
-def _load(files: KernelFiles, key: tuple[str, ...]) -> LoadedCode | None:
-    """Load machine code from its file; None if there is none that can be used."""
-    held = files.load(key)
-    return None if held is None else load(MachineCode(*held))
 
 
 @contextlib.contextmanager

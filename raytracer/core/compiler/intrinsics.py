@@ -5,7 +5,7 @@ from typing import Any
 from raytracer.core.compiler.declarations import declare_global
 
 
-def _intrinsic(function: Any) -> Any:
+def intrinsic(function: Any) -> Any:
     """Give a function its implementation for kernels, of the same name in `lowered_intrinsics`."""
 
     def make_type() -> Any:
@@ -22,12 +22,12 @@ def _intrinsic(function: Any) -> Any:
     return function
 
 
-@_intrinsic
+@intrinsic
 def share(value):
     """Pass a NamedTuple by its address, which is valid while the function that calls this runs; for entries only."""
     return value
 
 
-@_intrinsic
+@intrinsic
 def prefetch(address):
     """Prefetch the cache line at an address (intp) that will be read soon."""

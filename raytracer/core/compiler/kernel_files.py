@@ -15,7 +15,7 @@ import sys
 import time
 import uuid
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -71,11 +71,10 @@ class KernelFiles:
     ----------
     folder : of the files; made when the first is saved.
     name : prefix of their names.
-    dumps : converts a key or a compiled version to bytes that `pickle.loads` takes.
     """
 
-    def __init__(self, folder: Path, name: str, dumps: Callable[[Any], bytes]) -> None:
-        self._folder, self._name, self._dumps = folder, name, dumps
+    def __init__(self, folder: Path, name: str) -> None:
+        self._folder, self._name = folder, name
 
     def path(self, key: Any) -> Path:
         """Name the file for a key: types of arguments, processor, and hashes of the function."""
@@ -83,40 +82,30 @@ class KernelFiles:
 
     def load(self, key: Any) -> Any:
         """Load the kernel compiled for a key; None if it is missing, damaged, or not signed by the user's key."""
-        content = self._content(key)
-        if content is not None:
-            # A file of another version may raise nearly anything.
-            with contextlib.suppress(Exception):
-                held, data = pickle.loads(content)
-                if pickle.loads(held) == key:
-                    return pickle.loads(data)
+        # A file of another version may raise nearly anything.
+        with contextlib.suppress(Exception):
+            held, data = pickle.loads(load_signed(self.path(key)) or b"")
+            if held == key:
+                return data
         return None
-
-    def _content(self, key: Any) -> bytes | None:
-        return load_signed(self.path(key))
 
     def save(self, key: Any, data: Any) -> None:
         """Save the kernel compiled for a key atomically.
 
         If the disk is full, or may not be written, it is compiled anew each time.
         """
-        save_signed(self.path(key), pickle.dumps((self._dumps(key), self._dumps(data)), protocol=-1))
-
-    def flush(self) -> None:
-        """Remove all versions."""
-        for path in self._folder.glob(f"{self._name}.*.nbc"):
-            path.unlink(missing_ok=True)
+        save_signed(self.path(key), pickle.dumps((key, data), protocol=-1))
 
     @contextlib.contextmanager
     def compile_lock(self, key: Any) -> Iterator[None]:
         """Wait for another process that compiles for this key: what it then has saved need not be compiled again."""
         with contextlib.ExitStack() as stack:
-            if self._content(key) is None:
+            if load_signed(self.path(key)) is None:
                 # Without a lock, as in a folder that cannot be written, both compile.
                 with contextlib.suppress(OSError, NotImplementedError):
                     stack.enter_context(self._lock(key))
                 # All who waited may load at once.
-                if self._content(key) is not None:
+                if load_signed(self.path(key)) is not None:
                     stack.close()
             yield
 

@@ -18,8 +18,7 @@ from numba.core.utils import pysignature  # type: ignore[attr-defined]
 
 from raytracer.core.compiler.compile_progress import COMPILATION
 from raytracer.core.compiler.declarations import compiler_loaded
-from raytracer.core.compiler.part_cache import StoredPart, load_part, save_part
-from raytracer.core.compiler.part_keys import digest, part_key
+from raytracer.core.compiler.part_cache import StoredPart, digest, load_part, part_key, save_part
 from raytracer.core.compiler.part_library import PartLibrary
 from raytracer.core.compiler.passes import OPTIONS, lower_part
 from raytracer.core.compiler.trivial_parts import trivial_part

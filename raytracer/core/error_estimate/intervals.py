@@ -41,10 +41,7 @@ def sqrt_interval(interval: Interval) -> Interval:
 
 
 def bootstrap_intervals(
-    columns: ArrayLike,
-    statistic: Callable[[Array], Array],
-    seed: int = 0,
-    resamples: int = RESAMPLES,
+    columns: ArrayLike, statistic: Callable[[Array], Array], seed: int = 0, resamples: int = RESAMPLES
 ) -> tuple[Interval, ...]:
     """Compute BCa bootstrap intervals of quantities that depend on sums over tiles, such as ratios of sums.
 

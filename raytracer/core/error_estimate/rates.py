@@ -151,18 +151,17 @@ class ConvergenceRate(NamedTuple):
         return float(n[first - 1] + (n[first] - n[first - 1]) * (before - mse) / (before - after))
 
 
-def fit_rate(
-    spp: ArrayLike, mse: ArrayLike, steepest: float = MAX_EXPONENT, precision: ArrayLike | None = None
-) -> ConvergenceRate:
+def fit_rate(spp: ArrayLike, mse: ArrayLike, steepest: float = MAX_EXPONENT) -> ConvergenceRate:
     """Fit `ConvergenceRate` to measured MSEs by least squares of the relative residuals, no term below 0.
+
+    Residuals are multiplied by the root of spp, since the terms are the beginning of a series that holds the better the
+    more samples there are.
 
     Parameters
     ----------
     spp : (n,) powers of two; as many terms are fitted as there are points, but the third for four or more.
     mse : (n,), at `spp`.
     steepest : 1 leaves all but the linear term out, as is right for independent samples.
-    precision : (n,) what each relative residual is multiplied by; the root of spp if None, since the terms are the
-        beginning of a series that holds the better the more samples there are.
 
     Returns
     -------
@@ -170,32 +169,28 @@ def fit_rate(
     if an MSE is negative or not known.
     """
     n = np.asarray(spp, dtype=np.float64)
-    return _fit_terms(n, n[:, None] ** -_EXPONENTS, mse, steepest, precision)
+    return _fit_terms(n, n[:, None] ** -_EXPONENTS, mse, steepest)
 
 
-def fit_differences(
-    spp: ArrayLike, drops: ArrayLike, steepest: float = MAX_EXPONENT, precision: ArrayLike | None = None
-) -> ConvergenceRate:
+def fit_differences(spp: ArrayLike, drops: ArrayLike, steepest: float = MAX_EXPONENT) -> ConvergenceRate:
     """Fit `ConvergenceRate` to measured values of `ConvergenceRate.half_difference`, as `fit_rate` does to MSEs."""
     n = np.asarray(spp, dtype=np.float64)
-    return _fit_terms(n, (2.0**_EXPONENTS - 1.0) * n[:, None] ** -_EXPONENTS, drops, steepest, precision)
+    return _fit_terms(n, (2.0**_EXPONENTS - 1.0) * n[:, None] ** -_EXPONENTS, drops, steepest)
 
 
-def _fit_terms(
-    n: Array, terms: Array, values: ArrayLike, steepest: float, precision: ArrayLike | None
-) -> ConvergenceRate:
+def _fit_terms(n: Array, terms: Array, values: ArrayLike, steepest: float) -> ConvergenceRate:
     """Fit the rate whose `terms` (n, 3) add up to `values` (n,)."""
     known = np.asarray(values, dtype=np.float64)
     if not _are_errors(known):
         return ConvergenceRate(math.nan, math.nan, math.nan)
-    trust = np.sqrt(n) if precision is None else np.asarray(precision, dtype=np.float64)
     some = known > 0.0
-    n, terms, known, trust = n[some], terms[some], known[some], trust[some]
+    n, terms, known = n[some], terms[some], known[some]
     if len(n) == 0:
         return ConvergenceRate(0.0, 0.0)
     columns = 1 if steepest <= MIN_EXPONENT or len(n) == 1 else 2 if len(n) < 4 else 3
 
     # Columns of like size, whatever the unit of the picture.
+    trust = np.sqrt(n)
     relative = terms[:, :columns] * (trust / known)[:, None]
     size = np.linalg.norm(relative, axis=0)
     factors = np.zeros(3)

@@ -9,21 +9,25 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.core.motion.decomposition import (
+from raytracer.core.motion.spec import Keyframe, Motion
+from raytracer.core.motion.trajectory import (
+    MAX_STEPS,
     QUATERNION,
     TRANSLATION,
     Rows,
+    breakpoints,
     compose,
+    continuous,
     decompose,
+    degrees_between,
+    grid,
     interpolate_rows,
     make_row,
     orthogonal_triangular,
     quaternion_of,
     quaternion_product,
+    uniform_segments,
 )
-from raytracer.core.motion.spec import Keyframe, Motion
-from raytracer.core.motion.time_grid import MAX_STEPS, breakpoints, grid, uniform_segments
-from raytracer.core.motion.trajectory import continuous, degrees_between
 from raytracer.core.shutter.table import Shutter
 from raytracer.schema.transform import TRANSFORM_ROUNDING, Matrix, Transform, matrix_of, rotation_matrix
 

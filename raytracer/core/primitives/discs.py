@@ -18,16 +18,7 @@ from raytracer.core.geometry import (
     plane_distance,
     row3,
 )
-from raytracer.core.primitives.base.interface import (
-    Boxes,
-    areas,
-    bounds,
-    boxes,
-    geometry,
-    hit,
-    pdf_point,
-    sample_point,
-)
+from raytracer.core.primitives.base import interface
 from raytracer.core.sampling.warp import sample_disc
 from raytracer.core.vec import Vec3, cross, dot, madd, max_abs, norm, scale, sub
 
@@ -41,25 +32,19 @@ class Discs(NamedTuple):
     material: NDArray[np.int32]
 
 
-@geometry.register(Discs)
+@interface.geometry.register(Discs)
 def geometry_discs(table: Discs) -> Geometry:
     rows = np.column_stack([table.center, table.radius])
     return Geometry(Primitive.DISC, (pad_buffer(rows, np.float32),), None, pad_buffer(table.normal, np.float32))
 
 
-@areas.register(Discs)
+@interface.areas.register(Discs)
 def areas_discs(table: Discs) -> NDArray[np.float64]:
     return np.asarray(np.pi * table.radius**2)
 
 
-@bounds.register(Discs)
-def bounds_discs(table: Discs) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    lower, upper = boxes_discs(table, np.arange(len(table.radius)))
-    return lower.min(axis=0), upper.max(axis=0)
-
-
-@boxes.register(Discs)
-def boxes_discs(table: Discs, rows: NDArray[np.int64]) -> Boxes:
+@interface.boxes.register(Discs)
+def boxes_discs(table: Discs, rows: NDArray[np.int64]) -> interface.Boxes:
     # The extent of a circle along an axis is its radius times the sine between axis and normal.
     reach = table.radius[rows, None] * np.sqrt(np.maximum(0.0, 1.0 - table.normal[rows] ** 2))
     return table.center[rows] - reach, table.center[rows] + reach
@@ -87,7 +72,7 @@ def _parameters(out: Vec3, normal: Vec3, radius: float) -> tuple[float, float]:
     return 0.5 + math.atan2(dot(out, t), dot(out, s)) / (2.0 * math.pi), norm(out) / radius
 
 
-@hit.register(Discs)
+@interface.hit.register(Discs)
 def hit_discs(table, primitive, origin, direction, near, time, accuracy):
     center, normal = row3(table.center, primitive), row3(table.normal, primitive)
     radius = table.radius[primitive]
@@ -95,21 +80,12 @@ def hit_discs(table, primitive, origin, direction, near, time, accuracy):
     out = sub(point, center)
     u, v = _parameters(out, normal, radius)
     reach = norm(out)
-    return Hit(
-        point,
-        normal,
-        normal,
-        u,
-        v,
-        hit_offset(accuracy, max_abs(center) + radius, near),
-        table.material[primitive],
-        scale(2.0 * math.pi, cross(normal, out)),
-        scale(radius / reach if reach > 0.0 else 0.0, out),
-        point,
-    )
+    offset = hit_offset(accuracy, max_abs(center) + radius, near)
+    tangent, bitangent = scale(2.0 * math.pi, cross(normal, out)), scale(radius / reach if reach > 0.0 else 0.0, out)
+    return Hit(point, normal, normal, u, v, offset, table.material[primitive], tangent, bitangent, point)
 
 
-@sample_point.register(Discs)
+@interface.sample_point.register(Discs)
 def sample_point_discs(table, primitive, reference, u1, u2, time):
     center, normal = row3(table.center, primitive), row3(table.normal, primitive)
     radius = table.radius[primitive]
@@ -120,7 +96,7 @@ def sample_point_discs(table, primitive, reference, u1, u2, time):
     return area_light_point(reference, point, normal, math.pi * radius * radius, max_abs(center) + radius, u, v)
 
 
-@pdf_point.register(Discs)
+@interface.pdf_point.register(Discs)
 def pdf_point_discs(table, primitive, reference, point, normal, time):
     radius = table.radius[primitive]
     return area_pdf(reference, point, normal, math.pi * radius * radius)

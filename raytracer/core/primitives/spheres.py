@@ -20,16 +20,7 @@ from raytracer.core.geometry import (
     sphere_distance,
     sphere_gap,
 )
-from raytracer.core.primitives.base.interface import (
-    Boxes,
-    areas,
-    bounds,
-    boxes,
-    geometry,
-    hit,
-    pdf_point,
-    sample_point,
-)
+from raytracer.core.primitives.base import interface
 from raytracer.core.sampling.warp import pdf_cone, sample_cone, sample_sphere
 from raytracer.core.vec import Vec3, basis, dot, madd, max_abs, norm, scale, sub, to_world
 
@@ -42,25 +33,19 @@ class Spheres(NamedTuple):
     material: NDArray[np.int32]
 
 
-@geometry.register(Spheres)
+@interface.geometry.register(Spheres)
 def geometry_spheres(table: Spheres) -> Geometry:
     rows = np.column_stack([table.center, np.abs(table.radius)])
     return Geometry(Primitive.SPHERE, (pad_buffer(rows, np.float32),))
 
 
-@areas.register(Spheres)
+@interface.areas.register(Spheres)
 def areas_spheres(table: Spheres) -> NDArray[np.float64]:
     return np.asarray(4.0 * np.pi * table.radius**2)
 
 
-@bounds.register(Spheres)
-def bounds_spheres(table: Spheres) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    radius = np.abs(table.radius)[:, None]
-    return (table.center - radius).min(axis=0), (table.center + radius).max(axis=0)
-
-
-@boxes.register(Spheres)
-def boxes_spheres(table: Spheres, rows: NDArray[np.int64]) -> Boxes:
+@interface.boxes.register(Spheres)
+def boxes_spheres(table: Spheres, rows: NDArray[np.int64]) -> interface.Boxes:
     center, radius = table.center[rows], np.abs(table.radius[rows])[:, None]
     return center - radius, center + radius
 
@@ -86,7 +71,7 @@ def derivatives(out: Vec3, radius: float) -> tuple[Vec3, Vec3]:
     return tangent, (-along * out[0] * out[1] / sine, along * sine, -along * out[1] * out[2] / sine)
 
 
-@hit.register(Spheres)
+@interface.hit.register(Spheres)
 def hit_spheres(table, primitive, origin, direction, near, time, accuracy):
     center, radius = row3(table.center, primitive), table.radius[primitive]
     t = sphere_distance(accuracy, origin, direction, center, radius, near)
@@ -98,18 +83,8 @@ def hit_spheres(table, primitive, origin, direction, near, time, accuracy):
     normal = scale(math.copysign(1.0, radius), out)
     u, v = parameters(out)
     tangent, bitangent = derivatives(out, abs(radius))
-    return Hit(
-        point,
-        normal,
-        normal,
-        u,
-        v,
-        hit_offset(accuracy, max_abs(center) + abs(radius), near),
-        table.material[primitive],
-        tangent,
-        bitangent,
-        point,
-    )
+    offset = hit_offset(accuracy, max_abs(center) + abs(radius), near)
+    return Hit(point, normal, normal, u, v, offset, table.material[primitive], tangent, bitangent, point)
 
 
 @kernel
@@ -123,7 +98,7 @@ def _is_cone_sampled(center: Vec3, radius: float, distance2: float) -> bool:
     return distance2 > reach * reach
 
 
-@sample_point.register(Spheres)
+@interface.sample_point.register(Spheres)
 def sample_point_spheres(table, primitive, reference, u1, u2, time):
     center, radius = row3(table.center, primitive), abs(table.radius[primitive])
     to = sub(center, reference)
@@ -152,7 +127,7 @@ def sample_point_spheres(table, primitive, reference, u1, u2, time):
     return LightPoint(point, scale(math.copysign(1.0, table.radius[primitive]), out), pdf, gap, u, v, point)
 
 
-@pdf_point.register(Spheres)
+@interface.pdf_point.register(Spheres)
 def pdf_point_spheres(table, primitive, reference, point, normal, time):
     center, radius = row3(table.center, primitive), abs(table.radius[primitive])
     to = sub(center, reference)

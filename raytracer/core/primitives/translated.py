@@ -11,21 +11,7 @@ from numpy.typing import NDArray
 
 from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.geometry import Geometry, Hit, LightPoint, hit_offset, pad_buffer, plane_gap, row3
-from raytracer.core.primitives.base.interface import (
-    areas,
-    concatenate,
-    geometry,
-    group_key,
-    has_vertex_normals,
-    hit,
-    pdf_point,
-    prefetch_primitive,
-    reproject_at_time,
-    row_of,
-    sample_point,
-    slice_rows,
-    without_uv,
-)
+from raytracer.core.primitives.base import interface
 from raytracer.core.vec import add, dot, max_abs, norm, sub
 
 
@@ -53,10 +39,10 @@ def translate_table(base: Any, shift: NDArray[np.float64]) -> Translated:
     )
 
 
-@geometry.register(Translated)
+@interface.geometry.register(Translated)
 def geometry_translated(table: Translated) -> Geometry:
     """Make the base's buffers at two time steps at least."""
-    start: Geometry = geometry(table.base)
+    start: Geometry = interface.geometry(table.base)
     shift = table.shift
     if start.indices is not None:
         # Vertices move with the primitives that they belong to; objects share none.
@@ -79,46 +65,38 @@ def _moved(vertices: NDArray[np.float32], shift: NDArray[np.float64]) -> NDArray
     return result
 
 
-@areas.register(Translated)
-def areas_translated(table: Translated) -> NDArray[np.float64]:
-    return np.asarray(areas(table.base))
-
-
-@has_vertex_normals.register(Translated)
-def has_vertex_normals_translated(table: Translated) -> bool:
-    """Ask the table that moves."""
-    return bool(has_vertex_normals(table.base))
-
-
-@group_key.register(Translated)
+@interface.group_key.register(Translated)
 def group_key_translated(table: Translated) -> tuple[Any, ...]:
-    return (Translated.__name__, *group_key(table.base))
+    return (Translated.__name__, *interface.group_key(table.base))
 
 
-@concatenate.register(Translated)
+@interface.concatenate.register(Translated)
 def concatenate_translated(first: Translated, tables: Sequence[Translated]) -> Translated:
-    base = concatenate(first.base, [table.base for table in tables])
+    base = interface.concatenate(first.base, [table.base for table in tables])
     return Translated(base, np.ascontiguousarray(np.concatenate([table.shift for table in tables])))
 
 
-@without_uv.register(Translated)
+@interface.without_uv.register(Translated)
 def without_uv_translated(table: Translated) -> Translated:
-    return Translated(without_uv(table.base), table.shift)
+    return Translated(interface.without_uv(table.base), table.shift)
 
 
-@slice_rows.register(Translated)
+@interface.slice_rows.register(Translated)
 def slice_rows_translated(table: Translated, start: int, stop: int) -> Translated:
-    return Translated(slice_rows(table.base, start, stop), table.shift[start:stop])
+    return Translated(interface.slice_rows(table.base, start, stop), table.shift[start:stop])
 
 
-@row_of.register(Translated)
-def row_of_translated(table, part):
-    return row_of(table.base, part)
+def _ask_base(function: Any) -> None:
+    """Register the case of a function that does for the table that moves what it does for it at rest."""
+
+    def case(table, *arguments):
+        return function(table.base, *arguments)
+
+    function.register(Translated)(case)
 
 
-@prefetch_primitive.register(Translated)
-def prefetch_primitive_translated(table, primitive):
-    prefetch_primitive(table.base, primitive)
+for _function in (interface.areas, interface.has_vertex_normals, interface.row_of, interface.prefetch_primitive):
+    _ask_base(_function)
 
 
 @kernel
@@ -128,31 +106,21 @@ def _shift_at(table, primitive, time):
     return (time * shift[0], time * shift[1], time * shift[2]), shift
 
 
-@hit.register(Translated)
+@interface.hit.register(Translated)
 def hit_translated(table, primitive, origin, direction, near, time, accuracy):
     gone, shift = _shift_at(table, primitive, time)
-    rest = hit(table.base, primitive, sub(origin, gone), direction, near, time, accuracy)
+    rest = interface.hit(table.base, primitive, sub(origin, gone), direction, near, time, accuracy)
 
     # Vertices at the end of the motion are rounded at the scale of its displacement, too.
-    offset = rest.offset + hit_offset(accuracy, max_abs(shift), 0.0)
-    return Hit(
-        add(rest.point, gone),
-        rest.normal,
-        rest.shading_normal,
-        rest.u,
-        rest.v,
-        offset,
-        rest.material,
-        rest.tangent,
-        rest.bitangent,
-        rest.local,
-    )
+    point, normal, shading, u, v, offset, material, tangent, bitangent, local = rest
+    offset += hit_offset(accuracy, max_abs(shift), 0.0)
+    return Hit(add(point, gone), normal, shading, u, v, offset, material, tangent, bitangent, local)
 
 
-@sample_point.register(Translated)
+@interface.sample_point.register(Translated)
 def sample_point_translated(table, primitive, reference, u1, u2, time):
     gone, shift = _shift_at(table, primitive, time)
-    rest = sample_point(table.base, primitive, sub(reference, gone), u1, u2, time)
+    rest = interface.sample_point(table.base, primitive, sub(reference, gone), u1, u2, time)
     way = sub(add(rest.point, gone), reference)
     distance = norm(way)
 
@@ -161,13 +129,13 @@ def sample_point_translated(table, primitive, reference, u1, u2, time):
     return LightPoint(add(rest.point, gone), rest.normal, rest.pdf, gap, rest.u, rest.v, rest.local)
 
 
-@pdf_point.register(Translated)
+@interface.pdf_point.register(Translated)
 def pdf_point_translated(table, primitive, reference, point, normal, time):
     gone, _ = _shift_at(table, primitive, time)
-    return pdf_point(table.base, primitive, sub(reference, gone), sub(point, gone), normal, time)
+    return interface.pdf_point(table.base, primitive, sub(reference, gone), sub(point, gone), normal, time)
 
 
-@reproject_at_time.register(Translated)
+@interface.reproject_at_time.register(Translated)
 def reproject_at_time_translated(table, primitive, hit, time):
     gone, _ = _shift_at(table, primitive, time)
-    return add(reproject_at_time(table.base, primitive, hit, time), gone)
+    return add(interface.reproject_at_time(table.base, primitive, hit, time), gone)

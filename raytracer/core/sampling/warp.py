@@ -58,9 +58,15 @@ def sample_disc(u1: float, u2: float) -> tuple[float, float]:
 
 
 @kernel
-def pdf_disc() -> float:
-    """Return the density by area."""
-    return 1.0 / math.pi
+def first_above(values, begin, end, value):
+    """Find the first of the rising values begin .. end - 1 that is greater than `value`; `end` if none is."""
+    while begin < end:
+        middle = (begin + end) // 2
+        if values[middle] > value:
+            end = middle
+        else:
+            begin = middle + 1
+    return begin
 
 
 @kernel
@@ -69,13 +75,7 @@ def sample_bin(cumulative, begin, end, u):
 
     cumulative, probabilities (n,) of a bin or one before it from `begin` on; bins of no probability are never drawn.
     """
-    low, high = begin, end - 1
-    while low < high:
-        middle = (low + high) // 2
-        if cumulative[middle] > u:
-            high = middle
-        else:
-            low = middle + 1
+    low = first_above(cumulative, begin, end - 1, u)
     before = cumulative[low - 1] if low > begin else 0.0
     return low, (u - before) / (cumulative[low] - before)
 
@@ -124,24 +124,6 @@ def sample_sphere(u1: float, u2: float) -> Vec3:
 
 
 @kernel
-def pdf_sphere() -> float:
-    """Return the density in solid angle."""
-    return 0.25 / math.pi
-
-
-@kernel
-def sample_hemisphere(u1: float, u2: float) -> Vec3:
-    """Sample a direction round +z, uniform by solid angle; by Archimedes, as on the sphere."""
-    return sample_cone(u1, u2, 1.0)
-
-
-@kernel
-def pdf_hemisphere(cosine: float) -> float:
-    """Return the density in solid angle, 0 below the horizon."""
-    return 0.5 / math.pi if cosine >= 0.0 else 0.0
-
-
-@kernel
 def sample_cosine_hemisphere(u1: float, u2: float) -> Vec3:
     """Sample a direction round +z, with a density in proportion to its cosine.
 
@@ -170,12 +152,6 @@ def sample_triangle(u1: float, u2: float) -> tuple[float, float]:
         u2 *= 0.5
         u1 -= u2
     return u1, u2
-
-
-@kernel
-def pdf_triangle() -> float:
-    """Return the density in (u, v), the area of whose triangle is 1/2; by area it is 1 / area."""
-    return 2.0
 
 
 @kernel

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.core.sampling.warp import first_above
 from raytracer.film.film import Film
 from raytracer.kernel.aovs.base.interface import AovSpec, SceneIds
 from raytracer.kernel.aovs.base.layers import MajorityLayer, measure
@@ -73,14 +74,8 @@ def measure_object_id_quantity(quantity, scene, seen):
     if 0 <= seen.instance < len(quantity.placed):
         return float(quantity.placed[seen.instance]), 0.0, 0.0
     # The last entry of the table that starts at this primitive or before it.
-    low, high = quantity.first[seen.table], quantity.first[seen.table + 1]
-    while high - low > 1:
-        middle = (low + high) // 2
-        if quantity.start[middle] <= seen.primitive:
-            low = middle
-        else:
-            high = middle
-    return float(quantity.owner[low]), 0.0, 0.0
+    after = first_above(quantity.start, quantity.first[seen.table] + 1, quantity.first[seen.table + 1], seen.primitive)
+    return float(quantity.owner[after - 1]), 0.0, 0.0
 
 
 @measure.register(MaterialIdQuantity)

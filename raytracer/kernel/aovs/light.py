@@ -16,37 +16,6 @@ from raytracer.kernel.aovs.base.interface import AovSpec, SceneIds
 from raytracer.kernel.aovs.base.layers import LightLayer, light_part
 
 
-class _Part(AovSpec):
-    """A part of the radiance; `direct` and `indirect` add up to all of it."""
-
-    channels: ClassVar[tuple[str, ...]] = ("R", "G", "B")
-    unit: ClassVar[str] = "W/(m2 sr)"
-
-    def pack(self, height: int, width: int, column: int, identities: SceneIds) -> LightLayer:
-        return LightLayer(self.quantity(identities), np.zeros((height, width, 3)), column)
-
-    def develop(self, layer: Any, film: Film) -> NDArray[Any]:
-        return np.asarray(layer.sums / np.maximum(film.count, 1)[..., None])
-
-
-class DirectLight(_Part):
-    """Radiance by at most two path segments, what `max_depth: 2` renders: emitters as seen, and what they light."""
-
-    type: Literal["direct"] = "direct"
-
-    def quantity(self, identities: SceneIds) -> "Direct":
-        return Direct()
-
-
-class IndirectLight(_Part):
-    """Radiance by three path segments and more: what light does after its first bounce."""
-
-    type: Literal["indirect"] = "indirect"
-
-    def quantity(self, identities: SceneIds) -> "Indirect":
-        return Indirect()
-
-
 class Direct(NamedTuple):
     """Radiance by at most two path segments."""
 
@@ -63,3 +32,30 @@ def light_part_direct(part, value, direct):
 @light_part.register(Indirect)
 def light_part_indirect(part, value, direct):
     return sub(value, direct)
+
+
+class _Part(AovSpec):
+    """A part of the radiance; `direct` and `indirect` add up to all of it."""
+
+    channels: ClassVar[tuple[str, ...]] = ("R", "G", "B")
+    unit: ClassVar[str] = "W/(m2 sr)"
+
+    def pack(self, height: int, width: int, column: int, identities: SceneIds) -> LightLayer:
+        return LightLayer(self.quantity(identities), np.zeros((height, width, 3)))
+
+    def develop(self, layer: Any, film: Film) -> NDArray[Any]:
+        return np.asarray(layer.sums / np.maximum(film.count, 1)[..., None])
+
+
+class DirectLight(_Part):
+    """Radiance by at most two path segments, what `max_depth: 2` renders: emitters as seen, and what they light."""
+
+    type: Literal["direct"] = "direct"
+    measured: ClassVar[Any] = Direct
+
+
+class IndirectLight(_Part):
+    """Radiance by three path segments and more: what light does after its first bounce."""
+
+    type: Literal["indirect"] = "indirect"
+    measured: ClassVar[Any] = Indirect

@@ -5,47 +5,28 @@ On the command line:
     rt render scene.yaml -o out.exr --aov motion
 """
 
-from typing import ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
-from raytracer.core.compiler.dispatch import optional
-from raytracer.core.instancing import Instances, pose_of
-from raytracer.core.motion.affine import apply_point
+from raytracer.core.compiler.dispatch import kernel, optional
+from raytracer.core.instancing import pose_of
+from raytracer.core.motion.interpolation import apply_point
 from raytracer.core.primitives.base.interface import reproject_at_time_any
 from raytracer.core.shutter.table import Shutter
-from raytracer.kernel.aovs.base.interface import AovSpec, SceneIds
+from raytracer.kernel.aovs.base.interface import AovSpec
 from raytracer.kernel.aovs.base.layers import measure
 from raytracer.plugins.cameras.base.interface import project
-
-
-class Motion(AovSpec):
-    """Displacement in the picture, while the shutter is open, of the point of the surface that is seen.
-
-    Of a rolling shutter, from where the first line begins to open to where the last is closed.
-    X to the right and Y down, as pixels are counted; of the object's motion and of the camera's.  Points that pass
-    behind the camera are left out; a panorama's edge is not crossed the short way.
-    """
-
-    type: Literal["motion"] = "motion"
-    channels: ClassVar[tuple[str, ...]] = ("X", "Y")
-    unit: ClassVar[str] = "px"
-
-    def quantity(self, identities: SceneIds) -> "MotionQuantity":
-        return MotionQuantity()
 
 
 class MotionQuantity(NamedTuple):
     """The displacement in the picture."""
 
 
-@optional
+@kernel
 def point_at_time(instances, scene, seen, time):
     """Return the position in the world of the point that is seen at another time."""
-    return reproject_at_time_any(scene.primitives, seen.table, seen.primitive, seen.hit, time)
-
-
-@point_at_time.register(Instances)
-def point_at_time_instances(instances, scene, seen, time):
     local = reproject_at_time_any(scene.primitives, seen.table, seen.primitive, seen.hit, time)
+    if instances is None:
+        return local
     return local if seen.instance < 0 else apply_point(pose_of(instances, seen.instance, time), local)
 
 
@@ -65,3 +46,17 @@ def displacement_shutter(shutter, scene, seen):
 @measure.register(MotionQuantity)
 def measure_motion_quantity(quantity, scene, seen):
     return displacement(scene.shutter, scene, seen)
+
+
+class Motion(AovSpec):
+    """Displacement in the picture, while the shutter is open, of the point of the surface that is seen.
+
+    Of a rolling shutter, from where the first line begins to open to where the last is closed.
+    X to the right and Y down, as pixels are counted; of the object's motion and of the camera's.  Points that pass
+    behind the camera are left out; a panorama's edge is not crossed the short way.
+    """
+
+    type: Literal["motion"] = "motion"
+    channels: ClassVar[tuple[str, ...]] = ("X", "Y")
+    unit: ClassVar[str] = "px"
+    measured: ClassVar[Any] = MotionQuantity

@@ -16,7 +16,7 @@ from raytracer.film.light_field import lf
 from raytracer.film.light_field.layout import NO_LIGHT_FIELD_MESSAGE, Layout
 from raytracer.film.light_field.views import Views
 from raytracer.film.window import Window
-from raytracer.kernel.aovs.base.recording import per_sample_aovs, unique_aovs
+from raytracer.kernel.aovs.base.interface import per_sample_aovs, unique_aovs
 from raytracer.lightfield.capturing.bands import bytes_per_pixel, choose_bands
 from raytracer.lightfield.capturing.checkpoints import BandCheckpoints
 from raytracer.lightfield.capturing.statistics import BandStats, band_stats, merge_stats, replace_error_settings

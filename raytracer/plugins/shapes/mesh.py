@@ -18,9 +18,14 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from raytracer.core.geometry import pad_buffer
-from raytracer.core.motion.time_grid import uniform_grid
-from raytracer.core.primitives.deforming import DeformingSmoothTriangles, DeformingTriangles
-from raytracer.core.primitives.triangles import SmoothTriangles, TextureCoordinates, Triangles
+from raytracer.core.motion.trajectory import uniform_grid
+from raytracer.core.primitives.triangles import (
+    DeformingSmoothTriangles,
+    DeformingTriangles,
+    SmoothTriangles,
+    TextureCoordinates,
+    Triangles,
+)
 from raytracer.core.shutter.table import Shutter
 from raytracer.plugins.shapes.base.affine import (
     Matrix,

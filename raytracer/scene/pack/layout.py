@@ -13,9 +13,8 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.core.motion.decomposition import Rows, decompose
 from raytracer.core.motion.resolve import Moving, Shift, Static, resolve_motion, trajectory_of
-from raytracer.core.motion.trajectory import compose_trajectories
+from raytracer.core.motion.trajectory import Rows, compose_trajectories, decompose
 from raytracer.plugins.shapes.base.interface import PlacementSpec, ShapeSpec
 from raytracer.scene.scene_assets import SceneAssets
 from raytracer.scene.spec import SceneSpec

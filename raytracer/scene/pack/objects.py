@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from raytracer.core.embree import InstanceArray
 from raytracer.core.geometry import Geometry
 from raytracer.core.instancing import Instances, pose_rows
-from raytracer.core.motion.decomposition import compose
 from raytracer.core.motion.interpolation import pack_trajectories
 from raytracer.core.motion.resolve import Shift, Static
+from raytracer.core.motion.trajectory import compose
 from raytracer.core.primitives.base.interface import (
     concatenate,
     geometry,

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.instancing import ROTATION_ERROR
-from raytracer.core.motion.decomposition import Rows, compose
 from raytracer.core.motion.resolve import Shift, Static
-from raytracer.core.motion.trajectory import max_rotation_radius, recentre_rotation, translate_trajectory
+from raytracer.core.motion.trajectory import Rows, compose, max_rotation_radius, recentre_rotation, translate_trajectory
 from raytracer.core.world_origin import Origin
 from raytracer.plugins.cameras.base.moving import camera_at_time
 from raytracer.scene.pack.layout import GroupInstances, Layout, Part

@@ -14,8 +14,8 @@ from pydantic import ValidationError
 from raytracer.core.embree import Accel, InstanceArray
 from raytracer.core.geometry import Exact, Geometry
 from raytracer.core.sampling import SAMPLERS
-from raytracer.core.shutter.pack import pack_shutter
 from raytracer.core.shutter.table import Pulses, Shutter
+from raytracer.core.shutter.timing import pack_shutter
 from raytracer.core.vec import Vec3, neg
 from raytracer.core.world_origin import Origin
 from raytracer.kernel.packed_scene import Scene

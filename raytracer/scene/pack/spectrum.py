@@ -42,10 +42,12 @@ def pack_spectrum(
     return DispersiveMaterials(parts.spectra, modes, MonochromaticCamera())
 
 
-def _share_lens(parts: CameraParts, edge: float | None, shutter: Shutter | None) -> WavelengthSharing | None:
-    """Pack the lens by which wavelengths share rays; None where they do not."""
+def _share_lens(
+    parts: CameraParts, edge: float | None, shutter: Shutter | None
+) -> WavelengthSharing | MonochromaticCamera:
+    """Pack the lens by which wavelengths share rays; MonochromaticCamera where they do not."""
     if not parts.shares_wavelengths or parts.glass is None or edge is None:
-        return None
+        return MonochromaticCamera()
     if shutter is not None and shutter.scan is not None:
-        return None
+        return MonochromaticCamera()
     return WavelengthSharing(edge, reverse_lens(parts.glass))

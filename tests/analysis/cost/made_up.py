@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.analysis.cost.bench import Bench
-from raytracer.core.error_estimate import FLOOR
+from raytracer.core.error_estimate.metric import FLOOR
 from raytracer.film.window import Window
 from raytracer.kernel.packed_scene import Scene
 from raytracer.rendering.tile_renderer import RenderedTiles

@@ -10,7 +10,7 @@ from raytracer.analysis.cost.predict import PictureCost, PredictionGoal, predict
 from raytracer.analysis.cost.replicates import Replicates
 from raytracer.analysis.cost.results import Prediction
 from raytracer.analysis.cost.tile_sample import TileSample, choose_tiles
-from raytracer.core.error_estimate import error_weights, mse_by_tile
+from raytracer.core.error_estimate.metric import error_weights, mse_by_tile
 from raytracer.film.window import Window
 from raytracer.rendering.tile_scheduler import TILE_SIZE, split_into_tiles
 

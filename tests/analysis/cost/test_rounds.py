@@ -11,7 +11,7 @@ from raytracer.analysis.cost.pilot import warm_up
 from raytracer.analysis.cost.rounds import prepare_variant, shares_accel, variant_order
 from raytracer.analysis.cost.variants import make_variants
 from raytracer.analysis.cost.workload import replicate_workload, round_workload, sample_levels
-from raytracer.core.error_estimate import Interval
+from raytracer.core.error_estimate.intervals import Interval
 from raytracer.film.window import Window
 from raytracer.rendering.tile_scheduler import split_into_tiles
 from raytracer.scene.load import load

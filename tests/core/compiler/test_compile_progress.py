@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from raytracer.core.compiler import compile_progress
-from raytracer.core.compiler.cache_contents import cache_contents, check_cache, clear_cache
+from raytracer.core.compiler.cache import cache_contents, check_cache, clear_cache
 from raytracer.core.compiler.compile_progress import COMPILATION, Compilation, CompileProgress, watch_compilation
 from raytracer.core.compiler.dispatch import entry
 from raytracer.core.compiler.kernel_files import save_signed

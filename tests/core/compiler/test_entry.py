@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 from raytracer.core.compiler import build_entry, machine_code
-from raytracer.core.compiler.arguments import pack_argument, stable_text
 from raytracer.core.compiler.dispatch import entry
-from raytracer.core.compiler.machine_code import MachineCode
+from raytracer.core.compiler.machine_code import MachineCode, pack_argument, stable_text
 
 
 class Pair(NamedTuple):

@@ -15,10 +15,10 @@ import pytest
 from numba import types
 from numba.core.errors import NumbaError
 
-from raytracer.core.compiler import part_keys
+from raytracer.core.compiler import part_cache
 from raytracer.core.compiler.dispatch import entry, kernel
 from raytracer.core.compiler.kernel_files import _signed_header
-from raytracer.core.compiler.part_keys import part_key
+from raytracer.core.compiler.part_cache import part_key
 from raytracer.core.compiler.signing_key import KEY_BYTES
 
 _PROGRAM = """
@@ -136,10 +136,10 @@ def _minus(x: float) -> float:
 @pytest.fixture
 def as_sources(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Take this module for one of those that the name of the cache's folder hashes."""
-    monkeypatch.setattr(part_keys, "_PREFIXES", (f"{__name__}.", "elsewhere."))
-    part_keys._type.cache_clear()
+    monkeypatch.setattr(part_cache, "_PREFIXES", (f"{__name__}.", "elsewhere."))
+    part_cache._type.cache_clear()
     yield
-    part_keys._type.cache_clear()
+    part_cache._type.cache_clear()
 
 
 @pytest.mark.usefixtures("as_sources")

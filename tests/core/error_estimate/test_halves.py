@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.core.error_estimate import ErrorEstimator, error_weights, relative_error, sampler_exponent
-from raytracer.core.error_estimate.rates import ConvergenceRate
+from raytracer.core.error_estimate.halves import ErrorEstimator
+from raytracer.core.error_estimate.metric import error_weights, relative_error
+from raytracer.core.error_estimate.rates import ConvergenceRate, sampler_exponent
 from raytracer.core.sampling.sobol import Sobol
 from tests.core.sampling.draws import draw_2d
 

@@ -5,18 +5,18 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.core.error_estimate import (
+from raytracer.core.error_estimate.intervals import (
     UNKNOWN,
     Interval,
     bootstrap_intervals,
-    fit_rate,
     map_interval,
     median_interval,
-    mse_by_tile,
     ratio_interval,
     ratio_of_sums,
     sqrt_interval,
 )
+from raytracer.core.error_estimate.metric import mse_by_tile
+from raytracer.core.error_estimate.rates import fit_rate
 
 
 def test_ratios_of_sums_of_uneven_tiles_hold_the_truth():

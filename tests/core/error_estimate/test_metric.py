@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from raytracer.analysis.compare import relmse
-from raytracer.core.error_estimate import FLOOR, error_weights, mean_scale, relative_error
+from raytracer.core.error_estimate.metric import FLOOR, error_weights, mean_scale, relative_error
 
 RNG = np.random.default_rng(1)
 PICTURE = RNG.random((12, 9, 3)) ** 3

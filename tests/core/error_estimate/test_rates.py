@@ -5,16 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.core.error_estimate import (
+from raytracer.core.error_estimate.rates import (
     ConvergenceRate,
     PowerLaw,
+    fit_differences,
     fit_power_law,
     fit_rate,
     prefix_mse,
     sampler_exponent,
     split_run_penalty,
 )
-from raytracer.core.error_estimate.rates import fit_differences
 from raytracer.core.sampling.sobol import Sobol
 from tests.core.sampling.draws import draw_1d, draw_2d
 
@@ -182,9 +182,6 @@ def test_levels_before_rare_light_came_tell_nothing():
     spp, mse = [16, 64, 256, 1024], [0.0, 0.04, 0.01, 0.0025]
     assert fit_rate(spp, mse).samples(1e-4) == pytest.approx(0.04 * 64 / 1e-4)
     assert fit_rate(spp, mse) == pytest.approx(fit_rate(spp[1:], mse[1:]))
-    assert fit_rate(spp, mse, precision=[9.0, 1.0, 2.0, 1.0]) == pytest.approx(
-        fit_rate(spp[1:], mse[1:], precision=[1.0, 2.0, 1.0])
-    )
     assert fit_power_law(spp, mse) == pytest.approx((0.04 * 64, 1.0))
     # One that is left has the slope -1.
     assert fit_rate([16, 64], [0.0, 0.5]) == pytest.approx((32.0, 0.0, 0.0))

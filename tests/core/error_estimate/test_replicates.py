@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from raytracer.core.error_estimate import (
+from raytracer.core.error_estimate.intervals import ratio_of_sums, sqrt_interval
+from raytracer.core.error_estimate.metric import (
     brightness_by_tile,
     error_weights,
     mse_by_tile,
-    ratio_of_sums,
     relative_error,
-    sqrt_interval,
     squared_bias_by_tile,
     worst_pixel_share,
 )

@@ -7,11 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 from raytracer.core.geometry import pad_buffer
-from raytracer.core.motion.decomposition import decompose
 from raytracer.core.motion.interpolation import pack_trajectories, pose_at
 from raytracer.core.motion.resolve import resolve_motion
 from raytracer.core.motion.spec import Motion, Spin
-from raytracer.core.motion.trajectory import compose_trajectories
+from raytracer.core.motion.trajectory import compose_trajectories, decompose
 from raytracer.core.primitives.discs import Discs
 from raytracer.core.primitives.parallelograms import Parallelograms
 from raytracer.core.primitives.spheres import Spheres

@@ -10,9 +10,16 @@ from raytracer.core.compiler.dispatch import entry
 from raytracer.core.embree import GEOMETRY, MISS, PRIMITIVE, TFAR, TIME, Accel
 from raytracer.core.geometry import Exact, spawn_point
 from raytracer.core.instancing import intersect_instance
-from raytracer.core.motion.affine import apply_normal, apply_point, apply_vector, invert
-from raytracer.core.motion.decomposition import Rows
-from raytracer.core.motion.interpolation import Trajectories, pack_trajectories, pose_at
+from raytracer.core.motion.interpolation import (
+    Trajectories,
+    apply_normal,
+    apply_point,
+    apply_vector,
+    invert,
+    pack_trajectories,
+    pose_at,
+)
+from raytracer.core.motion.trajectory import Rows
 from raytracer.core.primitives.base.interface import (
     geometry,
     hit_any,
@@ -24,8 +31,8 @@ from raytracer.core.primitives.base.interface import (
 from raytracer.core.sampling import SAMPLERS
 from raytracer.core.shutter.table import Shutter
 from raytracer.core.vec import dot, neg
+from raytracer.kernel.camera_rays import sample_time
 from raytracer.kernel.interaction import resolve_hit
-from raytracer.kernel.ray_time import sample_time
 from raytracer.plugins.cameras.base.interface import packet_rays, project
 from raytracer.plugins.materials.base.interface import Draws
 from raytracer.scene.pack.scene import PackedScene

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raytracer.core.primitives.deforming import DeformingTriangles
 from raytracer.core.primitives.translated import Translated
+from raytracer.core.primitives.triangles import DeformingTriangles
 from raytracer.rendering.render import render
 from raytracer.scene.effects import effects_of
 from raytracer.scene.pack.scene import PackedScene, pack

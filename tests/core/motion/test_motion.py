@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from raytracer.core.motion.decomposition import compose, decompose
 from raytracer.core.motion.interpolation import pack_trajectories
 from raytracer.core.motion.resolve import Moving, Shift, Static, matrix_at, resolve_motion, trajectory_of
 from raytracer.core.motion.spec import Motion
-from raytracer.core.motion.time_grid import MAX_STEPS, uniform_grid
+from raytracer.core.motion.trajectory import MAX_STEPS, compose, decompose, uniform_grid
 from raytracer.core.shutter.table import Shutter
 from raytracer.schema.transform import Rotate, Step, matrix_of
 from tests.core.motion.kernels import applied, poses

@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 
 from raytracer.core.geometry import pad_buffer
 from raytracer.core.primitives.base.interface import areas, concatenate, geometry, group_key
-from raytracer.core.primitives.deforming import DeformingSmoothTriangles, DeformingTriangles
 from raytracer.core.primitives.discs import Discs
 from raytracer.core.primitives.parallelograms import Parallelograms
 from raytracer.core.primitives.spheres import Spheres
 from raytracer.core.primitives.translated import translate_table
-from raytracer.core.primitives.triangles import SmoothTriangles, Triangles
+from raytracer.core.primitives.triangles import DeformingSmoothTriangles, DeformingTriangles, SmoothTriangles, Triangles
 from tests.core.motion.kernels import cast, sample, self_hits
 from tests.plugins.shapes.kernels import uniform_directions, unit
 

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 from raytracer.analysis.explain import explain
-from raytracer.core.shutter.pack import pack_shutter
 from raytracer.core.shutter.spec import ShutterField, exposure_timing
 from raytracer.core.shutter.table import Pulses, Shutter, pulse_interval
-from raytracer.core.shutter.timing import Timing
+from raytracer.core.shutter.timing import Timing, pack_shutter
 from raytracer.rendering.render import render
 from raytracer.scene.pack.scene import pack
 from tests.core.motion.kernels import drawn_times

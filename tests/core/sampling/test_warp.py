@@ -10,8 +10,15 @@ from scipy.integrate import quad
 from raytracer.core.sampling import warp
 from tests.statistics import CYLINDER, cell_integrals, chi2_test, cylinder
 
+# Densities by area or in solid angle, and in (u, v) of a triangle of area 1/2.
+PDF_DISC, PDF_SPHERE, PDF_TRIANGLE = 1.0 / math.pi, 0.25 / math.pi, 2.0
+
 ENDS = (0.0, 2.0**-33, 0.25, 0.5, 0.75, np.nextafter(1.0, 0.0))
 CONES = (1.0, 0.5, 1e-4)
+
+
+def pdf_hemisphere(cosine):
+    return 0.5 / math.pi if cosine >= 0.0 else 0.0
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +35,7 @@ def test_disc_is_uniform(numbers):
     points = draw(warp.sample_disc, numbers)
     polar = np.stack([np.hypot(*points.T), np.arctan2(points[:, 1], points[:, 0])], axis=1)
     bounds = [(0.0, 1.0), (-math.pi, math.pi)]
-    chi2_test(np.minimum(polar, [1.0, math.pi]), lambda x: x[:, 0] * warp.pdf_disc(), bounds, [20, 40], tests=6)
+    chi2_test(np.minimum(polar, [1.0, math.pi]), lambda x: x[:, 0] * PDF_DISC, bounds, [20, 40], tests=6)
 
 
 def test_disc_keeps_its_middle_and_its_edge():
@@ -73,12 +80,12 @@ def test_a_guide_finds_the_bin_that_a_search_does(bins):
 
 def test_sphere_is_uniform(numbers):
     directions = draw(warp.sample_sphere, numbers)
-    chi2_test(cylinder(directions), lambda x: np.full(len(x), warp.pdf_sphere()), CYLINDER, [20, 40], tests=6)
+    chi2_test(cylinder(directions), lambda x: np.full(len(x), PDF_SPHERE), CYLINDER, [20, 40], tests=6)
 
 
 def test_hemisphere_is_uniform(numbers):
-    directions = draw(warp.sample_hemisphere, numbers)
-    density = np.vectorize(warp.pdf_hemisphere)
+    directions = draw(warp.sample_cone, numbers, 1.0)
+    density = np.vectorize(pdf_hemisphere)
     chi2_test(cylinder(directions), lambda x: density(x[:, 0]), CYLINDER, [20, 40], tests=6)
 
 
@@ -93,7 +100,7 @@ def test_triangle_is_uniform(numbers):
     points = draw(warp.sample_triangle, numbers)
     s = points.sum(axis=1)
     square = np.stack([s, points[:, 0] / s], axis=1)
-    chi2_test(square, lambda x: warp.pdf_triangle() * x[:, 0], [(0.0, 1.0)] * 2, [20, 20], tests=6)
+    chi2_test(square, lambda x: PDF_TRIANGLE * x[:, 0], [(0.0, 1.0)] * 2, [20, 20], tests=6)
 
 
 @pytest.mark.parametrize("sin2", CONES)
@@ -116,10 +123,10 @@ def test_cone_is_uniform(numbers, sin2):
 
 
 def test_densities_in_solid_angle_integrate_to_one():
-    for pdf in (np.vectorize(warp.pdf_hemisphere), np.vectorize(warp.pdf_cosine_hemisphere)):
+    for pdf in (np.vectorize(pdf_hemisphere), np.vectorize(warp.pdf_cosine_hemisphere)):
         assert cell_integrals(lambda x, pdf=pdf: pdf(x[:, 0]), CYLINDER, [2, 1]).sum() == pytest.approx(1.0, abs=1e-14)
-    assert warp.pdf_sphere() * 4.0 * math.pi == pytest.approx(1.0, abs=1e-15)
-    assert quad(lambda r: warp.pdf_disc() * 2.0 * math.pi * r, 0.0, 1.0)[0] == pytest.approx(1.0, abs=1e-14)
+    assert PDF_SPHERE * 4.0 * math.pi == pytest.approx(1.0, abs=1e-15)
+    assert quad(lambda r: PDF_DISC * 2.0 * math.pi * r, 0.0, 1.0)[0] == pytest.approx(1.0, abs=1e-14)
     for sin2 in CONES:
         solid_angle = 2.0 * math.pi * warp.one_minus_cosine(sin2)
         assert warp.pdf_cone(sin2) * solid_angle == pytest.approx(1.0, abs=1e-15)
@@ -143,7 +150,7 @@ def test_a_narrow_cone_keeps_its_precision():
     ("sample", "parameters"),
     [
         (warp.sample_sphere, ()),
-        (warp.sample_hemisphere, ()),
+        (warp.sample_cone, (1.0,)),
         (warp.sample_cosine_hemisphere, ()),
         *((warp.sample_cone, (sin2,)) for sin2 in (*CONES, 0.0)),
     ],
@@ -167,7 +174,7 @@ def test_planes_are_kept_to_up_to_the_ends():
 
 def test_cosines_outside_have_no_density():
     assert warp.pdf_cosine_hemisphere(-0.1) == 0.0
-    assert warp.pdf_hemisphere(-0.1) == 0.0
+    assert pdf_hemisphere(-0.1) == 0.0
     assert warp.pdf_cosine_hemisphere(1.0) == 1.0 / math.pi
 
 

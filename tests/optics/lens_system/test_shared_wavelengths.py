@@ -13,6 +13,7 @@ from raytracer.core.spectra import FIRST, LAST, response
 from raytracer.kernel.hero_wavelength import (
     DispersiveLens,
     DispersiveMaterials,
+    MonochromaticCamera,
     start_rgb_path,
     wavelength_rows,
 )
@@ -30,7 +31,14 @@ from raytracer.optics.lens_system.packets import (
 from raytracer.optics.lens_system.pupils.solid_angle import on_axis_solid_angle
 from raytracer.optics.lens_system.ray_tracing import trace_rays
 from raytracer.optics.lens_system.surfaces import reverse_lens
-from raytracer.plugins.cameras.base.interface import FILTER, lane_ray, set_lane, share_wavelengths, trace_lanes
+from raytracer.plugins.cameras.base.interface import (
+    FILTER,
+    WavelengthSharing,
+    lane_ray,
+    set_lane,
+    share_wavelengths,
+    trace_lanes,
+)
 from raytracer.plugins.cameras.base.lens_camera import LensCamera
 from raytracer.plugins.cameras.lens import RealLens
 from raytracer.plugins.materials.base.interface import Draws
@@ -113,7 +121,9 @@ def test_shared_rays_show_what_rays_of_one_wavelength_do(name: str, width: int, 
     assert isinstance(spectrum, DispersiveLens)
     _, way = lens.film_to_ray((x + 0.5) / width, (y + 0.5) / height, width, height)
     count, slope = 1 << 18, float(way[0] / way[2])
-    alone, alone_spread = estimated(camera, spectrum._replace(sharing=None), (x, y), slope, count, seed=1)
+    alone, alone_spread = estimated(
+        camera, spectrum._replace(camera=MonochromaticCamera()), (x, y), slope, count, seed=1
+    )
     shared, spread = estimated(camera, spectrum, (x, y), slope, count, seed=2)
     noise = np.sqrt((alone_spread + spread) / count)
     assert (noise < 0.02 * alone.max()).all()
@@ -161,7 +171,7 @@ def test_a_ray_of_the_same_wavelength_comes_back_to_where_it_began(name: str) ->
     spectrum = pack_spectrum(None, camera, 1.0, None)
     assert isinstance(spectrum, DispersiveLens)
     rows, others, began = np.zeros((16, WIDTH)), np.zeros((16, WIDTH)), np.zeros((2, WIDTH))
-    _back(camera, spectrum.sharing, SAMPLERS["independent"](1, 1), rows, others, 60, 40, 0.0, began)
+    _back(camera, spectrum.camera, SAMPLERS["independent"](1, 1), rows, others, 60, 40, 0.0, began)
     lit = rows[WEIGHT] > 0.0
     assert lit.sum() > 2
     np.testing.assert_allclose(others[WEIGHT, lit], 1.0, rtol=1e-12)
@@ -223,11 +233,11 @@ def spectrum_of(*, pixels: str = "box", camera: str = "", material: str = "{type
 
 def test_rays_are_shared_only_where_all_that_differs_is_the_place_in_a_pixel() -> None:
     moving = ", motion: {velocity: [1, 0, 0]}, shutter: "
-    assert spectrum_of().sharing.tolerance == 1.0
-    assert spectrum_of(camera=moving + "1/10 s").sharing is not None
-    assert spectrum_of(pixels="gaussian").sharing is None
-    assert spectrum_of(camera=", flare: true").sharing is None
-    assert spectrum_of(camera=moving + "{duration: 1/10 s, readout: 1/10 s}").sharing is None
+    assert spectrum_of().camera.tolerance == 1.0
+    assert isinstance(spectrum_of(camera=moving + "1/10 s").camera, WavelengthSharing)
+    assert spectrum_of(pixels="gaussian").camera == MonochromaticCamera()
+    assert spectrum_of(camera=", flare: true").camera == MonochromaticCamera()
+    assert spectrum_of(camera=moving + "{duration: 1/10 s, readout: 1/10 s}").camera == MonochromaticCamera()
     assert spectrum_of(camera=", dispersion: false") is None
     assert isinstance(spectrum_of(material="{type: dielectric, ior: N-SF11}"), DispersiveMaterials)
 
@@ -240,7 +250,9 @@ def test_pictures_by_shared_rays_are_those_by_rays_of_one_wavelength() -> None:
         .replace("MATERIAL", "{type: lambertian, albedo: [0.8, 0.2, 0.05]}")
     )
     packed = pack(build(text, "test.yaml", base=SCENES))
-    alone = packed._replace(scene=packed.scene._replace(spectrum=packed.scene.spectrum._replace(sharing=None)))
+    alone = packed._replace(
+        scene=packed.scene._replace(spectrum=packed.scene.spectrum._replace(camera=MonochromaticCamera()))
+    )
     first, second = pictured(packed, spp=4096, seed=1), pictured(alone, spp=4096, seed=2)
     off = (first.radiance - second.radiance) / np.sqrt(first.variance + second.variance)
     assert np.abs(off).max() < 5.0

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 from raytracer.analysis.explain import explain
 from raytracer.core.compiler.dispatch import entry
 from raytracer.core.geometry import Hit
-from raytracer.core.motion.decomposition import Rows, compose, decompose
-from raytracer.core.motion.time_grid import MAX_STEPS
 from raytracer.core.motion.trajectory import (
+    MAX_STEPS,
+    Rows,
+    compose,
     conjugate_trajectory,
+    decompose,
     max_rotation_radius,
     recentre_rotation,
     row_at,
@@ -25,7 +27,7 @@ from raytracer.core.motion.trajectory import (
 )
 from raytracer.core.world_origin import to_authored_space
 from raytracer.kernel.aovs.base.layers import measure
-from raytracer.kernel.aovs.position import PositionQuantity
+from raytracer.kernel.aovs.surface import PositionQuantity
 from raytracer.plugins.cameras.base.interface import translate_camera as moved_camera
 from raytracer.plugins.cameras.base.moving import MovingCamera, pack_camera
 from raytracer.plugins.lights.base.interface import Lights

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.core.compiler.dispatch import generic, switch
+from raytracer.core.compiler.dispatch import generic, optional, switch
 from raytracer.core.geometry import Geometry
 
 Boxes = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -25,26 +25,15 @@ def hit(table, primitive, origin, direction, near, time, accuracy):
     raise NotImplementedError
 
 
-@generic
+@optional(tuple)
 def row_of(table, part):
     """Return the row of the table that has this part of its geometry; each row is one part by default."""
-    raise NotImplementedError
-
-
-@row_of.register(tuple)
-def row_of_tuple(table, part):
     return part
 
 
-@generic
+@optional(tuple)
 def prefetch_primitive(table, primitive):
     """Prefetch the data of a primitive that `hit` will read; nothing for small tables."""
-    raise NotImplementedError
-
-
-@prefetch_primitive.register(tuple)
-def prefetch_primitive_tuple(table, primitive):
-    return
 
 
 @generic
@@ -59,14 +48,9 @@ def pdf_point(table, primitive, reference, point, normal, time):
     raise NotImplementedError
 
 
-@generic
+@optional(tuple)
 def reproject_at_time(table, primitive, hit, time):
     """Return the position of a Hit's point at another time, for a primitive whose table says how it moves."""
-    raise NotImplementedError
-
-
-@reproject_at_time.register(tuple)
-def reproject_at_time_tuple(table, primitive, hit, time):
     return hit.local
 
 
@@ -90,42 +74,31 @@ def areas(table: Any) -> NDArray[np.float64]:
     raise NotImplementedError(type(table))
 
 
-@generic
-def bounds(table: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the least and the greatest coordinates (3,) of all primitives at rest."""
-    raise NotImplementedError(type(table))
-
-
-@generic
+@optional(tuple)
 def boxes(table: Any, rows: NDArray[np.int64]) -> Boxes | None:
     """Return the least and the greatest coordinates (n, 3) of each of these rows; None for what moves."""
-    raise NotImplementedError(type(table))
-
-
-@boxes.register(tuple)
-def boxes_tuple(table: Any, rows: NDArray[np.int64]) -> Boxes | None:
     return None
 
 
-@generic
+def bounds(table: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the least and the greatest coordinates (3,) of all primitives of a table at rest."""
+    lower, upper = boxes(table, np.arange(len(table.material)))
+    return lower.min(axis=0), upper.max(axis=0)
+
+
+@optional(tuple)
 def has_vertex_normals(table: Any) -> bool:
     """Return True if surfaces are shaded with other normals than their own; by default they are not."""
-    raise NotImplementedError(type(table))
-
-
-@has_vertex_normals.register(tuple)
-def has_vertex_normals_default(table: Any) -> bool:
-    """Return False: shading follows the surface."""
     return False
 
 
-@generic
+@optional(tuple)
 def group_key(table: Any) -> tuple[Any, ...]:
     """Return a sortable key, equal for tables that can be concatenated: by default the class and its fields of None."""
     return (type(table).__name__, *(name for name, field in table._asdict().items() if field is None))
 
 
-@generic
+@optional(tuple)
 def slice_rows(table: Any, start: int, stop: int) -> Any:
     """Slice a table from row `start` on and before `stop`, for `geometry`; all fields are rows by default."""
     if start == 0 and stop == len(table.material):
@@ -133,25 +106,19 @@ def slice_rows(table: Any, start: int, stop: int) -> Any:
     return type(table)(*(column[start:stop] if isinstance(column, np.ndarray) else column for column in table))
 
 
-@generic
+@optional(tuple)
 def concatenate(first: Any, tables: Sequence[Any]) -> Any:
     """Concatenate the rows of all `tables`, which are of the class of `first`; all fields are rows by default."""
-    fields = zip(*tables, strict=True)
-    return type(first)(*(np.ascontiguousarray(np.concatenate(columns)) for columns in fields))
+    return type(first)(*(np.ascontiguousarray(np.concatenate(rows)) for rows in zip(*tables, strict=True)))
 
 
-@generic
+@optional(tuple)
 def without_uv(table: Any) -> Any:
     """Drop texture coordinates, which a scene without textures does not use."""
-    raise NotImplementedError(type(table))
-
-
-@without_uv.register(tuple)
-def without_uv_tuple(table: Any) -> Any:
     return table
 
 
-@generic
+@optional(tuple)
 def subdivide_large(table: Any, eye: NDArray[np.float64]) -> Any:
     """Subdivide surfaces, seen from `eye` (3,), that are so large that float32 blurs them near the eye.
 
@@ -159,9 +126,4 @@ def subdivide_large(table: Any, eye: NDArray[np.float64]) -> Any:
     ----------
     table : without texture coordinates, which parts would not keep.
     """
-    raise NotImplementedError(type(table))
-
-
-@subdivide_large.register(tuple)
-def subdivide_large_tuple(table: Any, eye: NDArray[np.float64]) -> Any:
     return table

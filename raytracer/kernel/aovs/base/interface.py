@@ -1,10 +1,11 @@
-"""The interface of AOVs: their specs, and the numbers and names that they record.
+"""The interface of AOVs: their specs, the numbers and names that they record, and the AOVs of one render.
 
 An AOV's file holds its spec, with its name and unit, and its case of `measure`: up to three numbers of the first
 surface that a camera path meets.
 """
 
-from collections.abc import Mapping
+import json
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -12,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.film.film import Film
-from raytracer.kernel.aovs.base.layers import MeanLayer
+from raytracer.kernel.aovs.base.layers import FIRST, Aovs, LightAovs, LightLayer, MeanLayer
+from raytracer.schema.registry import AOVS
 from raytracer.schema.spec import Spec
+from raytracer.util.errors import InputError, suggest_name
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,7 @@ class AovSpec(Spec):
     unit : of the values.
     empty : the value of a pixel that sees nothing.
     is_per_sample : True if it holds values of each sample, so that all pixels must have equally many.
+    measured : class of the quantity that kernels measure, where it has no fields.
     """
 
     type: str
@@ -60,10 +64,11 @@ class AovSpec(Spec):
     unit: ClassVar[str] = ""
     empty: ClassVar[float] = 0.0
     is_per_sample: ClassVar[bool] = False
+    measured: ClassVar[Any]
 
     def quantity(self, identities: SceneIds) -> Any:
         """Make the quantity that kernels measure: the first argument of `measure`."""
-        raise NotImplementedError
+        return self.measured()
 
     def pack(self, height: int, width: int, column: int, identities: SceneIds) -> Any:
         """Make the layer of this AOV in a film of height x width pixels; None if the film itself holds it.
@@ -87,3 +92,60 @@ class AovSpec(Spec):
     def names(self, identities: SceneIds) -> Mapping[int, str]:
         """Return the names that the numbers stand for, if they do."""
         return {}
+
+
+# ---- Of one render
+
+
+def unique_aovs(names: Iterable[str]) -> tuple[str, ...]:
+    """Check names of AOVs, and return each once.
+
+    Raises
+    ------
+    InputError : there is no AOV of that name.
+    """
+    known = AOVS.specs()
+    for name in names:
+        if name not in known:
+            raise InputError(f"unknown AOV {name!r}; {suggest_name(name, known, 'AOVs')}")
+    return tuple(dict.fromkeys(names))
+
+
+def per_sample_aovs(names: Iterable[str]) -> tuple[str, ...]:
+    """List those AOVs that hold values of each sample, so that all pixels must have equally many."""
+    return tuple(name for name in names if AOVS.specs()[name].is_per_sample)
+
+
+class AovRecorder:
+    """The AOVs of these names on a film of height x width pixels.
+
+    Attributes
+    ----------
+    view : the layers that kernels write to, or None if there are none.
+    """
+
+    def __init__(self, names: Sequence[str], height: int, width: int, identities: SceneIds) -> None:
+        self._specs: dict[str, AovSpec] = {name: AOVS.specs()[name]() for name in names}
+        self._identities = identities
+        self._layers: dict[str, Any] = {}
+        # By name, so that the same AOVs in another order are the same compiled kernel.
+        column = FIRST
+        for name in sorted(names):
+            self._layers[name] = self._specs[name].pack(height, width, column, identities)
+            column += len(self._specs[name].channels)
+        gathered = tuple(layer for layer in self._layers.values() if layer is not None)
+        make = LightAovs if any(isinstance(layer, LightLayer) for layer in gathered) else Aovs
+        self.view = make(gathered) if gathered else None
+
+    def develop(self, name: str, film: Film) -> NDArray[Any]:
+        """Compute a finished AOV, (height, width) or (height, width, channels)."""
+        return self._specs[name].develop(self._layers[name], film)
+
+    def channels(self, names: Iterable[str]) -> dict[str, tuple[str, ...]]:
+        """Name the channels of each AOV in a file."""
+        return {name: self._specs[name].components(self._layers[name]) for name in names}
+
+    def settings(self, names: Iterable[str]) -> dict[str, str]:
+        """Make entries for the headers of files: the names that numbers in AOVs stand for, as JSON."""
+        tables = {name: self._specs[name].names(self._identities) for name in names}
+        return {f"{name}_names": json.dumps(table, ensure_ascii=False) for name, table in tables.items() if table}

@@ -16,7 +16,13 @@ from raytracer.kernel.path_rows import load3, store3
 
 
 class Aovs(NamedTuple):
-    """The layers of a render besides radiance: MeanLayer, MajorityLayer, CoverageLayer, LightLayer and RaysLayer."""
+    """The layers of a render besides radiance: MeanLayer, MajorityLayer, CoverageLayer and RaysLayer."""
+
+    layers: tuple[Any, ...]
+
+
+class LightAovs(NamedTuple):
+    """The layers of a render besides radiance where a LightLayer is among them: paths record their direct light."""
 
     layers: tuple[Any, ...]
 
@@ -70,12 +76,10 @@ class LightLayer(NamedTuple):
     ----------
     part : Direct or Indirect.
     sums : float64 (height, width, 3), of the weighted radiance.
-    column : first column of a workspace's AOV values that holds direct light.
     """
 
     part: Any
     sums: NDArray[np.float64]
-    column: int
 
 
 @generic
@@ -90,31 +94,19 @@ def light_part(part, value, direct):
     raise NotImplementedError
 
 
-# Columns of work.aov_values: 1 if the sample met a surface, 1 if its direct light has been stored, what is saved of
-# that while the path is traced again, and from FIRST on those of the layers.
-_IS_HIT, _IS_SPLIT, _SAVED, FIRST = 0, 1, 2, 5
+# Columns of work.aov_values: 1 if the sample met a surface, 1 if its direct light has been stored, that, what is saved
+# of it while the path is traced again, and from FIRST on those of the layers.
+_IS_HIT, _IS_SPLIT, _DIRECT, _SAVED, FIRST = 0, 1, 2, 5, 8
 
 
-@generic
+@optional(tuple)
 def begin_layer(layer, work, sample, origin, direction):
     """Record the camera ray of a sample; most layers need nothing of it."""
-    raise NotImplementedError
 
 
-@begin_layer.register(tuple)
-def begin_layer_tuple(layer, work, sample, origin, direction):
-    return
-
-
-@generic
+@optional(tuple)
 def _record_layer(layer, scene, work, sample, seen):
     """Record the first hit of a sample."""
-    raise NotImplementedError
-
-
-@_record_layer.register(tuple)
-def _record_layer_tuple(layer, scene, work, sample, seen):
-    return
 
 
 @_record_layer.register(MeanLayer)
@@ -129,61 +121,11 @@ def _record_layer_majority_layer(layer, scene, work, sample, seen):
     work.aov_values[sample, layer.column] = measure(layer.quantity, scene, seen)[0]
 
 
-@generic
-def _record_direct(layer, work, sample):
-    """Record the radiance so far as a sample's direct light."""
-    raise NotImplementedError
-
-
-@_record_direct.register(tuple)
-def _record_direct_tuple(layer, work, sample):
-    return
-
-
-@_record_direct.register(LightLayer)
-def _record_direct_light_layer(layer, work, sample):
-    store3(work.aov_values, sample, layer.column, load3(work.radiance, sample, 0))
-
-
 @kernel
-def _direct_of(layer, work, sample):
+def _direct_light(work, sample):
     """Return a sample's radiance and the direct part of it: all of it, if no direct part was stored."""
     whole = load3(work.radiance, sample, 0)
-    return whole, load3(work.aov_values, sample, layer.column) if work.aov_values[sample, _IS_SPLIT] != 0.0 else whole
-
-
-@generic
-def _save_direct(layer, work, sample):
-    """Save a sample's direct light, less its radiance, while its path is traced again."""
-    raise NotImplementedError
-
-
-@_save_direct.register(tuple)
-def _save_direct_tuple(layer, work, sample):
-    return
-
-
-@_save_direct.register(LightLayer)
-def _save_direct_light_layer(layer, work, sample):
-    whole, direct = _direct_of(layer, work, sample)
-    store3(work.aov_values, sample, _SAVED, sub(direct, whole))
-
-
-@generic
-def _add_direct(layer, work, sample):
-    """Add the direct light of the path that was traced again to what was saved."""
-    raise NotImplementedError
-
-
-@_add_direct.register(tuple)
-def _add_direct_tuple(layer, work, sample):
-    return
-
-
-@_add_direct.register(LightLayer)
-def _add_direct_light_layer(layer, work, sample):
-    _, direct = _direct_of(layer, work, sample)
-    store3(work.aov_values, sample, layer.column, add(direct, load3(work.aov_values, sample, _SAVED)))
+    return whole, load3(work.aov_values, sample, _DIRECT) if work.aov_values[sample, _IS_SPLIT] != 0.0 else whole
 
 
 @generic
@@ -230,8 +172,7 @@ def add_layer_coverage_layer(layer, spectrum, work, sample, x, y):
 
 @add_layer.register(LightLayer)
 def add_layer_light_layer(layer, spectrum, work, sample, x, y):
-    value = load3(work.radiance, sample, 0)
-    direct = load3(work.aov_values, sample, layer.column) if work.aov_values[sample, _IS_SPLIT] != 0.0 else value
+    value, direct = _direct_light(work, sample)
     part = apply_lens_color(spectrum, work, sample, light_part(layer.part, value, direct))
     for channel in range(3):
         layer.sums[y, x, channel] += work.weight[sample] * part[channel]
@@ -239,9 +180,6 @@ def add_layer_light_layer(layer, spectrum, work, sample, x, y):
 
 _begin_each = each(begin_layer)
 _record_each = each(_record_layer)
-_record_direct_each = each(_record_direct)
-_save_direct_each = each(_save_direct)
-_add_direct_each = each(_add_direct)
 _add_each = each(add_layer)
 
 
@@ -253,7 +191,7 @@ def start_aovs(aovs, work, sample, origin, direction):
     """Clear the AOVs that the batch before recorded, and record the camera ray of this sample."""
 
 
-@start_aovs.register(Aovs)
+@start_aovs.register(Aovs | LightAovs)
 def start_aovs_aovs(aovs, work, sample, origin, direction):
     work.aov_values[sample, _IS_HIT] = 0.0
     work.aov_values[sample, _IS_SPLIT] = 0.0
@@ -265,45 +203,47 @@ def record_aovs(aovs, scene, work, path, surface):
     """Record the AOVs of a path's first Interaction."""
 
 
-@record_aovs.register(Aovs)
+@record_aovs.register(Aovs | LightAovs)
 def record_aovs_aovs(aovs, scene, work, path, surface):
     if path.depth == 1:
         work.aov_values[path.sample, _IS_HIT] = 1.0
         _record_each(aovs.layers, scene, work, path.sample, surface)
 
 
-@optional
+@optional(Aovs)
 def record_direct_light(aovs, work, path):
     """Record the radiance of a path after its first two segments as direct light."""
 
 
-@record_direct_light.register(Aovs)
-def record_direct_light_aovs(aovs, work, path):
+@record_direct_light.register(LightAovs)
+def record_direct_light_light_aovs(aovs, work, path):
     # All that comes from here on takes a third segment.
     if path.depth == 2:
         work.aov_values[path.sample, _IS_SPLIT] = 1.0
-        _record_direct_each(aovs.layers, work, path.sample)
+        store3(work.aov_values, path.sample, _DIRECT, load3(work.radiance, path.sample, 0))
 
 
-@optional
+@optional(Aovs)
 def start_aov_retrace(aovs, work, sample):
-    """Save the AOVs of a sample whose path is traced again, for another wavelength."""
+    """Save a sample's direct light, less its radiance, while its path is traced again for another wavelength."""
 
 
-@start_aov_retrace.register(Aovs)
-def start_aov_retrace_aovs(aovs, work, sample):
-    _save_direct_each(aovs.layers, work, sample)
+@start_aov_retrace.register(LightAovs)
+def start_aov_retrace_light_aovs(aovs, work, sample):
+    whole, direct = _direct_light(work, sample)
+    store3(work.aov_values, sample, _SAVED, sub(direct, whole))
     work.aov_values[sample, _IS_SPLIT] = 0.0
 
 
-@optional
+@optional(Aovs)
 def finish_aov_retrace(aovs, work, sample):
-    """Add the AOVs of a path that was traced again to those that were saved."""
+    """Add the direct light of a path that was traced again to what was saved."""
 
 
-@finish_aov_retrace.register(Aovs)
-def finish_aov_retrace_aovs(aovs, work, sample):
-    _add_direct_each(aovs.layers, work, sample)
+@finish_aov_retrace.register(LightAovs)
+def finish_aov_retrace_light_aovs(aovs, work, sample):
+    _, direct = _direct_light(work, sample)
+    store3(work.aov_values, sample, _DIRECT, add(direct, load3(work.aov_values, sample, _SAVED)))
     work.aov_values[sample, _IS_SPLIT] = 1.0
 
 
@@ -312,7 +252,7 @@ def add_aovs(aovs, spectrum, work, x, y, first, count):
     """Add the AOVs of samples from `first` on to a pixel, before samples that are not finite are dropped."""
 
 
-@add_aovs.register(Aovs)
+@add_aovs.register(Aovs | LightAovs)
 def add_aovs_aovs(aovs, spectrum, work, x, y, first, count):
     for sample in range(first, first + count):
         value = load3(work.radiance, sample, 0)

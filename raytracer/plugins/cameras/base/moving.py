@@ -12,12 +12,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from raytracer.core.camera_shake import Shake, shake_trajectory
-from raytracer.core.motion.affine import apply_point, apply_vector, invert
-from raytracer.core.motion.decomposition import Rows
-from raytracer.core.motion.interpolation import Trajectories, pack_trajectories, pose_at
+from raytracer.core.motion.interpolation import (
+    Trajectories,
+    apply_point,
+    apply_vector,
+    invert,
+    pack_trajectories,
+    pose_at,
+)
 from raytracer.core.motion.resolve import Moving, Shift, Static, matrix_at, resolve_motion, trajectory_of
-from raytracer.core.motion.time_grid import MAX_STEPS
-from raytracer.core.motion.trajectory import compose_trajectories, conjugate_trajectory
+from raytracer.core.motion.trajectory import MAX_STEPS, Rows, compose_trajectories, conjugate_trajectory
 from raytracer.core.vec import Vec3, normalize
 from raytracer.plugins.cameras.base.interface import (
     NO_ASSETS,

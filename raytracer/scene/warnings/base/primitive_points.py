@@ -6,12 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.core.primitives.deforming import DeformingSmoothTriangles, DeformingTriangles
 from raytracer.core.primitives.discs import Discs
 from raytracer.core.primitives.parallelograms import Parallelograms
 from raytracer.core.primitives.spheres import Spheres
 from raytracer.core.primitives.translated import Translated
-from raytracer.core.primitives.triangles import SmoothTriangles, Triangles
+from raytracer.core.primitives.triangles import DeformingSmoothTriangles, DeformingTriangles, SmoothTriangles, Triangles
 
 Points = NDArray[np.float64]
 

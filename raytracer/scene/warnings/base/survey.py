@@ -7,7 +7,7 @@ from typing import NamedTuple, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.core.motion.decomposition import compose
+from raytracer.core.motion.trajectory import compose
 from raytracer.core.primitives.spheres import Spheres
 from raytracer.plugins.cameras.base.moving import camera_at_time
 from raytracer.plugins.materials.base.interface import MaterialSpec
