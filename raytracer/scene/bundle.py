@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 from raytracer.optics.to_yaml import spec_to_plain, to_yaml
 from raytracer.scene.assets import companion_files, file_of
-from raytracer.scene.file_references import FileReference, file_references, replace_file_names
-from raytracer.scene.input_files import image_fragment
+from raytracer.scene.files import FileReference, file_references, image_fragment, replace_file_names
 from raytracer.scene.load import build
 from raytracer.scene.spec import SceneSpec
 from raytracer.schema.yaml_nodes import KeyPath

@@ -15,8 +15,7 @@ import raytracer
 from raytracer.core.compiler.kernel_files import source_hash
 from raytracer.optics.to_yaml import spec_to_plain, value_to_plain
 from raytracer.scene.assets import companion_files, file_of
-from raytracer.scene.file_references import FileReference, file_references, replace_file_names
-from raytracer.scene.input_files import image_fragment
+from raytracer.scene.files import FileReference, file_references, image_fragment, replace_file_names
 from raytracer.scene.spec import SceneSpec
 from raytracer.schema.yaml_nodes import path_text
 from raytracer.util.errors import format_value

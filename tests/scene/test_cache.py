@@ -16,12 +16,12 @@ from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.render import prepare_scene, render, render_prepared
 from raytracer.rendering.statistics import PhaseTimer
 from raytracer.scene import cache as cache_module
-from raytracer.scene.asset_provider import AccelInput
 from raytracer.scene.assets import LOADERS
 from raytracer.scene.cache import RenderCache, is_identical
 from raytracer.scene.load import build, load
 from raytracer.scene.overrides import apply_overrides
 from raytracer.scene.pack.scene import pack
+from raytracer.scene.scene_assets import AccelInput
 from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import InputError
 from tests.repository import ROOT

@@ -123,13 +123,11 @@ class FisheyeCamera(NamedTuple):
 @generic
 def radius_to_angle(projection, radius):
     """Return the angle from the axis (rad) at a distance from the middle, 0 to 1."""
-    raise NotImplementedError
 
 
 @generic
 def angle_to_radius(projection, angle):
     """Return the distance from the middle at an angle (rad) from the axis; NaN where the projection shows none."""
-    raise NotImplementedError
 
 
 @radius_to_angle.register(Equidistant)

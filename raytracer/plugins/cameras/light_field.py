@@ -36,10 +36,17 @@ from raytracer.plugins.cameras.base.light_field_camera import (
     SquareCell,
     pack_lattice,
 )
-from raytracer.plugins.cameras.base.microlenses import Arrangement, MainLens, Microlenses, solve_arrangement
+from raytracer.plugins.cameras.base.microlenses import (
+    Arrangement,
+    MainLens,
+    Microlenses,
+    describe_resolution,
+    make_lenslets,
+    microlens_solid_angle,
+    solve_arrangement,
+)
 from raytracer.plugins.cameras.base.perspective import CameraOptics
 from raytracer.plugins.cameras.base.perspective_camera import FlatPupil, Irradiance
-from raytracer.plugins.cameras.base.sub_images import describe_resolution, make_lenslets, microlens_solid_angle
 from raytracer.plugins.cameras.base.views import describe_views
 from raytracer.plugins.cameras.base.warnings import MICROLENS_WARNINGS, MicrolensFit
 from raytracer.schema.rules import never, only

@@ -22,13 +22,7 @@ from raytracer.plugins.materials.base.interface import (
     select,
     split_random_number,
 )
-from raytracer.plugins.textures.base.interface import (
-    Numbers,
-    ParameterPacker,
-    TexturedFraction,
-    TexturedNumbers,
-    number,
-)
+from raytracer.plugins.textures.base.interface import NumberParameter, ParameterPacker, TexturedFraction, number
 from raytracer.schema.fields import Fraction
 
 
@@ -95,7 +89,7 @@ class CutoutTable(NamedTuple):
     """
 
     material: NDArray[np.int32]
-    opacity: Numbers | TexturedNumbers
+    opacity: NumberParameter
     threshold: NDArray[np.float64]
 
 

@@ -39,8 +39,6 @@ from raytracer.plugins.materials.base.interface import (
     WHITE,
     Scatter,
     absorbed_scatter,
-    emission,
-    evaluate,
     reflectance,
     row,
     scatter,
@@ -247,17 +245,6 @@ def scatter_spectral_dielectric_row(material, direction, normal, front, draws):
     part = (1.0 - reflectance) / (1.0 - chance) * attenuation[number]
     weight = (part if number == 0 else 0.0, part if number == 1 else 0.0, part if number == 2 else 0.0)
     return Scatter(refract(direction, normal, cos_i, cos_t, eta), weight, math.inf)
-
-
-@evaluate.register(SpectralDielectricRow)
-@evaluate.register(DielectricRow)
-def evaluate_spectral_dielectric_row(material, direction, normal, front, outgoing):
-    return BLACK, 0.0
-
-
-@emission.register(DielectricTable)
-def emission_dielectric_table(table, index, front, textures, site):
-    return BLACK
 
 
 @reflectance.register(SpectralDielectricRow)

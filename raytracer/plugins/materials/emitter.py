@@ -17,19 +17,11 @@ from raytracer.plugins.materials.base.interface import (
     MaterialSpec,
     absorbed_scatter,
     emission,
-    evaluate,
     reflectance,
     row,
     scatter,
 )
-from raytracer.plugins.textures.base.interface import (
-    Colors,
-    ParameterPacker,
-    TexturedColors,
-    TexturedRadiance,
-    color,
-    is_zero,
-)
+from raytracer.plugins.textures.base.interface import ColorParameter, ParameterPacker, TexturedRadiance, color, is_zero
 
 
 class Emitter(MaterialSpec):
@@ -61,7 +53,7 @@ class Emitter(MaterialSpec):
 class EmitterTable(NamedTuple):
     """Packed emitters: radiance by row, and two_sided (n,) bool."""
 
-    radiance: Colors | TexturedColors
+    radiance: ColorParameter
     two_sided: NDArray[np.bool_]
 
 
@@ -77,11 +69,6 @@ def row_emitter_table(table, index, textures, site):
 @scatter.register(EmitterRow)
 def scatter_emitter_row(material, direction, normal, front, draws):
     return absorbed_scatter(direction)
-
-
-@evaluate.register(EmitterRow)
-def evaluate_emitter_row(material, direction, normal, front, outgoing):
-    return BLACK, 0.0
 
 
 @emission.register(EmitterTable)

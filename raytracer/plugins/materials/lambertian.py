@@ -15,24 +15,15 @@ from raytracer.core.sampling import sample_2d
 from raytracer.core.sampling.warp import pdf_cosine_hemisphere, sample_cosine_hemisphere
 from raytracer.core.vec import Vec3, basis, dot, scale, to_world
 from raytracer.plugins.materials.base.interface import (
-    BLACK,
     DIRECTION,
     MaterialSpec,
     Scatter,
-    emission,
     evaluate,
     reflectance,
     row,
     scatter,
 )
-from raytracer.plugins.textures.base.interface import (
-    Colors,
-    ParameterPacker,
-    TexturedAlbedo,
-    TexturedColors,
-    color,
-    is_zero,
-)
+from raytracer.plugins.textures.base.interface import ColorParameter, ParameterPacker, TexturedAlbedo, color, is_zero
 
 
 class Lambertian(MaterialSpec):
@@ -55,7 +46,7 @@ class Lambertian(MaterialSpec):
 class LambertianTable(NamedTuple):
     """Packed materials: albedo by row."""
 
-    albedo: Colors | TexturedColors
+    albedo: ColorParameter
 
 
 class LambertianRow(NamedTuple):
@@ -81,11 +72,6 @@ def scatter_lambertian_row(material, direction, normal, front, draws):
 def evaluate_lambertian_row(material, direction, normal, front, outgoing):
     cosine = max(0.0, dot(outgoing, normal))
     return scale(cosine / math.pi, material.albedo), pdf_cosine_hemisphere(cosine)
-
-
-@emission.register(LambertianTable)
-def emission_lambertian_table(table, index, front, textures, site):
-    return BLACK
 
 
 @reflectance.register(LambertianRow)

@@ -21,20 +21,17 @@ from raytracer.plugins.materials.base.interface import (
     MaterialSpec,
     Scatter,
     absorbed_scatter,
-    emission,
     evaluate,
     reflectance,
     row,
     scatter,
 )
 from raytracer.plugins.textures.base.interface import (
-    Colors,
-    Numbers,
+    ColorParameter,
+    NumberParameter,
     ParameterPacker,
     TexturedAlbedo,
-    TexturedColors,
     TexturedFraction,
-    TexturedNumbers,
     color,
     is_zero,
     number,
@@ -62,8 +59,8 @@ class Metal(MaterialSpec):
 class MetalTable(NamedTuple):
     """Packed materials: albedo and fuzz by row."""
 
-    albedo: Colors | TexturedColors
-    fuzz: Numbers | TexturedNumbers
+    albedo: ColorParameter
+    fuzz: NumberParameter
 
 
 class MetalRow(NamedTuple):
@@ -120,11 +117,6 @@ def evaluate_metal_row(material, direction, normal, front, outgoing):
     chord = sub(outgoing, reflect(direction, normal))
     pdf = pdf_fuzz(0.5 * dot(chord, chord), material.fuzz)
     return scale(pdf, material.albedo), pdf
-
-
-@emission.register(MetalTable)
-def emission_metal_table(table, index, front, textures, site):
-    return BLACK
 
 
 @reflectance.register(MetalRow)

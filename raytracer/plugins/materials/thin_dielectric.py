@@ -18,19 +18,8 @@ from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.fresnel import fresnel_dielectric
 from raytracer.core.sampling import sample_1d
 from raytracer.core.vec import Vec3, dot, reflect
-from raytracer.plugins.materials.base.interface import (
-    BLACK,
-    LOBE,
-    WHITE,
-    MaterialSpec,
-    Scatter,
-    emission,
-    evaluate,
-    reflectance,
-    row,
-    scatter,
-)
-from raytracer.plugins.textures.base.interface import Colors, ParameterPacker, TexturedAlbedo, TexturedColors, color
+from raytracer.plugins.materials.base.interface import LOBE, WHITE, MaterialSpec, Scatter, reflectance, row, scatter
+from raytracer.plugins.textures.base.interface import ColorParameter, ParameterPacker, TexturedAlbedo, color
 from raytracer.schema.fields import PositiveNumber
 
 
@@ -67,7 +56,7 @@ class ThinDielectricTable(NamedTuple):
     """Packed panes: eta (n,) float64, index inside over index outside; color, a parameter."""
 
     eta: NDArray[np.float64]
-    color: Colors | TexturedColors
+    color: ColorParameter
 
 
 class ThinDielectricRow(NamedTuple):
@@ -95,16 +84,6 @@ def scatter_thin_dielectric_row(material, direction, normal, front, draws):
     if sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE) < reflected:
         return Scatter(reflect(direction, normal), WHITE, math.inf)
     return Scatter(direction, material.color, math.inf)
-
-
-@evaluate.register(ThinDielectricRow)
-def evaluate_thin_dielectric_row(material, direction, normal, front, outgoing):
-    return BLACK, 0.0
-
-
-@emission.register(ThinDielectricTable)
-def emission_thin_dielectric_table(table, index, front, textures, site):
-    return BLACK
 
 
 @reflectance.register(ThinDielectricRow)

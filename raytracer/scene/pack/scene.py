@@ -16,24 +16,27 @@ from raytracer.core.geometry import Exact, Geometry
 from raytracer.core.sampling import SAMPLERS
 from raytracer.core.shutter.pack import pack_shutter
 from raytracer.core.shutter.table import Pulses, Shutter
+from raytracer.core.spectra import spectra
 from raytracer.core.vec import Vec3, neg
 from raytracer.core.world_origin import Origin
+from raytracer.kernel.aovs.base.interface import SceneIds
+from raytracer.kernel.hero_wavelength import DispersiveLens, DispersiveMaterials, MonochromaticCamera
 from raytracer.kernel.packed_scene import Scene
 from raytracer.kernel.pixel_accumulator import Clamp
 from raytracer.kernel.transparency import TransparentShadows
+from raytracer.optics.lens_system.surfaces import reverse_lens
+from raytracer.plugins.cameras.base.interface import CameraParts, WavelengthSharing, camera_parts
 from raytracer.plugins.cameras.base.interface import translate_camera as moved_camera
 from raytracer.plugins.cameras.base.moving import MovingCamera, pack_camera
 from raytracer.plugins.lights.base.interface import translate_lights as moved_lights
 from raytracer.plugins.materials.base.interface import MaterialSpec
 from raytracer.plugins.media.base.interface import translate_media as moved_media
-from raytracer.scene.asset_provider import AccelInput, AssetProvider, NoCache
 from raytracer.scene.pack.autofocus import has_autofocus, resolve_focus
 from raytracer.scene.pack.layout import Item
 from raytracer.scene.pack.lights import light_pulses, pack_lights
 from raytracer.scene.pack.objects import Owners
-from raytracer.scene.pack.spectrum import pack_spectrum
 from raytracer.scene.pack.world import MaterialVariant, PackedWorld, pack_world, world_key
-from raytracer.scene.scene_assets import SceneAssets
+from raytracer.scene.scene_assets import AccelInput, AssetProvider, NoCache, SceneAssets
 from raytracer.scene.spec import SceneSpec
 from raytracer.scene.validation import bind_camera_files
 from raytracer.schema.validation_errors import error_sentence
@@ -227,3 +230,55 @@ def _pack_shutter(spec: SceneSpec, is_moving: bool, pulses: Sequence[Pulses]) ->
     if not is_moving and not pulses:
         return None
     return pack_shutter(spec.camera.timing(), spec.film.width, spec.film.height, pulses)
+
+
+def scene_ids(spec: SceneSpec, packed: PackedScene) -> SceneIds:
+    """Number and name the objects and materials of a packed scene.
+
+    Objects are numbered from 1 in the scene's order, and materials in the order in which objects first have them; an
+    object or material without a name is called by its path in the scene.
+    """
+    by_reference = np.zeros(max(packed.materials) + 1, np.int32)
+    for number, reference in enumerate(packed.materials, 1):
+        by_reference[reference] = number
+    lengths = [len(owners.start) for owners in packed.owners]
+    return SceneIds(
+        objects=tuple(item.name or f"objects[{i}]" for i, item in enumerate(spec.objects)),
+        first=np.cumsum([0, *lengths], dtype=np.int64),
+        start=np.concatenate([owners.start for owners in packed.owners]),
+        owner=np.concatenate([owners.number for owners in packed.owners]) + np.int32(1),
+        placed=packed.instance_objects + np.int32(1),
+        materials=tuple(packed.materials.values()),
+        material=by_reference,
+        spp=spec.render.spp,
+        frame=getattr(packed.scene.camera, "frame", None),
+    )
+
+
+def pack_spectrum(
+    modes: NDArray[np.uint8] | None, camera: Any, edge: float | None, shutter: Shutter | None
+) -> DispersiveMaterials | DispersiveLens | None:
+    """Pack the dispersion of a scene; None where nothing disperses.
+
+    Parameters
+    ----------
+    modes : of the materials, as `dispersion_modes` gives them.
+    camera : the packed one.
+    edge : see `FilterSpec.box_width`.
+    shutter : the packed one.
+    """
+    parts: CameraParts = camera_parts(camera)
+    if modes is None:
+        return None if parts.spectra is None else DispersiveLens(parts.spectra, _share_lens(parts, edge, shutter))
+    if parts.spectra is None:
+        return DispersiveMaterials(spectra(), modes, None)
+    return DispersiveMaterials(parts.spectra, modes, MonochromaticCamera())
+
+
+def _share_lens(parts: CameraParts, edge: float | None, shutter: Shutter | None) -> WavelengthSharing | None:
+    """Pack the lens by which wavelengths share rays; None where they do not."""
+    if not parts.shares_wavelengths or parts.glass is None or edge is None:
+        return None
+    if shutter is not None and shutter.scan is not None:
+        return None
+    return WavelengthSharing(edge, reverse_lens(parts.glass))

@@ -7,7 +7,7 @@ from raytracer.core.geometry import OFFSET_ULPS
 from raytracer.core.primitives.spheres import Spheres
 from raytracer.scene.warnings.base.kind import LIGHTS_AND_CAMERAS, SceneWarningKind
 from raytracer.scene.warnings.base.primitive_points import Points, coordinate_extents, normals, outline, without_motion
-from raytracer.scene.warnings.base.ray_offset import MOST_REACH
+from raytracer.scene.warnings.base.relative_sizes import MOST_REACH
 from raytracer.scene.warnings.base.survey import SceneSurvey
 from raytracer.schema.warning_kind import Sentence, Warned
 

@@ -104,7 +104,6 @@ minus_sine = kernel(_minus_sine)
 @generic
 def sample_edge(edge, fraction):
     """Return the point of an edge up to which a line from the centre sweeps a part, -1 to 1, of half the area."""
-    raise NotImplementedError
 
 
 @sample_edge.register(StraightEdge)
@@ -130,7 +129,6 @@ def sample_edge_arc_edge(edge, fraction):
 @generic
 def edge_excess(edge, along, across):
     """Tell on which side of its sector's edge a point lies: greater than 0 beyond the edge, at most 0 before it."""
-    raise NotImplementedError
 
 
 @edge_excess.register(StraightEdge)

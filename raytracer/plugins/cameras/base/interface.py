@@ -22,7 +22,7 @@ from raytracer.film.light_field.layout import Layout
 from raytracer.optics.lens_system.surfaces import LensSurfaces
 from raytracer.optics.sensor_formats import SensorSpec
 from raytracer.optics.thin_lens import AutoExposureField, ExposureSettings
-from raytracer.plugins.cameras.base.opening import Opening
+from raytracer.plugins.apertures.base.vignetting import Opening
 from raytracer.schema.fields import Name, Quantity, Time
 from raytracer.schema.rules import never, only
 from raytracer.schema.spec import Spec, field_error
@@ -222,7 +222,6 @@ def film_corner(camera, x, y):
     Where a picture is made of many views, their films lie so far apart that what a filter draws around a pixel is still
     of its own view.
     """
-    raise NotImplementedError
 
 
 @film_corner.register(tuple)
@@ -233,7 +232,6 @@ def film_corner_tuple(camera, x, y):
 @generic
 def film_to_view(camera, x, y):
     """Return a film position in pixels from the top left corner of its own view; itself by default."""
-    raise NotImplementedError
 
 
 @film_to_view.register(tuple)
@@ -252,7 +250,6 @@ def camera_ray(camera, x, y, time, draws):
     time : the fraction of the shutter's opening that has passed, 0 to 1; None if nothing moves.
     draws : source of random numbers, see `materials.base.interface.Draws`; `LENS` and others above are its slots.
     """
-    raise NotImplementedError
 
 
 class PacketRays(NamedTuple):
@@ -262,7 +259,6 @@ class PacketRays(NamedTuple):
 @generic
 def packet_rays(camera):
     """Return `PacketRays()` for a camera that makes the rays of a packet together; None by default."""
-    raise NotImplementedError
 
 
 @packet_rays.register(tuple)
@@ -276,13 +272,11 @@ def set_lane(camera, rows, lane, x, y, draws):
 
     rows : float64 (16, packet), the camera's own.
     """
-    raise NotImplementedError
 
 
 @generic
 def trace_lanes(camera, rows):
     """Make the rays of all lanes that were set."""
-    raise NotImplementedError
 
 
 class WavelengthSharing(NamedTuple):
@@ -306,13 +300,11 @@ def share_wavelengths(camera, sharing, rows, others, x, y):
         does not come to this pixel; its row `packets.EXTENT`, like that of `rows`, one over the density with which the
         camera draws such rays at that wavelength, in units common to all.
     """
-    raise NotImplementedError
 
 
 @generic
 def lane_ray(camera, rows, lane, x, y, time, draws):
     """Make the ray of a lane of a packet, as `camera_ray` does; by default without a packet."""
-    raise NotImplementedError
 
 
 @lane_ray.register(tuple)
@@ -323,7 +315,6 @@ def lane_ray_tuple(camera, rows, lane, x, y, time, draws):
 @generic
 def project(camera, point, time):
     """Project a point to the film: position (x, y) in pixels, NaN if not seen, and its depth along the axis (m)."""
-    raise NotImplementedError
 
 
 class Defocus(NamedTuple):

@@ -11,16 +11,7 @@ from raytracer.core.vec import add, madd, scale
 from raytracer.film.light_field.focusing import refocusable, view_spacing
 from raytracer.film.light_field.mosaic import Mosaic
 from raytracer.film.light_field.views import Plane, Pose, Views
-from raytracer.plugins.cameras.base.interface import (
-    CameraParts,
-    Defocus,
-    camera_defocus,
-    camera_parts,
-    camera_ray,
-    film_corner,
-    film_to_view,
-    project,
-)
+from raytracer.plugins.cameras.base import interface
 from raytracer.plugins.cameras.base.perspective_camera import (
     ImagePlane,
     PerspectiveCamera,
@@ -143,7 +134,7 @@ def describe_views(views: Views) -> dict[str, float]:
     return numbers
 
 
-@film_corner.register(ViewsCamera)
+@interface.film_corner.register(ViewsCamera)
 def film_corner_views_camera(camera, x, y):
     grid = camera.grid
     return x + (x // grid.width) * (grid.stride - grid.width), y + (y // grid.height) * (grid.stride - grid.height)
@@ -155,13 +146,13 @@ def _view_index(grid, place):
     return math.floor((place + grid.guard) / grid.stride)
 
 
-@film_to_view.register(ViewsCamera)
+@interface.film_to_view.register(ViewsCamera)
 def film_to_view_views_camera(camera, x, y):
     grid = camera.grid
     return x - grid.stride * _view_index(grid, x), y - grid.stride * _view_index(grid, y)
 
 
-@camera_ray.register(ViewsCamera)
+@interface.camera_ray.register(ViewsCamera)
 def camera_ray_views_camera(camera, x, y, time, draws):
     grid, frame = camera.grid, camera.frame
     column, row = _view_index(grid, x), _view_index(grid, y)
@@ -175,18 +166,20 @@ def camera_ray_views_camera(camera, x, y, time, draws):
     return lens_ray(camera.lens, here, camera.irradiance, direction, draws)
 
 
-@camera_defocus.register(ViewsCamera)
-def camera_defocus_views_camera(camera: Any) -> Defocus:
-    single: Defocus = camera_defocus(PerspectiveCamera(camera.frame, camera.plane, camera.lens, camera.irradiance))
+@interface.camera_defocus.register(ViewsCamera)
+def camera_defocus_views_camera(camera: Any) -> interface.Defocus:
+    single: interface.Defocus = interface.camera_defocus(
+        PerspectiveCamera(camera.frame, camera.plane, camera.lens, camera.irradiance)
+    )
     return single
 
 
-@camera_parts.register(ViewsCamera)
-def camera_parts_views_camera(camera: Any) -> CameraParts:
+@interface.camera_parts.register(ViewsCamera)
+def camera_parts_views_camera(camera: Any) -> interface.CameraParts:
     return thin_lens_parts(camera.lens)
 
 
-@project.register(ViewsCamera)
+@interface.project.register(ViewsCamera)
 def project_views_camera(camera, point, time):
     # As the middle sees it.
     right, up, depth = to_camera_space(camera.frame, point)

@@ -107,13 +107,11 @@ class LightSamplingOnly(NamedTuple):
 @generic
 def sample_light(table, scene, point, time, u, draws):
     """Choose a light of the table by the number `u`, and a point on it as seen from `point`: a LightSample."""
-    raise NotImplementedError
 
 
 @generic
 def pdf_hit(table, scene, surface):
     """Return the density in solid angle (1/sr) with which `sample_light` at its vertex before draws an Interaction."""
-    raise NotImplementedError
 
 
 @pdf_hit.register(tuple)
@@ -127,7 +125,6 @@ def infinite_radiance(table, scene, direction, pdf, heuristic):
 
     It is weighted by the heuristic: `pdf` is the density with which the ray's direction was drawn.
     """
-    raise NotImplementedError
 
 
 @infinite_radiance.register(tuple)

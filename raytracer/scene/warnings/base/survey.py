@@ -13,14 +13,23 @@ from raytracer.plugins.cameras.base.moving import camera_at_time
 from raytracer.plugins.materials.base.interface import MaterialSpec
 from raytracer.plugins.shapes.base.interface import ShapeSpec
 from raytracer.scene.pack.scene import PackedScene
+from raytracer.scene.spec import SceneSpec
 from raytracer.scene.warnings.base.primitive_points import Points, has_edges, normals, outline, squared, without_motion
-from raytracer.scene.warnings.base.record import object_label
-from raytracer.schema.yaml_nodes import KeyPath
+from raytracer.schema.yaml_nodes import KeyPath, path_text
 
 Derived = TypeVar("Derived")
 
 # Rows per block: intermediate results stay in the processor's cache, and take little memory.
 _BLOCK = 1 << 14
+
+
+def object_label(spec: SceneSpec, keys: KeyPath) -> str:
+    """Format an object for messages: its path in the scene, and its name if it has one."""
+    within, *rest = keys
+    objects = spec.groups.get(str(rest[0]), ()) if within == "groups" and rest else spec.objects
+    number = rest[-1] if within in ("objects", "groups") and rest else None
+    name = objects[number].name if isinstance(number, int) else None
+    return path_text(keys) if name is None else f'{path_text(keys)} "{name}"'
 
 
 class Pieces(NamedTuple):
