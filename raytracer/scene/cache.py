@@ -2,7 +2,7 @@
 
 import dataclasses
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -78,17 +78,15 @@ class RenderCache:
         ------
         InputError : the file cannot be read.
         """
-
-        def is_unchanged(file: _CachedFile) -> bool:
-            return file.stamp is not None and file.stamp == _file_stamp(kind, path)
-
-        def load() -> _CachedFile:
+        with self._lock:
             # Stamped before it is read, so that a change while it is read is noticed the next time.
             stamp = _file_stamp(kind, path)
-            return _CachedFile(stamp, LOADERS[kind](path))
-
-        with self._lock:
-            return self._files.get((kind, path), load, lambda file: _array_bytes(file.content), is_unchanged).content
+            return self._files.get(
+                (kind, path),
+                lambda: _CachedFile(stamp, LOADERS[kind](path)),
+                lambda file: _array_bytes(file.content),
+                lambda file: stamp is not None and file.stamp == stamp,
+            ).content
 
     def build_accel(self, parts: AccelInput) -> Accel:
         """Build the ray caster's structure, or return the cached one; see `Accel`."""
@@ -209,8 +207,7 @@ def _file_stamp(kind: str, path: Path) -> Any:
 
 def _array_bytes(value: Any) -> int:
     """Count the bytes of all arrays in a value, each array once."""
-    arrays = {id(array): array.nbytes for array in _arrays(value, set())}
-    return sum(arrays.values())
+    return sum({id(array): array.nbytes for array in _arrays(value, set())}.values())
 
 
 def _arrays(value: Any, seen: set[int]) -> Iterator[NDArray[Any]]:
@@ -220,12 +217,7 @@ def _arrays(value: Any, seen: set[int]) -> Iterator[NDArray[Any]]:
     if id(value) in seen:
         return
     seen.add(id(value))
-    items: Iterable[Any] = ()
-    if isinstance(value, Mapping):
-        items = value.values()
-    elif isinstance(value, tuple | list):
-        items = value
-    elif dataclasses.is_dataclass(value):
-        items = vars(value).values()
-    for item in items:
+    if dataclasses.is_dataclass(value):
+        value = vars(value)
+    for item in value.values() if isinstance(value, Mapping) else value if isinstance(value, tuple | list) else ():
         yield from _arrays(item, seen)

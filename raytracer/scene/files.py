@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from raytracer.scene.assets import companion_files, file_of, referenced_files
 from raytracer.schema.spec import Spec
 from raytracer.schema.yaml_nodes import KeyPath
-from raytracer.util.errors import format_value
+from raytracer.util.errors import SceneError, format_value
 from raytracer.util.path_sandbox import PathSandbox, make_sandbox, unreadable_reason
 
 if TYPE_CHECKING:
@@ -92,7 +92,10 @@ def _check_file(scene: "SceneSpec", named: FileReference) -> None:
     if not os.path.exists(path):
         folder = "the scene's folder" if scene.file is not None else "which names of files are relative to"
         where = "" if Path(named.name).is_absolute() else f" in {scene.base.resolve()}, {folder}"
-        raise scene.error(f"there is no file {format_value(named.name)}{where}{_remedy(path)}", *named.keys)
+        # The repository's scenes have scripts for some files.
+        is_made = path.parent.name == "generated" and (path.parent.parent / "generate").is_dir()
+        remedy = ": `make scenes` makes it" if is_made else ""
+        raise scene.error(f"there is no file {format_value(named.name)}{where}{remedy}", *named.keys)
 
     # The user who asks for a file does not thereby ask for the files that it names.
     within = make_sandbox(path.parent) if sandbox is None else sandbox
@@ -106,13 +109,6 @@ def _check_file(scene: "SceneSpec", named: FileReference) -> None:
             raise scene.error(
                 f"{format_value(named.name)} names {format_value(below.name)}, which {reason}", *named.keys
             )
-
-
-def _remedy(path: Path) -> str:
-    """Say how to make a missing file, if the repository's scenes have a script for it."""
-    folder = path.parent
-    is_made = folder.name == "generated" and (folder.parent / "generate").is_dir()
-    return ": `make scenes` makes it" if is_made else ""
 
 
 def check_names_allowed(value: Any, sandbox: PathSandbox) -> None:
@@ -180,6 +176,11 @@ def file_stamps(spec: "SceneSpec") -> dict[Path, FileStamp]:
             status = file.path.stat()
             stamps[file.path] = status.st_size, status.st_mtime_ns
     return stamps
+
+
+def unreadable(spec: "SceneSpec", named: FileReference, error: OSError) -> SceneError:
+    """Make the error of a file that cannot be read."""
+    return spec.error(f"{format_value(named.name)} cannot be read: {error.strerror or error}", *named.keys)
 
 
 def image_fragment(named: FileReference) -> str:

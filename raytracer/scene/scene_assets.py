@@ -52,15 +52,12 @@ class NoCache:
     """Provider that keeps nothing."""
 
     def read(self, kind: str, path: Path) -> Any:
-        """Read the file."""
         return LOADERS[kind](path)
 
     def build_accel(self, parts: AccelInput) -> Accel:
-        """Build it."""
         return parts.build()
 
     def get_or_create(self, key: tuple[Any, ...], make: Callable[[], T], fresh: Callable[[T], bool]) -> T:
-        """Make it."""
         return make()
 
 

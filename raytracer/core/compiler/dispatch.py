@@ -87,7 +87,11 @@ def optional(*absent: Any) -> Any:
         return optional()(absent[0])
 
     def decorated(function: Callable[..., Any]) -> Any:
-        dispatcher = generic(function)
+        @functools.wraps(function)
+        def stub(*args):
+            """Have no default: the function is a case like others."""
+
+        dispatcher = generic(stub)
         for cls in (type(None), *absent):
             dispatcher.register(cls)(function)
         return dispatcher

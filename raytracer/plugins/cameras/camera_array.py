@@ -100,7 +100,6 @@ class CameraArray(IdealLensSpec):
         return views.make_view_grid(self.rows, self.columns, self.spacing, width, height, 1.0 / self.convergence())
 
     def layout(self, width: int, height: int) -> Mosaic:
-        """Return the light field: its views, and their places in the picture."""
         optics = self.optics(width, height)
         camera = self.pack_with_lens(width, height, None)
         # What light a round opening gathers comes from a square of its area.
@@ -117,10 +116,8 @@ class CameraArray(IdealLensSpec):
         )
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Return derived numbers of one camera and of all."""
         return super().describe(width, height) | views.describe_views(self.layout(width, height).views)
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> views.ViewsCamera:
-        """Pack the cameras with their lenses, or without where the aperture is 0."""
         camera = self.pack_with_lens(width, height, self.pack_lens(width, height, assets))
         return views.replicate_camera(camera, self._grid(width, height))

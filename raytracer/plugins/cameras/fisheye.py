@@ -54,7 +54,6 @@ class Fisheye(PlacedSpec):
         return self
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Return derived numbers: the image circle, and the field of a pixel in its middle."""
         radius = 0.5 * min(width, height)
         half = math.radians(self.fov) / 2.0
         slope = {
@@ -70,7 +69,6 @@ class Fisheye(PlacedSpec):
         }
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "FisheyeCamera":
-        """Pack the camera for a film of width x height pixels."""
         half = math.radians(self.fov) / 2.0
         projection: Any = {
             "equidistant": Equidistant(half),

@@ -257,7 +257,6 @@ class LightField(GlassLensSpec, IdealLensSpec):
         return warnings + LENS_WARNINGS.find(MountedLens(self.glass(), self.lens_setup().shift))
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> LightFieldCamera | GlassLightFieldCamera:
-        """Pack the camera for a film of width x height pixels."""
         array, lenslets = self.arrangement(width, height), self.lenslets(width, height)
         cell = HexagonCell() if self.microlenses.layout == "hexagonal" else SquareCell()
         spread = None if self.microlenses.model == "pinhole" else MicrolensBlur(lenslets.blur)

@@ -75,7 +75,6 @@ class LightSlab(PlacedSpec):
         return views.make_view_grid(self.rows, self.columns, self._spacing(), width, height, 1.0 / self._separation())
 
     def layout(self, width: int, height: int) -> Mosaic:
-        """Return the light field: its views, and their places in the picture."""
         cell = self._spacing() if self.fill else None
         grid, plane = self._grid(width, height), self._plane(width, height)
         return views.make_mosaic(self.frame(), plane, grid, self.rows, self.columns, cell)
@@ -93,7 +92,6 @@ class LightSlab(PlacedSpec):
         }
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> views.ViewsCamera:
-        """Pack the slab for a film of width x height pixels."""
         lens = None
         if self.fill:
             right, up = self._spacing()

@@ -22,12 +22,7 @@ from raytracer.core.sampling.alias import AliasTable, build_alias
 from raytracer.core.shutter.table import Pulses, pulse_interval
 from raytracer.core.shutter.timing import Timing
 from raytracer.core.vec import Vec3, scale, sub
-from raytracer.plugins.lights.base.interface import (
-    LightSample,
-    LightSpec,
-    point_light_sample,
-    sample_light,
-)
+from raytracer.plugins.lights.base import interface
 from raytracer.plugins.lights.base.light_choice import choose_light
 from raytracer.plugins.materials.base.interface import BLACK
 from raytracer.schema.fields import Point, PositiveTime, Quantity, Time, Triple
@@ -42,7 +37,7 @@ class _FlashPulse(NamedTuple):
     pulse: tuple[float, float] | None
 
 
-class FlashLight(LightSpec):
+class FlashLight(interface.LightSpec):
     """A point that radiates evenly in all directions for a short time: what moves is frozen in its light.
 
     A plane at distance d gets the radiant exposure energy cos / d^2 (J/m2).  In the picture, which is a mean over the
@@ -133,10 +128,10 @@ def choose_flash_pulses(pulse, choice, point, u, time):
     return (chosen, choice.pmf[chosen] / total) if total > 0.0 else (0, 0.0)
 
 
-@sample_light.register(Flashes)
+@interface.sample_light.register(Flashes)
 def sample_light_flashes(table, scene, point, time, u, draws):
     chosen, probability = choose_flash(table.pulse, table.choice, point, u, time)
     position = row3(table.position, chosen)
     if probability == 0.0:
-        return LightSample(sub(position, point), BLACK, 0.0, position, 0.0)
-    return point_light_sample(point, position, row3(table.intensity, chosen), probability)
+        return interface.LightSample(sub(position, point), BLACK, 0.0, position, 0.0)
+    return interface.point_light_sample(point, position, row3(table.intensity, chosen), probability)

@@ -12,19 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.plugins.materials.base.interface import (
-    BLACK,
-    MaterialSpec,
-    absorbed_scatter,
-    emission,
-    reflectance,
-    row,
-    scatter,
-)
+from raytracer.plugins.materials.base import interface
 from raytracer.plugins.textures.base.interface import ColorParameter, ParameterPacker, TexturedRadiance, color, is_zero
 
 
-class Emitter(MaterialSpec):
+class Emitter(interface.MaterialSpec):
     """A surface that radiates evenly to the side of its normal (outwards from a sphere or box), and absorbs."""
 
     type: Literal["emitter"] = "emitter"
@@ -61,23 +53,23 @@ class EmitterRow(NamedTuple):
     """One material, which scatters nothing."""
 
 
-@row.register(EmitterTable)
+@interface.row.register(EmitterTable)
 def row_emitter_table(table, index, textures, site):
     return EmitterRow()
 
 
-@scatter.register(EmitterRow)
+@interface.scatter.register(EmitterRow)
 def scatter_emitter_row(material, direction, normal, front, draws):
-    return absorbed_scatter(direction)
+    return interface.absorbed_scatter(direction)
 
 
-@emission.register(EmitterTable)
+@interface.emission.register(EmitterTable)
 def emission_emitter_table(table, index, front, textures, site):
     if not (front or table.two_sided[index]):
-        return BLACK
+        return interface.BLACK
     return color(table.radiance, index, textures, site)
 
 
-@reflectance.register(EmitterRow)
+@interface.reflectance.register(EmitterRow)
 def reflectance_emitter_row(material):
-    return BLACK
+    return interface.BLACK

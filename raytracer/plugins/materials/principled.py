@@ -20,20 +20,7 @@ from raytracer.core.fresnel import SCHLICK_MEAN, fresnel_schlick_mean, schlick_w
 from raytracer.core.sampling import sample_1d, sample_2d
 from raytracer.core.sampling.warp import pdf_cosine_hemisphere, sample_cosine_hemisphere
 from raytracer.core.vec import Vec3, add, basis, dot, scale, sub, to_local, to_world
-from raytracer.plugins.materials.base.interface import (
-    BLACK,
-    DIRECTION,
-    LOBE,
-    WHITE,
-    MaterialSpec,
-    Scatter,
-    absorbed_scatter,
-    emission,
-    evaluate,
-    reflectance,
-    row,
-    scatter,
-)
+from raytracer.plugins.materials.base import interface
 from raytracer.plugins.textures.base.interface import (
     ColorParameter,
     NumberParameter,
@@ -48,7 +35,7 @@ from raytracer.plugins.textures.base.interface import (
 from raytracer.schema.fields import Fraction, Quantity
 
 
-class Principled(MaterialSpec):
+class Principled(interface.MaterialSpec):
     """glTF's metallic-roughness material, made to keep energy.
 
     A metal of the base colour, mixed by `metallic` with a matte body of the base colour under a clear coat; `roughness`
@@ -81,7 +68,7 @@ class Principled(MaterialSpec):
 
     def is_index_matched(self) -> bool:
         # Facets bend light only by their index.
-        clear = self.transmission == 1.0 and self.metallic == 0.0 and self.base_color == WHITE
+        clear = self.transmission == 1.0 and self.metallic == 0.0 and self.base_color == interface.WHITE
         return clear and self.ior == 1.0 and not self.is_emissive()
 
     def is_transmissive(self) -> bool:
@@ -212,7 +199,7 @@ def _row(table, index, textures, site):
     )
 
 
-@row.register(PrincipledTable)
+@interface.row.register(PrincipledTable)
 def row_principled_table(table, index, textures, site):
     return _row(table, index, textures, site)
 
@@ -267,11 +254,11 @@ def _evaluated(material: PrincipledRow, shares: LobeWeights, toward: Vec3, outgo
     """Evaluate f |cos| and the pdf for directions in the surface's frame, both of which point away from it."""
     z = outgoing[2]
     if z == 0.0 or toward[2] <= 0.0:
-        return BLACK, 0.0
+        return interface.BLACK, 0.0
     smooth = material.alpha < microfacet.SMOOTH_ALPHA
     if z < 0.0:
         if smooth:
-            return BLACK, 0.0
+            return interface.BLACK, 0.0
         half = microfacet.half_vector(toward, (outgoing[0], outgoing[1], -z))
         once = microfacet.reflection_density(material.alpha, toward[2], -z, half)
         coat = material.coat_base + material.coat_rise * schlick_weight(dot(toward, half))
@@ -309,13 +296,13 @@ def _pdf_mirrored(alpha: float, toward: Vec3, half: Vec3) -> float:
     return microfacet.ggx(alpha, half) * microfacet.masking(alpha, toward[2]) / (4.0 * toward[2])
 
 
-@scatter.register(PrincipledRow)
+@interface.scatter.register(PrincipledRow)
 def scatter_principled_row(material, direction, normal, front, draws):
     s, t = basis(normal)
     toward = microfacet.view_direction(direction, s, t, normal)
     shares = _lobe_weights(material, toward[2])
-    lobe = sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE)
-    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + DIRECTION)
+    lobe = sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + interface.LOBE)
+    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + interface.DIRECTION)
     if lobe < shares.body:
         outgoing = sample_cosine_hemisphere(u1, u2)
     elif lobe < shares.body + shares.multiple + shares.beyond:
@@ -329,12 +316,12 @@ def scatter_principled_row(material, direction, normal, front, draws):
         x, y, z = microfacet.reflect_about(toward, microfacet.sample_visible_normal(material.alpha, toward, u1, u2))
         # What a facet sends below the surface is lost.
         if z <= 0.0:
-            return absorbed_scatter(direction)
+            return interface.absorbed_scatter(direction)
         outgoing = (x, y, -z if through else z)
     value, pdf = _evaluated(material, shares, toward, outgoing)
     if not pdf > 0.0:
-        return absorbed_scatter(direction)
-    return Scatter(to_world(outgoing, s, t, normal), scale(1.0 / pdf, value), pdf)
+        return interface.absorbed_scatter(direction)
+    return interface.Scatter(to_world(outgoing, s, t, normal), scale(1.0 / pdf, value), pdf)
 
 
 @kernel
@@ -347,34 +334,34 @@ def _smooth(
     s: Vec3,
     t: Vec3,
     normal: Vec3,
-) -> Scatter:
+) -> interface.Scatter:
     """Return the one direction of a smooth coat, or of a smooth pane's far side."""
     weight = schlick_weight(toward[2])
     if through:
         coat = material.coat_base + material.coat_rise * weight
-        return Scatter(direction, scale((1.0 - coat) / shares.glass, material.glass), math.inf)
+        return interface.Scatter(direction, scale((1.0 - coat) / shares.glass, material.glass), math.inf)
     if shares.facets == 0.0:
-        return absorbed_scatter(direction)
+        return interface.absorbed_scatter(direction)
     fresnel = add(material.base, scale(weight, material.rise))
     mirror = to_world((-toward[0], -toward[1], toward[2]), s, t, normal)
-    return Scatter(mirror, scale(1.0 / shares.facets, fresnel), math.inf)
+    return interface.Scatter(mirror, scale(1.0 / shares.facets, fresnel), math.inf)
 
 
-@evaluate.register(PrincipledRow)
+@interface.evaluate.register(PrincipledRow)
 def evaluate_principled_row(material, direction, normal, front, outgoing):
     s, t = basis(normal)
     toward = microfacet.view_direction(direction, s, t, normal)
     return _evaluated(material, _lobe_weights(material, toward[2]), toward, to_local(outgoing, s, t, normal))
 
 
-@emission.register(PrincipledTable)
+@interface.emission.register(PrincipledTable)
 def emission_principled_table(table, index, front, textures, site):
     if front or table.two_sided[index]:
         return color(table.emission, index, textures, site)
-    return BLACK
+    return interface.BLACK
 
 
-@reflectance.register(PrincipledRow)
+@interface.reflectance.register(PrincipledRow)
 def reflectance_principled_row(material):
     coat = 1.0 - material.coat_base
     return add(material.base, scale(coat, add(material.body, material.glass)))

@@ -21,19 +21,7 @@ from raytracer.core.fresnel import fresnel_conductor, fresnel_schlick, fresnel_s
 from raytracer.core.geometry import row3
 from raytracer.core.sampling import sample_2d
 from raytracer.core.vec import Vec3, add, basis, dot, scale, to_local, to_world
-from raytracer.plugins.materials.base.interface import (
-    BLACK,
-    DIRECTION,
-    LOBE,
-    MaterialSpec,
-    Scatter,
-    absorbed_scatter,
-    evaluate,
-    reflectance,
-    row,
-    scatter,
-    split_random_number,
-)
+from raytracer.plugins.materials.base import interface
 from raytracer.plugins.textures.base.interface import (
     ColorParameter,
     NumberParameter,
@@ -61,7 +49,7 @@ Aluminum", Appl. Opt. 34, 4755.
 """
 
 
-class RoughConductor(MaterialSpec):
+class RoughConductor(interface.MaterialSpec):
     """Metal of small mirrors (GGX), with the light that goes from mirror to mirror; alpha is the square of roughness.
 
     A mirror reflects by Fresnel's equations for a metal with measured indices, or with `eta` and `k`, or by Schlick's
@@ -102,7 +90,7 @@ class RoughConductor(MaterialSpec):
             return METALS[self.metal]
         if self.eta is not None and self.k is not None:
             return self.eta, self.k
-        return BLACK, BLACK
+        return interface.BLACK, interface.BLACK
 
     @staticmethod
     def pack(specs: Sequence["RoughConductor"], book: ParameterPacker) -> "RoughConductorTable":
@@ -117,7 +105,7 @@ class RoughConductor(MaterialSpec):
             np.array([eta for eta, _ in indices], np.float64),
             np.array([k for _, k in indices], np.float64),
             np.array([_mean_reflectance(eta, k, cosines, weights * cosines) for eta, k in indices], np.float64),
-            book.colors([BLACK if spec.albedo is None else spec.albedo for spec in specs]),
+            book.colors([interface.BLACK if spec.albedo is None else spec.albedo for spec in specs]),
             microfacet.deficits(roughness, [(0.0,) if spec.multiple_scattering else None for spec in specs]),
         )
 
@@ -125,7 +113,7 @@ class RoughConductor(MaterialSpec):
 @entry
 def _mean_reflectance(eta: Vec3, k: Vec3, cosines: NDArray[np.float64], weights: NDArray[np.float64]) -> Vec3:
     """Integrate a metal's reflectance, by channel, over cosines with these weights."""
-    total = BLACK
+    total = interface.BLACK
     for node in range(len(cosines)):
         total = add(total, scale(weights[node], fresnel_conductor(cosines[node], eta, k)))
     return total
@@ -162,7 +150,7 @@ class RoughConductorRow(NamedTuple):
     rows: microfacet.CellBlend
 
 
-@row.register(RoughConductorTable)
+@interface.row.register(RoughConductorTable)
 def row_rough_conductor_table(table, index, textures, site):
     roughness = number(table.roughness, index, textures, site)
     alpha = min(1.0, roughness * roughness)
@@ -189,7 +177,7 @@ def _fresnel(material: RoughConductorRow, cosine: float) -> Vec3:
 def _evaluated(material: RoughConductorRow, toward: Vec3, outgoing: Vec3) -> tuple[Vec3, float]:
     """Evaluate f |cos| and the pdf for directions in the surface's frame, both of which point away from it."""
     if outgoing[2] <= 0.0:
-        return BLACK, 0.0
+        return interface.BLACK, 0.0
     half = microfacet.half_vector(toward, outgoing)
     once = microfacet.reflection_density(material.alpha, toward[2], outgoing[2], half)
     value = scale(once, _fresnel(material, min(1.0, dot(toward, half))))
@@ -206,38 +194,38 @@ def _evaluated(material: RoughConductorRow, toward: Vec3, outgoing: Vec3) -> tup
     return add(value, scale(more, material.multiple)), once + more
 
 
-@scatter.register(RoughConductorRow)
+@interface.scatter.register(RoughConductorRow)
 def scatter_rough_conductor_row(material, direction, normal, front, draws):
     s, t = basis(normal)
     toward = microfacet.view_direction(direction, s, t, normal)
     if material.alpha < microfacet.SMOOTH_ALPHA:
         mirror = to_world((-toward[0], -toward[1], toward[2]), s, t, normal)
-        return Scatter(mirror, _fresnel(material, min(1.0, toward[2])), math.inf)
+        return interface.Scatter(mirror, _fresnel(material, min(1.0, toward[2])), math.inf)
 
     # Follow light to a facet, and on from there unless another is in its way.
-    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + DIRECTION)
-    u, v = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE)
+    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + interface.DIRECTION)
+    u, v = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + interface.LOBE)
     outgoing = microfacet.reflect_about(toward, microfacet.sample_visible_normal(material.alpha, toward, u1, u2))
     leaves = microfacet.shadowing(material.alpha, toward[2], outgoing[2]) if outgoing[2] > 0.0 else 0.0
-    single, rest = split_random_number(u, leaves)
+    single, rest = interface.split_random_number(u, leaves)
     if not single:
         if microfacet.mean_deficit(material.cells, material.rows) == 0.0:
-            return absorbed_scatter(direction)
+            return interface.absorbed_scatter(direction)
         outgoing = microfacet.sample_multiple_scattering(material.cells, material.rows, rest, v)
     value, pdf = _evaluated(material, toward, outgoing)
     if not pdf > 0.0:
-        return absorbed_scatter(direction)
-    return Scatter(to_world(outgoing, s, t, normal), scale(1.0 / pdf, value), pdf)
+        return interface.absorbed_scatter(direction)
+    return interface.Scatter(to_world(outgoing, s, t, normal), scale(1.0 / pdf, value), pdf)
 
 
-@evaluate.register(RoughConductorRow)
+@interface.evaluate.register(RoughConductorRow)
 def evaluate_rough_conductor_row(material, direction, normal, front, outgoing):
     if material.alpha < microfacet.SMOOTH_ALPHA:
-        return BLACK, 0.0
+        return interface.BLACK, 0.0
     s, t = basis(normal)
     return _evaluated(material, microfacet.view_direction(direction, s, t, normal), to_local(outgoing, s, t, normal))
 
 
-@reflectance.register(RoughConductorRow)
+@interface.reflectance.register(RoughConductorRow)
 def reflectance_rough_conductor_row(material):
     return _fresnel(material, 1.0)

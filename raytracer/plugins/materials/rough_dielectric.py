@@ -22,20 +22,8 @@ from raytracer.core.sampling import sample_2d
 from raytracer.core.spectra import FIRST, LAST, TERMINATE_ON_HIT, PathWavelengths
 from raytracer.core.vec import Vec3, add, basis, dot, neg, normalize, reflect, scale, to_local, to_world
 from raytracer.optics.glass import LINE_D
+from raytracer.plugins.materials.base import interface
 from raytracer.plugins.materials.base.clear import ClearSpec, Dispersion, eta_at, pack_dispersion
-from raytracer.plugins.materials.base.interface import (
-    BLACK,
-    DIRECTION,
-    LOBE,
-    WHITE,
-    Scatter,
-    absorbed_scatter,
-    evaluate,
-    reflectance,
-    row,
-    scatter,
-    split_random_number,
-)
 from raytracer.plugins.textures.base.interface import NumberParameter, ParameterPacker, TexturedFraction, number
 from raytracer.schema.rules import only
 
@@ -148,7 +136,7 @@ class BoundarySide(NamedTuple):
     mean: float
 
 
-@row.register(RoughDielectricTable)
+@interface.row.register(RoughDielectricTable)
 def row_rough_dielectric_table(table, index, textures, site):
     roughness = number(table.roughness, index, textures, site)
     alpha = min(1.0, roughness * roughness)
@@ -246,53 +234,53 @@ def _multiple_scattering(
     )
 
 
-@scatter.register(RoughDielectricRow)
+@interface.scatter.register(RoughDielectricRow)
 def scatter_rough_dielectric_row(material, direction, normal, front, draws):
     if material.eta == 1.0:
-        return Scatter(direction, WHITE, math.inf)
+        return interface.Scatter(direction, interface.WHITE, math.inf)
     eta = material.eta if front else 1.0 / material.eta
-    u, v = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE)
+    u, v = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + interface.LOBE)
     if material.alpha < microfacet.SMOOTH_ALPHA:
         cos_i = min(1.0, abs(dot(direction, normal)))
         reflectance, cos_t = fresnel_dielectric(cos_i, eta)
         if u < reflectance:
-            return Scatter(reflect(direction, normal), WHITE, math.inf)
-        return Scatter(refract(direction, normal, cos_i, cos_t, eta), WHITE, math.inf)
+            return interface.Scatter(reflect(direction, normal), interface.WHITE, math.inf)
+        return interface.Scatter(refract(direction, normal, cos_i, cos_t, eta), interface.WHITE, math.inf)
 
     # Follow light to a facet, and on from there unless another is in its way.
     s, t = basis(normal)
     toward = microfacet.view_direction(direction, s, t, normal)
-    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + DIRECTION)
+    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + interface.DIRECTION)
     half = microfacet.sample_visible_normal(material.alpha, toward, u1, u2)
     cos_i = min(1.0, dot(toward, half))
     reflectance, cos_t = fresnel_dielectric(cos_i, eta)
-    mirrors, rest = split_random_number(u, reflectance)
+    mirrors, rest = interface.split_random_number(u, reflectance)
     if mirrors:
         outgoing = microfacet.reflect_about(toward, half)
         leaves = microfacet.shadowing(material.alpha, toward[2], outgoing[2]) if outgoing[2] > 0.0 else 0.0
     else:
         outgoing = refract(neg(toward), half, cos_i, cos_t, eta)
         leaves = microfacet.masking(material.alpha, -outgoing[2]) if outgoing[2] < 0.0 else 0.0
-    single, rest = split_random_number(rest, leaves)
+    single, rest = interface.split_random_number(rest, leaves)
     near, far = _sides(material, front, eta)
     if not single:
         total = near.squared * near.mean + far.squared * far.mean
         if total == 0.0:
-            return absorbed_scatter(direction)
-        returns, rest = split_random_number(rest, near.squared * near.mean / total)
+            return interface.absorbed_scatter(direction)
+        returns, rest = interface.split_random_number(rest, near.squared * near.mean / total)
         x, y, z = microfacet.sample_multiple_scattering(material.cells, near.rows if returns else far.rows, rest, v)
         outgoing = (x, y, z if returns else -z)
     pdf = _single_scattering(material.alpha, eta, toward, outgoing) + _multiple_scattering(
         material, near, far, toward, outgoing
     )
     # Indices that differ in their last digits alone leave none to tell by which facet light came there.
-    return Scatter(to_world(outgoing, s, t, normal), WHITE, pdf if pdf > 0.0 else math.inf)
+    return interface.Scatter(to_world(outgoing, s, t, normal), interface.WHITE, pdf if pdf > 0.0 else math.inf)
 
 
-@evaluate.register(RoughDielectricRow)
+@interface.evaluate.register(RoughDielectricRow)
 def evaluate_rough_dielectric_row(material, direction, normal, front, outgoing):
     if material.eta == 1.0 or material.alpha < microfacet.SMOOTH_ALPHA:
-        return BLACK, 0.0
+        return interface.BLACK, 0.0
     eta = material.eta if front else 1.0 / material.eta
     s, t = basis(normal)
     toward, away = microfacet.view_direction(direction, s, t, normal), to_local(outgoing, s, t, normal)
@@ -303,6 +291,6 @@ def evaluate_rough_dielectric_row(material, direction, normal, front, outgoing):
     return (pdf, pdf, pdf), pdf
 
 
-@reflectance.register(RoughDielectricRow)
+@interface.reflectance.register(RoughDielectricRow)
 def reflectance_rough_dielectric_row(material):
-    return WHITE
+    return interface.WHITE

@@ -18,12 +18,12 @@ from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.fresnel import fresnel_dielectric
 from raytracer.core.sampling import sample_1d
 from raytracer.core.vec import Vec3, dot, reflect
-from raytracer.plugins.materials.base.interface import LOBE, WHITE, MaterialSpec, Scatter, reflectance, row, scatter
+from raytracer.plugins.materials.base import interface
 from raytracer.plugins.textures.base.interface import ColorParameter, ParameterPacker, TexturedAlbedo, color
 from raytracer.schema.fields import PositiveNumber
 
 
-class ThinDielectric(MaterialSpec):
+class ThinDielectric(interface.MaterialSpec):
     """A pane of clear material too thin to shift what is seen through it: it mirrors, or lets light straight through.
 
     Light goes to and fro between the two faces; with the reflectance R of one, all together they reflect 2 R / (1 + R).
@@ -40,7 +40,7 @@ class ThinDielectric(MaterialSpec):
     )
 
     def is_index_matched(self) -> bool:
-        return self.ior == 1.0 and self.color == WHITE
+        return self.ior == 1.0 and self.color == interface.WHITE
 
     def is_transmissive(self) -> bool:
         return True
@@ -66,7 +66,7 @@ class ThinDielectricRow(NamedTuple):
     color: Vec3
 
 
-@row.register(ThinDielectricTable)
+@interface.row.register(ThinDielectricTable)
 def row_thin_dielectric_table(table, index, textures, site):
     return ThinDielectricRow(table.eta[index], color(table.color, index, textures, site))
 
@@ -78,14 +78,14 @@ def pane_reflectance(cos_i: float, eta: float) -> float:
     return 2.0 * single / (1.0 + single)
 
 
-@scatter.register(ThinDielectricRow)
+@interface.scatter.register(ThinDielectricRow)
 def scatter_thin_dielectric_row(material, direction, normal, front, draws):
     reflected = pane_reflectance(min(1.0, abs(dot(direction, normal))), material.eta)
-    if sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE) < reflected:
-        return Scatter(reflect(direction, normal), WHITE, math.inf)
-    return Scatter(direction, material.color, math.inf)
+    if sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + interface.LOBE) < reflected:
+        return interface.Scatter(reflect(direction, normal), interface.WHITE, math.inf)
+    return interface.Scatter(direction, material.color, math.inf)
 
 
-@reflectance.register(ThinDielectricRow)
+@interface.reflectance.register(ThinDielectricRow)
 def reflectance_thin_dielectric_row(material):
     return material.color

@@ -43,7 +43,6 @@ class Box(ShapeSpec):
         return self
 
     def pack(self, matrix: affine.Matrix, material: int, _: Assets) -> Parallelograms:
-        """Pack six rows, one a face."""
         size = np.subtract(self.max, self.min)
         corners = self.min + size * [corner for corner, _, _ in _FACES]
         edges = np.diag(size)

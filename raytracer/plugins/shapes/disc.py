@@ -25,11 +25,9 @@ class Disc(ShapeSpec):
     radius: PositiveLength = Field(description="radius (m)")
 
     def supports_transform(self, matrix: affine.Matrix) -> bool:
-        """Tell if it stays a disc."""
         return affine.is_uniform(matrix)
 
     def pack(self, matrix: affine.Matrix, material: int, _: Assets) -> Discs:
-        """Pack one row."""
         radius = affine.uniform_scale(matrix) * self.radius
         return Discs(
             affine.transform_points(matrix, [self.center]),

@@ -79,7 +79,6 @@ class Mesh(ShapeSpec):
         return self
 
     def files(self) -> dict[tuple[str | int, ...], tuple[str, str]]:
-        """Return the file, or those of the frames."""
         frames = enumerate(self.frames or ())
         return super().files() | {("frames", number, "file"): (frame.file, "mesh") for number, frame in frames}
 

@@ -33,7 +33,6 @@ class Quad(ShapeSpec):
         return edges
 
     def pack(self, matrix: affine.Matrix, material: int, _: Assets) -> Parallelograms:
-        """Pack one row."""
         edges = self.edges[::-1] if affine.is_mirrored(matrix) else self.edges
         u, v = (affine.transform_vectors(matrix, [edge]) for edge in edges)
         return Parallelograms(

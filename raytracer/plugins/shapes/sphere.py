@@ -32,14 +32,12 @@ class Sphere(ShapeSpec):
         return radius
 
     def supports_transform(self, matrix: affine.Matrix) -> bool:
-        """Tell if it stays a sphere."""
         return affine.is_uniform(matrix)
 
     def bounds(self, _: Assets) -> NDArray[np.float64]:
         return np.add(self.center, [[-abs(self.radius)], [abs(self.radius)]])
 
     def pack(self, matrix: affine.Matrix, material: int, _: Assets) -> Spheres:
-        """Pack one row."""
         radius = affine.uniform_scale(matrix) * self.radius
         return Spheres(
             affine.transform_points(matrix, [self.center]), np.array([radius]), affine.material_references(material)

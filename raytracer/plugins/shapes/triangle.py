@@ -32,7 +32,6 @@ class Triangle(ShapeSpec):
         return vertices
 
     def pack(self, matrix: affine.Matrix, material: int, _: Assets) -> Triangles:
-        """Pack one row."""
         corners = affine.transform_points(matrix, self.vertices[:: -1 if affine.is_mirrored(matrix) else 1])
         return Triangles(
             pad_buffer(corners, np.float32),

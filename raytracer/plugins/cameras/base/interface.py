@@ -17,7 +17,7 @@ from raytracer.core.shutter.spec import ShutterField, exposure_timing
 from raytracer.core.shutter.table import Shutter
 from raytracer.core.shutter.timing import Timing
 from raytracer.core.spectra import Spectra
-from raytracer.core.vec import Vec3, add
+from raytracer.core.vec import Vec3, add, dot, sub
 from raytracer.film.light_field.layout import Layout
 from raytracer.optics.lens_system.surfaces import LensSurfaces
 from raytracer.optics.sensor_formats import SensorSpec
@@ -314,7 +314,15 @@ def lane_ray_tuple(camera, rows, lane, x, y, time, draws):
 
 @generic
 def project(camera, point, time):
-    """Project a point to the film: position (x, y) in pixels, NaN if not seen, and its depth along the axis (m)."""
+    """Project a point to the film: position (x, y) in pixels, NaN if not seen, and its depth along the axis (m).
+
+    By default a point has no place in the picture, as where it is seen everywhere.
+    """
+
+
+@project.register(tuple)
+def project_tuple(camera, point, time):
+    return math.nan, math.nan, dot(sub(point, camera.frame.origin), camera.frame.forward)
 
 
 class Defocus(NamedTuple):
@@ -332,14 +340,13 @@ class Defocus(NamedTuple):
 
 
 @generic
-def camera_defocus(camera: Any) -> Defocus | None:
-    """Return the thin lens of a packed camera; None for cameras that show no perspective, and by default."""
-    raise NotImplementedError(type(camera))
+def camera_defocus(camera: Any) -> Any:
+    """Return the thin lens of a packed camera, a Defocus: by default its `thin`; None where it shows no perspective."""
 
 
 @camera_defocus.register(tuple)
 def camera_defocus_tuple(camera: Any) -> Defocus | None:
-    return None
+    return getattr(camera, "thin", None)
 
 
 class CameraParts(NamedTuple):
@@ -365,21 +372,11 @@ class CameraParts(NamedTuple):
 
 @generic
 def camera_parts(camera: Any) -> CameraParts:
-    """Return the parts of a packed camera; none by default."""
-    raise NotImplementedError(type(camera))
-
-
-@camera_parts.register(tuple)
-def camera_parts_tuple(camera: Any) -> CameraParts:
-    return CameraParts()
+    """Return the parts of a packed camera; by default none but its `wavelengths`."""
+    return CameraParts(spectra=getattr(camera, "wavelengths", None))
 
 
 @generic
 def translate_camera(camera: Any, by: Vec3) -> Any:
     """Move a packed camera with the world by a vector (m); by default its `frame`."""
-    raise NotImplementedError(type(camera))
-
-
-@translate_camera.register(tuple)
-def translate_camera_tuple(camera: Any, by: Vec3) -> Any:
     return camera._replace(frame=camera.frame._replace(origin=add(camera.frame.origin, by)))

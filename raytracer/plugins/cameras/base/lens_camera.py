@@ -202,11 +202,6 @@ def camera_parts_lens_camera(camera: LensCamera) -> interface.CameraParts:
     )
 
 
-@interface.camera_defocus.register(LensCamera)
-def camera_defocus_lens_camera(camera: LensCamera) -> interface.Defocus:
-    return camera.thin
-
-
 @interface.project.register(LensCamera)
 def project_lens_camera(camera, point, time):
     right, up, depth = to_camera_space(camera.frame, point)

@@ -256,11 +256,6 @@ def lane_ray_glass_light_field_camera(camera, rows, lane, x, y, time, draws):
     return exit_ray(camera, rows, lane)
 
 
-@interface.camera_defocus.register(LightFieldCamera)
-def camera_defocus_light_field_camera(camera: LightFieldCamera) -> interface.Defocus:
-    return camera.thin
-
-
 @interface.camera_defocus.register(GlassLightFieldCamera)
 def camera_defocus_glass_light_field_camera(camera: GlassLightFieldCamera) -> interface.Defocus:
     return camera.thin

@@ -129,15 +129,13 @@ def project_moving_camera(camera, point, time):
 
 
 @interface.camera_defocus.register(MovingCamera)
-def camera_defocus_moving_camera(camera: Any) -> interface.Defocus | None:
-    at_rest: interface.Defocus | None = interface.camera_defocus(camera.camera)
-    return at_rest
+def camera_defocus_moving_camera(camera: Any) -> Any:
+    return interface.camera_defocus(camera.camera)
 
 
 @interface.camera_parts.register(MovingCamera)
-def camera_parts_moving_camera(camera: Any) -> interface.CameraParts:
-    at_rest: interface.CameraParts = interface.camera_parts(camera.camera)
-    return at_rest._replace(moves=True)
+def camera_parts_moving_camera(camera: Any) -> Any:
+    return interface.camera_parts(camera.camera)._replace(moves=True)
 
 
 @interface.translate_camera.register(MovingCamera)

@@ -217,7 +217,6 @@ class PerspectiveSpec(ExposedSpec):
         return asked and self.has_scale() and self.has_aperture()
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Return derived numbers, by name with unit."""
         optics = self.optics(width, height)
         right = optics.top * width / height
         numbers = {

@@ -167,11 +167,8 @@ def camera_ray_views_camera(camera, x, y, time, draws):
 
 
 @interface.camera_defocus.register(ViewsCamera)
-def camera_defocus_views_camera(camera: Any) -> interface.Defocus:
-    single: interface.Defocus = interface.camera_defocus(
-        PerspectiveCamera(camera.frame, camera.plane, camera.lens, camera.irradiance)
-    )
-    return single
+def camera_defocus_views_camera(camera: Any) -> Any:
+    return interface.camera_defocus(PerspectiveCamera(camera.frame, camera.plane, camera.lens, camera.irradiance))
 
 
 @interface.camera_parts.register(ViewsCamera)
