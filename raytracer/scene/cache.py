@@ -27,8 +27,6 @@ _MAX_GEOMETRY_BYTES = 2**28
 class CacheCounts(NamedTuple):
     """Counts of what was made so far.
 
-    Attributes
-    ----------
     files_read, worlds_packed, structures_built : cache misses.
     kernels : compiled, or taken from the disk; those that the process had before are not counted.
     """
@@ -129,8 +127,6 @@ class _Entry(NamedTuple):
 class _LRUCache(Generic[T]):
     """A cache of values by keys that need not be hashable, of limited weight; the last one stays however heavy it is.
 
-    Attributes
-    ----------
     misses : number of values made.
     """
 

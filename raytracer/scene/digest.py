@@ -106,8 +106,6 @@ def digest(spec: SceneSpec, **settings: Any) -> str:
     and wherever they are; the settings; the program.  Comments, and the order of keys, do not count; whether a key is
     set to its default or left out does, for materials inherit what is left out.
 
-    Parameters
-    ----------
     settings : further settings of the render: numbers, strings, lists and mappings of such; None is not given.
 
     Raises

@@ -27,10 +27,8 @@ from raytracer.util.path_sandbox import PathSandbox
 _SUFFIXES = (".yaml", ".yml")
 
 
-def _tuple(value: Any) -> Any:
-    """Convert a list of YAML to a tuple: specs are immutable."""
-    return tuple(value) if isinstance(value, list) else value
-
+# Lists of YAML become tuples, since specs are immutable.
+_TUPLE = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 
 if TYPE_CHECKING:
 
@@ -89,7 +87,7 @@ class SceneSpec(_FromCode):
     medium: Name | None = Field(
         default=None, description="Name of the medium that fills the whole scene, outside of objects; none by default"
     )
-    groups: dict[Name, Annotated[tuple[Shape, ...], FailFast(), BeforeValidator(_tuple)]] = Field(
+    groups: dict[Name, Annotated[tuple[Shape, ...], FailFast(), _TUPLE]] = Field(
         default_factory=dict,
         description="Objects that are only where an `instance` or a `scatter` places them, by the names of groups",
     )

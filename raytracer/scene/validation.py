@@ -45,8 +45,6 @@ def build_scene(
 ) -> S:
     """Build the checked scene of plain values.
 
-    Parameters
-    ----------
     cls : `SceneSpec`.
     values : the keys of a scene file; parts may be checked specs already.
     root, file : the tree that the values were written in, and its file, for errors; None for values from code.

@@ -202,8 +202,6 @@ def _syntax(error: yaml.MarkedYAMLError, line: int) -> str:
 def parse(text: str, file: str, option: str | None = None) -> Node | None:
     """Parse a YAML text to a tree of nodes; None where it holds nothing.
 
-    Parameters
-    ----------
     text: The YAML text.
     file: Name by which errors call the file.
     option: Option of the command line that gave the text, where it did not come from a file.

@@ -195,7 +195,7 @@ def test_a_changed_file_is_another_world(rich: Path) -> None:
     _write_mesh(rich.parent / "mesh.ply", 0.5)
     after = pack(spec, provider=cache)
     assert is_identical(after._replace(built=None), _alone(spec))
-    assert not is_identical(before.geometries, after.geometries)
+    assert not is_identical(before.objects.geometries, after.objects.geometries)
     (rich.parent / "wood.png").unlink()
     with pytest.raises(InputError, match=r"wood\.png: no such file"):
         pack(spec, provider=cache)

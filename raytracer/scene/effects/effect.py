@@ -28,8 +28,6 @@ def kind_effects(
 ) -> dict[str, Effect]:
     """List one effect a kind of a family, by name, with how often it is used.
 
-    Parameters
-    ----------
     modules : of the kinds, by name.
     used : the kind of each use.
     user, of : what uses them, and the whole that these are part of, such as an `object` of 3.

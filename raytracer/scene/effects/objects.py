@@ -17,9 +17,15 @@ def surface_effects(
     of_objects: Sequence[MaterialSpec], made_of: Sequence[MaterialSpec], scene: Scene
 ) -> dict[str, Effect]:
     """List the effects of surfaces; `of_objects`: the material of each object, `made_of`: with the parts of these."""
+    is_smooth = any(has_vertex_normals(table) for table in scene.primitives)
     return {
         "relief": _normal_mapping(made_of, scene),
-        "smooth_shading": _smooth_shading(scene),
+        "smooth_shading": Effect(
+            is_smooth,
+            "meshes are shaded with normals that run smoothly from vertex to vertex"
+            if is_smooth
+            else "no mesh is smooth, so faces are shaded as flat as they are",
+        ),
         "passage": Effect(scene.transparency is not None, _why_transparency(of_objects, scene)),
         "nested_dielectrics": Effect(scene.nested_dielectrics is not None, _why_nested(scene)),
     }
@@ -116,10 +122,3 @@ def _normal_mapping(made_of: Sequence[MaterialSpec], scene: Scene) -> Effect:
         return Effect(False, why)
     number = sum(part.bump is not None or part.normal_map is not None for part in made_of)
     return Effect(True, f"{count(number, 'material')} in use have a bump or a normal map")
-
-
-def _smooth_shading(scene: Scene) -> Effect:
-    """Tell whether meshes are shaded with the normals of their vertices."""
-    if any(has_vertex_normals(table) for table in scene.primitives):
-        return Effect(True, "meshes are shaded with normals that run smoothly from vertex to vertex")
-    return Effect(False, "no mesh is smooth, so faces are shaded as flat as they are")

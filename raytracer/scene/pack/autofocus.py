@@ -42,8 +42,6 @@ def resolve_focus(
 ) -> SceneSpec:
     """Replace a camera's autofocus by the distance that it finds; a scene without autofocus is returned as it is.
 
-    Parameters
-    ----------
     clear : references of invisible materials, which let all light through.
     build : builds the ray caster's structure of the scene; called only if a ray is needed.
     world : the point of the scene (m) that is the origin of the structure's space.
@@ -85,16 +83,10 @@ def _distance_of(spec: SceneSpec, where: ObjectBounds) -> float:
     distance = float(np.dot(center - frame.origin, frame.forward))
     if distance <= 0.0:
         place = "behind the camera" if distance < 0.0 else "beside the camera"
-        raise spec.error(
-            f"the middle of {camera.focus_on!r}, {_coordinates(center)}, lies {place}, which cannot focus on it",
-            "camera",
-            "focus_on",
-        )
+        x, y, z = center
+        sentence = f"[{x:.6g}, {y:.6g}, {z:.6g}], lies {place}, which cannot focus on it"
+        raise spec.error(f"the middle of {camera.focus_on!r}, {sentence}", "camera", "focus_on")
     return distance
-
-
-def _coordinates(point: NDArray[np.float64]) -> str:
-    return f"[{', '.join(f'{coordinate:.6g}' for coordinate in point)}]"
 
 
 def _distance_seen(spec: SceneSpec, objects: Objects, clear: Set[int], accel: Accel, world: Vector) -> float:

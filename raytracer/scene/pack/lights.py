@@ -19,7 +19,6 @@ from raytracer.plugins.materials.base.interface import MaterialSpec
 from raytracer.plugins.textures.base.interface import ParameterPacker
 from raytracer.scene.pack.objects import Objects
 from raytracer.scene.spec import SceneSpec
-from raytracer.schema.fields import Vector
 
 
 def pack_lights(
@@ -36,8 +35,6 @@ def pack_lights(
 
     The lights are None if none of them could make a difference.
 
-    Parameters
-    ----------
     environment : the packed environment.
     used, references : each object's material, and the reference that its primitives have.
     is_lit : a material in use allows next-event estimation; mirrors and glass find lights only by their paths, so
@@ -54,7 +51,9 @@ def pack_lights(
     how = spec.render.light_sampling
     is_aimed = is_lit and how != "paths"
     if is_aimed:
-        exitance = emitted_powers(used, references, packer)
+        # The emitted power per area, by reference (n,).
+        exitance = np.zeros(max(references) + 1)
+        exitance[list(references)] = [material.emitted_power(packer) for material in used]
         variants, instances = instance_emission(objects, exitance)
         tables.append(pack_emitters(objects, variants, exitance))
     kinds: dict[str, list[LightSpec]] = {}
@@ -118,12 +117,7 @@ def _lights_in_exposure(spec: SceneSpec, lights: Sequence[LightSpec], is_moving:
         elif pulse[1] > span.open and pulse[0] < span.close:
             seen.append((light, pulse[0]))
     timed = is_moving or (timing.readout > 0.0 and any(light.pulse(timing) is not None for light, _ in seen))
-    return [light.at_exposure(timing, _place(spec, time), timed) for light, time in seen]
-
-
-def _place(spec: SceneSpec, time: float) -> Vector:
-    """Compute the position of the camera at a scene time (s)."""
-    return camera_at_time(spec.camera, time).look_from
+    return [light.at_exposure(timing, camera_at_time(spec.camera, time).look_from, timed) for light, time in seen]
 
 
 def light_pulses(lights: Lights | NoLightSampling | None) -> list[Pulses]:
@@ -154,15 +148,6 @@ class InstanceEmission(NamedTuple):
 
     variants: Sequence[EmitterVariant]
     instances: Instances | None
-
-
-def emitted_powers(
-    used: Sequence[MaterialSpec], references: Sequence[int], packer: ParameterPacker
-) -> NDArray[np.float64]:
-    """Compute the exitance of the materials in use, the emitted power per area, by reference (n,)."""
-    result = np.zeros(max(references) + 1)
-    result[list(references)] = [material.emitted_power(packer) for material in used]
-    return result
 
 
 def instance_emission(objects: Objects, exitance: NDArray[np.float64]) -> InstanceEmission:

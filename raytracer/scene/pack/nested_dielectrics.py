@@ -49,8 +49,6 @@ class PrioritySolids:
 
     Of equal priorities that has the higher rank which comes first in the scene.
 
-    Parameters
-    ----------
     used, spaces, owners : the materials in use, the media around each, and the number in `items` of its first user.
 
     Raises
@@ -111,8 +109,6 @@ class PrioritySolids:
     ) -> NestedDielectrics | None:
         """Pack the solids; None where no material in use has a priority.
 
-        Parameters
-        ----------
         references, boundaries : of the materials in use, and of `materials()`.
         where : the bounds of the scene's objects.
         seen_by, camera : the camera's spec, and the packed camera.

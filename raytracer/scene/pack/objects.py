@@ -99,8 +99,6 @@ def pack_objects(
 ) -> Objects:
     """Pack the objects of a layout, whose items have these material references, one, or one a face.
 
-    Parameters
-    ----------
     textured : the scene has textures, so meshes keep the texture coordinates of their files.
     eye : (3,), position of the camera in the packed scene (m).
 
@@ -234,8 +232,6 @@ MIN_EXTENT = float(np.sqrt(_TINY))
 def check_extent(geometry: Geometry) -> None:
     """Reject an object that is too far away, too large or too small to be hit by any ray.
 
-    Parameters
-    ----------
     geometry : the object as the ray caster gets it.
 
     Raises

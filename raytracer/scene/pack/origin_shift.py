@@ -191,8 +191,6 @@ def _median(points: Points, weight: NDArray[np.float64]) -> Points:
 def _group_origin(box: Points, stretch: NDArray[np.float64], reach: NDArray[np.float64]) -> Points:
     """Choose the origin of a group's space, in its coordinates; 0 if moving it gains little.
 
-    Parameters
-    ----------
     box : (2, 3), round the objects of the group.
     stretch, reach : of each of its instances (n,), the latter in the world (m).
     """

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from raytracer.core.embree import Accel, InstanceArray
-from raytracer.core.geometry import Exact, Geometry
+from raytracer.core.embree import Accel
+from raytracer.core.geometry import Exact
 from raytracer.core.sampling import SAMPLERS
 from raytracer.core.shutter.pack import pack_shutter
 from raytracer.core.shutter.table import Pulses, Shutter
@@ -34,7 +34,7 @@ from raytracer.plugins.media.base.interface import translate_media as moved_medi
 from raytracer.scene.pack.autofocus import has_autofocus, resolve_focus
 from raytracer.scene.pack.layout import Item
 from raytracer.scene.pack.lights import light_pulses, pack_lights
-from raytracer.scene.pack.objects import Owners
+from raytracer.scene.pack.objects import Objects
 from raytracer.scene.pack.world import MaterialVariant, PackedWorld, pack_world, world_key
 from raytracer.scene.scene_assets import AccelInput, AssetProvider, NoCache, SceneAssets
 from raytracer.scene.spec import SceneSpec
@@ -46,26 +46,18 @@ class PackedScene(NamedTuple):
     """A packed scene, ready for Embree to build its structure.
 
     scene : the packed scene, whose `accel` is still 0.
-    geometries, groups, placements : as Embree takes them; see `Objects`.
-    robust : rays must not slip through the edges between triangles.
+    objects : the packed objects, as Embree takes them too.
     materials : names by the references that primitives have.
-    owners : objects that the rows of each table belong to.
-    instance_objects : int32 (n,), index in `objects` of the object that each instance belongs to.
     spec : the scene that was packed, its camera focused at a distance.
     built : the ray caster's structure, if focusing needed it.
-    items : objects that `owners.item` counts.
+    items : objects that `objects.owners` counts.
     empty : by number of the item, how many triangles without an area its file had, and the first of these.
     resolved_materials : by reference.
     """
 
     scene: Scene
-    geometries: Mapping[int, Geometry]
-    groups: Sequence[Mapping[int, Geometry]]
-    placements: Sequence[InstanceArray]
-    robust: bool
+    objects: Objects
     materials: Mapping[int, str]
-    owners: tuple[Owners, ...]
-    instance_objects: NDArray[np.int32]
     spec: SceneSpec
     built: Accel | None
     items: Sequence[Item]
@@ -85,8 +77,13 @@ class PackedScene(NamedTuple):
 
     def accel_input(self) -> AccelInput:
         """Collect what the ray caster's structure is built of."""
-        shapes = self.geometries, self.groups, self.placements
-        return AccelInput(*shapes, first_instance=len(self.scene.primitives), robust=self.robust)
+        return _accel_input(self.spec, self.objects)
+
+
+def _accel_input(spec: SceneSpec, objects: Objects) -> AccelInput:
+    # Unless hits are taken as they are, rays must not slip through the edges between triangles.
+    shapes = objects.geometries, objects.groups, objects.placements
+    return AccelInput(*shapes, first_instance=len(objects.primitives), robust=spec.render.accuracy != "fast")
 
 
 def pack(
@@ -98,8 +95,6 @@ def pack(
 ) -> PackedScene:
     """Pack a checked scene.
 
-    Parameters
-    ----------
     spp : samples per pixel that a stratified sampler is to expect; the scene's own if None.
     assets : the files that the scene names; read if None.
     material_variant : replaces each material in use, those that files bring included.
@@ -169,21 +164,8 @@ def _pack_view(
         nested_dielectrics=interior,
         spectrum=pack_spectrum(world.dispersion_mode, camera, spec.film.filter.box_width(), shutter),
     )
-    return PackedScene(
-        scene,
-        objects.geometries,
-        objects.groups,
-        objects.placements,
-        settings.accuracy != "fast",
-        world.names,
-        objects.owners,
-        objects.instance_objects,
-        spec,
-        built,
-        world.layout.items,
-        world.empty,
-        world.resolved_materials,
-    )
+    of_items = world.layout.items, world.empty, world.resolved_materials
+    return PackedScene(scene, objects, world.names, spec, built, *of_items)
 
 
 def _shift_tables(held: Any, moved: Callable[[Any, Vec3], Any], origin: Origin) -> Any:
@@ -204,8 +186,7 @@ def _resolve_focus(spec: SceneSpec, world: PackedWorld, provider: AssetProvider)
     built: list[Accel] = []
 
     def build() -> Accel:
-        shapes = objects.geometries, objects.groups, objects.placements
-        built.append(provider.build_accel(AccelInput(*shapes, len(objects.primitives), spec.render.accuracy != "fast")))
+        built.append(provider.build_accel(_accel_input(spec, objects)))
         return built[0]
 
     around = (0.0, 0.0, 0.0) if world.origin is None else world.origin.world
@@ -241,13 +222,13 @@ def scene_ids(spec: SceneSpec, packed: PackedScene) -> SceneIds:
     by_reference = np.zeros(max(packed.materials) + 1, np.int32)
     for number, reference in enumerate(packed.materials, 1):
         by_reference[reference] = number
-    lengths = [len(owners.start) for owners in packed.owners]
+    owners = packed.objects.owners
     return SceneIds(
         objects=tuple(item.name or f"objects[{i}]" for i, item in enumerate(spec.objects)),
-        first=np.cumsum([0, *lengths], dtype=np.int64),
-        start=np.concatenate([owners.start for owners in packed.owners]),
-        owner=np.concatenate([owners.number for owners in packed.owners]) + np.int32(1),
-        placed=packed.instance_objects + np.int32(1),
+        first=np.cumsum([0, *(len(ranges.start) for ranges in owners)], dtype=np.int64),
+        start=np.concatenate([ranges.start for ranges in owners]),
+        owner=np.concatenate([ranges.number for ranges in owners]) + np.int32(1),
+        placed=packed.objects.instance_objects + np.int32(1),
         materials=tuple(packed.materials.values()),
         material=by_reference,
         spp=spec.render.spp,
@@ -260,8 +241,6 @@ def pack_spectrum(
 ) -> DispersiveMaterials | DispersiveLens | None:
     """Pack the dispersion of a scene; None where nothing disperses.
 
-    Parameters
-    ----------
     modes : of the materials, as `dispersion_modes` gives them.
     camera : the packed one.
     edge : see `FilterSpec.box_width`.

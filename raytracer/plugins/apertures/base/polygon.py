@@ -57,8 +57,6 @@ class Polygon(NamedTuple):
 def pack_polygon(blades: int, rotation: float, curvature: float) -> Polygon:
     """Pack a regular polygon of area pi with a corner at the top.
 
-    Parameters
-    ----------
     rotation : anticlockwise as seen from behind the camera (deg).
     curvature : of the edges, over that of the circle through the corners: 0 for straight edges, less than 1.
     """

@@ -245,8 +245,6 @@ def camera_ray(camera, x, y, time, draws):
 
     The weight multiplies the radiance that the ray brings; 0 where the film position sees nothing.
 
-    Parameters
-    ----------
     time : the fraction of the shutter's opening that has passed, 0 to 1; None if nothing moves.
     draws : source of random numbers, see `materials.base.interface.Draws`; `LENS` and others above are its slots.
     """

@@ -270,6 +270,9 @@ def make_lenslets(
     pixel, sharp = METRES_PER_MILLIMETRE * main.film.height / main.height, 1.0 / plane_of_focus
     # The plane that the microlenses see: by 1/F = 1/f - 1/z, turned to the side of the scene by the pupils' sizes.
     moved = (1.0 / main.image - 1.0 / array.image) / METRES_PER_MILLIMETRE
+    # For microlenses that are sharp on the main lens the blur would be rounding.
+    is_sharp = lenses.arrangement == "plenoptic" and None in (lenses.focal_length, lenses.distance)
+    is_sharp |= lenses.model == "pinhole"
     return Lenslets(
         lattice=_make_lattice(lenses, array, main),
         width=main.width,
@@ -282,17 +285,8 @@ def make_lenslets(
         aperture=METRES_PER_MILLIMETRE * main.diameter,
         focal_length=main.focal_length,
         pose=Pose(frame.origin, frame.right, frame.up, frame.forward),
-        blur=_blur_on_main_lens(lenses, array),
+        blur=0.0 if is_sharp else METRES_PER_MILLIMETRE * array.pitch / array.spacing * array.blur,
     )
-
-
-def _blur_on_main_lens(lenses: Microlenses, array: Arrangement) -> float:
-    """Return the shift on the main lens of the point that a pixel sees, by the shift on the microlens (m/px)."""
-    # For microlenses that are sharp on the main lens the blur would be rounding.
-    is_sharp = lenses.arrangement == "plenoptic" and None in (lenses.focal_length, lenses.distance)
-    if is_sharp or lenses.model == "pinhole":
-        return 0.0
-    return METRES_PER_MILLIMETRE * array.pitch / array.spacing * array.blur
 
 
 def _make_lattice(lenses: Microlenses, array: Arrangement, main: MainLens) -> Lattice:
@@ -303,18 +297,14 @@ def _make_lattice(lenses: Microlenses, array: Arrangement, main: MainLens) -> La
     along, down = (cosine, -sine), (sine, cosine)
     x, y = 0.5 * width, 0.5 * height
     if lenses.pitch is None and lenses.layout == "square":
-        # Sub-images from edge to edge of pixels, those that are left over on both sides.
-        x, y = (_first_center(size, spacing) for size in (width, height))
+        # Sub-images from edge to edge of pixels, with as many pixels left over on both sides.
+        unused = (size - math.floor(size / spacing) * spacing for size in (width, height))
+        x, y = (math.floor(0.5 * left_over) + 0.5 * spacing for left_over in unused)
     shift = array.magnification * height / main.film.height
     origin = (x + shift * lenses.offset[0], y - shift * lenses.offset[1])
     if lenses.layout == "square":
         return Lattice(origin, along, down)
     return Lattice(origin, along, (0.5 * along[0] + _ROW * down[0], 0.5 * along[1] + _ROW * down[1]))
-
-
-def _first_center(size: int, spacing: float) -> float:
-    """Return the middle of the first sub-image between two edges, with as many pixels left over on both sides."""
-    return math.floor(0.5 * (size - math.floor(size / spacing) * spacing)) + 0.5 * spacing
 
 
 def microlens_solid_angle(lenses: Microlenses, array: Arrangement) -> float:

@@ -67,8 +67,6 @@ def lens_ray(lens, frame, irradiance, direction, draws):
 def irradiance_weight(irradiance, direction, shift, towards):
     """Weight the radiance that a ray brings, so that the film gathers irradiance.
 
-    Parameters
-    ----------
     direction : as in `lens_ray`.
     shift : point of the pupil that the ray goes through, from its middle (m).
     towards : direction in which it goes on, not a unit vector: the component along the axis is 1.

@@ -4,7 +4,6 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.vec import add, madd, scale
@@ -83,13 +82,6 @@ def replicate_camera(camera: PerspectiveCamera, grid: ViewGrid) -> ViewsCamera:
     return ViewsCamera(camera.frame, camera.plane, camera.lens, camera.irradiance, grid)
 
 
-def view_positions(grid: ViewGrid, rows: int, columns: int) -> NDArray[np.float64]:
-    """Return the places of the views in their plane, right and up from the middle (m): (rows, columns, 2)."""
-    right = grid.left + grid.across * np.arange(columns)
-    up = grid.top - grid.down * np.arange(rows)
-    return np.stack(np.broadcast_arrays(right, up[:, None]), axis=-1)
-
-
 def make_mosaic(
     frame: CameraFrame,
     plane: ImagePlane,
@@ -100,9 +92,10 @@ def make_mosaic(
     focal_length: float | None = None,
 ) -> Mosaic:
     """Make the light-field layout of a picture of a grid of views; `cell` and `focal_length` as in `Views`."""
+    right, up = grid.left + grid.across * np.arange(columns), grid.top - grid.down * np.arange(rows)
     return Mosaic(
         Views(
-            position=view_positions(grid, rows, columns),
+            position=np.stack(np.broadcast_arrays(right, up[:, None]), axis=-1),
             plane=Plane(*plane),
             width=grid.width,
             height=grid.height,

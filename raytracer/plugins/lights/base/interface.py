@@ -44,8 +44,6 @@ class LightSpec(Spec):
     def at_exposure(self, timing: Timing, place: Vec3, timed: bool) -> Any:
         """Return the light as `pack` takes it, in the time of a shutter that is open for some time.
 
-        Parameters
-        ----------
         place : position of the camera when the light's pulse begins (m).
         timed : paths have a time; without it a pulse is spread over the exposure.
         """

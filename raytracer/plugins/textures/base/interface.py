@@ -282,8 +282,6 @@ def luminance(rgb: Vec3) -> float:
 class ParameterPacker:
     """Packer of the parameters of materials, from plain values and textures.
 
-    Parameters
-    ----------
     named : textures by name.
     used : the textures that materials ask for, as `textures_of` lists them.
     assets : contents of the files of each.

@@ -170,7 +170,9 @@ class SceneSurvey:
 
         These objects place the pieces; if the same one places both, the paths are those of the pieces in the group.
         """
-        placing = [-1 if instance < 0 else int(self.packed.instance_objects[instance]) for _, instance in (one, other)]
+        placing = [
+            -1 if instance < 0 else int(self.packed.objects.instance_objects[instance]) for _, instance in (one, other)
+        ]
         inside = self.keys_of(one[0]), self.keys_of(other[0])
         if placing[0] == placing[1]:
             return inside
@@ -237,7 +239,7 @@ class SceneSurvey:
 
 def _pieces(packed: PackedScene) -> Pieces:
     parts: list[Pieces] = []
-    for number, (table, owners) in enumerate(zip(packed.scene.primitives, packed.owners, strict=True)):
+    for number, (table, owners) in enumerate(zip(packed.scene.primitives, packed.objects.owners, strict=True)):
         stop = np.append(owners.start[1:], len(table.material))
         used = stop > owners.start
         start, stop = owners.start[used], stop[used]
