@@ -5,7 +5,8 @@ from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
 from raytracer.optics.to_yaml import spec_to_plain, to_yaml
-from raytracer.scene.assets import companion_files, file_of
+from raytracer.scene.assets import companion_files
+from raytracer.scene.assets.images import file_of
 from raytracer.scene.files import FileReference, file_references, image_fragment, replace_file_names, unreadable
 from raytracer.scene.load import build
 from raytracer.scene.spec import SceneSpec

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.embree import Accel
-from raytracer.scene.assets import LOADERS, companion_files, file_of
+from raytracer.scene.assets import LOADERS, companion_files
+from raytracer.scene.assets.images import file_of
 from raytracer.scene.scene_assets import AccelInput
 from raytracer.schema.spec import Spec
 

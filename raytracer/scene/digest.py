@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import raytracer
 from raytracer.core.compiler.kernel_files import source_hash
 from raytracer.optics.to_yaml import spec_to_plain, value_to_plain
-from raytracer.scene.assets import companion_files, file_of
+from raytracer.scene.assets import companion_files
+from raytracer.scene.assets.images import file_of
 from raytracer.scene.files import FileReference, file_references, image_fragment, replace_file_names, unreadable
 from raytracer.scene.spec import SceneSpec
 from raytracer.schema.yaml_nodes import path_text

@@ -6,7 +6,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from raytracer.scene.assets import companion_files, file_of, referenced_files
+from raytracer.scene.assets import companion_files, referenced_files
+from raytracer.scene.assets.images import file_of
 from raytracer.schema.spec import Spec
 from raytracer.schema.yaml_nodes import KeyPath
 from raytracer.util.errors import SceneError, format_value

@@ -6,15 +6,16 @@ A type names the dimension of its key: a `Length` is given in metres or with a u
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, Any, TypeAlias
 
-from pydantic import BeforeValidator, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import BeforeValidator, GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-from raytracer.schema.spec import field_error
+from raytracer.schema.spec import Spec, field_error
 from raytracer.schema.units import Dimension, parse_quantity, quantity_pattern, unit_of
 from raytracer.util.errors import format_value
 
@@ -271,3 +272,19 @@ def check_name(value: Any) -> str:
 
 
 Name: TypeAlias = Annotated[str, BeforeValidator(check_name)]
+
+INLINE_MATERIAL = "material"
+"""Key of the validation context under which the scene hands its check of inline materials to the objects."""
+
+
+def name_or_material(value: Any, info: ValidationInfo) -> Any:
+    """Validate a field that holds a material: its name, or a mapping that is checked as one.
+
+    Raises
+    ------
+    ValueError: neither.
+    """
+    if isinstance(value, Spec | Mapping):
+        check = (info.context or {}).get(INLINE_MATERIAL)
+        return check(value) if check else value
+    return check_name(value)

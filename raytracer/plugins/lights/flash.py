@@ -10,7 +10,7 @@ A shutter needs to be open for some time, `camera: {..., shutter: 1/60 s}`, for 
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Literal, NamedTuple, TypeAlias
+from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,8 @@ class FlashLight(interface.LightSpec):
     readout, only a band does.  No ray can meet the flash itself.
     """
 
+    power: ClassVar[str] = "energy"
+
     type: Literal["flash"] = "flash"
     position: Point | None = Field(default=None, description="where it is; default: the camera's place at the moment")
     energy: Energy = Field(description="radiant energy per solid angle (J/sr) by channel, or one number for all")
@@ -80,17 +82,17 @@ class FlashLight(interface.LightSpec):
         result._fired = fired
         return result
 
+    def shines(self) -> bool:
+        return any(self.energy if self._fired is None else self._fired.intensity)
+
     @staticmethod
-    def pack(specs: Sequence["FlashLight"]) -> "Flashes | None":
-        """Pack the flashes that `at_exposure` has placed in a shutter's time."""
-        shining = [spec for spec in specs if spec._fired is not None and any(spec._fired.intensity)]
-        if not shining:
-            return None
-        fired = [spec._fired for spec in shining if spec._fired is not None]
+    def pack(specs: Sequence["FlashLight"]) -> "Flashes":
+        """Pack flashes that `at_exposure` has placed in a shutter's time."""
+        fired = [spec._fired for spec in specs if spec._fired is not None]
         pulses = np.array([item.pulse for item in fired if item.pulse is not None], np.float64)
-        energy = np.array([spec.energy for spec in shining], np.float64)
+        energy = np.array([spec.energy for spec in specs], np.float64)
         return Flashes(
-            position=np.array([spec.position for spec in shining], np.float64),
+            position=np.array([spec.position for spec in specs], np.float64),
             intensity=np.array([item.intensity for item in fired], np.float64),
             pulse=Pulses(*np.ascontiguousarray(pulses.T)) if len(pulses) else None,
             choice=build_alias(energy.sum(axis=1)),

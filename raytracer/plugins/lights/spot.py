@@ -75,19 +75,16 @@ class SpotLight(interface.LightSpec):
         return 2.0 * math.pi * (1.0 - mean_cosine)
 
     @staticmethod
-    def pack(specs: Sequence["SpotLight"]) -> "SpotLights | None":
-        shining = [spec for spec in specs if any(spec.intensity)]
-        if not shining:
-            return None
-        position = np.array([spec.position for spec in shining], np.float64)
+    def pack(specs: Sequence["SpotLight"]) -> "SpotLights":
+        position = np.array([spec.position for spec in specs], np.float64)
         return SpotLights(
             position=position,
-            axis=np.array([spec.axis() for spec in shining], np.float64),
-            intensity=np.array([spec.intensity for spec in shining], np.float64),
-            half_angle=np.radians([0.5 * spec.angle for spec in shining]),
-            penumbra=np.radians([spec.penumbra for spec in shining]),
+            axis=np.array([spec.axis() for spec in specs], np.float64),
+            intensity=np.array([spec.intensity for spec in specs], np.float64),
+            half_angle=np.radians([0.5 * spec.angle for spec in specs]),
+            penumbra=np.radians([spec.penumbra for spec in specs]),
             choice=build_choice(
-                np.array([sum(spec.intensity) * spec.solid_angle() for spec in shining]), (position, position)
+                np.array([sum(spec.intensity) * spec.solid_angle() for spec in specs]), (position, position)
             ),
         )
 

@@ -7,7 +7,7 @@ In a scene:
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,8 @@ class Sun(interface.LightSpec):
     radiance is irradiance / (pi sin^2(angle / 2)).
     """
 
+    power: ClassVar[str] = "irradiance"
+
     type: Literal["sun"] = "sun"
     direction: Direction = Field(description="the direction in which the light travels, from the sun to the scene")
     irradiance: interface.Irradiance = Field(
@@ -45,18 +47,15 @@ class Sun(interface.LightSpec):
         return math.sin(math.radians(0.5 * self.angle)) ** 2
 
     def is_visible_to_paths(self) -> bool:
-        return self.sine2() > 0.0 and any(self.irradiance)
+        return self.sine2() > 0.0 and self.shines()
 
     @staticmethod
-    def pack(specs: Sequence["Sun"]) -> "Suns | None":
-        shining = [spec for spec in specs if any(spec.irradiance)]
-        if not shining:
-            return None
-        irradiance = np.array([spec.irradiance for spec in shining], np.float64)
+    def pack(specs: Sequence["Sun"]) -> "Suns":
+        irradiance = np.array([spec.irradiance for spec in specs], np.float64)
         return Suns(
-            toward=np.array([neg(interface.unit_vector(spec.direction)) for spec in shining], np.float64),
+            toward=np.array([neg(interface.unit_vector(spec.direction)) for spec in specs], np.float64),
             irradiance=irradiance,
-            sine2=np.array([spec.sine2() for spec in shining], np.float64),
+            sine2=np.array([spec.sine2() for spec in specs], np.float64),
             choice=build_alias(irradiance.sum(axis=1)),
         )
 

@@ -60,8 +60,13 @@ def pack_lights(
     for light in _lights_in_exposure(
         spec, [light for light in lights_of(spec) if is_lit or light.is_visible_to_paths()], is_moving
     ):
-        if not is_aimed:
-            _check_reachable(spec, light)
+        if not light.shines():
+            continue
+        if not is_aimed and not light.is_visible_to_paths():
+            sentence = (
+                f"paths never find a {light.type} light without extent, since no ray can meet it: use mis or lights"
+            )
+            raise spec.error(sentence, "render", "light_sampling")
         kinds.setdefault(light.type, []).append(light)
     tables += [type(kinds[kind][0]).pack(kinds[kind]) for kind in sorted(kinds)]
     unaimed = environment
@@ -79,16 +84,6 @@ def pack_lights(
     if not is_aimed:
         return NoLightSampling(present, unaimed), instances
     return Lights(present, unaimed, LightSamplingOnly() if how == "lights" else None), instances
-
-
-def _check_reachable(spec: SceneSpec, light: LightSpec) -> None:
-    """Reject a shining light that no path can hit, since without next-event estimation the picture would lack it."""
-    if not light.is_visible_to_paths() and type(light).pack([light]) is not None:
-        raise spec.error(
-            f"paths never find a {light.type} light without extent, since no ray can meet it: use mis or lights",
-            "render",
-            "light_sampling",
-        )
 
 
 def lights_of(spec: SceneSpec) -> tuple[LightSpec, ...]:

@@ -5,7 +5,7 @@ A kind's file holds its YAML spec, its packed table (one row a light) and its ca
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, NamedTuple, TypeAlias
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 
 from raytracer.core.compiler.dispatch import fold, generic, kernel, optional, switch
 from raytracer.core.geometry import spawn_offset
@@ -26,11 +26,18 @@ _FAR = 2.0**100
 class LightSpec(Spec):
     """Base of the kinds of the `lights` list."""
 
+    power: ClassVar[str] = "intensity"
+    """Key of what it radiates, by channel."""
+
     type: str
+
+    def shines(self) -> bool:
+        """Tell if it gives light."""
+        return any(getattr(self, self.power))
 
     @staticmethod
     def pack(specs: Sequence[Any]) -> Any:
-        """Pack the lights of this kind that shine, one row a light; None if none does."""
+        """Pack lights of this kind that shine, one row a light."""
         raise NotImplementedError
 
     def is_visible_to_paths(self) -> bool:

@@ -16,8 +16,7 @@ from raytracer.core.sampling.hashing import ONE_MINUS_EPSILON
 from raytracer.core.vec import Vec3
 from raytracer.optics.glass import Glass
 from raytracer.plugins.textures.base.interface import OptionalTexture, ParameterPacker
-from raytracer.schema.fields import Length, NonNegativeNumber, Vector
-from raytracer.schema.object_spec import name_or_material
+from raytracer.schema.fields import Length, NonNegativeNumber, Vector, name_or_material
 from raytracer.schema.rules import only
 from raytracer.schema.spec import Spec
 
