@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from raytracer.core.embree import Accel
 from raytracer.scene.assets import LOADERS, companion_files
 from raytracer.scene.assets.images import file_of
-from raytracer.scene.scene_assets import AccelInput
+from raytracer.scene.scene_assets import AccelInput, AssetProvider
 from raytracer.schema.spec import Spec
 
 T = TypeVar("T")
@@ -38,7 +38,7 @@ class CacheCounts(NamedTuple):
     kernels: int
 
 
-class RenderCache:
+class RenderCache(AssetProvider):
     """A cache for what renders of similar scenes share, so that it is made once: for `rt.render(..., cache=...)`.
 
     A file is read again once it has changed, by its size or its time, or a file that it names has.  Scenes that differ
@@ -71,12 +71,7 @@ class RenderCache:
             self._kernels += count
 
     def read(self, kind: str, path: Path) -> Any:
-        """Read a file as a kind of `assets.LOADERS`, or return the same object as before if it has not changed.
-
-        Raises
-        ------
-        InputError : the file cannot be read.
-        """
+        """Read a file, or return the same object as before if it has not changed."""
         with self._lock:
             # Stamped before it is read, so that a change while it is read is noticed the next time.
             stamp = _file_stamp(kind, path)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from raytracer.core.embree import Accel, InstanceArray
 from raytracer.core.geometry import Geometry
@@ -30,8 +30,8 @@ class AccelInput(NamedTuple):
         return Accel(*shapes, first_instance=self.first_instance, robust=self.robust)
 
 
-class AssetProvider(Protocol):
-    """Source of file contents, ray caster's structures and packed parts."""
+class AssetProvider:
+    """Source of file contents, ray caster's structures and packed parts; this one keeps nothing, `RenderCache` does."""
 
     def read(self, kind: str, path: Path) -> Any:
         """Read a file as an asset kind of `assets.LOADERS`.
@@ -40,24 +40,14 @@ class AssetProvider(Protocol):
         ------
         InputError : the file cannot be read.
         """
-
-    def build_accel(self, parts: AccelInput) -> Accel:
-        """Provide the ray caster's structure of these parts."""
-
-    def get_or_create(self, key: tuple[Any, ...], make: Callable[[], T], fresh: Callable[[T], bool]) -> T:
-        """Return the cached result for an equal key, if it is still `fresh`; otherwise that of `make`."""
-
-
-class NoCache:
-    """Provider that keeps nothing."""
-
-    def read(self, kind: str, path: Path) -> Any:
         return LOADERS[kind](path)
 
     def build_accel(self, parts: AccelInput) -> Accel:
+        """Provide the ray caster's structure of these parts."""
         return parts.build()
 
     def get_or_create(self, key: tuple[Any, ...], make: Callable[[], T], fresh: Callable[[T], bool]) -> T:
+        """Return the cached result for an equal key, if it is still `fresh`; otherwise that of `make`."""
         return make()
 
 
@@ -65,7 +55,7 @@ class SceneAssets:
     """The contents of the files that a scene names, each read once."""
 
     def __init__(self, spec: SceneSpec, provider: AssetProvider | None = None) -> None:
-        self._spec, self._provider = spec, provider or NoCache()
+        self._spec, self._provider = spec, provider or AssetProvider()
         self._held: dict[tuple[str, Path], Any] = {}
 
     def read(self, kind: str, name: str) -> Any:

@@ -119,7 +119,6 @@ NonNegativeLensLength: TypeAlias = Annotated[float, Quantity("optic", low=0.0)]
 
 # Angles (deg).
 Angle: TypeAlias = Annotated[float, Quantity("angle")]
-PositiveAngle: TypeAlias = Annotated[float, Quantity("angle", low=0.0, low_open=True)]
 NonNegativeAngle: TypeAlias = Annotated[float, Quantity("angle", low=0.0)]
 FieldOfView: TypeAlias = Annotated[float, Quantity("angle", low=0.0, low_open=True, high=180.0, high_open=True)]
 

@@ -155,10 +155,10 @@ def pack_materials(used: Sequence[MaterialSpec], interfaces: Sequence[Hashable],
             of_kind = rows.setdefault(part.type, {})
             of_kind.setdefault((part, space), len(of_kind))
     # Boundaries alone make no table of materials, but kernels need one.
-    if all(_is_selector(of_kind) for of_kind in rows.values()):
+    if all(issubclass(MATERIALS.spec(kind), SelectorSpec) for kind in rows):
         plain = make_material(DEFAULT_MATERIAL)
         rows[plain.type] = {(plain, interfaces[0]): 0}
-    order = sorted(rows, key=lambda kind: (_is_selector(rows[kind]), kind))
+    order = sorted(rows, key=lambda kind: (issubclass(MATERIALS.spec(kind), SelectorSpec), kind))
 
     def reference(material: MaterialSpec, space: Hashable) -> int:
         return rows[material.type][material, space] * len(order) + order.index(material.type)
@@ -177,18 +177,7 @@ def pack_materials(used: Sequence[MaterialSpec], interfaces: Sequence[Hashable],
     return Materials(tuple(tables), Selectors(tuple(selectors)) if selectors else None, packed, real)
 
 
-def _is_selector(rows: Mapping[tuple[MaterialSpec, Hashable], int]) -> bool:
-    return isinstance(next(iter(rows))[0], SelectorSpec)
-
-
 # ---- Textures
-
-
-class _TexturePaths(NamedTuple):
-    """Paths of a texture: that of the key that uses it, and its own."""
-
-    use_path: KeyPath
-    texture_path: KeyPath
 
 
 def _inline(material: MaterialSpec, keys: KeyPath) -> Iterator[tuple[MaterialSpec, KeyPath]]:
@@ -201,8 +190,8 @@ def _inline(material: MaterialSpec, keys: KeyPath) -> Iterator[tuple[MaterialSpe
 
 def _texture_uses(
     spec: SceneSpec, used: Sequence[MaterialSpec], file_paths: Mapping[MaterialSpec, KeyPath]
-) -> Iterator[tuple[TextureUse, _TexturePaths]]:
-    """Walk through the uses of textures by materials, with their paths."""
+) -> Iterator[tuple[TextureUse, KeyPath, KeyPath]]:
+    """Walk through the uses of textures by materials, each with the path of its key and that of the texture."""
     roots = list(file_paths.items())
     for path, item in spec.all_objects():
         if isinstance(item.material, MaterialSpec):
@@ -215,15 +204,7 @@ def _texture_uses(
     for material in dict.fromkeys(used):
         for use in textures_of(material):
             asked = (*keys[material], use.key) if material in keys else ("materials",)
-            yield use, _TexturePaths(asked, ("textures", use.value) if isinstance(use.value, str) else asked)
-
-
-def _read(spec: SceneSpec, texture: TextureSpec, keys: KeyPath, files: SceneAssets) -> Assets:
-    """Read a texture's files, and check that they suit it."""
-    contents = files.of(texture, keys)
-    with spec.errors_at(*keys):
-        texture.check(contents)
-    return contents
+            yield use, asked, ("textures", use.value) if isinstance(use.value, str) else asked
 
 
 def _check_range(spec: SceneSpec, use: TextureUse, values: ValueRange, keys: KeyPath) -> None:
@@ -232,10 +213,8 @@ def _check_range(spec: SceneSpec, use: TextureUse, values: ValueRange, keys: Key
     if bounds.low <= values.low and values.high <= bounds.high:
         return
     name = f"texture {format_value(use.value)}" if isinstance(use.value, str) else "texture"
-    side, bound, value = (
-        ("at least", bounds.low, values.low) if values.low < bounds.low else ("at most", bounds.high, values.high)
-    )
-    raise spec.error(f"must be {side} {bound:g}, and the {name} takes the value {value:.6g}", *keys)
+    side, which = ("at least", 0) if values.low < bounds.low else ("at most", 1)
+    raise spec.error(f"must be {side} {bounds[which]:g}, and the {name} takes the value {values[which]:.6g}", *keys)
 
 
 def pack_textures(
@@ -251,15 +230,16 @@ def pack_textures(
     """
     assets: dict[TextureSpec, Assets] = {}
     uses: list[TextureUse] = []
-    for use, place in _texture_uses(spec, used, file_paths):
+    for use, asked, keys in _texture_uses(spec, used, file_paths):
         texture = spec.textures[use.value] if isinstance(use.value, str) else use.value
         uses.append(use)
         for variant in (texture, texture.as_data()):
             if variant not in assets:
-                assets[variant] = _read(spec, variant, place.texture_path, files)
-        _check_range(
-            spec, use, (texture.as_data() if use.field.data else texture).range(assets[texture]), place.use_path
-        )
+                assets[variant] = files.of(variant, keys)
+                with spec.errors_at(*keys):
+                    variant.check(assets[variant])
+        shown = texture.as_data() if use.field.data else texture
+        _check_range(spec, use, shown.range(assets[texture]), asked)
     return ParameterPacker(spec.textures, uses, assets)
 
 

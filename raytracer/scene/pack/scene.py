@@ -15,7 +15,7 @@ from raytracer.core.embree import Accel
 from raytracer.core.geometry import Exact
 from raytracer.core.sampling import SAMPLERS
 from raytracer.core.shutter.pack import pack_shutter
-from raytracer.core.shutter.table import Pulses, Shutter
+from raytracer.core.shutter.table import Shutter
 from raytracer.core.spectra import spectra
 from raytracer.core.vec import Vec3, neg
 from raytracer.core.world_origin import Origin
@@ -36,7 +36,7 @@ from raytracer.scene.pack.layout import Item
 from raytracer.scene.pack.lights import light_pulses, pack_lights
 from raytracer.scene.pack.objects import Objects
 from raytracer.scene.pack.world import MaterialVariant, PackedWorld, pack_world, world_key
-from raytracer.scene.scene_assets import AccelInput, AssetProvider, NoCache, SceneAssets
+from raytracer.scene.scene_assets import AccelInput, AssetProvider, SceneAssets
 from raytracer.scene.spec import SceneSpec
 from raytracer.scene.validation import bind_camera_files
 from raytracer.schema.validation_errors import error_sentence
@@ -73,7 +73,7 @@ class PackedScene(NamedTuple):
         """Build the ray caster's structure, or get it from `provider`; its address belongs into the scene."""
         if self.built is not None:
             return self.built
-        return (provider or NoCache()).build_accel(self.accel_input())
+        return (provider or AssetProvider()).build_accel(self.accel_input())
 
     def accel_input(self) -> AccelInput:
         """Collect what the ray caster's structure is built of."""
@@ -106,12 +106,12 @@ def pack(
     """
     if not spec.objects:
         raise spec.error("the scene has no objects, so there is nothing to render", "objects")
-    provider = provider or NoCache()
+    provider = provider or AssetProvider()
     files = assets or SceneAssets(spec, provider)
     spec = bind_camera_files(spec, provider.read)
     if material_variant is None:
         world = provider.get_or_create(
-            world_key(spec), lambda: pack_world(spec, files, None), lambda it: it.is_fresh(provider)
+            world_key(spec), lambda: pack_world(spec, files, None), lambda it: it.assets.is_fresh(provider)
         )
     else:
         world = pack_world(spec, files, material_variant)
@@ -137,7 +137,10 @@ def _pack_view(
     space = world.media.pack(references, world.interfaces)
     if origin is not None:
         lights, space = _shift_tables(lights, moved_lights, origin), _shift_tables(space, moved_media, origin)
-    shutter = _pack_shutter(spec, moving, light_pulses(lights))
+    pulses, shutter = light_pulses(lights), None
+    # Without these no path needs a time.
+    if moving or pulses:
+        shutter = pack_shutter(spec.camera.timing(), spec.film.width, spec.film.height, pulses)
     scene = Scene(
         accel=0,
         accuracy=Exact() if settings.accuracy == "exact" else None,
@@ -204,13 +207,6 @@ def _pack_camera(spec: SceneSpec, assets: SceneAssets) -> Any:
         raise spec.error(error_sentence(detail), "camera", *detail["loc"]) from None
     except ValueError as error:
         raise spec.error(str(error), "camera", "motion") from None
-
-
-def _pack_shutter(spec: SceneSpec, is_moving: bool, pulses: Sequence[Pulses]) -> Shutter | None:
-    """Pack the shutter; None if no path needs a time."""
-    if not is_moving and not pulses:
-        return None
-    return pack_shutter(spec.camera.timing(), spec.film.width, spec.film.height, pulses)
 
 
 def scene_ids(spec: SceneSpec, packed: PackedScene) -> SceneIds:

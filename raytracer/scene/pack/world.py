@@ -26,7 +26,7 @@ from raytracer.scene.pack.media import MediumInterface, SceneMedia
 from raytracer.scene.pack.nested_dielectrics import PrioritySolids
 from raytracer.scene.pack.objects import Objects, pack_objects
 from raytracer.scene.pack.origin_shift import shift_origin
-from raytracer.scene.scene_assets import AssetProvider, SceneAssets
+from raytracer.scene.scene_assets import SceneAssets
 from raytracer.scene.spec import SceneSpec
 from raytracer.schema.yaml_nodes import path_text
 
@@ -75,10 +75,6 @@ class PackedWorld(NamedTuple):
     interfaces: Sequence[MediumInterface]
     media: SceneMedia
     empty: Mapping[int, tuple[int, int]]
-
-    def is_fresh(self, provider: AssetProvider) -> bool:
-        """Return True if the files still hold what was packed."""
-        return self.assets.is_fresh(provider)
 
 
 def world_key(spec: SceneSpec) -> tuple[Any, ...]:

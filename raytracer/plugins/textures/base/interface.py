@@ -132,17 +132,12 @@ class Texturable(Check):
 
 
 OptionalTexture: TypeAlias = Annotated[str | TextureSpec | None, Texturable(None, data=True)]
-TexturedColor: TypeAlias = Annotated[
-    Vector | str | TextureSpec, Texturable(Triple(Quantity(low=0.0), "a colour", single=True), data=False)
-]
 TexturedRadiance: TypeAlias = Annotated[
     Vector | str | TextureSpec, Texturable(Triple(Quantity(low=0.0), "a radiance", single=True), data=False)
 ]
 TexturedAlbedo: TypeAlias = Annotated[
     Vector | str | TextureSpec, Texturable(Triple(Quantity(low=0.0, high=1.0), "an albedo", single=True), data=False)
 ]
-TexturedNumber: TypeAlias = Annotated[float | str | TextureSpec, Texturable(Quantity(), data=True)]
-TexturedNonNegative: TypeAlias = Annotated[float | str | TextureSpec, Texturable(Quantity(low=0.0), data=True)]
 TexturedFraction: TypeAlias = Annotated[float | str | TextureSpec, Texturable(Quantity(low=0.0, high=1.0), data=True)]
 
 

@@ -242,33 +242,28 @@ def _pieces(packed: PackedScene) -> Pieces:
     for number, (table, owners) in enumerate(zip(packed.scene.primitives, packed.objects.owners, strict=True)):
         stop = np.append(owners.start[1:], len(table.material))
         used = stop > owners.start
-        start, stop = owners.start[used], stop[used]
-        item, group = owners.item[used].astype(np.int64), owners.group[used].astype(np.int64)
-        parts.append(Pieces(np.full(len(start), number), start, stop, item, group, *_measured(table, start, stop)))
+        count = np.count_nonzero(used)
+        pieces = Pieces(
+            np.full(count, number),
+            owners.start[used],
+            stop[used],
+            owners.item[used].astype(np.int64),
+            owners.group[used].astype(np.int64),
+            np.full((count, 3), np.inf),
+            np.full((count, 3), -np.inf),
+            np.zeros(count, np.int64),
+            -np.ones(count, np.int64),
+            np.full(count, np.inf),
+        )
+        _measure(table, pieces)
+        parts.append(pieces)
     return Pieces(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-class _Measures(NamedTuple):
-    """Measures of ranges of rows: boxes, rows without an area, the first of these, and the least width of others."""
-
-    low: Points
-    high: Points
-    empty: NDArray[np.int64]
-    first: NDArray[np.int64]
-    width: Points
-
-
-def _measured(table: object, start: NDArray[np.int64], stop: NDArray[np.int64]) -> _Measures:
-    """Measure ranges of a table's rows, which follow each other."""
-    count = len(start)
-    measures = _Measures(
-        np.full((count, 3), np.inf),
-        np.full((count, 3), -np.inf),
-        np.zeros(count, np.int64),
-        -np.ones(count, np.int64),
-        np.full(count, np.inf),
-    )
-    for begin in range(0, int(stop[-1]) if count else 0, _BLOCK):
+def _measure(table: object, measures: Pieces) -> None:
+    """Measure pieces whose rows follow each other in a table: their columns from `low` on."""
+    start, stop = measures.start, measures.stop
+    for begin in range(0, int(stop[-1]) if len(stop) else 0, _BLOCK):
         end = min(begin + _BLOCK, int(stop[-1]))
         points = outline(table, begin, end)
         first = int(np.searchsorted(start, begin, side="right")) - 1
@@ -289,7 +284,6 @@ def _measured(table: object, start: NDArray[np.int64], stop: NDArray[np.int64]) 
         fresh = measures.empty[piece] == 0
         measures.first[piece[fresh]] = begin + rows[earliest[fresh]] - start[piece[fresh]]
         measures.empty[piece] += number
-    return measures
 
 
 def _widths(table: object, points: Points) -> Points:
