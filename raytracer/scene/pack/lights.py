@@ -134,23 +134,17 @@ class EmitterVariant(NamedTuple):
     size: float
 
 
-class InstanceEmission(NamedTuple):
-    """Emission of instances.
+def instance_emission(
+    objects: Objects, exitance: NDArray[np.float64]
+) -> tuple[Sequence[EmitterVariant], Instances | None]:
+    """Find the instances that emit; within a variant, one is chosen in proportion to its size.
 
-    variants : the first is what is in no instance.
-    instances : with the probabilities of those that emit.
+    Returns the variants, the first of which is what is in no instance, and the instances with their probabilities.
     """
-
-    variants: Sequence[EmitterVariant]
-    instances: Instances | None
-
-
-def instance_emission(objects: Objects, exitance: NDArray[np.float64]) -> InstanceEmission:
-    """Find the instances that emit; within a variant, one is chosen in proportion to its size."""
     variants = [EmitterVariant(-1, -1, 1.0)]
     instances = objects.instances
     if instances is None:
-        return InstanceEmission(variants, None)
+        return variants, None
     still = np.abs(np.linalg.det(instances.pose[:, :, :3]))
     moving = instances.trajectories
     # An estimate is enough here: it is exact for the same scale along all axes.
@@ -170,7 +164,7 @@ def instance_emission(objects: Objects, exitance: NDArray[np.float64]) -> Instan
         variants.append(EmitterVariant(group, override, total))
         members.append(chosen)
     if len(variants) == 1:
-        return InstanceEmission(variants, instances)
+        return variants, instances
     emissive = EmissiveInstances(
         variant=variant,
         probability=probability,
@@ -178,7 +172,7 @@ def instance_emission(objects: Objects, exitance: NDArray[np.float64]) -> Instan
         member=np.concatenate(members).astype(np.int32),
         cumulative=np.concatenate([np.cumsum(probability[chosen]) for chosen in members]),
     )
-    return InstanceEmission(variants, instances._replace(emissive=emissive))
+    return variants, instances._replace(emissive=emissive)
 
 
 def _emitting(

@@ -82,21 +82,10 @@ def collect_components(materials: Iterable[MaterialSpec]) -> Iterator[MaterialSp
         yield from collect_components(material.children().values())
 
 
-class MeshMaterials(NamedTuple):
-    """The materials in a mesh's file.
-
-    materials : resolved.
-    faces : (m,), index of each face's material.
-    """
-
-    materials: tuple[MaterialSpec, ...]
-    faces: NDArray[np.int64]
-
-
 def mesh_materials(
     spec: SceneSpec, item: ShapeSpec, keys: tuple[str | int, ...], held: Mapping[str, Any]
-) -> MeshMaterials | None:
-    """Read the materials in an object's file, unless the object names one itself.
+) -> tuple[list[MaterialSpec], NDArray[np.int64]] | None:
+    """Read the materials in an object's file, and the index of each face's, unless the object names one itself.
 
     held : contents of the object's files.
 
@@ -125,7 +114,7 @@ def mesh_materials(
             raise spec.error(wrong, *keys, *path) from None
         assert isinstance(checked, MaterialSpec)
         materials.append(resolve_material(checked, {}))
-    return MeshMaterials(tuple(materials), faces.astype(np.int64))
+    return materials, faces.astype(np.int64)
 
 
 class Materials(NamedTuple):

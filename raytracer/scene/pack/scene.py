@@ -31,7 +31,7 @@ from raytracer.plugins.cameras.base.moving import MovingCamera, pack_camera
 from raytracer.plugins.lights.base.interface import translate_lights as moved_lights
 from raytracer.plugins.materials.base.interface import MaterialSpec
 from raytracer.plugins.media.base.interface import translate_media as moved_media
-from raytracer.scene.pack.autofocus import has_autofocus, resolve_focus
+from raytracer.scene.pack.autofocus import resolve_focus
 from raytracer.scene.pack.layout import Item
 from raytracer.scene.pack.lights import light_pulses, pack_lights
 from raytracer.scene.pack.objects import Objects
@@ -123,7 +123,9 @@ def _pack_view(
 ) -> PackedScene:
     """Pack the view of a world: the camera, the lights and the render settings."""
     origin, objects, used, references = world.origin, world.objects, world.used, world.references
-    spec, built = _resolve_focus(spec, world, provider)
+    is_aimed = spec.camera.focused_place() is not None
+    built = provider.build_accel(_accel_input(spec, objects)) if is_aimed else None
+    spec = resolve_focus(spec, world, built)
     camera = _pack_camera(spec, assets)
     if origin is not None:
         camera = moved_camera(camera, neg(origin.world))
@@ -176,25 +178,6 @@ def _shift_tables(held: Any, moved: Callable[[Any, Vec3], Any], origin: Origin) 
     if held is None:
         return None
     return held._replace(tables=tuple(moved(table, neg(origin.world)) for table in held.tables))
-
-
-def _resolve_focus(spec: SceneSpec, world: PackedWorld, provider: AssetProvider) -> tuple[SceneSpec, Accel | None]:
-    """Focus the camera at a distance; the ray caster's structure is returned too if that took a ray."""
-    if not has_autofocus(spec):
-        return spec, None
-    objects = world.objects
-    clear = {
-        reference for material, reference in zip(world.used, world.references, strict=True) if material.is_invisible()
-    }
-    built: list[Accel] = []
-
-    def build() -> Accel:
-        built.append(provider.build_accel(_accel_input(spec, objects)))
-        return built[0]
-
-    around = (0.0, 0.0, 0.0) if world.origin is None else world.origin.world
-    focused_spec = resolve_focus(spec, world.bounds, objects, clear, build, around)
-    return focused_spec, built[0] if built else None
 
 
 def _pack_camera(spec: SceneSpec, assets: SceneAssets) -> Any:

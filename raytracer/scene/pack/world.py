@@ -174,11 +174,11 @@ def _materials(
             used.append(object_material(spec, item.spec))
             faces.append(None)
             continue
-        first, *others = mesh.materials
+        (first, *others), of_faces = mesh
         places = np.array([number, *range(len(layout.items) + len(more), len(layout.items) + len(more) + len(others))])
         used.append(first)
         more += [(number, material) for material in others]
-        faces.append(places[mesh.faces])
+        faces.append(places[of_faces])
     owners = [*range(len(used)), *(number for number, _ in more)]
     return [*used, *(material for _, material in more)], owners, faces
 
