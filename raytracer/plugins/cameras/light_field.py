@@ -124,8 +124,7 @@ class LightField(GlassLensSpec, IdealLensSpec):
             field_error("focal_length", "microlenses need the size of the optics: give focal_length, sensor, or both")
         if not self.has_aperture():
             field_error(
-                "f_number",
-                f"microlenses tell apart the parts of an opening, and there is none: {self.aperture_hint}",
+                "f_number", f"microlenses tell apart the parts of an opening, and there is none: {self.aperture_hint}"
             )
         return self
 

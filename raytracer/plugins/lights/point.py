@@ -35,9 +35,7 @@ class PointLight(LightSpec):
         intensity = np.array([spec.intensity for spec in specs], np.float64)
         position = np.array([spec.position for spec in specs], np.float64)
         return PointLights(
-            position=position,
-            intensity=intensity,
-            choice=build_choice(intensity.sum(axis=1), (position, position)),
+            position=position, intensity=intensity, choice=build_choice(intensity.sum(axis=1), (position, position))
         )
 
 

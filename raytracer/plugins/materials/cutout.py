@@ -29,8 +29,7 @@ class Cutout(interface.SelectorSpec):
     type: Literal["cutout"] = "cutout"
     material: interface.Child = Field(description="the material, by name or inline")
     opacity: TexturedFraction = Field(
-        default=0.5,
-        description="how much of the surface is there, from 0 to 1; of an image's alpha with `channel: a`",
+        default=0.5, description="how much of the surface is there, from 0 to 1; of an image's alpha with `channel: a`"
     )
     threshold: Fraction | None = Field(
         default=None, description="opacity from which on the surface is all there, and below which it is not at all"

@@ -28,8 +28,7 @@ class Emitter(interface.MaterialSpec):
     @staticmethod
     def pack(specs: Sequence["Emitter"], book: ParameterPacker) -> "EmitterTable":
         return EmitterTable(
-            book.colors([spec.radiance for spec in specs]),
-            np.array([spec.two_sided for spec in specs], np.bool_),
+            book.colors([spec.radiance for spec in specs]), np.array([spec.two_sided for spec in specs], np.bool_)
         )
 
     def is_emissive(self) -> bool:

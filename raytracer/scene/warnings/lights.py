@@ -20,9 +20,7 @@ class UselessLights(SceneWarningKind):
     section = LIGHTS_AND_CAMERAS
     rank = 120
     powerless = Sentence(
-        "gives no light: its {power} is 0",
-        when="a light has no power",
-        remedy="give it some, or take it out",
+        "gives no light: its {power} is 0", when="a light has no power", remedy="give it some, or take it out"
     )
     black = Sentence(
         "is made of an emitter that gives no light: its radiance is 0",

@@ -105,8 +105,7 @@ class PerspectiveSpec(ExposedSpec):
             )
         if angles and self.equivalent_focal_length is not None:
             field_error(
-                angles[0],
-                f"{angles[0]} and equivalent_focal_length both set the field of view: give one of them",
+                angles[0], f"{angles[0]} and equivalent_focal_length both set the field of view: give one of them"
             )
         if self.sensor_fit is not None and self.given_sensor() is None and not (lengths and not angles):
             field_error(
