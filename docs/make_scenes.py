@@ -11,13 +11,13 @@ import sys
 import textwrap
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from raytracer.optics.sensor_formats import SENSORS
 from raytracer.optics.thin_lens import crop_factor
 from raytracer.plugins.materials.base.interface import MaterialSpec
 from raytracer.plugins.shapes.base.interface import ShapeSpec
-from raytracer.scene.json_schema import Nested, definition_name, description_with_unit, nested_mappings, scene_schema
+from raytracer.scene.json_schema import definition_name, description_with_unit, forms_of, scene_schema
 from raytracer.scene.render_settings import Film, Render
 from raytracer.scene.spec import SceneSpec
 from raytracer.schema.registry import (
@@ -298,6 +298,53 @@ def values(node: Mapping[str, Any]) -> str:
         return f"names, each with {values(node['additionalProperties'])}"
     names = {"boolean": "true or false", "object": "mapping"}
     return names.get(node.get("type", ""), node.get("type", "any"))
+
+
+class Nested(NamedTuple):
+    """Mappings without a type that a key takes.
+
+    key : the key that is met first.
+    places : all such keys, each behind what it is a key of: `camera.shake`, `motion.keyframes[]`.
+    forms : the schemas of the mappings, each with `properties`.
+    names : their names among the definitions; None for those that stand in no definition.
+    """
+
+    key: str
+    places: list[str]
+    forms: list[Mapping[str, Any]]
+    names: list[str | None]
+
+
+def nested_mappings(whole: Mapping[str, Any]) -> list[Nested]:
+    """List the mappings at any depth of a schema that are of no family of kinds, in the order of their keys."""
+    by_mark: dict[str, Nested] = {}
+    met: set[str] = set()
+
+    def look(owner: str, node: Mapping[str, Any]) -> None:
+        for key, below in node["properties"].items():
+            forms = list(forms_of(whole, below, key))
+            plain = [form for form in forms if not form.is_kind]
+            # Forms of one place belong together, such as steps of a transform and its matrix.
+            marks = [form.name or json.dumps(form.node, sort_keys=True) for form in plain]
+            known = next((by_mark[mark] for mark in marks if mark in by_mark), None)
+            if plain and known is None:
+                known = Nested(key, [], [], [])
+            for mark, form in zip(marks, plain, strict=True):
+                assert known is not None
+                place = f"{owner}.{form.path}"
+                known.places.extend([] if place in known.places else [place])
+                if mark not in by_mark:
+                    by_mark[mark] = known
+                    known.forms.append(form.node)
+                    known.names.append(form.name)
+                    look(known.key, form.node)
+            for form in forms:
+                if form.is_kind and form.name is not None and form.name not in met:
+                    met.add(form.name)
+                    look(form.path, form.node)
+
+    look("scene", whole)
+    return list({id(each): each for each in by_mark.values()}.values())
 
 
 @functools.cache

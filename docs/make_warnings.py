@@ -7,12 +7,21 @@ Replaces what stands between the markers below each heading.  `make docs` runs i
 
 import re
 from pathlib import Path
+from typing import Any
 
-from raytracer.schema.warning_kind import Sentence, all_warning_kinds
+import raytracer
+from raytracer.schema.warning_kind import Sentence, WarningFamily, WarningKind
 
+_ROOT = Path(raytracer.__file__).parent
 OUTPUT = Path(__file__).with_name("warnings.md")
 HEADING = re.compile(r"^## (.*)\n", re.MULTILINE)
 BEGIN, END = "<!-- kinds -->\n", "<!-- end of kinds -->\n"
+
+
+def all_warning_kinds() -> list[WarningKind[Any]]:
+    """List the kinds of all families of the program, in the order of the packages' names."""
+    folders = sorted(path.parent.relative_to(_ROOT.parent) for path in _ROOT.rglob("warnings/__init__.py"))
+    return [kind for folder in folders for kind in WarningFamily[Any](".".join(folder.parts)).kinds]
 
 
 def without_values(template: str) -> str:

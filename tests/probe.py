@@ -19,8 +19,7 @@ from raytracer.kernel.aovs.base.interface import AovRecorder
 from raytracer.kernel.path_state import workspace
 from raytracer.kernel.path_tracer import render_tile
 from raytracer.kernel.pixel_accumulator import FilmView
-from raytracer.scene.pack.object_ids import scene_ids
-from raytracer.scene.pack.scene import pack
+from raytracer.scene.pack.scene import pack, scene_ids
 from tests.small_scenes import scene
 
 PINHOLE = "camera: {type: pinhole, look_from: [0, 0, 4], look_at: [0, 0, 0]}\n"

@@ -77,7 +77,7 @@ def make_recording(
     if not aovs and not denoise:
         return None
     from raytracer.kernel.aovs.base.interface import AovRecorder, unique_aovs
-    from raytracer.scene.pack.object_ids import scene_ids
+    from raytracer.scene.pack.scene import scene_ids
 
     names = unique_aovs([*aovs, *(DENOISER_GUIDES if denoise else ())])
     return AovRecorder(names, height, width, scene_ids(spec, packed))

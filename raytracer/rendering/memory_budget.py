@@ -190,7 +190,7 @@ def structure_memory(packed: PackedScene, cache: RenderCache | None = None) -> S
     is_cached = cache is not None and cache.has_structure(packed.accel_input())
     if is_cached or packed.built is not None:
         return StructureMemory(0, 0)
-    return structure_bytes(packed.geometries, packed.groups, packed.placements)
+    return structure_bytes(packed.objects.geometries, packed.objects.groups, packed.objects.placements)
 
 
 def estimate_memory(structure: StructureMemory, picture: PictureMemory, threads: int) -> MemoryEstimate:

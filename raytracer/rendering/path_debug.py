@@ -19,8 +19,7 @@ from raytracer.rendering.compilation import compile_kernel
 from raytracer.rendering.film_region import empty_film, film_view
 from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.sample_replay import brightest_sample, log_path, replay_samples
-from raytracer.scene.pack.object_ids import scene_ids
-from raytracer.scene.pack.scene import PackedScene, pack
+from raytracer.scene.pack.scene import PackedScene, pack, scene_ids
 from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import InputError
 

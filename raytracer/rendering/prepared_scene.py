@@ -12,7 +12,7 @@ from raytracer.rendering.checked_options import CheckedOptions
 from raytracer.rendering.film_region import FilmRegion, empty_region
 from raytracer.rendering.tile_scheduler import TILE_SIZE
 from raytracer.rendering.worker_pool import RemoteExecutor
-from raytracer.scene.input_files import FileStamp
+from raytracer.scene.files import FileStamp
 from raytracer.scene.pack.scene import PackedScene
 
 

@@ -22,7 +22,7 @@ from raytracer.rendering.statistics import PhaseTimer
 from raytracer.rendering.worker_pool import ClusterClient
 from raytracer.scene.cache import RenderCache
 from raytracer.scene.effects import effects_of
-from raytracer.scene.input_files import file_stamps
+from raytracer.scene.files import file_stamps
 from raytracer.scene.load import load
 from raytracer.scene.pack.scene import pack
 from raytracer.scene.spec import SceneSpec

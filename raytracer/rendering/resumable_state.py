@@ -13,7 +13,7 @@ from raytracer.rendering.prepared_scene import PreparedScene
 from raytracer.rendering.statistics import PhaseTimer
 from raytracer.rendering.tile_scheduler import TileQueue
 from raytracer.rendering.worker_pool import WorkerPool
-from raytracer.scene.input_files import file_stamps
+from raytracer.scene.files import file_stamps
 from raytracer.util.errors import InputError
 
 

@@ -5,9 +5,9 @@ from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
 from raytracer.optics.to_yaml import spec_to_plain, to_yaml
-from raytracer.scene.assets import companion_files, file_of
-from raytracer.scene.file_references import FileReference, file_references, replace_file_names
-from raytracer.scene.input_files import image_fragment
+from raytracer.scene.assets import companion_files
+from raytracer.scene.assets.images import file_of
+from raytracer.scene.files import FileReference, file_references, image_fragment, replace_file_names, unreadable
 from raytracer.scene.load import build
 from raytracer.scene.spec import SceneSpec
 from raytracer.schema.yaml_nodes import KeyPath
@@ -65,8 +65,7 @@ def _gather(spec: SceneSpec, named: FileReference, folder: PurePosixPath, files:
         try:
             files[name] = place.read_bytes()
         except OSError as error:
-            reason = error.strerror or str(error)
-            raise spec.error(f"{format_value(named.name)} cannot be read: {reason}", *named.keys) from None
+            raise unreadable(spec, named, error) from None
     return inside[0] + image_fragment(named)
 
 

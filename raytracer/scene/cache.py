@@ -2,7 +2,7 @@
 
 import dataclasses
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.embree import Accel
-from raytracer.scene.asset_provider import AccelInput
-from raytracer.scene.assets import LOADERS, companion_files, file_of
+from raytracer.scene.assets import LOADERS, companion_files
+from raytracer.scene.assets.images import file_of
+from raytracer.scene.scene_assets import AccelInput, AssetProvider
 from raytracer.schema.spec import Spec
 
 T = TypeVar("T")
@@ -27,8 +28,6 @@ _MAX_GEOMETRY_BYTES = 2**28
 class CacheCounts(NamedTuple):
     """Counts of what was made so far.
 
-    Attributes
-    ----------
     files_read, worlds_packed, structures_built : cache misses.
     kernels : compiled, or taken from the disk; those that the process had before are not counted.
     """
@@ -39,7 +38,7 @@ class CacheCounts(NamedTuple):
     kernels: int
 
 
-class RenderCache:
+class RenderCache(AssetProvider):
     """A cache for what renders of similar scenes share, so that it is made once: for `rt.render(..., cache=...)`.
 
     A file is read again once it has changed, by its size or its time, or a file that it names has.  Scenes that differ
@@ -72,23 +71,16 @@ class RenderCache:
             self._kernels += count
 
     def read(self, kind: str, path: Path) -> Any:
-        """Read a file as a kind of `assets.LOADERS`, or return the same object as before if it has not changed.
-
-        Raises
-        ------
-        InputError : the file cannot be read.
-        """
-
-        def is_unchanged(file: _CachedFile) -> bool:
-            return file.stamp is not None and file.stamp == _file_stamp(kind, path)
-
-        def load() -> _CachedFile:
+        """Read a file, or return the same object as before if it has not changed."""
+        with self._lock:
             # Stamped before it is read, so that a change while it is read is noticed the next time.
             stamp = _file_stamp(kind, path)
-            return _CachedFile(stamp, LOADERS[kind](path))
-
-        with self._lock:
-            return self._files.get((kind, path), load, lambda file: _array_bytes(file.content), is_unchanged).content
+            return self._files.get(
+                (kind, path),
+                lambda: _CachedFile(stamp, LOADERS[kind](path)),
+                lambda file: _array_bytes(file.content),
+                lambda file: stamp is not None and file.stamp == stamp,
+            ).content
 
     def build_accel(self, parts: AccelInput) -> Accel:
         """Build the ray caster's structure, or return the cached one; see `Accel`."""
@@ -131,8 +123,6 @@ class _Entry(NamedTuple):
 class _LRUCache(Generic[T]):
     """A cache of values by keys that need not be hashable, of limited weight; the last one stays however heavy it is.
 
-    Attributes
-    ----------
     misses : number of values made.
     """
 
@@ -209,8 +199,7 @@ def _file_stamp(kind: str, path: Path) -> Any:
 
 def _array_bytes(value: Any) -> int:
     """Count the bytes of all arrays in a value, each array once."""
-    arrays = {id(array): array.nbytes for array in _arrays(value, set())}
-    return sum(arrays.values())
+    return sum({id(array): array.nbytes for array in _arrays(value, set())}.values())
 
 
 def _arrays(value: Any, seen: set[int]) -> Iterator[NDArray[Any]]:
@@ -220,12 +209,7 @@ def _arrays(value: Any, seen: set[int]) -> Iterator[NDArray[Any]]:
     if id(value) in seen:
         return
     seen.add(id(value))
-    items: Iterable[Any] = ()
-    if isinstance(value, Mapping):
-        items = value.values()
-    elif isinstance(value, tuple | list):
-        items = value
-    elif dataclasses.is_dataclass(value):
-        items = vars(value).values()
-    for item in items:
+    if dataclasses.is_dataclass(value):
+        value = vars(value)
+    for item in value.values() if isinstance(value, Mapping) else value if isinstance(value, tuple | list) else ():
         yield from _arrays(item, seen)

@@ -7,48 +7,36 @@ import os
 import threading
 from collections import OrderedDict
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import raytracer
 from raytracer.core.compiler.kernel_files import source_hash
 from raytracer.optics.to_yaml import spec_to_plain, value_to_plain
-from raytracer.scene.assets import companion_files, file_of
-from raytracer.scene.file_references import FileReference, file_references, replace_file_names
-from raytracer.scene.input_files import image_fragment
+from raytracer.scene.assets import companion_files
+from raytracer.scene.assets.images import file_of
+from raytracer.scene.files import FileReference, file_references, image_fragment, replace_file_names, unreadable
 from raytracer.scene.spec import SceneSpec
 from raytracer.schema.yaml_nodes import path_text
-from raytracer.util.errors import format_value
 
 # What computes, and what reads the files that scenes name.
 _LIBRARIES = ("embreex", "llvmlite", "numba", "numpy", "scipy", "OpenEXR", "Pillow")
 
-_SECTIONS_KEPT = 64
+_SECTIONS_KEPT, _FILES_KEPT = 64, 4096
 
 
-class _Contents:
-    """Cache of the hashes of files by path, size and times of change, so that each file is read once."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._known: dict[Path, tuple[tuple[int, ...], str]] = {}
-
-    def __call__(self, path: Path) -> str:
-        status = path.stat()
-        # A program can set the time of the content's last change, but not that of the directory entry's.
-        stamp = status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino
-        with self._lock:
-            known = self._known.get(path)
-        if known is None or known[0] != stamp:
-            with path.open("rb") as file:
-                known = stamp, hashlib.file_digest(file, "sha256").hexdigest()
-            with self._lock:
-                self._known[path] = known
-        return known[1]
+def _hash_content(path: Path) -> str:
+    """Hash what a file holds; read once unless it changes."""
+    status = path.stat()
+    # A program can set the time of the content's last change, but not that of the directory entry's.
+    return _hash_file(path, (status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino))
 
 
-_contents = _Contents()
+@lru_cache(_FILES_KEPT)
+def _hash_file(path: Path, stamp: tuple[int, ...]) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 class _Section(NamedTuple):
@@ -119,8 +107,6 @@ def digest(spec: SceneSpec, **settings: Any) -> str:
     and wherever they are; the settings; the program.  Comments, and the order of keys, do not count; whether a key is
     set to its default or left out does, for materials inherit what is left out.
 
-    Parameters
-    ----------
     settings : further settings of the render: numbers, strings, lists and mappings of such; None is not given.
 
     Raises
@@ -166,8 +152,9 @@ def _file_state(spec: SceneSpec, named: FileReference) -> list[Any]:
     """Collect the asset kind of a file, and the hashes of it and of the files that it names."""
     path = file_of(spec.base / named.name)
     try:
-        below = [[os.path.relpath(item, path.parent), _contents(item)] for item in companion_files(named.kind, path)]
-        return [named.kind, path.suffix.lower(), image_fragment(named), _contents(path), below]
+        below = [
+            [os.path.relpath(item, path.parent), _hash_content(item)] for item in companion_files(named.kind, path)
+        ]
+        return [named.kind, path.suffix.lower(), image_fragment(named), _hash_content(path), below]
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise spec.error(f"{format_value(named.name)} cannot be read: {reason}", *named.keys) from None
+        raise unreadable(spec, named, error) from None

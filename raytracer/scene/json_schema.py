@@ -1,7 +1,6 @@
 """The JSON Schema of scene files and lens files, for editors (draft 2020-12)."""
 
 import functools
-import json
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
@@ -109,53 +108,6 @@ def _unit(node: dict[str, Any]) -> str | None:
 
 
 # ---- Mappings within others
-
-
-class Nested(NamedTuple):
-    """Mappings without a type that a key takes.
-
-    key : the key that is met first.
-    places : all such keys, each behind what it is a key of: `camera.shake`, `motion.keyframes[]`.
-    forms : the schemas of the mappings, each with `properties`.
-    names : their names among the definitions; None for those that stand in no definition.
-    """
-
-    key: str
-    places: list[str]
-    forms: list[Mapping[str, Any]]
-    names: list[str | None]
-
-
-def nested_mappings(whole: Mapping[str, Any]) -> list[Nested]:
-    """List the mappings at any depth of a schema that are of no family of kinds, in the order of their keys."""
-    by_mark: dict[str, Nested] = {}
-    met: set[str] = set()
-
-    def look(owner: str, node: Mapping[str, Any]) -> None:
-        for key, below in node["properties"].items():
-            forms = list(forms_of(whole, below, key))
-            plain = [form for form in forms if not form.is_kind]
-            # Forms of one place belong together, such as steps of a transform and its matrix.
-            marks = [form.name or json.dumps(form.node, sort_keys=True) for form in plain]
-            known = next((by_mark[mark] for mark in marks if mark in by_mark), None)
-            if plain and known is None:
-                known = Nested(key, [], [], [])
-            for mark, form in zip(marks, plain, strict=True):
-                assert known is not None
-                place = f"{owner}.{form.path}"
-                known.places.extend([] if place in known.places else [place])
-                if mark not in by_mark:
-                    by_mark[mark] = known
-                    known.forms.append(form.node)
-                    known.names.append(form.name)
-                    look(known.key, form.node)
-            for form in forms:
-                if form.is_kind and form.name is not None and form.name not in met:
-                    met.add(form.name)
-                    look(form.path, form.node)
-
-    look("scene", whole)
-    return list({id(each): each for each in by_mark.values()}.values())
 
 
 class Form(NamedTuple):

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pydantic import TypeAdapter
 
-from raytracer.schema.object_spec import INLINE_MATERIAL
+from raytracer.schema.fields import INLINE_MATERIAL
 from raytracer.schema.registry import CAMERAS, ENVIRONMENTS, FILTERS, LIGHTS, MATERIALS, MEDIA, SHAPES, TEXTURES
 from raytracer.schema.spec import Spec
 

@@ -1,7 +1,6 @@
 """Bounds of a scene's objects at a time, for focusing and `rt explain`."""
 
-from collections.abc import Iterable, Iterator, Mapping
-from functools import reduce
+from collections.abc import Iterator, Mapping
 from itertools import product
 from typing import Any, NamedTuple, TypeAlias
 
@@ -48,10 +47,6 @@ class Box(NamedTuple):
         """Bound the box as transformed by each of the matrices (n, 4, 4)."""
         corners = np.einsum("nij,kj->nki", matrices[:, :3, :3], self.corners()) + matrices[:, None, :3, 3]
         return Box(corners.min(axis=(0, 1)), corners.max(axis=(0, 1)))
-
-
-def _around(boxes: Iterable[Box]) -> Box:
-    return reduce(lambda a, b: Box(np.minimum(a.low, b.low), np.maximum(a.high, b.high)), boxes)
 
 
 class ObjectBounds:
@@ -117,16 +112,14 @@ class ObjectBounds:
 
     def _measured(self, keys: KeyPath, item: ShapeSpec, time: float) -> Box:
         assets: Mapping[str, Any] = self._assets.of(item, keys)
-        try:
+        with self._spec.errors_at(*keys):
             if isinstance(item, PlacementSpec):
-                inside = _around(self._outer(path, below, time) for path, below in self._named(item.of))
-                return inside.moved(item.poses(assets))
+                boxes = [self._outer(path, below, time) for path, below in self._named(item.of)]
+                lows, highs = zip(*boxes, strict=True)
+                return Box(np.min(lows, axis=0), np.max(highs, axis=0)).moved(item.poses(assets))
             away = _far_away(item.bounds(assets))
-            return Box(*bounds(item.pack_moving(translation_matrix(-away), 0, assets, Shutter(time, time)))).shifted(
-                away
-            )
-        except ValueError as error:
-            raise self._spec.error(str(error), *keys) from None
+            packed = item.pack_moving(translation_matrix(-away), 0, assets, Shutter(time, time))
+            return Box(*bounds(packed)).shifted(away)
 
     def _outer(self, keys: KeyPath, item: ShapeSpec, time: float) -> Box:
         """Bound an object in the space of what it is part of."""

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from raytracer.optics.to_yaml import value_to_plain
-from raytracer.scene.file_access import check_files
+from raytracer.scene.files import check_files
 from raytracer.scene.validation import validate_scene
 from raytracer.schema.yaml_nodes import Node, SourceLocation, collection, node_of, override, parse_path
 from raytracer.schema.yaml_parser import parse

@@ -11,30 +11,19 @@ from typing import Any
 
 from raytracer.scene.python_builders import KindFactories, mapping_classes, part_factory
 from raytracer.scene.spec import SceneSpec
-from raytracer.schema.registry import (
-    APERTURES,
-    CAMERAS,
-    ENVIRONMENTS,
-    FILTERS,
-    LIGHTS,
-    MATERIALS,
-    MEDIA,
-    SHAPES,
-    TEXTURES,
-    Family,
-)
+from raytracer.schema import registry
 from raytracer.schema.spec import Spec
 
-FAMILIES: dict[str, Family] = {
-    "aperture": APERTURES,
-    "camera": CAMERAS,
-    "environment": ENVIRONMENTS,
-    "filter": FILTERS,
-    "light": LIGHTS,
-    "material": MATERIALS,
-    "medium": MEDIA,
-    "object": SHAPES,
-    "texture": TEXTURES,
+FAMILIES: dict[str, registry.Family] = {
+    "aperture": registry.APERTURES,
+    "camera": registry.CAMERAS,
+    "environment": registry.ENVIRONMENTS,
+    "filter": registry.FILTERS,
+    "light": registry.LIGHTS,
+    "material": registry.MATERIALS,
+    "medium": registry.MEDIA,
+    "object": registry.SHAPES,
+    "texture": registry.TEXTURES,
 }
 """The families of kinds by their names in the API."""
 

@@ -5,7 +5,7 @@ import typing
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from raytracer.optics.to_yaml import value_to_plain
 from raytracer.scene.kind_unions import VALIDATION_CONTEXT
@@ -78,14 +78,10 @@ def _arguments(spec: type[Spec]) -> list[str]:
 
 
 def _signature(spec: type[Spec]) -> inspect.Signature:
-    parameters = [
-        inspect.Parameter(
-            key,
-            inspect.Parameter.KEYWORD_ONLY,
-            default=inspect.Parameter.empty if field.is_required() else field.get_default(call_default_factory=True),
-        )
-        for key, field in ((key, spec.model_fields[key]) for key in _arguments(spec))
-    ]
+    parameters = []
+    for key, field in ((key, spec.model_fields[key]) for key in _arguments(spec)):
+        default = inspect.Parameter.empty if field.is_required() else field.get_default(call_default_factory=True)
+        parameters.append(inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=default))
     return inspect.Signature(parameters)
 
 
@@ -120,7 +116,7 @@ def _reached(spec: type[Spec], seen: set[type[Spec]]) -> Iterator[type[Spec]]:
 
 def _within(annotation: Any) -> Iterator[type[Spec]]:
     """Walk through the classes of mappings in an annotation."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel) and issubclass(annotation, Spec):
+    if isinstance(annotation, type) and issubclass(annotation, Spec):
         yield annotation
     for argument in typing.get_args(annotation):
         yield from _within(argument)

@@ -34,26 +34,19 @@ def check_references(scene: "SceneSpec") -> None:
     for name, material in scene.materials.items():
         _check_parts(scene, material, "materials", name)
     _check_loops(scene)
-    _check_medium(scene, scene.medium, "medium")
-    _check_medium(scene, scene.camera.medium, "camera", "medium")
+    _check_known("medium", scene.medium, scene.media, "medium")
+    _check_known("medium", scene.camera.medium, scene.media, "camera", "medium")
     for name, items in scene.groups.items():
         if not items:
             field_error(("groups", name), "must hold at least one object")
     seen: dict[str, KeyPath] = {}
     for keys, item in scene.all_objects():
-        # Every material that an object calls for exists.
-        material = item.material
-        if isinstance(material, str) and material not in scene.materials:
-            field_error(
-                (*keys, "material"),
-                f"unknown material {format_value(material)}; {suggest_name(material, scene.materials, 'materials')}",
-            )
-
-        _check_medium(scene, item.medium, *keys, "medium")
-        _check_medium(scene, item.outside_medium, *keys, "outside_medium")
-
-        if isinstance(material, Spec):
-            _check_parts(scene, material, *keys, "material")
+        if isinstance(item.material, str):
+            _check_known("material", item.material, scene.materials, *keys, "material")
+        _check_known("medium", item.medium, scene.media, *keys, "medium")
+        _check_known("medium", item.outside_medium, scene.media, *keys, "outside_medium")
+        if isinstance(item.material, Spec):
+            _check_parts(scene, item.material, *keys, "material")
 
         # A name means one object.
         if item.name is not None:
@@ -81,29 +74,23 @@ def _check_focus(scene: "SceneSpec") -> None:
     field_error(("camera", "focus_on"), f"unknown object {format_value(name)}; {close}")
 
 
-def _check_medium(scene: "SceneSpec", name: str | None, *keys: str | int) -> None:
-    """Reject the name of a medium that does not exist."""
-    if name is not None and name not in scene.media:
-        field_error(keys, f"unknown medium {format_value(name)}; {suggest_name(name, scene.media, 'media')}")
-
-
-def _check_textures(scene: "SceneSpec", spec: Spec, *keys: str | int) -> None:
-    """Reject names of textures that do not exist."""
-    for use in textures_of(spec):
-        if isinstance(use.value, str) and use.value not in scene.textures:
-            close = suggest_name(use.value, scene.textures, "textures")
-            field_error((*keys, use.key), f"unknown texture {format_value(use.value)}; {close}")
+def _check_known(noun: str, name: str | None, known: Mapping[str, Any], *keys: str | int) -> None:
+    """Reject a name of something that does not exist; None names nothing."""
+    if name is not None and name not in known:
+        nouns = "media" if noun == "medium" else f"{noun}s"
+        field_error(keys, f"unknown {noun} {format_value(name)}; {suggest_name(name, known, nouns)}")
 
 
 def _check_parts(scene: "SceneSpec", material: Any, *keys: str | int) -> None:
     """Reject a material with a part or a texture that does not exist."""
-    _check_textures(scene, material, *keys)
+    for use in textures_of(material):
+        if isinstance(use.value, str):
+            _check_known("texture", use.value, scene.textures, *keys, use.key)
     for key, child in material.children().items():
-        if not isinstance(child, str):
+        if isinstance(child, str):
+            _check_known("material", child, scene.materials, *keys, *key)
+        else:
             _check_parts(scene, child, *keys, *key)
-        elif child not in scene.materials:
-            close = suggest_name(child, scene.materials, "materials")
-            field_error((*keys, *key), f"unknown material {format_value(child)}; {close}")
 
 
 def _check_loops(scene: "SceneSpec") -> None:

@@ -1,15 +1,16 @@
 """The checked scene that a scene file holds: `rt.Scene`."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Required, TypeAlias, TypedDict, Unpack
 
-from pydantic import BeforeValidator, FailFast, Field, PrivateAttr, model_validator
+from pydantic import BeforeValidator, FailFast, Field, PrivateAttr, ValidationError, model_validator
 
 from raytracer.optics.to_yaml import spec_to_plain, to_yaml
 from raytracer.report.wording import count
-from raytracer.scene.file_references import file_references, replace_file_names
+from raytracer.scene.files import file_references, replace_file_names
 from raytracer.scene.kind_unions import Camera, Environment, Light, Material, Medium, Shape, Texture
 from raytracer.scene.overrides import apply_overrides
 from raytracer.scene.reference_checks import check_references
@@ -17,7 +18,7 @@ from raytracer.scene.render_settings import Film, Render
 from raytracer.scene.validation import build_scene, to_builtins
 from raytracer.schema.fields import Name
 from raytracer.schema.spec import Spec, field_error
-from raytracer.schema.validation_errors import error_at
+from raytracer.schema.validation_errors import error_at, error_sentence
 from raytracer.schema.yaml_nodes import KeyPath, Node, locate
 from raytracer.util.atomic_write import check_file, write_bytes
 from raytracer.util.errors import InputError, SceneError
@@ -26,10 +27,8 @@ from raytracer.util.path_sandbox import PathSandbox
 _SUFFIXES = (".yaml", ".yml")
 
 
-def _tuple(value: Any) -> Any:
-    """Convert a list of YAML to a tuple: specs are immutable."""
-    return tuple(value) if isinstance(value, list) else value
-
+# Lists of YAML become tuples, since specs are immutable.
+_TUPLE = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 
 if TYPE_CHECKING:
 
@@ -88,7 +87,7 @@ class SceneSpec(_FromCode):
     medium: Name | None = Field(
         default=None, description="Name of the medium that fills the whole scene, outside of objects; none by default"
     )
-    groups: dict[Name, Annotated[tuple[Shape, ...], FailFast(), BeforeValidator(_tuple)]] = Field(
+    groups: dict[Name, Annotated[tuple[Shape, ...], FailFast(), _TUPLE]] = Field(
         default_factory=dict,
         description="Objects that are only where an `instance` or a `scatter` places them, by the names of groups",
     )
@@ -190,6 +189,17 @@ class SceneSpec(_FromCode):
     def error(self, message: str, *keys: str | int) -> SceneError:
         """Make an error about the value at a path, such as `"objects", 3, "file"`: it names file and line."""
         return error_at(message, keys, self._root, self._file, typed=False)
+
+    @contextmanager
+    def errors_at(self, *keys: str | int) -> Iterator[None]:
+        """Turn a ValueError about the value at a path, or a ValidationError of keys below, into such an error."""
+        try:
+            yield
+        except ValidationError as error:
+            detail = error.errors(include_url=False)[0]
+            raise self.error(error_sentence(detail), *keys, *detail["loc"]) from None
+        except ValueError as error:
+            raise self.error(str(error), *keys) from None
 
     def all_objects(self) -> list[tuple[KeyPath, Any]]:
         """List every object of the scene and of its groups, with its path in the scene."""

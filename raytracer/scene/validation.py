@@ -9,9 +9,9 @@ from pydantic import ValidationError
 
 from raytracer.optics.to_yaml import value_to_plain
 from raytracer.scene.assets import LOADERS
-from raytracer.scene.file_access import check_files
+from raytracer.scene.files import check_files
 from raytracer.scene.kind_unions import VALIDATION_CONTEXT
-from raytracer.schema.validation_errors import error_sentence, first_error
+from raytracer.schema.validation_errors import first_error
 from raytracer.schema.yaml_nodes import Node, SourceLocation, node_of
 from raytracer.util.errors import InputError
 from raytracer.util.path_sandbox import PathSandbox
@@ -45,8 +45,6 @@ def build_scene(
 ) -> S:
     """Build the checked scene of plain values.
 
-    Parameters
-    ----------
     cls : `SceneSpec`.
     values : the keys of a scene file; parts may be checked specs already.
     root, file : the tree that the values were written in, and its file, for errors; None for values from code.
@@ -85,11 +83,8 @@ def bind_camera_files(scene: S, read_file: Callable[[str, Path], Any] | None = N
             assets[key] = LOADERS[kind](path) if read_file is None else read_file(kind, path)
         except InputError as error:
             raise scene.error(str(error), "camera", key) from None
-    try:
+    with scene.errors_at("camera"):
         return scene.model_copy(update={"camera": camera.bind_assets(assets)})
-    except ValidationError as error:
-        (detail,) = error.errors(include_url=False)
-        raise scene.error(error_sentence(detail), "camera", *detail["loc"]) from None
 
 
 def to_builtins(value: Any) -> Any:

@@ -6,15 +6,16 @@ A type names the dimension of its key: a `Length` is given in metres or with a u
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, Any, TypeAlias
 
-from pydantic import BeforeValidator, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import BeforeValidator, GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-from raytracer.schema.spec import field_error
+from raytracer.schema.spec import Spec, field_error
 from raytracer.schema.units import Dimension, parse_quantity, quantity_pattern, unit_of
 from raytracer.util.errors import format_value
 
@@ -70,12 +71,7 @@ class Quantity(Check):
     tiny: bool = False
 
     def __call__(self, value: Any) -> float:
-        """Convert a value to a number in the unit of the dimension.
-
-        Raises
-        ------
-        ValueError: not a number, or out of range.
-        """
+        """Convert a value to a number in the unit of the dimension."""
         number = parse_quantity(value, self.dimension)
         if math.isinf(number):
             if not self.infinite:
@@ -123,7 +119,6 @@ NonNegativeLensLength: TypeAlias = Annotated[float, Quantity("optic", low=0.0)]
 
 # Angles (deg).
 Angle: TypeAlias = Annotated[float, Quantity("angle")]
-PositiveAngle: TypeAlias = Annotated[float, Quantity("angle", low=0.0, low_open=True)]
 NonNegativeAngle: TypeAlias = Annotated[float, Quantity("angle", low=0.0)]
 FieldOfView: TypeAlias = Annotated[float, Quantity("angle", low=0.0, low_open=True, high=180.0, high_open=True)]
 
@@ -151,12 +146,6 @@ class Count(Check):
     high: int
 
     def __call__(self, value: Any) -> int:
-        """Validate an integer.
-
-        Raises
-        ------
-        ValueError: not an integer, or out of range.
-        """
         if isinstance(value, float) and value.is_integer():
             value = int(value)
         if isinstance(value, bool) or not isinstance(value, int):
@@ -168,7 +157,6 @@ class Count(Check):
         return value
 
     def json_schema(self) -> JsonSchemaValue:
-        """Describe an integer in range."""
         return {"type": "integer", "minimum": self.low, "maximum": self.high}
 
 
@@ -188,6 +176,16 @@ def check_item(value: Any, check: Quantity, path: tuple[str | int, ...]) -> floa
         field_error(path, str(error))
 
 
+def list_schema(component: Quantity, length: int, *, single: bool) -> JsonSchemaValue:
+    """Describe a list of numbers, or one of its components; `x-unit` names the unit of plain numbers."""
+    item = component.json_schema()
+    unit = item.pop("x-unit", None)
+    result: JsonSchemaValue = {"type": "array", "items": item, "minItems": length, "maxItems": length}
+    if single:
+        result = {"anyOf": [result, *item["anyOf"]]}
+    return result | ({"x-unit": unit} if unit else {})
+
+
 @dataclass(frozen=True)
 class Triple(Check):
     """Annotation of a field of three numbers, each checked by `component`."""
@@ -200,17 +198,12 @@ class Triple(Check):
     """True if not all three may be zero."""
 
     def __call__(self, value: Any) -> Vector:
-        """Validate three numbers.
-
-        Raises
-        ------
-        ValueError: not three numbers, or a number out of range.
-        """
         if isinstance(value, list | tuple):
             if len(value) != 3:
                 raise ValueError(f"must be {self._wanted()}, got {format_value(value)}")
             x, y, z = value
-            result = (self._item(x, 0), self._item(y, 1), self._item(z, 2))
+            check = self._component
+            result = (check_item(x, check, (0,)), check_item(y, check, (1,)), check_item(z, check, (2,)))
             if self.nonzero and result == (0.0, 0.0, 0.0):
                 raise ValueError("must not be the zero vector")
             if 0.0 < max(map(abs, result)) < 1.0 / MAX_MAGNITUDE:
@@ -226,22 +219,11 @@ class Triple(Check):
         # Next to a larger one, a component may come as close to 0 as rounding leaves it.
         return replace(self.component, tiny=not (self.component.nonzero or self.component.low_open))
 
-    def _item(self, value: Any, index: int) -> float:
-        return check_item(value, self._component, (index,))
-
     def _wanted(self) -> str:
         return f"{self.noun} of three numbers" + (" (or one number for all three)" if self.single else "")
 
     def json_schema(self) -> JsonSchemaValue:
-        """Describe an array of three, or one of its components; `x-unit` names the unit of plain numbers."""
-        item = self.component.json_schema()
-        unit = item.pop("x-unit", None)
-        result: JsonSchemaValue = {"type": "array", "items": item, "minItems": 3, "maxItems": 3}
-        if self.single:
-            result = {"anyOf": [result, *item["anyOf"]]}
-        if unit:
-            result["x-unit"] = unit
-        return result
+        return list_schema(self.component, 3, single=self.single)
 
 
 @dataclass(frozen=True)
@@ -251,12 +233,6 @@ class Pair(Check):
     component: Quantity
 
     def __call__(self, value: Any) -> tuple[float, float]:
-        """Validate two numbers, or one for both.
-
-        Raises
-        ------
-        ValueError: neither two numbers nor one, or a number out of range.
-        """
         if not isinstance(value, list | tuple):
             number = self.component(value)
             return number, number
@@ -265,12 +241,7 @@ class Pair(Check):
         return check_item(value[0], self.component, (0,)), check_item(value[1], self.component, (1,))
 
     def json_schema(self) -> JsonSchemaValue:
-        """Describe an array of two, or one of its components; `x-unit` names the unit of plain numbers."""
-        item = self.component.json_schema()
-        unit = item.pop("x-unit", None)
-        result: JsonSchemaValue = {"anyOf": [{"type": "array", "items": item, "minItems": 2, "maxItems": 2}]}
-        result["anyOf"] += item["anyOf"]
-        return result | ({"x-unit": unit} if unit else {})
+        return list_schema(self.component, 2, single=True)
 
 
 # Width and height (m).
@@ -300,3 +271,19 @@ def check_name(value: Any) -> str:
 
 
 Name: TypeAlias = Annotated[str, BeforeValidator(check_name)]
+
+INLINE_MATERIAL = "material"
+"""Key of the validation context under which the scene hands its check of inline materials to the objects."""
+
+
+def name_or_material(value: Any, info: ValidationInfo) -> Any:
+    """Validate a field that holds a material: its name, or a mapping that is checked as one.
+
+    Raises
+    ------
+    ValueError: neither.
+    """
+    if isinstance(value, Spec | Mapping):
+        check = (info.context or {}).get(INLINE_MATERIAL)
+        return check(value) if check else value
+    return check_name(value)

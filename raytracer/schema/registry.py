@@ -10,7 +10,7 @@ import pkgutil
 from collections.abc import Mapping
 from functools import cached_property, reduce
 from operator import or_
-from typing import Annotated, Any, Literal, Never, get_args, get_origin
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter, ValidationInfo, WithJsonSchema
 from pydantic.json_schema import JsonSchemaValue
@@ -75,14 +75,11 @@ class Family:
     def _specs(self) -> dict[str, type[Spec]]:
         specs: dict[str, type[Spec]] = {}
         for info in pkgutil.iter_modules(importlib.import_module(self.package).__path__):
-            module = importlib.import_module(f"{self.package}.{info.name}")
-            for value in vars(module).values():
-                if not _is_kind(value, module):
-                    continue
-                name = str(type_name(value))
+            for kind in _kinds(f"{self.package}.{info.name}"):
+                name = str(type_name(kind))
                 if name in specs:
-                    raise TypeError(f"two kinds are called {name!r}: {specs[name]!r} and {value!r}")
-                specs[name] = value
+                    raise TypeError(f"two kinds are called {name!r}: {specs[name]!r} and {kind!r}")
+                specs[name] = kind
         return dict(sorted(specs.items()))
 
     @cached_property
@@ -99,10 +96,8 @@ class Family:
         KeyError: there is no such kind.
         """
         if name not in self._found:
-            own = importlib.import_module(self.modules[name]) if name in self.modules else None
-            kinds = [value for value in vars(own).values() if _is_kind(value, own)] if own is not None else []
-            named = [kind for kind in kinds if type_name(kind) == name]
-            self._found[name] = named[0] if named else self.specs()[name]
+            kinds = _kinds(self.modules[name]) if name in self.modules else ()
+            self._found[name] = next((kind for kind in kinds if type_name(kind) == name), None) or self.specs()[name]
         return self._found[name]
 
     def adapter(self, name: str) -> TypeAdapter[Any]:
@@ -148,42 +143,33 @@ class Family:
         ValidationError: no kind has this type.
         """
         if isinstance(value, Spec):
-            if not self._has(type(value)):
+            if self._find(type_name(type(value))) is not type(value):
                 raise ValueError(f"must be {with_article(self.noun)}, got {with_article(class_noun(type(value)))}")
             return value
-        name = value.get("type") if isinstance(value, Mapping) else None
-        if not (isinstance(name, str) and self._has_name(name)):
-            self._refuse(value)
+        if not isinstance(value, Mapping):
+            known = ", ".join(self.specs())
+            raise ValueError(f"must be a mapping with a type ({known}), got {format_value(value)}")  # noqa: TRY004
+        if "type" not in value:
+            raise ValueError(f"needs a type, one of {', '.join(self.specs())}")
+        name = value["type"]
+        if self._find(name) is None:
+            close = suggest_name(str(name), self.specs(), "types")
+            field_error("type", f"unknown type of {self.noun} {format_value(name)}; {close}")
         return value
 
-    def _refuse(self, value: Any) -> Never:
-        """Say what is wrong with a value that is of no kind."""
-        known = self.specs()
-        if not isinstance(value, Mapping):
-            raise ValueError(f"must be a mapping with a type ({', '.join(known)}), got {format_value(value)}")  # noqa: TRY004
-        if "type" not in value:
-            raise ValueError(f"needs a type, one of {', '.join(known)}")
-        name = value["type"]
-        field_error(
-            "type", f"unknown type of {self.noun} {format_value(name)}; {suggest_name(str(name), known, 'types')}"
-        )
-
-    def _has_name(self, name: str) -> bool:
+    def _find(self, name: object) -> Any:
+        """Return the kind of a type name; None if there is no such kind."""
         try:
-            self.spec(name)
+            return self.spec(name) if isinstance(name, str) else None
         except KeyError:
-            return False
-        return True
-
-    def _has(self, cls: type[Spec]) -> bool:
-        name = type_name(cls)
-        return name is not None and self._has_name(name) and self.spec(name) is cls
+            return None
 
 
-def _is_kind(value: Any, module: Any) -> bool:
-    """Return True for a spec with a type name that is defined in a module."""
-    is_own = isinstance(value, type) and issubclass(value, Spec) and value.__module__ == module.__name__
-    return is_own and type_name(value) is not None
+def _kinds(module: str) -> list[type[Spec]]:
+    """Import a module, and list the specs with a type name that it defines."""
+    values = vars(importlib.import_module(module)).values()
+    specs = (value for value in values if isinstance(value, type) and issubclass(value, Spec))
+    return [spec for spec in specs if spec.__module__ == module and type_name(spec) is not None]
 
 
 def type_name(spec: type[Spec]) -> str | None:

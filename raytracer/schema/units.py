@@ -59,22 +59,9 @@ _TIMES = {
     "h": (3600.0, 1.0),
 }
 
-_SPEEDS = {
-    "mm/s": (1.0, 1e3),
-    "cm/s": (1.0, 1e2),
-    "m/s": (1.0, 1.0),
-    "km/s": (1e3, 1.0),
-    "km/h": (1.0, 3.6),
-    "ft/s": (381.0, 1250.0),
-    "mph": (1397.0, 3125.0),
-}
-_RATES = {
-    "deg/s": (1.0, 1.0),
-    "°/s": (1.0, 1.0),
-    "rad/s": (180.0, math.pi),
-    "turn/s": (360.0, 1.0),
-    "rpm": (6.0, 1.0),
-}
+_SPEEDS = {f"{unit}/s": _LENGTHS[unit] for unit in ("mm", "cm", "m", "km")}
+_SPEEDS |= {"km/h": (1.0, 3.6), "ft/s": _LENGTHS["ft"], "mph": (1397.0, 3125.0)}
+_RATES = {f"{unit}/s": _ANGLES[unit] for unit in ("deg", "°", "rad", "turn")} | {"rpm": (6.0, 1.0)}
 _FREQUENCIES = {"Hz": (1.0, 1.0), "kHz": (1e3, 1.0)}
 
 _DIMENSIONS: dict[str, _Dimension] = {
@@ -115,18 +102,12 @@ def quantity_pattern(dimension: Dimension) -> str:
 
 
 def parse_quantity(value: float | str, dimension: Dimension) -> float:
-    """Convert a number with or without a unit to the unit of its dimension.
-
-    Parameters
-    ----------
-    value: A plain number, or a string of a number or fraction and, if wanted, a unit. May be infinite.
-    dimension: "length" gives metres, "optic" millimetres, "wavelength" nanometres, "angle" degrees, "time" seconds,
-        "number" no unit.
+    """Convert a number, or a string of a number or fraction and perhaps a unit, to the unit of its dimension.
 
     Raises
     ------
-    ValueError: `value` is no number, is NaN, or has a unit that is unknown or of another dimension;
-        the message is a predicate that continues "key: ".
+    ValueError: it is no number, or NaN, or has a unit that is unknown or of another dimension; the message is a
+        predicate that continues "key: ".
     """
     if isinstance(value, bool) or not isinstance(value, float | int | str):
         raise ValueError(f"must be {_wanted(dimension)}, got {format_value(value)}")  # noqa: TRY004
@@ -143,9 +124,8 @@ def parse_percentage(text: str) -> float:
     ------
     ValueError: it is no number, or not between 0 and 1; the message is a predicate that continues "key: ".
     """
-    number, is_percent = text.strip(), False
-    if number.endswith("%"):
-        number, is_percent = number[:-1], True
+    is_percent = text.strip().endswith("%")
+    number = text.strip().removesuffix("%")
     try:
         share = parse_quantity(number, "number") / (100.0 if is_percent else 1.0)
     except ValueError:
@@ -221,10 +201,9 @@ def _parse_text(text: str, dimension: Dimension) -> float:
         return result
 
     # Bring it to the unit of its dimension.
-    kind = _DIMENSIONS[dimension]
-    if unit not in kind.units:
+    if unit not in _DIMENSIONS[dimension].units:
         raise ValueError(_wrong_unit(unit, dimension))
-    factor, divisor = kind.units[unit]
+    factor, divisor = _DIMENSIONS[dimension].units[unit]
     return result * factor / divisor
 
 

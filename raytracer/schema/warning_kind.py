@@ -9,14 +9,11 @@ import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from functools import cached_property
-from pathlib import Path
-from typing import Any, ClassVar, Generic, NamedTuple, TypeAlias, TypeVar
+from typing import ClassVar, Generic, NamedTuple, TypeAlias, TypeVar
 
 from raytracer.schema.yaml_nodes import KeyPath
 
 Subject = TypeVar("Subject")
-
-_ROOT = Path(__file__).parents[1]
 
 
 class Sentence(NamedTuple):
@@ -104,9 +101,3 @@ class WarningFamily(Generic[Subject]):
 
 def _is_kind(value: object, module: str) -> bool:
     return isinstance(value, type) and issubclass(value, WarningKind) and value.__module__ == module
-
-
-def all_warning_kinds() -> list[WarningKind[Any]]:
-    """List the kinds of all families of the program, in the order of the packages' names."""
-    folders = sorted(path.parent.relative_to(_ROOT.parent) for path in _ROOT.rglob("warnings/__init__.py"))
-    return [kind for folder in folders for kind in WarningFamily[Any](".".join(folder.parts)).kinds]

@@ -161,7 +161,7 @@ def locate(root: Node, path: KeyPath, *, typed: bool = True) -> tuple[SourceLoca
     keys: list[str | int] = []
     tagged = not typed
     for step in path:
-        if not tagged and node.entries is not None and _type_of(node) == step:
+        if not tagged and node.entries is not None and "type" in node.entries and node.entries["type"][1].value == step:
             tagged = True
             continue
         tagged = not typed
@@ -179,9 +179,3 @@ def locate(root: Node, path: KeyPath, *, typed: bool = True) -> tuple[SourceLoca
         else:
             break
     return place, tuple(keys)
-
-
-def _type_of(node: Node) -> Any:
-    if node.entries is not None and "type" in node.entries:
-        return node.entries["type"][1].value
-    return None

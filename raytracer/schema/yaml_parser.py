@@ -14,16 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from yaml.events import (
-    AliasEvent,
-    DocumentStartEvent,
-    MappingEndEvent,
-    MappingStartEvent,
-    ScalarEvent,
-    SequenceEndEvent,
-    SequenceStartEvent,
-    StreamEndEvent,
-)
 
 from raytracer.schema.yaml_nodes import MAX_DEPTH, MAX_DIGITS, Node, SourceLocation, collection
 from raytracer.util.errors import SceneError, format_value, suggest_name
@@ -37,22 +27,9 @@ _INTEGER = re.compile(r"[-+]?[0-9]+")
 _PREFIXED = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
 _INFINITE = re.compile(r"([-+]?)\.?(?:inf|Inf|INF)")
-_WORDS: dict[str, bool | float | None] = {
-    "": None,
-    "~": None,
-    "null": None,
-    "Null": None,
-    "NULL": None,
-    "true": True,
-    "True": True,
-    "TRUE": True,
-    "false": False,
-    "False": False,
-    "FALSE": False,
-    ".nan": float("nan"),
-    ".NaN": float("nan"),
-    ".NAN": float("nan"),
-}
+_WORDS: dict[str, bool | float | None] = dict.fromkeys(("", "~", "null", "Null", "NULL"))
+_WORDS |= dict.fromkeys(("true", "True", "TRUE"), True) | dict.fromkeys(("false", "False", "FALSE"), False)
+_WORDS |= dict.fromkeys((".nan", ".NaN", ".NAN"), math.nan)
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
 
 # libyaml where PyYAML was built with it: six times as fast.
@@ -96,12 +73,12 @@ class _Composer:
         """Compose the tree of the one document; None for an empty text."""
         self._next()
         event = self._next()
-        if isinstance(event, StreamEndEvent):
+        if isinstance(event, yaml.StreamEndEvent):
             return None
         root = self._node(self._next(), 1)
         self._next()
         event = self._next()
-        if isinstance(event, DocumentStartEvent):
+        if isinstance(event, yaml.DocumentStartEvent):
             raise self.error(event, "a second document starts here; a file holds one")
         return root
 
@@ -131,7 +108,7 @@ class _Composer:
     def _node(self, event: Any, depth: int) -> Node:
         if depth > MAX_DEPTH:
             raise self.error(event, f"is nested more than {MAX_DEPTH} levels deep")
-        if isinstance(event, AliasEvent):
+        if isinstance(event, yaml.AliasEvent):
             return self._alias(event, depth)
         if event.tag is not None:
             raise self.error(event, f"the tag {event.tag!r} is refused; only plain values are taken")
@@ -143,9 +120,9 @@ class _Composer:
         if self._literal > MAX_VALUES:
             what = "a mesh, or the placements of an instance, are files that hold more"
             raise self.error(event, f"this is one of more than {MAX_VALUES:,} values; {what}")
-        if isinstance(event, ScalarEvent):
+        if isinstance(event, yaml.ScalarEvent):
             node = Node(self._place(event), scalar(self._text(event)) if event.implicit[0] else self._text(event))
-        elif isinstance(event, SequenceStartEvent):
+        elif isinstance(event, yaml.SequenceStartEvent):
             node = self._list(event, depth)
         else:
             node = self._mapping(event, depth)
@@ -173,17 +150,17 @@ class _Composer:
             raise self.error(event, f"is nested more than {MAX_DEPTH} levels deep")
         return node
 
-    def _list(self, start: SequenceStartEvent, depth: int) -> Node:
+    def _list(self, start: yaml.SequenceStartEvent, depth: int) -> Node:
         items = []
-        while not isinstance(event := self._next(), SequenceEndEvent):
+        while not isinstance(event := self._next(), yaml.SequenceEndEvent):
             items.append(self._node(event, depth + 1))
         return collection(self._place(start), items=tuple(items))
 
-    def _mapping(self, start: MappingStartEvent, depth: int) -> Node:
+    def _mapping(self, start: yaml.MappingStartEvent, depth: int) -> Node:
         entries: dict[str, tuple[SourceLocation, Node]] = {}
         merged: list[Node] = []
-        while not isinstance(event := self._next(), MappingEndEvent):
-            if not isinstance(event, ScalarEvent) or event.tag is not None:
+        while not isinstance(event := self._next(), yaml.MappingEndEvent):
+            if not isinstance(event, yaml.ScalarEvent) or event.tag is not None:
                 raise self.error(event, "a key must be a plain string")
             key, place = self._text(event), self._place(event)
             node = self._node(self._next(), depth + 1)
@@ -225,8 +202,6 @@ def _syntax(error: yaml.MarkedYAMLError, line: int) -> str:
 def parse(text: str, file: str, option: str | None = None) -> Node | None:
     """Parse a YAML text to a tree of nodes; None where it holds nothing.
 
-    Parameters
-    ----------
     text: The YAML text.
     file: Name by which errors call the file.
     option: Option of the command line that gave the text, where it did not come from a file.

@@ -285,7 +285,7 @@ def _seen(packed: PackedScene, middle: Array, size: float) -> NDArray[np.int64]:
     for direction in rng.normal(size=(400, 3)):
         unit = direction / np.linalg.norm(direction)
         met = accel.cast(middle + 0.3 * size * rng.normal(size=3) - 3.0 * size * unit, unit)
-        result.append(-1 if met is None else int(packed.owners[met.geometry].number[met.primitive // 2]))
+        result.append(-1 if met is None else int(packed.objects.owners[met.geometry].number[met.primitive // 2]))
     return np.array(result)
 
 

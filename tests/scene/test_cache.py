@@ -16,12 +16,12 @@ from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.render import prepare_scene, render, render_prepared
 from raytracer.rendering.statistics import PhaseTimer
 from raytracer.scene import cache as cache_module
-from raytracer.scene.asset_provider import AccelInput
 from raytracer.scene.assets import LOADERS
 from raytracer.scene.cache import RenderCache, is_identical
 from raytracer.scene.load import build, load
 from raytracer.scene.overrides import apply_overrides
 from raytracer.scene.pack.scene import pack
+from raytracer.scene.scene_assets import AccelInput
 from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import InputError
 from tests.repository import ROOT
@@ -195,7 +195,7 @@ def test_a_changed_file_is_another_world(rich: Path) -> None:
     _write_mesh(rich.parent / "mesh.ply", 0.5)
     after = pack(spec, provider=cache)
     assert is_identical(after._replace(built=None), _alone(spec))
-    assert not is_identical(before.geometries, after.geometries)
+    assert not is_identical(before.objects.geometries, after.objects.geometries)
     (rich.parent / "wood.png").unlink()
     with pytest.raises(InputError, match=r"wood\.png: no such file"):
         pack(spec, provider=cache)

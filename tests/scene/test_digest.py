@@ -15,7 +15,7 @@ from raytracer.scene import digest as digest_module
 from raytracer.scene.assets import companion_files, read_mesh
 from raytracer.scene.bundle import Bundle, bundle, unbundle
 from raytracer.scene.digest import digest
-from raytracer.scene.input_files import input_files
+from raytracer.scene.files import input_files
 from raytracer.scene.load import build, load
 from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import InputError

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field, TypeAdapter, ValidationError
 
+from raytracer.plugins.shapes.base.interface import ObjectSpec
 from raytracer.schema.fields import (
     Albedo,
     Direction,
@@ -20,7 +21,6 @@ from raytracer.schema.fields import (
     PositiveLengthOrInf,
     Radiance,
 )
-from raytracer.schema.object_spec import ObjectSpec
 from raytracer.schema.spec import field_error
 from raytracer.schema.transform import Transform, matrix_of
 from raytracer.schema.validation_errors import error_sentence

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from raytracer.schema.warning_kind import Sentence, WarningFamily, WarningKind, WarningRecord, all_warning_kinds
+from docs.make_warnings import all_warning_kinds
+from raytracer.schema.warning_kind import Sentence, WarningFamily, WarningKind, WarningRecord
 
 KIND = """\
 from raytracer.schema.warning_kind import Sentence, WarningKind

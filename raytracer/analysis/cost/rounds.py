@@ -22,11 +22,10 @@ _EARLY = 4
 
 def shares_accel(a: PackedScene, b: PackedScene) -> bool:
     """Tell if one ray caster's structure serves both scenes: it takes most of the memory of a large scene."""
-    if a.robust != b.robust or len(a.scene.primitives) != len(b.scene.primitives):
+    one, other = a.accel_input(), b.accel_input()
+    if (one.robust, one.first_instance) != (other.robust, other.first_instance):
         return False
-    return all(
-        _equal(*pair) for pair in ((a.geometries, b.geometries), (a.groups, b.groups), (a.placements, b.placements))
-    )
+    return all(_equal(*pair) for pair in zip(one[:3], other[:3], strict=True))
 
 
 def _equal(a: Any, b: Any) -> bool:

@@ -5,7 +5,7 @@ import json
 from collections.abc import Mapping
 
 from raytracer.optics.to_yaml import spec_to_plain
-from raytracer.scene.input_files import input_files
+from raytracer.scene.files import input_files
 from raytracer.scene.spec import SceneSpec
 
 SCENE = "the scene"

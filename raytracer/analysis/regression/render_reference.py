@@ -15,7 +15,7 @@ from raytracer.film.image import Image
 from raytracer.film.white_balance import AUTO
 from raytracer.rendering.progress import Progress
 from raytracer.rendering.render import render
-from raytracer.scene.file_access import check_names_allowed
+from raytracer.scene.files import check_names_allowed
 from raytracer.scene.load import load
 from raytracer.scene.overrides import apply_overrides
 from raytracer.scene.spec import SceneSpec

@@ -21,7 +21,7 @@ from pydantic import Field, ValidationError
 
 from raytracer.analysis.sweep.parse_values import ParsedValues, parse_value, single_value_axis
 from raytracer.analysis.sweep.results import Axis
-from raytracer.scene.file_access import check_names_allowed
+from raytracer.scene.files import check_names_allowed
 from raytracer.scene.load import load
 from raytracer.scene.overrides import apply_overrides
 from raytracer.scene.spec import SceneSpec

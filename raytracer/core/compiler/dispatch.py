@@ -54,16 +54,25 @@ def generic(stub: Callable[..., Any]) -> Any:
 
     Cases are added with `@stub.register(SomeNamedTuple)`.  Called from Python it is `functools.singledispatch`;
     called from a kernel the choice is made while compiling, so nothing is left of it at run time.
-    A case must take the same argument names as the stub.
+    A case must take the same argument names as the stub.  What that returns is the default for calls from Python; if it
+    has no body, there is none.
     """
-    dispatcher = functools.singledispatch(stub)
+
+    @functools.wraps(stub)
+    def default(*args):
+        result = stub(*args)
+        if result is None:
+            raise NotImplementedError(f"{stub.__name__} has no case for {type(args[0]).__name__}")
+        return result
+
+    dispatcher = functools.singledispatch(default)
 
     def choose(first: Any) -> Callable[..., Any] | None:
         from raytracer.core.compiler.parts import class_of
 
         cls = class_of(first)
-        case = dispatcher.dispatch(cls) if cls is not None else stub
-        return None if case is stub else case
+        case = dispatcher.dispatch(cls) if cls is not None else default
+        return None if case is default else case
 
     declare_part(dispatcher, lambda first, *rest: choose(first))
     return dispatcher
@@ -81,7 +90,7 @@ def optional(*absent: Any) -> Any:
     def decorated(function: Callable[..., Any]) -> Any:
         @functools.wraps(function)
         def stub(*args):
-            raise NotImplementedError
+            """Have no default: the function is a case like others."""
 
         dispatcher = generic(stub)
         for cls in (type(None), *absent):

@@ -39,17 +39,13 @@ class ImageAperture(ApertureSpec):
     )
 
     def shape(self, assets: Assets) -> "ApertureMask":
-        try:
-            return pack_mask(self._transmission(assets))
-        except ValueError as error:
-            raise ValueError(f"{self.file} {error}") from None
-
-    def _transmission(self, assets: Assets) -> NDArray[np.float64]:
-        """Return the relative transmission of the pixels (height, width): luminance times alpha."""
         values = np.asarray(assets["file"].linear(self.encoding == "srgb"), np.float64)
         channels = values.shape[2]
         light = values[..., :3] @ np.array(REC709_LUMINANCE) if channels >= 3 else values[..., 0]
-        return np.asarray(light * values[..., -1] if channels in (2, 4) else light)
+        try:
+            return pack_mask(np.asarray(light * values[..., -1] if channels in (2, 4) else light))
+        except ValueError as error:
+            raise ValueError(f"{self.file} {error}") from None
 
 
 class ApertureMask(NamedTuple):

@@ -15,19 +15,10 @@ from pydantic import Field, model_validator
 
 from raytracer.film.light_field.mosaic import Mosaic
 from raytracer.plugins.apertures.base.polygon import pack_rectangle
+from raytracer.plugins.cameras.base import views
 from raytracer.plugins.cameras.base.ideal import IdealLensSpec
 from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets
 from raytracer.plugins.cameras.base.perspective import ApertureSize
-from raytracer.plugins.cameras.base.views import (
-    MAX_VIEWS,
-    ViewGrid,
-    ViewsCamera,
-    describe_views,
-    make_mosaic,
-    make_view_grid,
-    replicate_camera,
-    view_margin,
-)
 from raytracer.schema.fields import Count, Extent, PositiveLengthOrInf
 from raytracer.schema.rules import never
 from raytracer.schema.spec import field_error
@@ -52,8 +43,8 @@ class CameraArray(IdealLensSpec):
     aperture_hint: ClassVar[str] = f"{IdealLensSpec.aperture_hint}, or fill"
 
     type: Literal["camera_array"] = "camera_array"
-    rows: Annotated[int, Count(1, MAX_VIEWS)] = Field(description="rows of cameras")
-    columns: Annotated[int, Count(1, MAX_VIEWS)] = Field(description="cameras in a row")
+    rows: Annotated[int, Count(1, views.MAX_VIEWS)] = Field(description="rows of cameras")
+    columns: Annotated[int, Count(1, views.MAX_VIEWS)] = Field(description="cameras in a row")
     spacing: Extent = Field(
         description="from one camera to the next (m), such as 20 mm; or two, to the right and upwards: [20 mm, 30 mm]"
     )
@@ -103,19 +94,18 @@ class CameraArray(IdealLensSpec):
         return self.columns * width, self.rows * height
 
     def film_margin(self, width: int, height: int) -> float:
-        return view_margin(width, height)
+        return views.view_margin(width, height)
 
-    def _grid(self, width: int, height: int) -> ViewGrid:
-        return make_view_grid(self.rows, self.columns, self.spacing, width, height, 1.0 / self.convergence())
+    def _grid(self, width: int, height: int) -> views.ViewGrid:
+        return views.make_view_grid(self.rows, self.columns, self.spacing, width, height, 1.0 / self.convergence())
 
     def layout(self, width: int, height: int) -> Mosaic:
-        """Return the light field: its views, and their places in the picture."""
         optics = self.optics(width, height)
         camera = self.pack_with_lens(width, height, None)
         # What light a round opening gathers comes from a square of its area.
         side = 0.5 * math.sqrt(math.pi) * self.pupil_diameter(width, height)
         cell = self.spacing if self.fill else (side, side)
-        return make_mosaic(
+        return views.make_mosaic(
             camera.frame,
             camera.plane,
             self._grid(width, height),
@@ -126,10 +116,8 @@ class CameraArray(IdealLensSpec):
         )
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Return derived numbers of one camera and of all."""
-        return super().describe(width, height) | describe_views(self.layout(width, height).views)
+        return super().describe(width, height) | views.describe_views(self.layout(width, height).views)
 
-    def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> ViewsCamera:
-        """Pack the cameras with their lenses, or without where the aperture is 0."""
+    def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> views.ViewsCamera:
         camera = self.pack_with_lens(width, height, self.pack_lens(width, height, assets))
-        return replicate_camera(camera, self._grid(width, height))
+        return views.replicate_camera(camera, self._grid(width, height))

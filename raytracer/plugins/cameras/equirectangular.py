@@ -12,7 +12,7 @@ from pydantic import Field
 
 from raytracer.core.spectra import monochromatic_spectra
 from raytracer.core.vec import norm, to_world
-from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets, CameraParts, camera_parts, camera_ray, project
+from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets, camera_ray, project
 from raytracer.plugins.cameras.base.placement import CameraFrame, PlacedSpec, WavelengthField, to_camera_space
 from raytracer.schema.fields import Quantity
 
@@ -36,7 +36,6 @@ class Equirectangular(PlacedSpec):
     wavelength: WavelengthField = None
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Return derived numbers: the field, a pixel in degrees along the equator and a meridian, the wavelength."""
         numbers = {
             "hfov_deg": self.hfov,
             "vfov_deg": self.vfov,
@@ -46,7 +45,6 @@ class Equirectangular(PlacedSpec):
         return numbers if self.wavelength is None else {**numbers, "wavelength_nm": self.wavelength}
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "EquirectangularCamera":
-        """Pack the camera for a film of width x height pixels."""
         return EquirectangularCamera(
             self.frame(),
             math.radians(self.hfov) / width,
@@ -81,11 +79,6 @@ def camera_ray_equirectangular_camera(camera, x, y, time, draws):
     local = (level * math.sin(longitude), math.sin(latitude), level * math.cos(longitude))
     frame = camera.frame
     return frame.origin, to_world(local, frame.right, frame.up, frame.forward), 1.0
-
-
-@camera_parts.register(EquirectangularCamera)
-def camera_parts_equirectangular_camera(camera: EquirectangularCamera) -> CameraParts:
-    return CameraParts(spectra=camera.wavelengths)
 
 
 @project.register(EquirectangularCamera)

@@ -54,7 +54,6 @@ class Fisheye(PlacedSpec):
         return self
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Return derived numbers: the image circle, and the field of a pixel in its middle."""
         radius = 0.5 * min(width, height)
         half = math.radians(self.fov) / 2.0
         slope = {
@@ -70,7 +69,6 @@ class Fisheye(PlacedSpec):
         }
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "FisheyeCamera":
-        """Pack the camera for a film of width x height pixels."""
         half = math.radians(self.fov) / 2.0
         projection: Any = {
             "equidistant": Equidistant(half),
@@ -123,13 +121,11 @@ class FisheyeCamera(NamedTuple):
 @generic
 def radius_to_angle(projection, radius):
     """Return the angle from the axis (rad) at a distance from the middle, 0 to 1."""
-    raise NotImplementedError
 
 
 @generic
 def angle_to_radius(projection, angle):
     """Return the distance from the middle at an angle (rad) from the axis; NaN where the projection shows none."""
-    raise NotImplementedError
 
 
 @radius_to_angle.register(Equidistant)

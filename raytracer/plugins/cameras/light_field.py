@@ -36,10 +36,17 @@ from raytracer.plugins.cameras.base.light_field_camera import (
     SquareCell,
     pack_lattice,
 )
-from raytracer.plugins.cameras.base.microlenses import Arrangement, MainLens, Microlenses, solve_arrangement
+from raytracer.plugins.cameras.base.microlenses import (
+    Arrangement,
+    MainLens,
+    Microlenses,
+    describe_resolution,
+    make_lenslets,
+    microlens_solid_angle,
+    solve_arrangement,
+)
 from raytracer.plugins.cameras.base.perspective import CameraOptics
 from raytracer.plugins.cameras.base.perspective_camera import FlatPupil, Irradiance
-from raytracer.plugins.cameras.base.sub_images import describe_resolution, make_lenslets, microlens_solid_angle
 from raytracer.plugins.cameras.base.views import describe_views
 from raytracer.plugins.cameras.base.warnings import MICROLENS_WARNINGS, MicrolensFit
 from raytracer.schema.rules import never, only
@@ -117,8 +124,7 @@ class LightField(GlassLensSpec, IdealLensSpec):
             field_error("focal_length", "microlenses need the size of the optics: give focal_length, sensor, or both")
         if not self.has_aperture():
             field_error(
-                "f_number",
-                f"microlenses tell apart the parts of an opening, and there is none: {self.aperture_hint}",
+                "f_number", f"microlenses tell apart the parts of an opening, and there is none: {self.aperture_hint}"
             )
         return self
 
@@ -250,7 +256,6 @@ class LightField(GlassLensSpec, IdealLensSpec):
         return warnings + LENS_WARNINGS.find(MountedLens(self.glass(), self.lens_setup().shift))
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> LightFieldCamera | GlassLightFieldCamera:
-        """Pack the camera for a film of width x height pixels."""
         array, lenslets = self.arrangement(width, height), self.lenslets(width, height)
         cell = HexagonCell() if self.microlenses.layout == "hexagonal" else SquareCell()
         spread = None if self.microlenses.model == "pinhole" else MicrolensBlur(lenslets.blur)

@@ -15,20 +15,11 @@ from pydantic import Field
 from raytracer.film.light_field.mosaic import Mosaic
 from raytracer.optics.thin_lens import field_of_view
 from raytracer.plugins.apertures.base.polygon import pack_rectangle
+from raytracer.plugins.cameras.base import views
 from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets
 from raytracer.plugins.cameras.base.perspective_camera import ImagePlane, PerspectiveCamera
 from raytracer.plugins.cameras.base.placement import PlacedSpec
 from raytracer.plugins.cameras.base.thin_lens_ray import ThinLensPupil
-from raytracer.plugins.cameras.base.views import (
-    MAX_VIEWS,
-    ViewGrid,
-    ViewsCamera,
-    describe_views,
-    make_mosaic,
-    make_view_grid,
-    replicate_camera,
-    view_margin,
-)
 from raytracer.schema.fields import Count, Extent, PositiveLength
 
 
@@ -44,8 +35,8 @@ class LightSlab(PlacedSpec):
     """
 
     type: Literal["light_slab"] = "light_slab"
-    rows: Annotated[int, Count(1, MAX_VIEWS)] = Field(description="rows of cells of the plane of u and v")
-    columns: Annotated[int, Count(1, MAX_VIEWS)] = Field(description="cells in a row")
+    rows: Annotated[int, Count(1, views.MAX_VIEWS)] = Field(description="rows of cells of the plane of u and v")
+    columns: Annotated[int, Count(1, views.MAX_VIEWS)] = Field(description="cells in a row")
     uv: Extent = Field(description="width and height of the rectangle of the first plane (m), or one length for both")
     st: Extent = Field(
         description="width and height of the rectangle of the second plane (m), or one length for both; of one that is "
@@ -60,7 +51,7 @@ class LightSlab(PlacedSpec):
         return self.columns * width, self.rows * height
 
     def film_margin(self, width: int, height: int) -> float:
-        return view_margin(width, height)
+        return views.view_margin(width, height)
 
     def _separation(self) -> float:
         """Return the distance from the first plane to the second (m)."""
@@ -80,14 +71,13 @@ class LightSlab(PlacedSpec):
         pixel = self._pixel(width, height) / self._separation()
         return ImagePlane(pixel, -0.5 * pixel * width, 0.5 * pixel * height)
 
-    def _grid(self, width: int, height: int) -> ViewGrid:
-        return make_view_grid(self.rows, self.columns, self._spacing(), width, height, 1.0 / self._separation())
+    def _grid(self, width: int, height: int) -> views.ViewGrid:
+        return views.make_view_grid(self.rows, self.columns, self._spacing(), width, height, 1.0 / self._separation())
 
     def layout(self, width: int, height: int) -> Mosaic:
-        """Return the light field: its views, and their places in the picture."""
         cell = self._spacing() if self.fill else None
         grid, plane = self._grid(width, height), self._plane(width, height)
-        return make_mosaic(self.frame(), plane, grid, self.rows, self.columns, cell)
+        return views.make_mosaic(self.frame(), plane, grid, self.rows, self.columns, cell)
 
     def describe(self, width: int, height: int) -> dict[str, float]:
         """Return derived numbers: angles of the second plane from the middle of the first, and those of the views."""
@@ -98,14 +88,13 @@ class LightSlab(PlacedSpec):
             "hfov_deg": field_of_view(right, separation),
             "dfov_deg": field_of_view(math.hypot(right, up), separation),
             "pixel_at_1m_mm": 1e3 * edge / separation,
-            **describe_views(self.layout(width, height).views),
+            **views.describe_views(self.layout(width, height).views),
         }
 
-    def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> ViewsCamera:
-        """Pack the slab for a film of width x height pixels."""
+    def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> views.ViewsCamera:
         lens = None
         if self.fill:
             right, up = self._spacing()
             lens = ThinLensPupil(math.sqrt(right * up / math.pi), 1.0 / self._separation(), pack_rectangle(right, up))
         camera = PerspectiveCamera(self.frame(), self._plane(width, height), lens, None)
-        return replicate_camera(camera, self._grid(width, height))
+        return views.replicate_camera(camera, self._grid(width, height))

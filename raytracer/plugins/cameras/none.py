@@ -13,8 +13,8 @@ from raytracer.core.sampling import sample_2d
 from raytracer.core.sampling.warp import sample_cosine_hemisphere
 from raytracer.core.vec import add, madd, scale, to_world
 from raytracer.plugins.cameras.base.exposed import ExposedSpec
-from raytracer.plugins.cameras.base.interface import LENS, NO_ASSETS, Assets, camera_ray, project
-from raytracer.plugins.cameras.base.placement import CameraFrame, to_camera_space
+from raytracer.plugins.cameras.base.interface import LENS, NO_ASSETS, Assets, camera_ray
+from raytracer.plugins.cameras.base.placement import CameraFrame
 from raytracer.schema.units import METRES_PER_MILLIMETRE
 
 
@@ -31,7 +31,6 @@ class BareSensor(ExposedSpec):
         return True
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Return derived numbers: the film and a pixel of it."""
         film = self.film_size(width, height)
         return {
             "film_width_mm": film.width,
@@ -40,7 +39,6 @@ class BareSensor(ExposedSpec):
         }
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "LenslessCamera":
-        """Pack the camera for a film of width x height pixels."""
         film = self.film_size(width, height)
         pixel = METRES_PER_MILLIMETRE * film.height / height
         return LenslessCamera(self.frame(), pixel, -0.5 * pixel * width, 0.5 * pixel * height)
@@ -72,9 +70,3 @@ def camera_ray_lensless_camera(camera, x, y, time, draws):
     # Drawn in proportion to the cosine, so that pi times the mean radiance is the irradiance.
     direction = to_world(sample_cosine_hemisphere(u1, u2), frame.right, frame.up, frame.forward)
     return _sensor_point(camera, x, y), direction, math.pi
-
-
-@project.register(LenslessCamera)
-def project_lensless_camera(camera, point, time):
-    # A point is seen everywhere, so it has no place in the picture.
-    return math.nan, math.nan, to_camera_space(camera.frame, point)[2]

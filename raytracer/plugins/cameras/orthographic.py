@@ -42,12 +42,10 @@ class Orthographic(PlacedSpec):
         return self.width / width
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Return derived numbers: the size of the view, and of a pixel in it."""
         pixel = self._pixel(width, height)
         return {"view_width_m": pixel * width, "view_height_m": pixel * height, "pixel_mm": 1e3 * pixel}
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "OrthographicCamera":
-        """Pack the camera for a film of width x height pixels."""
         pixel = self._pixel(width, height)
         return OrthographicCamera(self.frame(), pixel, -0.5 * pixel * width, 0.5 * pixel * height)
 

@@ -6,14 +6,13 @@ In a scene:
     camera: {type: ray, look_from: [0, 1, 4], look_at: [0, 1, 0], wavelength: 550 nm, time: 0.5}
 """
 
-import math
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from raytracer.core.spectra import monochromatic_spectra
-from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets, CameraParts, camera_parts, camera_ray, project
-from raytracer.plugins.cameras.base.placement import CameraFrame, PlacedSpec, WavelengthField, to_camera_space
+from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets, camera_ray
+from raytracer.plugins.cameras.base.placement import CameraFrame, PlacedSpec, WavelengthField
 
 
 class Ray(PlacedSpec):
@@ -40,12 +39,10 @@ class Ray(PlacedSpec):
         return super(Ray, self.model_copy(update={"up": tuple(across.tolist())})).frame()
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Return derived numbers: the field, which is a point, and the wavelength, if it is one."""
         field = {"hfov_deg": 0.0, "vfov_deg": 0.0}
         return field if self.wavelength is None else {**field, "wavelength_nm": self.wavelength}
 
     def pack(self, width: int, height: int, assets: Assets = NO_ASSETS) -> "RayCamera":
-        """Pack the camera for a film of any size."""
         return RayCamera(self.frame(), None if self.wavelength is None else monochromatic_spectra(self.wavelength))
 
 
@@ -62,14 +59,3 @@ class RayCamera(NamedTuple):
 @camera_ray.register(RayCamera)
 def camera_ray_ray_camera(camera, x, y, time, draws):
     return camera.frame.origin, camera.frame.forward, 1.0
-
-
-@camera_parts.register(RayCamera)
-def camera_parts_ray_camera(camera: RayCamera) -> CameraParts:
-    return CameraParts(spectra=camera.wavelengths)
-
-
-@project.register(RayCamera)
-def project_ray_camera(camera, point, time):
-    # What is on the ray is seen everywhere, so it has no place in the picture.
-    return math.nan, math.nan, to_camera_space(camera.frame, point)[2]

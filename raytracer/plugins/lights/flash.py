@@ -10,7 +10,7 @@ A shutter needs to be open for some time, `camera: {..., shutter: 1/60 s}`, for 
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Literal, NamedTuple, TypeAlias
+from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +22,7 @@ from raytracer.core.sampling.alias import AliasTable, build_alias
 from raytracer.core.shutter.table import Pulses, pulse_interval
 from raytracer.core.shutter.timing import Timing
 from raytracer.core.vec import Vec3, scale, sub
-from raytracer.plugins.lights.base.interface import (
-    LightSample,
-    LightSpec,
-    point_light_sample,
-    sample_light,
-)
+from raytracer.plugins.lights.base import interface
 from raytracer.plugins.lights.base.light_choice import choose_light
 from raytracer.plugins.materials.base.interface import BLACK
 from raytracer.schema.fields import Point, PositiveTime, Quantity, Time, Triple
@@ -42,7 +37,7 @@ class _FlashPulse(NamedTuple):
     pulse: tuple[float, float] | None
 
 
-class FlashLight(LightSpec):
+class FlashLight(interface.LightSpec):
     """A point that radiates evenly in all directions for a short time: what moves is frozen in its light.
 
     A plane at distance d gets the radiant exposure energy cos / d^2 (J/m2).  In the picture, which is a mean over the
@@ -52,6 +47,8 @@ class FlashLight(LightSpec):
     (second curtain).  What the shutter covers at that moment does not see it: where the exposure is shorter than the
     readout, only a band does.  No ray can meet the flash itself.
     """
+
+    power: ClassVar[str] = "energy"
 
     type: Literal["flash"] = "flash"
     position: Point | None = Field(default=None, description="where it is; default: the camera's place at the moment")
@@ -85,17 +82,17 @@ class FlashLight(LightSpec):
         result._fired = fired
         return result
 
+    def shines(self) -> bool:
+        return any(self.energy if self._fired is None else self._fired.intensity)
+
     @staticmethod
-    def pack(specs: Sequence["FlashLight"]) -> "Flashes | None":
-        """Pack the flashes that `at_exposure` has placed in a shutter's time."""
-        shining = [spec for spec in specs if spec._fired is not None and any(spec._fired.intensity)]
-        if not shining:
-            return None
-        fired = [spec._fired for spec in shining if spec._fired is not None]
+    def pack(specs: Sequence["FlashLight"]) -> "Flashes":
+        """Pack flashes that `at_exposure` has placed in a shutter's time."""
+        fired = [spec._fired for spec in specs if spec._fired is not None]
         pulses = np.array([item.pulse for item in fired if item.pulse is not None], np.float64)
-        energy = np.array([spec.energy for spec in shining], np.float64)
+        energy = np.array([spec.energy for spec in specs], np.float64)
         return Flashes(
-            position=np.array([spec.position for spec in shining], np.float64),
+            position=np.array([spec.position for spec in specs], np.float64),
             intensity=np.array([item.intensity for item in fired], np.float64),
             pulse=Pulses(*np.ascontiguousarray(pulses.T)) if len(pulses) else None,
             choice=build_alias(energy.sum(axis=1)),
@@ -133,10 +130,10 @@ def choose_flash_pulses(pulse, choice, point, u, time):
     return (chosen, choice.pmf[chosen] / total) if total > 0.0 else (0, 0.0)
 
 
-@sample_light.register(Flashes)
+@interface.sample_light.register(Flashes)
 def sample_light_flashes(table, scene, point, time, u, draws):
     chosen, probability = choose_flash(table.pulse, table.choice, point, u, time)
     position = row3(table.position, chosen)
     if probability == 0.0:
-        return LightSample(sub(position, point), BLACK, 0.0, position, 0.0)
-    return point_light_sample(point, position, row3(table.intensity, chosen), probability)
+        return interface.LightSample(sub(position, point), BLACK, 0.0, position, 0.0)
+    return interface.point_light_sample(point, position, row3(table.intensity, chosen), probability)

@@ -31,16 +31,11 @@ class PointLight(LightSpec):
     intensity: Intensity = Field(description="radiant intensity (W/sr) by channel, or one number for all")
 
     @staticmethod
-    def pack(specs: Sequence["PointLight"]) -> "PointLights | None":
-        shining = [spec for spec in specs if any(spec.intensity)]
-        if not shining:
-            return None
-        intensity = np.array([spec.intensity for spec in shining], np.float64)
-        position = np.array([spec.position for spec in shining], np.float64)
+    def pack(specs: Sequence["PointLight"]) -> "PointLights":
+        intensity = np.array([spec.intensity for spec in specs], np.float64)
+        position = np.array([spec.position for spec in specs], np.float64)
         return PointLights(
-            position=position,
-            intensity=intensity,
-            choice=build_choice(intensity.sum(axis=1), (position, position)),
+            position=position, intensity=intensity, choice=build_choice(intensity.sum(axis=1), (position, position))
         )
 
 

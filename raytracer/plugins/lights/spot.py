@@ -17,13 +17,7 @@ from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.geometry import row3
 from raytracer.core.sampling.alias import AliasTable
 from raytracer.core.vec import Vec3, cross, dot, norm, scale, sub
-from raytracer.plugins.lights.base.interface import (
-    Intensity,
-    LightSpec,
-    point_light_sample,
-    sample_light,
-    unit_vector,
-)
+from raytracer.plugins.lights.base import interface
 from raytracer.plugins.lights.base.light_choice import choose_light
 from raytracer.plugins.lights.base.light_tree import LightTree, build_choice
 from raytracer.schema.fields import Direction, NonNegativeAngle, Point, Quantity
@@ -31,7 +25,7 @@ from raytracer.schema.rules import some_of
 from raytracer.schema.spec import field_error
 
 
-class SpotLight(LightSpec):
+class SpotLight(interface.LightSpec):
     """A point that radiates into a cone: evenly, and within the penumbra less and less, down to nothing at the edge.
 
     The falloff over the penumbra is linear in the angle from the axis.  No ray can meet the light itself.
@@ -41,7 +35,9 @@ class SpotLight(LightSpec):
     position: Point = Field(description="where it is")
     direction: Direction | None = Field(default=None, description="the cone's axis, along which the light travels")
     look_at: Point | None = Field(default=None, description="a point on the axis, in place of `direction`")
-    intensity: Intensity = Field(description="radiant intensity on the axis (W/sr) by channel, or one number for all")
+    intensity: interface.Intensity = Field(
+        description="radiant intensity on the axis (W/sr) by channel, or one number for all"
+    )
     angle: Annotated[float, Quantity("angle", low=0.0, low_open=True, high=180.0)] = Field(
         description="the cone's full angle, edge to edge"
     )
@@ -63,9 +59,9 @@ class SpotLight(LightSpec):
     def axis(self) -> Vec3:
         """Return the unit vector along the axis, away from the light."""
         if self.direction is not None:
-            return unit_vector(self.direction)
+            return interface.unit_vector(self.direction)
         assert self.look_at is not None
-        return unit_vector(sub(self.look_at, self.position))
+        return interface.unit_vector(sub(self.look_at, self.position))
 
     def solid_angle(self) -> float:
         """Return the cone's solid angle (sr), its penumbra weighted by the falloff: flux over intensity.
@@ -79,19 +75,16 @@ class SpotLight(LightSpec):
         return 2.0 * math.pi * (1.0 - mean_cosine)
 
     @staticmethod
-    def pack(specs: Sequence["SpotLight"]) -> "SpotLights | None":
-        shining = [spec for spec in specs if any(spec.intensity)]
-        if not shining:
-            return None
-        position = np.array([spec.position for spec in shining], np.float64)
+    def pack(specs: Sequence["SpotLight"]) -> "SpotLights":
+        position = np.array([spec.position for spec in specs], np.float64)
         return SpotLights(
             position=position,
-            axis=np.array([spec.axis() for spec in shining], np.float64),
-            intensity=np.array([spec.intensity for spec in shining], np.float64),
-            half_angle=np.radians([0.5 * spec.angle for spec in shining]),
-            penumbra=np.radians([spec.penumbra for spec in shining]),
+            axis=np.array([spec.axis() for spec in specs], np.float64),
+            intensity=np.array([spec.intensity for spec in specs], np.float64),
+            half_angle=np.radians([0.5 * spec.angle for spec in specs]),
+            penumbra=np.radians([spec.penumbra for spec in specs]),
             choice=build_choice(
-                np.array([sum(spec.intensity) * spec.solid_angle() for spec in shining]), (position, position)
+                np.array([sum(spec.intensity) * spec.solid_angle() for spec in specs]), (position, position)
             ),
         )
 
@@ -116,11 +109,11 @@ def falloff(angle: float, half: float, penumbra: float) -> float:
     return inside / penumbra if inside < penumbra else 1.0
 
 
-@sample_light.register(SpotLights)
+@interface.sample_light.register(SpotLights)
 def sample_light_spot_lights(table, scene, point, time, u, draws):
     chosen, probability, _ = choose_light(table.choice, point, u)
     position, axis = row3(table.position, chosen), row3(table.axis, chosen)
     out = sub(point, position)
     angle = math.atan2(norm(cross(out, axis)), dot(out, axis))
     share = falloff(angle, table.half_angle[chosen], table.penumbra[chosen])
-    return point_light_sample(point, position, scale(share, row3(table.intensity, chosen)), probability)
+    return interface.point_light_sample(point, position, scale(share, row3(table.intensity, chosen)), probability)

@@ -14,25 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.plugins.materials.base.interface import (
-    PASSTHROUGH,
-    Child,
-    MaterialSpec,
-    SelectorSpec,
-    select,
-    split_random_number,
-)
-from raytracer.plugins.textures.base.interface import (
-    Numbers,
-    ParameterPacker,
-    TexturedFraction,
-    TexturedNumbers,
-    number,
-)
+from raytracer.plugins.materials.base import interface
+from raytracer.plugins.textures.base.interface import NumberParameter, ParameterPacker, TexturedFraction, number
 from raytracer.schema.fields import Fraction
 
 
-class Cutout(SelectorSpec):
+class Cutout(interface.SelectorSpec):
     """A material where the surface is, and nothing where it is not.
 
     Between 0 and 1 the opacity is the share of light that meets the material; the rest goes straight on, as do the
@@ -40,10 +27,9 @@ class Cutout(SelectorSpec):
     """
 
     type: Literal["cutout"] = "cutout"
-    material: Child = Field(description="the material, by name or inline")
+    material: interface.Child = Field(description="the material, by name or inline")
     opacity: TexturedFraction = Field(
-        default=0.5,
-        description="how much of the surface is there, from 0 to 1; of an image's alpha with `channel: a`",
+        default=0.5, description="how much of the surface is there, from 0 to 1; of an image's alpha with `channel: a`"
     )
     threshold: Fraction | None = Field(
         default=None, description="opacity from which on the surface is all there, and below which it is not at all"
@@ -52,14 +38,14 @@ class Cutout(SelectorSpec):
     def children(self) -> Mapping[tuple[str | int, ...], Any]:
         return {("material",): self.material}
 
-    def with_children(self, children: Sequence[MaterialSpec]) -> MaterialSpec:
+    def with_children(self, children: Sequence[interface.MaterialSpec]) -> interface.MaterialSpec:
         (material,) = children
         enough = 1.0 if self.threshold is None else self.threshold
         if isinstance(self.opacity, float) and self.opacity >= enough:
             return material
         return self.model_copy(update={"material": material})
 
-    def with_mean_textures(self, means: Mapping[str, Any]) -> MaterialSpec:
+    def with_mean_textures(self, means: Mapping[str, Any]) -> interface.MaterialSpec:
         # What a threshold makes of a mean is all or nothing; the mean itself leaves as much of the surface as there is.
         plain = {**means, "threshold": None} if "opacity" in means else means
         return super().with_mean_textures(plain)
@@ -95,16 +81,16 @@ class CutoutTable(NamedTuple):
     """
 
     material: NDArray[np.int32]
-    opacity: Numbers | TexturedNumbers
+    opacity: NumberParameter
     threshold: NDArray[np.float64]
 
 
-@select.register(CutoutTable)
+@interface.select.register(CutoutTable)
 def select_cutout_table(table, index, front, textures, site, u):
     opacity, threshold = number(table.opacity, index, textures, site), table.threshold[index]
     if opacity >= threshold:
         opacity = 1.0
     elif opacity < threshold:
         opacity = 0.0
-    there, u = split_random_number(u, opacity)
-    return table.material[index] if there else PASSTHROUGH, u
+    there, u = interface.split_random_number(u, opacity)
+    return table.material[index] if there else interface.PASSTHROUGH, u

@@ -32,19 +32,8 @@ from raytracer.core.fresnel import fresnel_dielectric, refract
 from raytracer.core.sampling import sample_1d
 from raytracer.core.spectra import TERMINATE_ON_REFRACTION, PathWavelengths, upsample_at_wavelengths
 from raytracer.core.vec import Vec3, dot, mul, reflect, scale
+from raytracer.plugins.materials.base import interface
 from raytracer.plugins.materials.base.clear import ClearSpec, Dispersion, eta_at, pack_dispersion
-from raytracer.plugins.materials.base.interface import (
-    BLACK,
-    LOBE,
-    WHITE,
-    Scatter,
-    absorbed_scatter,
-    emission,
-    evaluate,
-    reflectance,
-    row,
-    scatter,
-)
 from raytracer.plugins.textures.base.interface import ParameterPacker
 from raytracer.schema.fields import Color, Vector
 
@@ -88,8 +77,8 @@ class Dielectric(ClearSpec):
     def coefficients(self) -> tuple[Vector, Vector]:
         """Return the absorption (1/m) by channel that the boundary accounts for: of the inside, and of the outside."""
         # With a priority, light knows at each place what it is in.
-        inside = BLACK if self.priority is not None else self.inside_absorption()
-        return inside, self.outside_absorption or BLACK
+        inside = interface.BLACK if self.priority is not None else self.inside_absorption()
+        return inside, self.outside_absorption or interface.BLACK
 
     @staticmethod
     def pack(specs: Sequence["Dielectric"], book: ParameterPacker) -> "DielectricTable":
@@ -143,7 +132,7 @@ class SpectralDielectricRow(NamedTuple):
     transmittance_outside: Vec3
 
 
-@row.register(DielectricTable)
+@interface.row.register(DielectricTable)
 def row_dielectric_table(table, index, textures, site):
     return _row(site.wavelengths, table, index, site.distance)
 
@@ -192,7 +181,7 @@ def _spectral_row_dispersion(dispersion, table, index, wavelengths, distance):
 @optional
 def transmittance(absorption, index, side, distance):
     """Return the transmittance by channel of a distance (m) on the inside (side 0) or outside (1) of a material."""
-    return WHITE
+    return interface.WHITE
 
 
 @transmittance.register(Absorption)
@@ -205,30 +194,30 @@ def transmittance_absorption(absorption, index, side, distance):
     )
 
 
-@scatter.register(DielectricRow)
+@interface.scatter.register(DielectricRow)
 def scatter_dielectric_row(material, direction, normal, front, draws):
     eta = material.eta if front else 1.0 / material.eta
     cos_i = min(1.0, abs(dot(direction, normal)))
     reflectance, cos_t = fresnel_dielectric(cos_i, eta)
     attenuation = material.transmittance_outside if front else material.transmittance_inside
-    if sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE) < reflectance:
-        return Scatter(reflect(direction, normal), attenuation, math.inf)
-    return Scatter(refract(direction, normal, cos_i, cos_t, eta), attenuation, math.inf)
+    if sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + interface.LOBE) < reflectance:
+        return interface.Scatter(reflect(direction, normal), attenuation, math.inf)
+    return interface.Scatter(refract(direction, normal, cos_i, cos_t, eta), attenuation, math.inf)
 
 
-@scatter.register(SpectralDielectricRow)
+@interface.scatter.register(SpectralDielectricRow)
 def scatter_spectral_dielectric_row(material, direction, normal, front, draws):
     first, second, third = material.eta
     if not front:
         first, second, third = 1.0 / first, 1.0 / second, 1.0 / third
     cos_i = min(1.0, abs(dot(direction, normal)))
     attenuation = material.transmittance_outside if front else material.transmittance_inside
-    u = sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE)
+    u = sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + interface.LOBE)
     of_first, cos_t = fresnel_dielectric(cos_i, first)
     if material.wavelength_count == 0.0:
         if u < of_first:
-            return Scatter(reflect(direction, normal), attenuation, math.inf)
-        return Scatter(refract(direction, normal, cos_i, cos_t, first), attenuation, math.inf)
+            return interface.Scatter(reflect(direction, normal), attenuation, math.inf)
+        return interface.Scatter(refract(direction, normal, cos_i, cos_t, first), attenuation, math.inf)
 
     # Wavelengths have one way when reflected, with one chance for all of them.
     of_all, chance = (of_first, of_first, of_first), of_first
@@ -236,31 +225,20 @@ def scatter_spectral_dielectric_row(material, direction, normal, front, draws):
         of_all = (of_first, fresnel_dielectric(cos_i, second)[0], fresnel_dielectric(cos_i, third)[0])
         chance = (of_all[0] + of_all[1] + of_all[2]) / 3.0
     if u < chance:
-        return Scatter(reflect(direction, normal), mul(scale(1.0 / chance, of_all), attenuation), math.inf)
+        return interface.Scatter(reflect(direction, normal), mul(scale(1.0 / chance, of_all), attenuation), math.inf)
 
     # Refracted, each has its own.
     number = material.number
     eta = (first, second, third)[number]
     reflectance, cos_t = fresnel_dielectric(cos_i, eta)
     if reflectance == 1.0:
-        return absorbed_scatter(direction)
+        return interface.absorbed_scatter(direction)
     part = (1.0 - reflectance) / (1.0 - chance) * attenuation[number]
     weight = (part if number == 0 else 0.0, part if number == 1 else 0.0, part if number == 2 else 0.0)
-    return Scatter(refract(direction, normal, cos_i, cos_t, eta), weight, math.inf)
+    return interface.Scatter(refract(direction, normal, cos_i, cos_t, eta), weight, math.inf)
 
 
-@evaluate.register(SpectralDielectricRow)
-@evaluate.register(DielectricRow)
-def evaluate_spectral_dielectric_row(material, direction, normal, front, outgoing):
-    return BLACK, 0.0
-
-
-@emission.register(DielectricTable)
-def emission_dielectric_table(table, index, front, textures, site):
-    return BLACK
-
-
-@reflectance.register(SpectralDielectricRow)
-@reflectance.register(DielectricRow)
+@interface.reflectance.register(SpectralDielectricRow)
+@interface.reflectance.register(DielectricRow)
 def reflectance_spectral_dielectric_row(material):
-    return WHITE
+    return interface.WHITE

@@ -12,27 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from raytracer.plugins.materials.base.interface import (
-    BLACK,
-    MaterialSpec,
-    absorbed_scatter,
-    emission,
-    evaluate,
-    reflectance,
-    row,
-    scatter,
-)
-from raytracer.plugins.textures.base.interface import (
-    Colors,
-    ParameterPacker,
-    TexturedColors,
-    TexturedRadiance,
-    color,
-    is_zero,
-)
+from raytracer.plugins.materials.base import interface
+from raytracer.plugins.textures.base.interface import ColorParameter, ParameterPacker, TexturedRadiance, color, is_zero
 
 
-class Emitter(MaterialSpec):
+class Emitter(interface.MaterialSpec):
     """A surface that radiates evenly to the side of its normal (outwards from a sphere or box), and absorbs."""
 
     type: Literal["emitter"] = "emitter"
@@ -44,8 +28,7 @@ class Emitter(MaterialSpec):
     @staticmethod
     def pack(specs: Sequence["Emitter"], book: ParameterPacker) -> "EmitterTable":
         return EmitterTable(
-            book.colors([spec.radiance for spec in specs]),
-            np.array([spec.two_sided for spec in specs], np.bool_),
+            book.colors([spec.radiance for spec in specs]), np.array([spec.two_sided for spec in specs], np.bool_)
         )
 
     def is_emissive(self) -> bool:
@@ -61,7 +44,7 @@ class Emitter(MaterialSpec):
 class EmitterTable(NamedTuple):
     """Packed emitters: radiance by row, and two_sided (n,) bool."""
 
-    radiance: Colors | TexturedColors
+    radiance: ColorParameter
     two_sided: NDArray[np.bool_]
 
 
@@ -69,28 +52,23 @@ class EmitterRow(NamedTuple):
     """One material, which scatters nothing."""
 
 
-@row.register(EmitterTable)
+@interface.row.register(EmitterTable)
 def row_emitter_table(table, index, textures, site):
     return EmitterRow()
 
 
-@scatter.register(EmitterRow)
+@interface.scatter.register(EmitterRow)
 def scatter_emitter_row(material, direction, normal, front, draws):
-    return absorbed_scatter(direction)
+    return interface.absorbed_scatter(direction)
 
 
-@evaluate.register(EmitterRow)
-def evaluate_emitter_row(material, direction, normal, front, outgoing):
-    return BLACK, 0.0
-
-
-@emission.register(EmitterTable)
+@interface.emission.register(EmitterTable)
 def emission_emitter_table(table, index, front, textures, site):
     if not (front or table.two_sided[index]):
-        return BLACK
+        return interface.BLACK
     return color(table.radiance, index, textures, site)
 
 
-@reflectance.register(EmitterRow)
+@interface.reflectance.register(EmitterRow)
 def reflectance_emitter_row(material):
-    return BLACK
+    return interface.BLACK

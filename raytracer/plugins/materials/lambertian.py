@@ -14,28 +14,11 @@ from pydantic import Field
 from raytracer.core.sampling import sample_2d
 from raytracer.core.sampling.warp import pdf_cosine_hemisphere, sample_cosine_hemisphere
 from raytracer.core.vec import Vec3, basis, dot, scale, to_world
-from raytracer.plugins.materials.base.interface import (
-    BLACK,
-    DIRECTION,
-    MaterialSpec,
-    Scatter,
-    emission,
-    evaluate,
-    reflectance,
-    row,
-    scatter,
-)
-from raytracer.plugins.textures.base.interface import (
-    Colors,
-    ParameterPacker,
-    TexturedAlbedo,
-    TexturedColors,
-    color,
-    is_zero,
-)
+from raytracer.plugins.materials.base import interface
+from raytracer.plugins.textures.base.interface import ColorParameter, ParameterPacker, TexturedAlbedo, color, is_zero
 
 
-class Lambertian(MaterialSpec):
+class Lambertian(interface.MaterialSpec):
     """A matte surface: the same radiance to all sides.
 
     References: Lambert 1760, "Photometria"; f = albedo / pi.
@@ -55,7 +38,7 @@ class Lambertian(MaterialSpec):
 class LambertianTable(NamedTuple):
     """Packed materials: albedo by row."""
 
-    albedo: Colors | TexturedColors
+    albedo: ColorParameter
 
 
 class LambertianRow(NamedTuple):
@@ -64,30 +47,25 @@ class LambertianRow(NamedTuple):
     albedo: Vec3
 
 
-@row.register(LambertianTable)
+@interface.row.register(LambertianTable)
 def row_lambertian_table(table, index, textures, site):
     return LambertianRow(color(table.albedo, index, textures, site))
 
 
-@scatter.register(LambertianRow)
+@interface.scatter.register(LambertianRow)
 def scatter_lambertian_row(material, direction, normal, front, draws):
-    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + DIRECTION)
+    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + interface.DIRECTION)
     local = sample_cosine_hemisphere(u1, u2)
     s, t = basis(normal)
-    return Scatter(to_world(local, s, t, normal), material.albedo, pdf_cosine_hemisphere(local[2]))
+    return interface.Scatter(to_world(local, s, t, normal), material.albedo, pdf_cosine_hemisphere(local[2]))
 
 
-@evaluate.register(LambertianRow)
+@interface.evaluate.register(LambertianRow)
 def evaluate_lambertian_row(material, direction, normal, front, outgoing):
     cosine = max(0.0, dot(outgoing, normal))
     return scale(cosine / math.pi, material.albedo), pdf_cosine_hemisphere(cosine)
 
 
-@emission.register(LambertianTable)
-def emission_lambertian_table(table, index, front, textures, site):
-    return BLACK
-
-
-@reflectance.register(LambertianRow)
+@interface.reflectance.register(LambertianRow)
 def reflectance_lambertian_row(material):
     return material.albedo

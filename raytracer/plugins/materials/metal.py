@@ -15,33 +15,20 @@ from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.sampling import sample_2d
 from raytracer.core.sampling.warp import sample_sphere
 from raytracer.core.vec import Vec3, dot, madd, normalize, reflect, scale, sub
-from raytracer.plugins.materials.base.interface import (
-    BLACK,
-    DIRECTION,
-    MaterialSpec,
-    Scatter,
-    absorbed_scatter,
-    emission,
-    evaluate,
-    reflectance,
-    row,
-    scatter,
-)
+from raytracer.plugins.materials.base import interface
 from raytracer.plugins.textures.base.interface import (
-    Colors,
-    Numbers,
+    ColorParameter,
+    NumberParameter,
     ParameterPacker,
     TexturedAlbedo,
-    TexturedColors,
     TexturedFraction,
-    TexturedNumbers,
     color,
     is_zero,
     number,
 )
 
 
-class Metal(MaterialSpec):
+class Metal(interface.MaterialSpec):
     """The mirrored unit direction plus `fuzz` times a random unit vector; what would go below the surface is lost.
 
     References: Shirley et al. 2024, "Ray Tracing in One Weekend", sec. 10.5.
@@ -62,8 +49,8 @@ class Metal(MaterialSpec):
 class MetalTable(NamedTuple):
     """Packed materials: albedo and fuzz by row."""
 
-    albedo: Colors | TexturedColors
-    fuzz: Numbers | TexturedNumbers
+    albedo: ColorParameter
+    fuzz: NumberParameter
 
 
 class MetalRow(NamedTuple):
@@ -93,40 +80,35 @@ def _pdf_fuzz(cosine: float, half: float, fuzz: float) -> float:
     return (cosine * cosine + half * half) / (2.0 * math.pi * fuzz * half)
 
 
-@row.register(MetalTable)
+@interface.row.register(MetalTable)
 def row_metal_table(table, index, textures, site):
     return MetalRow(color(table.albedo, index, textures, site), number(table.fuzz, index, textures, site))
 
 
-@scatter.register(MetalRow)
+@interface.scatter.register(MetalRow)
 def scatter_metal_row(material, direction, normal, front, draws):
     mirrored = reflect(direction, normal)
     if material.fuzz == 0.0:
-        return Scatter(mirrored, material.albedo, math.inf)
-    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + DIRECTION)
+        return interface.Scatter(mirrored, material.albedo, math.inf)
+    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + interface.DIRECTION)
     shift = sample_sphere(u1, u2)
     outgoing = normalize(madd(mirrored, material.fuzz, shift))
     if not dot(outgoing, normal) > 0.0:
-        return absorbed_scatter(direction)
+        return interface.absorbed_scatter(direction)
     # From the vector that was drawn: near the rim of the lobe the angle alone would round to a pdf of 0.
     half = material.fuzz * abs(dot(outgoing, shift))
-    return Scatter(outgoing, material.albedo, _pdf_fuzz(dot(outgoing, mirrored), half, material.fuzz))
+    return interface.Scatter(outgoing, material.albedo, _pdf_fuzz(dot(outgoing, mirrored), half, material.fuzz))
 
 
-@evaluate.register(MetalRow)
+@interface.evaluate.register(MetalRow)
 def evaluate_metal_row(material, direction, normal, front, outgoing):
     if material.fuzz == 0.0 or dot(outgoing, normal) <= 0.0:
-        return BLACK, 0.0
+        return interface.BLACK, 0.0
     chord = sub(outgoing, reflect(direction, normal))
     pdf = pdf_fuzz(0.5 * dot(chord, chord), material.fuzz)
     return scale(pdf, material.albedo), pdf
 
 
-@emission.register(MetalTable)
-def emission_metal_table(table, index, front, textures, site):
-    return BLACK
-
-
-@reflectance.register(MetalRow)
+@interface.reflectance.register(MetalRow)
 def reflectance_metal_row(material):
     return material.albedo

@@ -16,13 +16,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from raytracer.plugins.materials.base.interface import Child, MaterialSpec, SelectorSpec, select, split_random_number
-from raytracer.plugins.textures.base.interface import (
-    Numbers,
-    ParameterPacker,
-    TexturedFraction,
-    TexturedNumbers,
-    number,
-)
+from raytracer.plugins.textures.base.interface import NumberParameter, ParameterPacker, TexturedFraction, number
 
 
 class Mixture(SelectorSpec):
@@ -68,7 +62,7 @@ class MixtureTable(NamedTuple):
     """Packed mixtures: children (n, 2) int32, references of the two; weight, a parameter, the share of the second."""
 
     children: NDArray[np.int32]
-    weight: Numbers | TexturedNumbers
+    weight: NumberParameter
 
 
 @select.register(MixtureTable)

@@ -14,52 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from raytracer.core import microfacet
 from raytracer.core.compiler.dispatch import kernel, routine
 from raytracer.core.fresnel import SCHLICK_MEAN, fresnel_schlick_mean, schlick_weight
-from raytracer.core.microfacet import (
-    SMOOTH_ALPHA,
-    CellBlend,
-    Deficits,
-    deficit,
-    deficits,
-    find_cells,
-    ggx,
-    grazing_albedo,
-    half_vector,
-    masking,
-    mean_deficit,
-    multiple_albedo,
-    reflect_about,
-    reflection_density,
-    sample_multiple_scattering,
-    sample_visible_normal,
-    view_direction,
-)
 from raytracer.core.sampling import sample_1d, sample_2d
 from raytracer.core.sampling.warp import pdf_cosine_hemisphere, sample_cosine_hemisphere
 from raytracer.core.vec import Vec3, add, basis, dot, scale, sub, to_local, to_world
-from raytracer.plugins.materials.base.interface import (
-    BLACK,
-    DIRECTION,
-    LOBE,
-    WHITE,
-    MaterialSpec,
-    Scatter,
-    absorbed_scatter,
-    emission,
-    evaluate,
-    reflectance,
-    row,
-    scatter,
-)
+from raytracer.plugins.materials.base import interface
 from raytracer.plugins.textures.base.interface import (
-    Colors,
-    Numbers,
+    ColorParameter,
+    NumberParameter,
     ParameterPacker,
     TexturedAlbedo,
-    TexturedColors,
     TexturedFraction,
-    TexturedNumbers,
     TexturedRadiance,
     color,
     is_zero,
@@ -68,7 +35,7 @@ from raytracer.plugins.textures.base.interface import (
 from raytracer.schema.fields import Fraction, Quantity
 
 
-class Principled(MaterialSpec):
+class Principled(interface.MaterialSpec):
     """glTF's metallic-roughness material, made to keep energy.
 
     A metal of the base colour, mixed by `metallic` with a matte body of the base colour under a clear coat; `roughness`
@@ -101,18 +68,18 @@ class Principled(MaterialSpec):
 
     def is_index_matched(self) -> bool:
         # Facets bend light only by their index.
-        clear = self.transmission == 1.0 and self.metallic == 0.0 and self.base_color == WHITE
+        clear = self.transmission == 1.0 and self.metallic == 0.0 and self.base_color == interface.WHITE
         return clear and self.ior == 1.0 and not self.is_emissive()
 
     def is_transmissive(self) -> bool:
         return not is_zero(self.transmission)
 
     def has_delta_bsdf(self) -> bool:
-        return not isinstance(self.roughness, float) or self.roughness**2 < SMOOTH_ALPHA
+        return not isinstance(self.roughness, float) or self.roughness**2 < microfacet.SMOOTH_ALPHA
 
     def has_non_delta_bsdf(self) -> bool:
         body = not is_zero(self.base_color) and self.metallic != 1.0 and self.transmission != 1.0
-        smooth = isinstance(self.roughness, float) and self.roughness**2 < SMOOTH_ALPHA
+        smooth = isinstance(self.roughness, float) and self.roughness**2 < microfacet.SMOOTH_ALPHA
         coated = self._coat() != (0.0, 0.0) and self.metallic != 1.0
         return body or (not smooth and (coated or not is_zero(self.base_color)))
 
@@ -135,7 +102,7 @@ class Principled(MaterialSpec):
     @staticmethod
     def pack(specs: Sequence["Principled"], book: ParameterPacker) -> "PrincipledTable":
         roughness = [spec.roughness if isinstance(spec.roughness, float) else None for spec in specs]
-        lost = deficits(roughness, [(0.0,)] * len(specs))
+        lost = microfacet.deficits(roughness, [(0.0,)] * len(specs))
         widths = np.diff(lost.cells[:, :, 0], axis=1)
         means = (0.5 * widths * (lost.cells[:, :-1, 3] + lost.cells[:, 1:, 3])).sum(axis=1)
         return PrincipledTable(
@@ -158,14 +125,14 @@ class PrincipledTable(NamedTuple):
     deficits, grazing (m,) float64 : of the facets; by row of these, the mean of `grazing_albedo` over the hemisphere.
     """
 
-    base_color: Colors | TexturedColors
-    metallic: Numbers | TexturedNumbers
-    roughness: Numbers | TexturedNumbers
-    transmission: Numbers | TexturedNumbers
-    emission: Colors | TexturedColors
+    base_color: ColorParameter
+    metallic: NumberParameter
+    roughness: NumberParameter
+    transmission: NumberParameter
+    emission: ColorParameter
     coat: NDArray[np.float64]
     two_sided: NDArray[np.bool_]
-    deficits: Deficits
+    deficits: microfacet.Deficits
     grazing: NDArray[np.float64]
 
 
@@ -190,7 +157,7 @@ class PrincipledRow(NamedTuple):
     body_mean: float
     lost_mean: float
     cells: NDArray[np.float64]
-    rows: CellBlend
+    rows: microfacet.CellBlend
 
 
 @routine
@@ -203,10 +170,10 @@ def _row(table, index, textures, site):
     alpha = min(1.0, roughness * roughness)
     a, b = table.coat[index, 0], table.coat[index, 1]
     cells = table.deficits.cells
-    rows = find_cells(table.deficits, index, max(SMOOTH_ALPHA, alpha), 0)
+    rows = microfacet.find_cells(table.deficits, index, max(microfacet.SMOOTH_ALPHA, alpha), 0)
     lost, grazing = 0.0, SCHLICK_MEAN
-    if alpha >= SMOOTH_ALPHA:
-        lost = mean_deficit(cells, rows)
+    if alpha >= microfacet.SMOOTH_ALPHA:
+        lost = microfacet.mean_deficit(cells, rows)
         grazing = table.grazing[rows.low] + rows.blend * (table.grazing[rows.high] - table.grazing[rows.low])
 
     # Mix the metal with the coated body.
@@ -215,7 +182,7 @@ def _row(table, index, textures, site):
     rise = (1.0 - metal) * b + metal
     glass = scale((1.0 - metal) * clear, base_color)
     # Of what facets of glass scatter more than once, half leaves to each side.
-    multiple = add(scale(metal, multiple_albedo(fresnel_schlick_mean(base_color), lost)), scale(0.5, glass))
+    multiple = add(scale(metal, microfacet.multiple_albedo(fresnel_schlick_mean(base_color), lost)), scale(0.5, glass))
     return PrincipledRow(
         alpha,
         add(mirror, (rest, rest, rest)),
@@ -232,7 +199,7 @@ def _row(table, index, textures, site):
     )
 
 
-@row.register(PrincipledTable)
+@interface.row.register(PrincipledTable)
 def row_principled_table(table, index, textures, site):
     return _row(table, index, textures, site)
 
@@ -262,9 +229,9 @@ def _mean(rgb: Vec3) -> float:
 def _energy_losses(material: PrincipledRow, z: float) -> tuple[float, float, float]:
     """Return, at height z, the facets' deficit, their grazing albedo, and the part that the coat leaves to the body."""
     lost, grazing = 0.0, schlick_weight(z)
-    if material.alpha >= SMOOTH_ALPHA:
-        lost = deficit(material.cells, material.rows, z)
-        grazing = grazing_albedo(material.cells, material.rows, z)
+    if material.alpha >= microfacet.SMOOTH_ALPHA:
+        lost = microfacet.deficit(material.cells, material.rows, z)
+        grazing = microfacet.grazing_albedo(material.cells, material.rows, z)
     return lost, grazing, max(0.0, 1.0 - material.coat_base * (1.0 - lost) - material.coat_rise * grazing)
 
 
@@ -287,13 +254,13 @@ def _evaluated(material: PrincipledRow, shares: LobeWeights, toward: Vec3, outgo
     """Evaluate f |cos| and the pdf for directions in the surface's frame, both of which point away from it."""
     z = outgoing[2]
     if z == 0.0 or toward[2] <= 0.0:
-        return BLACK, 0.0
-    smooth = material.alpha < SMOOTH_ALPHA
+        return interface.BLACK, 0.0
+    smooth = material.alpha < microfacet.SMOOTH_ALPHA
     if z < 0.0:
         if smooth:
-            return BLACK, 0.0
-        half = half_vector(toward, (outgoing[0], outgoing[1], -z))
-        once = reflection_density(material.alpha, toward[2], -z, half)
+            return interface.BLACK, 0.0
+        half = microfacet.half_vector(toward, (outgoing[0], outgoing[1], -z))
+        once = microfacet.reflection_density(material.alpha, toward[2], -z, half)
         coat = material.coat_base + material.coat_rise * schlick_weight(dot(toward, half))
         value = scale((1.0 - coat) * once, material.glass)
         pdf = shares.glass * _pdf_mirrored(material.alpha, toward, half)
@@ -311,8 +278,8 @@ def _evaluated(material: PrincipledRow, shares: LobeWeights, toward: Vec3, outgo
         return value, pdf
 
     # What facets mirror.
-    half = half_vector(toward, outgoing)
-    once = reflection_density(material.alpha, toward[2], z, half)
+    half = microfacet.half_vector(toward, outgoing)
+    once = microfacet.reflection_density(material.alpha, toward[2], z, half)
     fresnel = add(material.base, scale(schlick_weight(dot(toward, half)), material.rise))
     return add(value, scale(once, fresnel)), pdf + shares.facets * _pdf_mirrored(material.alpha, toward, half)
 
@@ -326,35 +293,35 @@ def _multiple_scattering_pdf(material: PrincipledRow, lost: float, z: float) -> 
 @kernel
 def _pdf_mirrored(alpha: float, toward: Vec3, half: Vec3) -> float:
     """Return the density (1/sr) of the direction to which a visible facet mirrors light."""
-    return ggx(alpha, half) * masking(alpha, toward[2]) / (4.0 * toward[2])
+    return microfacet.ggx(alpha, half) * microfacet.masking(alpha, toward[2]) / (4.0 * toward[2])
 
 
-@scatter.register(PrincipledRow)
+@interface.scatter.register(PrincipledRow)
 def scatter_principled_row(material, direction, normal, front, draws):
     s, t = basis(normal)
-    toward = view_direction(direction, s, t, normal)
+    toward = microfacet.view_direction(direction, s, t, normal)
     shares = _lobe_weights(material, toward[2])
-    lobe = sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE)
-    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + DIRECTION)
+    lobe = sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + interface.LOBE)
+    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + interface.DIRECTION)
     if lobe < shares.body:
         outgoing = sample_cosine_hemisphere(u1, u2)
     elif lobe < shares.body + shares.multiple + shares.beyond:
-        x, y, z = sample_multiple_scattering(material.cells, material.rows, u1, u2)
+        x, y, z = microfacet.sample_multiple_scattering(material.cells, material.rows, u1, u2)
         outgoing = (x, y, -z if lobe >= shares.body + shares.multiple else z)
     else:
         # All shares are 0 where nothing is reflected.
         through = shares.glass > 0.0 and lobe < 1.0 - shares.facets
-        if material.alpha < SMOOTH_ALPHA:
+        if material.alpha < microfacet.SMOOTH_ALPHA:
             return _smooth(material, shares, through, toward, direction, s, t, normal)
-        x, y, z = reflect_about(toward, sample_visible_normal(material.alpha, toward, u1, u2))
+        x, y, z = microfacet.reflect_about(toward, microfacet.sample_visible_normal(material.alpha, toward, u1, u2))
         # What a facet sends below the surface is lost.
         if z <= 0.0:
-            return absorbed_scatter(direction)
+            return interface.absorbed_scatter(direction)
         outgoing = (x, y, -z if through else z)
     value, pdf = _evaluated(material, shares, toward, outgoing)
     if not pdf > 0.0:
-        return absorbed_scatter(direction)
-    return Scatter(to_world(outgoing, s, t, normal), scale(1.0 / pdf, value), pdf)
+        return interface.absorbed_scatter(direction)
+    return interface.Scatter(to_world(outgoing, s, t, normal), scale(1.0 / pdf, value), pdf)
 
 
 @kernel
@@ -367,34 +334,34 @@ def _smooth(
     s: Vec3,
     t: Vec3,
     normal: Vec3,
-) -> Scatter:
+) -> interface.Scatter:
     """Return the one direction of a smooth coat, or of a smooth pane's far side."""
     weight = schlick_weight(toward[2])
     if through:
         coat = material.coat_base + material.coat_rise * weight
-        return Scatter(direction, scale((1.0 - coat) / shares.glass, material.glass), math.inf)
+        return interface.Scatter(direction, scale((1.0 - coat) / shares.glass, material.glass), math.inf)
     if shares.facets == 0.0:
-        return absorbed_scatter(direction)
+        return interface.absorbed_scatter(direction)
     fresnel = add(material.base, scale(weight, material.rise))
     mirror = to_world((-toward[0], -toward[1], toward[2]), s, t, normal)
-    return Scatter(mirror, scale(1.0 / shares.facets, fresnel), math.inf)
+    return interface.Scatter(mirror, scale(1.0 / shares.facets, fresnel), math.inf)
 
 
-@evaluate.register(PrincipledRow)
+@interface.evaluate.register(PrincipledRow)
 def evaluate_principled_row(material, direction, normal, front, outgoing):
     s, t = basis(normal)
-    toward = view_direction(direction, s, t, normal)
+    toward = microfacet.view_direction(direction, s, t, normal)
     return _evaluated(material, _lobe_weights(material, toward[2]), toward, to_local(outgoing, s, t, normal))
 
 
-@emission.register(PrincipledTable)
+@interface.emission.register(PrincipledTable)
 def emission_principled_table(table, index, front, textures, site):
     if front or table.two_sided[index]:
         return color(table.emission, index, textures, site)
-    return BLACK
+    return interface.BLACK
 
 
-@reflectance.register(PrincipledRow)
+@interface.reflectance.register(PrincipledRow)
 def reflectance_principled_row(material):
     coat = 1.0 - material.coat_base
     return add(material.base, scale(coat, add(material.body, material.glass)))

@@ -15,50 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from raytracer.core import microfacet
 from raytracer.core.compiler.dispatch import entry, kernel
 from raytracer.core.fresnel import fresnel_conductor, fresnel_schlick, fresnel_schlick_mean
 from raytracer.core.geometry import row3
-from raytracer.core.microfacet import (
-    SMOOTH_ALPHA,
-    CellBlend,
-    Deficits,
-    deficit,
-    deficits,
-    find_cells,
-    half_vector,
-    mean_deficit,
-    multiple_albedo,
-    reflect_about,
-    reflection_density,
-    sample_multiple_scattering,
-    sample_visible_normal,
-    shadowing,
-    view_direction,
-)
 from raytracer.core.sampling import sample_2d
 from raytracer.core.vec import Vec3, add, basis, dot, scale, to_local, to_world
-from raytracer.plugins.materials.base.interface import (
-    BLACK,
-    DIRECTION,
-    LOBE,
-    MaterialSpec,
-    Scatter,
-    absorbed_scatter,
-    emission,
-    evaluate,
-    reflectance,
-    row,
-    scatter,
-    split_random_number,
-)
+from raytracer.plugins.materials.base import interface
 from raytracer.plugins.textures.base.interface import (
-    Colors,
-    Numbers,
+    ColorParameter,
+    NumberParameter,
     ParameterPacker,
     TexturedAlbedo,
-    TexturedColors,
     TexturedFraction,
-    TexturedNumbers,
     color,
     is_zero,
     number,
@@ -80,7 +49,7 @@ Aluminum", Appl. Opt. 34, 4755.
 """
 
 
-class RoughConductor(MaterialSpec):
+class RoughConductor(interface.MaterialSpec):
     """Metal of small mirrors (GGX), with the light that goes from mirror to mirror; alpha is the square of roughness.
 
     A mirror reflects by Fresnel's equations for a metal with measured indices, or with `eta` and `k`, or by Schlick's
@@ -113,7 +82,7 @@ class RoughConductor(MaterialSpec):
     def has_non_delta_bsdf(self) -> bool:
         if self.albedo is not None and is_zero(self.albedo):
             return False
-        return not isinstance(self.roughness, float) or self.roughness**2 >= SMOOTH_ALPHA
+        return not isinstance(self.roughness, float) or self.roughness**2 >= microfacet.SMOOTH_ALPHA
 
     def index(self) -> tuple[Vec3, Vec3]:
         """Return n and k by channel; zeros where the metal has an albedo instead."""
@@ -121,7 +90,7 @@ class RoughConductor(MaterialSpec):
             return METALS[self.metal]
         if self.eta is not None and self.k is not None:
             return self.eta, self.k
-        return BLACK, BLACK
+        return interface.BLACK, interface.BLACK
 
     @staticmethod
     def pack(specs: Sequence["RoughConductor"], book: ParameterPacker) -> "RoughConductorTable":
@@ -136,15 +105,15 @@ class RoughConductor(MaterialSpec):
             np.array([eta for eta, _ in indices], np.float64),
             np.array([k for _, k in indices], np.float64),
             np.array([_mean_reflectance(eta, k, cosines, weights * cosines) for eta, k in indices], np.float64),
-            book.colors([BLACK if spec.albedo is None else spec.albedo for spec in specs]),
-            deficits(roughness, [(0.0,) if spec.multiple_scattering else None for spec in specs]),
+            book.colors([interface.BLACK if spec.albedo is None else spec.albedo for spec in specs]),
+            microfacet.deficits(roughness, [(0.0,) if spec.multiple_scattering else None for spec in specs]),
         )
 
 
 @entry
 def _mean_reflectance(eta: Vec3, k: Vec3, cosines: NDArray[np.float64], weights: NDArray[np.float64]) -> Vec3:
     """Integrate a metal's reflectance, by channel, over cosines with these weights."""
-    total = BLACK
+    total = interface.BLACK
     for node in range(len(cosines)):
         total = add(total, scale(weights[node], fresnel_conductor(cosines[node], eta, k)))
     return total
@@ -159,13 +128,13 @@ class RoughConductorTable(NamedTuple):
     deficits : energy that single scattering by the facets loses.
     """
 
-    roughness: Numbers | TexturedNumbers
+    roughness: NumberParameter
     measured: NDArray[np.bool_]
     eta: NDArray[np.float64]
     k: NDArray[np.float64]
     mean: NDArray[np.float64]
-    albedo: Colors | TexturedColors
-    deficits: Deficits
+    albedo: ColorParameter
+    deficits: microfacet.Deficits
 
 
 class RoughConductorRow(NamedTuple):
@@ -178,19 +147,19 @@ class RoughConductorRow(NamedTuple):
     albedo: Vec3
     multiple: Vec3
     cells: NDArray[np.float64]
-    rows: CellBlend
+    rows: microfacet.CellBlend
 
 
-@row.register(RoughConductorTable)
+@interface.row.register(RoughConductorTable)
 def row_rough_conductor_table(table, index, textures, site):
     roughness = number(table.roughness, index, textures, site)
     alpha = min(1.0, roughness * roughness)
     albedo = color(table.albedo, index, textures, site)
     measured = table.measured[index]
     mean = row3(table.mean, index) if measured else fresnel_schlick_mean(albedo)
-    rows = find_cells(table.deficits, index, max(SMOOTH_ALPHA, alpha), 0)
+    rows = microfacet.find_cells(table.deficits, index, max(microfacet.SMOOTH_ALPHA, alpha), 0)
     cells = table.deficits.cells
-    multiple = multiple_albedo(mean, mean_deficit(cells, rows))
+    multiple = microfacet.multiple_albedo(mean, microfacet.mean_deficit(cells, rows))
     return RoughConductorRow(
         alpha, measured, row3(table.eta, index), row3(table.k, index), albedo, multiple, cells, rows
     )
@@ -208,55 +177,55 @@ def _fresnel(material: RoughConductorRow, cosine: float) -> Vec3:
 def _evaluated(material: RoughConductorRow, toward: Vec3, outgoing: Vec3) -> tuple[Vec3, float]:
     """Evaluate f |cos| and the pdf for directions in the surface's frame, both of which point away from it."""
     if outgoing[2] <= 0.0:
-        return BLACK, 0.0
-    half = half_vector(toward, outgoing)
-    once = reflection_density(material.alpha, toward[2], outgoing[2], half)
+        return interface.BLACK, 0.0
+    half = microfacet.half_vector(toward, outgoing)
+    once = microfacet.reflection_density(material.alpha, toward[2], outgoing[2], half)
     value = scale(once, _fresnel(material, min(1.0, dot(toward, half))))
     cells, rows = material.cells, material.rows
-    mean = mean_deficit(cells, rows)
+    mean = microfacet.mean_deficit(cells, rows)
     if mean == 0.0:
         return value, once
-    more = deficit(cells, rows, toward[2]) * deficit(cells, rows, outgoing[2]) * outgoing[2] / (math.pi * mean)
+    more = (
+        microfacet.deficit(cells, rows, toward[2])
+        * microfacet.deficit(cells, rows, outgoing[2])
+        * outgoing[2]
+        / (math.pi * mean)
+    )
     return add(value, scale(more, material.multiple)), once + more
 
 
-@scatter.register(RoughConductorRow)
+@interface.scatter.register(RoughConductorRow)
 def scatter_rough_conductor_row(material, direction, normal, front, draws):
     s, t = basis(normal)
-    toward = view_direction(direction, s, t, normal)
-    if material.alpha < SMOOTH_ALPHA:
+    toward = microfacet.view_direction(direction, s, t, normal)
+    if material.alpha < microfacet.SMOOTH_ALPHA:
         mirror = to_world((-toward[0], -toward[1], toward[2]), s, t, normal)
-        return Scatter(mirror, _fresnel(material, min(1.0, toward[2])), math.inf)
+        return interface.Scatter(mirror, _fresnel(material, min(1.0, toward[2])), math.inf)
 
     # Follow light to a facet, and on from there unless another is in its way.
-    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + DIRECTION)
-    u, v = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE)
-    outgoing = reflect_about(toward, sample_visible_normal(material.alpha, toward, u1, u2))
-    leaves = shadowing(material.alpha, toward[2], outgoing[2]) if outgoing[2] > 0.0 else 0.0
-    single, rest = split_random_number(u, leaves)
+    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + interface.DIRECTION)
+    u, v = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + interface.LOBE)
+    outgoing = microfacet.reflect_about(toward, microfacet.sample_visible_normal(material.alpha, toward, u1, u2))
+    leaves = microfacet.shadowing(material.alpha, toward[2], outgoing[2]) if outgoing[2] > 0.0 else 0.0
+    single, rest = interface.split_random_number(u, leaves)
     if not single:
-        if mean_deficit(material.cells, material.rows) == 0.0:
-            return absorbed_scatter(direction)
-        outgoing = sample_multiple_scattering(material.cells, material.rows, rest, v)
+        if microfacet.mean_deficit(material.cells, material.rows) == 0.0:
+            return interface.absorbed_scatter(direction)
+        outgoing = microfacet.sample_multiple_scattering(material.cells, material.rows, rest, v)
     value, pdf = _evaluated(material, toward, outgoing)
     if not pdf > 0.0:
-        return absorbed_scatter(direction)
-    return Scatter(to_world(outgoing, s, t, normal), scale(1.0 / pdf, value), pdf)
+        return interface.absorbed_scatter(direction)
+    return interface.Scatter(to_world(outgoing, s, t, normal), scale(1.0 / pdf, value), pdf)
 
 
-@evaluate.register(RoughConductorRow)
+@interface.evaluate.register(RoughConductorRow)
 def evaluate_rough_conductor_row(material, direction, normal, front, outgoing):
-    if material.alpha < SMOOTH_ALPHA:
-        return BLACK, 0.0
+    if material.alpha < microfacet.SMOOTH_ALPHA:
+        return interface.BLACK, 0.0
     s, t = basis(normal)
-    return _evaluated(material, view_direction(direction, s, t, normal), to_local(outgoing, s, t, normal))
+    return _evaluated(material, microfacet.view_direction(direction, s, t, normal), to_local(outgoing, s, t, normal))
 
 
-@emission.register(RoughConductorTable)
-def emission_rough_conductor_table(table, index, front, textures, site):
-    return BLACK
-
-
-@reflectance.register(RoughConductorRow)
+@interface.reflectance.register(RoughConductorRow)
 def reflectance_rough_conductor_row(material):
     return _fresnel(material, 1.0)

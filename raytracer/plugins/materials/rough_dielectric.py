@@ -15,53 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from raytracer.core import microfacet
 from raytracer.core.compiler.dispatch import kernel, optional
 from raytracer.core.fresnel import fresnel_dielectric, refract
-from raytracer.core.microfacet import (
-    SMOOTH_ALPHA,
-    CellBlend,
-    Deficits,
-    deficit,
-    deficits,
-    find_cells,
-    ggx,
-    half_vector,
-    masking,
-    mean_deficit,
-    reflect_about,
-    reflection_density,
-    sample_multiple_scattering,
-    sample_visible_normal,
-    shadowing,
-    stretched,
-    view_direction,
-)
 from raytracer.core.sampling import sample_2d
 from raytracer.core.spectra import FIRST, LAST, TERMINATE_ON_HIT, PathWavelengths
 from raytracer.core.vec import Vec3, add, basis, dot, neg, normalize, reflect, scale, to_local, to_world
 from raytracer.optics.glass import LINE_D
+from raytracer.plugins.materials.base import interface
 from raytracer.plugins.materials.base.clear import ClearSpec, Dispersion, eta_at, pack_dispersion
-from raytracer.plugins.materials.base.interface import (
-    BLACK,
-    DIRECTION,
-    LOBE,
-    WHITE,
-    Scatter,
-    absorbed_scatter,
-    emission,
-    evaluate,
-    reflectance,
-    row,
-    scatter,
-    split_random_number,
-)
-from raytracer.plugins.textures.base.interface import (
-    Numbers,
-    ParameterPacker,
-    TexturedFraction,
-    TexturedNumbers,
-    number,
-)
+from raytracer.plugins.textures.base.interface import NumberParameter, ParameterPacker, TexturedFraction, number
 from raytracer.schema.rules import only
 
 
@@ -102,7 +65,7 @@ class RoughDielectric(ClearSpec):
     def has_non_delta_bsdf(self) -> bool:
         if self.is_index_matched():
             return False
-        return not isinstance(self.roughness, float) or self.roughness**2 >= SMOOTH_ALPHA
+        return not isinstance(self.roughness, float) or self.roughness**2 >= microfacet.SMOOTH_ALPHA
 
     @staticmethod
     def pack(specs: Sequence["RoughDielectric"], book: ParameterPacker) -> "RoughDielectricTable":
@@ -114,7 +77,9 @@ class RoughDielectric(ClearSpec):
         return RoughDielectricTable(
             np.array([spec.eta() for spec in specs], np.float64),
             book.numbers([spec.roughness for spec in specs]),
-            deficits(roughness, [(eta, 1.0 / eta) if spec.multiple_scattering else None for spec, eta in sides]),
+            microfacet.deficits(
+                roughness, [(eta, 1.0 / eta) if spec.multiple_scattering else None for spec, eta in sides]
+            ),
             None if dispersion is None else WavelengthBands(dispersion, first),
         )
 
@@ -143,8 +108,8 @@ class RoughDielectricTable(NamedTuple):
     """
 
     eta: NDArray[np.float64]
-    roughness: Numbers | TexturedNumbers
-    deficits: Deficits
+    roughness: NumberParameter
+    deficits: microfacet.Deficits
     bands: WavelengthBands | None
 
 
@@ -154,8 +119,8 @@ class RoughDielectricRow(NamedTuple):
     eta: float
     alpha: float
     cells: NDArray[np.float64]
-    outside: CellBlend
-    inside: CellBlend
+    outside: microfacet.CellBlend
+    inside: microfacet.CellBlend
 
 
 class BoundarySide(NamedTuple):
@@ -167,17 +132,17 @@ class BoundarySide(NamedTuple):
     """
 
     squared: float
-    rows: CellBlend
+    rows: microfacet.CellBlend
     mean: float
 
 
-@row.register(RoughDielectricTable)
+@interface.row.register(RoughDielectricTable)
 def row_rough_dielectric_table(table, index, textures, site):
     roughness = number(table.roughness, index, textures, site)
     alpha = min(1.0, roughness * roughness)
     eta, place = _index(site.wavelengths, table.bands, table, index)
-    outside = find_cells(table.deficits, place, max(SMOOTH_ALPHA, alpha), 0)
-    inside = find_cells(table.deficits, place, max(SMOOTH_ALPHA, alpha), 1)
+    outside = microfacet.find_cells(table.deficits, place, max(microfacet.SMOOTH_ALPHA, alpha), 0)
+    inside = microfacet.find_cells(table.deficits, place, max(microfacet.SMOOTH_ALPHA, alpha), 1)
     return RoughDielectricRow(eta, alpha, table.deficits.cells, outside, inside)
 
 
@@ -213,7 +178,9 @@ def _sides(material: RoughDielectricRow, front: bool, eta: float) -> tuple[Bound
     near = material.outside if front else material.inside
     far = material.inside if front else material.outside
     cells = material.cells
-    return BoundarySide(1.0, near, mean_deficit(cells, near)), BoundarySide(eta * eta, far, mean_deficit(cells, far))
+    return BoundarySide(1.0, near, microfacet.mean_deficit(cells, near)), BoundarySide(
+        eta * eta, far, microfacet.mean_deficit(cells, far)
+    )
 
 
 @kernel
@@ -224,9 +191,9 @@ def _single_scattering(alpha: float, eta: float, toward: Vec3, outgoing: Vec3) -
     radiance; what is reflected with G2 as in Heitz 2014, eq. 99.
     """
     if outgoing[2] > 0.0:
-        half = half_vector(toward, outgoing)
+        half = microfacet.half_vector(toward, outgoing)
         reflectance, _ = fresnel_dielectric(min(1.0, dot(toward, half)), eta)
-        return reflectance * reflection_density(alpha, toward[2], outgoing[2], half)
+        return reflectance * microfacet.reflection_density(alpha, toward[2], outgoing[2], half)
 
     # The facet's normal lies in the plane of both, to the side of `toward`.
     half = normalize(add(toward, scale(eta, outgoing)))
@@ -236,10 +203,10 @@ def _single_scattering(alpha: float, eta: float, toward: Vec3, outgoing: Vec3) -
     if not (near > 0.0 and far < 0.0):
         return 0.0
     reflectance, _ = fresnel_dielectric(min(1.0, near), eta)
-    visible = 2.0 * near * ggx(alpha, half) / (toward[2] + stretched(alpha, toward[2]))
+    visible = 2.0 * near * microfacet.ggx(alpha, half) / (toward[2] + microfacet.stretched(alpha, toward[2]))
     # That is near + eta far, in the form that does not cancel where the indices are nearly equal.
     bent = (1.0 - eta) * (1.0 + eta) / (near - eta * far)
-    return (1.0 - reflectance) * visible * masking(alpha, -outgoing[2]) * eta * eta * -far / (bent * bent)
+    return (1.0 - reflectance) * visible * microfacet.masking(alpha, -outgoing[2]) * eta * eta * -far / (bent * bent)
 
 
 @kernel
@@ -258,59 +225,65 @@ def _multiple_scattering(
     cells = material.cells
     height = abs(outgoing[2])
     squared, rows = (near.squared, near.rows) if outgoing[2] > 0.0 else (far.squared, far.rows)
-    return deficit(cells, near.rows, toward[2]) * deficit(cells, rows, height) * squared * height / total
+    return (
+        microfacet.deficit(cells, near.rows, toward[2])
+        * microfacet.deficit(cells, rows, height)
+        * squared
+        * height
+        / total
+    )
 
 
-@scatter.register(RoughDielectricRow)
+@interface.scatter.register(RoughDielectricRow)
 def scatter_rough_dielectric_row(material, direction, normal, front, draws):
     if material.eta == 1.0:
-        return Scatter(direction, WHITE, math.inf)
+        return interface.Scatter(direction, interface.WHITE, math.inf)
     eta = material.eta if front else 1.0 / material.eta
-    u, v = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE)
-    if material.alpha < SMOOTH_ALPHA:
+    u, v = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + interface.LOBE)
+    if material.alpha < microfacet.SMOOTH_ALPHA:
         cos_i = min(1.0, abs(dot(direction, normal)))
         reflectance, cos_t = fresnel_dielectric(cos_i, eta)
         if u < reflectance:
-            return Scatter(reflect(direction, normal), WHITE, math.inf)
-        return Scatter(refract(direction, normal, cos_i, cos_t, eta), WHITE, math.inf)
+            return interface.Scatter(reflect(direction, normal), interface.WHITE, math.inf)
+        return interface.Scatter(refract(direction, normal, cos_i, cos_t, eta), interface.WHITE, math.inf)
 
     # Follow light to a facet, and on from there unless another is in its way.
     s, t = basis(normal)
-    toward = view_direction(direction, s, t, normal)
-    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + DIRECTION)
-    half = sample_visible_normal(material.alpha, toward, u1, u2)
+    toward = microfacet.view_direction(direction, s, t, normal)
+    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + interface.DIRECTION)
+    half = microfacet.sample_visible_normal(material.alpha, toward, u1, u2)
     cos_i = min(1.0, dot(toward, half))
     reflectance, cos_t = fresnel_dielectric(cos_i, eta)
-    mirrors, rest = split_random_number(u, reflectance)
+    mirrors, rest = interface.split_random_number(u, reflectance)
     if mirrors:
-        outgoing = reflect_about(toward, half)
-        leaves = shadowing(material.alpha, toward[2], outgoing[2]) if outgoing[2] > 0.0 else 0.0
+        outgoing = microfacet.reflect_about(toward, half)
+        leaves = microfacet.shadowing(material.alpha, toward[2], outgoing[2]) if outgoing[2] > 0.0 else 0.0
     else:
         outgoing = refract(neg(toward), half, cos_i, cos_t, eta)
-        leaves = masking(material.alpha, -outgoing[2]) if outgoing[2] < 0.0 else 0.0
-    single, rest = split_random_number(rest, leaves)
+        leaves = microfacet.masking(material.alpha, -outgoing[2]) if outgoing[2] < 0.0 else 0.0
+    single, rest = interface.split_random_number(rest, leaves)
     near, far = _sides(material, front, eta)
     if not single:
         total = near.squared * near.mean + far.squared * far.mean
         if total == 0.0:
-            return absorbed_scatter(direction)
-        returns, rest = split_random_number(rest, near.squared * near.mean / total)
-        x, y, z = sample_multiple_scattering(material.cells, near.rows if returns else far.rows, rest, v)
+            return interface.absorbed_scatter(direction)
+        returns, rest = interface.split_random_number(rest, near.squared * near.mean / total)
+        x, y, z = microfacet.sample_multiple_scattering(material.cells, near.rows if returns else far.rows, rest, v)
         outgoing = (x, y, z if returns else -z)
     pdf = _single_scattering(material.alpha, eta, toward, outgoing) + _multiple_scattering(
         material, near, far, toward, outgoing
     )
     # Indices that differ in their last digits alone leave none to tell by which facet light came there.
-    return Scatter(to_world(outgoing, s, t, normal), WHITE, pdf if pdf > 0.0 else math.inf)
+    return interface.Scatter(to_world(outgoing, s, t, normal), interface.WHITE, pdf if pdf > 0.0 else math.inf)
 
 
-@evaluate.register(RoughDielectricRow)
+@interface.evaluate.register(RoughDielectricRow)
 def evaluate_rough_dielectric_row(material, direction, normal, front, outgoing):
-    if material.eta == 1.0 or material.alpha < SMOOTH_ALPHA:
-        return BLACK, 0.0
+    if material.eta == 1.0 or material.alpha < microfacet.SMOOTH_ALPHA:
+        return interface.BLACK, 0.0
     eta = material.eta if front else 1.0 / material.eta
     s, t = basis(normal)
-    toward, away = view_direction(direction, s, t, normal), to_local(outgoing, s, t, normal)
+    toward, away = microfacet.view_direction(direction, s, t, normal), to_local(outgoing, s, t, normal)
     near, far = _sides(material, front, eta)
     pdf = _single_scattering(material.alpha, eta, toward, away) + _multiple_scattering(
         material, near, far, toward, away
@@ -318,11 +291,6 @@ def evaluate_rough_dielectric_row(material, direction, normal, front, outgoing):
     return (pdf, pdf, pdf), pdf
 
 
-@emission.register(RoughDielectricTable)
-def emission_rough_dielectric_table(table, index, front, textures, site):
-    return BLACK
-
-
-@reflectance.register(RoughDielectricRow)
+@interface.reflectance.register(RoughDielectricRow)
 def reflectance_rough_dielectric_row(material):
-    return WHITE
+    return interface.WHITE

@@ -18,23 +18,12 @@ from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.fresnel import fresnel_dielectric
 from raytracer.core.sampling import sample_1d
 from raytracer.core.vec import Vec3, dot, reflect
-from raytracer.plugins.materials.base.interface import (
-    BLACK,
-    LOBE,
-    WHITE,
-    MaterialSpec,
-    Scatter,
-    emission,
-    evaluate,
-    reflectance,
-    row,
-    scatter,
-)
-from raytracer.plugins.textures.base.interface import Colors, ParameterPacker, TexturedAlbedo, TexturedColors, color
+from raytracer.plugins.materials.base import interface
+from raytracer.plugins.textures.base.interface import ColorParameter, ParameterPacker, TexturedAlbedo, color
 from raytracer.schema.fields import PositiveNumber
 
 
-class ThinDielectric(MaterialSpec):
+class ThinDielectric(interface.MaterialSpec):
     """A pane of clear material too thin to shift what is seen through it: it mirrors, or lets light straight through.
 
     Light goes to and fro between the two faces; with the reflectance R of one, all together they reflect 2 R / (1 + R).
@@ -51,7 +40,7 @@ class ThinDielectric(MaterialSpec):
     )
 
     def is_index_matched(self) -> bool:
-        return self.ior == 1.0 and self.color == WHITE
+        return self.ior == 1.0 and self.color == interface.WHITE
 
     def is_transmissive(self) -> bool:
         return True
@@ -67,7 +56,7 @@ class ThinDielectricTable(NamedTuple):
     """Packed panes: eta (n,) float64, index inside over index outside; color, a parameter."""
 
     eta: NDArray[np.float64]
-    color: Colors | TexturedColors
+    color: ColorParameter
 
 
 class ThinDielectricRow(NamedTuple):
@@ -77,7 +66,7 @@ class ThinDielectricRow(NamedTuple):
     color: Vec3
 
 
-@row.register(ThinDielectricTable)
+@interface.row.register(ThinDielectricTable)
 def row_thin_dielectric_table(table, index, textures, site):
     return ThinDielectricRow(table.eta[index], color(table.color, index, textures, site))
 
@@ -89,24 +78,14 @@ def pane_reflectance(cos_i: float, eta: float) -> float:
     return 2.0 * single / (1.0 + single)
 
 
-@scatter.register(ThinDielectricRow)
+@interface.scatter.register(ThinDielectricRow)
 def scatter_thin_dielectric_row(material, direction, normal, front, draws):
     reflected = pane_reflectance(min(1.0, abs(dot(direction, normal))), material.eta)
-    if sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + LOBE) < reflected:
-        return Scatter(reflect(direction, normal), WHITE, math.inf)
-    return Scatter(direction, material.color, math.inf)
+    if sample_1d(draws.sampler, draws.key, draws.index, draws.dimension + interface.LOBE) < reflected:
+        return interface.Scatter(reflect(direction, normal), interface.WHITE, math.inf)
+    return interface.Scatter(direction, material.color, math.inf)
 
 
-@evaluate.register(ThinDielectricRow)
-def evaluate_thin_dielectric_row(material, direction, normal, front, outgoing):
-    return BLACK, 0.0
-
-
-@emission.register(ThinDielectricTable)
-def emission_thin_dielectric_table(table, index, front, textures, site):
-    return BLACK
-
-
-@reflectance.register(ThinDielectricRow)
+@interface.reflectance.register(ThinDielectricRow)
 def reflectance_thin_dielectric_row(material):
     return material.color

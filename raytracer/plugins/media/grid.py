@@ -16,20 +16,7 @@ from pydantic import Field, model_validator
 from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.geometry import row3
 from raytracer.core.vec import Vec3
-from raytracer.plugins.media.base.interface import (
-    NUMBERS_PER_DISTANCE,
-    Asymmetry,
-    DistanceSample,
-    MediumSpec,
-    distance_numbers,
-    evaluate_phase,
-    row,
-    sample_distance,
-    sample_phase,
-    shadow_numbers,
-    translate_media,
-    transmittance,
-)
+from raytracer.plugins.media.base import interface
 from raytracer.plugins.media.base.phase import pdf_henyey_greenstein, sample_henyey_greenstein
 from raytracer.plugins.media.base.voxel_traversal import BLOCK, advance_traversal, begin_traversal, extinction_at
 from raytracer.schema.fields import Albedo, NonNegativeNumber, Point
@@ -39,7 +26,7 @@ from raytracer.schema.transform import Transform, matrix_of
 _FEW = 0.05
 """Estimates of transmittance below this are ended by Russian roulette: the rest is not worth many steps."""
 
-MAX_OPTICAL_THICKNESS = NUMBERS_PER_DISTANCE / (math.sqrt(3.0) * BLOCK)
+MAX_OPTICAL_THICKNESS = interface.NUMBERS_PER_DISTANCE / (math.sqrt(3.0) * BLOCK)
 """Largest optical thickness of a voxel, with which light crosses a block by the random numbers of one distance.
 
 In a block that is dense here and empty there, each number takes light on by a mean free path of the densest voxel.
@@ -47,7 +34,7 @@ Thicker voxels would look no different: light gets no further into one than a th
 """
 
 
-class Grid(MediumSpec):
+class Grid(interface.MediumSpec):
     """Densities on a grid of voxels, in a box; nothing outside of it.
 
     The density is interpolated between the middles of voxels, and constant from the outermost ones to the box's faces.
@@ -69,7 +56,7 @@ class Grid(MediumSpec):
     transform: Transform | None = Field(default=None, description="moves the box, as that of an object does")
     extinction: NonNegativeNumber = Field(default=1.0, description="lost per metre (1/m) where the density is 1")
     albedo: Albedo = Field(default=(1.0, 1.0, 1.0), description="the fraction of that which is scattered, by channel")
-    g: Asymmetry = Field(
+    g: interface.Asymmetry = Field(
         default=0.0, description="mean cosine of scattering: 1 forwards, 0 to all sides, -1 back to where it came from"
     )
 
@@ -192,7 +179,7 @@ class GridRow(NamedTuple):
     g: float
 
 
-@translate_media.register(GridTable)
+@interface.translate_media.register(GridTable)
 def translate_media_grid_table(table: GridTable, by: Vec3) -> GridTable:
     to_voxels = table.to_voxels.copy()
     to_voxels[:, :, 3] -= table.to_voxels[:, :, :3] @ by
@@ -209,7 +196,7 @@ def _turn(maps, index, axis):
     return (maps[index, axis, 0], maps[index, axis, 1], maps[index, axis, 2])
 
 
-@row.register(GridTable)
+@interface.row.register(GridTable)
 def row_grid_table(table, index):
     return GridRow(
         table.density,
@@ -228,26 +215,26 @@ def row_grid_table(table, index):
     )
 
 
-@sample_distance.register(GridRow)
+@interface.sample_distance.register(GridRow)
 def sample_distance_grid_row(medium, origin, direction, distance, throughput, draws, numbers):
     """Draw collisions by the majorant, and accept each by the density over it (delta tracking)."""
     walk = begin_traversal(medium, origin, direction, distance)
     while walk.at < walk.end:
-        u1, u2 = distance_numbers(draws, numbers)
+        u1, u2 = interface.distance_numbers(draws, numbers)
         numbers += 1
         walk = advance_traversal(medium, walk, -math.log1p(-u2))
         if walk.at < walk.end and u1 * walk.majorant < extinction_at(medium, walk):
-            return DistanceSample(walk.before + walk.at, medium.albedo, numbers)
-    return DistanceSample(math.inf, (1.0, 1.0, 1.0), numbers)
+            return interface.DistanceSample(walk.before + walk.at, medium.albedo, numbers)
+    return interface.DistanceSample(math.inf, (1.0, 1.0, 1.0), numbers)
 
 
-@transmittance.register(GridRow)
+@interface.transmittance.register(GridRow)
 def transmittance_grid_row(medium, origin, direction, distance, draws, numbers):
     """Multiply the probabilities that such collisions are not accepted (ratio tracking)."""
     walk = begin_traversal(medium, origin, direction, distance)
     through = 1.0
     while walk.at < walk.end and through > 0.0:
-        u1, u2 = shadow_numbers(draws, numbers)
+        u1, u2 = interface.shadow_numbers(draws, numbers)
         numbers += 1
         walk = advance_traversal(medium, walk, -math.log1p(-u2))
         if walk.at < walk.end:
@@ -257,11 +244,11 @@ def transmittance_grid_row(medium, origin, direction, distance, draws, numbers):
     return (through, through, through), numbers
 
 
-@sample_phase.register(GridRow)
+@interface.sample_phase.register(GridRow)
 def sample_phase_grid_row(medium, direction, u1, u2):
     return sample_henyey_greenstein(direction, medium.g, u1, u2)
 
 
-@evaluate_phase.register(GridRow)
+@interface.evaluate_phase.register(GridRow)
 def evaluate_phase_grid_row(medium, direction, outgoing):
     return pdf_henyey_greenstein(direction, outgoing, medium.g)

@@ -17,23 +17,12 @@ from pydantic import Field, model_validator
 from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.geometry import row3
 from raytracer.core.vec import Vec3, is_black, scale
-from raytracer.plugins.media.base.interface import (
-    Asymmetry,
-    Coefficient,
-    DistanceSample,
-    MediumSpec,
-    distance_numbers,
-    evaluate_phase,
-    row,
-    sample_distance,
-    sample_phase,
-    transmittance,
-)
+from raytracer.plugins.media.base import interface
 from raytracer.plugins.media.base.phase import pdf_henyey_greenstein, sample_henyey_greenstein
 from raytracer.schema.fields import Albedo
 
 
-class Homogeneous(MediumSpec):
+class Homogeneous(interface.MediumSpec):
     """A medium of the same density everywhere: what is absorbed and scattered per metre, by channel.
 
     Give `absorption` and `scattering`, one of which may be left out, or their sum `extinction` and the `albedo` that
@@ -43,13 +32,13 @@ class Homogeneous(MediumSpec):
     """
 
     type: Literal["homogeneous"] = "homogeneous"
-    absorption: Coefficient | None = Field(default=None, description="absorbed per metre (1/m), by channel")
-    scattering: Coefficient | None = Field(default=None, description="scattered per metre (1/m), by channel")
-    extinction: Coefficient | None = Field(
+    absorption: interface.Coefficient | None = Field(default=None, description="absorbed per metre (1/m), by channel")
+    scattering: interface.Coefficient | None = Field(default=None, description="scattered per metre (1/m), by channel")
+    extinction: interface.Coefficient | None = Field(
         default=None, description="in place of both: their sum (1/m), by channel; 1 / extinction is the mean free path"
     )
     albedo: Albedo | None = Field(default=None, description="with `extinction`: the fraction of it that is scattered")
-    g: Asymmetry = Field(
+    g: interface.Asymmetry = Field(
         default=0.0, description="mean cosine of scattering: 1 forwards, 0 to all sides, -1 back to where it came from"
     )
 
@@ -115,7 +104,7 @@ class HomogeneousRow(NamedTuple):
     g: float
 
 
-@row.register(HomogeneousTable)
+@interface.row.register(HomogeneousTable)
 def row_homogeneous_table(table, index):
     return HomogeneousRow(row3(table.extinction, index), row3(table.scattering, index), table.g[index])
 
@@ -133,7 +122,7 @@ def beer_lambert(extinction: Vec3, distance: float) -> Vec3:
     )
 
 
-@sample_distance.register(HomogeneousRow)
+@interface.sample_distance.register(HomogeneousRow)
 def sample_distance_homogeneous_row(medium, origin, direction, distance, throughput, draws, numbers):
     """Draw a channel, then a distance by its extinction; weigh by the density that all channels have together.
 
@@ -145,8 +134,8 @@ def sample_distance_homogeneous_row(medium, origin, direction, distance, through
     """
     # What only absorbs needs no chance.
     if is_black(medium.scattering):
-        return DistanceSample(math.inf, beer_lambert(medium.extinction, distance), numbers)
-    u1, u2 = distance_numbers(draws, numbers)
+        return interface.DistanceSample(math.inf, beer_lambert(medium.extinction, distance), numbers)
+    u1, u2 = interface.distance_numbers(draws, numbers)
     total = throughput[0] + throughput[1] + throughput[2]
     red, green, blue = throughput[0] / total, throughput[1] / total, throughput[2] / total
     chosen = medium.extinction[2]
@@ -167,21 +156,21 @@ def sample_distance_homogeneous_row(medium, origin, direction, distance, through
             medium.scattering[1] * come[1] / pdf,
             medium.scattering[2] * come[2] / pdf,
         )
-        return DistanceSample(flown, weight, numbers + 1)
+        return interface.DistanceSample(flown, weight, numbers + 1)
     probability = red * come[0] + green * come[1] + blue * come[2]
-    return DistanceSample(math.inf, scale(1.0 / probability, come), numbers + 1)
+    return interface.DistanceSample(math.inf, scale(1.0 / probability, come), numbers + 1)
 
 
-@transmittance.register(HomogeneousRow)
+@interface.transmittance.register(HomogeneousRow)
 def transmittance_homogeneous_row(medium, origin, direction, distance, draws, numbers):
     return beer_lambert(medium.extinction, distance), numbers
 
 
-@sample_phase.register(HomogeneousRow)
+@interface.sample_phase.register(HomogeneousRow)
 def sample_phase_homogeneous_row(medium, direction, u1, u2):
     return sample_henyey_greenstein(direction, medium.g, u1, u2)
 
 
-@evaluate_phase.register(HomogeneousRow)
+@interface.evaluate_phase.register(HomogeneousRow)
 def evaluate_phase_homogeneous_row(medium, direction, outgoing):
     return pdf_henyey_greenstein(direction, outgoing, medium.g)

@@ -11,13 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from raytracer.core.primitives.parallelograms import Parallelograms
-from raytracer.plugins.shapes.base.affine import (
-    Matrix,
-    is_mirrored,
-    material_references,
-    transform_points,
-    transform_vectors,
-)
+from raytracer.plugins.shapes.base import affine
 from raytracer.plugins.shapes.base.interface import Assets, ShapeSpec
 from raytracer.schema.fields import Point
 
@@ -48,11 +42,14 @@ class Box(ShapeSpec):
             raise ValueError("every coordinate of min must be less than that of max")
         return self
 
-    def pack(self, matrix: Matrix, material: int, _: Assets) -> Parallelograms:
-        """Pack six rows, one a face."""
+    def pack(self, matrix: affine.Matrix, material: int, _: Assets) -> Parallelograms:
         size = np.subtract(self.max, self.min)
         corners = self.min + size * [corner for corner, _, _ in _FACES]
         edges = np.diag(size)
-        first, second = (edges[[face[axis] for face in _FACES]] for axis in ((2, 1) if is_mirrored(matrix) else (1, 2)))
-        u, v = transform_vectors(matrix, first), transform_vectors(matrix, second)
-        return Parallelograms(transform_points(matrix, corners), u, v, material_references(material, len(_FACES)))
+        first, second = (
+            edges[[face[axis] for face in _FACES]] for axis in ((2, 1) if affine.is_mirrored(matrix) else (1, 2))
+        )
+        u, v = affine.transform_vectors(matrix, first), affine.transform_vectors(matrix, second)
+        return Parallelograms(
+            affine.transform_points(matrix, corners), u, v, affine.material_references(material, len(_FACES))
+        )

@@ -11,14 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from raytracer.core.primitives.discs import Discs
-from raytracer.plugins.shapes.base.affine import (
-    Matrix,
-    is_uniform,
-    material_references,
-    transform_normals,
-    transform_points,
-    uniform_scale,
-)
+from raytracer.plugins.shapes.base import affine
 from raytracer.plugins.shapes.base.interface import Assets, ShapeSpec
 from raytracer.schema.fields import Direction, Point, PositiveLength
 
@@ -31,16 +24,14 @@ class Disc(ShapeSpec):
     normal: Direction = Field(description="direction of its outside")
     radius: PositiveLength = Field(description="radius (m)")
 
-    def supports_transform(self, matrix: Matrix) -> bool:
-        """Tell if it stays a disc."""
-        return is_uniform(matrix)
+    def supports_transform(self, matrix: affine.Matrix) -> bool:
+        return affine.is_uniform(matrix)
 
-    def pack(self, matrix: Matrix, material: int, _: Assets) -> Discs:
-        """Pack one row."""
-        radius = uniform_scale(matrix) * self.radius
+    def pack(self, matrix: affine.Matrix, material: int, _: Assets) -> Discs:
+        radius = affine.uniform_scale(matrix) * self.radius
         return Discs(
-            transform_points(matrix, [self.center]),
-            transform_normals(matrix, [self.normal]),
+            affine.transform_points(matrix, [self.center]),
+            affine.transform_normals(matrix, [self.normal]),
             np.array([radius]),
-            material_references(material),
+            affine.material_references(material),
         )

@@ -39,11 +39,9 @@ class Instance(PlacementSpec):
         return value
 
     def files(self) -> dict[tuple[str | int, ...], tuple[str, str]]:
-        """Return the file of the placements, if they are in one."""
         return {("placements",): (self.placements, "placements")} if isinstance(self.placements, str) else {}
 
     def poses(self, assets: Assets) -> NDArray[np.float64]:
-        """Return the matrices (n, 4, 4) of the copies, `transform` included."""
         if isinstance(self.placements, str):
             placed = assets["placements"]
         elif self.placements is None:

@@ -27,13 +27,7 @@ from raytracer.core.primitives.triangles import (
     Triangles,
 )
 from raytracer.core.shutter.table import Shutter
-from raytracer.plugins.shapes.base.affine import (
-    Matrix,
-    is_mirrored,
-    material_references,
-    transform_normals,
-    transform_points,
-)
+from raytracer.plugins.shapes.base import affine
 from raytracer.plugins.shapes.base.interface import Assets, ShapeSpec
 from raytracer.schema.fields import Time
 from raytracer.schema.spec import Spec, field_error
@@ -90,7 +84,6 @@ class Mesh(ShapeSpec):
         return self
 
     def files(self) -> dict[tuple[str | int, ...], tuple[str, str]]:
-        """Return the file, or those of the frames."""
         frames = enumerate(self.frames or ())
         return super().files() | {("frames", number, "file"): (frame.file, "mesh") for number, frame in frames}
 
@@ -106,7 +99,7 @@ class Mesh(ShapeSpec):
             high = np.maximum(high, [column.max() for column in columns])
         return np.stack([low, high])
 
-    def pack(self, matrix: Matrix, material: int, assets: Assets) -> Any:
+    def pack(self, matrix: affine.Matrix, material: int, assets: Assets) -> Any:
         """Pack one row a triangle; of a mesh with frames, as it is at time 0."""
         return self.pack_moving(matrix, material, assets, Shutter(0.0, 0.0))
 
@@ -118,7 +111,7 @@ class Mesh(ShapeSpec):
         nearest = min(self.frames, key=lambda frame: abs(frame.time - time))
         return still.model_copy(update={"frames": None, "file": nearest.file})
 
-    def pack_moving(self, matrix: Matrix, material: int, assets: Assets, shutter: Shutter) -> Any:
+    def pack_moving(self, matrix: affine.Matrix, material: int, assets: Assets, shutter: Shutter) -> Any:
         """Pack one row a triangle, moving where frames differ while the shutter is open.
 
         Raises
@@ -146,24 +139,26 @@ class Mesh(ShapeSpec):
         ):
             first = meshes[0]._replace(vertices=vertices[0], normals=None if bent is None else bent[0])
             return self._still(first, matrix, material)
-        faces = meshes[0].faces[:, ::-1] if is_mirrored(matrix) else meshes[0].faces
-        moved = pad_buffer(np.stack([transform_points(matrix, form) for form in vertices]), np.float32)
+        faces = meshes[0].faces[:, ::-1] if affine.is_mirrored(matrix) else meshes[0].faces
+        moved = pad_buffer(np.stack([affine.transform_points(matrix, form) for form in vertices]), np.float32)
         uv = None if meshes[0].uv is None else TextureCoordinates(np.ascontiguousarray(meshes[0].uv, np.float32))
-        flat = DeformingTriangles(moved, pad_buffer(faces, np.uint32), material_references(material, len(faces)), uv)
+        flat = DeformingTriangles(
+            moved, pad_buffer(faces, np.uint32), affine.material_references(material, len(faces)), uv
+        )
         if bent is None:
             return flat
-        turned = [transform_normals(matrix, form).astype(np.float32) for form in bent]
+        turned = [affine.transform_normals(matrix, form).astype(np.float32) for form in bent]
         return DeformingSmoothTriangles(*flat, np.ascontiguousarray(np.stack(turned)))
 
-    def _still(self, mesh: Any, matrix: Matrix, material: int) -> Triangles | SmoothTriangles:
-        faces = mesh.faces[:, ::-1] if is_mirrored(matrix) else mesh.faces
-        rows = pad_buffer(transform_points(matrix, mesh.vertices), np.float32), pad_buffer(faces, np.uint32)
+    def _still(self, mesh: Any, matrix: affine.Matrix, material: int) -> Triangles | SmoothTriangles:
+        faces = mesh.faces[:, ::-1] if affine.is_mirrored(matrix) else mesh.faces
+        rows = pad_buffer(affine.transform_points(matrix, mesh.vertices), np.float32), pad_buffer(faces, np.uint32)
         uv = None if mesh.uv is None else TextureCoordinates(np.ascontiguousarray(mesh.uv, np.float32))
-        flat = Triangles(*rows, material_references(material, len(faces)), uv)
+        flat = Triangles(*rows, affine.material_references(material, len(faces)), uv)
         if not self.smooth:
             return flat
         return SmoothTriangles(
-            *flat, np.ascontiguousarray(transform_normals(matrix, mesh.vertex_normals()), np.float32)
+            *flat, np.ascontiguousarray(affine.transform_normals(matrix, mesh.vertex_normals()), np.float32)
         )
 
 

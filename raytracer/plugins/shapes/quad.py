@@ -11,13 +11,7 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from raytracer.core.primitives.parallelograms import Parallelograms
-from raytracer.plugins.shapes.base.affine import (
-    Matrix,
-    is_mirrored,
-    material_references,
-    transform_points,
-    transform_vectors,
-)
+from raytracer.plugins.shapes.base import affine
 from raytracer.plugins.shapes.base.interface import Assets, ShapeSpec
 from raytracer.schema.fields import Point
 
@@ -38,8 +32,9 @@ class Quad(ShapeSpec):
             raise ValueError("the two edges must be neither zero nor parallel, or the quad has no area")
         return edges
 
-    def pack(self, matrix: Matrix, material: int, _: Assets) -> Parallelograms:
-        """Pack one row."""
-        edges = self.edges[::-1] if is_mirrored(matrix) else self.edges
-        u, v = (transform_vectors(matrix, [edge]) for edge in edges)
-        return Parallelograms(transform_points(matrix, [self.corner]), u, v, material_references(material))
+    def pack(self, matrix: affine.Matrix, material: int, _: Assets) -> Parallelograms:
+        edges = self.edges[::-1] if affine.is_mirrored(matrix) else self.edges
+        u, v = (affine.transform_vectors(matrix, [edge]) for edge in edges)
+        return Parallelograms(
+            affine.transform_points(matrix, [self.corner]), u, v, affine.material_references(material)
+        )

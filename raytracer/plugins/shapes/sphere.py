@@ -12,13 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
 from raytracer.core.primitives.spheres import Spheres
-from raytracer.plugins.shapes.base.affine import (
-    Matrix,
-    is_uniform,
-    material_references,
-    transform_points,
-    uniform_scale,
-)
+from raytracer.plugins.shapes.base import affine
 from raytracer.plugins.shapes.base.interface import Assets, ShapeSpec
 from raytracer.schema.fields import Length, Point
 
@@ -37,14 +31,14 @@ class Sphere(ShapeSpec):
             raise ValueError("must not be zero")
         return radius
 
-    def supports_transform(self, matrix: Matrix) -> bool:
-        """Tell if it stays a sphere."""
-        return is_uniform(matrix)
+    def supports_transform(self, matrix: affine.Matrix) -> bool:
+        return affine.is_uniform(matrix)
 
     def bounds(self, _: Assets) -> NDArray[np.float64]:
         return np.add(self.center, [[-abs(self.radius)], [abs(self.radius)]])
 
-    def pack(self, matrix: Matrix, material: int, _: Assets) -> Spheres:
-        """Pack one row."""
-        radius = uniform_scale(matrix) * self.radius
-        return Spheres(transform_points(matrix, [self.center]), np.array([radius]), material_references(material))
+    def pack(self, matrix: affine.Matrix, material: int, _: Assets) -> Spheres:
+        radius = affine.uniform_scale(matrix) * self.radius
+        return Spheres(
+            affine.transform_points(matrix, [self.center]), np.array([radius]), affine.material_references(material)
+        )

@@ -12,7 +12,7 @@ from pydantic import Field, field_validator
 
 from raytracer.core.geometry import pad_buffer
 from raytracer.core.primitives.triangles import Triangles
-from raytracer.plugins.shapes.base.affine import Matrix, is_mirrored, material_references, transform_points
+from raytracer.plugins.shapes.base import affine
 from raytracer.plugins.shapes.base.interface import Assets, ShapeSpec
 from raytracer.schema.fields import Point
 
@@ -31,9 +31,10 @@ class Triangle(ShapeSpec):
             raise ValueError("the three vertices lie on a line, so the triangle has no area")
         return vertices
 
-    def pack(self, matrix: Matrix, material: int, _: Assets) -> Triangles:
-        """Pack one row."""
-        corners = transform_points(matrix, self.vertices[:: -1 if is_mirrored(matrix) else 1])
+    def pack(self, matrix: affine.Matrix, material: int, _: Assets) -> Triangles:
+        corners = affine.transform_points(matrix, self.vertices[:: -1 if affine.is_mirrored(matrix) else 1])
         return Triangles(
-            pad_buffer(corners, np.float32), pad_buffer(np.array([[0, 1, 2]]), np.uint32), material_references(material)
+            pad_buffer(corners, np.float32),
+            pad_buffer(np.array([[0, 1, 2]]), np.uint32),
+            affine.material_references(material),
         )

@@ -26,8 +26,7 @@ from raytracer.plugins.textures.base.interface import (
     texture,
     texture_gradient,
 )
-from raytracer.schema.fields import Angle, Check, Color, Quantity
-from raytracer.schema.spec import field_error
+from raytracer.schema.fields import Angle, Check, Color, Quantity, check_item, list_schema
 from raytracer.util.errors import format_value
 
 _NUMBERS = {"r": 0, "g": 1, "b": 2}
@@ -51,22 +50,14 @@ class _Pair(Check):
         if isinstance(value, list | tuple):
             if len(value) != 2:
                 raise ValueError(f"must be two numbers, for u and v, got {format_value(value)}")
-            return self._item(value[0], 0), self._item(value[1], 1)
+            return check_item(value[0], self.component, (0,)), check_item(value[1], self.component, (1,))
         if self.single and isinstance(value, int | float | str) and not isinstance(value, bool):
             number = self.component(value)
             return number, number
         raise ValueError(f"must be two numbers, for u and v, got {format_value(value)}")
 
-    def _item(self, value: Any, index: int) -> float:
-        try:
-            return self.component(value)
-        except ValueError as error:
-            field_error(index, str(error))
-
     def json_schema(self) -> JsonSchemaValue:
-        item = self.component.json_schema()
-        pair: JsonSchemaValue = {"type": "array", "items": item, "minItems": 2, "maxItems": 2}
-        return {"anyOf": [pair, *item["anyOf"]]} if self.single else pair
+        return list_schema(self.component, 2, single=self.single)
 
 
 Wrap: TypeAlias = Literal["repeat", "clamp", "mirror"]
@@ -217,7 +208,6 @@ class FloatImages(NamedTuple):
 @generic
 def _decode_texel(table, index, at):
     """Read the number at a place in a table's texels, in linear light."""
-    raise NotImplementedError
 
 
 @_decode_texel.register(ByteImages)

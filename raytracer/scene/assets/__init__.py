@@ -1,5 +1,6 @@
 """Read the files that scenes name: meshes, images, grids, placements and lenses."""
 
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 from raytracer.scene.assets import gltf
 from raytracer.scene.assets.grids import read_grid
 from raytracer.scene.assets.images import file_of, read_image
-from raytracer.scene.assets.meshes import Mesh, read_mesh, smooth_normals
+from raytracer.scene.assets.meshes import read_mesh
 from raytracer.scene.assets.placements import read_placements
 
 
@@ -38,26 +39,10 @@ def companion_files(kind: str, path: Path) -> tuple[Path, ...]:
 
     Only glTF files name any; the materials of OBJ files are not read.
     """
-    path = file_of(path)
-    return gltf.companions(path) if kind in ("mesh", "image") and path.suffix.lower() in (".gltf", ".glb") else ()
+    return tuple(file for file in referenced_files(kind, path) if os.path.isfile(file))
 
 
 def referenced_files(kind: str, path: Path) -> tuple[Path, ...]:
     """List the files that reading a file of this kind may open besides, whether they exist or not."""
     path = file_of(path)
     return gltf.referenced_files(path) if kind in ("mesh", "image") and path.suffix.lower() in (".gltf", ".glb") else ()
-
-
-__all__ = [
-    "LOADERS",
-    "Mesh",
-    "companion_files",
-    "file_of",
-    "read_grid",
-    "read_image",
-    "read_lens",
-    "read_mesh",
-    "read_placements",
-    "referenced_files",
-    "smooth_normals",
-]

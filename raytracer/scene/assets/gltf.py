@@ -7,7 +7,6 @@ References: Khronos Group, "glTF 2.0 Specification", sec. 3.6 (buffers), 3.8.4 (
 """
 
 import base64
-import contextlib
 import json
 import os
 import re
@@ -242,16 +241,6 @@ def referenced_files(path: Path) -> tuple[Path, ...]:
     items = [entry for key in ("buffers", "images") if isinstance(header.get(key), list) for entry in header[key]]
     paths = (_addressed(entry.get("uri"), path.parent) for entry in items if isinstance(entry, dict))
     return tuple(dict.fromkeys(file for file in paths if file is not None))
-
-
-def companions(path: Path) -> tuple[Path, ...]:
-    """List those of `referenced_files` that exist."""
-    existing = []
-    for file in referenced_files(path):
-        with contextlib.suppress(OSError, ValueError):
-            if file.is_file():
-                existing.append(file)
-    return tuple(existing)
 
 
 def _header_of(path: Path) -> dict[str, Any]:

@@ -13,16 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from raytracer.film.formats.base.pillow import is_transparent
-from raytracer.scene.assets.gltf import (
-    Gltf,
-    Json,
-    image_bytes,
-    is_number,
-    item,
-    list_entry,
-    mapping,
-    parse,
-)
+from raytracer.scene.assets.gltf import Gltf, Json, image_bytes, is_number, item, list_entry, mapping, parse
 from raytracer.util.errors import format_value
 from raytracer.util.safe_open import BrokenFileError, name_read_errors, read_regular
 
@@ -65,8 +56,8 @@ class _Materials:
         """Convert material `number` to a principled one, in a cutout if its alpha has holes."""
         self._name = f"material {number}"
         material = self._mapping(material, "")
-        extensions = self._mapping(material.get("extensions", {}), "extensions")
-        metallic_roughness = self._mapping(material.get("pbrMetallicRoughness", {}), "pbrMetallicRoughness")
+        extensions = self._entry(material, "extensions")
+        metallic_roughness = self._entry(material, "pbrMetallicRoughness")
 
         # What the surface is made of.
         *base, alpha = self._numbers(metallic_roughness, "baseColorFactor", (1.0, 1.0, 1.0, 1.0))
@@ -78,24 +69,21 @@ class _Materials:
             "roughness": self._textured(coating, self._number(metallic_roughness, "roughnessFactor", 1.0), "g"),
             "two_sided": bool(material.get("doubleSided", False)),
         }
-        optics = self._mapping(extensions.get("KHR_materials_ior", {}), "KHR_materials_ior")
-        result["ior"] = self._number(optics, "ior", 1.5)
-        clear = self._mapping(extensions.get("KHR_materials_transmission", {}), "KHR_materials_transmission")
+        result["ior"] = self._number(self._entry(extensions, "KHR_materials_ior"), "ior", 1.5)
+        clear = self._entry(extensions, "KHR_materials_transmission")
         if transmission := self._number(clear, "transmissionFactor", 0.0):
             result["transmission"] = self._textured(clear.get("transmissionTexture"), transmission, "r")
 
         # Its emission.
         emissive = self._numbers(material, "emissiveFactor", (0.0, 0.0, 0.0))
-        strength = self._mapping(
-            extensions.get("KHR_materials_emissive_strength", {}), "KHR_materials_emissive_strength"
-        )
+        strength = self._entry(extensions, "KHR_materials_emissive_strength")
         if any(emissive):
             factor = self._number(strength, "emissiveStrength", 1.0)
             result["emission"] = self._textured(material.get("emissiveTexture"), [factor * value for value in emissive])
 
         # Its normal map, and its holes.
         if "normalTexture" in material:
-            normal_texture = self._mapping(material["normalTexture"], "normalTexture")
+            normal_texture = self._entry(material, "normalTexture")
             scale = self._number(normal_texture, "scale", 1.0)
             result["normal_map"] = self._image(normal_texture)
             if scale != 1.0:
@@ -140,13 +128,12 @@ class _Materials:
 
     def _image(self, reference: Json) -> dict[str, Any]:
         """Make the image texture that a material refers to."""
-        extensions = self._mapping(reference.get("extensions", {}), "extensions")
-        transform = self._mapping(extensions.get("KHR_texture_transform", {}), "KHR_texture_transform")
+        transform = self._entry(self._entry(reference, "extensions"), "KHR_texture_transform")
         if transform.get("texCoord", reference.get("texCoord", 0)) != 0:
             raise BrokenFileError(f"has {self._name} with a second set of texture coordinates, which is not supported")
         texture = item(self._gltf.header, "textures", reference.get("index"))
-        webp = self._mapping(texture.get("extensions", {}), "extensions").get("EXT_texture_webp", {})
-        source = self._mapping(webp, "EXT_texture_webp").get("source", texture.get("source"))
+        webp = self._entry(self._entry(texture, "extensions"), "EXT_texture_webp")
+        source = webp.get("source", texture.get("source"))
         if source is None:
             raise BrokenFileError(f"has {self._name} with a texture of a format that is not supported")
         item(self._gltf.header, "images", source)
@@ -168,14 +155,14 @@ class _Materials:
         return {
             "scale": scale,
             "rotation": math.degrees(angle),
-            "offset": [
-                offset[0] + scale[1] * math.sin(angle),
-                1.0 - offset[1] - scale[1] * math.cos(angle),
-            ],
+            "offset": [offset[0] + scale[1] * math.sin(angle), 1.0 - offset[1] - scale[1] * math.cos(angle)],
         }
 
     def _mapping(self, value: Any, what: str) -> Json:
         return mapping(value, f"{self._name} with {what or 'a value'}")
+
+    def _entry(self, holder: Json, key: str) -> Json:
+        return self._mapping(holder.get(key, {}), key)
 
     def _number(self, holder: Json, key: str, default: float) -> float:
         value = holder.get(key, default)

@@ -7,14 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.util.safe_open import (
-    BrokenFileError,
-    NpyHeader,
-    check_suffix,
-    name_read_errors,
-    open_regular,
-    read_npy_header,
-)
+from raytracer.util import safe_open
 
 MAX_VOXELS = 2**31
 
@@ -30,24 +23,24 @@ def read_grid(path: str | Path) -> NDArray[np.float32]:
     InputError : the file is missing, no .npy file, or holds anything else than such a grid.
     """
     path = Path(path)
-    check_suffix(path, (".npy",), "a grid")
-    with name_read_errors(path), open_regular(path, _MAX_BYTES) as file:
-        stated = read_npy_header(file)
+    safe_open.check_suffix(path, (".npy",), "a grid")
+    with safe_open.name_read_errors(path), safe_open.open_regular(path, _MAX_BYTES) as file:
+        stated = safe_open.read_npy_header(file)
         _check_shape(stated)
         order: Literal["C", "F"] = "F" if stated.is_fortran else "C"
         return _checked(np.memmap(file, stated.dtype, "r", stated.start, stated.shape, order))
 
 
-def _check_shape(stated: NpyHeader) -> None:
+def _check_shape(stated: safe_open.NpyHeader) -> None:
     """Reject an array that is no grid, before its numbers are read."""
     shape = stated.shape
     if len(shape) != 3 or 0 in shape:
         shown = f"shape {' x '.join(map(str, shape))}" if shape else "a single number"
-        raise BrokenFileError(f"must hold an array of three dimensions (x, y, z), got {shown}")
+        raise safe_open.BrokenFileError(f"must hold an array of three dimensions (x, y, z), got {shown}")
     if stated.dtype.kind not in "fiub":
-        raise BrokenFileError(f"must hold real numbers, got {stated.dtype}")
+        raise safe_open.BrokenFileError(f"must hold real numbers, got {stated.dtype}")
     if math.prod(shape) > MAX_VOXELS:
-        raise BrokenFileError(f"has {math.prod(shape):,} voxels, at most {MAX_VOXELS:,} are possible")
+        raise safe_open.BrokenFileError(f"has {math.prod(shape):,} voxels, at most {MAX_VOXELS:,} are possible")
 
 
 def _checked(grid: NDArray[Any]) -> NDArray[np.float32]:
@@ -56,5 +49,5 @@ def _checked(grid: NDArray[Any]) -> NDArray[np.float32]:
     for wrong, words in ((~np.isfinite(density), "is not finite"), (density < 0.0, "is negative")):
         if wrong.any():
             x, y, z = (int(number) for number in np.unravel_index(int(np.argmax(wrong)), wrong.shape))
-            raise BrokenFileError(f"has a density that {words}, at [{x}, {y}, {z}]")
+            raise safe_open.BrokenFileError(f"has a density that {words}, at [{x}, {y}, {z}]")
     return density

@@ -2,9 +2,10 @@
 
 import traceback
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +32,6 @@ Vectors = NDArray[np.float64]
 class Mesh(NamedTuple):
     """A triangle mesh.
 
-    Attributes
-    ----------
     vertices : float64 (n, 3), finite, as float32 too.
     faces : uint32 (m, 3), indices of vertices, counter-clockwise seen from outside; m >= 1, none of zero area.
     normals : float64 (n, 3), unit normals of the vertices, zero for a vertex in no face; None if the file has none.
@@ -139,12 +138,7 @@ def _check_finite(rows: Vectors, sentence: str, largest: float = _LARGEST) -> No
 
 
 def _checked(parts: RawMesh) -> Mesh:
-    """Check a raw mesh, and remove its degenerate triangles.
-
-    Raises
-    ------
-    BrokenFileError : vertices that are not finite, faces with vertices that are not there, or no faces.
-    """
+    """Check a raw mesh, and remove its degenerate triangles."""
     if len(parts.faces) >= _MOST_FACES:
         raise BrokenFileError(f"has {len(parts.faces)} triangles, and at most {_MOST_FACES - 1} are supported")
     if len(parts.faces) == 0:
@@ -182,36 +176,14 @@ def _checked(parts: RawMesh) -> Mesh:
 
 _FORMATS = {".ply": "PLY", ".obj": "OBJ", ".stl": "STL", ".gltf": "glTF", ".glb": "glTF"}
 
-
-def _reader(name: str) -> Callable[[BinaryIO], RawMesh]:
-    """Import the reader of a format: most scenes have no mesh, and the others few formats."""
-    if name == "PLY":
-        from raytracer.scene.assets.ply import read_ply
-
-        return read_ply
-    if name == "OBJ":
-        from raytracer.scene.assets.obj import read_obj
-
-        return read_obj
-    if name == "STL":
-        from raytracer.scene.assets.stl import read_stl
-
-        return read_stl
-    from raytracer.scene.assets.gltf_geometry import read_gltf
-
-    return read_gltf
+_READERS = {"PLY": "ply", "OBJ": "obj", "STL": "stl", "glTF": "gltf_geometry"}
+"""Modules of the formats' readers, imported where one is read: most scenes have no mesh, and the others few formats."""
 
 
 def _read(path: Path) -> RawMesh:
-    """Read all triangles of a file into one mesh.
-
-    Raises
-    ------
-    BrokenFileError : the file is broken, or holds no triangles.
-    OSError : the file cannot be opened.
-    """
+    """Read all triangles of a file into one mesh."""
     name = _FORMATS[path.suffix.lower()]
-    reader = _reader(name)
+    reader = getattr(import_module(f"raytracer.scene.assets.{_READERS[name]}"), f"read_{name.lower()}")
     # Filters of warnings are of the whole process.
     with compiler_lock, open_regular(path) as file, warnings.catch_warnings(), np.errstate(all="ignore"):
         if not file.peek(1):
@@ -220,7 +192,7 @@ def _read(path: Path) -> RawMesh:
         # Before version 2.3, NumPy stopped at what is no number and warned.
         warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
         try:
-            return reader(file)
+            return cast(RawMesh, reader(file))
         except BrokenFileError:
             raise
         except Exception as error:

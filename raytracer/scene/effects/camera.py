@@ -187,11 +187,9 @@ def _shutter(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
     curve = "the shutter opens and closes at once" if timing.profile is None else still
     rolling = still if timing.readout else "all of the film is exposed at the same time"
     hand = "it has no time to shake" if shake is not None and shake.amplitude else "the camera is held still"
-    is_curved = scene.shutter is not None and scene.shutter.curve is not None
-    if is_curved:
+    if is_curved := scene.shutter is not None and scene.shutter.curve is not None:
         curve = f"its transmission changes while it is open; in all it counts as {timing.seconds():.4g} s"
-    is_rolling = scene.shutter is not None and scene.shutter.scan is not None
-    if is_rolling:
+    if is_rolling := scene.shutter is not None and scene.shutter.scan is not None:
         rolling = f"lines are exposed one after another, {timing.direction}, over {timing.readout:.4g} s"
     is_shaking = shake is not None and shake.amplitude > 0.0 and _camera_moves(scene)
     if shake is not None and is_shaking:

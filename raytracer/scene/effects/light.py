@@ -7,7 +7,7 @@ from raytracer.plugins.lights.base.light_choice import count_lights
 from raytracer.plugins.lights.base.light_tree import LightTree
 from raytracer.plugins.lights.emitters import Emitters
 from raytracer.report.wording import count
-from raytracer.scene.effects.effect import Effect
+from raytracer.scene.effects.effect import Effect, kind_effects
 from raytracer.scene.pack.lights import lights_of
 from raytracer.scene.spec import SceneSpec
 from raytracer.schema.registry import LIGHTS
@@ -72,10 +72,7 @@ def _why_environment_sampling(spec: SceneSpec, scene: Scene) -> str:
 
 def light_kinds(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
     """List one effect a kind of light, active where a light of this kind can make a difference."""
-    lights = lights_of(spec)
-    present = {type(table).__module__ for table in scene.lights.tables} if scene.lights is not None else set()
-    effects = {}
-    for kind, cls in LIGHTS.specs().items():
-        number = sum(light.type == kind for light in lights)
-        effects[f"light.{kind}"] = Effect(cls.__module__ in present, f"{count(number, 'light')} of {len(lights)}")
-    return effects
+    lights = [light.type for light in lights_of(spec)]
+    modules = {kind: cls.__module__ for kind, cls in LIGHTS.specs().items()}
+    tables = scene.lights.tables if scene.lights is not None else ()
+    return kind_effects("light", modules, lights, "light", len(lights), tables)

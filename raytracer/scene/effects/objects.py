@@ -1,7 +1,6 @@
 """Effects of objects: their placement, materials, textures and media."""
 
-from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import chain
 
 from raytracer.core.primitives.base.interface import has_vertex_normals
@@ -9,18 +8,24 @@ from raytracer.kernel.packed_scene import Scene
 from raytracer.plugins.materials.base.interface import MaterialSpec
 from raytracer.plugins.textures.base.interface import textures_of
 from raytracer.report.wording import count, plural
-from raytracer.scene.effects.effect import Effect
+from raytracer.scene.effects.effect import Effect, kind_effects
 from raytracer.scene.spec import SceneSpec
-from raytracer.schema.registry import MATERIALS, MEDIA, SHAPES, TEXTURES, Family
+from raytracer.schema.registry import MATERIALS, MEDIA, SHAPES, TEXTURES
 
 
 def surface_effects(
     of_objects: Sequence[MaterialSpec], made_of: Sequence[MaterialSpec], scene: Scene
 ) -> dict[str, Effect]:
     """List the effects of surfaces; `of_objects`: the material of each object, `made_of`: with the parts of these."""
+    is_smooth = any(has_vertex_normals(table) for table in scene.primitives)
     return {
         "relief": _normal_mapping(made_of, scene),
-        "smooth_shading": _smooth_shading(scene),
+        "smooth_shading": Effect(
+            is_smooth,
+            "meshes are shaded with normals that run smoothly from vertex to vertex"
+            if is_smooth
+            else "no mesh is smooth, so faces are shaded as flat as they are",
+        ),
         "passage": Effect(scene.transparency is not None, _why_transparency(of_objects, scene)),
         "nested_dielectrics": Effect(scene.nested_dielectrics is not None, _why_nested(scene)),
     }
@@ -38,12 +43,19 @@ def placement_effects(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
 def object_kinds(
     spec: SceneSpec, scene: Scene, by_object: Sequence[Sequence[MaterialSpec]], made_of: Sequence[MaterialSpec]
 ) -> dict[str, Effect]:
-    """List one effect a kind of material, texture, medium and shape."""
+    """List one effect a kind of material, texture, medium and shape, active where any in use is of it."""
+    materials = chain.from_iterable({part.type for part in parts} for parts in by_object)
+    surfaces = (*scene.materials, *(scene.selectors.tables if scene.selectors is not None else ()))
+    values = [use.value for part in made_of for use in textures_of(part)]
+    textures = [(spec.textures[value] if isinstance(value, str) else value).type for value in values]
+    media = [spec.media[name].type for name in _media(spec)]
+    spaces = scene.media.tables if scene.media is not None else ()
+    shapes = [item.type for item in spec.objects]
     return {
-        **_materials(by_object, scene),
-        **_textures(spec, made_of, scene),
-        **_media_kinds(spec, scene),
-        **_kinds("shape", SHAPES, (item.type for item in spec.objects)),
+        **kind_effects("material", MATERIALS.modules, materials, "object", len(by_object), surfaces),
+        **kind_effects("texture", TEXTURES.modules, textures, "parameter", "materials", scene.textures or ()),
+        **kind_effects("medium", MEDIA.modules, media, "use", len(media), spaces),
+        **kind_effects("shape", SHAPES.modules, shapes, "object", len(shapes)),
     }
 
 
@@ -62,15 +74,6 @@ def _why_media(spec: SceneSpec, scene: Scene) -> str:
     if used:
         return "the media that are used take nothing from light"
     return "no medium is used, so light travels without absorption or scattering"
-
-
-def _media_kinds(spec: SceneSpec, scene: Scene) -> dict[str, Effect]:
-    """List one effect a kind of medium, active where any in use absorbs or scatters light."""
-    packed = {type(table).__module__ for table in scene.media.tables} if scene.media is not None else set()
-    used = _kinds("medium", MEDIA, (spec.media[name].type for name in _media(spec)), "use")
-    return {
-        f"medium.{kind}": Effect(module in packed, used[f"medium.{kind}"].why) for kind, module in MEDIA.modules.items()
-    }
 
 
 def _why_instances(scene: Scene) -> str:
@@ -111,57 +114,11 @@ def _why_nested(scene: Scene) -> str:
     return f"{count(number, 'material')} in use have a priority, by which they may overlap{look}"
 
 
-def _materials(by_object: Sequence[Sequence[MaterialSpec]], scene: Scene) -> dict[str, Effect]:
-    """List one effect a kind of material, active where any object is of it, or of a material made of it."""
-    numbers = Counter(chain.from_iterable({part.type for part in made_of} for made_of in by_object))
-    tables = (*scene.materials, *(scene.selectors.tables if scene.selectors is not None else ()))
-    packed = {type(table).__module__ for table in tables}
-    effects = {}
-    for kind, module in MATERIALS.modules.items():
-        number = numbers[kind]
-        active = module in packed
-        added = ", and in the file of a mesh" if active and not number else ""
-        effects[f"material.{kind}"] = Effect(active, f"{count(number, 'object')} of {len(by_object)}{added}")
-    return effects
-
-
-def _textures(spec: SceneSpec, made_of: Sequence[MaterialSpec], scene: Scene) -> dict[str, Effect]:
-    """List one effect a kind of texture, active where any parameter of a material is one of its kind."""
-    asked = [use.value for part in made_of for use in textures_of(part)]
-    kinds = [(spec.textures[value] if isinstance(value, str) else value).type for value in asked]
-    packed = {type(table).__module__ for table in scene.textures or ()}
-    effects = {}
-    for kind, module in TEXTURES.modules.items():
-        number = kinds.count(kind)
-        active = module in packed
-        added = ", and in the file of a mesh" if active and not number else ""
-        effects[f"texture.{kind}"] = Effect(active, f"{count(number, 'parameter')} of materials{added}")
-    return effects
-
-
 def _normal_mapping(made_of: Sequence[MaterialSpec], scene: Scene) -> Effect:
     """Tell whether materials have bump or normal maps."""
-    if scene.normal_mapping is None or (
-        scene.normal_mapping.normal_maps is None and scene.normal_mapping.bumps is None
-    ):
-        return Effect(
-            False, "no material in use has a bump or a normal map, so surfaces are shaded as smooth as they are"
-        )
+    packed = scene.normal_mapping
+    if packed is None or (packed.normal_maps is None and packed.bumps is None):
+        why = "no material in use has a bump or a normal map, so surfaces are shaded as smooth as they are"
+        return Effect(False, why)
     number = sum(part.bump is not None or part.normal_map is not None for part in made_of)
     return Effect(True, f"{count(number, 'material')} in use have a bump or a normal map")
-
-
-def _smooth_shading(scene: Scene) -> Effect:
-    """Tell whether meshes are shaded with the normals of their vertices."""
-    if any(has_vertex_normals(table) for table in scene.primitives):
-        return Effect(True, "meshes are shaded with normals that run smoothly from vertex to vertex")
-    return Effect(False, "no mesh is smooth, so faces are shaded as flat as they are")
-
-
-def _kinds(noun: str, family: Family, present: Iterable[str], user: str = "object") -> dict[str, Effect]:
-    """List one effect a kind of the family, active where any object, or other user, has it."""
-    names = list(present)
-    return {
-        f"{noun}.{kind}": Effect(kind in names, f"{count(names.count(kind), user)} of {len(names)}")
-        for kind in family.modules
-    }

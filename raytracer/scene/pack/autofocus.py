@@ -4,7 +4,7 @@ At a place in the frame, invisible surfaces, such as the boundary of a medium, a
 seen; any other cutout counts as solid, in its holes too.
 """
 
-from collections.abc import Callable, Set
+from collections.abc import Set
 from typing import Any
 
 import numpy as np
@@ -16,8 +16,8 @@ from raytracer.core.primitives.base.interface import row_of
 from raytracer.plugins.cameras.base.moving import camera_at_time
 from raytracer.scene.object_bounds import ObjectBounds
 from raytracer.scene.pack.objects import Objects
+from raytracer.scene.pack.world import PackedWorld
 from raytracer.scene.spec import SceneSpec
-from raytracer.schema.fields import Vector
 from raytracer.schema.validation_errors import error_sentence
 
 # Rounds of refocusing, as focusing narrows the view and the frame's place then shows another point of the scene.
@@ -27,26 +27,10 @@ _MIDDLE = 0.5
 """The middle of the exposure, as a fraction: the time that all focusing is done for."""
 
 
-def has_autofocus(spec: SceneSpec) -> bool:
-    """Return True if the camera is focused on something instead of at a distance."""
-    return spec.camera.focused_object() is not None or spec.camera.focused_place() is not None
-
-
-def resolve_focus(
-    spec: SceneSpec,
-    where: ObjectBounds,
-    objects: Objects,
-    clear: Set[int],
-    build: Callable[[], Accel],
-    world: Vector,
-) -> SceneSpec:
+def resolve_focus(spec: SceneSpec, world: PackedWorld, accel: Accel | None) -> SceneSpec:
     """Replace a camera's autofocus by the distance that it finds; a scene without autofocus is returned as it is.
 
-    Parameters
-    ----------
-    clear : references of invisible materials, which let all light through.
-    build : builds the ray caster's structure of the scene; called only if a ray is needed.
-    world : the point of the scene (m) that is the origin of the structure's space.
+    accel : the ray caster's structure of the scene, for a camera that is focused at a place in the frame.
 
     Raises
     ------
@@ -54,10 +38,8 @@ def resolve_focus(
     """
     camera: Any = spec.camera
     if camera.focused_object() is not None:
-        return _at_distance(spec, "focus_on", _distance_of(spec, where))
-    if camera.focused_place() is not None:
-        return _at_distance(spec, "focus_at", _distance_seen(spec, objects, clear, build(), world))
-    return spec
+        return _at_distance(spec, "focus_on", _distance_of(spec, world.bounds))
+    return spec if accel is None else _at_distance(spec, "focus_at", _distance_seen(spec, world, accel))
 
 
 def _at_distance(spec: SceneSpec, key: str, distance: float) -> SceneSpec:
@@ -85,20 +67,18 @@ def _distance_of(spec: SceneSpec, where: ObjectBounds) -> float:
     distance = float(np.dot(center - frame.origin, frame.forward))
     if distance <= 0.0:
         place = "behind the camera" if distance < 0.0 else "beside the camera"
-        raise spec.error(
-            f"the middle of {camera.focus_on!r}, {_coordinates(center)}, lies {place}, which cannot focus on it",
-            "camera",
-            "focus_on",
-        )
+        x, y, z = center
+        sentence = f"[{x:.6g}, {y:.6g}, {z:.6g}], lies {place}, which cannot focus on it"
+        raise spec.error(f"the middle of {camera.focus_on!r}, {sentence}", "camera", "focus_on")
     return distance
 
 
-def _coordinates(point: NDArray[np.float64]) -> str:
-    return f"[{', '.join(f'{coordinate:.6g}' for coordinate in point)}]"
-
-
-def _distance_seen(spec: SceneSpec, objects: Objects, clear: Set[int], accel: Accel, world: Vector) -> float:
+def _distance_seen(spec: SceneSpec, world: PackedWorld, accel: Accel) -> float:
     """Compute the distance along the axis of what is seen at a place in the frame (m); infinite if nothing is."""
+    # Invisible materials let all light through.
+    materials = zip(world.used, world.references, strict=True)
+    clear = {reference for material, reference in materials if material.is_invisible()}
+    origin = (0.0, 0.0, 0.0) if world.origin is None else world.origin.world
     camera: Any = camera_at_time(spec.camera, mid_exposure_time(spec))
     frame = camera.frame()
     width, height = spec.film.width, spec.film.height
@@ -115,7 +95,7 @@ def _distance_seen(spec: SceneSpec, objects: Objects, clear: Set[int], accel: Ac
         axes = np.array([frame.right, frame.up, frame.forward])
         stretch = float(np.linalg.norm(direction))
         hit_distance = _first_hit_distance(
-            objects, clear, accel, np.subtract(frame.origin, world) + start @ axes, direction @ axes / stretch
+            world.objects, clear, accel, np.subtract(frame.origin, origin) + start @ axes, direction @ axes / stretch
         )
         distance = float(start[2]) + hit_distance * float(direction[2]) / stretch
         if distance in tried:

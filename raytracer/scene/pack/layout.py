@@ -8,7 +8,7 @@ file, so that what is stored is stored once.  Groups in groups are flattened: wh
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -150,39 +150,31 @@ class _Builder:
         return parts, instances
 
     def _place(self, item: ShapeSpec, matrix: Matrices, keys: KeyPath) -> Static | Shift | Moving:
-        try:
+        with self._spec.errors_at(*keys, "motion"):
             return resolve_motion(item.motion, matrix, self._shutter)
-        except ValueError as error:
-            raise self._spec.error(str(error), *keys, "motion") from None
 
     def _alone(self, item: ShapeSpec, keys: KeyPath, number: int, placed: Static | Shift | Moving) -> GroupInstances:
         """Make an object an instance of a group, which it shares with others that differ by material only."""
         own = self._item(item, keys, number)
-        bare = _bare(item), self._brings_materials(item, keys)
+        files = self._assets.of(item, keys).values() if item.material is None else ()
+        bare = _bare(item), any(getattr(held, "kinds", None) is not None for held in files)
         if bare not in self._alike:
             self._alike[bare] = len(self.groups)
             self.groups.append([Part(own, Static(np.eye(4)))])
         group = self._alike[bare]
         first = self.items[self.groups[group][0].item].spec
-        material = -1 if _matter(first) == _matter(item) else own
+        matter = (item.material, item.medium, item.outside_medium)
+        material = -1 if (first.material, first.medium, first.outside_medium) == matter else own
         self._count_more(1, keys)
         if isinstance(placed, Static):
             return GroupInstances(group, placed.matrix[None], (), material, number)
         return GroupInstances(group, NO_POSES, (trajectory_of(placed),), material, number)
 
-    def _brings_materials(self, item: ShapeSpec, keys: KeyPath) -> bool:
-        """Return True if an object's file brings its materials."""
-        if item.material is not None:
-            return False
-        return any(getattr(held, "kinds", None) is not None for held in self._assets.of(item, keys).values())
-
     def _instances(self, item: PlacementSpec, keys: KeyPath, number: int) -> list[GroupInstances]:
         """List the contents that an instance places."""
         inner = self._contents(item.of)
-        try:
+        with self._spec.errors_at(*keys):
             poses = item.poses(self._assets.of(item, keys))
-        except ValueError as error:
-            raise self._spec.error(str(error), *keys) from None
         moving: list[Rows] = []
         if item.motion is not None:
             placed = [self._place(item, pose, keys) for pose in poses]
@@ -233,11 +225,6 @@ def _bare(item: ShapeSpec) -> ShapeSpec:
     """Strip an object of the keys that an instance can add: equal results have the same primitives."""
     without = ("name", "material", "medium", "outside_medium", "transform", "motion")
     return item.model_copy(update=dict.fromkeys(without))
-
-
-def _matter(item: ShapeSpec) -> tuple[Any, ...]:
-    """Return the material and the media of an object."""
-    return item.material, item.medium, item.outside_medium
 
 
 def _composed(poses: Matrices, moving: Sequence[Rows], below: GroupInstances) -> tuple[Matrices, tuple[Rows, ...]]:

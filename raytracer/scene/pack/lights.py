@@ -19,7 +19,6 @@ from raytracer.plugins.materials.base.interface import MaterialSpec
 from raytracer.plugins.textures.base.interface import ParameterPacker
 from raytracer.scene.pack.objects import Objects
 from raytracer.scene.spec import SceneSpec
-from raytracer.schema.fields import Vector
 
 
 def pack_lights(
@@ -36,8 +35,6 @@ def pack_lights(
 
     The lights are None if none of them could make a difference.
 
-    Parameters
-    ----------
     environment : the packed environment.
     used, references : each object's material, and the reference that its primitives have.
     is_lit : a material in use allows next-event estimation; mirrors and glass find lights only by their paths, so
@@ -54,15 +51,22 @@ def pack_lights(
     how = spec.render.light_sampling
     is_aimed = is_lit and how != "paths"
     if is_aimed:
-        exitance = emitted_powers(used, references, packer)
+        # The emitted power per area, by reference (n,).
+        exitance = np.zeros(max(references) + 1)
+        exitance[list(references)] = [material.emitted_power(packer) for material in used]
         variants, instances = instance_emission(objects, exitance)
         tables.append(pack_emitters(objects, variants, exitance))
     kinds: dict[str, list[LightSpec]] = {}
     for light in _lights_in_exposure(
         spec, [light for light in lights_of(spec) if is_lit or light.is_visible_to_paths()], is_moving
     ):
-        if not is_aimed:
-            _check_reachable(spec, light)
+        if not light.shines():
+            continue
+        if not is_aimed and not light.is_visible_to_paths():
+            sentence = (
+                f"paths never find a {light.type} light without extent, since no ray can meet it: use mis or lights"
+            )
+            raise spec.error(sentence, "render", "light_sampling")
         kinds.setdefault(light.type, []).append(light)
     tables += [type(kinds[kind][0]).pack(kinds[kind]) for kind in sorted(kinds)]
     unaimed = environment
@@ -80,16 +84,6 @@ def pack_lights(
     if not is_aimed:
         return NoLightSampling(present, unaimed), instances
     return Lights(present, unaimed, LightSamplingOnly() if how == "lights" else None), instances
-
-
-def _check_reachable(spec: SceneSpec, light: LightSpec) -> None:
-    """Reject a shining light that no path can hit, since without next-event estimation the picture would lack it."""
-    if not light.is_visible_to_paths() and type(light).pack([light]) is not None:
-        raise spec.error(
-            f"paths never find a {light.type} light without extent, since no ray can meet it: use mis or lights",
-            "render",
-            "light_sampling",
-        )
 
 
 def lights_of(spec: SceneSpec) -> tuple[LightSpec, ...]:
@@ -118,12 +112,7 @@ def _lights_in_exposure(spec: SceneSpec, lights: Sequence[LightSpec], is_moving:
         elif pulse[1] > span.open and pulse[0] < span.close:
             seen.append((light, pulse[0]))
     timed = is_moving or (timing.readout > 0.0 and any(light.pulse(timing) is not None for light, _ in seen))
-    return [light.at_exposure(timing, _place(spec, time), timed) for light, time in seen]
-
-
-def _place(spec: SceneSpec, time: float) -> Vector:
-    """Compute the position of the camera at a scene time (s)."""
-    return camera_at_time(spec.camera, time).look_from
+    return [light.at_exposure(timing, camera_at_time(spec.camera, time).look_from, timed) for light, time in seen]
 
 
 def light_pulses(lights: Lights | NoLightSampling | None) -> list[Pulses]:
@@ -145,32 +134,17 @@ class EmitterVariant(NamedTuple):
     size: float
 
 
-class InstanceEmission(NamedTuple):
-    """Emission of instances.
+def instance_emission(
+    objects: Objects, exitance: NDArray[np.float64]
+) -> tuple[Sequence[EmitterVariant], Instances | None]:
+    """Find the instances that emit; within a variant, one is chosen in proportion to its size.
 
-    variants : the first is what is in no instance.
-    instances : with the probabilities of those that emit.
+    Returns the variants, the first of which is what is in no instance, and the instances with their probabilities.
     """
-
-    variants: Sequence[EmitterVariant]
-    instances: Instances | None
-
-
-def emitted_powers(
-    used: Sequence[MaterialSpec], references: Sequence[int], packer: ParameterPacker
-) -> NDArray[np.float64]:
-    """Compute the exitance of the materials in use, the emitted power per area, by reference (n,)."""
-    result = np.zeros(max(references) + 1)
-    result[list(references)] = [material.emitted_power(packer) for material in used]
-    return result
-
-
-def instance_emission(objects: Objects, exitance: NDArray[np.float64]) -> InstanceEmission:
-    """Find the instances that emit; within a variant, one is chosen in proportion to its size."""
     variants = [EmitterVariant(-1, -1, 1.0)]
     instances = objects.instances
     if instances is None:
-        return InstanceEmission(variants, None)
+        return variants, None
     still = np.abs(np.linalg.det(instances.pose[:, :, :3]))
     moving = instances.trajectories
     # An estimate is enough here: it is exact for the same scale along all axes.
@@ -190,7 +164,7 @@ def instance_emission(objects: Objects, exitance: NDArray[np.float64]) -> Instan
         variants.append(EmitterVariant(group, override, total))
         members.append(chosen)
     if len(variants) == 1:
-        return InstanceEmission(variants, instances)
+        return variants, instances
     emissive = EmissiveInstances(
         variant=variant,
         probability=probability,
@@ -198,7 +172,7 @@ def instance_emission(objects: Objects, exitance: NDArray[np.float64]) -> Instan
         member=np.concatenate(members).astype(np.int32),
         cumulative=np.concatenate([np.cumsum(probability[chosen]) for chosen in members]),
     )
-    return InstanceEmission(variants, instances._replace(emissive=emissive))
+    return variants, instances._replace(emissive=emissive)
 
 
 def _emitting(

@@ -1,18 +1,15 @@
 """Pack media, and find those on each side of an object."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import ValidationError
 
 from raytracer.plugins.materials.base.interface import MaterialSpec
 from raytracer.plugins.media.base.interface import KEEP_MEDIUM, NO_MEDIUM, Media
 from raytracer.plugins.shapes.base.interface import ShapeSpec
 from raytracer.scene.scene_assets import SceneAssets
 from raytracer.scene.spec import SceneSpec
-from raytracer.schema.validation_errors import error_sentence
-from raytracer.util.errors import InputError
 
 
 class MediumInterface(NamedTuple):
@@ -34,12 +31,13 @@ class SceneMedia:
     """
 
     def __init__(self, spec: SceneSpec, files: SceneAssets) -> None:
-        self._spec, self._files = spec, files
+        self._spec = spec
         objects = [name for _, item in spec.all_objects() for name in (item.medium, item.outside_medium)]
         used = sorted({name for name in (spec.medium, spec.camera.medium, *objects) if name is not None})
-        assets = {name: self._load(name) for name in used}
+        assets = {name: files.of(spec.media[name], ("media", name)) for name in used}
         for name in used:
-            self._check(name, assets[name])
+            with spec.errors_at("media", name):
+                spec.media[name].check(assets[name])
         there = [name for name in used if not spec.media[name].is_clear(assets[name])]
         kinds = sorted({spec.media[name].type for name in there})
         self._tables: list[Any] = []
@@ -49,22 +47,6 @@ class SceneMedia:
             specs = [spec.media[name] for name in names]
             self._tables.append(type(specs[0]).pack(specs, [assets[name] for name in names]))
             self._references.update({name: row * len(kinds) + number for row, name in enumerate(names)})
-
-    def _load(self, name: str) -> Mapping[str, Any]:
-        medium = self._spec.media[name]
-        for key, kind in medium.loads.items():
-            try:
-                return {key: self._files.read(kind, getattr(medium, key))}
-            except InputError as error:
-                raise self._spec.error(str(error), "media", name, key) from None
-        return {}
-
-    def _check(self, name: str, assets: Mapping[str, Any]) -> None:
-        try:
-            self._spec.media[name].check(assets)
-        except ValidationError as error:
-            (detail,) = error.errors(include_url=False)
-            raise self._spec.error(error_sentence(detail), "media", name, *detail["loc"]) from None
 
     def _reference(self, name: str | None) -> int:
         """Return the reference of a medium; NO_MEDIUM for a clear one, or for none."""

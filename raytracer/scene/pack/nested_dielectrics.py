@@ -49,8 +49,6 @@ class PrioritySolids:
 
     Of equal priorities that has the higher rank which comes first in the scene.
 
-    Parameters
-    ----------
     used, spaces, owners : the materials in use, the media around each, and the number in `items` of its first user.
 
     Raises
@@ -68,10 +66,8 @@ class PrioritySolids:
     ) -> None:
         solids: dict[tuple[MaterialSpec, Hashable], _Solid] = {}
         for place, (material, space) in enumerate(zip(used, spaces, strict=True)):
-            try:
+            with spec.errors_at(*_keys(items[owners[place]])):
                 filling = material.interior_medium()
-            except ValueError as error:
-                raise spec.error(str(error), *_keys(items[owners[place]])) from None
             if filling is not None:
                 solids.setdefault((material, space), _Solid(material, space, filling, place))
         self._ranked = sorted(solids.values(), key=lambda solid: (solid.interior_medium.priority, -solid.place))
@@ -113,8 +109,6 @@ class PrioritySolids:
     ) -> NestedDielectrics | None:
         """Pack the solids; None where no material in use has a priority.
 
-        Parameters
-        ----------
         references, boundaries : of the materials in use, and of `materials()`.
         where : the bounds of the scene's objects.
         seen_by, camera : the camera's spec, and the packed camera.
@@ -152,7 +146,10 @@ class PrioritySolids:
             return True
         time = seen_by.shutter_interval().open
         eye = np.array(camera_at_time(seen_by, time).look_from)
-        reach = parts.ray_radius + self._spread(seen_by)
+        # The farthest view of a camera with many.
+        layout = seen_by.layout(self._spec.film.width, self._spec.film.height)
+        spread = 0.0 if layout is None else float(np.linalg.norm(layout.views.position, axis=-1).max())
+        reach = parts.ray_radius + spread
         for number in holding - {-1}:
             corners = where.corners(number, time)
             low, high = corners.min(axis=0), corners.max(axis=0)
@@ -160,12 +157,6 @@ class PrioritySolids:
             if np.any(low == high) or np.all((low - reach <= eye) & (eye <= high + reach)):
                 return True
         return False
-
-    def _spread(self, seen_by: PlacedSpec) -> float:
-        """Return the largest distance of a camera's views from its position (m)."""
-        film = self._spec.film
-        layout = seen_by.layout(film.width, film.height)
-        return 0.0 if layout is None else float(np.linalg.norm(layout.views.position, axis=-1).max())
 
 
 def _keys(item: Item) -> tuple[str | int, ...]:

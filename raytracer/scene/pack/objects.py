@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.embree import InstanceArray
-from raytracer.core.geometry import Geometry
+from raytracer.core.geometry import Geometry, Primitive
 from raytracer.core.instancing import Instances, pose_rows
 from raytracer.core.motion.interpolation import pack_trajectories
 from raytracer.core.motion.resolve import Shift, Static
@@ -21,7 +21,6 @@ from raytracer.core.primitives.base.interface import (
     without_uv,
 )
 from raytracer.core.primitives.translated import translate_table
-from raytracer.scene.pack.float32_limits import check_extent, check_poses
 from raytracer.scene.pack.layout import NO_POSES, Item, Layout
 from raytracer.scene.scene_assets import SceneAssets
 from raytracer.scene.spec import SceneSpec
@@ -100,8 +99,6 @@ def pack_objects(
 ) -> Objects:
     """Pack the objects of a layout, whose items have these material references, one, or one a face.
 
-    Parameters
-    ----------
     textured : the scene has textures, so meshes keep the texture coordinates of their files.
     eye : (3,), position of the camera in the packed scene (m).
 
@@ -131,7 +128,8 @@ def pack_objects(
         bounds[:, number, 1] = np.cumsum(lengths)
         bounds[:, number, 0] = bounds[:, number, 1] - lengths
     owners = tuple(_owners_of(pieces[key]) for key in order)
-    primitives = tuple(_joined(pieces.pop(key)) for key in order)
+    tables = ([piece.table for piece in pieces.pop(key)] for key in order)
+    primitives = tuple(concatenate(parts[0], parts) for parts in tables)
     instances, placed, placements = _pack_instances(layout, references, bounds, len(order))
     geometries = [
         {
@@ -148,32 +146,17 @@ def _check_instances(spec: SceneSpec, layout: Layout) -> None:
     """Reject instances that the ray caster cannot place."""
     for instance in layout.instances:
         moving = [compose(rows[0]) for rows in instance.trajectories]
-        try:
+        with spec.errors_at("objects", instance.number):
             check_poses(np.concatenate([instance.poses, np.array(moving).reshape(-1, 4, 4)]))
-        except ValueError as error:
-            raise spec.error(str(error), "objects", instance.number) from None
 
 
 def _pack_item(spec: SceneSpec, item: Item, placed: Static | Shift, reference: Any, assets: SceneAssets) -> Any:
     """Pack one object to a table."""
-    try:
-        table = item.spec.pack_moving(
-            placed.matrix, reference, assets.of(item.spec, item.keys), spec.camera.shutter_interval()
-        )
+    files, shutter = assets.of(item.spec, item.keys), spec.camera.shutter_interval()
+    with spec.errors_at(*item.keys):
+        table = item.spec.pack_moving(placed.matrix, reference, files, shutter)
         check_extent(geometry(table))
-    except ValueError as error:
-        raise spec.error(str(error), *item.keys) from None
     return translate_table(table, placed.shift) if isinstance(placed, Shift) else table
-
-
-def _single(reference: Reference) -> int:
-    """Return the one material of an instance: objects that bring several share no group with others."""
-    assert isinstance(reference, int)
-    return reference
-
-
-def _joined(pieces: Sequence[_Piece]) -> Any:
-    return concatenate(pieces[0].table, [piece.table for piece in pieces])
 
 
 def _owners_of(pieces: Sequence[_Piece]) -> Owners:
@@ -203,9 +186,9 @@ def _pack_instances(
         return np.repeat(np.array(list(values), np.int32), counts)
 
     group = by_instance(instance.group for instance, _ in order)
-    material = by_instance(
-        _single(references[instance.material]) if instance.material >= 0 else -1 for instance, _ in order
-    )
+    # Objects that bring several materials share no group with others, so each reference here is one number.
+    given = [references[instance.material] if instance.material >= 0 else -1 for instance, _ in order]
+    material = np.repeat(np.array(given, np.int32), counts)
     numbers = by_instance(instance.number for instance, _ in order)
 
     # Embree takes instances by the array, all of one array with as many time steps.
@@ -232,3 +215,67 @@ def _pack_instances(
         emissive=None,
     )
     return instances, numbers, placements
+
+
+# ---- Limits of float32
+
+
+MAX_COORDINATE = 1.844e18
+"""Largest coordinate and radius (m) that Embree takes; it silently leaves out what lies beyond."""
+
+_TINY, _HUGE = float(np.finfo(np.float32).tiny), float(np.finfo(np.float32).max)
+
+MIN_EXTENT = float(np.sqrt(_TINY))
+"""Smallest extent (m) whose square, as in an area, is a normal float32 number: 1.1e-19."""
+
+
+def check_extent(geometry: Geometry) -> None:
+    """Reject an object that is too far away, too large or too small to be hit by any ray.
+
+    geometry : the object as the ray caster gets it.
+
+    Raises
+    ------
+    ValueError : a sentence that says how far, or how small.
+    """
+    for vertices in geometry.vertices:
+        rows = vertices
+        if geometry.indices is not None and not _reach(rows) <= MAX_COORDINATE:
+            # A file may hold vertices that no triangle has.
+            rows = vertices[np.unique(geometry.indices)]
+        reach = _reach(rows)
+        if not reach <= MAX_COORDINATE:
+            far = f"{reach:.3g} m" if np.isfinite(reach) else f"more than {_HUGE:.2g} m"
+            raise ValueError(
+                f"lies {far} from the origin, or is as large, and rays find nothing beyond {MAX_COORDINATE:.3g} m"
+            )
+        extent = float(np.ptp(rows[:, :3].astype(np.float64), axis=0).max(initial=0.0))
+        if geometry.primitive is not Primitive.TRIANGLE:
+            extent += 2.0 * float(rows[:, 3].max(initial=0.0))
+        # Triangles that vanish only where they lie may be placed elsewhere: there are warnings for that.
+        is_lost = geometry.primitive is Primitive.TRIANGLE and extent == 0.0
+        if extent < MIN_EXTENT and not is_lost:
+            raise ValueError(f"is {extent:.3g} m large, and rays find nothing smaller than {MIN_EXTENT:.2g} m")
+
+
+def check_poses(matrices: NDArray[Any]) -> None:
+    """Reject poses (n, 4, 4) of instances that Embree, which inverts them in float32, cannot invert.
+
+    Raises
+    ------
+    ValueError : a sentence that says by how much one scales, or how far it goes.
+    """
+    reach = float(np.abs(matrices[:, :3]).max(initial=0.0))
+    if not reach <= MAX_COORDINATE:
+        raise ValueError(f"moves or scales by {reach:.3g}, and rays find nothing beyond {MAX_COORDINATE:.3g} m")
+    volume = np.abs(np.linalg.det(matrices[:, :3, :3]))
+    wrong = ~((volume >= _TINY) & (volume <= _HUGE))
+    if wrong.any():
+        scale = float(np.cbrt(volume[int(np.argmax(wrong))]))
+        raise ValueError(
+            f"scales by {scale:.3g}, and float32 only undoes factors from {np.cbrt(_TINY):.2g} to {np.cbrt(_HUGE):.2g}"
+        )
+
+
+def _reach(rows: NDArray[np.float32]) -> float:
+    return float(np.abs(rows).max(initial=0.0))

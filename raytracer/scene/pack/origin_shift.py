@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from raytracer.core.instancing import ROTATION_ERROR
 from raytracer.core.motion.resolve import Shift, Static
-from raytracer.core.motion.trajectory import Rows, compose, max_rotation_radius, recentre_rotation, translate_trajectory
+from raytracer.core.motion.trajectory import compose, max_rotation_radius, recentre_rotation, translate_trajectory
 from raytracer.core.world_origin import Origin
 from raytracer.plugins.cameras.base.moving import camera_at_time
 from raytracer.scene.pack.layout import GroupInstances, Layout, Part
@@ -64,7 +64,7 @@ def shift_origin(spec: SceneSpec, layout: Layout, assets: SceneAssets) -> tuple[
     SceneError : a file of an object does not suit it.
     """
     boxes = [_around(_boxes_of(spec, layout, parts, assets)) for parts in layout.groups]
-    camera = np.array(_camera(spec))
+    camera = np.array(camera_at_time(spec.camera, spec.camera.shutter_interval().open).look_from)
     things = _object_boxes(spec, layout, boxes, assets, camera)
     world = _world_origin(things, camera)
     reach = things.reach(world)
@@ -87,11 +87,6 @@ def shift_origin(spec: SceneSpec, layout: Layout, assets: SceneAssets) -> tuple[
 # ---- Boxes of objects
 
 
-def _camera(spec: SceneSpec) -> tuple[float, float, float]:
-    """Compute the position of the camera when the shutter opens."""
-    return camera_at_time(spec.camera, spec.camera.shutter_interval().open).look_from
-
-
 def _moved(boxes: Points, matrices: Points) -> Points:
     """Bound boxes (n, 2, 3), or one (1, 2, 3), as transformed by matrices (n, 4, 4): (n, 2, 3)."""
     middle, half = boxes.mean(axis=1), 0.5 * (boxes[:, 1] - boxes[:, 0])
@@ -111,10 +106,8 @@ def _boxes_of(spec: SceneSpec, layout: Layout, parts: Sequence[Part], assets: Sc
     own, matrices, shifts = np.empty((len(parts), 2, 3)), np.empty((len(parts), 4, 4)), np.zeros((len(parts), 1, 3))
     for number, part in enumerate(parts):
         item = layout.items[part.item]
-        try:
+        with spec.errors_at(*item.keys):
             own[number] = item.spec.bounds(assets.of(item.spec, item.keys))
-        except ValueError as error:
-            raise spec.error(str(error), *item.keys) from None
         matrices[number] = part.placed.matrix
         if isinstance(part.placed, Shift):
             shifts[number] = part.placed.shift
@@ -197,8 +190,6 @@ def _median(points: Points, weight: NDArray[np.float64]) -> Points:
 def _group_origin(box: Points, stretch: NDArray[np.float64], reach: NDArray[np.float64]) -> Points:
     """Choose the origin of a group's space, in its coordinates; 0 if moving it gains little.
 
-    Parameters
-    ----------
     box : (2, 3), round the objects of the group.
     stretch, reach : of each of its instances (n,), the latter in the world (m).
     """
@@ -228,12 +219,11 @@ def _placing(instance: GroupInstances, origin: Points, box: Points, world: Point
     poses = translation_matrix(-world) @ instance.poses @ translation_matrix(origin)
     corners = np.array(list(product(*(box - origin).T)))
     size = float(np.linalg.norm(corners, axis=1).max())
-    trajectories = [_trajectory(rows, origin, world, size) for rows in instance.trajectories]
-    return instance._replace(poses=poses, trajectories=tuple(trajectories))
-
-
-def _trajectory(rows: Rows, origin: Points, world: Points, size: float) -> Rows:
     before, after = tuple(origin.tolist()), tuple((-world).tolist())
-    moved = translate_trajectory(rows, before, after)
+    moved = (translate_trajectory(rows, before, after) for rows in instance.trajectories)
     # An error of a float32 angle moves a small thing by that angle times the distance of its pivot.
-    return recentre_rotation(moved, ROTATION_ERROR) if max_rotation_radius(moved) > _LEAST_GAIN * size else moved
+    trajectories = tuple(
+        recentre_rotation(rows, ROTATION_ERROR) if max_rotation_radius(rows) > _LEAST_GAIN * size else rows
+        for rows in moved
+    )
+    return instance._replace(poses=poses, trajectories=trajectories)

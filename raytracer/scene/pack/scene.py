@@ -11,29 +11,32 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from raytracer.core.embree import Accel, InstanceArray
-from raytracer.core.geometry import Exact, Geometry
+from raytracer.core.embree import Accel
+from raytracer.core.geometry import Exact
 from raytracer.core.sampling import SAMPLERS
-from raytracer.core.shutter.table import Pulses, Shutter
+from raytracer.core.shutter.table import Shutter
 from raytracer.core.shutter.timing import pack_shutter
+from raytracer.core.spectra import spectra
 from raytracer.core.vec import Vec3, neg
 from raytracer.core.world_origin import Origin
+from raytracer.kernel.aovs.base.interface import SceneIds
+from raytracer.kernel.hero_wavelength import DispersiveLens, DispersiveMaterials, MonochromaticCamera
 from raytracer.kernel.packed_scene import Scene
 from raytracer.kernel.pixel_accumulator import Clamp
 from raytracer.kernel.transparency import TransparentShadows
+from raytracer.optics.lens_system.surfaces import reverse_lens
+from raytracer.plugins.cameras.base.interface import CameraParts, WavelengthSharing, camera_parts
 from raytracer.plugins.cameras.base.interface import translate_camera as moved_camera
 from raytracer.plugins.cameras.base.moving import MovingCamera, pack_camera
 from raytracer.plugins.lights.base.interface import translate_lights as moved_lights
 from raytracer.plugins.materials.base.interface import MaterialSpec
 from raytracer.plugins.media.base.interface import translate_media as moved_media
-from raytracer.scene.asset_provider import AccelInput, AssetProvider, NoCache
-from raytracer.scene.pack.autofocus import has_autofocus, resolve_focus
+from raytracer.scene.pack.autofocus import resolve_focus
 from raytracer.scene.pack.layout import Item
 from raytracer.scene.pack.lights import light_pulses, pack_lights
-from raytracer.scene.pack.objects import Owners
-from raytracer.scene.pack.spectrum import pack_spectrum
+from raytracer.scene.pack.objects import Objects
 from raytracer.scene.pack.world import MaterialVariant, PackedWorld, pack_world, world_key
-from raytracer.scene.scene_assets import SceneAssets
+from raytracer.scene.scene_assets import AccelInput, AssetProvider, SceneAssets
 from raytracer.scene.spec import SceneSpec
 from raytracer.scene.validation import bind_camera_files
 from raytracer.schema.validation_errors import error_sentence
@@ -43,26 +46,18 @@ class PackedScene(NamedTuple):
     """A packed scene, ready for Embree to build its structure.
 
     scene : the packed scene, whose `accel` is still 0.
-    geometries, groups, placements : as Embree takes them; see `Objects`.
-    robust : rays must not slip through the edges between triangles.
+    objects : the packed objects, as Embree takes them too.
     materials : names by the references that primitives have.
-    owners : objects that the rows of each table belong to.
-    instance_objects : int32 (n,), index in `objects` of the object that each instance belongs to.
     spec : the scene that was packed, its camera focused at a distance.
     built : the ray caster's structure, if focusing needed it.
-    items : objects that `owners.item` counts.
+    items : objects that `objects.owners` counts.
     empty : by number of the item, how many triangles without an area its file had, and the first of these.
     resolved_materials : by reference.
     """
 
     scene: Scene
-    geometries: Mapping[int, Geometry]
-    groups: Sequence[Mapping[int, Geometry]]
-    placements: Sequence[InstanceArray]
-    robust: bool
+    objects: Objects
     materials: Mapping[int, str]
-    owners: tuple[Owners, ...]
-    instance_objects: NDArray[np.int32]
     spec: SceneSpec
     built: Accel | None
     items: Sequence[Item]
@@ -78,12 +73,17 @@ class PackedScene(NamedTuple):
         """Build the ray caster's structure, or get it from `provider`; its address belongs into the scene."""
         if self.built is not None:
             return self.built
-        return (provider or NoCache()).build_accel(self.accel_input())
+        return (provider or AssetProvider()).build_accel(self.accel_input())
 
     def accel_input(self) -> AccelInput:
         """Collect what the ray caster's structure is built of."""
-        shapes = self.geometries, self.groups, self.placements
-        return AccelInput(*shapes, first_instance=len(self.scene.primitives), robust=self.robust)
+        return _accel_input(self.spec, self.objects)
+
+
+def _accel_input(spec: SceneSpec, objects: Objects) -> AccelInput:
+    # Unless hits are taken as they are, rays must not slip through the edges between triangles.
+    shapes = objects.geometries, objects.groups, objects.placements
+    return AccelInput(*shapes, first_instance=len(objects.primitives), robust=spec.render.accuracy != "fast")
 
 
 def pack(
@@ -95,8 +95,6 @@ def pack(
 ) -> PackedScene:
     """Pack a checked scene.
 
-    Parameters
-    ----------
     spp : samples per pixel that a stratified sampler is to expect; the scene's own if None.
     assets : the files that the scene names; read if None.
     material_variant : replaces each material in use, those that files bring included.
@@ -108,12 +106,12 @@ def pack(
     """
     if not spec.objects:
         raise spec.error("the scene has no objects, so there is nothing to render", "objects")
-    provider = provider or NoCache()
+    provider = provider or AssetProvider()
     files = assets or SceneAssets(spec, provider)
     spec = bind_camera_files(spec, provider.read)
     if material_variant is None:
         world = provider.get_or_create(
-            world_key(spec), lambda: pack_world(spec, files, None), lambda it: it.is_fresh(provider)
+            world_key(spec), lambda: pack_world(spec, files, None), lambda it: it.assets.is_fresh(provider)
         )
     else:
         world = pack_world(spec, files, material_variant)
@@ -125,7 +123,9 @@ def _pack_view(
 ) -> PackedScene:
     """Pack the view of a world: the camera, the lights and the render settings."""
     origin, objects, used, references = world.origin, world.objects, world.used, world.references
-    spec, built = _resolve_focus(spec, world, provider)
+    is_aimed = spec.camera.focused_place() is not None
+    built = provider.build_accel(_accel_input(spec, objects)) if is_aimed else None
+    spec = resolve_focus(spec, world, built)
     camera = _pack_camera(spec, assets)
     if origin is not None:
         camera = moved_camera(camera, neg(origin.world))
@@ -139,7 +139,10 @@ def _pack_view(
     space = world.media.pack(references, world.interfaces)
     if origin is not None:
         lights, space = _shift_tables(lights, moved_lights, origin), _shift_tables(space, moved_media, origin)
-    shutter = _pack_shutter(spec, moving, light_pulses(lights))
+    pulses, shutter = light_pulses(lights), None
+    # Without these no path needs a time.
+    if moving or pulses:
+        shutter = pack_shutter(spec.camera.timing(), spec.film.width, spec.film.height, pulses)
     scene = Scene(
         accel=0,
         accuracy=Exact() if settings.accuracy == "exact" else None,
@@ -166,21 +169,8 @@ def _pack_view(
         nested_dielectrics=interior,
         spectrum=pack_spectrum(world.dispersion_mode, camera, spec.film.filter.box_width(), shutter),
     )
-    return PackedScene(
-        scene,
-        objects.geometries,
-        objects.groups,
-        objects.placements,
-        settings.accuracy != "fast",
-        world.names,
-        objects.owners,
-        objects.instance_objects,
-        spec,
-        built,
-        world.layout.items,
-        world.empty,
-        world.resolved_materials,
-    )
+    of_items = world.layout.items, world.empty, world.resolved_materials
+    return PackedScene(scene, objects, world.names, spec, built, *of_items)
 
 
 def _shift_tables(held: Any, moved: Callable[[Any, Vec3], Any], origin: Origin) -> Any:
@@ -188,26 +178,6 @@ def _shift_tables(held: Any, moved: Callable[[Any, Vec3], Any], origin: Origin) 
     if held is None:
         return None
     return held._replace(tables=tuple(moved(table, neg(origin.world)) for table in held.tables))
-
-
-def _resolve_focus(spec: SceneSpec, world: PackedWorld, provider: AssetProvider) -> tuple[SceneSpec, Accel | None]:
-    """Focus the camera at a distance; the ray caster's structure is returned too if that took a ray."""
-    if not has_autofocus(spec):
-        return spec, None
-    objects = world.objects
-    clear = {
-        reference for material, reference in zip(world.used, world.references, strict=True) if material.is_invisible()
-    }
-    built: list[Accel] = []
-
-    def build() -> Accel:
-        shapes = objects.geometries, objects.groups, objects.placements
-        built.append(provider.build_accel(AccelInput(*shapes, len(objects.primitives), spec.render.accuracy != "fast")))
-        return built[0]
-
-    around = (0.0, 0.0, 0.0) if world.origin is None else world.origin.world
-    focused_spec = resolve_focus(spec, world.bounds, objects, clear, build, around)
-    return focused_spec, built[0] if built else None
 
 
 def _pack_camera(spec: SceneSpec, assets: SceneAssets) -> Any:
@@ -222,8 +192,53 @@ def _pack_camera(spec: SceneSpec, assets: SceneAssets) -> Any:
         raise spec.error(str(error), "camera", "motion") from None
 
 
-def _pack_shutter(spec: SceneSpec, is_moving: bool, pulses: Sequence[Pulses]) -> Shutter | None:
-    """Pack the shutter; None if no path needs a time."""
-    if not is_moving and not pulses:
-        return None
-    return pack_shutter(spec.camera.timing(), spec.film.width, spec.film.height, pulses)
+def scene_ids(spec: SceneSpec, packed: PackedScene) -> SceneIds:
+    """Number and name the objects and materials of a packed scene.
+
+    Objects are numbered from 1 in the scene's order, and materials in the order in which objects first have them; an
+    object or material without a name is called by its path in the scene.
+    """
+    by_reference = np.zeros(max(packed.materials) + 1, np.int32)
+    for number, reference in enumerate(packed.materials, 1):
+        by_reference[reference] = number
+    owners = packed.objects.owners
+    return SceneIds(
+        objects=tuple(item.name or f"objects[{i}]" for i, item in enumerate(spec.objects)),
+        first=np.cumsum([0, *(len(ranges.start) for ranges in owners)], dtype=np.int64),
+        start=np.concatenate([ranges.start for ranges in owners]),
+        owner=np.concatenate([ranges.number for ranges in owners]) + np.int32(1),
+        placed=packed.objects.instance_objects + np.int32(1),
+        materials=tuple(packed.materials.values()),
+        material=by_reference,
+        spp=spec.render.spp,
+        frame=getattr(packed.scene.camera, "frame", None),
+    )
+
+
+def pack_spectrum(
+    modes: NDArray[np.uint8] | None, camera: Any, edge: float | None, shutter: Shutter | None
+) -> DispersiveMaterials | DispersiveLens | None:
+    """Pack the dispersion of a scene; None where nothing disperses.
+
+    modes : of the materials, as `dispersion_modes` gives them.
+    camera : the packed one.
+    edge : see `FilterSpec.box_width`.
+    shutter : the packed one.
+    """
+    parts: CameraParts = camera_parts(camera)
+    if modes is None:
+        return None if parts.spectra is None else DispersiveLens(parts.spectra, _share_lens(parts, edge, shutter))
+    if parts.spectra is None:
+        return DispersiveMaterials(spectra(), modes, None)
+    return DispersiveMaterials(parts.spectra, modes, MonochromaticCamera())
+
+
+def _share_lens(
+    parts: CameraParts, edge: float | None, shutter: Shutter | None
+) -> WavelengthSharing | MonochromaticCamera:
+    """Pack the lens by which wavelengths share rays; MonochromaticCamera where they do not."""
+    if not parts.shares_wavelengths or parts.glass is None or edge is None:
+        return MonochromaticCamera()
+    if shutter is not None and shutter.scan is not None:
+        return MonochromaticCamera()
+    return WavelengthSharing(edge, reverse_lens(parts.glass))

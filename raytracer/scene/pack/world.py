@@ -12,25 +12,23 @@ from raytracer.plugins.cameras.base.moving import camera_at_time
 from raytracer.plugins.materials.base.dispatch import Selectors
 from raytracer.plugins.materials.base.interface import MaterialSpec
 from raytracer.plugins.textures.base.interface import ParameterPacker
-from raytracer.scene.asset_provider import AssetProvider
 from raytracer.scene.object_bounds import ObjectBounds
 from raytracer.scene.pack.layout import Layout, lay_out
 from raytracer.scene.pack.materials import (
     collect_components,
+    dispersion_modes,
     mesh_materials,
     object_material,
     pack_materials,
+    pack_textures,
 )
 from raytracer.scene.pack.media import MediumInterface, SceneMedia
 from raytracer.scene.pack.nested_dielectrics import PrioritySolids
 from raytracer.scene.pack.objects import Objects, pack_objects
 from raytracer.scene.pack.origin_shift import shift_origin
-from raytracer.scene.pack.spectrum import dispersion_modes
-from raytracer.scene.pack.textures import pack_textures
 from raytracer.scene.scene_assets import SceneAssets
 from raytracer.scene.spec import SceneSpec
 from raytracer.schema.yaml_nodes import path_text
-from raytracer.util.errors import InputError
 
 MaterialVariant: TypeAlias = Callable[[MaterialSpec, ParameterPacker], MaterialSpec]
 """Function that replaces a resolved material, whose textures the packer knows."""
@@ -77,10 +75,6 @@ class PackedWorld(NamedTuple):
     interfaces: Sequence[MediumInterface]
     media: SceneMedia
     empty: Mapping[int, tuple[int, int]]
-
-    def is_fresh(self, provider: AssetProvider) -> bool:
-        """Return True if the files still hold what was packed."""
-        return self.assets.is_fresh(provider)
 
 
 def world_key(spec: SceneSpec) -> tuple[Any, ...]:
@@ -180,11 +174,11 @@ def _materials(
             used.append(object_material(spec, item.spec))
             faces.append(None)
             continue
-        first, *others = mesh.materials
+        (first, *others), of_faces = mesh
         places = np.array([number, *range(len(layout.items) + len(more), len(layout.items) + len(more) + len(others))])
         used.append(first)
         more += [(number, material) for material in others]
-        faces.append(places[mesh.faces])
+        faces.append(places[of_faces])
     owners = [*range(len(used)), *(number for number, _ in more)]
     return [*used, *(material for _, material in more)], owners, faces
 
@@ -194,7 +188,6 @@ def _pack_environment(spec: SceneSpec, files: SceneAssets) -> Any:
     item = spec.environment
     if item is None:
         return None
-    try:
-        return item.pack({key: files.read(kind, getattr(item, key)) for key, kind in item.loads.items()})
-    except (InputError, ValueError) as error:
-        raise spec.error(str(error), "environment", *item.loads) from None
+    contents = files.of(item, ("environment",))
+    with spec.errors_at("environment", *item.loads):
+        return item.pack(contents)

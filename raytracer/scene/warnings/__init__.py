@@ -3,8 +3,7 @@
 from collections.abc import Callable
 
 from raytracer.scene.pack.scene import PackedScene
-from raytracer.scene.warnings.base.kind import SCENE_WARNINGS
-from raytracer.scene.warnings.base.record import warning_at, warning_messages
+from raytracer.scene.warnings.base.kind import SCENE_WARNINGS, warning_at, warning_messages
 from raytracer.scene.warnings.base.survey import SceneSurvey
 from raytracer.schema.warning_kind import WarningRecord
 from raytracer.util.errors import StrictError

@@ -1,13 +1,12 @@
 """Warn of cameras at positions where they see nothing."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raytracer.core.geometry import OFFSET_ULPS
 from raytracer.core.primitives.spheres import Spheres
 from raytracer.scene.warnings.base.kind import LIGHTS_AND_CAMERAS, SceneWarningKind
-from raytracer.scene.warnings.base.primitive_points import Points, coordinate_extents, normals, outline, without_motion
-from raytracer.scene.warnings.base.ray_offset import MOST_REACH
+from raytracer.scene.warnings.base.primitive_points import coordinate_extents, normals, outline, without_motion
+from raytracer.scene.warnings.base.relative_sizes import MOST_REACH
 from raytracer.scene.warnings.base.survey import SceneSurvey
 from raytracer.schema.warning_kind import Sentence, Warned
 
@@ -35,10 +34,11 @@ class CameraPosition(SceneWarningKind):
     )
 
     def find(self, survey: SceneSurvey) -> Warned:
-        pieces = survey.pieces
-        for piece in np.flatnonzero(
-            (pieces.group < 0) & (pieces.stop - pieces.start <= _MOST_FACES) & _near(survey)
-        ).tolist():
+        pieces, camera = survey.pieces, survey.camera
+        slack = MOST_REACH * OFFSET_ULPS * pieces.reach[:, None]
+        near = ((camera >= pieces.low - slack) & (camera <= pieces.high + slack)).all(axis=1)
+        single = (pieces.group < 0) & (pieces.stop - pieces.start <= _MOST_FACES)
+        for piece in np.flatnonzero(single & near).tolist():
             table = survey.tables[pieces.table[piece]]
             offset = _offset_there(survey, table, int(pieces.start[piece]), int(pieces.stop[piece]))
             if offset is not None:
@@ -50,19 +50,13 @@ class CameraPosition(SceneWarningKind):
             yield self.of_keys(survey, ("camera", "look_from"), text)
 
 
-def _near(survey: SceneSurvey) -> NDArray[np.bool_]:
-    """Return True for the pieces that have the camera in their box, or on it (n,)."""
-    pieces, camera = survey.pieces, survey.camera
-    slack = MOST_REACH * OFFSET_ULPS * pieces.reach[:, None]
-    return np.asarray(((camera >= pieces.low - slack) & (camera <= pieces.high + slack)).all(axis=1))
-
-
 def _offset_there(survey: SceneSurvey, table: object, start: int, stop: int) -> float | None:
     """Compute the ray offset (m) of the surface that the camera lies on, to within that offset; None if on none."""
     base = without_motion(table)
     offset = OFFSET_ULPS * coordinate_extents(table, start, stop)
     if isinstance(base, Spheres):
-        height = abs(_away(base, start, survey.camera) - abs(float(base.radius[start])))
+        away = float(np.linalg.norm(survey.camera - base.center[start]))
+        height = abs(away - abs(float(base.radius[start])))
         return float(offset[0]) if height <= offset[0] else None
     faces = outline(table, start, stop)
     normal = normals(faces)
@@ -73,10 +67,6 @@ def _offset_there(survey: SceneSurvey, table: object, start: int, stop: int) -> 
     left = np.einsum("nki,ni->nk", np.cross(edges, to), normal)
     on = (height <= offset) & (left >= 0.0).all(axis=1)
     return float(offset[on].max()) if on.any() else None
-
-
-def _away(table: Spheres, row: int, point: Points) -> float:
-    return float(np.linalg.norm(point - table.center[row]))
 
 
 def _is_inside_opaque(survey: SceneSurvey, piece: int) -> bool:

@@ -16,8 +16,7 @@ from raytracer.core.geometry import OFFSET_ULPS
 from raytracer.scene.warnings.base.flat_faces import Faces, extremes, flat_faces
 from raytracer.scene.warnings.base.kind import COINCIDENCE, SceneWarningKind
 from raytracer.scene.warnings.base.primitive_points import Points, is_flat, without_motion
-from raytracer.scene.warnings.base.record import object_label
-from raytracer.scene.warnings.base.survey import SceneSurvey
+from raytracer.scene.warnings.base.survey import SceneSurvey, object_label
 from raytracer.schema.transform import TRANSFORM_ROUNDING
 from raytracer.schema.warning_kind import Sentence, Warned
 from raytracer.schema.yaml_nodes import KeyPath

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.scene.render_settings import Render
-from raytracer.scene.warnings.base.clear_objects import ClearObjects, Copy, boundaries, inside_copy, is_inside_out
+from raytracer.scene.warnings.base.clear_objects import ClearObjects, boundaries, inside_copy, is_inside_out
 from raytracer.scene.warnings.base.kind import NESTING, SceneWarningKind
 from raytracer.scene.warnings.base.primitive_points import Points
 from raytracer.scene.warnings.base.survey import SceneSurvey
@@ -72,7 +72,11 @@ class DeepNesting(SceneWarningKind):
         for k in sorted(np.flatnonzero(doubtful).tolist(), key=lambda k: -float(by_boxes[k]))[:_MOST_TRIED]:
             own = clear.copies(bare[k])[0]
             inside = np.flatnonzero(around[k]).tolist()
-            holders = [j for j in inside if j == k or _holds(survey, clear.copies(bare[j]), own)]
+            holders = [
+                j
+                for j in inside
+                if j == k or any(inside_copy(survey, own.points, copy).all() for copy in clear.copies(bare[j]))
+            ]
             product, surfaces, others = float(np.log(index[holders]).sum()), 2 * len(holders), len(holders) - 1
             if product > math.log(MAX_INDEX_PRODUCT):
                 digits = product / math.log(10.0)
@@ -91,10 +95,6 @@ def _enclosing(ends: Points) -> NDArray[np.bool_]:
     for column in ends.T:
         result &= column[None, :] <= column[:, None]
     return result
-
-
-def _holds(survey: SceneSurvey, holders: list[Copy], own: Copy) -> bool:
-    return any(bool(inside_copy(survey, own.points, holder).all()) for holder in holders)
 
 
 def _relative_index(survey: SceneSurvey, piece: int) -> float:

@@ -9,8 +9,6 @@ from raytracer.scene.warnings.base.primitive_points import Points, is_flat, norm
 from raytracer.scene.warnings.base.survey import SceneSurvey
 from raytracer.schema.warning_kind import Sentence, Warned
 
-_POWERS = ("intensity", "irradiance", "energy")
-
 # Most faces of an emitter that are examined one by one.
 _MOST_FACES = 64
 
@@ -22,9 +20,7 @@ class UselessLights(SceneWarningKind):
     section = LIGHTS_AND_CAMERAS
     rank = 120
     powerless = Sentence(
-        "gives no light: its {power} is 0",
-        when="a light has no power",
-        remedy="give it some, or take it out",
+        "gives no light: its {power} is 0", when="a light has no power", remedy="give it some, or take it out"
     )
     black = Sentence(
         "is made of an emitter that gives no light: its radiance is 0",
@@ -57,8 +53,8 @@ class UselessLights(SceneWarningKind):
 
     def _find_powerless(self, survey: SceneSurvey) -> Warned:
         for number, light in enumerate(survey.spec.lights):
-            for key in (name for name in _POWERS if not any(getattr(light, name, (1.0,)))):
-                yield self.of_keys(survey, ("lights", number), self.powerless.fill(power=key))
+            if not light.shines():
+                yield self.of_keys(survey, ("lights", number), self.powerless.fill(power=light.power))
         # An object in several groups is reported once.
         _, first = np.unique(survey.pieces.item, return_index=True)
         for piece in np.sort(first).tolist():
@@ -115,7 +111,7 @@ def _is_hollow(survey: SceneSurvey, piece: int, table: Spheres, row: int) -> boo
 def _is_dark(survey: SceneSurvey) -> bool:
     """Return True if nothing in the scene gives light."""
     return not (
-        any(any(any(getattr(light, name, ())) for name in _POWERS) for light in survey.spec.lights)
+        any(light.shines() for light in survey.spec.lights)
         or survey.packed.scene.environment is not None
         or any(look.is_emissive() for look in survey.packed.resolved_materials.values())
     )

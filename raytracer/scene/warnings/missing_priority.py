@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from raytracer.plugins.materials.base.interface import BLACK
 from raytracer.scene.warnings.base.clear_objects import ClearObjects, Copy, boundaries, inside_copy, is_inside_out
 from raytracer.scene.warnings.base.kind import NESTING, SceneWarningKind
-from raytracer.scene.warnings.base.record import object_label
-from raytracer.scene.warnings.base.survey import SceneSurvey
+from raytracer.scene.warnings.base.survey import SceneSurvey, object_label
 from raytracer.schema.warning_kind import Sentence, Warned
 
 _MOST_TESTS, _FEWEST_POINTS = 1 << 18, 4

@@ -2,7 +2,7 @@
 
 from raytracer.core.geometry import OFFSET_ULPS
 from raytracer.scene.warnings.base.kind import FLOAT32, SceneWarningKind
-from raytracer.scene.warnings.base.ray_offset import sunk_objects
+from raytracer.scene.warnings.base.relative_sizes import sunk_objects
 from raytracer.scene.warnings.base.survey import SceneSurvey
 from raytracer.schema.warning_kind import Sentence, Warned
 

@@ -5,7 +5,7 @@ import numpy as np
 from raytracer.core.geometry import OFFSET_ULPS
 from raytracer.scene.warnings.base.kind import FLOAT32, SceneWarningKind
 from raytracer.scene.warnings.base.primitive_points import coordinate_extents, is_flat, normals, outline
-from raytracer.scene.warnings.base.ray_offset import MOST_FACES, MOST_REACH
+from raytracer.scene.warnings.base.relative_sizes import MOST_FACES, MOST_REACH
 from raytracer.scene.warnings.base.survey import SceneSurvey
 from raytracer.schema.warning_kind import Sentence, Warned
 

@@ -7,12 +7,13 @@ from typing import Any
 
 import pytest
 
+from docs.make_scenes import nested_mappings
 from raytracer.analysis.explain import Circle, Explanation, explain, parse_circle
 from raytracer.cli.base.app import main
 from raytracer.core.motion.trajectory import row_at
 from raytracer.kernel.path_tracer import render_tile
 from raytracer.plugins.cameras.pinhole import Pinhole
-from raytracer.scene.json_schema import nested_mappings, properties_of, scene_schema
+from raytracer.scene.json_schema import properties_of, scene_schema
 from raytracer.scene.load import load
 from raytracer.scene.pack.scene import pack
 from raytracer.util.errors import InputError

@@ -199,9 +199,9 @@ def test_what_moves_nothing_is_packed_as_without_the_keys(name: str) -> None:
     )
     assert numba.typeof(keyed.scene) == numba.typeof(plain.scene)
     assert bytes_of(keyed.scene) == bytes_of(plain.scene)
-    for number, geometry in plain.geometries.items():
-        assert len(keyed.geometries[number].vertices) == 1
-        assert bytes_of(keyed.geometries[number].vertices) == bytes_of(geometry.vertices)
+    for number, geometry in plain.objects.geometries.items():
+        assert len(keyed.objects.geometries[number].vertices) == 1
+        assert bytes_of(keyed.objects.geometries[number].vertices) == bytes_of(geometry.vertices)
 
 
 def test_only_what_moves_is_packed_as_moving() -> None:

@@ -205,9 +205,9 @@ def check(packed: PackedScene) -> None:
     """Raise where a packed scene holds what is no number, or geometry that is not finite."""
     for name, value in _leaves(packed.scene, "scene"):
         assert name.endswith(_ABSENT) or not np.isnan(value).any(), f"{name} holds what is no number"
-    for number, geometry in packed.geometries.items():
+    for number, geometry in packed.objects.geometries.items():
         assert all(np.isfinite(vertices).all() for vertices in geometry.vertices), f"geometry {number}"
-    for placed in packed.placements:
+    for placed in packed.objects.placements:
         assert all(np.isfinite(poses).all() for poses in placed.poses)
 
 

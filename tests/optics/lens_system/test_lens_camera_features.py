@@ -19,7 +19,7 @@ from raytracer.rendering.render import render
 from raytracer.rendering.session import Rendered
 from raytracer.scene.bundle import bundle, unbundle
 from raytracer.scene.digest import digest
-from raytracer.scene.input_files import input_files
+from raytracer.scene.files import input_files
 from raytracer.scene.load import build, build_plain, load
 from raytracer.scene.pack.scene import pack
 from raytracer.scene.spec import SceneSpec

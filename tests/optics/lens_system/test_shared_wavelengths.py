@@ -19,15 +19,7 @@ from raytracer.kernel.hero_wavelength import (
 )
 from raytracer.kernel.lens_dispersion import LENS_ROWS, WAVELENGTHS_PER_RAY, apply_lens_color, share_lens_rays
 from raytracer.optics.glass import LINE_D
-from raytracer.optics.lens_system.packets import (
-    DIRECTION,
-    EXTENT,
-    ORIGIN,
-    ROWS,
-    WAVELENGTH,
-    WEIGHT,
-    trace_packet,
-)
+from raytracer.optics.lens_system.packets import DIRECTION, EXTENT, ORIGIN, ROWS, WAVELENGTH, WEIGHT, trace_packet
 from raytracer.optics.lens_system.pupils.solid_angle import on_axis_solid_angle
 from raytracer.optics.lens_system.ray_tracing import trace_rays
 from raytracer.optics.lens_system.surfaces import reverse_lens
@@ -44,8 +36,7 @@ from raytracer.plugins.cameras.lens import RealLens
 from raytracer.plugins.materials.base.interface import Draws
 from raytracer.scene.assets.lenses import read_lens
 from raytracer.scene.load import build
-from raytracer.scene.pack.scene import pack
-from raytracer.scene.pack.spectrum import pack_spectrum
+from raytracer.scene.pack.scene import pack, pack_spectrum
 from tests.moving import pictured
 from tests.optics.lens_system.rays import Array
 from tests.optics.lens_system.test_packets import to_the_pupil

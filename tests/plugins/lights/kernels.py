@@ -108,4 +108,6 @@ def table_of(kind: str, *items: dict[str, Any]) -> Any:
     """The packed table of lights of a kind, from their keys; the shutter is open for a second, and nothing moves."""
     cls = LIGHTS.specs()[kind]
     lights = [cls.model_validate({"type": kind, **keys}) for keys in items]
-    return cls.pack([light.at_exposure(Timing(0.0, 1.0), (0.0, 0.0, 9.0), False) for light in lights])
+    lights = [light.at_exposure(Timing(0.0, 1.0), (0.0, 0.0, 9.0), False) for light in lights]
+    shining = [light for light in lights if light.shines()]
+    return cls.pack(shining) if shining else None

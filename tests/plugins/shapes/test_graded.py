@@ -147,7 +147,7 @@ def test_a_pebble_on_a_vast_ground_casts_its_shadow() -> None:
 
 def test_parts_belong_to_the_object_and_are_not_cut_where_textures_lie_on_them() -> None:
     result = _packed(f"objects:\n  - {_GROUND}}}\n")
-    (owners,) = result.owners
+    (owners,) = result.objects.owners
     assert owners.number.tolist() == [0]
     assert len(result.scene.primitives[0].material) > 100
     checked = _packed(f"objects:\n  - {_GROUND}, material: {{type: lambertian, albedo: {{type: checker}}}}}}\n")

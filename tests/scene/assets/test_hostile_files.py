@@ -24,8 +24,8 @@ import PIL.Image
 import pytest
 
 from raytracer.film import load, load_layers
-from raytracer.scene.assets import read_grid, read_image, read_mesh, read_placements
-from raytracer.scene.assets.gltf import companions, referenced_files
+from raytracer.scene.assets import companion_files, read_grid, read_image, read_mesh, read_placements
+from raytracer.scene.assets.gltf import referenced_files
 from raytracer.scene.assets.gltf_materials import read_materials
 from raytracer.util.errors import InputError
 from raytracer.util.safe_open import BrokenFileError, parse_npy
@@ -336,7 +336,7 @@ def test_all_files_that_may_be_opened_are_named(tmp_path: Path) -> None:
     path = gltf(tmp_path, buffers=[{"uri": uri} for uri in uris], images=[{"uri": "f.png"}, "g.png"])
     (tmp_path / "f.png").touch()
     assert referenced_files(path) == (tmp_path / "b c.bin", tmp_path / "../d.bin", tmp_path / "f.png")
-    assert companions(path) == (tmp_path / "f.png",)
+    assert companion_files("mesh", path) == (tmp_path / "f.png",)
 
 
 def test_what_a_file_names_is_told_with_little_memory(tmp_path: Path) -> None:

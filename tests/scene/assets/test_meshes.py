@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from raytracer.scene.assets import read_mesh, smooth_normals
-from raytracer.scene.assets.meshes import _checked
+from raytracer.scene.assets.meshes import _checked, read_mesh, smooth_normals
 from raytracer.scene.assets.raw_mesh import RawMesh
 from raytracer.util.errors import InputError
 from raytracer.util.safe_open import BrokenFileError

@@ -15,8 +15,8 @@ from raytracer.rendering.render import render
 from raytracer.scene.load import build, load
 from raytracer.scene.pack.scene import PackedScene, pack
 from raytracer.scene.warnings import find_warnings, warning_messages
+from raytracer.scene.warnings.base.kind import MAX_PER_KIND
 from raytracer.scene.warnings.base.primitive_points import coordinate_extents, outline
-from raytracer.scene.warnings.base.record import MAX_PER_KIND
 from raytracer.scene.warnings.base.survey import SceneSurvey
 from raytracer.schema.warning_kind import WarningRecord
 from raytracer.util.errors import InputError, StrictError

@@ -97,8 +97,6 @@ def aperture_extent_anamorphic_aperture(diaphragm: AnamorphicAperture) -> float:
 def rim_visibility(rim, x, y, right, up):
     """Return 1 if a ray passes the rim in front of the aperture, else 0.
 
-    Parameters
-    ----------
     x, y : place at which the ray leaves the aperture (m).
     right, up : slopes of the ray there, metres to the side per metre along the axis.
     """

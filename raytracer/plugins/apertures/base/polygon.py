@@ -57,8 +57,6 @@ class Polygon(NamedTuple):
 def pack_polygon(blades: int, rotation: float, curvature: float) -> Polygon:
     """Pack a regular polygon of area pi with a corner at the top.
 
-    Parameters
-    ----------
     rotation : anticlockwise as seen from behind the camera (deg).
     curvature : of the edges, over that of the circle through the corners: 0 for straight edges, less than 1.
     """
@@ -104,7 +102,6 @@ minus_sine = kernel(_minus_sine)
 @generic
 def sample_edge(edge, fraction):
     """Return the point of an edge up to which a line from the centre sweeps a part, -1 to 1, of half the area."""
-    raise NotImplementedError
 
 
 @sample_edge.register(StraightEdge)
@@ -130,7 +127,6 @@ def sample_edge_arc_edge(edge, fraction):
 @generic
 def edge_excess(edge, along, across):
     """Tell on which side of its sector's edge a point lies: greater than 0 beyond the edge, at most 0 before it."""
-    raise NotImplementedError
 
 
 @edge_excess.register(StraightEdge)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from pydantic import Field
 
-from raytracer.plugins.apertures.base.interface import rim_visibility
+from raytracer.plugins.apertures.base.interface import ApertureSpec, rim_visibility
 from raytracer.schema.fields import PositiveLensLength
 from raytracer.schema.spec import Spec
 from raytracer.schema.units import METRES_PER_MILLIMETRE
@@ -42,3 +42,14 @@ class Rim(NamedTuple):
 def rim_visibility_rim(rim, x, y, right, up):
     across, above = x + rim.distance * right, y + rim.distance * up
     return 1.0 if across * across + above * above <= rim.radius * rim.radius else 0.0
+
+
+class Opening(NamedTuple):
+    """Specs that shape a lens's opening, each None where there is none.
+
+    shape : of the opening, which is round without it.
+    rim : in front of the lens, which vignettes.
+    """
+
+    shape: ApertureSpec | None = None
+    rim: Vignetting | None = None

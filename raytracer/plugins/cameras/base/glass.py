@@ -14,7 +14,7 @@ from raytracer.optics.lens_system import packets
 from raytracer.optics.lens_system.focusing import film_position
 from raytracer.optics.lens_system.lens import Lens
 from raytracer.optics.lens_system.lens_setup import LensSetup, set_up_lens, stop_radius_or_none
-from raytracer.plugins.cameras.base.focused import FocusedSpec
+from raytracer.plugins.cameras.base.exposed import FocusedSpec
 from raytracer.plugins.cameras.base.interface import WAVELENGTH, Assets
 from raytracer.schema.spec import field_error
 from raytracer.schema.units import METRES_PER_MILLIMETRE

@@ -10,10 +10,9 @@ from raytracer.film.light_field.layout import Layout
 from raytracer.film.light_field.mosaic import Mosaic
 from raytracer.film.light_field.views import Plane, Pose, Views
 from raytracer.optics.thin_lens import magnification
-from raytracer.plugins.apertures.base.vignetting import Vignetting
-from raytracer.plugins.cameras.base.focused import FocusedSpec
+from raytracer.plugins.apertures.base.vignetting import Opening, Vignetting
+from raytracer.plugins.cameras.base.exposed import FocusedSpec
 from raytracer.plugins.cameras.base.interface import NO_ASSETS, Assets
-from raytracer.plugins.cameras.base.opening import Opening
 from raytracer.plugins.cameras.base.perspective import ApertureSize, PerspectiveSpec
 from raytracer.plugins.cameras.base.perspective_camera import FlatPupil, Irradiance
 from raytracer.plugins.cameras.base.thin_lens_ray import ThinLensPupil

@@ -17,12 +17,12 @@ from raytracer.core.shutter.spec import ShutterField, exposure_timing
 from raytracer.core.shutter.table import Shutter
 from raytracer.core.shutter.timing import Timing
 from raytracer.core.spectra import Spectra
-from raytracer.core.vec import Vec3, add
+from raytracer.core.vec import Vec3, add, dot, sub
 from raytracer.film.light_field.layout import Layout
 from raytracer.optics.lens_system.surfaces import LensSurfaces
 from raytracer.optics.sensor_formats import SensorSpec
 from raytracer.optics.thin_lens import AutoExposureField, ExposureSettings
-from raytracer.plugins.cameras.base.opening import Opening
+from raytracer.plugins.apertures.base.vignetting import Opening
 from raytracer.schema.fields import Name, Quantity, Time
 from raytracer.schema.rules import never, only
 from raytracer.schema.spec import Spec, field_error
@@ -222,7 +222,6 @@ def film_corner(camera, x, y):
     Where a picture is made of many views, their films lie so far apart that what a filter draws around a pixel is still
     of its own view.
     """
-    raise NotImplementedError
 
 
 @film_corner.register(tuple)
@@ -233,7 +232,6 @@ def film_corner_tuple(camera, x, y):
 @generic
 def film_to_view(camera, x, y):
     """Return a film position in pixels from the top left corner of its own view; itself by default."""
-    raise NotImplementedError
 
 
 @film_to_view.register(tuple)
@@ -247,12 +245,9 @@ def camera_ray(camera, x, y, time, draws):
 
     The weight multiplies the radiance that the ray brings; 0 where the film position sees nothing.
 
-    Parameters
-    ----------
     time : the fraction of the shutter's opening that has passed, 0 to 1; None if nothing moves.
     draws : source of random numbers, see `materials.base.interface.Draws`; `LENS` and others above are its slots.
     """
-    raise NotImplementedError
 
 
 class PacketRays(NamedTuple):
@@ -262,7 +257,6 @@ class PacketRays(NamedTuple):
 @generic
 def packet_rays(camera):
     """Return `PacketRays()` for a camera that makes the rays of a packet together; None by default."""
-    raise NotImplementedError
 
 
 @packet_rays.register(tuple)
@@ -276,13 +270,11 @@ def set_lane(camera, rows, lane, x, y, draws):
 
     rows : float64 (16, packet), the camera's own.
     """
-    raise NotImplementedError
 
 
 @generic
 def trace_lanes(camera, rows):
     """Make the rays of all lanes that were set."""
-    raise NotImplementedError
 
 
 class WavelengthSharing(NamedTuple):
@@ -306,13 +298,11 @@ def share_wavelengths(camera, sharing, rows, others, x, y):
         does not come to this pixel; its row `packets.EXTENT`, like that of `rows`, one over the density with which the
         camera draws such rays at that wavelength, in units common to all.
     """
-    raise NotImplementedError
 
 
 @generic
 def lane_ray(camera, rows, lane, x, y, time, draws):
     """Make the ray of a lane of a packet, as `camera_ray` does; by default without a packet."""
-    raise NotImplementedError
 
 
 @lane_ray.register(tuple)
@@ -322,8 +312,15 @@ def lane_ray_tuple(camera, rows, lane, x, y, time, draws):
 
 @generic
 def project(camera, point, time):
-    """Project a point to the film: position (x, y) in pixels, NaN if not seen, and its depth along the axis (m)."""
-    raise NotImplementedError
+    """Project a point to the film: position (x, y) in pixels, NaN if not seen, and its depth along the axis (m).
+
+    By default a point has no place in the picture, as where it is seen everywhere.
+    """
+
+
+@project.register(tuple)
+def project_tuple(camera, point, time):
+    return math.nan, math.nan, dot(sub(point, camera.frame.origin), camera.frame.forward)
 
 
 class Defocus(NamedTuple):
@@ -341,14 +338,13 @@ class Defocus(NamedTuple):
 
 
 @generic
-def camera_defocus(camera: Any) -> Defocus | None:
-    """Return the thin lens of a packed camera; None for cameras that show no perspective, and by default."""
-    raise NotImplementedError(type(camera))
+def camera_defocus(camera: Any) -> Any:
+    """Return the thin lens of a packed camera, a Defocus: by default its `thin`; None where it shows no perspective."""
 
 
 @camera_defocus.register(tuple)
 def camera_defocus_tuple(camera: Any) -> Defocus | None:
-    return None
+    return getattr(camera, "thin", None)
 
 
 class CameraParts(NamedTuple):
@@ -374,21 +370,11 @@ class CameraParts(NamedTuple):
 
 @generic
 def camera_parts(camera: Any) -> CameraParts:
-    """Return the parts of a packed camera; none by default."""
-    raise NotImplementedError(type(camera))
-
-
-@camera_parts.register(tuple)
-def camera_parts_tuple(camera: Any) -> CameraParts:
-    return CameraParts()
+    """Return the parts of a packed camera; by default none but its `wavelengths`."""
+    return CameraParts(spectra=getattr(camera, "wavelengths", None))
 
 
 @generic
 def translate_camera(camera: Any, by: Vec3) -> Any:
     """Move a packed camera with the world by a vector (m); by default its `frame`."""
-    raise NotImplementedError(type(camera))
-
-
-@translate_camera.register(tuple)
-def translate_camera_tuple(camera: Any, by: Vec3) -> Any:
     return camera._replace(frame=camera.frame._replace(origin=add(camera.frame.origin, by)))

@@ -12,22 +12,8 @@ from raytracer.optics.lens_system.film_to_direction import direction_to_film
 from raytracer.optics.lens_system.ghosts import GhostPaths, aim_ghost_ray, sample_ghost_path, trace_ghost_path
 from raytracer.optics.lens_system.pupils.tables import sample_exit_pupil
 from raytracer.optics.lens_system.surfaces import LensSurfaces
+from raytracer.plugins.cameras.base import interface
 from raytracer.plugins.cameras.base.glass import draw_wavelength, exit_ray, start_film_rays
-from raytracer.plugins.cameras.base.interface import (
-    GHOST,
-    LENS,
-    CameraParts,
-    Defocus,
-    PacketRays,
-    camera_defocus,
-    camera_parts,
-    lane_ray,
-    packet_rays,
-    project,
-    set_lane,
-    share_wavelengths,
-    trace_lanes,
-)
 from raytracer.plugins.cameras.base.placement import CameraFrame, to_camera_space
 
 # Rows of a packet that hold the path through the lens: the two surfaces that reflect.
@@ -84,7 +70,7 @@ class LensCamera(NamedTuple):
     wavelengths: Any
     flare: Any
     view_table: Any
-    thin: Defocus
+    thin: interface.Defocus
 
 
 @optional
@@ -95,7 +81,7 @@ def aim_camera_ray(flare, camera, rows, lane, x, y, u, v, draws):
 
 @aim_camera_ray.register(LensFlare)
 def aim_camera_ray_lens_flare(flare, camera, rows, lane, x, y, u, v, draws):
-    number, mix = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + GHOST)
+    number, mix = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + interface.GHOST)
     pair, first, last, probability = sample_ghost_path(flare.ghost_paths, number)
     rows[_GHOST_ROW, lane], rows[_GHOST_ROW + 1, lane] = first, last
     if first < 0:
@@ -138,9 +124,9 @@ def wavelength_or_none_spectra(wavelengths, wavelength):
     return wavelength
 
 
-@packet_rays.register(LensCamera)
+@interface.packet_rays.register(LensCamera)
 def packet_rays_lens_camera(camera):
-    return PacketRays()
+    return interface.PacketRays()
 
 
 @kernel
@@ -149,10 +135,10 @@ def _film_point(film, x, y):
     return -(film.left + film.pixel * x), film.pixel * y - film.top
 
 
-@set_lane.register(LensCamera)
+@interface.set_lane.register(LensCamera)
 def set_lane_lens_camera(camera, rows, lane, x, y, draws):
     film_x, film_y = _film_point(camera.film, x, y)
-    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + LENS)
+    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + interface.LENS)
     u, v = sample_disc(u1, u2)
     target_x, target_y, area = aim_camera_ray(camera.flare, camera, rows, lane, film_x, film_y, u, v, draws)
     rows[packets.ORIGIN, lane], rows[packets.ORIGIN + 1, lane] = film_x, film_y
@@ -161,7 +147,7 @@ def set_lane_lens_camera(camera, rows, lane, x, y, draws):
     draw_wavelength(camera.wavelengths, rows, lane, draws)
 
 
-@trace_lanes.register(LensCamera)
+@interface.trace_lanes.register(LensCamera)
 def trace_lanes_lens_camera(camera, rows):
     square = start_film_rays(rows, camera.film.z, camera.film.z - camera.plane)
     extent = load(rows, packets.WEIGHT) * (square * square)
@@ -170,7 +156,7 @@ def trace_lanes_lens_camera(camera, rows):
     trace_to_scene(camera.flare, camera, rows)
 
 
-@share_wavelengths.register(LensCamera)
+@interface.share_wavelengths.register(LensCamera)
 def share_wavelengths_lens_camera(camera, sharing, rows, others, x, y):
     # Back through the lens, which stands in a mirror.
     weight = load(rows, packets.WEIGHT)
@@ -201,14 +187,14 @@ def share_wavelengths_lens_camera(camera, sharing, rows, others, x, y):
             others[packets.WEIGHT, lane] = 0.0
 
 
-@lane_ray.register(LensCamera)
+@interface.lane_ray.register(LensCamera)
 def lane_ray_lens_camera(camera, rows, lane, x, y, time, draws):
     return exit_ray(camera, rows, lane)
 
 
-@camera_parts.register(LensCamera)
-def camera_parts_lens_camera(camera: LensCamera) -> CameraParts:
-    return CameraParts(
+@interface.camera_parts.register(LensCamera)
+def camera_parts_lens_camera(camera: LensCamera) -> interface.CameraParts:
+    return interface.CameraParts(
         glass=camera.surfaces,
         has_flare=camera.flare is not None,
         spectra=camera.wavelengths,
@@ -216,12 +202,7 @@ def camera_parts_lens_camera(camera: LensCamera) -> CameraParts:
     )
 
 
-@camera_defocus.register(LensCamera)
-def camera_defocus_lens_camera(camera: LensCamera) -> Defocus:
-    return camera.thin
-
-
-@project.register(LensCamera)
+@interface.project.register(LensCamera)
 def project_lens_camera(camera, point, time):
     right, up, depth = to_camera_space(camera.frame, point)
     x, y = direction_to_film(camera.view_table, right, up, depth)

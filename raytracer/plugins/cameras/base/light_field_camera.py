@@ -13,21 +13,8 @@ from raytracer.optics.lens_system.diaphragm import aperture_transmission
 from raytracer.optics.lens_system.film_to_direction import direction_to_film
 from raytracer.optics.lens_system.surfaces import LensSurfaces
 from raytracer.plugins.apertures.base.interface import rim_visibility
+from raytracer.plugins.cameras.base import interface
 from raytracer.plugins.cameras.base.glass import draw_wavelength, exit_ray, start_film_rays
-from raytracer.plugins.cameras.base.interface import (
-    LENS,
-    CameraParts,
-    Defocus,
-    PacketRays,
-    camera_defocus,
-    camera_parts,
-    camera_ray,
-    lane_ray,
-    packet_rays,
-    project,
-    set_lane,
-    trace_lanes,
-)
 from raytracer.plugins.cameras.base.perspective_camera import irradiance_weight, thin_lens_parts
 from raytracer.plugins.cameras.base.placement import CameraFrame, to_camera_space
 
@@ -43,7 +30,6 @@ class HexagonCell(NamedTuple):
 @generic
 def nearest_node(cell, i, j):
     """Find the node of a lattice in whose cell a place lies, both in steps of the lattice."""
-    raise NotImplementedError
 
 
 @nearest_node.register(SquareCell)
@@ -64,7 +50,6 @@ def nearest_node_hexagon_cell(cell, i, j):
 @generic
 def sample_cell(cell, u1, u2):
     """Draw a point of the cell about a node, uniformly by area, in steps of the lattice."""
-    raise NotImplementedError
 
 
 @sample_cell.register(SquareCell)
@@ -153,7 +138,7 @@ class LightFieldCamera(NamedTuple):
     lens: Any
     grid: MicrolensArray
     irradiance: Any
-    thin: Defocus
+    thin: interface.Defocus
 
 
 class GlassLightFieldCamera(NamedTuple):
@@ -185,7 +170,7 @@ class GlassLightFieldCamera(NamedTuple):
     wavelengths: Any
     view_table: Any
     beyond: float
-    thin: Defocus
+    thin: interface.Defocus
 
 
 @optional
@@ -199,7 +184,7 @@ def sample_microlens(spread, grid, draws):
 
 @sample_microlens.register(MicrolensBlur)
 def sample_microlens_microlens_blur(spread, grid, draws):
-    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + LENS)
+    u1, u2 = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + interface.LENS)
     i, j = sample_cell(grid.cell, u1, u2)
     x = i * grid.lattice.along_x + j * grid.lattice.across_x
     y = i * grid.lattice.along_y + j * grid.lattice.across_y
@@ -227,7 +212,7 @@ def sample_sensor_ray(grid, x, y, draws):
     return middle_x + off_x - grid.x, grid.y - middle_y - off_y, right, -down
 
 
-@camera_ray.register(LightFieldCamera)
+@interface.camera_ray.register(LightFieldCamera)
 def camera_ray_light_field_camera(camera, x, y, time, draws):
     frame, lens = camera.frame, camera.lens
     array_x, array_y, right, up = sample_sensor_ray(camera.grid, x, y, draws)
@@ -243,12 +228,12 @@ def camera_ray_light_field_camera(camera, x, y, time, draws):
     return add(frame.origin, shift), normalize(towards), weight
 
 
-@packet_rays.register(GlassLightFieldCamera)
+@interface.packet_rays.register(GlassLightFieldCamera)
 def packet_rays_glass_light_field_camera(camera):
-    return PacketRays()
+    return interface.PacketRays()
 
 
-@set_lane.register(GlassLightFieldCamera)
+@interface.set_lane.register(GlassLightFieldCamera)
 def set_lane_glass_light_field_camera(camera, rows, lane, x, y, draws):
     array_x, array_y, right, up = sample_sensor_ray(camera.grid, x, y, draws)
     # The picture lies upside down behind the lens.
@@ -259,39 +244,34 @@ def set_lane_glass_light_field_camera(camera, rows, lane, x, y, draws):
     draw_wavelength(camera.wavelengths, rows, lane, draws)
 
 
-@trace_lanes.register(GlassLightFieldCamera)
+@interface.trace_lanes.register(GlassLightFieldCamera)
 def trace_lanes_glass_light_field_camera(camera, rows):
     square = start_film_rays(rows, camera.z, camera.behind)
     store(rows, packets.WEIGHT, camera.gain * (square * square))
     packets.trace_packet(camera.surfaces, rows)
 
 
-@lane_ray.register(GlassLightFieldCamera)
+@interface.lane_ray.register(GlassLightFieldCamera)
 def lane_ray_glass_light_field_camera(camera, rows, lane, x, y, time, draws):
     return exit_ray(camera, rows, lane)
 
 
-@camera_defocus.register(LightFieldCamera)
-def camera_defocus_light_field_camera(camera: LightFieldCamera) -> Defocus:
+@interface.camera_defocus.register(GlassLightFieldCamera)
+def camera_defocus_glass_light_field_camera(camera: GlassLightFieldCamera) -> interface.Defocus:
     return camera.thin
 
 
-@camera_defocus.register(GlassLightFieldCamera)
-def camera_defocus_glass_light_field_camera(camera: GlassLightFieldCamera) -> Defocus:
-    return camera.thin
-
-
-@camera_parts.register(LightFieldCamera)
-def camera_parts_light_field_camera(camera: LightFieldCamera) -> CameraParts:
+@interface.camera_parts.register(LightFieldCamera)
+def camera_parts_light_field_camera(camera: LightFieldCamera) -> interface.CameraParts:
     return thin_lens_parts(camera.lens)
 
 
-@camera_parts.register(GlassLightFieldCamera)
-def camera_parts_glass_light_field_camera(camera: GlassLightFieldCamera) -> CameraParts:
-    return CameraParts(glass=camera.surfaces, spectra=camera.wavelengths)
+@interface.camera_parts.register(GlassLightFieldCamera)
+def camera_parts_glass_light_field_camera(camera: GlassLightFieldCamera) -> interface.CameraParts:
+    return interface.CameraParts(glass=camera.surfaces, spectra=camera.wavelengths)
 
 
-@project.register(LightFieldCamera)
+@interface.project.register(LightFieldCamera)
 def project_light_field_camera(camera, point, time):
     right, up, depth = to_camera_space(camera.frame, point)
     if depth <= 0.0:
@@ -300,7 +280,7 @@ def project_light_field_camera(camera, point, time):
     return grid.x + right / depth / grid.slope, grid.y - up / depth / grid.slope, depth
 
 
-@project.register(GlassLightFieldCamera)
+@interface.project.register(GlassLightFieldCamera)
 def project_glass_light_field_camera(camera, point, time):
     right, up, depth = to_camera_space(camera.frame, point)
     x, y = direction_to_film(camera.view_table, right, up, depth)

@@ -23,24 +23,7 @@ from raytracer.core.motion.interpolation import (
 from raytracer.core.motion.resolve import Moving, Shift, Static, matrix_at, resolve_motion, trajectory_of
 from raytracer.core.motion.trajectory import MAX_STEPS, Rows, compose_trajectories, conjugate_trajectory
 from raytracer.core.vec import Vec3, normalize
-from raytracer.plugins.cameras.base.interface import (
-    NO_ASSETS,
-    Assets,
-    CameraParts,
-    Defocus,
-    camera_defocus,
-    camera_parts,
-    camera_ray,
-    film_corner,
-    film_to_view,
-    lane_ray,
-    packet_rays,
-    project,
-    set_lane,
-    share_wavelengths,
-    trace_lanes,
-    translate_camera,
-)
+from raytracer.plugins.cameras.base import interface
 from raytracer.plugins.cameras.base.placement import PlacedSpec
 from raytracer.schema.transform import Matrix
 
@@ -56,7 +39,7 @@ class MovingCamera(NamedTuple):
     trajectories: Trajectories
 
 
-def pack_camera(spec: PlacedSpec, width: int, height: int, assets: Assets = NO_ASSETS) -> Any:
+def pack_camera(spec: PlacedSpec, width: int, height: int, assets: interface.Assets = interface.NO_ASSETS) -> Any:
     """Pack a camera for a film of width x height pixels: at rest, or moving while its shutter is open.
 
     Raises
@@ -100,68 +83,68 @@ def _transform_camera(spec: PlacedSpec, matrix: Matrix) -> PlacedSpec:
     return spec.model_copy(update={name: tuple(map(float, vector)) for name, vector in moved.items()})
 
 
-@film_corner.register(MovingCamera)
+@interface.film_corner.register(MovingCamera)
 def film_corner_moving_camera(camera, x, y):
-    return film_corner(camera.camera, x, y)
+    return interface.film_corner(camera.camera, x, y)
 
 
-@film_to_view.register(MovingCamera)
+@interface.film_to_view.register(MovingCamera)
 def film_to_view_moving_camera(camera, x, y):
-    return film_to_view(camera.camera, x, y)
+    return interface.film_to_view(camera.camera, x, y)
 
 
-@packet_rays.register(MovingCamera)
+@interface.packet_rays.register(MovingCamera)
 def packet_rays_moving_camera(camera):
-    return packet_rays(camera.camera)
+    return interface.packet_rays(camera.camera)
 
 
-@set_lane.register(MovingCamera)
+@interface.set_lane.register(MovingCamera)
 def set_lane_moving_camera(camera, rows, lane, x, y, draws):
-    set_lane(camera.camera, rows, lane, x, y, draws)
+    interface.set_lane(camera.camera, rows, lane, x, y, draws)
 
 
-@trace_lanes.register(MovingCamera)
+@interface.trace_lanes.register(MovingCamera)
 def trace_lanes_moving_camera(camera, rows):
-    trace_lanes(camera.camera, rows)
+    interface.trace_lanes(camera.camera, rows)
 
 
-@share_wavelengths.register(MovingCamera)
+@interface.share_wavelengths.register(MovingCamera)
 def share_wavelengths_moving_camera(camera, sharing, rows, others, x, y):
-    share_wavelengths(camera.camera, sharing, rows, others, x, y)
+    interface.share_wavelengths(camera.camera, sharing, rows, others, x, y)
 
 
-@lane_ray.register(MovingCamera)
+@interface.lane_ray.register(MovingCamera)
 def lane_ray_moving_camera(camera, rows, lane, x, y, time, draws):
-    origin, direction, weight = lane_ray(camera.camera, rows, lane, x, y, time, draws)
+    origin, direction, weight = interface.lane_ray(camera.camera, rows, lane, x, y, time, draws)
     pose = pose_at(camera.trajectories, 0, time)
     return apply_point(pose, origin), normalize(apply_vector(pose, direction)), weight
 
 
-@camera_ray.register(MovingCamera)
+@interface.camera_ray.register(MovingCamera)
 def camera_ray_moving_camera(camera, x, y, time, draws):
-    origin, direction, weight = camera_ray(camera.camera, x, y, time, draws)
+    origin, direction, weight = interface.camera_ray(camera.camera, x, y, time, draws)
     pose = pose_at(camera.trajectories, 0, time)
     return apply_point(pose, origin), normalize(apply_vector(pose, direction)), weight
 
 
-@project.register(MovingCamera)
+@interface.project.register(MovingCamera)
 def project_moving_camera(camera, point, time):
-    return project(camera.camera, apply_point(invert(pose_at(camera.trajectories, 0, time)), point), time)
+    return interface.project(camera.camera, apply_point(invert(pose_at(camera.trajectories, 0, time)), point), time)
 
 
-@camera_defocus.register(MovingCamera)
-def camera_defocus_moving_camera(camera: Any) -> Defocus | None:
-    at_rest: Defocus | None = camera_defocus(camera.camera)
-    return at_rest
+@interface.camera_defocus.register(MovingCamera)
+def camera_defocus_moving_camera(camera: Any) -> Any:
+    return interface.camera_defocus(camera.camera)
 
 
-@camera_parts.register(MovingCamera)
-def camera_parts_moving_camera(camera: Any) -> CameraParts:
-    at_rest: CameraParts = camera_parts(camera.camera)
-    return at_rest._replace(moves=True)
+@interface.camera_parts.register(MovingCamera)
+def camera_parts_moving_camera(camera: Any) -> Any:
+    return interface.camera_parts(camera.camera)._replace(moves=True)
 
 
-@translate_camera.register(MovingCamera)
+@interface.translate_camera.register(MovingCamera)
 def translate_camera_moving_camera(camera: Any, by: Vec3) -> Any:
     own = camera.trajectories
-    return MovingCamera(translate_camera(camera.camera, by), own._replace(rows=conjugate_trajectory(own.rows, by)))
+    return MovingCamera(
+        interface.translate_camera(camera.camera, by), own._replace(rows=conjugate_trajectory(own.rows, by))
+    )

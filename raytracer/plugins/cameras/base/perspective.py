@@ -7,15 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from raytracer.optics import thin_lens
 from raytracer.optics.sensor_formats import SensorSize
-from raytracer.optics.thin_lens import (
-    airy_diameter_um,
-    crop_factor,
-    exposure_value,
-    field_of_view,
-    focal_length_from_distances,
-    image_distance,
-)
 from raytracer.plugins.cameras.base.exposed import ExposedSpec
 from raytracer.plugins.cameras.base.perspective_camera import FlatPupil, ImagePlane, Irradiance, PerspectiveCamera
 from raytracer.schema.fields import FieldOfView, FNumberOrInf, PositiveLensLength
@@ -112,8 +105,7 @@ class PerspectiveSpec(ExposedSpec):
             )
         if angles and self.equivalent_focal_length is not None:
             field_error(
-                angles[0],
-                f"{angles[0]} and equivalent_focal_length both set the field of view: give one of them",
+                angles[0], f"{angles[0]} and equivalent_focal_length both set the field of view: give one of them"
             )
         if self.sensor_fit is not None and self.given_sensor() is None and not (lengths and not angles):
             field_error(
@@ -166,7 +158,7 @@ class PerspectiveSpec(ExposedSpec):
         """Return the focal length (mm); None where it follows from an angle."""
         if self.equivalent_focal_length is None:
             return self.focal_length
-        return self.equivalent_focal_length / crop_factor(*self.sensor_size())
+        return self.equivalent_focal_length / thin_lens.crop_factor(*self.sensor_size())
 
     def _given_slope(self, width: int, height: int) -> float:
         """Return half the film's height over its distance, as an angle gives it."""
@@ -185,16 +177,16 @@ class PerspectiveSpec(ExposedSpec):
 
         # The film and the focal length give the angle; or the angle with one of them the other.
         if film is not None and focal_length is not None:
-            image = image_distance(focal_length, focus)
+            image = thin_lens.image_distance(focal_length, focus)
             return CameraOptics(0.5 * film.height / image, sensor, film, focal_length, image)
         top = self._given_slope(width, height)
         if focal_length is not None:
-            image = image_distance(focal_length, focus)
+            image = thin_lens.image_distance(focal_length, focus)
             film = SensorSize(2.0 * image * top * width / height, 2.0 * image * top)
             return CameraOptics(top, film, film, focal_length, image)
         if film is not None:
             image = 0.5 * film.height / top
-            return CameraOptics(top, sensor, film, focal_length_from_distances(image, focus), image)
+            return CameraOptics(top, sensor, film, thin_lens.focal_length_from_distances(image, focus), image)
         return CameraOptics(top, None, None, None, None)
 
     def film_to_ray(
@@ -224,18 +216,17 @@ class PerspectiveSpec(ExposedSpec):
         return asked and self.has_scale() and self.has_aperture()
 
     def describe(self, width: int, height: int) -> dict[str, float]:
-        """Return derived numbers, by name with unit."""
         optics = self.optics(width, height)
         right = optics.top * width / height
         numbers = {
-            "vfov_deg": field_of_view(2.0 * optics.top, 1.0),
-            "hfov_deg": field_of_view(2.0 * right, 1.0),
-            "dfov_deg": field_of_view(2.0 * math.hypot(right, optics.top), 1.0),
+            "vfov_deg": thin_lens.field_of_view(2.0 * optics.top, 1.0),
+            "hfov_deg": thin_lens.field_of_view(2.0 * right, 1.0),
+            "dfov_deg": thin_lens.field_of_view(2.0 * math.hypot(right, optics.top), 1.0),
             "pixel_at_1m_mm": 1e3 * 2.0 * optics.top / height,
         }
         if optics.sensor is None or optics.film is None or optics.focal_length is None or optics.image_distance is None:
             return numbers
-        crop = crop_factor(*optics.sensor)
+        crop = thin_lens.crop_factor(*optics.sensor)
         numbers |= {
             "sensor_width_mm": optics.sensor.width,
             "sensor_height_mm": optics.sensor.height,
@@ -251,9 +242,9 @@ class PerspectiveSpec(ExposedSpec):
         if pupil > 0.0:
             f_number, seconds = optics.focal_length / pupil, self.exposure_seconds()
             numbers |= {"f_number": f_number, "entrance_pupil_mm": pupil}
-            numbers["airy_disc_um"] = airy_diameter_um(optics.image_distance / pupil)
+            numbers["airy_disc_um"] = thin_lens.airy_diameter_um(optics.image_distance / pupil)
             if seconds > 0.0:
-                numbers["ev100"] = exposure_value(f_number, seconds, self.iso or 100.0)
+                numbers["ev100"] = thin_lens.exposure_value(f_number, seconds, self.iso or 100.0)
         return numbers
 
     def pack_with_lens(self, width: int, height: int, lens: Any) -> PerspectiveCamera:

@@ -5,14 +5,7 @@ from typing import Any, NamedTuple
 
 from raytracer.core.compiler.dispatch import kernel, optional
 from raytracer.core.vec import add, dot, madd, normalize, scale
-from raytracer.plugins.cameras.base.interface import (
-    CameraParts,
-    Defocus,
-    camera_defocus,
-    camera_parts,
-    camera_ray,
-    project,
-)
+from raytracer.plugins.cameras.base import interface
 from raytracer.plugins.cameras.base.placement import CameraFrame, to_camera_space
 
 
@@ -74,8 +67,6 @@ def lens_ray(lens, frame, irradiance, direction, draws):
 def irradiance_weight(irradiance, direction, shift, towards):
     """Weight the radiance that a ray brings, so that the film gathers irradiance.
 
-    Parameters
-    ----------
     direction : as in `lens_ray`.
     shift : point of the pupil that the ray goes through, from its middle (m).
     towards : direction in which it goes on, not a unit vector: the component along the axis is 1.
@@ -107,29 +98,33 @@ def film_direction(frame, plane, x, y):
     return add(madd(across, plane.top - plane.pixel * y, frame.up), frame.forward)
 
 
-@camera_ray.register(PerspectiveCamera)
+@interface.camera_ray.register(PerspectiveCamera)
 def camera_ray_perspective_camera(camera, x, y, time, draws):
     direction = film_direction(camera.frame, camera.plane, x, y)
     return lens_ray(camera.lens, camera.frame, camera.irradiance, direction, draws)
 
 
-@camera_defocus.register(PerspectiveCamera)
-def camera_defocus_perspective_camera(camera: Any) -> Defocus:
+@interface.camera_defocus.register(PerspectiveCamera)
+def camera_defocus_perspective_camera(camera: Any) -> interface.Defocus:
     lens, pixel = camera.lens, float(camera.plane.pixel)
-    return Defocus(0.0, pixel, 0.0) if lens is None else Defocus(2.0 * float(lens.radius), pixel, lens.inverse_focus)
+    return (
+        interface.Defocus(0.0, pixel, 0.0)
+        if lens is None
+        else interface.Defocus(2.0 * float(lens.radius), pixel, lens.inverse_focus)
+    )
 
 
-@camera_parts.register(PerspectiveCamera)
-def camera_parts_perspective_camera(camera: Any) -> CameraParts:
+@interface.camera_parts.register(PerspectiveCamera)
+def camera_parts_perspective_camera(camera: Any) -> interface.CameraParts:
     return thin_lens_parts(camera.lens)
 
 
-def thin_lens_parts(lens: Any) -> CameraParts:
+def thin_lens_parts(lens: Any) -> interface.CameraParts:
     """Return the parts of a packed camera with this ThinLensPupil, or None."""
     if lens is None:
-        return CameraParts(ray_radius=0.0)
+        return interface.CameraParts(ray_radius=0.0)
     # Blades and masks reach farther than the round opening of the same area.
-    return CameraParts(lens=lens, ray_radius=lens.radius if lens.shape is None else math.inf)
+    return interface.CameraParts(lens=lens, ray_radius=lens.radius if lens.shape is None else math.inf)
 
 
 @kernel
@@ -140,7 +135,7 @@ def project_to_film(plane, right, up, depth):
     return (right / depth - plane.left) / plane.pixel, (plane.top - up / depth) / plane.pixel, depth
 
 
-@project.register(PerspectiveCamera)
+@interface.project.register(PerspectiveCamera)
 def project_perspective_camera(camera, point, time):
     right, up, depth = to_camera_space(camera.frame, point)
     return project_to_film(camera.plane, right, up, depth)

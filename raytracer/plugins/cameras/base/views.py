@@ -4,23 +4,13 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.vec import add, madd, scale
 from raytracer.film.light_field.focusing import refocusable, view_spacing
 from raytracer.film.light_field.mosaic import Mosaic
 from raytracer.film.light_field.views import Plane, Pose, Views
-from raytracer.plugins.cameras.base.interface import (
-    CameraParts,
-    Defocus,
-    camera_defocus,
-    camera_parts,
-    camera_ray,
-    film_corner,
-    film_to_view,
-    project,
-)
+from raytracer.plugins.cameras.base import interface
 from raytracer.plugins.cameras.base.perspective_camera import (
     ImagePlane,
     PerspectiveCamera,
@@ -92,13 +82,6 @@ def replicate_camera(camera: PerspectiveCamera, grid: ViewGrid) -> ViewsCamera:
     return ViewsCamera(camera.frame, camera.plane, camera.lens, camera.irradiance, grid)
 
 
-def view_positions(grid: ViewGrid, rows: int, columns: int) -> NDArray[np.float64]:
-    """Return the places of the views in their plane, right and up from the middle (m): (rows, columns, 2)."""
-    right = grid.left + grid.across * np.arange(columns)
-    up = grid.top - grid.down * np.arange(rows)
-    return np.stack(np.broadcast_arrays(right, up[:, None]), axis=-1)
-
-
 def make_mosaic(
     frame: CameraFrame,
     plane: ImagePlane,
@@ -109,9 +92,10 @@ def make_mosaic(
     focal_length: float | None = None,
 ) -> Mosaic:
     """Make the light-field layout of a picture of a grid of views; `cell` and `focal_length` as in `Views`."""
+    right, up = grid.left + grid.across * np.arange(columns), grid.top - grid.down * np.arange(rows)
     return Mosaic(
         Views(
-            position=view_positions(grid, rows, columns),
+            position=np.stack(np.broadcast_arrays(right, up[:, None]), axis=-1),
             plane=Plane(*plane),
             width=grid.width,
             height=grid.height,
@@ -143,7 +127,7 @@ def describe_views(views: Views) -> dict[str, float]:
     return numbers
 
 
-@film_corner.register(ViewsCamera)
+@interface.film_corner.register(ViewsCamera)
 def film_corner_views_camera(camera, x, y):
     grid = camera.grid
     return x + (x // grid.width) * (grid.stride - grid.width), y + (y // grid.height) * (grid.stride - grid.height)
@@ -155,13 +139,13 @@ def _view_index(grid, place):
     return math.floor((place + grid.guard) / grid.stride)
 
 
-@film_to_view.register(ViewsCamera)
+@interface.film_to_view.register(ViewsCamera)
 def film_to_view_views_camera(camera, x, y):
     grid = camera.grid
     return x - grid.stride * _view_index(grid, x), y - grid.stride * _view_index(grid, y)
 
 
-@camera_ray.register(ViewsCamera)
+@interface.camera_ray.register(ViewsCamera)
 def camera_ray_views_camera(camera, x, y, time, draws):
     grid, frame = camera.grid, camera.frame
     column, row = _view_index(grid, x), _view_index(grid, y)
@@ -175,18 +159,17 @@ def camera_ray_views_camera(camera, x, y, time, draws):
     return lens_ray(camera.lens, here, camera.irradiance, direction, draws)
 
 
-@camera_defocus.register(ViewsCamera)
-def camera_defocus_views_camera(camera: Any) -> Defocus:
-    single: Defocus = camera_defocus(PerspectiveCamera(camera.frame, camera.plane, camera.lens, camera.irradiance))
-    return single
+@interface.camera_defocus.register(ViewsCamera)
+def camera_defocus_views_camera(camera: Any) -> Any:
+    return interface.camera_defocus(PerspectiveCamera(camera.frame, camera.plane, camera.lens, camera.irradiance))
 
 
-@camera_parts.register(ViewsCamera)
-def camera_parts_views_camera(camera: Any) -> CameraParts:
+@interface.camera_parts.register(ViewsCamera)
+def camera_parts_views_camera(camera: Any) -> interface.CameraParts:
     return thin_lens_parts(camera.lens)
 
 
-@project.register(ViewsCamera)
+@interface.project.register(ViewsCamera)
 def project_views_camera(camera, point, time):
     # As the middle sees it.
     right, up, depth = to_camera_space(camera.frame, point)

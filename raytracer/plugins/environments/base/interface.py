@@ -55,10 +55,8 @@ def background(environment, direction):
 @generic
 def sample_background(environment, u1, u2):
     """Draw a unit direction about in proportion to its radiance: (direction, radiance, pdf in 1/sr)."""
-    raise NotImplementedError
 
 
 @generic
 def background_with_pdf(environment, direction):
     """Return `background`, and the density in solid angle (1/sr) with which `sample_background` draws the direction."""
-    raise NotImplementedError

@@ -37,4 +37,3 @@ def sample_filter(pixel_filter, u1, u2):
 
     References: Ernst, Stamminger, Greiner 2006, "Filter Importance Sampling".
     """
-    raise NotImplementedError

@@ -5,7 +5,7 @@ A kind's file holds its YAML spec, its packed table (one row a light) and its ca
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, NamedTuple, TypeAlias
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 
 from raytracer.core.compiler.dispatch import fold, generic, kernel, optional, switch
 from raytracer.core.geometry import spawn_offset
@@ -26,11 +26,18 @@ _FAR = 2.0**100
 class LightSpec(Spec):
     """Base of the kinds of the `lights` list."""
 
+    power: ClassVar[str] = "intensity"
+    """Key of what it radiates, by channel."""
+
     type: str
+
+    def shines(self) -> bool:
+        """Tell if it gives light."""
+        return any(getattr(self, self.power))
 
     @staticmethod
     def pack(specs: Sequence[Any]) -> Any:
-        """Pack the lights of this kind that shine, one row a light; None if none does."""
+        """Pack lights of this kind that shine, one row a light."""
         raise NotImplementedError
 
     def is_visible_to_paths(self) -> bool:
@@ -44,8 +51,6 @@ class LightSpec(Spec):
     def at_exposure(self, timing: Timing, place: Vec3, timed: bool) -> Any:
         """Return the light as `pack` takes it, in the time of a shutter that is open for some time.
 
-        Parameters
-        ----------
         place : position of the camera when the light's pulse begins (m).
         timed : paths have a time; without it a pulse is spread over the exposure.
         """
@@ -107,13 +112,11 @@ class LightSamplingOnly(NamedTuple):
 @generic
 def sample_light(table, scene, point, time, u, draws):
     """Choose a light of the table by the number `u`, and a point on it as seen from `point`: a LightSample."""
-    raise NotImplementedError
 
 
 @generic
 def pdf_hit(table, scene, surface):
     """Return the density in solid angle (1/sr) with which `sample_light` at its vertex before draws an Interaction."""
-    raise NotImplementedError
 
 
 @pdf_hit.register(tuple)
@@ -127,7 +130,6 @@ def infinite_radiance(table, scene, direction, pdf, heuristic):
 
     It is weighted by the heuristic: `pdf` is the density with which the ray's direction was drawn.
     """
-    raise NotImplementedError
 
 
 @infinite_radiance.register(tuple)

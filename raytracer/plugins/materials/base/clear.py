@@ -44,8 +44,7 @@ class ClearSpec(MaterialSpec):
         "`rough_dielectric` it needs a `priority`",
     )
     attenuation_color: _Attenuation | None = Field(
-        default=None,
-        description="in place of `absorption`: the colour of white light after `attenuation_distance`",
+        default=None, description="in place of `absorption`: the colour of white light after `attenuation_distance`"
     )
     attenuation_distance: PositiveLength | None = Field(
         default=None, description="the distance within which light takes on `attenuation_color` (m)"

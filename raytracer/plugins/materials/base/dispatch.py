@@ -8,34 +8,24 @@ from typing import Any, NamedTuple
 
 from raytracer.core.compiler.dispatch import kernel, optional, switch
 from raytracer.core.sampling import sample_2d
-from raytracer.plugins.materials.base.interface import (
-    BLACK,
-    PASSTHROUGH,
-    SELECT,
-    emission,
-    evaluate,
-    reflectance,
-    row,
-    scatter,
-    select,
-)
+from raytracer.plugins.materials.base import interface
 
 
 def _scatter_row(table, index, textures, site, direction, normal, front, draws):
-    return scatter(row(table, index, textures, site), direction, normal, front, draws)
+    return interface.scatter(interface.row(table, index, textures, site), direction, normal, front, draws)
 
 
 def _evaluate_row(table, index, textures, site, direction, normal, front, outgoing):
-    return evaluate(row(table, index, textures, site), direction, normal, front, outgoing)
+    return interface.evaluate(interface.row(table, index, textures, site), direction, normal, front, outgoing)
 
 
 def _reflectance_row(table, index, textures, site):
-    return reflectance(row(table, index, textures, site))
+    return interface.reflectance(interface.row(table, index, textures, site))
 
 
 _scatter_any = switch(kernel(_scatter_row))
 _evaluate_any = switch(kernel(_evaluate_row))
-_emission_any = switch(emission)
+_emission_any = switch(interface.emission)
 _reflectance_any = switch(kernel(_reflectance_row))
 
 
@@ -109,7 +99,7 @@ def reflectance_at(scene, reference, site):
     return _reflectance_any(scene.materials, reference % kinds, reference // kinds, scene.textures, site)
 
 
-_select_any = switch(select)
+_select_any = switch(interface.select)
 
 
 @kernel
@@ -131,7 +121,7 @@ def select_at(selectors, scene, reference, front, site, draws):
 
 @select_at.register(Selectors)
 def select_at_selectors(selectors, scene, reference, front, site, draws):
-    u, _ = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + SELECT)
+    u, _ = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + interface.SELECT)
     return _resolve_selectors(selectors, scene, reference, front, site, u)
 
 
@@ -143,7 +133,7 @@ def select_for_shadow_ray(selectors, scene, reference, front, site, draws):
 
 @select_for_shadow_ray.register(Selectors)
 def select_for_shadow_ray_selectors(selectors, scene, reference, front, site, draws):
-    _, u = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + SELECT)
+    _, u = sample_2d(draws.sampler, draws.key, draws.index, draws.dimension + interface.SELECT)
     return _resolve_selectors(selectors, scene, reference, front, site, u)
 
 
@@ -156,4 +146,4 @@ def selected_emission(selectors, scene, reference, front, site, draws):
 @selected_emission.register(Selectors)
 def selected_emission_selectors(selectors, scene, reference, front, site, draws):
     shown = select_for_shadow_ray(selectors, scene, reference, front, site, draws)
-    return BLACK if shown == PASSTHROUGH else emission_at(scene, shown, front, site)
+    return interface.BLACK if shown == interface.PASSTHROUGH else emission_at(scene, shown, front, site)

@@ -16,8 +16,7 @@ from raytracer.core.sampling.hashing import ONE_MINUS_EPSILON
 from raytracer.core.vec import Vec3
 from raytracer.optics.glass import Glass
 from raytracer.plugins.textures.base.interface import OptionalTexture, ParameterPacker
-from raytracer.schema.fields import Length, NonNegativeNumber, Vector
-from raytracer.schema.object_spec import name_or_material
+from raytracer.schema.fields import Length, NonNegativeNumber, Vector, name_or_material
 from raytracer.schema.rules import only
 from raytracer.schema.spec import Spec
 
@@ -215,31 +214,36 @@ def row(table, index, textures, site):
 
     A table of arrays handed on would compile 60 times slower.
     """
-    raise NotImplementedError
 
 
 @generic
 def scatter(material, direction, normal, front, draws):
     """Sample the direction in which light goes on that arrives along `direction`: a Scatter."""
-    raise NotImplementedError
 
 
 @generic
 def evaluate(material, direction, normal, front, outgoing):
-    """Evaluate f |cos| by channel toward `outgoing`, and the pdf (1/sr) of `scatter`; both 0 for mirrors and glass."""
-    raise NotImplementedError
+    """Evaluate f |cos| by channel toward `outgoing`, and the pdf (1/sr) of `scatter`; both 0 by default."""
+
+
+@evaluate.register(tuple)
+def evaluate_tuple(material, direction, normal, front, outgoing):
+    return BLACK, 0.0
 
 
 @generic
 def emission(table, index, front, textures, site):
-    """Return the radiance that leaves the surface of material `index` on the side named by `front`."""
-    raise NotImplementedError
+    """Return the radiance that leaves the surface of material `index` on the side named by `front`; none by default."""
+
+
+@emission.register(tuple)
+def emission_tuple(table, index, front, textures, site):
+    return BLACK
 
 
 @generic
 def reflectance(material):
     """Return the fraction of light that is not absorbed, by channel, seen head on: the AOV `albedo`."""
-    raise NotImplementedError
 
 
 PASSTHROUGH = -1
@@ -254,7 +258,6 @@ def select(table, index, front, textures, site, u):
     -------
     Its reference or PASSTHROUGH, and a number to draw with next.
     """
-    raise NotImplementedError
 
 
 @kernel

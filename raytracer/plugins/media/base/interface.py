@@ -86,7 +86,6 @@ class DistanceSample(NamedTuple):
 @generic
 def row(table, index):
     """Look up the parameters of medium `index` as a record."""
-    raise NotImplementedError
 
 
 @generic
@@ -95,25 +94,21 @@ def sample_distance(medium, origin, direction, distance, throughput, draws, numb
 
     `throughput`, by channel, says which channels matter; `numbers`, how many random numbers the segment has used.
     """
-    raise NotImplementedError
 
 
 @generic
 def transmittance(medium, origin, direction, distance, draws, numbers):
     """Compute (transmittance up to `distance`, by channel, or an estimate of it; numbers used)."""
-    raise NotImplementedError
 
 
 @generic
 def sample_phase(medium, direction, u1, u2):
     """Sample (direction, pdf) of scattered light; the weight is 1, and the pdf of a single direction infinite."""
-    raise NotImplementedError
 
 
 @generic
 def evaluate_phase(medium, direction, outgoing):
     """Evaluate the phase function (1/sr), which is also the pdf of `sample_phase`; 0 if that is infinite."""
-    raise NotImplementedError
 
 
 @generic

@@ -5,20 +5,48 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
 
 from raytracer.core.motion.resolve import matrix_at
 from raytracer.core.motion.spec import Motion
 from raytracer.core.primitives.base.interface import bounds
 from raytracer.core.shutter.table import Shutter
 from raytracer.plugins.shapes.base.affine import Matrix
-from raytracer.schema.fields import Name
-from raytracer.schema.object_spec import ObjectSpec
+from raytracer.schema.fields import Name, name_or_material
 from raytracer.schema.rules import only
+from raytracer.schema.spec import Spec
 from raytracer.schema.transform import Transform, matrix_of
 
 Assets = Mapping[str, Any]
 """Contents of an object's files, by the key that names the file."""
+
+
+class ObjectSpec(Spec):
+    """Base of the shapes: the keys that every object may have."""
+
+    name: Name | None = Field(
+        default=None, description="Name by which messages, `focus_on` and `-D objects.NAME.key=...` find the object"
+    )
+    material: Any = Field(
+        default=None, description="Name of a material under `materials`, or a material itself: {type: ...}"
+    )
+    medium: Name | None = Field(
+        default=None,
+        description="Name of the medium under `media` that fills the object; without a material it has no surface",
+    )
+    outside_medium: Name | None = Field(
+        default=None, description="Name of the medium round the object; the scene's `medium` by default"
+    )
+    transform: Transform | None = Field(
+        default=None,
+        description="Steps in order, [{scale: 2}, {rotate: {axis: [0, 1, 0], angle: 30}}, {translate: [0, 1, 0]}], "
+        "or a 4x4 matrix",
+    )
+
+    @field_validator("material", mode="before")
+    @classmethod
+    def _name_or_material(cls, value: Any, info: ValidationInfo) -> Any:
+        return None if value is None else name_or_material(value, info)
 
 
 class ShapeSpec(ObjectSpec):

@@ -102,12 +102,6 @@ class Texturable(Check):
     data: bool
 
     def __call__(self, value: Any) -> Any:
-        """Check a value, name or texture.
-
-        Raises
-        ------
-        ValueError : it is none of these.
-        """
         if isinstance(value, TextureSpec) or is_name(value):
             return value
         if isinstance(value, Mapping):
@@ -138,17 +132,12 @@ class Texturable(Check):
 
 
 OptionalTexture: TypeAlias = Annotated[str | TextureSpec | None, Texturable(None, data=True)]
-TexturedColor: TypeAlias = Annotated[
-    Vector | str | TextureSpec, Texturable(Triple(Quantity(low=0.0), "a colour", single=True), data=False)
-]
 TexturedRadiance: TypeAlias = Annotated[
     Vector | str | TextureSpec, Texturable(Triple(Quantity(low=0.0), "a radiance", single=True), data=False)
 ]
 TexturedAlbedo: TypeAlias = Annotated[
     Vector | str | TextureSpec, Texturable(Triple(Quantity(low=0.0, high=1.0), "an albedo", single=True), data=False)
 ]
-TexturedNumber: TypeAlias = Annotated[float | str | TextureSpec, Texturable(Quantity(), data=True)]
-TexturedNonNegative: TypeAlias = Annotated[float | str | TextureSpec, Texturable(Quantity(low=0.0), data=True)]
 TexturedFraction: TypeAlias = Annotated[float | str | TextureSpec, Texturable(Quantity(low=0.0, high=1.0), data=True)]
 
 
@@ -186,7 +175,6 @@ def is_zero(value: Any) -> bool:
 @generic
 def texture(table, index, site):
     """Look up the colour of texture `index` at a geometry.Site, in linear light."""
-    raise NotImplementedError
 
 
 @generic
@@ -195,7 +183,6 @@ def texture_gradient(table, index, site, tangent, bitangent):
 
     The derivatives are in the space of site.point.
     """
-    raise NotImplementedError
 
 
 _texture_any = switch(texture)
@@ -242,10 +229,13 @@ class TexturedNumbers(NamedTuple):
     reference: NDArray[np.int32]
 
 
+ColorParameter: TypeAlias = Colors | TexturedColors
+NumberParameter: TypeAlias = Numbers | TexturedNumbers
+
+
 @generic
 def color(parameter, index, textures, site):
     """Look up a material's colour at a site."""
-    raise NotImplementedError
 
 
 @color.register(Colors)
@@ -262,7 +252,6 @@ def color_textured_colors(parameter, index, textures, site):
 @generic
 def number(parameter, index, textures, site):
     """Look up a material's number at a site; of a texture it is the luminance."""
-    raise NotImplementedError
 
 
 @number.register(Numbers)
@@ -288,8 +277,6 @@ def luminance(rgb: Vec3) -> float:
 class ParameterPacker:
     """Packer of the parameters of materials, from plain values and textures.
 
-    Parameters
-    ----------
     named : textures by name.
     used : the textures that materials ask for, as `textures_of` lists them.
     assets : contents of the files of each.
@@ -334,14 +321,14 @@ class ParameterPacker:
             return -1
         return self._references[self.texture(value, data=data)]
 
-    def colors(self, values: Sequence[Any]) -> Colors | TexturedColors:
+    def colors(self, values: Sequence[Any]) -> ColorParameter:
         """Pack the parameter of a table whose rows have these colours."""
         plain = [(0.0, 0.0, 0.0) if isinstance(value, str | TextureSpec) else value for value in values]
         rows = np.array(plain, np.float64).reshape(-1, 3)
         references = self._rows(values, data=False)
         return Colors(rows) if references is None else TexturedColors(rows, references)
 
-    def numbers(self, values: Sequence[Any]) -> Numbers | TexturedNumbers:
+    def numbers(self, values: Sequence[Any]) -> NumberParameter:
         """Pack the parameter of a table whose rows have these numbers."""
         plain = [0.0 if isinstance(value, str | TextureSpec) else value for value in values]
         rows = np.array(plain, np.float64)

@@ -13,14 +13,23 @@ from raytracer.plugins.cameras.base.moving import camera_at_time
 from raytracer.plugins.materials.base.interface import MaterialSpec
 from raytracer.plugins.shapes.base.interface import ShapeSpec
 from raytracer.scene.pack.scene import PackedScene
+from raytracer.scene.spec import SceneSpec
 from raytracer.scene.warnings.base.primitive_points import Points, has_edges, normals, outline, squared, without_motion
-from raytracer.scene.warnings.base.record import object_label
-from raytracer.schema.yaml_nodes import KeyPath
+from raytracer.schema.yaml_nodes import KeyPath, path_text
 
 Derived = TypeVar("Derived")
 
 # Rows per block: intermediate results stay in the processor's cache, and take little memory.
 _BLOCK = 1 << 14
+
+
+def object_label(spec: SceneSpec, keys: KeyPath) -> str:
+    """Format an object for messages: its path in the scene, and its name if it has one."""
+    within, *rest = keys
+    objects = spec.groups.get(str(rest[0]), ()) if within == "groups" and rest else spec.objects
+    number = rest[-1] if within in ("objects", "groups") and rest else None
+    name = objects[number].name if isinstance(number, int) else None
+    return path_text(keys) if name is None else f'{path_text(keys)} "{name}"'
 
 
 class Pieces(NamedTuple):
@@ -161,7 +170,9 @@ class SceneSurvey:
 
         These objects place the pieces; if the same one places both, the paths are those of the pieces in the group.
         """
-        placing = [-1 if instance < 0 else int(self.packed.instance_objects[instance]) for _, instance in (one, other)]
+        placing = [
+            -1 if instance < 0 else int(self.packed.objects.instance_objects[instance]) for _, instance in (one, other)
+        ]
         inside = self.keys_of(one[0]), self.keys_of(other[0])
         if placing[0] == placing[1]:
             return inside
@@ -228,36 +239,31 @@ class SceneSurvey:
 
 def _pieces(packed: PackedScene) -> Pieces:
     parts: list[Pieces] = []
-    for number, (table, owners) in enumerate(zip(packed.scene.primitives, packed.owners, strict=True)):
+    for number, (table, owners) in enumerate(zip(packed.scene.primitives, packed.objects.owners, strict=True)):
         stop = np.append(owners.start[1:], len(table.material))
         used = stop > owners.start
-        start, stop = owners.start[used], stop[used]
-        item, group = owners.item[used].astype(np.int64), owners.group[used].astype(np.int64)
-        parts.append(Pieces(np.full(len(start), number), start, stop, item, group, *_measured(table, start, stop)))
+        count = np.count_nonzero(used)
+        pieces = Pieces(
+            np.full(count, number),
+            owners.start[used],
+            stop[used],
+            owners.item[used].astype(np.int64),
+            owners.group[used].astype(np.int64),
+            np.full((count, 3), np.inf),
+            np.full((count, 3), -np.inf),
+            np.zeros(count, np.int64),
+            -np.ones(count, np.int64),
+            np.full(count, np.inf),
+        )
+        _measure(table, pieces)
+        parts.append(pieces)
     return Pieces(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-class _Measures(NamedTuple):
-    """Measures of ranges of rows: boxes, rows without an area, the first of these, and the least width of others."""
-
-    low: Points
-    high: Points
-    empty: NDArray[np.int64]
-    first: NDArray[np.int64]
-    width: Points
-
-
-def _measured(table: object, start: NDArray[np.int64], stop: NDArray[np.int64]) -> _Measures:
-    """Measure ranges of a table's rows, which follow each other."""
-    count = len(start)
-    measures = _Measures(
-        np.full((count, 3), np.inf),
-        np.full((count, 3), -np.inf),
-        np.zeros(count, np.int64),
-        -np.ones(count, np.int64),
-        np.full(count, np.inf),
-    )
-    for begin in range(0, int(stop[-1]) if count else 0, _BLOCK):
+def _measure(table: object, measures: Pieces) -> None:
+    """Measure pieces whose rows follow each other in a table: their columns from `low` on."""
+    start, stop = measures.start, measures.stop
+    for begin in range(0, int(stop[-1]) if len(stop) else 0, _BLOCK):
         end = min(begin + _BLOCK, int(stop[-1]))
         points = outline(table, begin, end)
         first = int(np.searchsorted(start, begin, side="right")) - 1
@@ -278,7 +284,6 @@ def _measured(table: object, start: NDArray[np.int64], stop: NDArray[np.int64]) 
         fresh = measures.empty[piece] == 0
         measures.first[piece[fresh]] = begin + rows[earliest[fresh]] - start[piece[fresh]]
         measures.empty[piece] += number
-    return measures
 
 
 def _widths(table: object, points: Points) -> Points:
