@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from raytracer.core.embree import PACKET
 from raytracer.core.error_estimate import ErrorEstimate
-from raytracer.rendering.pilot_samples import PilotSetup, pilot_seed, take_pilot_samples
+from raytracer.rendering.pilot_samples import PilotSetup, take_pilot_samples
 from raytracer.rendering.tile_scheduler import FIRST_PASS, TileQueue, now
 
 Array = NDArray[np.float64]
@@ -211,8 +211,7 @@ class AdaptiveRender:
         if spp < max(_SMALLEST_PILOT, 4 * state.pilot_spp):
             return
         number = state.number + 1
-        scene = self._pilots.scene(pilot_seed(self._pilots.seed, number), spp)
-        errors, rays, taken = take_pilot_samples(queue, scene, self._pilots.scratch, spp, self._pilots.estimator())
+        errors, rays, taken = take_pilot_samples(queue, self._pilots, number, spp)
         if queue.pool.is_stopped:
             return
         self.adaptive_state = state._replace(

@@ -1,17 +1,24 @@
 """Make a scene ready to be rendered: pack it, build the ray caster's structure, and compile the path tracer for it."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import NamedTuple
 
 from raytracer.core.compiler.compile_progress import COMPILATION
 from raytracer.core.compiler.lock import compiler_lock
 from raytracer.core.embree import Accel
+from raytracer.film.window import Window
 from raytracer.kernel.packed_scene import Scene
 from raytracer.kernel.path_state import Workspace
 from raytracer.kernel.path_state import workspace as make_workspace
 from raytracer.kernel.path_tracer import render_tile
 from raytracer.kernel.pixel_accumulator import FilmView
-from raytracer.rendering.film_region import empty_film, film_view
-from raytracer.rendering.tile_scheduler import now
+from raytracer.rendering.checked_options import CheckedOptions
+from raytracer.rendering.film_region import FilmRegion, empty_film, empty_region, film_view
+from raytracer.rendering.tile_scheduler import TILE_SIZE, now
+from raytracer.rendering.worker_pool import RemoteExecutor
+from raytracer.scene.input_files import FileStamp
 from raytracer.scene.pack.scene import PackedScene, pack
 from raytracer.scene.spec import SceneSpec
 from raytracer.util.signals import run_in_thread
@@ -81,3 +88,41 @@ def compile_kernel(scene: Scene, target: FilmView, workspace: Workspace | None =
 def _kernel_count() -> int:
     """Count the compiled versions of the path tracer; 0 where it is not compiled at all."""
     return len(getattr(render_tile, "signatures", ()))
+
+
+@dataclass(frozen=True)
+class PreparedScene:
+    """A scene that is packed, built and compiled, and can be rendered, several times if need be.
+
+    Attributes
+    ----------
+    packed : the scene as arrays, its camera focused at a distance.
+    accel : the ray caster's structure, which lives as long as this does.
+    scene : as kernels take it, with the structure's address.
+    effects : names of the camera effects that are simulated.
+    options : of the render.
+    remote : the cluster that takes the samples; the threads of this process if None.
+    seconds (s) : time so far by phase: load, pack, build and compile.
+    stamps : of the files of the scene, before they were read (`input_files.file_stamps`); empty without checkpoints.
+    """
+
+    packed: PackedScene
+    accel: Accel
+    scene: Scene
+    effects: tuple[str, ...]
+    options: CheckedOptions
+    remote: RemoteExecutor | None
+    seconds: dict[str, float]
+    stamps: Mapping[Path, FileStamp]
+
+    def for_window(self, window: Window) -> "PreparedScene":
+        """Return the same scene for a part of the picture; its pixels are those of the whole."""
+        return replace(self, options=replace(self.options, window=window))
+
+    def empty_region(self, window: Window) -> FilmRegion:
+        """Make an empty film for a part of the picture."""
+        return empty_region(self.packed, window, self.options.aovs, denoise=self.options.denoise)
+
+    def empty_tile(self) -> FilmView:
+        """Make an empty film of one tile, of the same type as the picture's, as kernels see it."""
+        return self.empty_region(Window(0, 0, TILE_SIZE, TILE_SIZE)).view()

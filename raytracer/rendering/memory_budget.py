@@ -310,39 +310,29 @@ def cgroup_bytes_left(mounts: Path = Path("/sys/fs/cgroup"), groups: Path = Path
     return None
 
 
-class _CgroupFiles(NamedTuple):
-    """Names of the files of a control group, and of the entry for pages that the system gives back at need."""
-
-    most: str
-    now: str
-    statistics: str
-    files: str
-    swap_most: str
-    swap_now: str
+# Files of a control group: limit, memory in use, limit and use of swap; and the entry of memory.stat for pages that the
+# system gives back at need.
+_V2 = ("memory.max", "memory.current", "memory.swap.max", "memory.swap.current", "file")
+_V1 = ("memory.limit_in_bytes", "memory.usage_in_bytes", "", "", "total_cache")
 
 
-_V2 = _CgroupFiles("memory.max", "memory.current", "memory.stat", "file", "memory.swap.max", "memory.swap.current")
-_V1 = _CgroupFiles("memory.limit_in_bytes", "memory.usage_in_bytes", "memory.stat", "total_cache", "", "")
-
-
-def _each_cgroup_left(mount: Path, path: str, names: _CgroupFiles) -> Iterator[int]:
+def _each_cgroup_left(mount: Path, path: str, names: tuple[str, ...]) -> Iterator[int]:
     """List the bytes that a group, and each that it is in, leave."""
     import psutil
 
     inside = [part for part in path.split("/") if part not in ("", "..", ".")]
     for depth in range(len(inside), -1, -1):
         folder = mount.joinpath(*inside[:depth])
-        most, now = _number(folder / names.most), _number(folder / names.now)
+        most, now, swap_most, swap_now = (_number(folder / name) if name else None for name in names[:4])
         if most is None or now is None:
             continue
         cached = 0
         with contextlib.suppress(OSError, ValueError):
-            statistics = dict(line.split(None, 1) for line in (folder / names.statistics).read_text().splitlines())
-            cached = int(statistics.get(names.files, 0))
+            statistics = dict(line.split(None, 1) for line in (folder / "memory.stat").read_text().splitlines())
+            cached = int(statistics.get(names[4], 0))
         swap = int(psutil.swap_memory().free)
-        if names.swap_most:
-            swap_most, swap_now = _number(folder / names.swap_most), _number(folder / names.swap_now)
-            swap = swap if swap_most is None else min(swap, max(0, swap_most - (swap_now or 0)))
+        if swap_most is not None:
+            swap = min(swap, max(0, swap_most - (swap_now or 0)))
         yield max(0, most - now + cached + swap)
 
 

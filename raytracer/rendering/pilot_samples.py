@@ -14,7 +14,6 @@ from raytracer.kernel.path_tracer import render_tile
 from raytracer.kernel.pixel_accumulator import FilmView
 from raytracer.rendering.tile_job import TileJob, TileResult, split_by_tile
 from raytracer.rendering.tile_scheduler import TileQueue
-from raytracer.rendering.worker_pool import RemoteExecutor
 
 
 class PilotSetup(NamedTuple):
@@ -40,40 +39,24 @@ def pilot_seed(seed: int, number: int) -> int:
 
 
 def take_pilot_samples(
-    queue: TileQueue, scene: Scene, scratch: Callable[[], FilmView], spp: int, estimator: ErrorEstimator
+    queue: TileQueue, pilots: PilotSetup, number: int, spp: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
     """Render pilot samples of every pixel, which are not added to the picture.
 
     Parameters
     ----------
+    number : of the pilot, from 1.
     spp : samples a pixel, a power of two from 16 on.
-    estimator : an empty one, for these samples.
 
     Returns
     -------
     By tile (tiles,), float64 and int64: the relative squared error of so many samples, up to a factor; the rays traced;
     and the samples taken, which are fewer after an interrupt.
     """
-    taken = np.zeros(len(queue.windows), dtype=np.int64)
-    rays = np.zeros(len(queue.windows), dtype=np.int64)
-    if queue.remote is None:
-        _take_pilots_locally(queue, scene, scratch, spp, estimator, rays, taken)
-    else:
-        _take_pilots_remotely(queue, queue.remote, scene, spp, estimator, rays, taken)
-    estimator.set_scale(queue.mean)
-    return np.nan_to_num(estimator.tile_mse(np.full(len(queue.windows), spp))), rays, taken
-
-
-def _take_pilots_locally(
-    queue: TileQueue,
-    scene: Scene,
-    scratch: Callable[[], FilmView],
-    spp: int,
-    estimator: ErrorEstimator,
-    rays: NDArray[np.int64],
-    taken: NDArray[np.int64],
-) -> None:
-    films = deque(scratch() for _ in range(queue.pool.threads))
+    scene, estimator = pilots.scene(pilot_seed(pilots.seed, number), spp), pilots.estimator()
+    taken, rays = np.zeros((2, len(queue.windows)), dtype=np.int64)
+    films: deque[FilmView] = deque()
+    waiting, seconds = deque(range(len(queue.windows))), queue.seconds_per_sample * spp
 
     def work(workspace: Workspace, tile: int) -> None:
         window, film = queue.windows[tile], films.pop()
@@ -90,36 +73,25 @@ def _take_pilots_locally(
             taken[tile] = begin = end
         films.append(film)
 
-    queue.pool.run(range(len(queue.windows)), work)
-
-
-def _take_pilots_remotely(
-    queue: TileQueue,
-    remote: RemoteExecutor,
-    scene: Scene,
-    spp: int,
-    estimator: ErrorEstimator,
-    rays: NDArray[np.int64],
-    taken: NDArray[np.int64],
-) -> None:
-    waiting = deque(range(len(queue.windows)))
-    seconds = queue.seconds_per_sample * spp
-
     def next_job() -> TileJob | None:
         limit = queue.job_seconds(float(seconds[list(waiting)].sum()))
-        tiles = queue.take_batch(waiting, lambda tile: float(seconds[tile]), limit)
+        tiles = tuple(queue.take_batch(waiting, lambda tile: float(seconds[tile]), limit))
         if not tiles:
             return None
         windows, every = tuple(queue.windows[tile] for tile in tiles), len(tiles)
-        record_counts = ((spp // 2,),) * every
-        return TileJob(
-            tuple(tiles), windows, (0,) * every, (spp,) * every, record_counts, scene.sampler, None, mean_only=True
-        )
+        counts = ((spp // 2,),) * every
+        return TileJob(tiles, windows, (0,) * every, (spp,) * every, counts, scene.sampler, None, mean_only=True)
 
     def merge(job: TileJob, result: TileResult) -> None:
-        for number, (tile, output) in enumerate(zip(job.tiles, split_by_tile(job, result), strict=True)):
+        for place, (tile, output) in enumerate(zip(job.tiles, split_by_tile(job, result), strict=True)):
             for count, mean in (*output.recorded_means, (spp, output.arrays[0])):
                 estimator.record(tile, mean, count)
-            rays[tile], taken[tile] = result.rays[number], spp
+            rays[tile], taken[tile] = result.rays[place], spp
 
-    queue.pool.run_remote(remote, next_job, merge)
+    if queue.remote is None:
+        films.extend(pilots.scratch() for _ in range(queue.pool.threads))
+        queue.pool.run(range(len(queue.windows)), work)
+    else:
+        queue.pool.run_remote(queue.remote, next_job, merge)
+    estimator.set_scale(queue.mean)
+    return np.nan_to_num(estimator.tile_mse(np.full(len(queue.windows), spp))), rays, taken

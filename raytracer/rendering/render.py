@@ -12,10 +12,9 @@ from raytracer.film.image import Image
 from raytracer.rendering import memory_budget
 from raytracer.rendering.checked_options import check_options
 from raytracer.rendering.checkpoint import CheckpointWriter
-from raytracer.rendering.compilation import compile_kernel
+from raytracer.rendering.compilation import PreparedScene, compile_kernel
 from raytracer.rendering.develop import check_development
 from raytracer.rendering.options import RenderOptions, called_with
-from raytracer.rendering.prepared_scene import PreparedScene
 from raytracer.rendering.progress import CompileBar, Progress, SampleBar
 from raytracer.rendering.session import Rendered, RenderSession
 from raytracer.rendering.statistics import PhaseTimer

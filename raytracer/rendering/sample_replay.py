@@ -37,18 +37,6 @@ class SamplePacket(NamedTuple):
     weights: NDArray[np.float64]
 
 
-def packet_range(sample: int, taken: int | None) -> tuple[int, int]:
-    """Return the first sample of the packet that holds a sample, and its end.
-
-    Parameters
-    ----------
-    taken : samples that the pixel gets, which may cut its last packet short; None if that is whole.
-    """
-    first = sample - sample % PACKET
-    end = first + PACKET
-    return first, end if taken is None or sample >= taken else min(end, taken)
-
-
 def replay_samples(scene: Scene, scratch: FilmView, x: int, y: int, taken: int) -> Iterator[SamplePacket]:
     """Trace all samples of pixel (x, y) of the picture again, packet by packet.
 
@@ -85,11 +73,10 @@ def log_path(
 ) -> NDArray[np.float64]:
     """Trace a sample of pixel (x, y) again, and return its log, float64 (events, path_log.COLUMNS).
 
-    Parameters
-    ----------
-    taken : see `packet_range`.
+    taken : samples that the pixel gets, which may cut its last packet short; None if that is whole.
     """
-    first, end = packet_range(sample, taken)
+    first = sample - sample % PACKET
+    end = first + PACKET if taken is None or sample >= taken else min(first + PACKET, taken)
     events = _INITIAL_EVENTS
     while True:
         log = path_log(sample - first, events)

@@ -13,14 +13,13 @@ from raytracer.kernel.packed_scene import Scene
 from raytracer.rendering.adaptive_sampling import AdaptiveRender, Outcome, StopCriteria
 from raytracer.rendering.checked_options import check_picture_size
 from raytracer.rendering.checkpoint import CheckpointWriter
+from raytracer.rendering.compilation import PreparedScene
 from raytracer.rendering.develop import develop_image
 from raytracer.rendering.diagnostics import diagnose_picture, diagnose_samples
-from raytracer.rendering.headers import image_header
 from raytracer.rendering.pilot_samples import PilotSetup
-from raytracer.rendering.prepared_scene import PreparedScene
 from raytracer.rendering.progress import Progress, ProgressReporter
 from raytracer.rendering.resumable_state import ResumableState
-from raytracer.rendering.statistics import PhaseTimer, Stats, peak_rss_bytes
+from raytracer.rendering.statistics import PhaseTimer, Stats, image_header, peak_rss_bytes
 from raytracer.rendering.tile_scheduler import FIRST_PASS, TileQueue, now, split_into_tiles
 from raytracer.rendering.worker_pool import WorkerPool
 

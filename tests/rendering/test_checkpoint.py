@@ -16,8 +16,8 @@ from raytracer.film.image import Image
 from raytracer.rendering import (
     adaptive_sampling,
     checkpoint,
-    checkpoint_identity,
     pilot_samples,
+    resumable_state,
     tile_scheduler,
     worker_pool,
 )
@@ -195,13 +195,13 @@ def test_another_program_is_refused_by_name(kept: Path, tmp_path: Path, monkeypa
         return str(caught.value).removeprefix(f"{kept}: ")
 
     anew = "; without --resume the render begins anew"
-    monkeypatch.setattr(checkpoint_identity, "program_hash", lambda: "0" * 64)
+    monkeypatch.setattr(resumable_state, "program_hash", lambda: "0" * 64)
     assert refused().startswith("is of another state of rt's sources: was '")
-    monkeypatch.setattr(checkpoint_identity, "processor", lambda: "wood abacus +beads")
+    monkeypatch.setattr(resumable_state, "processor", lambda: "wood abacus +beads")
     assert refused().endswith(f" and is 'wood'{anew}")
-    monkeypatch.setattr(checkpoint_identity, "libraries", lambda: {"numba": "99.0"})
+    monkeypatch.setattr(resumable_state, "libraries", lambda: {"numba": "99.0"})
     assert " and is '99.0'" in refused() or "is not given" in refused()
-    monkeypatch.setattr(checkpoint_identity, "__version__", "9.9.9")
+    monkeypatch.setattr(resumable_state, "__version__", "9.9.9")
     assert refused() == f"is of another version of rt: was '{rt.__version__}' and is '9.9.9'{anew}"
 
 

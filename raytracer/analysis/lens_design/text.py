@@ -114,7 +114,7 @@ def surfaces(lens: Lens) -> Table:
         radius = "flat" if one.curvature == 0.0 else f"{1.0 / one.curvature:.6g}".replace("-", "−")
         name = one.glass.name
         glass = "" if float(one.glass.ior()) == 1.0 else name
-        more = [one.kind] if one.kind not in ("spherical", "flat") else []
+        more: list[str] = [one.kind] if one.kind not in ("spherical", "flat") else []
         more += ["stop"] if one.is_stop and one.kind != "stop" else []
         more += [f"k = {one.conic:g}"] if one.conic else []
         more += [f"along {one.axis}"] if one.axis else []

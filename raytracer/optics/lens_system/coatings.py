@@ -28,21 +28,14 @@ class Coating(NamedTuple):
     wavelength (nm) : in air, of which it is a quarter thick.
     ior : its index of refraction.
 
-    The default is magnesium fluoride, whose index (of the ordinary ray) is within 0.005 of 1.38 from 400 to 700 nm.
+    The default is magnesium fluoride, for the green to which eyes are most sensitive; its index (of the ordinary ray)
+    is within 0.005 of 1.38 from 400 to 700 nm.
 
     References: Dodge 1984, "Refractive properties of magnesium fluoride", Applied Optics 23(12).
     """
 
     wavelength: float = 550.0
     ior: float = 1.38
-
-    def thickness(self) -> float:
-        """Compute the thickness of the layer (nm)."""
-        return self.wavelength / (4.0 * self.ior)
-
-
-MGF2 = Coating()
-"""Magnesium fluoride, for the green to which eyes are most sensitive."""
 
 
 class Coatings(NamedTuple):

@@ -23,7 +23,6 @@ from raytracer.core.sampling.warp import sample_bin, sample_disc
 from raytracer.core.vec import madd, normalize, sub
 from raytracer.optics.glass import LINE_D
 from raytracer.optics.lens_system.coatings import reflectance
-from raytracer.optics.lens_system.diaphragm import aperture_extent
 from raytracer.optics.lens_system.ray_tracing import (
     index_at_row,
     index_row,
@@ -31,7 +30,7 @@ from raytracer.optics.lens_system.ray_tracing import (
     refract,
     rim_transmission,
 )
-from raytracer.optics.lens_system.surfaces import LensSurfaces
+from raytracer.optics.lens_system.surfaces import LensSurfaces, aperture_extent
 
 # Probability of the direct path, and the part of the rest that is uniform over all pairs, so that a pair whose light
 # was not found is not left out.

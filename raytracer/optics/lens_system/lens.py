@@ -7,19 +7,18 @@ film, and the front vertex is at 0; x is to the right and y up as seen from behi
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytracer.optics.glass import AIR, LINE_D, Glass
 from raytracer.optics.lens_system.aspheres import SurfaceShapes
-from raytracer.optics.lens_system.coatings import Coating, Coatings, pack_coatings
+from raytracer.optics.lens_system.coatings import Coating, pack_coatings
 from raytracer.optics.lens_system.first_order import paraxial_heights
-from raytracer.optics.lens_system.surfaces import Indices, LensSurfaces, check_surface
+from raytracer.optics.lens_system.surfaces import Indices, LensSurfaces
 
-KINDS = ("flat", "stop", "spherical", "conic", "asphere", "cylindrical")
-"""Kinds of surfaces, as in lens files."""
+Kind: TypeAlias = Literal["flat", "stop", "spherical", "conic", "asphere", "cylindrical"]
 
 # Places at which the sag of an asphere is sampled.
 _PROFILE = 1025
@@ -43,7 +42,7 @@ class Element(NamedTuple):
     thickness (mm) : distance to the next vertex towards the film; of the last one to the film, and without effect.
     glass : the medium behind it, on the film's side.
     radius (mm) : half of the clear aperture.
-    kind : one of `KINDS`.
+    kind : as in lens files.
     conic : the constant k of a conic section, 0 for a sphere and -1 for a paraboloid.
     coefficients (mm^-3, mm^-5 ...) : a_4, a_6 ... of an even asphere, whose sag is
         c r^2 / (1 + sqrt(1 - (1 + k) c^2 r^2)) + a_4 r^4 + a_6 r^6 + ...
@@ -56,7 +55,7 @@ class Element(NamedTuple):
     thickness: float
     glass: Glass
     radius: float
-    kind: str = "spherical"
+    kind: Kind = "spherical"
     conic: float = 0.0
     coefficients: tuple[float, ...] = ()
     axis: str = ""
@@ -158,7 +157,7 @@ class Lens:
             raise ValueError(f"surface {stops[1]} is a second stop")
         for number, element in enumerate(self.elements, start=1):
             _check(f"surface {number}", element)
-        self._coatings()
+        pack_coatings([element.coating for element in self.elements], [float(glass.ior()) for glass in self._glasses()])
         if self.focus.moves not in {"all", "sensor", "group"}:
             raise ValueError(f"a lens focuses by moving all of it, the sensor or a group, not by {self.focus.moves}")
         if self.focus.moves == "group" and not 1 <= self.focus.first <= self.focus.last <= len(self.elements):
@@ -313,11 +312,6 @@ class Lens:
         """List the media before the first surface, and behind each."""
         return [AIR, *(element.glass for element in self.elements)]
 
-    def _coatings(self) -> Coatings | None:
-        """Pack its coatings; None if all surfaces are bare."""
-        indices = [float(glass.ior()) for glass in self._glasses()]
-        return pack_coatings([element.coating for element in self.elements], indices)
-
     def _indices(self) -> Indices:
         """Tabulate the indices of its glasses by wavelength."""
         wavelengths = np.arange(FIRST_WAVELENGTH, LAST_WAVELENGTH + STEP, STEP)
@@ -356,13 +350,20 @@ def _sag_bounds(element: Element) -> tuple[float, float]:
 
 
 def _check(name: str, element: Element) -> None:
-    """Check a surface: ValueError, which begins with its name."""
-    if element.kind not in KINDS:
-        raise ValueError(f"{name} is of no known kind: {element.kind}")
-    if not all(map(math.isfinite, (element.conic, *element.coefficients))):
-        raise ValueError(f"{name} has a number that is not finite")
+    """Check the numbers of a surface: ValueError, which begins with its name."""
+    curvature, thickness, radius = element[0], element[1], element.radius
+    if not all(map(math.isfinite, (curvature, thickness, radius, element.conic, *element.coefficients))):
+        raise ValueError(f"{name} has a number that is not finite; flat glass has the curvature 0")
     if (element.kind == "cylindrical") != (element.axis in {"x", "y"}):
         raise ValueError(f"{name} needs an axis, x or y, if and only if it is cylindrical")
     if element.axis and (element.conic or element.coefficients):
         raise ValueError(f"{name} is cylindrical, and can be neither conic nor aspheric as well")
-    check_surface(name, element.curvature, element.thickness, element.radius, element.conic)
+    if radius <= 0.0:
+        raise ValueError(f"{name} lets no light through: its radius is {radius:g} mm")
+    if thickness < 0.0:
+        raise ValueError(f"{name} is behind the next one: its thickness is {thickness:g} mm")
+    if (1.0 + element.conic) * (curvature * radius) ** 2 > 1.0:
+        kind = "an ellipsoid" if element.conic else "a sphere"
+        raise ValueError(
+            f"{name} is {kind} of radius {1.0 / abs(curvature):g} mm, which reaches no {radius:g} mm far out"
+        )

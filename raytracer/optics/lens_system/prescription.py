@@ -23,7 +23,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from raytracer.optics.glass import AIR, Glass, IndexField
 from raytracer.optics.lens_system.coatings import Coating
-from raytracer.optics.lens_system.lens import Element, Focus, Lens
+from raytracer.optics.lens_system.lens import Element, Focus, Kind, Lens
 from raytracer.schema.fields import Count, Number, PositiveLensLength, PositiveNumber, Quantity
 from raytracer.schema.rules import only, requires
 from raytracer.schema.spec import Spec, field_error
@@ -82,7 +82,7 @@ class SurfaceSpec(Spec):
         default=None, description="Way along the axis to the next surface; of the last one without effect"
     )
 
-    kind: ClassVar[str]
+    kind: ClassVar[Kind]
 
     def curvature(self) -> float:
         """Compute 1 / radius at the vertex (1/mm)."""

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any
 
-from raytracer.rendering.cluster.executor import ClusterExecutor, WaitPolicy
+from raytracer.rendering.cluster.executor import ClusterExecutor
 from raytracer.rendering.options import RenderOptions
 from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import InputError
@@ -71,7 +71,7 @@ class Cluster:
 
         Workers that cannot take part are found when samples are taken, so that all are asked meanwhile.
         """
-        return ClusterExecutor(self.client, spec, options, WaitPolicy(self._patience, self._say), warn)
+        return ClusterExecutor(self.client, spec, options, warn, self._patience, self._say)
 
 
 def require_dask() -> None:

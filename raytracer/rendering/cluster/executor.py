@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from raytracer.rendering.cluster import worker
-from raytracer.rendering.cluster.compatibility import fingerprint
+from raytracer.rendering.cluster.worker import fingerprint
 from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.tile_job import TileJob, TileResult
 from raytracer.rendering.tile_scheduler import now
@@ -42,19 +42,6 @@ _RECONNECT_SECONDS = 600.0
 REPORT_AFTER = 2.0
 
 _RESULT_SECONDS = 20.0
-
-
-class WaitPolicy(NamedTuple):
-    """The wait for the first worker.
-
-    Attributes
-    ----------
-    patience (s) : longest wait.
-    say : called with a sentence about it.
-    """
-
-    patience: float
-    say: Callable[[str], object]
 
 
 @dataclass
@@ -112,20 +99,24 @@ class ClusterExecutor:
         client: Client,
         spec: SceneSpec,
         options: RenderOptions,
-        waiting: WaitPolicy,
         warn: Callable[[str], object] | None,
+        patience: float,
+        say: Callable[[str], object],
     ) -> None:
         """Request all workers that are there to prepare the scene.
 
         Parameters
         ----------
         options, warn : see `rendering.render`.
+        patience (s) : longest wait for the first worker.
+        say : called with a sentence about that wait.
 
         Raises
         ------
         InputError : a file of the scene cannot be read.
         """
-        self._client, self._waiting, self._warn, self._strict = client, waiting, warn, options.strict
+        self._client, self._warn, self._strict = client, warn, options.strict
+        self._patience, self._say = patience, say
         whole = bundle(spec)
         digests = {name: worker.content_digest(content) for name, content in whole.files.items()}
         self._contents = {digests[name]: content for name, content in whole.files.items()}
@@ -340,10 +331,10 @@ class ClusterExecutor:
             raise error(f"worker {address} {state.reason}")
         self._no_workers_since = self._no_workers_since or now()
         waited = now() - self._no_workers_since
-        patience = _RECONNECT_SECONDS if self.workers else self._waiting.patience
+        patience = _RECONNECT_SECONDS if self.workers else self._patience
         place = self._client.scheduler.address if self._client.scheduler is not None else "the scheduler"
         if waited > patience:
             raise error(f"{place} has had no workers for {patience:g} s; `dask worker {place}` starts one")
         if waited > REPORT_AFTER and not self._has_said:
             self._has_said = True
-            self._waiting.say(f"{place} has no workers; waiting for one, up to {patience:g} s")
+            self._say(f"{place} has no workers; waiting for one, up to {patience:g} s")

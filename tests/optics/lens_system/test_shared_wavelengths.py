@@ -27,7 +27,7 @@ from raytracer.optics.lens_system.packets import (
     WEIGHT,
     trace_packet,
 )
-from raytracer.optics.lens_system.pupils.solid_angle import on_axis_solid_angle
+from raytracer.optics.lens_system.pupils.search import on_axis_solid_angle
 from raytracer.optics.lens_system.ray_tracing import trace_rays
 from raytracer.optics.lens_system.surfaces import reverse_lens
 from raytracer.plugins.cameras.base.interface import FILTER, lane_ray, set_lane, share_wavelengths, trace_lanes

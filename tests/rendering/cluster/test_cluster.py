@@ -15,7 +15,7 @@ from raytracer.cli.base.app import main
 from raytracer.rendering import worker_pool
 from raytracer.rendering.checkpoint import CheckpointWriter
 from raytracer.rendering.cluster import Cluster, connection, executor
-from raytracer.rendering.cluster.compatibility import Fingerprint, find_mismatch, fingerprint
+from raytracer.rendering.cluster.worker import Fingerprint, find_mismatch, fingerprint
 from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.progress import Progress
 from raytracer.rendering.render import render

@@ -5,21 +5,46 @@ glass from it, so here a radius of 0 between two different media is flat glass. 
 number alone on a line before the surfaces is the focal length, as ISETLens writes it.
 
 pbrt reads the thickness as that behind a surface.  Kolb's tables have it before each, and both call the column `axpos`,
-so it is found by the numbers: see `thickness_convention`.
+so it is found by the numbers: see `resolve_convention`.
 
 References: Pharr, Jakob, Humphreys 2023, "Physically Based Rendering", 4th ed., sec. 5.4 (RealisticCamera).
 """
 
 import math
 import re
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
+from raytracer.optics.lens_system.first_order import cardinal_points
 from raytracer.optics.lens_system.importers.draft import Choices, Draft, shape
-from raytracer.optics.lens_system.importers.thickness_convention import Row, resolve_convention
+from raytracer.optics.lens_system.lens import FileInterpretation
+from raytracer.util.errors import SceneError
 
 _COLUMNS = ("radius", "thickness", "index of refraction", "aperture")
 _HEADING = re.compile(r"\bradius\b", re.IGNORECASE)
 _AMBIGUOUS = re.compile(r"\baxpos\b", re.IGNORECASE)
+
+
+# Relative tolerance between the focal length that a file names and the lens's own: names are rounded.
+_NEAR = 0.05
+
+_NUMBER = r"(\d+(?:\.\d+)?)"
+_LENGTHS = (
+    rf"\bscaled to {_NUMBER} ?mm\b",
+    rf"\b(?:EFL|focal length|f) ?[=:] ?{_NUMBER}\b",
+    rf"{_NUMBER} ?mm\b",
+)
+
+
+class Row(NamedTuple):
+    """A surface of a table: the line that it stands on, and its numbers (mm)."""
+
+    line: int
+    radius: float
+    gap: float
+    ior: float
+    aperture: float
 
 
 def draft(text: str, file: str, choices: Choices) -> Draft:
@@ -88,3 +113,124 @@ def _number(result: Draft, line: int, column: str, word: str) -> float:
     if not math.isfinite(number):
         result.refuse(f"the {column} must be a number, got {word[:40]!r}", line)
     return number
+
+
+# ---- The convention of thickness
+#
+# After each surface, nothing need be in the last row, and before each, nothing in the first.  So a 0 in just one of
+# them decides.  Else, and where the lens so found has surfaces that intersect, both lenses are compared.
+
+
+class _Candidate(NamedTuple):
+    """A lens that a table may mean.
+
+    Attributes
+    ----------
+    place : the convention of thickness, "after" or "before" each surface.
+    draft : the lens.
+    focal_length (mm) : its own; None if it has none, or is not valid.
+    crossings : surfaces of it that intersect, by number from 1.
+    """
+
+    place: str
+    draft: Draft
+    focal_length: float | None
+    crossings: Sequence[tuple[int, int]]
+
+    def describe(self) -> str:
+        """Describe it in words."""
+        length = "no focal length" if self.focal_length is None else f"a focal length of {self.focal_length:.6g} mm"
+        if not self.crossings:
+            return length
+        first, second = self.crossings[0]
+        return f"{length} and surfaces {first} and {second} that go through each other"
+
+
+def resolve_convention(
+    make_draft: Callable[[list[float]], Draft],
+    gaps: list[float],
+    comments: Sequence[str],
+    place: str | None,
+    *,
+    is_ambiguous: bool,
+) -> Draft:
+    """Choose the convention of a table's thicknesses, and make its lens.
+
+    Parameters
+    ----------
+    make_draft : makes the lens from the thickness behind each surface (mm).
+    gaps (mm) : the thicknesses in the rows of the table.
+    comments : of the table, which may name its focal length.
+    place : the convention, "after" or "before" each surface; None to find it by the numbers.
+    is_ambiguous : whether the table's heading is used for both; else "after" is assumed where nothing decides.
+
+    Raises
+    ------
+    SceneError : the table is ambiguous.
+    """
+    thickness = {"after": gaps, "before": [*gaps[1:], 0.0]}
+    if place is not None:
+        return _with_reading(make_draft(thickness[place]), place, "as was asked for", is_guess=False)
+    if gaps[:-1] == gaps[1:]:  # equal thicknesses are the same in both conventions
+        return make_draft(gaps)
+    at_ends = [name for name, gap in (("before", gaps[0]), ("after", gaps[-1])) if gap == 0.0]
+    chosen = {name: _candidate(name, make_draft(thickness[name])) for name in ("after", "before")}
+    after, before = chosen.values()
+    if after.focal_length is before.focal_length is None:
+        return after.draft
+    clean = [name for name, one in chosen.items() if not one.crossings and one.focal_length is not None]
+    if len(at_ends) == 1 and not (clean and chosen[at_ends[0]].crossings):
+        (name,) = at_ends
+        reason = f"since the {'first' if name == 'before' else 'last'} is 0; it has {chosen[name].describe()}"
+        return _with_reading(chosen[name].draft, name, reason, is_guess=False)
+
+    # Evidence for one of them alone: the numbers in the first and the last row, the surfaces, and the name.
+    named = _named(after.draft, comments)
+    near = [name for name, one in chosen.items() if named is not None and _is_near(one.focal_length, named)]
+    favoured = {names[0] for names in (at_ends, clean, near) if len(names) == 1}
+    if not favoured and not is_ambiguous:
+        favoured = {"after"}
+    ends = f"the first is {gaps[0]:g} mm and the last {gaps[-1]:g} mm"
+    if len(favoured) != 1:
+        after.draft.refuse(
+            f"may be two lenses, as {ends}: with thickness after each surface it has {after.describe()}, with "
+            f"thickness before each {before.describe()}; say which is meant by rt lens import --thickness after, or "
+            "before"
+        )
+    (name,) = favoured
+    other = before if name == "after" else after
+    reason = f"for {chosen[name].describe()}; as that {other.place} each it would have {other.describe()} ({ends})"
+    return _with_reading(chosen[name].draft, name, reason, is_guess=True)
+
+
+def _with_reading(draft: Draft, place: str, reason: str, *, is_guess: bool) -> Draft:
+    """Note in a draft how it was interpreted, and why."""
+    draft.reading = FileInterpretation(place, reason, is_guess)
+    return draft
+
+
+def _candidate(place: str, draft: Draft) -> _Candidate:
+    """Find the focal length of a draft, and its surfaces that intersect."""
+    try:
+        lens = draft.spec().lens()
+        length = cardinal_points(lens.packed()).focal_length
+    except (SceneError, ValueError):
+        return _Candidate(place, draft, None, ())
+    return _Candidate(place, draft, length, lens.crossings())
+
+
+def _named(draft: Draft, comments: Sequence[str]) -> float | None:
+    """Find the focal length (mm) that a table gives on a line of its own, in the name of its file, or in a comment."""
+    written = draft.values.get("focal_length")
+    if written is not None:
+        return float(written)
+    for strings in ([Path(draft.file).stem], comments):
+        for pattern in _LENGTHS:
+            for text in strings:
+                if found := re.search(pattern, text, re.IGNORECASE):
+                    return float(found[1])
+    return None
+
+
+def _is_near(length: float | None, named: float) -> bool:
+    return length is not None and abs(abs(length) - named) <= _NEAR * named
