@@ -246,8 +246,7 @@ def distortion(
 
     import json
 
-    from raytracer.analysis.lens_design.distortion_maps import files
-    from raytracer.analysis.lens_design.distortion_maps.distortion_map import trace_distortion_map
+    from raytracer.analysis.lens_design.distortion_maps import distortion_map as maps
     from raytracer.analysis.lens_design.performance.optical_bench import set_up_bench
     from raytracer.scene.assets.lenses import read_lens
     from raytracer.util.atomic_write import write_bytes
@@ -255,20 +254,22 @@ def distortion(
     lens = read_lens(Path(file))
     _report_import(file, lens, quiet=quiet)
     with _name_file_in_errors(file):
-        result = trace_distortion_map(set_up_bench(lens, _fit_settings(settings, sensor, lens)), width, ideal=ideal)
-    as_text = json.dumps(files.as_dict(result), indent=2, allow_nan=False) + "\n"
+        result = maps.trace_distortion_map(
+            set_up_bench(lens, _fit_settings(settings, sensor, lens)), width, ideal=ideal
+        )
+    as_text = json.dumps(maps.as_dict(result), indent=2, allow_nan=False) + "\n"
     for path in outputs:
         kind = path.suffix.lower()
         if kind == ".json":
             write_bytes(path, as_text.encode())
         else:
-            write_bytes(path, files.to_npz(result) if kind == ".npz" else files.to_opencv_yaml(result))
+            write_bytes(path, maps.to_npz(result) if kind == ".npz" else maps.to_opencv_yaml(result))
         if not quiet:
             print(f"wrote {path}", file=sys.stderr)
     if as_json:
         print(as_text, end="")
     elif not quiet:
-        print(files.to_text(result), end="")
+        print(maps.to_text(result), end="")
 
 
 # ---- What commands share

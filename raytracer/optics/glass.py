@@ -49,8 +49,6 @@ MAX_INDEX = 5.0
 class Glass(NamedTuple):
     """A clear material: n^2 = base + sum of b l^2 / (l^2 - c), or n = base + sum of a_k / l^2k; l in micrometres.
 
-    Attributes
-    ----------
     name : in messages and reports.
     base : the constant term.
     b, c : of Sellmeier's formula, c in square micrometres; empty for Cauchy's.
@@ -327,12 +325,7 @@ class GlassCheck(Check):
         """Describe a number, a name, or one of the mappings."""
         number: JsonSchemaValue = {"type": "number", "exclusiveMinimum": 0, "maximum": MAX_INDEX}
         abbe: JsonSchemaValue = {"type": "number", "minimum": 5, "maximum": 200}
-        numbers: JsonSchemaValue = {
-            "type": "array",
-            "items": {"type": "number"},
-            "minItems": 1,
-            "maxItems": _MAX_TERMS,
-        }
+        numbers: JsonSchemaValue = {"type": "array", "items": {"type": "number"}, "minItems": 1, "maxItems": _MAX_TERMS}
         text = {"type": "string", "pattern": quantity_pattern("number")}
         strengths = {**numbers, "description": "strengths b of the terms b l^2 / (l^2 - c)"}
         poles = {**numbers, "description": "constants c of the terms (um^2), as many"}

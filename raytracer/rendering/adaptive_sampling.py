@@ -72,8 +72,6 @@ class StopCriteria(NamedTuple):
 class SampleAllocation(NamedTuple):
     """The shares of the tiles in the samples, by pilot samples.
 
-    Attributes
-    ----------
     samples : (tiles,), in proportion, their mean over pixels being 1.
     errors : (tiles,), squared and up to a factor, at equal samples.
     """
@@ -85,8 +83,6 @@ class SampleAllocation(NamedTuple):
 class AdaptiveState(NamedTuple):
     """The state of adaptive sampling between rounds, from which a checkpoint goes on.
 
-    Attributes
-    ----------
     allocation : by the last pilot.
     goals : int64 (tiles,), samples that the current round gives each tile; 0 without one.
     number : of the last pilot.
@@ -120,8 +116,6 @@ class AdaptiveState(NamedTuple):
 class Outcome(NamedTuple):
     """The outcome of the samples of a render.
 
-    Attributes
-    ----------
     reached : True if all samples were taken, or the error asked for was reached.
     pilot_samples, pilot_rays : samples over all pixels and rays of pilots.
     """
@@ -155,8 +149,6 @@ class AdaptiveRender:
     def run(self, report: Callable[[float, ErrorEstimate | None], Any]) -> None:
         """Render.
 
-        Parameters
-        ----------
         report : called before every round with the samples over all pixels that the picture is likely to end with,
             and with its error as far as that is known.
         """

@@ -17,8 +17,6 @@ from raytracer.util.errors import InputError
 class CheckedOptions(RenderOptions):
     """Options of a render that its scene can have.
 
-    Attributes
-    ----------
     threads : threads of this machine.
     window : pixels of the picture to render.
     max_spp : samples a pixel at most, None without a limit.

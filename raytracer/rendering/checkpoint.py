@@ -42,8 +42,6 @@ def checkpoint_path(output: Path) -> Path:
 class CheckpointError(InputError):
     """A checkpoint from which a render cannot go on.
 
-    Attributes
-    ----------
     sentence : its path, and the reason.
     """
 
@@ -55,8 +53,6 @@ class CheckpointError(InputError):
 class CheckpointInfo(NamedTuple):
     """A checkpoint that was written.
 
-    Attributes
-    ----------
     path : its file.
     samples : the fewest that a pixel has there.
     bytes : size of the file.
@@ -254,8 +250,6 @@ class CheckpointWriter:
     def _write(self, render: ResumableState, *, by_copy: bool) -> bool:
         """Write a checkpoint, and return True if that went well.
 
-        Parameters
-        ----------
         by_copy : True if the render goes on meanwhile.
         """
         if self.path is None:

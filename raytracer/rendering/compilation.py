@@ -27,8 +27,6 @@ from raytracer.util.signals import run_in_thread
 class CompiledScene(NamedTuple):
     """A scene that is ready to be rendered, and compiled for plain radiance.
 
-    Attributes
-    ----------
     spec : the scene, its camera focused at a distance.
     packed : the scene as arrays.
     accel : the ray caster's structure, which lives as long as this does.
@@ -94,8 +92,6 @@ def _kernel_count() -> int:
 class PreparedScene:
     """A scene that is packed, built and compiled, and can be rendered, several times if need be.
 
-    Attributes
-    ----------
     packed : the scene as arrays, its camera focused at a distance.
     accel : the ray caster's structure, which lives as long as this does.
     scene : as kernels take it, with the structure's address.

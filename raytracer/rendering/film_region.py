@@ -20,8 +20,6 @@ DENOISER_GUIDES = ("albedo", "normal", "coverage")
 class FilmRegion(NamedTuple):
     """A film for a part of the picture.
 
-    Attributes
-    ----------
     film : radiance and its statistics.
     recording : AOVs; None if there are none.
     left, top (px) : place of the first pixel in the picture.

@@ -110,8 +110,6 @@ def _scaled_bytes(each: BytesPerPrimitive, count: int, poses: int) -> StructureM
 class PictureMemory(NamedTuple):
     """The memory of a picture that is rendered at once.
 
-    Attributes
-    ----------
     pixels : number of pixels.
     film (bytes) : of a pixel of the film, AOVs included.
     spp : samples a pixel, None without a limit.
@@ -143,8 +141,6 @@ class PictureMemory(NamedTuple):
 class MemoryEstimate(NamedTuple):
     """The most memory that a process takes.
 
-    Attributes
-    ----------
     now (bytes) : memory that it has.
     parts (bytes) : memory that is added, by what it is for.
     """
@@ -223,8 +219,6 @@ class MemoryLimit(NamedTuple):
 def check_memory(needed: MemoryEstimate, limit: int | None = None) -> None:
     """Check that there is as much memory as is needed.
 
-    Parameters
-    ----------
     limit (bytes) : memory that the process may take; what the machine has if None.  What the machine has is compared
         with four fifths of the estimate, and swap counts, so that nothing is refused that would have fitted.
 
@@ -288,8 +282,6 @@ def memory_limits() -> Iterator[MemoryLimit]:
 def cgroup_bytes_left(mounts: Path = Path("/sys/fs/cgroup"), groups: Path = Path("/proc/self/cgroup")) -> int | None:
     """Return the bytes that the control groups of this process leave it; None where none has a limit.
 
-    Parameters
-    ----------
     mounts, groups : folder in which Linux shows the groups, and file that lists those of this process.
 
     References: Linux, Documentation/admin-guide/cgroup-v2.rst (memory.max, memory.current, memory.stat) and

@@ -78,8 +78,6 @@ _POINTS = {"origin", "point", "target"}
 class PathTrace(NamedTuple):
     """The path of a sample.
 
-    Attributes
-    ----------
     pixel (px) : x, y.
     sample : its number.
     spp : samples that the pixel gets.
@@ -116,10 +114,7 @@ class PathTrace(NamedTuple):
 
 
 def trace_sample(
-    spec: SceneSpec,
-    pixel: tuple[int, int],
-    sample: int | None = None,
-    options: RenderOptions | None = None,
+    spec: SceneSpec, pixel: tuple[int, int], sample: int | None = None, options: RenderOptions | None = None
 ) -> PathTrace:
     """Trace one sample of a picture again, with the same bits, and log its path.
 
@@ -237,12 +232,7 @@ class _EventDecoder:
             first, end = ids.first[table], ids.first[table + 1]
             number = int(ids.owner[first + np.searchsorted(ids.start[first:end], primitive, side="right") - 1])
         kind = type(self._scene.primitives[table]).__name__
-        return {
-            "object": ids.objects[number - 1],
-            "instance": instance,
-            "primitives": kind,
-            "primitive": primitive,
-        }
+        return {"object": ids.objects[number - 1], "instance": instance, "primitives": kind, "primitive": primitive}
 
     def _kind(self, reference: int) -> str:
         """Return the kind of a material."""

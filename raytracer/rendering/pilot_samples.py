@@ -19,8 +19,6 @@ from raytracer.rendering.tile_scheduler import TileQueue
 class PilotSetup(NamedTuple):
     """The means to take pilot samples, which are thrown away.
 
-    Attributes
-    ----------
     scene : returns the scene with a sampler for a seed and spp.
     scratch : makes a film of one tile, of the same type as the picture's.
     estimator : makes an empty error estimator for the picture's tiles.

@@ -130,10 +130,7 @@ def render(call: SceneOptions) -> Rendered:
         with_checkpoints=call.checkpoint_writer is not None,
     )
     return render_prepared(
-        prepared,
-        progress=call.progress,
-        dry_run_save=call.dry_run_save,
-        checkpoint_writer=call.checkpoint_writer,
+        prepared, progress=call.progress, dry_run_save=call.dry_run_save, checkpoint_writer=call.checkpoint_writer
     )
 
 

@@ -24,8 +24,6 @@ from raytracer.util.errors import InputError, format_value
 class ResumableState:
     """The state of a running render, from which another one goes on.
 
-    Attributes
-    ----------
     adaptive : the adaptive sampling, once it has begun; None without it.
     adaptive_state : the state from which adaptive sampling is to go on; None to begin anew.
     resumed : `Stats.resumed`, what the checkpoint had.
@@ -131,11 +129,7 @@ class ResumableState:
         if options.is_adaptive:
             rounds = {name: arrays[f"rounds/{name}"] for name in AdaptiveState.initial(0).state_arrays()}
             self.adaptive_state = AdaptiveState.from_arrays(rounds)
-        self.resumed = {
-            "samples": queue.done,
-            "rays": int(queue.rays.sum()),
-            "seconds": float(metadata["seconds"]),
-        }
+        self.resumed = {"samples": queue.done, "rays": int(queue.rays.sum()), "seconds": float(metadata["seconds"])}
 
     def picture(self) -> Image:
         """Make the picture so far; while no thread renders."""
@@ -159,8 +153,6 @@ _SECTIONS = {
 def render_identity(spec: SceneSpec, settings: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return all that decides on the bits of a picture: plain values, by the names of sections.
 
-    Parameters
-    ----------
     settings : all that the picture depends on besides its scene.
 
     Raises
@@ -187,8 +179,6 @@ def _processor() -> dict[str, Any]:
 def identity_difference(then: Mapping[str, Any], current: Mapping[str, Any]) -> str | None:
     """Describe the first difference of two identities, "another scene: film.width was 4 and is 8"; None without any.
 
-    Parameters
-    ----------
     then : from a checkpoint's JSON.
     """
     current = json.loads(json.dumps(current))

@@ -25,8 +25,6 @@ _INITIAL_EVENTS = 4096
 class SamplePacket(NamedTuple):
     """A packet of a pixel's samples.
 
-    Attributes
-    ----------
     first : number of its first sample.
     values : float64 (n, 3), what each sample adds to the pixel; meaningless if a weight is NaN.
     weights : float64 (n,), factor of its radiance; NaN if the sample is dropped because it is not finite.

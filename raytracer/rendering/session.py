@@ -27,8 +27,6 @@ from raytracer.rendering.worker_pool import WorkerPool
 class Rendered(NamedTuple):
     """A rendered image with its statistics.
 
-    Attributes
-    ----------
     image : the picture.
     stats : of the render.
     complete : True if all samples were taken, or the error asked for was reached.
@@ -50,8 +48,6 @@ class Rendered(NamedTuple):
 class RenderSession:
     """One render of a prepared scene.
 
-    Parameters
-    ----------
     progress, dry_run_save, checkpoint_writer : see `rendering.render`.
 
     Raises
@@ -178,10 +174,7 @@ class RenderSession:
 
         # Its shares need only one difference, for which it takes half the memory.
         return PilotSetup(
-            pilot_scene,
-            self._prepared.empty_tile,
-            lambda: ErrorEstimator(self._windows, MIN_EXPONENT),
-            settings.seed,
+            pilot_scene, self._prepared.empty_tile, lambda: ErrorEstimator(self._windows, MIN_EXPONENT), settings.seed
         )
 
     def _diagnose(self, stats: Stats) -> None:

@@ -16,8 +16,6 @@ from raytracer.scene.spec import SceneSpec
 class Stats:
     """Statistics of a render, as `--stats` writes them.
 
-    Attributes
-    ----------
     seconds (s) : time by phase.
     rays : camera, bounce and shadow rays.
     samples : over all pixels.
@@ -104,8 +102,6 @@ def peak_rss_bytes() -> int:
 class PhaseTimer:
     """A clock that adds up seconds by phase.
 
-    Attributes
-    ----------
     start_time (s) : by `tile_scheduler.now`, when the command would have begun, had it not paused between phases.
     """
 

@@ -21,8 +21,6 @@ from raytracer.kernel.pixel_accumulator import FilmView
 class TileJob(NamedTuple):
     """Samples to take of some tiles.
 
-    Attributes
-    ----------
     tiles : their numbers, T of them.
     windows (px) : (T,), left, top, right and bottom of each.
     begins, ends : (T,), samples begin .. end - 1 of each pixel.
@@ -46,8 +44,6 @@ class TileJob(NamedTuple):
 class TileResult(NamedTuple):
     """The result of a job.
 
-    Attributes
-    ----------
     film_state : as the job's, with the samples added; only the mean where no more was asked for.
     recorded_means : float64 (n, 3), means of the pixels at the job's `record_counts`, tile after tile and count after
         count.
@@ -117,8 +113,6 @@ def split_by_tile(job: TileJob, result: TileResult) -> list[TileOutput]:
 def run_tile_job(scene: Scene, scratch: FilmView, workspace: Workspace, job: TileJob) -> TileResult:
     """Render the samples of a job.
 
-    Parameters
-    ----------
     scratch : a film of the largest tile's size to work on, of the same type as the picture's.
     """
     scene = scene._replace(sampler=job.sampler)

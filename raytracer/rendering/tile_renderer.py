@@ -21,8 +21,6 @@ from raytracer.rendering.worker_pool import WorkerPool
 class RenderedTiles(NamedTuple):
     """Some tiles of a picture, T of them.
 
-    Attributes
-    ----------
     mean : float64 (T, TILE, TILE, 3).
     count : int64 (T, TILE, TILE), samples, 0 beyond the edges of a smaller tile.
     rays : int64 (T,), rays traced.
@@ -42,12 +40,7 @@ class RenderedTiles(NamedTuple):
 
 
 def render_tiles(
-    prepared: CompiledScene,
-    windows: Sequence[Window],
-    spp: int,
-    seed: int,
-    threads: int,
-    keep: Sequence[int] = (),
+    prepared: CompiledScene, windows: Sequence[Window], spp: int, seed: int, threads: int, keep: Sequence[int] = ()
 ) -> RenderedTiles:
     """Render some tiles of a picture; the pixels are those of the whole picture with that seed and spp.
 

@@ -68,8 +68,6 @@ def pass_end(begin: int, goal: int) -> int:
 class TileQueue:
     """A film that is being rendered, tile by tile.
 
-    Attributes
-    ----------
     windows : the tiles, row by row.
     columns : tiles in a row.
     pool : the threads that render.

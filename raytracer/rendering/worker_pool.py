@@ -30,8 +30,6 @@ def available_threads() -> int:
 class WorkerPool:
     """Threads that take work from a queue.
 
-    Attributes
-    ----------
     threads : the largest number of threads that work at once.
     interrupted : True once a KeyboardInterrupt has ended the work.
     failure : the reason why a cluster ended the work before its time; None if it did not.

@@ -109,8 +109,6 @@ def delete(path: Path) -> None:
 def read(path: Path, accept: Callable[[Mapping[str, Any]], Mapping[str, NDArray[Any]]]) -> Mapping[str, Any]:
     """Read a file's arrays into existing ones, and return its header.
 
-    Parameters
-    ----------
     accept : gets the header and returns the arrays by name to be filled: of the type and the first two dimensions of
         the file's, and in no other one smaller; the rest of them is set to 0.  Its exceptions end the reading.
 

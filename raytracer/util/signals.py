@@ -109,8 +109,6 @@ def defer_interrupt() -> None:
 class SignalWatcher:
     """Watcher of the signals that ask the process to end: the first runs an action, a second ends the process.
 
-    Attributes
-    ----------
     signal_number : number of the first signal; None if none has come.
     """
 

@@ -24,8 +24,6 @@ ROUNDING = 2.0**-51
 class SurfaceShapes(NamedTuple):
     """Packed shapes of the surfaces of a lens that are not all spheres.
 
-    Attributes
-    ----------
     quadric (1/mm) : float64 (n, 3), the curvatures of u x^2 + v y^2 + w z^2 = 2 z.
     coefficients : float64 (n, m), of the polynomial a_4 r^4 + a_6 r^6 + ... (mm) that is added to the sag.
     aspheric : bool (n,), whether any of these is not 0.

@@ -23,8 +23,6 @@ from raytracer.core.fresnel import fresnel_dielectric
 class Coating(NamedTuple):
     """A quarter-wave layer.
 
-    Attributes
-    ----------
     wavelength (nm) : in air, of which it is a quarter thick.
     ior : its index of refraction.
 
@@ -41,8 +39,6 @@ class Coating(NamedTuple):
 class Coatings(NamedTuple):
     """Packed coatings of all surfaces.
 
-    Attributes
-    ----------
     wavelength (nm) : float64 (n,), of which the layer is a quarter thick; 0 for a bare surface.
     ior : float64 (n,), index of refraction of the layer.
     """

@@ -50,8 +50,6 @@ _MAX_SIGN_CHANGES, _MAX_ITERATIONS = 4, 100
 class FocusState(NamedTuple):
     """The focus of a lens.
 
-    Attributes
-    ----------
     shift (mm) : of its group towards the scene.
     film (mm) : place of the film on the axis, in the frame of the lens as it is packed with that shift.
     """
@@ -63,8 +61,6 @@ class FocusState(NamedTuple):
 class _Pencil(NamedTuple):
     """Light of a point of the axis that enters a lens, in the plane of z and another axis.
 
-    Attributes
-    ----------
     lens : packed.
     distance (mm) : of the point before the first surface on the way; may be infinite.
     towards_film : direction of the light.

@@ -54,8 +54,6 @@ _MAX_AIMED_PAIRS = 500
 class GhostPaths(NamedTuple):
     """Packed paths through a lens, and their probabilities.
 
-    Attributes
-    ----------
     first, last : int32 (m,), the surfaces that reflect, from the front; the ray from the film meets `last` on its way,
         turns at `first`, turns again at `last`, and leaves at the front.
     cumulative : float64 (m + 1,), cumulative probabilities of the direct path and, after it, the pairs.

@@ -36,8 +36,6 @@ _CROSSING_MM = 0.02
 class Element(NamedTuple):
     """A surface of a lens.
 
-    Attributes
-    ----------
     curvature (1/mm) : positive where the centre lies on the film's side.
     thickness (mm) : distance to the next vertex towards the film; of the last one to the film, and without effect.
     glass : the medium behind it, on the film's side.
@@ -86,8 +84,6 @@ class Element(NamedTuple):
 class Focus:
     """The way in which a lens is focused.
 
-    Attributes
-    ----------
     moves : "all", the whole lens, and "sensor", the film, which is the same to rays; or "group", a part of the lens.
     first, last : the surfaces that the group begins and ends with, by their numbers from 1.
     """
@@ -104,8 +100,6 @@ READING = "thickness is read as that {place} each surface, {reason}"
 class FileInterpretation(NamedTuple):
     """Interpretation of an ambiguous lens file.
 
-    Attributes
-    ----------
     place : of the surface that a thickness belongs to: "after" or "before" it.
     reason : a clause.
     is_guess : whether the file's own numbers do not settle it.
@@ -125,8 +119,6 @@ class FileInterpretation(NamedTuple):
 class Lens:
     """A lens: its surfaces from the front to the film, and what has been published of it.
 
-    Attributes
-    ----------
     name : of the lens.
     elements : its surfaces.
     source : where its numbers are from.

@@ -26,8 +26,6 @@ from raytracer.optics.thin_lens import field_of_view, focal_length_from_distance
 class EquivalentThinLens(NamedTuple):
     """A thin lens in place of a lens of glass.
 
-    Attributes
-    ----------
     pupil (mm) : its place on the axis, in the lens's frame.
     image_distance (mm) : of the film from there.
     focus_distance (mm) : of the plane of focus from there; may be infinite.
@@ -84,8 +82,6 @@ def equivalent_thin_lens(
 class LensSetup(NamedTuple):
     """A lens with its stop and its focus set.
 
-    Attributes
-    ----------
     stop_radius (mm) : None for wide open.
     shift (mm) : of the group that focuses, towards the scene.
     surfaces : packed for the d line.

@@ -20,8 +20,6 @@ from raytracer.core.compiler.dispatch import optional
 class Indices(NamedTuple):
     """Packed table of the indices of refraction by wavelength.
 
-    Attributes
-    ----------
     ior : float64 (m, n + 1), by wavelength, and before the first surface and behind each.
     first (nm) : wavelength of the first row.
     step (nm) : between rows.
@@ -38,8 +36,6 @@ class Indices(NamedTuple):
 class LensSurfaces(NamedTuple):
     """Packed surfaces of a lens, from the front to the film.
 
-    Attributes
-    ----------
     curvature (1/mm) : float64 (n,).
     vertex (mm) : float64 (n,), places on the axis.
     radius (mm) : float64 (n,), half of the clear aperture.

@@ -35,11 +35,7 @@ class Cluster:
     """
 
     def __init__(
-        self,
-        address: Any,
-        *,
-        patience: float = WAIT_SECONDS,
-        say: Callable[[str], object] | None = None,
+        self, address: Any, *, patience: float = WAIT_SECONDS, say: Callable[[str], object] | None = None
     ) -> None:
         require_dask()
         from distributed import Client

@@ -48,8 +48,6 @@ _RESULT_SECONDS = 20.0
 class _WorkerState:
     """The state of a worker.
 
-    Attributes
-    ----------
     threads : of the worker.
     request : its request to prepare the scene, while that has no reply.
     is_ready : True once it has prepared the scene.
@@ -74,8 +72,6 @@ class _SubmittedJob(NamedTuple):
 class _JobState:
     """The jobs of one run.
 
-    Attributes
-    ----------
     in_flight : jobs that workers have, by the futures of their results.
     retries : jobs to be sent again.
     is_exhausted : True if there are no others for now.
@@ -89,8 +85,6 @@ class _JobState:
 class ClusterExecutor:
     """The workers of a cluster, taking samples of one scene: a `worker_pool.RemoteExecutor`.
 
-    Attributes
-    ----------
     workers : addresses of those that have returned a result.
     """
 

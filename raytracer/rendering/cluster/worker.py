@@ -40,8 +40,6 @@ _MAX_FOLDERS = 8
 class Fingerprint(NamedTuple):
     """The versions and the hardware that the bits of a picture depend on, besides the scene.
 
-    Attributes
-    ----------
     versions : of rt, Python and the libraries, by name.
     program : `scene.digest.program_hash`.
     processor : with its instruction set, as the compiler names it.
@@ -79,8 +77,6 @@ def find_mismatch(here: Fingerprint, there: Fingerprint) -> str | None:
 class PrepareRequest(NamedTuple):
     """A request to prepare a scene.
 
-    Attributes
-    ----------
     key : by which jobs name the scene.
     text, name, files : of its bundle (`scene.bundle.Bundle`), but of each file only the sha256.
     aovs, denoise : what is recorded besides radiance.
@@ -99,8 +95,6 @@ class PrepareRequest(NamedTuple):
 class PrepareReply(NamedTuple):
     """A worker's reply to a request; it is ready if the first three fields are empty.
 
-    Attributes
-    ----------
     missing : sha256 of the files that it lacks.
     mismatch : reason why it cannot take part (`compatibility.find_mismatch`).
     failure : error with which it failed to prepare the scene.

@@ -109,8 +109,6 @@ class SectionSetup(NamedTuple):
 def build_cross_section(lens: Lens, surfaces: LensSurfaces, setup: SectionSetup) -> CrossSection:
     """Build the cross-section of a lens.
 
-    Parameters
-    ----------
     surfaces : `lens` packed as it is set: stop, focus.
     """
     outlines, bare, stops = _outline_elements(lens, surfaces, setup.axis)

@@ -11,8 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raytracer.analysis.lens_design.distortion_maps.pixel_grid import FloatArray, PixelGrid, fitted_points
-from raytracer.analysis.lens_design.distortion_maps.tables import GRAZING, TracedTables, scale_radially
+from raytracer.analysis.lens_design.distortion_maps.tables import (
+    GRAZING,
+    FloatArray,
+    PixelGrid,
+    TracedTables,
+    fitted_points,
+    scale_radially,
+)
 
 # Greatest half field (degrees) of a pinhole's model.
 _WIDEST_PINHOLE = 80.0

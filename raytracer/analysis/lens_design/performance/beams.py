@@ -1,11 +1,17 @@
-"""Beams: rays from one point of the scene around its chief ray, aimed at the stop."""
+"""Beams: rays from one point of the scene around its chief ray, aimed at the stop; and the points of the field."""
 
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from raytracer.analysis.lens_design.performance.chief_rays import ChiefRays, chief_rays_at_fields, object_points
+from raytracer.analysis.lens_design.performance.chief_rays import (
+    ChiefRays,
+    chief_rays_at_fields,
+    chief_rays_at_heights,
+    object_points,
+)
+from raytracer.analysis.lens_design.performance.illumination import largest_height
 from raytracer.analysis.lens_design.performance.optical_bench import (
     MERIDIANS,
     OpticalBench,
@@ -13,7 +19,6 @@ from raytracer.analysis.lens_design.performance.optical_bench import (
     meridian_vector,
     normalize,
 )
-from raytracer.analysis.lens_design.performance.paraxial import marginal_ray
 from raytracer.analysis.lens_design.performance.results import Curve
 from raytracer.optics.lens_system.ray_tracing import trace_rays
 from raytracer.optics.lens_system.surfaces import LensSurfaces, slice_surfaces
@@ -174,7 +179,7 @@ def axis_beam(bench: OpticalBench, meridian: str = "y") -> Beam | None:
 
 def pupil_radius(bench: OpticalBench, meridian: str) -> float:
     """Return the radius of the paraxial entrance pupil (mm)."""
-    far = marginal_ray(bench, bench.surfaces(), meridian, math.inf)
+    far = bench.marginal_ray(bench.surfaces(), meridian, math.inf)
     return abs(float(far.heights[0]))
 
 
@@ -231,3 +236,42 @@ def film_points(
     column = MERIDIANS[beam.meridian]
     places: Curve = -on_film[:, [column, 1 - column]]
     return places, np.where(np.isfinite(places[:, 0]), weights, 0.0)
+
+
+# ---- Points of the field at which a lens is studied
+
+
+class FieldPoint(NamedTuple):
+    """Field point.
+
+    field : part of the largest image height.
+    field_deg : angle from the axis (degrees).
+    height : place of the primary colour's chief ray on the film (mm).
+    beam : of the point; None if no light gets through.
+    """
+
+    field: float
+    field_deg: float
+    height: float
+    beam: Beam | None
+
+
+def field_points(bench: OpticalBench, meridian: str, parts: Curve) -> tuple[FieldPoint, ...]:
+    """Find the field points at parts (k,) of the largest image height."""
+    heights = parts * largest_height(bench, meridian)
+    rays = chief_rays_at_heights(bench, meridian, bench.primary, heights)
+    rows = zip(parts, rays.field_deg, heights, beams(bench, meridian, rays), strict=True)
+    return tuple(FieldPoint(float(part), float(angle), float(height), beam) for part, angle, height, beam in rows)
+
+
+def settings_field_points(bench: OpticalBench, meridian: str) -> tuple[FieldPoint, ...]:
+    """Find the field points of the settings."""
+    parts = np.array(bench.settings.fields)
+    return bench.memoize(("fields", meridian), lambda: field_points(bench, meridian, parts))
+
+
+def field_samples(bench: OpticalBench, meridian: str) -> tuple[Curve, Curve, Curve]:
+    """Sample the field for curves: parts (k,), angles (degrees) and heights on the film (mm), of the primary colour."""
+    parts = np.linspace(0.0, 1.0, bench.settings.steps)
+    heights = parts * largest_height(bench, meridian)
+    return parts, chief_rays_at_heights(bench, meridian, bench.primary, heights).field_deg, heights

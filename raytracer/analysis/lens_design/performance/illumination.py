@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.analysis.lens_design.performance.chief_rays import chief_paths, chief_ray_table, chief_rays_at_heights
-from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench, meridian_vector, normalize
-from raytracer.analysis.lens_design.performance.paraxial import chief_ray, crossing, marginal_ray
+from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench, crossing, meridian_vector, normalize
 from raytracer.analysis.lens_design.performance.results import Curve, Illumination
 from raytracer.optics.lens_system.ray_tracing import trace_rays
 
@@ -90,7 +89,7 @@ def _middle(
 def _footprint(bench: OpticalBench, meridian: str) -> float:
     """Bound the radius (mm), in the rear plane, of the pupil as seen from a point of the film."""
     surfaces = bench.surfaces()
-    slope = abs(float(marginal_ray(bench, surfaces, meridian).slopes[-1]))
+    slope = abs(float(bench.marginal_ray(surfaces, meridian).slopes[-1]))
     behind = bench.film - float(surfaces.vertex[-1])
     return 1.5 * slope * abs(behind)
 
@@ -111,6 +110,12 @@ def _lambert(corners: Curve) -> float:
     return abs(0.5 * float(parts.sum()))
 
 
+def sensor_reach(bench: OpticalBench, meridian: str) -> float:
+    """Return the distance (mm) of the sensor's corner; where the lens has cylinders, of the middle of a side."""
+    width, height = bench.settings.sensor_mm
+    return 0.5 * (math.hypot(width, height) if bench.lens.is_round() else {"y": height, "x": width}[meridian])
+
+
 def largest_height(bench: OpticalBench, meridian: str) -> float:
     """Return the largest image height (mm): the sensor's corner, unless the image circle or the glass ends it.
 
@@ -118,8 +123,7 @@ def largest_height(bench: OpticalBench, meridian: str) -> float:
     """
 
     def make() -> float:
-        width, height = bench.settings.sensor_mm
-        most = 0.5 * (math.hypot(width, height) if bench.lens.is_round() else {"y": height, "x": width}[meridian])
+        most = sensor_reach(bench, meridian)
         if bench.lens.image_circle is not None:
             most = min(most, 0.5 * bench.lens.image_circle)
         most = min(most, float(chief_ray_table(bench, meridian, bench.primary).height[-1]))
@@ -140,7 +144,7 @@ def illumination(bench: OpticalBench, meridian: str = "y") -> Illumination:
     field = np.linspace(0.0, 1.0, bench.settings.steps)
     heights = field * largest_height(bench, meridian)
     irradiance = np.array([projected_solid_angle(bench, meridian, height) for height in heights])
-    away = bench.film - crossing(bench.surfaces(), chief_ray(bench, bench.surfaces(), meridian))
+    away = bench.film - crossing(bench.surfaces(), bench.chief_ray(bench.surfaces(), meridian))
     cos4 = (1.0 + (heights / away) ** 2) ** -2
     if irradiance[0] <= 0.0:
         nothing = np.full_like(field, np.nan)

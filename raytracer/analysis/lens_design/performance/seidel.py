@@ -13,8 +13,7 @@ Optical Design", ch. 6.
 import numpy as np
 
 from raytracer.analysis.lens_design.performance.illumination import largest_height
-from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench
-from raytracer.analysis.lens_design.performance.paraxial import ParaxialRay, chief_ray, crossing, marginal_ray
+from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench, ParaxialRay, crossing
 from raytracer.analysis.lens_design.performance.results import Curve, Seidel
 from raytracer.optics.lens_system.surfaces import LensSurfaces
 
@@ -27,7 +26,7 @@ def seidel(bench: OpticalBench) -> Seidel | None:
     if not bench.lens.is_round():
         return None
     surfaces = bench.surfaces()
-    marginal, chief = marginal_ray(bench, surfaces), chief_ray(bench, surfaces)
+    marginal, chief = bench.marginal_ray(surfaces), bench.chief_ray(surfaces)
     focus = crossing(surfaces, marginal)
     largest = largest_height(bench, "y")
     lands = chief.heights[-1] + chief.slopes[-1] * (focus - surfaces.vertex[-1])

@@ -12,8 +12,12 @@ import numpy as np
 from raytracer.analysis.lens_design.performance.beams import ray_grid
 from raytracer.analysis.lens_design.performance.first_order import working_f_number
 from raytracer.analysis.lens_design.performance.illumination import largest_height
-from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench, intersect_film
-from raytracer.analysis.lens_design.performance.paraxial import chief_ray, crossing, marginal_ray, paraxial_ray
+from raytracer.analysis.lens_design.performance.optical_bench import (
+    OpticalBench,
+    crossing,
+    intersect_film,
+    paraxial_ray,
+)
 from raytracer.analysis.lens_design.performance.results import Curve, Sensitivity, Tolerances
 from raytracer.analysis.lens_design.performance.spots import axis_point
 from raytracer.optics.lens_system.ray_tracing import trace_rays
@@ -85,7 +89,7 @@ def perturb_lens(surfaces: LensSurfaces, error: Perturbation, by: float) -> Lens
 
 def back_focus(bench: OpticalBench, surfaces: LensSurfaces, meridian: str) -> float:
     """Return the distance (mm) from the last vertex to the paraxial image of the point that is focused on."""
-    return crossing(surfaces, marginal_ray(bench, surfaces, meridian)) - float(surfaces.vertex[-1])
+    return crossing(surfaces, bench.marginal_ray(surfaces, meridian)) - float(surfaces.vertex[-1])
 
 
 class _AxialRays(NamedTuple):
@@ -158,8 +162,8 @@ def sensitivity(bench: OpticalBench, meridian: str, axis: _AxialRays, error: Per
 def depth_of_field(bench: OpticalBench, meridian: str, circle_mm: float) -> tuple[float, float]:
     """Find the nearest and farthest planes, from the entrance pupil (mm), that blur to a circle, by first order."""
     surfaces = bench.surfaces()
-    marginal = marginal_ray(bench, surfaces, meridian)
-    image, exit_ = crossing(surfaces, marginal), crossing(surfaces, chief_ray(bench, surfaces, meridian))
+    marginal = bench.marginal_ray(surfaces, meridian)
+    image, exit_ = crossing(surfaces, marginal), crossing(surfaces, bench.chief_ray(surfaces, meridian))
     slope = abs(float(marginal.slopes[-1]))
     limits = []
     for circle in (circle_mm, -circle_mm):

@@ -30,11 +30,7 @@ _AMBIGUOUS = re.compile(r"\baxpos\b", re.IGNORECASE)
 _NEAR = 0.05
 
 _NUMBER = r"(\d+(?:\.\d+)?)"
-_LENGTHS = (
-    rf"\bscaled to {_NUMBER} ?mm\b",
-    rf"\b(?:EFL|focal length|f) ?[=:] ?{_NUMBER}\b",
-    rf"{_NUMBER} ?mm\b",
-)
+_LENGTHS = (rf"\bscaled to {_NUMBER} ?mm\b", rf"\b(?:EFL|focal length|f) ?[=:] ?{_NUMBER}\b", rf"{_NUMBER} ?mm\b")
 
 
 class Row(NamedTuple):
@@ -124,8 +120,6 @@ def _number(result: Draft, line: int, column: str, word: str) -> float:
 class _Candidate(NamedTuple):
     """A lens that a table may mean.
 
-    Attributes
-    ----------
     place : the convention of thickness, "after" or "before" each surface.
     draft : the lens.
     focal_length (mm) : its own; None if it has none, or is not valid.

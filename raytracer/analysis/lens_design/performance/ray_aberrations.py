@@ -1,17 +1,23 @@
-"""Spherical aberration over the zones of the pupil, and the offence against the sine condition.
+"""Aberrations of rays over the pupil: spherical aberration, the offence against the sine condition, and ray fans.
 
 References: Welford 1986, "Aberrations of Optical Systems", ch. 9; Kingslake, Johnson 2010, "Lens Design
-Fundamentals", 2nd ed., chs. 6 and 9 (offence against the sine condition).
+Fundamentals", 2nd ed., chs. 6 and 9 (offence against the sine condition); Smith 2008, "Modern Optical Engineering",
+4th ed., sec. 5.8 (ray intercept curves).
 """
 
 import math
 
 import numpy as np
 
-from raytracer.analysis.lens_design.performance.beams import aim_fan, axis_beam, open_stop_fraction
-from raytracer.analysis.lens_design.performance.optical_bench import MERIDIANS, OpticalBench, intersect_film
-from raytracer.analysis.lens_design.performance.paraxial import chief_ray, crossing, marginal_ray
-from raytracer.analysis.lens_design.performance.results import Curve, Spherical
+from raytracer.analysis.lens_design.performance.beams import (
+    aim_fan,
+    axis_beam,
+    film_points,
+    open_stop_fraction,
+    settings_field_points,
+)
+from raytracer.analysis.lens_design.performance.optical_bench import MERIDIANS, OpticalBench, crossing, intersect_film
+from raytracer.analysis.lens_design.performance.results import Curve, Fan, Spherical
 from raytracer.analysis.lens_design.performance.seidel import seidel
 from raytracer.optics.lens_system.ray_tracing import trace_rays
 
@@ -27,7 +33,7 @@ def spherical(bench: OpticalBench, meridian: str = "y") -> Spherical:
     zones = pupil * open_stop_fraction(bench, meridian)
     column = MERIDIANS[meridian]
 
-    marginal = marginal_ray(bench, bench.surfaces(), meridian)
+    marginal = bench.marginal_ray(bench.surfaces(), meridian)
     focus = crossing(bench.surfaces(), marginal)
     if axis is not None:
         ups = aim_fan(bench, axis, zones, up=True)
@@ -40,7 +46,7 @@ def spherical(bench: OpticalBench, meridian: str = "y") -> Spherical:
             with np.errstate(divide="ignore", invalid="ignore"):
                 places = points[:, 2] - points[:, column] * onward[:, 2] / onward[:, column]
             # The ray along the axis is the limit of its neighbours.
-            places[0] = crossing(surfaces, marginal_ray(bench, surfaces, meridian))
+            places[0] = crossing(surfaces, bench.marginal_ray(surfaces, meridian))
             lost = weights <= 0.0
             longitudinal[row] = np.where(lost, np.nan, places - focus)
             transverse[row] = np.where(
@@ -69,8 +75,8 @@ def _sine_condition_error(
     places : at which they cross the axis (mm).
     """
     surfaces = bench.surfaces()
-    marginal = marginal_ray(bench, surfaces, meridian)
-    exit_ = crossing(surfaces, chief_ray(bench, surfaces, meridian))
+    marginal = bench.marginal_ray(surfaces, meridian)
+    exit_ = crossing(surfaces, bench.chief_ray(surfaces, meridian))
     with np.errstate(divide="ignore", invalid="ignore"):
         if math.isinf(bench.distance):
             ratio = heights / behind * marginal.slopes[-1] / marginal.heights[0]
@@ -80,3 +86,22 @@ def _sine_condition_error(
         offence: Curve = ratio * shift - 1.0
     offence[0] = 0.0
     return offence
+
+
+def fans(bench: OpticalBench, meridian: str = "y") -> tuple[Fan, ...]:
+    """Trace a fan along the field and one across it, for each field of the settings and in each colour."""
+    wavelengths = np.array(bench.settings.wavelengths_nm)
+    pupil = np.linspace(-1.0, 1.0, bench.settings.steps)
+    zones = pupil * open_stop_fraction(bench, meridian)
+    traced = []
+    for point in settings_field_points(bench, meridian):
+        tangential, sagittal = (np.full((len(wavelengths), len(pupil)), np.nan) for _ in range(2))
+        if point.beam is not None:
+            still = np.zeros(len(pupil))
+            ups, acrosses = (aim_fan(bench, point.beam, zones, up=up) for up in (True, False))
+            for row, wavelength in enumerate(wavelengths):
+                along, _ = film_points(bench, point.beam, ups, still, wavelength)
+                across, _ = film_points(bench, point.beam, still, acrosses, wavelength)
+                tangential[row], sagittal[row] = 1e3 * (along[:, 0] - point.height), 1e3 * across[:, 1]
+        traced.append(Fan(meridian, point.field, point.field_deg, wavelengths, pupil, tangential, sagittal))
+    return tuple(traced)
