@@ -16,9 +16,9 @@ from raytracer.plugins.materials.base.interface import DIMENSIONS_PER_SEGMENT, P
 from raytracer.plugins.media.base.interface import NO_MEDIUM
 from raytracer.rendering.checked_options import override_settings
 from raytracer.rendering.compilation import compile_kernel
+from raytracer.rendering.diagnostics import brightest_sample, log_path, replay_samples
 from raytracer.rendering.film_region import empty_film, film_view
 from raytracer.rendering.options import RenderOptions
-from raytracer.rendering.sample_replay import brightest_sample, log_path, replay_samples
 from raytracer.scene.pack.object_ids import scene_ids
 from raytracer.scene.pack.scene import PackedScene, pack
 from raytracer.scene.spec import SceneSpec

@@ -10,13 +10,12 @@ from raytracer.core.sampling import SAMPLERS
 from raytracer.film.exposure import ExposureResult
 from raytracer.film.image import Image
 from raytracer.kernel.packed_scene import Scene
-from raytracer.rendering.adaptive_sampling import AdaptiveRender, Outcome, StopCriteria
+from raytracer.rendering.adaptive_sampling import AdaptiveRender, Outcome, PilotSetup, StopCriteria
 from raytracer.rendering.checked_options import check_picture_size
 from raytracer.rendering.checkpoint import CheckpointWriter
 from raytracer.rendering.compilation import PreparedScene
 from raytracer.rendering.develop import develop_image
 from raytracer.rendering.diagnostics import diagnose_picture, diagnose_samples
-from raytracer.rendering.pilot_samples import PilotSetup
 from raytracer.rendering.progress import Progress, ProgressReporter
 from raytracer.rendering.resumable_state import ResumableState
 from raytracer.rendering.statistics import PhaseTimer, Stats, image_header, peak_rss_bytes

@@ -10,10 +10,9 @@ import pytest
 from raytracer.core.embree import PACKET
 from raytracer.core.error_estimate import ErrorEstimator, error_weights
 from raytracer.film.image import Image
-from raytracer.rendering import adaptive_sampling, pilot_samples, session, statistics, tile_scheduler
-from raytracer.rendering.adaptive_sampling import allocate_samples, sample_goals
+from raytracer.rendering import adaptive_sampling, session, statistics, tile_scheduler
+from raytracer.rendering.adaptive_sampling import allocate_samples, pilot_seed, sample_goals
 from raytracer.rendering.options import RenderOptions
-from raytracer.rendering.pilot_samples import pilot_seed
 from raytracer.rendering.progress import Progress
 from raytracer.rendering.render import prepare_scene, render, render_prepared
 from raytracer.rendering.session import Rendered
@@ -186,7 +185,7 @@ class Clock:
             return int(trace(*arguments))
 
         patch.setattr(tile_scheduler, "render_tile", render_tile)
-        patch.setattr(pilot_samples, "render_tile", render_tile)
+        patch.setattr(adaptive_sampling, "render_tile", render_tile)
 
 
 @pytest.mark.parametrize("spp", [None, 1_000_000])

@@ -16,7 +16,6 @@ from raytracer.film.image import Image
 from raytracer.rendering import (
     adaptive_sampling,
     checkpoint,
-    pilot_samples,
     resumable_state,
     tile_scheduler,
     worker_pool,
@@ -431,13 +430,13 @@ def test_no_pilot_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = render(scene(), noise=0.05)
     assert whole.stats.pilot_samples >= 256 * WIDTH * HEIGHT
     ends: list[int] = []
-    called = pilot_samples.render_tile
+    called = adaptive_sampling.render_tile
 
     def noted(*args: Any) -> int:
         ends.append(args[-1] - args[-2])
         return int(called(*args))
 
-    monkeypatch.setattr(pilot_samples, "render_tile", noted)
+    monkeypatch.setattr(adaptive_sampling, "render_tile", noted)
     monkeypatch.setattr(tile_scheduler, "_MAX_PASS_SECONDS", 1e-9)
     assert_same(render(scene(), noise=0.05), whole)
     assert set(ends) == {8}
