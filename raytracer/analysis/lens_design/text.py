@@ -216,7 +216,9 @@ def aberrations(study: LensStudy, meridian: str = "y") -> list[tuple[str, ...]]:
         value, zone = spherical.longitudinal_mm[0, zones[-1]], spherical.pupil[zones[-1]]
         where = "at the pupil's rim" if zone == 1.0 else f"at {zone:.2g} of the pupil's height"
         rows.append(("spherical aberration", millimetres(float(value), 3), where))
-    rows.append(("longitudinal colour", millimetres(colour.axial_between_ends_mm, 3), _ends(study)))
+    wavelengths = study.settings.wavelengths_nm
+    ends = f"{wavelengths[1]:.4g} nm from {wavelengths[2]:.4g} nm" if len(wavelengths) > 2 else ""
+    rows.append(("longitudinal colour", millimetres(colour.axial_between_ends_mm, 3), ends))
     height = curvature.image_height_mm
     rows += _outermost("focus, tangential", curvature.tangential_mm[0], height, "mm")
     rows += _outermost("focus, sagittal", curvature.sagittal_mm[0], height, "mm")
@@ -228,11 +230,6 @@ def aberrations(study: LensStudy, meridian: str = "y") -> list[tuple[str, ...]]:
         rows += _outermost(f"lateral colour, {wavelength_name(float(nm))}", values, height, "µm")
     rows += _outermost("relative illumination", 100.0 * light.relative, height, "%")
     return rows
-
-
-def _ends(study: LensStudy) -> str:
-    wavelengths = study.settings.wavelengths_nm
-    return f"{wavelengths[1]:.4g} nm from {wavelengths[2]:.4g} nm" if len(wavelengths) > 2 else ""
 
 
 def _outermost(name: str, values: Curve, heights: Curve, unit: str) -> list[tuple[str, ...]]:

@@ -21,7 +21,7 @@ from raytracer.analysis.lens_design.performance.optical_bench import (
 )
 from raytracer.analysis.lens_design.performance.results import Curve
 from raytracer.optics.lens_system.ray_tracing import trace_rays
-from raytracer.optics.lens_system.surfaces import LensSurfaces, slice_surfaces
+from raytracer.optics.lens_system.surfaces import slice_surfaces
 
 INSIDE = 1e-9
 """Distance of the marginal ray inside the stop's rim, in units of its radius: on the rim rounding decides."""
@@ -77,39 +77,33 @@ def beams(bench: OpticalBench, meridian: str, rays: ChiefRays) -> list[Beam | No
     return made
 
 
-def _at_stop(bench: OpticalBench, front: LensSurfaces, beam: Beam, up_mm: Curve, across_mm: Curve) -> Curve:
-    """Trace rays to the stop: places along the field and across it, in units of its radius, (n, 2); NaN if lost."""
-    weights, points, _ = trace_rays(front, *beam.rays(up_mm, across_mm))
-    column = MERIDIANS[beam.meridian]
-    met: Curve = points[:, [column, 1 - column]] / bench.stop_radius
-    met[weights <= 0.0] = np.nan
-    return met
-
-
-def aim_fan(bench: OpticalBench, beam: Beam, targets: Curve, *, up: bool, wavelength_nm: float | None = None) -> Curve:
+def aim_fan(bench: OpticalBench, beam: Beam, targets: Curve, *, up: bool) -> Curve:
     """Aim the rays of a fan at targets in the stop, in units of its radius.
+
+    up : True for a fan along the field, False for one across it.
 
     Returns
     -------
     Distances of the rays from the chief ray (mm), where they enter the lens; NaN where none reaches the target.
-
-    Parameters
-    ----------
-    up : True for a fan along the field, False for one across it.
     """
-    surfaces = bench.without_rims(wavelength_nm)
+    surfaces = bench.without_rims()
     radius = surfaces.radius.copy()
     radius[bench.stop] = np.inf
     front = slice_surfaces(surfaces._replace(radius=radius), 0, bench.stop + 1)
-    which = 0 if up else 1
+    column = MERIDIANS[beam.meridian] if up else 1 - MERIDIANS[beam.meridian]
 
     def reached(way: Curve) -> Curve:
+        """Trace rays to the stop: places there, NaN if lost."""
         still = np.zeros_like(way)
-        met: Curve = _at_stop(bench, front, beam, *((way, still) if up else (still, way)))[:, which]
+        weights, points, _ = trace_rays(front, *beam.rays(*((way, still) if up else (still, way))))
+        met: Curve = points[:, column] / bench.stop_radius
+        met[weights <= 0.0] = np.nan
         return met
 
     # Widen the fan until it covers the stop, or no more of it gets there.
-    size = 1.5 * pupil_radius(bench, beam.meridian if up else other_meridian(bench, beam.meridian))
+    across = "x" if beam.meridian == "y" else "y"
+    meridian = beam.meridian if up or len(bench.meridians) == 1 else across
+    size = 1.5 * abs(float(bench.marginal_ray(bench.surfaces(), meridian, math.inf).heights[0]))
     for _ in range(_WIDENINGS):
         ways = np.linspace(-size, size, _STEPS)
         ways, met = _ascending(ways, reached(ways))
@@ -142,13 +136,6 @@ def _ascending(ways: Curve, met: Curve) -> tuple[Curve, Curve]:
     return ways[first : last + 1], met[first : last + 1]
 
 
-def other_meridian(bench: OpticalBench, meridian: str) -> str:
-    """Return the meridian at right angles; the same one for a lens of revolution."""
-    if len(bench.meridians) == 1:
-        return meridian
-    return "x" if meridian == "y" else "y"
-
-
 def open_stop_fraction(bench: OpticalBench, meridian: str = "y") -> float:
     """Find the part of the stop's radius up to which light of the axis gets through: 1 if no other rim is narrower."""
 
@@ -175,12 +162,6 @@ def open_stop_fraction(bench: OpticalBench, meridian: str = "y") -> float:
 def axis_beam(bench: OpticalBench, meridian: str = "y") -> Beam | None:
     """Make the beam of the point on the axis; None if there is no chief ray."""
     return beams(bench, meridian, chief_rays_at_fields(bench, meridian, bench.primary, np.zeros(1)))[0]
-
-
-def pupil_radius(bench: OpticalBench, meridian: str) -> float:
-    """Return the radius of the paraxial entrance pupil (mm)."""
-    far = bench.marginal_ray(bench.surfaces(), meridian, math.inf)
-    return abs(float(far.heights[0]))
 
 
 def ray_grid(bench: OpticalBench, beam: Beam, across: int) -> tuple[Curve, Curve]:

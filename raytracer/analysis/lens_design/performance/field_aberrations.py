@@ -129,7 +129,9 @@ def distortion(bench: OpticalBench, meridian: str = "y") -> DistortionCurve:
     for name in ("f tan", "f sin theta"):
         percent[name][beyond] = np.nan
     known = np.isfinite(angles)
-    best = min(percent, key=lambda name: _worst(percent[name][known]))
+    # A projection of which a value is missing is never the best.
+    worst = {name: np.abs(values[known]).max(initial=0.0) for name, values in percent.items()}
+    best = min(worst, key=lambda name: np.nan_to_num(worst[name], nan=math.inf, posinf=math.inf))
     return DistortionCurve(meridian, parts, degrees, heights, percent["f tan"], percent["f theta"], best, percent[best])
 
 
@@ -151,11 +153,6 @@ def _percent(heights: Curve, ideal: Curve) -> Curve:
         percent: Curve = 100.0 * (heights / ideal - 1.0)
     percent[heights == 0.0] = 0.0
     return percent
-
-
-def _worst(percent: Curve) -> float:
-    """Return the largest magnitude; infinite where a value is missing, so that such a projection is never the best."""
-    return float(np.abs(percent).max(initial=0.0)) if np.isfinite(percent).all() else math.inf
 
 
 # ---- Chromatic aberration: axial (foci by wavelength) and lateral (image heights by wavelength)

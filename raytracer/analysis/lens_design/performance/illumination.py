@@ -36,7 +36,7 @@ def projected_solid_angle(bench: OpticalBench, meridian: str, height_mm: float) 
     origin = meridian_vector(meridian, 0.0, -height_mm, bench.film)
 
     def passes(places: Curve) -> NDArray[np.bool_]:
-        directions = normalize(_on_plane(places, rear) - origin)
+        directions = normalize(np.insert(places, 2, rear, axis=1) - origin)
         weights, _, _ = trace_rays(surfaces, origin, directions, towards_film=False)
         open_: NDArray[np.bool_] = weights > 0.0
         return open_
@@ -53,7 +53,7 @@ def projected_solid_angle(bench: OpticalBench, meridian: str, height_mm: float) 
         between = 0.5 * (inside + outside)
         open_ = passes(middle + between[:, None] * ways)
         inside, outside = np.where(open_, between, inside), np.where(open_, outside, between)
-    return _lambert(normalize(_on_plane(middle + inside[:, None] * ways, rear) - origin))
+    return _lambert(normalize(np.insert(middle + inside[:, None] * ways, 2, rear, axis=1) - origin))
 
 
 def _middle(
@@ -70,7 +70,9 @@ def _middle(
     # Windows around the chief ray that grow until the pupil is within; then the whole element, more finely each time.
     windows = [(np.zeros(2), rim, cells) for cells in (_COARSE, 4 * _COARSE)]
     if np.isfinite(start).all():
-        size = _footprint(bench, meridian)
+        # A bound of the pupil's radius, in the rear plane, as seen from a point of the film.
+        slope = abs(float(bench.marginal_ray(surfaces, meridian).slopes[-1]))
+        size = 1.5 * slope * abs(bench.film - rear)
         windows = [(start, size * 1.5**step, _COARSE) for step in range(_WIDENINGS)] + windows
     for centre, size, count in windows:
         cells = size * (2.0 * (np.arange(count) + 0.5) / count - 1.0)
@@ -84,19 +86,6 @@ def _middle(
         middle = passing[np.argmin(np.linalg.norm(passing - passing.mean(axis=0), axis=1))]
         return centre + middle, 4.0 * size
     return np.zeros(2), 0.0
-
-
-def _footprint(bench: OpticalBench, meridian: str) -> float:
-    """Bound the radius (mm), in the rear plane, of the pupil as seen from a point of the film."""
-    surfaces = bench.surfaces()
-    slope = abs(float(bench.marginal_ray(surfaces, meridian).slopes[-1]))
-    behind = bench.film - float(surfaces.vertex[-1])
-    return 1.5 * slope * abs(behind)
-
-
-def _on_plane(places: Curve, z: float) -> Curve:
-    """Return points (n, 3) of the plane at z."""
-    return meridian_vector("y", places[:, 0], places[:, 1], z)
 
 
 def _lambert(corners: Curve) -> float:

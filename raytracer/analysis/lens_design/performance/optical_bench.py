@@ -11,9 +11,8 @@ from raytracer.analysis.lens_design.performance.results import Curve, Settings
 from raytracer.optics.lens_system.first_order import cardinal_points, entrance_pupil
 from raytracer.optics.lens_system.focusing import focus_lens
 from raytracer.optics.lens_system.lens import Lens
-from raytracer.optics.lens_system.ray_tracing import trace_rays
 from raytracer.optics.lens_system.stops import stop_radius_for
-from raytracer.optics.lens_system.surfaces import LensSurfaces, slice_surfaces
+from raytracer.optics.lens_system.surfaces import LensSurfaces
 
 T = TypeVar("T")
 
@@ -136,14 +135,6 @@ def intersect_film(points: Curve, directions: Curve, weights: Curve, z: float) -
         landed: Curve = points[:, :2] + way[:, None] * directions[:, :2]
     landed[~((weights > 0.0) & (directions[:, 2] > 0.0))] = np.nan
     return landed
-
-
-def trace_to_scene(surfaces: LensSurfaces, first: int, origins: Curve, directions: Curve) -> tuple[Curve, Curve, Curve]:
-    """Trace rays that start before surface `first` to the scene: weights, origins and directions before the lens."""
-    if first == 0:
-        return np.ones(len(origins)), origins, directions
-    weights, points, onward = trace_rays(slice_surfaces(surfaces, 0, first), origins, directions, towards_film=False)
-    return weights, points, onward
 
 
 def meridian_vector(meridian: str, across: Any, height: Any, depth: Any) -> Curve:
