@@ -6,7 +6,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from raytracer.film.exposure import CropWindow, ExposureResult
-from raytracer.film.film import Film, develop
+from raytracer.film.film import develop
 from raytracer.film.image import Image
 from raytracer.film.light_field.layout import Layout
 from raytracer.film.negative_pixels import find_negative_causes
@@ -20,7 +20,7 @@ from raytracer.scene.spec import SceneSpec
 from raytracer.schema.registry import AOVS
 
 if TYPE_CHECKING:
-    from raytracer.kernel.aovs.base.recording import AovRecorder
+    pass
 
 
 def film_process(spec: SceneSpec) -> DevelopSettings:
@@ -85,8 +85,13 @@ def develop_image(
             channels=recording.channels(aovs),
         )
         if denoise_threads is not None:
+            from raytracer.film.denoise import denoise
+
             lap("develop")
-            image = _denoised(image, film, recording, denoise_threads, _view_slices(spec, window))
+            albedo, normal, coverage = (recording.develop(name, film) for name in DENOISER_GUIDES)
+            guides = coverage[..., None] * albedo, coverage[..., None] * normal
+            # Each view by itself.
+            image = denoise(image, *guides, threads=denoise_threads, parts=_view_slices(spec, window))
             lap("denoise")
     if window == Window(0, 0, *spec.picture()):
         image = replace(image, layout=light_field_layout(spec))
@@ -109,9 +114,8 @@ def light_field_layout(spec: SceneSpec) -> Layout | None:
     return camera_at_time(spec.camera, mid_exposure_time(spec)).layout(spec.film.width, spec.film.height)
 
 
-def _view_slices(spec: SceneSpec, window: Window | None) -> list[tuple[slice, slice]]:
+def _view_slices(spec: SceneSpec, window: Window) -> list[tuple[slice, slice]]:
     """Return rows and columns of the part of each view that a part of the picture holds."""
-    window = window or Window(0, 0, *spec.picture())
 
     def spans(begin: int, end: int, size: int) -> list[slice]:
         edges = [begin, *range(begin - begin % size + size, end, size), end]
@@ -120,13 +124,3 @@ def _view_slices(spec: SceneSpec, window: Window | None) -> list[tuple[slice, sl
     columns = spans(window.left, window.right, spec.film.width)
     rows = spans(window.top, window.bottom, spec.film.height)
     return [(row, column) for row in rows for column in columns]
-
-
-def _denoised(
-    image: Image, film: Film, recording: "AovRecorder", threads: int, parts: Sequence[tuple[slice, slice]]
-) -> Image:
-    """Denoise an image, each of its parts by itself."""
-    from raytracer.film.denoise import denoise
-
-    albedo, normal, coverage = (recording.develop(name, film) for name in DENOISER_GUIDES)
-    return denoise(image, coverage[..., None] * albedo, coverage[..., None] * normal, threads=threads, parts=parts)

@@ -12,18 +12,14 @@ from numpy.typing import NDArray
 
 from raytracer.core.embree import PACKET
 from raytracer.core.error_estimate.fireflies import Fireflies, find_fireflies
-from raytracer.film.image import Image
-from raytracer.film.negative_pixels import find_negative_pixels
 from raytracer.kernel.packed_scene import Scene
 from raytracer.kernel.path_log import path_log
 from raytracer.kernel.path_state import Workspace
 from raytracer.kernel.path_state import workspace as make_workspace
 from raytracer.kernel.path_tracer import render_tile
 from raytracer.kernel.pixel_accumulator import FilmView
-from raytracer.rendering.develop import negative_causes
 from raytracer.rendering.film_region import FilmRegion
 from raytracer.rendering.statistics import Stats
-from raytracer.scene.spec import SceneSpec
 
 # ---- Samples, taken again
 
@@ -125,12 +121,6 @@ def diagnose_samples(
     fireflies = find_fireflies(film.mean, film.m2, film.count)
     if fireflies is not None:
         stats.fireflies = _firefly_stats(fireflies, scene, region, scratch())
-
-
-def diagnose_picture(stats: Stats, spec: SceneSpec, scene: Scene, image: Image, left: int, top: int) -> None:
-    """Note in the statistics what is wrong with a finished picture, whose first pixel is (left, top)."""
-    causes = negative_causes(spec, scene)
-    stats.negative_pixels, stats.negative = find_negative_pixels(image.radiance, causes, left, top)
 
 
 def _samples_taken(region: FilmRegion, row: int, column: int) -> int:

@@ -159,21 +159,16 @@ def render_identity(spec: SceneSpec, settings: Mapping[str, Any]) -> Mapping[str
     ------
     InputError : a file of the scene cannot be read.
     """
+    platform, name, features = processor().split(" ", 2)
     return {
         "version": __version__,
         "libraries": libraries(),
-        "processor": _processor(),
+        "processor": {"platform": platform, "name": name, "features": dict.fromkeys(features.split(","), True)},
         "program": program_hash(),
         "scene": picture_values(spec),
         "files": file_hashes(spec),
         "settings": dict(settings),
     }
-
-
-def _processor() -> dict[str, Any]:
-    """Return the parts of the description of the processor that kernels are compiled for."""
-    platform, name, features = processor().split(" ", 2)
-    return {"platform": platform, "name": name, "features": dict.fromkeys(features.split(","), True)}
 
 
 def identity_difference(then: Mapping[str, Any], current: Mapping[str, Any]) -> str | None:

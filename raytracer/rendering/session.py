@@ -9,13 +9,14 @@ from raytracer.core.error_estimate.rates import MIN_EXPONENT
 from raytracer.core.sampling import SAMPLERS
 from raytracer.film.exposure import ExposureResult
 from raytracer.film.image import Image
+from raytracer.film.negative_pixels import find_negative_pixels
 from raytracer.kernel.packed_scene import Scene
 from raytracer.rendering.adaptive_sampling import AdaptiveRender, Outcome, PilotSetup, StopCriteria
 from raytracer.rendering.checked_options import check_picture_size
 from raytracer.rendering.checkpoint import CheckpointWriter
 from raytracer.rendering.compilation import PreparedScene
-from raytracer.rendering.develop import develop_image
-from raytracer.rendering.diagnostics import diagnose_picture, diagnose_samples
+from raytracer.rendering.develop import develop_image, negative_causes
+from raytracer.rendering.diagnostics import diagnose_samples
 from raytracer.rendering.progress import Progress, ProgressReporter
 from raytracer.rendering.resumable_state import ResumableState
 from raytracer.rendering.statistics import PhaseTimer, Stats, image_header, peak_rss_bytes
@@ -73,8 +74,10 @@ class RenderSession:
         self._windows = split_into_tiles(self._options.window)
         self._region = prepared.empty_region(self._options.window)
         self._reporter = ProgressReporter(progress, self._options.window.pixels * self._spec.render.spp)
-        self._queue = self._make_queue()
-        self._pool = self._queue.pool
+        self._pool = WorkerPool(self._options.threads, self._reporter.tick, scene=self._scene)
+        estimator = ErrorEstimator(self._windows, sampler_exponent(self._spec.render.sampler))
+        view = self._region.view()
+        self._queue = TileQueue(self._scene, view, self._windows, self._pool, estimator, prepared.remote)
 
     def run(self) -> Rendered:
         """Render the samples, and develop the picture.
@@ -92,12 +95,6 @@ class RenderSession:
             # Those of a packet that is not whole, which no checkpoint can hold.
             self._queue.render_passes(self._spec.render.spp, deadline)
         return self._finish(state.outcome)
-
-    def _make_queue(self) -> TileQueue:
-        """Make the queue of all tiles."""
-        pool = WorkerPool(self._options.threads, self._reporter.tick, scene=self._scene)
-        estimator = ErrorEstimator(self._windows, sampler_exponent(self._spec.render.sampler))
-        return TileQueue(self._scene, self._region.view(), self._windows, pool, estimator, self._prepared.remote)
 
     def _resume(self, state: ResumableState) -> None:
         """Go on from the checkpoint, if that was asked for."""
@@ -157,7 +154,8 @@ class RenderSession:
         header = image_header(self._spec, options.crop, stats, is_adaptive=options.is_adaptive)
         image, exposure = self._develop(header, timer.lap, is_final=True)
         stats.exposure = {} if exposure is None else exposure.as_dict()
-        diagnose_picture(stats, self._spec, self._scene, image, self._region.left, self._region.top)
+        causes, region = negative_causes(self._spec, self._scene), self._region
+        stats.negative_pixels, stats.negative = find_negative_pixels(image.radiance, causes, region.left, region.top)
         stats.seconds["total"] = sum(stats.seconds.values())
         stats.peak_rss_bytes = peak_rss_bytes()
         interrupted = self._pool.interrupted

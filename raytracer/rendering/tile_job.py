@@ -81,16 +81,16 @@ def window_shape(window: Sequence[int]) -> tuple[int, int]:
 
 def extract_tiles(film: FilmView, windows: Sequence[Sequence[int]]) -> tuple[NDArray[Any], ...]:
     """Copy some windows of a film, as a job takes them along."""
+    x, y = film.left, film.top
     return tuple(
-        np.concatenate([_extract_tile(array, film, window) for window in windows], axis=0)
+        np.concatenate(
+            [
+                array[top - y : bottom - y, left - x : right - x].reshape(-1, *array.shape[2:])
+                for left, top, right, bottom in windows
+            ]
+        )
         for array in film_arrays(film)
     )
-
-
-def _extract_tile(array: NDArray[Any], film: FilmView, window: Sequence[int]) -> NDArray[Any]:
-    left, top, right, bottom = window
-    part = array[top - film.top : bottom - film.top, left - film.left : right - film.left]
-    return part.reshape(-1, *array.shape[2:])
 
 
 def split_by_tile(job: TileJob, result: TileResult) -> list[TileOutput]:

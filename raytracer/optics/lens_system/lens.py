@@ -5,6 +5,7 @@ film, and the front vertex is at 0; x is to the right and y up as seen from behi
 """
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple, TypeAlias
@@ -180,21 +181,18 @@ class Lens:
 
         Rays meet surfaces in their order all the same, so such a lens can be rendered, but not be made.
         """
-        pairs, place = [], 0.0
-        before: tuple[int, float, Element] | None = None
-        for number, element in enumerate(self.elements, start=1):
-            # Air around a diaphragm may hold the bulge of a surface.
-            if element.kind != "stop":
-                if before is not None:
-                    reach = np.linspace(0.0, min(before[2].radius, element.radius), _CROSSING_STEPS)
-                    gaps = [
-                        place + element.sag(*way) - before[1] - before[2].sag(*way)
-                        for way in ((reach, 0.0 * reach), (0.0 * reach, reach))
-                    ]
-                    if min(float(np.nanmin(gap)) for gap in gaps) < -_CROSSING_MM:
-                        pairs.append((before[0], number))
-                before = number, place, element
-            place += element.thickness
+        places = itertools.accumulate((element.thickness for element in self.elements), initial=0.0)
+        rows = enumerate(zip(self.elements, places, strict=False), start=1)
+        # Air around a diaphragm may hold the bulge of a surface.
+        glass = [(number, element, place) for number, (element, place) in rows if element.kind != "stop"]
+        pairs = []
+        for (first, front, z), (second, back, z_back) in itertools.pairwise(glass):
+            reach = np.linspace(0.0, min(front.radius, back.radius), _CROSSING_STEPS)
+            gaps = [
+                z_back + back.sag(*way) - z - front.sag(*way) for way in ((reach, 0.0 * reach), (0.0 * reach, reach))
+            ]
+            if min(float(np.nanmin(gap)) for gap in gaps) < -_CROSSING_MM:
+                pairs.append((first, second))
         return pairs
 
     def stopped_down(self, radius: float) -> "Lens":
@@ -204,9 +202,10 @@ class Lens:
         ------
         ValueError : the stop does not open so far.
         """
-        stop = self.stop()
+        stop, elements = self.stop(), list(self.elements)
         self._check_stop(stop, radius)
-        return self._replace_elements({stop: self.elements[stop]._replace(radius=float(radius), is_stop=True)})
+        elements[stop] = elements[stop]._replace(radius=float(radius), is_stop=True)
+        return dataclasses.replace(self, elements=tuple(elements))
 
     def focused(self, shift: float) -> "Lens":
         """Move the group that focuses towards the scene (mm); unchanged if the whole lens moves.
@@ -217,12 +216,17 @@ class Lens:
         """
         if self.focus.moves != "group" or shift == 0.0:
             return self
-        first, last = self.focus.first - 1, self.focus.last - 1
-        if first == 0:
-            # The frame begins at the front vertex, which moves along.
-            return self._replace_elements({last: self._lengthen_gap(last, shift)})
-        before, behind = self._lengthen_gap(first - 1, -shift), self._lengthen_gap(last, shift)
-        return self._replace_elements({first - 1: before, last: behind})
+        elements = list(self.elements)
+        # The gaps before and behind it: the frame begins at the front vertex, which may move along.
+        for number, by in ((self.focus.first - 2, -shift), (self.focus.last - 1, shift)):
+            if 0 <= number < len(elements) - 1:
+                thickness = elements[number].thickness + by
+                if thickness < 0.0:
+                    raise ValueError(
+                        f"the focusing group of the lens cannot move by {abs(by):g} mm: surfaces would meet"
+                    )
+                elements[number] = elements[number]._replace(thickness=thickness)
+        return dataclasses.replace(self, elements=tuple(elements))
 
     def packed(
         self,
@@ -268,19 +272,6 @@ class Lens:
         return packed._replace(
             vertex=vertex, radius=radius, stop=stop, diaphragm=diaphragm, indices=indices, coatings=layers
         )
-
-    def _replace_elements(self, changed: dict[int, Element]) -> "Lens":
-        elements = tuple(changed.get(number, element) for number, element in enumerate(self.elements))
-        return dataclasses.replace(self, elements=elements)
-
-    def _lengthen_gap(self, number: int, by: float) -> Element:
-        """Lengthen the gap behind a surface (mm)."""
-        element = self.elements[number]
-        if number + 1 == len(self.elements):
-            return element
-        if element.thickness + by < 0.0:
-            raise ValueError(f"the focusing group of the lens cannot move by {abs(by):g} mm: surfaces would meet")
-        return element._replace(thickness=element.thickness + by)
 
     def _check_stop(self, stop: int, radius: float) -> None:
         widest = self.elements[stop].radius

@@ -213,16 +213,10 @@ class ClusterExecutor:
 
     def _unpack_result(self, future: Future) -> tuple[TileResult | None, str | None]:
         """Return the result of a job; None and the error, if the job itself has failed."""
-        if future.status not in ("finished", "error"):
-            return None, None
-        try:
-            address, result = future.result(timeout=_RESULT_SECONDS)
-        except (TimeoutError, OSError, CancelledError):
-            # The worker that had it is gone, or the scheduler is.
-            return None, None
-        except Exception as error:  # noqa: BLE001
-            # Any error of a worker; a job that killed several of them raises one, too.
-            return None, f"{type(error).__name__}: {error}"
+        answer, error = _result(future)
+        if answer is None:
+            return None, error
+        address, result = answer
         if result is None:
             # The worker has forgotten the scene.
             self._request_prepare(address)
@@ -284,14 +278,10 @@ class ClusterExecutor:
 
     def _handle_reply(self, address: str, state: _WorkerState, request: Future) -> None:
         """Handle a worker's reply to the request to prepare the scene."""
-        try:
-            reply = request.result(timeout=_RESULT_SECONDS) if request.status in ("finished", "error") else None
-        except (TimeoutError, OSError, CancelledError):
-            reply = None
-        except Exception as error:  # noqa: BLE001
-            state.reason = f"cannot take part: {type(error).__name__}: {error}"
-            return
-        if reply is None:
+        reply, error = _result(request)
+        if error is not None:
+            state.reason = f"cannot take part: {error}"
+        elif reply is None:
             self._request_prepare(address)
         elif reply.missing:
             self._request_prepare(address, reply.missing)
@@ -332,3 +322,16 @@ class ClusterExecutor:
         if waited > REPORT_AFTER and not self._has_said:
             self._has_said = True
             self._say(f"{place} has no workers; waiting for one, up to {patience:g} s")
+
+
+def _result(future: Future) -> tuple[Any, str | None]:
+    """Return the result of a future, and its error; neither if the worker that had it is gone, or the scheduler is."""
+    if future.status not in ("finished", "error"):
+        return None, None
+    try:
+        return future.result(timeout=_RESULT_SECONDS), None
+    except (TimeoutError, OSError, CancelledError):
+        return None, None
+    except Exception as error:  # noqa: BLE001
+        # Any error of a worker; a job that killed several of them raises one, too.
+        return None, f"{type(error).__name__}: {error}"

@@ -239,13 +239,6 @@ def pupil_center(lens: LensSurfaces, film_z: float, x: float, y: float, waveleng
 # ---- Ellipses round pupils
 
 
-def _growth_factor(points: Points, ellipse: Points) -> float:
-    """Find the factor by which an ellipse (middle x, y, half axes) must grow to hold points (n, 2)."""
-    if not len(points):
-        return 0.0
-    return float(np.sqrt((((points - ellipse[:2]) / ellipse[2:]) ** 2).sum(axis=1)).max())
-
-
 def fit_ellipse(points: Points, *, centred: bool) -> Points:
     """Fit a small ellipse with axes along x and y round points (n, 2): middle x, y, half axes; `centred` on y = 0.
 
@@ -267,7 +260,7 @@ def fit_ellipse(points: Points, *, centred: bool) -> Points:
         best = tried[int((x * x + y * y).max(axis=1).argmin())]
         spread = 0.5 * spread
     ellipse = np.concatenate([middle + half * best[1:], half * np.exp([-best[0], best[0]])])
-    ellipse[2:] *= _growth_factor(points, ellipse)
+    ellipse[2:] *= np.sqrt((((points - ellipse[:2]) / ellipse[2:]) ** 2).sum(axis=1)).max()
     return ellipse
 
 
