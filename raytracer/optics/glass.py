@@ -199,19 +199,6 @@ _COEFFICIENT = Quantity()
 _MAX_TERMS = 8
 
 
-def catalogue_glass(name: str) -> Glass:
-    """Find the glass of the catalogue with this name.
-
-    Raises
-    ------
-    ValueError : there is none; the message suggests the nearest name.
-    """
-    if name in CATALOGUE:
-        return CATALOGUE[name]
-    close = suggest_name(name, CATALOGUE, "glasses")
-    raise ValueError(f"unknown glass {format_value(name)}; {close} (any can be given by {_FORMS['index']})")
-
-
 def parse_glass(value: Any) -> Glass:
     """Parse the glass of a scene or a lens file: a number, a name or a mapping.
 
@@ -224,7 +211,10 @@ def parse_glass(value: Any) -> Glass:
     if isinstance(value, Mapping):
         return _check_visible_index(_parse_mapping(value))
     if isinstance(value, str) and not _is_number(value):
-        return catalogue_glass(value)
+        if value not in CATALOGUE:
+            close = suggest_name(value, CATALOGUE, "glasses")
+            raise ValueError(f"unknown glass {format_value(value)}; {close} (any can be given by {_FORMS['index']})")
+        return CATALOGUE[value]
     return constant_index_glass(_INDEX(value))
 
 

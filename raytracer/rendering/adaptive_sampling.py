@@ -158,28 +158,19 @@ class StopCriteria(NamedTuple):
     deadline: float | None
 
 
-class SampleAllocation(NamedTuple):
-    """The shares of the tiles in the samples, by pilot samples.
-
-    samples : (tiles,), in proportion, their mean over pixels being 1.
-    errors : (tiles,), squared and up to a factor, at equal samples.
-    """
-
-    samples: Array
-    errors: Array
-
-
 class AdaptiveState(NamedTuple):
     """The state of adaptive sampling between rounds, from which a checkpoint goes on.
 
-    allocation : by the last pilot.
+    shares : (tiles,), of the tiles in the samples, by the last pilot; their mean over pixels is 1.
+    errors : (tiles,), squared and up to a factor, at equal samples.
     goals : int64 (tiles,), samples that the current round gives each tile; 0 without one.
     number : of the last pilot.
     pilot_spp : samples a pixel of the last pilot.
     pilot_samples, pilot_rays : samples over all pixels and rays of all pilots.
     """
 
-    allocation: SampleAllocation
+    shares: Array
+    errors: Array
     goals: NDArray[np.int64]
     number: int = 0
     pilot_spp: int = 0
@@ -189,17 +180,17 @@ class AdaptiveState(NamedTuple):
     @classmethod
     def initial(cls, tiles: int) -> "AdaptiveState":
         """Return the state before the first round, for so many tiles."""
-        return cls(SampleAllocation(np.ones(tiles), np.ones(tiles)), np.zeros(tiles, dtype=np.int64))
+        return cls(np.ones(tiles), np.ones(tiles), np.zeros(tiles, dtype=np.int64))
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
         """Return the state as arrays by name: (tiles,), and `pilots` (4,), the numbers."""
-        return {**self.allocation._asdict(), "goals": self.goals, "pilots": np.array(self[2:], dtype=np.int64)}
+        shares = {"samples": self.shares, "errors": self.errors}
+        return {**shares, "goals": self.goals, "pilots": np.array(self[3:], dtype=np.int64)}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "AdaptiveState":
         """Make the state of what `state_arrays` has returned."""
-        allocation = SampleAllocation(arrays["samples"], arrays["errors"])
-        return cls(allocation, arrays["goals"], *arrays["pilots"].tolist())
+        return cls(arrays["samples"], arrays["errors"], arrays["goals"], *arrays["pilots"].tolist())
 
 
 class Outcome(NamedTuple):
@@ -295,8 +286,10 @@ class AdaptiveRender:
         errors, rays, taken = take_pilot_samples(queue, self._pilots, number, spp)
         if queue.pool.is_stopped:
             return
+        shares, errors = allocate_samples(errors, rays / queue.pixels, queue.columns, queue.pixels)
         self.adaptive_state = state._replace(
-            allocation=allocate_samples(errors, rays / queue.pixels, queue.columns, queue.pixels),
+            shares=shares,
+            errors=errors,
             number=number,
             pilot_spp=spp,
             pilot_samples=state.pilot_samples + int(queue.pixels @ taken),
@@ -309,14 +302,14 @@ class AdaptiveRender:
         counts, pixels = queue.counts, queue.pixels
 
         def at(level: float) -> NDArray[np.int64]:
-            return sample_goals(level, self.adaptive_state.allocation.samples, counts, self._max_spp)
+            return sample_goals(level, self.adaptive_state.shares, counts, self._max_spp)
 
         def is_within(factor: float) -> Callable[[float], bool]:
             return lambda level: bool(pixels @ at(level) <= factor * queue.done)
 
         _, level = _bisect(is_within(_MAX_GROWTH))
         if noise is not None and estimate is not None:
-            weight, slope = pixels * self.adaptive_state.allocation.errors, -estimate.exponent
+            weight, slope = pixels * self.adaptive_state.errors, -estimate.exponent
             goal = (noise / estimate.error) ** 2 * float(weight @ counts**slope)
             _, enough = _bisect(lambda level: bool(weight @ at(level) ** slope > goal))
             level = max(min(level, enough), _bisect(is_within(_MIN_GROWTH))[1])
@@ -331,8 +324,8 @@ class AdaptiveRender:
         return at(level)
 
 
-def allocate_samples(errors: Array, cost: Array, columns: int, pixels: NDArray[np.int64]) -> SampleAllocation:
-    """Allocate samples to tiles by their errors in a pilot, with some caution.
+def allocate_samples(errors: Array, cost: Array, columns: int, pixels: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Find the shares of tiles in the samples by their errors in a pilot, with some caution; and those errors.
 
     A tile counts as noisy in part if those around it are: what few samples show, as a caustic, seldom ends at the edge
     of a tile.
@@ -348,10 +341,10 @@ def allocate_samples(errors: Array, cost: Array, columns: int, pixels: NDArray[n
     around = sum(rows[y : y + grid.shape[0], x : x + columns] for y in range(3) for x in range(3)) / 9.0
     suspected = np.maximum(grid, _NEIGHBOR_FRACTION * around).ravel()
     if not suspected.any():
-        return SampleAllocation(np.ones(len(errors)), np.ones(len(errors)))
+        return np.ones(len(errors)), np.ones(len(errors))
     samples = np.sqrt(suspected / np.maximum(cost, 1.0))
     samples = np.maximum(samples, _MIN_SHARE * np.average(samples, weights=pixels))
-    return SampleAllocation(samples / np.average(samples, weights=pixels), suspected)
+    return samples / np.average(samples, weights=pixels), suspected
 
 
 def sample_goals(level: float, samples: Array, counts: NDArray[np.int64], max_spp: int) -> NDArray[np.int64]:

@@ -16,7 +16,8 @@ from raytracer.kernel.path_tracer import render_tile
 from raytracer.kernel.pixel_accumulator import FilmView
 from raytracer.rendering.checked_options import CheckedOptions
 from raytracer.rendering.film_region import FilmRegion, empty_film, empty_region, film_view
-from raytracer.rendering.tile_scheduler import TILE_SIZE, now
+from raytracer.rendering.statistics import PhaseTimer
+from raytracer.rendering.tile_scheduler import TILE_SIZE
 from raytracer.rendering.worker_pool import RemoteExecutor
 from raytracer.scene.input_files import FileStamp
 from raytracer.scene.pack.scene import PackedScene, pack
@@ -48,16 +49,15 @@ def compile_scene(spec: SceneSpec, packed: PackedScene | None = None) -> Compile
     ------
     InputError : the scene cannot be packed.
     """
-    times = [now()]
+    seconds: dict[str, float] = {}
+    timer = PhaseTimer(seconds)
     packed = packed or pack(spec)
-    times.append(now())
+    timer.lap("pack")
     accel = packed.build()
     scene = packed.scene._replace(accel=accel.address)
-    times.append(now())
+    timer.lap("build")
     compile_kernel(scene, film_view(empty_film(scene, 1, 1)))
-    times.append(now())
-    phases = ("pack", "build", "compile")
-    seconds = {phase: end - begin for phase, begin, end in zip(phases, times, times[1:], strict=False)}
+    timer.lap("compile")
     return CompiledScene(packed.spec, packed, accel, scene, seconds)
 
 

@@ -54,28 +54,6 @@ _GIGABYTE, _MEGABYTE = 1e9, 1e6
 _ESTIMATE_MARGIN = 0.8
 
 
-class BytesPerPrimitive(NamedTuple):
-    """Bytes of a primitive in the ray caster's structure: while it is built, and afterwards.
-
-    For moving ones they are those with two poses, and those that each further pose adds.
-    """
-
-    peak: int
-    resident: int
-    moving_peak: int
-    moving_resident: int
-    per_pose: int
-
-
-# Its own memory, without the buffers, which the packed scene has.
-_BYTES_PER_PRIMITIVE = {
-    Primitive.TRIANGLE: BytesPerPrimitive(100, 68, 136, 57, 15),
-    Primitive.SPHERE: BytesPerPrimitive(35, 35, 122, 43, 15),
-    Primitive.DISC: BytesPerPrimitive(35, 35, 122, 43, 15),
-}
-_BYTES_PER_INSTANCE = BytesPerPrimitive(109, 77, 247, 168, 15)
-
-
 class StructureMemory(NamedTuple):
     """Bytes of the ray caster's structure: the peak, while it is built; and afterwards."""
 
@@ -83,28 +61,29 @@ class StructureMemory(NamedTuple):
     resident: int
 
 
+# Bytes of a primitive in the ray caster's structure, without the buffers, which the packed scene has: of still ones, of
+# moving ones with two poses, and what each further pose adds.
+_BYTES_PER_PRIMITIVE = {
+    Primitive.TRIANGLE: (StructureMemory(100, 68), StructureMemory(136, 57), 15),
+    Primitive.SPHERE: (StructureMemory(35, 35), StructureMemory(122, 43), 15),
+    Primitive.DISC: (StructureMemory(35, 35), StructureMemory(122, 43), 15),
+}
+_BYTES_PER_INSTANCE = (StructureMemory(109, 77), StructureMemory(247, 168), 15)
+
+
 def structure_bytes(
     geometries: Mapping[int, Geometry], groups: Sequence[Mapping[int, Geometry]], placements: "Sequence[InstanceArray]"
 ) -> StructureMemory:
     """Estimate the memory of `embree.Accel` for a scene, besides the buffers that it is given."""
-    parts = [
-        _scaled_bytes(_BYTES_PER_PRIMITIVE[geometry.primitive], _count(geometry), len(geometry.vertices))
-        for group in (geometries, *groups)
-        for geometry in group.values()
-    ]
-    parts += [_scaled_bytes(_BYTES_PER_INSTANCE, len(placed.group), len(placed.poses)) for placed in placements]
-    return StructureMemory(sum(part.peak for part in parts), sum(part.resident for part in parts))
-
-
-def _count(geometry: Geometry) -> int:
-    return len(geometry.vertices[0] if geometry.indices is None else geometry.indices)
-
-
-def _scaled_bytes(each: BytesPerPrimitive, count: int, poses: int) -> StructureMemory:
-    if poses == 1:
-        return StructureMemory(count * each.peak, count * each.resident)
-    more = (poses - 2) * each.per_pose
-    return StructureMemory(count * (each.moving_peak + more), count * (each.moving_resident + more))
+    parts = [(_BYTES_PER_INSTANCE, len(placed.group), len(placed.poses)) for placed in placements]
+    for geometry in (geometry for group in (geometries, *groups) for geometry in group.values()):
+        count = len(geometry.vertices[0] if geometry.indices is None else geometry.indices)
+        parts.append((_BYTES_PER_PRIMITIVE[geometry.primitive], count, len(geometry.vertices)))
+    peak = resident = 0
+    for (still, moving, per_pose), count, poses in parts:
+        each, more = (still, 0) if poses == 1 else (moving, (poses - 2) * per_pose)
+        peak, resident = peak + count * (each.peak + more), resident + count * (each.resident + more)
+    return StructureMemory(peak, resident)
 
 
 class PictureMemory(NamedTuple):

@@ -48,7 +48,7 @@ def test_shares_are_those_of_the_least_error() -> None:
     errors[:, 4:] = 16.0
     cost = np.where(errors == 16.0, 4.0, 1.0)
     pixels = np.full(48, 256)
-    found = allocate_samples(errors.ravel(), cost.ravel(), 8, pixels).samples.reshape(6, 8)
+    found = allocate_samples(errors.ravel(), cost.ravel(), 8, pixels)[0].reshape(6, 8)
     # Far from the edge, where smoothing changes nothing: sqrt(16 / 4) = 2.
     np.testing.assert_allclose(found[:, -1] / found[:, 0], 2.0)
     assert np.average(found) == pytest.approx(1.0)
@@ -57,14 +57,14 @@ def test_shares_are_those_of_the_least_error() -> None:
 def test_what_a_pilot_missed_still_gets_samples() -> None:
     errors = np.zeros((8, 8))
     errors[0, 0] = 1.0
-    found = allocate_samples(errors.ravel(), np.ones(64), 8, np.full(64, 256)).samples.reshape(8, 8)
+    found = allocate_samples(errors.ravel(), np.ones(64), 8, np.full(64, 256))[0].reshape(8, 8)
     # Neighbours of noise are suspected of an eighth of the noise around them; others get a sixteenth of the mean.
     assert found[0, 1] / found[0, 0] == pytest.approx(math.sqrt(2.0 / 9.0 / 8.0))
     assert found[1, 1] / found[0, 0] == pytest.approx(math.sqrt(1.0 / 9.0 / 8.0))
     assert found.min() == found[7, 7] < found[1, 1]
     assert found.min() > 0.04
     # Without any noise all are alike.
-    np.testing.assert_array_equal(allocate_samples(np.zeros(64), np.ones(64), 8, np.full(64, 256)).samples, 1.0)
+    np.testing.assert_array_equal(allocate_samples(np.zeros(64), np.ones(64), 8, np.full(64, 256))[0], 1.0)
 
 
 def test_goals_are_whole_packets_and_never_fall() -> None:

@@ -13,7 +13,7 @@ Optical Design", ch. 6.
 import numpy as np
 
 from raytracer.analysis.lens_design.performance.illumination import largest_height
-from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench, ParaxialRay, crossing
+from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench, crossing
 from raytracer.analysis.lens_design.performance.results import Curve, Seidel
 from raytracer.optics.lens_system.surfaces import LensSurfaces
 
@@ -31,26 +31,13 @@ def seidel(bench: OpticalBench) -> Seidel | None:
     largest = largest_height(bench, "y")
     lands = chief.heights[-1] + chief.slopes[-1] * (focus - surfaces.vertex[-1])
     chief = chief.times(-largest / lands)
+    # Differences of the indices between the ends of the spectrum.
     colours = bench.settings.wavelengths_nm[1:3]
     if len(colours) == 2:
         spread = bench.surfaces(colours[0]).ior - bench.surfaces(colours[1]).ior
     else:
         spread = np.full_like(surfaces.ior, np.nan)
-    return seidel_sums(bench.primary, largest, surfaces, marginal, chief, spread)
 
-
-def seidel_sums(
-    wavelength_nm: float,
-    image_height_mm: float,
-    surfaces: LensSurfaces,
-    marginal: ParaxialRay,
-    chief: ParaxialRay,
-    spread: Curve,
-) -> Seidel:
-    """Compute the Seidel sums of two paraxial rays.
-
-    spread (n + 1,) : differences of the indices between the ends of the spectrum.
-    """
     c, n = surfaces.curvature, surfaces.ior
     h, u, k, v = marginal.heights, marginal.slopes, chief.heights, chief.slopes
     a, b = n[:-1] * (h * c + u[:-1]), n[:-1] * (k * c + v[:-1])
@@ -68,7 +55,7 @@ def seidel_sums(
     distortion = -(b**3) * h * squares + b * c * steps * k * (2.0 * b * h - a * k) + departure * h * k**3
     axial, lateral = a * h * glass, b * h * glass
     rows = (spherical, coma, astigmatism, petzval, distortion, axial, lateral)
-    return Seidel(wavelength_nm, image_height_mm, invariant, *rows, asphere, *(float(row.sum()) for row in rows))
+    return Seidel(bench.primary, largest, invariant, *rows, asphere, *(float(row.sum()) for row in rows))
 
 
 def _departure(surfaces: LensSurfaces) -> Curve:

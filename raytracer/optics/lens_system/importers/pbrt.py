@@ -5,14 +5,14 @@ glass from it, so here a radius of 0 between two different media is flat glass. 
 number alone on a line before the surfaces is the focal length, as ISETLens writes it.
 
 pbrt reads the thickness as that behind a surface.  Kolb's tables have it before each, and both call the column `axpos`,
-so it is found by the numbers: see `resolve_convention`.
+so it is found by the numbers: see `_find_convention`.
 
 References: Pharr, Jakob, Humphreys 2023, "Physically Based Rendering", 4th ed., sec. 5.4 (RealisticCamera).
 """
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -67,13 +67,19 @@ def draft(text: str, file: str, choices: Choices) -> Draft:
     if not rows:
         result.refuse("holds no surfaces: a lens table has lines of radius, thickness, index of refraction, aperture")
 
-    def make_draft(thicknesses: list[float]) -> Draft:
-        return Draft(file, result.values, _surfaces(rows, thicknesses))
-
-    is_ambiguous = any(_AMBIGUOUS.search(comment) for comment in comments)
-    return resolve_convention(
-        make_draft, [row.gap for row in rows], remarks, choices.thickness, is_ambiguous=is_ambiguous
-    )
+    gaps = [row.gap for row in rows]
+    drafts = {
+        "after": Draft(file, result.values, _surfaces(rows, gaps)),
+        "before": Draft(file, result.values, _surfaces(rows, [*gaps[1:], 0.0])),
+    }
+    if choices.thickness is not None:
+        reading: FileInterpretation | None = FileInterpretation(choices.thickness, "as was asked for", is_guess=False)
+    else:
+        is_ambiguous = any(_AMBIGUOUS.search(comment) for comment in comments)
+        reading = _find_convention(drafts, gaps, remarks, is_ambiguous=is_ambiguous)
+    chosen = drafts["after" if reading is None else reading.place]
+    chosen.reading = reading
+    return chosen
 
 
 def _surfaces(rows: list[Row], thicknesses: list[float]) -> list[tuple[int, dict[str, object]]]:
@@ -120,16 +126,12 @@ def _number(result: Draft, line: int, column: str, word: str) -> float:
 class _Candidate(NamedTuple):
     """A lens that a table may mean.
 
-    place : the convention of thickness, "after" or "before" each surface.
-    draft : the lens.
     focal_length (mm) : its own; None if it has none, or is not valid.
     crossings : surfaces of it that intersect, by number from 1.
     """
 
-    place: str
-    draft: Draft
-    focal_length: float | None
-    crossings: Sequence[tuple[int, int]]
+    focal_length: float | None = None
+    crossings: Sequence[tuple[int, int]] = ()
 
     def describe(self) -> str:
         """Describe it in words."""
@@ -140,77 +142,65 @@ class _Candidate(NamedTuple):
         return f"{length} and surfaces {first} and {second} that go through each other"
 
 
-def resolve_convention(
-    make_draft: Callable[[list[float]], Draft],
-    gaps: list[float],
-    comments: Sequence[str],
-    place: str | None,
-    *,
-    is_ambiguous: bool,
-) -> Draft:
-    """Choose the convention of a table's thicknesses, and make its lens.
+def _find_convention(
+    drafts: Mapping[str, Draft], gaps: Sequence[float], comments: Sequence[str], *, is_ambiguous: bool
+) -> FileInterpretation | None:
+    """Find the convention of a table's thicknesses by its numbers; None if it makes no difference.
 
     Parameters
     ----------
-    make_draft : makes the lens from the thickness behind each surface (mm).
+    drafts : the lens by either convention, "after" or "before" each surface.
     gaps (mm) : the thicknesses in the rows of the table.
     comments : of the table, which may name its focal length.
-    place : the convention, "after" or "before" each surface; None to find it by the numbers.
     is_ambiguous : whether the table's heading is used for both; else "after" is assumed where nothing decides.
 
     Raises
     ------
     SceneError : the table is ambiguous.
     """
-    thickness = {"after": gaps, "before": [*gaps[1:], 0.0]}
-    if place is not None:
-        return _with_reading(make_draft(thickness[place]), place, "as was asked for", is_guess=False)
-    if gaps[:-1] == gaps[1:]:  # equal thicknesses are the same in both conventions
-        return make_draft(gaps)
+    if gaps[:-1] == gaps[1:]:
+        return None
     at_ends = [name for name, gap in (("before", gaps[0]), ("after", gaps[-1])) if gap == 0.0]
-    chosen = {name: _candidate(name, make_draft(thickness[name])) for name in ("after", "before")}
-    after, before = chosen.values()
+    lenses = {name: _candidate(draft) for name, draft in drafts.items()}
+    after, before = lenses["after"], lenses["before"]
     if after.focal_length is before.focal_length is None:
-        return after.draft
-    clean = [name for name, one in chosen.items() if not one.crossings and one.focal_length is not None]
-    if len(at_ends) == 1 and not (clean and chosen[at_ends[0]].crossings):
+        return None
+    clean = [name for name, one in lenses.items() if not one.crossings and one.focal_length is not None]
+    if len(at_ends) == 1 and not (clean and lenses[at_ends[0]].crossings):
         (name,) = at_ends
-        reason = f"since the {'first' if name == 'before' else 'last'} is 0; it has {chosen[name].describe()}"
-        return _with_reading(chosen[name].draft, name, reason, is_guess=False)
+        reason = f"since the {'first' if name == 'before' else 'last'} is 0; it has {lenses[name].describe()}"
+        return FileInterpretation(name, reason, is_guess=False)
 
     # Evidence for one of them alone: the numbers in the first and the last row, the surfaces, and the name.
-    named = _named(after.draft, comments)
-    near = [name for name, one in chosen.items() if named is not None and _is_near(one.focal_length, named)]
+    named = _named(drafts["after"], comments)
+    near = [
+        name
+        for name, one in lenses.items()
+        if named is not None and one.focal_length is not None and abs(abs(one.focal_length) - named) <= _NEAR * named
+    ]
     favoured = {names[0] for names in (at_ends, clean, near) if len(names) == 1}
     if not favoured and not is_ambiguous:
         favoured = {"after"}
     ends = f"the first is {gaps[0]:g} mm and the last {gaps[-1]:g} mm"
     if len(favoured) != 1:
-        after.draft.refuse(
+        drafts["after"].refuse(
             f"may be two lenses, as {ends}: with thickness after each surface it has {after.describe()}, with "
             f"thickness before each {before.describe()}; say which is meant by rt lens import --thickness after, or "
             "before"
         )
     (name,) = favoured
-    other = before if name == "after" else after
-    reason = f"for {chosen[name].describe()}; as that {other.place} each it would have {other.describe()} ({ends})"
-    return _with_reading(chosen[name].draft, name, reason, is_guess=True)
+    other = "before" if name == "after" else "after"
+    reason = f"for {lenses[name].describe()}; as that {other} each it would have {lenses[other].describe()} ({ends})"
+    return FileInterpretation(name, reason, is_guess=True)
 
 
-def _with_reading(draft: Draft, place: str, reason: str, *, is_guess: bool) -> Draft:
-    """Note in a draft how it was interpreted, and why."""
-    draft.reading = FileInterpretation(place, reason, is_guess)
-    return draft
-
-
-def _candidate(place: str, draft: Draft) -> _Candidate:
+def _candidate(draft: Draft) -> _Candidate:
     """Find the focal length of a draft, and its surfaces that intersect."""
     try:
         lens = draft.spec().lens()
-        length = cardinal_points(lens.packed()).focal_length
+        return _Candidate(cardinal_points(lens.packed()).focal_length, lens.crossings())
     except (SceneError, ValueError):
-        return _Candidate(place, draft, None, ())
-    return _Candidate(place, draft, length, lens.crossings())
+        return _Candidate()
 
 
 def _named(draft: Draft, comments: Sequence[str]) -> float | None:
@@ -224,7 +214,3 @@ def _named(draft: Draft, comments: Sequence[str]) -> float | None:
                 if found := re.search(pattern, text, re.IGNORECASE):
                     return float(found[1])
     return None
-
-
-def _is_near(length: float | None, named: float) -> bool:
-    return length is not None and abs(abs(length) - named) <= _NEAR * named
