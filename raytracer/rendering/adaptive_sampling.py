@@ -15,36 +15,25 @@ away); Cochran 1977, "Sampling Techniques", 3rd ed., section 5.5 (the best share
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.embree import PACKET
 from raytracer.core.error_estimate import ErrorEstimate, ErrorEstimator
-from raytracer.kernel.packed_scene import Scene
+from raytracer.core.error_estimate.rates import MIN_EXPONENT
+from raytracer.core.sampling import SAMPLERS
 from raytracer.kernel.path_state import Workspace
 from raytracer.kernel.path_tracer import render_tile
 from raytracer.kernel.pixel_accumulator import FilmView
 from raytracer.rendering.tile_job import TileJob, TileResult, split_by_tile
 from raytracer.rendering.tile_scheduler import FIRST_PASS, TileQueue, now
 
+if TYPE_CHECKING:
+    from raytracer.rendering.compilation import PreparedScene
+
 # ---- Pilot samples
-
-
-class PilotSetup(NamedTuple):
-    """The means to take pilot samples, which are thrown away.
-
-    scene : returns the scene with a sampler for a seed and spp.
-    scratch : makes a film of one tile, of the same type as the picture's.
-    estimator : makes an empty error estimator for the picture's tiles.
-    seed : the picture's, which is below 2^32.
-    """
-
-    scene: Callable[[int, int], Scene]
-    scratch: Callable[[], FilmView]
-    estimator: Callable[[], ErrorEstimator]
-    seed: int
 
 
 def pilot_seed(seed: int, number: int) -> int:
@@ -53,7 +42,7 @@ def pilot_seed(seed: int, number: int) -> int:
 
 
 def take_pilot_samples(
-    queue: TileQueue, pilots: PilotSetup, number: int, spp: int
+    queue: TileQueue, prepared: "PreparedScene", number: int, spp: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
     """Render pilot samples of every pixel, which are not added to the picture.
 
@@ -67,7 +56,10 @@ def take_pilot_samples(
     By tile (tiles,), float64 and int64: the relative squared error of so many samples, up to a factor; the rays traced;
     and the samples taken, which are fewer after an interrupt.
     """
-    scene, estimator = pilots.scene(pilot_seed(pilots.seed, number), spp), pilots.estimator()
+    settings = prepared.packed.spec.render
+    scene = prepared.scene._replace(sampler=SAMPLERS[settings.sampler](pilot_seed(settings.seed, number), spp))
+    # Shares need only one difference, for which it takes half the memory.
+    estimator = ErrorEstimator(queue.windows, MIN_EXPONENT)
     taken, rays = np.zeros((2, len(queue.windows)), dtype=np.int64)
     films: deque[FilmView] = deque()
     waiting, seconds = deque(range(len(queue.windows))), queue.seconds_per_sample * spp
@@ -103,7 +95,7 @@ def take_pilot_samples(
             rays[tile], taken[tile] = result.rays[place], spp
 
     if queue.remote is None:
-        films.extend(pilots.scratch() for _ in range(queue.pool.threads))
+        films.extend(prepared.empty_tile() for _ in range(queue.pool.threads))
         queue.pool.run(range(len(queue.windows)), work)
     else:
         queue.pool.run_remote(queue.remote, next_job, merge)
@@ -213,10 +205,10 @@ class AdaptiveRender:
     """
 
     def __init__(
-        self, queue: TileQueue, pilots: PilotSetup, criteria: StopCriteria, state: AdaptiveState | None = None
+        self, queue: TileQueue, prepared: "PreparedScene", criteria: StopCriteria, state: AdaptiveState | None = None
     ) -> None:
         """Begin before the first round, or go on from a state that belongs to the film of the queue."""
-        self._queue, self._pilots, self._criteria = queue, pilots, criteria
+        self._queue, self._prepared, self._criteria = queue, prepared, criteria
         self._max_spp = _MAX_SPP if criteria.max_spp is None else criteria.max_spp
         self._reached = criteria.noise is None
         self.adaptive_state = state or AdaptiveState.initial(len(queue.windows))
@@ -283,7 +275,7 @@ class AdaptiveRender:
         if spp < max(_SMALLEST_PILOT, 4 * state.pilot_spp):
             return
         number = state.number + 1
-        errors, rays, taken = take_pilot_samples(queue, self._pilots, number, spp)
+        errors, rays, taken = take_pilot_samples(queue, self._prepared, number, spp)
         if queue.pool.is_stopped:
             return
         shares, errors = allocate_samples(errors, rays / queue.pixels, queue.columns, queue.pixels)

@@ -1,6 +1,6 @@
 """Develop a film after the render: make an image with its layers, denoise it if that is asked for, and expose it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -14,6 +14,7 @@ from raytracer.film.photograph import RADIANCE, DevelopSettings, check_develop_s
 from raytracer.film.window import Window
 from raytracer.kernel.packed_scene import Scene
 from raytracer.plugins.cameras.base.moving import camera_at_time
+from raytracer.rendering.checked_options import CheckedOptions
 from raytracer.rendering.film_region import DENOISER_GUIDES, FilmRegion
 from raytracer.scene.pack.autofocus import mid_exposure_time
 from raytracer.scene.spec import SceneSpec
@@ -58,25 +59,24 @@ def negative_causes(spec: SceneSpec, scene: Scene) -> tuple[str, ...]:
 def develop_image(
     region: FilmRegion,
     spec: SceneSpec,
-    *,
-    settings: Mapping[str, str | float | int] | None = None,
-    aovs: Sequence[str] = (),
-    denoise_threads: int | None = None,
+    options: CheckedOptions | None = None,
+    header: Mapping[str, str | float | int] | None = None,
     lap: Callable[[str], object] = lambda phase: None,
+    *,
     is_final: bool = False,
 ) -> tuple[Image, ExposureResult | None]:
     """Make the image of a film, and tell how it was exposed; None for plain radiance.
 
     Parameters
     ----------
-    settings : for the headers of files.
-    aovs : recorded AOVs that become layers.
-    denoise_threads : threads for Open Image Denoise; None not to denoise.
+    options : which AOVs become layers, and whether it is denoised; None for neither.
+    header : settings for the headers of files.
     lap : called with the name of a phase, "develop" or "denoise", at its end.
     is_final : True if nothing will be added to the film, so that the image may share its memory.
     """
+    aovs = () if options is None else options.aovs
     film, recording, window = region.film, region.recording, region.window
-    image = develop(film, settings or {}, is_final=is_final)
+    image = develop(film, header or {}, is_final=is_final)
     if recording is not None:
         image = replace(
             image,
@@ -84,14 +84,14 @@ def develop_image(
             layers={name: recording.develop(name, film) for name in aovs},
             channels=recording.channels(aovs),
         )
-        if denoise_threads is not None:
+        if options is not None and options.denoise:
             from raytracer.film.denoise import denoise
 
             lap("develop")
             albedo, normal, coverage = (recording.develop(name, film) for name in DENOISER_GUIDES)
             guides = coverage[..., None] * albedo, coverage[..., None] * normal
             # Each view by itself.
-            image = denoise(image, *guides, threads=denoise_threads, parts=_view_slices(spec, window))
+            image = denoise(image, *guides, threads=options.threads, parts=_view_slices(spec, window))
             lap("denoise")
     if window == Window(0, 0, *spec.picture()):
         image = replace(image, layout=light_field_layout(spec))

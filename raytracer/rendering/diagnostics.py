@@ -4,7 +4,7 @@ A film keeps no samples; to look at one of them, its whole packet is traced agai
 picture: a packet of other rays may reach other code of the ray caster.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ from raytracer.kernel.path_state import Workspace
 from raytracer.kernel.path_state import workspace as make_workspace
 from raytracer.kernel.path_tracer import render_tile
 from raytracer.kernel.pixel_accumulator import FilmView
+from raytracer.rendering.compilation import PreparedScene
 from raytracer.rendering.film_region import FilmRegion
 from raytracer.rendering.statistics import Stats
 
@@ -99,16 +100,9 @@ def _retrace(scene: Scene, scratch: FilmView, workspace: Workspace, x: int, y: i
 # ---- Diagnosis
 
 
-def diagnose_samples(
-    stats: Stats, scene: Scene, clamp: float | None, region: FilmRegion, scratch: Callable[[], FilmView]
-) -> None:
-    """Note in the statistics what is wrong with the samples on a film.
-
-    Parameters
-    ----------
-    clamp : the limit of the scene's clamp, if it has one.
-    scratch : makes a film of one tile, of the same type, to take samples again.
-    """
+def diagnose_samples(stats: Stats, prepared: PreparedScene, region: FilmRegion) -> None:
+    """Note in the statistics what is wrong with the samples on a film."""
+    scene, clamp = prepared.scene, prepared.packed.spec.render.clamp
     film = region.film
     stats.nan_samples = int(film.nan_count.sum())
     if film.removed is not None and clamp is not None:
@@ -116,11 +110,11 @@ def diagnose_samples(
     if stats.nan_samples:
         row, column = (int(place) for place in np.argwhere(film.nan_count)[0])
         x, y = region.left + column, region.top + row
-        sample = first_nan_sample(scene, scratch(), x, y, _samples_taken(region, row, column))
+        sample = first_nan_sample(scene, prepared.empty_tile(), x, y, _samples_taken(region, row, column))
         stats.first_nan = {"pixel": [x, y], "sample": sample}
     fireflies = find_fireflies(film.mean, film.m2, film.count)
     if fireflies is not None:
-        stats.fireflies = _firefly_stats(fireflies, scene, region, scratch())
+        stats.fireflies = _firefly_stats(fireflies, scene, region, prepared.empty_tile())
 
 
 def _samples_taken(region: FilmRegion, row: int, column: int) -> int:

@@ -8,19 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from raytracer.analysis.lens_design.performance import results
 from raytracer.analysis.lens_design.performance.lens_study import LensStudy
-from raytracer.analysis.lens_design.performance.results import (
-    ChromaticAberration,
-    DiffractionLimit,
-    DistortionCurve,
-    FieldCurvature,
-    Illumination,
-    Mtf,
-    MtfOverField,
-    Spherical,
-    Spot,
-    SpotsOfField,
-)
 from raytracer.optics.glass import LINE_C, LINE_D, LINE_F
 from raytracer.report.chart import DASH_DOTTED, DASHED, DOTTED, SOLID, Chart, LegendEntry, ReferenceLine, Series
 from raytracer.report.palette import BLUE, GREEN, OCHRE, PURPLE, SERIES, VERMILLION
@@ -171,12 +160,12 @@ def _spots(study: LensStudy) -> tuple[tuple[Chart, ...], int]:
     return tuple(charts), len(fields[0].spots) + 1
 
 
-def _passing_points(spot: Spot) -> FloatArray:
+def _passing_points(spot: results.Spot) -> FloatArray:
     """Select the points of rays that get through."""
     return spot.points_um[np.isfinite(spot.points_um).all(axis=1)]
 
 
-def _half_width(fields: Sequence[SpotsOfField]) -> float:
+def _half_width(fields: Sequence[results.SpotsOfField]) -> float:
     """Choose half the side of all frames (um): a round number that holds nearly all rays of the largest spot."""
     landed = [points for field in fields for spot in field.spots if len(points := _passing_points(spot))]
     wanted = 1.1 * max([0.5, *(float(np.quantile(np.abs(points), 0.98)) for points in landed)])
@@ -184,7 +173,7 @@ def _half_width(fields: Sequence[SpotsOfField]) -> float:
     return next(power * m for m in (1.0, 2.0, 3.0, 5.0, 10.0) if power * m >= wanted)
 
 
-def _dots(spot: Spot) -> Series:
+def _dots(spot: results.Spot) -> Series:
     """Choose the dots of a spot diagram."""
     points = _passing_points(spot)
     # A stride would pick columns of the pupil's grid.
@@ -209,7 +198,7 @@ def frame_size_um(group: ChartGroup) -> float:
 # ---- Over the pupil
 
 
-def _spherical(result: Spherical) -> Iterator[Chart]:
+def _spherical(result: results.Spherical) -> Iterator[Chart]:
     """Chart spherical aberration, and the offence against the sine condition."""
     lines = _by_wavelength(result.wavelengths_nm, result.longitudinal_mm, result.pupil, upright=True)
     if np.isfinite(result.third_order_mm).any():
@@ -244,7 +233,7 @@ def _fans(study: LensStudy) -> Iterator[Chart]:
 # ---- Over the field
 
 
-def _curvature(result: FieldCurvature) -> Chart:
+def _curvature(result: results.FieldCurvature) -> Chart:
     """Chart field curvature and the Petzval surface."""
     lines, entries = [], []
     # Colours by wavelength, dashes by plane.
@@ -262,7 +251,7 @@ def _curvature(result: FieldCurvature) -> Chart:
     return Chart(*names, tuple(lines), levels=_ZERO_X, entries=tuple(entries), note=note)
 
 
-def _distortion(result: DistortionCurve) -> Chart:
+def _distortion(result: results.DistortionCurve) -> Chart:
     """Chart distortion against ideal projections."""
     lines = [Series("against f tan θ", result.percent, result.image_height_mm, BLUE, SOLID)]
     best = projection_text(result.projection)
@@ -275,7 +264,7 @@ def _distortion(result: DistortionCurve) -> Chart:
     return Chart(*names, tuple(lines), ends, levels=_ZERO_X, note=f"The projection that fits best is {best}.")
 
 
-def _chromatic_aberration(result: ChromaticAberration) -> Iterator[Chart]:
+def _chromatic_aberration(result: results.ChromaticAberration) -> Iterator[Chart]:
     """Chart lateral and longitudinal colour."""
     lateral = _by_wavelength(result.edge_wavelengths_nm, result.lateral_um, result.image_height_mm, upright=True)
     names = f"lateral-{result.meridian}", "Lateral colour", "from the middle colour (µm)", "image height (mm)"
@@ -286,7 +275,7 @@ def _chromatic_aberration(result: ChromaticAberration) -> Iterator[Chart]:
     yield Chart(*names, (axial,), levels=_ZERO_Y, note=note)
 
 
-def _illumination(result: Illumination) -> Chart:
+def _illumination(result: results.Illumination) -> Chart:
     """Chart relative illumination."""
     height = result.image_height_mm
     lines = (
@@ -314,7 +303,7 @@ def _mtf_charts(study: LensStudy) -> Iterator[Chart]:
 
 
 def _mtf_by_frequency(
-    name: str, way: str, fields: Sequence[Mtf], contrasts: Sequence[FloatArray], limit: DiffractionLimit
+    name: str, way: str, fields: Sequence[results.Mtf], contrasts: Sequence[FloatArray], limit: results.DiffractionLimit
 ) -> Chart:
     """Chart the tangential or the sagittal MTF of fields in one meridian by frequency."""
     lines = [
@@ -335,7 +324,7 @@ def _mtf_by_frequency(
     return Chart(key, title, "line pairs a millimetre", "contrast", tuple(lines), (0.0, last), (0.0, 1.02), note=note)
 
 
-def _mtf_over_field(result: MtfOverField) -> Chart:
+def _mtf_over_field(result: results.MtfOverField) -> Chart:
     """Chart the MTF over image height at a few frequencies."""
     lines, entries = [], []
     for number, frequency in enumerate(result.frequencies_per_mm):

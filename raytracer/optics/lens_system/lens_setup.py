@@ -52,26 +52,23 @@ class EquivalentThinLens(NamedTuple):
         return field_of_view(height, self.image_distance)
 
 
-def equivalent_thin_lens(
-    lens: LensSurfaces, film: float, focus_distance: float, across: str = "y"
-) -> EquivalentThinLens:
+def equivalent_thin_lens(lens: LensSurfaces, film: float, focus_distance: float) -> EquivalentThinLens:
     """Find the thin lens that is equivalent to a lens as it is packed, focused and stopped down.
 
     Parameters
     ----------
     film (mm) : place of the film on the axis, in the lens's frame.
     focus_distance (mm) : of the plane of focus from the entrance pupil; may be infinite.
-    across : "x" or "y", the plane of the rays through a lens with cylinders.
 
     Raises
     ------
     ValueError : the entrance pupil is at infinity, so that nothing can stand there; or the image is upright.
     """
-    pupil = entrance_pupil(lens, across)
+    pupil = entrance_pupil(lens)
     if math.isinf(pupil.z):
         raise ValueError("the entrance pupil of the lens is at infinity: no thin lens can stand there")
     start = np.array([float(lens.vertex[0]) - pupil.z, float(lens.ior[0])])
-    height, slope = ray_transfer_matrix(lens, across) @ start
+    height, slope = ray_transfer_matrix(lens) @ start
     aperture = abs(cardinal_points(lens).focal_length) / f_number_of(lens)
     image = float(height + slope / float(lens.ior[-1]) * (film - float(lens.vertex[-1])))
     if image < 0.0:

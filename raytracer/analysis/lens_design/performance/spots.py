@@ -88,25 +88,14 @@ def spots(bench: OpticalBench, meridian: str = "y") -> tuple[SpotsOfField, ...]:
         several = []
         for wavelength, (places, weights), most in zip(settings.wavelengths_nm, light, full, strict=True):
             centre, rms, largest = spot_size(places, weights)
-            several.append(
-                Spot(
-                    meridian,
-                    point.field,
-                    point.field_deg,
-                    wavelength,
-                    # x across the field, y along it.
-                    1e3 * places[:, ::-1],
-                    (1e3 * float(centre[1]), 1e3 * float(centre[0])),
-                    1e3 * rms,
-                    1e3 * largest,
-                    float(weights.sum()) / most if most > 0.0 else math.nan,
-                )
-            )
+            # x across the field, y along it.
+            points, centroid = 1e3 * places[:, ::-1], (1e3 * float(centre[1]), 1e3 * float(centre[0]))
+            part = float(weights.sum()) / most if most > 0.0 else math.nan
+            row = (meridian, point.field, point.field_deg, wavelength)
+            several.append(Spot(*row, points, centroid, 1e3 * rms, 1e3 * largest, part))
         _, rms, largest = spot_size(*pool_colors(light))
-        angle, height = point.field_deg, point.height
-        spots_of_fields.append(
-            SpotsOfField(meridian, point.field, angle, height, tuple(several), 1e3 * rms, 1e3 * largest)
-        )
+        place = (meridian, point.field, point.field_deg, point.height)
+        spots_of_fields.append(SpotsOfField(*place, tuple(several), 1e3 * rms, 1e3 * largest))
     return tuple(spots_of_fields)
 
 
