@@ -46,8 +46,6 @@ def take_pilot_samples(
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
     """Render pilot samples of every pixel, which are not added to the picture.
 
-    Parameters
-    ----------
     number : of the pilot, from 1.
     spp : samples a pixel, a power of two from 16 on.
 
@@ -142,14 +140,6 @@ _ROUND_TIME_FRACTION = 0.9
 _LAST_ROUND_GROWTH = 1.25
 
 
-class StopCriteria(NamedTuple):
-    """Limits at which to stop: a relative error, a number of samples in every pixel, a time of `tile_scheduler.now`."""
-
-    noise: float | None
-    max_spp: int | None
-    deadline: float | None
-
-
 class AdaptiveState(NamedTuple):
     """The state of adaptive sampling between rounds, from which a checkpoint goes on.
 
@@ -198,19 +188,20 @@ class Outcome(NamedTuple):
 
 
 class AdaptiveRender:
-    """Adaptive sampling of a picture after its first pass, until its stop criteria are met.
+    """Adaptive sampling of a picture after its first pass: until its error, its samples or the time are as asked for.
 
     Which samples it takes depends on the scene and the seed, and not on threads or the clock, but that a deadline may
     end it.
     """
 
     def __init__(
-        self, queue: TileQueue, prepared: "PreparedScene", criteria: StopCriteria, state: AdaptiveState | None = None
+        self, queue: TileQueue, prepared: "PreparedScene", deadline: float | None, state: AdaptiveState | None = None
     ) -> None:
-        """Begin before the first round, or go on from a state that belongs to the film of the queue."""
-        self._queue, self._prepared, self._criteria = queue, prepared, criteria
-        self._max_spp = _MAX_SPP if criteria.max_spp is None else criteria.max_spp
-        self._reached = criteria.noise is None
+        """Begin before the first round, or go on from a state of the queue's film; `deadline` is a time of `now`."""
+        self._queue, self._prepared, self._deadline = queue, prepared, deadline
+        options = prepared.options
+        self._noise, self._max_spp = options.noise, _MAX_SPP if options.max_spp is None else options.max_spp
+        self._reached = options.noise is None
         self.adaptive_state = state or AdaptiveState.initial(len(queue.windows))
 
     @property
@@ -224,16 +215,16 @@ class AdaptiveRender:
         report : called before every round with the samples over all pixels that the picture is likely to end with,
             and with its error as far as that is known.
         """
-        queue, criteria = self._queue, self._criteria
-        queue.render_passes(min(_MIN_SPP, self._max_spp), criteria.deadline)
-        queue.render_to(self.adaptive_state.goals, criteria.deadline)
+        queue, noise = self._queue, self._noise
+        queue.render_passes(min(_MIN_SPP, self._max_spp), self._deadline)
+        queue.render_to(self.adaptive_state.goals, self._deadline)
         while not self._queue.pool.is_stopped:
             estimate = None
-            if criteria.noise is not None:
+            if noise is not None:
                 estimate = queue.estimate()
                 if estimate is None:
                     return
-                if estimate.error <= criteria.noise:
+                if estimate.error <= noise:
                     self._reached = True
                     return
             in_time = self._growth_in_time()
@@ -247,21 +238,21 @@ class AdaptiveRender:
                 return
             before = queue.done
             self.adaptive_state = self.adaptive_state._replace(goals=self._goals(estimate, in_time))
-            queue.render_to(self.adaptive_state.goals, criteria.deadline)
+            queue.render_to(self.adaptive_state.goals, self._deadline)
             if queue.done == before:
                 return
 
     def _growth_for_noise(self, estimate: ErrorEstimate | None) -> float:
         """Return the factor by which the samples are to grow, if evenly, to reach the error asked for."""
-        if self._criteria.noise is None or estimate is None:
+        if self._noise is None or estimate is None:
             return math.inf
-        return float((estimate.error / self._criteria.noise) ** (2.0 / estimate.exponent))
+        return float((estimate.error / self._noise) ** (2.0 / estimate.exponent))
 
     def _growth_in_time(self) -> float:
         """Return the factor by which the samples may grow, if evenly, until the deadline."""
-        if self._criteria.deadline is None:
+        if self._deadline is None:
             return math.inf
-        left = max(0.0, self._criteria.deadline - now()) * self._queue.threads
+        left = max(0.0, self._deadline - now()) * self._queue.threads
         return 1.0 + left / float(self._queue.seconds_per_sample @ self._queue.counts)
 
     def _update_pilots(self, growth: float) -> None:
@@ -290,7 +281,7 @@ class AdaptiveRender:
 
     def _goals(self, estimate: ErrorEstimate | None, in_time: float) -> NDArray[np.int64]:
         """Return the numbers of samples (tiles,) to have after the next round."""
-        queue, noise = self._queue, self._criteria.noise
+        queue, noise = self._queue, self._noise
         counts, pixels = queue.counts, queue.pixels
 
         def at(level: float) -> NDArray[np.int64]:
@@ -305,12 +296,10 @@ class AdaptiveRender:
             goal = (noise / estimate.error) ** 2 * float(weight @ counts**slope)
             _, enough = _bisect(lambda level: bool(weight @ at(level) ** slope > goal))
             level = max(min(level, enough), _bisect(is_within(_MIN_GROWTH))[1])
-        if self._criteria.deadline is not None:
+        if self._deadline is not None:
             # The last round is planned for a little more than it can do.
             is_last = in_time < _LAST_ROUND_GROWTH
-            seconds = (
-                self._queue.threads * (self._criteria.deadline - now()) * (1.0 if is_last else _ROUND_TIME_FRACTION)
-            )
+            seconds = self._queue.threads * (self._deadline - now()) * (1.0 if is_last else _ROUND_TIME_FRACTION)
             fits = _bisect(lambda level: bool(queue.seconds_per_sample @ (at(level) - counts) <= seconds))
             level = min(level, fits[1 if is_last else 0])
         return at(level)

@@ -21,7 +21,7 @@ from raytracer.film.image import Image
 from raytracer.rendering.resumable_state import ResumableState, identity_difference
 from raytracer.rendering.tile_scheduler import now
 from raytracer.util import array_snapshot
-from raytracer.util.array_snapshot import DamagedError, Snapshot
+from raytracer.util.array_snapshot import DamagedError
 from raytracer.util.errors import InputError, OutputError
 
 SUFFIX = ".checkpoint"
@@ -263,7 +263,7 @@ class CheckpointWriter:
                 if by_copy:
                     arrays = {name: array.copy() for name, array in arrays.items()}
             about = {"format": _FORMAT, "identity": self._identity_of(render), "told": metadata}
-            size = array_snapshot.write(self.path, Snapshot(about, arrays), keep=self._is_valid)
+            size = array_snapshot.write(self.path, about, arrays, keep=self._is_valid)
         except (OutputError, InputError, MemoryError) as error:
             if not self._is_failing:
                 self._is_failing = True

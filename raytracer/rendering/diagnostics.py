@@ -44,8 +44,6 @@ class SamplePacket(NamedTuple):
 def replay_samples(scene: Scene, scratch: FilmView, x: int, y: int, taken: int) -> Iterator[SamplePacket]:
     """Trace all samples of pixel (x, y) of the picture again, packet by packet.
 
-    Parameters
-    ----------
     scratch : a film to write on, of any size.
     taken : number of samples.
     """

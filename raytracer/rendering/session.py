@@ -8,7 +8,7 @@ from raytracer.core.error_estimate import ErrorEstimator, sampler_exponent
 from raytracer.film.exposure import ExposureResult
 from raytracer.film.image import Image
 from raytracer.film.negative_pixels import find_negative_pixels
-from raytracer.rendering.adaptive_sampling import AdaptiveRender, Outcome, StopCriteria
+from raytracer.rendering.adaptive_sampling import AdaptiveRender, Outcome
 from raytracer.rendering.checkpoint import CheckpointWriter
 from raytracer.rendering.compilation import PreparedScene
 from raytracer.rendering.develop import develop_image, negative_causes
@@ -126,8 +126,7 @@ class RenderSession:
 
             # Render the rest.
             if options.is_adaptive:
-                criteria = StopCriteria(options.noise, options.max_spp, deadline)
-                adaptive = AdaptiveRender(queue, self._prepared, criteria, state.adaptive_state)
+                adaptive = AdaptiveRender(queue, self._prepared, deadline, state.adaptive_state)
                 state.adaptive = adaptive
                 adaptive.run(self._reporter.set_estimate)
             else:

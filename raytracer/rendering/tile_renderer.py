@@ -44,8 +44,6 @@ def render_tiles(
 ) -> RenderedTiles:
     """Render some tiles of a picture; the pixels are those of the whole picture with that seed and spp.
 
-    Parameters
-    ----------
     windows : of at most TILE x TILE pixels each.
     keep : multiples of 8 up to `spp`, numbers of samples after which to keep the means, too.
 

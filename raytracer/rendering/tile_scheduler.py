@@ -200,8 +200,6 @@ class TileQueue:
     def take_batch(self, waiting: deque[int], cost: Callable[[int], float], limit: float) -> list[int]:
         """Pop as many tiles from a queue as make up a job.
 
-        Parameters
-        ----------
         cost : returns the seconds that one thread takes for a tile.
         limit (s) : for all tiles; a single one may take longer.
         """

@@ -165,8 +165,6 @@ class SignalWatcher:
     def exit_now(self, status: int | None = None, sentence: str | None = None) -> NoReturn:
         """End the process at once, whatever its threads do, and remove its temporary files.
 
-        Parameters
-        ----------
         status : the exit status; that of an interrupt if None.
         sentence : message on stderr.
         """

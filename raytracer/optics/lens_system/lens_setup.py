@@ -55,8 +55,6 @@ class EquivalentThinLens(NamedTuple):
 def equivalent_thin_lens(lens: LensSurfaces, film: float, focus_distance: float) -> EquivalentThinLens:
     """Find the thin lens that is equivalent to a lens as it is packed, focused and stopped down.
 
-    Parameters
-    ----------
     film (mm) : place of the film on the axis, in the lens's frame.
     focus_distance (mm) : of the plane of focus from the entrance pupil; may be infinite.
 

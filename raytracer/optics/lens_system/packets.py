@@ -120,8 +120,6 @@ def trace_packet(lens, packet):
 def intersect_packet(shapes, lens, surface, ray, weight):
     """Intersect rays to the scene with a surface, by the shapes of a lens's surfaces.
 
-    Parameters
-    ----------
     ray : (x, y, z, a, b, g), places (mm), z from the surface's vertex on, and unit directions.
     weight : 0 for rays that are lost already.
 

@@ -240,8 +240,6 @@ def trace_rays(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Follow many rays by `trace`, without the interpreter lock.
 
-    Parameters
-    ----------
     origins, directions : points of the rays (mm) and unit vectors (n, 3), or (3,) for all.
     wavelength : in air (nm), of all rays or (n,); the d line by default.
 

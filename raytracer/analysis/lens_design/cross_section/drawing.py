@@ -200,8 +200,6 @@ def _cross_section(bench: OpticalBench, first: FirstOrder) -> CrossSection:
 def stack_labels(drawing: CrossSection, scale: float, letters: float) -> tuple[list[tuple[AxisMark, float, int]], int]:
     """Place the names of marks under the drawing so that none covers another.
 
-    Parameters
-    ----------
     scale : of the drawing: points per millimetre.
     letters : their size (pt).
 

@@ -129,8 +129,6 @@ _POWERS = {"fisheye": (1, 2, 3, 4), "pinhole": (1, 2, 0, 0, 3), "rational": (1, 
 def _fit(name: str, free: tuple[int, ...], radius: float, error_px: _Distort) -> DistortionModel:
     """Fit the free coefficients by least squares of pixels; a lens that is centred has no tangential ones.
 
-    Parameters
-    ----------
     radius : of the outermost points.
     error_px : errors (n, 2), in pixels, of the points by the coefficients.
     """
@@ -222,8 +220,6 @@ class DistortionMap:
 def trace_distortion_map(bench: OpticalBench, width: int, *, ideal: Ideal | None = None) -> DistortionMap:
     """Trace the distortion map of a lens on the bench, and fit OpenCV's models to it.
 
-    Parameters
-    ----------
     width : pixels across the film.
     ideal : the projection to compare with; by default the rectilinear one, up to 65 degrees from the axis.
 

@@ -220,8 +220,6 @@ def _spline_table(
 ) -> PointTable:
     """Interpolate values x and y at the knots of a quadrant by splines over all four.
 
-    Parameters
-    ----------
     quadrant : knots of both coordinates (mm), from 0 on.
     reach : of the table (mm), (2,).
     """

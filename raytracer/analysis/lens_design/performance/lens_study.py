@@ -15,9 +15,8 @@ from raytracer.analysis.lens_design.performance.field_aberrations import (
 from raytracer.analysis.lens_design.performance.first_order import first_order
 from raytracer.analysis.lens_design.performance.illumination import illumination, sensor_reach
 from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench, set_up_bench
-from raytracer.analysis.lens_design.performance.ray_aberrations import fans, spherical
+from raytracer.analysis.lens_design.performance.ray_aberrations import fans, seidel, spherical
 from raytracer.analysis.lens_design.performance.results import Note, Settings
-from raytracer.analysis.lens_design.performance.seidel import seidel
 from raytracer.analysis.lens_design.performance.spots import diffraction_limit, mtf, mtf_over_field, spots
 from raytracer.analysis.lens_design.performance.tolerances import tolerances
 from raytracer.optics.lens_system.lens import Lens

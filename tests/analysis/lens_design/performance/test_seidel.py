@@ -9,9 +9,8 @@ from raytracer.analysis.lens_design.performance.beams import aim_fan, field_poin
 from raytracer.analysis.lens_design.performance.chief_rays import chief_rays_at_fields
 from raytracer.analysis.lens_design.performance.field_aberrations import axial_shift_mm, distortion, field_curvature
 from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench
-from raytracer.analysis.lens_design.performance.ray_aberrations import spherical
+from raytracer.analysis.lens_design.performance.ray_aberrations import seidel, spherical
 from raytracer.analysis.lens_design.performance.results import Seidel
-from raytracer.analysis.lens_design.performance.seidel import seidel
 from raytracer.optics.glass import constant_index_glass, glass_from_abbe
 from raytracer.optics.lens_system.lens import Lens
 from tests.analysis.lens_design.benches import aspheric_pair, bench_at, lens_of, limit, sensor, stop
