@@ -290,7 +290,7 @@ def _settings(f_number: float | None, focus_distance: str, sensor: str | None, w
 
 def _fit_settings(settings: "Settings", sensor: str | None, lens: "Lens") -> "Settings":
     """Fit settings to a lens: without --sensor, choose one that its image circle covers."""
-    from raytracer.optics.lens_system.stops import widest_f_number
+    from raytracer.optics.lens_system.lens_setup import widest_f_number
 
     # What is engraved on a lens is rounded, and stands for wide open.
     engraved, wanted = lens.f_number, settings.f_number

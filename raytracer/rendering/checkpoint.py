@@ -166,7 +166,9 @@ class CheckpointWriter:
             if about.get("format") != _FORMAT:
                 raise CheckpointError(f"{path}: is of another version of rt")
             metadata, identity = about.get("told"), about.get("identity")
-            if not (isinstance(metadata, dict) and isinstance(identity, dict) and _is_number(metadata.get("seconds"))):
+            seconds = metadata.get("seconds") if isinstance(metadata, dict) else None
+            has_time = isinstance(seconds, int | float) and not isinstance(seconds, bool) and math.isfinite(seconds)
+            if not (has_time and isinstance(identity, dict)):
                 raise DamagedError("does not say what it is of")
             difference = identity_difference(identity, self._identity_of(render))
             if difference is not None:
@@ -278,7 +280,3 @@ class CheckpointWriter:
         if was_failing:
             self._say(f"{self.path}: is written again")
         return True
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -108,23 +108,20 @@ def diagnose_samples(stats: Stats, prepared: PreparedScene, region: FilmRegion) 
     if stats.nan_samples:
         row, column = (int(place) for place in np.argwhere(film.nan_count)[0])
         x, y = region.left + column, region.top + row
-        sample = first_nan_sample(scene, prepared.empty_tile(), x, y, _samples_taken(region, row, column))
+        taken = int(film.count[row, column] + film.nan_count[row, column])
+        sample = first_nan_sample(scene, prepared.empty_tile(), x, y, taken)
         stats.first_nan = {"pixel": [x, y], "sample": sample}
     fireflies = find_fireflies(film.mean, film.m2, film.count)
     if fireflies is not None:
         stats.fireflies = _firefly_stats(fireflies, scene, region, prepared.empty_tile())
 
 
-def _samples_taken(region: FilmRegion, row: int, column: int) -> int:
-    """Count the samples that a pixel of the film was given."""
-    return int(region.film.count[row, column] + region.film.nan_count[row, column])
-
-
 def _firefly_stats(fireflies: Fireflies, scene: Scene, region: FilmRegion, scratch: FilmView) -> dict[str, Any]:
     """Describe fireflies as `Stats` does."""
     row, column = fireflies.brightest
     x, y = region.left + column, region.top + row
-    packets = list(replay_samples(scene, scratch, x, y, _samples_taken(region, row, column)))
+    taken = int(region.film.count[row, column] + region.film.nan_count[row, column])
+    packets = list(replay_samples(scene, scratch, x, y, taken))
     limit = fireflies.limit
     if limit is not None:
         # From the film's unit to that of radiance, by what the camera's rays count for there.

@@ -147,8 +147,7 @@ def render_prepared(
     ------
     InputError : the picture has too many pixels to be rendered at once, or a checkpoint is of another one.
     """
-    session = RenderSession(prepared, progress=progress, dry_run_save=dry_run_save, checkpoint_writer=checkpoint_writer)
-    return session.run()
+    return RenderSession(prepared, progress, dry_run_save, checkpoint_writer).run()
 
 
 def prepare_scene(

@@ -44,22 +44,14 @@ class Rendered(NamedTuple):
 
 
 class RenderSession:
-    """One render of a prepared scene.
-
-    progress, dry_run_save, checkpoint_writer : see `rendering.render`.
-
-    Raises
-    ------
-    InputError : the picture has too many pixels to be rendered at once.
-    """
+    """One render of a prepared scene; see `render.render_prepared`."""
 
     def __init__(
         self,
         prepared: PreparedScene,
-        *,
-        progress: Callable[[Progress], None] | None = None,
-        dry_run_save: Callable[[Image], object] | None = None,
-        checkpoint_writer: CheckpointWriter | None = None,
+        progress: Callable[[Progress], None] | None,
+        dry_run_save: Callable[[Image], object] | None,
+        checkpoint_writer: CheckpointWriter | None,
     ) -> None:
         window = prepared.options.window
         if window.pixels > MAX_PIXELS:

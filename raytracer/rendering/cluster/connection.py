@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any
 
 from raytracer.rendering.cluster.executor import ClusterExecutor
@@ -49,9 +48,7 @@ class Cluster:
         """Return the cluster, to be closed at the end of the `with` block."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close the connection."""
         self.close()
 

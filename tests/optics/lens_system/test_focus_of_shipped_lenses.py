@@ -9,7 +9,7 @@ import pytest
 from raytracer.optics.lens_system.first_order import entrance_pupil
 from raytracer.optics.lens_system.focusing import FOCUS_CRITERIA, focus_range, focus_shift
 from raytracer.optics.lens_system.lens import Lens
-from raytracer.optics.lens_system.stops import stop_radius_for, widest_f_number
+from raytracer.optics.lens_system.lens_setup import stop_radius_for, widest_f_number
 from raytracer.scene.assets.lenses import read_lens
 from tests.optics.lens_system.rays import gone_through, unit
 from tests.repository import SCENES

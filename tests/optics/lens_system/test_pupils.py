@@ -12,12 +12,12 @@ from raytracer.core.compiler.dispatch import entry
 from raytracer.optics.glass import LINE_D
 from raytracer.optics.lens_system.focusing import focus_shift
 from raytracer.optics.lens_system.lens import Lens
+from raytracer.optics.lens_system.lens_setup import stop_radius_for, widest_f_number
 from raytracer.optics.lens_system.pupils import build, search, transmission
 from raytracer.optics.lens_system.pupils.build import load_pupil_table
 from raytracer.optics.lens_system.pupils.search import on_axis_solid_angle
 from raytracer.optics.lens_system.pupils.tables import QuadrantPupilTable, RadialPupilTable, sample_exit_pupil
 from raytracer.optics.lens_system.pupils.transmission import exit_pupil_plane, transmitted_fraction
-from raytracer.optics.lens_system.stops import stop_radius_for, widest_f_number
 from raytracer.optics.lens_system.surfaces import LensSurfaces
 from raytracer.plugins.apertures.polygon import PolygonAperture
 from raytracer.scene.assets.lenses import read_lens

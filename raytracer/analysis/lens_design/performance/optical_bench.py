@@ -11,7 +11,7 @@ from raytracer.analysis.lens_design.performance.results import Curve, Settings
 from raytracer.optics.lens_system.first_order import cardinal_points, entrance_pupil
 from raytracer.optics.lens_system.focusing import focus_lens
 from raytracer.optics.lens_system.lens import Lens
-from raytracer.optics.lens_system.stops import stop_radius_for
+from raytracer.optics.lens_system.lens_setup import stop_radius_for
 from raytracer.optics.lens_system.surfaces import LensSurfaces
 
 T = TypeVar("T")
