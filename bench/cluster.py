@@ -16,7 +16,7 @@ from typing import Any
 import distributed
 import numpy as np
 
-from raytracer.rendering.cluster import Cluster
+from raytracer.rendering.cluster.connection import Cluster
 from raytracer.rendering.render import render
 from raytracer.rendering.session import Rendered
 from raytracer.rendering.worker_pool import available_threads

@@ -26,8 +26,8 @@ from raytracer.core.error_estimate.intervals import ratio_interval
 from raytracer.film.light_field import lf
 from raytracer.lightfield.capturing.bands import ViewBand
 from raytracer.lightfield.capturing.capture import capture
+from raytracer.rendering.compilation import PreparedScene
 from raytracer.rendering.options import RenderOptions
-from raytracer.rendering.prepared_scene import PreparedScene
 from raytracer.rendering.render import prepare_scene, render, render_prepared
 from raytracer.scene.load import load
 from raytracer.scene.spec import SceneSpec

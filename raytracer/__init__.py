@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from raytracer.analysis.probe import probe
     from raytracer.analysis.sweep.run import sweep
     from raytracer.film.image import Image
-    from raytracer.rendering.cluster import Cluster
+    from raytracer.rendering.cluster.connection import Cluster
     from raytracer.rendering.render import render_image as render
     from raytracer.scene.cache import RenderCache as Cache
     from raytracer.scene.cache import RenderCache as Stock
@@ -96,7 +96,7 @@ __all__ = [
 
 _HOMES: dict[str, tuple[str, str | None]] = {
     "Cache": ("raytracer.scene.cache", "RenderCache"),
-    "Cluster": ("raytracer.rendering.cluster", "Cluster"),
+    "Cluster": ("raytracer.rendering.cluster.connection", "Cluster"),
     "Image": ("raytracer.film.image", "Image"),
     "InputError": ("raytracer.util.errors", "InputError"),
     "OutputError": ("raytracer.util.errors", "OutputError"),

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from raytracer.optics.lens_system.first_order import cardinal_points
+from raytracer.optics.lens_system.lens_setup import stop_radius_for
 from raytracer.optics.lens_system.ray_tracing import trace_rays
-from raytracer.optics.lens_system.stops import stop_radius_for
 from raytracer.plugins.cameras.lens import RealLens
 from raytracer.rendering.render import render
 from raytracer.scene.assets.lenses import read_lens

@@ -246,8 +246,7 @@ def distortion(
 
     import json
 
-    from raytracer.analysis.lens_design.distortion_maps import files
-    from raytracer.analysis.lens_design.distortion_maps.distortion_map import trace_distortion_map
+    from raytracer.analysis.lens_design.distortion_maps import distortion_map as maps
     from raytracer.analysis.lens_design.performance.optical_bench import set_up_bench
     from raytracer.scene.assets.lenses import read_lens
     from raytracer.util.atomic_write import write_bytes
@@ -255,20 +254,22 @@ def distortion(
     lens = read_lens(Path(file))
     _report_import(file, lens, quiet=quiet)
     with _name_file_in_errors(file):
-        result = trace_distortion_map(set_up_bench(lens, _fit_settings(settings, sensor, lens)), width, ideal=ideal)
-    as_text = json.dumps(files.as_dict(result), indent=2, allow_nan=False) + "\n"
+        result = maps.trace_distortion_map(
+            set_up_bench(lens, _fit_settings(settings, sensor, lens)), width, ideal=ideal
+        )
+    as_text = json.dumps(maps.as_dict(result), indent=2, allow_nan=False) + "\n"
     for path in outputs:
         kind = path.suffix.lower()
         if kind == ".json":
             write_bytes(path, as_text.encode())
         else:
-            write_bytes(path, files.to_npz(result) if kind == ".npz" else files.to_opencv_yaml(result))
+            write_bytes(path, maps.to_npz(result) if kind == ".npz" else maps.to_opencv_yaml(result))
         if not quiet:
             print(f"wrote {path}", file=sys.stderr)
     if as_json:
         print(as_text, end="")
     elif not quiet:
-        print(files.to_text(result), end="")
+        print(maps.to_text(result), end="")
 
 
 # ---- What commands share
@@ -289,7 +290,7 @@ def _settings(f_number: float | None, focus_distance: str, sensor: str | None, w
 
 def _fit_settings(settings: "Settings", sensor: str | None, lens: "Lens") -> "Settings":
     """Fit settings to a lens: without --sensor, choose one that its image circle covers."""
-    from raytracer.optics.lens_system.stops import widest_f_number
+    from raytracer.optics.lens_system.lens_setup import widest_f_number
 
     # What is engraved on a lens is rounded, and stands for wide open.
     engraved, wanted = lens.f_number, settings.f_number

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from raytracer.film.light_field.focusing import view_spacing
 from raytracer.film.light_field.views import Views
-from raytracer.optics.lens_system.diaphragm import aperture_transmission
+from raytracer.optics.lens_system.surfaces import aperture_transmission
 from raytracer.util.errors import InputError
 
 # Points along the edge of a cell, by which the part that an opening covers is measured: the area of a disc of 15 cells

@@ -28,7 +28,7 @@ from pydantic_core import CoreSchema, core_schema
 from raytracer.schema.fields import Check, Quantity
 from raytracer.schema.spec import field_error
 from raytracer.schema.units import parse_quantity, quantity_pattern
-from raytracer.util.errors import closest_name, format_value, suggest_name
+from raytracer.util.errors import format_value, suggest_name
 
 LINE_D = 587.5618
 """The yellow line of helium (nm), at which a single index of glass is given."""
@@ -49,8 +49,6 @@ MAX_INDEX = 5.0
 class Glass(NamedTuple):
     """A clear material: n^2 = base + sum of b l^2 / (l^2 - c), or n = base + sum of a_k / l^2k; l in micrometres.
 
-    Attributes
-    ----------
     name : in messages and reports.
     base : the constant term.
     b, c : of Sellmeier's formula, c in square micrometres; empty for Cauchy's.
@@ -201,24 +199,6 @@ _COEFFICIENT = Quantity()
 _MAX_TERMS = 8
 
 
-def catalogue_glass(name: str) -> Glass:
-    """Find the glass of the catalogue with this name.
-
-    Raises
-    ------
-    ValueError : there is none; the message suggests the nearest name.
-    """
-    if name in CATALOGUE:
-        return CATALOGUE[name]
-    close = suggest_name(name, CATALOGUE, "glasses")
-    raise ValueError(f"unknown glass {format_value(name)}; {close} (any can be given by {_FORMS['index']})")
-
-
-def closest_glass_name(name: str) -> str | None:
-    """Find the name in the catalogue that is spelt most like `name`, if any is near."""
-    return closest_name(name, CATALOGUE)
-
-
 def parse_glass(value: Any) -> Glass:
     """Parse the glass of a scene or a lens file: a number, a name or a mapping.
 
@@ -231,7 +211,10 @@ def parse_glass(value: Any) -> Glass:
     if isinstance(value, Mapping):
         return _check_visible_index(_parse_mapping(value))
     if isinstance(value, str) and not _is_number(value):
-        return catalogue_glass(value)
+        if value not in CATALOGUE:
+            close = suggest_name(value, CATALOGUE, "glasses")
+            raise ValueError(f"unknown glass {format_value(value)}; {close} (any can be given by {_FORMS['index']})")
+        return CATALOGUE[value]
     return constant_index_glass(_INDEX(value))
 
 
@@ -327,32 +310,27 @@ class GlassCheck(Check):
         """Describe a number, a name, or one of the mappings."""
         number: JsonSchemaValue = {"type": "number", "exclusiveMinimum": 0, "maximum": MAX_INDEX}
         abbe: JsonSchemaValue = {"type": "number", "minimum": 5, "maximum": 200}
-        numbers: JsonSchemaValue = {
-            "type": "array",
-            "items": {"type": "number"},
-            "minItems": 1,
-            "maxItems": _MAX_TERMS,
-        }
-        text = {"type": "string", "pattern": quantity_pattern("number")}
-        strengths = {**numbers, "description": "strengths b of the terms b l^2 / (l^2 - c)"}
-        poles = {**numbers, "description": "constants c of the terms (um^2), as many"}
-        terms = _closed_schema({"b": strengths, "c": poles})
-        by_abbe = {
-            "index": {**number, "description": "index at the d line, 587.6 nm"},
-            "abbe": {**abbe, "description": "Abbe number V_d; n = A + B / l^2 then goes through both"},
-        }
-        cauchy = {**numbers, "description": "A, B, C ... of n = A + B / l^2 + C / l^4 + ..., l in um"}
-        sellmeier = {**terms, "description": "n^2 = 1 + the sum of b l^2 / (l^2 - c), l in um"}
+        numbers = {"type": "array", "items": {"type": "number"}, "minItems": 1, "maxItems": _MAX_TERMS}
+        terms = _closed_schema(
+            b=(numbers, "strengths b of the terms b l^2 / (l^2 - c)"),
+            c=(numbers, "constants c of the terms (um^2), as many"),
+        )
         mappings = [
-            _closed_schema(by_abbe),
-            _closed_schema({"cauchy": cauchy}),
-            _closed_schema({"sellmeier": sellmeier}),
+            _closed_schema(
+                index=(number, "index at the d line, 587.6 nm"),
+                abbe=(abbe, "Abbe number V_d; n = A + B / l^2 then goes through both"),
+            ),
+            _closed_schema(cauchy=(numbers, "A, B, C ... of n = A + B / l^2 + C / l^4 + ..., l in um")),
+            _closed_schema(sellmeier=(terms, "n^2 = 1 + the sum of b l^2 / (l^2 - c), l in um")),
         ]
+        text = {"type": "string", "pattern": quantity_pattern("number")}
         return {"anyOf": [number, {"enum": list(CATALOGUE)}, text, *mappings]}
 
 
-def _closed_schema(properties: JsonSchemaValue) -> JsonSchemaValue:
-    return {"type": "object", "properties": properties, "required": list(properties), "additionalProperties": False}
+def _closed_schema(**keys: tuple[JsonSchemaValue, str]) -> JsonSchemaValue:
+    """Describe a mapping of these keys, each with its schema and description, and no others."""
+    properties = {key: {**schema, "description": description} for key, (schema, description) in keys.items()}
+    return {"type": "object", "properties": properties, "required": list(keys), "additionalProperties": False}
 
 
 IndexField: TypeAlias = Annotated[Glass, GlassCheck()]

@@ -124,8 +124,6 @@ def exposure_value(f_number: float, seconds: float, iso: float = 100.0) -> float
 class Metering(NamedTuple):
     """Settings of metering: the mode, and the middle and the diameter of a spot.
 
-    Attributes
-    ----------
     mode : `mean`, `center_weighted` or `spot`.
     x, y : fractions of the frame's width and height, from the top left.
     size : fraction of the frame's shorter side.
@@ -140,8 +138,6 @@ class Metering(NamedTuple):
 class ExposureSettings(NamedTuple):
     """Exposure settings of a camera.
 
-    Attributes
-    ----------
     seconds (s) : exposure time, the same at every place of the film; None if not known.
     iso : speed; None where metering chooses it.
     compensation (EV) : stops by which the picture is to be brighter.

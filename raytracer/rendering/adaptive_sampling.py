@@ -13,16 +13,95 @@ away); Cochran 1977, "Sampling Techniques", 3rd ed., section 5.5 (the best share
 """
 
 import math
+from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.embree import PACKET
-from raytracer.core.error_estimate.halves import ErrorEstimate
-from raytracer.rendering.pilot_samples import PilotSetup, pilot_seed, take_pilot_samples
+from raytracer.core.error_estimate.halves import ErrorEstimate, ErrorEstimator
+from raytracer.core.error_estimate.rates import MIN_EXPONENT
+from raytracer.core.sampling import SAMPLERS
+from raytracer.kernel.path_state import Workspace
+from raytracer.kernel.path_tracer import render_tile
+from raytracer.kernel.pixel_accumulator import FilmView
+from raytracer.rendering.tile_job import TileJob, TileResult, split_by_tile
 from raytracer.rendering.tile_scheduler import FIRST_PASS, TileQueue, now
+
+if TYPE_CHECKING:
+    from raytracer.rendering.compilation import PreparedScene
+
+# ---- Pilot samples
+
+
+def pilot_seed(seed: int, number: int) -> int:
+    """Return the seed of pilot 1, 2, ...: none that a picture has, whose seeds are below 2^32."""
+    return seed + (number << 32)
+
+
+def take_pilot_samples(
+    queue: TileQueue, prepared: "PreparedScene", number: int, spp: int
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+    """Render pilot samples of every pixel, which are not added to the picture.
+
+    number : of the pilot, from 1.
+    spp : samples a pixel, a power of two from 16 on.
+
+    Returns
+    -------
+    By tile (tiles,), float64 and int64: the relative squared error of so many samples, up to a factor; the rays traced;
+    and the samples taken, which are fewer after an interrupt.
+    """
+    settings = prepared.packed.spec.render
+    scene = prepared.scene._replace(sampler=SAMPLERS[settings.sampler](pilot_seed(settings.seed, number), spp))
+    # Shares need only one difference, for which it takes half the memory.
+    estimator = ErrorEstimator(queue.windows, MIN_EXPONENT)
+    taken, rays = np.zeros((2, len(queue.windows)), dtype=np.int64)
+    films: deque[FilmView] = deque()
+    waiting, seconds = deque(range(len(queue.windows))), queue.seconds_per_sample * spp
+
+    def work(workspace: Workspace, tile: int) -> None:
+        window, film = queue.windows[tile], films.pop()
+        film = film._replace(left=window.left, top=window.top)
+        for array in (film.mean, film.m2, film.count, film.bad):
+            array.fill(0)
+        mean = film.mean[: window.bottom - window.top, : window.right - window.left]
+        begin = 0
+        while begin < spp and not queue.pool.is_stopped:
+            end = queue.limit_pass_end(tile, begin, spp // 2 if begin < spp // 2 else spp)
+            rays[tile] += render_tile(scene, film, workspace, *window, begin, end)
+            if end in (spp // 2, spp):
+                estimator.record(tile, mean, end)
+            taken[tile] = begin = end
+        films.append(film)
+
+    def next_job() -> TileJob | None:
+        limit = queue.job_seconds(float(seconds[list(waiting)].sum()))
+        tiles = tuple(queue.take_batch(waiting, lambda tile: float(seconds[tile]), limit))
+        if not tiles:
+            return None
+        windows, every = tuple(queue.windows[tile] for tile in tiles), len(tiles)
+        counts = ((spp // 2,),) * every
+        return TileJob(tiles, windows, (0,) * every, (spp,) * every, counts, scene.sampler, None, mean_only=True)
+
+    def merge(job: TileJob, result: TileResult) -> None:
+        for place, (tile, output) in enumerate(zip(job.tiles, split_by_tile(job, result), strict=True)):
+            for count, mean in (*output.recorded_means, (spp, output.arrays[0])):
+                estimator.record(tile, mean, count)
+            rays[tile], taken[tile] = result.rays[place], spp
+
+    if queue.remote is None:
+        films.extend(prepared.empty_tile() for _ in range(queue.pool.threads))
+        queue.pool.run(range(len(queue.windows)), work)
+    else:
+        queue.pool.run_remote(queue.remote, next_job, merge)
+    estimator.set_scale(queue.mean)
+    return np.nan_to_num(estimator.tile_mse(np.full(len(queue.windows), spp))), rays, taken
+
+
+# ---- Rounds over the picture
 
 Array = NDArray[np.float64]
 
@@ -61,40 +140,19 @@ _ROUND_TIME_FRACTION = 0.9
 _LAST_ROUND_GROWTH = 1.25
 
 
-class StopCriteria(NamedTuple):
-    """Limits at which to stop: a relative error, a number of samples in every pixel, a time of `tile_scheduler.now`."""
-
-    noise: float | None
-    max_spp: int | None
-    deadline: float | None
-
-
-class SampleAllocation(NamedTuple):
-    """The shares of the tiles in the samples, by pilot samples.
-
-    Attributes
-    ----------
-    samples : (tiles,), in proportion, their mean over pixels being 1.
-    errors : (tiles,), squared and up to a factor, at equal samples.
-    """
-
-    samples: Array
-    errors: Array
-
-
 class AdaptiveState(NamedTuple):
     """The state of adaptive sampling between rounds, from which a checkpoint goes on.
 
-    Attributes
-    ----------
-    allocation : by the last pilot.
+    shares : (tiles,), of the tiles in the samples, by the last pilot; their mean over pixels is 1.
+    errors : (tiles,), squared and up to a factor, at equal samples.
     goals : int64 (tiles,), samples that the current round gives each tile; 0 without one.
     number : of the last pilot.
     pilot_spp : samples a pixel of the last pilot.
     pilot_samples, pilot_rays : samples over all pixels and rays of all pilots.
     """
 
-    allocation: SampleAllocation
+    shares: Array
+    errors: Array
     goals: NDArray[np.int64]
     number: int = 0
     pilot_spp: int = 0
@@ -104,24 +162,22 @@ class AdaptiveState(NamedTuple):
     @classmethod
     def initial(cls, tiles: int) -> "AdaptiveState":
         """Return the state before the first round, for so many tiles."""
-        return cls(SampleAllocation(np.ones(tiles), np.ones(tiles)), np.zeros(tiles, dtype=np.int64))
+        return cls(np.ones(tiles), np.ones(tiles), np.zeros(tiles, dtype=np.int64))
 
     def state_arrays(self) -> dict[str, NDArray[Any]]:
         """Return the state as arrays by name: (tiles,), and `pilots` (4,), the numbers."""
-        return {**self.allocation._asdict(), "goals": self.goals, "pilots": np.array(self[2:], dtype=np.int64)}
+        shares = {"samples": self.shares, "errors": self.errors}
+        return {**shares, "goals": self.goals, "pilots": np.array(self[3:], dtype=np.int64)}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "AdaptiveState":
         """Make the state of what `state_arrays` has returned."""
-        allocation = SampleAllocation(arrays["samples"], arrays["errors"])
-        return cls(allocation, arrays["goals"], *arrays["pilots"].tolist())
+        return cls(arrays["samples"], arrays["errors"], arrays["goals"], *arrays["pilots"].tolist())
 
 
 class Outcome(NamedTuple):
     """The outcome of the samples of a render.
 
-    Attributes
-    ----------
     reached : True if all samples were taken, or the error asked for was reached.
     pilot_samples, pilot_rays : samples over all pixels and rays of pilots.
     """
@@ -132,19 +188,20 @@ class Outcome(NamedTuple):
 
 
 class AdaptiveRender:
-    """Adaptive sampling of a picture after its first pass, until its stop criteria are met.
+    """Adaptive sampling of a picture after its first pass: until its error, its samples or the time are as asked for.
 
     Which samples it takes depends on the scene and the seed, and not on threads or the clock, but that a deadline may
     end it.
     """
 
     def __init__(
-        self, queue: TileQueue, pilots: PilotSetup, criteria: StopCriteria, state: AdaptiveState | None = None
+        self, queue: TileQueue, prepared: "PreparedScene", deadline: float | None, state: AdaptiveState | None = None
     ) -> None:
-        """Begin before the first round, or go on from a state that belongs to the film of the queue."""
-        self._queue, self._pilots, self._criteria = queue, pilots, criteria
-        self._max_spp = _MAX_SPP if criteria.max_spp is None else criteria.max_spp
-        self._reached = criteria.noise is None
+        """Begin before the first round, or go on from a state of the queue's film; `deadline` is a time of `now`."""
+        self._queue, self._prepared, self._deadline = queue, prepared, deadline
+        options = prepared.options
+        self._noise, self._max_spp = options.noise, _MAX_SPP if options.max_spp is None else options.max_spp
+        self._reached = options.noise is None
         self.adaptive_state = state or AdaptiveState.initial(len(queue.windows))
 
     @property
@@ -155,21 +212,19 @@ class AdaptiveRender:
     def run(self, report: Callable[[float, ErrorEstimate | None], Any]) -> None:
         """Render.
 
-        Parameters
-        ----------
         report : called before every round with the samples over all pixels that the picture is likely to end with,
             and with its error as far as that is known.
         """
-        queue, criteria = self._queue, self._criteria
-        queue.render_passes(min(_MIN_SPP, self._max_spp), criteria.deadline)
-        queue.render_to(self.adaptive_state.goals, criteria.deadline)
+        queue, noise = self._queue, self._noise
+        queue.render_passes(min(_MIN_SPP, self._max_spp), self._deadline)
+        queue.render_to(self.adaptive_state.goals, self._deadline)
         while not self._queue.pool.is_stopped:
             estimate = None
-            if criteria.noise is not None:
+            if noise is not None:
                 estimate = queue.estimate()
                 if estimate is None:
                     return
-                if estimate.error <= criteria.noise:
+                if estimate.error <= noise:
                     self._reached = True
                     return
             in_time = self._growth_in_time()
@@ -183,21 +238,21 @@ class AdaptiveRender:
                 return
             before = queue.done
             self.adaptive_state = self.adaptive_state._replace(goals=self._goals(estimate, in_time))
-            queue.render_to(self.adaptive_state.goals, criteria.deadline)
+            queue.render_to(self.adaptive_state.goals, self._deadline)
             if queue.done == before:
                 return
 
     def _growth_for_noise(self, estimate: ErrorEstimate | None) -> float:
         """Return the factor by which the samples are to grow, if evenly, to reach the error asked for."""
-        if self._criteria.noise is None or estimate is None:
+        if self._noise is None or estimate is None:
             return math.inf
-        return float((estimate.error / self._criteria.noise) ** (2.0 / estimate.exponent))
+        return float((estimate.error / self._noise) ** (2.0 / estimate.exponent))
 
     def _growth_in_time(self) -> float:
         """Return the factor by which the samples may grow, if evenly, until the deadline."""
-        if self._criteria.deadline is None:
+        if self._deadline is None:
             return math.inf
-        left = max(0.0, self._criteria.deadline - now()) * self._queue.threads
+        left = max(0.0, self._deadline - now()) * self._queue.threads
         return 1.0 + left / float(self._queue.seconds_per_sample @ self._queue.counts)
 
     def _update_pilots(self, growth: float) -> None:
@@ -211,12 +266,13 @@ class AdaptiveRender:
         if spp < max(_SMALLEST_PILOT, 4 * state.pilot_spp):
             return
         number = state.number + 1
-        scene = self._pilots.scene(pilot_seed(self._pilots.seed, number), spp)
-        errors, rays, taken = take_pilot_samples(queue, scene, self._pilots.scratch, spp, self._pilots.estimator())
+        errors, rays, taken = take_pilot_samples(queue, self._prepared, number, spp)
         if queue.pool.is_stopped:
             return
+        shares, errors = allocate_samples(errors, rays / queue.pixels, queue.columns, queue.pixels)
         self.adaptive_state = state._replace(
-            allocation=allocate_samples(errors, rays / queue.pixels, queue.columns, queue.pixels),
+            shares=shares,
+            errors=errors,
             number=number,
             pilot_spp=spp,
             pilot_samples=state.pilot_samples + int(queue.pixels @ taken),
@@ -225,34 +281,32 @@ class AdaptiveRender:
 
     def _goals(self, estimate: ErrorEstimate | None, in_time: float) -> NDArray[np.int64]:
         """Return the numbers of samples (tiles,) to have after the next round."""
-        queue, noise = self._queue, self._criteria.noise
+        queue, noise = self._queue, self._noise
         counts, pixels = queue.counts, queue.pixels
 
         def at(level: float) -> NDArray[np.int64]:
-            return sample_goals(level, self.adaptive_state.allocation.samples, counts, self._max_spp)
+            return sample_goals(level, self.adaptive_state.shares, counts, self._max_spp)
 
         def is_within(factor: float) -> Callable[[float], bool]:
             return lambda level: bool(pixels @ at(level) <= factor * queue.done)
 
         _, level = _bisect(is_within(_MAX_GROWTH))
         if noise is not None and estimate is not None:
-            weight, slope = pixels * self.adaptive_state.allocation.errors, -estimate.exponent
+            weight, slope = pixels * self.adaptive_state.errors, -estimate.exponent
             goal = (noise / estimate.error) ** 2 * float(weight @ counts**slope)
             _, enough = _bisect(lambda level: bool(weight @ at(level) ** slope > goal))
             level = max(min(level, enough), _bisect(is_within(_MIN_GROWTH))[1])
-        if self._criteria.deadline is not None:
+        if self._deadline is not None:
             # The last round is planned for a little more than it can do.
             is_last = in_time < _LAST_ROUND_GROWTH
-            seconds = (
-                self._queue.threads * (self._criteria.deadline - now()) * (1.0 if is_last else _ROUND_TIME_FRACTION)
-            )
+            seconds = self._queue.threads * (self._deadline - now()) * (1.0 if is_last else _ROUND_TIME_FRACTION)
             fits = _bisect(lambda level: bool(queue.seconds_per_sample @ (at(level) - counts) <= seconds))
             level = min(level, fits[1 if is_last else 0])
         return at(level)
 
 
-def allocate_samples(errors: Array, cost: Array, columns: int, pixels: NDArray[np.int64]) -> SampleAllocation:
-    """Allocate samples to tiles by their errors in a pilot, with some caution.
+def allocate_samples(errors: Array, cost: Array, columns: int, pixels: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Find the shares of tiles in the samples by their errors in a pilot, with some caution; and those errors.
 
     A tile counts as noisy in part if those around it are: what few samples show, as a caustic, seldom ends at the edge
     of a tile.
@@ -268,10 +322,10 @@ def allocate_samples(errors: Array, cost: Array, columns: int, pixels: NDArray[n
     around = sum(rows[y : y + grid.shape[0], x : x + columns] for y in range(3) for x in range(3)) / 9.0
     suspected = np.maximum(grid, _NEIGHBOR_FRACTION * around).ravel()
     if not suspected.any():
-        return SampleAllocation(np.ones(len(errors)), np.ones(len(errors)))
+        return np.ones(len(errors)), np.ones(len(errors))
     samples = np.sqrt(suspected / np.maximum(cost, 1.0))
     samples = np.maximum(samples, _MIN_SHARE * np.average(samples, weights=pixels))
-    return SampleAllocation(samples / np.average(samples, weights=pixels), suspected)
+    return samples / np.average(samples, weights=pixels), suspected
 
 
 def sample_goals(level: float, samples: Array, counts: NDArray[np.int64], max_spp: int) -> NDArray[np.int64]:

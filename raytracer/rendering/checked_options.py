@@ -8,7 +8,6 @@ import numpy as np
 from raytracer.film.window import Window, crop_window
 from raytracer.rendering.options import OPTIONS, RenderOptions
 from raytracer.rendering.worker_pool import available_threads
-from raytracer.scene.render_settings import MAX_PIXELS
 from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import InputError
 
@@ -17,8 +16,6 @@ from raytracer.util.errors import InputError
 class CheckedOptions(RenderOptions):
     """Options of a render that its scene can have.
 
-    Attributes
-    ----------
     threads : threads of this machine.
     window : pixels of the picture to render.
     max_spp : samples a pixel at most, None without a limit.
@@ -88,18 +85,3 @@ def _check_integer(name: str, value: int | None) -> int | None:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
         raise InputError(f"{name} must be an integer from {least} to {most}, got {value!r}")
     return int(value)
-
-
-def check_picture_size(window: Window) -> None:
-    """Check that a picture is small enough to be rendered at once.
-
-    Raises
-    ------
-    InputError : it is not.
-    """
-    if window.pixels > MAX_PIXELS:
-        size = f"{window.right - window.left} x {window.bottom - window.top} is {window.pixels:,} pixels"
-        raise InputError(
-            f"the picture is too large: {size}, at most {MAX_PIXELS:,} are possible at once; rt lightfield render "
-            "takes the views of an array in parts"
-        )

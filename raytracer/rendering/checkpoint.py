@@ -13,16 +13,15 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
 from raytracer.film.image import Image
-from raytracer.rendering.checkpoint_identity import identity_difference
+from raytracer.rendering.resumable_state import ResumableState, identity_difference
 from raytracer.rendering.tile_scheduler import now
-from raytracer.rendering.worker_pool import WorkerPool
 from raytracer.util import array_snapshot
-from raytracer.util.array_snapshot import DamagedError, Snapshot
+from raytracer.util.array_snapshot import DamagedError
 from raytracer.util.errors import InputError, OutputError
 
 SUFFIX = ".checkpoint"
@@ -43,8 +42,6 @@ def checkpoint_path(output: Path) -> Path:
 class CheckpointError(InputError):
     """A checkpoint from which a render cannot go on.
 
-    Attributes
-    ----------
     sentence : its path, and the reason.
     """
 
@@ -56,8 +53,6 @@ class CheckpointError(InputError):
 class CheckpointInfo(NamedTuple):
     """A checkpoint that was written.
 
-    Attributes
-    ----------
     path : its file.
     samples : the fewest that a pixel has there.
     bytes : size of the file.
@@ -66,50 +61,6 @@ class CheckpointInfo(NamedTuple):
     path: Path
     samples: int
     bytes: int
-
-
-class RenderState(Protocol):
-    """The state of a running render, as checkpoints need it."""
-
-    @property
-    def pool(self) -> WorkerPool:
-        """Return the threads that render."""
-
-    @property
-    def samples(self) -> int:
-        """Return the fewest samples that a pixel has so far."""
-
-    @property
-    def is_empty(self) -> bool:
-        """Tell if there are no samples yet that a checkpoint can hold."""
-
-    @property
-    def is_complete(self) -> bool:
-        """Tell if the render has come to its own end, or has all samples that a checkpoint can hold."""
-
-    @property
-    def seconds(self) -> float:
-        """Return the seconds that it took so far, those before the checkpoint that it was resumed from included."""
-
-    def identity(self) -> Mapping[str, Any]:
-        """Return all that decides on the bits of the picture but the number of samples: plain values."""
-
-    def state_arrays(self) -> Mapping[str, NDArray[Any]]:
-        """Return all arrays that the render needs to go on, by name, as they are now."""
-
-    def metadata(self) -> Mapping[str, Any]:
-        """Return the other values that the render needs to go on, as plain values."""
-
-    def restore(self, arrays: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any]) -> None:
-        """Go on from the arrays of `state_arrays`, which were filled with those of another render.
-
-        Raises
-        ------
-        InputError : it has more samples than are wanted.
-        """
-
-    def picture(self) -> Image:
-        """Make the picture so far; while no thread renders."""
 
 
 class CheckpointWriter:
@@ -173,7 +124,7 @@ class CheckpointWriter:
 
     # ---- At the beginning
 
-    def resume(self, render: RenderState) -> None:
+    def resume(self, render: ResumableState) -> None:
         """Have a render that has no samples yet go on from the checkpoint, if that was asked for.
 
         Raises
@@ -208,16 +159,20 @@ class CheckpointWriter:
             raise CheckpointError(f"{damage[0]}; there is no other to go on from")
         self._say(f"there is no {self.path} to go on from: the render begins anew")
 
-    def _restore_from(self, path: Path, render: RenderState) -> None:
+    def _restore_from(self, path: Path, render: ResumableState) -> None:
         arrays = render.state_arrays()
 
         def accept(about: Mapping[str, Any]) -> Mapping[str, NDArray[Any]]:
             if about.get("format") != _FORMAT:
                 raise CheckpointError(f"{path}: is of another version of rt")
             metadata, identity = about.get("told"), about.get("identity")
-            if not (isinstance(metadata, dict) and isinstance(identity, dict) and _is_number(metadata.get("seconds"))):
+            seconds = metadata.get("seconds") if isinstance(metadata, dict) else None
+            has_time = isinstance(seconds, int | float) and not isinstance(seconds, bool) and math.isfinite(seconds)
+            if not (has_time and isinstance(identity, dict)):
                 raise DamagedError("does not say what it is of")
-            self._check(path, identity, render)
+            difference = identity_difference(identity, self._identity_of(render))
+            if difference is not None:
+                raise CheckpointError(f"{path}: is of {difference}")
             return arrays
 
         about = array_snapshot.read(path, accept)
@@ -226,18 +181,7 @@ class CheckpointWriter:
         except InputError as error:
             raise CheckpointError(f"{path}: {error}") from None
 
-    def _check(self, path: Path, identity: Mapping[str, Any], render: RenderState) -> None:
-        """Check that the picture of a checkpoint is the one of a render.
-
-        Raises
-        ------
-        CheckpointError : it is another.
-        """
-        difference = identity_difference(identity, self._identity_of(render))
-        if difference is not None:
-            raise CheckpointError(f"{path}: is of {difference}")
-
-    def _identity_of(self, render: RenderState) -> Mapping[str, Any]:
+    def _identity_of(self, render: ResumableState) -> Mapping[str, Any]:
         if self._identity is None:
             self._identity = render.identity()
         return self._identity
@@ -245,7 +189,7 @@ class CheckpointWriter:
     # ---- While it is rendered
 
     @contextmanager
-    def write_periodically(self, render: RenderState) -> Iterator[None]:
+    def write_periodically(self, render: ResumableState) -> Iterator[None]:
         """Write checkpoints while the `with` block renders.
 
         Raises
@@ -264,7 +208,7 @@ class CheckpointWriter:
         if failures:
             raise failures[0]
 
-    def _watch(self, render: RenderState, failures: list[Exception]) -> None:
+    def _watch(self, render: ResumableState, failures: list[Exception]) -> None:
         due = now() + self._every
         while True:
             try:
@@ -286,7 +230,7 @@ class CheckpointWriter:
                 # However often they are asked for, the render has as much time as its checkpoints.
                 due = now() + max(self._every, now() - start)
 
-    def _show_picture(self, render: RenderState) -> None:
+    def _show_picture(self, render: ResumableState) -> None:
         if self._show is None:
             return
         try:
@@ -298,18 +242,16 @@ class CheckpointWriter:
 
     # ---- At the end
 
-    def finish(self, render: RenderState) -> None:
+    def finish(self, render: ResumableState) -> None:
         """Write the checkpoint of a render that has ended, complete or not."""
         if render.is_complete and not (self._always or self._has_written or render.seconds >= self._every):
             return
         if self._write(render, by_copy=False) and render.is_complete and self.path is not None:
             array_snapshot.delete_previous(self.path)
 
-    def _write(self, render: RenderState, *, by_copy: bool) -> bool:
+    def _write(self, render: ResumableState, *, by_copy: bool) -> bool:
         """Write a checkpoint, and return True if that went well.
 
-        Parameters
-        ----------
         by_copy : True if the render goes on meanwhile.
         """
         if self.path is None:
@@ -323,7 +265,7 @@ class CheckpointWriter:
                 if by_copy:
                     arrays = {name: array.copy() for name, array in arrays.items()}
             about = {"format": _FORMAT, "identity": self._identity_of(render), "told": metadata}
-            size = array_snapshot.write(self.path, Snapshot(about, arrays), keep=self._is_valid)
+            size = array_snapshot.write(self.path, about, arrays, keep=self._is_valid)
         except (OutputError, InputError, MemoryError) as error:
             if not self._is_failing:
                 self._is_failing = True
@@ -338,7 +280,3 @@ class CheckpointWriter:
         if was_failing:
             self._say(f"{self.path}: is written again")
         return True
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -1,17 +1,25 @@
 """Make a scene ready to be rendered: pack it, build the ray caster's structure, and compile the path tracer for it."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import NamedTuple
 
 from raytracer.core.compiler.compile_progress import COMPILATION
 from raytracer.core.compiler.lock import compiler_lock
 from raytracer.core.embree import Accel
+from raytracer.film.window import Window
 from raytracer.kernel.packed_scene import Scene
 from raytracer.kernel.path_state import Workspace
 from raytracer.kernel.path_state import workspace as make_workspace
 from raytracer.kernel.path_tracer import render_tile
 from raytracer.kernel.pixel_accumulator import FilmView
-from raytracer.rendering.film_region import empty_film, film_view
-from raytracer.rendering.tile_scheduler import now
+from raytracer.rendering.checked_options import CheckedOptions
+from raytracer.rendering.film_region import FilmRegion, empty_film, empty_region, film_view
+from raytracer.rendering.statistics import PhaseTimer
+from raytracer.rendering.tile_scheduler import TILE_SIZE
+from raytracer.rendering.worker_pool import RemoteExecutor
+from raytracer.scene.files import FileStamp
 from raytracer.scene.pack.scene import PackedScene, pack
 from raytracer.scene.spec import SceneSpec
 from raytracer.util.signals import run_in_thread
@@ -20,8 +28,6 @@ from raytracer.util.signals import run_in_thread
 class CompiledScene(NamedTuple):
     """A scene that is ready to be rendered, and compiled for plain radiance.
 
-    Attributes
-    ----------
     spec : the scene, its camera focused at a distance.
     packed : the scene as arrays.
     accel : the ray caster's structure, which lives as long as this does.
@@ -43,16 +49,15 @@ def compile_scene(spec: SceneSpec, packed: PackedScene | None = None) -> Compile
     ------
     InputError : the scene cannot be packed.
     """
-    times = [now()]
+    seconds: dict[str, float] = {}
+    timer = PhaseTimer(seconds)
     packed = packed or pack(spec)
-    times.append(now())
+    timer.lap("pack")
     accel = packed.build()
     scene = packed.scene._replace(accel=accel.address)
-    times.append(now())
+    timer.lap("build")
     compile_kernel(scene, film_view(empty_film(scene, 1, 1)))
-    times.append(now())
-    phases = ("pack", "build", "compile")
-    seconds = {phase: end - begin for phase, begin, end in zip(phases, times, times[1:], strict=False)}
+    timer.lap("compile")
     return CompiledScene(packed.spec, packed, accel, scene, seconds)
 
 
@@ -81,3 +86,39 @@ def compile_kernel(scene: Scene, target: FilmView, workspace: Workspace | None =
 def _kernel_count() -> int:
     """Count the compiled versions of the path tracer; 0 where it is not compiled at all."""
     return len(getattr(render_tile, "signatures", ()))
+
+
+@dataclass(frozen=True)
+class PreparedScene:
+    """A scene that is packed, built and compiled, and can be rendered, several times if need be.
+
+    packed : the scene as arrays, its camera focused at a distance.
+    accel : the ray caster's structure, which lives as long as this does.
+    scene : as kernels take it, with the structure's address.
+    effects : names of the camera effects that are simulated.
+    options : of the render.
+    remote : the cluster that takes the samples; the threads of this process if None.
+    seconds (s) : time so far by phase: load, pack, build and compile.
+    stamps : of the files of the scene, before they were read (`input_files.file_stamps`); empty without checkpoints.
+    """
+
+    packed: PackedScene
+    accel: Accel
+    scene: Scene
+    effects: tuple[str, ...]
+    options: CheckedOptions
+    remote: RemoteExecutor | None
+    seconds: dict[str, float]
+    stamps: Mapping[Path, FileStamp]
+
+    def for_window(self, window: Window) -> "PreparedScene":
+        """Return the same scene for a part of the picture; its pixels are those of the whole."""
+        return replace(self, options=replace(self.options, window=window))
+
+    def empty_region(self, window: Window) -> FilmRegion:
+        """Make an empty film for a part of the picture."""
+        return empty_region(self.packed, window, self.options.aovs, denoise=self.options.denoise)
+
+    def empty_tile(self) -> FilmView:
+        """Make an empty film of one tile, of the same type as the picture's, as kernels see it."""
+        return self.empty_region(Window(0, 0, TILE_SIZE, TILE_SIZE)).view()

@@ -1,12 +1,12 @@
 """Develop a film after the render: make an image with its layers, denoise it if that is asked for, and expose it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from raytracer.film.exposure import CropWindow, ExposureResult
-from raytracer.film.film import Film, develop
+from raytracer.film.film import develop
 from raytracer.film.image import Image
 from raytracer.film.light_field.layout import Layout
 from raytracer.film.negative_pixels import find_negative_causes
@@ -14,13 +14,14 @@ from raytracer.film.photograph import RADIANCE, DevelopSettings, check_develop_s
 from raytracer.film.window import Window
 from raytracer.kernel.packed_scene import Scene
 from raytracer.plugins.cameras.base.moving import camera_at_time
+from raytracer.rendering.checked_options import CheckedOptions
 from raytracer.rendering.film_region import DENOISER_GUIDES, FilmRegion
 from raytracer.scene.pack.autofocus import mid_exposure_time
 from raytracer.scene.spec import SceneSpec
 from raytracer.schema.registry import AOVS
 
 if TYPE_CHECKING:
-    from raytracer.kernel.aovs.base.interface import AovRecorder
+    pass
 
 
 def film_process(spec: SceneSpec) -> DevelopSettings:
@@ -58,25 +59,24 @@ def negative_causes(spec: SceneSpec, scene: Scene) -> tuple[str, ...]:
 def develop_image(
     region: FilmRegion,
     spec: SceneSpec,
-    *,
-    settings: Mapping[str, str | float | int] | None = None,
-    aovs: Sequence[str] = (),
-    denoise_threads: int | None = None,
+    options: CheckedOptions | None = None,
+    header: Mapping[str, str | float | int] | None = None,
     lap: Callable[[str], object] = lambda phase: None,
+    *,
     is_final: bool = False,
 ) -> tuple[Image, ExposureResult | None]:
     """Make the image of a film, and tell how it was exposed; None for plain radiance.
 
     Parameters
     ----------
-    settings : for the headers of files.
-    aovs : recorded AOVs that become layers.
-    denoise_threads : threads for Open Image Denoise; None not to denoise.
+    options : which AOVs become layers, and whether it is denoised; None for neither.
+    header : settings for the headers of files.
     lap : called with the name of a phase, "develop" or "denoise", at its end.
     is_final : True if nothing will be added to the film, so that the image may share its memory.
     """
+    aovs = () if options is None else options.aovs
     film, recording, window = region.film, region.recording, region.window
-    image = develop(film, settings or {}, is_final=is_final)
+    image = develop(film, header or {}, is_final=is_final)
     if recording is not None:
         image = replace(
             image,
@@ -84,9 +84,14 @@ def develop_image(
             layers={name: recording.develop(name, film) for name in aovs},
             channels=recording.channels(aovs),
         )
-        if denoise_threads is not None:
+        if options is not None and options.denoise:
+            from raytracer.film.denoise import denoise
+
             lap("develop")
-            image = _denoised(image, film, recording, denoise_threads, _view_slices(spec, window))
+            albedo, normal, coverage = (recording.develop(name, film) for name in DENOISER_GUIDES)
+            guides = coverage[..., None] * albedo, coverage[..., None] * normal
+            # Each view by itself.
+            image = denoise(image, *guides, threads=options.threads, parts=_view_slices(spec, window))
             lap("denoise")
     if window == Window(0, 0, *spec.picture()):
         image = replace(image, layout=light_field_layout(spec))
@@ -109,9 +114,8 @@ def light_field_layout(spec: SceneSpec) -> Layout | None:
     return camera_at_time(spec.camera, mid_exposure_time(spec)).layout(spec.film.width, spec.film.height)
 
 
-def _view_slices(spec: SceneSpec, window: Window | None) -> list[tuple[slice, slice]]:
+def _view_slices(spec: SceneSpec, window: Window) -> list[tuple[slice, slice]]:
     """Return rows and columns of the part of each view that a part of the picture holds."""
-    window = window or Window(0, 0, *spec.picture())
 
     def spans(begin: int, end: int, size: int) -> list[slice]:
         edges = [begin, *range(begin - begin % size + size, end, size), end]
@@ -120,13 +124,3 @@ def _view_slices(spec: SceneSpec, window: Window | None) -> list[tuple[slice, sl
     columns = spans(window.left, window.right, spec.film.width)
     rows = spans(window.top, window.bottom, spec.film.height)
     return [(row, column) for row in rows for column in columns]
-
-
-def _denoised(
-    image: Image, film: Film, recording: "AovRecorder", threads: int, parts: Sequence[tuple[slice, slice]]
-) -> Image:
-    """Denoise an image, each of its parts by itself."""
-    from raytracer.film.denoise import denoise
-
-    albedo, normal, coverage = (recording.develop(name, film) for name in DENOISER_GUIDES)
-    return denoise(image, coverage[..., None] * albedo, coverage[..., None] * normal, threads=threads, parts=parts)

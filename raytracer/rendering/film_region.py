@@ -8,7 +8,6 @@ from raytracer.film.window import Window
 from raytracer.kernel.packed_scene import Scene
 from raytracer.kernel.pixel_accumulator import FilmView
 from raytracer.scene.pack.scene import PackedScene
-from raytracer.scene.spec import SceneSpec
 
 if TYPE_CHECKING:
     from raytracer.kernel.aovs.base.interface import AovRecorder
@@ -20,8 +19,6 @@ DENOISER_GUIDES = ("albedo", "normal", "coverage")
 class FilmRegion(NamedTuple):
     """A film for a part of the picture.
 
-    Attributes
-    ----------
     film : radiance and its statistics.
     recording : AOVs; None if there are none.
     left, top (px) : place of the first pixel in the picture.
@@ -61,23 +58,11 @@ def empty_region(packed: PackedScene, window: Window, aovs: Sequence[str], *, de
     InputError : there is no AOV of that name.
     """
     width, height = window.right - window.left, window.bottom - window.top
-    recording = make_recording(packed.spec, packed, height, width, aovs, denoise=denoise)
+    recording = None
+    if aovs or denoise:
+        from raytracer.kernel.aovs.base.interface import AovRecorder, unique_aovs
+        from raytracer.scene.pack.scene import scene_ids
+
+        names = unique_aovs([*aovs, *(DENOISER_GUIDES if denoise else ())])
+        recording = AovRecorder(names, height, width, scene_ids(packed.spec, packed))
     return FilmRegion(empty_film(packed.scene, width, height), recording, window.left, window.top)
-
-
-def make_recording(
-    spec: SceneSpec, packed: PackedScene, height: int, width: int, aovs: Sequence[str], *, denoise: bool
-) -> "AovRecorder | None":
-    """Make the buffers of AOVs and other layers besides radiance; None if none is recorded.
-
-    Raises
-    ------
-    InputError : there is no AOV of that name.
-    """
-    if not aovs and not denoise:
-        return None
-    from raytracer.kernel.aovs.base.interface import AovRecorder, unique_aovs
-    from raytracer.scene.pack.scene import scene_ids
-
-    names = unique_aovs([*aovs, *(DENOISER_GUIDES if denoise else ())])
-    return AovRecorder(names, height, width, scene_ids(spec, packed))

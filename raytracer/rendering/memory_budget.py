@@ -54,28 +54,6 @@ _GIGABYTE, _MEGABYTE = 1e9, 1e6
 _ESTIMATE_MARGIN = 0.8
 
 
-class BytesPerPrimitive(NamedTuple):
-    """Bytes of a primitive in the ray caster's structure: while it is built, and afterwards.
-
-    For moving ones they are those with two poses, and those that each further pose adds.
-    """
-
-    peak: int
-    resident: int
-    moving_peak: int
-    moving_resident: int
-    per_pose: int
-
-
-# Its own memory, without the buffers, which the packed scene has.
-_BYTES_PER_PRIMITIVE = {
-    Primitive.TRIANGLE: BytesPerPrimitive(100, 68, 136, 57, 15),
-    Primitive.SPHERE: BytesPerPrimitive(35, 35, 122, 43, 15),
-    Primitive.DISC: BytesPerPrimitive(35, 35, 122, 43, 15),
-}
-_BYTES_PER_INSTANCE = BytesPerPrimitive(109, 77, 247, 168, 15)
-
-
 class StructureMemory(NamedTuple):
     """Bytes of the ray caster's structure: the peak, while it is built; and afterwards."""
 
@@ -83,35 +61,34 @@ class StructureMemory(NamedTuple):
     resident: int
 
 
+# Bytes of a primitive in the ray caster's structure, without the buffers, which the packed scene has: of still ones, of
+# moving ones with two poses, and what each further pose adds.
+_BYTES_PER_PRIMITIVE = {
+    Primitive.TRIANGLE: (StructureMemory(100, 68), StructureMemory(136, 57), 15),
+    Primitive.SPHERE: (StructureMemory(35, 35), StructureMemory(122, 43), 15),
+    Primitive.DISC: (StructureMemory(35, 35), StructureMemory(122, 43), 15),
+}
+_BYTES_PER_INSTANCE = (StructureMemory(109, 77), StructureMemory(247, 168), 15)
+
+
 def structure_bytes(
     geometries: Mapping[int, Geometry], groups: Sequence[Mapping[int, Geometry]], placements: "Sequence[InstanceArray]"
 ) -> StructureMemory:
     """Estimate the memory of `embree.Accel` for a scene, besides the buffers that it is given."""
-    parts = [
-        _scaled_bytes(_BYTES_PER_PRIMITIVE[geometry.primitive], _count(geometry), len(geometry.vertices))
-        for group in (geometries, *groups)
-        for geometry in group.values()
-    ]
-    parts += [_scaled_bytes(_BYTES_PER_INSTANCE, len(placed.group), len(placed.poses)) for placed in placements]
-    return StructureMemory(sum(part.peak for part in parts), sum(part.resident for part in parts))
-
-
-def _count(geometry: Geometry) -> int:
-    return len(geometry.vertices[0] if geometry.indices is None else geometry.indices)
-
-
-def _scaled_bytes(each: BytesPerPrimitive, count: int, poses: int) -> StructureMemory:
-    if poses == 1:
-        return StructureMemory(count * each.peak, count * each.resident)
-    more = (poses - 2) * each.per_pose
-    return StructureMemory(count * (each.moving_peak + more), count * (each.moving_resident + more))
+    parts = [(_BYTES_PER_INSTANCE, len(placed.group), len(placed.poses)) for placed in placements]
+    for geometry in (geometry for group in (geometries, *groups) for geometry in group.values()):
+        count = len(geometry.vertices[0] if geometry.indices is None else geometry.indices)
+        parts.append((_BYTES_PER_PRIMITIVE[geometry.primitive], count, len(geometry.vertices)))
+    peak = resident = 0
+    for (still, moving, per_pose), count, poses in parts:
+        each, more = (still, 0) if poses == 1 else (moving, (poses - 2) * per_pose)
+        peak, resident = peak + count * (each.peak + more), resident + count * (each.resident + more)
+    return StructureMemory(peak, resident)
 
 
 class PictureMemory(NamedTuple):
     """The memory of a picture that is rendered at once.
 
-    Attributes
-    ----------
     pixels : number of pixels.
     film (bytes) : of a pixel of the film, AOVs included.
     spp : samples a pixel, None without a limit.
@@ -143,8 +120,6 @@ class PictureMemory(NamedTuple):
 class MemoryEstimate(NamedTuple):
     """The most memory that a process takes.
 
-    Attributes
-    ----------
     now (bytes) : memory that it has.
     parts (bytes) : memory that is added, by what it is for.
     """
@@ -223,8 +198,6 @@ class MemoryLimit(NamedTuple):
 def check_memory(needed: MemoryEstimate, limit: int | None = None) -> None:
     """Check that there is as much memory as is needed.
 
-    Parameters
-    ----------
     limit (bytes) : memory that the process may take; what the machine has if None.  What the machine has is compared
         with four fifths of the estimate, and swap counts, so that nothing is refused that would have fitted.
 
@@ -288,8 +261,6 @@ def memory_limits() -> Iterator[MemoryLimit]:
 def cgroup_bytes_left(mounts: Path = Path("/sys/fs/cgroup"), groups: Path = Path("/proc/self/cgroup")) -> int | None:
     """Return the bytes that the control groups of this process leave it; None where none has a limit.
 
-    Parameters
-    ----------
     mounts, groups : folder in which Linux shows the groups, and file that lists those of this process.
 
     References: Linux, Documentation/admin-guide/cgroup-v2.rst (memory.max, memory.current, memory.stat) and
@@ -310,39 +281,29 @@ def cgroup_bytes_left(mounts: Path = Path("/sys/fs/cgroup"), groups: Path = Path
     return None
 
 
-class _CgroupFiles(NamedTuple):
-    """Names of the files of a control group, and of the entry for pages that the system gives back at need."""
-
-    most: str
-    now: str
-    statistics: str
-    files: str
-    swap_most: str
-    swap_now: str
+# Files of a control group: limit, memory in use, limit and use of swap; and the entry of memory.stat for pages that the
+# system gives back at need.
+_V2 = ("memory.max", "memory.current", "memory.swap.max", "memory.swap.current", "file")
+_V1 = ("memory.limit_in_bytes", "memory.usage_in_bytes", "", "", "total_cache")
 
 
-_V2 = _CgroupFiles("memory.max", "memory.current", "memory.stat", "file", "memory.swap.max", "memory.swap.current")
-_V1 = _CgroupFiles("memory.limit_in_bytes", "memory.usage_in_bytes", "memory.stat", "total_cache", "", "")
-
-
-def _each_cgroup_left(mount: Path, path: str, names: _CgroupFiles) -> Iterator[int]:
+def _each_cgroup_left(mount: Path, path: str, names: tuple[str, ...]) -> Iterator[int]:
     """List the bytes that a group, and each that it is in, leave."""
     import psutil
 
     inside = [part for part in path.split("/") if part not in ("", "..", ".")]
     for depth in range(len(inside), -1, -1):
         folder = mount.joinpath(*inside[:depth])
-        most, now = _number(folder / names.most), _number(folder / names.now)
+        most, now, swap_most, swap_now = (_number(folder / name) if name else None for name in names[:4])
         if most is None or now is None:
             continue
         cached = 0
         with contextlib.suppress(OSError, ValueError):
-            statistics = dict(line.split(None, 1) for line in (folder / names.statistics).read_text().splitlines())
-            cached = int(statistics.get(names.files, 0))
+            statistics = dict(line.split(None, 1) for line in (folder / "memory.stat").read_text().splitlines())
+            cached = int(statistics.get(names[4], 0))
         swap = int(psutil.swap_memory().free)
-        if names.swap_most:
-            swap_most, swap_now = _number(folder / names.swap_most), _number(folder / names.swap_now)
-            swap = swap if swap_most is None else min(swap, max(0, swap_most - (swap_now or 0)))
+        if swap_most is not None:
+            swap = min(swap, max(0, swap_most - (swap_now or 0)))
         yield max(0, most - now + cached + swap)
 
 

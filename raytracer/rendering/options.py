@@ -19,8 +19,6 @@ Result = TypeVar("Result")
 class Option(NamedTuple):
     """An option of the command line.
 
-    Attributes
-    ----------
     help : what it does.
     metavar : stands for its value in the help.
     parse : parses its value, and raises a ValueError where it cannot; None for integers, flags and names.
@@ -89,8 +87,6 @@ _MAX_MEMORY = Option(
 class RenderOptions:
     """The options of a render, as they are asked for; `checked_options.check_options` checks them.
 
-    Attributes
-    ----------
     spp : samples per pixel, in place of the scene's.
     seed : in place of the scene's.
     threads : threads that render; all processors if None.

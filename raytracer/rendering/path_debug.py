@@ -16,55 +16,40 @@ from raytracer.plugins.materials.base.interface import DIMENSIONS_PER_SEGMENT, P
 from raytracer.plugins.media.base.interface import NO_MEDIUM
 from raytracer.rendering.checked_options import override_settings
 from raytracer.rendering.compilation import compile_kernel
+from raytracer.rendering.diagnostics import brightest_sample, log_path, replay_samples
 from raytracer.rendering.film_region import empty_film, film_view
 from raytracer.rendering.options import RenderOptions
-from raytracer.rendering.sample_replay import brightest_sample, log_path, replay_samples
 from raytracer.scene.pack.scene import PackedScene, pack, scene_ids
 from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import InputError
 
-# Contents of the columns of a log's row, from path_log.FIRST on: names, as JSON has them, and numbers of columns.
-_RAY_FIELDS = (("origin", 3), ("direction", 3), ("throughput_before", 3), ("pdf", 1))
-_HIT_FIELDS = (("geometry", 1), ("part", 1), ("array", 1), ("placement", 1), ("distance", 1))
-_EVENT_LAYOUTS: Mapping[int, tuple[str, tuple[tuple[str, int], ...]]] = {
-    path_log.START: (
-        "camera",
-        (("film", 2), ("time", 1), ("origin", 3), ("direction", 3), ("factors", 3), ("wavelength", 1)),
-    ),
+# Contents of the columns of a log's row, from path_log.FIRST on: the event, and the names of its values, as JSON has
+# them.  A vector has three columns.
+_RAY = "origin direction throughput_before pdf"
+_POINT = "point normal smooth_normal uv"
+_HIT = "geometry part array placement distance"
+_EVENT_LAYOUTS: Mapping[int, tuple[str, str]] = {
+    path_log.START: ("camera", "film time origin direction factors wavelength"),
     path_log.SURFACE: (
         "surface",
-        (
-            *_RAY_FIELDS,
-            *(("distance", 1), ("instance", 1), ("table", 1), ("primitive", 1)),
-            *(("point", 3), ("normal", 3), ("smooth_normal", 3), ("uv", 2), ("offset", 1)),
-            *(("front", 1), ("material", 1), ("shown", 1), ("throughput", 3), ("wavelengths", 3)),
-        ),
+        f"{_RAY} distance instance table primitive {_POINT} offset front material shown throughput wavelengths",
     ),
-    path_log.ESCAPE: ("leaves", (*_RAY_FIELDS, ("throughput", 3), ("background", 3))),
-    path_log.MEDIUM: (
-        "medium",
-        (*_RAY_FIELDS, ("medium", 1), ("surface_distance", 1), ("distance", 1), ("weight", 3), ("throughput", 3)),
-    ),
-    path_log.EMISSION: ("emits", (("emitted", 3), ("mis_weight", 1))),
-    path_log.SCATTER: (
-        "scatters",
-        (
-            *(("normal", 3), ("direction", 3), ("weight", 3), ("pdf", 1), ("throughput", 3), ("survival", 1)),
-            ("wavelengths", 3),
-        ),
-    ),
-    path_log.SHADOW_RAY: (
-        "aims",
-        (
-            *(("origin", 3), ("direction", 3), ("target", 3), ("light_weight", 3), ("pdf", 1)),
-            *(("value", 3), ("path_pdf", 1), ("mis_weight", 1), ("brings", 3), ("distance", 1)),
-        ),
-    ),
-    path_log.UNOCCLUDED: ("arrives", (("brings", 3),)),
-    path_log.OCCLUDED: ("blocked", _HIT_FIELDS),
-    path_log.PASSED_THROUGH: ("passes", _HIT_FIELDS),
-    path_log.RETRACE: ("again", ()),
-    path_log.FINISHED: ("done", (("value", 3), ("factor", 1), ("unclamped", 3), ("wavelength", 1))),
+    path_log.ESCAPE: ("leaves", f"{_RAY} throughput background"),
+    path_log.MEDIUM: ("medium", f"{_RAY} medium surface_distance distance weight throughput"),
+    path_log.EMISSION: ("emits", "emitted mis_weight"),
+    path_log.SCATTER: ("scatters", "normal direction weight pdf throughput survival wavelengths"),
+    path_log.SHADOW_RAY: ("aims", "origin direction target light_weight pdf value path_pdf mis_weight brings distance"),
+    path_log.UNOCCLUDED: ("arrives", "brings"),
+    path_log.OCCLUDED: ("blocked", _HIT),
+    path_log.PASSED_THROUGH: ("passes", _HIT),
+    path_log.RETRACE: ("again", ""),
+    path_log.FINISHED: ("done", "value factor unclamped wavelength"),
+}
+
+_PAIRS = {"film", "uv"}
+_VECTORS = {
+    *("origin", "direction", "throughput_before", "throughput", "factors", "wavelengths", "weight", "light_weight"),
+    *("point", "target", "normal", "smooth_normal", "background", "emitted", "value", "brings", "unclamped"),
 }
 
 # Values that may be infinite: distances, and densities of directions and lights without choice.
@@ -77,8 +62,6 @@ _POINTS = {"origin", "point", "target"}
 class PathTrace(NamedTuple):
     """The path of a sample.
 
-    Attributes
-    ----------
     pixel (px) : x, y.
     sample : its number.
     spp : samples that the pixel gets.
@@ -115,10 +98,7 @@ class PathTrace(NamedTuple):
 
 
 def trace_sample(
-    spec: SceneSpec,
-    pixel: tuple[int, int],
-    sample: int | None = None,
-    options: RenderOptions | None = None,
+    spec: SceneSpec, pixel: tuple[int, int], sample: int | None = None, options: RenderOptions | None = None
 ) -> PathTrace:
     """Trace one sample of a picture again, with the same bits, and log its path.
 
@@ -175,10 +155,11 @@ class _EventDecoder:
 
     def event(self, row: NDArray[np.float64]) -> dict[str, Any]:
         """Decode a row."""
-        kind, layout = _EVENT_LAYOUTS[int(row[0])]
+        kind, names = _EVENT_LAYOUTS[int(row[0])]
         event: dict[str, Any] = {"event": kind, "round": int(row[path_log.ROUND])}
         column = path_log.FIRST
-        for name, size in layout:
+        for name in names.split():
+            size = 3 if name in _VECTORS else 2 if name in _PAIRS else 1
             values = row[column : column + size]
             if name in _POINTS:
                 values = values + self._origin
@@ -236,12 +217,7 @@ class _EventDecoder:
             first, end = ids.first[table], ids.first[table + 1]
             number = int(ids.owner[first + np.searchsorted(ids.start[first:end], primitive, side="right") - 1])
         kind = type(self._scene.primitives[table]).__name__
-        return {
-            "object": ids.objects[number - 1],
-            "instance": instance,
-            "primitives": kind,
-            "primitive": primitive,
-        }
+        return {"object": ids.objects[number - 1], "instance": instance, "primitives": kind, "primitive": primitive}
 
     def _kind(self, reference: int) -> str:
         """Return the kind of a material."""

@@ -17,8 +17,6 @@ FIRST_COMPILATION = (
 class Progress(NamedTuple):
     """The progress of a render.
 
-    Attributes
-    ----------
     done : samples over all pixels so far.
     wanted : samples at the end; a guess where they are not given.
     seconds (s) : time since the start.

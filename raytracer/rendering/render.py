@@ -12,10 +12,9 @@ from raytracer.film.image import Image
 from raytracer.rendering import memory_budget
 from raytracer.rendering.checked_options import check_options
 from raytracer.rendering.checkpoint import CheckpointWriter
-from raytracer.rendering.compilation import compile_kernel
+from raytracer.rendering.compilation import PreparedScene, compile_kernel
 from raytracer.rendering.develop import check_development
 from raytracer.rendering.options import RenderOptions, called_with
-from raytracer.rendering.prepared_scene import PreparedScene
 from raytracer.rendering.progress import CompileBar, Progress, SampleBar
 from raytracer.rendering.session import Rendered, RenderSession
 from raytracer.rendering.statistics import PhaseTimer
@@ -131,10 +130,7 @@ def render(call: SceneOptions) -> Rendered:
         with_checkpoints=call.checkpoint_writer is not None,
     )
     return render_prepared(
-        prepared,
-        progress=call.progress,
-        dry_run_save=call.dry_run_save,
-        checkpoint_writer=call.checkpoint_writer,
+        prepared, progress=call.progress, dry_run_save=call.dry_run_save, checkpoint_writer=call.checkpoint_writer
     )
 
 
@@ -151,8 +147,7 @@ def render_prepared(
     ------
     InputError : the picture has too many pixels to be rendered at once, or a checkpoint is of another one.
     """
-    session = RenderSession(prepared, progress=progress, dry_run_save=dry_run_save, checkpoint_writer=checkpoint_writer)
-    return session.run()
+    return RenderSession(prepared, progress, dry_run_save, checkpoint_writer).run()
 
 
 def prepare_scene(

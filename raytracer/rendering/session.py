@@ -1,35 +1,31 @@
 """A running render: its passes, its progress, its checkpoints, and the picture at its end."""
 
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import NamedTuple
 
 from raytracer.core.error_estimate.halves import ErrorEstimator
-from raytracer.core.error_estimate.rates import MIN_EXPONENT, sampler_exponent
-from raytracer.core.sampling import SAMPLERS
+from raytracer.core.error_estimate.rates import sampler_exponent
 from raytracer.film.exposure import ExposureResult
 from raytracer.film.image import Image
-from raytracer.kernel.packed_scene import Scene
-from raytracer.rendering.adaptive_sampling import AdaptiveRender, Outcome, StopCriteria
-from raytracer.rendering.checked_options import check_picture_size
+from raytracer.film.negative_pixels import find_negative_pixels
+from raytracer.rendering.adaptive_sampling import AdaptiveRender, Outcome
 from raytracer.rendering.checkpoint import CheckpointWriter
-from raytracer.rendering.develop import develop_image
-from raytracer.rendering.diagnostics import diagnose_picture, diagnose_samples
-from raytracer.rendering.headers import image_header
-from raytracer.rendering.pilot_samples import PilotSetup
-from raytracer.rendering.prepared_scene import PreparedScene
+from raytracer.rendering.compilation import PreparedScene
+from raytracer.rendering.develop import develop_image, negative_causes
+from raytracer.rendering.diagnostics import diagnose_samples
 from raytracer.rendering.progress import Progress, ProgressReporter
 from raytracer.rendering.resumable_state import ResumableState
-from raytracer.rendering.statistics import PhaseTimer, Stats, peak_rss_bytes
+from raytracer.rendering.statistics import PhaseTimer, Stats, image_header, peak_rss_bytes
 from raytracer.rendering.tile_scheduler import FIRST_PASS, TileQueue, now, split_into_tiles
 from raytracer.rendering.worker_pool import WorkerPool
+from raytracer.scene.render_settings import MAX_PIXELS
+from raytracer.util.errors import InputError
 
 
 class Rendered(NamedTuple):
     """A rendered image with its statistics.
 
-    Attributes
-    ----------
     image : the picture.
     stats : of the render.
     complete : True if all samples were taken, or the error asked for was reached.
@@ -49,26 +45,22 @@ class Rendered(NamedTuple):
 
 
 class RenderSession:
-    """One render of a prepared scene.
-
-    Parameters
-    ----------
-    progress, dry_run_save, checkpoint_writer : see `rendering.render`.
-
-    Raises
-    ------
-    InputError : the picture has too many pixels to be rendered at once.
-    """
+    """One render of a prepared scene; see `render.render_prepared`."""
 
     def __init__(
         self,
         prepared: PreparedScene,
-        *,
-        progress: Callable[[Progress], None] | None = None,
-        dry_run_save: Callable[[Image], object] | None = None,
-        checkpoint_writer: CheckpointWriter | None = None,
+        progress: Callable[[Progress], None] | None,
+        dry_run_save: Callable[[Image], object] | None,
+        checkpoint_writer: CheckpointWriter | None,
     ) -> None:
-        check_picture_size(prepared.options.window)
+        window = prepared.options.window
+        if window.pixels > MAX_PIXELS:
+            size = f"{window.right - window.left} x {window.bottom - window.top} is {window.pixels:,} pixels"
+            raise InputError(
+                f"the picture is too large: {size}, at most {MAX_PIXELS:,} are possible at once; rt lightfield render "
+                "takes the views of an array in parts"
+            )
         self._prepared, self._options = prepared, prepared.options
         self._spec, self._scene = prepared.packed.spec, prepared.scene
         self._dry_run_save, self._writer = dry_run_save, checkpoint_writer
@@ -79,8 +71,10 @@ class RenderSession:
         self._windows = split_into_tiles(self._options.window)
         self._region = prepared.empty_region(self._options.window)
         self._reporter = ProgressReporter(progress, self._options.window.pixels * self._spec.render.spp)
-        self._queue = self._make_queue()
-        self._pool = self._queue.pool
+        self._pool = WorkerPool(self._options.threads, self._reporter.tick, scene=self._scene)
+        estimator = ErrorEstimator(self._windows, sampler_exponent(self._spec.render.sampler))
+        view = self._region.view()
+        self._queue = TileQueue(self._scene, view, self._windows, self._pool, estimator, prepared.remote)
 
     def run(self) -> Rendered:
         """Render the samples, and develop the picture.
@@ -98,12 +92,6 @@ class RenderSession:
             # Those of a packet that is not whole, which no checkpoint can hold.
             self._queue.render_passes(self._spec.render.spp, deadline)
         return self._finish(state.outcome)
-
-    def _make_queue(self) -> TileQueue:
-        """Make the queue of all tiles."""
-        pool = WorkerPool(self._options.threads, self._reporter.tick, scene=self._scene)
-        estimator = ErrorEstimator(self._windows, sampler_exponent(self._spec.render.sampler))
-        return TileQueue(self._scene, self._region.view(), self._windows, pool, estimator, self._prepared.remote)
 
     def _resume(self, state: ResumableState) -> None:
         """Go on from the checkpoint, if that was asked for."""
@@ -131,8 +119,7 @@ class RenderSession:
 
             # Render the rest.
             if options.is_adaptive:
-                criteria = StopCriteria(options.noise, options.max_spp, deadline)
-                adaptive = AdaptiveRender(queue, self._pilot_setup(), criteria, state.adaptive_state)
+                adaptive = AdaptiveRender(queue, self._prepared, deadline, state.adaptive_state)
                 state.adaptive = adaptive
                 adaptive.run(self._reporter.set_estimate)
             else:
@@ -158,64 +145,32 @@ class RenderSession:
 
         stats.record_samples(queue, outcome)
         with self._pool.stop_on_interrupt():
-            self._diagnose(stats)
+            diagnose_samples(stats, self._prepared, self._region)
         timer.lap("render")
         header = image_header(self._spec, options.crop, stats, is_adaptive=options.is_adaptive)
-        image, exposure = self._develop(header, timer.lap, is_final=True)
+        image, exposure = develop_image(self._region, self._spec, options, header, timer.lap, is_final=True)
         stats.exposure = {} if exposure is None else exposure.as_dict()
-        diagnose_picture(stats, self._spec, self._scene, image, self._region.left, self._region.top)
+        causes, region = negative_causes(self._spec, self._scene), self._region
+        stats.negative_pixels, stats.negative = find_negative_pixels(image.radiance, causes, region.left, region.top)
         stats.seconds["total"] = sum(stats.seconds.values())
         stats.peak_rss_bytes = peak_rss_bytes()
         interrupted = self._pool.interrupted
         complete = outcome.reached and not interrupted
         return Rendered(image, stats, complete, interrupted, int(queue.counts.min()), exposure, self._pool.failure)
 
-    def _pilot_setup(self) -> PilotSetup:
-        """Return the setup with which pilots render samples that are not added to the film."""
-        settings = self._spec.render
-
-        def pilot_scene(seed: int, spp: int) -> Scene:
-            return self._scene._replace(sampler=SAMPLERS[settings.sampler](seed, spp))
-
-        # Its shares need only one difference, for which it takes half the memory.
-        return PilotSetup(
-            pilot_scene,
-            self._prepared.empty_tile,
-            lambda: ErrorEstimator(self._windows, MIN_EXPONENT),
-            settings.seed,
-        )
-
-    def _diagnose(self, stats: Stats) -> None:
-        """Note what is wrong with the samples on the film."""
-        diagnose_samples(stats, self._scene, self._spec.render.clamp, self._region, self._prepared.empty_tile)
-
-    def _develop(
-        self, header: Mapping[str, str | float | int], lap: Callable[[str], object], *, is_final: bool = False
-    ) -> tuple[Image, ExposureResult | None]:
-        """Make the image of the film, and tell how it was exposed; see `develop.develop_image`."""
-        return develop_image(
-            self._region,
-            self._spec,
-            settings=header,
-            aovs=self._options.aovs,
-            denoise_threads=self._options.threads if self._options.denoise else None,
-            lap=lap,
-            is_final=is_final,
-        )
-
     def _preview(self, outcome: Outcome) -> Image:
         """Make the picture of the samples so far."""
         stats = Stats()
         stats.record_samples(self._queue, outcome)
         header = image_header(self._spec, self._options.crop, stats, is_adaptive=True)
-        image, _ = self._develop(header, lambda phase: None)
+        image, _ = develop_image(self._region, self._spec, self._options, header)
         return image
 
     def _seconds_to_finish(self) -> float:
         """Measure how long it takes to check the film, to make an image of it, and to save that."""
         begin = now()
-        self._diagnose(Stats())
-        image, _ = self._develop({}, lambda phase: None)
+        diagnose_samples(Stats(), self._prepared, self._region)
+        image, _ = develop_image(self._region, self._spec, self._options)
         if self._dry_run_save is not None:
             self._dry_run_save(image)
         return now() - begin

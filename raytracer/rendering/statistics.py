@@ -1,6 +1,7 @@
-"""Statistics of a render: its time, rays, samples and error, and what is wrong with its picture."""
+"""Statistics of a render: its time, rays, samples and error, what is wrong with its picture, and its files' headers."""
 
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -8,14 +9,13 @@ from raytracer import __version__
 from raytracer.core.error_estimate.halves import ErrorEstimate
 from raytracer.rendering.adaptive_sampling import Outcome
 from raytracer.rendering.tile_scheduler import TileQueue, now
+from raytracer.scene.spec import SceneSpec
 
 
 @dataclass
 class Stats:
     """Statistics of a render, as `--stats` writes them.
 
-    Attributes
-    ----------
     seconds (s) : time by phase.
     rays : camera, bounce and shadow rays.
     samples : over all pixels.
@@ -102,8 +102,6 @@ def peak_rss_bytes() -> int:
 class PhaseTimer:
     """A clock that adds up seconds by phase.
 
-    Attributes
-    ----------
     start_time (s) : by `tile_scheduler.now`, when the command would have begun, had it not paused between phases.
     """
 
@@ -126,3 +124,32 @@ class PhaseTimer:
         end = now()
         self._seconds[phase] = self._seconds.get(phase, 0.0) + end - self._start
         self._start = end
+
+
+def image_header(
+    spec: SceneSpec, crop: tuple[int, int, int, int] | None, stats: Stats, *, is_adaptive: bool
+) -> Mapping[str, str | float | int]:
+    """Return the settings of a render and the error of its picture, by name."""
+    settings = spec.render
+    header: dict[str, str | float | int] = {
+        "renderer": f"rt {__version__}",
+        "spp": stats.spp["mean"] if is_adaptive else settings.spp,
+        "max_depth": settings.max_depth,
+        "sampler": settings.sampler,
+        "accuracy": settings.accuracy,
+        "seed": settings.seed,
+        "filter": spec.film.filter.type,
+        "camera": spec.camera.type,
+    }
+    if is_adaptive:
+        header |= {"spp_fewest": stats.spp["fewest"], "spp_most": stats.spp["most"]}
+    if stats.error:
+        names = {"relative": "relative_error", "low": "relative_error_low", "high": "relative_error_high"}
+        header |= {name: stats.error[key] for key, name in names.items()}
+    if "target" in stats.error:
+        header["noise"] = stats.error["target"]
+    if stats.clamp:
+        header |= {"clamp": stats.clamp["limit"], "clamp_took": stats.clamp["light"]}
+    if crop is not None:
+        header["crop"] = ",".join(map(str, crop))
+    return header

@@ -21,8 +21,6 @@ from raytracer.kernel.pixel_accumulator import FilmView
 class TileJob(NamedTuple):
     """Samples to take of some tiles.
 
-    Attributes
-    ----------
     tiles : their numbers, T of them.
     windows (px) : (T,), left, top, right and bottom of each.
     begins, ends : (T,), samples begin .. end - 1 of each pixel.
@@ -46,8 +44,6 @@ class TileJob(NamedTuple):
 class TileResult(NamedTuple):
     """The result of a job.
 
-    Attributes
-    ----------
     film_state : as the job's, with the samples added; only the mean where no more was asked for.
     recorded_means : float64 (n, 3), means of the pixels at the job's `record_counts`, tile after tile and count after
         count.
@@ -85,16 +81,16 @@ def window_shape(window: Sequence[int]) -> tuple[int, int]:
 
 def extract_tiles(film: FilmView, windows: Sequence[Sequence[int]]) -> tuple[NDArray[Any], ...]:
     """Copy some windows of a film, as a job takes them along."""
+    x, y = film.left, film.top
     return tuple(
-        np.concatenate([_extract_tile(array, film, window) for window in windows], axis=0)
+        np.concatenate(
+            [
+                array[top - y : bottom - y, left - x : right - x].reshape(-1, *array.shape[2:])
+                for left, top, right, bottom in windows
+            ]
+        )
         for array in film_arrays(film)
     )
-
-
-def _extract_tile(array: NDArray[Any], film: FilmView, window: Sequence[int]) -> NDArray[Any]:
-    left, top, right, bottom = window
-    part = array[top - film.top : bottom - film.top, left - film.left : right - film.left]
-    return part.reshape(-1, *array.shape[2:])
 
 
 def split_by_tile(job: TileJob, result: TileResult) -> list[TileOutput]:
@@ -117,8 +113,6 @@ def split_by_tile(job: TileJob, result: TileResult) -> list[TileOutput]:
 def run_tile_job(scene: Scene, scratch: FilmView, workspace: Workspace, job: TileJob) -> TileResult:
     """Render the samples of a job.
 
-    Parameters
-    ----------
     scratch : a film of the largest tile's size to work on, of the same type as the picture's.
     """
     scene = scene._replace(sampler=job.sampler)

@@ -21,8 +21,6 @@ from raytracer.rendering.worker_pool import WorkerPool
 class RenderedTiles(NamedTuple):
     """Some tiles of a picture, T of them.
 
-    Attributes
-    ----------
     mean : float64 (T, TILE, TILE, 3).
     count : int64 (T, TILE, TILE), samples, 0 beyond the edges of a smaller tile.
     rays : int64 (T,), rays traced.
@@ -42,17 +40,10 @@ class RenderedTiles(NamedTuple):
 
 
 def render_tiles(
-    prepared: CompiledScene,
-    windows: Sequence[Window],
-    spp: int,
-    seed: int,
-    threads: int,
-    keep: Sequence[int] = (),
+    prepared: CompiledScene, windows: Sequence[Window], spp: int, seed: int, threads: int, keep: Sequence[int] = ()
 ) -> RenderedTiles:
     """Render some tiles of a picture; the pixels are those of the whole picture with that seed and spp.
 
-    Parameters
-    ----------
     windows : of at most TILE x TILE pixels each.
     keep : multiples of 8 up to `spp`, numbers of samples after which to keep the means, too.
 

@@ -68,8 +68,6 @@ def pass_end(begin: int, goal: int) -> int:
 class TileQueue:
     """A film that is being rendered, tile by tile.
 
-    Attributes
-    ----------
     windows : the tiles, row by row.
     columns : tiles in a row.
     pool : the threads that render.
@@ -139,37 +137,35 @@ class TileQueue:
 
         No pass is begun that would end after the `deadline`, a time of `now`.
         """
-        if self.remote is not None:
-            self._render_remotely(self.remote, np.full(len(self.windows), spp), deadline)
-            return
-
-        def work(workspace: Workspace, tile: int) -> int | None:
-            # A slow tile takes its turn in several passes.
-            end = pass_end(int(self.counts[tile]), spp)
-            while self.counts[tile] < end and not self.pool.is_stopped:
-                if not self._add_pass(workspace, tile, end, deadline):
-                    return None
-            return tile if self.counts[tile] < spp else None
-
-        self.pool.run([tile for tile in range(len(self.windows)) if self.counts[tile] < spp], work)
+        self._render(np.full(len(self.windows), spp), range(len(self.windows)), deadline, in_passes=True)
 
     def render_to(self, goals: NDArray[np.int64], deadline: float | None = None) -> None:
         """Render each tile to its goal (tiles,) of samples; the longest work first, so that all threads end together.
 
         No pass is begun that would end after the `deadline`, a time of `now`.
         """
+        order = np.argsort((self.counts - goals) * self.seconds_per_sample, kind="stable")
+        self._render(goals, order.tolist(), deadline, in_passes=False)
+
+    def _render(
+        self, goals: NDArray[np.int64], order: Sequence[int], deadline: float | None, *, in_passes: bool
+    ) -> None:
+        """Render tiles to their goals, begun in this order, each by one pass a turn or by all of them."""
         if self.remote is not None:
             self._render_remotely(self.remote, goals, deadline)
             return
 
-        def work(workspace: Workspace, tile: int) -> None:
-            while self.counts[tile] < goals[tile] and not self.pool.is_stopped:
-                if not self._add_pass(workspace, tile, int(goals[tile]), deadline):
-                    return
+        def work(workspace: Workspace, tile: int) -> int | None:
+            goal = int(goals[tile])
+            # A slow tile takes its turn in several passes.
+            end = pass_end(int(self.counts[tile]), goal) if in_passes else goal
+            while self.counts[tile] < end and not self.pool.is_stopped:
+                with self.pool.film_write_lock():
+                    if not self._add_pass(workspace, tile, end, deadline):
+                        return None
+            return tile if self.counts[tile] < goal else None
 
-        lacking = goals - self.counts
-        order = np.argsort(-lacking * self.seconds_per_sample, kind="stable")
-        self.pool.run([int(tile) for tile in order if lacking[tile] > 0], work)
+        self.pool.run([tile for tile in order if self.counts[tile] < goals[tile]], work)
 
     def limit_pass_end(self, tile: int, begin: int, end: int) -> int:
         """Shorten a pass from sample `begin` to `end` that would take too long, and return its end."""
@@ -179,10 +175,6 @@ class TileQueue:
 
     def _add_pass(self, workspace: Workspace, tile: int, goal: int, deadline: float | None) -> bool:
         """Add the next samples to a tile; return False if there is no time for any."""
-        with self.pool.film_write_lock():
-            return self._render_pass(workspace, tile, goal, deadline)
-
-    def _render_pass(self, workspace: Workspace, tile: int, goal: int, deadline: float | None) -> bool:
         begin, window = int(self.counts[tile]), self.windows[tile]
         end = self.limit_pass_end(tile, begin, pass_end(begin, goal))
         start = now()
@@ -208,8 +200,6 @@ class TileQueue:
     def take_batch(self, waiting: deque[int], cost: Callable[[int], float], limit: float) -> list[int]:
         """Pop as many tiles from a queue as make up a job.
 
-        Parameters
-        ----------
         cost : returns the seconds that one thread takes for a tile.
         limit (s) : for all tiles; a single one may take longer.
         """

@@ -30,8 +30,6 @@ def available_threads() -> int:
 class WorkerPool:
     """Threads that take work from a queue.
 
-    Attributes
-    ----------
     threads : the largest number of threads that work at once.
     interrupted : True once a KeyboardInterrupt has ended the work.
     failure : the reason why a cluster ended the work before its time; None if it did not.
@@ -40,8 +38,6 @@ class WorkerPool:
     def __init__(self, threads: int, tick: Callable[[], None] | None = None, *, scene: Scene | None = None) -> None:
         """Make a pool that has no work yet.
 
-        Parameters
-        ----------
         tick : called ten times a second while there is work.
         scene : that the threads' workspaces are made for.
         """
@@ -235,8 +231,6 @@ class ClusterClient(Protocol):
     def connect(self, spec: SceneSpec, options: RenderOptions, warn: Callable[[str], object] | None) -> RemoteExecutor:
         """Have the workers prepare a scene, while the caller does something else.
 
-        Parameters
-        ----------
         spec : with its seed and samples per pixel.
         options, warn : see `rendering.render`.
 

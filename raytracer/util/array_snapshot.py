@@ -16,7 +16,7 @@ import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,20 +43,13 @@ class DamagedError(Exception):
     """A snapshot that is not what was written; its text says what is wrong."""
 
 
-class Snapshot(NamedTuple):
-    """The contents of a file: plain values by name, and arrays by name."""
-
-    header: Mapping[str, Any]
-    arrays: Mapping[str, NDArray[Any]]
-
-
 def previous_path(path: Path) -> Path:
     """Return the path of the previous file."""
     return path.with_name(path.name + PREVIOUS_SUFFIX)
 
 
-def write(path: Path, snapshot: Snapshot, *, keep: bool) -> int:
-    """Write a file in place of the one that exists, and return its size in bytes.
+def write(path: Path, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], *, keep: bool) -> int:
+    """Write plain values and arrays, by name, in place of the file that exists, and return its size in bytes.
 
     keep : keep the existing file as the previous one, in place of an older one, which is deleted first if
         the disk is full.
@@ -66,7 +59,7 @@ def write(path: Path, snapshot: Snapshot, *, keep: bool) -> int:
     OutputError : the file cannot be written; the existing one is still there, if only as the previous one.
     """
     try:
-        return _write_archive(path, snapshot, keep=keep)
+        return _write_archive(path, header, arrays, keep=keep)
     except OutputError as error:
         if not keep or getattr(error.__cause__, "errno", None) not in _FULL:
             raise
@@ -74,14 +67,14 @@ def write(path: Path, snapshot: Snapshot, *, keep: bool) -> int:
             if not (path.exists() and previous_path(path).exists()):
                 raise
             previous_path(path).unlink()
-        return _write_archive(path, snapshot, keep=keep)
+        return _write_archive(path, header, arrays, keep=keep)
 
 
-def _write_archive(path: Path, snapshot: Snapshot, *, keep: bool) -> int:
+def _write_archive(path: Path, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], *, keep: bool) -> int:
     with atomic_write(path) as aside, wrap_os_errors(path):
         with zipfile.ZipFile(aside, "w", zipfile.ZIP_STORED) as archive:
-            archive.writestr(_ABOUT, json.dumps(snapshot.header))
-            for name, array in snapshot.arrays.items():
+            archive.writestr(_ABOUT, json.dumps(header))
+            for name, array in arrays.items():
                 with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                     np.lib.format.write_array(member, np.ascontiguousarray(array), allow_pickle=False)
         size = aside.stat().st_size
@@ -109,8 +102,6 @@ def delete(path: Path) -> None:
 def read(path: Path, accept: Callable[[Mapping[str, Any]], Mapping[str, NDArray[Any]]]) -> Mapping[str, Any]:
     """Read a file's arrays into existing ones, and return its header.
 
-    Parameters
-    ----------
     accept : gets the header and returns the arrays by name to be filled: of the type and the first two dimensions of
         the file's, and in no other one smaller; the rest of them is set to 0.  Its exceptions end the reading.
 

@@ -1,9 +1,9 @@
 """Progress of work: callbacks for those who call, and bars on a terminal and in a notebook."""
 
+import importlib
 import importlib.util
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from types import TracebackType
 from typing import Any, NamedTuple, Self, TextIO, TypeVar
 
 Update = Callable[[float, float], object]
@@ -43,13 +43,8 @@ class ProgressCounter:
 def tqdm_class() -> Any:
     """Return tqdm's class for the environment: a widget in a notebook that has widgets, otherwise text."""
     # In a notebook without widgets tqdm.auto warns.
-    if "ipykernel" in sys.modules and importlib.util.find_spec("ipywidgets") is not None:
-        from tqdm.auto import tqdm
-
-        return tqdm
-    from tqdm import tqdm as textual
-
-    return textual
+    has_widgets = "ipykernel" in sys.modules and importlib.util.find_spec("ipywidgets") is not None
+    return importlib.import_module("tqdm.auto" if has_widgets else "tqdm").tqdm
 
 
 class Bar:
@@ -104,9 +99,7 @@ class Bar:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
 

@@ -14,6 +14,7 @@ import socket
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn, TypeVar
@@ -69,15 +70,14 @@ def run_in_thread(work: Callable[[], T], while_waiting: Callable[[], object] | N
     """
     if threading.current_thread() is not threading.main_thread():
         return work()
-    results: list[T] = []
-    failures: list[BaseException] = []
+    outcome: Future[T] = Future()
 
     def target() -> None:
         try:
-            results.append(work())
+            outcome.set_result(work())
         except BaseException as error:  # noqa: BLE001
             # Raised where the thread is waited for.
-            failures.append(error)
+            outcome.set_exception(error)
 
     # No daemon: the interpreter does not shut down well while the compiler runs.
     worker = threading.Thread(target=target, name="run_in_thread")
@@ -87,9 +87,7 @@ def run_in_thread(work: Callable[[], T], while_waiting: Callable[[], object] | N
         worker.join(_POLL_SECONDS)
         if while_waiting is not None:
             while_waiting()
-    if failures:
-        raise failures[0]
-    return results[0]
+    return outcome.result()
 
 
 def raise_interrupt() -> NoReturn:
@@ -109,8 +107,6 @@ def defer_interrupt() -> None:
 class SignalWatcher:
     """Watcher of the signals that ask the process to end: the first runs an action, a second ends the process.
 
-    Attributes
-    ----------
     signal_number : number of the first signal; None if none has come.
     """
 
@@ -167,8 +163,6 @@ class SignalWatcher:
     def exit_now(self, status: int | None = None, sentence: str | None = None) -> NoReturn:
         """End the process at once, whatever its threads do, and remove its temporary files.
 
-        Parameters
-        ----------
         status : the exit status; that of an interrupt if None.
         sentence : message on stderr.
         """

@@ -19,7 +19,7 @@ from raytracer.film import Image, load, load_layers
 from raytracer.kernel.packed_scene import Scene
 from raytracer.kernel.pixel_accumulator import FilmView
 from raytracer.rendering import diagnostics
-from raytracer.rendering.sample_replay import SamplePacket
+from raytracer.rendering.diagnostics import SamplePacket
 from raytracer.rendering.session import Rendered
 from raytracer.rendering.statistics import Stats
 from raytracer.report.wording import format_percent

@@ -16,9 +16,9 @@ from raytracer.kernel.pixel_accumulator import FilmView, accumulate
 from raytracer.kernel.russian_roulette import LEAST_THROUGHPUT, russian_roulette
 from raytracer.plugins.materials.base.interface import Draws, scatter
 from raytracer.plugins.materials.lambertian import Lambertian
+from raytracer.rendering.diagnostics import SamplePacket, replay_samples
 from raytracer.rendering.film_region import film_view
 from raytracer.rendering.render import render
-from raytracer.rendering.sample_replay import SamplePacket, replay_samples
 from raytracer.rendering.session import Rendered
 from raytracer.scene.pack.scene import PackedScene, pack
 from tests.hard_cases.harness import Measured, hard_case

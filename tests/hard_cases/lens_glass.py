@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from raytracer.optics.lens_system.first_order import cardinal_points
 from raytracer.optics.lens_system.focusing import focus, nearest_focus
-from raytracer.optics.lens_system.surfaces import LensSurfaces, Surface, pack_surfaces
+from raytracer.optics.lens_system.surfaces import LensSurfaces
 from raytracer.plugins.cameras.thin_lens import ThinLens
 from tests.hard_cases.harness import Measured, hard_case
-from tests.optics.lens_system.kernels import DOUBLE_GAUSS, lens_of, met, traced
+from tests.optics.lens_system.kernels import DOUBLE_GAUSS, Surface, lens_of, met, pack_surfaces, traced
 from tests.plugins.cameras.kernels import weighted_rays
 
 Array = NDArray[Any]

@@ -16,8 +16,9 @@ import pytest
 from raytracer.cli.base.app import main
 from raytracer.film import load
 from raytracer.film.image import Image
-from raytracer.rendering.checkpoint import CheckpointWriter, RenderState
+from raytracer.rendering.checkpoint import CheckpointWriter
 from raytracer.rendering.progress import SampleBar
+from raytracer.rendering.resumable_state import ResumableState
 from raytracer.util import atomic_write
 from tests.reliability.processes import BALL, Process, asides, run
 
@@ -146,7 +147,7 @@ def test_what_a_checkpoint_lacks_goes_elsewhere(
     monkeypatch.setattr("tempfile.tempdir", str(elsewhere))
     finish = CheckpointWriter.finish
 
-    def finished(writer: CheckpointWriter, render: RenderState) -> None:
+    def finished(writer: CheckpointWriter, render: ResumableState) -> None:
         finish(writer, render)
         assert writer.info is not None
         if is_gone:

@@ -11,10 +11,9 @@ from raytracer.core.embree import PACKET
 from raytracer.core.error_estimate.halves import ErrorEstimator
 from raytracer.core.error_estimate.metric import error_weights
 from raytracer.film.image import Image
-from raytracer.rendering import adaptive_sampling, pilot_samples, session, statistics, tile_scheduler
-from raytracer.rendering.adaptive_sampling import allocate_samples, sample_goals
+from raytracer.rendering import adaptive_sampling, session, statistics, tile_scheduler
+from raytracer.rendering.adaptive_sampling import allocate_samples, pilot_seed, sample_goals
 from raytracer.rendering.options import RenderOptions
-from raytracer.rendering.pilot_samples import pilot_seed
 from raytracer.rendering.progress import Progress
 from raytracer.rendering.render import prepare_scene, render, render_prepared
 from raytracer.rendering.session import Rendered
@@ -50,7 +49,7 @@ def test_shares_are_those_of_the_least_error() -> None:
     errors[:, 4:] = 16.0
     cost = np.where(errors == 16.0, 4.0, 1.0)
     pixels = np.full(48, 256)
-    found = allocate_samples(errors.ravel(), cost.ravel(), 8, pixels).samples.reshape(6, 8)
+    found = allocate_samples(errors.ravel(), cost.ravel(), 8, pixels)[0].reshape(6, 8)
     # Far from the edge, where smoothing changes nothing: sqrt(16 / 4) = 2.
     np.testing.assert_allclose(found[:, -1] / found[:, 0], 2.0)
     assert np.average(found) == pytest.approx(1.0)
@@ -59,14 +58,14 @@ def test_shares_are_those_of_the_least_error() -> None:
 def test_what_a_pilot_missed_still_gets_samples() -> None:
     errors = np.zeros((8, 8))
     errors[0, 0] = 1.0
-    found = allocate_samples(errors.ravel(), np.ones(64), 8, np.full(64, 256)).samples.reshape(8, 8)
+    found = allocate_samples(errors.ravel(), np.ones(64), 8, np.full(64, 256))[0].reshape(8, 8)
     # Neighbours of noise are suspected of an eighth of the noise around them; others get a sixteenth of the mean.
     assert found[0, 1] / found[0, 0] == pytest.approx(math.sqrt(2.0 / 9.0 / 8.0))
     assert found[1, 1] / found[0, 0] == pytest.approx(math.sqrt(1.0 / 9.0 / 8.0))
     assert found.min() == found[7, 7] < found[1, 1]
     assert found.min() > 0.04
     # Without any noise all are alike.
-    np.testing.assert_array_equal(allocate_samples(np.zeros(64), np.ones(64), 8, np.full(64, 256)).samples, 1.0)
+    np.testing.assert_array_equal(allocate_samples(np.zeros(64), np.ones(64), 8, np.full(64, 256))[0], 1.0)
 
 
 def test_goals_are_whole_packets_and_never_fall() -> None:
@@ -187,7 +186,7 @@ class Clock:
             return int(trace(*arguments))
 
         patch.setattr(tile_scheduler, "render_tile", render_tile)
-        patch.setattr(pilot_samples, "render_tile", render_tile)
+        patch.setattr(adaptive_sampling, "render_tile", render_tile)
 
 
 @pytest.mark.parametrize("spp", [None, 1_000_000])

@@ -16,8 +16,7 @@ from raytracer.film.image import Image
 from raytracer.rendering import (
     adaptive_sampling,
     checkpoint,
-    checkpoint_identity,
-    pilot_samples,
+    resumable_state,
     tile_scheduler,
     worker_pool,
 )
@@ -195,13 +194,13 @@ def test_another_program_is_refused_by_name(kept: Path, tmp_path: Path, monkeypa
         return str(caught.value).removeprefix(f"{kept}: ")
 
     anew = "; without --resume the render begins anew"
-    monkeypatch.setattr(checkpoint_identity, "program_hash", lambda: "0" * 64)
+    monkeypatch.setattr(resumable_state, "program_hash", lambda: "0" * 64)
     assert refused().startswith("is of another state of rt's sources: was '")
-    monkeypatch.setattr(checkpoint_identity, "processor", lambda: "wood abacus +beads")
+    monkeypatch.setattr(resumable_state, "processor", lambda: "wood abacus +beads")
     assert refused().endswith(f" and is 'wood'{anew}")
-    monkeypatch.setattr(checkpoint_identity, "libraries", lambda: {"numba": "99.0"})
+    monkeypatch.setattr(resumable_state, "libraries", lambda: {"numba": "99.0"})
     assert " and is '99.0'" in refused() or "is not given" in refused()
-    monkeypatch.setattr(checkpoint_identity, "__version__", "9.9.9")
+    monkeypatch.setattr(resumable_state, "__version__", "9.9.9")
     assert refused() == f"is of another version of rt: was '{rt.__version__}' and is '9.9.9'{anew}"
 
 
@@ -431,13 +430,13 @@ def test_no_pilot_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = render(scene(), noise=0.05)
     assert whole.stats.pilot_samples >= 256 * WIDTH * HEIGHT
     ends: list[int] = []
-    called = pilot_samples.render_tile
+    called = adaptive_sampling.render_tile
 
     def noted(*args: Any) -> int:
         ends.append(args[-1] - args[-2])
         return int(called(*args))
 
-    monkeypatch.setattr(pilot_samples, "render_tile", noted)
+    monkeypatch.setattr(adaptive_sampling, "render_tile", noted)
     monkeypatch.setattr(tile_scheduler, "_MAX_PASS_SECONDS", 1e-9)
     assert_same(render(scene(), noise=0.05), whole)
     assert set(ends) == {8}

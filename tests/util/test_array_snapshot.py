@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from raytracer.util import array_snapshot
-from raytracer.util.array_snapshot import DamagedError, Snapshot, previous_path
+from raytracer.util.array_snapshot import DamagedError, previous_path
 from raytracer.util.errors import OutputError
 
 
@@ -27,7 +27,7 @@ def arrays(seed: int = 0) -> dict[str, NDArray[Any]]:
 
 
 def write(path: Path, seed: int = 0, *, keep: bool = True) -> int:
-    return array_snapshot.write(path, Snapshot({"seed": seed, "x": [1.5, None, "é"]}, arrays(seed)), keep=keep)
+    return array_snapshot.write(path, {"seed": seed, "x": [1.5, None, "é"]}, arrays(seed), keep=keep)
 
 
 def read(
@@ -147,7 +147,7 @@ def test_files_that_claim_what_they_are_not(tmp_path: Path, change: str) -> None
 
 def test_arrays_may_have_grown(tmp_path: Path) -> None:
     path = tmp_path / "a.checkpoint"
-    array_snapshot.write(path, Snapshot({}, {"rays": np.ones((2, 3, 4, 5))}), keep=False)
+    array_snapshot.write(path, {}, {"rays": np.ones((2, 3, 4, 5))}, keep=False)
     grown = {"rays": np.full((2, 3, 6, 5), 7.0)}
     read(path, grown)
     assert (grown["rays"][:, :, :4] == 1.0).all()

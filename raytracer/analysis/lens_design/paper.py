@@ -2,7 +2,7 @@
 
 import io
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -151,43 +151,34 @@ def _charts(book: "PdfPages", all_groups: Sequence[ChartGroup]) -> None:
         words = "\n".join(_wrapped(f"{group.title}. {group.text}") for group in of_page)
         bottom = _heading(figure, title, words)
         place = {"left": 0.09, "right": 0.96, "top": bottom - 0.035, "bottom": 0.09, "hspace": 0.55, "wspace": 0.28}
-        axes = figure.subplots(_PER_PAGE // _PER_ROW, _PER_ROW, squeeze=False, gridspec_kw=place)
-        _fill(axes.ravel().tolist(), [chart for _, chart in part])
-        _save(book, figure)
+        _fill(book, figure, [chart for _, chart in part], (_PER_PAGE // _PER_ROW, _PER_ROW), place)
 
 
 def _frames(book: "PdfPages", group: ChartGroup) -> None:
     """Add spot diagrams, a row for each field."""
     per_page = _ROWS_OF_SPOTS * group.columns
+    place = {"left": 0.05, "right": 0.95, "top": 0.85, "bottom": 0.05, "hspace": 0.4, "wspace": 0.12}
     for start in range(0, len(group.charts), per_page):
         figure = new_figure(*_PAGE)
         _heading(figure, group.title, _wrapped(f"{group.text} The side of a frame is {frame_size_um(group):g} µm."))
-        axes = figure.subplots(
-            _ROWS_OF_SPOTS,
-            group.columns,
-            squeeze=False,
-            gridspec_kw={"left": 0.05, "right": 0.95, "top": 0.85, "bottom": 0.05, "hspace": 0.4, "wspace": 0.12},
-        )
-        _fill(axes.ravel().tolist(), group.charts[start : start + per_page])
-        _save(book, figure)
+        _fill(book, figure, group.charts[start : start + per_page], (_ROWS_OF_SPOTS, group.columns), place)
 
 
-def _fill(places: Sequence[object], shown: Sequence[Chart]) -> None:
-    """Draw charts on axes, and hide the axes that are left."""
-    from matplotlib.axes import Axes
-
-    for number, axes in enumerate(places):
-        assert isinstance(axes, Axes)
-        if number >= len(shown):
-            axes.axis("off")
-            continue
-        one = shown[number]
+def _fill(
+    book: "PdfPages", figure: "Figure", shown: Sequence[Chart], shape: tuple[int, int], place: Mapping[str, float]
+) -> None:
+    """Draw charts on a page, in rows and columns, and add it."""
+    grid = figure.subplots(*shape, squeeze=False, gridspec_kw=dict(place))
+    for axes in grid.ravel()[len(shown) :]:
+        axes.axis("off")
+    for one, axes in zip(shown, grid.ravel(), strict=False):
         chart.draw(one, axes)
         axes.set_title(one.title, fontsize=6.0 if one.bare else 10.0)
         if one.bare:
             axes.set_xlabel(one.note, fontsize=5.5)
         elif lines := chart.legend_lines(one):
             axes.legend(handles=lines, fontsize=5.5, loc="upper center", bbox_to_anchor=(0.5, -0.17), ncols=4)
+    _save(book, figure)
 
 
 def _heading(figure: "Figure", title: str, words: str) -> float:

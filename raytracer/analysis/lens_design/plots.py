@@ -1,44 +1,29 @@
 """Charts of a study: spots, ray fans, field curvature, distortion, illumination and MTF."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.analysis.lens_design.mtf_plots import PLANES, mtf_charts
+from raytracer.analysis.lens_design.performance import results
 from raytracer.analysis.lens_design.performance.lens_study import LensStudy
-from raytracer.analysis.lens_design.performance.results import (
-    ChromaticAberration,
-    DistortionCurve,
-    Fan,
-    FieldCurvature,
-    Illumination,
-    Spherical,
-    Spot,
-    SpotsOfField,
-)
 from raytracer.optics.glass import LINE_C, LINE_D, LINE_F
-from raytracer.report.chart import (
-    DASH_DOTTED,
-    DASHED,
-    DOTTED,
-    SOLID,
-    Chart,
-    LegendEntry,
-    Range,
-    ReferenceLine,
-    Series,
-)
-from raytracer.report.palette import BLUE, GREEN, OCHRE, PURPLE, VERMILLION
+from raytracer.report.chart import DASH_DOTTED, DASHED, DOTTED, SOLID, Chart, LegendEntry, ReferenceLine, Series
+from raytracer.report.palette import BLUE, GREEN, OCHRE, PURPLE, SERIES, VERMILLION
 
 _LINES = {LINE_F: "F", LINE_D: "d", LINE_C: "C"}
 
 # Colours of wavelengths (nm) below these.
 _OF_WAVELENGTH = ((450.0, PURPLE), (500.0, BLUE), (600.0, GREEN), (620.0, OCHRE))
 _DASHES = (SOLID, DASHED, DASH_DOTTED, DOTTED)
+
+# Dashes of tangential and sagittal lines, in charts whose colours say something else.
+_PLANES = (LegendEntry("T"), LegendEntry("S", dashes=DASHED))
+
+_ZERO_X, _ZERO_Y = (ReferenceLine("x", 0.0),), (ReferenceLine("y", 0.0),)
 
 # Dots of a spot diagram: few enough that a page of many stays small.  They are a random sample of the rays.
 _MOST_DOTS = 400
@@ -128,7 +113,7 @@ def chart_groups(study: LensStudy) -> tuple[ChartGroup, ...]:
             "Geometric MTF",
             "The contrast of fine lines, by the spots' rays. Diffraction is not simulated: the dotted line is the "
             "limit that it sets to a perfect lens of this f-number, and no real lens is above it.",
-            tuple(mtf_charts(study)),
+            tuple(_mtf_charts(study)),
         ),
     )
     several = len(study.first_order) > 1
@@ -166,24 +151,21 @@ def _spots(study: LensStudy) -> tuple[tuple[Chart, ...], int]:
     charts = []
     for field in fields:
         place = f"{field.image_height_mm:.3g} mm ({field.field_deg:.3g}°)"
-        key = f"spot-{field.field:g}"
-        for number, spot in enumerate(field.spots):
-            title = f"{place}, {wavelength_name(spot.wavelength_nm)}"
-            charts.append(
-                _frame(f"{key}-{number}-{field.meridian}", title, (_dots(spot),), half, spot.rms_um, spot.largest_um)
-            )
-        together = tuple(_dots(spot) for spot in field.spots)
-        title = f"{place}, all"
-        charts.append(_frame(f"{key}-all-{field.meridian}", title, together, half, field.rms_um, field.largest_um))
+        key = f"spot-{field.field:g}-{{}}-{field.meridian}"
+        dots = tuple(_dots(spot) for spot in field.spots)
+        for number, (spot, dot) in enumerate(zip(field.spots, dots, strict=True)):
+            title = f"{place}, {dot.label}"
+            charts.append(_frame(key.format(number), title, (dot,), half, spot.rms_um, spot.largest_um))
+        charts.append(_frame(key.format("all"), f"{place}, all", dots, half, field.rms_um, field.largest_um))
     return tuple(charts), len(fields[0].spots) + 1
 
 
-def _passing_points(spot: Spot) -> FloatArray:
+def _passing_points(spot: results.Spot) -> FloatArray:
     """Select the points of rays that get through."""
     return spot.points_um[np.isfinite(spot.points_um).all(axis=1)]
 
 
-def _half_width(fields: Sequence[SpotsOfField]) -> float:
+def _half_width(fields: Sequence[results.SpotsOfField]) -> float:
     """Choose half the side of all frames (um): a round number that holds nearly all rays of the largest spot."""
     landed = [points for field in fields for spot in field.spots if len(points := _passing_points(spot))]
     wanted = 1.1 * max([0.5, *(float(np.quantile(np.abs(points), 0.98)) for points in landed)])
@@ -191,7 +173,7 @@ def _half_width(fields: Sequence[SpotsOfField]) -> float:
     return next(power * m for m in (1.0, 2.0, 3.0, 5.0, 10.0) if power * m >= wanted)
 
 
-def _dots(spot: Spot) -> Series:
+def _dots(spot: results.Spot) -> Series:
     """Choose the dots of a spot diagram."""
     points = _passing_points(spot)
     # A stride would pick columns of the pupil's grid.
@@ -216,70 +198,42 @@ def frame_size_um(group: ChartGroup) -> float:
 # ---- Over the pupil
 
 
-def _spherical(result: Spherical) -> list[Chart]:
+def _spherical(result: results.Spherical) -> Iterator[Chart]:
     """Chart spherical aberration, and the offence against the sine condition."""
     lines = _by_wavelength(result.wavelengths_nm, result.longitudinal_mm, result.pupil, upright=True)
     if np.isfinite(result.third_order_mm).any():
         lines.append(Series("third order (Seidel)", result.third_order_mm, result.pupil, dashes=DOTTED))
-    charts = [
-        Chart(
-            f"lsa-{result.meridian}",
-            "Longitudinal spherical aberration",
-            "from the paraxial image (mm)",
-            "height in the pupil",
-            tuple(lines),
-            y_range=(0.0, 1.0),
-            levels=(ReferenceLine("x", 0.0),),
-        )
-    ]
+    axes = "from the paraxial image (mm)", "height in the pupil"
+    title = "Longitudinal spherical aberration"
+    yield Chart(f"lsa-{result.meridian}", title, *axes, tuple(lines), y_range=(0.0, 1.0), levels=_ZERO_X)
     if np.isfinite(result.sine_condition).any():
-        charts.append(
-            Chart(
-                f"osc-{result.meridian}",
-                "Offence against the sine condition",
-                "offence",
-                "height in the pupil",
-                (Series("", result.sine_condition, result.pupil, BLUE),),
-                y_range=(0.0, 1.0),
-                levels=(ReferenceLine("x", 0.0),),
-                note="Where it is 0 there is no coma close to the axis.",
-            )
-        )
-    return charts
+        names = f"osc-{result.meridian}", "Offence against the sine condition", "offence", "height in the pupil"
+        line = Series("", result.sine_condition, result.pupil, BLUE)
+        note = "Where it is 0 there is no coma close to the axis."
+        yield Chart(*names, (line,), y_range=(0.0, 1.0), levels=_ZERO_X, note=note)
 
 
-def _fans(study: LensStudy) -> list[Chart]:
-    """Chart all ray fans, on one scale."""
+def _fans(study: LensStudy) -> Iterator[Chart]:
+    """Chart the tangential and the sagittal fan of each field, all on one scale."""
     lit = [fan for fan in study.fans if np.isfinite(fan.tangential_um).any()]
     # One scale, so that fields can be compared; the few worst rays would flatten all others.
     values = [np.abs(values[np.isfinite(values)]) for fan in lit for values in (fan.tangential_um, fan.sagittal_um)]
     most = 1.1 * max((float(np.quantile(v, 0.97)) for v in values if v.size), default=1.0) or 1.0
-    return [chart for fan in lit for chart in _fan(fan, (-most, most))]
-
-
-def _fan(fan: Fan, ends: Range) -> list[Chart]:
-    """Chart the tangential and the sagittal fan of a field."""
-    charts = []
-    for name, values in (("tangential", fan.tangential_um), ("sagittal", fan.sagittal_um)):
-        charts.append(
-            Chart(
+    axes = "height in the pupil", "from the chief ray (µm)"
+    for fan in lit:
+        for name, aberration in (("tangential", fan.tangential_um), ("sagittal", fan.sagittal_um)):
+            key, title = (
                 f"fan-{name}-{fan.field:g}-{fan.meridian}",
                 f"{name.capitalize()}, {fan.field_deg:.3g}° off the axis",
-                "height in the pupil",
-                "from the chief ray (µm)",
-                tuple(_by_wavelength(fan.wavelengths_nm, values, fan.pupil, upright=False)),
-                (-1.0, 1.0),
-                ends,
-                levels=(ReferenceLine("x", 0.0), ReferenceLine("y", 0.0)),
             )
-        )
-    return charts
+            lines = _by_wavelength(fan.wavelengths_nm, aberration, fan.pupil, upright=False)
+            yield Chart(key, title, *axes, tuple(lines), (-1.0, 1.0), (-most, most), levels=_ZERO_X + _ZERO_Y)
 
 
 # ---- Over the field
 
 
-def _curvature(result: FieldCurvature) -> Chart:
+def _curvature(result: results.FieldCurvature) -> Chart:
     """Chart field curvature and the Petzval surface."""
     lines, entries = [], []
     # Colours by wavelength, dashes by plane.
@@ -288,23 +242,16 @@ def _curvature(result: FieldCurvature) -> Chart:
         lines.append(Series(f"T, {name}", tangential, result.image_height_mm, hue, SOLID))
         lines.append(Series(f"S, {name}", sagittal, result.image_height_mm, hue, DASHED))
         entries.append(LegendEntry(name, hue))
-    entries += PLANES
+    entries += _PLANES
     if np.isfinite(result.petzval_mm).any():
         lines.append(Series("Petzval surface", result.petzval_mm, result.image_height_mm, dashes=DOTTED))
         entries.append(LegendEntry("Petzval surface", dashes=DOTTED))
-    return Chart(
-        f"curvature-{result.meridian}",
-        "Field curvature",
-        "focus from the film (mm)",
-        "image height (mm)",
-        tuple(lines),
-        levels=(ReferenceLine("x", 0.0),),
-        entries=tuple(entries),
-        note="T: tangential, in the plane of the axis. S: sagittal, across it.",
-    )
+    names = f"curvature-{result.meridian}", "Field curvature", "focus from the film (mm)", "image height (mm)"
+    note = "T: tangential, in the plane of the axis. S: sagittal, across it."
+    return Chart(*names, tuple(lines), levels=_ZERO_X, entries=tuple(entries), note=note)
 
 
-def _distortion(result: DistortionCurve) -> Chart:
+def _distortion(result: results.DistortionCurve) -> Chart:
     """Chart distortion against ideal projections."""
     lines = [Series("against f tan θ", result.percent, result.image_height_mm, BLUE, SOLID)]
     best = projection_text(result.projection)
@@ -313,54 +260,77 @@ def _distortion(result: DistortionCurve) -> Chart:
     worst = np.nanmax(np.abs(result.percent)) if np.isfinite(result.percent).any() else 0.0
     # Tiny distortion must not fill the chart.
     ends = (-1.0, 1.0) if worst < 0.9 else None
-    return Chart(
-        f"distortion-{result.meridian}",
-        "Distortion",
-        "distortion (%)",
-        "image height (mm)",
-        tuple(lines),
-        ends,
-        levels=(ReferenceLine("x", 0.0),),
-        note=f"The projection that fits best is {best}.",
-    )
+    names = f"distortion-{result.meridian}", "Distortion", "distortion (%)", "image height (mm)"
+    return Chart(*names, tuple(lines), ends, levels=_ZERO_X, note=f"The projection that fits best is {best}.")
 
 
-def _chromatic_aberration(result: ChromaticAberration) -> list[Chart]:
+def _chromatic_aberration(result: results.ChromaticAberration) -> Iterator[Chart]:
     """Chart lateral and longitudinal colour."""
     lateral = _by_wavelength(result.edge_wavelengths_nm, result.lateral_um, result.image_height_mm, upright=True)
-    return [
-        Chart(
-            f"lateral-{result.meridian}",
-            "Lateral colour",
-            "from the middle colour (µm)",
-            "image height (mm)",
-            tuple(lateral),
-            levels=(ReferenceLine("x", 0.0),),
-        ),
-        Chart(
-            f"axial-{result.meridian}",
-            "Longitudinal colour",
-            "wavelength (nm)",
-            "focus on the axis (mm)",
-            (Series("", result.wavelengths_nm, result.axial_mm, BLUE),),
-            levels=(ReferenceLine("y", 0.0),),
-            note=f"Between the ends of the wavelengths asked for: {result.axial_between_ends_mm:.4g} mm.",
-        ),
-    ]
+    names = f"lateral-{result.meridian}", "Lateral colour", "from the middle colour (µm)", "image height (mm)"
+    yield Chart(*names, tuple(lateral), levels=_ZERO_X)
+    names = f"axial-{result.meridian}", "Longitudinal colour", "wavelength (nm)", "focus on the axis (mm)"
+    axial = Series("", result.wavelengths_nm, result.axial_mm, BLUE)
+    note = f"Between the ends of the wavelengths asked for: {result.axial_between_ends_mm:.4g} mm."
+    yield Chart(*names, (axial,), levels=_ZERO_Y, note=note)
 
 
-def _illumination(result: Illumination) -> Chart:
+def _illumination(result: results.Illumination) -> Chart:
     """Chart relative illumination."""
     height = result.image_height_mm
-    return Chart(
-        f"illumination-{result.meridian}",
-        "Relative illumination",
-        "image height (mm)",
-        "of the middle's (%)",
-        (
-            Series("light on the film", height, 100.0 * result.relative, BLUE, SOLID),
-            Series("solid angle of the pupil", height, 100.0 * result.pupil, GREEN, DASHED),
-            Series("cos⁴ law", height, 100.0 * result.cos4, dashes=DOTTED),
-        ),
-        y_range=(0.0, max(105.0, 105.0 * float(np.nanmax([1.0, *result.relative, *result.pupil])))),
+    lines = (
+        Series("light on the film", height, 100.0 * result.relative, BLUE, SOLID),
+        Series("solid angle of the pupil", height, 100.0 * result.pupil, GREEN, DASHED),
+        Series("cos⁴ law", height, 100.0 * result.cos4, dashes=DOTTED),
     )
+    names = f"illumination-{result.meridian}", "Relative illumination", "image height (mm)", "of the middle's (%)"
+    top = max(105.0, 105.0 * float(np.nanmax([1.0, *result.relative, *result.pupil])))
+    return Chart(*names, lines, y_range=(0.0, top))
+
+
+# ---- MTF
+
+
+def _mtf_charts(study: LensStudy) -> Iterator[Chart]:
+    """Chart the MTF by frequency, and over the field, in each meridian."""
+    lit = [field for field in study.mtf if np.isfinite(field.tangential).any()]
+    for meridian in dict.fromkeys(field.meridian for field in lit):
+        fields = [field for field in lit if field.meridian == meridian]
+        tangential, sagittal = [field.tangential for field in fields], [field.sagittal for field in fields]
+        yield _mtf_by_frequency("tangential", "across the direction to", fields, tangential, study.diffraction_limit)
+        yield _mtf_by_frequency("sagittal", "along the direction to", fields, sagittal, study.diffraction_limit)
+    yield from (_mtf_over_field(one) for one in study.mtf_over_field if np.isfinite(one.tangential).any())
+
+
+def _mtf_by_frequency(
+    name: str, way: str, fields: Sequence[results.Mtf], contrasts: Sequence[FloatArray], limit: results.DiffractionLimit
+) -> Chart:
+    """Chart the tangential or the sagittal MTF of fields in one meridian by frequency."""
+    lines = [
+        Series(
+            f"{field.image_height_mm:.3g} mm",
+            field.frequencies_per_mm,
+            contrast,
+            SERIES[number % len(SERIES)],
+            # Dotted is the limit.
+            _DASHES[number % (len(_DASHES) - 1)],
+        )
+        for number, (field, contrast) in enumerate(zip(fields, contrasts, strict=True))
+    ]
+    last = max(float(line.x[-1]) for line in lines)
+    lines.append(Series("diffraction limit", limit.frequencies_per_mm, limit.mtf, dashes=DOTTED))
+    key, title = f"mtf-{name}-{fields[0].meridian}", f"MTF by frequency, {name}"
+    note = f"By image height, of lines {way} the middle."
+    return Chart(key, title, "line pairs a millimetre", "contrast", tuple(lines), (0.0, last), (0.0, 1.02), note=note)
+
+
+def _mtf_over_field(result: results.MtfOverField) -> Chart:
+    """Chart the MTF over image height at a few frequencies."""
+    lines, entries = [], []
+    for number, frequency in enumerate(result.frequencies_per_mm):
+        hue = SERIES[number % len(SERIES)]
+        lines.append(Series(f"{frequency:g}/mm T", result.image_height_mm, result.tangential[number], hue, SOLID))
+        lines.append(Series(f"{frequency:g}/mm S", result.image_height_mm, result.sagittal[number], hue, DASHED))
+        entries.append(LegendEntry(f"{frequency:g}/mm", hue))
+    names = f"mtf-field-{result.meridian}", "MTF over the field", "image height (mm)", "contrast"
+    return Chart(*names, tuple(lines), y_range=(0.0, 1.02), entries=(*entries, *_PLANES))

@@ -11,14 +11,7 @@ from raytracer.analysis.lens_design.performance.results import Curve, FirstOrder
 from raytracer.analysis.lens_design.plots import projection_text, wavelength_name
 from raytracer.optics.lens_system.lens import Lens
 from raytracer.report.table import Row, Table, align_columns
-from raytracer.report.wording import (
-    degrees,
-    metres,
-    micrometres,
-    millimetres,
-    relative,
-    significant,
-)
+from raytracer.report.wording import degrees, metres, micrometres, millimetres, relative, significant
 
 _WIDTH = 100
 
@@ -50,24 +43,14 @@ def _first_order(first: FirstOrder, several: bool) -> Table:
     def place(name: str, z: float) -> Row:
         return Row(name, (millimetres(z), "", ""))
 
+    def both(name: str, by_matrices: float, traced: float, difference: float, meaning: str = "") -> Row:
+        return Row(name, (millimetres(by_matrices), millimetres(traced), relative(difference)), meaning)
+
+    length = first.focal_length_mm, first.focal_length_traced_mm, first.focal_length_difference
+    behind = first.back_focus_mm, first.back_focus_traced_mm, first.back_focus_difference
     rows = [
-        Row(
-            "focal length",
-            (
-                millimetres(first.focal_length_mm),
-                millimetres(first.focal_length_traced_mm),
-                relative(first.focal_length_difference),
-            ),
-        ),
-        Row(
-            "back focus",
-            (
-                millimetres(first.back_focus_mm),
-                millimetres(first.back_focus_traced_mm),
-                relative(first.back_focus_difference),
-            ),
-            "from the last vertex to the rear focal point",
-        ),
+        both("focal length", *length),
+        both("back focus", *behind, "from the last vertex to the rear focal point"),
         place("front focal point F", first.front_focus_z_mm),
         place("rear focal point F′", first.rear_focus_z_mm),
         place("front principal plane H", first.front_principal_z_mm),
@@ -81,11 +64,7 @@ def _first_order(first: FirstOrder, several: bool) -> Table:
         place("exit pupil", first.exit_pupil_z_mm),
         place("exit pupil's diameter", first.exit_pupil_diameter_mm),
         Row("f-number", (significant(first.f_number), "", ""), "focal length over the entrance pupil's diameter"),
-        Row(
-            "working f-number",
-            ("", significant(first.working_f_number), ""),
-            "1 / (2 sin u′) of the marginal ray",
-        ),
+        Row("working f-number", ("", significant(first.working_f_number), ""), "1 / (2 sin u′) of the marginal ray"),
         Row("magnification", (significant(first.magnification), "", "")),
         place("film", first.film_z_mm),
         place("front vertex to film", first.total_track_mm),
@@ -114,7 +93,7 @@ def surfaces(lens: Lens) -> Table:
         radius = "flat" if one.curvature == 0.0 else f"{1.0 / one.curvature:.6g}".replace("-", "−")
         name = one.glass.name
         glass = "" if float(one.glass.ior()) == 1.0 else name
-        more = [one.kind] if one.kind not in ("spherical", "flat") else []
+        more: list[str] = [one.kind] if one.kind not in ("spherical", "flat") else []
         more += ["stop"] if one.is_stop and one.kind != "stop" else []
         more += [f"k = {one.conic:g}"] if one.conic else []
         more += [f"along {one.axis}"] if one.axis else []
@@ -164,25 +143,13 @@ def tolerances(study: LensStudy) -> tuple[Table, ...]:
         plane = f", in the plane of {result.meridian}" if several else ""
         rows = (
             Row("circle of confusion", (millimetres(result.circle_of_confusion_mm, 3),)),
-            Row(
-                "depth of focus",
-                (f"± {millimetres(result.depth_of_focus_mm, 3)}",),
-                "tolerance of the film's place",
-            ),
+            Row("depth of focus", (f"± {millimetres(result.depth_of_focus_mm, 3)}",), "tolerance of the film's place"),
             Row("nearest plane that is sharp", (_scene(result.near_limit_mm),), "from the entrance pupil"),
             Row("farthest plane that is sharp", (_scene(result.far_limit_mm),), "from the entrance pupil"),
-            Row(
-                "best focus, from the film",
-                (millimetres(result.best_focus_mm, 3),),
-                "least RMS spot on the axis",
-            ),
+            Row("best focus, from the film", (millimetres(result.best_focus_mm, 3),), "least RMS spot on the axis"),
             Row("RMS spot on the axis", (micrometres(result.rms_on_axis_um),)),
             Row("the same at best focus", (micrometres(result.rms_on_axis_best_um),)),
-            Row(
-                "all errors below, together",
-                (millimetres(result.rss_back_focus_mm, 3),),
-                "RSS, on the back focus",
-            ),
+            Row("all errors below, together", (millimetres(result.rss_back_focus_mm, 3),), "RSS, on the back focus"),
         )
         tables.append(Table(f"Tolerance on focus{plane}", ("", ""), rows))
         errors = tuple(
@@ -229,13 +196,10 @@ def summary(study: LensStudy) -> str:
     lines += textwrap.wrap(setting(study), _WIDTH)
     for table in first_order(study):
         lines += ["", table.title, *_columns([table.head, *((row.name, *row.cells) for row in table.rows)])]
-    meridians = [first.meridian for first in study.first_order]
-    for meridian in meridians:
-        plane = f", in the plane of {meridian}" if len(meridians) > 1 else ""
-        lines += ["", f"Aberrations{plane}", *_columns(aberrations(study, meridian))]
-    for meridian in meridians:
-        plane = f", in the plane of {meridian}" if len(meridians) > 1 else ""
-        lines += ["", f"Spots, of all wavelengths together{plane}", *_columns(spots(study, meridian))]
+    for title, make in (("Aberrations", aberrations), ("Spots, of all wavelengths together", spots)):
+        for first in study.first_order:
+            plane = f", in the plane of {first.meridian}" if len(study.first_order) > 1 else ""
+            lines += ["", f"{title}{plane}", *_columns(make(study, first.meridian))]
     for note in notes(study):
         lines += ["", *textwrap.wrap(f"{topic(note)}: {note.reason}", _WIDTH)]
     return "\n".join(line.rstrip() for line in lines) + "\n"
@@ -243,35 +207,29 @@ def summary(study: LensStudy) -> str:
 
 def aberrations(study: LensStudy, meridian: str = "y") -> list[tuple[str, ...]]:
     """List the aberrations in one meridian, in a number each: name, value, place."""
+    number = [first.meridian for first in study.first_order].index(meridian)
+    spherical, colour, curvature = study.spherical[number], study.colour[number], study.field_curvature[number]
+    distortion, light = study.distortion[number], study.illumination[number]
     rows: list[tuple[str, ...]] = []
-    for spherical in (one for one in study.spherical if one.meridian == meridian):
-        zones = np.flatnonzero(np.isfinite(spherical.longitudinal_mm[0]))
-        if zones.size:
-            value, zone = spherical.longitudinal_mm[0, zones[-1]], spherical.pupil[zones[-1]]
-            where = "at the pupil's rim" if zone == 1.0 else f"at {zone:.2g} of the pupil's height"
-            rows.append(("spherical aberration", millimetres(float(value), 3), where))
-    colours = [one for one in study.colour if one.meridian == meridian]
-    rows += [("longitudinal colour", millimetres(one.axial_between_ends_mm, 3), _ends(study)) for one in colours]
-    for curvature in (one for one in study.field_curvature if one.meridian == meridian):
-        for name, values in (("tangential", curvature.tangential_mm[0]), ("sagittal", curvature.sagittal_mm[0])):
-            rows += _outermost(f"focus, {name}", values, curvature.image_height_mm, "mm")
-    for distortion in (one for one in study.distortion if one.meridian == meridian):
-        rows += _outermost("distortion", distortion.percent, distortion.image_height_mm, "%")
-        if distortion.projection != "f tan":
-            name = f"distortion against {projection_text(distortion.projection)}"
-            rows += _outermost(name, distortion.projection_percent, distortion.image_height_mm, "%")
-    for colour in colours:
-        for nm, values in zip(colour.edge_wavelengths_nm[1:], colour.lateral_um[1:], strict=True):
-            name = f"lateral colour, {wavelength_name(float(nm))}"
-            rows += _outermost(name, values, colour.image_height_mm, "µm")
-    for light in (one for one in study.illumination if one.meridian == meridian):
-        rows += _outermost("relative illumination", 100.0 * light.relative, light.image_height_mm, "%")
-    return rows
-
-
-def _ends(study: LensStudy) -> str:
+    zones = np.flatnonzero(np.isfinite(spherical.longitudinal_mm[0]))
+    if zones.size:
+        value, zone = spherical.longitudinal_mm[0, zones[-1]], spherical.pupil[zones[-1]]
+        where = "at the pupil's rim" if zone == 1.0 else f"at {zone:.2g} of the pupil's height"
+        rows.append(("spherical aberration", millimetres(float(value), 3), where))
     wavelengths = study.settings.wavelengths_nm
-    return f"{wavelengths[1]:.4g} nm from {wavelengths[2]:.4g} nm" if len(wavelengths) > 2 else ""
+    ends = f"{wavelengths[1]:.4g} nm from {wavelengths[2]:.4g} nm" if len(wavelengths) > 2 else ""
+    rows.append(("longitudinal colour", millimetres(colour.axial_between_ends_mm, 3), ends))
+    height = curvature.image_height_mm
+    rows += _outermost("focus, tangential", curvature.tangential_mm[0], height, "mm")
+    rows += _outermost("focus, sagittal", curvature.sagittal_mm[0], height, "mm")
+    rows += _outermost("distortion", distortion.percent, height, "%")
+    if distortion.projection != "f tan":
+        name = f"distortion against {projection_text(distortion.projection)}"
+        rows += _outermost(name, distortion.projection_percent, height, "%")
+    for nm, values in zip(colour.edge_wavelengths_nm[1:], colour.lateral_um[1:], strict=True):
+        rows += _outermost(f"lateral colour, {wavelength_name(float(nm))}", values, height, "µm")
+    rows += _outermost("relative illumination", 100.0 * light.relative, height, "%")
+    return rows
 
 
 def _outermost(name: str, values: Curve, heights: Curve, unit: str) -> list[tuple[str, ...]]:

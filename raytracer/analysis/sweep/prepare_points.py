@@ -10,8 +10,8 @@ from typing import NamedTuple
 from raytracer.analysis.explain.camera_numbers import CameraView, depth_of_field, exposure
 from raytracer.analysis.sweep.options import SweepOptions
 from raytracer.analysis.sweep.results import SweepPoint
+from raytracer.rendering.compilation import PreparedScene
 from raytracer.rendering.options import RenderOptions
-from raytracer.rendering.prepared_scene import PreparedScene
 from raytracer.rendering.render import prepare_scene
 from raytracer.rendering.tile_scheduler import now
 from raytracer.scene.cache import RenderCache

@@ -23,8 +23,8 @@ from raytracer.analysis.sweep.report_queue import ReportQueue
 from raytracer.analysis.sweep.results import PointResult, Sweep, SweepPoint
 from raytracer.film.image import Image
 from raytracer.rendering.checkpoint import CheckpointError, CheckpointWriter, checkpoint_path
+from raytracer.rendering.compilation import PreparedScene
 from raytracer.rendering.options import called_with
-from raytracer.rendering.prepared_scene import PreparedScene
 from raytracer.rendering.progress import Progress
 from raytracer.rendering.render import render_prepared
 from raytracer.rendering.session import Rendered

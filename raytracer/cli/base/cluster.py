@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from raytracer.rendering.cluster import Cluster
+    from raytracer.rendering.cluster.connection import Cluster
 
 
 def _print(sentence: str) -> None:
@@ -24,7 +24,7 @@ def connect_cluster(address: str | None, say: Callable[[str], object] = _print) 
     if address is None:
         yield None
         return
-    from raytracer.rendering.cluster import Cluster
+    from raytracer.rendering.cluster.connection import Cluster
 
     with Cluster(address, say=lambda sentence: say(f"rt: {sentence}")) as cluster:
         yield cluster

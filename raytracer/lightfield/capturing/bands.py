@@ -15,8 +15,8 @@ from raytracer.film.light_field.views import Views
 from raytracer.film.white_balance import AUTO
 from raytracer.film.window import Window
 from raytracer.kernel.aovs.base.interface import per_sample_aovs, unique_aovs
+from raytracer.rendering.compilation import PreparedScene
 from raytracer.rendering.memory_budget import ERROR_ESTIMATOR_BYTES, picture_memory
-from raytracer.rendering.prepared_scene import PreparedScene
 from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import InputError
 

@@ -21,9 +21,9 @@ from raytracer.lightfield.capturing.bands import bytes_per_pixel, choose_bands
 from raytracer.lightfield.capturing.checkpoints import BandCheckpoints
 from raytracer.lightfield.capturing.statistics import BandStats, band_stats, merge_stats, replace_error_settings
 from raytracer.rendering.checkpoint import CheckpointWriter
+from raytracer.rendering.compilation import PreparedScene
 from raytracer.rendering.develop import light_field_layout
 from raytracer.rendering.options import RenderOptions, called_with
-from raytracer.rendering.prepared_scene import PreparedScene
 from raytracer.rendering.progress import Progress
 from raytracer.rendering.render import prepare_scene, render_prepared
 from raytracer.rendering.session import Rendered

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from raytracer.core.compiler.dispatch import kernel
 from raytracer.core.vec import dot, madd, norm, normalize, scale
 from raytracer.optics.lens_system.ray_tracing import intersect_shape, intersect_sphere
-from raytracer.optics.lens_system.surfaces import reverse_shapes
 
 MAX_STEPS = 64
 """Iterations to a point of an asphere: bisection alone gets from 1 mm to the spacing of float64 numbers in so many."""
@@ -25,8 +24,6 @@ ROUNDING = 2.0**-51
 class SurfaceShapes(NamedTuple):
     """Packed shapes of the surfaces of a lens that are not all spheres.
 
-    Attributes
-    ----------
     quadric (1/mm) : float64 (n, 3), the curvatures of u x^2 + v y^2 + w z^2 = 2 z.
     coefficients : float64 (n, m), of the polynomial a_4 r^4 + a_6 r^6 + ... (mm) that is added to the sag.
     aspheric : bool (n,), whether any of these is not 0.
@@ -43,18 +40,11 @@ class SurfaceShapes(NamedTuple):
     min_sag: NDArray[np.float64]
     max_sag: NDArray[np.float64]
 
-
-@reverse_shapes.register(SurfaceShapes)
-def reverse_shapes_surface_shapes(shapes: SurfaceShapes) -> SurfaceShapes:
-    return SurfaceShapes(
-        quadric=-shapes.quadric[::-1],
-        coefficients=-shapes.coefficients[::-1],
-        aspheric=shapes.aspheric[::-1].copy(),
-        plain=shapes.plain[::-1].copy(),
-        limit=shapes.limit[::-1].copy(),
-        min_sag=-shapes.max_sag[::-1],
-        max_sag=-shapes.min_sag[::-1],
-    )
+    def reversed(self) -> "SurfaceShapes":
+        """Mirror the surfaces across the axis, from the last to the first."""
+        flags = self.aspheric[::-1].copy(), self.plain[::-1].copy()
+        limits = self.limit[::-1].copy(), -self.max_sag[::-1], -self.min_sag[::-1]
+        return SurfaceShapes(-self.quadric[::-1], -self.coefficients[::-1], *flags, *limits)
 
 
 @kernel

@@ -23,12 +23,11 @@ from raytracer.core.fresnel import fresnel_dielectric
 class Coating(NamedTuple):
     """A quarter-wave layer.
 
-    Attributes
-    ----------
     wavelength (nm) : in air, of which it is a quarter thick.
     ior : its index of refraction.
 
-    The default is magnesium fluoride, whose index (of the ordinary ray) is within 0.005 of 1.38 from 400 to 700 nm.
+    The default is magnesium fluoride, for the green to which eyes are most sensitive; its index (of the ordinary ray)
+    is within 0.005 of 1.38 from 400 to 700 nm.
 
     References: Dodge 1984, "Refractive properties of magnesium fluoride", Applied Optics 23(12).
     """
@@ -36,20 +35,10 @@ class Coating(NamedTuple):
     wavelength: float = 550.0
     ior: float = 1.38
 
-    def thickness(self) -> float:
-        """Compute the thickness of the layer (nm)."""
-        return self.wavelength / (4.0 * self.ior)
-
-
-MGF2 = Coating()
-"""Magnesium fluoride, for the green to which eyes are most sensitive."""
-
 
 class Coatings(NamedTuple):
     """Packed coatings of all surfaces.
 
-    Attributes
-    ----------
     wavelength (nm) : float64 (n,), of which the layer is a quarter thick; 0 for a bare surface.
     ior : float64 (n,), index of refraction of the layer.
     """

@@ -68,8 +68,6 @@ def fields_of_view(setting: LensSetup, film: SensorSize) -> dict[str, float]:
 class RadialViewTable(NamedTuple):
     """Packed table of a lens that is symmetric about its axis: radius on the film by angle.
 
-    Attributes
-    ----------
     radius (mm) : float64 (n,), of evenly spaced angles from 0 on.
     per_radian (1/rad) : places of the table per angle.
     """
@@ -81,8 +79,6 @@ class RadialViewTable(NamedTuple):
 class QuadrantViewTable(NamedTuple):
     """Packed table of a lens that is symmetric about two planes: directions of places of a quadrant of the film.
 
-    Attributes
-    ----------
     slopes : float64 (n, m, 2), by |y| and |x| on the film: tangents to the side and up.
     step_x, step_y (mm) : of the table.
     image_x, image_y (mm) : distance on the film per slope, near the axis.

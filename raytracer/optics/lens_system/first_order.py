@@ -87,12 +87,6 @@ def cardinal_points(lens: LensSurfaces, across: str = "y") -> CardinalPoints:
     )
 
 
-def _translation(lens: LensSurfaces, gap: int) -> NDArray[np.float64]:
-    """Compute the matrix of the way from a surface to the one behind it."""
-    way = float(lens.vertex[gap + 1] - lens.vertex[gap])
-    return np.array([[1.0, way / float(lens.ior[gap + 1])], [0.0, 1.0]])
-
-
 def entrance_pupil(lens: LensSurfaces, across: str = "y") -> Pupil:
     """Image the stop by the surfaces before it; at infinity, and infinitely large, if these are telecentric.
 
@@ -101,7 +95,9 @@ def entrance_pupil(lens: LensSurfaces, across: str = "y") -> Pupil:
     stop, z = lens.stop, float(lens.vertex[0])
     matrix = np.eye(2)
     if stop > 0:
-        matrix = _translation(lens, stop - 1) @ ray_transfer_matrix(slice_surfaces(lens, 0, stop), across)
+        way = float(lens.vertex[stop] - lens.vertex[stop - 1])
+        passed = np.array([[1.0, way / float(lens.ior[stop])], [0.0, 1.0]])
+        matrix = passed @ ray_transfer_matrix(slice_surfaces(lens, 0, stop), across)
     (a, b), _ = matrix
     if a == 0.0:
         return Pupil(float("inf"), float("inf"))

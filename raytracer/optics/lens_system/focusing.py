@@ -50,8 +50,6 @@ _MAX_SIGN_CHANGES, _MAX_ITERATIONS = 4, 100
 class FocusState(NamedTuple):
     """The focus of a lens.
 
-    Attributes
-    ----------
     shift (mm) : of its group towards the scene.
     film (mm) : place of the film on the axis, in the frame of the lens as it is packed with that shift.
     """
@@ -63,8 +61,6 @@ class FocusState(NamedTuple):
 class _Pencil(NamedTuple):
     """Light of a point of the axis that enters a lens, in the plane of z and another axis.
 
-    Attributes
-    ----------
     lens : packed.
     distance (mm) : of the point before the first surface on the way; may be infinite.
     towards_film : direction of the light.
@@ -152,50 +148,6 @@ def _planes(lens: LensSurfaces) -> str:
     """List the planes in which light is traced: one if the lens is round."""
     shapes = lens.shapes
     return "y" if shapes is None or np.array_equal(shapes.quadric[:, 0], shapes.quadric[:, 1]) else "xy"
-
-
-def nearest_focus(lens: LensSurfaces, travel: float, how: str = "marginal") -> float:
-    """Find the distance (mm) before the front vertex of the nearest plane that is sharp.
-
-    travel (mm) : greatest distance of the film behind the last vertex.
-
-    Raises
-    ------
-    ValueError : so near behind the lens nothing is sharp.
-    """
-    distance = _image_distance(lens, travel, towards_film=False, how=how)
-    if distance <= 0.0:
-        raise ValueError(
-            f"nothing is sharp {travel:g} mm behind the lens: infinity is "
-            f"{_image_distance(lens, math.inf, True, how):g} mm "
-            "behind it"
-        )
-    return distance
-
-
-def focus(lens: LensSurfaces, distance: float, travel: float, how: str = "marginal") -> float:
-    """Find the distance (mm) of the film behind the last vertex at which a plane before the front one is sharp.
-
-    Parameters
-    ----------
-    distance (mm) : of the plane before the front vertex, greater than 0; may be infinite.
-    travel (mm) : greatest distance of the film behind the last vertex.
-    how : criterion of sharpness, one of `FOCUS_CRITERIA`.
-
-    Raises
-    ------
-    ValueError : the plane is nearer than the lens can focus; it names the nearest one that is possible.
-    """
-    nearest = nearest_focus(lens, travel, how)
-    if not distance >= nearest:
-        raise ValueError(
-            f"the lens cannot focus at {distance:g} mm: the nearest plane that is sharp with the film {travel:g} mm "
-            f"behind the lens is {nearest:g} mm before it"
-        )
-    return _image_distance(lens, distance, towards_film=True, how=how)
-
-
-# ---- Lenses
 
 
 def film_position(lens: Lens, how: str = "marginal", *, stop_radius: float | None = None) -> float:
@@ -305,14 +257,12 @@ def _sharp_distance(packed: LensSurfaces, film: float, how: str) -> float:
     return size / root - front + _pupil_distance(packed)
 
 
-class _FocusRange(NamedTuple):
+class FocusRange(NamedTuple):
     """The range in which a lens focuses (mm).
 
-    Attributes
-    ----------
     film : see `film_position`.
-    nearest : see `nearest_distance`.
-    shift : with which the nearest plane is sharp.
+    nearest : distance before the entrance pupil of the nearest plane.
+    shift : with which that is sharp.
     """
 
     film: float
@@ -321,19 +271,8 @@ class _FocusRange(NamedTuple):
 
 
 @functools.lru_cache(maxsize=64)
-def _focus_range(lens: Lens, how: str, stop_radius: float | None) -> _FocusRange:
-    film, packed = film_position(lens, how, stop_radius=stop_radius), lens.packed(stop_radius=stop_radius)
-    if lens.focus.moves != "group":
-        return _FocusRange(film, _sharp_distance(packed, film + abs(cardinal_points(packed).focal_length), how), 0.0)
-    shifts = np.concatenate([way[_STRIDE::_STRIDE] for way in _shifts(lens, packed, film)])
-    return _FocusRange(
-        film,
-        *min((_sharp_distance(_shift_group(lens, packed, shift), film, how), shift) for shift in map(float, shifts)),
-    )
-
-
-def nearest_distance(lens: Lens, how: str = "marginal", *, stop_radius: float | None = None) -> float:
-    """Find the distance (mm) before the entrance pupil of the nearest plane that a lens focuses.
+def focus_range(lens: Lens, how: str = "marginal", stop_radius: float | None = None) -> FocusRange:
+    """Find the range in which a lens focuses.
 
     A lens that moves as a whole does so until the image is as large as the object; a group until it meets its
     neighbours.
@@ -342,7 +281,14 @@ def nearest_distance(lens: Lens, how: str = "marginal", *, stop_radius: float | 
     ------
     ValueError : the lens makes no image of what is far away.
     """
-    return _focus_range(lens, how, stop_radius).nearest
+    film, packed = film_position(lens, how, stop_radius=stop_radius), lens.packed(stop_radius=stop_radius)
+    if lens.focus.moves != "group":
+        return FocusRange(film, _sharp_distance(packed, film + abs(cardinal_points(packed).focal_length), how), 0.0)
+    shifts = np.concatenate([way[_STRIDE::_STRIDE] for way in _shifts(lens, packed, film)])
+    nearest = min(
+        (_sharp_distance(_shift_group(lens, packed, shift), film, how), shift) for shift in map(float, shifts)
+    )
+    return FocusRange(film, *nearest)
 
 
 def focus_shift(lens: Lens, distance: float, how: str = "marginal", *, stop_radius: float | None = None) -> FocusState:
@@ -364,7 +310,7 @@ def focus_shift(lens: Lens, distance: float, how: str = "marginal", *, stop_radi
         raise ValueError(f"focus is by {' or '.join(FOCUS_CRITERIA)}, not by {how}")
     if distance == math.inf:
         return FocusState(0.0, film_position(lens, how, stop_radius=stop_radius))
-    film, nearest, most = _focus_range(lens, how, stop_radius)
+    film, nearest, most = focus_range(lens, how, stop_radius)
     if not distance >= nearest:
         raise ValueError(
             f"the lens cannot focus at {distance:g} mm: the nearest plane that it can is {nearest:g} mm before its "
@@ -384,10 +330,8 @@ def focus_shift(lens: Lens, distance: float, how: str = "marginal", *, stop_radi
     return FocusState(most if root is None else root, film)
 
 
-def focus_lens(
-    lens: Lens, distance: float, how: str = "marginal", *, stop_radius: float | None = None
-) -> tuple[Lens, float]:
+def focus_lens(lens: Lens, distance: float, how: str = "marginal") -> tuple[Lens, float]:
     """Focus a lens as `focus_shift` does; also find the place of the film (mm) in the focused lens's own frame."""
-    shift, film = focus_shift(lens, distance, how, stop_radius=stop_radius)
+    shift, film = focus_shift(lens, distance, how)
     with_front = lens.focus.moves == "group" and lens.focus.first == 1
     return lens.focused(shift), film + shift if with_front else film

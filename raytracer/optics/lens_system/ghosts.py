@@ -23,7 +23,6 @@ from raytracer.core.sampling.warp import sample_bin, sample_disc
 from raytracer.core.vec import madd, normalize, sub
 from raytracer.optics.glass import LINE_D
 from raytracer.optics.lens_system.coatings import reflectance
-from raytracer.optics.lens_system.diaphragm import aperture_extent
 from raytracer.optics.lens_system.ray_tracing import (
     index_at_row,
     index_row,
@@ -31,7 +30,7 @@ from raytracer.optics.lens_system.ray_tracing import (
     refract,
     rim_transmission,
 )
-from raytracer.optics.lens_system.surfaces import LensSurfaces
+from raytracer.optics.lens_system.surfaces import LensSurfaces, aperture_extent
 
 # Probability of the direct path, and the part of the rest that is uniform over all pairs, so that a pair whose light
 # was not found is not left out.
@@ -55,8 +54,6 @@ _MAX_AIMED_PAIRS = 500
 class GhostPaths(NamedTuple):
     """Packed paths through a lens, and their probabilities.
 
-    Attributes
-    ----------
     first, last : int32 (m,), the surfaces that reflect, from the front; the ray from the film meets `last` on its way,
         turns at `first`, turns again at `last`, and leaves at the front.
     cumulative : float64 (m + 1,), cumulative probabilities of the direct path and, after it, the pairs.

@@ -5,21 +5,21 @@ film, and the front vertex is at 0; x is to the right and y up as seen from behi
 """
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytracer.optics.glass import AIR, LINE_D, Glass
 from raytracer.optics.lens_system.aspheres import SurfaceShapes
-from raytracer.optics.lens_system.coatings import Coating, Coatings, pack_coatings
+from raytracer.optics.lens_system.coatings import Coating, pack_coatings
 from raytracer.optics.lens_system.first_order import paraxial_heights
-from raytracer.optics.lens_system.surfaces import Indices, LensSurfaces, check_surface
+from raytracer.optics.lens_system.surfaces import Indices, LensSurfaces
 
-KINDS = ("flat", "stop", "spherical", "conic", "asphere", "cylindrical")
-"""Kinds of surfaces, as in lens files."""
+Kind: TypeAlias = Literal["flat", "stop", "spherical", "conic", "asphere", "cylindrical"]
 
 # Places at which the sag of an asphere is sampled.
 _PROFILE = 1025
@@ -37,13 +37,11 @@ _CROSSING_MM = 0.02
 class Element(NamedTuple):
     """A surface of a lens.
 
-    Attributes
-    ----------
     curvature (1/mm) : positive where the centre lies on the film's side.
     thickness (mm) : distance to the next vertex towards the film; of the last one to the film, and without effect.
     glass : the medium behind it, on the film's side.
     radius (mm) : half of the clear aperture.
-    kind : one of `KINDS`.
+    kind : as in lens files.
     conic : the constant k of a conic section, 0 for a sphere and -1 for a paraboloid.
     coefficients (mm^-3, mm^-5 ...) : a_4, a_6 ... of an even asphere, whose sag is
         c r^2 / (1 + sqrt(1 - (1 + k) c^2 r^2)) + a_4 r^4 + a_6 r^6 + ...
@@ -56,7 +54,7 @@ class Element(NamedTuple):
     thickness: float
     glass: Glass
     radius: float
-    kind: str = "spherical"
+    kind: Kind = "spherical"
     conic: float = 0.0
     coefficients: tuple[float, ...] = ()
     axis: str = ""
@@ -87,8 +85,6 @@ class Element(NamedTuple):
 class Focus:
     """The way in which a lens is focused.
 
-    Attributes
-    ----------
     moves : "all", the whole lens, and "sensor", the film, which is the same to rays; or "group", a part of the lens.
     first, last : the surfaces that the group begins and ends with, by their numbers from 1.
     """
@@ -105,8 +101,6 @@ READING = "thickness is read as that {place} each surface, {reason}"
 class FileInterpretation(NamedTuple):
     """Interpretation of an ambiguous lens file.
 
-    Attributes
-    ----------
     place : of the surface that a thickness belongs to: "after" or "before" it.
     reason : a clause.
     is_guess : whether the file's own numbers do not settle it.
@@ -126,8 +120,6 @@ class FileInterpretation(NamedTuple):
 class Lens:
     """A lens: its surfaces from the front to the film, and what has been published of it.
 
-    Attributes
-    ----------
     name : of the lens.
     elements : its surfaces.
     source : where its numbers are from.
@@ -158,7 +150,7 @@ class Lens:
             raise ValueError(f"surface {stops[1]} is a second stop")
         for number, element in enumerate(self.elements, start=1):
             _check(f"surface {number}", element)
-        self._coatings()
+        pack_coatings([element.coating for element in self.elements], [float(glass.ior()) for glass in self._glasses()])
         if self.focus.moves not in {"all", "sensor", "group"}:
             raise ValueError(f"a lens focuses by moving all of it, the sensor or a group, not by {self.focus.moves}")
         if self.focus.moves == "group" and not 1 <= self.focus.first <= self.focus.last <= len(self.elements):
@@ -189,21 +181,18 @@ class Lens:
 
         Rays meet surfaces in their order all the same, so such a lens can be rendered, but not be made.
         """
-        pairs, place = [], 0.0
-        before: tuple[int, float, Element] | None = None
-        for number, element in enumerate(self.elements, start=1):
-            # Air around a diaphragm may hold the bulge of a surface.
-            if element.kind != "stop":
-                if before is not None:
-                    reach = np.linspace(0.0, min(before[2].radius, element.radius), _CROSSING_STEPS)
-                    gaps = [
-                        place + element.sag(*way) - before[1] - before[2].sag(*way)
-                        for way in ((reach, 0.0 * reach), (0.0 * reach, reach))
-                    ]
-                    if min(float(np.nanmin(gap)) for gap in gaps) < -_CROSSING_MM:
-                        pairs.append((before[0], number))
-                before = number, place, element
-            place += element.thickness
+        places = itertools.accumulate((element.thickness for element in self.elements), initial=0.0)
+        rows = enumerate(zip(self.elements, places, strict=False), start=1)
+        # Air around a diaphragm may hold the bulge of a surface.
+        glass = [(number, element, place) for number, (element, place) in rows if element.kind != "stop"]
+        pairs = []
+        for (first, front, z), (second, back, z_back) in itertools.pairwise(glass):
+            reach = np.linspace(0.0, min(front.radius, back.radius), _CROSSING_STEPS)
+            gaps = [
+                z_back + back.sag(*way) - z - front.sag(*way) for way in ((reach, 0.0 * reach), (0.0 * reach, reach))
+            ]
+            if min(float(np.nanmin(gap)) for gap in gaps) < -_CROSSING_MM:
+                pairs.append((first, second))
         return pairs
 
     def stopped_down(self, radius: float) -> "Lens":
@@ -213,9 +202,10 @@ class Lens:
         ------
         ValueError : the stop does not open so far.
         """
-        stop = self.stop()
+        stop, elements = self.stop(), list(self.elements)
         self._check_stop(stop, radius)
-        return self._replace_elements({stop: self.elements[stop]._replace(radius=float(radius), is_stop=True)})
+        elements[stop] = elements[stop]._replace(radius=float(radius), is_stop=True)
+        return dataclasses.replace(self, elements=tuple(elements))
 
     def focused(self, shift: float) -> "Lens":
         """Move the group that focuses towards the scene (mm); unchanged if the whole lens moves.
@@ -226,12 +216,17 @@ class Lens:
         """
         if self.focus.moves != "group" or shift == 0.0:
             return self
-        first, last = self.focus.first - 1, self.focus.last - 1
-        if first == 0:
-            # The frame begins at the front vertex, which moves along.
-            return self._replace_elements({last: self._lengthen_gap(last, shift)})
-        before, behind = self._lengthen_gap(first - 1, -shift), self._lengthen_gap(last, shift)
-        return self._replace_elements({first - 1: before, last: behind})
+        elements = list(self.elements)
+        # The gaps before and behind it: the frame begins at the front vertex, which may move along.
+        for number, by in ((self.focus.first - 2, -shift), (self.focus.last - 1, shift)):
+            if 0 <= number < len(elements) - 1:
+                thickness = elements[number].thickness + by
+                if thickness < 0.0:
+                    raise ValueError(
+                        f"the focusing group of the lens cannot move by {abs(by):g} mm: surfaces would meet"
+                    )
+                elements[number] = elements[number]._replace(thickness=thickness)
+        return dataclasses.replace(self, elements=tuple(elements))
 
     def packed(
         self,
@@ -278,19 +273,6 @@ class Lens:
             vertex=vertex, radius=radius, stop=stop, diaphragm=diaphragm, indices=indices, coatings=layers
         )
 
-    def _replace_elements(self, changed: dict[int, Element]) -> "Lens":
-        elements = tuple(changed.get(number, element) for number, element in enumerate(self.elements))
-        return dataclasses.replace(self, elements=elements)
-
-    def _lengthen_gap(self, number: int, by: float) -> Element:
-        """Lengthen the gap behind a surface (mm)."""
-        element = self.elements[number]
-        if number + 1 == len(self.elements):
-            return element
-        if element.thickness + by < 0.0:
-            raise ValueError(f"the focusing group of the lens cannot move by {abs(by):g} mm: surfaces would meet")
-        return element._replace(thickness=element.thickness + by)
-
     def _check_stop(self, stop: int, radius: float) -> None:
         widest = self.elements[stop].radius
         if not 0.0 < radius <= widest:
@@ -312,11 +294,6 @@ class Lens:
     def _glasses(self) -> list[Glass]:
         """List the media before the first surface, and behind each."""
         return [AIR, *(element.glass for element in self.elements)]
-
-    def _coatings(self) -> Coatings | None:
-        """Pack its coatings; None if all surfaces are bare."""
-        indices = [float(glass.ior()) for glass in self._glasses()]
-        return pack_coatings([element.coating for element in self.elements], indices)
 
     def _indices(self) -> Indices:
         """Tabulate the indices of its glasses by wavelength."""
@@ -356,13 +333,20 @@ def _sag_bounds(element: Element) -> tuple[float, float]:
 
 
 def _check(name: str, element: Element) -> None:
-    """Check a surface: ValueError, which begins with its name."""
-    if element.kind not in KINDS:
-        raise ValueError(f"{name} is of no known kind: {element.kind}")
-    if not all(map(math.isfinite, (element.conic, *element.coefficients))):
-        raise ValueError(f"{name} has a number that is not finite")
+    """Check the numbers of a surface: ValueError, which begins with its name."""
+    curvature, thickness, radius = element[0], element[1], element.radius
+    if not all(map(math.isfinite, (curvature, thickness, radius, element.conic, *element.coefficients))):
+        raise ValueError(f"{name} has a number that is not finite; flat glass has the curvature 0")
     if (element.kind == "cylindrical") != (element.axis in {"x", "y"}):
         raise ValueError(f"{name} needs an axis, x or y, if and only if it is cylindrical")
     if element.axis and (element.conic or element.coefficients):
         raise ValueError(f"{name} is cylindrical, and can be neither conic nor aspheric as well")
-    check_surface(name, element.curvature, element.thickness, element.radius, element.conic)
+    if radius <= 0.0:
+        raise ValueError(f"{name} lets no light through: its radius is {radius:g} mm")
+    if thickness < 0.0:
+        raise ValueError(f"{name} is behind the next one: its thickness is {thickness:g} mm")
+    if (1.0 + element.conic) * (curvature * radius) ** 2 > 1.0:
+        kind = "an ellipsoid" if element.conic else "a sphere"
+        raise ValueError(
+            f"{name} is {kind} of radius {1.0 / abs(curvature):g} mm, which reaches no {radius:g} mm far out"
+        )

@@ -14,6 +14,7 @@ distance to the next surface, and `material` what fills it, air by default; `ape
 import math
 from dataclasses import dataclass
 from functools import reduce
+from itertools import accumulate
 from operator import or_
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
 
@@ -23,7 +24,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from raytracer.optics.glass import AIR, Glass, IndexField
 from raytracer.optics.lens_system.coatings import Coating
-from raytracer.optics.lens_system.lens import Element, Focus, Lens
+from raytracer.optics.lens_system.lens import Element, Focus, Kind, Lens
 from raytracer.schema.fields import Count, Number, PositiveLensLength, PositiveNumber, Quantity
 from raytracer.schema.rules import only, requires
 from raytracer.schema.spec import Spec, field_error
@@ -82,7 +83,7 @@ class SurfaceSpec(Spec):
         default=None, description="Way along the axis to the next surface; of the last one without effect"
     )
 
-    kind: ClassVar[str]
+    kind: ClassVar[Kind]
 
     def curvature(self) -> float:
         """Compute 1 / radius at the vertex (1/mm)."""
@@ -300,14 +301,12 @@ class LensSpec(Spec):
         last = self.focus.last
         if last is not None and last > len(self.surfaces):
             field_error(("focus", "last"), f"there is no surface {last}: the lens has {len(self.surfaces)}")
-        before = AIR
-        for number, surface in enumerate(self.surfaces):
-            behind = surface.glass(before)
+        glasses = self._glasses()
+        for number, (surface, before, behind) in enumerate(zip(self.surfaces, glasses, glasses[1:], strict=False)):
             layer = getattr(surface, "coating", None)
             if layer and layer.type != "none" and (before == AIR) == (behind == AIR):
                 field_error(("surfaces", number, "coating"), "only a surface between glass and air can have one")
-            before = behind
-        if before != AIR:
+        if glasses[-1] != AIR:
             field_error(
                 ("surfaces", len(self.surfaces) - 1, "material"), "must be air: the film is behind the last surface"
             )
@@ -316,18 +315,17 @@ class LensSpec(Spec):
         self.lens()
         return self
 
+    def _glasses(self) -> list[Glass]:
+        """List the media before the first surface, and behind each."""
+        return list(accumulate(self.surfaces, lambda before, surface: surface.glass(before), initial=AIR))
+
     def lens(self) -> Lens:
         """Make the lens that it describes."""
-        elements = []
-        before = AIR
-        for surface in self.surfaces:
-            element = surface.element(before, self.coating)
-            elements.append(element)
-            before = element.glass
+        rows = zip(self.surfaces, self._glasses(), strict=False)
         return Lens(
             name=self.name,
             source=self.source,
-            elements=tuple(elements),
+            elements=tuple(surface.element(before, self.coating) for surface, before in rows),
             focal_length=self.focal_length,
             f_number=self.f_number,
             image_circle=self.image_circle,

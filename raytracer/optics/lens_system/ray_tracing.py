@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from raytracer.core.compiler.dispatch import entry, kernel, optional
 from raytracer.core.vec import dot, madd, scale
 from raytracer.optics.glass import LINE_D
-from raytracer.optics.lens_system.diaphragm import aperture_transmission
-from raytracer.optics.lens_system.surfaces import Indices, LensSurfaces
+from raytracer.optics.lens_system.surfaces import Indices, LensSurfaces, aperture_transmission
 
 FloatArray: TypeAlias = NDArray[np.float64]
 
@@ -241,8 +240,6 @@ def trace_rays(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Follow many rays by `trace`, without the interpreter lock.
 
-    Parameters
-    ----------
     origins, directions : points of the rays (mm) and unit vectors (n, 3), or (3,) for all.
     wavelength : in air (nm), of all rays or (n,); the d line by default.
 

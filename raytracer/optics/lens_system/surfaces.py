@@ -8,39 +8,18 @@ References: Kolb, Mitchell, Hanrahan 1995, "A Realistic Camera Model for Compute
 Johnson 2010, "Lens Design Fundamentals", 2nd ed.
 """
 
-import functools
-import math
-from collections.abc import Sequence
+from functools import singledispatch
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-
-class Surface(NamedTuple):
-    """A surface as a lens table has it.
-
-    Attributes
-    ----------
-    curvature (1/mm) : 1 / radius of curvature.
-    thickness (mm) : distance to the next vertex towards the film, without effect in the last row.
-    ior : index of refraction behind it, on the film's side.
-    radius (mm) : half of the clear aperture.
-    is_stop : whether it is the diaphragm, between two layers of the same index, and no glass.
-    """
-
-    curvature: float
-    thickness: float
-    ior: float
-    radius: float
-    is_stop: bool = False
+from raytracer.core.compiler.dispatch import optional
 
 
 class Indices(NamedTuple):
     """Packed table of the indices of refraction by wavelength.
 
-    Attributes
-    ----------
     ior : float64 (m, n + 1), by wavelength, and before the first surface and behind each.
     first (nm) : wavelength of the first row.
     step (nm) : between rows.
@@ -57,8 +36,6 @@ class Indices(NamedTuple):
 class LensSurfaces(NamedTuple):
     """Packed surfaces of a lens, from the front to the film.
 
-    Attributes
-    ----------
     curvature (1/mm) : float64 (n,).
     vertex (mm) : float64 (n,), places on the axis.
     radius (mm) : float64 (n,), half of the clear aperture.
@@ -79,56 +56,6 @@ class LensSurfaces(NamedTuple):
     indices: Any = None
     diaphragm: Any = None
     coatings: Any = None
-
-
-def pack_surfaces(surfaces: Sequence[Surface], *, before: float = 1.0) -> LensSurfaces:
-    """Pack a lens's surfaces, from the front to the film, behind a medium of the index `before`.
-
-    Raises
-    ------
-    ValueError : a surface is not valid; it is named by its number from 1.
-    """
-    if not surfaces:
-        raise ValueError("a lens needs a surface")
-    indices = [before, *(surface.ior for surface in surfaces)]
-    for number, (surface, near) in enumerate(zip(surfaces, indices, strict=False), start=1):
-        _check(f"surface {number}", surface, near)
-    stops = [number for number, surface in enumerate(surfaces) if surface.is_stop]
-    if len(stops) > 1:
-        raise ValueError(f"surface {stops[1] + 1} is a second stop")
-    places = np.cumsum([0.0, *(surface.thickness for surface in surfaces[:-1])])
-    curvature, radius = (np.array([float(surface[column]) for surface in surfaces]) for column in (0, 3))
-    return LensSurfaces(curvature, places, radius, np.array(indices, np.float64), stops[0] if stops else -1)
-
-
-def _check(name: str, surface: Surface, near: float) -> None:
-    """Check a surface behind a medium of the index `near`."""
-    check_surface(name, surface.curvature, surface.thickness, surface.radius)
-    if not (math.isfinite(surface.ior) and math.isfinite(near)):
-        raise ValueError(f"{name} has a number that is not finite")
-    if surface.ior <= 0.0 or near <= 0.0:
-        raise ValueError(f"{name} needs an index greater than 0 on both sides")
-    if surface.is_stop and (surface.curvature != 0.0 or surface.ior != near):
-        raise ValueError(f"{name} is the stop, which is flat and has the same index on both sides")
-
-
-def check_surface(name: str, curvature: float, thickness: float, radius: float, conic: float = 0.0) -> None:
-    """Check the numbers of a surface.
-
-    Raises
-    ------
-    ValueError : they are not those of a surface; the message begins with its name.
-    """
-    if not all(map(math.isfinite, (curvature, thickness, radius))):
-        raise ValueError(f"{name} has a number that is not finite; flat glass has the curvature 0")
-    if radius <= 0.0:
-        raise ValueError(f"{name} lets no light through: its radius is {radius:g} mm")
-    if thickness < 0.0:
-        raise ValueError(f"{name} is behind the next one: its thickness is {thickness:g} mm")
-    if (1.0 + conic) * (curvature * radius) ** 2 > 1.0:
-        size = 1.0 / abs(curvature)
-        kind = "an ellipsoid" if conic else "a sphere"
-        raise ValueError(f"{name} is {kind} of radius {size:g} mm, which reaches no {radius:g} mm far out")
 
 
 def _rows_of(table: Any, rows: slice) -> Any:
@@ -152,17 +79,6 @@ def slice_surfaces(lens: LensSurfaces, first: int, last: int) -> LensSurfaces:
     )
 
 
-@functools.singledispatch
-def reverse_shapes(shapes: Any) -> Any:
-    """Mirror the shapes of a lens's surfaces across the axis, from the last to the first."""
-    raise NotImplementedError(type(shapes))
-
-
-@reverse_shapes.register(type(None))
-def reverse_shapes_none(shapes: None) -> None:
-    return None
-
-
 def reverse_lens(lens: LensSurfaces) -> LensSurfaces:
     """Mirror a lens across the axis at z = 0, so that its back is in front.
 
@@ -175,7 +91,33 @@ def reverse_lens(lens: LensSurfaces) -> LensSurfaces:
         radius=lens.radius[::-1].copy(),
         ior=lens.ior[::-1].copy(),
         stop=len(lens.curvature) - 1 - lens.stop if lens.stop >= 0 else -1,
-        shapes=reverse_shapes(lens.shapes),
+        shapes=lens.shapes and lens.shapes.reversed(),
         indices=indices and indices._replace(ior=np.ascontiguousarray(indices.ior[:, ::-1])),
         diaphragm=lens.diaphragm,
     )
+
+
+# ---- The opening of the stop
+#
+# Its unit of length is the radius of the round opening of the same area; x is to the right and y up, as seen from
+# behind the camera.  Shapes are kinds of apertures, which register their cases.
+
+
+@optional
+def aperture_transmission(diaphragm, x, y):
+    """Compute the fraction of the light at (x, y) that an opening lets through, 0 to 1; 0 for NaN.
+
+    `sample_aperture` samples points with this density, over pi.
+    """
+    return 1.0 if x * x + y * y <= 1.0 else 0.0
+
+
+@singledispatch
+def aperture_extent(diaphragm: Any) -> float:
+    """Find the greatest distance from the axis at which an opening lets light through."""
+    raise NotImplementedError(type(diaphragm))
+
+
+@aperture_extent.register
+def aperture_extent_none(diaphragm: None) -> float:
+    return 1.0

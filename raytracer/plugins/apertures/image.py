@@ -16,7 +16,7 @@ from pydantic import Field
 
 from raytracer.core.fresnel import REC709_LUMINANCE
 from raytracer.core.sampling.warp import sample_bin
-from raytracer.optics.lens_system.diaphragm import aperture_extent, aperture_transmission
+from raytracer.optics.lens_system.surfaces import aperture_extent, aperture_transmission
 from raytracer.plugins.apertures.base.interface import ApertureSpec, Assets, sample_aperture
 
 

@@ -20,8 +20,7 @@ from raytracer.optics.glass import LINE_D
 from raytracer.optics.lens_system.film_to_direction import build_view_table, fields_of_view, trace_film_rays
 from raytracer.optics.lens_system.ghosts import build_ghost_paths
 from raytracer.optics.lens_system.pupils.build import load_pupil_table
-from raytracer.optics.lens_system.pupils.search import pupil_center
-from raytracer.optics.lens_system.pupils.solid_angle import on_axis_solid_angle
+from raytracer.optics.lens_system.pupils.search import on_axis_solid_angle, pupil_center
 from raytracer.optics.lens_system.pupils.transmission import exit_pupil_plane, rear_plane_radius
 from raytracer.optics.lens_system.warnings import LENS_WARNINGS, MountedLens
 from raytracer.optics.thin_lens import airy_diameter_um, crop_factor, exposure_value

@@ -2,10 +2,9 @@
 
 import logging
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any
 
-from raytracer.rendering.cluster.executor import ClusterExecutor, WaitPolicy
+from raytracer.rendering.cluster.executor import ClusterExecutor
 from raytracer.rendering.options import RenderOptions
 from raytracer.scene.spec import SceneSpec
 from raytracer.util.errors import InputError
@@ -35,11 +34,7 @@ class Cluster:
     """
 
     def __init__(
-        self,
-        address: Any,
-        *,
-        patience: float = WAIT_SECONDS,
-        say: Callable[[str], object] | None = None,
+        self, address: Any, *, patience: float = WAIT_SECONDS, say: Callable[[str], object] | None = None
     ) -> None:
         require_dask()
         from distributed import Client
@@ -53,9 +48,7 @@ class Cluster:
         """Return the cluster, to be closed at the end of the `with` block."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close the connection."""
         self.close()
 
@@ -71,7 +64,7 @@ class Cluster:
 
         Workers that cannot take part are found when samples are taken, so that all are asked meanwhile.
         """
-        return ClusterExecutor(self.client, spec, options, WaitPolicy(self._patience, self._say), warn)
+        return ClusterExecutor(self.client, spec, options, warn, self._patience, self._say)
 
 
 def require_dask() -> None:

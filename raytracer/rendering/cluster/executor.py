@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from raytracer.rendering.cluster import worker
-from raytracer.rendering.cluster.compatibility import fingerprint
+from raytracer.rendering.cluster.worker import fingerprint
 from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.tile_job import TileJob, TileResult
 from raytracer.rendering.tile_scheduler import now
@@ -44,25 +44,10 @@ REPORT_AFTER = 2.0
 _RESULT_SECONDS = 20.0
 
 
-class WaitPolicy(NamedTuple):
-    """The wait for the first worker.
-
-    Attributes
-    ----------
-    patience (s) : longest wait.
-    say : called with a sentence about it.
-    """
-
-    patience: float
-    say: Callable[[str], object]
-
-
 @dataclass
 class _WorkerState:
     """The state of a worker.
 
-    Attributes
-    ----------
     threads : of the worker.
     request : its request to prepare the scene, while that has no reply.
     is_ready : True once it has prepared the scene.
@@ -87,8 +72,6 @@ class _SubmittedJob(NamedTuple):
 class _JobState:
     """The jobs of one run.
 
-    Attributes
-    ----------
     in_flight : jobs that workers have, by the futures of their results.
     retries : jobs to be sent again.
     is_exhausted : True if there are no others for now.
@@ -102,8 +85,6 @@ class _JobState:
 class ClusterExecutor:
     """The workers of a cluster, taking samples of one scene: a `worker_pool.RemoteExecutor`.
 
-    Attributes
-    ----------
     workers : addresses of those that have returned a result.
     """
 
@@ -112,20 +93,24 @@ class ClusterExecutor:
         client: Client,
         spec: SceneSpec,
         options: RenderOptions,
-        waiting: WaitPolicy,
         warn: Callable[[str], object] | None,
+        patience: float,
+        say: Callable[[str], object],
     ) -> None:
         """Request all workers that are there to prepare the scene.
 
         Parameters
         ----------
         options, warn : see `rendering.render`.
+        patience (s) : longest wait for the first worker.
+        say : called with a sentence about that wait.
 
         Raises
         ------
         InputError : a file of the scene cannot be read.
         """
-        self._client, self._waiting, self._warn, self._strict = client, waiting, warn, options.strict
+        self._client, self._warn, self._strict = client, warn, options.strict
+        self._patience, self._say = patience, say
         whole = bundle(spec)
         digests = {name: worker.content_digest(content) for name, content in whole.files.items()}
         self._contents = {digests[name]: content for name, content in whole.files.items()}
@@ -228,16 +213,10 @@ class ClusterExecutor:
 
     def _unpack_result(self, future: Future) -> tuple[TileResult | None, str | None]:
         """Return the result of a job; None and the error, if the job itself has failed."""
-        if future.status not in ("finished", "error"):
-            return None, None
-        try:
-            address, result = future.result(timeout=_RESULT_SECONDS)
-        except (TimeoutError, OSError, CancelledError):
-            # The worker that had it is gone, or the scheduler is.
-            return None, None
-        except Exception as error:  # noqa: BLE001
-            # Any error of a worker; a job that killed several of them raises one, too.
-            return None, f"{type(error).__name__}: {error}"
+        answer, error = _result(future)
+        if answer is None:
+            return None, error
+        address, result = answer
         if result is None:
             # The worker has forgotten the scene.
             self._request_prepare(address)
@@ -299,14 +278,10 @@ class ClusterExecutor:
 
     def _handle_reply(self, address: str, state: _WorkerState, request: Future) -> None:
         """Handle a worker's reply to the request to prepare the scene."""
-        try:
-            reply = request.result(timeout=_RESULT_SECONDS) if request.status in ("finished", "error") else None
-        except (TimeoutError, OSError, CancelledError):
-            reply = None
-        except Exception as error:  # noqa: BLE001
-            state.reason = f"cannot take part: {type(error).__name__}: {error}"
-            return
-        if reply is None:
+        reply, error = _result(request)
+        if error is not None:
+            state.reason = f"cannot take part: {error}"
+        elif reply is None:
             self._request_prepare(address)
         elif reply.missing:
             self._request_prepare(address, reply.missing)
@@ -340,10 +315,23 @@ class ClusterExecutor:
             raise error(f"worker {address} {state.reason}")
         self._no_workers_since = self._no_workers_since or now()
         waited = now() - self._no_workers_since
-        patience = _RECONNECT_SECONDS if self.workers else self._waiting.patience
+        patience = _RECONNECT_SECONDS if self.workers else self._patience
         place = self._client.scheduler.address if self._client.scheduler is not None else "the scheduler"
         if waited > patience:
             raise error(f"{place} has had no workers for {patience:g} s; `dask worker {place}` starts one")
         if waited > REPORT_AFTER and not self._has_said:
             self._has_said = True
-            self._waiting.say(f"{place} has no workers; waiting for one, up to {patience:g} s")
+            self._say(f"{place} has no workers; waiting for one, up to {patience:g} s")
+
+
+def _result(future: Future) -> tuple[Any, str | None]:
+    """Return the result of a future, and its error; neither if the worker that had it is gone, or the scheduler is."""
+    if future.status not in ("finished", "error"):
+        return None, None
+    try:
+        return future.result(timeout=_RESULT_SECONDS), None
+    except (TimeoutError, OSError, CancelledError):
+        return None, None
+    except Exception as error:  # noqa: BLE001
+        # Any error of a worker; a job that killed several of them raises one, too.
+        return None, f"{type(error).__name__}: {error}"

@@ -1,4 +1,4 @@
-"""The functions that run on workers: prepare scenes, and take samples of them.
+"""The functions that run on workers: check that they render the same picture, prepare scenes, and take samples of them.
 
 Dask's scheduler imports this module too, so it loads nothing heavy by itself.
 """
@@ -7,17 +7,19 @@ import hashlib
 import importlib
 import os
 import pickle
+import platform
 import shutil
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.rendering.cluster.compatibility import Fingerprint, find_mismatch, fingerprint
+import raytracer
 from raytracer.scene.bundle import Bundle, unbundle
 from raytracer.util.errors import InputError, OutputError
 
@@ -32,11 +34,49 @@ _MAX_SCENES = 4
 _MAX_FOLDERS = 8
 
 
+# ---- The same program and versions, and the same instruction set
+
+
+class Fingerprint(NamedTuple):
+    """The versions and the hardware that the bits of a picture depend on, besides the scene.
+
+    versions : of rt, Python and the libraries, by name.
+    program : `scene.digest.program_hash`.
+    processor : with its instruction set, as the compiler names it.
+    """
+
+    versions: dict[str, str]
+    program: str
+    processor: str
+
+
+@cache
+def fingerprint() -> Fingerprint:
+    """Return the fingerprint of this process."""
+    from raytracer.core.compiler.cache import processor
+    from raytracer.scene.digest import libraries, program_hash
+
+    versions = {"rt": raytracer.__version__, "Python": platform.python_version(), **libraries()}
+    return Fingerprint(versions, program_hash(), processor())
+
+
+def find_mismatch(here: Fingerprint, there: Fingerprint) -> str | None:
+    """Describe why a machine cannot take part, as the end of a sentence about it; None if it can."""
+    for name, own in here.versions.items():
+        other = there.versions.get(name, "none")
+        if other != own:
+            return f"has {name} {other}, and here it is {own}; install the same versions on all machines"
+    if there.program != here.program:
+        return f"has other sources of rt {here.versions['rt']} than there are here; install the same, and restart it"
+    return None
+
+
+# ---- Scenes and jobs
+
+
 class PrepareRequest(NamedTuple):
     """A request to prepare a scene.
 
-    Attributes
-    ----------
     key : by which jobs name the scene.
     text, name, files : of its bundle (`scene.bundle.Bundle`), but of each file only the sha256.
     aovs, denoise : what is recorded besides radiance.
@@ -55,8 +95,6 @@ class PrepareRequest(NamedTuple):
 class PrepareReply(NamedTuple):
     """A worker's reply to a request; it is ready if the first three fields are empty.
 
-    Attributes
-    ----------
     missing : sha256 of the files that it lacks.
     mismatch : reason why it cannot take part (`compatibility.find_mismatch`).
     failure : error with which it failed to prepare the scene.

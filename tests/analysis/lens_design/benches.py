@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench
-from raytracer.analysis.lens_design.performance.paraxial import crossing, marginal_ray
+from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench, crossing
 from raytracer.analysis.lens_design.performance.results import Settings
 from raytracer.optics.glass import AIR, Glass, constant_index_glass
 from raytracer.optics.lens_system.first_order import entrance_pupil
@@ -79,7 +78,7 @@ def bench_at(lens: Lens, film: float | None = None, **settings: Any) -> OpticalB
     surfaces = lens.packed()
     pupil = entrance_pupil(surfaces).z
     bench = OpticalBench(lens, Settings(**settings), number, lens.elements[number].radius, 0.0, pupil)
-    focus = crossing(surfaces, marginal_ray(bench, surfaces)) if film is None else film
+    focus = crossing(surfaces, bench.marginal_ray(surfaces)) if film is None else film
     return OpticalBench(lens, bench.settings, number, bench.stop_radius, focus, pupil)
 
 

@@ -10,12 +10,11 @@ import pytest
 
 from raytracer.analysis.lens_design.cross_section.drawing import (
     CrossSection,
-    SectionSetup,
     build_cross_section,
     cross_sections,
     stack_labels,
+    trace_fan,
 )
-from raytracer.analysis.lens_design.cross_section.fans import trace_fan
 from raytracer.analysis.lens_design.cross_section.outlines import Cubic, Line, Piece, reversed_pieces, surface_outline
 from raytracer.analysis.lens_design.cross_section.plot import figure_of, names_of
 from raytracer.analysis.lens_design.performance.lens_study import study_lens
@@ -158,7 +157,7 @@ def test_a_shipped_lens_in_section(path: object) -> None:
     assert named == [one.title for one in shown.outlines]
     assert parts["film-0"].findtext(f"{SVG}title") == "film"
     # No name covers another.
-    placed, _ = stack_labels(shown, 5.0, 0.0)
+    placed, _ = stack_labels(shown, 5.0, 12.0)
     for row in {row for _, _, row in placed}:
         names = [(x, len(mark.name)) for mark, x, number in placed if number == row]
         assert all(b - a > 3.0 * (long + wide) for (a, long), (b, wide) in pairwise(names))
@@ -175,7 +174,7 @@ def test_a_lens_with_cylinders_is_drawn_in_both_planes() -> None:
 def test_glass_is_told_from_air() -> None:
     lens = plano_convex()
     film = cardinal_points(lens.packed()).rear_focus
-    shown = build_cross_section(lens, lens.packed(), SectionSetup(film, 12.0, [0.0]))
+    shown = build_cross_section(lens, lens.packed(), (film, 12.0), [0.0])
     (outline,) = shown.outlines
     assert outline.title == "n = 1.5000"
     assert all(element.glass == AIR for element in lens.elements[1:])
@@ -188,7 +187,7 @@ def test_glass_is_told_from_air() -> None:
 def test_rays_astray_do_not_make_all_else_small() -> None:
     """A ball of dense glass throws rays of its rim far to the side."""
     ball = lens_of((0.1, 20.0, constant_index_glass(1.8), 9.95), (-0.1, 0.0, AIR, 9.95))
-    shown = build_cross_section(ball, ball.packed(), SectionSetup(21.0, 8.0, [0.0, 6.0, 8.0]))
+    shown = build_cross_section(ball, ball.packed(), (21.0, 8.0), [0.0, 6.0, 8.0])
     assert all(abs(ray.points[-1, 1]) <= 1.4 * 12.5 for ray in shown.rays)
     whole = trace_fan(ball.packed(), 21.0, -8.0)
     assert whole is not None

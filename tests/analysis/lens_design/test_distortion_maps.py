@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.analysis.lens_design.distortion_maps import files
+from raytracer.analysis.lens_design.distortion_maps import distortion_map as files
 from raytracer.analysis.lens_design.distortion_maps.distortion_map import DistortionMap, trace_distortion_map
-from raytracer.analysis.lens_design.distortion_maps.pixel_grid import fitted_points
+from raytracer.analysis.lens_design.distortion_maps.tables import fitted_points
 from raytracer.analysis.lens_design.performance import chief_rays as chief
 from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench, set_up_bench
 from raytracer.analysis.lens_design.performance.results import Settings

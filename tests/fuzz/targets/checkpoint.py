@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from raytracer.util import array_snapshot
-from raytracer.util.array_snapshot import DamagedError, Snapshot
+from raytracer.util.array_snapshot import DamagedError
 
 MAX_LENGTH = 4096
 
@@ -35,9 +35,9 @@ _ABOUT = {"format": 1, "identity": {"scene": {"camera": {"vfov": 40.0}}, "seed":
 def seeds() -> Iterator[bytes]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "seed.checkpoint")
-        array_snapshot.write(path, Snapshot(_ABOUT, _arrays()), keep=False)
+        array_snapshot.write(path, _ABOUT, _arrays(), keep=False)
         yield path.read_bytes()
-        array_snapshot.write(path, Snapshot({}, {"count": np.zeros(_SIZE, np.int64)}), keep=False)
+        array_snapshot.write(path, {}, {"count": np.zeros(_SIZE, np.int64)}, keep=False)
         yield path.read_bytes()
 
 

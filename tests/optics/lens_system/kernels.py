@@ -1,13 +1,14 @@
 """Compiled loops over rays through lenses, and the prescriptions that they go through."""
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.compiler.dispatch import entry
 from raytracer.optics.lens_system.ray_tracing import intersect_sphere, trace
-from raytracer.optics.lens_system.surfaces import LensSurfaces, Surface, pack_surfaces
+from raytracer.optics.lens_system.surfaces import LensSurfaces
 
 Array = NDArray[np.float64]
 
@@ -31,6 +32,23 @@ References: Tronnier, US patent 2,673,491, scaled to 50 mm; Smith 1992, "Modern 
 
 DOUBLET = ((7.3895, 1.05, 1.517, 2.0), (-5.1784, 0.40, 1.649, 2.0), (-16.2225, 0.0, 1.0, 2.0))
 """A cemented doublet, columns as of the double Gauss: Kingslake, Johnson 2010, sec. 2.5."""
+
+
+class Surface(NamedTuple):
+    """A row of a lens: curvature (1/mm), thickness (mm), index behind it, radius (mm) of the clear aperture."""
+
+    curvature: float
+    thickness: float
+    ior: float
+    radius: float
+    is_stop: bool = False
+
+
+def pack_surfaces(surfaces: Sequence[Surface], *, before: float = 1.0) -> LensSurfaces:
+    """Pack surfaces behind a medium of the index `before`, with any medium behind them, and with or without a stop."""
+    curvature, thickness, ior, radius, is_stop = (np.array(column) for column in zip(*surfaces, strict=True))
+    places, stop = np.append(0.0, np.cumsum(thickness[:-1])), int(np.argmax(is_stop)) if is_stop.any() else -1
+    return LensSurfaces(curvature.astype(float), places, radius.astype(float), np.append(before, ior), stop)
 
 
 def lens_of(rows: Any, *, stop: float | None = None) -> LensSurfaces:

@@ -157,11 +157,11 @@ def test_a_cylinder_bends_light_across_its_axis_only() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"kind": "toric"}, "no known kind: toric"),
         ({"kind": "cylindrical"}, "needs an axis, x or y"),
         ({"axis": "x"}, "if and only if it is cylindrical"),
         ({"kind": "cylindrical", "axis": "x", "conic": -1.0}, "neither conic nor aspheric"),
         ({"conic": math.nan}, "not finite"),
+        ({"curvature": math.inf}, "not finite"),
         ({"kind": "asphere", "coefficients": (math.inf,)}, "not finite"),
         ({"conic": 1.0, "radius": 40.0}, "an ellipsoid of radius 50 mm, which reaches no 40 mm far out"),
         ({"radius": 51.0}, "a sphere of radius 50 mm, which reaches no 51 mm far out"),

@@ -9,8 +9,8 @@ import pytest
 from raytracer.optics.glass import AIR, constant_index_glass
 from raytracer.optics.lens_system.first_order import cardinal_points, entrance_pupil, exit_pupil, ray_transfer_matrix
 from raytracer.optics.lens_system.lens import Element, Lens
+from raytracer.optics.lens_system.lens_setup import f_number_of, stop_radius_for, widest_f_number
 from raytracer.optics.lens_system.ray_tracing import trace_paths, trace_rays
-from raytracer.optics.lens_system.stops import f_number_of, stop_radius_for, widest_f_number
 from raytracer.optics.lens_system.surfaces import slice_surfaces
 from tests.optics.lens_system.kernels import DOUBLE_GAUSS
 from tests.optics.lens_system.rays import unit

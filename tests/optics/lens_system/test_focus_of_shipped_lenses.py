@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from raytracer.optics.lens_system.first_order import entrance_pupil
-from raytracer.optics.lens_system.focusing import FOCUS_CRITERIA, focus_shift, nearest_distance
+from raytracer.optics.lens_system.focusing import FOCUS_CRITERIA, focus_range, focus_shift
 from raytracer.optics.lens_system.lens import Lens
-from raytracer.optics.lens_system.stops import stop_radius_for, widest_f_number
+from raytracer.optics.lens_system.lens_setup import stop_radius_for, widest_f_number
 from raytracer.scene.assets.lenses import read_lens
 from tests.optics.lens_system.rays import gone_through, unit
 from tests.repository import SCENES
@@ -30,7 +30,7 @@ def stops(lens: Lens, number: int) -> list[float]:
 
 def assert_sweep(lens: Lens, how: str, radius: float, steps: int) -> None:
     """Every distance from infinity to the nearest one gives finite numbers; a nearer one is refused, and told why."""
-    nearest = nearest_distance(lens, how, stop_radius=radius)
+    nearest = focus_range(lens, how, radius).nearest
     assert math.isfinite(nearest)
     assert nearest > 0.0
     distances = [math.inf, 1e9, *np.geomspace(1e3 * nearest, nearest * (1.0 + 1e-9), steps).tolist()]
@@ -74,7 +74,7 @@ def test_what_is_focused_on_is_sharp(path: Path) -> None:
         pytest.skip("an anamorphic lens has a compromise of two")
     for f_number in (widest_f_number(lens), 16.0, 64.0):
         radius = stop_radius_for(lens, max(f_number, widest_f_number(lens)))
-        nearest = nearest_distance(lens, stop_radius=radius)
+        nearest = focus_range(lens, stop_radius=radius).nearest
         for distance in (math.inf, 1e4 * nearest, 30.0 * nearest, 1.5 * nearest):
             found = focus_shift(lens, distance, "marginal", stop_radius=radius)
             surfaces = lens.packed(stop_radius=radius, shift=found.shift)

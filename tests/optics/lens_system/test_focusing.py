@@ -11,11 +11,11 @@ from raytracer.optics.lens_system.first_order import cardinal_points, entrance_p
 from raytracer.optics.lens_system.focusing import (
     FOCUS_CRITERIA,
     _find_root,
+    _image_distance,
     film_position,
-    focus,
     focus_lens,
+    focus_range,
     focus_shift,
-    nearest_distance,
 )
 from raytracer.optics.lens_system.lens import Element, Focus, Lens
 from raytracer.optics.lens_system.ray_tracing import trace_rays
@@ -78,7 +78,7 @@ def test_the_marginal_focus_is_that_of_the_zone_that_halves_the_area(h: float) -
 @pytest.mark.parametrize("lens", [INNER, FRONT], ids=["rear moves", "front moves"])
 def test_a_group_that_moves_brings_planes_to_the_same_film(lens: Lens, how: str) -> None:
     film = film_position(lens, how)
-    nearest = nearest_distance(lens, how)
+    nearest = focus_range(lens, how).nearest
     assert 100.0 < nearest < 2000.0
     shifts = []
     for distance in (math.inf, 1e7, 30.0 * nearest, 3.0 * nearest, nearest):
@@ -88,7 +88,7 @@ def test_a_group_that_moves_brings_planes_to_the_same_film(lens: Lens, how: str)
         # Focused so, the lens makes its image there.
         fixed, place = focus_lens(lens, distance, how)
         packed = fixed.packed()
-        image = focus(packed, distance - entrance_pupil(packed).z, 1e5, how) + packed.vertex[-1]
+        image = _image_distance(packed, distance - entrance_pupil(packed).z, True, how) + packed.vertex[-1]
         assert image == pytest.approx(place, abs=0.02 if distance == nearest else 1e-7)
         np.testing.assert_allclose(
             place - packed.vertex, found.film - lens.packed(shift=found.shift).vertex, rtol=0.0, atol=1e-12
@@ -110,14 +110,14 @@ def test_newtons_equation_of_a_front_that_moves() -> None:
 def test_a_plane_nearer_than_a_lens_focuses_is_refused_with_the_nearest() -> None:
     for lens in (WHOLE, INNER, FRONT):
         for how in FOCUS_CRITERIA:
-            nearest = nearest_distance(lens, how)
+            nearest = focus_range(lens, how).nearest
             for distance in (0.99 * nearest, 0.0, -5.0, math.nan, -math.inf):
                 with pytest.raises(ValueError, match=rf"cannot focus at .*: the nearest .* is {nearest:g} mm before"):
                     focus_shift(lens, distance, how)
     # A lens that moves as a whole ends where the image is as large as the object: 2 f from the principal plane.
     points = cardinal_points(WHOLE.packed())
     expected = 2.0 * points.focal_length - points.front_principal + entrance_pupil(WHOLE.packed()).z
-    assert nearest_distance(WHOLE.stopped_down(0.01)) == pytest.approx(expected, rel=1e-4)
+    assert focus_range(WHOLE.stopped_down(0.01)).nearest == pytest.approx(expected, rel=1e-4)
 
 
 def test_what_has_no_focus_is_named() -> None:

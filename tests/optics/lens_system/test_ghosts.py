@@ -14,7 +14,7 @@ from raytracer.core.sampling import Independent, pixel_key, sample_1d
 from raytracer.core.sampling.warp import sample_disc
 from raytracer.core.vec import madd, normalize, sub
 from raytracer.optics.glass import constant_index_glass, glass_from_abbe
-from raytracer.optics.lens_system.coatings import MGF2, reflectance
+from raytracer.optics.lens_system.coatings import Coating, reflectance
 from raytracer.optics.lens_system.ghosts import (
     aim_ghost_ray,
     build_ghost_paths,
@@ -31,10 +31,10 @@ from raytracer.optics.lens_system.ray_tracing import (
     trace,
     trace_rays,
 )
-from raytracer.optics.lens_system.surfaces import LensSurfaces, Surface, pack_surfaces
+from raytracer.optics.lens_system.surfaces import LensSurfaces
 from raytracer.plugins.cameras.lens import RealLens
 from raytracer.rendering.render import render
-from tests.optics.lens_system.kernels import DOUBLE_GAUSS
+from tests.optics.lens_system.kernels import DOUBLE_GAUSS, Surface, pack_surfaces
 from tests.small_scenes import scene
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ def double_gauss(*, coated: bool = False, dispersion: bool = False) -> LensSurfa
     elements, before = [], 1.0
     for radius, thickness, index, aperture in DOUBLE_GAUSS:
         glass = glass_from_abbe(index, ABBE[index]) if index > 1.0 else constant_index_glass(1.0)
-        coating = MGF2 if coated and radius and 1.0 in (before, index) else None
+        coating = Coating() if coated and radius and 1.0 in (before, index) else None
         curvature = 1.0 / radius if radius else 0.0
         elements.append(Element(curvature, thickness, glass, aperture, coating=coating, is_stop=radius == 0.0))
         before = index

@@ -12,12 +12,12 @@ from raytracer.core.compiler.dispatch import entry
 from raytracer.optics.glass import LINE_D
 from raytracer.optics.lens_system.focusing import focus_shift
 from raytracer.optics.lens_system.lens import Lens
+from raytracer.optics.lens_system.lens_setup import stop_radius_for, widest_f_number
 from raytracer.optics.lens_system.pupils import build, search, transmission
 from raytracer.optics.lens_system.pupils.build import load_pupil_table
-from raytracer.optics.lens_system.pupils.solid_angle import on_axis_solid_angle
+from raytracer.optics.lens_system.pupils.search import on_axis_solid_angle
 from raytracer.optics.lens_system.pupils.tables import QuadrantPupilTable, RadialPupilTable, sample_exit_pupil
 from raytracer.optics.lens_system.pupils.transmission import exit_pupil_plane, transmitted_fraction
-from raytracer.optics.lens_system.stops import stop_radius_for, widest_f_number
 from raytracer.optics.lens_system.surfaces import LensSurfaces
 from raytracer.plugins.apertures.polygon import PolygonAperture
 from raytracer.scene.assets.lenses import read_lens
@@ -205,8 +205,8 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         trace(lens, film, plane, wavelength, targets, *rest)
 
     monkeypatch.setattr(transmission, "_trace_to_plane", through)
-    monkeypatch.setattr(build, "_read_table", lambda name: None)
-    monkeypatch.setattr(build, "_write_table", lambda name, made: None)
+    monkeypatch.setattr(build, "load_signed", lambda path: None)
+    monkeypatch.setattr(build, "save_signed", lambda path, content: None)
     return rays
 
 

@@ -20,7 +20,7 @@ from raytracer.kernel.hero_wavelength import (
 from raytracer.kernel.lens_dispersion import LENS_ROWS, WAVELENGTHS_PER_RAY, apply_lens_color, share_lens_rays
 from raytracer.optics.glass import LINE_D
 from raytracer.optics.lens_system.packets import DIRECTION, EXTENT, ORIGIN, ROWS, WAVELENGTH, WEIGHT, trace_packet
-from raytracer.optics.lens_system.pupils.solid_angle import on_axis_solid_angle
+from raytracer.optics.lens_system.pupils.search import on_axis_solid_angle
 from raytracer.optics.lens_system.ray_tracing import trace_rays
 from raytracer.optics.lens_system.surfaces import reverse_lens
 from raytracer.plugins.cameras.base.interface import (

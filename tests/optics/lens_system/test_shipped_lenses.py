@@ -11,8 +11,8 @@ from raytracer.optics.glass import LINE_C, LINE_D, LINE_F
 from raytracer.optics.lens_system.first_order import cardinal_points, entrance_pupil
 from raytracer.optics.lens_system.focusing import film_position
 from raytracer.optics.lens_system.lens import Lens
+from raytracer.optics.lens_system.lens_setup import widest_f_number
 from raytracer.optics.lens_system.ray_tracing import trace_rays
-from raytracer.optics.lens_system.stops import widest_f_number
 from raytracer.scene.assets.lenses import read_lens
 from tests.repository import ROOT, SCENES
 

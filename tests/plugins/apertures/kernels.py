@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.compiler.dispatch import entry
-from raytracer.optics.lens_system.diaphragm import aperture_transmission
+from raytracer.optics.lens_system.surfaces import aperture_transmission
 from raytracer.plugins.apertures.base.interface import rim_visibility, sample_aperture
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raytracer.optics.lens_system.diaphragm import aperture_extent
+from raytracer.optics.lens_system.surfaces import aperture_extent
 from tests.plugins.apertures.kernels import covered, sampled
 from tests.plugins.apertures.test_apertures import CASES, COUNT, LETTER, POLYGONS, is_inside, packed, uniform
 

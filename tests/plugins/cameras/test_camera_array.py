@@ -418,7 +418,7 @@ def test_each_view_has_its_own_metering_circle() -> None:
 def test_every_view_is_denoised_by_itself() -> None:
     spec = scene()
     seen = np.zeros((60, 48), dtype=int)
-    parts = _view_slices(spec, None)
+    parts = _view_slices(spec, Window(0, 0, *spec.picture()))
     assert len(parts) == 6
     for part in parts:
         assert seen[part].shape == (20, 24)

@@ -9,8 +9,8 @@ import pytest
 
 import raytracer as rt
 from raytracer.analysis.explain.camera_numbers import CameraView
-from raytracer.optics.lens_system.equivalent_thin_lens import equivalent_thin_lens
 from raytracer.optics.lens_system.first_order import cardinal_points
+from raytracer.optics.lens_system.lens_setup import equivalent_thin_lens
 from raytracer.optics.lens_system.pupils import search
 from raytracer.plugins.cameras.base.interface import translate_camera
 from raytracer.plugins.cameras.base.moving import MovingCamera, pack_camera

@@ -14,8 +14,9 @@ import pytest
 from raytracer.cli.base.app import main
 from raytracer.rendering import worker_pool
 from raytracer.rendering.checkpoint import CheckpointWriter
-from raytracer.rendering.cluster import Cluster, connection, executor
-from raytracer.rendering.cluster.compatibility import Fingerprint, find_mismatch, fingerprint
+from raytracer.rendering.cluster import connection, executor
+from raytracer.rendering.cluster.connection import Cluster
+from raytracer.rendering.cluster.worker import Fingerprint, find_mismatch, fingerprint
 from raytracer.rendering.options import RenderOptions
 from raytracer.rendering.progress import Progress
 from raytracer.rendering.render import render
@@ -302,12 +303,7 @@ def test_ctrl_c_leaves_the_picture_so_far(cluster: Cluster, long: SceneSpec) -> 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "keys"),
-    [
-        ("textures", {}),
-        ("smoke", {"render.clamp": 5}),
-        ("instances", {}),
-        ("cover", {"render.sampler": "stratified"}),
-    ],
+    [("textures", {}), ("smoke", {"render.clamp": 5}), ("instances", {}), ("cover", {"render.sampler": "stratified"})],
 )
 def test_every_effect_goes_along(cluster: Cluster, name: str, keys: dict[str, Any]) -> None:
     shown = load(SCENES / f"{name}.yaml", {"film.width": 40, "film.height": 30, "render.spp": 20, **keys})

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from raytracer.analysis.lens_design.cross_section.drawing import CrossSection, stack_labels
+from raytracer.analysis.lens_design.cross_section.drawing import AxisMark, CrossSection, stack_labels
 from raytracer.analysis.lens_design.cross_section.outlines import Line, Piece, Point
 from raytracer.report.figure import POINTS_PER_INCH, ink, new_figure
 from raytracer.report.palette import SERIES
@@ -28,7 +28,7 @@ def figure_of(drawings: Sequence[CrossSection], width: float, letters: float, ti
     figure: it is meant to be saved cut to that.
     """
     ratios = [min(_TALLEST, (one.high[1] - one.low[1]) / (one.high[0] - one.low[0])) for one in drawings]
-    rows = [stack_labels(one, *_scale(one, width, letters))[1] + len(one.fields) + 3 for one in drawings]
+    rows = [_stacked(one, width, letters)[1] + len(one.fields) + 3 for one in drawings]
     heights = [width * ratio + _ROW * letters * n / POINTS_PER_INCH for ratio, n in zip(ratios, rows, strict=True)]
     figure = new_figure(width, sum(heights))
     top = 1.0
@@ -42,9 +42,9 @@ def figure_of(drawings: Sequence[CrossSection], width: float, letters: float, ti
     return figure
 
 
-def _scale(drawing: CrossSection, width: float, letters: float) -> tuple[float, float, float]:
-    """Return points per millimetre of a drawing of a width (inches), its margin, and the size of letters."""
-    return POINTS_PER_INCH * width / (drawing.high[0] - drawing.low[0]), 0.0, letters
+def _stacked(drawing: CrossSection, width: float, letters: float) -> tuple[list[tuple[AxisMark, float, int]], int]:
+    """Place the names under a drawing of a width (inches)."""
+    return stack_labels(drawing, POINTS_PER_INCH * width / (drawing.high[0] - drawing.low[0]), letters)
 
 
 def names_of(drawings: Sequence[CrossSection]) -> dict[str, str]:
@@ -91,7 +91,7 @@ def plot_on_axes(drawing: CrossSection, axes: "Axes", width: float, letters: flo
     film, half = drawing.film
     axes.plot([film, film], [-half, half], color=line, linewidth=2.0, gid=f"film-{number}")
     row_height = _ROW * letters
-    placed, rows = stack_labels(drawing, *_scale(drawing, width, letters))
+    placed, rows = _stacked(drawing, width, letters)
     for index, (mark, _, row) in enumerate(placed):
         axes.plot([mark.z], [0.0], "o", color=line, markersize=2.5, gid=f"mark-{number}-{index}")
         axes.annotate(

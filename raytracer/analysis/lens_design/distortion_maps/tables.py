@@ -5,17 +5,53 @@ from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from raytracer.analysis.lens_design.distortion_maps.pixel_grid import FloatArray
 from raytracer.analysis.lens_design.performance import chief_rays
-from raytracer.analysis.lens_design.performance.optical_bench import (
-    OpticalBench,
-    intersect_film,
-    normalize,
-    trace_to_scene,
-)
-from raytracer.optics.lens_system.ray_tracing import trace_rays
-from raytracer.optics.lens_system.surfaces import slice_surfaces
+from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench, normalize
+
+FloatArray = NDArray[np.float64]
+
+# Points along each side of the film at which models are fitted.
+_FITTED = 41
+
+
+class PixelGrid(NamedTuple):
+    """Grid of the film's pixels, whose integer coordinates are their middles, as OpenCV's.
+
+    width, height : number of pixels.
+    pitch : edge of a pixel (mm).
+    """
+
+    width: int
+    height: int
+    pitch: float
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """The middle of the picture (pixels)."""
+        return 0.5 * (self.width - 1), 0.5 * (self.height - 1)
+
+    def points(self, first: int = 0, last: int | None = None) -> FloatArray:
+        """Return the middles of all pixels (mm), (height, width, 2), or of the rows from `first` to before `last`."""
+        cx, cy = self.centre
+        rows = np.arange(first, self.height if last is None else min(last, self.height))
+        x, y = np.meshgrid(np.arange(self.width) - cx, rows - cy)
+        return self.pitch * np.stack([x, y], axis=-1)
+
+    def pixels(self, points: FloatArray) -> FloatArray:
+        """Convert points of the film (mm) to pixels."""
+        return np.asarray(points / self.pitch + np.array(self.centre))
+
+
+def fitted_points(grid: PixelGrid) -> FloatArray:
+    """Spread points evenly over the film up to its corners (mm), (n, 2)."""
+    half = 0.5 * grid.pitch * np.array([grid.width, grid.height])
+    x, y = np.meshgrid(*(np.linspace(-h, h, _FITTED) for h in half))
+    return np.stack([x.ravel(), y.ravel()], axis=-1)
+
+
+# ---- Tables
 
 Ideal = Literal["rectilinear", "equidistant"]
 
@@ -90,17 +126,17 @@ def radial_tables(bench: OpticalBench) -> TracedTables:
     if count < 4:
         raise ValueError("no chief ray of the lens reaches the film")
 
-    def odd(values: FloatArray) -> Any:
+    def odd(heights: FloatArray, values: FloatArray) -> Any:
         return CubicSpline(np.concatenate([-heights[:0:-1], heights]), np.concatenate([-values[:0:-1], values]))
 
-    scale = float(1.0 / odd(angles)(0.0, 1))
+    scale = float(1.0 / odd(heights, angles)(0.0, 1))
     widest = math.degrees(float(np.interp(half, heights, angles)))
 
     def table(ideal: Ideal) -> PointTable:
         values = scale * _ideal_projection(angles, ideal)
         there = int(np.argmin(np.isfinite(values))) if not np.isfinite(values).all() else len(values)
         known, wanted = heights[:there], values[:there]
-        spline = CubicSpline(np.concatenate([-known[:0:-1], known]), np.concatenate([-wanted[:0:-1], wanted]))
+        spline = odd(known, wanted)
 
         def forth(points: FloatArray) -> FloatArray:
             r = np.linalg.norm(points, axis=-1)
@@ -184,8 +220,6 @@ def _spline_table(
 ) -> PointTable:
     """Interpolate values x and y at the knots of a quadrant by splines over all four.
 
-    Parameters
-    ----------
     quadrant : knots of both coordinates (mm), from 0 on.
     reach : of the table (mm), (2,).
     """
@@ -234,14 +268,8 @@ def _chief_rays_from_stop(bench: OpticalBench, tangents: FloatArray) -> tuple[Fl
 
     tangents : x / z and y / z of their directions at the middle of the stop, (n, 2), upright.
     """
-    surfaces, stop = bench.without_rims(), bench.stop
     onward = normalize(np.column_stack([-tangents, np.ones(len(tangents))]))
-    centre = np.broadcast_to((0.0, 0.0, float(surfaces.vertex[stop])), onward.shape)
-    entered, origin, out = trace_to_scene(surfaces, stop, centre, -onward)
-    left, points, directions = trace_rays(slice_surfaces(surfaces, stop, len(surfaces.curvature)), centre, onward)
-    landed = -intersect_film(points, directions, left, bench.film)
+    landed, origin, out = chief_rays.rays_from_stop(bench, bench.primary, onward)
     if not math.isinf(bench.distance):
         out = chief_rays.object_points(bench, origin, out) - np.array([0.0, 0.0, bench.pupil])
-    lost = (entered <= 0.0) | ~np.isfinite(landed).all(axis=1)
-    landed[lost] = np.nan
-    return landed, np.where(lost[:, None], np.nan, out)
+    return landed, np.where(np.isfinite(landed[:, :1]), out, np.nan)

@@ -1,11 +1,17 @@
-"""Beams: rays from one point of the scene around its chief ray, aimed at the stop."""
+"""Beams: rays from one point of the scene around its chief ray, aimed at the stop; and the points of the field."""
 
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from raytracer.analysis.lens_design.performance.chief_rays import ChiefRays, chief_rays_at_fields, object_points
+from raytracer.analysis.lens_design.performance.chief_rays import (
+    ChiefRays,
+    chief_rays_at_fields,
+    chief_rays_at_heights,
+    object_points,
+)
+from raytracer.analysis.lens_design.performance.illumination import largest_height
 from raytracer.analysis.lens_design.performance.optical_bench import (
     MERIDIANS,
     OpticalBench,
@@ -13,10 +19,9 @@ from raytracer.analysis.lens_design.performance.optical_bench import (
     meridian_vector,
     normalize,
 )
-from raytracer.analysis.lens_design.performance.paraxial import marginal_ray
 from raytracer.analysis.lens_design.performance.results import Curve
 from raytracer.optics.lens_system.ray_tracing import trace_rays
-from raytracer.optics.lens_system.surfaces import LensSurfaces, slice_surfaces
+from raytracer.optics.lens_system.surfaces import slice_surfaces
 
 INSIDE = 1e-9
 """Distance of the marginal ray inside the stop's rim, in units of its radius: on the rim rounding decides."""
@@ -72,39 +77,33 @@ def beams(bench: OpticalBench, meridian: str, rays: ChiefRays) -> list[Beam | No
     return made
 
 
-def _at_stop(bench: OpticalBench, front: LensSurfaces, beam: Beam, up_mm: Curve, across_mm: Curve) -> Curve:
-    """Trace rays to the stop: places along the field and across it, in units of its radius, (n, 2); NaN if lost."""
-    weights, points, _ = trace_rays(front, *beam.rays(up_mm, across_mm))
-    column = MERIDIANS[beam.meridian]
-    met: Curve = points[:, [column, 1 - column]] / bench.stop_radius
-    met[weights <= 0.0] = np.nan
-    return met
-
-
-def aim_fan(bench: OpticalBench, beam: Beam, targets: Curve, *, up: bool, wavelength_nm: float | None = None) -> Curve:
+def aim_fan(bench: OpticalBench, beam: Beam, targets: Curve, *, up: bool) -> Curve:
     """Aim the rays of a fan at targets in the stop, in units of its radius.
+
+    up : True for a fan along the field, False for one across it.
 
     Returns
     -------
     Distances of the rays from the chief ray (mm), where they enter the lens; NaN where none reaches the target.
-
-    Parameters
-    ----------
-    up : True for a fan along the field, False for one across it.
     """
-    surfaces = bench.without_rims(wavelength_nm)
+    surfaces = bench.without_rims()
     radius = surfaces.radius.copy()
     radius[bench.stop] = np.inf
     front = slice_surfaces(surfaces._replace(radius=radius), 0, bench.stop + 1)
-    which = 0 if up else 1
+    column = MERIDIANS[beam.meridian] if up else 1 - MERIDIANS[beam.meridian]
 
     def reached(way: Curve) -> Curve:
+        """Trace rays to the stop: places there, NaN if lost."""
         still = np.zeros_like(way)
-        met: Curve = _at_stop(bench, front, beam, *((way, still) if up else (still, way)))[:, which]
+        weights, points, _ = trace_rays(front, *beam.rays(*((way, still) if up else (still, way))))
+        met: Curve = points[:, column] / bench.stop_radius
+        met[weights <= 0.0] = np.nan
         return met
 
     # Widen the fan until it covers the stop, or no more of it gets there.
-    size = 1.5 * pupil_radius(bench, beam.meridian if up else other_meridian(bench, beam.meridian))
+    across = "x" if beam.meridian == "y" else "y"
+    meridian = beam.meridian if up or len(bench.meridians) == 1 else across
+    size = 1.5 * abs(float(bench.marginal_ray(bench.surfaces(), meridian, math.inf).heights[0]))
     for _ in range(_WIDENINGS):
         ways = np.linspace(-size, size, _STEPS)
         ways, met = _ascending(ways, reached(ways))
@@ -137,13 +136,6 @@ def _ascending(ways: Curve, met: Curve) -> tuple[Curve, Curve]:
     return ways[first : last + 1], met[first : last + 1]
 
 
-def other_meridian(bench: OpticalBench, meridian: str) -> str:
-    """Return the meridian at right angles; the same one for a lens of revolution."""
-    if len(bench.meridians) == 1:
-        return meridian
-    return "x" if meridian == "y" else "y"
-
-
 def open_stop_fraction(bench: OpticalBench, meridian: str = "y") -> float:
     """Find the part of the stop's radius up to which light of the axis gets through: 1 if no other rim is narrower."""
 
@@ -170,12 +162,6 @@ def open_stop_fraction(bench: OpticalBench, meridian: str = "y") -> float:
 def axis_beam(bench: OpticalBench, meridian: str = "y") -> Beam | None:
     """Make the beam of the point on the axis; None if there is no chief ray."""
     return beams(bench, meridian, chief_rays_at_fields(bench, meridian, bench.primary, np.zeros(1)))[0]
-
-
-def pupil_radius(bench: OpticalBench, meridian: str) -> float:
-    """Return the radius of the paraxial entrance pupil (mm)."""
-    far = marginal_ray(bench, bench.surfaces(), meridian, math.inf)
-    return abs(float(far.heights[0]))
 
 
 def ray_grid(bench: OpticalBench, beam: Beam, across: int) -> tuple[Curve, Curve]:
@@ -231,3 +217,42 @@ def film_points(
     column = MERIDIANS[beam.meridian]
     places: Curve = -on_film[:, [column, 1 - column]]
     return places, np.where(np.isfinite(places[:, 0]), weights, 0.0)
+
+
+# ---- Points of the field at which a lens is studied
+
+
+class FieldPoint(NamedTuple):
+    """Field point.
+
+    field : part of the largest image height.
+    field_deg : angle from the axis (degrees).
+    height : place of the primary colour's chief ray on the film (mm).
+    beam : of the point; None if no light gets through.
+    """
+
+    field: float
+    field_deg: float
+    height: float
+    beam: Beam | None
+
+
+def field_points(bench: OpticalBench, meridian: str, parts: Curve) -> tuple[FieldPoint, ...]:
+    """Find the field points at parts (k,) of the largest image height."""
+    heights = parts * largest_height(bench, meridian)
+    rays = chief_rays_at_heights(bench, meridian, bench.primary, heights)
+    rows = zip(parts, rays.field_deg, heights, beams(bench, meridian, rays), strict=True)
+    return tuple(FieldPoint(float(part), float(angle), float(height), beam) for part, angle, height, beam in rows)
+
+
+def settings_field_points(bench: OpticalBench, meridian: str) -> tuple[FieldPoint, ...]:
+    """Find the field points of the settings."""
+    parts = np.array(bench.settings.fields)
+    return bench.memoize(("fields", meridian), lambda: field_points(bench, meridian, parts))
+
+
+def field_samples(bench: OpticalBench, meridian: str) -> tuple[Curve, Curve, Curve]:
+    """Sample the field for curves: parts (k,), angles (degrees) and heights on the film (mm), of the primary colour."""
+    parts = np.linspace(0.0, 1.0, bench.settings.steps)
+    heights = parts * largest_height(bench, meridian)
+    return parts, chief_rays_at_heights(bench, meridian, bench.primary, heights).field_deg, heights

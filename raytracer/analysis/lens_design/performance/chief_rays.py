@@ -14,7 +14,6 @@ from raytracer.analysis.lens_design.performance.optical_bench import (
     OpticalBench,
     intersect_film,
     meridian_vector,
-    trace_to_scene,
 )
 from raytracer.analysis.lens_design.performance.results import Curve
 from raytracer.optics.lens_system.ray_tracing import trace_paths, trace_rays
@@ -48,52 +47,53 @@ class ChiefRays(NamedTuple):
     toward: Curve
 
 
+def rays_from_stop(bench: OpticalBench, wavelength_nm: float, onward: Curve) -> tuple[Curve, Curve, Curve]:
+    """Trace the rays from the centre of the stop with directions (k, 3), both ways.
+
+    Returns
+    -------
+    Places on the film (k, 2), with the sign turned, NaN if lost; points on the first surface and directions before it,
+    towards the scene (k, 3).
+    """
+    surfaces, stop = bench.without_rims(wavelength_nm), bench.stop
+    centre = np.broadcast_to((0.0, 0.0, float(surfaces.vertex[stop])), onward.shape)
+    entered, origin, out = np.ones(len(onward)), centre, -onward
+    if stop > 0:
+        entered, origin, out = trace_rays(slice_surfaces(surfaces, 0, stop), centre, -onward, towards_film=False)
+    left, points, directions = trace_rays(slice_surfaces(surfaces, stop, len(surfaces.curvature)), centre, onward)
+    landed: Curve = -intersect_film(points, directions, left, bench.film)
+    landed[entered <= 0.0] = np.nan
+    return landed, origin, out
+
+
 def _from_stop(bench: OpticalBench, meridian: str, wavelength_nm: float, angle: Curve) -> ChiefRays:
     """Trace the rays through the centre of the stop at angles (radians)."""
-    surfaces = bench.without_rims(wavelength_nm)
-    count, stop = len(surfaces.curvature), bench.stop
     onward = meridian_vector(meridian, 0.0, -np.sin(angle), np.cos(angle))
-    centre = np.broadcast_to((0.0, 0.0, surfaces.vertex[stop]), onward.shape)
-
-    # To the scene, and to the film.
-    entered, origin, out = trace_to_scene(surfaces, stop, centre, -onward)
-    left, points, directions = trace_rays(slice_surfaces(surfaces, stop, count), centre, onward)
+    landed, origin, out = rays_from_stop(bench, wavelength_nm, onward)
     column = MERIDIANS[meridian]
     field = np.degrees(np.arctan2(out[:, column], -out[:, 2]))
     if not math.isinf(bench.distance):
-        field = _angles_from_pupil(bench, origin, out, column)
-    height = -intersect_film(points, directions, left, bench.film)[:, column]
-    lost = (entered <= 0.0) | ~np.isfinite(height)
-    field, height = np.where(lost, np.nan, field), np.where(lost, np.nan, height)
-    return ChiefRays(angle, field, height, origin, -out)
+        # From the entrance pupil to the object's points that the rays come from.
+        points = object_points(bench, origin, out)
+        field = np.degrees(np.arctan2(points[:, column], bench.pupil - points[:, 2]))
+    height = landed[:, column]
+    return ChiefRays(angle, np.where(np.isfinite(height), field, np.nan), height, origin, -out)
 
 
-def _angles_from_pupil(bench: OpticalBench, origin: Curve, out: Curve, column: int) -> Curve:
-    """Compute the angles (degrees), from the entrance pupil, of the object points that rays come from."""
-    points = object_points(bench, origin, out)
-    angles: Curve = np.degrees(np.arctan2(points[:, column], bench.pupil - points[:, 2]))
-    return angles
-
-
-def has_curved_object(bench: OpticalBench) -> bool:
+def _has_curved_object(bench: OpticalBench) -> bool:
     """Tell if an object at a distance is a sphere around the entrance pupil: so for chief rays beyond 80 degrees."""
-    return bench.memoize("curved", lambda: _widest(bench) > _CURVED_FROM)
 
+    def make() -> bool:
+        far, half = bench.at_infinity(), math.hypot(*bench.settings.sensor_mm) / 2.0
+        tables = [chief_ray_table(far, meridian, far.primary) for meridian in bench.meridians]
+        return any(bool((rays.field_deg[rays.height <= half] > _CURVED_FROM).any()) for rays in tables)
 
-def _widest(bench: OpticalBench) -> float:
-    """Return the greatest angle (degrees) from the axis of chief rays that land on the sensor."""
-    far = bench.at_infinity()
-    widest = 0.0
-    for meridian in bench.meridians:
-        rays = chief_ray_table(far, meridian, far.primary)
-        within = rays.height <= math.hypot(*bench.settings.sensor_mm) / 2.0
-        widest = max(widest, float(rays.field_deg[within].max()))
-    return widest
+    return bench.memoize("curved", make)
 
 
 def object_points(bench: OpticalBench, origin: Curve, out: Curve) -> Curve:
     """Intersect rays that leave the lens towards the scene with the object, which is not infinitely far: (k, 3)."""
-    if has_curved_object(bench):
+    if _has_curved_object(bench):
         centre = np.array([0.0, 0.0, bench.pupil])
         offset = origin - centre
         half = (offset * out).sum(axis=1)

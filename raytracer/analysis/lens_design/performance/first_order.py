@@ -11,11 +11,11 @@ import numpy as np
 from raytracer.analysis.lens_design.performance.beams import aim_fan, axis_beam, open_stop_fraction
 from raytracer.analysis.lens_design.performance.chief_rays import chief_rays_at_heights
 from raytracer.analysis.lens_design.performance.illumination import largest_height
-from raytracer.analysis.lens_design.performance.optical_bench import MERIDIANS, OpticalBench, meridian_vector
-from raytracer.analysis.lens_design.performance.paraxial import (
-    chief_ray,
+from raytracer.analysis.lens_design.performance.optical_bench import (
+    MERIDIANS,
+    OpticalBench,
     crossing,
-    marginal_ray,
+    meridian_vector,
     paraxial_ray,
     vertex_curvatures,
 )
@@ -78,10 +78,10 @@ def first_order(bench: OpticalBench, meridian: str = "y") -> FirstOrder:
     length_traced, focus_traced = traced_focus(surfaces, focal_length, meridian)
 
     # Pupils: where the chief ray meets the axis on both sides, and the marginal ray's height there.
-    chief = chief_ray(bench, surfaces, meridian)
+    chief = bench.chief_ray(surfaces, meridian)
     entrance, exit_ = float(surfaces.vertex[0] + chief.heights[0]), crossing(surfaces, chief)
-    radius = abs(marginal_ray(bench, surfaces, meridian, math.inf).heights[0])
-    marginal = marginal_ray(bench, surfaces, meridian)
+    radius = abs(bench.marginal_ray(surfaces, meridian, math.inf).heights[0])
+    marginal = bench.marginal_ray(surfaces, meridian)
     exit_radius = abs(marginal.heights[-1] + marginal.slopes[-1] * (exit_ - last)) if math.isfinite(exit_) else math.inf
 
     film = bench.film

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.analysis.lens_design.performance.chief_rays import chief_paths, chief_ray_table, chief_rays_at_heights
-from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench, meridian_vector, normalize
-from raytracer.analysis.lens_design.performance.paraxial import chief_ray, crossing, marginal_ray
+from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench, crossing, meridian_vector, normalize
 from raytracer.analysis.lens_design.performance.results import Curve, Illumination
 from raytracer.optics.lens_system.ray_tracing import trace_rays
 
@@ -37,7 +36,7 @@ def projected_solid_angle(bench: OpticalBench, meridian: str, height_mm: float) 
     origin = meridian_vector(meridian, 0.0, -height_mm, bench.film)
 
     def passes(places: Curve) -> NDArray[np.bool_]:
-        directions = normalize(_on_plane(places, rear) - origin)
+        directions = normalize(np.insert(places, 2, rear, axis=1) - origin)
         weights, _, _ = trace_rays(surfaces, origin, directions, towards_film=False)
         open_: NDArray[np.bool_] = weights > 0.0
         return open_
@@ -54,7 +53,7 @@ def projected_solid_angle(bench: OpticalBench, meridian: str, height_mm: float) 
         between = 0.5 * (inside + outside)
         open_ = passes(middle + between[:, None] * ways)
         inside, outside = np.where(open_, between, inside), np.where(open_, outside, between)
-    return _lambert(normalize(_on_plane(middle + inside[:, None] * ways, rear) - origin))
+    return _lambert(normalize(np.insert(middle + inside[:, None] * ways, 2, rear, axis=1) - origin))
 
 
 def _middle(
@@ -71,7 +70,9 @@ def _middle(
     # Windows around the chief ray that grow until the pupil is within; then the whole element, more finely each time.
     windows = [(np.zeros(2), rim, cells) for cells in (_COARSE, 4 * _COARSE)]
     if np.isfinite(start).all():
-        size = _footprint(bench, meridian)
+        # A bound of the pupil's radius, in the rear plane, as seen from a point of the film.
+        slope = abs(float(bench.marginal_ray(surfaces, meridian).slopes[-1]))
+        size = 1.5 * slope * abs(bench.film - rear)
         windows = [(start, size * 1.5**step, _COARSE) for step in range(_WIDENINGS)] + windows
     for centre, size, count in windows:
         cells = size * (2.0 * (np.arange(count) + 0.5) / count - 1.0)
@@ -87,19 +88,6 @@ def _middle(
     return np.zeros(2), 0.0
 
 
-def _footprint(bench: OpticalBench, meridian: str) -> float:
-    """Bound the radius (mm), in the rear plane, of the pupil as seen from a point of the film."""
-    surfaces = bench.surfaces()
-    slope = abs(float(marginal_ray(bench, surfaces, meridian).slopes[-1]))
-    behind = bench.film - float(surfaces.vertex[-1])
-    return 1.5 * slope * abs(behind)
-
-
-def _on_plane(places: Curve, z: float) -> Curve:
-    """Return points (n, 3) of the plane at z."""
-    return meridian_vector("y", places[:, 0], places[:, 1], z)
-
-
 def _lambert(corners: Curve) -> float:
     """Compute the projected solid angle, on a plane at right angles to the axis, of a polygon of directions (n, 3)."""
     following = np.roll(corners, -1, axis=0)
@@ -111,6 +99,12 @@ def _lambert(corners: Curve) -> float:
     return abs(0.5 * float(parts.sum()))
 
 
+def sensor_reach(bench: OpticalBench, meridian: str) -> float:
+    """Return the distance (mm) of the sensor's corner; where the lens has cylinders, of the middle of a side."""
+    width, height = bench.settings.sensor_mm
+    return 0.5 * (math.hypot(width, height) if bench.lens.is_round() else {"y": height, "x": width}[meridian])
+
+
 def largest_height(bench: OpticalBench, meridian: str) -> float:
     """Return the largest image height (mm): the sensor's corner, unless the image circle or the glass ends it.
 
@@ -118,8 +112,7 @@ def largest_height(bench: OpticalBench, meridian: str) -> float:
     """
 
     def make() -> float:
-        width, height = bench.settings.sensor_mm
-        most = 0.5 * (math.hypot(width, height) if bench.lens.is_round() else {"y": height, "x": width}[meridian])
+        most = sensor_reach(bench, meridian)
         if bench.lens.image_circle is not None:
             most = min(most, 0.5 * bench.lens.image_circle)
         most = min(most, float(chief_ray_table(bench, meridian, bench.primary).height[-1]))
@@ -140,7 +133,7 @@ def illumination(bench: OpticalBench, meridian: str = "y") -> Illumination:
     field = np.linspace(0.0, 1.0, bench.settings.steps)
     heights = field * largest_height(bench, meridian)
     irradiance = np.array([projected_solid_angle(bench, meridian, height) for height in heights])
-    away = bench.film - crossing(bench.surfaces(), chief_ray(bench, bench.surfaces(), meridian))
+    away = bench.film - crossing(bench.surfaces(), bench.chief_ray(bench.surfaces(), meridian))
     cos4 = (1.0 + (heights / away) ** 2) ** -2
     if irradiance[0] <= 0.0:
         nothing = np.full_like(field, np.nan)

@@ -6,34 +6,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from raytracer.analysis.lens_design.performance.chromatic_aberration import chromatic_aberration
-from raytracer.analysis.lens_design.performance.distortion import distortion
-from raytracer.analysis.lens_design.performance.field_curvature import field_curvature
-from raytracer.analysis.lens_design.performance.first_order import first_order
-from raytracer.analysis.lens_design.performance.illumination import illumination
-from raytracer.analysis.lens_design.performance.mtf import diffraction_limit, mtf, mtf_over_field
-from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench, set_up_bench
-from raytracer.analysis.lens_design.performance.ray_fans import fans
-from raytracer.analysis.lens_design.performance.results import (
-    ChromaticAberration,
-    DiffractionLimit,
-    DistortionCurve,
-    Fan,
-    FieldCurvature,
-    FirstOrder,
-    Illumination,
-    Mtf,
-    MtfOverField,
-    Note,
-    Seidel,
-    Settings,
-    Spherical,
-    SpotsOfField,
-    Tolerances,
+from raytracer.analysis.lens_design.performance import results
+from raytracer.analysis.lens_design.performance.field_aberrations import (
+    chromatic_aberration,
+    distortion,
+    field_curvature,
 )
-from raytracer.analysis.lens_design.performance.seidel import seidel
-from raytracer.analysis.lens_design.performance.spherical import spherical
-from raytracer.analysis.lens_design.performance.spots import spots
+from raytracer.analysis.lens_design.performance.first_order import first_order
+from raytracer.analysis.lens_design.performance.illumination import illumination, sensor_reach
+from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench, set_up_bench
+from raytracer.analysis.lens_design.performance.ray_aberrations import fans, seidel, spherical
+from raytracer.analysis.lens_design.performance.results import Note, Settings
+from raytracer.analysis.lens_design.performance.spots import diffraction_limit, mtf, mtf_over_field, spots
 from raytracer.analysis.lens_design.performance.tolerances import tolerances
 from raytracer.optics.lens_system.lens import Lens
 from raytracer.optics.lens_system.warnings import lens_warnings
@@ -49,19 +33,19 @@ class LensStudy(NamedTuple):
     source: str
     settings: Settings
     film_z_mm: float
-    first_order: tuple[FirstOrder, ...]
-    spherical: tuple[Spherical, ...]
-    fans: tuple[Fan, ...]
-    field_curvature: tuple[FieldCurvature, ...]
-    distortion: tuple[DistortionCurve, ...]
-    colour: tuple[ChromaticAberration, ...]
-    illumination: tuple[Illumination, ...]
-    spots: tuple[SpotsOfField, ...]
-    mtf: tuple[Mtf, ...]
-    mtf_over_field: tuple[MtfOverField, ...]
-    diffraction_limit: DiffractionLimit
-    seidel: Seidel | None
-    tolerances: tuple[Tolerances, ...]
+    first_order: tuple[results.FirstOrder, ...]
+    spherical: tuple[results.Spherical, ...]
+    fans: tuple[results.Fan, ...]
+    field_curvature: tuple[results.FieldCurvature, ...]
+    distortion: tuple[results.DistortionCurve, ...]
+    colour: tuple[results.ChromaticAberration, ...]
+    illumination: tuple[results.Illumination, ...]
+    spots: tuple[results.SpotsOfField, ...]
+    mtf: tuple[results.Mtf, ...]
+    mtf_over_field: tuple[results.MtfOverField, ...]
+    diffraction_limit: results.DiffractionLimit
+    seidel: results.Seidel | None
+    tolerances: tuple[results.Tolerances, ...]
     notes: tuple[Note, ...]
 
     def as_dict(self, *, points: bool = False) -> dict[str, Any]:
@@ -111,76 +95,78 @@ def study_lens(lens: Lens, settings: Settings | None = None) -> LensStudy:
 
 def _notes(lens: Lens, bench: OpticalBench, study: LensStudy) -> Iterator[Note]:
     """Write notes on missing results, and on how to read the others."""
-    for warning in lens_warnings(lens):
-        yield Note("first_order", warning)
-    yield Note("mtf", "geometric: diffraction is not simulated; `diffraction_limit` is a perfect lens's, for reference")
-    if math.isinf(bench.distance):
-        yield Note("settings", "focus_distance_mm is null: focused at infinity")
-    if bench.settings.f_number is None:
-        yield Note("settings", "f_number is null: the stop is as wide open as it goes")
-    if bench.settings.circle_of_confusion_mm is None:
-        yield Note("settings", "circle_of_confusion_mm is null: a 1500th of the picture's diagonal")
-    if not any(element.is_stop for element in lens.elements):
-        yield Note("first_order", f"no surface is marked as the stop: surface {bench.stop + 1} acts as one")
-    if lens.focal_length is None:
-        yield Note("first_order", "published_focal_length_mm is null: none is published")
-    if not lens.disperses():
-        yield Note(
-            "colour", "no glass in the lens has an index that depends on the wavelength: no chromatic aberration"
-        )
-    if len(bench.settings.wavelengths_nm) < 3:
-        yield Note("colour", "axial_between_ends_mm is null: it needs three wavelengths")
-        yield Note("seidel", "axial_colour and lateral_colour are null: they need three wavelengths")
-    if study.seidel is None:
-        yield Note("seidel", "not defined for lenses with cylinders, whose meridians differ")
-        yield Note("spherical", "third_order_mm is null: not defined for lenses with cylinders")
-        yield Note("first_order", "field_of_view_diagonal_deg is null: a lens with cylinders is seen in two meridians")
+    settings, is_round = bench.settings, study.seidel is not None
+    is_marked, disperses = any(element.is_stop for element in lens.elements), lens.disperses()
+    few_colours = len(settings.wavelengths_nm) < 3
+    stop = f"no surface is marked as the stop: surface {bench.stop + 1} acts as one"
+    perfect = "geometric: diffraction is not simulated; `diffraction_limit` is a perfect lens's, for reference"
+    grey = "no glass in the lens has an index that depends on the wavelength: no chromatic aberration"
+    diagonal = "field_of_view_diagonal_deg is null: a lens with cylinders is seen in two meridians"
+    yield from (Note("first_order", warning) for warning in lens_warnings(lens))
+    yield from _noted(
+        ("mtf", True, perfect),
+        ("settings", math.isinf(bench.distance), "focus_distance_mm is null: focused at infinity"),
+        ("settings", settings.f_number is None, "f_number is null: the stop is as wide open as it goes"),
+        (
+            "settings",
+            settings.circle_of_confusion_mm is None,
+            "circle_of_confusion_mm is null: a 1500th of the picture's diagonal",
+        ),
+        ("first_order", not is_marked, stop),
+        ("first_order", lens.focal_length is None, "published_focal_length_mm is null: none is published"),
+        ("colour", not disperses, grey),
+        ("colour", few_colours, "axial_between_ends_mm is null: it needs three wavelengths"),
+        ("seidel", few_colours, "axial_colour and lateral_colour are null: they need three wavelengths"),
+        ("seidel", not is_round, "not defined for lenses with cylinders, whose meridians differ"),
+        ("spherical", not is_round, "third_order_mm is null: not defined for lenses with cylinders"),
+        ("first_order", not is_round, diagonal),
+    )
     for first in study.first_order:
         yield from _limits(bench, first)
     yield from _gaps(study)
 
 
-def _limits(bench: OpticalBench, first: FirstOrder) -> Iterator[Note]:
+def _noted(*rows: tuple[str, bool, str]) -> Iterator[Note]:
+    """Make the notes, of topic and reason, that hold."""
+    return (Note(topic, reason) for topic, holds, reason in rows if holds)
+
+
+def _limits(bench: OpticalBench, first: results.FirstOrder) -> Iterator[Note]:
     """Write notes on quantities that are at infinity or out of reach in one meridian."""
-    width, height = bench.settings.sensor_mm
-    reach = 0.5 * (math.hypot(width, height) if bench.lens.is_round() else {"y": height, "x": width}[first.meridian])
+    reach = sensor_reach(bench, first.meridian)
     largest, circle = first.half_field_image_height_mm, bench.lens.image_circle
-    if largest < reach:
-        reason = (
-            "that is the lens's image circle" if circle is not None and largest == 0.5 * circle else "it is dark there"
-        )
-        yield Note("settings", f"fields reach to {largest:.4g} mm from the axis, not to {reach:.4g} mm: {reason}")
-    if math.isinf(first.exit_pupil_z_mm):
-        yield Note("first_order", "exit_pupil is null: at infinity (telecentric)")
-    if math.isinf(first.entrance_pupil_z_mm):
-        yield Note("first_order", "entrance_pupil is null: at infinity (telecentric)")
-    if not math.isfinite(first.working_f_number):
-        yield Note("first_order", "working_f_number is null: no light of the axis gets through")
-        yield Note("diffraction_limit", "null: no light of the axis gets through")
-        yield Note("tolerances", "null: no light of the axis gets through")
-        yield Note("illumination", "null: no light of the axis gets through")
-    if math.isinf(first.petzval_radius_mm):
-        yield Note("first_order", "petzval_radius_mm is null: the Petzval surface is flat")
+    ends = "that is the lens's image circle" if circle is not None and largest == 0.5 * circle else "it is dark there"
+    is_dark, dark = not math.isfinite(first.working_f_number), "null: no light of the axis gets through"
+    yield from _noted(
+        ("settings", largest < reach, f"fields reach to {largest:.4g} mm from the axis, not to {reach:.4g} mm: {ends}"),
+        ("first_order", math.isinf(first.exit_pupil_z_mm), "exit_pupil is null: at infinity (telecentric)"),
+        ("first_order", math.isinf(first.entrance_pupil_z_mm), "entrance_pupil is null: at infinity (telecentric)"),
+        ("first_order", is_dark, f"working_f_number is {dark}"),
+        *((topic, is_dark, dark) for topic in ("diffraction_limit", "tolerances", "illumination")),
+        ("first_order", math.isinf(first.petzval_radius_mm), "petzval_radius_mm is null: the Petzval surface is flat"),
+    )
 
 
 def _gaps(study: LensStudy) -> Iterator[Note]:
     """Write notes on curves with missing values."""
-    if any(not math.isfinite(row.far_limit_mm) for row in study.tolerances):
-        yield Note("tolerances", "far_limit_mm is null: sharp enough as far as infinity")
-    if any(not math.isfinite(row.near_limit_mm) for row in study.tolerances):
-        yield Note("tolerances", "near_limit_mm is null: it is beyond infinity")
-    if any(np.isnan(fan.tangential_um).any() or np.isnan(fan.sagittal_um).any() for fan in study.fans):
-        yield Note("fans", "null where rims block the rays")
-    if any(not len(spot.points_um) for row in study.spots for spot in row.spots):
-        yield Note("spots", "sizes are null for fields of which no light gets through")
-        yield Note("mtf", "null for fields of which no light gets through")
-        yield Note("mtf_over_field", "null for fields of which no light gets through")
-    if any(np.isnan(curve.longitudinal_mm).any() for curve in study.spherical):
-        yield Note("spherical", "null for zones that rims block")
-    if any(np.isnan(curve.percent).any() for curve in study.distortion):
-        yield Note("distortion", "percent is null from 90 degrees on, where f tan has no value")
-    if any(np.isnan(curve.tangential_mm).any() for curve in study.field_curvature):
-        yield Note("field_curvature", "null where no chief ray gets through, or the pencil leaves parallel")
+    far, near = ([getattr(row, name) for row in study.tolerances] for name in ("far_limit_mm", "near_limit_mm"))
+    blocked = any(np.isnan(fan.tangential_um).any() or np.isnan(fan.sagittal_um).any() for fan in study.fans)
+    zones = any(np.isnan(curve.longitudinal_mm).any() for curve in study.spherical)
+    dark = any(not len(spot.points_um) for row in study.spots for spot in row.spots)
+    beyond = any(np.isnan(curve.percent).any() for curve in study.distortion)
+    lost = any(np.isnan(curve.tangential_mm).any() for curve in study.field_curvature)
+    no_light = "null for fields of which no light gets through"
+    return _noted(
+        ("tolerances", not np.isfinite(far).all(), "far_limit_mm is null: sharp enough as far as infinity"),
+        ("tolerances", not np.isfinite(near).all(), "near_limit_mm is null: it is beyond infinity"),
+        ("fans", blocked, "null where rims block the rays"),
+        ("spots", dark, f"sizes are {no_light}"),
+        ("mtf", dark, no_light),
+        ("mtf_over_field", dark, no_light),
+        ("spherical", zones, "null for zones that rims block"),
+        ("distortion", beyond, "percent is null from 90 degrees on, where f tan has no value"),
+        ("field_curvature", lost, "null where no chief ray gets through, or the pencil leaves parallel"),
+    )
 
 
 def to_plain(value: Any) -> Any:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -11,9 +11,8 @@ from raytracer.analysis.lens_design.performance.results import Curve, Settings
 from raytracer.optics.lens_system.first_order import cardinal_points, entrance_pupil
 from raytracer.optics.lens_system.focusing import focus_lens
 from raytracer.optics.lens_system.lens import Lens
-from raytracer.optics.lens_system.ray_tracing import trace_rays
-from raytracer.optics.lens_system.stops import stop_radius_for
-from raytracer.optics.lens_system.surfaces import LensSurfaces, slice_surfaces
+from raytracer.optics.lens_system.lens_setup import stop_radius_for
+from raytracer.optics.lens_system.surfaces import LensSurfaces
 
 T = TypeVar("T")
 
@@ -81,6 +80,18 @@ class OpticalBench:
         radius[self.stop] = surfaces.radius[self.stop]
         return surfaces._replace(radius=radius)
 
+    def marginal_ray(self, surfaces: LensSurfaces, meridian: str = "y", distance: float | None = None) -> "ParaxialRay":
+        """Trace the paraxial ray to the stop's rim from the axis, at the focus or at a distance from the pupil (mm)."""
+        away = self.distance if distance is None else distance
+        front = away - self.pupil + surfaces.vertex[0]
+        ray = paraxial_ray(surfaces, 1.0, 0.0 if np.isinf(away) else 1.0 / front, meridian)
+        return ray.times(self.stop_radius / ray.heights[self.stop])
+
+    def chief_ray(self, surfaces: LensSurfaces, meridian: str = "y") -> "ParaxialRay":
+        """Trace the paraxial ray through the centre of the stop with slope -1, as from a field above the axis."""
+        parallel, tilted = paraxial_ray(surfaces, 1.0, 0.0, meridian), paraxial_ray(surfaces, 0.0, -1.0, meridian)
+        return tilted.plus(parallel, -tilted.heights[self.stop] / parallel.heights[self.stop])
+
 
 def set_up_bench(lens: Lens, settings: Settings | None = None) -> OpticalBench:
     """Stop a lens down, focus it, and put a film behind it.
@@ -126,16 +137,57 @@ def intersect_film(points: Curve, directions: Curve, weights: Curve, z: float) -
     return landed
 
 
-def trace_to_scene(surfaces: LensSurfaces, first: int, origins: Curve, directions: Curve) -> tuple[Curve, Curve, Curve]:
-    """Trace rays that start before surface `first` to the scene: weights, origins and directions before the lens."""
-    if first == 0:
-        return np.ones(len(origins)), origins, directions
-    weights, points, onward = trace_rays(slice_surfaces(surfaces, 0, first), origins, directions, towards_film=False)
-    return weights, points, onward
-
-
 def meridian_vector(meridian: str, across: Any, height: Any, depth: Any) -> Curve:
     """Make vectors (..., 3) from components across and along the field's direction, and along the axis."""
     columns = (across, height, depth) if meridian == "y" else (height, across, depth)
     vectors: Curve = np.stack(np.broadcast_arrays(*(np.asarray(column, np.float64) for column in columns)), axis=-1)
     return vectors
+
+
+# ---- Paraxial rays: the limit of small heights and angles; Welford 1986, "Aberrations of Optical Systems", ch. 3
+
+
+class ParaxialRay(NamedTuple):
+    """Paraxial ray.
+
+    heights : at the surfaces (mm), (n,).
+    slopes : dy/dz before the first surface and behind each, (n + 1,).
+    """
+
+    heights: Curve
+    slopes: Curve
+
+    def plus(self, other: "ParaxialRay", factor: float) -> "ParaxialRay":
+        """Add another ray, times a factor: the equations are linear."""
+        return ParaxialRay(self.heights + factor * other.heights, self.slopes + factor * other.slopes)
+
+    def times(self, factor: float) -> "ParaxialRay":
+        """Multiply heights and slopes by a factor."""
+        return ParaxialRay(factor * self.heights, factor * self.slopes)
+
+
+def vertex_curvatures(surfaces: LensSurfaces, meridian: str) -> Curve:
+    """Return the curvatures of the surfaces at the axis (1/mm), in a meridian: (n,)."""
+    if surfaces.shapes is None:
+        return surfaces.curvature
+    curvatures: Curve = surfaces.shapes.quadric[:, MERIDIANS[meridian]]
+    return curvatures
+
+
+def paraxial_ray(surfaces: LensSurfaces, height: float, slope: float, meridian: str = "y") -> ParaxialRay:
+    """Trace the ray that has a height (mm) at the front vertex and a slope before it."""
+    curvature, ior = vertex_curvatures(surfaces, meridian), surfaces.ior
+    ways = np.diff(surfaces.vertex)
+    heights, slopes = [height], [slope]
+    for surface, power in enumerate(curvature * np.diff(ior)):
+        slopes.append((ior[surface] * slopes[-1] - heights[-1] * power) / ior[surface + 1])
+        if surface < len(ways):
+            heights.append(heights[-1] + ways[surface] * slopes[-1])
+    return ParaxialRay(np.array(heights), np.array(slopes))
+
+
+def crossing(surfaces: LensSurfaces, ray: ParaxialRay) -> float:
+    """Return the place at which a ray crosses the axis behind the lens (z in mm); inf if it is parallel to it."""
+    if ray.slopes[-1] == 0.0:
+        return float("inf")
+    return float(surfaces.vertex[-1] - ray.heights[-1] / ray.slopes[-1])

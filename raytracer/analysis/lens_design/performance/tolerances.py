@@ -5,15 +5,19 @@ References: Smith 2008, "Modern Optical Engineering", 4th ed., chs. 9 (depth of 
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from raytracer.analysis.lens_design.performance.beams import ray_grid
 from raytracer.analysis.lens_design.performance.first_order import working_f_number
 from raytracer.analysis.lens_design.performance.illumination import largest_height
-from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench, intersect_film
-from raytracer.analysis.lens_design.performance.paraxial import chief_ray, crossing, marginal_ray, paraxial_ray
+from raytracer.analysis.lens_design.performance.optical_bench import (
+    OpticalBench,
+    crossing,
+    intersect_film,
+    paraxial_ray,
+)
 from raytracer.analysis.lens_design.performance.results import Curve, Sensitivity, Tolerances
 from raytracer.analysis.lens_design.performance.spots import axis_point
 from raytracer.optics.lens_system.ray_tracing import trace_rays
@@ -31,6 +35,10 @@ INDEX_STEP = 0.001
 _DERIVATIVE_STEP = float(np.finfo(np.float64).eps ** (1.0 / 3.0))
 
 
+AxialRays: TypeAlias = tuple[Curve, Curve]
+"""Rays from the point on the axis, for all colours: origins and directions (n, 3)."""
+
+
 class Perturbation(NamedTuple):
     """Error of one number of a lens.
 
@@ -44,6 +52,11 @@ class Perturbation(NamedTuple):
     unit: str
     step: float
     value: float
+
+    @property
+    def by(self) -> float:
+        """The error in the unit of the number."""
+        return self.step * (1e-2 * self.value if self.unit == "%" else 1.0)
 
 
 def list_perturbations(surfaces: LensSurfaces) -> Iterator[Perturbation]:
@@ -85,17 +98,10 @@ def perturb_lens(surfaces: LensSurfaces, error: Perturbation, by: float) -> Lens
 
 def back_focus(bench: OpticalBench, surfaces: LensSurfaces, meridian: str) -> float:
     """Return the distance (mm) from the last vertex to the paraxial image of the point that is focused on."""
-    return crossing(surfaces, marginal_ray(bench, surfaces, meridian)) - float(surfaces.vertex[-1])
+    return crossing(surfaces, bench.marginal_ray(surfaces, meridian)) - float(surfaces.vertex[-1])
 
 
-class _AxialRays(NamedTuple):
-    """Rays from the point on the axis, for all colours: origins, directions (n, 3)."""
-
-    origins: Curve
-    directions: Curve
-
-
-def _axial_spot(bench: OpticalBench, axis: _AxialRays, error: Perturbation | None = None) -> tuple[float, float, float]:
+def _axial_spot(bench: OpticalBench, axis: AxialRays, error: Perturbation | None = None) -> tuple[float, float, float]:
     """Compute the RMS spot on the axis (mm) of all colours, the same at best focus, and the place of that.
 
     The film keeps its distance behind the last vertex.
@@ -105,11 +111,10 @@ def _axial_spot(bench: OpticalBench, axis: _AxialRays, error: Perturbation | Non
         surfaces = bench.surfaces(wavelength)
         film = bench.film
         if error is not None:
-            by = error.step * (1e-2 * error.value if error.unit == "%" else 1.0)
             film -= float(surfaces.vertex[-1])
-            surfaces = perturb_lens(surfaces, error, by)
+            surfaces = perturb_lens(surfaces, error, error.by)
             film += float(surfaces.vertex[-1])
-        weights, points, onward = trace_rays(surfaces, axis.origins, axis.directions)
+        weights, points, onward = trace_rays(surfaces, *axis)
         landed = intersect_film(points, onward, weights, film)
         through = np.isfinite(landed[:, 0])
         places.append(landed[through])
@@ -133,13 +138,12 @@ def best_focus(places: Curve, slopes: Curve) -> tuple[float, float, float]:
     return math.sqrt(square), math.sqrt(max(square - product**2 / steepness, 0.0)), -product / steepness
 
 
-def sensitivity(bench: OpticalBench, meridian: str, axis: _AxialRays, error: Perturbation) -> Sensitivity:
+def sensitivity(bench: OpticalBench, meridian: str, axis: AxialRays, error: Perturbation) -> Sensitivity:
     """Compute the sensitivity to one error."""
     surfaces = bench.surfaces()
-    step = error.step * (1e-2 * error.value if error.unit == "%" else 1.0)
     small = _DERIVATIVE_STEP * max(abs(error.value), 1.0)
     here = back_focus(bench, surfaces, meridian)
-    moved = back_focus(bench, perturb_lens(surfaces, error, step), meridian) - here
+    moved = back_focus(bench, perturb_lens(surfaces, error, error.by), meridian) - here
     more, less = (back_focus(bench, perturb_lens(surfaces, error, by), meridian) for by in (small, -small))
     rms, least, _ = _axial_spot(bench, axis)
     rms_off, least_off, _ = _axial_spot(bench, axis, error)
@@ -158,8 +162,8 @@ def sensitivity(bench: OpticalBench, meridian: str, axis: _AxialRays, error: Per
 def depth_of_field(bench: OpticalBench, meridian: str, circle_mm: float) -> tuple[float, float]:
     """Find the nearest and farthest planes, from the entrance pupil (mm), that blur to a circle, by first order."""
     surfaces = bench.surfaces()
-    marginal = marginal_ray(bench, surfaces, meridian)
-    image, exit_ = crossing(surfaces, marginal), crossing(surfaces, chief_ray(bench, surfaces, meridian))
+    marginal = bench.marginal_ray(surfaces, meridian)
+    image, exit_ = crossing(surfaces, marginal), crossing(surfaces, bench.chief_ray(surfaces, meridian))
     slope = abs(float(marginal.slopes[-1]))
     limits = []
     for circle in (circle_mm, -circle_mm):
@@ -194,9 +198,9 @@ def tolerances(bench: OpticalBench, meridian: str = "y") -> Tolerances:
         halves = [largest_height(bench, row) for row in bench.meridians]
         circle = _CIRCLE * 2.0 * math.hypot(*halves)
     beam = axis_point(bench, meridian).beam
-    axis = _AxialRays(np.empty((0, 3)), np.empty((0, 3)))
+    axis = (np.empty((0, 3)), np.empty((0, 3)))
     if beam is not None:
-        axis = _AxialRays(*beam.rays(*ray_grid(bench, beam, _RAYS)))
+        axis = beam.rays(*ray_grid(bench, beam, _RAYS))
     rms, least, way = _axial_spot(bench, axis)
     near, far = depth_of_field(bench, meridian, circle)
     sensitivities = tuple(sensitivity(bench, meridian, axis, error) for error in list_perturbations(bench.surfaces()))

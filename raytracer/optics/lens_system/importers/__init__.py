@@ -29,8 +29,6 @@ SUFFIXES = tuple(_READERS)
 class Imported(NamedTuple):
     """The lens of another program's file.
 
-    Attributes
-    ----------
     spec : the lens, checked.
     reading : how the file was interpreted, if it is ambiguous.
     """

@@ -19,8 +19,6 @@ Glasses = Mapping[str, Any]
 class Choices(NamedTuple):
     """Settings of an import that the user gives.
 
-    Attributes
-    ----------
     glasses : glasses by name.
     thickness : its convention in a table, "after" or "before" each surface; None to find it by the numbers.
     """
@@ -37,8 +35,6 @@ NO_CHOICES = Choices()
 class Draft:
     """The unchecked lens of a file.
 
-    Attributes
-    ----------
     file : its name.
     values : keys of the lens except `surfaces`, as in a lens file.
     surfaces : the line of each surface, and its keys.

@@ -21,15 +21,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, NoReturn
 
 from pydantic import ValidationError
 
-from raytracer.optics.glass import CATALOGUE, closest_glass_name, parse_glass
+from raytracer.optics.glass import CATALOGUE, parse_glass
 from raytracer.optics.lens_system.first_order import cardinal_points
 from raytracer.optics.lens_system.importers.draft import Choices, Draft, Glasses, rounded, shape
 from raytracer.schema.validation_errors import error_sentence
-from raytracer.util.errors import format_value
+from raytracer.util.errors import closest_name, format_value
 
 _UNITS = {"MM": 1.0, "CM": 10.0, "METER": 1000.0, "M": 1000.0, "IN": 25.4}
 _TYPES = ("STANDARD", "EVENASPH")
@@ -53,6 +53,39 @@ _ANGLES, _HEIGHTS = (0,), (2, 3)
 # A thickness from which on Zemax itself takes it for infinite.
 _INFINITE = 1e10
 
+# Finite numbers of the lens and of a surface, by keyword: what they are, and their place behind it.
+_SYSTEM_NUMBERS = {"FNUM": "f_number", "ENPD": "pupil", "FTYP": "field_type"}
+_SURFACE_NUMBERS = {"CURV": ("curvature", 1), "CONI": ("conic", 1), "DIAM": ("radius", 1), "CLAP": ("clear", 2)}
+
+
+class _Line(NamedTuple):
+    """A line of a file: its number, and its words."""
+
+    result: Draft
+    number: int
+    words: tuple[str, ...]
+
+    def word(self, place: int) -> str:
+        """Return a word behind the keyword, from 1; empty where there is none."""
+        return self.words[place] if place < len(self.words) else ""
+
+    def value(self, place: int = 1, *, may_be_infinite: bool = False) -> float:
+        """Parse a number behind the keyword."""
+        word = self.word(place)
+        try:
+            value = math.inf if word.upper().lstrip("+-").startswith("INF") else float(word)
+        except ValueError:
+            value = math.nan
+        if math.isnan(value):
+            self.refuse(f"{self.words[0]} must have a number, got {format_value(word)}")
+        if math.isinf(value) and not may_be_infinite:
+            self.refuse(f"{self.words[0]} must be finite")
+        return value
+
+    def refuse(self, message: str) -> NoReturn:
+        """Raise an error about this line."""
+        self.result.refuse(message, self.number)
+
 
 @dataclass
 class _Surface:
@@ -64,8 +97,7 @@ class _Surface:
     radius: float = 0.0
     clear: float = 0.0
     is_stop: bool = False
-    glass: tuple[str, ...] = ()
-    glass_line: int = 0
+    glass: _Line | None = None
     terms: dict[int, float] = field(default_factory=dict)
 
 
@@ -75,7 +107,7 @@ class _System:
     unit: float = 1.0
     f_number: float = 0.0
     pupil: float = 0.0
-    field_type: int = 0
+    field_type: float = 0.0
     fields: list[float] = field(default_factory=list)
     surfaces: list[_Surface] = field(default_factory=list)
 
@@ -89,10 +121,14 @@ def draft(text: str, file: str, choices: Choices) -> Draft:
     """
     result = Draft(file)
     system = _System()
-    for line, written in enumerate(text.splitlines(), start=1):
-        words = written.split()
-        if words:
-            _read(result, system, line, words, written)
+    for number, written in enumerate(text.splitlines(), start=1):
+        line = _Line(result, number, tuple(written.split()))
+        if line.word(0).upper() == "SURF":
+            system.surfaces.append(_Surface(number))
+        elif system.surfaces and written[:1].isspace():
+            _read_surface(system.surfaces[-1], line)
+        else:
+            _read_system(system, line)
     if len(system.surfaces) < 3:
         result.refuse(f"holds {len(system.surfaces)} surfaces: a lens needs one between the object and the image")
     _convert(result, system, choices.glasses)
@@ -100,114 +136,67 @@ def draft(text: str, file: str, choices: Choices) -> Draft:
     return result
 
 
-def _number(result: Draft, line: int, words: Sequence[str], place: int = 1) -> float:
-    """Parse a number behind a line's keyword; it may be infinite."""
-    word = words[place] if place < len(words) else ""
-    if word.upper().lstrip("+-").startswith("INF"):
-        return math.inf
-    try:
-        number = float(word)
-    except ValueError:
-        number = math.nan
-    if math.isnan(number):
-        result.refuse(f"{words[0]} must have a number, got {format_value(word)}", line)
-    return number
-
-
-def _finite(result: Draft, line: int, words: Sequence[str], place: int = 1) -> float:
-    """Parse a finite number behind a line's keyword."""
-    number = _number(result, line, words, place)
-    if math.isinf(number):
-        result.refuse(f"{words[0]} must be finite", line)
-    return number
-
-
-def _read(result: Draft, system: _System, line: int, words: list[str], written: str) -> None:
-    """Read a line."""
-    keyword = words[0].upper()
-    if keyword == "SURF":
-        system.surfaces.append(_Surface(line))
-    elif system.surfaces and written[:1].isspace():
-        _read_surface(result, system.surfaces[-1], line, keyword, words)
-    else:
-        _read_system(result, system, line, keyword, words)
-
-
-def _read_system(result: Draft, system: _System, line: int, keyword: str, words: list[str]) -> None:
+def _read_system(system: _System, line: _Line) -> None:
     """Read a line of the lens as a whole."""
-    if keyword == "NAME":
-        system.name = " ".join(words[1:])
-    elif keyword == "MODE" and words[1:2] and words[1].upper() != "SEQ":
-        result.refuse("is a non-sequential system: only sequential lenses are read", line)
+    keyword = line.word(0).upper()
+    if keyword in _SYSTEM_NUMBERS:
+        setattr(system, _SYSTEM_NUMBERS[keyword], line.value())
+    elif keyword == "NAME":
+        system.name = " ".join(line.words[1:])
+    elif keyword == "MODE" and line.word(1).upper() not in ("", "SEQ"):
+        line.refuse("is a non-sequential system: only sequential lenses are read")
     elif keyword == "UNIT":
-        unit = words[1].upper() if len(words) > 1 else ""
+        unit = line.word(1).upper()
         if unit not in _UNITS:
-            result.refuse(
-                f"has lengths in the unknown unit {format_value(unit)}; known units: {', '.join(_UNITS)}", line
-            )
+            line.refuse(f"has lengths in the unknown unit {format_value(unit)}; known units: {', '.join(_UNITS)}")
         system.unit = _UNITS[unit]
-    elif keyword == "FNUM":
-        system.f_number = _finite(result, line, words)
-    elif keyword == "ENPD":
-        system.pupil = _finite(result, line, words)
-    elif keyword == "FTYP":
-        system.field_type = int(_finite(result, line, words))
     elif keyword in ("XFLN", "YFLN"):
-        system.fields += (_finite(result, line, words, place) for place in range(1, len(words)))
+        system.fields += (line.value(place) for place in range(1, len(line.words)))
 
 
-def _read_surface(result: Draft, surface: _Surface, line: int, keyword: str, words: list[str]) -> None:
+def _read_surface(surface: _Surface, line: _Line) -> None:
     """Read a line of a surface."""
-    if keyword == "TYPE":
-        surface.type = words[1].upper() if len(words) > 1 else ""
+    keyword = line.word(0).upper()
+    if keyword in _SURFACE_NUMBERS:
+        name, place = _SURFACE_NUMBERS[keyword]
+        setattr(surface, name, line.value(place))
+    elif keyword == "TYPE":
+        surface.type = line.word(1).upper()
         if surface.type not in _TYPES:
             what = _UNSUPPORTED.get(surface.type, f"a surface of the type {format_value(surface.type)}")
-            result.refuse(f"has {what}: surfaces of the types {' and '.join(_TYPES)} are read", line)
-    elif keyword == "CURV":
-        surface.curvature = _finite(result, line, words)
+            line.refuse(f"has {what}: surfaces of the types {' and '.join(_TYPES)} are read")
     elif keyword == "DISZ":
-        surface.thickness = _number(result, line, words)
-    elif keyword == "CONI":
-        surface.conic = _finite(result, line, words)
-    elif keyword == "DIAM":
-        surface.radius = _finite(result, line, words)
-    elif keyword == "CLAP":
-        surface.clear = _finite(result, line, words, 2)
+        surface.thickness = line.value(may_be_infinite=True)
     elif keyword == "STOP":
         surface.is_stop = True
     elif keyword == "PARM":
-        surface.terms[int(_finite(result, line, words))] = _finite(result, line, words, 2)
+        surface.terms[int(line.value())] = line.value(2)
     elif keyword == "GLAS":
-        surface.glass, surface.glass_line = tuple(words[1:]), line
+        surface.glass = line
 
 
-def _material(result: Draft, surface: _Surface, glasses: Glasses) -> Any:
+def _material(surface: _Surface, glasses: Glasses) -> Any:
     """Convert a surface's GLAS to a value of `material`; None for air."""
-    if not surface.glass:
+    line = surface.glass
+    if line is None or not line.word(1):
         return None
-    name, line = surface.glass[0], surface.glass_line
+    name = line.word(1)
     if name.upper() == "MIRROR":
-        result.refuse("has a mirror: only lenses, which light goes through, are read", line)
+        line.refuse("has a mirror: only lenses, which light goes through, are read")
     if name in glasses:
         return glasses[name]
-    if name == _MODEL or (len(surface.glass) > 1 and surface.glass[1] == "1"):
-        index, abbe = (_finite(result, line, ("GLAS", *surface.glass), place) for place in (4, 5))
+    if name == _MODEL or line.word(2) == "1":
+        index, abbe = line.value(4), line.value(5)
         return {"index": index, "abbe": abbe} if abbe > 0.0 else index
-    return _catalogued(result, name, line)
-
-
-def _catalogued(result: Draft, name: str, line: int) -> str:
-    """Find the name of a glass in the catalogue: glass made since without lead or arsenic has an N before it."""
+    # Glass made since without lead or arsenic has an N before its name.
     by_upper = {known.upper(): known for known in CATALOGUE}
     known_name = by_upper.get(name.upper()) or by_upper.get(f"N-{name.upper()}")
     if known_name is None:
-        close = closest_glass_name(name)
+        close = closest_name(name, CATALOGUE)
         hint = f"; the nearest name is {close!r}" if close else ""
-        result.refuse(
+        line.refuse(
             f"names the glass {format_value(name)}, which is not in the catalogue{hint}: give its index and Abbe "
-            f"number by "
-            f"--glass {name}=1.62/36.4, or its name there by --glass {name}={close or 'N-BK7'}",
-            line,
+            f"number by --glass {name}=1.62/36.4, or its name there by --glass {name}={close or 'N-BK7'}"
         )
     return known_name
 
@@ -217,14 +206,16 @@ def _convert(result: Draft, system: _System, glasses: Glasses) -> None:
     unit = system.unit
     before: Any = None
     for surface in system.surfaces[1:-1]:
-        material = _material(result, surface, glasses)
+        material = _material(surface, glasses)
         thickness = rounded(unit * surface.thickness)
         if not abs(thickness) < _INFINITE:
             result.refuse("has no finite thickness (DISZ)", surface.line)
         flat = surface.curvature == 0.0 and not any(surface.terms.values())
         plain = flat and material is None and before is None
         if plain and not surface.is_stop and surface.clear == 0.0:
-            _lengthen(result, thickness)
+            if result.surfaces:
+                row = result.surfaces[-1][1]
+                row["thickness"] = rounded(row["thickness"] + thickness)
         else:
             kind: dict[str, Any] = {"type": "stop"} if plain and surface.is_stop else _shape(result, surface, unit)
             if surface.is_stop and not plain:
@@ -241,13 +232,6 @@ def _convert(result: Draft, system: _System, glasses: Glasses) -> None:
         if row["thickness"] < 0.0:
             result.refuse(f"goes back by {-row['thickness']:g} mm to the next surface, which must be behind it", line)
     result.surfaces[-1][1]["thickness"] = max(0.0, result.surfaces[-1][1]["thickness"])
-
-
-def _lengthen(result: Draft, thickness: float) -> None:
-    """Add the thickness of a surface that is left out to the one before it, if there is one."""
-    if result.surfaces:
-        row = result.surfaces[-1][1]
-        row["thickness"] = rounded(row["thickness"] + thickness)
 
 
 def _shape(result: Draft, surface: _Surface, unit: float) -> dict[str, Any]:

@@ -8,7 +8,7 @@ the pupil.  So no rings come from steps between the places; in other renderers t
 weight.
 
 `tables` holds the packed tables and draws points, `transmission` traces rays from the film, `search` finds the pupil's
-edge, `ellipses` puts ellipses round it, `build` makes the tables and keeps them on the disk.
+edge and puts ellipses round it, `build` makes the tables and keeps them on the disk.
 
 References: Kolb, Mitchell, Hanrahan 1995, "A Realistic Camera Model for Computer Graphics", SIGGRAPH, sec. 3.3; Pharr,
 Jakob, Humphreys 2023, "Physically Based Rendering", 4th ed., sec. 5.4.4 (bounds by radius, as boxes).

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from raytracer.core.compiler.cache import CACHE_FOLDER
 from raytracer.core.compiler.kernel_files import load_signed, save_signed
-from raytracer.optics.lens_system.pupils.ellipses import fit_ellipse
-from raytracer.optics.lens_system.pupils.search import PupilSampler, WorkCounter
+from raytracer.optics.lens_system.pupils.search import PupilSampler, WorkCounter, fit_ellipse
 from raytracer.optics.lens_system.pupils.tables import QuadrantPupilTable, RadialPupilTable
 from raytracer.optics.lens_system.surfaces import LensSurfaces
 
@@ -53,17 +52,21 @@ def load_pupil_table(
     ------
     ValueError : the search takes more than `MAX_CROSSINGS`, or the pupil is too irregular for ellipses.
     """
-    name = f"pupils-{_digest(lens, film_z, half, wavelengths, is_round)}.npz"
-    stored = _read_table(name)
-    if stored is not None:
+    path = CACHE_FOLDER / f"pupils-{_digest(lens, film_z, half, wavelengths, is_round)}.npz"
+    content = load_signed(path)
+    if content is not None:
         kind: type[RadialPupilTable | QuadrantPupilTable] = RadialPupilTable if is_round else QuadrantPupilTable
-        return kind(np.ascontiguousarray(stored["ellipses"]), float(stored["first"]), float(stored["second"]))
+        with np.load(io.BytesIO(content)) as stored:
+            return kind(np.ascontiguousarray(stored["ellipses"]), float(stored["first"]), float(stored["second"]))
     table: RadialPupilTable | QuadrantPupilTable
     if is_round:
         table = _build_radial_table(lens, film_z, math.hypot(*half), wavelengths)
     else:
         table = _build_quadrant_table(lens, film_z, half, wavelengths)
-    _write_table(name, table)
+    buffer = io.BytesIO()
+    np.savez(buffer, ellipses=table[0], first=table[1], second=table[2])
+    # Where that fails, it is built each time.
+    save_signed(path, buffer.getvalue())
     return table
 
 
@@ -84,23 +87,6 @@ def _digest(*parts: Any) -> str:
 
     add(parts)
     return digest.hexdigest()[:24]
-
-
-def _read_table(name: str) -> Any:
-    """Read a table's arrays from the disk; None if it is not there."""
-    content = load_signed(CACHE_FOLDER / name)
-    if content is None:
-        return None
-    with np.load(io.BytesIO(content)) as file:
-        return {key: file[key] for key in ("ellipses", "first", "second")}
-
-
-def _write_table(name: str, table: RadialPupilTable | QuadrantPupilTable) -> None:
-    """Store a table on the disk; where that fails, it is built each time."""
-    ellipses, first, second = table
-    buffer = io.BytesIO()
-    np.savez(buffer, ellipses=ellipses, first=first, second=second)
-    save_signed(CACHE_FOLDER / name, buffer.getvalue())
 
 
 def _build_radial_table(

@@ -1,5 +1,6 @@
 """Search for the pupil of a lens as seen from places of the film."""
 
+import functools
 import itertools
 import math
 import threading
@@ -9,12 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.core.simd import WIDTH
-from raytracer.optics.lens_system.diaphragm import aperture_extent
 from raytracer.optics.lens_system.first_order import exit_pupil
-from raytracer.optics.lens_system.pupils.ellipses import outline, unit_circle
 from raytracer.optics.lens_system.pupils.transmission import exit_pupil_plane, transmitted_fraction
 from raytracer.optics.lens_system.ray_tracing import trace_rays
-from raytracer.optics.lens_system.surfaces import LensSurfaces, slice_surfaces
+from raytracer.optics.lens_system.surfaces import LensSurfaces, aperture_extent, slice_surfaces
 
 Points = NDArray[np.float64]
 
@@ -26,6 +25,12 @@ _CHIEF_RAYS = 500
 # Rings round an ellipse, in units of its own size, that show how far the pupil reaches out of it; and their points.
 _RINGS = 1.001 * 1.01 ** np.arange(48.0)
 _RING_POINTS = 360
+
+# Directions in which what is farthest out stands for an outline.
+_OUTLINE_DIRECTIONS = 128
+
+# Points along an edge of the grid by which the light of a pupil of any shape is integrated.
+_GRID_POINTS = 512
 
 MAX_CROSSINGS = 2**29
 """Surfaces that rays may cross in all while the pupil is searched.
@@ -229,3 +234,73 @@ def pupil_center(lens: LensSurfaces, film_z: float, x: float, y: float, waveleng
     """Find the middle (2,) of the pupil, on the `exit_pupil_plane`, as seen from a place of the film; None if dark."""
     edge = PupilSampler(lens, film_z, [wavelength], WorkCounter()).hull(x, y)
     return np.asarray(0.5 * (edge.min(axis=0) + edge.max(axis=0))) if len(edge) else None
+
+
+# ---- Ellipses round pupils
+
+
+def fit_ellipse(points: Points, *, centred: bool) -> Points:
+    """Fit a small ellipse with axes along x and y round points (n, 2): middle x, y, half axes; `centred` on y = 0.
+
+    Its size is within 1/1000 of the smallest.  Grids over the ratio of its axes and the place of its middle, each finer
+    than the one before, reduce it to the smallest circle.
+    """
+    low, high = points.min(axis=0), points.max(axis=0)
+    if centred:
+        low[1], high[1] = -np.abs(points[:, 1]).max(), np.abs(points[:, 1]).max()
+    middle, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), np.finfo(np.float64).tiny)
+    unit = outline((points - middle) / half)
+    steps = np.linspace(-1.0, 1.0, 5)
+    offsets = np.array(list(itertools.product(steps, steps, [0.0] if centred else steps)))
+    best, spread = np.zeros(3), 0.5
+    for _round in range(11):
+        tried = best + spread * offsets
+        stretch = np.exp(tried[:, 0])[:, None]
+        x, y = stretch * (unit[:, 0] - tried[:, 1:2]), (unit[:, 1] - tried[:, 2:3]) / stretch
+        best = tried[int((x * x + y * y).max(axis=1).argmin())]
+        spread = 0.5 * spread
+    ellipse = np.concatenate([middle + half * best[1:], half * np.exp([-best[0], best[0]])])
+    ellipse[2:] *= np.sqrt((((points - ellipse[:2]) / ellipse[2:]) ** 2).sum(axis=1)).max()
+    return ellipse
+
+
+@functools.cache
+def unit_circle(count: int) -> Points:
+    """List points of the unit circle (n, 2)."""
+    turns = np.arange(count) * 2.0 * math.pi / count
+    return np.stack([np.cos(turns), np.sin(turns)], axis=1)
+
+
+def outline(points: Points) -> Points:
+    """Select from points (n, 2) those that are farthest out in some direction, all around."""
+    farthest = (points @ unit_circle(_OUTLINE_DIRECTIONS).T).argmax(axis=0)
+    return np.asarray(points[farthest[np.append(True, farthest[1:] != farthest[:-1])]])
+
+
+# ---- The light of a pupil
+
+
+def on_axis_solid_angle(lens: LensSurfaces, film_z: float, wavelength: float, *, is_round: bool) -> float:
+    """Compute the irradiance on the axis from a scene of radiance 1: the integral of cos^4 / Z^2 over the pupil (sr).
+
+    Of a round pupil it is pi sin^2, with the angle at which the film sees its edge.
+
+    Raises
+    ------
+    ValueError : no light gets through the lens.
+    """
+    plane = exit_pupil_plane(lens, film_z)
+    behind = film_z - plane
+    pupil = PupilSampler(lens, film_z, [wavelength], WorkCounter())
+    edge = pupil.hull(0.0, 0.0)
+    if not len(edge):
+        raise ValueError("no light gets through the lens to the middle of the film")
+    if is_round and lens.diaphragm is None:
+        square = float((edge**2).sum(axis=1).min())
+        return math.pi * square / (square + behind * behind)
+    low, high = edge.min(axis=0), edge.max(axis=0)
+    x, y = (low[axis] + (high[axis] - low[axis]) * (np.arange(_GRID_POINTS) + 0.5) / _GRID_POINTS for axis in (0, 1))
+    points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    weights = transmitted_fraction(lens, (0.0, 0.0, film_z), points, wavelength, plane)
+    cosine2 = behind * behind / (behind * behind + (points**2).sum(axis=1))
+    return float((weights * cosine2**2).sum() / behind**2 * np.prod((high - low) / _GRID_POINTS))

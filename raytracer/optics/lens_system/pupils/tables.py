@@ -14,8 +14,6 @@ Points = NDArray[np.float64]
 class RadialPupilTable(NamedTuple):
     """Packed pupils of a lens that is symmetric about its axis: an ellipse for each radius on the film.
 
-    Attributes
-    ----------
     ellipses (mm) : float64 (n, 3), the middle, along the direction from the axis to the place on the film, the half
         axis along that, and the one across.
     per_mm (1/mm) : places of the table per radius.
@@ -30,8 +28,6 @@ class RadialPupilTable(NamedTuple):
 class QuadrantPupilTable(NamedTuple):
     """Packed pupils of a lens that is symmetric about two planes: an ellipse for each place of a quadrant.
 
-    Attributes
-    ----------
     ellipses (mm) : float64 (n, m, 4), by |y| and |x| on the film: the middle (x, y), on the side of the place, and the
         half axes along x and y.
     per_mm_x, per_mm_y (1/mm) : places of the table per distance.

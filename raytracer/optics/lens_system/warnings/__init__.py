@@ -34,11 +34,6 @@ class LensWarningKind(WarningKind[MountedLens]):
 LENS_WARNINGS = WarningFamily[MountedLens](__name__)
 
 
-def lens_warnings(lens: Lens, shift: float = 0.0) -> list[str]:
-    """List what is implausible in a lens by itself, a clause each; see `MountedLens`.
-
-    Raises
-    ------
-    ValueError : see `Lens.focused`.
-    """
-    return [record.text for record in LENS_WARNINGS.find(MountedLens(lens, shift))]
+def lens_warnings(lens: Lens) -> list[str]:
+    """List what is implausible in a lens by itself, a clause each."""
+    return [record.text for record in LENS_WARNINGS.find(MountedLens(lens))]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from raytracer.optics.lens_system.first_order import paraxial_heights
-from raytracer.optics.lens_system.stops import f_number_of, filled_stop_fraction
+from raytracer.optics.lens_system.lens_setup import f_number_of, filled_stop_fraction
 from raytracer.optics.lens_system.warnings import THIRD_OF_A_STOP, LensWarningKind, MountedLens
 from raytracer.schema.warning_kind import Sentence, Warned
 

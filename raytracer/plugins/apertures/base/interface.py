@@ -15,7 +15,7 @@ from pydantic import Field
 
 from raytracer.core.compiler.dispatch import optional
 from raytracer.core.sampling.warp import sample_disc
-from raytracer.optics.lens_system.diaphragm import aperture_extent, aperture_transmission
+from raytracer.optics.lens_system.surfaces import aperture_extent, aperture_transmission
 from raytracer.schema.fields import PositiveNumber
 from raytracer.schema.spec import Spec
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from raytracer.core.compiler.dispatch import generic, kernel
 from raytracer.core.sampling.warp import sample_disc
-from raytracer.optics.lens_system.diaphragm import aperture_extent, aperture_transmission
+from raytracer.optics.lens_system.surfaces import aperture_extent, aperture_transmission
 from raytracer.plugins.apertures.base.interface import sample_aperture, stretch_aperture
 
 _SERIES_TERMS = 8

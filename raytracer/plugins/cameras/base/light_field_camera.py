@@ -9,9 +9,8 @@ from raytracer.core.simd import store
 from raytracer.core.vec import add, madd, normalize, scale
 from raytracer.film.light_field.lattice import Lattice
 from raytracer.optics.lens_system import packets
-from raytracer.optics.lens_system.diaphragm import aperture_transmission
 from raytracer.optics.lens_system.film_to_direction import direction_to_film
-from raytracer.optics.lens_system.surfaces import LensSurfaces
+from raytracer.optics.lens_system.surfaces import LensSurfaces, aperture_transmission
 from raytracer.plugins.apertures.base.interface import rim_visibility
 from raytracer.plugins.cameras.base import interface
 from raytracer.plugins.cameras.base.glass import draw_wavelength, exit_ray, start_film_rays

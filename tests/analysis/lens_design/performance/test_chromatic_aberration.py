@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from raytracer.analysis.lens_design.performance.chromatic_aberration import axial_shift_mm, chromatic_aberration
+from raytracer.analysis.lens_design.performance.field_aberrations import axial_shift_mm, chromatic_aberration
 from raytracer.analysis.lens_design.performance.first_order import first_order
 from raytracer.optics.glass import AIR, CATALOGUE, LINE_C, LINE_D, LINE_F, constant_index_glass
 from tests.analysis.lens_design.benches import THIN, bench_at, lens_of, sensor, stop, symmetric_lens, thin_lens

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from raytracer.analysis.lens_design.performance.chief_rays import chief_rays_at_fields, chief_rays_at_heights
-from raytracer.analysis.lens_design.performance.distortion import distortion
+from raytracer.analysis.lens_design.performance.field_aberrations import distortion
 from raytracer.analysis.lens_design.performance.first_order import first_order
 from raytracer.analysis.lens_design.performance.optical_bench import set_up_bench
 from raytracer.optics.glass import AIR, constant_index_glass

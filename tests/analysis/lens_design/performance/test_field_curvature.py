@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from raytracer.analysis.lens_design.performance.chief_rays import chief_rays_at_fields, object_points
-from raytracer.analysis.lens_design.performance.field_curvature import field_curvature
+from raytracer.analysis.lens_design.performance.field_aberrations import field_curvature
 from raytracer.analysis.lens_design.performance.optical_bench import MERIDIANS, OpticalBench, set_up_bench
 from raytracer.optics.lens_system.ray_tracing import trace_rays
 from raytracer.scene.assets.lenses import read_lens

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.analysis.lens_design.performance.field_points import field_points
+from raytracer.analysis.lens_design.performance.beams import field_points
 from raytracer.analysis.lens_design.performance.first_order import first_order
 from raytracer.analysis.lens_design.performance.illumination import illumination, largest_height, projected_solid_angle
 from raytracer.analysis.lens_design.performance.optical_bench import set_up_bench

@@ -5,17 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.analysis.lens_design.performance.beams import aim_fan, film_points
+from raytracer.analysis.lens_design.performance.beams import aim_fan, field_points, film_points
 from raytracer.analysis.lens_design.performance.chief_rays import chief_rays_at_fields
-from raytracer.analysis.lens_design.performance.chromatic_aberration import axial_shift_mm
-from raytracer.analysis.lens_design.performance.distortion import distortion
-from raytracer.analysis.lens_design.performance.field_curvature import field_curvature
-from raytracer.analysis.lens_design.performance.field_points import field_points
+from raytracer.analysis.lens_design.performance.field_aberrations import axial_shift_mm, distortion, field_curvature
 from raytracer.analysis.lens_design.performance.optical_bench import OpticalBench
-from raytracer.analysis.lens_design.performance.paraxial import marginal_ray
+from raytracer.analysis.lens_design.performance.ray_aberrations import seidel, spherical
 from raytracer.analysis.lens_design.performance.results import Seidel
-from raytracer.analysis.lens_design.performance.seidel import seidel
-from raytracer.analysis.lens_design.performance.spherical import spherical
 from raytracer.optics.glass import constant_index_glass, glass_from_abbe
 from raytracer.optics.lens_system.lens import Lens
 from tests.analysis.lens_design.benches import aspheric_pair, bench_at, lens_of, limit, sensor, stop
@@ -28,7 +23,7 @@ def bench_and_sums(lens: Lens, largest: float, aperture: float, distance: float)
     bench = bench_at(lens.stopped_down(aperture), sensor_mm=sensor(largest), focus_distance_mm=distance, steps=5)
     sums = seidel(bench)
     assert sums is not None
-    return bench, sums, float(marginal_ray(bench, bench.surfaces()).slopes[-1])
+    return bench, sums, float(bench.marginal_ray(bench.surfaces()).slopes[-1])
 
 
 @pytest.mark.parametrize("distance", DISTANCES)

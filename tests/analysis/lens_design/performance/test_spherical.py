@@ -5,10 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from raytracer.analysis.lens_design.performance.beams import aim_fan, film_points
-from raytracer.analysis.lens_design.performance.field_points import field_points
-from raytracer.analysis.lens_design.performance.seidel import seidel
-from raytracer.analysis.lens_design.performance.spherical import spherical
+from raytracer.analysis.lens_design.performance.beams import aim_fan, field_points, film_points
+from raytracer.analysis.lens_design.performance.ray_aberrations import seidel, spherical
 from raytracer.optics.glass import AIR, constant_index_glass
 from tests.analysis.lens_design.benches import bench_at, lens_of, plano_convex, sensor, thin_lens
 

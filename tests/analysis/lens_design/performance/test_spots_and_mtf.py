@@ -6,16 +6,18 @@ import numpy as np
 import pytest
 from scipy.special import j1
 
-from raytracer.analysis.lens_design.performance.mtf import (
+from raytracer.analysis.lens_design.performance.ray_aberrations import spherical
+from raytracer.analysis.lens_design.performance.spots import (
     FREQUENCIES_PER_MM,
+    axis_point,
     diffraction_limit,
     geometric_mtf,
     mtf,
     mtf_over_field,
     perfect_mtf,
+    spots,
+    trace_field_point,
 )
-from raytracer.analysis.lens_design.performance.spherical import spherical
-from raytracer.analysis.lens_design.performance.spots import axis_point, spots, trace_field_point
 from raytracer.optics.glass import AIR, constant_index_glass
 from raytracer.optics.lens_system.lens import Lens
 from tests.analysis.lens_design.benches import bench_at, cylinder_pair, lens_of, plano_convex, sensor, stop
