@@ -15,7 +15,7 @@ from raytracer.util.progress import Bar
 from raytracer.util.signals import WATCH, raise_interrupt
 
 if TYPE_CHECKING:
-    from raytracer.analysis.cost.phase_timer import Progress
+    from raytracer.analysis.cost.bench import Progress
     from raytracer.analysis.cost.results import Study
 
 EXAMPLE = """\b

@@ -14,11 +14,12 @@ Files have a legend below the image, so that its pixels are where the compared i
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from raytracer.analysis.compare.compared_image import Array, ComparedImage
+from raytracer.analysis.compare.compared_image import Array
 from raytracer.analysis.compare.metrics import flip_map
 from raytracer.analysis.compare.result import Comparison
 from raytracer.core.error_estimate.metric import error_weights
@@ -75,37 +76,12 @@ def check_kind(kind: str) -> None:
         )
 
 
-def compared_images(comparison: Comparison) -> tuple[ComparedImage, ComparedImage]:
-    """Return the two images of a comparison.
-
-    Raises
-    ------
-    InputError : they were released.
-    """
-    if comparison.pictures is None:
-        raise InputError("the pixels of this comparison were released")
-    return comparison.pictures
+def largest_channel(difference: Array) -> Array:
+    """Return the channel that is farthest from 0, of (..., 3): (...); what is not a number is the farthest of all."""
+    return np.take_along_axis(difference, np.argmax(np.abs(difference), axis=-1)[..., None], axis=-1)[..., 0]
 
 
-def _values(comparison: Comparison) -> tuple[Array, Array]:
-    a, b = compared_images(comparison)
-    return a.values, b.values
-
-
-def _largest_channel(difference: Array) -> Array:
-    """Select the channel of each pixel that is largest in size, with its sign: (height, width)."""
-    size = np.abs(difference)
-    result = difference[..., 0].copy()
-    largest = size[..., 0].copy()
-    for channel in (1, 2):
-        # What is not a number is the largest of all.
-        is_larger = (size[..., channel] > largest) | np.isnan(size[..., channel])
-        np.copyto(result, difference[..., channel], where=is_larger)
-        np.copyto(largest, size[..., channel], where=is_larger)
-    return result
-
-
-def _scale(values: Array) -> float:
+def colour_scale(values: Array) -> float:
     """Choose a scale that all but a few pixels stay below, or the largest value if only those few differ."""
     finite = values[np.isfinite(values)]
     if finite.size == 0:
@@ -114,60 +90,58 @@ def _scale(values: Array) -> float:
     return most if most > 0.0 else float(finite.max())
 
 
+def _in_two_colours(values: Array, scale: float, ends: tuple[str, ...], caption: str) -> DifferenceImage:
+    return DifferenceImage(signed(values, scale), signed_colours(), scale, ends, caption)
+
+
+def _in_false_colours(values: NDArray[Any], scale: float, end: str, caption: str) -> DifferenceImage:
+    return DifferenceImage(false_colour(values, scale), false_colours(), scale, ("0", end), caption)
+
+
 def _channel_difference(comparison: Comparison) -> Array:
-    a, b = _values(comparison)
+    a, b = comparison.images()
     with np.errstate(invalid="ignore", over="ignore"):
-        return _largest_channel(a - b)
+        return largest_channel(a.values - b.values)
 
 
 def _signed(comparison: Comparison) -> DifferenceImage:
     difference = _channel_difference(comparison)
-    scale = _scale(np.abs(difference))
-    return DifferenceImage(
-        signed(difference, scale),
-        signed_colours(),
-        scale,
-        (f"-{scale:.3g}", "0", f"+{scale:.3g}"),
-        "A - B in the channel that differs most",
-    )
+    scale = colour_scale(np.abs(difference))
+    ends = (f"-{scale:.3g}", "0", f"+{scale:.3g}")
+    return _in_two_colours(difference, scale, ends, "A - B in the channel that differs most")
 
 
 def _absolute(comparison: Comparison) -> DifferenceImage:
     difference = np.abs(_channel_difference(comparison))
-    scale = _scale(difference)
-    caption = "|A - B| in the channel that differs most"
-    return DifferenceImage(false_colour(difference, scale), false_colours(), scale, ("0", f"{scale:.3g}"), caption)
+    scale = colour_scale(difference)
+    return _in_false_colours(difference, scale, f"{scale:.3g}", "|A - B| in the channel that differs most")
 
 
 def _relative(comparison: Comparison) -> DifferenceImage:
-    a, b = _values(comparison)
+    a, b = (image.values for image in comparison.images())
     with np.errstate(invalid="ignore", over="ignore"):
         error = np.sqrt(np.mean(error_weights(b, 1.0) * (a - b) ** 2, axis=2))
-    scale = _scale(error)
-    caption = "root of the relative squared error"
-    return DifferenceImage(false_colour(error, scale), false_colours(), scale, ("0", f"{100.0 * scale:.3g} %"), caption)
+    scale = colour_scale(error)
+    return _in_false_colours(error, scale, f"{100.0 * scale:.3g} %", "root of the relative squared error")
 
 
 def _flip(comparison: Comparison) -> DifferenceImage:
-    a, b = (np.nan_to_num(values, posinf=0.0, neginf=0.0) for values in _values(comparison))
     values = comparison.flip
     if values is None:
+        a, b = (np.nan_to_num(image.values, posinf=0.0, neginf=0.0) for image in comparison.images())
         values = flip_map(a, b, "display" if comparison.is_display else "linear")
-    return DifferenceImage(false_colour(values, 1.0), false_colours(), 1.0, ("0", "1"), "FLIP: how different it looks")
+    return _in_false_colours(values, 1.0, "1", "FLIP: how different it looks")
 
 
 def _z(comparison: Comparison) -> DifferenceImage:
-    pictures = compared_images(comparison)
     if comparison.verdict is None:
-        lacking = [f"{picture.name} {picture.unknown}" for picture in pictures if picture.variance is None]
+        lacking = [f"{image.name} {image.unknown}" for image in comparison.images() if image.variance is None]
         raise InputError(
             f"there is no picture of z, since there was no z-test: {[*lacking, 'it was not asked for'][0]}"
         )
-    z = _largest_channel(comparison.verdict.pixel_z)
     ends = (f"-{_Z_SCALE:g}", "0", f"+{_Z_SCALE:g}")
-    return DifferenceImage(
-        signed(z, _Z_SCALE), signed_colours(), _Z_SCALE, ends, "A - B in standard deviations of the noise"
-    )
+    z = largest_channel(comparison.verdict.pixel_z)
+    return _in_two_colours(z, _Z_SCALE, ends, "A - B in standard deviations of the noise")
 
 
 _KINDS: dict[str, Callable[[Comparison], DifferenceImage]] = {

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raytracer.analysis.compare.compared_image import Array, ComparedImage, Source, read
-from raytracer.analysis.compare.image_sizes import check_sizes
+from raytracer.analysis.compare.image_pair import check_sizes, map_row_bands
 from raytracer.analysis.compare.metrics import (
     METRICS,
     Domain,
@@ -21,7 +21,6 @@ from raytracer.analysis.compare.metrics import (
     sums,
 )
 from raytracer.analysis.compare.result import Comparison, NotFinite, verdict_sentence
-from raytracer.analysis.compare.row_bands import map_row_bands
 from raytracer.analysis.compare.z_test import Verdict, z_test
 from raytracer.film import srgb
 from raytracer.util.errors import InputError, suggest_name

@@ -14,8 +14,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raytracer.analysis.compare.image_sizes import check_sizes
-from raytracer.analysis.compare.row_bands import map_row_bands
+from raytracer.analysis.compare.image_pair import check_sizes, map_row_bands
 from raytracer.core.error_estimate.metric import error_weights
 from raytracer.util.errors import InputError
 

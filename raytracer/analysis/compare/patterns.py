@@ -27,9 +27,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.analysis.compare.image_pair import ImagePair, tile_sums
+from raytracer.analysis.compare.image_pair import ImagePair, map_row_bands, tile_sums
 from raytracer.analysis.compare.matched_filters import HALO, fine_filters, nearby, wide_filters
-from raytracer.analysis.compare.row_bands import map_row_bands
 
 Array = NDArray[np.float64]
 

@@ -12,6 +12,7 @@ from raytracer.analysis.compare.metrics import METRICS, Domain
 from raytracer.analysis.compare.patterns import PATTERNS
 from raytracer.analysis.compare.z_test import Verdict
 from raytracer.report.wording import plural
+from raytracer.util.errors import InputError
 
 
 class NotFinite(NamedTuple):
@@ -70,6 +71,17 @@ class Comparison:
     is_display: bool
     flip: NDArray[np.float32] | None
     pictures: tuple[ComparedImage, ComparedImage] | None
+
+    def images(self) -> tuple[ComparedImage, ComparedImage]:
+        """Return the two images.
+
+        Raises
+        ------
+        InputError : they were released.
+        """
+        if self.pictures is None:
+            raise InputError("the pixels of this comparison were released")
+        return self.pictures
 
     def without_pixels(self) -> "Comparison":
         """Copy the comparison without the data that take memory."""

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raytracer.analysis.compare.detection_limits import DetectionLimits, detection_limits, symmetric_tail
-from raytracer.analysis.compare.image_pair import ImagePair, make_image_pair, tile_sums
+from raytracer.analysis.compare.image_pair import ROWS, ImagePair, make_image_pair, map_row_bands, tile_sums
 from raytracer.analysis.compare.patterns import PATTERNS, SCALES, Structure, find_structure
-from raytracer.analysis.compare.row_bands import ROWS, map_row_bands
 
 Array = NDArray[np.float64]
 

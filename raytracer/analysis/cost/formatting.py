@@ -1,7 +1,7 @@
 """Formatting of a study's numbers, alike for the terminal and the page; in ASCII, since terminals differ."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from raytracer.analysis.cost.results import Prediction, Study, VariantResult
@@ -30,38 +30,38 @@ _SMALLEST_BIAS = 1e-5
 _PHASES = {"compile arms": "compile variants"}
 
 
-def format_per_ray(nanoseconds: float) -> str:
+def _format_per_ray(nanoseconds: float) -> str:
     """Format the time for a ray over all threads: "34.2 ns"."""
     return UNKNOWN if math.isnan(nanoseconds) else f"{format_number(nanoseconds)} ns"
 
 
-def format_samples(spp: float) -> str:
+def _format_samples(spp: float) -> str:
     """Format samples per pixel: "4,280 spp"."""
     if math.isinf(spp):
         return "no number of samples"
     return UNKNOWN if math.isnan(spp) else f"{format_number(spp)} spp"
 
 
-def format_value(value: Any) -> str:
+def _format_value(value: Any) -> str:
     """Format any value that describes the machine, on one line."""
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, Mapping):
-        return ", ".join(f"{key} {format_value(item)}" for key, item in value.items())
+        return ", ".join(f"{key} {_format_value(item)}" for key, item in value.items())
     if isinstance(value, (list, tuple)):
-        return ", ".join(format_value(item) for item in value)
+        return ", ".join(_format_value(item) for item in value)
     return UNKNOWN if value is None else one_line(str(value))
 
 
 def machine_rows(study: Study) -> list[tuple[str, str]]:
-    """List names and values of what describes the machine."""
-    return [(one_line(key).replace("_", " "), format_value(value)) for key, value in study.machine.items()]
+    """List names and values of what describes the machine, and the time that the study took by phase.
 
-
-def format_phases(study: Study) -> str:
-    """Format the seconds of the study itself by phase; compiling is in no prediction."""
+    Compiling is in no prediction.
+    """
+    rows = [(one_line(key).replace("_", " "), _format_value(value)) for key, value in study.machine.items()]
     phases = ((_PHASES.get(phase, phase), seconds) for phase, seconds in study.seconds.items())
-    return ", ".join(f"{one_line(phase)} {format_duration(seconds)}" for phase, seconds in phases)
+    spent = ", ".join(f"{one_line(phase)} {format_duration(seconds)}" for phase, seconds in phases)
+    return [*rows, ("time spent", spent)] if spent else rows
 
 
 def format_extent(study: Study) -> str:
@@ -131,10 +131,18 @@ def _by_family(items: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
 # ---- Prediction
 
 
+def point_rows(predicted: Prediction) -> list[tuple[str, str, str]]:
+    """List samples per pixel, time and error of each measured point."""
+    return [
+        (f"{point.spp:,}", format_duration(point.seconds), format_percent_interval(point.error))
+        for point in predicted.points
+    ]
+
+
 def _format_reach(spp: float, seconds: float) -> str:
     if math.isnan(spp) or math.isnan(seconds):
         return UNKNOWN
-    return "never" if math.isinf(seconds) else f"{format_duration(seconds)}, {format_samples(spp)}"
+    return "never" if math.isinf(seconds) else f"{format_duration(seconds)}, {_format_samples(spp)}"
 
 
 def prediction_rows(predicted: Prediction) -> list[tuple[str, str]]:
@@ -158,7 +166,7 @@ def prediction_rows(predicted: Prediction) -> list[tuple[str, str]]:
         if predicted.budget_spp is None or predicted.budget_error is None or predicted.budget_spp < 1.0:
             reached = "unknown: less than one sample per pixel"
         else:
-            reached = f"{format_percent_interval(predicted.budget_error)}; {format_samples(predicted.budget_spp)}"
+            reached = f"{format_percent_interval(predicted.budget_error)}; {_format_samples(predicted.budget_spp)}"
         rows.append((f"after {format_given_duration(predicted.budget)} the error is", reached))
 
     rows += [
@@ -166,7 +174,7 @@ def prediction_rows(predicted: Prediction) -> list[tuple[str, str]]:
         ("time whatever the samples", format_duration_interval(predicted.fixed)),
     ]
     if is_fitted:
-        rows.append(("halving bias, corrected", format_halving(predicted)))
+        rows.append(("halving bias, corrected", _format_halving(predicted)))
     return rows
 
 
@@ -181,7 +189,7 @@ def headline(study: Study) -> str:
     else:
         sentences = (
             f"A relative error of {target} takes {format_duration_interval(seconds)}, "
-            f"with {format_samples(predicted.target_spp.value)}."
+            f"with {_format_samples(predicted.target_spp.value)}."
         )
     if predicted.budget is not None and predicted.budget_error is not None and (predicted.budget_spp or 0.0) >= 1.0:
         error = format_percent_interval(predicted.budget_error)
@@ -189,7 +197,7 @@ def headline(study: Study) -> str:
     return sentences
 
 
-def format_halving(predicted: Prediction) -> str:
+def _format_halving(predicted: Prediction) -> str:
     """Describe the loss of accuracy by separate sequences against an unbroken one."""
     if predicted.halving == 1.0:
         return "none: the mean of separate runs is as good as one unbroken run"
@@ -232,13 +240,13 @@ def display_name(variant: VariantResult) -> str:
     return _NAMES.get(variant.group) or one_line(variant.name)
 
 
-def common_spp(variants: Sequence[VariantResult]) -> int | None:
+def _common_spp(variants: Sequence[VariantResult]) -> int | None:
     """Samples per pixel at which noise is stated, if they are the same for all variants that have any."""
     counts = {variant.spp for variant in variants if variant.spp > 0 and not variant.failed}
     return counts.pop() if len(counts) == 1 else None
 
 
-def format_time_ratio(variant: VariantResult) -> str:
+def _format_time_ratio(variant: VariantResult) -> str:
     """Format the time per sample against the scene."""
     if variant.group == "scene":
         return ""
@@ -247,13 +255,26 @@ def format_time_ratio(variant: VariantResult) -> str:
     return format_interval(variant.time) if variant.time_differs else SAME_TIME
 
 
-def format_noise(variant: VariantResult) -> str:
-    """Format the noise, or say that it is the scene's."""
+def _format_noise(variant: VariantResult, spp: int | None) -> str:
+    """Format the noise, or say that it is the scene's; with its samples per pixel unless all have the same, `spp`."""
     if math.isnan(variant.noise.value):
         return UNKNOWN
-    if variant.group == "scene" or variant.noise_differs:
-        return format_percent_interval(variant.noise)
-    return SAME_NOISE
+    if variant.group != "scene" and not variant.noise_differs:
+        return SAME_NOISE
+    return format_percent_interval(variant.noise) + ("" if spp else f" at {variant.spp:,} spp")
+
+
+def _format_noise_ratio(variant: VariantResult) -> str:
+    if variant.group == "scene":
+        return ""
+    is_same = not variant.noise_differs and not math.isnan(variant.noise_ratio.value)
+    return SAME_NOISE if is_same else format_interval(variant.noise_ratio)
+
+
+def _format_brightness(variant: VariantResult) -> str:
+    if variant.brightness is None:
+        return "" if variant.group == "scene" else UNKNOWN
+    return format_percent_interval(variant.brightness)
 
 
 def format_bias(variant: VariantResult) -> str:
@@ -297,6 +318,107 @@ def format_target_time(variant: VariantResult) -> str:
     if variant.target_seconds is None:
         return ""
     return format_duration(variant.target_seconds) if differs else "as the scene"
+
+
+class Column(NamedTuple):
+    """A column of the table of variants.
+
+    title : with a break where it may be broken.
+    is_number : True if its cells are numbers, False for words.
+    meaning : what it says and does not say.
+    words : writes the cell of a variant that was measured, an interval in brackets.
+    value : what it is sorted by.
+    """
+
+    title: str
+    is_number: bool
+    meaning: str
+    words: Callable[[VariantResult], str]
+    value: Callable[[VariantResult], float | None]
+
+
+def columns(study: Study) -> dict[str, Column]:
+    """Make the columns of the table of variants by their keys, without that of their names."""
+    spp, target = _common_spp(study.variants), format_given_percent(study.prediction.target)
+    return {
+        "time": Column(
+            "time against\nthe scene",
+            False,
+            "Time per sample over that of the scene in the same round: 0.84 is 16 % faster without it. "
+            f'"{SAME_TIME.capitalize()}" means that two runs of the very same scene differ as much; it does not mean '
+            "that the difference is 0.",
+            _format_time_ratio,
+            lambda variant: variant.time.value,
+        ),
+        "noise": Column(
+            f"noise at\n{spp:,} spp" if spp else "noise",
+            False,
+            f'Relative error by chance alone, at equal samples, not equal time. "{SAME_NOISE.capitalize()}" means as '
+            "noisy as the scene, as far as could be told. A quiet picture of something else is no better picture: see "
+            "the bias.",
+            lambda variant: _format_noise(variant, spp),
+            lambda variant: variant.noise.value,
+        ),
+        "bias": Column(
+            "bias against\nthe scene",
+            False,
+            "How far the picture is from that of the scene when all noise is gone (RMS, relative), where its square "
+            "exceeds three standard deviations of what is measured of variants without any. It stays however many "
+            'samples are taken. "Not resolved" means that it is smaller than what these rounds could see, given in '
+            "brackets; not that there is none. It is against the scene as it is, which may itself be an "
+            "approximation.",
+            format_bias,
+            lambda variant: None if variant.bias is None else variant.bias.value,
+        ),
+        "target": Column(
+            f"time to\n{target}",
+            True,
+            f"Predicted time until noise and bias together are {target}, compiling apart; as the scene's where neither "
+            "time nor noise nor bias differs. It is blank where the bias exceeds the target, since no number of "
+            "samples mends a bias.",
+            format_target_time,
+            lambda variant: variant.target_seconds,
+        ),
+        "per_sample": Column(
+            "time\nper spp",
+            True,
+            "Seconds for one sample in every pixel of the whole picture, over all threads. It does not say how good "
+            "the sample is: dearer samples may be the better ones.",
+            lambda variant: format_duration_interval(variant.per_sample),
+            lambda variant: variant.per_sample.value,
+        ),
+        "per_ray": Column(
+            "time\nper ray",
+            True,
+            "The same for one ray, be it from the camera, a bounce, or towards a light. An effect may make rays "
+            "dearer (more to compute at each hit) or take more of them; this tells which.",
+            lambda variant: _format_per_ray(variant.per_ray.value),
+            lambda variant: variant.per_ray.value,
+        ),
+        "rays": Column(
+            "rays per\nsample",
+            True,
+            "How many rays a sample takes on average. It counts rays and not their length or what they meet.",
+            lambda variant: format_number(variant.rays_per_sample),
+            lambda variant: variant.rays_per_sample,
+        ),
+        "noise_ratio": Column(
+            "squared noise against\nthe scene",
+            False,
+            "How many times the samples it takes to be as free of noise as the scene, roughly. Times the ratio of "
+            "times, it is the ratio of the work.",
+            _format_noise_ratio,
+            lambda variant: variant.noise_ratio.value,
+        ),
+        "brightness": Column(
+            "brightness",
+            False,
+            "How much brighter the picture as a whole is than that of the scene. A bias may leave it as it is: light "
+            "that is lost here may turn up there.",
+            _format_brightness,
+            lambda variant: None if variant.brightness is None else variant.brightness.value,
+        ),
+    }
 
 
 def format_concentration(study: Study) -> str:

@@ -1,21 +1,19 @@
 """Prediction of error and time by samples, from replicates of a scene."""
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.analysis.cost.replicates import Replicates
+from raytracer.analysis.cost.measure_scene import Replicates, relative_weights
 from raytracer.analysis.cost.results import ConvergencePoint, Prediction
-from raytracer.analysis.cost.workload import REPLICATES
+from raytracer.analysis.cost.study_options import StudySettings
+from raytracer.analysis.cost.tile_sample import REPLICATES
 from raytracer.core.error_estimate import (
-    ConvergenceRate,
     Interval,
     PowerLaw,
     bootstrap_intervals,
-    error_weights,
     fit_power_law,
     fit_rate,
     map_interval,
@@ -26,21 +24,11 @@ from raytracer.core.error_estimate import (
 
 Array = NDArray[np.float64]
 
-
 # Each takes a fit, which is a millisecond.
 _RESAMPLES = 1000
 
-_HALVES = (slice(0, REPLICATES // 2), slice(REPLICATES // 2, REPLICATES))
-
 # Student's t for 95 %, with one degree of freedom less than replicates.
 _STUDENT = 3.182
-
-
-class PredictionGoal(NamedTuple):
-    """A goal that is asked for: a relative error, and seconds or None."""
-
-    target: float
-    budget: float | None
 
 
 class PictureCost(NamedTuple):
@@ -58,29 +46,8 @@ class PictureCost(NamedTuple):
     fixed: float
 
 
-class ConvergenceFit(NamedTuple):
-    """A fit to a sample of the tiles: convergence of the error, and seconds for a sample in every pixel."""
-
-    rate: ConvergenceRate
-    seconds: float
-
-
-class PredictionIntervals(NamedTuple):
-    """Predicted intervals of a picture.
-
-    per_sample : seconds for a sample in every pixel.
-    target_spp, target_seconds : to reach the target.
-    budget_error : after the budget; without one, that of no samples.
-    """
-
-    per_sample: Interval
-    target_spp: Interval
-    target_seconds: Interval
-    budget_error: Interval
-
-
 def predict(
-    measured: Replicates, scale: float, picture: PictureCost, question: PredictionGoal, steepest: float, seed: int
+    measured: Replicates, scale: float, picture: PictureCost, settings: StudySettings, steepest: float
 ) -> Prediction:
     """Predict time and error.
 
@@ -90,79 +57,51 @@ def predict(
     Parameters
     ----------
     scale : mean of the picture, which errors are relative to; if it is 0, errors are unknown.
+    settings : target, budget, and the seed of the bootstrap.
     steepest : exponent of the MSE that the sampler can have.
-    seed : of the bootstrap.
     """
-    columns = _tile_columns(measured, scale, picture)
+    columns, levels, fixed = _tile_columns(measured, scale, picture), measured.levels, picture.fixed
+    seed, goal, budget = settings.seed, settings.target**2, settings.budget
+
+    def answers(sums: Array) -> list[float]:
+        """Compute seconds per sample, samples and seconds to the target, and the error after the budget."""
+        rate, seconds = fit_rate(levels, sums[:-2], steepest), float(sums[-2] / sums[-1])
+        wanted, affordable = rate.samples(goal), _samples_in_budget(budget, fixed, seconds)
+        error = math.sqrt(rate.mse(affordable)) if affordable else math.inf
+        return [seconds, wanted, fixed + wanted * seconds, error]
+
     squares = bootstrap_intervals(columns[:, :-2], lambda rows: rows, seed)
-    answers = _predict_intervals(columns, measured.levels, picture, question, steepest, seed)
-    answers = _with_drift(answers, _spread_in_time(measured), picture.fixed)
-    rate, last = _fit(columns.sum(axis=0), measured.levels, steepest).rate, measured.levels[-1]
-    per_sample, goal = answers.per_sample.value, question.target**2
-    power = fit_power_law(measured.levels, [square.value for square in squares], steepest)
+    per_sample, target_spp, target_seconds, budget_error = bootstrap_intervals(
+        columns, lambda rows: np.array([answers(row) for row in rows]), seed, _RESAMPLES
+    )
+    spread = _spread_in_time(measured)
+    rendering = _widened(map_interval(target_seconds, lambda seconds: seconds - fixed), spread)
+    rate, last = fit_rate(levels, columns.sum(axis=0)[:-2], steepest), levels[-1]
+    power = fit_power_law(levels, [square.value for square in squares], steepest)
     plain_spp, power_spp = PowerLaw(squares[-1].value * last, 1.0).samples(goal), power.samples(goal)
-    has_budget = question.budget is not None
     return Prediction(
         points=tuple(
-            ConvergencePoint(spp, picture.fixed + spp * per_sample, sqrt_interval(square))
-            for spp, square in zip(measured.levels, squares, strict=True)
+            ConvergencePoint(spp, fixed + spp * per_sample.value, sqrt_interval(square))
+            for spp, square in zip(levels, squares, strict=True)
         ),
-        linear=rate.linear,
-        steep=rate.steep,
-        early=rate.early,
+        **rate._asdict(),
         exponent=power.exponent,
         factor=power.factor,
         halving=split_run_penalty(rate, len(measured.busy), last),
         # Measured once.
-        fixed=Interval(picture.fixed, math.nan, math.nan),
-        per_sample=answers.per_sample,
-        target=question.target,
-        budget=question.budget,
-        target_spp=answers.target_spp,
-        target_seconds=answers.target_seconds,
-        plain_spp=plain_spp,
-        plain_seconds=picture.fixed + plain_spp * per_sample,
-        power_spp=power_spp,
-        power_seconds=picture.fixed + power_spp * per_sample,
-        budget_spp=_samples_in_budget(question, picture.fixed, per_sample) if has_budget else None,
-        budget_error=answers.budget_error if has_budget else None,
-    )
-
-
-def _fit(sums: Array, levels: Sequence[int], steepest: float) -> ConvergenceFit:
-    """Fit convergence and time to sums of `_tile_columns`."""
-    return ConvergenceFit(fit_rate(levels, sums[:-2], steepest), float(sums[-2] / sums[-1]))
-
-
-def _predict_intervals(
-    columns: Array, levels: Sequence[int], picture: PictureCost, question: PredictionGoal, steepest: float, seed: int
-) -> PredictionIntervals:
-    """Predict all that depends on the fit in one go, with intervals from resamples of the tiles."""
-    goal = question.target**2
-
-    def answer(sums: Array) -> list[float]:
-        fit = _fit(sums, levels, steepest)
-        wanted, affordable = fit.rate.samples(goal), _samples_in_budget(question, picture.fixed, fit.seconds)
-        error = math.sqrt(fit.rate.mse(affordable)) if affordable else math.inf
-        return [fit.seconds, wanted, picture.fixed + wanted * fit.seconds, error]
-
-    return PredictionIntervals(
-        *bootstrap_intervals(columns, lambda rows: np.array([answer(row) for row in rows]), seed, _RESAMPLES)
-    )
-
-
-def _with_drift(answers: PredictionIntervals, spread: float, fixed: float) -> PredictionIntervals:
-    """Widen the intervals of times by the `spread` of the times of replicates."""
-    rendering = _widened(map_interval(answers.target_seconds, lambda seconds: seconds - fixed), spread)
-    return answers._replace(
-        per_sample=_widened(answers.per_sample, spread),
+        fixed=Interval(fixed, math.nan, math.nan),
+        per_sample=_widened(per_sample, spread),
+        target=settings.target,
+        budget=budget,
+        target_spp=target_spp,
         target_seconds=map_interval(rendering, lambda seconds: seconds + fixed),
+        plain_spp=plain_spp,
+        plain_seconds=fixed + plain_spp * per_sample.value,
+        power_spp=power_spp,
+        power_seconds=fixed + power_spp * per_sample.value,
+        budget_spp=None if budget is None else _samples_in_budget(budget, fixed, per_sample.value),
+        budget_error=None if budget is None else budget_error,
     )
-
-
-def relative_weights(best: Array, scale: float) -> Array:
-    """Compute weights of squared errors as `error_weights`; nan if the picture is black: no error is relative to it."""
-    return error_weights(best, scale) if scale > 0.0 else np.full_like(best, math.nan)
 
 
 def _tile_columns(measured: Replicates, scale: float, picture: PictureCost) -> Array:
@@ -175,24 +114,23 @@ def _tile_columns(measured: Replicates, scale: float, picture: PictureCost) -> A
     References: Horvitz and Thompson 1952, "A Generalization of Sampling Without Replacement from a Finite Universe",
         Journal of the American Statistical Association 47(260); Cochran 1977, "Sampling Techniques", chapter 6.
     """
-    tiles, sure = measured.tiles, 1.0 / measured.tiles.weight
-    owner, means = tiles.owner, measured.means.values()
-    weight = _weight_correction(measured, scale) * relative_weights(
-        measured.means[measured.levels[-1]].mean(axis=0), scale
-    )
-    squares = [mse_by_tile(level, weight, owner).sums for level in means]
-    # The difference between the first two replicates and the others tells the noise of the mean of all four.
-    halves = [[mse_by_tile(level[part], weight, owner).sums for part in _HALVES] for level in means]
-    noise = [0.5 * (first - second) for first, second in halves]
+    tiles, sure = measured.tiles, 1.0 / measured.tiles.weight[:, None]
+    weight = _weight_correction(measured, scale) * relative_weights(measured.best, scale)
+
+    def squares(part: slice) -> Array:
+        """Compute the squared errors of tiles at each level from some replicates: (tiles, levels)."""
+        sums = [mse_by_tile(level[part], weight, tiles.owner).sums for level in measured.means.values()]
+        return np.stack(sums, axis=1)
 
     seconds = np.median(measured.busy, axis=0) / picture.threads
     known = tiles.pixels / picture.pixels
     if not math.isnan(picture.rays):
         known = measured.rays.mean(axis=0) / picture.rays
-    nothing = np.zeros(len(known))
-    columns = np.stack([*(part / picture.pixels for part in squares), seconds, known], axis=1)
-    noises = np.stack([*(part / picture.pixels for part in noise), nothing, nothing], axis=1)
-    return with_sampling_spread(columns / sure[:, None], noises / sure[:, None], sure[:, None])
+    columns = np.column_stack([squares(slice(None)) / picture.pixels, seconds, known])
+    # The difference between the first two replicates and the others tells the noise of the mean of all four.
+    noise = 0.5 * (squares(slice(0, REPLICATES // 2)) - squares(slice(REPLICATES // 2, REPLICATES)))
+    noise = np.pad(noise / picture.pixels, ((0, 0), (0, 2)))
+    return with_sampling_spread(columns / sure, noise / sure, sure)
 
 
 def _weight_correction(measured: Replicates, scale: float) -> float:
@@ -249,7 +187,7 @@ def _widened(interval: Interval, by: float) -> Interval:
     return Interval(value, value * math.exp(-down), value * math.exp(up))
 
 
-def _samples_in_budget(question: PredictionGoal, fixed: float, per_sample: float) -> float:
+def _samples_in_budget(budget: float | None, fixed: float, per_sample: float) -> float:
     """Compute the samples per pixel that the budget has time for; 0 if less than one."""
-    samples = ((question.budget or 0.0) - fixed) / per_sample
+    samples = ((budget or 0.0) - fixed) / per_sample
     return samples if samples >= 1.0 else 0.0

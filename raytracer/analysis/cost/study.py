@@ -5,26 +5,25 @@ Each step is a function of the results of the steps before.
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raytracer.analysis.cost.bench import MACHINE, Bench, Subject
+from raytracer.analysis.cost.bench import MACHINE, Bench, Progress, StudyTimer, Subject
 from raytracer.analysis.cost.machine import load_average, machine
 from raytracer.analysis.cost.measure_scene import (
     SceneMeasurement,
-    WarmScene,
     assemble_picture,
     measure_scene,
     picture_tiles,
     warm_scene,
 )
 from raytracer.analysis.cost.measure_variants import ComparisonOutcome, measure_variants
-from raytracer.analysis.cost.phase_timer import Progress, StudyTimer
 from raytracer.analysis.cost.plan import plan
-from raytracer.analysis.cost.predict import PictureCost, PredictionGoal, predict
-from raytracer.analysis.cost.results import Prediction, Study
+from raytracer.analysis.cost.predict import PictureCost, predict
+from raytracer.analysis.cost.results import Study
 from raytracer.analysis.cost.study_options import StudyOptions, StudySettings, check_options
 from raytracer.analysis.cost.variant import Variant
 from raytracer.analysis.cost.variants import make_variants, reasons_without_variant, select_variants
@@ -89,32 +88,43 @@ def study(
         picture = assemble_picture(warm, measurement)
     with timer.phase("develop"):
         develop_seconds = bench.develop(prepared, np.where(np.isnan(picture), measurement.scale, picture))
-    _split_prepare_phase(seconds, prepared.seconds, develop_seconds)
-    rays = warm.pilot.rays if warm.pilot else math.nan
-    cost = PictureCost(picture.shape[0] * picture.shape[1], rays, settings.threads, _fixed_seconds(seconds))
-    prediction = predict(
-        measurement.replicates,
-        measurement.scale,
-        cost,
-        PredictionGoal(settings.target, settings.budget),
-        sampler_exponent(warm.subject.sampler),
-        settings.seed,
+    # Preparing is told by its parts.
+    del seconds["prepare"]
+    seconds |= {"build": prepared.seconds["build"], "compile": prepared.seconds["compile"], "develop": develop_seconds}
+    cost = PictureCost(
+        pixels=picture.shape[0] * picture.shape[1],
+        rays=warm.pilot.rays if warm.pilot else math.nan,
+        threads=settings.threads,
+        # Compiling is done once for many renders.
+        fixed=sum(seconds[phase] for phase in ("load", "pack", "build", "develop")),
     )
+    steepest = sampler_exponent(warm.subject.sampler)
+    prediction = predict(measurement.replicates, measurement.scale, cost, settings, steepest)
     # Variants of a black picture cannot be compared.
     variants = variants if measurement.scale > 0.0 else []
     outcome = measure_variants(warm, measurement, prediction, cost, variants, settings, timer)
-    return Study(
+    height, width, _ = picture.shape
+    result = Study(
         scene=name,
+        width=width,
+        height=height,
         plan=items,
         prediction=prediction,
         variants=outcome.variants,
         seconds=seconds,
         machine=_machine_conditions(outcome, load, settings),
+        warnings=(),
+        tiles=len(warm.windows),
+        tiles_measured=len(measurement.replicates.tiles.windows),
+        top_share=_top_share(measurement),
+        error_map=_error_map(measurement, width, height),
         picture=picture,
         interrupted=outcome.interrupted,
         rounds=outcome.rounds,
-        **_describe_measurement(warm, measurement, prediction, outcome, load, settings),
     )
+    bad = measurement.replicates.bad + outcome.bad
+    conditions = StudyConditions(result, measurement.scale, bad, settings.rounds)
+    return replace(result, warnings=tuple(record.text for record in STUDY_WARNINGS.find(conditions)))
 
 
 def _select_variants(packed: PackedScene, settings: StudySettings) -> list[Variant]:
@@ -125,17 +135,6 @@ def _select_variants(packed: PackedScene, settings: StudySettings) -> list[Varia
         return []
     reasons = reasons_without_variant(packed.spec, packed)
     return select_variants(make_variants(packed.spec, packed), settings.variants, reasons)
-
-
-def _split_prepare_phase(seconds: dict[str, float], prepared: dict[str, float], develop: float) -> None:
-    """Replace the time of preparing a scene by those of its parts."""
-    del seconds["prepare"]
-    seconds |= {"build": prepared["build"], "compile": prepared["compile"], "develop": develop}
-
-
-def _fixed_seconds(seconds: dict[str, float]) -> float:
-    """Sum the seconds of a render besides its samples, and besides compiling, which is done once for many."""
-    return sum(seconds[phase] for phase in ("load", "pack", "build", "develop"))
 
 
 def _machine_conditions(outcome: ComparisonOutcome, load: float | None, settings: StudySettings) -> dict[str, Any]:
@@ -152,43 +151,17 @@ def _machine_conditions(outcome: ComparisonOutcome, load: float | None, settings
     }
 
 
-def _describe_measurement(
-    warm: WarmScene,
-    measurement: SceneMeasurement,
-    prediction: Prediction,
-    outcome: ComparisonOutcome,
-    load: float | None,
-    settings: StudySettings,
-) -> dict[str, Any]:
-    """Make the fields of `Study` about the picture, its measured tiles, their errors, and warnings."""
-    replicates = measurement.replicates
-    width, height = warm.subject.prepared.spec.picture()
-    last = replicates.means[replicates.levels[-1]]
+def _top_share(measurement: SceneMeasurement) -> float:
+    """Compute the share of the squared error in the worst 0.1 % of the pixels; nan if there are too few."""
+    last, tiles = measurement.replicates.last, measurement.replicates.tiles
+    if last.shape[1] < _FEWEST_FOR_SHARE:
+        return math.nan
+    return worst_pixel_share(last, measurement.weight, stands=tiles.weight[tiles.owner])
+
+
+def _error_map(measurement: SceneMeasurement, width: int, height: int) -> Array:
+    """Compute the relative error of each pixel: (height, width), nan where not measured."""
     errors = np.full((height, width), math.nan)
-    replicates.tiles.spread(np.sqrt(np.mean(measurement.weight * last.var(axis=0, ddof=1), axis=1)), errors)
-    share = math.nan
-    if last.shape[1] >= _FEWEST_FOR_SHARE:
-        share = worst_pixel_share(last, measurement.weight, stands=replicates.tiles.weight[replicates.tiles.owner])
-    conditions = StudyConditions(
-        prediction=prediction,
-        tiles=len(warm.windows),
-        tiles_measured=len(replicates.tiles.windows),
-        scale=measurement.scale,
-        top_share=share,
-        bad=replicates.bad + outcome.bad,
-        rounds=outcome.rounds,
-        rounds_asked=settings.rounds,
-        interrupted=outcome.interrupted,
-        load=load,
-        threads=settings.threads,
-        processors=available_threads(),
-    )
-    return {
-        "width": width,
-        "height": height,
-        "warnings": tuple(record.text for record in STUDY_WARNINGS.find(conditions)),
-        "tiles": len(warm.windows),
-        "tiles_measured": len(replicates.tiles.windows),
-        "top_share": share,
-        "error_map": errors,
-    }
+    variance = measurement.replicates.last.var(axis=0, ddof=1)
+    measurement.replicates.tiles.spread(np.sqrt(np.mean(measurement.weight * variance, axis=1)), errors)
+    return errors

@@ -10,15 +10,11 @@ from collections.abc import Sequence
 from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from raytracer.analysis.sweep.results import PointResult, Sweep
-from raytracer.analysis.sweep.sliders import Images, Slider, scene_title, sliders, sweep_summary
+from raytracer.analysis.sweep.results import Images, PointResult, Slider, Sweep
 from raytracer.report.lettering import load_font, truncate_text
 from raytracer.report.palette import BAD, FAINT, INK, PAPER, WELL
-from raytracer.util.atomic_write import write_bytes
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     import PIL.Image
 
 SHEET = "contact_sheet.png"
@@ -91,32 +87,13 @@ def contact_sheet(sweep: Sweep, images: Images) -> bytes:
     return buffer.getvalue()
 
 
-def write_sheet(sweep: Sweep, images: Images) -> "Path":
-    """Write the contact sheet into the sweep's folder.
-
-    Returns
-    -------
-    The file.
-
-    Raises
-    ------
-    ValueError : the sweep has no folder.
-    OutputError : the file cannot be written.
-    """
-    if sweep.folder is None:
-        raise ValueError("a sweep in memory has no folder for a contact sheet")
-    path = sweep.folder / SHEET
-    write_bytes(path, contact_sheet(sweep, images))
-    return path
-
-
 def draw_sheet(sweep: Sweep, images: Images) -> "PIL.Image.Image":
     """Draw the contact sheet as an image of Pillow; see `contact_sheet`."""
     import PIL.Image
     import PIL.ImageDraw
 
     # Choose how large everything is.
-    chosen = sliders(sweep.axes, zipped=sweep.zipped)
+    chosen = sweep.sliders
     first = next((picture for picture in map(images, sweep.results) if picture is not None), None)
     height, width = (180, 320) if first is None else first.shape[:2]
     scale = min(1.0, _LARGEST[0] / width, _LARGEST[1] / height)
@@ -140,9 +117,9 @@ def draw_sheet(sweep: Sweep, images: Images) -> "PIL.Image.Image":
     draw = PIL.ImageDraw.Draw(sheet)
     line_width = total[0] - 2 * _MARGIN
     large = round(1.25 * sizes.text)
-    draw.text((_MARGIN, _MARGIN), truncate_text(scene_title(sweep), large, line_width), INK, load_font(large))
+    draw.text((_MARGIN, _MARGIN), truncate_text(sweep.title, large, line_width), INK, load_font(large))
     below = (_MARGIN, _MARGIN + round(1.4 * sizes.line))
-    draw.text(below, truncate_text(sweep_summary(sweep), sizes.text, line_width), FAINT, load_font(sizes.text))
+    draw.text(below, truncate_text(sweep.summary, sizes.text, line_width), FAINT, load_font(sizes.text))
     for number, entry in enumerate(tables):
         down, right = divmod(number, across)
         corner = (_MARGIN + right * (table[0] + _MARGIN), _MARGIN + heading + down * (table[1] + _GAP))

@@ -5,7 +5,6 @@ import os
 import re
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,11 +12,9 @@ from numpy.typing import NDArray
 
 from raytracer.analysis.sweep.contact_sheet import SHEET
 from raytracer.analysis.sweep.manifest import CSV, JSON
-from raytracer.analysis.sweep.results import PointResult, Sweep
-from raytracer.analysis.sweep.sliders import Images, scene_title, short_names, sliders, sweep_summary
+from raytracer.analysis.sweep.results import Images, PointResult, Sweep, short_names
 from raytracer.film.formats.registry import image_formats
 from raytracer.report import page as html
-from raytracer.util.atomic_write import write_bytes
 
 PAGE = "index.html"
 
@@ -85,40 +82,21 @@ def page(sweep: Sweep, images: Images) -> bytes:
     Pictures are in it as they are, up to 16 million pixels together; beyond that with the losses of a WebP of quality
     90, and so much smaller that they are at most 400 million.  The page says so.
     """
-    chosen = sliders(sweep.axes, zipped=sweep.zipped)
+    sliders = sweep.sliders
     shown, note = _embed_images(sweep, images)
     size = next((entry.size for entry in shown if entry is not None), (320, 180))
     data = {
-        "scene": scene_title(sweep),
-        "extent": sweep_summary(sweep),
+        "scene": sweep.title,
+        "extent": sweep.summary,
         "notes": [*_notes(sweep), *note],
-        "axes": [slider._asdict() for slider in chosen],
+        "axes": [slider._asdict() for slider in sliders],
         "columns": _columns(sweep.results),
-        "points": [_point(result, entry, len(chosen)) for result, entry in zip(sweep.results, shown, strict=True)],
+        "points": [_point(result, entry, len(sliders)) for result, entry in zip(sweep.results, shown, strict=True)],
         "size": size,
         "files": [] if sweep.folder is None else [CSV, JSON, SHEET],
     }
-    title = f"{scene_title(sweep)}: {', '.join(short_names([axis.key for axis in sweep.axes]))}"
+    title = f"{sweep.title}: {', '.join(short_names([axis.key for axis in sweep.axes]))}"
     return html.page("sweep", title, data, parts=("wipe", "gallery"))
-
-
-def write_page(sweep: Sweep, images: Images) -> Path:
-    """Write the page into the sweep's folder, beside its images.
-
-    Returns
-    -------
-    The file.
-
-    Raises
-    ------
-    ValueError : the sweep has no folder.
-    OutputError : the file cannot be written.
-    """
-    if sweep.folder is None:
-        raise ValueError("a sweep in memory has no folder for a page")
-    path = sweep.folder / PAGE
-    write_bytes(path, page(sweep, images))
-    return path
 
 
 def _point(result: PointResult, shown: _EmbeddedImage | None, axes: int) -> dict[str, Any]:
